@@ -1,0 +1,1 @@
+"""The tdint command line."""

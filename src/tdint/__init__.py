@@ -1,0 +1,36 @@
+"""tdint: earthquake response of shear buildings with a time-integration method of your choice.
+
+Four functions stand behind the commands: `read_record`, `load_model`, `run` and `spectrum`. They are loaded on first use,
+so that importing tdint costs nothing.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from tdint.analysis.response import run as run
+    from tdint.analysis.spectrum import spectrum as spectrum
+    from tdint.ground_motion.read import read_record as read_record
+    from tdint.model.config import load_model as load_model
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "read_record": "tdint.ground_motion.read",
+    "load_model": "tdint.model.config",
+    "run": "tdint.analysis.response",
+    "spectrum": "tdint.analysis.spectrum",
+}
+__all__ = ["__version__", "load_model", "read_record", "run", "spectrum"]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOMES:
+        return getattr(import_module(_HOMES[name]), name)
+    raise AttributeError(f"module 'tdint' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

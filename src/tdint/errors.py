@@ -1,0 +1,61 @@
+"""The errors of tdint. Each says what, where and what to do, and carries the exit code of its kind."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+
+class TdintError(Exception):
+    """Base of all errors that a user can cause and mend. `exit_code` is the command's exit code."""
+
+    exit_code = 1
+
+
+class UsageError(TdintError):
+    """A wrong argument: an unknown method, a parameter out of range, a step that does not fit."""
+
+    exit_code = 2
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One fault of a model file: where it stands and what is wrong with it."""
+
+    source: str
+    line: int
+    column: int
+    key: str
+    message: str
+
+    def __str__(self) -> str:
+        place = f"{self.source}:{self.line}:{self.column}: "
+        return place + (f"{self.key}: {self.message}" if self.key else self.message)
+
+
+class ModelError(TdintError):
+    """A model file that cannot be used; `problems` holds all faults that were found, in file order."""
+
+    exit_code = 3
+
+    def __init__(self, problems: Sequence[Problem] | str) -> None:
+        self.problems: tuple[Problem, ...] = () if isinstance(problems, str) else tuple(problems)
+        super().__init__(problems if isinstance(problems, str) else "\n".join(map(str, problems)))
+
+
+class RecordError(TdintError):
+    """A ground-motion record that cannot be used as it is."""
+
+    exit_code = 4
+
+
+class AnalysisError(TdintError):
+    """An analysis without a result: not converged, diverged, or a step beyond the method's limit."""
+
+    exit_code = 5
+
+
+class OutputError(TdintError):
+    """An output that cannot be written."""
+
+    exit_code = 6

@@ -1,0 +1,60 @@
+"""A ground-motion record: acceleration in m/s^2 at equal steps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Record:
+    """One component of a ground motion.
+
+    Attributes
+    ----------
+    acceleration : ndarray, shape (samples,)
+        Ground acceleration, m/s^2, read-only float64.
+    dt : float
+        Sampling interval, s.
+    start : str
+        Time of the first sample, ISO 8601 (UTC), empty if the file does not tell.
+    id : str
+        Network, station, location and channel joined by dots, as far as known.
+    component : str
+        The component's name (the channel code for MiniSEED: HNE).
+    source : str
+        The file as the user named it; `-` for standard input.
+    notes : tuple of str
+        What the reader assumed or did, one sentence each, for a person to see.
+    """
+
+    acceleration: NDArray[np.float64]
+    dt: float
+    start: str
+    id: str
+    component: str
+    source: str
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        samples = np.ascontiguousarray(self.acceleration, dtype=np.float64)
+        if samples is self.acceleration or samples.base is not None:
+            samples = samples.copy()
+        samples.flags.writeable = False
+        object.__setattr__(self, "acceleration", samples)
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last sample, s."""
+        return (self.acceleration.size - 1) * self.dt
+
+    @property
+    def pga(self) -> float:
+        """Peak ground acceleration at the samples, m/s^2."""
+        return float(np.max(np.abs(self.acceleration)))
+
+    def scaled(self, factor: float) -> Record:
+        """The same record with its acceleration multiplied by `factor`."""
+        return replace(self, acceleration=self.acceleration * factor)

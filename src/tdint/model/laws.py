@@ -1,0 +1,77 @@
+"""The drift laws that a model file may name: one entry each. Their compiled forms stand in `tdint.kernels.springs`.
+
+d is the story's drift, k its initial stiffness, f the restoring force.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class LawParameter:
+    """A parameter of a law.
+
+    `force` and `length` are the exponents of its dimension (a stiffness is force^1 length^-1); a parameter with
+    `many` is a list whose j-th entry (from 1) has the dimension force^1 length^-j.
+    """
+
+    name: str
+    force: int = 0
+    length: int = 0
+    low: float = -math.inf
+    high: float = math.inf
+    low_allowed: bool = True
+    high_allowed: bool = True
+    many: bool = False
+
+
+@dataclass(frozen=True)
+class DriftLaw:
+    """A drift law: what a model file may say about it and what follows from that.
+
+    Attributes
+    ----------
+    code : int
+        The law's number in the compiled kernels.
+    parameters : tuple of LawParameter
+        In the order in which `Story.law` holds their values (a `many` parameter comes last).
+    initial_stiffness : callable, optional
+        The law's own initial stiffness from the parameter values; None where the story gives it.
+    yield_drift : callable
+        (initial stiffness, parameter values) -> drift at first yield, m; nan for a law that does not yield.
+    """
+
+    name: str
+    code: int
+    parameters: tuple[LawParameter, ...]
+    formula: str
+    initial_stiffness: Callable[[Sequence[float]], float] | None = None
+    yield_drift: Callable[[float, Sequence[float]], float] = lambda stiffness, values: math.nan
+
+
+LAWS = {
+    law.name: law
+    for law in (
+        DriftLaw("linear", 0, (), "f = k d"),
+        DriftLaw(
+            "polynomial",
+            1,
+            (LawParameter("coefficients", many=True),),
+            "f = c1 d + c2 d^2 + ...",
+            initial_stiffness=lambda values: values[0],
+        ),
+        DriftLaw(
+            "bilinear",
+            2,
+            (
+                LawParameter("yield_force", force=1, low=0.0, low_allowed=False),
+                LawParameter("hardening", low=0.0, high=1.0, high_allowed=False),
+            ),
+            "f = a k d + z, |z| <= (1 - a) Fy, kinematic hardening",
+            yield_drift=lambda stiffness, values: values[0] / stiffness,
+        ),
+    )
+}
