@@ -1,6 +1,6 @@
 """tdint: earthquake response of shear buildings with a time-integration method of your choice.
 
-Four functions stand behind the commands: `read_record`, `load_model`, `run` and `spectrum`. They are loaded on first use,
+Four functions stand behind the commands: `read_record`, `load_model`, `run` and `spectrum`. They load on first use,
 so that importing tdint costs nothing.
 """
 
