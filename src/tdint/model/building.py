@@ -1,0 +1,147 @@
+"""A building as arrays: the tables that kernels read, and what follows from the linear part."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.kernels.layout import (
+    CHAIN_ROWS,
+    CODE,
+    FIRST_PARAMETER,
+    FLOOR_DAMPER,
+    GEOMETRIC,
+    INVERSE_MASS,
+    LINK,
+    MASS,
+    STIFFNESS,
+    STORY_DAMPER,
+)
+from tdint.model.damping import add_damping
+from tdint.model.definition import Model
+from tdint.model.laws import LAWS
+from tdint.model.modes import Modes, solve_modes
+from tdint.units import STANDARD_GRAVITY
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Building:
+    """A chain of n stories, or n oscillators side by side.
+
+    Attributes
+    ----------
+    chain, laws : ndarray, shapes (CHAIN_ROWS, n + 1) and (rows, n + 1)
+        The tables of `tdint.kernels.layout`; the last column is zero.
+    modal : ndarray, shape (modes, n + 1)
+        Rows w of the modal damping C = sum of w w^T; no rows for none.
+    heights : ndarray, shape (n,)
+        Story heights, m; nan where there is none.
+    yield_drift : ndarray, shape (n,)
+        Drift at first yield, m; nan for stories that do not yield.
+    """
+
+    chain: Array
+    laws: Array
+    modal: Array
+    heights: Array
+    yield_drift: Array
+
+    @property
+    def stories(self) -> int:
+        """Number of stories n."""
+        return self.chain.shape[1] - 1
+
+    @property
+    def mass(self) -> Array:
+        """Masses of the floors, kg, shape (n,)."""
+        return self.chain[MASS, :-1]
+
+    @property
+    def initial_stiffness(self) -> Array:
+        """Initial stiffness of the stories, P-delta included, N/m, shape (n,)."""
+        return self.laws[STIFFNESS, :-1] + self.chain[GEOMETRIC, :-1]
+
+    @property
+    def linear(self) -> bool:
+        """Whether every story has a linear law."""
+        return bool(np.all(self.laws[CODE, :-1] == LAWS["linear"].code))
+
+    def stiffness_matrix(self) -> Array:
+        """Initial stiffness matrix, N/m, shape (n, n)."""
+        return _tridiagonal(self.initial_stiffness, self.chain[LINK, :-1])
+
+    def damping_matrix(self) -> Array:
+        """Damping matrix, N s/m, shape (n, n)."""
+        stories = _tridiagonal(self.chain[STORY_DAMPER, :-1], self.chain[LINK, :-1])
+        return stories + np.diag(self.chain[FLOOR_DAMPER, :-1]) + self.modal[:, :-1].T @ self.modal[:, :-1]
+
+    def modes(self) -> Modes:
+        """Undamped modes of the initial stiffness."""
+        return solve_modes(self.mass, self.initial_stiffness, self.chain[LINK, :-1])
+
+
+def _tridiagonal(springs: Array, link: Array) -> Array:
+    """Matrix of springs between neighbours, spring i between i and i - 1 (or the ground where link is 0)."""
+    coupling = -(springs * link)[1:]
+    diagonal = springs.copy()
+    diagonal[:-1] -= coupling
+    return np.diag(diagonal) + np.diag(coupling, 1) + np.diag(coupling, -1)
+
+
+def assemble(model: Model) -> Building:
+    """Make the building of a model.
+
+    Raises
+    ------
+    ModelError
+        P-delta larger than a story's stiffness.
+    """
+    stories = model.stories
+    n = len(stories)
+    chain = np.zeros((CHAIN_ROWS, n + 1))
+    chain[MASS, :n] = [story.mass for story in stories]
+    chain[INVERSE_MASS, :n] = 1.0 / chain[MASS, :n]
+    chain[STORY_DAMPER, :n] = [story.dashpot for story in stories]
+    chain[LINK, 1:n] = 1.0
+    heights = np.array([math.nan if story.height is None else story.height for story in stories])
+    if model.p_delta:
+        weight_above = STANDARD_GRAVITY * np.cumsum(chain[MASS, :n][::-1])[::-1]
+        chain[GEOMETRIC, :n] = -weight_above / heights
+    rows = max(len(story.law.parameters) for story in stories)
+    laws = np.zeros((FIRST_PARAMETER + rows, n + 1))
+    yield_drift = np.empty(n)
+    for i, story in enumerate(stories):
+        values = story.law.parameters
+        law = LAWS[story.law.name]
+        laws[CODE, i] = law.code
+        laws[STIFFNESS, i] = story.stiffness
+        laws[FIRST_PARAMETER : FIRST_PARAMETER + len(values), i] = values
+        yield_drift[i] = law.yield_drift(story.stiffness, values)
+    undamped = Building(chain, laws, np.zeros((0, n + 1)), heights, yield_drift)
+    modal = add_damping(chain, laws[STIFFNESS, :n], model, undamped.modes)
+    return replace(undamped, modal=modal)
+
+
+def oscillators(omega: Array, damping: Array) -> Building:
+    """Independent linear oscillators of unit mass, u'' + 2 xi omega u' + omega^2 u = p, side by side.
+
+    Parameters
+    ----------
+    omega, damping : ndarray, shape (k,)
+        Circular frequencies (rad/s) and damping ratios.
+    """
+    omega, damping = np.broadcast_arrays(np.asarray(omega, float), np.asarray(damping, float))
+    k = omega.size
+    chain = np.zeros((CHAIN_ROWS, k + 1))
+    chain[MASS, :k] = 1.0
+    chain[INVERSE_MASS, :k] = 1.0
+    chain[STORY_DAMPER, :k] = 2.0 * damping * omega
+    laws = np.zeros((FIRST_PARAMETER, k + 1))
+    laws[CODE, :k] = LAWS["linear"].code
+    laws[STIFFNESS, :k] = omega**2
+    return Building(chain, laws, np.zeros((0, k + 1)), np.full(k, math.nan), np.full(k, math.nan))

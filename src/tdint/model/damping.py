@@ -1,0 +1,54 @@
+"""Damping of a model as dampers of the chain and rows of modal damping."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.kernels.layout import FLOOR_DAMPER, MASS, STORY_DAMPER
+from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
+from tdint.model.modes import Modes
+
+Array = NDArray[np.float64]
+
+
+def add_damping(chain: Array, stiffness: Array, model: Model, modes: Callable[[], Modes]) -> Array:
+    """Add the model's damping to the dampers of `chain`; return the rows of its modal damping, shape (modes, n + 1).
+
+    Rayleigh damping is C = a0 M + a1 K with the initial stiffness K without P-delta: a damper from each floor to the
+    ground and one beside each story. Modal damping is C = sum 2 xi omega (M phi)(M phi)^T over mass-normalized modes phi.
+    """
+    n = chain.shape[1] - 1
+    damping = model.damping
+    if isinstance(damping, ModalDamping):
+        return modal_rows(modes(), chain[MASS, :n], np.array(damping.ratios))
+    if isinstance(damping, RayleighRatio):
+        omega = modes().omega[[mode - 1 for mode in damping.modes]]
+        damping = rayleigh(damping, float(omega[0]), float(omega[1]))
+    if damping is not None:
+        chain[FLOOR_DAMPER, :n] += damping.mass * chain[MASS, :n]
+        chain[STORY_DAMPER, :n] += damping.stiffness * stiffness
+    return np.zeros((0, n + 1))
+
+
+def rayleigh(wanted: RayleighRatio, omega_1: float, omega_2: float) -> RayleighCoefficients:
+    """Coefficients from two ratios: xi = a0 / (2 omega) + a1 omega / 2 (Chopra 2012, eq. 11.4.8)."""
+    xi_1, xi_2 = wanted.ratios
+    difference = omega_2**2 - omega_1**2
+    return RayleighCoefficients(
+        mass=2.0 * omega_1 * omega_2 * (xi_1 * omega_2 - xi_2 * omega_1) / difference,
+        stiffness=2.0 * (xi_2 * omega_2 - xi_1 * omega_1) / difference,
+    )
+
+
+def modal_rows(modes: Modes, mass: Array, ratios: Array) -> Array:
+    """Rows sqrt(2 xi omega) M phi; one ratio stands for all modes, several for the first ones."""
+    if ratios.size == 1:
+        ratios = np.full(modes.omega.size, ratios[0])
+    damped = np.flatnonzero(ratios)
+    rows = np.zeros((damped.size, mass.size + 1))
+    factors = np.sqrt(2.0 * ratios[damped] * modes.omega[damped])
+    rows[:, :-1] = (mass[:, None] * modes.shapes[:, damped] * factors).T
+    return rows

@@ -1,0 +1,219 @@
+"""What a model file says, as typed values in SI units. Nothing here reads a file; `tdint.model.config` does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+MAX_STORIES = 100_000
+"""Stories that a model may have; it keeps a slip in `repeat` from filling the memory."""
+
+
+@dataclass(frozen=True)
+class Law:
+    """The drift law of a story.
+
+    Attributes
+    ----------
+    name : str
+        A key of `tdint.model.laws.LAWS`.
+    parameters : tuple of float
+        Values in SI in the order of `LAWS[name].parameters`; a `many` parameter comes last and is flattened.
+    """
+
+    name: str
+    parameters: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Story:
+    """One story: the floor above it and the spring and dashpot that carry this floor.
+
+    Attributes
+    ----------
+    mass : float
+        Mass of the floor above, kg, positive.
+    height : float or None
+        Story height, m, positive; None where the file gives none.
+    stiffness : float
+        Initial stiffness, N/m, positive.
+    law : Law
+        Drift law.
+    dashpot : float
+        Viscous damper between the floors, N s/m, zero or positive.
+    """
+
+    mass: float
+    height: float | None
+    stiffness: float
+    law: Law
+    dashpot: float
+
+
+@dataclass(frozen=True)
+class RayleighRatio:
+    """Rayleigh damping through the damping ratios of two modes.
+
+    Attributes
+    ----------
+    ratios : tuple of float
+        Damping ratio in each of the two modes, in [0, 1).
+    modes : tuple of int
+        The two modes, different, counted from 1.
+    """
+
+    ratios: tuple[float, float]
+    modes: tuple[int, int]
+
+
+@dataclass(frozen=True)
+class RayleighCoefficients:
+    """Rayleigh damping C = mass M + stiffness K.
+
+    Attributes
+    ----------
+    mass : float
+        Coefficient of the mass matrix, 1/s, zero or positive.
+    stiffness : float
+        Coefficient of the initial stiffness matrix, s, zero or positive.
+    """
+
+    mass: float
+    stiffness: float
+
+
+@dataclass(frozen=True)
+class ModalDamping:
+    """Modal damping.
+
+    Attributes
+    ----------
+    ratios : tuple of float
+        Damping ratios in [0, 1). One ratio: all modes have it. Several: the first modes, one each; higher modes are
+        undamped.
+    """
+
+    ratios: tuple[float, ...]
+
+
+Damping = RayleighRatio | RayleighCoefficients | ModalDamping | None
+"""Damping besides the dashpots; None is none."""
+
+
+@dataclass(frozen=True)
+class RecordSource:
+    """Where the ground motion comes from.
+
+    Attributes
+    ----------
+    file : str
+        Path, already resolved against the folder of the model file; `-` is standard input.
+    units : str or None
+        A key of `tdint.units.ACCELERATION`; None leaves it to the record.
+    component : str or None
+        The component to use; None where the record has only one.
+    scale : float
+        Factor on the acceleration, not zero.
+    inventory : str or None
+        Path of the station metadata, resolved like `file`.
+    """
+
+    file: str
+    units: str | None
+    component: str | None
+    scale: float
+    inventory: str | None
+
+
+@dataclass(frozen=True)
+class Force:
+    """A harmonic force p = cosine cos(omega t) + sine sin(omega t) on one floor.
+
+    Attributes
+    ----------
+    floor : int
+        Floor, counted from 1 at the bottom.
+    cosine, sine : float
+        Amplitudes, N.
+    omega : float
+        Circular frequency, rad/s, zero or positive.
+    """
+
+    floor: int
+    cosine: float
+    sine: float
+    omega: float
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """Ground motion and forces; without either the building vibrates freely."""
+
+    record: RecordSource | None
+    forces: tuple[Force, ...]
+
+
+@dataclass(frozen=True)
+class Initial:
+    """Displacement (m) and velocity (m/s) at t = 0 relative to the ground, one entry per floor from the bottom."""
+
+    displacement: tuple[float, ...]
+    velocity: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """Wishes of the model file for its analysis; None where it has none.
+
+    Attributes
+    ----------
+    method : str or None
+        Method with its parameters, as on the command line; the catalogue of methods judges it later.
+    dt : float or None
+        Time step, s, positive.
+    duration : float or None
+        Duration, s, positive.
+    """
+
+    method: str | None
+    dt: float | None
+    duration: float | None
+
+
+@dataclass(frozen=True)
+class Model:
+    """A model file, checked and in SI units.
+
+    Attributes
+    ----------
+    name : str
+        The building's name: the file's name without suffix where the file gives none, `model` for a stream.
+    source : str
+        The file as the user named it; `-` for standard input.
+    text : bytes
+        The file's content, for its SHA-256.
+    stories : tuple of Story
+        From the ground up, `repeat` written out.
+    damping : Damping
+        Damping besides the dashpots.
+    p_delta : bool
+        Whether gravity acts on the displaced building; every story has a height then.
+    excitation : Excitation
+        Ground motion and forces.
+    initial : Initial
+        State at t = 0.
+    analysis : Analysis
+        Method, time step and duration, as far as given.
+    collapse_drift : float
+        Drift ratio over which a run is flagged as collapsed, positive.
+    """
+
+    name: str
+    source: str
+    text: bytes
+    stories: tuple[Story, ...]
+    damping: Damping
+    p_delta: bool
+    excitation: Excitation
+    initial: Initial
+    analysis: Analysis
+    collapse_drift: float

@@ -1,0 +1,88 @@
+"""Undamped modes of a chain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.errors import ModelError
+
+if TYPE_CHECKING:
+    from tdint.model.building import Building
+
+Array = NDArray[np.float64]
+
+CLASSICAL = 1e-12
+"""Couplings of the modal damping matrix below this, over its diagonal, are rounding."""
+
+
+@dataclass(frozen=True)
+class Modes:
+    """Modes by rising frequency.
+
+    Attributes
+    ----------
+    omega : ndarray, shape (n,)
+        Circular frequencies, rad/s.
+    shapes : ndarray, shape (n, n)
+        Mode shapes as columns, phi^T M phi = 1, roof displacement not negative.
+    mass : ndarray, shape (n,)
+        Masses of the floors, kg.
+    """
+
+    omega: Array
+    shapes: Array
+    mass: Array
+
+    @property
+    def participation(self) -> Array:
+        """Participation factors phi^T M 1 / phi^T M phi for shapes with unit roof displacement, shape (n,)."""
+        roof = self.shapes[-1]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(roof != 0.0, self.mass @ self.shapes * roof, 0.0)
+
+    @property
+    def mass_ratio(self) -> Array:
+        """Effective modal mass over the total mass, shape (n,)."""
+        return np.square(self.mass @ self.shapes) / self.mass.sum()
+
+    def damping_matrix(self, building: Building) -> Array:
+        """phi^T C phi, 1/s, shape (n, n)."""
+        return self.shapes.T @ building.damping_matrix() @ self.shapes
+
+    def damping_ratios(self, building: Building) -> Array | None:
+        """Damping ratio of each mode; None if the damping couples the modes."""
+        modal = self.damping_matrix(building)
+        diagonal = np.diagonal(modal)
+        coupling = np.abs(modal - np.diag(diagonal))
+        if np.any(coupling > CLASSICAL * np.sqrt(np.outer(diagonal, diagonal)) + CLASSICAL * np.max(diagonal)):
+            return None
+        return diagonal / (2.0 * self.omega)
+
+
+def solve_modes(mass: Array, stiffness: Array, link: Array) -> Modes:
+    """Modes of a chain with springs `stiffness` between neighbours.
+
+    The tridiagonal matrix is L L^T of a bidiagonal L, whose singular values are the frequencies: the lowest one keeps its
+    relative accuracy in tall buildings.
+
+    Raises
+    ------
+    ModelError
+        A spring that is not positive (P-delta beyond the story's stiffness).
+    """
+    weak = np.flatnonzero(stiffness <= 0.0)
+    if weak.size:
+        raise ModelError(f"story {weak[0] + 1}: P-delta exceeds the initial stiffness; the building cannot stand")
+    root_mass = np.sqrt(mass)
+    root_spring = np.sqrt(stiffness)
+    # Springs over floors: d = B u, K = B^T diag(k) B; with y = M^(1/2) u the matrix is L^T L.
+    lower = np.diag(root_spring / root_mass) - np.diag((root_spring * link)[1:] / root_mass[:-1], -1)
+    _, omega, right = np.linalg.svd(lower)
+    omega = omega[::-1]
+    shapes = (right[::-1] / root_mass).T
+    signs = np.where(shapes[-1] < 0.0, -1.0, 1.0)
+    return Modes(omega, shapes * signs, mass)

@@ -1,0 +1,306 @@
+"""What a right model file says, in SI units."""
+
+import hashlib
+import io
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import tdint
+from tdint.errors import ModelError
+from tdint.model.config import (
+    Analysis,
+    Excitation,
+    Force,
+    Initial,
+    Law,
+    ModalDamping,
+    RayleighCoefficients,
+    RayleighRatio,
+    RecordSource,
+    Story,
+    load_model,
+)
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+G = 9.80665
+
+EVERYTHING = """\
+name: ten-story office
+units: {length: cm, force: kN, mass: t}
+stories:
+  - {mass: 200, height: 400, stiffness: 3.5e3}
+  - repeat: 2
+    mass: 150
+    height: 350
+    stiffness: 3E3
+    law: {type: bilinear, yield_force: 2.5e3, hardening: 0.03}
+    dashpot: 2
+  - mass: 100
+    height: 350
+    law:
+      type: polynomial
+      coefficients: [2e3, -3, 4.0]
+damping: {rayleigh: {ratio: [0.02, 0.05], modes: [1, 3]}}
+p_delta: true
+excitation:
+  record: {file: ../records/x.mseed, units: cm/s^2, component: HNE, scale: -1.5, inventory: station.xml}
+  forces:
+    - {floor: 1, amplitude: 500, omega: 25, phase: cos}
+    - {floor: 4, amplitude: -2, omega: 0.5, phase: sin}
+initial: {displacement: [0.1, 0, 0, -2], velocity: [0, 1, 0, 0]}
+analysis: {method: "generalized-alpha:rho_inf=0.8", dt: 0.01, duration: 40}
+collapse_drift: 0.05
+"""
+
+
+def load(text: str):
+    return load_model(io.StringIO(text))
+
+
+def one_story(extra: str = "", story: str = "mass: 1, stiffness: 1"):
+    return load(f"stories: [{{{story}}}]\n{extra}")
+
+
+def test_every_feature_in_si(tmp_path: Path) -> None:
+    path = tmp_path / "building.yaml"
+    path.write_text(EVERYTHING)
+    model = load_model(path)
+
+    assert model.name == "ten-story office"
+    assert model.source == str(path)
+    assert hashlib.sha256(model.text).hexdigest() == hashlib.sha256(EVERYTHING.encode()).hexdigest()
+    assert len(model.stories) == 4
+    first, second, third, fourth = model.stories
+    assert first == Story(2e5, 4.0, 3.5e8, Law("linear", ()), 0.0)
+    assert second.stiffness == pytest.approx(3e8)
+    assert second.law == Law("bilinear", (2.5e6, 0.03))
+    assert second.dashpot == pytest.approx(2e5)  # 2 kN s/cm
+    assert third is second
+    assert fourth.stiffness == pytest.approx(2e8)  # 2e3 kN/cm
+    assert fourth.law.name == "polynomial"
+    assert fourth.law.parameters == pytest.approx((2e8, -3e7, 4e9))  # kN/cm, kN/cm^2, kN/cm^3
+    assert fourth.height == pytest.approx(3.5)
+    assert model.damping == RayleighRatio((0.02, 0.05), (1, 3))
+    assert model.p_delta is True
+    assert model.excitation.record == RecordSource(
+        str(tmp_path / "../records/x.mseed"), "cm/s^2", "HNE", -1.5, str(tmp_path / "station.xml")
+    )
+    assert model.excitation.forces == (Force(1, 5e5, 0.0, 25.0), Force(4, 0.0, -2e3, 0.5))
+    assert model.initial.displacement == pytest.approx((0.001, 0.0, 0.0, -0.02))
+    assert model.initial.velocity == pytest.approx((0.0, 0.01, 0.0, 0.0))
+    assert model.analysis == Analysis("generalized-alpha:rho_inf=0.8", 0.01, 40.0)
+    assert model.collapse_drift == 0.05
+
+
+def test_defaults() -> None:
+    model = load("stories: [{mass: 1, stiffness: 2}, {mass: 3, stiffness: 4}]")
+    assert model.name == "model"
+    assert model.source == "<stream>"
+    assert model.stories == (
+        Story(1.0, None, 2.0, Law("linear", ()), 0.0),
+        Story(3.0, None, 4.0, Law("linear", ()), 0.0),
+    )
+    assert model.damping is None
+    assert model.p_delta is False
+    assert model.excitation == Excitation(None, ())
+    assert model.initial == Initial((0.0, 0.0), (0.0, 0.0))
+    assert model.analysis == Analysis(None, None, None)
+    assert model.collapse_drift == 0.10
+
+
+@pytest.mark.parametrize(
+    ("units", "mass", "stiffness"),
+    [
+        ("{}", 1.0, 1.0),
+        ("{mass: t}", 1e3, 1.0),
+        ("{length: mm, force: N}", 1.0, 1e3),
+        ("{length: m, force: MN, mass: kg}", 1.0, 1e6),
+        ("{length: in, force: kip, mass: kip*s^2/in}", 453.59237 * G / 0.0254, 453.59237 * G / 0.0254),
+        ("{length: ft, force: lbf, mass: lb}", 0.45359237, 0.45359237 * G / 0.3048),
+    ],
+)
+def test_units(units: str, mass: float, stiffness: float) -> None:
+    (story,) = one_story(f"units: {units}").stories
+    assert story.mass == pytest.approx(mass, rel=1e-14)
+    assert story.stiffness == pytest.approx(stiffness, rel=1e-14)
+
+
+def test_kip_and_inch_bilinear_story() -> None:
+    model = load(
+        "units: {length: in, force: kip, mass: kip*s^2/in}\n"
+        "stories: [{mass: 0.2, stiffness: 10, law: {type: bilinear, yield_force: 7, hardening: 0}, dashpot: 0.4}]\n"
+        "damping: {rayleigh: {mass: 0.3, stiffness: 0.002}}\n"
+        "excitation: {forces: [{floor: 1, amplitude: 2, omega: 3}]}\n"
+        "initial: {velocity: [5]}\n"
+    )
+    kip = 4448.2216152605
+    (story,) = model.stories
+    assert story.law.parameters == pytest.approx((7 * kip, 0.0))
+    assert story.dashpot == pytest.approx(0.4 * kip / 0.0254)
+    assert model.damping == RayleighCoefficients(0.3, 0.002)
+    assert model.excitation.forces[0].cosine == pytest.approx(2 * kip)
+    assert model.excitation.forces[0].omega == 3.0
+    assert model.initial.velocity == pytest.approx((0.127,))
+
+
+@pytest.mark.parametrize(
+    ("damping", "expected"),
+    [
+        ("none", None),
+        ("{rayleigh: {ratio: 0.05, modes: [3, 1]}}", RayleighRatio((0.05, 0.05), (3, 1))),
+        ("{rayleigh: {ratio: [0, 0.05], modes: [1, 2]}}", RayleighRatio((0.0, 0.05), (1, 2))),
+        ("{rayleigh: {mass: 0, stiffness: 1e-3}}", RayleighCoefficients(0.0, 1e-3)),
+        ("{modal: 0.05}", ModalDamping((0.05,))),
+        ("{modal: [0.05, 0.04, 0.03]}", ModalDamping((0.05, 0.04, 0.03))),
+        ("{modal: {ratio: 0.05, modes: 3}}", ModalDamping((0.05, 0.05, 0.05))),
+        ("{modal: {ratio: 0.05, modes: 1}}", ModalDamping((0.05, 0.0))),
+    ],
+)
+def test_damping(damping: str, expected: object) -> None:
+    assert load(f"stories: [{{repeat: 3, mass: 1, stiffness: 1}}]\ndamping: {damping}").damping == expected
+
+
+def test_damping_of_one_story() -> None:
+    assert one_story("damping: {modal: {ratio: 0.05, modes: 1}}").damping == ModalDamping((0.05,))
+    assert one_story("damping: {rayleigh: {mass: 1, stiffness: 0}}").damping == RayleighCoefficients(1.0, 0.0)
+
+
+@pytest.mark.parametrize(("phase", "shift"), [("cos", 0.0), ("sin", -math.pi / 2), ("0.7", 0.7), ("-2e0", -2.0)])
+def test_phase_of_a_force(phase: str, shift: float) -> None:
+    text = f"excitation: {{forces: [{{floor: 1, amplitude: 3, omega: 2, phase: {phase}}}]}}"
+    (force,) = one_story(text).excitation.forces
+    for t in (0.0, 0.3, 1.7):
+        value = force.cosine * math.cos(force.omega * t) + force.sine * math.sin(force.omega * t)
+        assert value == pytest.approx(3 * math.cos(2 * t + shift), abs=1e-14)
+
+
+def test_stiffness_may_repeat_what_the_law_gives() -> None:
+    law = "law: {type: polynomial, coefficients: [0.3, 1]}"
+    assert one_story(story=f"mass: 1, {law}").stories[0].stiffness == 0.3
+    assert one_story(story=f"mass: 1, stiffness: 0.30000000001, {law}").stories[0].stiffness == 0.3
+
+
+def test_law_by_name() -> None:
+    assert one_story(story="mass: 1, stiffness: 2, law: linear").stories[0].law == Law("linear", ())
+    assert one_story(story="mass: 1, stiffness: 2, law: {type: linear}").stories[0].law == Law("linear", ())
+
+
+@pytest.mark.parametrize(
+    ("record", "file"),
+    [("x.mseed", "folder/x.mseed"), ("/data/x.mseed", "/data/x.mseed"), ("{file: '-'}", "-"), ("'-'", "-")],
+)
+def test_record_file(record: str, file: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "folder").mkdir()
+    Path("folder/model.yaml").write_text(f"stories: [{{mass: 1, stiffness: 1}}]\nexcitation: {{record: {record}}}")
+    expected = RecordSource(file, None, None, 1.0, None)
+    assert load_model("folder/model.yaml").excitation.record == expected
+    with Path("folder/model.yaml").open() as stream:
+        model = load_model(stream)
+    assert model.excitation.record == expected
+    assert model.source == "folder/model.yaml"
+    assert model.name == "model"
+
+
+def test_words_stay_text() -> None:
+    model = one_story("name: 012\nexcitation: {record: {file: no, component: 1e5}}")
+    assert model.name == "012"
+    assert model.excitation.record == RecordSource("no", None, "1e5", 1.0, None)
+
+
+def test_aliases() -> None:
+    model = load(
+        "stories:\n"
+        "  - &typical {mass: &m 2, stiffness: 5, law: &law {type: bilinear, yield_force: 1, hardening: 0}}\n"
+        "  - *typical\n"
+        "  - {mass: *m, stiffness: 7, law: *law}\n"
+    )
+    first, second, third = model.stories
+    assert first == second
+    assert third == Story(2.0, None, 7.0, Law("bilinear", (1.0, 0.0)), 0.0)
+
+
+@pytest.mark.parametrize("newline", ["\n", "\r\n"])
+def test_bytes_and_byte_order_mark(newline: str, tmp_path: Path) -> None:
+    data = b"\xef\xbb\xbf" + f"name: Büro{newline}stories: [{{mass: 1, stiffness: 1}}]{newline}".encode()
+    (tmp_path / "m.yaml").write_bytes(data)
+    model = load_model(tmp_path / "m.yaml")
+    assert model.name == "Büro"
+    assert model.text == data
+
+
+def test_standard_input(monkeypatch: pytest.MonkeyPatch) -> None:
+    data = b"stories: [{mass: 1, stiffness: 1}]\nexcitation: {record: r.mseed}\n"
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(data), encoding="ascii"))
+    model = load_model("-")
+    assert (model.source, model.name, model.text) == ("-", "model", data)
+    assert model.excitation.record == RecordSource("r.mseed", None, None, 1.0, None)
+
+
+def test_standard_input_without_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stdin", io.StringIO("stories: [{mass: 1, stiffness: 1}]"))
+    assert load_model("-").stories[0].mass == 1.0
+
+
+def test_standard_input_holds_one_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = "stories: [{mass: 1, stiffness: 1}]\nexcitation: {record: '-'}"
+    monkeypatch.setattr(sys, "stdin", io.StringIO(text))
+    with pytest.raises(ModelError) as caught:
+        load_model(sys.stdin)
+    assert str(caught.value) == (
+        "-:2:13: excitation: standard input already holds the model; give the record as a file"
+    )
+
+
+def test_many_stories_share_one_entry() -> None:
+    stories = load("stories: [{repeat: 100000, mass: 1, stiffness: 1}]").stories
+    assert len(stories) == 100_000
+    assert stories[0] is stories[-1]
+
+
+CONFIG_FILES = sorted(CONFIGS.glob("*.yaml"))
+
+
+def test_there_are_example_models() -> None:
+    names = {path.stem for path in CONFIG_FILES}
+    assert {"ten-story", "ten-story-bilinear", "sdof-polynomial", "two-story-polynomial", "chain-150"} <= names
+    assert "base-isolated" in names
+
+
+@pytest.mark.parametrize("path", CONFIG_FILES, ids=lambda path: path.stem)
+def test_example_model_loads(path: Path) -> None:
+    model = load_model(path)
+    assert path.read_text().startswith("# ")
+    assert model.stories
+    assert model.excitation.record or model.excitation.forces
+
+
+def test_yield_forces_of_the_bilinear_example() -> None:
+    model = load_model(CONFIGS / "ten-story-bilinear.yaml")
+    base = 0.15 * 10 * 2e5 * 9.81
+    expected = [base * sum(range(i, 11)) / 55 for i in range(1, 11)]
+    assert [story.law.parameters[0] for story in model.stories] == pytest.approx(expected, rel=1e-15)
+
+
+def test_paper_examples() -> None:
+    model = load_model(CONFIGS / "sdof-polynomial.yaml")
+    assert model.stories == (Story(10.0, None, 200.0, Law("polynomial", (200.0, 3.0)), 5.0),)
+    assert model.excitation.forces == (Force(1, 500.0, 0.0, 25.0), Force(1, 0.0, -200.0, 10.0))
+    chain = load_model(CONFIGS / "chain-150.yaml")
+    assert chain.stories == (Story(50.0, None, 500.0, Law("polynomial", (500.0, 0.2)), 10.0),) * 150
+    assert [force.floor for force in chain.excitation.forces] == [1, 1, 150, 150]
+
+
+def test_api_name() -> None:
+    assert tdint.load_model is load_model
+
+
+def test_imports_nothing_heavy() -> None:
+    heavy = "{'numpy', 'numba', 'scipy', 'obspy', 'click', 'matplotlib'}"
+    code = f"import sys, tdint.model.config; print(sorted({heavy} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

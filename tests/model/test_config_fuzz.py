@@ -1,0 +1,199 @@
+"""Which texts are numbers, and that no text at all gives anything but a sound model or a `ModelError`."""
+
+import io
+import math
+import re
+
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from tdint.errors import ModelError
+from tdint.model.config import Model, load_model
+
+NUMBERS = [
+    ("2e8", 2e8),
+    ("2E8", 2e8),
+    ("2e+8", 2e8),
+    ("1e-3", 1e-3),
+    ("1.5e-03", 1.5e-3),
+    ("+1.5", 1.5),
+    (".5", 0.5),
+    ("5.", 5.0),
+    ("5.e1", 50.0),
+    ("-.5e1", -5.0),
+    ("0", 0.0),
+    ("-0.0", 0.0),
+    ("0e5", 0.0),
+    ("0.05", 0.05),
+    ("10", 10.0),
+    ("123456789012345678901", 123456789012345678901.0),
+    ("1e-999", 0.0),
+]
+NOT_NUMBERS = [
+    ("abc", "'abc'"),
+    ("no", "'no'"),
+    ("true", "'true'"),
+    ("null", "nothing"),
+    ("~", "nothing"),
+    ("e5", "'e5'"),
+    (".", "'.'"),
+    ("--1", "'--1'"),
+    ("1 2", "'1 2'"),
+    ("1:30", "'1:30'"),
+    ("190:20:30.15", "'190:20:30.15'"),
+    ("2001-01-01", "'2001-01-01'"),
+    ("'12'", "'12' in quotes; remove the quotes"),
+    ('"2e8"', "'2e8' in quotes; remove the quotes"),
+    ("'abc'", "'abc'"),
+    ("|\n     12", "'12' in quotes; remove the quotes"),
+    ("012", "'012'; drop the leading zeros"),
+    ("-00.5", "'-00.5'; drop the leading zeros"),
+    ("1_000", "'1_000'; drop the underscores"),
+    ("0,05", "'0,05'; write a decimal point"),
+    (".nan", "'.nan'; it must be finite"),
+    ("nan", "'nan'; it must be finite"),
+    ("-.inf", "'-.inf'; it must be finite"),
+    ("Infinity", "'Infinity'; it must be finite"),
+    ("0x10", "'0x10'; write the number alone"),
+    ("5 kN", "'5 kN'; write the number alone"),
+    ("5%", "'5%'; write the number alone"),
+    ("1e", "'1e'; write the number alone"),
+    ("١٢", "'١٢'"),
+    ("[1]", "a list"),
+    ("{a: 1}", "a mapping"),
+    ("9" * 60 + "x", f"'{'9' * 37}...'; write the number alone"),
+]
+MODEL = """\
+name: office
+units: {length: cm, force: kN, mass: t}
+stories:
+  - &a {mass: 200, height: 400, stiffness: 3.5e3}
+  - repeat: 2
+    mass: 150
+    height: 350
+    stiffness: 3E3
+    law: {type: bilinear, yield_force: 2.5e3, hardening: 0.03}
+    dashpot: 2
+  - {mass: 100, height: 350, law: {type: polynomial, coefficients: [2e3, -3, 4.0]}}
+damping: {rayleigh: {ratio: [0.02, 0.05], modes: [1, 3]}}
+p_delta: true
+excitation:
+  record: {file: x.mseed, units: cm/s^2, component: HNE, scale: -1.5, inventory: station.xml}
+  forces: [{floor: 1, amplitude: 500, omega: 25, phase: cos}]
+initial: {displacement: [0.1, 0, 0, -2], velocity: [0, 1, 0, 0]}
+analysis: {method: impulse4, dt: 0.01, duration: 40}
+collapse_drift: 0.05
+"""
+KEYS = sorted({*re.findall(r"(\w+):", MODEL), "modal"})
+ATOMS = ["", "0", "-1", "3", "0.5", "1e9", "1e999", "012", "1:30", "true", "no", "null", "none", "linear", "bilinear"]
+ATOMS += ["polynomial", "m", "kN", "t", "cos", "sin", "'1'", "99999999999999999999"]
+SIGNS = [*"-:,[]{}#&*!|>'\"%@`?~", "---", "...", "<<", "*a", "&a ", "!!int ", "!x "]
+
+
+def amplitude_text(number: str) -> str:
+    model = "stories: [{mass: 1, stiffness: 1}]\nexcitation:\n  forces:\n  - omega: 1\n    floor: 1\n"
+    return f"{model}    amplitude: {number}"
+
+
+@pytest.mark.parametrize(("text", "number"), NUMBERS)
+def test_numbers(text: str, number: float) -> None:
+    (force,) = load_model(io.StringIO(amplitude_text(text))).excitation.forces
+    assert force.cosine == number
+
+
+@pytest.mark.parametrize(("text", "shown"), NOT_NUMBERS)
+def test_not_numbers(text: str, shown: str) -> None:
+    with pytest.raises(ModelError) as caught:
+        load_model(io.StringIO(amplitude_text(text)))
+    assert str(caught.value) == f"<stream>:6:16: excitation.forces[1].amplitude: must be a number, got {shown}"
+
+
+def check_sound(model: Model) -> None:
+    count = len(model.stories)
+    assert count > 0
+    for story in model.stories[:10]:
+        assert 0.0 < story.mass < math.inf
+        assert 0.0 < story.stiffness < math.inf
+        assert 0.0 <= story.dashpot < math.inf
+        assert not model.p_delta or story.height
+        assert all(map(math.isfinite, story.law.parameters))
+    assert len(model.initial.displacement) == len(model.initial.velocity) == count
+    for force in model.excitation.forces:
+        assert 1 <= force.floor <= count
+        assert all(map(math.isfinite, (force.cosine, force.sine, force.omega)))
+    assert model.collapse_drift > 0.0
+
+
+def check(text: str) -> None:
+    """`text` is a sound model, or every fault has a place in it."""
+    try:
+        check_sound(load_model(io.StringIO(text)))
+    except ModelError as error:
+        lines = text.splitlines()
+        assert error.problems
+        for problem in error.problems:
+            assert 1 <= problem.line <= len(lines) + 1
+            assert problem.column >= 1
+            assert problem.message
+            assert "\n" not in str(problem)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.text(max_size=100))
+@example('"\\UFFFFFFFF"')
+@example("%YAML " + "9" * 5000 + ".1\n--- a")
+@example("\ud800")
+@example("a: &x [*x]")
+@example("? ? ? a")
+def test_any_text(text: str) -> None:
+    check(text)
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    st.lists(st.sampled_from([*ATOMS, *SIGNS, *KEYS, " ", "\n", "\n  ", ": ", ", ", "- "]), max_size=40).map("".join)
+)
+def test_any_words(text: str) -> None:
+    check(text)
+
+
+@st.composite
+def damaged_models(draw: st.DrawFn) -> str:
+    text = MODEL
+    for _ in range(draw(st.integers(1, 4))):
+        start = draw(st.integers(0, len(text)))
+        length = draw(st.sampled_from([0, 0, 1, 3, 20]))
+        text = (
+            text[:start] + draw(st.sampled_from([*ATOMS, *SIGNS, "\n", " ", "\t", "\0", "é"])) + text[start + length :]
+        )
+    return text
+
+
+@settings(max_examples=200, deadline=None)
+@given(damaged_models())
+@example(MODEL)
+def test_any_damaged_model(text: str) -> None:
+    check(text)
+
+
+def flow(tree: object) -> str:
+    """A tree of lists, mappings and texts as YAML."""
+    if isinstance(tree, dict):
+        return "{" + ", ".join(f"{key}: {flow(value)}" for key, value in tree.items()) + "}"
+    if isinstance(tree, list):
+        return "[" + ", ".join(map(flow, tree)) + "]"
+    return str(tree)
+
+
+TREES = st.recursive(
+    st.sampled_from(ATOMS), lambda child: st.lists(child, max_size=3) | st.dictionaries(st.sampled_from(KEYS), child)
+)
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.dictionaries(st.sampled_from(KEYS), TREES, max_size=4), st.booleans())
+def test_any_tree_under_known_keys(tree: dict[str, object], sound_stories: bool) -> None:
+    if sound_stories:
+        tree["stories"] = "[{mass: 1, stiffness: 1, height: 1, repeat: 3}]"
+    check("\n".join(f"{key}: {flow(value)}" for key, value in tree.items()))
