@@ -54,7 +54,7 @@ class Building:
     @property
     def stories(self) -> int:
         """Number of stories n."""
-        return self.chain.shape[1] - 1
+        return int(self.chain.shape[1]) - 1
 
     @property
     def mass(self) -> Array:

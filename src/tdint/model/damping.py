@@ -18,7 +18,8 @@ def add_damping(chain: Array, stiffness: Array, model: Model, modes: Callable[[]
     """Add the model's damping to the dampers of `chain`; return the rows of its modal damping, shape (modes, n + 1).
 
     Rayleigh damping is C = a0 M + a1 K with the initial stiffness K without P-delta: a damper from each floor to the
-    ground and one beside each story. Modal damping is C = sum 2 xi omega (M phi)(M phi)^T over mass-normalized modes phi.
+    ground and one beside each story. Modal damping is C = sum 2 xi omega (M phi)(M phi)^T over mass-normalized modes
+    phi.
     """
     n = chain.shape[1] - 1
     damping = model.damping

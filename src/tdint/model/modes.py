@@ -41,17 +41,16 @@ class Modes:
     def participation(self) -> Array:
         """Participation factors phi^T M 1 / phi^T M phi for shapes with unit roof displacement, shape (n,)."""
         roof = self.shapes[-1]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(roof != 0.0, self.mass @ self.shapes * roof, 0.0)
+        return np.asarray(self.mass @ self.shapes * roof)
 
     @property
     def mass_ratio(self) -> Array:
         """Effective modal mass over the total mass, shape (n,)."""
-        return np.square(self.mass @ self.shapes) / self.mass.sum()
+        return np.asarray(np.square(self.mass @ self.shapes) / self.mass.sum())
 
     def damping_matrix(self, building: Building) -> Array:
         """phi^T C phi, 1/s, shape (n, n)."""
-        return self.shapes.T @ building.damping_matrix() @ self.shapes
+        return np.asarray(self.shapes.T @ building.damping_matrix() @ self.shapes)
 
     def damping_ratios(self, building: Building) -> Array | None:
         """Damping ratio of each mode; None if the damping couples the modes."""
@@ -66,8 +65,8 @@ class Modes:
 def solve_modes(mass: Array, stiffness: Array, link: Array) -> Modes:
     """Modes of a chain with springs `stiffness` between neighbours.
 
-    The tridiagonal matrix is L L^T of a bidiagonal L, whose singular values are the frequencies: the lowest one keeps its
-    relative accuracy in tall buildings.
+    The tridiagonal matrix is L L^T of a bidiagonal L, whose singular values are the frequencies: the lowest one keeps
+    its relative accuracy in tall buildings.
 
     Raises
     ------

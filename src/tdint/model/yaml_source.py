@@ -134,7 +134,7 @@ class _Composer:
 
     def _next(self) -> yaml.Event:
         try:
-            event: yaml.Event = self._loader.get_event()
+            event: yaml.Event = self._loader.get_event()  # type: ignore[no-untyped-call]
         except (ValueError, OverflowError) as error:
             # PyYAML lets the errors of chr() and int() through: "\UFFFFFFFF", a %YAML version of a thousand digits.
             raise yaml.MarkedYAMLError(problem=str(error), problem_mark=self._loader.get_mark()) from None

@@ -1,0 +1,123 @@
+"""Loads, damping forces and equilibrium of a chain of stories."""
+
+from __future__ import annotations
+
+import math
+
+from tdint.kernels.compiling import inlined
+from tdint.kernels.layout import (
+    ACCELERATION,
+    COSINE,
+    DISPLACEMENT,
+    DRIFT,
+    FLOOR,
+    FLOOR_DAMPER,
+    FORCE,
+    GEOMETRIC,
+    INVERSE_MASS,
+    LINK,
+    MASS,
+    OMEGA,
+    SINE,
+    STORY_DAMPER,
+    VELOCITY,
+)
+
+
+@inlined
+def force_value(forces, j, t):
+    """Floor force `j` at time t, N."""
+    angle = forces[j, OMEGA] * t
+    return forces[j, COSINE] * math.cos(angle) + forces[j, SINE] * math.sin(angle)
+
+
+@inlined
+def force_rate(forces, j, t):
+    """Rate of floor force `j` at time t, N/s."""
+    omega = forces[j, OMEGA]
+    angle = omega * t
+    return omega * (forces[j, SINE] * math.cos(angle) - forces[j, COSINE] * math.sin(angle))
+
+
+@inlined
+def force_impulse(forces, j, t, h):
+    """Exact impulse of floor force `j` over [t, t + h], N s.
+
+    The integral of cos over the step is h sinc(omega h / 2) times cos at mid-step, and likewise for sin: no
+    cancellation.
+    """
+    half = 0.5 * forces[j, OMEGA] * h
+    sinc = math.sin(half) / half if half > 1e-4 else 1.0 - half * half / 6.0
+    return h * sinc * force_value(forces, j, t + 0.5 * h)
+
+
+@inlined
+def floor_load(chain, forces, t, ground, work, row):
+    """Load p = -m ag + floor forces at time t into a row of work, N."""
+    for i in range(chain.shape[1] - 1):
+        work[row, i] = -chain[MASS, i] * ground
+    for j in range(forces.shape[0]):
+        work[row, int(forces[j, FLOOR])] += force_value(forces, j, t)
+
+
+@inlined
+def floor_impulse(chain, forces, t, h, ground_0, ground_1, work, row):
+    """Exact impulse of the load over [t, t + h] into a row of work, N s; the ground acceleration is linear in
+    between."""
+    for i in range(chain.shape[1] - 1):
+        work[row, i] = -0.5 * h * chain[MASS, i] * (ground_0 + ground_1)
+    for j in range(forces.shape[0]):
+        work[row, int(forces[j, FLOOR])] += force_impulse(forces, j, t, h)
+
+
+@inlined
+def add_modal_force(modal, table, x, factor, work, row, n):
+    """Add factor * C_modal * x to a row of work, with C_modal = W^T W; row `x` of `table` is the velocity."""
+    for j in range(modal.shape[0]):
+        amplitude = 0.0
+        for i in range(n):
+            amplitude += modal[j, i] * table[x, i]
+        amplitude *= factor
+        for i in range(n):
+            work[row, i] += amplitude * modal[j, i]
+
+
+@inlined
+def internal_forces(chain, modal, state, springs, block, velocity, work, row, sums):
+    """C v + f(u) of every floor into row `row` of work, N; story forces from the spring states in `block`.
+
+    Row `velocity` of `state` is the velocity; row `sums` of work receives the force of each story, column and damper.
+    """
+    n = chain.shape[1] - 1
+    below = 0.0
+    for i in range(n):
+        v = state[velocity, i]
+        rate = v - chain[LINK, i] * below
+        below = v
+        work[sums, i] = (
+            springs[block + FORCE, i] + chain[GEOMETRIC, i] * springs[block + DRIFT, i] + chain[STORY_DAMPER, i] * rate
+        )
+    work[sums, n] = 0.0
+    for i in range(n):
+        work[row, i] = (
+            chain[FLOOR_DAMPER, i] * state[velocity, i] + work[sums, i] - chain[LINK, i + 1] * work[sums, i + 1]
+        )
+    add_modal_force(modal, state, velocity, 1.0, work, row, n)
+
+
+@inlined
+def equilibrium(chain, modal, forces, t, ground, state, springs, work, row, load, sums):
+    """Relative acceleration from equilibrium, M^-1 (p - C v - f), into row `row` of work, m/s^2."""
+    floor_load(chain, forces, t, ground, work, load)
+    internal_forces(chain, modal, state, springs, 0, VELOCITY, work, row, sums)
+    for i in range(chain.shape[1] - 1):
+        work[row, i] = chain[INVERSE_MASS, i] * (work[load, i] - work[row, i])
+
+
+@inlined
+def finite(state, n):
+    """Whether the new displacements, velocities and accelerations are numbers."""
+    total = 0.0
+    for i in range(n):
+        total += abs(state[DISPLACEMENT, i]) + abs(state[VELOCITY, i]) + abs(state[ACCELERATION, i])
+    return total < 1e300

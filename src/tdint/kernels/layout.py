@@ -1,0 +1,62 @@
+"""Rows of the tables that kernels work on.
+
+Every table has one column per story (and the floor above it), counted from the ground, and one more that stays zero:
+the free end of the chain, so that a loop may look one story up without asking.
+"""
+
+# chain: what is linear in the building
+MASS = 0
+INVERSE_MASS = 1
+FLOOR_DAMPER = 2  # viscous, floor to ground (mass-proportional damping), N s/m
+STORY_DAMPER = 3  # viscous, floor to floor below (dashpots, stiffness-proportional damping), N s/m
+GEOMETRIC = 4  # geometric stiffness of the story (P-delta), N/m, not positive
+LINK = 5  # 1: the story stands on the floor below; 0: it stands on the ground
+CHAIN_ROWS = 6
+
+# laws: drift laws by story
+CODE = 0
+STIFFNESS = 1
+FIRST_PARAMETER = 2
+
+# springs: the state of the drift laws. The committed state first, then blocks of trial states.
+DRIFT = 0
+FORCE = 1
+INTERNAL = 2
+DISSIPATED = 3
+SPRING_ROWS = 4
+COMMITTED = 0
+FIRST_TRIAL = SPRING_ROWS
+SECOND_TRIAL = 2 * SPRING_ROWS
+THIRD_TRIAL = 3 * SPRING_ROWS
+SPRING_BLOCKS = 4
+
+# state: the memory of the method
+DISPLACEMENT = 0
+VELOCITY = 1
+ACCELERATION = 2
+FIRST_OLDER = 3
+
+# load over a step: ground acceleration is linear in it
+TIME = 0
+GROUND_0 = 1
+GROUND_1 = 2
+LOAD_SIZE = 3
+
+# forces on floors, one row each
+FLOOR = 0
+COSINE = 1
+SINE = 2
+OMEGA = 3
+FORCE_COLUMNS = 4
+
+# memo: numbers that a step leaves for the next one and for whoever asks why it failed
+LINEAR = 0  # 1 if every law is linear
+FACTORED_STEP = 1  # the step size of the factorization in work, 0 for none
+STEPS_DONE = 2
+WORST_STORY = 3
+RESIDUAL = 4
+MEMO_SIZE = 5
+
+# what a step returns instead of its number of iterations
+NOT_CONVERGED = -1
+NOT_FINITE = -2

@@ -1,0 +1,102 @@
+"""Drift laws: restoring force and tangent of a story from its drift and its committed state.
+
+A law is one function and one line in `restoring`; what a model file may say about it stands in `tdint.model.laws`.
+Each function writes drift, force and internal variable of the trial state and returns the tangent stiffness, N/m.
+"""
+
+from __future__ import annotations
+
+from tdint.kernels.compiling import inlined
+from tdint.kernels.layout import CODE, DISSIPATED, DRIFT, FIRST_PARAMETER, FORCE, INTERNAL, STIFFNESS
+
+LINEAR_LAW = 0
+POLYNOMIAL_LAW = 1
+BILINEAR_LAW = 2
+
+
+@inlined
+def restoring(laws, springs, i, past, trial, drift):
+    """Force of story `i` at `drift`, reached from the state in block `past`; written to block `trial`."""
+    springs[trial + DRIFT, i] = drift
+    code = laws[CODE, i]
+    if code == LINEAR_LAW:
+        springs[trial + FORCE, i] = laws[STIFFNESS, i] * drift
+        return laws[STIFFNESS, i]
+    if code == BILINEAR_LAW:
+        return _bilinear(laws, springs, i, past, trial, drift)
+    return _polynomial(laws, springs, i, trial, drift)
+
+
+@inlined
+def _polynomial(laws, springs, i, trial, drift):
+    """f = c1 d + c2 d^2 + ..., by Horner's rule."""
+    force = 0.0
+    tangent = 0.0
+    for row in range(laws.shape[0] - 1, FIRST_PARAMETER - 1, -1):
+        force = force * drift + laws[row, i]
+        tangent = tangent * drift + (row - FIRST_PARAMETER + 1) * laws[row, i]
+    springs[trial + FORCE, i] = force * drift
+    return tangent
+
+
+@inlined
+def _bilinear(laws, springs, i, past, trial, drift):
+    """f = a k d + z, dz = (1 - a) k dd, |z| <= (1 - a) Fy: kinematic hardening.
+
+    z is an elastic-perfectly plastic spring beside an elastic one (Prandtl's element with a spring in parallel).
+    """
+    k = laws[STIFFNESS, i]
+    hardening = laws[FIRST_PARAMETER + 1, i]
+    strength = (1.0 - hardening) * laws[FIRST_PARAMETER, i]
+    z = springs[past + INTERNAL, i] + (1.0 - hardening) * k * (drift - springs[past + DRIFT, i])
+    tangent = k
+    if z > strength:
+        z = strength
+        tangent = hardening * k
+    elif z < -strength:
+        z = -strength
+        tangent = hardening * k
+    springs[trial + INTERNAL, i] = z
+    springs[trial + FORCE, i] = hardening * k * drift + z
+    return tangent
+
+
+@inlined
+def settle(laws, springs, i, past, trial):
+    """Energy that the law dissipates on the way from block `past` to block `trial`; adds it up in `trial`, J."""
+    dissipated = springs[past + DISSIPATED, i]
+    if laws[CODE, i] == BILINEAR_LAW:
+        z = springs[trial + INTERNAL, i]
+        soft = 1.0 - laws[FIRST_PARAMETER + 1, i]
+        if abs(z) == soft * laws[FIRST_PARAMETER, i]:  # else the way was elastic
+            stretch = springs[trial + DRIFT, i] - springs[past + DRIFT, i]
+            slip = stretch - (z - springs[past + INTERNAL, i]) / (soft * laws[STIFFNESS, i])
+            dissipated += abs(z * slip)
+    springs[trial + DISSIPATED, i] = dissipated
+
+
+@inlined
+def recoverable(laws, springs, i):
+    """Energy stored in the law's committed state, J."""
+    d = springs[DRIFT, i]
+    if laws[CODE, i] == LINEAR_LAW:
+        return 0.5 * laws[STIFFNESS, i] * d * d
+    if laws[CODE, i] == BILINEAR_LAW:
+        hardening = laws[FIRST_PARAMETER + 1, i]
+        k = laws[STIFFNESS, i]
+        z = springs[INTERNAL, i]
+        return 0.5 * hardening * k * d * d + 0.5 * z * z / ((1.0 - hardening) * k)
+    energy = 0.0
+    for row in range(laws.shape[0] - 1, FIRST_PARAMETER - 1, -1):
+        energy = energy * d + laws[row, i] / (row - FIRST_PARAMETER + 2)
+    return energy * d * d
+
+
+@inlined
+def commit(laws, springs, i, past, trial):
+    """Make the trial state of story `i` the committed one; `past` is the block that it was reached from."""
+    settle(laws, springs, i, past, trial)
+    springs[DRIFT, i] = springs[trial + DRIFT, i]
+    springs[FORCE, i] = springs[trial + FORCE, i]
+    springs[INTERNAL, i] = springs[trial + INTERNAL, i]
+    springs[DISSIPATED, i] = springs[trial + DISSIPATED, i]

@@ -1,0 +1,228 @@
+"""Direct solves with the matrices of a chain: tridiagonal, and block tridiagonal with 2 x 2 blocks.
+
+Modal damping adds C = W^T W with one row of W per damped mode; it enters by the Sherman-Morrison-Woodbury formula, so
+no dense matrix of the size of the building is made. No pivoting: the leading blocks are those of the building cut off
+above a story, for which the same step is solvable.
+"""
+
+from __future__ import annotations
+
+from tdint.kernels.compiling import inlined
+from tdint.kernels.layout import FLOOR_DAMPER, LINK, MASS
+
+
+@inlined
+def factor(work, diagonal, coupling, n):
+    """L D L^T of a symmetric tridiagonal matrix in place.
+
+    Row `diagonal` becomes the inverse pivots; row `coupling`, entry i the coupling of i with i - 1, becomes the
+    multipliers.
+    """
+    work[diagonal, 0] = 1.0 / work[diagonal, 0]
+    for i in range(1, n):
+        multiplier = work[coupling, i] * work[diagonal, i - 1]
+        work[diagonal, i] = 1.0 / (work[diagonal, i] - multiplier * work[coupling, i])
+        work[coupling, i] = multiplier
+
+
+@inlined
+def solve(work, diagonal, coupling, x, n):
+    """Solve with the factors of `factor`; row `x` holds the right side and becomes the solution."""
+    carried = work[x, 0]
+    for i in range(1, n):
+        carried = work[x, i] - work[coupling, i] * carried
+        work[x, i] = carried
+    carried = work[x, n - 1] * work[diagonal, n - 1]
+    work[x, n - 1] = carried
+    for i in range(n - 2, -1, -1):
+        carried = work[x, i] * work[diagonal, i] - work[coupling, i + 1] * carried
+        work[x, i] = carried
+
+
+@inlined
+def invert(work, first, size):
+    """Invert a dense matrix in place by Gauss-Jordan elimination.
+
+    Rows `first` .. `first + size - 1` of `work` hold it in their first `size` columns. The matrices are those of
+    Woodbury's formula, identity plus a damping matrix: well conditioned, so no pivoting is needed.
+    """
+    for p in range(size):
+        inverse = 1.0 / work[first + p, p]
+        work[first + p, p] = 1.0
+        for j in range(size):
+            work[first + p, j] *= inverse
+        for i in range(size):
+            if i != p:
+                multiplier = work[first + i, p]
+                work[first + i, p] = 0.0
+                for j in range(size):
+                    work[first + i, j] -= multiplier * work[first + p, j]
+
+
+@inlined
+def factor_damped(work, diagonal, coupling, modal, scale, store, n):
+    """Factor T + scale * W^T W, T as for `factor`.
+
+    Rows of work from `store` on are kept for `solve_damped`: T^-1 W^T (one row per mode), then
+    scale * (I + scale W T^-1 W^T)^-1, then one row of scratch.
+    """
+    factor(work, diagonal, coupling, n)
+    modes = modal.shape[0]
+    small = store + modes
+    for j in range(modes):
+        for i in range(n):
+            work[store + j, i] = modal[j, i]
+        solve(work, diagonal, coupling, store + j, n)
+    for j in range(modes):
+        for k in range(modes):
+            product = 0.0
+            for i in range(n):
+                product += modal[j, i] * work[store + k, i]
+            work[small + j, k] = scale * product + (1.0 if j == k else 0.0)
+    invert(work, small, modes)
+    for j in range(modes):
+        for k in range(modes):
+            work[small + j, k] *= scale
+
+
+@inlined
+def solve_damped(work, diagonal, coupling, modal, store, x, n):
+    """Solve with the factors of `factor_damped`; row `x` holds the right side and becomes the solution."""
+    solve(work, diagonal, coupling, x, n)
+    modes = modal.shape[0]
+    small = store + modes
+    scratch = small + modes
+    for j in range(modes):
+        product = 0.0
+        for i in range(n):
+            product += modal[j, i] * work[x, i]
+        work[scratch, j] = product
+    for j in range(modes):
+        amplitude = 0.0
+        for k in range(modes):
+            amplitude += work[small + j, k] * work[scratch, k]
+        for i in range(n):
+            work[x, i] -= amplitude * work[store + j, i]
+
+
+@inlined
+def assemble_blocks(chain, work, blocks, coupling, by_v, by_a, n):
+    """Newton matrix of a step with the unknowns (u1 - u0, v1 - v0) per floor and a1 eliminated by equilibrium.
+
+    Rows from `coupling` on hold the four entries that each story brings, springs and dampers; by_v and by_a are the
+    weights of v1 and -a1 in the kinematic line u1 - u0 = ... The couplings are cut where a story stands on the ground.
+    """
+    for i in range(n):
+        mass = chain[MASS, i]
+        floor = chain[FLOOR_DAMPER, i]
+        work[blocks, i] = mass + work[coupling, i]
+        work[blocks + 1, i] = work[coupling + 1, i] - by_v * mass - by_a * floor
+        work[blocks + 2, i] = floor + work[coupling + 2, i]
+        work[blocks + 3, i] = mass + work[coupling + 3, i]
+        for entry in range(4):
+            work[coupling + entry, i] *= chain[LINK, i]
+    for i in range(n - 1):
+        for entry in range(4):
+            work[blocks + entry, i] += work[coupling + entry, i + 1]
+
+
+@inlined
+def factor_blocks(blocks, coupling, work, modal, s01, s10, store, n):
+    """Factor a block tridiagonal matrix with 2 x 2 blocks, plus [[0, s01], [s10, 0]] (x) W^T W.
+
+    Rows of `work` from `blocks` on: the four entries of each diagonal block, row by row; they become the inverses of
+    the block pivots. Rows from `coupling` on: the four entries of B, where -B is both the block left of the diagonal in
+    row i and, in row i - 1, the one right of it. Unknowns are pairs (x, y) per floor. From `store` on, four rows for
+    each mode (both columns of T^-1 (I2 (x) W^T), x then y), the small inverse in 2 modes rows, one row of scratch.
+    """
+    for i in range(n):
+        p = work[blocks, i]
+        q = work[blocks + 1, i]
+        r = work[blocks + 2, i]
+        s = work[blocks + 3, i]
+        if i > 0:
+            b0, b1, b2, b3 = work[coupling, i], work[coupling + 1, i], work[coupling + 2, i], work[coupling + 3, i]
+            i0, i1, i2, i3 = (
+                work[blocks, i - 1],
+                work[blocks + 1, i - 1],
+                work[blocks + 2, i - 1],
+                work[blocks + 3, i - 1],
+            )
+            x0 = i0 * b0 + i1 * b2
+            x1 = i0 * b1 + i1 * b3
+            x2 = i2 * b0 + i3 * b2
+            x3 = i2 * b1 + i3 * b3
+            p -= b0 * x0 + b1 * x2
+            q -= b0 * x1 + b1 * x3
+            r -= b2 * x0 + b3 * x2
+            s -= b2 * x1 + b3 * x3
+        inverse = 1.0 / (p * s - q * r)
+        work[blocks, i] = s * inverse
+        work[blocks + 1, i] = -q * inverse
+        work[blocks + 2, i] = -r * inverse
+        work[blocks + 3, i] = p * inverse
+    modes = modal.shape[0]
+    small = store + 4 * modes
+    for j in range(2 * modes):
+        x = store + 2 * j
+        for i in range(n):
+            work[x, i] = modal[j, i] if j < modes else 0.0
+            work[x + 1, i] = 0.0 if j < modes else modal[j - modes, i]
+        solve_blocks(work, blocks, coupling, x, x + 1, n)
+    for j in range(modes):
+        for k in range(2 * modes):
+            in_x = 0.0
+            in_y = 0.0
+            for i in range(n):
+                in_x += modal[j, i] * work[store + 2 * k, i]
+                in_y += modal[j, i] * work[store + 2 * k + 1, i]
+            work[small + j, k] = s01 * in_y + (1.0 if j == k else 0.0)
+            work[small + modes + j, k] = s10 * in_x + (1.0 if modes + j == k else 0.0)
+    invert(work, small, 2 * modes)
+
+
+@inlined
+def solve_blocks(work, blocks, coupling, x, y, n):
+    """Solve with the blocks of `factor_blocks`, without the modal part; rows `x` and `y` become the solution."""
+    x0 = work[x, 0]
+    y0 = work[y, 0]
+    for i in range(1, n):
+        p = work[blocks, i - 1] * x0 + work[blocks + 1, i - 1] * y0
+        q = work[blocks + 2, i - 1] * x0 + work[blocks + 3, i - 1] * y0
+        x0 = work[x, i] + work[coupling, i] * p + work[coupling + 1, i] * q
+        y0 = work[y, i] + work[coupling + 2, i] * p + work[coupling + 3, i] * q
+        work[x, i] = x0
+        work[y, i] = y0
+    p = 0.0
+    q = 0.0
+    for i in range(n - 1, -1, -1):
+        x0 = work[x, i] + work[coupling, i + 1] * p + work[coupling + 1, i + 1] * q
+        y0 = work[y, i] + work[coupling + 2, i + 1] * p + work[coupling + 3, i + 1] * q
+        p = work[blocks, i] * x0 + work[blocks + 1, i] * y0
+        q = work[blocks + 2, i] * x0 + work[blocks + 3, i] * y0
+        work[x, i] = p
+        work[y, i] = q
+
+
+@inlined
+def solve_blocks_damped(work, blocks, coupling, modal, s01, s10, store, x, y, n):
+    """Solve with the factors of `factor_blocks`; rows `x` and `y` hold the right side and become the solution."""
+    solve_blocks(work, blocks, coupling, x, y, n)
+    modes = modal.shape[0]
+    small = store + 4 * modes
+    scratch = small + 2 * modes
+    for j in range(modes):
+        in_x = 0.0
+        in_y = 0.0
+        for i in range(n):
+            in_x += modal[j, i] * work[x, i]
+            in_y += modal[j, i] * work[y, i]
+        work[scratch, j] = s01 * in_y
+        work[scratch, modes + j] = s10 * in_x
+    for j in range(2 * modes):
+        amplitude = 0.0
+        for k in range(2 * modes):
+            amplitude += work[small + j, k] * work[scratch, k]
+        for i in range(n):
+            work[x, i] -= amplitude * work[store + 2 * j, i]
+            work[y, i] -= amplitude * work[store + 2 * j + 1, i]

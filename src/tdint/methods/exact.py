@@ -1,0 +1,219 @@
+"""The exact response of a linear building to a load that is linear over each step (Nigam and Jennings 1969).
+
+(u1, v1) = A (u0, v0) + B0 p0 + B1 p1 with the matrix exponential of the step. Where the damping is classical the
+matrices come from the modes, each in closed form; otherwise from the exponential of the block matrix of Van Loan
+(1978). Harmonic forces are taken as linear between the steps' ends.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.kernels.chain import finite, force_value
+from tdint.kernels.compiling import kernel
+from tdint.kernels.layout import (
+    DISPLACEMENT,
+    FIRST_TRIAL,
+    FLOOR,
+    GROUND_0,
+    GROUND_1,
+    LINK,
+    NOT_FINITE,
+    TIME,
+    VELOCITY,
+)
+from tdint.kernels.springs import commit, restoring
+from tdint.kernels.stepping import STEP
+from tdint.methods.method import Family, Method
+from tdint.model.building import Building
+
+Array = NDArray[np.float64]
+
+_SERIES_BELOW = 4.0
+_TERMS = 40
+
+
+def work_rows(modes: int) -> int:
+    """Rows of work that the step needs."""
+    return 2
+
+
+@kernel(STEP)
+def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
+    """One step: a matrix times (u0, v0, loads at the start, loads at the end), column by column.
+
+    A column is 2 n numbers. The loads are the ground acceleration and the floor forces, one column each per end.
+    """
+    n = chain.shape[1] - 1
+    loads = 1 + forces.shape[0]
+    for i in range(n):
+        work[0, i] = 0.0
+        work[1, i] = 0.0
+    for j in range(2 * n + 2 * loads):
+        if j < n:
+            factor = state[DISPLACEMENT, j]
+        elif j < 2 * n:
+            factor = state[VELOCITY, j - n]
+        elif j == 2 * n:
+            factor = load[GROUND_0]
+        elif j < 2 * n + loads:
+            factor = force_value(forces, j - 2 * n - 1, load[TIME])
+        elif j == 2 * n + loads:
+            factor = load[GROUND_1]
+        else:
+            factor = force_value(forces, j - 2 * n - loads - 1, load[TIME] + h)
+        start = 2 * n * j
+        for i in range(n):
+            work[0, i] += factor * coefficients[start + i]
+        for i in range(n):
+            work[1, i] += factor * coefficients[start + n + i]
+    below = 0.0
+    for i in range(n):
+        u = work[0, i]
+        state[DISPLACEMENT, i] = u
+        state[VELOCITY, i] = work[1, i]
+        restoring(laws, springs, i, 0, FIRST_TRIAL, u - chain[LINK, i] * below)
+        commit(laws, springs, i, 0, FIRST_TRIAL)
+        below = u
+    return 1 if finite(state, n) else NOT_FINITE
+
+
+def oscillator(omega_h: Array, damping: Array) -> Array:
+    """Exact step of oscillators u'' + 2 xi omega u' + omega^2 u = p with p linear over the step.
+
+    Parameters
+    ----------
+    omega_h, damping : ndarray, shape (k,)
+        omega h (not negative) and damping ratio xi (not negative).
+
+    Returns
+    -------
+    ndarray, shape (k, 2, 4)
+        Matrix from (u0, h v0, h^2 p0, h^2 p1) to (u1, h v1). By power series for small omega h, where the closed form
+        cancels; in closed form for underdamped oscillators; from Van Loan's block matrix otherwise.
+    """
+    omega_h, damping = np.broadcast_arrays(np.asarray(omega_h, float), np.asarray(damping, float))
+    result = np.empty((*omega_h.shape, 2, 4))
+    series = np.maximum(omega_h, 2.0 * damping * omega_h) < _SERIES_BELOW
+    closed = ~series & (damping < 1.0)
+    if series.any():
+        result[series] = _by_series(omega_h[series], damping[series])
+    if closed.any():
+        result[closed] = _closed_form(omega_h[closed], damping[closed])
+    for index in np.argwhere(~series & ~closed):
+        w, xi = omega_h[tuple(index)], damping[tuple(index)]
+        result[tuple(index)] = _van_loan(np.array([[w * w]]), np.array([[2.0 * xi * w]]), np.eye(1))
+    return result
+
+
+def _fill(w: Array, g: Array, i1: Array, i2: Array, a11: Array, a22: Array) -> Array:
+    rows = np.array([[a11, g, i1 - i2, i2], [-w * w * g, a22, g - i1, i1]])
+    return np.moveaxis(rows, (0, 1), (-2, -1))
+
+
+def _by_series(w: Array, xi: Array) -> Array:
+    """Taylor series of the impulse response and its first two integrals; exact at omega = 0."""
+    before, term = np.zeros_like(w), np.ones_like(w)
+    g, i1, i2 = np.zeros_like(w), np.zeros_like(w), np.zeros_like(w)
+    for n in range(1, _TERMS + 1):
+        g += term / math.factorial(n)
+        i1 += term / math.factorial(n + 1)
+        i2 += term / math.factorial(n + 2)
+        before, term = term, -2.0 * xi * w * term - w * w * before
+    a11 = 1.0 - w * w * i1
+    return _fill(w, g, i1, i2, a11, a11 - 2.0 * xi * w * g)
+
+
+def _closed_form(w: Array, xi: Array) -> Array:
+    damped = w * np.sqrt((1.0 - xi) * (1.0 + xi))
+    decay = np.exp(-xi * w)
+    c = decay * np.cos(damped)
+    g = decay * np.sin(damped) / damped
+    a11 = c + xi * w * g
+    i1 = (1.0 - a11) / w**2
+    i2 = (1.0 - g - 2.0 * xi * w * i1) / w**2
+    return _fill(w, g, i1, i2, a11, c - xi * w * g)
+
+
+def _van_loan(k: Array, c: Array, patterns: Array) -> Array:
+    """Step of u'' + c u' + k u = P p(t) over unit time, from (u0, v0, p0, p1); k and c are divided by the mass."""
+    from scipy.linalg import expm
+
+    n, loads = patterns.shape
+    block = np.zeros((2 * n + 2 * loads, 2 * n + 2 * loads))
+    block[:n, n : 2 * n] = np.eye(n)
+    block[n : 2 * n, :n] = -k
+    block[n : 2 * n, n : 2 * n] = -c
+    block[n : 2 * n, 2 * n : 2 * n + loads] = patterns
+    block[2 * n : 2 * n + loads, 2 * n + loads :] = np.eye(loads)
+    # The load starts at p0 and grows by p1 - p0.
+    whole = expm(block)[: 2 * n]
+    by_growth = whole[:, 2 * n + loads :]
+    return np.hstack([whole[:, : 2 * n], whole[:, 2 * n : 2 * n + loads] - by_growth, by_growth])
+
+
+def prepare(building: Building, forces: Array, h: float) -> Array:
+    """The step's matrix for one building and step, column by column (shape (2 n (2 n + 2 loads),))."""
+    n = building.stories
+    patterns = np.zeros((n, 1 + len(forces)))
+    patterns[:, 0] = -1.0
+    for j, floor in enumerate(forces[:, FLOOR].astype(int)):
+        patterns[floor, 1 + j] = 1.0 / building.mass[floor]
+    modes = building.modes()
+    classical = modes.damping_ratios(building)
+    if classical is None:
+        k, c = building.stiffness_matrix(), building.damping_matrix()
+        per_mass = 1.0 / building.mass[:, None]
+        matrix = _van_loan(h * h * per_mass * k, h * per_mass * c, patterns)
+    else:
+        matrix = _from_modes(oscillator(modes.omega * h, classical), modes.shapes, building.mass, patterns)
+    loads = patterns.shape[1]
+    # From unit step to h: rows v / h; columns h v0, h^2 p.
+    matrix[n:] /= h
+    matrix[:, n : 2 * n] *= h
+    matrix[:, 2 * n : 2 * n + 2 * loads] *= h * h
+    return np.ascontiguousarray(matrix.T).ravel()
+
+
+def _from_modes(
+    steps: Array,
+    shapes: Array,
+    mass: Array,
+    patterns: Array,
+) -> Array:
+    """Put the modes' steps, shape (modes, 2, 4), together; shapes are mass-normalized columns."""
+    to_modes = shapes.T * mass
+    modal_patterns = to_modes @ patterns
+    parts = [
+        [shapes @ (steps[:, row, column, None] * (to_modes if column < 2 else modal_patterns)) for column in range(4)]
+        for row in range(2)
+    ]
+    return np.block(parts)
+
+
+FAMILY = Family(
+    "exact",
+    step,
+    work_rows,
+    memory=(DISPLACEMENT, VELOCITY),
+    halvable=False,
+    linear_only=True,
+    prepare=prepare,
+)
+
+METHODS = (
+    Method(
+        name="exact",
+        family=FAMILY,
+        parameters=(),
+        coefficients=tuple,
+        order=lambda: 2,
+        implicit=lambda: False,
+        stability_limit=lambda: math.inf,
+        rho_inf=lambda: 1.0,
+        source="Nigam and Jennings (1969); exact for a load linear over the step, order 2 for a smooth one",
+    ),
+)

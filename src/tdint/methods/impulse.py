@@ -1,0 +1,249 @@
+"""The impulse-momentum method as published in 2022, with its free number beta.
+
+    kinematics  M (u1 - u0) - h/2 M (v0 + v1) = h^2/12 M (a0 - a1)
+    momentum    M (v1 - v0) + C (u1 - u0) + K q = h/2 (p0 + p1)
+    q = h [72 beta u0 + (1 - 72 beta) u1 + h (48 beta - 1/4) v0 + h (24 beta - 1/4) v1 + h^2 (12 beta - 1/12) a0]
+
+a0 and a1 follow from equilibrium. The paper's eqs. (15)-(23) are these lines solved with a division by
+m h^2/6 - k h^4/72, which is zero at omega h = sqrt(12); the lines themselves have no such division. For a nonlinear law
+K q is f0 h + K_T(u1) (q - h u0) (eqs. 46-54): the tangent at the end of the step, on the drift of each story.
+"""
+
+from __future__ import annotations
+
+import math
+
+from tdint.kernels.chain import add_modal_force, finite, floor_load
+from tdint.kernels.compiling import inlined, kernel
+from tdint.kernels.layout import (
+    ACCELERATION,
+    DISPLACEMENT,
+    DRIFT,
+    FACTORED_STEP,
+    FIRST_TRIAL,
+    FLOOR_DAMPER,
+    FORCE,
+    GEOMETRIC,
+    GROUND_0,
+    GROUND_1,
+    INVERSE_MASS,
+    LINEAR,
+    LINK,
+    MASS,
+    NOT_CONVERGED,
+    NOT_FINITE,
+    RESIDUAL,
+    STIFFNESS,
+    STORY_DAMPER,
+    TIME,
+    VELOCITY,
+    WORST_STORY,
+)
+from tdint.kernels.springs import commit, restoring
+from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, STEP
+from tdint.kernels.tridiagonal import assemble_blocks, factor_blocks, solve_blocks_damped
+from tdint.methods.method import Family, Method, Parameter
+
+# Coefficients
+BETA = 0
+
+# Rows of work
+_LOAD_0 = 0
+_LOAD = 1
+_DU = 2
+_DV = 3
+_Q = 4  # q - h u0 per floor
+_U1 = 5
+_V1 = 6
+_A1 = 7
+_FORCE_1 = 8  # story force at the end, damper included
+_FORCE_S = 9  # story impulse, damper included
+_R1 = 10
+_R2 = 11
+_TANGENT = 12
+_FACTORED = 13
+_BLOCKS = 14
+_COUPLING = 18
+_STORE = 22
+
+
+def work_rows(modes: int) -> int:
+    """Rows of work that the step needs for a building with `modes` modally damped modes."""
+    return _STORE + 6 * modes + 1
+
+
+@kernel(STEP)
+def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
+    """One step; Newton with unknowns (u1 - u0, v1 - v0) per floor, the change of the tangent left out of the matrix."""
+    n = chain.shape[1] - 1
+    by_a = h * h / 12.0
+    _predict(chain, forces, h, load, state, work)
+    first = 0.0
+    iterations = 0
+    while True:
+        stale = _end(coefficients, chain, laws, h, state, springs, work, memo)
+        residual = _residual(chain, modal, h, state, work, memo)
+        if not residual < 1e300:
+            return NOT_FINITE
+        if iterations == 0:
+            first = residual
+        if residual <= CLOSE * first and (iterations > 0 or residual == 0.0):
+            break
+        if iterations == ITERATIONS:
+            memo[RESIDUAL] = residual / first
+            return NOT_CONVERGED
+        if stale:
+            _factor(coefficients, chain, modal, h, work)
+            memo[FACTORED_STEP] = h
+        solve_blocks_damped(work, _BLOCKS, _COUPLING, modal, -by_a, 1.0, _STORE, _R1, _R2, n)
+        iterations += 1
+        small = True
+        for i in range(n):
+            work[_DU, i] += work[_R1, i]
+            work[_DV, i] += work[_R2, i]
+            small = small and abs(work[_R1, i]) <= SMALL * abs(work[_U1, i])
+        if small or memo[LINEAR] != 0.0:
+            _end(coefficients, chain, laws, h, state, springs, work, memo)
+            _residual(chain, modal, h, state, work, memo)
+            break
+    for i in range(n):
+        state[DISPLACEMENT, i] += work[_DU, i]
+        state[VELOCITY, i] += work[_DV, i]
+        state[ACCELERATION, i] = work[_A1, i]
+        commit(laws, springs, i, 0, FIRST_TRIAL)
+    return max(iterations, 1) if finite(state, n) else NOT_FINITE
+
+
+@inlined
+def _predict(chain, forces, h, load, state, work):
+    """Load at both ends of the step; constant acceleration as the first guess."""
+    floor_load(chain, forces, load[TIME], load[GROUND_0], work, _LOAD_0)
+    floor_load(chain, forces, load[TIME] + h, load[GROUND_1], work, _LOAD)
+    for i in range(chain.shape[1] - 1):
+        a = state[ACCELERATION, i]
+        work[_DU, i] = h * state[VELOCITY, i] + 0.5 * h * h * a
+        work[_DV, i] = h * a
+
+
+@inlined
+def _end(coefficients, chain, laws, h, state, springs, work, memo):
+    """Story forces at the end of the step and story impulses. True if the factorization does not fit the tangents."""
+    n = chain.shape[1] - 1
+    beta = coefficients[BETA]
+    stale = memo[FACTORED_STEP] != h
+    u_below = 0.0
+    v_below = 0.0
+    du_below = 0.0
+    q_below = 0.0
+    for i in range(n):
+        du = work[_DU, i]
+        u = state[DISPLACEMENT, i] + du
+        v = state[VELOCITY, i] + work[_DV, i]
+        q = h * (
+            (1.0 - 72.0 * beta) * du
+            + h * ((48.0 * beta - 0.25) * state[VELOCITY, i] + (24.0 * beta - 0.25) * v)
+            + h * h * (12.0 * beta - 1.0 / 12.0) * state[ACCELERATION, i]
+        )
+        work[_U1, i] = u
+        work[_V1, i] = v
+        link = chain[LINK, i]
+        drift = u - link * u_below
+        rate = v - link * v_below
+        increment = du - link * du_below
+        q_drift = q - link * q_below
+        u_below = u
+        v_below = v
+        du_below = du
+        q_below = q
+        tangent = restoring(laws, springs, i, 0, FIRST_TRIAL, drift)
+        work[_TANGENT, i] = tangent
+        stale = stale or abs(tangent - work[_FACTORED, i]) > SAME_TANGENT * laws[STIFFNESS, i]
+        geometric = chain[GEOMETRIC, i]
+        damper = chain[STORY_DAMPER, i]
+        work[_FORCE_1, i] = springs[FIRST_TRIAL + FORCE, i] + geometric * drift + damper * rate
+        work[_FORCE_S, i] = (
+            h * (springs[FORCE, i] + geometric * springs[DRIFT, i])
+            + (tangent + geometric) * q_drift
+            + damper * increment
+        )
+    return stale
+
+
+@inlined
+def _residual(chain, modal, h, state, work, memo):
+    """Minus the residuals of kinematics and momentum into their rows. Returns the largest, as a velocity."""
+    n = chain.shape[1] - 1
+    per_h = 1.0 / h
+    for i in range(n):
+        link = chain[LINK, i + 1]
+        force = work[_FORCE_1, i] - link * work[_FORCE_1, i + 1]
+        work[_A1, i] = work[_LOAD, i] - chain[FLOOR_DAMPER, i] * work[_V1, i] - force
+        impulse = work[_FORCE_S, i] - link * work[_FORCE_S, i + 1]
+        work[_R2, i] = (
+            0.5 * h * (work[_LOAD_0, i] + work[_LOAD, i])
+            - chain[MASS, i] * work[_DV, i]
+            - chain[FLOOR_DAMPER, i] * work[_DU, i]
+            - impulse
+        )
+    add_modal_force(modal, work, _V1, -1.0, work, _A1, n)
+    add_modal_force(modal, work, _DU, -1.0, work, _R2, n)
+    largest = 0.0
+    for i in range(n):
+        work[_A1, i] *= chain[INVERSE_MASS, i]
+        v = 0.5 * (state[VELOCITY, i] + work[_V1, i])
+        gap = h * v + h * h / 12.0 * (state[ACCELERATION, i] - work[_A1, i]) - work[_DU, i]
+        work[_R1, i] = chain[MASS, i] * gap
+        unbalanced = abs(work[_R2, i]) * chain[INVERSE_MASS, i] + abs(gap) * per_h
+        if not unbalanced <= largest:
+            largest = unbalanced
+            memo[WORST_STORY] = i
+    return largest
+
+
+@inlined
+def _factor(coefficients, chain, modal, h, work):
+    """Factor the Newton matrix for the present tangents."""
+    n = chain.shape[1] - 1
+    beta = coefficients[BETA]
+    by_a = h * h / 12.0
+    for i in range(n):
+        work[_FACTORED, i] = work[_TANGENT, i]
+        tangent = work[_TANGENT, i] + chain[GEOMETRIC, i]
+        damper = chain[STORY_DAMPER, i]
+        work[_COUPLING, i] = -by_a * tangent
+        work[_COUPLING + 1, i] = -by_a * damper
+        work[_COUPLING + 2, i] = damper + h * (1.0 - 72.0 * beta) * tangent
+        work[_COUPLING + 3, i] = h * h * (24.0 * beta - 0.25) * tangent
+    assemble_blocks(chain, work, _BLOCKS, _COUPLING, 0.5 * h, by_a, n)
+    factor_blocks(_BLOCKS, _COUPLING, work, modal, -by_a, 1.0, _STORE, n)
+
+
+def _limit(beta: float) -> float:
+    """Lower end of the unstable band of an undamped oscillator; none for beta = 1/144.
+
+    The determinant of the amplification matrix is 1, and trace + 2 is proportional to (W^2 - 12)(12 beta W^2 - 1): it
+    is negative between the two roots.
+    """
+    if beta == PUBLISHED:
+        return math.inf
+    roots = [12.0] if beta <= 0.0 else [12.0, 1.0 / (12.0 * beta)]
+    return math.sqrt(min(roots))
+
+
+PUBLISHED = 1.0 / 144.0
+
+FAMILY = Family("impulse", step, work_rows, memory=(DISPLACEMENT, VELOCITY))
+
+METHODS = (
+    Method(
+        name="impulse",
+        family=FAMILY,
+        parameters=(Parameter("beta", PUBLISHED, 0.0, 0.25, low_allowed=False),),
+        coefficients=lambda beta: (beta,),
+        order=lambda beta: 2,
+        implicit=lambda beta: True,
+        stability_limit=_limit,
+        rho_inf=lambda beta: 1.0 if beta == PUBLISHED else math.nan,
+        source="the impulse-momentum method of 2022 as published, eqs. 11-23 and 46-54",
+    ),
+)

@@ -1,0 +1,159 @@
+"""What a time-integration method is: a compiled step, a row of coefficients, and a citation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.kernels.layout import ACCELERATION, DISPLACEMENT, VELOCITY
+
+if TYPE_CHECKING:
+    from tdint.kernels.compiling import Kernel
+    from tdint.model.building import Building
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of a method: its default and the range it may have (both ends allowed unless said otherwise).
+
+    A default may be a function of the values of the parameters before it.
+    """
+
+    name: str
+    default: float | Callable[..., float]
+    low: float
+    high: float
+    low_allowed: bool = True
+    high_allowed: bool = True
+
+    def allows(self, value: float) -> bool:
+        """Whether `value` lies in the range."""
+        above = value >= self.low if self.low_allowed else value > self.low
+        below = value <= self.high if self.high_allowed else value < self.high
+        return math.isfinite(value) and above and below
+
+    @property
+    def range(self) -> str:
+        """The range as text, round brackets for ends that are not allowed: [0, 1)."""
+        left = "[" if self.low_allowed else "("
+        right = "]" if self.high_allowed else ")"
+        return f"{left}{self.low:g}, {self.high:g}{right}"
+
+
+@dataclass(frozen=True)
+class Family:
+    """Methods that share one compiled step.
+
+    Attributes
+    ----------
+    name : str
+        For people; the file is named alike.
+    step : Kernel
+        The compiled step, with the signature of `tdint.kernels.stepping`.
+    work_rows : callable
+        Number of modally damped modes -> rows of work that the step needs.
+    memory : tuple of int
+        Rows of the state that are independent; the acceleration row follows from equilibrium where it is not one of
+        them.
+    state_rows : int
+        Rows of the state.
+    halvable : bool
+        Whether a step that does not converge may be divided: the memory reaches back no further than the step's start.
+    linear_only : bool
+        Whether the step holds for linear buildings alone.
+    prepare : callable, optional
+        (building, forces, h) -> the step's coefficients, where they depend on the building.
+    """
+
+    name: str
+    step: Kernel
+    work_rows: Callable[[int], int]
+    memory: tuple[int, ...] = (DISPLACEMENT, VELOCITY, ACCELERATION)
+    state_rows: int = 3
+    halvable: bool = True
+    linear_only: bool = False
+    prepare: Callable[[Building, NDArray[np.float64], float], NDArray[np.float64]] | None = None
+
+
+@dataclass(frozen=True)
+class Method:
+    """One entry of the catalogue.
+
+    Attributes
+    ----------
+    coefficients : callable
+        Parameter values -> coefficients of the family's step.
+    order : callable
+        Parameter values -> order of displacement and velocity for a smooth load.
+    implicit : callable
+        Parameter values -> whether the step solves for the restoring force at its end.
+    stability_limit : callable
+        Parameter values -> largest stable omega dt without damping; inf if there is none. Where a parameter opens an
+        unstable band, the lower end of the band.
+    rho_inf : callable
+        Parameter values -> spectral radius for omega dt to infinity; nan where the method is not stable there.
+    source : str
+        Who published it.
+    """
+
+    name: str
+    family: Family
+    parameters: tuple[Parameter, ...]
+    coefficients: Callable[..., tuple[float, ...]]
+    order: Callable[..., int]
+    implicit: Callable[..., bool]
+    stability_limit: Callable[..., float]
+    rho_inf: Callable[..., float]
+    source: str
+
+
+@dataclass(frozen=True)
+class Integrator:
+    """A method with the values of its parameters: what `method: newmark:beta=0.25,gamma=0.5` stands for."""
+
+    method: Method
+    values: tuple[float, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """The specification in full, as the catalogue reads it."""
+        if not self.values:
+            return self.method.name
+        pairs = zip(self.method.parameters, self.values, strict=True)
+        return self.method.name + ":" + ",".join(f"{parameter.name}={value!r}" for parameter, value in pairs)
+
+    @property
+    def family(self) -> Family:
+        """The family whose step it takes."""
+        return self.method.family
+
+    @property
+    def order(self) -> int:
+        """Order of displacement and velocity for a smooth load."""
+        return self.method.order(*self.values)
+
+    @property
+    def implicit(self) -> bool:
+        """Whether the step solves for the restoring force at its end."""
+        return self.method.implicit(*self.values)
+
+    @property
+    def stability_limit(self) -> float:
+        """Largest stable omega dt without damping, inf if there is none."""
+        return self.method.stability_limit(*self.values)
+
+    @property
+    def rho_inf(self) -> float:
+        """Spectral radius for omega dt to infinity, nan where the method is not stable there."""
+        return self.method.rho_inf(*self.values)
+
+    def coefficients(self, building: Building, forces: NDArray[np.float64], h: float) -> NDArray[np.float64]:
+        """Coefficients of the compiled step for one building and step h (s)."""
+        if self.family.prepare is not None:
+            return self.family.prepare(building, forces, h)
+        return np.array(self.method.coefficients(*self.values), dtype=np.float64)

@@ -1,0 +1,367 @@
+"""The generalized single-step family of Zhou and Tamma (2004): one kernel, a row of coefficients per method.
+
+The increment da of the acceleration follows from equilibrium at a weighted point of the step:
+
+    M (a0 + L6W1 da) + C (v0 + W1 h a0 + L5W2 h da) + f(u0 + W1 h v0 + L2W2 h^2 a0 + L3W3 h^2 da) = (1 - W1) p0 + W1 p1
+    u1 = u0 + h v0 + h^2 a0 / 2 + l3 h^2 da,   v1 = v0 + h a0 + l5 h da,   a1 = a0 + da
+
+(X. Zhou and K. K. Tamma, 2004, with L1W1 = L4W1 = W1, l1 = l4 = 1, l2 = 1/2 in every member here.)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.kernels.chain import add_modal_force, finite, floor_load
+from tdint.kernels.compiling import inlined, kernel
+from tdint.kernels.layout import (
+    ACCELERATION,
+    DISPLACEMENT,
+    FACTORED_STEP,
+    FIRST_TRIAL,
+    FLOOR_DAMPER,
+    FORCE,
+    GEOMETRIC,
+    GROUND_0,
+    GROUND_1,
+    INVERSE_MASS,
+    LINEAR,
+    LINK,
+    MASS,
+    NOT_CONVERGED,
+    NOT_FINITE,
+    RESIDUAL,
+    STIFFNESS,
+    STORY_DAMPER,
+    TIME,
+    VELOCITY,
+    WORST_STORY,
+)
+from tdint.kernels.springs import commit, restoring
+from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, STEP
+from tdint.kernels.tridiagonal import factor_damped, solve_damped
+from tdint.methods.method import Family, Method, Parameter
+
+# Coefficients
+W1 = 0
+L2W2 = 1
+L3W3 = 2
+L5W2 = 3
+L6W1 = 4
+L3 = 5
+L5 = 6
+
+# Rows of work
+_LOAD_0 = 0
+_LOAD = 1  # weighted load
+_INCREMENT = 2  # da
+_U = 3  # weighted displacement without da; then with it
+_V = 4
+_UW = 5
+_VW = 6
+_SUM = 7  # story forces
+_RESIDUAL = 8
+_TANGENT = 9
+_FACTORED = 10  # tangents in the factorization
+_PIVOT = 11
+_COUPLING = 12
+_STORE = 13
+
+
+def work_rows(modes: int) -> int:
+    """Rows of work that the step needs for a building with `modes` modally damped modes."""
+    return _STORE + 2 * modes + 1
+
+
+@kernel(STEP)
+def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
+    """One step of the family; Newton on all stories at once."""
+    n = chain.shape[1] - 1
+    _predict(coefficients, chain, forces, h, load, state, work)
+    implicit = coefficients[L3W3] != 0.0 and memo[LINEAR] == 0.0
+    first = 0.0
+    iterations = 0
+    while True:
+        stale = _weighted_point(coefficients, chain, laws, h, springs, work, memo)
+        residual = _residual(coefficients, chain, modal, state, work, memo)
+        if not residual < 1e300:
+            return NOT_FINITE
+        if iterations == 0:
+            first = residual
+        if residual <= CLOSE * first and (iterations > 0 or residual == 0.0):
+            break
+        if iterations == ITERATIONS:
+            memo[RESIDUAL] = residual / first
+            return NOT_CONVERGED
+        if stale:
+            _factor(coefficients, chain, modal, laws, h, work, memo)
+        solve_damped(work, _PIVOT, _COUPLING, modal, _STORE, _RESIDUAL, n)
+        iterations += 1
+        small = True
+        scale = coefficients[L3W3] * h * h
+        for i in range(n):
+            work[_INCREMENT, i] += work[_RESIDUAL, i]
+            small = small and abs(scale * work[_RESIDUAL, i]) <= SMALL * abs(work[_UW, i])
+        if small or not implicit:
+            break
+    return _finish(coefficients, chain, laws, h, state, springs, work, max(iterations, 1))
+
+
+@inlined
+def _predict(coefficients, chain, forces, h, load, state, work):
+    """Weighted load, and the weighted point for da = 0."""
+    n = chain.shape[1] - 1
+    w1 = coefficients[W1]
+    if w1 != 1.0:
+        floor_load(chain, forces, load[TIME], load[GROUND_0], work, _LOAD_0)
+    floor_load(chain, forces, load[TIME] + h, load[GROUND_1], work, _LOAD)
+    for i in range(n):
+        if w1 != 1.0:
+            work[_LOAD, i] = (1.0 - w1) * work[_LOAD_0, i] + w1 * work[_LOAD, i]
+        v = state[VELOCITY, i]
+        a = state[ACCELERATION, i]
+        work[_U, i] = state[DISPLACEMENT, i] + w1 * h * v + coefficients[L2W2] * h * h * a
+        work[_V, i] = v + w1 * h * a
+        work[_INCREMENT, i] = 0.0
+
+
+@inlined
+def _weighted_point(coefficients, chain, laws, h, springs, work, memo):
+    """Story forces at the weighted point for the present da. True if the factorization does not fit its tangents."""
+    n = chain.shape[1] - 1
+    by_u = coefficients[L3W3] * h * h
+    by_v = coefficients[L5W2] * h
+    stale = memo[FACTORED_STEP] != h
+    u_below = 0.0
+    v_below = 0.0
+    for i in range(n):
+        u = work[_U, i] + by_u * work[_INCREMENT, i]
+        v = work[_V, i] + by_v * work[_INCREMENT, i]
+        drift = u - chain[LINK, i] * u_below
+        rate = v - chain[LINK, i] * v_below
+        u_below = u
+        v_below = v
+        work[_UW, i] = u
+        work[_VW, i] = v
+        tangent = restoring(laws, springs, i, 0, FIRST_TRIAL, drift)
+        work[_TANGENT, i] = tangent
+        stale = stale or abs(tangent - work[_FACTORED, i]) > SAME_TANGENT * laws[STIFFNESS, i]
+        work[_SUM, i] = springs[FIRST_TRIAL + FORCE, i] + chain[GEOMETRIC, i] * drift + chain[STORY_DAMPER, i] * rate
+    return stale
+
+
+@inlined
+def _residual(coefficients, chain, modal, state, work, memo):
+    """Unbalanced force into its row, N. Returns its largest acceleration."""
+    n = chain.shape[1] - 1
+    weight = coefficients[L6W1]
+    for i in range(n):
+        inertia = chain[MASS, i] * (state[ACCELERATION, i] + weight * work[_INCREMENT, i])
+        damping = chain[FLOOR_DAMPER, i] * work[_VW, i]
+        inner = work[_SUM, i] - chain[LINK, i + 1] * work[_SUM, i + 1]
+        work[_RESIDUAL, i] = work[_LOAD, i] - inertia - damping - inner
+    add_modal_force(modal, work, _VW, -1.0, work, _RESIDUAL, n)
+    largest = 0.0
+    for i in range(n):
+        unbalanced = abs(work[_RESIDUAL, i]) * chain[INVERSE_MASS, i]
+        if not unbalanced <= largest:
+            largest = unbalanced
+            memo[WORST_STORY] = i
+    return largest
+
+
+@inlined
+def _factor(coefficients, chain, modal, laws, h, work, memo):
+    """Factor L6W1 M + L5W2 h C + L3W3 h^2 K for the present tangents."""
+    n = chain.shape[1] - 1
+    by_k = coefficients[L3W3] * h * h
+    by_c = coefficients[L5W2] * h
+    for i in range(n):
+        work[_FACTORED, i] = work[_TANGENT, i]
+        spring = by_k * (work[_TANGENT, i] + chain[GEOMETRIC, i]) + by_c * chain[STORY_DAMPER, i]
+        work[_PIVOT, i] = coefficients[L6W1] * chain[MASS, i] + by_c * chain[FLOOR_DAMPER, i] + spring
+        work[_COUPLING, i] = -chain[LINK, i] * spring
+    for i in range(n - 1):
+        work[_PIVOT, i] -= work[_COUPLING, i + 1]
+    factor_damped(work, _PIVOT, _COUPLING, modal, by_c, _STORE, n)
+    memo[FACTORED_STEP] = h
+
+
+@inlined
+def _finish(coefficients, chain, laws, h, state, springs, work, iterations):
+    """Update the state from da and commit the drift laws at the end of the step."""
+    n = chain.shape[1] - 1
+    below = 0.0
+    for i in range(n):
+        da = work[_INCREMENT, i]
+        v = state[VELOCITY, i]
+        a = state[ACCELERATION, i]
+        u = state[DISPLACEMENT, i] + h * v + h * h * (0.5 * a + coefficients[L3] * da)
+        state[DISPLACEMENT, i] = u
+        state[VELOCITY, i] = v + h * (a + coefficients[L5] * da)
+        state[ACCELERATION, i] = a + da
+        restoring(laws, springs, i, 0, FIRST_TRIAL, u - chain[LINK, i] * below)
+        commit(laws, springs, i, 0, FIRST_TRIAL)
+        below = u
+    return iterations if finite(state, n) else NOT_FINITE
+
+
+FAMILY = Family("single-step", step, work_rows)
+
+
+def newmark(beta: float, gamma: float) -> tuple[float, ...]:
+    """Newmark (1959)."""
+    return (1.0, 0.5, beta, gamma, 1.0, beta, gamma)
+
+
+def generalized_alpha(alpha_m: float, alpha_f: float, beta: float, gamma: float) -> tuple[float, ...]:
+    """Chung and Hulbert (1993): equilibrium between the ends of the step, alpha_m and alpha_f from its end."""
+    w1 = 1.0 - alpha_f
+    return (w1, w1 / 2.0, w1 * beta, w1 * gamma, 1.0 - alpha_m, beta, gamma)
+
+
+def dissipative(alpha_m: float, alpha_f: float) -> tuple[float, ...]:
+    """`generalized_alpha` with the gamma of order 2 and the beta of most dissipation at high frequency."""
+    excess = alpha_f - alpha_m
+    return generalized_alpha(alpha_m, alpha_f, 0.25 * (1.0 + excess) ** 2, 0.5 + excess)
+
+
+def collocation(beta: float, theta: float) -> tuple[float, ...]:
+    """Hilber and Hughes (1978), gamma = 1/2; beta = 1/6 is Wilson's method."""
+    return (theta, 0.5 * theta**2, beta * theta**3, 0.5 * theta**2, theta, beta, 0.5)
+
+
+def u0(r1: float, r2: float, r3: float) -> tuple[float, ...]:
+    """The U0 members of Zhou and Tamma (2004) from the three roots at infinity."""
+    d = (1.0 + r1) * (1.0 + r2)
+    e = d * (1.0 + r3)
+    n = 3.0 + r1 + r2 - r1 * r2
+    q = 2.0 + r1 + r2 + r3 - r1 * r2 * r3
+    w1 = 1.0 / (1.0 + r3)
+    return (w1, 0.5 * w1, 1.0 / e, n / (2.0 * e), q / e, 1.0 / d, n / (2.0 * d))
+
+
+def _amplification_at_infinity(row: tuple[float, ...]) -> NDArray[np.float64]:
+    """Amplification matrix of (u, h v, h^2 a) for omega h to infinity: there da annuls the weighted displacement."""
+    da = -np.array([1.0, row[W1], row[L2W2]]) / row[L3W3]
+    free = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
+    return np.asarray(free + np.outer([row[L3], row[L5], 1.0], da))
+
+
+def _rho_inf(row: tuple[float, ...]) -> float:
+    return float(np.max(np.abs(np.linalg.eigvals(_amplification_at_infinity(row)))))
+
+
+def _newmark_limit(beta: float, gamma: float) -> float:
+    """Critical omega h without damping (Hughes 1987, sect. 9.1)."""
+    if gamma < 0.5:
+        return 0.0
+    return math.inf if 2.0 * beta >= gamma else 1.0 / math.sqrt(gamma / 2.0 - beta)
+
+
+def collocation_theta(beta: float) -> float:
+    """The theta of optimal collocation: where the two principal roots at infinity meet and become complex.
+
+    Below it, down to the limit of unconditional stability, one of them runs to -1 within a few percent of theta (Hilber
+    and Hughes 1978 tabulate it: 1.021712 for beta 0.24, 1.159772 for 0.20). Bisected, ending above.
+    """
+    low, high = 1.0, 2.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        roots = np.linalg.eigvals(_amplification_at_infinity(collocation(beta, middle)))
+        if np.iscomplexobj(roots):
+            high = middle
+        else:
+            low = middle
+    return high
+
+
+def _collocation_limit(beta: float, theta: float) -> float:
+    low = (2.0 * theta**2 - 1.0) / (4.0 * (2.0 * theta**3 - 1.0))
+    high = theta / (2.0 * (theta + 1.0))
+    return math.inf if low <= beta * (1.0 + 1e-14) and beta <= high * (1.0 + 1e-14) else math.nan
+
+
+def _member(
+    name: str,
+    row: Callable[..., tuple[float, ...]],
+    source: str,
+    *parameters: Parameter,
+    limit: Callable[..., float] = lambda *values: math.inf,
+    order: Callable[..., int] = lambda *values: 2,
+) -> Method:
+    return Method(
+        name=name,
+        family=FAMILY,
+        parameters=parameters,
+        coefficients=row,
+        order=order,
+        implicit=lambda *values: row(*values)[L3W3] != 0.0,
+        stability_limit=limit,
+        rho_inf=lambda *values: _rho_inf(row(*values)) if limit(*values) == math.inf else math.nan,
+        source=source,
+    )
+
+
+def _newmark(name: str, beta: float, source: str) -> Method:
+    return _member(name, lambda: newmark(beta, 0.5), source, limit=lambda: _newmark_limit(beta, 0.5))
+
+
+METHODS = (
+    _member(
+        "newmark",
+        newmark,
+        "Newmark (1959)",
+        Parameter("beta", 0.25, 0.0, 1.0),
+        Parameter("gamma", 0.5, 0.5, 1.0),
+        limit=_newmark_limit,
+        order=lambda beta, gamma: 2 if gamma == 0.5 else 1,
+    ),
+    _newmark("newmark-average", 1.0 / 4.0, "Newmark (1959), average acceleration: beta 1/4, gamma 1/2"),
+    _newmark("newmark-linear", 1.0 / 6.0, "Newmark (1959), linear acceleration: beta 1/6, gamma 1/2"),
+    _newmark("fox-goodwin", 1.0 / 12.0, "Fox and Goodwin (1949): Newmark beta 1/12, gamma 1/2"),
+    _newmark("central-difference", 0.0, "central difference with implicit damping: Newmark (1959), beta 0, gamma 1/2"),
+    _member(
+        "hht",
+        lambda alpha: dissipative(0.0, -alpha),
+        "Hilber, Hughes and Taylor (1977)",
+        Parameter("alpha", -0.05, -1.0 / 3.0, 0.0),
+    ),
+    _member(
+        "wbz",
+        lambda rho_inf: dissipative((rho_inf - 1.0) / (rho_inf + 1.0), 0.0),
+        "Wood, Bossak and Zienkiewicz (1980)",
+        Parameter("rho_inf", 0.8, 0.0, 1.0),
+    ),
+    _member(
+        "generalized-alpha",
+        lambda rho_inf: dissipative((2.0 * rho_inf - 1.0) / (1.0 + rho_inf), rho_inf / (1.0 + rho_inf)),
+        "Chung and Hulbert (1993)",
+        Parameter("rho_inf", 0.8, 0.0, 1.0),
+    ),
+    _member(
+        "collocation",
+        collocation,
+        "Hilber and Hughes (1978), gamma 1/2",
+        Parameter("beta", 0.24, 1.0 / 6.0, 0.25),
+        Parameter("theta", collocation_theta, 1.0, 10.0),
+        limit=_collocation_limit,
+    ),
+    _member(
+        "wilson",
+        lambda theta: collocation(1.0 / 6.0, theta),
+        "Wilson (1968), theta method; Bathe and Wilson (1973)",
+        Parameter("theta", 1.4, 1.0, 10.0),
+        limit=lambda theta: _collocation_limit(1.0 / 6.0, theta),
+    ),
+    _member(
+        "u0v0",
+        lambda r: u0(1.0, r, r),
+        "Zhou and Tamma (2004), U0-V0 optimal: no overshoot, rho_inf 1 for every r",
+        Parameter("r", 0.5, 0.0, 1.0),
+    ),
+)
