@@ -55,7 +55,7 @@ class Modes:
     def damping_ratios(self, building: Building) -> Array | None:
         """Damping ratio of each mode; None if the damping couples the modes."""
         modal = self.damping_matrix(building)
-        diagonal = np.diagonal(modal)
+        diagonal = np.maximum(np.diagonal(modal), 0.0)
         coupling = np.abs(modal - np.diag(diagonal))
         if np.any(coupling > CLASSICAL * np.sqrt(np.outer(diagonal, diagonal)) + CLASSICAL * np.max(diagonal)):
             return None

@@ -1,0 +1,94 @@
+"""What ObsPy and its C libraries say while they work, caught before it reaches the user's terminal."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+# Warnings about code, not about a file: obspy's plugins are imported late, and Python's own changes show up here.
+_ABOUT_CODE = (DeprecationWarning, PendingDeprecationWarning, FutureWarning, SyntaxWarning, ImportWarning)
+
+
+@contextmanager
+def quiet_import() -> Iterator[None]:
+    """Import a part of obspy without the warnings that its own code (not the user's file) gives rise to."""
+    with warnings.catch_warnings():
+        for category in _ABOUT_CODE:
+            warnings.simplefilter("ignore", category)
+        # obspy before 1.5 finds its plugins through an interface that setuptools deprecates with a plain UserWarning.
+        warnings.filterwarnings("ignore", message="pkg_resources is deprecated")
+        yield
+
+
+@contextmanager
+def caught_messages() -> Iterator[list[str]]:
+    """Collect Python warnings and what C code prints to standard error.
+
+    Yields
+    ------
+    list of str
+        Empty inside the block; afterwards every message once, in the order of appearance, without the warnings
+        that are about code.
+    """
+    messages: list[str] = []
+    with warnings.catch_warnings(record=True) as caught, _lost_in_callbacks() as lost, _printed_by_c() as printed:
+        warnings.simplefilter("always")
+        yield messages
+    texts = [_one_line(str(w.message)) for w in caught if not _is_about_code(w.category)]
+    messages.extend(dict.fromkeys(texts + lost + printed))
+
+
+def _is_about_code(category: type[Warning]) -> bool:
+    # ObsPy's own deprecation warning is a UserWarning; importing its class here would load obspy.
+    return issubclass(category, _ABOUT_CODE) or category.__name__ == "ObsPyDeprecationWarning"
+
+
+@contextmanager
+def _lost_in_callbacks() -> Iterator[list[str]]:
+    """Catch what goes wrong in Python functions that C code calls: nothing can be raised through the C code.
+
+    ObsPy loses libmseed's messages this way when a channel code in them is not ASCII.
+    """
+    lost: list[str] = []
+
+    def keep(args: sys.UnraisableHookArgs) -> None:
+        error = args.exc_value
+        text = error.object.decode("utf-8", "replace") if isinstance(error, UnicodeDecodeError) else str(error)
+        lost.append(_one_line(text))
+
+    previous = sys.unraisablehook
+    sys.unraisablehook = keep
+    try:
+        yield lost
+    finally:
+        sys.unraisablehook = previous
+
+
+@contextmanager
+def _printed_by_c() -> Iterator[list[str]]:
+    """Catch standard error at the level of the operating system, where libgse2 and evalresp print to."""
+    lines: list[str] = []
+    try:
+        saved = os.dup(2)
+    except OSError:  # There is no standard error to guard.
+        yield lines
+        return
+    with tempfile.TemporaryFile() as spool:
+        if sys.stderr is not None:
+            sys.stderr.flush()
+        os.dup2(spool.fileno(), 2)
+        try:
+            yield lines
+        finally:
+            os.dup2(saved, 2)
+            os.close(saved)
+        spool.seek(0)
+        lines.extend(filter(None, map(_one_line, spool.read().decode("utf-8", "replace").splitlines())))
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())

@@ -1,0 +1,74 @@
+"""The bytes of a file or of standard input, with every way this can fail said in the user's words."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import BinaryIO
+
+from tdint.errors import RecordError
+
+STDIN = "-"
+"""The name that stands for standard input."""
+
+_LARGEST = 2**30
+
+
+def read_bytes(source: str | Path) -> bytes:
+    """Read a whole file.
+
+    The name is a path and nothing else: no URL is fetched, no wildcard is expanded, nothing is uncompressed.
+
+    Parameters
+    ----------
+    source : str or Path
+        The file, or `-` for standard input.
+
+    Returns
+    -------
+    bytes
+        What the file holds, at least one byte.
+
+    Raises
+    ------
+    RecordError
+        The file is missing, no file, not readable, empty, or larger than 1 GiB.
+    """
+    try:
+        content = _spool(source)
+    except FileNotFoundError:
+        raise RecordError(f"{source}: there is no such file{_name_hint(str(source))}") from None
+    except IsADirectoryError:
+        raise RecordError(f"{source}: is a directory; name the record's file in it") from None
+    except PermissionError:
+        raise RecordError(f"{source}: no permission to read the file") from None
+    except (OSError, ValueError) as error:
+        raise RecordError(f"{source}: cannot be read: {error}") from error
+    if not content:
+        raise RecordError(f"{source}: the file is empty")
+    if len(content) > _LARGEST:
+        raise RecordError(f"{source}: the file is larger than 1 GiB; cut the event out of it first")
+    return content
+
+
+def _spool(source: str | Path) -> bytes:
+    if str(source) != STDIN:
+        with Path(source).open("rb") as file:
+            return _read_at_most(file)
+    if sys.stdin is None:
+        raise RecordError("-: there is no standard input to read from")
+    return _read_at_most(sys.stdin.buffer)
+
+
+def _read_at_most(file: BinaryIO) -> bytes:
+    # One byte beyond the limit tells a large file from one of exactly the largest size; an endless device stops here.
+    return file.read(_LARGEST + 1)
+
+
+def _name_hint(name: str) -> str:
+    """What the user may have meant by a name that is no file."""
+    if "://" in name:
+        return "; addresses are not fetched, download the record first"
+    if any(sign in name for sign in "*?["):
+        return "; wildcards are not expanded here, name one file (a shell expands them when they are not quoted)"
+    return ""
