@@ -15,12 +15,31 @@
 
 from __future__ import annotations
 
-from tdint.kernels.compiling import F8, I8, TABLE, VECTOR
+from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, inlined
+from tdint.kernels.layout import NOT_CONVERGED, NOT_FINITE, RESIDUAL, WORST_STORY
 
 STEP = I8(VECTOR, TABLE, TABLE, TABLE, TABLE, F8, VECTOR, TABLE, TABLE, TABLE, VECTOR)
 
 # Newton's iteration, the same for all implicit steps
 ITERATIONS = 30
-CLOSE = 1e-10  # residual over that of the first guess
+CLOSE = 1e-11  # out of balance over the sum of the sizes of the terms
 SMALL = 1e-14  # correction over the displacement: rounding
 SAME_TANGENT = 1e-3  # a tangent that changed by less, over the initial one, is kept in the factorization
+
+
+@inlined
+def balanced(memo, i, residual, scale):
+    """Whether the terms of an equation, whose sizes add up to `scale`, balance; else the worst is noted in memo."""
+    if abs(residual) <= CLOSE * scale:
+        return True
+    ratio = abs(residual) / scale
+    if not ratio <= memo[RESIDUAL]:
+        memo[RESIDUAL] = ratio
+        memo[WORST_STORY] = i
+    return False
+
+
+@inlined
+def give_up(memo):
+    """The code of a step that did not converge: its residual tells whether the numbers ran away."""
+    return NOT_CONVERGED if memo[RESIDUAL] < 1e300 else NOT_FINITE

@@ -30,17 +30,15 @@ from tdint.kernels.layout import (
     LINEAR,
     LINK,
     MASS,
-    NOT_CONVERGED,
     NOT_FINITE,
     RESIDUAL,
     STIFFNESS,
     STORY_DAMPER,
     TIME,
     VELOCITY,
-    WORST_STORY,
 )
 from tdint.kernels.springs import commit, restoring
-from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, STEP
+from tdint.kernels.stepping import ITERATIONS, SAME_TANGENT, SMALL, STEP, balanced, give_up
 from tdint.kernels.tridiagonal import assemble_blocks, factor_blocks, solve_blocks_damped
 from tdint.methods.method import Family, Method, Parameter
 
@@ -48,7 +46,7 @@ from tdint.methods.method import Family, Method, Parameter
 BETA = 0
 
 # Rows of work
-_LOAD_0 = 0
+_IMPULSE = 0
 _LOAD = 1
 _DU = 2
 _DV = 3
@@ -77,21 +75,14 @@ def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work
     """One step; Newton with unknowns (u1 - u0, v1 - v0) per floor, the change of the tangent left out of the matrix."""
     n = chain.shape[1] - 1
     by_a = h * h / 12.0
-    _predict(chain, forces, h, load, state, work)
-    first = 0.0
+    _predict(chain, forces, h, load, state, work, memo)
     iterations = 0
     while True:
         stale = _end(coefficients, chain, laws, h, state, springs, work, memo)
-        residual = _residual(chain, modal, h, state, work, memo)
-        if not residual < 1e300:
-            return NOT_FINITE
-        if iterations == 0:
-            first = residual
-        if residual <= CLOSE * first and (iterations > 0 or residual == 0.0):
+        if _in_balance(chain, modal, h, state, work, memo):
             break
         if iterations == ITERATIONS:
-            memo[RESIDUAL] = residual / first
-            return NOT_CONVERGED
+            return give_up(memo)
         if stale:
             _factor(coefficients, chain, modal, h, work)
             memo[FACTORED_STEP] = h
@@ -104,7 +95,7 @@ def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work
             small = small and abs(work[_R1, i]) <= SMALL * abs(work[_U1, i])
         if small or memo[LINEAR] != 0.0:
             _end(coefficients, chain, laws, h, state, springs, work, memo)
-            _residual(chain, modal, h, state, work, memo)
+            _in_balance(chain, modal, h, state, work, memo)
             break
     for i in range(n):
         state[DISPLACEMENT, i] += work[_DU, i]
@@ -115,13 +106,19 @@ def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work
 
 
 @inlined
-def _predict(chain, forces, h, load, state, work):
-    """Load at both ends of the step; constant acceleration as the first guess."""
-    floor_load(chain, forces, load[TIME], load[GROUND_0], work, _LOAD_0)
+def _predict(chain, forces, h, load, state, work, memo):
+    """Load at the end and trapezoidal impulse; constant acceleration as the first guess.
+
+    In a linear building any guess will do; no increment is the one that rounds least where omega h is large.
+    """
+    floor_load(chain, forces, load[TIME], load[GROUND_0], work, _IMPULSE)
     floor_load(chain, forces, load[TIME] + h, load[GROUND_1], work, _LOAD)
     for i in range(chain.shape[1] - 1):
-        a = state[ACCELERATION, i]
-        work[_DU, i] = h * state[VELOCITY, i] + 0.5 * h * h * a
+        work[_IMPULSE, i] = 0.5 * h * (work[_IMPULSE, i] + work[_LOAD, i])
+    guess = 0.0 if memo[LINEAR] != 0.0 else 1.0
+    for i in range(chain.shape[1] - 1):
+        a = guess * state[ACCELERATION, i]
+        work[_DU, i] = guess * h * state[VELOCITY, i] + 0.5 * h * h * a
         work[_DV, i] = h * a
 
 
@@ -170,34 +167,32 @@ def _end(coefficients, chain, laws, h, state, springs, work, memo):
 
 
 @inlined
-def _residual(chain, modal, h, state, work, memo):
-    """Minus the residuals of kinematics and momentum into their rows. Returns the largest, as a velocity."""
+def _in_balance(chain, modal, h, state, work, memo):
+    """Minus the residuals of kinematics and momentum into their rows. Whether all are small."""
     n = chain.shape[1] - 1
-    per_h = 1.0 / h
     for i in range(n):
         link = chain[LINK, i + 1]
         force = work[_FORCE_1, i] - link * work[_FORCE_1, i + 1]
         work[_A1, i] = work[_LOAD, i] - chain[FLOOR_DAMPER, i] * work[_V1, i] - force
         impulse = work[_FORCE_S, i] - link * work[_FORCE_S, i + 1]
         work[_R2, i] = (
-            0.5 * h * (work[_LOAD_0, i] + work[_LOAD, i])
-            - chain[MASS, i] * work[_DV, i]
-            - chain[FLOOR_DAMPER, i] * work[_DU, i]
-            - impulse
+            work[_IMPULSE, i] - chain[MASS, i] * work[_DV, i] - chain[FLOOR_DAMPER, i] * work[_DU, i] - impulse
         )
     add_modal_force(modal, work, _V1, -1.0, work, _A1, n)
     add_modal_force(modal, work, _DU, -1.0, work, _R2, n)
-    largest = 0.0
+    memo[RESIDUAL] = 0.0
+    small = True
     for i in range(n):
         work[_A1, i] *= chain[INVERSE_MASS, i]
-        v = 0.5 * (state[VELOCITY, i] + work[_V1, i])
-        gap = h * v + h * h / 12.0 * (state[ACCELERATION, i] - work[_A1, i]) - work[_DU, i]
+        by_v = h * (0.5 * (state[VELOCITY, i] + work[_V1, i]))
+        by_a = h * h * ((state[ACCELERATION, i] - work[_A1, i]) / 12.0)
+        gap = by_v + by_a - work[_DU, i]
         work[_R1, i] = chain[MASS, i] * gap
-        unbalanced = abs(work[_R2, i]) * chain[INVERSE_MASS, i] + abs(gap) * per_h
-        if not unbalanced <= largest:
-            largest = unbalanced
-            memo[WORST_STORY] = i
-    return largest
+        small = balanced(memo, i, gap, abs(by_v) + abs(by_a) + abs(work[_DU, i])) and small
+        scale = abs(work[_IMPULSE, i]) + abs(chain[MASS, i] * work[_DV, i])
+        scale += abs(work[_FORCE_S, i]) + abs(chain[LINK, i + 1] * work[_FORCE_S, i + 1])
+        small = balanced(memo, i, work[_R2, i], scale) and small
+    return small
 
 
 @inlined

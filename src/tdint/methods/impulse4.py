@@ -31,7 +31,6 @@ from tdint.kernels.layout import (
     LINEAR,
     LINK,
     MASS,
-    NOT_CONVERGED,
     NOT_FINITE,
     RESIDUAL,
     SECOND_TRIAL,
@@ -39,10 +38,9 @@ from tdint.kernels.layout import (
     STORY_DAMPER,
     TIME,
     VELOCITY,
-    WORST_STORY,
 )
 from tdint.kernels.springs import commit, restoring, settle
-from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, STEP
+from tdint.kernels.stepping import ITERATIONS, SAME_TANGENT, SMALL, STEP, balanced, give_up
 from tdint.kernels.tridiagonal import assemble_blocks, factor_blocks, solve_blocks_damped
 from tdint.methods.method import Family, Method, Parameter
 
@@ -88,21 +86,14 @@ def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work
     """One step; Newton on all stories at once, unknowns (u1 - u0, v1 - v0) per floor, a1 eliminated by equilibrium."""
     n = chain.shape[1] - 1
     by_a = coefficients[BETA] * h * h
-    _predict(chain, forces, h, load, state, work)
-    first = 0.0
+    _predict(chain, forces, h, load, state, work, memo)
     iterations = 0
     while True:
         stale = _path(coefficients, chain, laws, h, state, springs, work, memo)
-        residual = _residual(coefficients, chain, modal, h, state, work, memo)
-        if not residual < 1e300:
-            return NOT_FINITE
-        if iterations == 0:
-            first = residual
-        if residual <= CLOSE * first and (iterations > 0 or residual == 0.0):
+        if _in_balance(coefficients, chain, modal, h, state, work, memo):
             break
         if iterations == ITERATIONS:
-            memo[RESIDUAL] = residual / first
-            return NOT_CONVERGED
+            return give_up(memo)
         if stale:
             _factor(coefficients, chain, modal, h, work)
             memo[FACTORED_STEP] = h
@@ -115,19 +106,23 @@ def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work
             small = small and abs(work[_R1, i]) <= SMALL * abs(work[_U1, i])
         if small or (memo[LINEAR] != 0.0 and iterations > 0):
             _path(coefficients, chain, laws, h, state, springs, work, memo)
-            _residual(coefficients, chain, modal, h, state, work, memo)
+            _in_balance(coefficients, chain, modal, h, state, work, memo)
             break
     return _finish(chain, laws, state, springs, work, max(iterations, 1))
 
 
 @inlined
-def _predict(chain, forces, h, load, state, work):
-    """Load and impulse of the step; constant acceleration as the first guess."""
+def _predict(chain, forces, h, load, state, work, memo):
+    """Load and impulse of the step; constant acceleration as the first guess.
+
+    In a linear building any guess will do; no increment is the one that rounds least where omega h is large.
+    """
     floor_load(chain, forces, load[TIME] + h, load[GROUND_1], work, _LOAD)
     floor_impulse(chain, forces, load[TIME], h, load[GROUND_0], load[GROUND_1], work, _IMPULSE)
+    guess = 0.0 if memo[LINEAR] != 0.0 else 1.0
     for i in range(chain.shape[1] - 1):
-        a = state[ACCELERATION, i]
-        work[_DU, i] = h * state[VELOCITY, i] + 0.5 * h * h * a
+        a = guess * state[ACCELERATION, i]
+        work[_DU, i] = guess * h * state[VELOCITY, i] + 0.5 * h * h * a
         work[_DV, i] = h * a
 
 
@@ -182,11 +177,10 @@ def _path(coefficients, chain, laws, h, state, springs, work, memo):
 
 
 @inlined
-def _residual(coefficients, chain, modal, h, state, work, memo):
-    """Minus the residuals of kinematics (times M) and momentum into their rows. Returns the largest, as a velocity."""
+def _in_balance(coefficients, chain, modal, h, state, work, memo):
+    """Minus the residuals of kinematics (times M) and momentum into their rows. Whether all are small."""
     n = chain.shape[1] - 1
     theta = coefficients[THETA]
-    per_h = 1.0 / h
     for i in range(n):
         link = chain[LINK, i + 1]
         force = work[_FORCE_1, i] - link * work[_FORCE_1, i + 1]
@@ -197,18 +191,19 @@ def _residual(coefficients, chain, modal, h, state, work, memo):
         )
     add_modal_force(modal, work, _V1, -1.0, work, _A1, n)
     add_modal_force(modal, work, _DU, -1.0, work, _R2, n)
-    largest = 0.0
+    memo[RESIDUAL] = 0.0
+    small = True
     for i in range(n):
         work[_A1, i] *= chain[INVERSE_MASS, i]
-        v = (1.0 - theta) * state[VELOCITY, i] + theta * work[_V1, i]
-        a = coefficients[ALPHA] * state[ACCELERATION, i] - coefficients[BETA] * work[_A1, i]
-        gap = h * v + h * h * a - work[_DU, i]
+        by_v = h * ((1.0 - theta) * state[VELOCITY, i] + theta * work[_V1, i])
+        by_a = h * h * (coefficients[ALPHA] * state[ACCELERATION, i] - coefficients[BETA] * work[_A1, i])
+        gap = by_v + by_a - work[_DU, i]
         work[_R1, i] = chain[MASS, i] * gap
-        unbalanced = abs(work[_R2, i]) * chain[INVERSE_MASS, i] + abs(gap) * per_h
-        if not unbalanced <= largest:
-            largest = unbalanced
-            memo[WORST_STORY] = i
-    return largest
+        small = balanced(memo, i, gap, abs(by_v) + abs(by_a) + abs(work[_DU, i])) and small
+        scale = abs(work[_IMPULSE, i]) + abs(chain[MASS, i] * work[_DV, i])
+        scale += abs(work[_FORCE_S, i]) + abs(chain[LINK, i + 1] * work[_FORCE_S, i + 1])
+        small = balanced(memo, i, work[_R2, i], scale) and small
+    return small
 
 
 @inlined

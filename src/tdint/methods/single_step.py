@@ -28,21 +28,18 @@ from tdint.kernels.layout import (
     GEOMETRIC,
     GROUND_0,
     GROUND_1,
-    INVERSE_MASS,
     LINEAR,
     LINK,
     MASS,
-    NOT_CONVERGED,
     NOT_FINITE,
     RESIDUAL,
     STIFFNESS,
     STORY_DAMPER,
     TIME,
     VELOCITY,
-    WORST_STORY,
 )
 from tdint.kernels.springs import commit, restoring
-from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, STEP
+from tdint.kernels.stepping import ITERATIONS, SAME_TANGENT, SMALL, STEP, balanced, give_up
 from tdint.kernels.tridiagonal import factor_damped, solve_damped
 from tdint.methods.method import Family, Method, Parameter
 
@@ -83,20 +80,13 @@ def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work
     n = chain.shape[1] - 1
     _predict(coefficients, chain, forces, h, load, state, work)
     implicit = coefficients[L3W3] != 0.0 and memo[LINEAR] == 0.0
-    first = 0.0
     iterations = 0
     while True:
         stale = _weighted_point(coefficients, chain, laws, h, springs, work, memo)
-        residual = _residual(coefficients, chain, modal, state, work, memo)
-        if not residual < 1e300:
-            return NOT_FINITE
-        if iterations == 0:
-            first = residual
-        if residual <= CLOSE * first and (iterations > 0 or residual == 0.0):
+        if _in_balance(coefficients, chain, modal, state, work, memo):
             break
         if iterations == ITERATIONS:
-            memo[RESIDUAL] = residual / first
-            return NOT_CONVERGED
+            return give_up(memo)
         if stale:
             _factor(coefficients, chain, modal, laws, h, work, memo)
         solve_damped(work, _PIVOT, _COUPLING, modal, _STORE, _RESIDUAL, n)
@@ -155,23 +145,30 @@ def _weighted_point(coefficients, chain, laws, h, springs, work, memo):
 
 
 @inlined
-def _residual(coefficients, chain, modal, state, work, memo):
-    """Unbalanced force into its row, N. Returns its largest acceleration."""
+def _in_balance(coefficients, chain, modal, state, work, memo):
+    """Unbalanced forces into their row, N; whether all are small."""
     n = chain.shape[1] - 1
     weight = coefficients[L6W1]
+    add_modal = modal.shape[0] > 0
+    if add_modal:
+        for i in range(n):
+            work[_RESIDUAL, i] = 0.0
+        add_modal_force(modal, work, _VW, 1.0, work, _RESIDUAL, n)
+    memo[RESIDUAL] = 0.0
+    small = True
     for i in range(n):
         inertia = chain[MASS, i] * (state[ACCELERATION, i] + weight * work[_INCREMENT, i])
         damping = chain[FLOOR_DAMPER, i] * work[_VW, i]
-        inner = work[_SUM, i] - chain[LINK, i + 1] * work[_SUM, i + 1]
-        work[_RESIDUAL, i] = work[_LOAD, i] - inertia - damping - inner
-    add_modal_force(modal, work, _VW, -1.0, work, _RESIDUAL, n)
-    largest = 0.0
-    for i in range(n):
-        unbalanced = abs(work[_RESIDUAL, i]) * chain[INVERSE_MASS, i]
-        if not unbalanced <= largest:
-            largest = unbalanced
-            memo[WORST_STORY] = i
-    return largest
+        if add_modal:
+            damping += work[_RESIDUAL, i]
+        below = work[_SUM, i]
+        above = chain[LINK, i + 1] * work[_SUM, i + 1]
+        load = work[_LOAD, i]
+        residual = load - inertia - damping - below + above
+        work[_RESIDUAL, i] = residual
+        scale = abs(load) + abs(inertia) + abs(damping) + abs(below) + abs(above)
+        small = balanced(memo, i, residual, scale) and small
+    return small
 
 
 @inlined

@@ -1,0 +1,88 @@
+"""A linear building under a motion that is linear between its samples: against the dense matrix exponential."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from building_cases import ModalDamping, RayleighCoefficients, RayleighRatio, model, noise, story, ten_linear
+from references import drifts, exact_linear, orders
+
+from tdint import run
+
+DAMPINGS = {
+    "rayleigh": RayleighRatio((0.05, 0.05), (1, 3)),
+    "coefficients": RayleighCoefficients(0.2, 0.001),
+    "modal": ModalDamping((0.05,)),
+    "some modes": ModalDamping((0.05, 0.02, 0.1)),
+    "none": None,
+}
+
+
+def drift_errors(building, method, halvings):
+    record = noise()
+    reference = drifts(exact_linear(building, record))
+    errors = []
+    for halving in range(halvings):
+        parts = 2**halving
+        response = run(building, record, method=method, dt=record.dt / parts, history=True)
+        errors.append(np.max(np.abs(response.history.drift[::parts] - reference)) / np.max(np.abs(reference)))
+    return np.array(errors)
+
+
+@pytest.mark.parametrize("damping", DAMPINGS.values(), ids=DAMPINGS)
+def test_exact_is_the_matrix_exponential(damping):
+    assert drift_errors(ten_linear(damping), "exact", 3).max() < 1e-9
+
+
+def test_exact_with_dashpots_that_couple_the_modes():
+    building = model([story(2e5, 3.5e8, dashpot=5e6 if i == 3 else 0.0) for i in range(10)])
+    assert drift_errors(building, "exact", 2).max() < 1e-9
+
+
+@pytest.mark.parametrize("damping", DAMPINGS.values(), ids=DAMPINGS)
+@pytest.mark.parametrize("method", ["impulse", "impulse4"])
+def test_the_impulse_methods_are_of_order_4(method, damping):
+    errors = drift_errors(ten_linear(damping), method, 3)
+    assert orders(errors).min() >= 3.9
+    assert errors[0] < 1e-3
+
+
+@pytest.mark.parametrize("method", ["newmark-average", "newmark-linear", "central-difference"])
+def test_newmark_is_of_order_2(method):
+    assert orders(drift_errors(ten_linear(), method, 3))[-1] == pytest.approx(2.0, abs=0.02)
+
+
+def test_a_step_over_several_samples_skips_them():
+    record = noise()
+    response = run(ten_linear(), record, method="exact", dt=2 * record.dt, history=True)
+    assert response.steps == 400
+    assert np.array_equal(response.history.ground_acceleration, record.acceleration[::2])
+    assert any("skipped" in note for note in response.notes)
+
+
+def test_the_ground_rests_after_the_record():
+    record = noise()
+    building = ten_linear()
+    response = run(building, record, method="exact", duration=12.0, history=True)
+    assert response.history.time[-1] == pytest.approx(12.0)
+    assert not response.history.ground_acceleration[record.acceleration.size :].any()
+    # Free vibration after the record: the reference goes on with a motion padded by zeros.
+    longer = type(record)(np.append(record.acceleration, np.zeros(400)), record.dt, "", "", "", "")
+    reference = exact_linear(building, longer)
+    assert np.max(np.abs(response.history.displacement - reference)) < 1e-9 * np.max(np.abs(reference))
+
+
+def test_absolute_acceleration_is_that_of_equilibrium():
+    building = ten_linear(None)
+    record = noise()
+    response = run(building, record, method="hht:alpha=-0.3", history=True)
+    shear = response.history.shear
+    forces = shear - np.append(shear[:, 1:], np.zeros((len(shear), 1)), axis=1)
+    assert np.allclose(response.history.acceleration, -forces / 2e5, rtol=1e-10, atol=1e-12)
+
+
+def test_energy_is_balanced_to_the_order_of_the_method():
+    record = noise()
+    errors = [abs(run(ten_linear(), record, method="impulse4", dt=record.dt / 2**j).energy.error) for j in range(3)]
+    assert errors[0] < 1e-4
+    assert orders(errors).min() > 3.5
