@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tdint.analysis.stepping import workspace
 from tdint.errors import AnalysisError
-from tdint.kernels.layout import ACCELERATION, DISPLACEMENT, DRIFT, FORCE, LOAD_SIZE, STEPS_DONE, VELOCITY
+from tdint.kernels.layout import ACCELERATION, DISPLACEMENT, DRIFT, FORCE, LOAD_SIZE, STEPS_DONE, STORY_DAMPER, VELOCITY
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, oscillators
 
@@ -76,16 +76,16 @@ def _settle(building: Building, state: Array, springs: Array, carries_accelerati
     springs[DRIFT, :-1] = u
     springs[FORCE, :-1] = building.initial_stiffness * u
     if not carries_acceleration:
-        state[ACCELERATION, :-1] = -building.initial_stiffness * u - np.diagonal(building.damping_matrix()) * v
+        state[ACCELERATION, :-1] = -building.initial_stiffness * u - building.chain[STORY_DAMPER, :-1] * v
 
 
 def spectral_radius(integrator: Integrator, omega: Array, damping: Array, h: float) -> Array:
     """Spectral radii of the measured amplification matrices, shape (k,)."""
     matrices = amplification(integrator, omega, damping, h)
     # Balance the rows: the state mixes m, m/s and m/s^2.
-    scale = np.array([h**row for row in integrator.family.memory]) if max(integrator.family.memory) <= 2 else None
-    if scale is not None:
-        matrices = matrices * scale[:, None] / scale
+    family = integrator.family
+    scale = np.array([h ** family.derivatives[row] for row in family.memory])
+    matrices = matrices * scale[:, None] / scale
     return np.asarray(np.max(np.abs(np.linalg.eigvals(matrices)), axis=1))
 
 

@@ -178,7 +178,8 @@ def _gse_sections(data: bytes) -> Iterator[tuple[str, list[bytes]]]:
 
 def _cm6(lines: list[bytes], begin: bytes, end: bytes, count: bytes) -> str | None:
     """Check that a section's compressed samples are whole and as many as its header announces."""
-    ends = [place for place, line in enumerate(lines) if line.startswith(end)]
+    # Compressed samples, too, may begin with these letters, but hold no blank.
+    ends = [place for place, line in enumerate(lines) if line.startswith(end + b" ")]
     begins = [place for place, line in enumerate(lines) if line.startswith(begin)]
     if not (begins and ends and begins[0] < ends[0] and count.isdigit()):
         return f"a section without {begin.decode()}, {end.decode()} or its number of samples"

@@ -28,6 +28,8 @@ def quiet_import() -> Iterator[None]:
 def caught_messages() -> Iterator[list[str]]:
     """Collect Python warnings and what C code prints to standard error.
 
+    Both are the whole process's: another thread that writes to standard error at this time is caught as well.
+
     Yields
     ------
     list of str

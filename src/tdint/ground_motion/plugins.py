@@ -139,10 +139,13 @@ def _foreign(data: bytes) -> str | None:
 
 
 def _read(plugin: Plugin, data: bytes, source: str) -> tuple[list[Any], list[str]]:
+    """The traces of a file, and what was said while they were read."""
     function = _load(plugin.read_format)
     try:
         with caught_messages() as messages:
             traces = list(function(BytesIO(data)))
+    except RecordError as error:  # A reader of tdint's own, which knows what is wrong.
+        raise RecordError(f"{source}: {error}") from error
     except Exception as error:  # Readers of corrupt bytes raise whatever their parsing runs into.
         reason = " ".join(str(error).split()) or type(error).__name__
         raise RecordError(f"{source}: cannot be read as {plugin.name}, the file may be damaged: {reason}") from error

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from difflib import get_close_matches
-from math import isfinite
+from math import isclose, isfinite
 from typing import Any
 
 import numpy as np
@@ -160,7 +160,7 @@ def declared_units(trace: Any, format_name: str, label: str) -> Declared | None:
 def _by_the_file(
     trace: Any, declared: Declared, wanted: Units | None, label: str
 ) -> tuple[NDArray[np.float64], tuple[str, ...]]:
-    if wanted and not np.isclose(wanted.scale, declared.units.scale, rtol=1e-9):
+    if wanted and not isclose(wanted.scale, declared.units.scale, rel_tol=1e-9):
         raise RecordError(
             f"{label}: the file itself gives its units ({declared.units.text}), {wanted.text} contradicts them; "
             "leave the units out"
@@ -181,7 +181,7 @@ def _by_the_file(
 def _other_peak(acceleration: NDArray[np.float64], stated: float) -> list[str]:
     """A note if the header's peak (m/s^2, printed to 0.001 gal) is not that of the samples."""
     peak = float(np.max(np.abs(acceleration)))
-    if np.isclose(peak, stated, rtol=1e-3, atol=1e-5):
+    if isclose(peak, stated, rel_tol=1e-3, abs_tol=1e-5):
         return []
     return [f"the header states a peak of {stated:.6g} m/s^2, the samples have {peak:.6g} m/s^2"]
 

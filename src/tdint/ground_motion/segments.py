@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import isfinite
+from math import isclose, isfinite
 from typing import Any
 
 import numpy as np
@@ -70,7 +70,7 @@ def join(channel: Channel, label: str) -> Any:
 def check_equal_sampling(intervals: Sequence[tuple[str, float]], source: str) -> None:
     """Raise RecordError unless all channels (id, interval in s) have the same sampling interval."""
     for name, dt in intervals:
-        if not np.isclose(dt, intervals[0][1], rtol=1e-6):
+        if not isclose(dt, intervals[0][1], rel_tol=1e-6):
             raise RecordError(
                 f"{source}: {name} is sampled at {dt:g} s and {intervals[0][0]} at {intervals[0][1]:g} s; "
                 "choose one component"
@@ -114,7 +114,7 @@ def _check_clock(trace: Any, label: str) -> None:
 def _check_adjacent(before: Any, after: Any, label: str) -> None:
     """The second trace must begin one sampling interval after the end of the first, to half an interval."""
     dt = float(before.stats.delta)
-    if not np.isclose(dt, after.stats.delta, rtol=1e-6):
+    if not isclose(dt, after.stats.delta, rel_tol=1e-6):
         raise RecordError(
             f"{label}: the sampling interval changes from {dt:g} s to {after.stats.delta:g} s at "
             f"{after.stats.starttime}; cut the record there"

@@ -12,6 +12,7 @@ STDIN = "-"
 """The name that stands for standard input."""
 
 _LARGEST = 2**30
+_PIECE = 2**20
 
 
 def read_bytes(source: str | Path) -> bytes:
@@ -55,14 +56,18 @@ def _spool(source: str | Path) -> bytes:
     if str(source) != STDIN:
         with Path(source).open("rb") as file:
             return _read_at_most(file)
-    if sys.stdin is None:
-        raise RecordError("-: there is no standard input to read from")
-    return _read_at_most(sys.stdin.buffer)
+    stream = getattr(sys.stdin, "buffer", None)
+    if stream is None:
+        raise RecordError(f"{STDIN}: there is no standard input to read from")
+    return _read_at_most(stream)
 
 
 def _read_at_most(file: BinaryIO) -> bytes:
-    # One byte beyond the limit tells a large file from one of exactly the largest size; an endless device stops here.
-    return file.read(_LARGEST + 1)
+    """Read in pieces, up to one beyond the largest size: an endless device ends there, and memory grows as needed."""
+    content = bytearray()
+    while len(content) <= _LARGEST and (piece := file.read(_PIECE)):
+        content += piece
+    return bytes(content)
 
 
 def _name_hint(name: str) -> str:

@@ -1,0 +1,193 @@
+"""Make the ground motions of this folder: python records/make_records.py [FOLDER]
+
+Everything is computed from the seeds below; no recorded motion is used. See README.md for what the motions are.
+"""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+with warnings.catch_warnings():
+    # obspy looks up its plugins through an interface that Python 3.11 deprecates.
+    warnings.simplefilter("ignore", DeprecationWarning)
+    from obspy import Stream, Trace, UTCDateTime
+
+Array = NDArray[np.float64]
+
+G = 9.81
+"""Gravity for the peaks below, m/s^2."""
+
+START = UTCDateTime(2024, 1, 1)
+NETWORK = "TD"
+
+
+@dataclass(frozen=True)
+class Soil:
+    """The Kanai-Tajimi filter of a soil layer and the Clough-Penzien filter that takes off the long periods.
+
+    Circular frequencies in rad/s, damping ratios as parts of critical.
+    """
+
+    layer: float
+    layer_damping: float
+    high_pass: float
+    high_pass_damping: float
+
+
+@dataclass(frozen=True)
+class Envelope:
+    """Amplitude over time: a parabola up to 1 at `rise` (s), 1 up to `hold` (s), then fading with `decay` (1/s)."""
+
+    rise: float
+    hold: float
+    decay: float
+
+    def at(self, time: Array) -> Array:
+        """The amplitude at `time` (s), between 0 and 1."""
+        fading = np.exp(-self.decay * (time - self.hold))
+        return np.where(time < self.rise, (time / self.rise) ** 2, np.where(time < self.hold, 1.0, fading))
+
+
+FIRM = Soil(layer=15.0, layer_damping=0.6, high_pass=1.5, high_pass_damping=0.6)
+SOFT = Soil(layer=np.pi, layer_damping=0.12, high_pass=0.6, high_pass_damping=0.8)
+
+
+def sample_times(duration: float, dt: float) -> Array:
+    """Times of the samples from 0 to `duration`, s."""
+    return np.arange(round(duration / dt) + 1) * dt
+
+
+def filtered_noise(time: Array, soil: Soil, envelope: Envelope, seed: int, peak: float) -> Array:
+    """White noise through the filters of a soil, with an envelope, scaled to a peak.
+
+    Kanai (1957), Tajimi (1960): the soil layer; Clough and Penzien (1975), section 28-2: the second filter.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        Times of the samples at equal steps, s.
+    soil, envelope : Soil, Envelope
+        The filters and the amplitude over time.
+    seed : int
+        Seed of the noise.
+    peak : float
+        Largest absolute acceleration, m/s^2.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Acceleration, m/s^2; the first sample is zero.
+    """
+    n, dt = time.size, time[1]
+    noise = np.fft.rfft(np.random.default_rng(seed).standard_normal(n), 2 * n)
+    omega = 2 * np.pi * np.fft.rfftfreq(2 * n, dt)
+    damping = 2j * soil.layer_damping * soil.layer * omega
+    layer = (soil.layer**2 + damping) / (soil.layer**2 - omega**2 + damping)
+    high_pass = omega**2 / (soil.high_pass**2 - omega**2 + 2j * soil.high_pass_damping * soil.high_pass * omega)
+    motion = np.fft.irfft(noise * layer * high_pass, 2 * n)[:n] * envelope.at(time)
+    motion[0] = 0.0
+    return motion * (peak / np.abs(motion).max())
+
+
+def pulse(time: Array, period: float, cycles: float, velocity: float, center: float) -> Array:
+    """Acceleration of a near-fault velocity pulse.
+
+    Mavroeidis and Papageorgiou (2003), equation 4, with a phase of 90 degrees: velocity and displacement are zero
+    before and after.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        Times of the samples, s.
+    period : float
+        Prevailing period of the pulse, s.
+    cycles : float
+        Number of half cycles, their gamma, greater than 1.
+    velocity : float
+        Amplitude of the velocity, m/s.
+    center : float
+        Time of the middle, s.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Acceleration, m/s^2.
+    """
+    omega = 2 * np.pi / period
+    phase, slow = omega * (time - center), omega / cycles * (time - center)
+    wave = -np.sin(phase)  # cos(phase + 90 degrees)
+    slope = -np.cos(phase) * omega
+    bell, bell_slope = 1 + np.cos(slow), -np.sin(slow) * omega / cycles
+    return np.where(np.abs(slow) <= np.pi, velocity / 2 * (bell_slope * wave + bell * slope), 0.0)
+
+
+def without_final_velocity(acceleration: Array, shape: Array) -> Array:
+    """Take off so much of `shape` (n,) that the velocity ends at zero (trapezoidal rule)."""
+
+    def area(values: Array) -> float:
+        return float(values.sum() - 0.5 * (values[0] + values[-1]))
+
+    return acceleration - shape * (area(acceleration) / area(shape))
+
+
+def firm_soil() -> list[Array]:
+    """Two components of 40 s on firm soil, 0.4 g and 0.32 g."""
+    time, envelope = sample_times(40.0, 0.01), Envelope(rise=4.0, hold=20.0, decay=0.15)
+    return [
+        filtered_noise(time, FIRM, envelope, seed=20240101, peak=0.4 * G),
+        filtered_noise(time, FIRM, envelope, seed=20240102, peak=0.32 * G),
+    ]
+
+
+def near_fault() -> list[Array]:
+    """Two components of 30 s near a fault: a pulse of 2 s across it (HN1), a small part of it along it (HN2)."""
+    time, envelope = sample_times(30.0, 0.01), Envelope(rise=3.0, hold=12.0, decay=0.3)
+    components = []
+    for seed, peak, velocity in ((20240201, 0.25 * G, 1.25), (20240202, 0.22 * G, 0.2)):
+        noise = filtered_noise(time, FIRM, envelope, seed, peak)
+        noise = without_final_velocity(noise, envelope.at(time))
+        components.append(noise + pulse(time, period=2.0, cycles=2.0, velocity=velocity, center=7.0))
+    return components
+
+
+def soft_soil() -> list[Array]:
+    """Two components of 110 s on soft soil that sways at 2 s, 0.15 g and 0.12 g."""
+    time, envelope = sample_times(110.0, 0.01), Envelope(rise=20.0, hold=55.0, decay=0.06)
+    components = []
+    for seed, peak in ((20240301, 0.15 * G), (20240302, 0.12 * G)):
+        noise = filtered_noise(time, SOFT, envelope, seed, peak)
+        components.append(without_final_velocity(noise, envelope.at(time)))
+    return components
+
+
+RECORDS = {"firm-soil": ("FIRM", firm_soil), "near-fault": ("FAULT", near_fault), "soft-soil": ("SOFT", soft_soil)}
+"""File name: station code and the function that makes its components HN1 and HN2, m/s^2 at 0.01 s."""
+
+
+def write_records(folder: Path) -> None:
+    """Write all motions as MiniSEED files (64-bit floating-point numbers, m/s^2)."""
+    for name, (station, make) in RECORDS.items():
+        traces = [
+            Trace(
+                data,
+                header={
+                    "network": NETWORK,
+                    "station": station,
+                    "channel": f"HN{number}",
+                    "starttime": START,
+                    "delta": 0.01,
+                },
+            )
+            for number, data in enumerate(make(), start=1)
+        ]
+        Stream(traces).write(str(folder / f"{name}.mseed"), format="MSEED", encoding="FLOAT64", reclen=4096)
+
+
+if __name__ == "__main__":
+    write_records(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent)

@@ -1,0 +1,43 @@
+"""Record files that the tests write themselves, through obspy."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+from tdint.ground_motion.messages import quiet_import
+
+with quiet_import():
+    from obspy import Stream, Trace, UTCDateTime
+
+START = UTCDateTime(2020, 1, 2, 3, 4, 5)
+
+
+def wave(samples=1000, dt=0.01, peak=3.0):
+    """A sine of 1.3 Hz, its largest sample scaled to `peak`."""
+    sine = np.sin(2 * np.pi * 1.3 * np.arange(samples) * dt)
+    return sine * (peak / np.abs(sine).max())
+
+
+def counts(samples=1000):
+    return np.round(wave(samples, peak=100000.0)).astype(np.int32)
+
+
+def trace(data, channel="HNE", dt=0.01, start=START, **header):
+    header = {"network": "XX", "station": "ABC", "location": "00"} | header
+    return Trace(np.array(data), header=header | {"channel": channel, "delta": dt, "starttime": start})
+
+
+def write(path, *traces, format="MSEED", **options):
+    """Write traces to a file and return its path."""
+    with quiet_import():
+        Stream(list(traces)).write(str(path), format=format, **options)
+    return path
+
+
+def obspy_data(name):
+    """A file among the test data that the obspy wheel brings along; None if this installation has none."""
+    path = Path(find_spec("obspy").origin).parent / "io" / name
+    return path if path.is_file() else None

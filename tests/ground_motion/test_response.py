@@ -1,0 +1,149 @@
+"""Removing an instrument's response by a StationXML file that the test writes."""
+
+import numpy as np
+import pytest
+
+from ground_motion.files import START, counts, trace, wave, write
+from tdint.errors import RecordError
+from tdint.ground_motion.messages import quiet_import
+from tdint.ground_motion.read import read_record, read_records
+
+with quiet_import():
+    from obspy.core.inventory import Channel, Inventory, Network, Station
+    from obspy.core.inventory.response import (
+        CoefficientsTypeResponseStage,
+        InstrumentSensitivity,
+        PolesZerosResponseStage,
+        Response,
+    )
+
+GAIN = 40000.0
+"""Counts per m/s^2."""
+
+
+def response(poles=(), zeros=(), factor=1.0, units="M/S**2", stages=True):
+    sensor = PolesZerosResponseStage(
+        1, GAIN / 100, 1.0, units, "V", "LAPLACE (RADIANS/SECOND)", 1.0, list(zeros), list(poles), factor
+    )
+    decimation = {"input_sample_rate": 100.0, "factor": 1, "offset": 0, "delay": 0.0, "correction": 0.0}
+    digitizer = CoefficientsTypeResponseStage(
+        2,
+        100.0,
+        1.0,
+        "V",
+        "COUNTS",
+        "DIGITAL",
+        numerator=[1.0],
+        denominator=[],
+        **{f"decimation_{name}": value for name, value in decimation.items()},
+    )
+    sensitivity = InstrumentSensitivity(GAIN, 1.0, units, "COUNTS")
+    return Response(instrument_sensitivity=sensitivity, response_stages=[sensor, digitizer] if stages else [])
+
+
+def station_xml(path, *channels, **options):
+    """Write a StationXML file with these channels, all of one response."""
+    instruments = [
+        Channel(code, "00", 1.0, 2.0, 0.0, 0.0, sample_rate=100.0, start_date=START - 9, response=response(**options))
+        for code in channels
+    ]
+    station = Station("ABC", 1.0, 2.0, 0.0, channels=instruments)
+    Inventory([Network("XX", [station])], source="test").write(str(path), format="STATIONXML")
+    return path
+
+
+def test_flat_response(tmp_path):
+    data = counts() + 1234
+    path = write(tmp_path / "a.mseed", trace(data))
+    inventory = station_xml(tmp_path / "a.xml", "HNE")
+    record = read_record(path, inventory=str(inventory))
+    # A sine of 1.3 Hz lies far below the band that is faded out; only the ends of the record reach into it.
+    expected = (data - data.mean()) / GAIN
+    assert record.pga == pytest.approx(np.abs(expected).max(), rel=1e-3)
+    np.testing.assert_allclose(record.acceleration[50:-50], expected[50:-50], atol=2e-3 * record.pga)
+    assert any("zero offset" in note for note in record.notes)
+    assert any("a.xml) is removed, frequencies are faded out from 40 to 45 Hz" in note for note in record.notes)
+
+
+def test_a_motion_that_rests_at_its_ends_is_exact(tmp_path):
+    pulse = wave(4000) * np.exp(-(((np.arange(4000) - 2000) / 300) ** 2))
+    data = np.round(pulse * 1e8).astype(np.int32)
+    path = write(tmp_path / "a.mseed", trace(data), encoding="INT32")
+    record = read_record(path, inventory=station_xml(tmp_path / "a.xml", "HNE"))
+    expected = (data - data.mean()) / GAIN
+    np.testing.assert_allclose(record.acceleration, expected, rtol=0, atol=1e-6 * np.abs(expected).max())
+
+
+def test_poles_are_undone(tmp_path):
+    """A sensor of one pole at 20 Hz: a low-pass filter whose output is known in closed form."""
+    corner = 2 * np.pi * 20.0
+    omega, time = 2 * np.pi * 2.0, np.arange(4000) * 0.01
+    envelope = np.exp(-(((time - 20) / 5) ** 2))
+    seen = corner / (corner + 1j * omega)
+    data = np.round(1e8 * envelope * (seen * np.exp(1j * omega * time)).imag).astype(np.int32)
+    inventory = station_xml(tmp_path / "a.xml", "HNE", poles=[-corner], factor=corner)
+    record = read_record(write(tmp_path / "a.mseed", trace(data), encoding="INT32"), inventory=inventory)
+    expected = 1e8 / GAIN * envelope * np.sin(omega * time)
+    # The envelope is slow, not constant: the closed form holds to the ratio of its rate to the corner.
+    np.testing.assert_allclose(record.acceleration, expected, atol=4e-3 * expected.max())
+    assert record.pga > 1.003 * np.abs(data).max() / GAIN
+
+
+def test_velocity_sensor_is_noted(tmp_path):
+    inventory = station_xml(tmp_path / "a.xml", "HNE", units="M/S")
+    record = read_record(write(tmp_path / "a.mseed", trace(counts())), inventory=inventory)
+    assert any("records M/S, not acceleration" in note for note in record.notes)
+
+
+def test_every_component(tmp_path):
+    inventory = station_xml(tmp_path / "a.xml", "HNE", "HNN")
+    path = write(tmp_path / "a.mseed", trace(counts()), trace(2 * counts(), channel="HNN"))
+    east, north = read_records(path, inventory=inventory)
+    np.testing.assert_allclose(north.acceleration, 2 * east.acceleration, rtol=1e-9, atol=1e-9)
+
+
+def test_missing_channel(tmp_path):
+    inventory = station_xml(tmp_path / "a.xml", "HNZ")
+    path = write(tmp_path / "a.mseed", trace(counts()))
+    with pytest.raises(
+        RecordError, match=r"no response for XX\.ABC\.00\.HNE at 2020.*its channels are XX\.ABC\.00\.HNZ"
+    ):
+        read_record(path, inventory=inventory)
+
+
+def test_missing_epoch(tmp_path):
+    inventory = station_xml(tmp_path / "a.xml", "HNE")
+    path = write(tmp_path / "a.mseed", trace(counts(), start=START - 3600))
+    with pytest.raises(RecordError, match="has no response for"):
+        read_record(path, inventory=inventory)
+
+
+def test_channel_without_stages(tmp_path):
+    inventory = station_xml(tmp_path / "a.xml", "HNE", stages=False)
+    with pytest.raises(RecordError, match="without the stages of its response"):
+        read_record(write(tmp_path / "a.mseed", trace(counts())), inventory=inventory)
+
+
+@pytest.mark.parametrize("data", [b"", b"no xml", b"<a/>", b"<FDSNStationXML", b"\x80\x04."])
+def test_no_station_xml(tmp_path, data):
+    (tmp_path / "a.xml").write_bytes(data)
+    with pytest.raises(RecordError, match=r"a\.xml: (the file is empty|cannot be read as StationXML)"):
+        read_record(write(tmp_path / "a.mseed", trace(counts())), inventory=tmp_path / "a.xml")
+
+
+def test_entities_are_refused(tmp_path):
+    path = tmp_path / "a.xml"
+    path.write_text('<!DOCTYPE a [<!ENTITY b SYSTEM "file:///etc/hostname">]><FDSNStationXML>&b;</FDSNStationXML>')
+    with pytest.raises(RecordError, match="document type definition"):
+        read_record(write(tmp_path / "a.mseed", trace(counts())), inventory=path)
+
+
+def test_missing_inventory(tmp_path):
+    with pytest.raises(RecordError, match=r"b\.xml: there is no such file"):
+        read_record(write(tmp_path / "a.mseed", trace(counts())), inventory=tmp_path / "b.xml")
+
+
+def test_file_with_units_of_its_own(tmp_path):
+    path = write(tmp_path / "a.txt", trace(wave(), ascii={"unit": "CM/S**2"}), format="SLIST")
+    with pytest.raises(RecordError, match="gives its own units; leave the inventory out"):
+        read_record(path, inventory=station_xml(tmp_path / "a.xml", "HNE"))
