@@ -2,6 +2,13 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import dataclass
+from difflib import get_close_matches
+from math import isfinite
+
+from tdint.errors import UsageError
+
 STANDARD_GRAVITY = 9.80665
 """Standard gravity, m/s^2 (CGPM 1901)."""
 
@@ -25,3 +32,57 @@ ACCELERATION = {
     "mm/s^2": 0.001,
     "g": STANDARD_GRAVITY,
 }
+
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Units:
+    """Units of acceleration as someone wrote them.
+
+    Attributes
+    ----------
+    text : str
+        As it was written.
+    scale : float
+        Value of one sample, m/s^2.
+    has_factor : bool
+        Whether a number stood before the unit, so that even a count has a value.
+    """
+
+    text: str
+    scale: float
+    has_factor: bool
+
+
+def parse_units(text: str) -> Units:
+    """Understand units of acceleration with an optional factor before them: `gal`, `cm/s^2`, `2.38e-6 m/s^2`.
+
+    Case, blanks and the way of writing the square of the second (s^2, s2, s**2, s/s, sec^2) are free; `g` is the
+    standard gravity.
+
+    Raises
+    ------
+    UsageError
+        The unit is unknown, or the factor is not a positive number.
+    """
+    words = text.strip()
+    number = _NUMBER.match(words)
+    factor = float(number[0]) if number else 1.0
+    name = words[number.end() :] if number else words
+    unit = _canonical(name)
+    if unit not in ACCELERATION:
+        near = get_close_matches(unit, ACCELERATION, n=1)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        allowed = ", ".join(ACCELERATION)
+        raise UsageError(f"units {text!r}: use one of {allowed}, with a factor before it for counts{hint}")
+    if not (isfinite(factor) and factor > 0.0):
+        raise UsageError(f"units {text!r}: the factor must be a positive number")
+    return Units(words, factor * ACCELERATION[unit], number is not None)
+
+
+def _canonical(name: str) -> str:
+    """The spelling that `tdint.units.ACCELERATION` uses, if there is one."""
+    plain = "".join(name.split()).lower().lstrip("*").replace("²", "^2").replace("sec", "s").replace("**", "^")
+    plain = re.sub(r"/(s/s|s2|\(s\^2\))$", "/s^2", plain)
+    return "gal" if plain == "gals" else plain

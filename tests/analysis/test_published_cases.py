@@ -10,8 +10,8 @@ import math
 
 import numpy as np
 import pytest
-from building_cases import LINEAR, Law, model, story
 
+from building_cases import LINEAR, Law, model, story
 from tdint import run
 from tdint.ground_motion.record import Record
 from tdint.model.building import assemble

@@ -11,8 +11,7 @@ from ground_motion.files import START, counts, obspy_data, trace, wave, write
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.plugins import OBSPY_FORMATS, plugins
 from tdint.ground_motion.read import read_record, read_records
-from tdint.ground_motion.scale import parse_units
-from tdint.units import STANDARD_GRAVITY
+from tdint.units import STANDARD_GRAVITY, parse_units
 
 
 @pytest.fixture

@@ -269,10 +269,11 @@ def test_modal_damping_is_for_linear_stories() -> None:
         ("{record: []}", ["22: excitation.record: must be a file or a mapping with the key file, got a list"]),
         ("{record: {}}", ["22: excitation.record.file: is missing; give the record's file"]),
         (
-            "{record: {file: '', units: gals, scale: 0, component: [], inventory: ~}}",
+            "{record: {file: '', units: gels, scale: 0, component: [], inventory: ~}}",
             [
                 "29: excitation.record.file: must be text, got ''",
-                "40: excitation.record.units: unknown acceleration unit 'gals'; did you mean 'gal'?",
+                "40: excitation.record.units: units 'gels': use one of m/s^2, cm/s^2, gal, mm/s^2, g, "
+                "with a factor before it for counts; did you mean gal?",
                 "53: excitation.record.scale: must not be zero; leave the record out for no ground motion",
                 "67: excitation.record.component: must be text, got a list",
                 "82: excitation.record.inventory: must be text, got nothing",

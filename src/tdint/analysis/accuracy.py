@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +48,8 @@ class ObservedOrder:
     steps : ndarray, shape (k,)
         Time steps, s, falling.
     displacement, velocity, acceleration : ndarray, shape (k,)
-        Largest errors over the coarsest steps, over the largest value; acceleration from equilibrium, as it is reported.
+        Largest errors over the coarsest steps, over the largest value; acceleration from equilibrium, as it is
+        reported.
     own_acceleration : ndarray, shape (k,)
         The same of the acceleration that the method carries itself.
     """
@@ -63,10 +65,13 @@ class ObservedOrder:
     own_acceleration: Array
 
     def order(self, quantity: str) -> float:
-        """Slope of the error of a quantity over the step by regression; nan if all but one error is rounding."""
+        """Slope of the error of a quantity over the step, by regression over the finest three that are not rounding.
+
+        nan where fewer than two are.
+        """
         errors = getattr(self, quantity)
-        clear = errors > _ROUNDING
-        if np.count_nonzero(clear) < 2:
+        clear = np.flatnonzero(errors > _ROUNDING)[-3:]
+        if clear.size < 2:
             return math.nan
         return float(np.polyfit(np.log(self.steps[clear]), np.log(errors[clear]), 1)[0])
 
@@ -89,8 +94,8 @@ def observed_order(
     Parameters
     ----------
     load : str
-        `free` vibration, a `harmonic` force cos(r omega t), or a `record`: a ground motion that is linear between samples
-        0.02 s apart.
+        `free` vibration, a `harmonic` force cos(r omega t), or a `record`: a ground motion that is linear between
+        samples 0.02 s apart.
     law : str
         A key of `STORY_LAWS`.
     frequency_ratio : float
@@ -104,7 +109,8 @@ def observed_order(
         A nonlinear law for a method that integrates linear buildings only; an unknown load or law.
     """
     if load not in LOADS or law not in STORY_LAWS:
-        raise UsageError(f"no order problem {load!r} with {law!r}: loads {', '.join(LOADS)}; laws {', '.join(STORY_LAWS)}")
+        known = f"loads {', '.join(LOADS)}; laws {', '.join(STORY_LAWS)}"
+        raise UsageError(f"no order problem {load!r} with {law!r}: {known}")
     if integrator.family.linear_only and law != "linear":
         raise UsageError(f"{integrator.label} integrates linear buildings only")
     problem = _problem(load, law, frequency_ratio)
@@ -179,7 +185,7 @@ def _linear_record(ground: Array) -> Callable[[Array], Array]:
 
 def _by_dop853(load: str, law: str, ratio: float, ground: Array) -> Callable[[Array], Array]:
     """Motion by SciPy's DOP853 at a tolerance of 1e-13, restarted at the samples of a record."""
-    from scipy.integrate import solve_ivp  # noqa: PLC0415 -- only where no closed form is at hand
+    from scipy.integrate import solve_ivp
 
     coefficients = STORY_LAWS[law].parameters or (_OMEGA**2,)
 
@@ -191,7 +197,7 @@ def _by_dop853(load: str, law: str, ratio: float, ground: Array) -> Callable[[Ar
         return driving - 2.0 * _XI * _OMEGA * v - restoring
 
     def motion(times: Array) -> Array:
-        pieces = itertools_pairs(times) if load == "record" else [(times[0], times[-1])]
+        pieces = list(pairwise(times)) if load == "record" else [(times[0], times[-1])]
         states = [np.array(_START)]
         for begin, end in pieces:
             at = [end] if load == "record" else times[1:]
@@ -210,7 +216,3 @@ def _by_dop853(load: str, law: str, ratio: float, ground: Array) -> Callable[[Ar
         return np.array([u, v, a])
 
     return motion
-
-
-def itertools_pairs(times: Array) -> list[tuple[float, float]]:
-    return list(zip(times[:-1], times[1:], strict=True))

@@ -10,9 +10,10 @@ from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.plugins import Contents, read_contents
 from tdint.ground_motion.record import Record
 from tdint.ground_motion.response import Instruments, read_instruments, remove_response
-from tdint.ground_motion.scale import Units, declared_units, parse_units, to_acceleration
+from tdint.ground_motion.scale import declared_units, to_acceleration
 from tdint.ground_motion.segments import Channel, check_equal_sampling, check_finite, doubts, group_channels, join
 from tdint.ground_motion.source import read_bytes
+from tdint.units import Units, parse_units
 
 
 def read_record(

@@ -108,7 +108,7 @@ class RecordSource:
     file : str
         Path, already resolved against the folder of the model file; `-` is standard input.
     units : str or None
-        A key of `tdint.units.ACCELERATION`; None leaves it to the record.
+        As `tdint.units.parse_units` understands them; None leaves it to the record.
     component : str or None
         The component to use; None where the record has only one.
     scale : float

@@ -6,10 +6,11 @@ import math
 import os
 from pathlib import Path
 
+from tdint.errors import UsageError
 from tdint.model.definition import Excitation, Force, RecordSource
 from tdint.model.fields import ANY, NOT_NEGATIVE, Section, Value
 from tdint.model.unit_config import Units
-from tdint.units import ACCELERATION
+from tdint.units import parse_units
 
 _RECORD_KEYS = ("file", "units", "component", "scale", "inventory")
 _FORCE_KEYS = ("floor", "amplitude", "omega", "phase")
@@ -36,15 +37,26 @@ def _read_record(value: Value, folder: Path) -> RecordSource | None:
     if section is None:
         return None
     section.need("file", "give the record's file")
-    unit = section.get("units")
+    units = section.get("units")
     inventory = section.text("inventory")
     return RecordSource(
         file=_resolve(section.text("file") or "", folder),
-        units=unit.choice(ACCELERATION, "acceleration unit") if unit else None,
+        units=_read_units(units) if units else None,
         component=section.text("component"),
         scale=_read_scale(section),
         inventory=_resolve(inventory, folder) if inventory else None,
     )
+
+
+def _read_units(value: Value) -> str | None:
+    """Units as the reader of records understands them, judged here so that the fault has its line."""
+    text = value.text()
+    try:
+        if text:
+            parse_units(text)
+    except UsageError as error:
+        value.fault(str(error))
+    return text
 
 
 def _resolve(file: str, folder: Path) -> str:
