@@ -2,58 +2,65 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from building_cases import Force, Law, ModalDamping, model, oscillator, story
-from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
 
+from building_cases import Force, Law, ModalDamping, RayleighCoefficients, model, oscillator, story
+from references import smooth
 from tdint.analysis.amplification import amplification
 from tdint.analysis.response import run
+from tdint.analysis.stepping import workspace
+from tdint.kernels.layout import FORCE_COLUMNS, SPRING_ROWS, STEPS_DONE
 from tdint.methods.catalogue import parse
+from tdint.model.building import assemble
 
+RAYLEIGH = RayleighCoefficients(mass=0.8, stiffness=2e-3)
+OMEGA = 2.0 * np.pi
 U0, V0 = 0.3, 1.0
 FORCE = Force(1, 3.0, 2.0, 5.0)
 CUBIC = (40.0, 30.0, 200.0)  # f = 40 u + 30 u^2 + 200 u^3
 
 
-def _smooth(name):
+def _smooth(case):
     """A driven oscillator with a damper, 1 kg, from a displacement and a velocity."""
     start = {"forces": [FORCE], "displacement": (U0,), "velocity": (V0,)}
-    if name == "linear":
-        return oscillator(2.0 * np.pi, 0.05, **start)
+    if case == "linear":
+        return oscillator(OMEGA, 0.05, **start)
     return model([story(1.0, CUBIC[0], Law("polynomial", CUBIC), dashpot=0.5)], **start)
 
 
+def _acceleration(case):
+    """u'' of `_smooth` as a function of t, u, v."""
+
+    def linear(t, u, v):
+        return load(t) - 0.1 * OMEGA * v - OMEGA**2 * u
+
+    def cubic(t, u, v):
+        return load(t) - 0.5 * v - (CUBIC[0] * u + CUBIC[1] * u**2 + CUBIC[2] * u**3)
+
+    def load(t):
+        return FORCE.cosine * np.cos(FORCE.omega * t) + FORCE.sine * np.sin(FORCE.omega * t)
+
+    return linear if case == "linear" else cubic
+
+
 @cache
-def _exact(name):
-    """u, v, a of `_smooth` as a function of time, by DOP853."""
-    omega = 2.0 * np.pi
-
-    def acceleration(t, u, v):
-        load = FORCE.cosine * np.cos(FORCE.omega * t) + FORCE.sine * np.sin(FORCE.omega * t)
-        if name == "linear":
-            return load - 0.1 * omega * v - omega**2 * u
-        return load - 0.5 * v - (CUBIC[0] * u + CUBIC[1] * u**2 + CUBIC[2] * u**3)
-
-    solution = solve_ivp(
-        lambda t, x: (x[1], acceleration(t, *x)), (0.0, 1.0), (U0, V0), "DOP853", rtol=1e-12, atol=1e-12,
-        dense_output=True,
-    )  # fmt: skip
-
-    def motion(t):
-        u, v = solution.sol(t)
-        return u, v, acceleration(t, u, v)
-
-    return motion
+def _exact(case, steps):
+    """u, v, a of `_smooth` at the steps of one second."""
+    acceleration = _acceleration(case)
+    times = np.linspace(0.0, 1.0, steps + 1)
+    u, v = smooth(acceleration, U0, V0, times)
+    return u, v, acceleration(times, u, v)
 
 
 def errors(method, case, steps):
     """Largest errors of u, v, a over one second in `steps` steps."""
     history = run(_smooth(case), method=method, dt=1.0 / steps, duration=1.0, history=True).history
     got = (history.displacement, history.velocity, history.acceleration)
-    return np.array([np.max(np.abs(x[:, 0] - y)) for x, y in zip(got, _exact(case)(history.time), strict=True)])
+    return np.array([np.max(np.abs(x[:, 0] - y)) for x, y in zip(got, _exact(case, steps), strict=True)])
 
 
 def orders(method, case, steps=320):
@@ -81,14 +88,14 @@ def building(damping=None, nonlinear=False, **more):
 
 
 def matrices(model):
-    """M, K and the matrix of the dashpots, written out; weights are those above a story, over its height."""
+    """M, C, K of a linear building with Rayleigh damping, written out; C knows nothing of P-delta."""
     mass = np.array([s.mass for s in model.stories])
-    spring = np.array([s.stiffness for s in model.stories])
-    if model.p_delta:
-        spring = spring - 9.80665 * np.cumsum(mass[::-1])[::-1] / [s.height for s in model.stories]
     drift = np.eye(mass.size) - np.eye(mass.size, k=-1)
-    dashpot = drift.T @ np.diag([s.dashpot for s in model.stories]) @ drift
-    return np.diag(mass), drift.T @ np.diag(spring) @ drift, dashpot
+    dashpots = drift.T @ np.diag([s.dashpot for s in model.stories]) @ drift
+    springs = drift.T @ np.diag([s.stiffness for s in model.stories]) @ drift
+    weight = 9.80665 * np.cumsum(mass[::-1])[::-1] / [s.height for s in model.stories]
+    C = dashpots + model.damping.mass * np.diag(mass) + model.damping.stiffness * springs
+    return np.diag(mass), C, springs - model.p_delta * drift.T @ np.diag(weight) @ drift
 
 
 def load(model, record, t):
@@ -105,7 +112,7 @@ def superposed(method, model, ratio, record):
 
     `ratio` is the damping ratio of a mode as a function of its omega.
     """
-    M, K, _ = matrices(model)
+    M, _, K = matrices(replace(model, damping=RAYLEIGH))
     squares, shapes = eigh(K, M)
     total = 0.0
     for omega, shape in zip(np.sqrt(squares), shapes.T, strict=True):
@@ -115,3 +122,36 @@ def superposed(method, model, ratio, record):
         mode = run(oscillator(omega, ratio(omega), **start), record, method=method, history=True).history
         total = total + factor * mode.displacement * shape
     return total
+
+
+TOO_LARGE = -400.0
+"""Ground acceleration that softening `SingleSteps` cannot bear at the end of a step, m/s^2."""
+
+
+SOFTENING = Law("polynomial", (100.0, -100.0))
+"""f = 100 d - 100 d^2, at most 25 N."""
+
+
+class SingleSteps:
+    """Steps of 1 s, one at a time, from rest: two stories of 100 N/m under floors of 1 kg."""
+
+    def __init__(self, method, law=SOFTENING):
+        self.integrator = parse(method)
+        self.building = assemble(model([story(1.0, 100.0, law), story(1.0, 100.0, law)]))
+        self.space = workspace(self.building, self.integrator)
+
+    def take(self, ground_0, ground_1):
+        """Take one step; returns its code."""
+        no_forces = np.zeros((0, FORCE_COLUMNS))
+        code = self.integrator.family.step.compiled(
+            self.integrator.coefficients(self.building, no_forces, 1.0), self.building.chain, self.building.modal,
+            self.building.laws, no_forces, 1.0, np.array([0.0, ground_0, ground_1]),
+            self.space.state, self.space.springs, self.space.work, self.space.memo,
+        )  # fmt: skip
+        if code >= 0:
+            self.space.memo[STEPS_DONE] += 1.0
+        return code
+
+    def memory(self):
+        """State and committed drift laws."""
+        return np.vstack([self.space.state, self.space.springs[:SPRING_ROWS]])

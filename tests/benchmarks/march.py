@@ -1,0 +1,147 @@
+"""Microseconds per step of the compiled march: python tests/benchmarks/march.py
+
+Ten bilinear stories of configs/ten-story-bilinear.yaml with every method of the catalogue, beside a plain loop (average
+acceleration with Newton's method for this one building, no peaks, no energies, nothing else) that is compiled and timed
+in the same run; then the cost over the number of stories. All marches take turns, and the fastest of the repeats counts.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numba
+import numpy as np
+
+from tdint import load_model, run
+from tdint.analysis.response import model_record
+from tdint.errors import TdintError
+from tdint.kernels.layout import FLOOR_DAMPER, MASS, STIFFNESS, STORY_DAMPER
+from tdint.methods.catalogue import catalogue
+from tdint.model.building import assemble
+from tdint.model.definition import RayleighCoefficients
+
+REPEATS = 15
+MODEL = Path(__file__).parents[2] / "configs" / "ten-story-bilinear.yaml"
+
+
+@numba.njit(error_model="numpy")
+def plain_loop(m, k, strength, hardening, floor, damper, ground, h, roof):
+    """Average acceleration, Newton's method on the displacement, tridiagonal elimination."""
+    n = m.size
+    u, v, a, z, d = np.zeros(n), np.zeros(n), np.full(n, -ground[0]), np.zeros(n), np.zeros(n)
+    u1, v1, a1, z1, d1 = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+    force, residual, diagonal, coupling = np.zeros(n + 1), np.zeros(n), np.zeros(n), np.zeros(n + 1)
+    for s in range(1, ground.size):
+        for i in range(n):
+            u1[i] = u[i] + h * v[i]
+        for _ in range(40):
+            for i in range(n):
+                a1[i] = 4.0 / h**2 * (u1[i] - u[i] - h * v[i]) - a[i]
+                v1[i] = v[i] + 0.5 * h * (a[i] + a1[i])
+            below_u = below_v = 0.0
+            for i in range(n):
+                d1[i] = u1[i] - below_u
+                z1[i] = z[i] + (1.0 - hardening) * k[i] * (d1[i] - d[i])
+                tangent = k[i]
+                if abs(z1[i]) > strength[i]:
+                    z1[i] = strength[i] if z1[i] > 0.0 else -strength[i]
+                    tangent = hardening * k[i]
+                force[i] = hardening * k[i] * d1[i] + z1[i] + damper[i] * (v1[i] - below_v)
+                spring = tangent + 2.0 / h * damper[i]
+                diagonal[i] = m[i] * 4.0 / h**2 + 2.0 / h * floor[i] + spring
+                coupling[i] = -spring
+                below_u, below_v = u1[i], v1[i]
+            for i in range(n):
+                residual[i] = -m[i] * (ground[s] + a1[i]) - floor[i] * v1[i] - force[i] + force[i + 1]
+                if i < n - 1:
+                    diagonal[i] -= coupling[i + 1]
+            for i in range(1, n):
+                w = coupling[i] / diagonal[i - 1]
+                diagonal[i] -= w * coupling[i]
+                residual[i] -= w * residual[i - 1]
+            largest = correction = 0.0
+            for i in range(n - 1, -1, -1):
+                correction = (residual[i] - coupling[i + 1] * correction) / diagonal[i]
+                u1[i] += correction
+                largest = max(largest, abs(correction))
+            coupling[n] = 0.0
+            if largest < 1e-10:
+                break
+        for i in range(n):
+            new = 4.0 / h**2 * (u1[i] - u[i] - h * v[i]) - a[i]
+            v[i] += 0.5 * h * (a[i] + new)
+            a[i], u[i], z[i], d[i] = new, u1[i], z1[i], d1[i]
+        roof[s] = u[n - 1]
+
+
+def timed_plain_loop(model, record):
+    """Seconds per step of the plain loop."""
+    building = assemble(model)
+    n = building.stories
+    yields, hardening = np.array([story.law.parameters for story in model.stories]).T
+    ground = record.acceleration.copy()
+    roof = np.zeros(ground.size)
+    arguments = (
+        building.chain[MASS, :n].copy(),
+        building.laws[STIFFNESS, :n].copy(),
+        (1.0 - hardening) * yields,
+        hardening[0],
+        building.chain[FLOOR_DAMPER, :n].copy(),
+        building.chain[STORY_DAMPER, :n].copy(),
+        ground,
+        record.dt,
+        roof,
+    )
+    begin = time.perf_counter()
+    plain_loop(*arguments)
+    return (time.perf_counter() - begin) / (ground.size - 1)
+
+
+def march_times(model, record, specifications):
+    """Fastest seconds per step of the plain loop and of each method; None for a method that cannot do it."""
+    times = {"plain loop": timed_plain_loop} | {text: None for text in specifications}
+    fastest = dict.fromkeys(times, np.inf)
+    for _ in range(REPEATS):
+        for text, timer in times.items():
+            try:
+                if timer:
+                    seconds = timer(model, record)
+                else:
+                    response = run(model, record, method=text)
+                    seconds = response.march_time / response.steps
+            except TdintError:
+                seconds = np.nan
+            fastest[text] = min(fastest[text], seconds)
+    return fastest
+
+
+def repeated(model, count):
+    """The model stretched to `count` stories, with the damping coefficients of the original."""
+    stories = tuple(model.stories[i * len(model.stories) // count] for i in range(count))
+    chain = assemble(model).chain
+    mass = chain[FLOOR_DAMPER, 0] / chain[MASS, 0]
+    stiffness = chain[STORY_DAMPER, 0] / model.stories[0].stiffness
+    at_rest = replace(model.initial, displacement=(0.0,) * count, velocity=(0.0,) * count)
+    return replace(model, stories=stories, damping=RayleighCoefficients(mass, stiffness), initial=at_rest)
+
+
+def main():
+    """Print the tables."""
+    model = load_model(MODEL)
+    record = model_record(model)
+    times = march_times(model, record, catalogue())
+    for text, seconds in sorted(times.items(), key=lambda item: (np.isnan(item[1]), item[1])):
+        if np.isfinite(seconds):
+            print(f"{text:22s} {seconds * 1e6:7.3f} us per step   {seconds / times['plain loop']:5.2f} of the plain loop")
+        else:
+            print(f"{text:22s}       - does not integrate this building at the record's step")
+    print()
+    for count in (1, 3, 10, 30, 100, 300, 1000):
+        seconds = march_times(repeated(model, count), record, ["impulse4"])["impulse4"]
+        print(f"impulse4 {count:5d} stories {seconds * 1e6:9.3f} us per step   {seconds / times['impulse4']:7.2f} of ten")
+
+
+if __name__ == "__main__":
+    main()
