@@ -1,0 +1,230 @@
+"""`tdint run`: the response of a building in time."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tdint.errors import UsageError
+from tdint_cli import options
+from tdint_cli.terminal import emit, say
+
+if TYPE_CHECKING:
+    from tdint.analysis.response import FailedRun, Response
+    from tdint.ground_motion.record import Record
+    from tdint.model.definition import Model, RecordSource
+    from tdint.output.files import Writer
+    from tdint.output.summary import Input
+
+STORIES, HISTORY, PICTURE, SUMMARY = "stories.csv", "history.csv", "response.png", "summary.json"
+"""The files of a run. The summary is written last: where it says `done`, all is there."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """The command line of `tdint run`."""
+
+    model: str
+    record: str | None
+    units: str | None
+    component: str | None
+    inventory: str | None
+    scale: float | None
+    method: str | None
+    dt: float | None
+    duration: float | None
+    output: str | None
+    history: bool
+    plot: bool
+    overwrite: bool
+    allow_unstable: bool
+
+
+@click.command("run")
+@click.argument("model", metavar="MODEL.yaml")
+@click.option(
+    "--record",
+    metavar="FILE",
+    help="Ground motion in place of the model's; the model's units, component, scale and inventory do not apply to it.",
+)
+@options.units
+@options.component
+@options.inventory
+@options.scale
+@options.method
+@options.dt
+@options.duration
+@options.output("DIR", f"Write {STORIES} and {SUMMARY} into this folder; it is made if only itself is missing.")
+@click.option("--history", is_flag=True, help=f"Also write {HISTORY}: every floor and story at every step.")
+@click.option("--plot", is_flag=True, help=f"Also write {PICTURE}: roof displacement, drifts, one hysteresis.")
+@options.overwrite
+@click.option("--allow-unstable", is_flag=True, help="Run a method beyond its largest stable step.")
+@options.debug
+def command(**given: Any) -> None:
+    """Response of a building in time: the peaks of each story.
+
+    MODEL.yaml is a model file, - is standard input. The table of stories goes to standard output as CSV, in SI units;
+    with -o it is written to a folder, too. --units, --component, --inventory and --scale belong to --record if that is
+    given, and otherwise replace what the model says of its record; --method, --dt and --duration replace what it says
+    of the analysis. --overwrite replaces all files of an earlier run: those the new one does not write are removed.
+    """
+    _run(Request(**given))
+
+
+def _run(request: Request) -> None:
+    began = time.perf_counter()
+    from tdint.analysis.response import FailedRun, model_record, run
+    from tdint.model.config import load_model
+    from tdint.output.tables import story_table
+
+    _check(request)
+    model = load_model(request.model)
+    model = replace(model, excitation=replace(model.excitation, record=_motion(request, model)))
+    record = model_record(model)
+    inputs = _inputs(model) if request.output else []
+    try:
+        response = run(
+            model,
+            record,
+            method=request.method,
+            dt=request.dt,
+            duration=request.duration,
+            history=request.history or request.plot,
+            allow_unstable=request.allow_unstable,
+        )
+    except FailedRun as failure:
+        if request.output:
+            _write(request, _failed_files(request, failure, model, record, inputs, began))
+        raise
+    emit(story_table(response.stories).csv())
+    if request.output:
+        _write(request, _files(request, response, inputs, began))
+    say(_paragraph(response))
+    for note in response.notes:
+        say(f"note: {note}")
+
+
+def _check(request: Request) -> None:
+    """Refuse, before any work, what can be seen to fail."""
+    from tdint.output.files import check_outputs
+
+    for name, wanted in (("--history", request.history), ("--plot", request.plot)):
+        if wanted and not request.output:
+            raise UsageError(f"{name} writes a file: add -o DIR")
+    if request.scale is not None and not (request.scale and abs(request.scale) < float("inf")):
+        raise UsageError(f"--scale must be a number other than zero, got {request.scale}")
+    if request.model == "-" and request.record == "-":
+        raise UsageError("standard input already holds the model; give the record as a file")
+    if request.output:
+        folder = Path(request.output)
+        names = (STORIES, HISTORY, PICTURE, SUMMARY)
+        check_outputs([folder / name for name in names], overwrite=request.overwrite, new_folder=True)
+
+
+def _motion(request: Request, model: Model) -> RecordSource | None:
+    """Where the ground motion comes from: the model and the command line together."""
+    from tdint.model.definition import RecordSource
+
+    if request.record is not None:
+        scale = 1.0 if request.scale is None else request.scale
+        return RecordSource(request.record, request.units, request.component, scale, request.inventory)
+    source = model.excitation.record
+    given = {
+        name: value
+        for name in ("units", "component", "inventory", "scale")
+        if (value := getattr(request, name)) is not None
+    }
+    if source is None:
+        if given:
+            raise UsageError(f"--{next(iter(given))} needs a record, the model has none: add --record FILE")
+        return None
+    if "units" in given or "inventory" in given:
+        # Each of the two excludes the other: who names one on the command line does without the model's other one.
+        source = replace(source, units=None, inventory=None)
+    return replace(source, **given)
+
+
+def _inputs(model: Model) -> list[Input]:
+    from tdint.output.summary import file_input, model_input
+
+    source = model.excitation.record
+    files = [source.file, source.inventory] if source else []
+    return [model_input(model), *(file_input(file) for file in files if file)]
+
+
+def _files(request: Request, response: Response, inputs: list[Input], began: float) -> dict[str, Writer]:
+    """The files of a run and what writes them."""
+    from tdint.output.summary import json_bytes, run_summary
+    from tdint.output.tables import story_table, write_history
+
+    table = story_table(response.stories).csv()
+    summary = json_bytes(run_summary(response, inputs, time.perf_counter() - began))
+    files: dict[str, Writer] = {STORIES: lambda stream: stream.write(table)}
+    history = response.history
+    if request.history and history is not None:
+        files[HISTORY] = lambda stream: write_history(history, stream)
+    if request.plot:
+        from tdint.output.plots import run_picture
+
+        files[PICTURE] = run_picture(response, Path(PICTURE).suffix)
+    files[SUMMARY] = lambda stream: stream.write(summary)
+    return files
+
+
+def _failed_files(
+    request: Request, failure: FailedRun, model: Model, record: Record | None, inputs: list[Input], began: float
+) -> dict[str, Writer]:
+    from tdint.analysis.stepping import choose_steps
+    from tdint.methods.catalogue import parse
+    from tdint.output.summary import failure_summary, json_bytes
+
+    wishes = model.analysis
+    method = parse(request.method or wishes.method or "").label
+    dt = wishes.dt if request.dt is None else request.dt
+    duration = wishes.duration if request.duration is None else request.duration
+    steps = choose_steps(dt, duration, record.dt if record else None, record.duration if record else 0.0)
+    wall_time = time.perf_counter() - began
+    summary = json_bytes(failure_summary(failure, model, record, method, steps.h, inputs, wall_time))
+    return {SUMMARY: lambda stream: stream.write(summary)}
+
+
+def _write(request: Request, files: dict[str, Writer]) -> None:
+    """Write the files of this run; with --overwrite the folder keeps none of an earlier one."""
+    from tdint.output.files import write_files
+
+    assert request.output is not None
+    folder = Path(request.output)
+    others = [folder / name for name in (STORIES, HISTORY, PICTURE, SUMMARY) if name not in files]
+    writers = {folder / name: writer for name, writer in files.items()}
+    write_files(writers, overwrite=request.overwrite, new_folder=True, stale=others)
+
+
+def _paragraph(response: Response) -> str:
+    """The run in a few sentences."""
+    from tdint.output.summary import overall_peaks
+
+    stories = len(response.model.stories)
+    record = response.record
+    peaks = overall_peaks(response.stories)
+    motion = "no ground motion"
+    if record is not None:
+        motion = f"{' '.join(filter(None, (record.source, record.component)))} (PGA {record.pga:.3g} m/s^2)"
+    worst = f"drift {peaks['drift_m']:.4g} m in story {peaks['drift_story']}"
+    if peaks["drift_ratio"] is not None:
+        ratio = f"drift ratio {peaks['drift_ratio']:.4g} in story {peaks['drift_ratio_story']}"
+        # Where a story has no height, its drift is not among the ratios.
+        worst = ratio if all(story.height for story in response.model.stories) else f"{ratio}, {worst}"
+    lines = [
+        f"{response.model.name}: {stories} {'story' if stories == 1 else 'stories'}, {motion}.",
+        f"{response.method}: {response.steps} {'step' if response.steps == 1 else 'steps'} of {response.dt:.6g} s, "
+        f"{1e6 * response.march_time / response.steps:.3g} us per step, energy error {response.energy.error:.1e}.",
+        f"Largest {worst}, roof displacement {peaks['roof_displacement_m']:.4g} m, "
+        f"base shear {peaks['base_shear_N']:.4g} N.",
+    ]
+    if response.status != "done":
+        lines.append(f"Status {response.status}: a drift ratio is over {response.model.collapse_drift:g}.")
+    return "\n".join(lines)

@@ -1,0 +1,101 @@
+"""From what goes wrong to one line per problem on standard error and an exit code."""
+
+from __future__ import annotations
+
+import logging
+import traceback
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import click
+
+from tdint.errors import TdintError
+from tdint_cli.terminal import say
+
+BUG = 1
+OUT_OF_MEMORY = 5
+INTERRUPTED = 130  # what a shell reports for a program ended by Ctrl-C
+
+
+@dataclass
+class Settings:
+    """What `--debug` sets, wherever it stands on the command line; every click context carries it."""
+
+    debug: bool = False
+
+
+class Failures(TdintError):
+    """Inputs of one command that failed, after the others were done; the exit code is the smallest of theirs."""
+
+    def __init__(self, errors: list[TdintError]) -> None:
+        super().__init__("\n".join(map(str, errors)))
+        self.exit_code = min(error.exit_code for error in errors)
+
+
+def exit_code_of(command: Callable[[], Any], settings: Settings) -> int:
+    """Run a command and tell its exit code; whatever it raises is reported."""
+    try:
+        with _warnings_as_lines(), _notes_of_the_library():
+            code = command()
+            return code if isinstance(code, int) else 0
+    except click.ClickException as error:
+        error.show()
+        return error.exit_code
+    except (click.Abort, KeyboardInterrupt):
+        say("Interrupted")
+        return INTERRUPTED
+    except Exception as error:
+        if settings.debug:
+            say(traceback.format_exc().rstrip())
+        lines, code = _report(error)
+        for line in lines:
+            say(f"Error: {line}")
+        return code
+
+
+def _report(error: Exception) -> tuple[list[str], int]:
+    """What to say about an error, and its exit code."""
+    if isinstance(error, TdintError):
+        return str(error).splitlines() or [type(error).__name__], error.exit_code
+    if isinstance(error, MemoryError):
+        reason = "not enough memory; leave out --history and --plot, or take fewer steps, stories or periods"
+        return [reason], OUT_OF_MEMORY
+    text = " ".join(f"{type(error).__name__}: {error}".split())
+    return [f"internal error (a bug): {text}; run again with --debug"], BUG
+
+
+@contextmanager
+def _warnings_as_lines() -> Iterator[None]:
+    """Show Python's warnings as one line without file and source."""
+
+    def show(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
+        say(f"Warning: {' '.join(str(message).split())}")
+
+    with warnings.catch_warnings():
+        warnings.showwarning = show
+        yield
+
+
+class _Notes(logging.Handler):
+    """Shows what the library logs as `note: ...`."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        say(f"{'Warning' if record.levelno >= logging.WARNING else 'note'}: {record.getMessage()}")
+
+
+@contextmanager
+def _notes_of_the_library() -> Iterator[None]:
+    logger, handler = logging.getLogger("tdint"), _Notes(logging.INFO)
+    before, propagates = logger.level, logger.propagate
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+    logger.propagate = False
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+        logger.setLevel(before)
+        logger.propagate = propagates

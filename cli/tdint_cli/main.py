@@ -1,0 +1,93 @@
+"""The command `tdint`: a group that imports a command's module only when that command runs.
+
+Help and version cost nothing but click. A new command is a module in `commands` (whose `command` is the click command)
+and one line in COMMANDS.
+"""
+
+from __future__ import annotations
+
+import difflib
+import sys
+from collections.abc import Sequence
+from functools import partial
+from importlib import import_module
+from typing import Any, NoReturn
+
+import click
+
+from tdint_cli import options
+from tdint_cli.errors import Settings, exit_code_of
+
+COMMANDS = {
+    "run": ("run", "Response of a building in time: the peaks of each story."),
+    "spectrum": ("spectrum", "Elastic response spectra of ground-motion records."),
+    "modes": ("modes", "Periods, damping ratios and modal masses of a building."),
+    "methods": ("methods", "The time-integration methods: parameters, order, stability, source."),
+}
+"""The commands in the order of the help: the module in `commands` and the first sentence of the command's own help."""
+
+
+class LazyGroup(click.Group):
+    """A group whose commands are modules of `tdint_cli.commands`."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in COMMANDS:
+            return None
+        command = import_module(f"tdint_cli.commands.{COMMANDS[cmd_name][0]}").command
+        assert isinstance(command, click.Command)
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        name = args[0]
+        if name not in COMMANDS and not name.startswith("-"):
+            near = difflib.get_close_matches(name, COMMANDS, n=1, cutoff=0.5)
+            hint = f"did you mean {near[0]!r}?" if near else f"the commands are {', '.join(COMMANDS)}"
+            raise click.UsageError(f"No such command {name!r}; {hint}", ctx)
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, sentence) for name, (_, sentence) in COMMANDS.items()])
+
+    def main(self, args: Sequence[str] | None = None, prog_name: str | None = None, **extra: Any) -> NoReturn:  # type: ignore[override]
+        """Run a command line and exit; errors become one line each and an exit code, as `tdint_cli.errors` tells."""
+        extra.pop("standalone_mode", None)
+        settings = extra.setdefault("obj", Settings())
+        run = partial(super().main, args, prog_name, standalone_mode=False, **extra)
+        sys.exit(exit_code_of(run, settings))
+
+
+def _show_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
+    if wanted and not ctx.resilient_parsing:
+        from tdint import __version__
+
+        click.echo(f"tdint {__version__}")
+        ctx.exit()
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.option(
+    "--version",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_show_version,
+    help="Show the version and exit.",
+)
+@options.debug
+def cli() -> None:
+    """Earthquake response of shear buildings, with a time-integration method of your choice.
+
+    Data go to standard output or to -o, words to standard error. Exit codes: 0 done, 1 a bug, 2 usage, 3 model file,
+    4 record, 5 analysis, 6 output.
+    """
+
+
+def main() -> None:
+    """Entry point of the installed command."""
+    cli.main(prog_name="tdint")

@@ -1,0 +1,153 @@
+"""Files are written whole or not at all: under a temporary name in the same folder, renamed once all is well."""
+
+from __future__ import annotations
+
+import os
+import secrets
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import BinaryIO
+
+from tdint.errors import OutputError
+
+Writer = Callable[[BinaryIO], object]
+"""Writes the content of one file to a stream."""
+
+
+def check_outputs(files: Iterable[Path], *, overwrite: bool, new_folder: bool = False) -> None:
+    """Make sure that files can be written, before the work whose results they shall hold.
+
+    Parameters
+    ----------
+    files : iterable of Path
+        All outputs of a command.
+    overwrite : bool
+        Whether existing files may be replaced.
+    new_folder : bool
+        Whether the files' folder may be missing; the folder above it may not.
+
+    Raises
+    ------
+    OutputError
+        The first obstacle: an existing file, a folder in the way, a missing or read-only folder, two outputs of one
+        name.
+    """
+    seen: set[str] = set()
+    for file in files:
+        if "\0" in str(file):
+            raise OutputError(f"{file!s:.40}: a file name has no null character")
+        with _in_words(file):
+            real = os.path.realpath(file)
+            if real in seen:
+                raise OutputError(f"{file}: two outputs would have this name")
+            seen.add(real)
+            _check_folder(file, file.parent, new_folder)
+            _check_free(file, overwrite)
+
+
+def write_files(
+    writers: Mapping[Path, Writer], *, overwrite: bool, new_folder: bool = False, stale: Iterable[Path] = ()
+) -> None:
+    """Write files so that each is there whole or not at all, in the order given.
+
+    All are written under temporary names first; only then they take their places. Whatever goes wrong before, Ctrl-C
+    too, leaves the folder as it was. A symbolic link is followed.
+
+    Parameters
+    ----------
+    writers : mapping of Path to callable
+        What writes each file to a binary stream.
+    overwrite, new_folder : bool
+        As in `check_outputs`; a missing folder is made.
+    stale : iterable of Path
+        Files of an earlier run that do not belong to the new ones: removed, with `overwrite` only.
+
+    Raises
+    ------
+    OutputError
+        A file cannot be written.
+    """
+    check_outputs(writers, overwrite=overwrite, new_folder=new_folder)
+    made: list[Path] = []
+    temporaries: list[Path] = []
+    try:
+        for folder in {file.parent: None for file in writers} if new_folder else ():
+            if not folder.exists():
+                with _in_words(folder):
+                    folder.mkdir()
+                made.append(folder)
+        for file, writer in writers.items():
+            temporary = Path(os.path.realpath(file)).with_name(f".tdint-{secrets.token_hex(8)}.tmp")
+            temporaries.append(temporary)
+            with _in_words(file), temporary.open("xb") as stream:
+                writer(stream)
+        for file, temporary in zip(writers, temporaries, strict=True):
+            _move(temporary, file, overwrite)
+    except BaseException:
+        for temporary in temporaries:
+            with suppress(OSError):
+                temporary.unlink()
+        for folder in made:
+            with suppress(OSError):  # Not empty: some file has taken its place.
+                folder.rmdir()
+        raise
+    for file in stale if overwrite else ():
+        with _in_words(file):
+            file.unlink(missing_ok=True)
+
+
+def write_file(file: Path, writer: Writer, *, overwrite: bool) -> None:
+    """Write one file; see `write_files`."""
+    write_files({file: writer}, overwrite=overwrite)
+
+
+def _check_folder(file: Path, folder: Path, may_be_new: bool) -> None:
+    if may_be_new and not folder.exists():
+        _check_folder(folder, folder.parent, False)
+    elif not folder.exists():
+        raise OutputError(f"{file}: there is no folder {folder}; make it first")
+    elif not folder.is_dir():
+        raise OutputError(f"{file}: {folder} is a file, not a folder")
+    elif not os.access(folder, os.W_OK | os.X_OK):
+        raise OutputError(f"{file}: no permission to write in the folder {folder}")
+
+
+def _check_free(file: Path, overwrite: bool) -> None:
+    if file.is_dir():
+        raise OutputError(f"{file}: is a folder; give the name of a file")
+    if file.exists() and not file.is_file():
+        raise OutputError(f"{file}: is a device or a pipe, not a file")
+    if file.exists() and not overwrite:
+        raise _exists(file)
+
+
+def _move(temporary: Path, file: Path, overwrite: bool) -> None:
+    """Give the temporary file its place; without `overwrite` even a file that came up meanwhile is kept."""
+    target = os.path.realpath(file)
+    with _in_words(file):
+        if not overwrite:
+            try:
+                os.link(temporary, target)
+            except FileExistsError:
+                raise _exists(file) from None
+            except OSError:  # A file system without hard links.
+                if Path(target).exists():
+                    raise _exists(file) from None
+            else:
+                temporary.unlink()
+                return
+        temporary.replace(target)
+
+
+def _exists(file: Path) -> OutputError:
+    return OutputError(f"{file}: exists already; give --overwrite to replace it")
+
+
+@contextmanager
+def _in_words(path: Path) -> Iterator[None]:
+    """Turn what the operating system says about a path into an OutputError."""
+    try:
+        yield
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from error

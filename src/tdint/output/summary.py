@@ -1,0 +1,184 @@
+"""summary.json: what a run was, how it ended, and from which inputs and versions it came."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import platform
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tdint.ground_motion.record import Record
+from tdint.model.definition import Model
+from tdint.output.results import Array, Energies, RunFailure, RunResult, Stories
+
+_PACKAGES = ("tdint", "numpy", "scipy", "numba", "obspy")
+
+
+@dataclass(frozen=True)
+class Input:
+    """A file that a result depends on; no hash for what can be read only once (a pipe)."""
+
+    file: str
+    sha256: str | None
+
+
+def file_input(file: str) -> Input:
+    """The input that a file is, with its present content."""
+    path = Path(file)
+    if not path.is_file():
+        return Input(file, None)
+    with path.open("rb") as stream:
+        return Input(file, hashlib.file_digest(stream, "sha256").hexdigest())
+
+
+def model_input(model: Model) -> Input:
+    """The input that a model file was, with the content that was read."""
+    return Input(model.source, hashlib.sha256(model.text).hexdigest())
+
+
+def run_summary(response: RunResult, inputs: Sequence[Input], wall_time: float) -> dict[str, Any]:
+    """Content of summary.json for a run that came to its end; `wall_time` (s) counts from the command's start."""
+    return {
+        "status": response.status,
+        "name": response.model.name,
+        "method": response.method,
+        "dt_s": response.dt,
+        "steps": response.steps,
+        "duration_s": response.steps * response.dt,
+        "iterations": response.iterations,
+        "halvings": response.halvings,
+        "events": response.events,
+        "wall_time_s": wall_time,
+        "march_time_s": response.march_time,
+        "energy": _energy(response.energy),
+        "peaks": overall_peaks(response.stories),
+        "collapse_drift": response.model.collapse_drift,
+        "record": _record(response.record),
+        "notes": list(response.notes),
+        "inputs": _inputs(inputs),
+        "versions": _versions(),
+    }
+
+
+def failure_summary(
+    failure: RunFailure,
+    model: Model,
+    record: Record | None,
+    method: str,
+    dt: float,
+    inputs: Sequence[Input],
+    wall_time: float,
+) -> dict[str, Any]:
+    """Content of summary.json for a run that ended before its time; `time_s` is the last time reached."""
+    return {
+        "status": failure.status,
+        "message": str(failure),
+        "time_s": failure.time,
+        "story": failure.story,
+        "residual": failure.residual,
+        "name": model.name,
+        "method": method,
+        "dt_s": dt,
+        "wall_time_s": wall_time,
+        "collapse_drift": model.collapse_drift,
+        "record": _record(record),
+        "notes": list(record.notes) if record else [],
+        "inputs": _inputs(inputs),
+        "versions": _versions(),
+    }
+
+
+def overall_peaks(stories: Stories) -> dict[str, float | int | None]:
+    """The largest peaks of a building, SI units, and the story or floor (from 1) that has them; None where unknown."""
+    drift, drift_story = _largest(stories.peak_drift)
+    ratio, ratio_story = _largest(stories.peak_drift_ratio)
+    ductility, ductility_story = _largest(stories.ductility)
+    acceleration, floor = _largest(stories.peak_acceleration)
+    residual, residual_story = _largest(np.abs(stories.residual_drift))
+    return {
+        "roof_displacement_m": float(stories.peak_displacement[-1]),
+        "base_shear_N": float(stories.peak_shear[0]),
+        "drift_m": drift,
+        "drift_story": drift_story,
+        "drift_ratio": ratio,
+        "drift_ratio_story": ratio_story,
+        "residual_drift_m": residual,
+        "residual_drift_story": residual_story,
+        "ductility": ductility,
+        "ductility_story": ductility_story,
+        "floor_acceleration_m_s2": acceleration,
+        "floor_acceleration_floor": floor,
+    }
+
+
+def json_bytes(content: dict[str, Any]) -> bytes:
+    """JSON with 12 significant digits, null for what is no finite number, keys in the order given, LF ends."""
+    # A file name that is not UTF-8 has surrogates; escaped (ASCII) they are still valid JSON.
+    text = json.dumps(_plain(content), indent=2, allow_nan=False)
+    return (text + "\n").encode()
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float | np.floating):
+        return float(format(value + 0.0, ".12g")) if math.isfinite(value) else None
+    return value
+
+
+def _largest(values: Array) -> tuple[float | None, int | None]:
+    """Largest value and its place from 1; nan is passed over."""
+    if np.all(np.isnan(values)):
+        return None, None
+    i = int(np.nanargmax(values))
+    return float(values[i]), i + 1
+
+
+def _energy(energy: Energies) -> dict[str, float]:
+    return {
+        "start_J": energy.start,
+        "input_J": energy.input,
+        "kinetic_J": energy.kinetic,
+        "damping_J": energy.damping,
+        "recoverable_J": energy.recoverable,
+        "dissipated_J": energy.dissipated,
+        "error": energy.error,
+    }
+
+
+def _record(record: Record | None) -> dict[str, Any] | None:
+    if record is None:
+        return None
+    return {
+        "file": record.source,
+        "id": record.id,
+        "component": record.component,
+        "start": record.start,
+        "dt_s": record.dt,
+        "samples": record.acceleration.size,
+        "pga_m_s2": record.pga,
+    }
+
+
+def _inputs(inputs: Sequence[Input]) -> list[dict[str, str | None]]:
+    return [{"file": item.file, "sha256": item.sha256} for item in inputs]
+
+
+def _versions() -> dict[str, str | None]:
+    return {**{package: _version(package) for package in _PACKAGES}, "python": platform.python_version()}
+
+
+def _version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:  # Run from a source tree that is not installed.
+        return None

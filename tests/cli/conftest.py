@@ -1,0 +1,77 @@
+"""Small models and records, and a way to run the command in this process."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from pathlib import Path
+from textwrap import dedent
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from tdint.ground_motion.messages import quiet_import
+from tdint_cli.main import cli
+
+FORCED = """\
+    name: forced
+    stories:
+      - {mass: 10, height: 3, stiffness: 800, dashpot: 5}
+      - {mass: 8, height: 3, stiffness: 600, dashpot: 4}
+    excitation:
+      forces: [{floor: 2, amplitude: 5, omega: 6}]
+    analysis: {method: impulse4, dt: 0.02, duration: 2}
+"""
+SHAKEN = """\
+    name: shaken
+    stories:
+      - {repeat: 2, mass: 10, height: 3, stiffness: 8000, law: {type: bilinear, yield_force: 50, hardening: 0.1}}
+    damping: {rayleigh: {ratio: 0.05, modes: [1, 2]}}
+    excitation: {record: {file: motion.mseed, component: HNE}}
+    analysis: {method: newmark-average}
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The working directory with models forced.yaml and shaken.yaml, records motion.mseed and other.mseed."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "forced.yaml").write_text(dedent(FORCED), encoding="utf-8")
+    (tmp_path / "shaken.yaml").write_text(dedent(SHAKEN), encoding="utf-8")
+    write_record(tmp_path / "motion.mseed", "HNE", "HNN")
+    write_record(tmp_path / "other.mseed", "HNE", peak=1.0)
+    return tmp_path
+
+
+def write_record(file: Path, *channels: str, peak: float = 3.0, samples: int = 300, integer: bool = False) -> None:
+    """Write a decaying sine as MiniSEED, FLOAT64 in m/s^2 or INT32 counts, sampled at 0.01 s."""
+    with quiet_import():
+        from obspy import Stream, Trace
+
+    t = np.arange(samples) * 0.01
+    wave = np.sin(9.0 * t) * np.exp(-t)
+    wave = peak * (wave - wave.mean())
+    data = (1000.0 * wave).astype(np.int32) if integer else wave
+    header: dict[str, Any] = {"network": "TD", "station": "TEST", "delta": 0.01}
+    traces = [Trace(data * (i + 1), {**header, "channel": channel}) for i, channel in enumerate(channels)]
+    Stream(traces).write(str(file), format="MSEED")
+
+
+@pytest.fixture
+def tdint() -> Callable[..., Result]:
+    """Run `tdint ARGUMENTS`; the result has exit_code, stdout and stderr."""
+    # click before 8.2 mixes standard error into standard output unless told not to.
+    apart = {"mix_stderr": False} if "mix_stderr" in inspect.signature(CliRunner).parameters else {}
+
+    def run(*arguments: object, stdin: bytes | None = None) -> Result:
+        return CliRunner(**apart).invoke(cli, [str(argument) for argument in arguments], input=stdin, prog_name="tdint")
+
+    return run
+
+
+@pytest.fixture
+def make_record() -> Callable[..., None]:
+    """`write_record`, for records other than those of `folder`."""
+    return write_record

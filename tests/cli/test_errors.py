@@ -1,0 +1,106 @@
+"""From errors to lines on standard error and exit codes."""
+
+from __future__ import annotations
+
+import logging
+import warnings
+
+import click
+import pytest
+
+from tdint import errors
+from tdint_cli import options
+from tdint_cli.errors import Failures, Settings, exit_code_of
+from tdint_cli.main import LazyGroup
+
+
+def raises(error: BaseException):
+    def command():
+        raise error
+
+    return command
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "text"),
+    [
+        (errors.UsageError("no"), 2, "Error: no\n"),
+        (errors.ModelError("a.yaml: no"), 3, "Error: a.yaml: no\n"),
+        (errors.RecordError("no"), 4, "Error: no\n"),
+        (errors.AnalysisError("no"), 5, "Error: no\n"),
+        (errors.OutputError("no"), 6, "Error: no\n"),
+        (Failures([errors.AnalysisError("one"), errors.RecordError("two")]), 4, "Error: one\nError: two\n"),
+        (
+            errors.ModelError([errors.Problem("a.yaml", i, 1, "k", "bad") for i in (1, 2)]),
+            3,
+            "Error: a.yaml:1:1: k: bad\nError: a.yaml:2:1: k: bad\n",
+        ),
+        (KeyError("x"), 1, "Error: internal error (a bug): KeyError: 'x'; run again with --debug\n"),
+        (
+            RuntimeError("two\nlines"),
+            1,
+            "Error: internal error (a bug): RuntimeError: two lines; run again with --debug\n",
+        ),
+        (MemoryError(), 5, "Error: not enough memory; leave out --history and --plot, or take fewer steps"),
+        (KeyboardInterrupt(), 130, "Interrupted\n"),
+        (click.Abort(), 130, "Interrupted\n"),
+        (click.UsageError("no"), 2, "Error: no\n"),
+    ],
+)
+def test_an_error_is_a_line_and_a_code(capsys, error, code, text):
+    assert exit_code_of(raises(error), Settings()) == code
+    captured = capsys.readouterr()
+    assert captured.err.startswith(text)
+    assert captured.out == ""
+    assert "Traceback" not in captured.err
+
+
+def test_debug_adds_the_traceback(capsys):
+    assert exit_code_of(raises(errors.RecordError("no")), Settings(debug=True)) == 4
+    text = capsys.readouterr().err
+    assert text.startswith("Traceback")
+    assert text.endswith("Error: no\n")
+
+
+@pytest.mark.parametrize("arguments", [["--debug", "broken"], ["broken", "--debug"], ["broken"]])
+def test_debug_before_or_after_the_command(tdint, monkeypatch, arguments):
+    @click.command("broken")
+    @options.debug
+    def broken():
+        raise ZeroDivisionError("a bug")
+
+    monkeypatch.setattr(LazyGroup, "get_command", lambda *_: broken)
+    monkeypatch.setattr(LazyGroup, "resolve_command", click.Group.resolve_command)
+    result = tdint(*arguments)
+    assert result.exit_code == 1
+    assert ("Traceback" in result.stderr) == ("--debug" in arguments)
+    assert "internal error (a bug): ZeroDivisionError: a bug" in result.stderr
+
+
+def test_warnings_are_lines(capsys):
+    def command():
+        with warnings.catch_warnings():
+            warnings.simplefilter("always")
+            warnings.warn("mind\nthe gap", UserWarning, stacklevel=1)
+
+    assert exit_code_of(command, Settings()) == 0
+    assert capsys.readouterr().err == "Warning: mind the gap\n"
+
+
+def test_the_librarys_log_is_notes(capsys):
+    logger = logging.getLogger("tdint")
+    before = (logger.level, logger.propagate, list(logger.handlers))
+
+    def command():
+        logger.debug("unheard")
+        logger.info("compiling %s", "it")
+        logger.warning("mind")
+
+    assert exit_code_of(command, Settings()) == 0
+    assert capsys.readouterr().err == "note: compiling it\nWarning: mind\n"
+    assert (logger.level, logger.propagate, list(logger.handlers)) == before
+
+
+def test_an_exit_code_is_passed_on():
+    assert exit_code_of(lambda: 7, Settings()) == 7
+    assert exit_code_of(lambda: None, Settings()) == 0

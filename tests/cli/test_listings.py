@@ -1,0 +1,51 @@
+"""`tdint methods` and `tdint modes`."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+import pytest
+
+from tdint.methods.catalogue import catalogue
+
+
+def rows(text: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def test_methods(tdint):
+    result = tdint("methods")
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert result.stdout.splitlines()[0] == "name,family,parameters,order,implicit,stability_limit,rho_inf,source"
+    assert [row["name"] for row in rows(result.stdout)] == list(catalogue())
+
+
+def test_modes(folder, tdint):
+    result = tdint("modes", "shaken.yaml")
+    assert (result.exit_code, result.stderr) == (0, "")
+    columns = "mode,period_s,frequency_hz,damping,participation,mass_ratio,cumulative_mass_ratio"
+    assert result.stdout.splitlines()[0] == columns
+    table = rows(result.stdout)
+    assert [row["mode"] for row in table] == ["1", "2"]
+    assert [float(row["damping"]) for row in table] == pytest.approx([0.05, 0.05])
+    assert float(table[-1]["cumulative_mass_ratio"]) == pytest.approx(1.0)
+    assert float(table[0]["period_s"]) * float(table[0]["frequency_hz"]) == pytest.approx(1.0)
+
+
+def test_modes_from_standard_input(folder, tdint):
+    piped = tdint("modes", "-", stdin=(folder / "shaken.yaml").read_bytes())
+    assert (piped.exit_code, piped.stdout) == (0, tdint("modes", "shaken.yaml").stdout)
+
+
+def test_coupled_damping_leaves_the_cells_empty(folder, tdint):
+    result = tdint("modes", "forced.yaml")
+    assert result.exit_code == 0
+    assert [row["damping"] for row in rows(result.stdout)] == ["", ""]
+    assert result.stderr.startswith("note: the damping couples the modes")
+
+
+def test_a_missing_model(folder, tdint):
+    result = tdint("modes", "missing.yaml")
+    assert (result.exit_code, result.stdout) == (3, "")
+    assert result.stderr.startswith("Error: missing.yaml: no such file")

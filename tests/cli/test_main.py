@@ -1,0 +1,112 @@
+"""The group: help and version without heavy imports, one table of commands, every option explained."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from importlib import import_module
+
+import click
+import pytest
+
+import tdint as library
+from tdint_cli.main import COMMANDS, cli
+
+HEAVY = ("numpy", "scipy", "numba", "obspy", "matplotlib", "yaml", "pkg_resources")
+
+
+def loaded_by(*arguments: str) -> set[str]:
+    """The heavy packages that a command line loads."""
+    code = (
+        "import sys\nfrom tdint_cli.main import main\n"
+        f"sys.argv = ['tdint', *{arguments!r}]\n"
+        "try:\n    main()\n"
+        f"finally:\n    print('loaded', *[name for name in {HEAVY!r} if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return set(done.stdout.splitlines()[-1].split()[1:])
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["-h"], ["--version"], *([name, "-h"] for name in COMMANDS)])
+def test_help_and_version_load_click_alone(arguments):
+    assert loaded_by(*arguments) == set()
+
+
+def test_the_group_does_not_import_the_commands():
+    code = "import sys, tdint_cli.main; sys.exit(any(n.startswith('tdint_cli.commands.') for n in sys.modules))"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_methods_and_modes_do_without_the_readers_of_records(folder):
+    assert not loaded_by("methods") & {"obspy", "matplotlib"}
+    assert not loaded_by("modes", str(folder / "forced.yaml")) & {"obspy", "matplotlib"}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_table_says_what_the_command_says(name):
+    module, sentence = COMMANDS[name]
+    command = import_module(f"tdint_cli.commands.{module}").command
+    assert command.name == name
+    assert command.get_short_help_str(limit=200).removesuffix(".") == sentence.removesuffix(".")
+    assert command.help.splitlines()[0] == sentence
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_option_is_explained_and_debug_is_among_them(name):
+    command = import_module(f"tdint_cli.commands.{COMMANDS[name][0]}").command
+    chosen = [parameter for parameter in command.params if isinstance(parameter, click.Option)]
+    assert all(option.help for option in chosen)
+    assert "--debug" in [text for option in chosen for text in option.opts]
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["-h"]])
+def test_help_lists_all_commands(tdint, arguments):
+    result = tdint(*arguments)
+    assert result.exit_code == 0
+    assert all(name in result.stdout for name in COMMANDS)
+    assert result.stderr == ""
+
+
+def test_help_of_a_command(tdint):
+    for name in COMMANDS:
+        for option in ("-h", "--help"):
+            result = tdint(name, option)
+            assert (result.exit_code, result.stderr) == (0, "")
+            assert result.stdout.startswith(f"Usage: tdint {name} [OPTIONS]")
+
+
+def test_version(tdint):
+    result = tdint("--version")
+    assert (result.exit_code, result.stdout) == (0, f"tdint {library.__version__}\n")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["spectrm"], "Error: No such command 'spectrm'; did you mean 'spectrum'?"),
+        (["xyz"], "Error: No such command 'xyz'; the commands are run, spectrum"),
+        (["--bogus"], "No such option"),
+        (["run"], "Error: Missing argument 'MODEL.yaml'."),
+        (["spectrum"], "Error: Missing argument 'RECORD...'."),
+        (["run", "x.yaml", "--dt", "abc"], "'abc' is not a valid float"),
+        (["run", "x.yaml", "y.yaml"], "unexpected extra argument"),
+    ],
+)
+def test_usage_errors(tdint, arguments, message):
+    result = tdint(*arguments)
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert result.stdout == ""
+
+
+def test_no_command_shows_help(tdint):
+    result = tdint()
+    assert result.exit_code in (0, 2)  # since click 8.2 this is a usage error
+    assert "Commands:" in result.stdout + result.stderr
+
+
+def test_every_command_is_in_the_table():
+    context = click.Context(cli)
+    assert cli.list_commands(context) == list(COMMANDS)
+    assert cli.get_command(context, "unknown") is None

@@ -1,0 +1,256 @@
+"""`tdint run`: the table, the files, every refusal with its exit code."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+
+import pytest
+
+COLUMNS = (
+    "story,height_m,peak_drift_m,peak_drift_ratio,residual_drift_m,peak_shear_N,ductility,"
+    "peak_displacement_m,peak_velocity_m_s,peak_acceleration_m_s2"
+)
+UNSTABLE = ("--method", "central-difference", "--dt", 0.5, "--duration", 2000, "--allow-unstable")
+
+
+def rows(text: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def files(folder) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def check_error(result, code, message):
+    assert (result.exit_code, result.stdout) == (code, "")
+    assert message in result.stderr
+    errors = [line for line in result.stderr.splitlines() if not line.startswith("note: ")]
+    assert [line[:7] for line in errors] == ["Error: "]
+
+
+def test_the_table_is_on_stdout_and_the_words_on_stderr(folder, tdint):
+    result = tdint("run", "shaken.yaml")
+    assert result.exit_code == 0
+    assert result.stdout.splitlines()[0] == COLUMNS
+    table = rows(result.stdout)
+    assert [row["story"] for row in table] == ["1", "2"]
+    assert float(table[0]["ductility"]) == pytest.approx(float(table[0]["peak_drift_m"]) / (50 / 8000))
+    words = result.stderr
+    for text in (
+        "shaken: 2 stories, ",
+        "motion.mseed HNE (PGA 2.",
+        "newmark-average: 299 steps of 0.01 s",
+        "energy error",
+    ):
+        assert text in words
+    assert "Largest drift ratio" in words and "roof displacement" in words and "base shear" in words
+    assert "note: no units given" in words
+    assert files(folder) == ["forced.yaml", "motion.mseed", "other.mseed", "shaken.yaml"]
+
+
+def test_forces_alone(folder, tdint):
+    result = tdint("run", "forced.yaml")
+    assert result.exit_code == 0
+    assert "forced: 2 stories, no ground motion." in result.stderr
+    assert rows(result.stdout)[1]["ductility"] == ""
+
+
+def test_the_model_on_standard_input(folder, tdint):
+    piped = tdint("run", "-", stdin=(folder / "forced.yaml").read_bytes())
+    assert (piped.exit_code, piped.stdout) == (0, tdint("run", "forced.yaml").stdout)
+
+
+def test_the_record_on_standard_input(folder, tdint):
+    piped = tdint(
+        "run", "shaken.yaml", "--record", "-", "--component", "HNE", "-o", "out",
+        stdin=(folder / "motion.mseed").read_bytes(),
+    )  # fmt: skip
+    assert (piped.exit_code, piped.stdout) == (0, tdint("run", "shaken.yaml").stdout)
+    summary = json.loads((folder / "out" / "summary.json").read_text())
+    assert summary["inputs"][1] == {"file": "-", "sha256": None}
+
+
+def test_the_files_of_a_run(folder, tdint):
+    result = tdint("run", "shaken.yaml", "-o", "out", "--history", "--plot")
+    out = folder / "out"
+    assert result.exit_code == 0
+    assert files(out) == ["history.csv", "response.png", "stories.csv", "summary.json"]
+    assert (out / "stories.csv").read_bytes() == result.stdout.encode()
+    assert (out / "response.png").read_bytes().startswith(b"\x89PNG")
+    history = rows((out / "history.csv").read_text())
+    assert len(history) == 300
+    for story in (1, 2):
+        largest = max(abs(float(row[f"story_{story}_drift_m"])) for row in history)
+        assert largest == pytest.approx(float(rows(result.stdout)[story - 1]["peak_drift_m"]), rel=1e-11)
+    top, below = (max(abs(float(row[f"floor_{i}_displacement_m"])) for row in history) for i in (2, 1))
+    assert top > below > 0.0
+
+
+def test_without_history_and_plot_two_files_are_written(folder, tdint):
+    assert tdint("run", "forced.yaml", "-o", "out/").exit_code == 0
+    assert files(folder / "out") == ["stories.csv", "summary.json"]
+
+
+def test_the_summary(folder, tdint):
+    table = rows(tdint("run", "shaken.yaml", "-o", "out", "--scale", "2").stdout)
+    summary = json.loads((folder / "out" / "summary.json").read_text())
+    assert list(summary) == [
+        "status", "name", "method", "dt_s", "steps", "duration_s", "iterations", "halvings", "events", "wall_time_s",
+        "march_time_s", "energy", "peaks", "collapse_drift", "record", "notes", "inputs", "versions",
+    ]  # fmt: skip
+    assert (summary["status"], summary["name"], summary["method"]) == ("done", "shaken", "newmark-average")
+    assert (summary["dt_s"], summary["steps"], summary["duration_s"]) == (0.01, 299, 2.99)
+    assert 0.0 < summary["march_time_s"] < summary["wall_time_s"]
+    assert set(summary["energy"]) == {
+        "input_J", "kinetic_J", "damping_J", "recoverable_J", "dissipated_J", "start_J", "error",
+    }  # fmt: skip
+    assert summary["peaks"]["roof_displacement_m"] == float(table[1]["peak_displacement_m"])
+    assert summary["peaks"]["base_shear_N"] == float(table[0]["peak_shear_N"])
+    assert summary["record"]["component"] == "HNE"
+    assert set(summary["versions"]) == {"tdint", "numpy", "scipy", "numba", "obspy", "python"}
+    assert [item["sha256"] for item in summary["inputs"]] == [
+        hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in ("shaken.yaml", "motion.mseed")
+    ]
+
+
+def test_scale_component_and_units_belong_to_the_models_record(folder, tdint):
+    def drift(*options):
+        result = tdint("run", "shaken.yaml", "--method", "impulse4", *options)
+        assert result.exit_code == 0, result.stderr
+        return result.stdout
+
+    plain = drift("--scale", "2")
+    assert plain == drift("--component", "HNN")  # written with twice the amplitude
+    assert plain == drift("--units", "2 m/s^2")
+    assert plain != drift()
+
+
+def test_record_replaces_the_models_record_and_its_component(folder, tdint):
+    result = tdint("run", "shaken.yaml", "--record", "other.mseed")
+    assert result.exit_code == 0
+    assert "other.mseed HNE" in result.stderr
+    scaled = tdint("run", "shaken.yaml", "--record", "other.mseed", "--scale", "3")
+    assert scaled.stdout == tdint("run", "shaken.yaml").stdout
+    # The model names a component, which does not belong to the new record: it has to be chosen again.
+    check_error(tdint("run", "shaken.yaml", "--record", "motion.mseed"), 4, "several components, choose one: HNE, HNN")
+
+
+def test_units_on_the_command_line_take_the_place_of_the_models_inventory(folder, tdint):
+    model = (folder / "shaken.yaml").read_text().replace("component: HNE", "component: HNE, inventory: none.xml")
+    (folder / "shaken.yaml").write_text(model)
+    check_error(tdint("run", "shaken.yaml"), 4, "none.xml")
+    assert tdint("run", "shaken.yaml", "--units", "m/s^2").exit_code == 0
+
+
+@pytest.mark.parametrize("option", ["--units", "--component", "--inventory", "--scale"])
+def test_options_of_a_record_need_one(folder, tdint, option):
+    check_error(
+        tdint("run", "forced.yaml", option, "2"), 2, f"{option} needs a record, the model has none: add --record"
+    )
+
+
+@pytest.mark.parametrize("option", ["--history", "--plot"])
+def test_files_need_a_folder(folder, tdint, option):
+    check_error(tdint("run", "forced.yaml", option), 2, f"{option} writes a file: add -o DIR")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (["missing.yaml"], 3, "missing.yaml: no such file"),
+        (["shaken.yaml", "--record", "missing.mseed"], 4, "missing.mseed: there is no such file"),
+        (["shaken.yaml", "--component", "HNZ"], 4, "there is no component 'HNZ'"),
+        (["shaken.yaml", "--units", "furlong"], 2, "units 'furlong'"),
+        (["shaken.yaml", "--units", "gal", "--inventory", "x.xml"], 2, "units and an inventory"),
+        (["forced.yaml", "--method", "newmrk"], 2, "unknown method 'newmrk'; did you mean newmark?"),
+        (["forced.yaml", "--dt", "-1"], 2, "dt must be a positive number"),
+        (["forced.yaml", "--duration", "nan"], 2, "duration must be a positive number"),
+        (["shaken.yaml", "--dt", "0.003"], 2, "does not fit the record's sampling interval"),
+        (["shaken.yaml", "--scale", "0"], 2, "--scale must be a number other than zero"),
+        (["shaken.yaml", "--scale", "inf"], 2, "--scale must be a number other than zero"),
+        (["shaken.yaml", "--scale", "nan"], 2, "--scale must be a number other than zero"),
+        (["-", "--record", "-"], 2, "standard input already holds the model"),
+        (["forced.yaml", "--method", "central-difference", "--dt", "0.5"], 5, "largest stable step"),
+        (["forced.yaml", "-o", ""], 2, "-o is empty; give a name"),
+        (["forced.yaml", "-o", "missing/out"], 6, "there is no folder missing; make it first"),
+        (["forced.yaml", "-o", "forced.yaml"], 6, "forced.yaml is a file, not a folder"),
+    ],
+)
+def test_refusals(folder, tdint, arguments, code, message):
+    before = files(folder)
+    result = tdint("run", *arguments)
+    check_error(result, code, message)
+    assert files(folder) == before
+
+
+def test_all_faults_of_a_model_are_lines(folder, tdint):
+    (folder / "bad.yaml").write_text("stories: [{mass: abc, stiffness: -1}]\n")
+    result = tdint("run", "bad.yaml")
+    assert (result.exit_code, result.stdout) == (3, "")
+    lines = result.stderr.splitlines()
+    assert len(lines) == 2
+    assert all(line.startswith("Error: bad.yaml:1:") for line in lines)
+
+
+@pytest.mark.parametrize("name", ["stories.csv", "history.csv", "response.png", "summary.json"])
+def test_outputs_are_looked_at_before_the_work(folder, tdint, name):
+    (folder / "out").mkdir()
+    (folder / "out" / name).write_text("old")
+    # Not even the model is read: it does not exist.
+    check_error(tdint("run", "missing.yaml", "-o", "out"), 6, f"out/{name}: exists already; give --overwrite")
+    assert (folder / "out" / name).read_text() == "old"
+
+
+def test_overwrite_leaves_nothing_of_an_earlier_run(folder, tdint):
+    assert tdint("run", "forced.yaml", "-o", "out", "--history", "--plot").exit_code == 0
+    (folder / "out" / "mine.txt").write_text("mine")
+    check_error(tdint("run", "forced.yaml", "-o", "out"), 6, "exists already")
+    assert tdint("run", "forced.yaml", "-o", "out", "--overwrite").exit_code == 0
+    assert files(folder / "out") == ["mine.txt", "stories.csv", "summary.json"]
+
+
+def test_a_failed_run_writes_its_summary_alone(folder, tdint):
+    assert tdint("run", "forced.yaml", "-o", "out", "--history").exit_code == 0
+    result = tdint("run", "forced.yaml", *UNSTABLE, "-o", "out", "--overwrite", "--history")
+    check_error(result, 5, "diverged after")
+    assert files(folder / "out") == ["summary.json"]
+    summary = json.loads((folder / "out" / "summary.json").read_text())
+    assert summary["status"] == "diverged"
+    assert result.stderr.endswith(f"Error: {summary['message']}\n")
+    assert (summary["method"], summary["dt_s"], summary["story"]) == ("central-difference", 0.5, None)
+    assert summary["time_s"] > 0.0
+    assert summary["inputs"][0]["file"] == "forced.yaml"
+
+
+def test_a_failed_run_without_a_folder(folder, tdint):
+    check_error(tdint("run", "forced.yaml", *UNSTABLE), 5, "diverged after")
+
+
+def test_a_collapse_is_told_and_is_no_error(folder, tdint):
+    result = tdint("run", "shaken.yaml", "--scale", "50", "-o", "out")
+    assert result.exit_code == 0
+    assert "Status collapsed: a drift ratio is over 0.1." in result.stderr
+    assert json.loads((folder / "out" / "summary.json").read_text())["status"] == "collapsed"
+
+
+@pytest.mark.parametrize(("error", "code"), [(KeyboardInterrupt, 130), (MemoryError, 5), (ZeroDivisionError, 1)])
+def test_whatever_ends_the_writing_leaves_no_file(folder, tdint, monkeypatch, error, code):
+    def half_a_history(_, stream):
+        stream.write(b"half a li")
+        raise error
+
+    monkeypatch.setattr("tdint.output.tables.write_history", half_a_history)
+    result = tdint("run", "forced.yaml", "-o", "out", "--history")
+    assert result.exit_code == code
+    assert "Traceback" not in result.stderr
+    assert not (folder / "out").exists()
+
+
+def test_debug_shows_where(folder, tdint):
+    result = tdint("run", "missing.yaml", "--debug")
+    assert result.exit_code == 3
+    assert "Traceback" in result.stderr
+    assert result.stderr.splitlines()[-1].startswith("Error: missing.yaml: no such file")

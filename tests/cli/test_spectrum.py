@@ -1,0 +1,181 @@
+"""`tdint spectrum`: rows, files, pictures, and what happens to the good records when one is bad."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+import numpy as np
+import pytest
+
+from tdint.analysis.spectrum import DEFAULT_PERIODS, parse_periods, spectrum
+from tdint.ground_motion.read import read_record
+
+COLUMNS = "record,component,damping,period_s,sd_m,psv_m_s,psa_m_s2,sv_m_s,sa_m_s2"
+PERIODS = ("--period", "0.2", "--period", "1.0")
+
+
+def rows(text: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def files(folder) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def errors(result) -> list[str]:
+    return [line for line in result.stderr.splitlines() if not line.startswith("note: ")]
+
+
+def test_every_component_damping_and_period_in_order(folder, tdint):
+    result = tdint("spectrum", "motion.mseed", "other.mseed", *PERIODS, "--damping", "0.02", "--damping", "0.05")
+    assert result.exit_code == 0
+    assert result.stdout.splitlines()[0] == COLUMNS
+    assert [(row["record"], row["component"], row["damping"], row["period_s"]) for row in rows(result.stdout)] == [
+        (record, component, damping, period)
+        for record, component in (("motion.mseed", "HNE"), ("motion.mseed", "HNN"), ("other.mseed", "HNE"))
+        for damping in ("0.02", "0.05")
+        for period in ("0.2", "1")
+    ]
+
+
+def test_the_numbers_are_those_of_the_library_to_twelve_digits(folder, tdint):
+    result = tdint("spectrum", "other.mseed")
+    expected = spectrum(read_record("other.mseed"), parse_periods(DEFAULT_PERIODS))
+    table = rows(result.stdout)
+    assert {row["damping"] for row in table} == {"0.05"}
+    for column, values in (
+        ("period_s", expected.periods), ("sd_m", expected.sd), ("psv_m_s", expected.psv), ("psa_m_s2", expected.psa),
+        ("sv_m_s", expected.sv), ("sa_m_s2", expected.sa),
+    ):  # fmt: skip
+        np.testing.assert_allclose([float(row[column]) for row in table], values, rtol=5.1e-12)
+
+
+def test_periods_component_and_method(folder, tdint):
+    result = tdint("spectrum", "motion.mseed", "--periods", "0.1:10:3", "--component", "n", "--method", "newmark")
+    assert [(row["component"], row["period_s"]) for row in rows(result.stdout)] == [
+        ("HNN", "0.1"), ("HNN", "1"), ("HNN", "10"),
+    ]  # fmt: skip
+    exact = tdint("spectrum", "motion.mseed", "--periods", "0.1:10:3", "--component", "n")
+    assert exact.stdout != result.stdout
+
+
+def test_the_default_periods_stand_in_the_help(tdint):
+    assert DEFAULT_PERIODS in tdint("spectrum", "-h").stdout
+
+
+def test_a_record_on_standard_input(folder, tdint):
+    result = tdint("spectrum", "-", *PERIODS, "-o", "out/", stdin=(folder / "other.mseed").read_bytes())
+    assert result.exit_code == 0
+    assert files(folder / "out") == ["stdin.csv"]
+    assert {row["record"] for row in rows((folder / "out" / "stdin.csv").read_text())} == {"-"}
+
+
+def test_notes_are_told_once(folder, tdint):
+    result = tdint("spectrum", "motion.mseed", "other.mseed")
+    lines = result.stderr.splitlines()
+    assert [line.split(": ")[:2] for line in lines[:2]] == [["note", "motion.mseed"], ["note", "other.mseed"]]
+    assert lines[2].startswith("note: below a period of 0.1 s (10 sampling intervals)")
+    assert len(lines) == 3
+    (large,) = tdint("spectrum", "motion.mseed", "--units", "30 m/s^2", "--period", "1").stderr.splitlines()
+    assert large.startswith("note: motion.mseed: HNN: the largest acceleration is")
+    assert "below a period" not in tdint("spectrum", "motion.mseed", "--period", "0.1").stderr
+
+
+@pytest.mark.parametrize("into", ["all.csv", "out/", "out"])
+def test_output_to_a_file_or_a_folder(folder, tdint, into):
+    if into == "out":
+        (folder / "out").mkdir()
+    whole = tdint("spectrum", "motion.mseed", "other.mseed", *PERIODS).stdout
+    result = tdint("spectrum", "motion.mseed", "other.mseed", *PERIODS, "-o", into, "--plot")
+    assert (result.exit_code, result.stdout) == (0, "")
+    if into == "all.csv":
+        assert (folder / "all.csv").read_text() == whole
+        assert (folder / "all.png").read_bytes().startswith(b"\x89PNG")
+    else:
+        assert files(folder / "out") == ["motion.csv", "motion.png", "other.csv", "other.png"]
+        parts = [(folder / "out" / name).read_text() for name in ("motion.csv", "other.csv")]
+        assert parts[0] + parts[1].removeprefix(COLUMNS + "\n") == whole
+
+
+@pytest.mark.parametrize(("into", "file"), [("all.csv", "all.csv"), ("all.csv", "all.png"), (".", "other.csv")])
+def test_existing_files_are_kept_before_any_work(folder, tdint, into, file):
+    (folder / file).write_text("old")
+    before = files(folder)
+    command = ("spectrum", "motion.mseed", "other.mseed", *PERIODS, "-o", into, "--plot")
+    result = tdint(*command)
+    assert (result.exit_code, result.stderr) == (6, f"Error: {file}: exists already; give --overwrite to replace it\n")
+    assert (folder / file).read_text() == "old"
+    assert files(folder) == before
+    assert tdint(*command, "--overwrite").exit_code == 0
+    assert (folder / file).read_bytes() != b"old"
+
+
+def test_a_clash_of_names_is_found_before_any_work(folder, tdint):
+    result = tdint("spectrum", "a/x.EW", "b/x.NS", "-o", "out/")
+    assert result.exit_code == 6
+    assert errors(result) == [
+        "Error: out/x.csv: both a/x.EW and b/x.NS would be written to it; use -o FILE for all in one file, "
+        "or one folder each"
+    ]
+    result = tdint("spectrum", "motion.mseed", "-o", "x.png", "--plot")
+    assert (result.exit_code, errors(result)) == (6, ["Error: x.png: two outputs would have this name"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--periods", "0.1:1"], "periods must be first:last:count"),
+        (["--periods", "0.1:1:5", "--period", "1"], "--periods and --period are given"),
+        (["--period", "0"], "--period"),
+        (["--period", "inf"], "periods must be positive numbers"),
+        (["--damping", "1"], "--damping"),
+        (["--damping", "-0.1"], "--damping"),
+        (["--damping", "nan"], "damping must be a ratio"),
+        (["--plot"], "--plot writes a file: add -o"),
+        (["--method", "newmrk"], "unknown method"),
+        (["-", "-"], "standard input (-) can be read only once"),
+        (["--units", "furlong"], "units 'furlong'"),
+    ],
+)
+def test_usage_errors(folder, tdint, arguments, message):
+    result = tdint("spectrum", "other.mseed", *arguments)
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert message in result.stderr
+
+
+@pytest.mark.parametrize("into", [None, "all.csv", "out/"])
+def test_a_bad_record_does_not_stop_the_good_ones(folder, tdint, make_record, into):
+    make_record(folder / "counts.mseed", "HNE", integer=True)
+    (folder / "broken.mseed").write_bytes(b"\x00" * 100)
+    names = ("counts.mseed", "motion.mseed", "missing.mseed", "broken.mseed", "other.mseed")
+    result = tdint("spectrum", *names, *PERIODS, *(["-o", into] if into else []))
+    assert result.exit_code == 4
+    assert [line.split(":")[1].strip() for line in errors(result)] == ["counts.mseed", "missing.mseed", "broken.mseed"]
+    good = tdint("spectrum", "motion.mseed", "other.mseed", *PERIODS).stdout
+    if into is None:
+        assert result.stdout == good
+    elif into == "all.csv":
+        assert (folder / "all.csv").read_text() == good
+    else:
+        assert files(folder / "out") == ["motion.csv", "other.csv"]
+
+
+def test_bad_records_alone_give_no_output(folder, tdint):
+    for into in ([], ["-o", "all.csv"], ["-o", "out/"]):
+        result = tdint("spectrum", "missing.mseed", *into)
+        assert (result.exit_code, result.stdout) == (4, "")
+    assert files(folder) == ["forced.yaml", "motion.mseed", "other.mseed", "shaken.yaml"]
+
+
+def test_an_unstable_method_is_an_error_of_the_analysis(folder, tdint):
+    result = tdint("spectrum", "other.mseed", "--period", "0.01", "--method", "central-difference")
+    assert (result.exit_code, result.stdout) == (5, "")
+    assert errors(result)[0].startswith("Error: other.mseed: central-difference is unstable")
+
+
+def test_two_stations_in_a_file_are_told_apart(folder, tdint):
+    one = (folder / "other.mseed").read_bytes()
+    (folder / "two.mseed").write_bytes(one + one.replace(b"TEST ", b"ELSE "))
+    result = tdint("spectrum", "two.mseed", "--period", "1")
+    assert [row["component"] for row in rows(result.stdout)] == ["TD.TEST..HNE", "TD.ELSE..HNE"]

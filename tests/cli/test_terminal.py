@@ -1,0 +1,75 @@
+"""Pipes, full disks, closed streams and Ctrl-C, with the command as a process of its own."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+START = "import sys\nfrom tdint_cli.main import main\nprint('ready', file=sys.stderr, flush=True)\nmain()"
+TDINT = f"{sys.executable} -c 'from tdint_cli.main import main; main()'"
+
+
+def shell(command: str) -> subprocess.CompletedProcess[str]:
+    """Run a line of bash in which $TDINT is the command."""
+    script = f'set -o pipefail; tdint() {{ {TDINT} "$@"; }}; {command}'
+    return subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=False)
+
+
+def test_a_reader_that_goes_early_is_no_error(folder):
+    done = shell("tdint spectrum motion.mseed --periods 0.1:10:20000 | head -n 2")
+    assert done.returncode == 0, done.stderr
+    assert len(done.stdout.splitlines()) == 2
+    assert all(line.startswith("note: ") for line in done.stderr.splitlines())
+
+
+def test_the_files_are_written_though_the_reader_has_gone(folder):
+    done = shell("tdint run forced.yaml -o out | true")
+    assert done.returncode == 0, done.stderr
+    assert sorted(path.name for path in (folder / "out").iterdir()) == ["stories.csv", "summary.json"]
+    assert "Broken" not in done.stderr
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_a_full_disk_behind_standard_output():
+    done = shell("tdint methods > /dev/full")
+    assert done.returncode == 6
+    assert done.stderr == "Error: standard output: cannot be written: No space left on device\n"
+
+
+def test_closed_streams(folder):
+    done = shell("tdint methods >&-")
+    assert (done.returncode, done.stderr) == (6, "Error: standard output is closed\n")
+    done = shell("tdint run forced.yaml 2>&-")
+    assert (done.returncode, len(done.stdout.splitlines())) == (0, 3)
+    assert shell("tdint modes - <&-").returncode == 3
+
+
+def test_a_shell_loop(folder):
+    done = shell("for m in newmark impulse4; do tdint run forced.yaml --method $m 2>/dev/null | tail -n 1; done")
+    assert [line.split(",")[0] for line in done.stdout.splitlines()] == ["2", "2"]
+
+
+def test_output_is_bytes_of_utf8_in_any_locale(folder):
+    (folder / "Köln.mseed").write_bytes((folder / "other.mseed").read_bytes())
+    done = shell("LC_ALL=C PYTHONUTF8=0 PYTHONCOERCECLOCALE=0 tdint spectrum Köln.mseed --period 1")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[1].startswith("Köln.mseed,HNE,")
+
+
+def test_ctrl_c_while_waiting_ends_with_130_and_no_file(folder):
+    process = subprocess.Popen(
+        [sys.executable, "-c", START, "spectrum", "-", "-o", "all.csv"],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert process.stderr is not None and process.stderr.readline() == "ready\n"
+    time.sleep(0.5)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=30)
+    assert (process.returncode, out) == (130, "")
+    assert err.strip() == "Interrupted"
+    assert not list(folder.glob("all*")) and not list(folder.glob(".tdint*"))

@@ -1,0 +1,164 @@
+"""Files are written whole or not at all, and never over another without leave."""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+
+import pytest
+
+from tdint.errors import OutputError
+from tdint.output.files import check_outputs, write_file, write_files
+
+
+def writes(content: bytes):
+    return lambda stream: stream.write(content)
+
+
+def fails(error: BaseException):
+    def write(stream):
+        stream.write(b"half a fi")
+        raise error
+
+    return write
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_a_file_is_written_with_the_usual_permissions(tmp_path):
+    file = tmp_path / "a.csv"
+    write_file(file, writes(b"x\n"), overwrite=False)
+    plain = tmp_path / "plain"
+    plain.write_bytes(b"")
+    assert file.read_bytes() == b"x\n"
+    assert file.stat().st_mode == plain.stat().st_mode
+    assert names(tmp_path) == ["a.csv", "plain"]
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), ValueError("a bug"), MemoryError()])
+def test_a_writer_that_fails_leaves_nothing(tmp_path, error, overwrite):
+    first, second = tmp_path / "a.csv", tmp_path / "b.csv"
+    with pytest.raises(type(error)):
+        write_files({first: writes(b"x"), second: fails(error)}, overwrite=overwrite)
+    assert names(tmp_path) == []
+
+
+def test_a_writer_that_fails_leaves_the_existing_file(tmp_path):
+    file = tmp_path / "a.csv"
+    file.write_bytes(b"old")
+    with pytest.raises(KeyboardInterrupt):
+        write_file(file, fails(KeyboardInterrupt()), overwrite=True)
+    assert file.read_bytes() == b"old"
+    assert names(tmp_path) == ["a.csv"]
+
+
+def test_a_full_disk_is_one_line(tmp_path):
+    with pytest.raises(OutputError, match=r"a\.csv: cannot be written: No space left on device$"):
+        write_file(tmp_path / "a.csv", fails(OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))), overwrite=False)
+    assert names(tmp_path) == []
+
+
+def test_an_existing_file_is_kept_without_overwrite(tmp_path):
+    file = tmp_path / "a.csv"
+    file.write_bytes(b"old")
+    for call in (
+        lambda: check_outputs([tmp_path / "b.csv", file], overwrite=False),
+        lambda: write_files({tmp_path / "b.csv": writes(b"x"), file: writes(b"x")}, overwrite=False),
+    ):
+        with pytest.raises(OutputError, match=r"a\.csv: exists already; give --overwrite"):
+            call()
+    assert file.read_bytes() == b"old"
+    assert names(tmp_path) == ["a.csv"]
+    write_file(file, writes(b"new"), overwrite=True)
+    assert file.read_bytes() == b"new"
+
+
+@pytest.mark.parametrize("linkable", [True, False])
+def test_a_file_that_comes_up_while_writing_is_kept(tmp_path, monkeypatch, linkable):
+    file = tmp_path / "a.csv"
+
+    def another_process_writes_it(stream):
+        file.write_bytes(b"theirs")
+
+    def no_links(*_):
+        raise PermissionError(errno.EPERM, "no hard links here")
+
+    if not linkable:
+        monkeypatch.setattr(os, "link", no_links)
+    with pytest.raises(OutputError, match="exists already"):
+        write_file(file, another_process_writes_it, overwrite=False)
+    assert file.read_bytes() == b"theirs"
+    assert names(tmp_path) == ["a.csv"]
+
+
+def test_without_hard_links_files_are_renamed(tmp_path, monkeypatch):
+    def no_links(*_):
+        raise PermissionError(errno.EPERM, "no hard links here")
+
+    monkeypatch.setattr(os, "link", no_links)
+    write_file(tmp_path / "a.csv", writes(b"x"), overwrite=False)
+    assert (tmp_path / "a.csv").read_bytes() == b"x"
+    assert names(tmp_path) == ["a.csv"]
+
+
+def test_a_symbolic_link_is_followed(tmp_path):
+    (tmp_path / "real").mkdir()
+    target, link = tmp_path / "real" / "a.csv", tmp_path / "link.csv"
+    target.write_bytes(b"old")
+    link.symlink_to(target)
+    write_file(link, writes(b"new"), overwrite=True)
+    assert link.is_symlink()
+    assert target.read_bytes() == b"new"
+
+
+def test_a_new_folder_is_made_and_unmade(tmp_path):
+    file = tmp_path / "new" / "a.csv"
+    with pytest.raises(KeyboardInterrupt):
+        write_files({file: fails(KeyboardInterrupt())}, overwrite=False, new_folder=True)
+    assert names(tmp_path) == []
+    write_files({file: writes(b"x")}, overwrite=False, new_folder=True)
+    assert file.read_bytes() == b"x"
+
+
+@pytest.mark.parametrize("new_folder", [False, True])
+def test_a_missing_folder_is_an_error(tmp_path, new_folder):
+    missing = tmp_path / "missing" / "deep" if new_folder else tmp_path / "missing"
+    with pytest.raises(OutputError, match=r"there is no folder .*missing; make it first"):
+        check_outputs([missing / "a.csv"], overwrite=False, new_folder=new_folder)
+
+
+def test_what_stands_in_the_way_is_named(tmp_path):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "file").write_bytes(b"")
+    os.mkfifo(tmp_path / "pipe")
+    for path, message in (
+        ("folder", "is a folder; give the name of a file"),
+        ("file/a.csv", "file is a file, not a folder"),
+        ("pipe", "is a device or a pipe, not a file"),
+        ("x" * 300, "File name too long"),
+        ("a\0b", "has no null character"),
+    ):
+        with pytest.raises(OutputError, match=message):
+            check_outputs([tmp_path / path], overwrite=True)
+    with pytest.raises(OutputError, match="file is a file, not a folder"):
+        check_outputs([tmp_path / "file" / "a.csv"], overwrite=True, new_folder=True)
+    with pytest.raises(OutputError, match="two outputs would have this name"):
+        check_outputs([tmp_path / "a.csv", tmp_path / "folder" / ".." / "a.csv"], overwrite=True)
+
+
+def test_a_folder_without_permission_is_named_before_the_work(tmp_path, monkeypatch):
+    monkeypatch.setattr(os, "access", lambda *_: False)  # root may write everywhere
+    with pytest.raises(OutputError, match="no permission to write in the folder"):
+        check_outputs([tmp_path / "a.csv"], overwrite=False)
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_stale_files_go_only_with_overwrite(tmp_path, overwrite):
+    stale = tmp_path / "old.csv"
+    stale.write_bytes(b"old")
+    write_files({tmp_path / "a.csv": writes(b"x")}, overwrite=overwrite, stale=[stale, tmp_path / "never.csv"])
+    assert names(tmp_path) == (["a.csv"] if overwrite else ["a.csv", "old.csv"])

@@ -1,0 +1,106 @@
+"""Pictures: every format, every kind of result, names that a plotting library would take for something else."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tdint.analysis.response import run
+from tdint.analysis.spectrum import spectrum
+from tdint.errors import OutputError
+from tdint.ground_motion.record import Record
+from tdint.model.config import load_model
+from tdint.output.plots import plot_run, plot_spectrum, run_picture
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+STARTS = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
+
+
+def motion(component="HNE", source="a.mseed", size=400) -> Record:
+    t = np.arange(size) * 0.01
+    return Record(3.0 * np.sin(9.0 * t) * np.exp(-t), 0.01, "", f"N.S..{component}", component, source)
+
+
+@pytest.fixture(scope="module")
+def forced():
+    return run(load_model(CONFIGS / "two-story-polynomial.yaml"), duration=2.0, history=True)
+
+
+@pytest.fixture(scope="module")
+def shaken():
+    return run(load_model(CONFIGS / "ten-story-bilinear.yaml"), motion(), history=True)
+
+
+@pytest.mark.parametrize("suffix", STARTS)
+def test_formats(tmp_path, forced, suffix):
+    file = tmp_path / f"x{suffix}"
+    plot_run(forced, file)
+    assert file.read_bytes().startswith(STARTS[suffix])
+    with pytest.raises(OutputError, match="exists already"):
+        plot_run(forced, file)
+    plot_spectrum([spectrum(motion(), np.array([0.1, 1.0]))], file, overwrite=True)
+    assert file.read_bytes().startswith(STARTS[suffix])
+    assert [path.name for path in tmp_path.iterdir()] == [file.name]
+
+
+@pytest.mark.parametrize("name", ["x.jpg", "x"])
+def test_other_formats_are_refused(tmp_path, forced, name):
+    with pytest.raises(OutputError, match=r"written as \.png, \.pdf or \.svg"):
+        plot_run(forced, tmp_path / name)
+
+
+def test_the_same_result_gives_the_same_file(tmp_path, forced):
+    for suffix in STARTS:
+        one, other = tmp_path / f"1{suffix}", tmp_path / f"2{suffix}"
+        plot_run(forced, one)
+        plot_run(forced, other)
+        assert one.read_bytes() == other.read_bytes()
+
+
+def test_a_run_without_history_is_refused(forced):
+    with pytest.raises(ValueError, match="history=True"):
+        run_picture(replace(forced, history=None), ".png")
+
+
+@pytest.mark.parametrize("name", ["a $x_ building", "_hidden", "建物", "x" * 300, "two\nlines"])
+def test_any_name_is_drawn_as_it_is(tmp_path, shaken, name):
+    plot_run(replace(shaken, model=replace(shaken.model, name=name)), tmp_path / "run.svg")
+    spectra = [spectrum(motion(c, f"{name[:100]}.mseed"), np.geomspace(0.1, 1.0, 9)) for c in ("_E", "$N")]
+    plot_spectrum(spectra, tmp_path / "spectrum.svg")
+    if name != "two\nlines" and len(name) < 100:
+        assert name in (tmp_path / "run.svg").read_text(encoding="utf-8")
+    assert "_E" in (tmp_path / "spectrum.svg").read_text(encoding="utf-8")
+
+
+def test_collapse_and_drift_at_the_end_are_marked(tmp_path, shaken):
+    limit = float(np.max(shaken.stories.peak_drift_ratio))
+    plot_run(replace(shaken, model=replace(shaken.model, collapse_drift=limit)), tmp_path / "near.svg")
+    assert "collapse drift" in (tmp_path / "near.svg").read_text(encoding="utf-8")
+    plot_run(replace(shaken, model=replace(shaken.model, collapse_drift=100.0 * limit)), tmp_path / "far.svg")
+    assert "collapse drift" not in (tmp_path / "far.svg").read_text(encoding="utf-8")
+
+
+def test_a_building_at_rest_is_drawn(tmp_path):
+    still = replace(motion(), acceleration=np.zeros(50))
+    plot_run(run(load_model(CONFIGS / "ten-story.yaml"), still, history=True), tmp_path / "x.png")
+    plot_spectrum([spectrum(still, np.array([1.0]))], tmp_path / "y.png")
+
+
+def test_many_spectra_are_drawn(tmp_path):
+    spectra = [
+        spectrum(motion("HNE", f"{i}.mseed", 50), np.array([0.1, 0.3, 1.0]), damping)
+        for i in range(20)
+        for damping in (0.02, 0.05)
+    ]
+    plot_spectrum(spectra, tmp_path / "x.svg")
+    assert "... and 17 more" in (tmp_path / "x.svg").read_text(encoding="utf-8")
+
+
+def test_no_window_system_is_loaded():
+    code = "import sys, tdint.output.plots; sys.exit('matplotlib.pyplot' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -1,0 +1,164 @@
+"""CSV: columns, digits, empty cells, names with commas; the history's fast way gives the same text."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import time
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tdint.analysis.response import History, StoryPeaks
+from tdint.analysis.spectrum import Spectrum
+from tdint.ground_motion.record import Record
+from tdint.methods.catalogue import catalogue, parse
+from tdint.output import tables
+from tdint.output.tables import Table, cell_text, component_names
+
+
+def read(data: bytes) -> list[list[str]]:
+    assert b"\r" not in data
+    assert data.endswith(b"\n")
+    return list(csv.reader(io.StringIO(data.decode("utf-8"))))
+
+
+def record(component="HNE", source="a.mseed", id_=None) -> Record:
+    return Record(np.array([0.0, 1.0]), 0.01, "", id_ or f"N.S..{component}", component, source)
+
+
+def history(steps: int, stories: int, seed: int = 1) -> History:
+    random = np.random.default_rng(seed)
+    tables = [random.normal(size=(steps, stories)) * 10.0**power for power in (-2, -1, 0, -3, 6)]
+    return History(np.arange(steps) * 0.01, random.normal(size=steps), *tables)
+
+
+def test_cells():
+    assert [cell_text(value) for value in (None, math.nan, np.float64("nan"), math.inf, True, False, np.True_)] == [
+        "", "", "", "inf", "true", "false", "true",
+    ]  # fmt: skip
+    assert [cell_text(value) for value in (3, np.int64(7), "a b", -0.0, 1.0, 0.1, np.float64(1e-7))] == [
+        "3", "7", "a b", "0", "1", "0.1", "1e-07",
+    ]  # fmt: skip
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_twelve_digits_survive(value):
+    text = cell_text(value)
+    assert float(text) == pytest.approx(value, rel=5.1e-12, abs=0.0)
+    assert cell_text(float(text)) == text
+
+
+def test_text_is_quoted_where_needed_and_is_utf8():
+    names = ["a,b", 'say "x"', "two\nlines", "Köln", "plain"]
+    data = Table(("name", "n"), [(name, 1) for name in names]).csv()
+    assert read(data) == [["name", "n"], *([name, "1"] for name in names)]
+    assert Table(("name", "n"), [("x", 1)]).csv(header=False) == b"x,1\n"
+
+
+def test_a_file_name_that_is_not_utf8_keeps_its_bytes():
+    assert Table(("record",), [(b"\xff.mseed".decode("utf-8", "surrogateescape"),)]).csv() == b"record\n\xff.mseed\n"
+
+
+def test_story_table():
+    nan = math.nan
+    peaks = StoryPeaks(
+        height=np.array([nan, 3.5]),
+        peak_drift=np.array([0.1, 1 / 3]),
+        peak_drift_ratio=np.array([nan, 2 / 21]),
+        residual_drift=np.array([-0.0, -0.001]),
+        peak_shear=np.array([1e7, 5e6]),
+        ductility=np.array([nan, 4.0]),
+        peak_displacement=np.array([0.1, 0.2]),
+        peak_velocity=np.array([1.0, 2.0]),
+        peak_acceleration=np.array([9.80665, 1e-20]),
+    )
+    assert tables.story_table(peaks).csv().decode() == (
+        "story,height_m,peak_drift_m,peak_drift_ratio,residual_drift_m,peak_shear_N,ductility,peak_displacement_m,"
+        "peak_velocity_m_s,peak_acceleration_m_s2\n"
+        "1,,0.1,,0,10000000,,0.1,1,9.80665\n"
+        "2,3.5,0.333333333333,0.0952380952381,-0.001,5000000,4,0.2,2,1e-20\n"
+    )
+
+
+def spectrum(rec: Record, damping: float) -> Spectrum:
+    periods = np.array([0.1, 1.0])
+    return Spectrum(rec, damping, "exact", periods, *(i * periods for i in range(1, 6)))
+
+
+def test_spectrum_table():
+    assert tables.spectrum_table([spectrum(record(), 0.05)]).csv().decode() == (
+        "record,component,damping,period_s,sd_m,psv_m_s,psa_m_s2,sv_m_s,sa_m_s2\n"
+        "a.mseed,HNE,0.05,0.1,0.1,0.2,0.3,0.4,0.5\n"
+        "a.mseed,HNE,0.05,1,1,2,3,4,5\n"
+    )
+
+
+def test_components_of_one_name_are_told_apart_by_their_id():
+    one, other = record(id_="N.A..HNE"), record(id_="N.B..HNE")
+    elsewhere = record(source="b.mseed")
+    assert component_names([one, one, elsewhere]) == ["HNE", "HNE", "HNE"]
+    assert component_names([one, other, elsewhere, one]) == ["N.A..HNE", "N.B..HNE", "HNE", "N.A..HNE"]
+
+
+def test_method_table_lists_the_catalogue():
+    rows = read(tables.method_table(map(parse, catalogue())).csv())
+    assert rows[0] == ["name", "family", "parameters", "order", "implicit", "stability_limit", "rho_inf", "source"]
+    by_name = {row[0]: dict(zip(rows[0], row, strict=True)) for row in rows[1:]}
+    assert list(by_name) == list(catalogue())
+    central = by_name["central-difference"]
+    assert (central["implicit"], central["stability_limit"], central["rho_inf"]) == ("false", "2", "")
+    newmark = by_name["newmark"]
+    assert newmark["parameters"] == "beta=0.25 in [0, 1]; gamma=0.5 in [0.5, 1]"
+    assert (newmark["order"], newmark["implicit"], newmark["stability_limit"]) == ("2", "true", "inf")
+    assert by_name["collocation"]["parameters"].endswith("in [1, 10], computed")
+    assert all(row["source"] for row in by_name.values())
+
+
+def test_mode_table():
+    modes = SimpleNamespace(
+        omega=np.array([2 * math.pi, 4 * math.pi]),
+        participation=np.array([1.2, -0.2]),
+        mass_ratio=np.array([0.75, 0.25]),
+    )
+    assert tables.mode_table(modes, np.array([0.05, 0.02])).csv().decode() == (
+        "mode,period_s,frequency_hz,damping,participation,mass_ratio,cumulative_mass_ratio\n"
+        "1,1,1,0.05,1.2,0.75,0.75\n2,0.5,2,0.02,-0.2,0.25,1\n"
+    )
+    assert tables.mode_table(modes, None).csv().decode().splitlines()[1] == "1,1,1,,1.2,0.75,0.75"
+
+
+@pytest.mark.parametrize("stories", [1, 3])
+@pytest.mark.parametrize("rows_at_once", [2, 4096])
+def test_history(monkeypatch, stories, rows_at_once):
+    monkeypatch.setattr(tables, "_ROWS_AT_ONCE", rows_at_once)
+    whole = history(5, stories)
+    whole = replace(whole, displacement=np.where(np.arange(5)[:, None] == 0, -0.0, whole.displacement))
+    stream = io.BytesIO()
+    tables.write_history(whole, stream)
+    rows = read(stream.getvalue())
+    floors = [
+        f"floor_{i}_{x}" for i in range(1, stories + 1) for x in ("displacement_m", "velocity_m_s", "acceleration_m_s2")
+    ]
+    springs = [f"story_{i}_{x}" for i in range(1, stories + 1) for x in ("drift_m", "shear_N")]
+    assert rows[0] == ["time_s", "ground_acceleration_m_s2", *floors, *springs]
+    for k, row in enumerate(rows[1:]):
+        values = [whole.time[k], whole.ground_acceleration[k]]
+        for i in range(stories):
+            values += [whole.displacement[k, i], whole.velocity[k, i], whole.acceleration[k, i]]
+        for i in range(stories):
+            values += [whole.drift[k, i], whole.shear[k, i]]
+        assert row == [cell_text(value) for value in values]
+    assert len(rows) == 6
+
+
+def test_a_long_history_is_written_fast():
+    whole = history(4001, 10)
+    begin = time.perf_counter()
+    tables.write_history(whole, io.BytesIO())
+    assert time.perf_counter() - begin < 1.0
