@@ -19,6 +19,7 @@ from tdint.model.definition import (
 )
 
 LINEAR = Law("linear", ())
+FIVE_PERCENT = RayleighRatio((0.05, 0.05), (1, 3))
 
 
 def story(mass, stiffness, law=LINEAR, height=3.5, dashpot=0.0):
@@ -42,12 +43,12 @@ def model(stories, *, damping=None, forces=(), displacement=None, velocity=None,
     )
 
 
-def ten_linear(damping=RayleighRatio((0.05, 0.05), (1, 3))):
+def ten_linear(damping=FIVE_PERCENT):
     """Ten equal linear stories, 5 % in modes 1 and 3."""
     return model([story(2e5, 3.5e8) for _ in range(10)], damping=damping)
 
 
-def ten_bilinear(damping=RayleighRatio((0.05, 0.05), (1, 3))):
+def ten_bilinear(damping=FIVE_PERCENT):
     """Ten bilinear stories: hardening 3 %, base yield at 0.15 of the weight, triangular pattern above."""
     weights = np.arange(1, 11) / 55.0
     yields = 0.15 * 10 * 2e5 * 9.81 * np.cumsum(weights[::-1])[::-1]

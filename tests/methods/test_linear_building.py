@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from building_cases import ModalDamping, RayleighCoefficients, RayleighRatio, model, noise, story, ten_linear
 from references import drifts, exact_linear, orders
-
 from tdint import run
 
 DAMPINGS = {

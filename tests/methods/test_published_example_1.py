@@ -9,9 +9,9 @@ import math
 
 import numpy as np
 import pytest
+
 from building_cases import Force, Law, model, story
 from references import orders, smooth
-
 from tdint import run
 
 BUILDING = model(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from building_cases import RayleighRatio, model, noise, oscillator, story
 
+from building_cases import RayleighRatio, model, noise, oscillator, story
 from tdint import run
 from tdint.analysis.amplification import amplification
 from tdint.methods.catalogue import parse

@@ -178,17 +178,10 @@ def _files(request: Request, response: Response, inputs: list[Input], began: flo
 def _failed_files(
     request: Request, failure: FailedRun, model: Model, record: Record | None, inputs: list[Input], began: float
 ) -> dict[str, Writer]:
-    from tdint.analysis.stepping import choose_steps
-    from tdint.methods.catalogue import parse
     from tdint.output.summary import failure_summary, json_bytes
 
-    wishes = model.analysis
-    method = parse(request.method or wishes.method or "").label
-    dt = wishes.dt if request.dt is None else request.dt
-    duration = wishes.duration if request.duration is None else request.duration
-    steps = choose_steps(dt, duration, record.dt if record else None, record.duration if record else 0.0)
     wall_time = time.perf_counter() - began
-    summary = json_bytes(failure_summary(failure, model, record, method, steps.h, inputs, wall_time))
+    summary = json_bytes(failure_summary(failure, model, record, inputs, wall_time))
     return {SUMMARY: lambda stream: stream.write(summary)}
 
 

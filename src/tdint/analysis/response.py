@@ -135,11 +135,34 @@ class Response:
 
 
 class FailedRun(AnalysisError):
-    """A run that ended before its time: `status` is `diverged` or `not-converged`; time in s, story counted from 1."""
+    """A run that ended before its time.
 
-    def __init__(self, message: str, status: str, time: float, story: int | None, residual: float | None) -> None:
-        super().__init__(message)
+    Attributes
+    ----------
+    status : str
+        `diverged` or `not-converged`.
+    method, dt : str, float
+        The method with all its parameters and the time step, s.
+    time : float
+        Last time reached, s.
+    story, residual : int, float, or None
+        Where a step did not converge: the story, counted from 1, and what is out of balance over its forces.
+    """
+
+    def __init__(
+        self,
+        reason: str,
+        status: str,
+        integrator: Integrator,
+        dt: float,
+        time: float,
+        story: int | None = None,
+        residual: float | None = None,
+    ) -> None:
+        super().__init__(f"{integrator.label} with dt {dt:.6g} s {reason}; use a smaller step or another method")
         self.status = status
+        self.method = integrator.label
+        self.dt = dt
         self.time = time
         self.story = story
         self.residual = residual
@@ -264,26 +287,17 @@ def _march(
 
 
 def _failure(integrator: Integrator, steps: Steps, space: Workspace, code: int) -> FailedRun:
-    reached = space.observed[observing.STEPS_REACHED] * steps.h
-    label = f"{integrator.label} with dt {steps.h:.6g} s"
+    reached = float(space.observed[observing.STEPS_REACHED]) * steps.h
     if code == NOT_FINITE:
-        return FailedRun(
-            f"{label} diverged after {reached:.6g} s: the response ran away; use a smaller step or another method",
-            "diverged",
-            reached,
-            None,
-            None,
-        )
+        reason = f"diverged after {reached:.6g} s: the response ran away"
+        return FailedRun(reason, "diverged", integrator, steps.h, reached)
     story = int(space.memo[layout.WORST_STORY]) + 1
     residual = float(space.memo[layout.RESIDUAL])
-    return FailedRun(
-        f"{label} did not converge after {reached:.6g} s, with the step halved {HALVINGS} times: story {story} is out "
-        f"of balance by {residual:.1e} of the step's force; use a smaller step or another method",
-        "not-converged",
-        reached,
-        story,
-        residual,
+    reason = (
+        f"did not converge after {reached:.6g} s, with the step halved {HALVINGS} times: story {story} is out of "
+        f"balance by {residual:.1e} of its forces"
     )
+    return FailedRun(reason, "not-converged", integrator, steps.h, reached, story, residual)
 
 
 def _story_peaks(building: Building, space: Workspace) -> StoryPeaks:

@@ -14,7 +14,6 @@ from tdint.kernels.layout import (
     FLOOR_DAMPER,
     FORCE,
     GEOMETRIC,
-    INVERSE_MASS,
     LINK,
     MASS,
     OMEGA,
@@ -103,15 +102,6 @@ def internal_forces(chain, modal, state, springs, block, velocity, work, row, su
             chain[FLOOR_DAMPER, i] * state[velocity, i] + work[sums, i] - chain[LINK, i + 1] * work[sums, i + 1]
         )
     add_modal_force(modal, state, velocity, 1.0, work, row, n)
-
-
-@inlined
-def equilibrium(chain, modal, forces, t, ground, state, springs, work, row, load, sums):
-    """Relative acceleration from equilibrium, M^-1 (p - C v - f), into row `row` of work, m/s^2."""
-    floor_load(chain, forces, t, ground, work, load)
-    internal_forces(chain, modal, state, springs, 0, VELOCITY, work, row, sums)
-    for i in range(chain.shape[1] - 1):
-        work[row, i] = chain[INVERSE_MASS, i] * (work[load, i] - work[row, i])
 
 
 @inlined

@@ -3,7 +3,7 @@ otherwise."""
 
 from __future__ import annotations
 
-from tdint.kernels.chain import equilibrium, force_rate
+from tdint.kernels.chain import add_modal_force, force_rate, force_value
 from tdint.kernels.compiling import inlined
 from tdint.kernels.layout import (
     DISPLACEMENT,
@@ -13,6 +13,7 @@ from tdint.kernels.layout import (
     FLOOR_DAMPER,
     FORCE,
     GEOMETRIC,
+    INVERSE_MASS,
     LINK,
     MASS,
     STORY_DAMPER,
@@ -52,7 +53,7 @@ OBSERVED_SIZE = 15
 
 # rows of the observer's work
 ACCELERATION_ROW = 0
-_LOAD = 1
+_OTHER = 1
 _SUM = 2
 OBSERVER_ROWS = 3
 
@@ -63,7 +64,9 @@ def observe(chain, modal, forces, t, h, ground, slope, state, springs, work, pea
 
     The acceleration is that of equilibrium at t, whatever the method carries. Call with h = 0 at the start.
     """
-    equilibrium(chain, modal, forces, t, ground, state, springs, work, ACCELERATION_ROW, _LOAD, _SUM)
+    n = chain.shape[1] - 1
+    _story_forces(chain, state, springs, work, peaks)
+    _other_forces(modal, forces, t, state, work, n)
     power = 0.0
     rate = 0.0
     momentum = 0.0
@@ -71,37 +74,65 @@ def observe(chain, modal, forces, t, h, ground, slope, state, springs, work, pea
     damped_rate = 0.0
     v_below = 0.0
     a_below = 0.0
-    for i in range(chain.shape[1] - 1):
+    for i in range(n):
+        mass = chain[MASS, i]
+        link = chain[LINK, i]
         v = state[VELOCITY, i]
-        a = work[ACCELERATION_ROW, i]
-        _raise(peaks, PEAK_DRIFT, i, springs[DRIFT, i])
-        _raise(peaks, PEAK_SHEAR, i, springs[FORCE, i])
+        floor = chain[FLOOR_DAMPER, i] * v
+        inner = work[_OTHER, i] - floor - work[_SUM, i] + chain[LINK, i + 1] * work[_SUM, i + 1]
+        a = chain[INVERSE_MASS, i] * inner - ground
+        work[ACCELERATION_ROW, i] = a
         _raise(peaks, PEAK_DISPLACEMENT, i, state[DISPLACEMENT, i])
         _raise(peaks, PEAK_VELOCITY, i, v)
         _raise(peaks, PEAK_ACCELERATION, i, a + ground)
-        power += work[_LOAD, i] * v
-        rate += work[_LOAD, i] * a
-        momentum += chain[MASS, i] * v
-        link = chain[LINK, i]
-        rate_of_drift = v - link * v_below
-        rate_of_rate = a - link * a_below
+        momentum += mass * v
+        power -= mass * ground * v
+        rate -= mass * ground * a
+        story = chain[STORY_DAMPER, i] * (v - link * v_below)
+        damped += floor * v + story * (v - link * v_below)
+        damped_rate += floor * a + story * (a - link * a_below)
         v_below = v
         a_below = a
-        floor = chain[FLOOR_DAMPER, i] * v
-        story = chain[STORY_DAMPER, i] * rate_of_drift
-        damped += floor * v + story * rate_of_drift
-        damped_rate += floor * a + story * rate_of_rate
     for j in range(forces.shape[0]):
-        rate += force_rate(forces, j, t) * state[VELOCITY, int(forces[j, FLOOR])]
+        floor = int(forces[j, FLOOR])
+        force = force_value(forces, j, t)
+        power += force * state[VELOCITY, floor]
+        rate += force * work[ACCELERATION_ROW, floor] + force_rate(forces, j, t) * state[VELOCITY, floor]
     for j in range(modal.shape[0]):
         v_modal = 0.0
         a_modal = 0.0
-        for i in range(chain.shape[1] - 1):
+        for i in range(n):
             v_modal += modal[j, i] * state[VELOCITY, i]
             a_modal += modal[j, i] * work[ACCELERATION_ROW, i]
         damped += v_modal * v_modal
         damped_rate += v_modal * a_modal
     _add_work(h, slope, power, rate, momentum, damped, 2.0 * damped_rate, observed)
+
+
+@inlined
+def _story_forces(chain, state, springs, work, peaks):
+    """Force of each story, column and damper, into its row; peaks of drift and shear."""
+    n = chain.shape[1] - 1
+    below = 0.0
+    for i in range(n):
+        v = state[VELOCITY, i]
+        drift = springs[DRIFT, i]
+        shear = springs[FORCE, i]
+        work[_SUM, i] = shear + chain[GEOMETRIC, i] * drift + chain[STORY_DAMPER, i] * (v - chain[LINK, i] * below)
+        below = v
+        _raise(peaks, PEAK_DRIFT, i, drift)
+        _raise(peaks, PEAK_SHEAR, i, shear)
+
+
+@inlined
+def _other_forces(modal, forces, t, state, work, n):
+    """Forces on floors less modal damping into their row; the row stays zero where a building has neither."""
+    if forces.shape[0] + modal.shape[0] > 0:
+        for i in range(n):
+            work[_OTHER, i] = 0.0
+        for j in range(forces.shape[0]):
+            work[_OTHER, int(forces[j, FLOOR])] += force_value(forces, j, t)
+        add_modal_force(modal, state, VELOCITY, -1.0, work, _OTHER, n)
 
 
 @inlined

@@ -8,7 +8,7 @@ above a story, for which the same step is solvable.
 from __future__ import annotations
 
 from tdint.kernels.compiling import inlined
-from tdint.kernels.layout import FLOOR_DAMPER, LINK, MASS
+from tdint.kernels.layout import FLOOR_DAMPER, GEOMETRIC, LINK, MASS, STORY_DAMPER
 
 
 @inlined
@@ -106,6 +106,19 @@ def solve_damped(work, diagonal, coupling, modal, store, x, n):
 
 
 @inlined
+def factor_combination(chain, modal, springs, row, by_m, by_c, by_k, work, diagonal, coupling, store, n):
+    """Factor by_m M + by_c C + by_k K as `factor_damped` does; row `row` of `springs` is the stiffness of each story,
+    to which the geometric one is added."""
+    for i in range(n):
+        story = by_k * (springs[row, i] + chain[GEOMETRIC, i]) + by_c * chain[STORY_DAMPER, i]
+        work[diagonal, i] = by_m * chain[MASS, i] + by_c * chain[FLOOR_DAMPER, i] + story
+        work[coupling, i] = -chain[LINK, i] * story
+    for i in range(n - 1):
+        work[diagonal, i] -= work[coupling, i + 1]
+    factor_damped(work, diagonal, coupling, modal, by_c, store, n)
+
+
+@inlined
 def assemble_blocks(chain, work, blocks, coupling, by_v, by_a, n):
     """Newton matrix of a step with the unknowns (u1 - u0, v1 - v0) per floor and a1 eliminated by equilibrium.
 
@@ -119,6 +132,13 @@ def assemble_blocks(chain, work, blocks, coupling, by_v, by_a, n):
         work[blocks + 1, i] = work[coupling + 1, i] - by_v * mass - by_a * floor
         work[blocks + 2, i] = floor + work[coupling + 2, i]
         work[blocks + 3, i] = mass + work[coupling + 3, i]
+    link_blocks(chain, work, blocks, coupling, n)
+
+
+@inlined
+def link_blocks(chain, work, blocks, coupling, n):
+    """Add what each story brings to the block of the floor below it, and cut the coupling where there is none."""
+    for i in range(n):
         for entry in range(4):
             work[coupling + entry, i] *= chain[LINK, i]
     for i in range(n - 1):
@@ -127,8 +147,8 @@ def assemble_blocks(chain, work, blocks, coupling, by_v, by_a, n):
 
 
 @inlined
-def factor_blocks(blocks, coupling, work, modal, s01, s10, store, n):
-    """Factor a block tridiagonal matrix with 2 x 2 blocks, plus [[0, s01], [s10, 0]] (x) W^T W.
+def factor_blocks(blocks, coupling, work, modal, s00, s01, s10, s11, store, n):
+    """Factor a block tridiagonal matrix with 2 x 2 blocks, plus [[s00, s01], [s10, s11]] (x) W^T W.
 
     Rows of `work` from `blocks` on: the four entries of each diagonal block, row by row; they become the inverses of
     the block pivots. Rows from `coupling` on: the four entries of B, where -B is both the block left of the diagonal in
@@ -176,8 +196,8 @@ def factor_blocks(blocks, coupling, work, modal, s01, s10, store, n):
             for i in range(n):
                 in_x += modal[j, i] * work[store + 2 * k, i]
                 in_y += modal[j, i] * work[store + 2 * k + 1, i]
-            work[small + j, k] = s01 * in_y + (1.0 if j == k else 0.0)
-            work[small + modes + j, k] = s10 * in_x + (1.0 if modes + j == k else 0.0)
+            work[small + j, k] = s00 * in_x + s01 * in_y + (1.0 if j == k else 0.0)
+            work[small + modes + j, k] = s10 * in_x + s11 * in_y + (1.0 if modes + j == k else 0.0)
     invert(work, small, 2 * modes)
 
 
@@ -205,7 +225,7 @@ def solve_blocks(work, blocks, coupling, x, y, n):
 
 
 @inlined
-def solve_blocks_damped(work, blocks, coupling, modal, s01, s10, store, x, y, n):
+def solve_blocks_damped(work, blocks, coupling, modal, s00, s01, s10, s11, store, x, y, n):
     """Solve with the factors of `factor_blocks`; rows `x` and `y` hold the right side and become the solution."""
     solve_blocks(work, blocks, coupling, x, y, n)
     modes = modal.shape[0]
@@ -217,8 +237,8 @@ def solve_blocks_damped(work, blocks, coupling, modal, s01, s10, store, x, y, n)
         for i in range(n):
             in_x += modal[j, i] * work[x, i]
             in_y += modal[j, i] * work[y, i]
-        work[scratch, j] = s01 * in_y
-        work[scratch, modes + j] = s10 * in_x
+        work[scratch, j] = s00 * in_x + s01 * in_y
+        work[scratch, modes + j] = s10 * in_x + s11 * in_y
     for j in range(2 * modes):
         amplitude = 0.0
         for k in range(2 * modes):

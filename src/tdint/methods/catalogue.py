@@ -6,10 +6,10 @@ import difflib
 from functools import cache
 
 from tdint.errors import UsageError
-from tdint.methods import exact, impulse, impulse4, single_step
+from tdint.methods import bathe, exact, impulse, impulse4, model_based, multi_step, runge_kutta, single_step
 from tdint.methods.method import Integrator, Method, Parameter
 
-FAMILIES = (impulse, impulse4, single_step, exact)
+FAMILIES = (impulse, impulse4, single_step, multi_step, bathe, model_based, runge_kutta, exact)
 
 
 @cache

@@ -86,7 +86,7 @@ def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work
         if stale:
             _factor(coefficients, chain, modal, h, work)
             memo[FACTORED_STEP] = h
-        solve_blocks_damped(work, _BLOCKS, _COUPLING, modal, -by_a, 1.0, _STORE, _R1, _R2, n)
+        solve_blocks_damped(work, _BLOCKS, _COUPLING, modal, 0.0, -by_a, 1.0, 0.0, _STORE, _R1, _R2, n)
         iterations += 1
         small = True
         for i in range(n):
@@ -210,7 +210,7 @@ def _factor(coefficients, chain, modal, h, work):
         work[_COUPLING + 2, i] = damper + h * (1.0 - 72.0 * beta) * tangent
         work[_COUPLING + 3, i] = h * h * (24.0 * beta - 0.25) * tangent
     assemble_blocks(chain, work, _BLOCKS, _COUPLING, 0.5 * h, by_a, n)
-    factor_blocks(_BLOCKS, _COUPLING, work, modal, -by_a, 1.0, _STORE, n)
+    factor_blocks(_BLOCKS, _COUPLING, work, modal, 0.0, -by_a, 1.0, 0.0, _STORE, n)
 
 
 def _limit(beta: float) -> float:

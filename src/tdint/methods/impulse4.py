@@ -97,7 +97,7 @@ def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work
         if stale:
             _factor(coefficients, chain, modal, h, work)
             memo[FACTORED_STEP] = h
-        solve_blocks_damped(work, _BLOCKS, _COUPLING, modal, -by_a, 1.0, _STORE, _R1, _R2, n)
+        solve_blocks_damped(work, _BLOCKS, _COUPLING, modal, 0.0, -by_a, 1.0, 0.0, _STORE, _R1, _R2, n)
         iterations += 1
         small = True
         for i in range(n):
@@ -225,7 +225,7 @@ def _factor(coefficients, chain, modal, h, work):
         work[_COUPLING + 2, i] = damper + inner * tangent_c + h * coefficients[WEIGHT_1] * tangent_1
         work[_COUPLING + 3, i] = -by_a * tangent_c
     assemble_blocks(chain, work, _BLOCKS, _COUPLING, h * coefficients[THETA], by_a, n)
-    factor_blocks(_BLOCKS, _COUPLING, work, modal, -by_a, 1.0, _STORE, n)
+    factor_blocks(_BLOCKS, _COUPLING, work, modal, 0.0, -by_a, 1.0, 0.0, _STORE, n)
 
 
 @inlined

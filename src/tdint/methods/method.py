@@ -62,6 +62,8 @@ class Family:
         them.
     state_rows : int
         Rows of the state.
+    derivatives : tuple of int
+        Which derivative of the displacement each row of the state has the unit of.
     halvable : bool
         Whether a step that does not converge may be divided: the memory reaches back no further than the step's start.
     linear_only : bool
@@ -75,6 +77,7 @@ class Family:
     work_rows: Callable[[int], int]
     memory: tuple[int, ...] = (DISPLACEMENT, VELOCITY, ACCELERATION)
     state_rows: int = 3
+    derivatives: tuple[int, ...] = (0, 1, 2)
     halvable: bool = True
     linear_only: bool = False
     prepare: Callable[[Building, NDArray[np.float64], float], NDArray[np.float64]] | None = None

@@ -290,7 +290,11 @@ def _member(
     *parameters: Parameter,
     limit: Callable[..., float] = lambda *values: math.inf,
     order: Callable[..., int] = lambda *values: 2,
+    rho_inf: Callable[..., float] | None = None,
 ) -> Method:
+    def measured(*values: float) -> float:
+        return _rho_inf(row(*values)) if limit(*values) == math.inf else math.nan
+
     return Method(
         name=name,
         family=FAMILY,
@@ -299,7 +303,7 @@ def _member(
         order=order,
         implicit=lambda *values: row(*values)[L3W3] != 0.0,
         stability_limit=limit,
-        rho_inf=lambda *values: _rho_inf(row(*values)) if limit(*values) == math.inf else math.nan,
+        rho_inf=rho_inf or measured,
         source=source,
     )
 
@@ -327,18 +331,21 @@ METHODS = (
         lambda alpha: dissipative(0.0, -alpha),
         "Hilber, Hughes and Taylor (1977)",
         Parameter("alpha", -0.05, -1.0 / 3.0, 0.0),
+        rho_inf=lambda alpha: (1.0 + alpha) / (1.0 - alpha),
     ),
     _member(
         "wbz",
         lambda rho_inf: dissipative((rho_inf - 1.0) / (rho_inf + 1.0), 0.0),
         "Wood, Bossak and Zienkiewicz (1980)",
         Parameter("rho_inf", 0.8, 0.0, 1.0),
+        rho_inf=lambda rho_inf: rho_inf,
     ),
     _member(
         "generalized-alpha",
         lambda rho_inf: dissipative((2.0 * rho_inf - 1.0) / (1.0 + rho_inf), rho_inf / (1.0 + rho_inf)),
         "Chung and Hulbert (1993)",
         Parameter("rho_inf", 0.8, 0.0, 1.0),
+        rho_inf=lambda rho_inf: rho_inf,
     ),
     _member(
         "collocation",

@@ -60,8 +60,12 @@ def _read_units(value: Value) -> str | None:
 
 
 def _resolve(file: str, folder: Path) -> str:
-    """The path as seen from the working directory; `-`, standard input, stays."""
-    return file if file == "-" else os.fspath(folder / file)
+    """The path as seen from the working directory, without `folder/..` where that means the same; `-` stays."""
+    if file == "-":
+        return file
+    path = os.fspath(folder / file)
+    plain = os.path.normpath(path)
+    return plain if os.path.realpath(plain) == os.path.realpath(path) else path
 
 
 def _read_scale(section: Section) -> float:

@@ -1,0 +1,155 @@
+"""Equilibrium of all floors at one instant, by Newton's iteration.
+
+For the families whose motion at that instant is linear in one unknown x per floor, an acceleration:
+
+    u = U + by_u x,   v = V + by_v x,   a = A + by_a x,   M a + C v + f(u) = p
+
+U, V, A are the first guess. The corrections are found by tridiagonal solves, and the factors are kept for the next
+step: they are made anew only when a tangent changed.
+"""
+
+from __future__ import annotations
+
+import math
+
+from tdint.kernels.chain import add_modal_force
+from tdint.kernels.compiling import inlined
+from tdint.kernels.layout import (
+    FLOOR_DAMPER,
+    FORCE,
+    GEOMETRIC,
+    LINEAR,
+    LINK,
+    MASS,
+    RESIDUAL,
+    STIFFNESS,
+    STORY_DAMPER,
+)
+from tdint.kernels.springs import restoring
+from tdint.kernels.stepping import ITERATIONS, SAME_TANGENT, SMALL, balanced, give_up
+from tdint.kernels.tridiagonal import factor_combination, solve_damped
+
+# Rows of work: the load and the first guess come in, the motion in equilibrium goes out
+LOAD = 0
+U = 1
+V = 2
+A = 3
+X = 4
+_SUM = 5  # story forces
+_RESIDUAL = 6  # unbalanced forces, then the correction of x
+_TANGENT = 7
+BALANCE_ROWS = 8
+
+# Rows of a block of factors
+_FACTORED = 0  # its tangents
+_PIVOT = 1
+_COUPLING = 2
+_STORE = 3
+
+
+def factor_rows(modes: int) -> int:
+    """Rows of work in a block of factors for a building with `modes` modally damped modes."""
+    return _STORE + 2 * modes + 1
+
+
+@inlined
+def forget(work, factors, n):
+    """Mark the factors in the block at row `factors` as fitting no tangent."""
+    for i in range(n):
+        work[factors + _FACTORED, i] = math.inf
+
+
+@inlined
+def balance(by_u, by_v, by_a, factors, past, trial, chain, modal, laws, springs, work, memo):
+    """Bring the floors into equilibrium; returns the number of solves, or a negative code.
+
+    The drift laws go from the state in block `past` of springs to block `trial`. Rows `factors` and following of work
+    hold the factors of by_a M + by_v C + by_u K for the weights of this call, or are marked by `forget`.
+    """
+    n = chain.shape[1] - 1
+    tangents = factors + _FACTORED
+    pivot = factors + _PIVOT
+    coupling = factors + _COUPLING
+    store = factors + _STORE
+    for i in range(n):
+        work[X, i] = 0.0
+    iterations = 0
+    while True:
+        stale = _story_forces(factors, past, trial, chain, laws, springs, work)
+        if _in_balance(chain, modal, work, memo):
+            break
+        if iterations == ITERATIONS:
+            return give_up(memo)
+        if stale:
+            for i in range(n):
+                work[tangents, i] = work[_TANGENT, i]
+            factor_combination(chain, modal, work, tangents, by_a, by_v, by_u, work, pivot, coupling, store, n)
+        solve_damped(work, pivot, coupling, modal, store, _RESIDUAL, n)
+        iterations += 1
+        if _correct(by_u, by_v, by_a, work, n) or memo[LINEAR] != 0.0:
+            _drift_laws(past, trial, chain, laws, springs, work)
+            break
+    return max(iterations, 1)
+
+
+@inlined
+def _story_forces(factors, past, trial, chain, laws, springs, work):
+    """Story forces of the present motion. True if the factors do not fit its tangents."""
+    stale = False
+    u_below = 0.0
+    v_below = 0.0
+    for i in range(chain.shape[1] - 1):
+        drift = work[U, i] - chain[LINK, i] * u_below
+        rate = work[V, i] - chain[LINK, i] * v_below
+        u_below = work[U, i]
+        v_below = work[V, i]
+        tangent = restoring(laws, springs, i, past, trial, drift)
+        work[_TANGENT, i] = tangent
+        stale = stale or abs(tangent - work[factors + _FACTORED, i]) > SAME_TANGENT * laws[STIFFNESS, i]
+        work[_SUM, i] = springs[trial + FORCE, i] + chain[GEOMETRIC, i] * drift + chain[STORY_DAMPER, i] * rate
+    return stale
+
+
+@inlined
+def _in_balance(chain, modal, work, memo):
+    """Unbalanced forces into their row, N; whether all are small."""
+    n = chain.shape[1] - 1
+    for i in range(n):
+        work[_RESIDUAL, i] = chain[FLOOR_DAMPER, i] * work[V, i]
+    add_modal_force(modal, work, V, 1.0, work, _RESIDUAL, n)
+    memo[RESIDUAL] = 0.0
+    small = True
+    for i in range(n):
+        load = work[LOAD, i]
+        inertia = chain[MASS, i] * work[A, i]
+        damping = work[_RESIDUAL, i]
+        below = work[_SUM, i]
+        above = chain[LINK, i + 1] * work[_SUM, i + 1]
+        residual = load - inertia - damping - below + above
+        work[_RESIDUAL, i] = residual
+        scale = abs(load) + abs(inertia) + abs(damping) + abs(below) + abs(above)
+        small = balanced(memo, i, residual, scale) and small
+    return small
+
+
+@inlined
+def _drift_laws(past, trial, chain, laws, springs, work):
+    """Drift laws at the present displacements."""
+    below = 0.0
+    for i in range(chain.shape[1] - 1):
+        restoring(laws, springs, i, past, trial, work[U, i] - chain[LINK, i] * below)
+        below = work[U, i]
+
+
+@inlined
+def _correct(by_u, by_v, by_a, work, n):
+    """Add the correction of x to x and to the motion. True if it was rounding."""
+    small = True
+    for i in range(n):
+        dx = work[_RESIDUAL, i]
+        work[X, i] += dx
+        work[V, i] += by_v * dx
+        work[A, i] += by_a * dx
+        work[U, i] += by_u * dx
+        small = small and abs(by_u * dx) <= SMALL * abs(work[U, i])
+    return small

@@ -1,0 +1,252 @@
+"""Explicit methods with the initial stiffness K0 in their matrices: one pass per step, whatever the drift laws.
+
+KR-alpha (Kolay and Ricles 2014), with w for its velocity, X = gamma h C + beta h^2 K0, A = M + X, q = A^-1 M a and
+g = p - C w - f(u):
+
+    u1 = u0 + h w0 + (1/2 + gamma) h^2 q0,   w1 = w0 + h q0
+    [(1 - alpha_m) M + (1 - alpha_f) X] q1 + (alpha_m M + alpha_f X) q0 = (1 - alpha_f) g1 + alpha_f g0
+
+(Published with a for q.) w lags: it is the velocity at t - gamma h, and a start from w0 = v0 makes u and v order 1.
+Here v = w + gamma h q is carried and reported instead; the same lines become
+
+    u1 = u0 + h v0 + h^2/2 q0,   v1 = v0 + h ((1 - gamma) q0 + gamma q1)
+    (1 - alpha_m) M q1 + alpha_m M q0 = (1 - alpha_f) r1 + alpha_f r0,   r = p - C v - f(u) - beta h^2 K0 q
+
+and are order 2 from any initial state. They are generalized-alpha for the displacement u + beta h^2 q, whose last part
+is left to K0. CR (Chen and Ricles 2008) is the member alpha_m = alpha_f = 0. State row ACCELERATION holds q, which
+starts from M q0 = r0.
+
+Chang (2002) needs no such shift; its acceleration is that of equilibrium at every step.
+
+All are stable for every step in a linear building and where stories soften, but not where one stiffens above K0.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from tdint.kernels.chain import add_modal_force, finite, floor_load, internal_forces
+from tdint.kernels.compiling import inlined, kernel
+from tdint.kernels.layout import (
+    ACCELERATION,
+    DISPLACEMENT,
+    DRIFT,
+    FACTORED_STEP,
+    FIRST_TRIAL,
+    FLOOR_DAMPER,
+    FORCE,
+    GEOMETRIC,
+    GROUND_0,
+    GROUND_1,
+    LINK,
+    MASS,
+    NOT_FINITE,
+    STEPS_DONE,
+    STIFFNESS,
+    STORY_DAMPER,
+    TIME,
+    VELOCITY,
+)
+from tdint.kernels.springs import commit, restoring
+from tdint.kernels.stepping import STEP
+from tdint.kernels.tridiagonal import factor_combination, solve_damped
+from tdint.methods.method import Family, Method, Parameter
+
+# Coefficients of the KR-alpha step
+ALPHA_M = 0
+ALPHA_F = 1
+BETA = 2
+GAMMA = 3
+
+# Rows of work
+_LOAD = 0
+_SUM = 1  # story forces
+_V = 2  # velocity at the weighted point; Chang: predicted
+_X = 3  # right side and solution
+_LOAD_0 = 4
+_PIVOT = 5
+_COUPLING = 6
+_SECOND_PIVOT = 7  # Chang: of the second matrix
+_SECOND_COUPLING = 8
+_STORE = 9
+
+
+@kernel(STEP)
+def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
+    """One step of KR-alpha or CR: one solve with (1 - alpha_m) M + (1 - alpha_f) X for the change of q."""
+    n = chain.shape[1] - 1
+    weight = 1.0 - coefficients[ALPHA_F]
+    by_c = coefficients[GAMMA] * h
+    by_k = coefficients[BETA] * h * h
+    if memo[STEPS_DONE] == 0.0:
+        _start(chain, modal, laws, by_k, state, work, n)
+        memo[FACTORED_STEP] = 0.0
+    if memo[FACTORED_STEP] != h:
+        factor_combination(
+            chain, modal, laws, STIFFNESS, 1.0 - coefficients[ALPHA_M], weight * by_c, weight * by_k, work, _PIVOT,
+            _COUPLING, _STORE, n,
+        )  # fmt: skip
+        memo[FACTORED_STEP] = h
+    _weighted_load(chain, forces, weight, h, load, work, n)
+    _advance(chain, laws, weight, by_k, h, state, springs, work, n)
+    for i in range(n):
+        inner = work[_SUM, i] - chain[LINK, i + 1] * work[_SUM, i + 1]
+        work[_X, i] = (
+            work[_LOAD, i] - chain[MASS, i] * state[ACCELERATION, i] - chain[FLOOR_DAMPER, i] * work[_V, i] - inner
+        )
+    add_modal_force(modal, work, _V, -1.0, work, _X, n)
+    solve_damped(work, _PIVOT, _COUPLING, modal, _STORE, _X, n)
+    for i in range(n):
+        q = state[ACCELERATION, i]
+        state[VELOCITY, i] += h * q + by_c * work[_X, i]
+        state[ACCELERATION, i] = q + work[_X, i]
+    return 1 if finite(state, n) else NOT_FINITE
+
+
+@inlined
+def _start(chain, modal, laws, by_k, state, work, n):
+    """q0 from the acceleration of equilibrium: (M + beta h^2 K0) q0 = M a0."""
+    factor_combination(chain, modal, laws, STIFFNESS, 1.0, 0.0, by_k, work, _PIVOT, _COUPLING, _STORE, n)
+    for i in range(n):
+        work[_X, i] = chain[MASS, i] * state[ACCELERATION, i]
+    solve_damped(work, _PIVOT, _COUPLING, modal, _STORE, _X, n)
+    for i in range(n):
+        state[ACCELERATION, i] = work[_X, i]
+
+
+@inlined
+def _weighted_load(chain, forces, weight, h, load, work, n):
+    """Load at the weighted point, N."""
+    floor_load(chain, forces, load[TIME] + h, load[GROUND_1], work, _LOAD)
+    if weight != 1.0:
+        floor_load(chain, forces, load[TIME], load[GROUND_0], work, _LOAD_0)
+        for i in range(n):
+            work[_LOAD, i] = weight * work[_LOAD, i] + (1.0 - weight) * work[_LOAD_0, i]
+
+
+@inlined
+def _advance(chain, laws, weight, by_k, h, state, springs, work, n):
+    """Displacement and drift laws to the end of the step; weighted velocity and story forces for q1 = q0."""
+    u_below = 0.0
+    v_below = 0.0
+    q_below = 0.0
+    for i in range(n):
+        q = state[ACCELERATION, i]
+        u = state[DISPLACEMENT, i] + h * state[VELOCITY, i] + 0.5 * h * h * q
+        v = state[VELOCITY, i] + weight * h * q
+        link = chain[LINK, i]
+        geometric = chain[GEOMETRIC, i]
+        force_0 = springs[FORCE, i] + geometric * springs[DRIFT, i]
+        restoring(laws, springs, i, 0, FIRST_TRIAL, u - link * u_below)
+        commit(laws, springs, i, 0, FIRST_TRIAL)
+        force_1 = springs[FORCE, i] + geometric * springs[DRIFT, i]
+        work[_SUM, i] = (
+            weight * force_1
+            + (1.0 - weight) * force_0
+            + by_k * (laws[STIFFNESS, i] + geometric) * (q - link * q_below)
+            + chain[STORY_DAMPER, i] * (v - link * v_below)
+        )
+        state[DISPLACEMENT, i] = u
+        work[_V, i] = v
+        u_below = u
+        v_below = v
+        q_below = q
+
+
+@kernel(STEP)
+def chang_step(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
+    """One step of Chang (2002): u1 = u0 + h v0 + h^2/2 D^-1 (M a0 - h/2 K0 v0) with D = M + h/2 C + h^2/4 K0, which is
+    the published line without the matrix C on its right; then average acceleration with equilibrium at u1."""
+    n = chain.shape[1] - 1
+    half = 0.5 * h
+    second_store = _STORE + 2 * modal.shape[0] + 1
+    if memo[FACTORED_STEP] != h:
+        factor_combination(chain, modal, laws, STIFFNESS, 1.0, half, half * half, work, _PIVOT, _COUPLING, _STORE, n)
+        factor_combination(
+            chain, modal, laws, STIFFNESS, 1.0, half, 0.0, work, _SECOND_PIVOT, _SECOND_COUPLING, second_store, n
+        )
+        memo[FACTORED_STEP] = h
+    v_below = 0.0
+    for i in range(n):
+        v = state[VELOCITY, i]
+        work[_SUM, i] = half * (laws[STIFFNESS, i] + chain[GEOMETRIC, i]) * (v - chain[LINK, i] * v_below)
+        v_below = v
+    for i in range(n):
+        inner = work[_SUM, i] - chain[LINK, i + 1] * work[_SUM, i + 1]
+        work[_X, i] = chain[MASS, i] * state[ACCELERATION, i] - inner
+    solve_damped(work, _PIVOT, _COUPLING, modal, _STORE, _X, n)
+    below = 0.0
+    for i in range(n):
+        v = state[VELOCITY, i]
+        u = state[DISPLACEMENT, i] + h * v + half * h * work[_X, i]
+        restoring(laws, springs, i, 0, FIRST_TRIAL, u - chain[LINK, i] * below)
+        commit(laws, springs, i, 0, FIRST_TRIAL)
+        below = u
+        state[DISPLACEMENT, i] = u
+        work[_V, i] = v + half * state[ACCELERATION, i]
+    floor_load(chain, forces, load[TIME] + h, load[GROUND_1], work, _LOAD)
+    internal_forces(chain, modal, work, springs, 0, _V, work, _X, _SUM)
+    for i in range(n):
+        work[_X, i] = work[_LOAD, i] - work[_X, i]
+    solve_damped(work, _SECOND_PIVOT, _SECOND_COUPLING, modal, second_store, _X, n)
+    for i in range(n):
+        state[VELOCITY, i] = work[_V, i] + half * work[_X, i]
+        state[ACCELERATION, i] = work[_X, i]
+    return 1 if finite(state, n) else NOT_FINITE
+
+
+FAMILY = Family("model-based", step, lambda modes: _STORE + 2 * modes + 1, halvable=False)
+
+CHANG = Family(
+    "model-based",
+    chang_step,
+    lambda modes: _STORE + 2 * (2 * modes + 1),
+    memory=(DISPLACEMENT, VELOCITY),
+    halvable=False,
+)
+
+
+def kr_alpha(rho_inf: float) -> tuple[float, ...]:
+    """Kolay and Ricles (2014): alpha_m, alpha_f, beta and gamma of generalized-alpha."""
+    alpha_m = (2.0 * rho_inf - 1.0) / (1.0 + rho_inf)
+    alpha_f = rho_inf / (1.0 + rho_inf)
+    gamma = 0.5 - alpha_m + alpha_f
+    return (alpha_m, alpha_f, 0.25 * (0.5 + gamma) ** 2, gamma)
+
+
+def _member(
+    name: str,
+    family: Family,
+    row: Callable[..., tuple[float, ...]],
+    rho_inf: Callable[..., float],
+    source: str,
+    *parameters: Parameter,
+) -> Method:
+    return Method(
+        name=name,
+        family=family,
+        parameters=parameters,
+        coefficients=row,
+        order=lambda *values: 2,
+        implicit=lambda *values: False,
+        stability_limit=lambda *values: math.inf,
+        rho_inf=rho_inf,
+        source=source,
+    )
+
+
+_LIMITED = "explicit; not for stories that stiffen"
+
+METHODS = (
+    _member("chang", CHANG, lambda: (), lambda: 1.0, f"Chang (2002); {_LIMITED}"),
+    _member("cr", FAMILY, lambda: (0.0, 0.0, 0.25, 0.5), lambda: 1.0, f"Chen and Ricles (2008); {_LIMITED}"),
+    _member(
+        "kr-alpha",
+        FAMILY,
+        kr_alpha,
+        lambda rho_inf: rho_inf,
+        f"Kolay and Ricles (2014); {_LIMITED}",
+        Parameter("rho_inf", 0.8, 0.0, 1.0),  # as generalized-alpha, whose spectrum it has
+    ),
+)

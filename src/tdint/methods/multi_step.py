@@ -1,0 +1,179 @@
+"""Multi-step methods: velocity and acceleration from differences over three steps, equilibrium at the end.
+
+With the mean velocity w1 = (u1 - u0) / h and the mean acceleration b1 = (v1 - v0) / h of the step, and those of the two
+steps before it, w0, w_ and b0, b_, the formulas of Houbolt (1950) and Park (1975) are sums with three weights each:
+
+    v1 = V . (w1, w0, w_)
+    a1 = W . (w1, w0, w_) / h + B . (b1, b0, b_)
+    M a1 + C v1 + f(u1) = p1
+
+The state keeps the means in the place of older displacements and velocities. That is the same memory, but small steps
+do not drown in rounding: differences of displacements would put an error of rounding(u) / h^2 into each acceleration.
+The first two steps are average acceleration (Newmark 1959), which keeps order 2 in u, v and a.
+"""
+
+from __future__ import annotations
+
+import math
+
+from tdint.kernels.balance import BALANCE_ROWS, LOAD, A, U, V, X, balance, factor_rows, forget
+from tdint.kernels.chain import finite, floor_load
+from tdint.kernels.compiling import inlined, kernel
+from tdint.kernels.layout import (
+    ACCELERATION,
+    DISPLACEMENT,
+    FACTORED_STEP,
+    FIRST_OLDER,
+    FIRST_TRIAL,
+    GROUND_1,
+    NOT_FINITE,
+    STEPS_DONE,
+    TIME,
+    VELOCITY,
+)
+from tdint.kernels.springs import commit
+from tdint.kernels.stepping import STEP
+from tdint.methods.method import Family, Method
+
+# Coefficients: V, W, B, three each
+V_BY_W = 0
+A_BY_W = 3
+A_BY_B = 6
+
+# Rows of the state beyond u, v, a: means over the last step and over the one before it
+MEAN_VELOCITY = FIRST_OLDER
+OLDER_MEAN_VELOCITY = FIRST_OLDER + 1
+MEAN_ACCELERATION = FIRST_OLDER + 2
+OLDER_MEAN_ACCELERATION = FIRST_OLDER + 3
+
+# Rows of work
+_W = BALANCE_ROWS  # first guess of the mean velocity
+_FACTORS = BALANCE_ROWS + 1
+
+START = 2
+"""Steps of average acceleration before the first multi-step."""
+
+
+def work_rows(modes: int) -> int:
+    """Rows of work that the step needs for a building with `modes` modally damped modes."""
+    return _FACTORS + factor_rows(modes)
+
+
+@kernel(STEP)
+def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
+    """One step of the family, of average acceleration for the first two."""
+    n = chain.shape[1] - 1
+    c = coefficients
+    if memo[STEPS_DONE] < START:
+        by_w = 0.25 * h
+        by_v = 0.5 * h
+        by_a = 1.0
+        _guess_start(h, state, work, n)
+    else:
+        by_w = h
+        by_v = c[V_BY_W] * h
+        by_a = c[A_BY_W] + c[A_BY_B] * c[V_BY_W]
+        _guess(c, h, state, work, n)
+    if memo[FACTORED_STEP] != by_v:  # tells h, and the start from what follows
+        forget(work, _FACTORS, n)
+        memo[FACTORED_STEP] = by_v
+    floor_load(chain, forces, load[TIME] + h, load[GROUND_1], work, LOAD)
+    code = balance(h * by_w, by_v, by_a, _FACTORS, 0, FIRST_TRIAL, chain, modal, laws, springs, work, memo)
+    if code < 0:
+        return code
+    for i in range(n):
+        state[OLDER_MEAN_VELOCITY, i] = state[MEAN_VELOCITY, i]
+        state[OLDER_MEAN_ACCELERATION, i] = state[MEAN_ACCELERATION, i]
+        state[MEAN_VELOCITY, i] = work[_W, i] + by_w * work[X, i]
+        state[MEAN_ACCELERATION, i] = (work[V, i] - state[VELOCITY, i]) / h
+        state[DISPLACEMENT, i] = work[U, i]
+        state[VELOCITY, i] = work[V, i]
+        state[ACCELERATION, i] = work[A, i]
+        commit(laws, springs, i, 0, FIRST_TRIAL)
+    return code if finite(state, n) else NOT_FINITE
+
+
+@inlined
+def _guess_start(h, state, work, n):
+    """First guess of average acceleration: the acceleration stays; x is its change."""
+    for i in range(n):
+        v = state[VELOCITY, i]
+        a = state[ACCELERATION, i]
+        work[_W, i] = v + 0.5 * h * a
+        work[U, i] = state[DISPLACEMENT, i] + h * work[_W, i]
+        work[V, i] = v + h * a
+        work[A, i] = a
+
+
+@inlined
+def _guess(c, h, state, work, n):
+    """First guess: the mean velocity goes on changing as it did; x is its further change over h."""
+    for i in range(n):
+        w0 = state[MEAN_VELOCITY, i]
+        older = state[OLDER_MEAN_VELOCITY, i]
+        w = 2.0 * w0 - older
+        v = c[V_BY_W] * w + c[V_BY_W + 1] * w0 + c[V_BY_W + 2] * older
+        b = (v - state[VELOCITY, i]) / h
+        work[_W, i] = w
+        work[U, i] = state[DISPLACEMENT, i] + h * w
+        work[V, i] = v
+        work[A, i] = (
+            (c[A_BY_W] * w + c[A_BY_W + 1] * w0 + c[A_BY_W + 2] * older) / h
+            + c[A_BY_B] * b
+            + c[A_BY_B + 1] * state[MEAN_ACCELERATION, i]
+            + c[A_BY_B + 2] * state[OLDER_MEAN_ACCELERATION, i]
+        )
+
+
+def _member(name: str, v_by_w, a_by_w, a_by_b, memory: tuple[int, ...], source: str) -> Method:
+    family = Family(
+        "multi-step",
+        step,
+        work_rows,
+        memory=memory,
+        state_rows=OLDER_MEAN_ACCELERATION + 1,
+        derivatives=(0, 1, 2, 1, 1, 2, 2),
+        halvable=False,
+    )
+    return Method(
+        name=name,
+        family=family,
+        parameters=(),
+        coefficients=lambda: (*v_by_w, *a_by_w, *a_by_b),
+        order=lambda: 2,
+        implicit=lambda: True,
+        stability_limit=lambda: math.inf,
+        rho_inf=lambda: 0.0,
+        source=source,
+    )
+
+
+_NONE = (0.0, 0.0, 0.0)
+_BACKWARD = (11.0 / 6.0, -7.0 / 6.0, 2.0 / 6.0)  # the derivative of the cubic through four points
+_PARK = (10.0 / 6.0, -5.0 / 6.0, 1.0 / 6.0)  # the mean of _BACKWARD and of the parabola through three points
+
+METHODS = (
+    _member(
+        "houbolt",
+        _BACKWARD,
+        (2.0, -3.0, 1.0),  # the second derivative of that cubic
+        _NONE,
+        (DISPLACEMENT, MEAN_VELOCITY, OLDER_MEAN_VELOCITY),
+        "Houbolt (1950), started by two steps of average acceleration",
+    ),
+    _member(
+        "park",
+        _PARK,
+        _NONE,
+        _PARK,
+        (
+            DISPLACEMENT,
+            MEAN_VELOCITY,
+            OLDER_MEAN_VELOCITY,
+            VELOCITY,
+            MEAN_ACCELERATION,
+            OLDER_MEAN_ACCELERATION,
+        ),
+        "Park (1975), started by two steps of average acceleration",
+    ),
+)

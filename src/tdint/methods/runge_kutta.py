@@ -1,0 +1,356 @@
+"""Runge-Kutta methods on the first-order system u' = v, M v' = p - C v - f(u), explicit and implicit.
+
+A method is its table: nodes c, matrix A, weights b. The ground acceleration is linear within the step, floor forces are
+taken at the time of each stage.
+
+Drift laws with a memory: the stages of an explicit method go back and forth in time, so each is reached from the state
+at the start of the step; those of the implicit one lie one after the other, and the path runs through them.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.polynomial import Polynomial
+
+from tdint.kernels.chain import add_modal_force, finite, floor_load, internal_forces
+from tdint.kernels.compiling import inlined, kernel
+from tdint.kernels.layout import (
+    ACCELERATION,
+    DISPLACEMENT,
+    FACTORED_STEP,
+    FIRST_TRIAL,
+    FLOOR_DAMPER,
+    FORCE,
+    GEOMETRIC,
+    GROUND_0,
+    GROUND_1,
+    INVERSE_MASS,
+    LINEAR,
+    LINK,
+    MASS,
+    NOT_FINITE,
+    RESIDUAL,
+    SECOND_TRIAL,
+    STIFFNESS,
+    STORY_DAMPER,
+    THIRD_TRIAL,
+    TIME,
+    VELOCITY,
+)
+from tdint.kernels.springs import commit, restoring, settle
+from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, STEP, balanced, give_up
+from tdint.kernels.tridiagonal import factor_blocks, link_blocks, solve_blocks_damped
+from tdint.methods.method import Family, Method
+
+Table = tuple[tuple[float, ...], ...]
+
+# ---- Explicit: a step of s stages. Coefficients: s, then for each stage after the first, and for the end of the step,
+# its node and its row of A (for the end: 1 and b).
+
+_MOST_STAGES = 6
+
+# Rows of work
+_LOAD = 0
+_SUM = 1
+_U = 2
+_V = 3  # velocity of each stage and of the end
+_A = _V + _MOST_STAGES + 1  # acceleration, likewise
+_EXPLICIT_ROWS = _A + _MOST_STAGES + 1
+
+
+@kernel(STEP)
+def explicit_step(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
+    """One explicit step. The first stage is the end of the step before: state row ACCELERATION, from equilibrium."""
+    n = chain.shape[1] - 1
+    for i in range(n):
+        work[_V, i] = state[VELOCITY, i]
+        work[_A, i] = state[ACCELERATION, i]
+    stages = int(coefficients[0])
+    row = 1
+    for stage in range(1, stages + 1):
+        for i in range(n):
+            work[_U, i] = state[DISPLACEMENT, i]
+            work[_V + stage, i] = state[VELOCITY, i]
+        for earlier in range(stage):
+            weight = h * coefficients[row + 1 + earlier]
+            for i in range(n):
+                work[_U, i] += weight * work[_V + earlier, i]
+                work[_V + stage, i] += weight * work[_A + earlier, i]
+        below = 0.0
+        for i in range(n):
+            restoring(laws, springs, i, 0, FIRST_TRIAL, work[_U, i] - chain[LINK, i] * below)
+            below = work[_U, i]
+        c = coefficients[row]
+        ground = load[GROUND_0] + c * (load[GROUND_1] - load[GROUND_0])
+        floor_load(chain, forces, load[TIME] + c * h, ground, work, _LOAD)
+        internal_forces(chain, modal, work, springs, FIRST_TRIAL, _V + stage, work, _A + stage, _SUM)
+        for i in range(n):
+            work[_A + stage, i] = chain[INVERSE_MASS, i] * (work[_LOAD, i] - work[_A + stage, i])
+        row += stage + 1
+    for i in range(n):
+        state[DISPLACEMENT, i] = work[_U, i]
+        state[VELOCITY, i] = work[_V + stages, i]
+        state[ACCELERATION, i] = work[_A + stages, i]
+        commit(laws, springs, i, 0, FIRST_TRIAL)
+    return 1 if finite(state, n) else NOT_FINITE
+
+
+def explicit_row(a: Table) -> tuple[float, ...]:
+    """Coefficients of `explicit_step`; the rows of A below the first one, b last."""
+    return (float(len(a)), *(number for row in a for number in (math.fsum(row), *row)))
+
+
+def imaginary_limit(a: Table) -> float:
+    """Largest stable omega h without damping: the first root of |R(i omega h)|^2 = 1, R the stability polynomial; 0 if
+    the method grows from the start.
+
+    R(z) = 1 + sum of b A^k 1 z^(k+1).
+    """
+    s = len(a)
+    matrix = np.zeros((s, s))
+    for i, row in enumerate(a[:-1], start=1):
+        matrix[i, :i] = row
+    power = np.ones(s)
+    moments = [1.0]
+    for _ in range(s):
+        moments.append(float(np.dot(a[-1], power)))
+        power = matrix @ power
+    # With y = (omega h)^2 the real part of R is a polynomial in y, and so is the imaginary part over omega h.
+    real = Polynomial([(-1.0) ** k * moment for k, moment in enumerate(moments[0::2])])
+    imaginary = Polynomial([(-1.0) ** k * moment for k, moment in enumerate(moments[1::2])])
+    growth = real**2 + Polynomial([0.0, 1.0]) * imaginary**2 - 1.0
+    # The terms below the order of the method vanish, but for rounding.
+    leading = int(np.argmax(np.abs(growth.coef) > 1e-12))
+    if growth.coef[leading] > 0.0:
+        return 0.0
+    roots = np.asarray(Polynomial(growth.coef[leading:]).roots(), dtype=np.complex128)
+    crossings = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 0.0)]
+    return math.sqrt(np.min(crossings, initial=math.inf))
+
+
+DORMAND_PRINCE: Table = (
+    (1 / 5,),
+    (3 / 40, 9 / 40),
+    (44 / 45, -56 / 15, 32 / 9),
+    (19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729),
+    (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656),
+    (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84),
+)
+
+# ---- Implicit, two stages one after the other. The unknowns are the accelerations a1, a2 of the stages,
+#
+#     M ai + C (v0 + h sum Aij aj) + f(u0 + ci h v0 + h^2 sum (A^2)ij aj) = pi,
+#
+# so that nothing cancels at small h. Newton's matrix has a block of 2 x 2 per floor.
+
+# Coefficients
+C = 0
+A = 2  # row by row
+A2 = 6  # A^2
+B = 10
+BA = 12  # b A
+IMPLICIT_COEFFICIENTS = 14
+
+# Rows of work, two each
+_STAGE_LOAD = 0
+_STAGE_A = 2
+_STAGE_U = 4
+_STAGE_V = 6
+_STAGE_SUM = 8  # story forces, dampers included
+_SIZE = 10  # of the terms in them
+_R = 12
+_TANGENT = 14
+_FACTORED = 16
+_BLOCKS = 18
+_COUPLING = 22
+_STORE = 26
+
+
+@kernel(STEP)
+def implicit_step(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
+    """One step of a two-stage method; Newton on all stories and both stages at once."""
+    n = chain.shape[1] - 1
+    s00, s01, s10, s11 = h * coefficients[A], h * coefficients[A + 1], h * coefficients[A + 2], h * coefficients[A + 3]
+    _predict(coefficients, chain, forces, h, load, state, work, memo)
+    iterations = 0
+    while True:
+        stale = _stages(coefficients, chain, laws, h, state, springs, work, memo)
+        if _in_balance(chain, modal, work, memo):
+            break
+        if iterations == ITERATIONS:
+            return give_up(memo)
+        if stale:
+            _factor(coefficients, chain, modal, h, work)
+            memo[FACTORED_STEP] = h
+        solve_blocks_damped(work, _BLOCKS, _COUPLING, modal, s00, s01, s10, s11, _STORE, _R, _R + 1, n)
+        iterations += 1
+        for stage in range(2):
+            for i in range(n):
+                work[_STAGE_A + stage, i] += work[_R + stage, i]
+        if memo[LINEAR] != 0.0:
+            break
+    return _finish(coefficients, chain, laws, h, state, springs, work, max(iterations, 1))
+
+
+@inlined
+def _predict(coefficients, chain, forces, h, load, state, work, memo):
+    """Load at the stages; constant acceleration as the first guess, none in a linear building: that rounds least."""
+    guess = 0.0 if memo[LINEAR] != 0.0 else 1.0
+    for stage in range(2):
+        c = coefficients[C + stage]
+        ground = load[GROUND_0] + c * (load[GROUND_1] - load[GROUND_0])
+        floor_load(chain, forces, load[TIME] + c * h, ground, work, _STAGE_LOAD + stage)
+        for i in range(chain.shape[1] - 1):
+            work[_STAGE_A + stage, i] = guess * state[ACCELERATION, i]
+
+
+@inlined
+def _stages(coefficients, chain, laws, h, state, springs, work, memo):
+    """Motion and story forces at both stages, one reached from the other. True if the factorization does not fit."""
+    n = chain.shape[1] - 1
+    stale = memo[FACTORED_STEP] != h
+    for stage in range(2):
+        past = stage * FIRST_TRIAL
+        trial = past + FIRST_TRIAL
+        shift = h * coefficients[C + stage]
+        v_by_1 = h * coefficients[A + 2 * stage]
+        v_by_2 = h * coefficients[A + 2 * stage + 1]
+        u_by_1 = h * h * coefficients[A2 + 2 * stage]
+        u_by_2 = h * h * coefficients[A2 + 2 * stage + 1]
+        u_below = 0.0
+        v_below = 0.0
+        for i in range(n):
+            a_1 = work[_STAGE_A, i]
+            a_2 = work[_STAGE_A + 1, i]
+            u = state[DISPLACEMENT, i] + shift * state[VELOCITY, i] + (u_by_1 * a_1 + u_by_2 * a_2)
+            v = state[VELOCITY, i] + (v_by_1 * a_1 + v_by_2 * a_2)
+            drift = u - chain[LINK, i] * u_below
+            rate = v - chain[LINK, i] * v_below
+            u_below = u
+            v_below = v
+            work[_STAGE_U + stage, i] = u
+            work[_STAGE_V + stage, i] = v
+            tangent = restoring(laws, springs, i, past, trial, drift)
+            work[_TANGENT + stage, i] = tangent
+            stale = stale or abs(tangent - work[_FACTORED + stage, i]) > SAME_TANGENT * laws[STIFFNESS, i]
+            total = springs[trial + FORCE, i] + chain[GEOMETRIC, i] * drift + chain[STORY_DAMPER, i] * rate
+            work[_STAGE_SUM + stage, i] = total
+            # A drift is a difference: what the displacements round is not out of balance.
+            rounding = SMALL / CLOSE * laws[STIFFNESS, i]
+            work[_SIZE + stage, i] = abs(total) + rounding * (abs(u) + abs(u - drift))
+    return stale
+
+
+@inlined
+def _in_balance(chain, modal, work, memo):
+    """Unbalanced forces at both stages into their rows, N. Whether all are small."""
+    n = chain.shape[1] - 1
+    memo[RESIDUAL] = 0.0
+    small = True
+    for stage in range(2):
+        total = _STAGE_SUM + stage
+        for i in range(n):
+            work[_R + stage, i] = 0.0
+        add_modal_force(modal, work, _STAGE_V + stage, 1.0, work, _R + stage, n)
+        for i in range(n):
+            link = chain[LINK, i + 1]
+            outer = work[_STAGE_LOAD + stage, i]
+            inertia = chain[MASS, i] * work[_STAGE_A + stage, i]
+            damping = chain[FLOOR_DAMPER, i] * work[_STAGE_V + stage, i] + work[_R + stage, i]
+            residual = outer - inertia - damping - work[total, i] + link * work[total, i + 1]
+            work[_R + stage, i] = residual
+            scale = abs(outer) + abs(inertia) + abs(damping)
+            scale += work[_SIZE + stage, i] + link * work[_SIZE + stage, i + 1]
+            small = balanced(memo, i, residual, scale) and small
+    return small
+
+
+@inlined
+def _factor(coefficients, chain, modal, h, work):
+    """Factor I2 (x) M + h A (x) C + h^2 A^2 (x) K, each stage with its own tangents."""
+    n = chain.shape[1] - 1
+    for entry in range(4):
+        stage = entry // 2
+        by_m = 1.0 if entry == 0 or entry == 3 else 0.0
+        by_c = h * coefficients[A + entry]
+        by_k = h * h * coefficients[A2 + entry]
+        for i in range(n):
+            story = by_k * (work[_TANGENT + stage, i] + chain[GEOMETRIC, i]) + by_c * chain[STORY_DAMPER, i]
+            work[_COUPLING + entry, i] = story
+            work[_BLOCKS + entry, i] = by_m * chain[MASS, i] + by_c * chain[FLOOR_DAMPER, i] + story
+    for stage in range(2):
+        for i in range(n):
+            work[_FACTORED + stage, i] = work[_TANGENT + stage, i]
+    link_blocks(chain, work, _BLOCKS, _COUPLING, n)
+    factor_blocks(
+        _BLOCKS, _COUPLING, work, modal, h * coefficients[A], h * coefficients[A + 1], h * coefficients[A + 2],
+        h * coefficients[A + 3], _STORE, n,
+    )  # fmt: skip
+
+
+@inlined
+def _finish(coefficients, chain, laws, h, state, springs, work, iterations):
+    """Update the state and commit the drift laws, reached from the second stage.
+
+    State row ACCELERATION, the next step's first guess, is the line through both stages.
+    """
+    n = chain.shape[1] - 1
+    beyond = (1.0 - coefficients[C + 1]) / (coefficients[C + 1] - coefficients[C])
+    below = 0.0
+    for i in range(n):
+        a_1 = work[_STAGE_A, i]
+        a_2 = work[_STAGE_A + 1, i]
+        v = state[VELOCITY, i]
+        u = state[DISPLACEMENT, i] + h * v + h * h * (coefficients[BA] * a_1 + coefficients[BA + 1] * a_2)
+        state[DISPLACEMENT, i] = u
+        state[VELOCITY, i] = v + h * (coefficients[B] * a_1 + coefficients[B + 1] * a_2)
+        state[ACCELERATION, i] = a_2 + beyond * (a_2 - a_1)
+        settle(laws, springs, i, 0, FIRST_TRIAL)
+        settle(laws, springs, i, FIRST_TRIAL, SECOND_TRIAL)
+        restoring(laws, springs, i, SECOND_TRIAL, THIRD_TRIAL, u - chain[LINK, i] * below)
+        commit(laws, springs, i, SECOND_TRIAL, THIRD_TRIAL)
+        below = u
+    return iterations if finite(state, n) else NOT_FINITE
+
+
+def implicit_row(a: Table, b: tuple[float, ...]) -> tuple[float, ...]:
+    """Coefficients of `implicit_step` from A and b; the nodes are the row sums of A."""
+    matrix = np.array(a)
+    parts = (matrix.sum(axis=1), matrix, matrix @ matrix, np.array(b), np.array(b) @ matrix)
+    return tuple(float(number) for part in parts for number in part.ravel())
+
+
+_SHIFT = math.sqrt(3.0) / 6.0
+GAUSS: Table = ((0.25, 0.25 - _SHIFT), (0.25 + _SHIFT, 0.25))
+
+EXPLICIT = Family(
+    "runge-kutta", explicit_step, lambda modes: _EXPLICIT_ROWS, memory=(DISPLACEMENT, VELOCITY), halvable=False
+)
+IMPLICIT = Family("runge-kutta", implicit_step, lambda modes: _STORE + 6 * modes + 1, memory=(DISPLACEMENT, VELOCITY))
+
+METHODS = (
+    Method(
+        name="rk5",
+        family=EXPLICIT,
+        parameters=(),
+        coefficients=lambda: explicit_row(DORMAND_PRINCE),
+        order=lambda: 5,
+        implicit=lambda: False,
+        stability_limit=lambda: imaginary_limit(DORMAND_PRINCE),
+        rho_inf=lambda: math.nan,
+        source="Dormand and Prince (1980), the fifth-order weights at a fixed step",
+    ),
+    Method(
+        name="gauss4",
+        family=IMPLICIT,
+        parameters=(),
+        coefficients=lambda: implicit_row(GAUSS, (0.5, 0.5)),
+        order=lambda: 4,
+        implicit=lambda: True,
+        stability_limit=lambda: math.inf,
+        rho_inf=lambda: 1.0,
+        source="two-stage Gauss method, Kuntzmann (1961) and Butcher (1964)",
+    ),
+)

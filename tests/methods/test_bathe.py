@@ -1,0 +1,226 @@
+"""The composite method of Bathe: the compiled step against the published formulas, and what they promise."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from building_cases import Law, ModalDamping, model, noise, ten_bilinear
+from step_checks import (
+    RAYLEIGH,
+    TOO_LARGE,
+    SingleSteps,
+    building,
+    load,
+    matrices,
+    orders,
+    period_error_and_damping,
+    superposed,
+)
+from tdint.analysis.amplification import amplification, spectral_radius
+from tdint.analysis.response import run
+from tdint.errors import UsageError
+from tdint.kernels.layout import DISSIPATED, DRIFT, FIRST_TRIAL, FORCE, NOT_CONVERGED
+from tdint.methods.catalogue import parse
+
+METHODS = ("bathe", "bathe:gamma=0.5", "bathe:rho_inf=0.5", "bathe:rho_inf=1", "bathe:rho_inf=0.8,gamma=0.3")
+
+
+def published(rho_inf, gamma):
+    """q0, q1, q2 of Noh and Bathe (2019)."""
+    q1 = (rho_inf + 1.0) / (2.0 * gamma * (rho_inf - 1.0) + 4.0)
+    return 0.5 + (gamma - 1.0) * q1, q1, 0.5 - gamma * q1
+
+
+def dense_step(values, M, C, K, h, u0, v0, a0, p_inner, p1):
+    """One step of Noh and Bathe (2019), solved for the displacements."""
+    gamma = values[1]
+    q0, q1, q2 = published(*values)
+    g = gamma * h
+    u_inner = np.linalg.solve(
+        4.0 / g**2 * M + 2.0 / g * C + K,
+        p_inner + M @ (4.0 / g**2 * u0 + 4.0 / g * v0 + a0) + C @ (2.0 / g * u0 + v0),
+    )
+    v_inner = 2.0 / g * (u_inner - u0) - v0
+    a_inner = 2.0 / g * (v_inner - v0) - a0
+    # v1 = (u1 - x) / (q2 h), a1 = (v1 - y) / (q2 h)
+    s = q2 * h
+    x = u0 + h * (q0 * v0 + q1 * v_inner)
+    y = v0 + h * (q0 * a0 + q1 * a_inner)
+    u1 = np.linalg.solve(M / s**2 + C / s + K, p1 + M @ (x / s**2 + y / s) + C @ x / s)
+    v1 = (u1 - x) / s
+    return u1, v1, (v1 - y) / s
+
+
+def bathe_2007_step(gamma, M, C, K, h, u0, v0, a0, p_inner, p1):
+    """One step of Bathe and Baig (2005): the backward difference over three points, weights c1, c2, c3."""
+    g = gamma * h
+    u_inner = np.linalg.solve(
+        4.0 / g**2 * M + 2.0 / g * C + K,
+        p_inner + M @ (4.0 / g**2 * u0 + 4.0 / g * v0 + a0) + C @ (2.0 / g * u0 + v0),
+    )
+    v_inner = 2.0 / g * (u_inner - u0) - v0
+    c1, c2, c3 = (1.0 - gamma) / g, -1.0 / ((1.0 - gamma) * g), (2.0 - gamma) / ((1.0 - gamma) * h)
+    past_v = c1 * u0 + c2 * u_inner
+    past_a = c1 * v0 + c2 * v_inner + c3 * past_v
+    u1 = np.linalg.solve(c3**2 * M + c3 * C + K, p1 - M @ past_a - C @ past_v)
+    v1 = past_v + c3 * u1
+    return u1, v1, c1 * v0 + c2 * v_inner + c3 * v1
+
+
+@pytest.mark.parametrize("xi", [0.0, 0.05, 0.7])
+@pytest.mark.parametrize("method", METHODS)
+def test_amplification_matrix_is_that_of_the_formulas(method, xi):
+    h = 0.02
+    integrator = parse(method)
+    scale = h ** np.arange(3.0)
+    for omega_h in (0.01, 0.3, 2.0, 10.0, 300.0):
+        omega = omega_h / h
+        M, C, K = np.ones((1, 1)), np.full((1, 1), 2.0 * xi * omega), np.full((1, 1), omega**2)
+        zero = np.zeros(1)
+        want = np.array([
+            dense_step(integrator.values, M, C, K, h, *unit[:, None], zero, zero) for unit in np.eye(3)
+        ])[:, :, 0].T  # fmt: skip
+        got = amplification(integrator, np.array([omega]), np.array([xi]), h)[0]
+        difference = (got - want) * scale[:, None] / scale
+        np.testing.assert_allclose(difference, 0.0, atol=1e-10 * max(1.0, omega_h))
+
+
+@pytest.mark.parametrize("gamma", [0.1, 0.5, 2.0 - math.sqrt(2.0), 0.9])
+def test_rho_inf_0_is_the_method_of_2005_for_every_gamma(gamma):
+    q0, q1, q2 = published(0.0, gamma)
+    assert q0 == pytest.approx(1.0 / (2.0 * (2.0 - gamma)), rel=1e-14)
+    assert q1 == pytest.approx(q0, rel=1e-14)
+    assert q2 == pytest.approx((1.0 - gamma) / (2.0 - gamma), rel=1e-14)
+    assert parse(f"bathe:gamma={gamma!r}").coefficients(None, None, 1.0) == pytest.approx(
+        [gamma, q0, q1, q2], rel=1e-14
+    )
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_building_with_p_delta_dashpot_and_force_follows_the_formulas(method):
+    """The load of the first sub-step is that at its end: ground acceleration in between, force at its own time."""
+    case, record = building(RAYLEIGH), noise(samples=201)
+    history = run(case, record, method=method, history=True).history
+    rho_inf, gamma = parse(method).values
+    M, C, K = matrices(case)
+    h = record.dt
+    motion = [np.array(case.initial.displacement), np.array(case.initial.velocity)]
+    motion.append(np.linalg.solve(M, load(case, record, 0.0) - C @ motion[1] - K @ motion[0]))
+    u = [motion[0]]
+    for s in range(200):
+        loads = load(case, record, (s + gamma) * h), load(case, record, (s + 1) * h)
+        if rho_inf == 0.0:
+            motion = bathe_2007_step(gamma, M, C, K, h, *motion, *loads)
+        else:
+            motion = dense_step((rho_inf, gamma), M, C, K, h, *motion, *loads)
+        u.append(motion[0])
+    np.testing.assert_allclose(history.displacement, u, rtol=0.0, atol=1e-10 * np.max(np.abs(u)))
+
+
+@pytest.mark.parametrize("damping", ["rayleigh", "modal"])
+@pytest.mark.parametrize("method", METHODS)
+def test_building_is_the_sum_of_its_modes(method, damping):
+    case, record = building(ModalDamping((0.07,))), noise(samples=201)
+    if damping == "rayleigh":
+        case = model(case.stories, damping=RAYLEIGH, displacement=case.initial.displacement)
+    got = run(case, record, method=method, history=True).history.displacement
+    ratio = (lambda omega: 0.07) if damping == "modal" else (lambda omega: 0.4 / omega + 1e-3 * omega)
+    want = superposed(method, case, ratio, record)
+    np.testing.assert_allclose(got, want, rtol=0.0, atol=1e-9 * np.max(np.abs(want)))
+
+
+@pytest.mark.parametrize("case", ["linear", "cubic"])
+@pytest.mark.parametrize("method", METHODS)
+def test_order_2_in_displacement_velocity_and_acceleration(method, case):
+    assert parse(method).order == 2
+    np.testing.assert_allclose(orders(method, case), 2.0, atol=0.1)
+
+
+# Measured with an independent implementation, in percent, to the digits given
+@pytest.mark.parametrize(
+    ("method", "period_error", "damping"),
+    [
+        ("bathe", 1.57, 0.087),
+        ("bathe:gamma=0.5", 1.62, 0.082),
+        ("bathe:rho_inf=1", 0.82, 0.0),
+        ("bathe:rho_inf=0.8", 0.94, 0.019),
+        ("bathe:rho_inf=0.5", 1.15, 0.046),
+    ],
+)
+def test_period_error_and_numerical_damping(method, period_error, damping):
+    got = period_error_and_damping(method)
+    assert got[0] == pytest.approx(period_error, abs=0.005)
+    assert got[1] == pytest.approx(damping, abs=0.0005)
+
+
+@pytest.mark.parametrize("gamma", [None, 0.05, 0.5, 0.95])
+@pytest.mark.parametrize("rho_inf", [0.0, 0.3, 0.8, 1.0])
+def test_stable_at_every_frequency_with_rho_inf_as_declared(rho_inf, gamma):
+    integrator = parse(f"bathe:rho_inf={rho_inf}" + (f",gamma={gamma}" if gamma else ""))
+    omega_h = np.logspace(-2.0, 4.0, 200)
+    for xi in (0.0, 0.05):
+        assert np.max(spectral_radius(integrator, omega_h, np.full(200, xi), 1.0)) <= 1.0 + 1e-9
+    assert integrator.stability_limit == math.inf
+    assert spectral_radius(integrator, np.array([1e7]), np.zeros(1), 1.0)[0] == pytest.approx(rho_inf, abs=1e-4)
+    assert integrator.rho_inf == rho_inf
+
+
+@pytest.mark.parametrize("rho_inf", [0.0, 0.3, 0.8, 1.0 - 1e-9, 1.0])
+def test_default_gamma_gives_one_matrix_for_both_sub_steps(rho_inf):
+    gamma, _, _, q2 = parse(f"bathe:rho_inf={rho_inf!r}").coefficients(None, None, 1.0)
+    assert q2 == gamma / 2.0
+    assert q2 == pytest.approx(published(rho_inf, gamma)[2], rel=1e-14)
+    if rho_inf < 0.9:
+        assert gamma == pytest.approx((2.0 - math.sqrt(2.0 + 2.0 * rho_inf)) / (1.0 - rho_inf), rel=1e-14)
+    else:
+        assert gamma == pytest.approx(0.5, abs=1e-9)
+
+
+@pytest.mark.parametrize("text", ["gamma=0", "gamma=1", "rho_inf=-0.1", "rho_inf=1.1"])
+def test_parameters_out_of_range_are_refused(text):
+    with pytest.raises(UsageError, match="must lie in"):
+        parse(f"bathe:{text}")
+
+
+@pytest.mark.parametrize("method", ["bathe", "bathe:gamma=0.5", "bathe:rho_inf=0.5"])
+def test_bilinear_building_converges_to_what_newmark_gives(method):
+    def peaks(method, parts):
+        return run(ten_bilinear(), noise(), method=method, dt=0.01 / parts).stories.peak_drift
+
+    reference = peaks("newmark-average", 64)
+    coarse, fine = (np.max(np.abs(peaks(method, parts) / reference - 1.0)) for parts in (2, 16))
+    assert fine < 1e-3
+    assert fine < coarse / 8.0
+
+
+def test_second_sub_step_without_solution_leaves_everything_as_it_was():
+    """The load is small at the inner point and too large for the stories at the end."""
+    gamma = 2.0 - math.sqrt(2.0)
+    small = 1.0
+    steps = SingleSteps("bathe")
+    before = steps.memory()
+    assert steps.take((small - gamma * TOO_LARGE) / (1.0 - gamma), TOO_LARGE) == NOT_CONVERGED
+    np.testing.assert_array_equal(steps.memory(), before)
+    assert np.all(steps.space.springs[FIRST_TRIAL + DRIFT, :2] != 0.0)
+    assert steps.take((small - gamma * TOO_LARGE) / (1.0 - gamma), small) > 0
+
+
+@pytest.mark.parametrize("gamma", [2.0 - math.sqrt(2.0), 0.5])
+def test_drift_laws_pass_through_the_inner_point(gamma):
+    """The lowest story yields before the inner point and unloads elastically from there."""
+    stiffness, strength, hardening = 100.0, 5.0, 0.1
+    steps = SingleSteps(f"bathe:gamma={gamma!r}", Law("bilinear", (strength, hardening)))
+    inner, end = -20.0, 10.0  # ground acceleration there, m/s^2
+    assert steps.take((inner - gamma * end) / (1.0 - gamma), end) > 0
+    springs = steps.space.springs[:, 0]
+    slip = springs[FIRST_TRIAL + DRIFT] - strength / stiffness
+    force = strength + hardening * stiffness * slip
+    assert slip > 0.0
+    assert springs[FIRST_TRIAL + FORCE] == pytest.approx(force, rel=1e-12)
+    way_back = springs[DRIFT] - springs[FIRST_TRIAL + DRIFT]
+    assert -2.0 * strength / stiffness < way_back < 0.0
+    assert springs[FORCE] == pytest.approx(force + stiffness * way_back, rel=1e-12)
+    assert springs[DISSIPATED] == pytest.approx((1.0 - hardening) * strength * slip, rel=1e-12)

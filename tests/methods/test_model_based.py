@@ -1,0 +1,306 @@
+"""Chang, CR and KR-alpha: the compiled steps against the published formulas with dense matrices."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from building_cases import Law, ModalDamping, model, noise, oscillator, story, ten_bilinear
+from step_checks import (
+    FORCE,
+    RAYLEIGH,
+    building,
+    load,
+    matrices,
+    orders,
+    period_error_and_damping,
+    superposed,
+)
+from tdint.analysis.amplification import amplification, spectral_radius
+from tdint.analysis.response import FailedRun, run
+from tdint.methods.catalogue import parse
+
+KR = ("kr-alpha:rho_inf=1", "kr-alpha", "kr-alpha:rho_inf=0.5", "kr-alpha:rho_inf=0")
+METHODS = ("chang", "cr", *KR)
+
+
+def chang(M, C, K, h):
+    """Chang (2002) as (step, start, report) for dense matrices; `restoring` is a function of u."""
+    D = M + h / 2.0 * C + h**2 / 4.0 * K
+    E = M + h / 2.0 * C
+
+    def step(restoring, u, v, a, p0, p1):
+        new = u + np.linalg.solve(D, E @ (h * v) + h**2 / 2.0 * M @ a)
+        b = np.linalg.solve(E, p1 - C @ (v + h / 2.0 * a) - restoring(new))
+        return new, v + h / 2.0 * (a + b), b
+
+    def start(restoring, u, v, p0):
+        return u, v, np.linalg.solve(M, p0 - C @ v - restoring(u))
+
+    return step, start, lambda u, v, a: v
+
+
+def cr(M, C, K, h):
+    """Chen and Ricles (2008), started and reported half a step away, where its velocity belongs."""
+    A = M + h / 2.0 * C + h**2 / 4.0 * K
+
+    def step(restoring, u, w, a, p0, p1):
+        q = np.linalg.solve(A, M @ a)
+        new_w = w + h * q
+        new = u + h * w + h**2 * q
+        return new, new_w, np.linalg.solve(M, p1 - C @ new_w - restoring(new))
+
+    return step, *shift(M, C, K, h, A, 0.5, 0.25)
+
+
+def kr_alpha(rho, M, C, K, h):
+    """Kolay and Ricles (2014), started and reported gamma h away."""
+    am, af = (2.0 * rho - 1.0) / (1.0 + rho), rho / (1.0 + rho)
+    gamma = 0.5 - am + af
+    beta = 0.25 * (0.5 + gamma) ** 2
+    X = gamma * h * C + beta * h**2 * K
+    A = M + X
+    B = (1.0 - am) * M + (1.0 - af) * X
+
+    def step(restoring, u, w, a, p0, p1):
+        q = np.linalg.solve(A, M @ a)
+        new_w = w + h * q
+        new = u + h * w + (0.5 + gamma) * h**2 * q
+        f = (1.0 - af) * (p1 - C @ new_w - restoring(new)) + af * (p0 - C @ w - restoring(u))
+        return new, new_w, np.linalg.solve(B, A @ np.linalg.solve(M, f) - (am * M + af * X) @ a)
+
+    return step, *shift(M, C, K, h, A, gamma, beta)
+
+
+def shift(M, C, K, h, A, gamma, beta):
+    """Start w0 = v0 - gamma h A^-1 M a0 with a0 in equilibrium for this w0; report w + gamma h A^-1 M a."""
+
+    def start(restoring, u, v, p0):
+        # A q = M a0 = p0 - C (v - gamma h q) - f(u)
+        q = np.linalg.solve(M + beta * h**2 * K, p0 - C @ v - restoring(u))
+        return u, v - gamma * h * q, np.linalg.solve(M, A @ q)
+
+    return start, lambda u, w, a: w + gamma * h * np.linalg.solve(A, M @ a)
+
+
+def published(method, M, C, K, h):
+    integrator = parse(method)
+    if integrator.method.name == "kr-alpha":
+        return kr_alpha(*integrator.values, M, C, K, h)
+    return {"chang": chang, "cr": cr}[method](M, C, K, h)
+
+
+def scalars(*values):
+    return [np.full((1, 1), value) for value in values]
+
+
+@pytest.mark.parametrize("xi", [0.0, 0.05, 0.7])
+@pytest.mark.parametrize("method", METHODS)
+def test_amplification_matrix_is_that_of_the_published_formulas(method, xi):
+    """Here KR-alpha carries v = w + gamma h q and q = A^-1 M a instead of w and a."""
+    h, omega = 0.02, np.array([0.5, 15.0, 100.0, 500.0, 5000.0])
+    integrator = parse(method)
+    got = amplification(integrator, omega, np.full(omega.size, xi), h)
+    for w, matrix in zip(omega, got, strict=True):
+        M, C, K = scalars(1.0, 2.0 * xi * w, w**2)
+        step, _, _ = published(method, M, C, K, h)
+        zero = np.zeros(1)
+        plain = np.array([step(lambda u, K=K: K @ u, *unit[:, None], zero, zero) for unit in np.eye(3)])[:, :, 0].T
+        if method == "chang":
+            # Its acceleration is that of equilibrium: not a number of its own.
+            embed = np.array([[1.0, 0.0], [0.0, 1.0], [-(w**2), -2.0 * xi * w]])
+            want = plain[:2] @ embed
+        else:
+            beta, gamma = integrator.coefficients(None, None, h)[2:]
+            filtered = 1.0 / (1.0 + 2.0 * gamma * h * xi * w + beta * (h * w) ** 2)
+            change = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, gamma * h * filtered], [0.0, 0.0, filtered]])
+            want = change @ plain @ np.linalg.inv(change)
+        scale = h ** np.arange(len(matrix))
+        difference = (matrix - want) * scale[:, None] / scale
+        np.testing.assert_allclose(difference, 0.0, atol=1e-10 * max(1.0, (h * w) ** 2))
+
+
+@pytest.mark.parametrize("nonlinear", [False, True], ids=["linear", "cubic"])
+@pytest.mark.parametrize("method", METHODS)
+def test_building_follows_the_published_formulas(method, nonlinear):
+    """Four stories with P-delta, a dashpot, Rayleigh damping, a floor force and ground motion, from a deflected start.
+
+    KR-alpha and CR keep their own lagging velocity here; tdint never forms it.
+    """
+    case, record = building(RAYLEIGH, nonlinear=nonlinear), noise(samples=201)
+    history = run(case, record, method=method, history=True).history
+    M, C, K = matrices(case)
+    cubic = 40.0 * nonlinear * np.array([s.stiffness for s in case.stories])
+    drift = np.eye(4) - np.eye(4, k=-1)
+
+    def restoring(u):
+        return K @ u + drift.T @ (cubic * (drift @ u) ** 3)
+
+    h = record.dt
+    step, start, report = published(method, M, C, K, h)
+    loads = [load(case, record, s * h) for s in range(201)]
+    motion = start(restoring, np.array(case.initial.displacement), np.array(case.initial.velocity), loads[0])
+    u, v = [motion[0]], [report(*motion)]
+    for s in range(200):
+        motion = step(restoring, *motion, loads[s], loads[s + 1])
+        u.append(motion[0])
+        v.append(report(*motion))
+    np.testing.assert_allclose(history.displacement, u, rtol=0.0, atol=1e-10 * np.max(np.abs(u)))
+    np.testing.assert_allclose(history.velocity, v, rtol=0.0, atol=1e-10 * np.max(np.abs(v)))
+
+
+@pytest.mark.parametrize("damping", ["rayleigh", "modal"])
+@pytest.mark.parametrize("method", METHODS)
+def test_building_is_the_sum_of_its_modes(method, damping):
+    case, record = building(ModalDamping((0.07,))), noise(samples=201)
+    if damping == "rayleigh":
+        case = model(case.stories, damping=RAYLEIGH, displacement=case.initial.displacement)
+    got = run(case, record, method=method, history=True).history.displacement
+    ratio = (lambda omega: 0.07) if damping == "modal" else (lambda omega: 0.4 / omega + 1e-3 * omega)
+    want = superposed(method, case, ratio, record)
+    np.testing.assert_allclose(got, want, rtol=0.0, atol=1e-9 * np.max(np.abs(want)))
+
+
+@pytest.mark.parametrize("case", ["linear", "cubic"])
+@pytest.mark.parametrize("method", METHODS)
+def test_order_2_in_displacement_and_velocity(method, case):
+    assert parse(method).order == 2
+    np.testing.assert_allclose(orders(method, case)[:2], 2.0, atol=0.1)
+
+
+@pytest.mark.parametrize("method", ["cr", *KR])
+def test_plain_start_and_report_would_be_order_1(method):
+    """The published recursion from w0 = v0 loses an order in displacement and velocity; from the shifted start it does
+    not."""
+    omega, xi, u0, v0 = 2.0 * math.pi, 0.05, np.array([0.3]), np.array([1.0])
+    M, C, K = scalars(1.0, 2.0 * xi * omega, omega**2)
+
+    def restoring(u):
+        return K @ u
+
+    def force(t):
+        return np.array([FORCE.cosine * math.cos(FORCE.omega * t) + FORCE.sine * math.sin(FORCE.omega * t)])
+
+    def end(steps, shifted):
+        h = 0.8 / steps  # at a whole period the shift would not show in u
+        step, start, report = published(method, M, C, K, h)
+        plain = u0, v0, force(0.0) - C @ v0 - K @ u0
+        motion = start(restoring, u0, v0, force(0.0)) if shifted else plain
+        for s in range(steps):
+            motion = step(restoring, *motion, force(s * h), force((s + 1) * h))
+        return np.concatenate([motion[0], report(*motion) if shifted else motion[1]])
+
+    case = oscillator(omega, xi, forces=[FORCE], displacement=tuple(u0), velocity=tuple(v0))
+    exact = run(case, method="impulse4", dt=0.8 / 2048, duration=0.8, history=True).history
+    exact = np.array([exact.displacement[-1, 0], exact.velocity[-1, 0]])
+    for shifted, order in ((False, 1.0), (True, 2.0)):
+        errors = [np.abs(end(steps, shifted) - exact) for steps in (640, 1280)]
+        np.testing.assert_allclose(np.log2(errors[0] / errors[1]), order, atol=0.1)
+
+
+@pytest.mark.parametrize("nonlinear", [False, True])
+def test_kr_alpha_without_dissipation_is_cr(nonlinear):
+    case, record = building(RAYLEIGH, nonlinear=nonlinear), noise(samples=401)
+    one, other = (run(case, record, method=m, history=True).history for m in ("kr-alpha:rho_inf=1", "cr"))
+    for name in ("displacement", "velocity"):
+        x, y = getattr(one, name), getattr(other, name)
+        np.testing.assert_allclose(x, y, rtol=0.0, atol=1e-11 * np.max(np.abs(y)))
+
+
+@pytest.mark.parametrize("rho_inf", [1.0, 0.8, 0.5, 0.0])
+def test_kr_alpha_is_generalized_alpha_for_a_displacement_beta_h2_q_away(rho_inf):
+    h, omega, xi = 0.02, np.array([0.5, 15.0, 100.0, 500.0]), np.full(4, 0.05)
+    integrator = parse(f"kr-alpha:rho_inf={rho_inf}")
+    beta = integrator.coefficients(None, None, h)[2]
+    change = np.eye(3)
+    change[0, 2] = beta * h**2
+    got = change @ amplification(integrator, omega, xi, h) @ np.linalg.inv(change)
+    want = amplification(parse(f"generalized-alpha:rho_inf={rho_inf}"), omega, xi, h)
+    scale = h ** np.arange(3)
+    np.testing.assert_allclose((got - want) * scale[:, None] / scale, 0.0, atol=1e-12)
+
+
+# Measured with an independent implementation, in percent, to the digits given
+@pytest.mark.parametrize(
+    ("method", "period_error", "damping"),
+    [
+        ("chang", 3.21, 0.0),
+        ("cr", 3.21, 0.0),
+        ("kr-alpha:rho_inf=1", 3.21, 0.0),
+        ("kr-alpha:rho_inf=0.8", 3.38, 0.016),
+        ("kr-alpha:rho_inf=0.5", 4.67, 0.378),
+        ("kr-alpha:rho_inf=0", 12.3, 5.49),
+    ],
+)
+def test_period_error_and_numerical_damping(method, period_error, damping):
+    got = period_error_and_damping(method)
+    assert got[0] == pytest.approx(period_error, abs=0.05 if period_error > 10.0 else 0.005)
+    assert got[1] == pytest.approx(damping, abs=0.01 if damping > 1.0 else 0.0005)
+
+
+@pytest.mark.parametrize("xi", [0.0, 0.05])
+@pytest.mark.parametrize("method", METHODS)
+def test_stable_at_every_frequency_with_rho_inf_as_declared(method, xi):
+    integrator = parse(method)
+    omega_h = np.logspace(-2.0, 3.0, 200)
+    assert np.max(spectral_radius(integrator, omega_h, np.full(200, xi), 1.0)) <= 1.0 + 1e-9
+    assert integrator.stability_limit == math.inf
+    assert not integrator.implicit
+    if xi == 0.0:
+        far = spectral_radius(integrator, np.array([1e6]), np.zeros(1), 1.0)[0]
+        assert far == pytest.approx(integrator.rho_inf, abs=2e-4)
+
+
+def grows(method, omega_h, tangent, steps=4000):
+    """Whether the free motion of an oscillator grows whose tangent is not the initial stiffness of its law."""
+    h = 0.01
+    k = (omega_h / h) ** 2
+    case = model([story(1.0, k, Law("polynomial", (tangent * k,)))], displacement=(1e-3,))
+    try:
+        peak = run(case, method=method, dt=h, duration=steps * h).stories.peak_displacement[0]
+    except FailedRun:
+        return True
+    return bool(peak > 1.0)
+
+
+@pytest.mark.parametrize(
+    ("method", "limit"),
+    [
+        ("chang", math.sqrt(8.0)),
+        ("cr", math.sqrt(8.0)),
+        ("kr-alpha:rho_inf=1", math.sqrt(8.0)),
+        ("kr-alpha:rho_inf=0", math.sqrt(24.0)),
+    ],
+)
+def test_limit_where_the_tangent_is_half_as_large_again_as_the_initial_stiffness(method, limit):
+    assert not grows(method, 0.99 * limit, 1.5)
+    assert grows(method, 1.01 * limit, 1.5)
+
+
+@pytest.mark.parametrize("rho_inf", [0.8, 0.5])
+@pytest.mark.parametrize("omega_h", [0.3, 1.0, 3.0])
+def test_stiffening_has_no_stable_step_in_between(rho_inf, omega_h):
+    assert grows(f"kr-alpha:rho_inf={rho_inf}", omega_h, 1.5, steps=400_000)
+
+
+@pytest.mark.parametrize("tangent", [0.1, 0.5, 1.0])
+@pytest.mark.parametrize("method", METHODS)
+def test_softening_is_stable(method, tangent):
+    assert not any(grows(method, omega_h, tangent) for omega_h in (0.1, 1.0, 10.0, 100.0))
+
+
+@pytest.mark.parametrize("method", ["chang", "cr", "kr-alpha"])
+def test_bilinear_building_converges_to_what_newmark_gives(method):
+    def response(method, parts):
+        return run(ten_bilinear(), noise(), method=method, dt=0.01 / parts)
+
+    reference = response("newmark-average", 64).stories.peak_drift
+    errors = []
+    for parts in (2, 16):
+        got = response(method, parts)
+        assert got.iterations == got.steps
+        errors.append(np.max(np.abs(got.stories.peak_drift / reference - 1.0)))
+    assert errors[1] < 2e-3
+    assert errors[1] < errors[0] / 8.0

@@ -1,0 +1,197 @@
+"""Houbolt and Park: the compiled step against the formulas on displacements, and what they promise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from building_cases import ModalDamping, model, noise, oscillator, ten_bilinear
+from step_checks import (
+    RAYLEIGH,
+    TOO_LARGE,
+    SingleSteps,
+    building,
+    load,
+    matrices,
+    orders,
+    period_error_and_damping,
+    superposed,
+)
+from tdint.analysis.amplification import amplification, spectral_radius
+from tdint.analysis.response import run
+from tdint.kernels.layout import ACCELERATION, DISPLACEMENT, NOT_CONVERGED, VELOCITY
+from tdint.methods.catalogue import parse
+
+METHODS = ("houbolt", "park")
+
+# The formulas on displacements (on displacements and velocities for Park), times h or h^2, latest first
+HOUBOLT_V = np.array([11.0, -18.0, 9.0, -2.0]) / 6.0
+HOUBOLT_A = np.array([2.0, -5.0, 4.0, -1.0])
+PARK = np.array([10.0, -15.0, 6.0, -1.0]) / 6.0
+
+
+def houbolt_matrix(omega, xi, h):
+    """Of (u0, u_-1, u_-2)."""
+    line = HOUBOLT_A / h**2 + 2.0 * xi * omega * HOUBOLT_V / h
+    line[0] += omega**2
+    return np.vstack([-line[1:] / line[0], np.eye(3)[:2]])
+
+
+def park_matrix(omega, xi, h):
+    """Of (u0, u_-1, u_-2, v0, v_-1, v_-2)."""
+    left = np.array([[PARK[0] / h, -1.0], [omega**2, 2.0 * xi * omega + PARK[0] / h]])
+    u1, v1 = np.linalg.solve(left, -np.kron(np.eye(2), PARK[1:]) / h)
+    unit = np.eye(6)
+    return np.array([u1, unit[0], unit[1], v1, unit[3], unit[4]])
+
+
+def memory_to_older(method, h):
+    """From the memory (u0 and the mean rates over the last two steps; for Park v0 and its too) to u0, u_-1, u_-2."""
+    one = np.array([[1.0, 0.0, 0.0], [1.0, -h, 0.0], [1.0, -h, -h]])
+    return one if method == "houbolt" else np.kron(np.eye(2), one)
+
+
+@pytest.mark.parametrize("xi", [0.0, 0.05, 0.7])
+@pytest.mark.parametrize("method", METHODS)
+def test_amplification_matrix_is_that_of_the_formulas(method, xi):
+    h = 0.02
+    integrator = parse(method)
+    family = integrator.family
+    scale = h ** np.array([family.derivatives[row] for row in family.memory], float)
+    transform = memory_to_older(method, h)
+    for omega_h in (0.01, 0.3, 2.0, 10.0, 300.0):
+        matrix = (houbolt_matrix if method == "houbolt" else park_matrix)(omega_h / h, xi, h)
+        want = np.linalg.solve(transform, matrix @ transform)
+        got = amplification(integrator, np.array([omega_h / h]), np.array([xi]), h)[0]
+        np.testing.assert_allclose(got * scale[:, None] / scale, want * scale[:, None] / scale, rtol=0.0, atol=1e-10)
+        radius = np.max(np.abs(np.linalg.eigvals(matrix)))
+        assert spectral_radius(integrator, np.array([omega_h / h]), np.array([xi]), h)[0] == pytest.approx(radius, 1e-5)
+
+
+def by_formulas(method, case, record, steps):
+    """March with dense matrices: average acceleration twice, then the formulas on older displacements."""
+    M, C, K = matrices(case)
+    h = record.dt
+    u, v = [np.array(case.initial.displacement)], [np.array(case.initial.velocity)]
+    a = [np.linalg.solve(M, load(case, record, 0.0) - C @ v[0] - K @ u[0])]
+    for s in range(steps):
+        p = load(case, record, (s + 1) * h)
+        if s < 2:
+            x, y = u[-1] + h * v[-1] + h**2 / 4.0 * a[-1], v[-1] + h / 2.0 * a[-1]
+            a.append(np.linalg.solve(M + h / 2.0 * C + h**2 / 4.0 * K, p - C @ y - K @ x))
+            u.append(x + h**2 / 4.0 * a[-1])
+            v.append(y + h / 2.0 * a[-1])
+        elif method == "houbolt":
+            past_v = np.tensordot(HOUBOLT_V[1:], u[:-4:-1], 1) / h
+            past_a = np.tensordot(HOUBOLT_A[1:], u[:-4:-1], 1) / h**2
+            left = HOUBOLT_A[0] / h**2 * M + HOUBOLT_V[0] / h * C + K
+            u.append(np.linalg.solve(left, p - M @ past_a - C @ past_v))
+            v.append(HOUBOLT_V[0] / h * u[-1] + past_v)
+        else:
+            past_v = np.tensordot(PARK[1:], u[:-4:-1], 1) / h
+            past_a = np.tensordot(PARK[1:], v[:-4:-1], 1) / h
+            b = PARK[0] / h
+            u.append(np.linalg.solve(b**2 * M + b * C + K, p - M @ (past_a + b * past_v) - C @ past_v))
+            v.append(b * u[-1] + past_v)
+    return np.array(u), np.array(v)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_building_with_p_delta_dashpot_and_force_follows_the_formulas(method):
+    case, record = building(RAYLEIGH), noise(samples=201)
+    history = run(case, record, method=method, history=True).history
+    u, v = by_formulas(method, case, record, 200)
+    np.testing.assert_allclose(history.displacement, u, rtol=0.0, atol=1e-10 * np.max(np.abs(u)))
+    np.testing.assert_allclose(history.velocity, v, rtol=0.0, atol=1e-10 * np.max(np.abs(v)))
+
+
+@pytest.mark.parametrize("damping", ["rayleigh", "modal"])
+@pytest.mark.parametrize("method", METHODS)
+def test_building_is_the_sum_of_its_modes(method, damping):
+    case, record = building(ModalDamping((0.07,))), noise(samples=201)
+    if damping == "rayleigh":
+        case = model(case.stories, damping=RAYLEIGH, displacement=case.initial.displacement)
+    got = run(case, record, method=method, history=True).history.displacement
+    ratio = (lambda omega: 0.07) if damping == "modal" else (lambda omega: 0.4 / omega + 1e-3 * omega)
+    want = superposed(method, case, ratio, record)
+    np.testing.assert_allclose(got, want, rtol=0.0, atol=1e-9 * np.max(np.abs(want)))
+
+
+@pytest.mark.parametrize("case", ["linear", "cubic"])
+@pytest.mark.parametrize("method", METHODS)
+def test_order_2_in_displacement_velocity_and_acceleration(method, case):
+    assert parse(method).order == 2
+    np.testing.assert_allclose(orders(method, case), 2.0, atol=0.1)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_first_two_steps_are_average_acceleration_and_the_third_is_not(method):
+    case = oscillator(5.0, 0.05, displacement=(1.0,), velocity=(2.0,))
+    got, average = (
+        run(case, method=m, dt=0.05, duration=0.15, history=True).history for m in (method, "newmark-average")
+    )
+    for name in ("displacement", "velocity", "acceleration"):
+        x, y = getattr(got, name), getattr(average, name)
+        np.testing.assert_allclose(x[:3], y[:3], rtol=1e-13)
+        assert abs(x[3, 0] / y[3, 0] - 1.0) > 1e-4
+
+
+def test_small_steps_do_not_lose_the_acceleration_in_differences():
+    """On older displacements Houbolt's period of 1e5 steps has an error of 4e-10."""
+    case = oscillator(2.0 * np.pi, displacement=(1.0,))
+    end = run(case, method="houbolt", dt=1e-5, duration=1.0, history=True).history.displacement[-1, 0]
+    assert end == pytest.approx(1.0, abs=1e-11)
+
+
+# Measured with an independent implementation, in percent, to the digits given
+@pytest.mark.parametrize(("method", "period_error", "damping"), [("houbolt", 12.3, 5.49), ("park", 6.71, 0.445)])
+def test_period_error_and_numerical_damping(method, period_error, damping):
+    got = period_error_and_damping(method)
+    assert got[0] == pytest.approx(period_error, abs=0.05 if method == "houbolt" else 0.005)
+    assert got[1] == pytest.approx(damping, abs=0.005 if method == "houbolt" else 0.0005)
+
+
+@pytest.mark.parametrize("xi", [0.0, 0.05])
+@pytest.mark.parametrize("method", METHODS)
+def test_stable_at_every_frequency_and_rho_inf_is_0(method, xi):
+    integrator = parse(method)
+    omega_h = np.logspace(-2.0, 4.0, 200)
+    assert np.max(spectral_radius(integrator, omega_h, np.full(200, xi), 1.0)) <= 1.0 + 1e-9
+    assert integrator.stability_limit == np.inf
+    # Several roots meet at 0, so they fall with a fractional power of omega h.
+    assert spectral_radius(integrator, np.array([1e9]), np.array([xi]), 1.0)[0] < 1e-3
+    assert integrator.rho_inf == 0.0
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_memory_is_what_the_next_step_depends_on(method):
+    integrator = parse(method)
+    rows = (DISPLACEMENT, VELOCITY, ACCELERATION)
+    assert [row in integrator.family.memory for row in rows] == [True, method == "park", False]
+    assert len(integrator.family.derivatives) == integrator.family.state_rows
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_bilinear_building_converges_to_what_newmark_gives(method):
+    def peaks(method, parts):
+        return run(ten_bilinear(), noise(), method=method, dt=0.01 / parts).stories.peak_drift
+
+    reference = peaks("newmark-average", 64)
+    coarse, fine = (np.max(np.abs(peaks(method, parts) / reference - 1.0)) for parts in (4, 32))
+    assert fine < 1e-3
+    assert fine < coarse / 8.0
+
+
+@pytest.mark.parametrize("done", [0, 1, 2])
+@pytest.mark.parametrize("method", METHODS)
+def test_step_without_solution_leaves_everything_as_it_was(method, done):
+    steps, untried = SingleSteps(method), SingleSteps(method)
+    for s in range(done):
+        assert steps.take(s, s + 1.0) > 0
+        assert untried.take(s, s + 1.0) > 0
+    before = steps.memory()
+    assert steps.take(done, TOO_LARGE) == NOT_CONVERGED
+    np.testing.assert_array_equal(steps.memory(), before)
+    assert steps.take(done, done + 1.0) > 0
+    assert untried.take(done, done + 1.0) > 0
+    np.testing.assert_allclose(steps.memory(), untried.memory(), rtol=1e-9, atol=1e-12)

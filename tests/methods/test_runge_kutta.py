@@ -1,0 +1,303 @@
+"""The Runge-Kutta methods: the compiled steps against their stability functions and dense formulas."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from building_cases import Law, ModalDamping, model, noise, oscillator, ten_bilinear
+from step_checks import (
+    RAYLEIGH,
+    TOO_LARGE,
+    SingleSteps,
+    building,
+    load,
+    matrices,
+    orders,
+    period_error_and_damping,
+    superposed,
+)
+from tdint.analysis.amplification import amplification, spectral_radius
+from tdint.analysis.response import run
+from tdint.errors import AnalysisError
+from tdint.kernels.layout import COMMITTED, DRIFT, FIRST_TRIAL, FORCE, INTERNAL, NOT_CONVERGED, SECOND_TRIAL
+from tdint.methods.catalogue import parse
+from tdint.methods.runge_kutta import DORMAND_PRINCE, imaginary_limit
+
+METHODS = ("rk5", "gauss4")
+
+# Dormand and Prince (1980), table 2
+DP_A = [
+    [],
+    ["1/5"],
+    ["3/40", "9/40"],
+    ["44/45", "-56/15", "32/9"],
+    ["19372/6561", "-25360/2187", "64448/6561", "-212/729"],
+    ["9017/3168", "-355/33", "46732/5247", "49/176", "-5103/18656"],
+]
+DP_B = ["35/384", "0", "500/1113", "125/192", "-2187/6784", "11/84"]
+DP_C = ["0", "1/5", "3/10", "4/5", "8/9", "1"]
+
+GAUSS_A = np.array([[0.25, 0.25 - math.sqrt(3.0) / 6.0], [0.25 + math.sqrt(3.0) / 6.0, 0.25]])
+GAUSS_C = np.array([0.5 - math.sqrt(3.0) / 6.0, 0.5 + math.sqrt(3.0) / 6.0])
+
+
+def stability_function(method, Z):
+    """R(Z) of a matrix: the polynomial of Dormand and Prince, the Pade approximation (2,2)."""
+    one = np.eye(len(Z))
+    if method == "gauss4":
+        even = one + Z @ Z / 12.0
+        return np.linalg.solve(even - Z / 2.0, even + Z / 2.0)
+    total, power = one, one
+    for divisor in (1.0, 2.0, 6.0, 24.0, 120.0, 600.0):
+        power = power @ Z
+        total = total + power / divisor
+    return total
+
+
+@pytest.mark.parametrize("xi", [0.0, 0.05, 0.7])
+@pytest.mark.parametrize("method", METHODS)
+def test_amplification_matrix_is_the_stability_function(method, xi):
+    h, omega_h = 0.02, np.array([0.01, 0.3, 1.0, 3.0, 30.0, 1000.0])
+    got = amplification(parse(method), omega_h / h, np.full(omega_h.size, xi), h)
+    for w, matrix in zip(omega_h, got, strict=True):
+        balanced = matrix * np.array([[1.0, 1.0 / h], [h, 1.0]])
+        want = stability_function(method, np.array([[0.0, 1.0], [-(w**2), -2.0 * xi * w]]))
+        np.testing.assert_allclose(balanced, want, rtol=1e-10, atol=1e-10 * np.max(np.abs(want)))
+
+
+def test_table_of_dormand_and_prince_has_order_5():
+    """The seventeen conditions of order 5 (Butcher), in exact fractions; the coefficients are their doubles."""
+    a = [[Fraction(x) for x in row] + [Fraction(0)] * (6 - len(row)) for row in DP_A]
+    b = [Fraction(x) for x in DP_B]
+    c = [Fraction(x) for x in DP_C]
+    assert [sum(row) for row in a] == c
+
+    def times(*vectors):
+        return [math.prod(entries) for entries in zip(*vectors, strict=True)]
+
+    def dot(x, y):
+        return sum(times(x, y))
+
+    def then(vector):
+        return [dot(row, vector) for row in a]
+
+    one = [Fraction(1)] * 6
+    c2, c3, c4 = times(c, c), times(c, c, c), times(c, c, c, c)
+    ac, ac2, ac3 = then(c), then(c2), then(c3)
+    conditions = [
+        (one, 1), (c, 2), (c2, 3), (ac, 6), (c3, 4), (times(c, ac), 8), (ac2, 12), (then(ac), 24), (c4, 5),
+        (times(c2, ac), 10), (times(c, ac2), 15), (times(c, then(ac)), 30), (times(ac, ac), 20), (ac3, 20),
+        (then(times(c, ac)), 40), (then(ac2), 60), (then(then(ac)), 120),
+    ]  # fmt: skip
+    for vector, density in conditions:
+        assert dot(b, vector) == Fraction(1, density)
+    assert [list(row) for row in DORMAND_PRINCE] == [[float(Fraction(x)) for x in row] for row in (*DP_A[1:], DP_B)]
+
+
+def restoring_of(case, nonlinear):
+    """f(u) and its Jacobian of `building`, dense."""
+    _, _, K = matrices(case)
+    cubic = 40.0 * nonlinear * np.array([s.stiffness for s in case.stories])
+    drift = np.eye(4) - np.eye(4, k=-1)
+    return (
+        lambda u: K @ u + drift.T @ (cubic * (drift @ u) ** 3),
+        lambda u: K + drift.T @ np.diag(3.0 * cubic * (drift @ u) ** 2) @ drift,
+    )
+
+
+def dormand_prince_step(rate, h, t, x):
+    slopes = []
+    for row, c in zip(DP_A, DP_C, strict=True):
+        total = sum((float(Fraction(a)) * k for a, k in zip(row, slopes, strict=True)), np.zeros(x.size))
+        slopes.append(rate(t + float(Fraction(c)) * h, x + h * total))
+    return x + h * sum(float(Fraction(b)) * k for b, k in zip(DP_B, slopes, strict=True))
+
+
+def gauss_step(rate, jacobian, h, t, x):
+    """Two-stage Gauss on x' = rate(t, x): Newton on both slopes."""
+    slopes = np.tile(rate(t, x), (2, 1))
+    for _ in range(8):
+        points = x + h * GAUSS_A @ slopes
+        wrong = np.concatenate(
+            [k - rate(t + c * h, point) for k, c, point in zip(slopes, GAUSS_C, points, strict=True)]
+        )
+        blocks = [[np.eye(x.size) * (i == j) - h * GAUSS_A[i, j] * jacobian(points[i]) for j in (0, 1)] for i in (0, 1)]
+        slopes = slopes - np.linalg.solve(np.block(blocks), wrong).reshape(2, -1)
+    return x + h / 2.0 * slopes.sum(axis=0)
+
+
+@pytest.mark.parametrize("nonlinear", [False, True], ids=["linear", "cubic"])
+@pytest.mark.parametrize("method", METHODS)
+def test_building_follows_the_formulas(method, nonlinear):
+    """Four stories with P-delta, a dashpot, Rayleigh damping, a floor force and ground motion, from a deflected start:
+    ground acceleration linear in between, the force at the time of each stage."""
+    case, record = building(RAYLEIGH, nonlinear=nonlinear), noise(samples=201)
+    history = run(case, record, method=method, history=True).history
+    M, C, _ = matrices(case)
+    f, tangent = restoring_of(case, nonlinear)
+
+    def rate(t, x):
+        return np.concatenate([x[4:], np.linalg.solve(M, load(case, record, t) - C @ x[4:] - f(x[:4]))])
+
+    def jacobian(x):
+        upper = np.hstack([np.zeros((4, 4)), np.eye(4)])
+        return np.vstack([upper, -np.linalg.solve(M, np.hstack([tangent(x[:4]), C]))])
+
+    h = record.dt
+    x = [np.concatenate([case.initial.displacement, case.initial.velocity])]
+    for s in range(200):
+        if method == "rk5":
+            x.append(dormand_prince_step(rate, h, s * h, x[-1]))
+        else:
+            x.append(gauss_step(rate, jacobian, h, s * h, x[-1]))
+    x = np.array(x)
+    np.testing.assert_allclose(history.displacement, x[:, :4], rtol=0.0, atol=1e-10 * np.max(np.abs(x[:, :4])))
+    np.testing.assert_allclose(history.velocity, x[:, 4:], rtol=0.0, atol=1e-10 * np.max(np.abs(x[:, 4:])))
+
+
+@pytest.mark.parametrize("damping", ["rayleigh", "modal"])
+@pytest.mark.parametrize("method", METHODS)
+def test_building_is_the_sum_of_its_modes(method, damping):
+    case, record = building(ModalDamping((0.07,))), noise(samples=201)
+    if damping == "rayleigh":
+        case = model(case.stories, damping=RAYLEIGH, displacement=case.initial.displacement)
+    got = run(case, record, method=method, history=True).history.displacement
+    ratio = (lambda omega: 0.07) if damping == "modal" else (lambda omega: 0.4 / omega + 1e-3 * omega)
+    want = superposed(method, case, ratio, record)
+    np.testing.assert_allclose(got, want, rtol=0.0, atol=1e-9 * np.max(np.abs(want)))
+
+
+@pytest.mark.parametrize("case", ["linear", "cubic"])
+@pytest.mark.parametrize(("method", "order", "steps"), [("rk5", 5, 160), ("gauss4", 4, 160)])
+def test_order_of_displacement_velocity_and_acceleration(method, order, steps, case):
+    assert parse(method).order == order
+    np.testing.assert_allclose(orders(method, case, steps), order, atol=0.1)
+
+
+# Measured with an independent implementation, in percent, to the digits given
+@pytest.mark.parametrize(
+    ("method", "period_error", "damping"),
+    [("rk5", -0.003, 0.0016), ("gauss4", 0.021, 0.0)],
+)
+def test_period_error_and_numerical_damping(method, period_error, damping):
+    got = period_error_and_damping(method)
+    assert got[0] == pytest.approx(period_error, abs=0.0005)
+    assert got[1] == pytest.approx(damping, abs=0.00005)
+
+
+def test_gauss4_is_stable_at_every_frequency_and_keeps_the_amplitude():
+    integrator = parse("gauss4")
+    omega_h = np.logspace(-2.0, 6.0, 200)
+    np.testing.assert_allclose(spectral_radius(integrator, omega_h, np.zeros(200), 1.0), 1.0, atol=1e-12)
+    assert np.max(spectral_radius(integrator, omega_h, np.full(200, 0.05), 1.0)) < 1.0
+    assert integrator.stability_limit == math.inf
+    assert integrator.rho_inf == 1.0
+    assert integrator.implicit
+
+
+def test_rk5_is_stable_up_to_its_limit():
+    integrator = parse("rk5")
+    limit = integrator.stability_limit
+    assert limit == pytest.approx(0.9972, abs=5e-5)
+    assert not integrator.implicit
+    assert math.isnan(integrator.rho_inf)
+    below, above = np.linspace(0.05, 0.9999, 50) * limit, np.array([1.0001, 1.01, 2.0]) * limit
+    assert np.max(spectral_radius(integrator, below, np.zeros(50), 1.0)) <= 1.0
+    assert np.min(spectral_radius(integrator, above, np.zeros(3), 1.0)) > 1.0 + 1e-8
+    damped = spectral_radius(integrator, np.array([2.402, 2.404]), np.full(2, 0.05), 1.0)
+    assert damped[0] < 1.0 < damped[1]
+
+
+@pytest.mark.parametrize(
+    ("table", "limit"),
+    [
+        (((1.0,),), 0.0),  # Euler
+        (((0.5,), (0.0, 1.0)), 0.0),  # midpoint
+        (((1 / 3,), (0.0, 2 / 3), (0.25, 0.0, 0.75)), math.sqrt(3.0)),  # Heun, order 3
+        (((0.5,), (0.0, 0.5), (0.0, 0.0, 1.0), (1 / 6, 1 / 3, 1 / 3, 1 / 6)), math.sqrt(8.0)),  # Kutta, order 4
+    ],
+)
+def test_limit_on_the_imaginary_axis(table, limit):
+    assert imaginary_limit(table) == pytest.approx(limit, abs=1e-9)
+
+
+def test_rk5_beyond_its_limit_is_refused():
+    with pytest.raises(AnalysisError, match=r"rk5 is unstable at dt 0\.1 s: .* the largest stable step is 0\.09971"):
+        run(oscillator(10.0, displacement=(0.1,)), method="rk5", dt=0.1, duration=1.0)
+
+
+@pytest.fixture(scope="module")
+def reference():
+    """Displacements at the samples by average acceleration at dt / 512 and dt / 256, extrapolated; peak drifts."""
+    fine, coarse = (bilinear("newmark-average", parts) for parts in (512, 256))
+    return (4.0 * fine[0] - coarse[0]) / 3.0, fine[1].stories.peak_drift
+
+
+def bilinear(method, parts):
+    response = run(ten_bilinear(), noise(), method=method, dt=0.01 / parts, history=True)
+    return response.history.displacement[::parts], response
+
+
+def distance(x, y):
+    return np.linalg.norm(x - y) / np.linalg.norm(y)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_bilinear_building_converges_to_what_newmark_gives(method, reference):
+    displacement, peak = reference
+    coarse, _ = bilinear(method, 2)
+    fine, response = bilinear(method, 32)
+    assert response.stories.ductility.max() > 2.0
+    assert distance(fine, displacement) < 1e-5
+    assert distance(fine, displacement) < distance(coarse, displacement) / 100.0
+    np.testing.assert_allclose(response.stories.peak_drift, peak, rtol=1e-5)
+    assert abs(response.energy.error) < 1e-4
+
+
+def test_gauss4_takes_one_solve_where_nothing_yields():
+    """Also when the motion has died away beside a lasting drift, whose rounding is then all that is out of balance."""
+    response = run(ten_bilinear(), noise(), method="gauss4", duration=80.0)
+    assert np.max(np.abs(response.stories.residual_drift)) > 1e-3
+    assert response.halvings == 0
+    assert response.iterations < 1.02 * response.steps
+
+
+def test_gauss4_step_without_solution_leaves_everything_as_it_was():
+    steps = SingleSteps("gauss4")
+    assert steps.take(1.0, 2.0) > 0
+    before = steps.memory()
+    assert steps.take(TOO_LARGE, TOO_LARGE) == NOT_CONVERGED
+    np.testing.assert_array_equal(steps.memory(), before)
+    assert steps.take(2.0, 1.0) > 0
+
+
+@pytest.mark.parametrize(("method", "inner"), [("rk5", ()), ("gauss4", (FIRST_TRIAL, SECOND_TRIAL))])
+def test_path_of_a_hysteretic_story(method, inner):
+    """gauss4 loads a story from the start of the step through both stages to its end, rk5 straight to the end."""
+    stiffness, strength, hardening = 100.0, 5.0, 0.1
+    soft = 1.0 - hardening
+    steps = SingleSteps(method, Law("bilinear", (strength, hardening)))
+
+    def internal(z, d, drift):
+        return np.clip(z + soft * stiffness * (drift - d), -soft * strength, soft * strength)
+
+    z, d = np.zeros(2), np.zeros(2)
+    taken = turned = 0
+    for ground in np.random.default_rng(3).uniform(-40.0, 40.0, (40, 2)):
+        if steps.take(*ground) == NOT_CONVERGED:  # far beyond what it is for: omega h is 16
+            continue
+        springs = steps.space.springs[:, :2]
+        straight = internal(z, d, springs[DRIFT])
+        for block in (*inner, COMMITTED):
+            drift = springs[block + DRIFT].copy()
+            z, d = internal(z, d, drift), drift
+        np.testing.assert_allclose(springs[INTERNAL], z, rtol=0.0, atol=1e-9 * strength)
+        np.testing.assert_allclose(springs[FORCE], hardening * stiffness * d + z, rtol=1e-9, atol=1e-9 * strength)
+        taken += 1
+        turned += bool(np.any(np.abs(straight - z) > 0.1))
+    assert taken > 20
+    assert (turned > 0) == bool(inner)
