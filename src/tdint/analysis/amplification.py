@@ -22,6 +22,10 @@ STABLE = 1e-9
 
 _SETTLED = 100.0  # steps done as a multi-step method sees it: past its start
 
+# Oscillators in one building where the step's coefficients belong to the whole building: their matrix is dense, and
+# LAPACK mixes the modes of uncoupled oscillators from 26 on.
+_TOGETHER = 16
+
 
 def amplification(integrator: Integrator, omega: Array, damping: Array, h: float) -> Array:
     """Amplification matrices of undriven oscillators over one step h (s), by stepping each row of the method's memory.
@@ -36,13 +40,11 @@ def amplification(integrator: Integrator, omega: Array, damping: Array, h: float
     ndarray, shape (k, m, m)
         m is the number of memory rows of the family; units as in the state.
     """
+    omega, damping = np.broadcast_arrays(np.asarray(omega, float), np.asarray(damping, float))
     if integrator.family.prepare is not None:
-        # The step's coefficients belong to the whole building: one oscillator at a time.
-        omega, damping = np.broadcast_arrays(np.asarray(omega, float), np.asarray(damping, float))
-        single = [
-            _amplification(integrator, oscillators(w[None], x[None]), h) for w, x in zip(omega, damping, strict=True)
-        ]
-        return np.concatenate(single)
+        starts = range(0, max(omega.size, 1), _TOGETHER)
+        groups = [oscillators(omega[j : j + _TOGETHER], damping[j : j + _TOGETHER]) for j in starts]
+        return np.concatenate([_amplification(integrator, group, h) for group in groups])
     return _amplification(integrator, oscillators(omega, damping), h)
 
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.analysis.amplification import STABLE, spectral_radius
 from tdint.analysis.stepping import Steps, integrate, workspace
 from tdint.kernels.layout import DISPLACEMENT, FORCE_COLUMNS, VELOCITY
 from tdint.methods.method import Integrator
@@ -18,9 +20,15 @@ Array = NDArray[np.float64]
 STARTS = {"displacement": (1.0, 0.0), "velocity": (0.0, 1.0)}
 """Starts by name: u(0) and h v(0), m."""
 
-_LARGE = (1e4, 1e5)  # omega h between which the power of growth is measured
-_TINY = 1e-20
-_NOTHING = 1e-9  # a first step smaller than this, over the start, is rounding
+EXACT_POWERS = {"displacement": (0.0, 1.0), "velocity": (-1.0, 0.0)}
+"""By start, the powers of omega h in the amplitudes of u and h v of the exact motion."""
+
+_LEVELS = 10.0 ** np.arange(2.0, 8.0)
+_SPREAD = 1.0 + np.arange(12) * 0.61803398875 % 1.0  # so that no sine is caught at its zeros alone
+_LARGER = 0.25  # powers further apart than this differ
+_NOISE = 1e-14  # a step rounds to this part of (omega h)^2 times its start
+_FAR = 1e4  # omega h that stands for infinity
+_TINY = 1e-200  # the motion is linear in its start: a tiny one leaves room for what grows
 
 
 @dataclass(frozen=True)
@@ -30,11 +38,11 @@ class Overshoot:
     Attributes
     ----------
     displacement, velocity : ndarray
-        u (m) and v / omega (m): both stay within the start's amplitude in the exact motion, which is 1 for a start from
-        displacement and 1 / (omega h) for one from velocity.
+        u over U and v over omega U with the amplitude U of the exact undamped motion, |u(0)| or |v(0)| / omega: the
+        exact motion stays within -1 and 1. nan after a response that ran away.
     displacement_power, velocity_power : float
-        p in u_1 ~ (omega h)^p and h v_1 ~ (omega h)^p for omega h to infinity; -inf where the step leaves nothing. The
-        exact motion stays within 0 and 1 for a start from displacement, within -1 and 0 for one from velocity.
+        p in u(h) ~ (omega h)^p and h v(h) ~ (omega h)^p for omega h to infinity; -inf where the step leaves nothing.
+        The exact motion has `EXACT_POWERS`.
     """
 
     method: str
@@ -50,34 +58,76 @@ class Overshoot:
 def overshoot(
     integrator: Integrator, start: str, dt_over_t: float = 10.0, steps: int = 10, damping: float = 0.0
 ) -> Overshoot:
-    """Integrate an undriven oscillator over a few large steps, and measure the power of the first step's growth."""
+    """Integrate an undriven oscillator over a few large steps, and measure the power of the first step's growth.
+
+    Parameters
+    ----------
+    start : str
+        A key of `STARTS`.
+    dt_over_t : float
+        Step over undamped period.
+    damping : float
+        Damping ratio, in [0, 1).
+    """
     omega_h = 2.0 * math.pi * dt_over_t
-    displacement, velocity = _first_steps(integrator, start, omega_h, steps, damping)
-    powers = [_power(*(pair[part][1] for pair in _pairs(integrator, start, damping))) for part in (0, 1)]
+    u, hv = _first_steps(integrator, start, np.array([omega_h]), steps, damping)[:, :, 0]
+    amplitude = math.hypot(STARTS[start][0], STARTS[start][1] / omega_h)
+    displacement_power, velocity_power = _powers(integrator, start, damping)
     return Overshoot(
-        integrator.label, dt_over_t, damping, start, displacement, velocity / omega_h, powers[0], powers[1]
+        method=integrator.label,
+        dt_over_t=dt_over_t,
+        damping=damping,
+        start=start,
+        displacement=u / amplitude,
+        velocity=hv / (omega_h * amplitude),
+        displacement_power=displacement_power,
+        velocity_power=velocity_power,
     )
 
 
-def _pairs(integrator: Integrator, start: str, damping: float) -> list[tuple[Array, Array]]:
-    return [_first_steps(integrator, start, omega_h, 1, damping) for omega_h in _LARGE]
+def verdict(integrator: Integrator, both: Sequence[Overshoot]) -> str:
+    """What the first step overshoots, judged by its powers from both starts: `none`, `displacement`, ..., or `unstable`
+    where the method grows without bound anyway."""
+    damping = np.array([both[0].damping])
+    if spectral_radius(integrator, np.array([_FAR]), damping, 1.0)[0] > 1.0 + STABLE:
+        return "unstable"
+    growing = [
+        name
+        for part, name in enumerate(("displacement", "velocity"))
+        if any(
+            (one.displacement_power, one.velocity_power)[part] > EXACT_POWERS[one.start][part] + _LARGER for one in both
+        )
+    ]
+    return " and ".join(growing) or "none"
 
 
-def _power(small: float, large: float) -> float:
-    if abs(small) < _NOTHING / _LARGE[0] and abs(large) < _NOTHING / _LARGE[0]:
+def _powers(integrator: Integrator, start: str, damping: float) -> tuple[float, ...]:
+    """Powers of u and h v after one step: the slopes over the last decade of omega h that rounding leaves."""
+    largest = np.array(
+        [
+            np.max(np.abs(_first_steps(integrator, start, level * _SPREAD, 1, damping)[:, 1]), axis=1)
+            for level in _LEVELS
+        ]
+    )
+    return tuple(_slope(values) for values in largest.T)
+
+
+def _slope(values: Array) -> float:
+    clear = np.flatnonzero(values > _NOISE * _LEVELS**2)
+    if clear.size < 2:
         return -math.inf
-    return math.log(abs(large) / abs(small)) / math.log(_LARGE[1] / _LARGE[0])
+    low, high = clear[-2:]
+    return math.log(values[high] / values[low]) / math.log(_LEVELS[high] / _LEVELS[low])
 
 
-def _first_steps(integrator: Integrator, start: str, omega_h: float, steps: int, damping: float) -> tuple[Array, Array]:
-    """u and h v of the first steps, h = 1 s; nan after a response that ran away.
-
-    The motion is linear in its start, so a tiny start leaves room for what grows.
-    """
-    building = oscillators(np.array([omega_h]), np.array([damping]))
+def _first_steps(integrator: Integrator, start: str, omega_h: Array, steps: int, damping: float) -> Array:
+    """u and h v of the first steps of oscillators, shape (2, steps + 1, oscillators), h = 1 s; nan after a response
+    that ran away."""
+    building = oscillators(omega_h, np.array([damping]))
+    n = building.stories
     space = workspace(building, integrator, steps)
     space.history[1:] = math.nan
-    space.state[DISPLACEMENT, 0], space.state[VELOCITY, 0] = np.multiply(_TINY, STARTS[start])
+    space.state[DISPLACEMENT, :n], space.state[VELOCITY, :n] = np.multiply(_TINY, STARTS[start])[:, None]
     forces = np.zeros((0, FORCE_COLUMNS))
     integrate(integrator, building, forces, np.zeros(1), Steps(1.0, steps), space)
-    return space.history[:, 1] / _TINY, space.history[:, 2] / _TINY
+    return np.array([space.history[:, 1 : 1 + n], space.history[:, 1 + n : 1 + 2 * n]]) / _TINY

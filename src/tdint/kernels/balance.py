@@ -86,7 +86,7 @@ def balance(by_u, by_v, by_a, factors, past, trial, chain, modal, laws, springs,
             factor_combination(chain, modal, work, tangents, by_a, by_v, by_u, work, pivot, coupling, store, n)
         solve_damped(work, pivot, coupling, modal, store, _RESIDUAL, n)
         iterations += 1
-        if _correct(by_u, by_v, by_a, work, n) or memo[LINEAR] != 0.0:
+        if _correct(by_u, by_v, by_a, work, n) or memo[LINEAR] != 0.0 or by_u == 0.0:
             _drift_laws(past, trial, chain, laws, springs, work)
             break
     return max(iterations, 1)

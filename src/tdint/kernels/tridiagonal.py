@@ -106,15 +106,21 @@ def solve_damped(work, diagonal, coupling, modal, store, x, n):
 
 
 @inlined
-def factor_combination(chain, modal, springs, row, by_m, by_c, by_k, work, diagonal, coupling, store, n):
-    """Factor by_m M + by_c C + by_k K as `factor_damped` does; row `row` of `springs` is the stiffness of each story,
-    to which the geometric one is added."""
+def assemble_combination(chain, springs, row, by_m, by_c, by_k, work, diagonal, coupling, n):
+    """by_m M + by_c C + by_k K for `factor`, without the modal part of C; row `row` of `springs` is the stiffness of
+    each story, to which the geometric one is added."""
     for i in range(n):
         story = by_k * (springs[row, i] + chain[GEOMETRIC, i]) + by_c * chain[STORY_DAMPER, i]
         work[diagonal, i] = by_m * chain[MASS, i] + by_c * chain[FLOOR_DAMPER, i] + story
         work[coupling, i] = -chain[LINK, i] * story
     for i in range(n - 1):
         work[diagonal, i] -= work[coupling, i + 1]
+
+
+@inlined
+def factor_combination(chain, modal, springs, row, by_m, by_c, by_k, work, diagonal, coupling, store, n):
+    """Factor by_m M + by_c C + by_k K as `factor_damped` does; `springs` as for `assemble_combination`."""
+    assemble_combination(chain, springs, row, by_m, by_c, by_k, work, diagonal, coupling, n)
     factor_damped(work, diagonal, coupling, modal, by_c, store, n)
 
 

@@ -50,7 +50,7 @@ from tdint.kernels.layout import (
 )
 from tdint.kernels.springs import commit, restoring
 from tdint.kernels.stepping import STEP
-from tdint.kernels.tridiagonal import factor_combination, solve_damped
+from tdint.kernels.tridiagonal import assemble_combination, factor, factor_combination, solve, solve_damped
 from tdint.methods.method import Family, Method, Parameter
 
 # Coefficients of the KR-alpha step
@@ -67,7 +67,7 @@ _X = 3  # right side and solution
 _LOAD_0 = 4
 _PIVOT = 5
 _COUPLING = 6
-_SECOND_PIVOT = 7  # Chang: of the second matrix
+_SECOND_PIVOT = 7  # Chang: of the second matrix, M + h/2 C
 _SECOND_COUPLING = 8
 _STORE = 9
 
@@ -80,7 +80,7 @@ def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work
     by_c = coefficients[GAMMA] * h
     by_k = coefficients[BETA] * h * h
     if memo[STEPS_DONE] == 0.0:
-        _start(chain, modal, laws, by_k, state, work, n)
+        _start(chain, laws, by_k, state, work, n)
         memo[FACTORED_STEP] = 0.0
     if memo[FACTORED_STEP] != h:
         factor_combination(
@@ -105,12 +105,13 @@ def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work
 
 
 @inlined
-def _start(chain, modal, laws, by_k, state, work, n):
+def _start(chain, laws, by_k, state, work, n):
     """q0 from the acceleration of equilibrium: (M + beta h^2 K0) q0 = M a0."""
-    factor_combination(chain, modal, laws, STIFFNESS, 1.0, 0.0, by_k, work, _PIVOT, _COUPLING, _STORE, n)
+    assemble_combination(chain, laws, STIFFNESS, 1.0, 0.0, by_k, work, _PIVOT, _COUPLING, n)
+    factor(work, _PIVOT, _COUPLING, n)
     for i in range(n):
         work[_X, i] = chain[MASS, i] * state[ACCELERATION, i]
-    solve_damped(work, _PIVOT, _COUPLING, modal, _STORE, _X, n)
+    solve(work, _PIVOT, _COUPLING, _X, n)
     for i in range(n):
         state[ACCELERATION, i] = work[_X, i]
 
@@ -162,10 +163,11 @@ def chang_step(coefficients, chain, modal, laws, forces, h, load, state, springs
     half = 0.5 * h
     second_store = _STORE + 2 * modal.shape[0] + 1
     if memo[FACTORED_STEP] != h:
-        factor_combination(chain, modal, laws, STIFFNESS, 1.0, half, half * half, work, _PIVOT, _COUPLING, _STORE, n)
-        factor_combination(
-            chain, modal, laws, STIFFNESS, 1.0, half, 0.0, work, _SECOND_PIVOT, _SECOND_COUPLING, second_store, n
-        )
+        for second in range(2):
+            by_k = 0.0 if second else half * half
+            store = second_store if second else _STORE
+            pivot = _PIVOT + 2 * second
+            factor_combination(chain, modal, laws, STIFFNESS, 1.0, half, by_k, work, pivot, pivot + 1, store, n)
         memo[FACTORED_STEP] = h
     v_below = 0.0
     for i in range(n):

@@ -16,31 +16,23 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.kernels.chain import add_modal_force, finite, floor_load
+from tdint.kernels.balance import BALANCE_ROWS, LOAD, A, U, V, X, balance, factor_rows, forget
+from tdint.kernels.chain import finite, floor_load
 from tdint.kernels.compiling import inlined, kernel
 from tdint.kernels.layout import (
     ACCELERATION,
     DISPLACEMENT,
     FACTORED_STEP,
     FIRST_TRIAL,
-    FLOOR_DAMPER,
-    FORCE,
-    GEOMETRIC,
     GROUND_0,
     GROUND_1,
-    LINEAR,
     LINK,
-    MASS,
     NOT_FINITE,
-    RESIDUAL,
-    STIFFNESS,
-    STORY_DAMPER,
     TIME,
     VELOCITY,
 )
 from tdint.kernels.springs import commit, restoring
-from tdint.kernels.stepping import ITERATIONS, SAME_TANGENT, SMALL, STEP, balanced, give_up
-from tdint.kernels.tridiagonal import factor_damped, solve_damped
+from tdint.kernels.stepping import STEP
 from tdint.methods.method import Family, Method, Parameter
 
 # Coefficients
@@ -53,148 +45,31 @@ L3 = 5
 L5 = 6
 
 # Rows of work
-_LOAD_0 = 0
-_LOAD = 1  # weighted load
-_INCREMENT = 2  # da
-_U = 3  # weighted displacement without da; then with it
-_V = 4
-_UW = 5
-_VW = 6
-_SUM = 7  # story forces
-_RESIDUAL = 8
-_TANGENT = 9
-_FACTORED = 10  # tangents in the factorization
-_PIVOT = 11
-_COUPLING = 12
-_STORE = 13
+_LOAD_0 = BALANCE_ROWS
+_FACTORS = BALANCE_ROWS + 1
 
 
 def work_rows(modes: int) -> int:
     """Rows of work that the step needs for a building with `modes` modally damped modes."""
-    return _STORE + 2 * modes + 1
+    return _FACTORS + factor_rows(modes)
 
 
 @kernel(STEP)
 def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
-    """One step of the family; Newton on all stories at once."""
+    """One step of the family; the unknown of the balance is da."""
     n = chain.shape[1] - 1
+    if memo[FACTORED_STEP] != h:
+        forget(work, _FACTORS, n)
+        memo[FACTORED_STEP] = h
     _predict(coefficients, chain, forces, h, load, state, work)
-    implicit = coefficients[L3W3] != 0.0 and memo[LINEAR] == 0.0
-    iterations = 0
-    while True:
-        stale = _weighted_point(coefficients, chain, laws, h, springs, work, memo)
-        if _in_balance(coefficients, chain, modal, state, work, memo):
-            break
-        if iterations == ITERATIONS:
-            return give_up(memo)
-        if stale:
-            _factor(coefficients, chain, modal, laws, h, work, memo)
-        solve_damped(work, _PIVOT, _COUPLING, modal, _STORE, _RESIDUAL, n)
-        iterations += 1
-        small = True
-        scale = coefficients[L3W3] * h * h
-        for i in range(n):
-            work[_INCREMENT, i] += work[_RESIDUAL, i]
-            small = small and abs(scale * work[_RESIDUAL, i]) <= SMALL * abs(work[_UW, i])
-        if small or not implicit:
-            break
-    return _finish(coefficients, chain, laws, h, state, springs, work, max(iterations, 1))
-
-
-@inlined
-def _predict(coefficients, chain, forces, h, load, state, work):
-    """Weighted load, and the weighted point for da = 0."""
-    n = chain.shape[1] - 1
-    w1 = coefficients[W1]
-    if w1 != 1.0:
-        floor_load(chain, forces, load[TIME], load[GROUND_0], work, _LOAD_0)
-    floor_load(chain, forces, load[TIME] + h, load[GROUND_1], work, _LOAD)
-    for i in range(n):
-        if w1 != 1.0:
-            work[_LOAD, i] = (1.0 - w1) * work[_LOAD_0, i] + w1 * work[_LOAD, i]
-        v = state[VELOCITY, i]
-        a = state[ACCELERATION, i]
-        work[_U, i] = state[DISPLACEMENT, i] + w1 * h * v + coefficients[L2W2] * h * h * a
-        work[_V, i] = v + w1 * h * a
-        work[_INCREMENT, i] = 0.0
-
-
-@inlined
-def _weighted_point(coefficients, chain, laws, h, springs, work, memo):
-    """Story forces at the weighted point for the present da. True if the factorization does not fit its tangents."""
-    n = chain.shape[1] - 1
     by_u = coefficients[L3W3] * h * h
     by_v = coefficients[L5W2] * h
-    stale = memo[FACTORED_STEP] != h
-    u_below = 0.0
-    v_below = 0.0
-    for i in range(n):
-        u = work[_U, i] + by_u * work[_INCREMENT, i]
-        v = work[_V, i] + by_v * work[_INCREMENT, i]
-        drift = u - chain[LINK, i] * u_below
-        rate = v - chain[LINK, i] * v_below
-        u_below = u
-        v_below = v
-        work[_UW, i] = u
-        work[_VW, i] = v
-        tangent = restoring(laws, springs, i, 0, FIRST_TRIAL, drift)
-        work[_TANGENT, i] = tangent
-        stale = stale or abs(tangent - work[_FACTORED, i]) > SAME_TANGENT * laws[STIFFNESS, i]
-        work[_SUM, i] = springs[FIRST_TRIAL + FORCE, i] + chain[GEOMETRIC, i] * drift + chain[STORY_DAMPER, i] * rate
-    return stale
-
-
-@inlined
-def _in_balance(coefficients, chain, modal, state, work, memo):
-    """Unbalanced forces into their row, N; whether all are small."""
-    n = chain.shape[1] - 1
-    weight = coefficients[L6W1]
-    add_modal = modal.shape[0] > 0
-    if add_modal:
-        for i in range(n):
-            work[_RESIDUAL, i] = 0.0
-        add_modal_force(modal, work, _VW, 1.0, work, _RESIDUAL, n)
-    memo[RESIDUAL] = 0.0
-    small = True
-    for i in range(n):
-        inertia = chain[MASS, i] * (state[ACCELERATION, i] + weight * work[_INCREMENT, i])
-        damping = chain[FLOOR_DAMPER, i] * work[_VW, i]
-        if add_modal:
-            damping += work[_RESIDUAL, i]
-        below = work[_SUM, i]
-        above = chain[LINK, i + 1] * work[_SUM, i + 1]
-        load = work[_LOAD, i]
-        residual = load - inertia - damping - below + above
-        work[_RESIDUAL, i] = residual
-        scale = abs(load) + abs(inertia) + abs(damping) + abs(below) + abs(above)
-        small = balanced(memo, i, residual, scale) and small
-    return small
-
-
-@inlined
-def _factor(coefficients, chain, modal, laws, h, work, memo):
-    """Factor L6W1 M + L5W2 h C + L3W3 h^2 K for the present tangents."""
-    n = chain.shape[1] - 1
-    by_k = coefficients[L3W3] * h * h
-    by_c = coefficients[L5W2] * h
-    for i in range(n):
-        work[_FACTORED, i] = work[_TANGENT, i]
-        spring = by_k * (work[_TANGENT, i] + chain[GEOMETRIC, i]) + by_c * chain[STORY_DAMPER, i]
-        work[_PIVOT, i] = coefficients[L6W1] * chain[MASS, i] + by_c * chain[FLOOR_DAMPER, i] + spring
-        work[_COUPLING, i] = -chain[LINK, i] * spring
-    for i in range(n - 1):
-        work[_PIVOT, i] -= work[_COUPLING, i + 1]
-    factor_damped(work, _PIVOT, _COUPLING, modal, by_c, _STORE, n)
-    memo[FACTORED_STEP] = h
-
-
-@inlined
-def _finish(coefficients, chain, laws, h, state, springs, work, iterations):
-    """Update the state from da and commit the drift laws at the end of the step."""
-    n = chain.shape[1] - 1
+    code = balance(by_u, by_v, coefficients[L6W1], _FACTORS, 0, FIRST_TRIAL, chain, modal, laws, springs, work, memo)
+    if code < 0:
+        return code
     below = 0.0
     for i in range(n):
-        da = work[_INCREMENT, i]
+        da = work[X, i]
         v = state[VELOCITY, i]
         a = state[ACCELERATION, i]
         u = state[DISPLACEMENT, i] + h * v + h * h * (0.5 * a + coefficients[L3] * da)
@@ -204,7 +79,25 @@ def _finish(coefficients, chain, laws, h, state, springs, work, iterations):
         restoring(laws, springs, i, 0, FIRST_TRIAL, u - chain[LINK, i] * below)
         commit(laws, springs, i, 0, FIRST_TRIAL)
         below = u
-    return iterations if finite(state, n) else NOT_FINITE
+    return code if finite(state, n) else NOT_FINITE
+
+
+@inlined
+def _predict(coefficients, chain, forces, h, load, state, work):
+    """Weighted load, and the weighted point for da = 0."""
+    n = chain.shape[1] - 1
+    w1 = coefficients[W1]
+    if w1 != 1.0:
+        floor_load(chain, forces, load[TIME], load[GROUND_0], work, _LOAD_0)
+    floor_load(chain, forces, load[TIME] + h, load[GROUND_1], work, LOAD)
+    for i in range(n):
+        if w1 != 1.0:
+            work[LOAD, i] = (1.0 - w1) * work[_LOAD_0, i] + w1 * work[LOAD, i]
+        v = state[VELOCITY, i]
+        a = state[ACCELERATION, i]
+        work[U, i] = state[DISPLACEMENT, i] + w1 * h * v + coefficients[L2W2] * h * h * a
+        work[V, i] = v + w1 * h * a
+        work[A, i] = a
 
 
 FAMILY = Family("single-step", step, work_rows)
