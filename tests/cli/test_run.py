@@ -84,7 +84,8 @@ def test_the_files_of_a_run(folder, tdint):
     assert len(history) == 300
     for story in (1, 2):
         largest = max(abs(float(row[f"story_{story}_drift_m"])) for row in history)
-        assert largest == pytest.approx(float(rows(result.stdout)[story - 1]["peak_drift_m"]), rel=1e-11)
+        # The peak lies between two steps.
+        assert largest <= float(rows(result.stdout)[story - 1]["peak_drift_m"]) < 1.01 * largest
     top, below = (max(abs(float(row[f"floor_{i}_displacement_m"])) for row in history) for i in (2, 1))
     assert top > below > 0.0
 

@@ -11,7 +11,19 @@ from numpy.typing import NDArray
 
 from tdint.analysis.stepping import workspace
 from tdint.errors import AnalysisError
-from tdint.kernels.layout import ACCELERATION, DISPLACEMENT, DRIFT, FORCE, LOAD_SIZE, STEPS_DONE, STORY_DAMPER, VELOCITY
+from tdint.kernels.layout import (
+    ACCELERATION,
+    DISPLACEMENT,
+    DRIFT,
+    FORCE,
+    LOAD_SIZE,
+    LOWER,
+    SLOPE,
+    STEPS_DONE,
+    STORY_DAMPER,
+    UPPER,
+    VELOCITY,
+)
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, oscillators
 
@@ -77,6 +89,8 @@ def _settle(building: Building, state: Array, springs: Array, carries_accelerati
     springs[:] = 0.0
     springs[DRIFT, :-1] = u
     springs[FORCE, :-1] = building.initial_stiffness * u
+    springs[SLOPE, :-1] = building.initial_stiffness
+    springs[UPPER, :-1], springs[LOWER, :-1] = math.inf, -math.inf
     if not carries_acceleration:
         state[ACCELERATION, :-1] = -building.initial_stiffness * u - building.chain[STORY_DAMPER, :-1] * v
 

@@ -27,7 +27,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class StoryPeaks:
-    """Peaks of each story, or of the floor above it, at the time steps; arrays of shape (n,).
+    """Peaks of each story, or of the floor above it; arrays of shape (n,).
+
+    Drifts and displacements, and the shears of linear stories, are looked for between the steps too, on the cubic
+    Hermite interpolant; velocities, accelerations and other shears at the steps.
 
     Attributes
     ----------
@@ -255,7 +258,7 @@ def model_record(model: Model) -> Record | None:
 def _march(
     model: Model, building: Building, record: Record | None, integrator: Integrator, steps: Steps, history: bool
 ) -> Response:
-    space = workspace(building, integrator, steps.count if history else 0)
+    space = workspace(building, integrator, steps.count if history else 0, between=True)
     space.state[layout.DISPLACEMENT, :-1] = model.initial.displacement
     space.state[layout.VELOCITY, :-1] = model.initial.velocity
     ground = np.zeros(1) if record is None else record.acceleration.copy()
@@ -277,7 +280,7 @@ def _march(
         steps=steps.count,
         iterations=int(space.observed[observing.ITERATIONS]),
         halvings=int(space.observed[observing.HALVINGS]),
-        events=0,
+        events=int(space.memo[layout.EVENTS]),
         march_time=march_time,
         stories=peaks,
         energy=_energy(space.observed),

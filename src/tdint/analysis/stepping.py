@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import AnalysisError, UsageError
-from tdint.kernels.layout import LINEAR, LOAD_SIZE, MEMO_SIZE, SPRING_BLOCKS, SPRING_ROWS
+from tdint.kernels.layout import LINEAR, LOAD_SIZE, MEMO_SIZE, PIECEWISE, SPRING_BLOCKS, SPRING_ROWS
 from tdint.kernels.march import march
-from tdint.kernels.observing import HISTORY_FIELDS, OBSERVED_SIZE, OBSERVER_ROWS, PEAK_ROWS
+from tdint.kernels.observing import BETWEEN_STEPS, HISTORY_FIELDS, OBSERVED_SIZE, OBSERVER_ROWS, PEAK_ROWS
 from tdint.methods.method import Integrator
 from tdint.model.building import Building
 
@@ -91,13 +91,19 @@ class Workspace:
     history: Array
 
 
-def workspace(building: Building, integrator: Integrator, steps: int = 0) -> Workspace:
-    """Fresh arrays for one run; with room for the history of `steps` steps if it is not 0."""
+def workspace(building: Building, integrator: Integrator, steps: int = 0, between: bool = False) -> Workspace:
+    """Fresh arrays for one run; with room for the history of `steps` steps if it is not 0.
+
+    With `between` the peaks of drift and displacement are looked for between the steps, too.
+    """
     n = building.stories
     modes = building.modal.shape[0]
     family = integrator.family
     memo = np.zeros(MEMO_SIZE)
     memo[LINEAR] = building.linear
+    memo[PIECEWISE] = building.piecewise_linear
+    observed = np.zeros(OBSERVED_SIZE)
+    observed[BETWEEN_STEPS] = between
     return Workspace(
         state=np.zeros((family.state_rows, n + 1)),
         springs=np.zeros((SPRING_BLOCKS * SPRING_ROWS, n + 1)),
@@ -105,7 +111,7 @@ def workspace(building: Building, integrator: Integrator, steps: int = 0) -> Wor
         memo=memo,
         watch=np.zeros((OBSERVER_ROWS, n + 1)),
         peaks=np.zeros((PEAK_ROWS, n)),
-        observed=np.zeros(OBSERVED_SIZE),
+        observed=observed,
         history=np.zeros((steps + 1 if steps else 0, 1 + HISTORY_FIELDS * n)),
     )
 

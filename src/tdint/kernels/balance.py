@@ -26,7 +26,7 @@ from tdint.kernels.layout import (
     STORY_DAMPER,
 )
 from tdint.kernels.springs import restoring
-from tdint.kernels.stepping import ITERATIONS, SAME_TANGENT, SMALL, balanced, give_up
+from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, balanced, give_up
 from tdint.kernels.tridiagonal import factor_combination, solve_damped
 
 # Rows of work: the load and the first guess come in, the motion in equilibrium goes out
@@ -38,7 +38,8 @@ X = 4
 _SUM = 5  # story forces
 _RESIDUAL = 6  # unbalanced forces, then the correction of x
 _TANGENT = 7
-BALANCE_ROWS = 8
+_SIZE = 8  # of the story forces, with what the displacements round
+BALANCE_ROWS = 9
 
 # Rows of a block of factors
 _FACTORED = 0  # its tangents
@@ -106,7 +107,11 @@ def _story_forces(factors, past, trial, chain, laws, springs, work):
         tangent = restoring(laws, springs, i, past, trial, drift)
         work[_TANGENT, i] = tangent
         stale = stale or abs(tangent - work[factors + _FACTORED, i]) > SAME_TANGENT * laws[STIFFNESS, i]
-        work[_SUM, i] = springs[trial + FORCE, i] + chain[GEOMETRIC, i] * drift + chain[STORY_DAMPER, i] * rate
+        total = springs[trial + FORCE, i] + chain[GEOMETRIC, i] * drift + chain[STORY_DAMPER, i] * rate
+        work[_SUM, i] = total
+        # A drift is a difference: what the displacements round is not out of balance.
+        rounding = SMALL / CLOSE * laws[STIFFNESS, i]
+        work[_SIZE, i] = abs(total) + rounding * (abs(work[U, i]) + abs(work[U, i] - drift))
     return stale
 
 
@@ -123,11 +128,10 @@ def _in_balance(chain, modal, work, memo):
         load = work[LOAD, i]
         inertia = chain[MASS, i] * work[A, i]
         damping = work[_RESIDUAL, i]
-        below = work[_SUM, i]
-        above = chain[LINK, i + 1] * work[_SUM, i + 1]
-        residual = load - inertia - damping - below + above
+        link = chain[LINK, i + 1]
+        residual = load - inertia - damping - work[_SUM, i] + link * work[_SUM, i + 1]
         work[_RESIDUAL, i] = residual
-        scale = abs(load) + abs(inertia) + abs(damping) + abs(below) + abs(above)
+        scale = abs(load) + abs(inertia) + abs(damping) + work[_SIZE, i] + link * work[_SIZE, i + 1]
         small = balanced(memo, i, residual, scale) and small
     return small
 

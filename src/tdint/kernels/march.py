@@ -8,7 +8,6 @@ from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, inlined, kernel
 from tdint.kernels.layout import (
     ACCELERATION,
     DISPLACEMENT,
-    FIRST_TRIAL,
     GROUND_0,
     GROUND_1,
     LINK,
@@ -29,7 +28,7 @@ from tdint.kernels.observing import (
     store,
     take_stock,
 )
-from tdint.kernels.springs import commit, restoring
+from tdint.kernels.springs import start
 from tdint.kernels.stepping import STEP
 
 _MARCH = I8(
@@ -82,10 +81,9 @@ def _start(chain, modal, laws, forces, ground, state, springs, watch, peaks, obs
     n = chain.shape[1] - 1
     below = 0.0
     for i in range(n):
-        restoring(laws, springs, i, 0, FIRST_TRIAL, state[DISPLACEMENT, i] - chain[LINK, i] * below)
-        commit(laws, springs, i, 0, FIRST_TRIAL)
+        start(laws, springs, i, state[DISPLACEMENT, i] - chain[LINK, i] * below)
         below = state[DISPLACEMENT, i]
-    observe(chain, modal, forces, 0.0, 0.0, ground, 0.0, state, springs, watch, peaks, observed)
+    observe(chain, modal, laws, forces, 0.0, 0.0, ground, 0.0, state, springs, watch, peaks, observed)
     for i in range(n):
         state[ACCELERATION, i] = watch[ACCELERATION_ROW, i]
     take_stock(chain, laws, state, springs, observed)
@@ -137,8 +135,9 @@ def march(
             observed[ITERATIONS] += code
             time = (s + done) * h
             observe(
-                chain, modal, forces, time, piece * h, load[GROUND_1], slope, state, springs, watch, peaks, observed
-            )
+                chain, modal, laws, forces, time, piece * h, load[GROUND_1], slope,
+                state, springs, watch, peaks, observed,
+            )  # fmt: skip
         memo[STEPS_DONE] += 1.0
         observed[STEPS_REACHED] += 1.0
         if _ran_away(state, n):

@@ -3,9 +3,14 @@ otherwise."""
 
 from __future__ import annotations
 
+import math
+
+from tdint.kernels.branches import LINEAR_LAW
 from tdint.kernels.chain import add_modal_force, force_rate, force_value
 from tdint.kernels.compiling import inlined
+from tdint.kernels.events import NONE, turning
 from tdint.kernels.layout import (
+    CODE,
     DISPLACEMENT,
     DISSIPATED,
     DRIFT,
@@ -16,12 +21,13 @@ from tdint.kernels.layout import (
     INVERSE_MASS,
     LINK,
     MASS,
+    STIFFNESS,
     STORY_DAMPER,
     VELOCITY,
 )
 from tdint.kernels.springs import recoverable
 
-# peaks: largest absolute values at the steps, one row each
+# peaks: largest absolute values, one row each
 PEAK_DRIFT = 0
 PEAK_SHEAR = 1
 PEAK_DISPLACEMENT = 2
@@ -49,17 +55,25 @@ _RATE_INPUT = 11  # without the ground's own rate
 _MOMENTUM = 12
 _POWER_DAMPED = 13
 _RATE_DAMPED = 14
-OBSERVED_SIZE = 15
+BETWEEN_STEPS = 15  # set to 1 before the march: look for peaks of drift and displacement between the steps, too
+OBSERVED_SIZE = 16
 
 # rows of the observer's work
 ACCELERATION_ROW = 0
 _OTHER = 1
 _SUM = 2
-OBSERVER_ROWS = 3
+_OLD_DRIFT = 3  # at the last observed time
+_OLD_RATE = 4
+_OLD_U = 5
+_OLD_V = 6
+_OLD_A = 7
+OBSERVER_ROWS = 8
+
+_RESOLVED = 0.5
 
 
 @inlined
-def observe(chain, modal, forces, t, h, ground, slope, state, springs, work, peaks, observed):
+def observe(chain, modal, laws, forces, t, h, ground, slope, state, springs, work, peaks, observed):
     """Take in the state at time t, reached by a step h in which the ground acceleration has the given slope.
 
     The acceleration is that of equilibrium at t, whatever the method carries. Call with h = 0 at the start.
@@ -107,6 +121,62 @@ def observe(chain, modal, forces, t, h, ground, slope, state, springs, work, pea
         damped += v_modal * v_modal
         damped_rate += v_modal * a_modal
     _add_work(h, slope, power, rate, momentum, damped, 2.0 * damped_rate, observed)
+    if observed[BETWEEN_STEPS] != 0.0:
+        _look_between(chain, h, laws, state, springs, work, peaks)
+
+
+@inlined
+def _look_between(chain, h, laws, state, springs, work, peaks):
+    """Peaks of drift and displacement within the step: where the rate changed its sign, on the Hermite interpolant.
+
+    The shear of a linear story peaks with its drift; other shears are seen at the steps. Then the rows of old values
+    are set for the next step.
+    """
+    v_below = 0.0
+    a_below = 0.0
+    old_a_below = 0.0
+    for i in range(chain.shape[1] - 1):
+        link = chain[LINK, i]
+        u = state[DISPLACEMENT, i]
+        v = state[VELOCITY, i]
+        a = work[ACCELERATION_ROW, i]
+        old_a = work[_OLD_A, i]
+        drift = springs[DRIFT, i]
+        rate = v - link * v_below
+        if rate * work[_OLD_RATE, i] < 0.0:
+            accelerations = a - link * a_below + old_a - link * old_a_below
+            peak = _extremum(work[_OLD_DRIFT, i], work[_OLD_RATE, i], drift, rate, accelerations, h)
+            _raise(peaks, PEAK_DRIFT, i, peak)
+            if laws[CODE, i] == LINEAR_LAW:
+                _raise(peaks, PEAK_SHEAR, i, laws[STIFFNESS, i] * peak)
+        if v * work[_OLD_V, i] < 0.0:
+            peak = _extremum(work[_OLD_U, i], work[_OLD_V, i], u, v, a + old_a, h)
+            _raise(peaks, PEAK_DISPLACEMENT, i, peak)
+        v_below = v
+        a_below = a
+        old_a_below = old_a
+        work[_OLD_DRIFT, i] = drift
+        work[_OLD_RATE, i] = rate
+        work[_OLD_U, i] = u
+        work[_OLD_V, i] = v
+        work[_OLD_A, i] = a
+
+
+@inlined
+def _extremum(x0, v0, x1, v1, accelerations, h):
+    """Extremum of the cubic Hermite interpolant between a rising and a falling end; x1 where the step resolves no peak.
+
+    The rate must change about as the mean of both accelerations says: a vibration much faster than the step does not.
+    """
+    if abs(v1 - v0 - 0.5 * h * accelerations) > _RESOLVED * (abs(v0) + abs(v1)):
+        return x1
+    middle = 3.0 * (x1 - x0) / h - v0 - v1  # the rate's Bezier points are v0, middle, v1
+    sign = math.copysign(1.0, v0)
+    s = turning(sign * v0, sign * middle, sign * v1)
+    if s == NONE:
+        return x1
+    r = 1.0 - s
+    return r * r * (x0 * (1.0 + 2.0 * s) + h * v0 * s) + s * s * (x1 * (1.0 + 2.0 * r) - h * v1 * r)
 
 
 @inlined

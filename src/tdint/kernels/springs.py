@@ -6,12 +6,27 @@ Each function writes drift, force and internal variable of the trial state and r
 
 from __future__ import annotations
 
+from tdint.kernels.branches import (
+    BILINEAR_LAW,
+    LINEAR_LAW,
+    PEAK_ORIENTED_LAW,
+    elastic_energy,
+    enter,
+    walk,
+)
 from tdint.kernels.compiling import inlined
-from tdint.kernels.layout import CODE, DISSIPATED, DRIFT, FIRST_PARAMETER, FORCE, INTERNAL, STIFFNESS
-
-LINEAR_LAW = 0
-POLYNOMIAL_LAW = 1
-BILINEAR_LAW = 2
+from tdint.kernels.layout import (
+    CODE,
+    DISSIPATED,
+    DRIFT,
+    FIRST_PARAMETER,
+    FIRST_TRIAL,
+    FORCE,
+    INTERNAL,
+    PLAIN_ROWS,
+    SPRING_ROWS,
+    STIFFNESS,
+)
 
 
 @inlined
@@ -24,6 +39,8 @@ def restoring(laws, springs, i, past, trial, drift):
         return laws[STIFFNESS, i]
     if code == BILINEAR_LAW:
         return _bilinear(laws, springs, i, past, trial, drift)
+    if code == PEAK_ORIENTED_LAW:
+        return walk(laws, springs, i, past, trial, drift)
     return _polynomial(laws, springs, i, trial, drift)
 
 
@@ -64,6 +81,8 @@ def _bilinear(laws, springs, i, past, trial, drift):
 @inlined
 def settle(laws, springs, i, past, trial):
     """Energy that the law dissipates on the way from block `past` to block `trial`; adds it up in `trial`, J."""
+    if laws[CODE, i] == PEAK_ORIENTED_LAW:
+        return  # summed up on the way
     dissipated = springs[past + DISSIPATED, i]
     if laws[CODE, i] == BILINEAR_LAW:
         z = springs[trial + INTERNAL, i]
@@ -86,6 +105,8 @@ def recoverable(laws, springs, i):
         k = laws[STIFFNESS, i]
         z = springs[INTERNAL, i]
         return 0.5 * hardening * k * d * d + 0.5 * z * z / ((1.0 - hardening) * k)
+    if laws[CODE, i] == PEAK_ORIENTED_LAW:
+        return elastic_energy(laws, springs, i, 0)
     energy = 0.0
     for row in range(laws.shape[0] - 1, FIRST_PARAMETER - 1, -1):
         energy = energy * d + laws[row, i] / (row - FIRST_PARAMETER + 2)
@@ -96,7 +117,22 @@ def recoverable(laws, springs, i):
 def commit(laws, springs, i, past, trial):
     """Make the trial state of story `i` the committed one; `past` is the block that it was reached from."""
     settle(laws, springs, i, past, trial)
-    springs[DRIFT, i] = springs[trial + DRIFT, i]
-    springs[FORCE, i] = springs[trial + FORCE, i]
-    springs[INTERNAL, i] = springs[trial + INTERNAL, i]
-    springs[DISSIPATED, i] = springs[trial + DISSIPATED, i]
+    rows = SPRING_ROWS if laws[CODE, i] == PEAK_ORIENTED_LAW else PLAIN_ROWS
+    for row in range(rows):
+        springs[row, i] = springs[trial + row, i]
+
+
+@inlined
+def resume(laws, springs, i):
+    """Put story `i` on the branch that its committed state implies, after a step that does not follow branches."""
+    if laws[CODE, i] != PEAK_ORIENTED_LAW:  # which always follows them
+        enter(laws, springs, i)
+
+
+@inlined
+def start(laws, springs, i, drift):
+    """Bring story `i` from rest to its initial drift."""
+    enter(laws, springs, i)
+    restoring(laws, springs, i, 0, FIRST_TRIAL, drift)
+    commit(laws, springs, i, 0, FIRST_TRIAL)
+    resume(laws, springs, i)

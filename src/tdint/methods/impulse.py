@@ -38,7 +38,7 @@ from tdint.kernels.layout import (
     VELOCITY,
 )
 from tdint.kernels.springs import commit, restoring
-from tdint.kernels.stepping import ITERATIONS, SAME_TANGENT, SMALL, STEP, balanced, give_up
+from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, STEP, balanced, give_up
 from tdint.kernels.tridiagonal import assemble_blocks, factor_blocks, solve_blocks_damped
 from tdint.methods.method import Family, Method, Parameter
 
@@ -58,11 +58,12 @@ _FORCE_1 = 8  # story force at the end, damper included
 _FORCE_S = 9  # story impulse, damper included
 _R1 = 10
 _R2 = 11
-_TANGENT = 12
-_FACTORED = 13
-_BLOCKS = 14
-_COUPLING = 18
-_STORE = 22
+_SIZE = 12  # what the displacements round, as a force
+_TANGENT = 13
+_FACTORED = 14
+_BLOCKS = 15
+_COUPLING = 19
+_STORE = 23
 
 
 def work_rows(modes: int) -> int:
@@ -154,6 +155,8 @@ def _end(coefficients, chain, laws, h, state, springs, work, memo):
         q_below = q
         tangent = restoring(laws, springs, i, 0, FIRST_TRIAL, drift)
         work[_TANGENT, i] = tangent
+        # A drift is a difference: what the displacements round is not out of balance.
+        work[_SIZE, i] = SMALL / CLOSE * laws[STIFFNESS, i] * (abs(u) + abs(u - drift))
         stale = stale or abs(tangent - work[_FACTORED, i]) > SAME_TANGENT * laws[STIFFNESS, i]
         geometric = chain[GEOMETRIC, i]
         damper = chain[STORY_DAMPER, i]
@@ -188,9 +191,13 @@ def _in_balance(chain, modal, h, state, work, memo):
         by_a = h * h * ((state[ACCELERATION, i] - work[_A1, i]) / 12.0)
         gap = by_v + by_a - work[_DU, i]
         work[_R1, i] = chain[MASS, i] * gap
-        small = balanced(memo, i, gap, abs(by_v) + abs(by_a) + abs(work[_DU, i])) and small
-        scale = abs(work[_IMPULSE, i]) + abs(chain[MASS, i] * work[_DV, i])
-        scale += abs(work[_FORCE_S, i]) + abs(chain[LINK, i + 1] * work[_FORCE_S, i + 1])
+        link = chain[LINK, i + 1]
+        rounding = work[_SIZE, i] + link * work[_SIZE, i + 1]
+        scale = abs(work[_DU, i]) + h * (abs(state[VELOCITY, i]) + abs(work[_V1, i]))
+        scale += h * h * (abs(state[ACCELERATION, i]) + abs(work[_A1, i]))
+        small = balanced(memo, i, work[_R1, i], chain[MASS, i] * scale + h * h / 12.0 * rounding) and small
+        scale = abs(work[_IMPULSE, i]) + abs(chain[MASS, i] * work[_DV, i]) + h * rounding
+        scale += abs(work[_FORCE_S, i]) + link * abs(work[_FORCE_S, i + 1])
         small = balanced(memo, i, work[_R2, i], scale) and small
     return small
 

@@ -14,13 +14,15 @@ from __future__ import annotations
 
 import math
 
+from tdint.kernels.branches import TURNED, advance, switch
 from tdint.kernels.chain import add_modal_force, finite, floor_impulse, floor_load
 from tdint.kernels.compiling import inlined, kernel
+from tdint.kernels.events import NONE, first_event
 from tdint.kernels.layout import (
     ACCELERATION,
     DISPLACEMENT,
     DRIFT,
-    FACTORED_STEP,
+    EVENTS,
     FIRST_TRIAL,
     FLOOR_DAMPER,
     FORCE,
@@ -31,16 +33,20 @@ from tdint.kernels.layout import (
     LINEAR,
     LINK,
     MASS,
+    NOT_CONVERGED,
     NOT_FINITE,
+    PIECEWISE,
     RESIDUAL,
     SECOND_TRIAL,
+    SLOPE,
+    SPRING_ROWS,
     STIFFNESS,
     STORY_DAMPER,
     TIME,
     VELOCITY,
 )
-from tdint.kernels.springs import commit, restoring, settle
-from tdint.kernels.stepping import ITERATIONS, SAME_TANGENT, SMALL, STEP, balanced, give_up
+from tdint.kernels.springs import commit, restoring, resume, settle
+from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, STEP, balanced, give_up
 from tdint.kernels.tridiagonal import assemble_blocks, factor_blocks, solve_blocks_damped
 from tdint.methods.method import Family, Method, Parameter
 
@@ -67,73 +73,166 @@ _FORCE_1 = 7  # story force at the end, damper included
 _FORCE_S = 8  # story impulse, damper included
 _R1 = 9
 _R2 = 10
-_TANGENT_C = 11
-_TANGENT_1 = 12
-_FACTORED_C = 13
-_FACTORED_1 = 14
-_BLOCKS = 15
-_COUPLING = 19
-_STORE = 23
+_SIZE = 11  # what the displacements round, as a force
+_TANGENT_C = 12
+_TANGENT_1 = 13
+_SAVED = 14  # state and springs at the start of a step that is done in pieces
+_FACTORS = _SAVED + 3 + SPRING_ROWS
+
+# Rows of a block of factors
+_FACTORED_C = 0  # its tangents; the step stands in the last column
+_FACTORED_1 = 1
+_BLOCKS = 2
+_COUPLING = 6
+_STORE = 10
+
+_AT_ONCE = 1e-9  # an event within this part of the step from here happens here
+
+
+def _factor_rows(modes: int) -> int:
+    return _STORE + 6 * modes + 1
 
 
 def work_rows(modes: int) -> int:
     """Rows of work that the step needs for a building with `modes` modally damped modes."""
-    return _STORE + 6 * modes + 1
+    return _FACTORS + 2 * _factor_rows(modes)
 
 
 @kernel(STEP)
 def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
-    """One step; Newton on all stories at once, unknowns (u1 - u0, v1 - v0) per floor, a1 eliminated by equilibrium."""
+    """One step; piecewise-linear laws branch by branch, others by Newton's iteration.
+
+    Where changes of branch pile up, the step is done by Newton's iteration too.
+    """
+    if memo[PIECEWISE] != 0.0:
+        code = _by_branches(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo)
+        if code != NOT_CONVERGED:
+            return code
+    code = _newton(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo)
+    if code >= 0 and memo[PIECEWISE] != 0.0:
+        for i in range(chain.shape[1] - 1):
+            resume(laws, springs, i)
+    return code
+
+
+@inlined
+def _newton(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
+    """One step by Newton on all stories at once, unknowns (u1 - u0, v1 - v0) per floor, a1 eliminated by
+    equilibrium."""
     n = chain.shape[1] - 1
-    by_a = coefficients[BETA] * h * h
-    _predict(chain, forces, h, load, state, work, memo)
+    _loads(chain, forces, load[TIME], h, load[GROUND_0], load[GROUND_1], work)
+    for i in range(n):
+        a = state[ACCELERATION, i]
+        work[_DU, i] = h * state[VELOCITY, i] + 0.5 * h * h * a
+        work[_DV, i] = h * a
     iterations = 0
+    last = False
     while True:
-        stale = _path(coefficients, chain, laws, h, state, springs, work, memo)
-        if _in_balance(coefficients, chain, modal, h, state, work, memo):
+        stale = _path(False, coefficients, chain, laws, h, state, springs, work, _FACTORS)
+        small = _in_balance(coefficients, chain, modal, h, state, work, memo)
+        if small or last:
             break
         if iterations == ITERATIONS:
             return give_up(memo)
         if stale:
-            _factor(coefficients, chain, modal, h, work)
-            memo[FACTORED_STEP] = h
-        solve_blocks_damped(work, _BLOCKS, _COUPLING, modal, 0.0, -by_a, 1.0, 0.0, _STORE, _R1, _R2, n)
+            _factor(coefficients, chain, modal, h, work, _FACTORS)
+        last = _correct(coefficients, modal, h, work, _FACTORS, n)
         iterations += 1
-        small = True
-        for i in range(n):
-            work[_DU, i] += work[_R1, i]
-            work[_DV, i] += work[_R2, i]
-            small = small and abs(work[_R1, i]) <= SMALL * abs(work[_U1, i])
-        if small or (memo[LINEAR] != 0.0 and iterations > 0):
-            _path(coefficients, chain, laws, h, state, springs, work, memo)
-            _in_balance(coefficients, chain, modal, h, state, work, memo)
-            break
-    return _finish(chain, laws, state, springs, work, max(iterations, 1))
+    for i in range(n):
+        state[DISPLACEMENT, i] += work[_DU, i]
+        state[VELOCITY, i] += work[_DV, i]
+        state[ACCELERATION, i] = work[_A1, i]
+        settle(laws, springs, i, 0, FIRST_TRIAL)
+        commit(laws, springs, i, FIRST_TRIAL, SECOND_TRIAL)
+    return max(iterations, 1) if finite(state, n) else NOT_FINITE
 
 
 @inlined
-def _predict(chain, forces, h, load, state, work, memo):
-    """Load and impulse of the step; constant acceleration as the first guess.
+def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
+    """One step with every story on a branch of its law: one linear solve, or one for each piece between changes of
+    branch.
 
-    In a linear building any guess will do; no increment is the one that rounds least where omega h is large.
+    The first change is looked for on the cubic Hermite interpolant of the drifts, the step done again up to there, and
+    the rest of it on the new branch. Where the changes exceed a few per story, the state is left as it was.
     """
-    floor_load(chain, forces, load[TIME] + h, load[GROUND_1], work, _LOAD)
-    floor_impulse(chain, forces, load[TIME], h, load[GROUND_0], load[GROUND_1], work, _IMPULSE)
-    guess = 0.0 if memo[LINEAR] != 0.0 else 1.0
-    for i in range(chain.shape[1] - 1):
-        a = guess * state[ACCELERATION, i]
-        work[_DU, i] = guess * h * state[VELOCITY, i] + 0.5 * h * h * a
-        work[_DV, i] = h * a
+    n = chain.shape[1] - 1
+    slope = (load[GROUND_1] - load[GROUND_0]) / h
+    most = 20 + 4 * n
+    done = 0.0
+    piece = h
+    events = 0
+    solves = 0
+    ending = False  # whether the piece ends with a change of branch
+    story = -1
+    how = TURNED
+    while True:
+        factors = _FACTORS if piece == h else _FACTORS + _STORE + 6 * modal.shape[0] + 1
+        ground = load[GROUND_0] + slope * done
+        _loads(chain, forces, load[TIME] + done, piece, ground, ground + slope * piece, work)
+        _solve_piece(coefficients, chain, modal, laws, piece, state, springs, work, memo, factors)
+        solves += 1
+        if not ending and memo[LINEAR] == 0.0:
+            fraction, story, how = first_event(chain, piece, state, springs, work, _U1, _V1)
+            if fraction != NONE:
+                if events == 0:
+                    _save(state, springs, work, n)
+                events += 1
+                if events > most:
+                    _restore(state, springs, work, n)
+                    return NOT_CONVERGED
+                if fraction * piece > _AT_ONCE * h:
+                    piece *= fraction
+                    ending = True
+                else:
+                    switch(laws, springs, story, 0, how)
+                continue
+        _advance(chain, laws, state, springs, work)
+        done += piece
+        piece = h - done
+        if not ending or piece <= _AT_ONCE * h:
+            break
+        switch(laws, springs, story, 0, how)
+        ending = False
+    if ending:
+        switch(laws, springs, story, 0, how)
+    memo[EVENTS] += events
+    return solves if finite(state, n) else NOT_FINITE
 
 
 @inlined
-def _path(coefficients, chain, laws, h, state, springs, work, memo):
+def _loads(chain, forces, t, h, ground_0, ground_1, work):
+    """Load at the end and exact impulse over [t, t + h]."""
+    floor_load(chain, forces, t + h, ground_1, work, _LOAD)
+    floor_impulse(chain, forces, t, h, ground_0, ground_1, work, _IMPULSE)
+
+
+@inlined
+def _solve_piece(coefficients, chain, modal, laws, h, state, springs, work, memo, factors):
+    """Motion over a step in which no story leaves its branch: linear, so one solve.
+
+    It starts from no increment, the guess that rounds least where omega h is large.
+    """
+    n = chain.shape[1] - 1
+    for i in range(n):
+        work[_DU, i] = 0.0
+        work[_DV, i] = 0.0
+    for solved in range(2):
+        stale = _path(True, coefficients, chain, laws, h, state, springs, work, factors)
+        _residuals(coefficients, chain, modal, h, state, work)
+        if solved == 0:
+            if stale:
+                _factor(coefficients, chain, modal, h, work, factors)
+            _correct(coefficients, modal, h, work, factors, n)
+
+
+@inlined
+def _path(on_branches, coefficients, chain, laws, h, state, springs, work, factors):
     """Drift laws along the step: at the inner point and from there to the end.
 
     Leaves the story forces at the end and the story impulses. True if the factorization does not fit the tangents.
     """
     n = chain.shape[1] - 1
-    stale = memo[FACTORED_STEP] != h
+    stale = work[factors + _FACTORED_1, n] != h
     uc_below = 0.0
     u_below = 0.0
     v_below = 0.0
@@ -154,31 +253,42 @@ def _path(coefficients, chain, laws, h, state, springs, work, memo):
         drift = u - link * u_below
         increment = du - link * du_below
         rate = v - link * v_below
+        if on_branches:
+            tangent_c = tangent = springs[SLOPE, i]
+            force_c = springs[FORCE, i] + tangent * (drift_c - springs[DRIFT, i])
+            force = springs[FORCE, i] + tangent * (drift - springs[DRIFT, i])
+            stale = stale or tangent != work[factors + _FACTORED_1, i]
+        else:
+            tangent_c = restoring(laws, springs, i, 0, FIRST_TRIAL, drift_c)
+            tangent = restoring(laws, springs, i, FIRST_TRIAL, SECOND_TRIAL, drift)
+            force_c = springs[FIRST_TRIAL + FORCE, i]
+            force = springs[SECOND_TRIAL + FORCE, i]
+            same = SAME_TANGENT * laws[STIFFNESS, i]
+            stale = stale or abs(tangent_c - work[factors + _FACTORED_C, i]) > same
+            stale = stale or abs(tangent - work[factors + _FACTORED_1, i]) > same
+            # A drift is a difference: what the displacements round is not out of balance.
+            work[_SIZE, i] = SMALL / CLOSE * laws[STIFFNESS, i] * (abs(u) + abs(link * u_below))
+        work[_TANGENT_C, i] = tangent_c
+        work[_TANGENT_1, i] = tangent
+        geometric = chain[GEOMETRIC, i]
+        mean = (
+            coefficients[WEIGHT_0] * (springs[FORCE, i] + geometric * springs[DRIFT, i])
+            + coefficients[WEIGHT_C] * (force_c + geometric * drift_c)
+            + coefficients[WEIGHT_1] * (force + geometric * drift)
+        )
+        damper = chain[STORY_DAMPER, i]
+        work[_FORCE_1, i] = force + geometric * drift + damper * rate
+        work[_FORCE_S, i] = h * mean + damper * increment
         uc_below = uc
         u_below = u
         v_below = v
         du_below = du
-        tangent_c = restoring(laws, springs, i, 0, FIRST_TRIAL, drift_c)
-        tangent = restoring(laws, springs, i, FIRST_TRIAL, SECOND_TRIAL, drift)
-        work[_TANGENT_C, i] = tangent_c
-        work[_TANGENT_1, i] = tangent
-        same = SAME_TANGENT * laws[STIFFNESS, i]
-        stale = stale or abs(tangent_c - work[_FACTORED_C, i]) > same or abs(tangent - work[_FACTORED_1, i]) > same
-        geometric = chain[GEOMETRIC, i]
-        mean = (
-            coefficients[WEIGHT_0] * (springs[FORCE, i] + geometric * springs[DRIFT, i])
-            + coefficients[WEIGHT_C] * (springs[FIRST_TRIAL + FORCE, i] + geometric * drift_c)
-            + coefficients[WEIGHT_1] * (springs[SECOND_TRIAL + FORCE, i] + geometric * drift)
-        )
-        damper = chain[STORY_DAMPER, i]
-        work[_FORCE_1, i] = springs[SECOND_TRIAL + FORCE, i] + geometric * drift + damper * rate
-        work[_FORCE_S, i] = h * mean + damper * increment
     return stale
 
 
 @inlined
-def _in_balance(coefficients, chain, modal, h, state, work, memo):
-    """Minus the residuals of kinematics (times M) and momentum into their rows. Whether all are small."""
+def _residuals(coefficients, chain, modal, h, state, work):
+    """Minus the residuals of kinematics (times M) and momentum into their rows, and the acceleration at the end."""
     n = chain.shape[1] - 1
     theta = coefficients[THETA]
     for i in range(n):
@@ -191,54 +301,102 @@ def _in_balance(coefficients, chain, modal, h, state, work, memo):
         )
     add_modal_force(modal, work, _V1, -1.0, work, _A1, n)
     add_modal_force(modal, work, _DU, -1.0, work, _R2, n)
-    memo[RESIDUAL] = 0.0
-    small = True
     for i in range(n):
         work[_A1, i] *= chain[INVERSE_MASS, i]
         by_v = h * ((1.0 - theta) * state[VELOCITY, i] + theta * work[_V1, i])
         by_a = h * h * (coefficients[ALPHA] * state[ACCELERATION, i] - coefficients[BETA] * work[_A1, i])
-        gap = by_v + by_a - work[_DU, i]
-        work[_R1, i] = chain[MASS, i] * gap
-        small = balanced(memo, i, gap, abs(by_v) + abs(by_a) + abs(work[_DU, i])) and small
-        scale = abs(work[_IMPULSE, i]) + abs(chain[MASS, i] * work[_DV, i])
-        scale += abs(work[_FORCE_S, i]) + abs(chain[LINK, i + 1] * work[_FORCE_S, i + 1])
+        work[_R1, i] = chain[MASS, i] * (by_v + by_a - work[_DU, i])
+
+
+@inlined
+def _in_balance(coefficients, chain, modal, h, state, work, memo):
+    """The rows of `_residuals`; whether all are small beside their terms."""
+    _residuals(coefficients, chain, modal, h, state, work)
+    n = chain.shape[1] - 1
+    by_a = coefficients[BETA] * h * h
+    memo[RESIDUAL] = 0.0
+    small = True
+    for i in range(n):
+        link = chain[LINK, i + 1]
+        mass = chain[MASS, i]
+        rounding = work[_SIZE, i] + link * work[_SIZE, i + 1]
+        scale = abs(work[_DU, i]) + h * (abs(state[VELOCITY, i]) + abs(work[_V1, i]))
+        scale += h * h * abs(state[ACCELERATION, i]) + by_a * abs(work[_A1, i])
+        small = balanced(memo, i, work[_R1, i], mass * scale + by_a * rounding) and small
+        scale = abs(work[_IMPULSE, i]) + abs(mass * work[_DV, i]) + h * rounding
+        scale += abs(work[_FORCE_S, i]) + link * abs(work[_FORCE_S, i + 1])
         small = balanced(memo, i, work[_R2, i], scale) and small
     return small
 
 
 @inlined
-def _factor(coefficients, chain, modal, h, work):
+def _correct(coefficients, modal, h, work, factors, n):
+    """Solve for the corrections and add them. True if they are rounding."""
+    blocks = factors + _BLOCKS
+    coupling = factors + _COUPLING
+    by_a = coefficients[BETA] * h * h
+    solve_blocks_damped(work, blocks, coupling, modal, 0.0, -by_a, 1.0, 0.0, factors + _STORE, _R1, _R2, n)
+    small = True
+    for i in range(n):
+        work[_DU, i] += work[_R1, i]
+        work[_DV, i] += work[_R2, i]
+        small = small and abs(work[_R1, i]) <= SMALL * abs(work[_U1, i])
+    return small
+
+
+@inlined
+def _factor(coefficients, chain, modal, h, work, factors):
     """Factor the Newton matrix for the present tangents."""
     n = chain.shape[1] - 1
     by_a = coefficients[BETA] * h * h
     inner = h * (coefficients[THETA] - coefficients[WEIGHT_1])  # = h wc gd
+    coupling = factors + _COUPLING
     for i in range(n):
         tangent_c = work[_TANGENT_C, i]
         tangent_1 = work[_TANGENT_1, i]
-        work[_FACTORED_C, i] = tangent_c
-        work[_FACTORED_1, i] = tangent_1
+        work[factors + _FACTORED_C, i] = tangent_c
+        work[factors + _FACTORED_1, i] = tangent_1
         tangent_c += chain[GEOMETRIC, i]
         tangent_1 += chain[GEOMETRIC, i]
         damper = chain[STORY_DAMPER, i]
-        work[_COUPLING, i] = -by_a * tangent_1
-        work[_COUPLING + 1, i] = -by_a * damper
-        work[_COUPLING + 2, i] = damper + inner * tangent_c + h * coefficients[WEIGHT_1] * tangent_1
-        work[_COUPLING + 3, i] = -by_a * tangent_c
-    assemble_blocks(chain, work, _BLOCKS, _COUPLING, h * coefficients[THETA], by_a, n)
-    factor_blocks(_BLOCKS, _COUPLING, work, modal, 0.0, -by_a, 1.0, 0.0, _STORE, n)
+        work[coupling, i] = -by_a * tangent_1
+        work[coupling + 1, i] = -by_a * damper
+        work[coupling + 2, i] = damper + inner * tangent_c + h * coefficients[WEIGHT_1] * tangent_1
+        work[coupling + 3, i] = -by_a * tangent_c
+    work[factors + _FACTORED_1, n] = h
+    assemble_blocks(chain, work, factors + _BLOCKS, coupling, h * coefficients[THETA], by_a, n)
+    factor_blocks(factors + _BLOCKS, coupling, work, modal, 0.0, -by_a, 1.0, 0.0, factors + _STORE, n)
 
 
 @inlined
-def _finish(chain, laws, state, springs, work, iterations):
-    """Update the state and commit the drift laws; work holds them at the end of the step."""
-    n = chain.shape[1] - 1
-    for i in range(n):
-        state[DISPLACEMENT, i] += work[_DU, i]
+def _advance(chain, laws, state, springs, work):
+    """Update the state after a piece and move every story along its branch."""
+    below = 0.0
+    for i in range(chain.shape[1] - 1):
+        u = state[DISPLACEMENT, i] + work[_DU, i]
+        state[DISPLACEMENT, i] = u
         state[VELOCITY, i] += work[_DV, i]
         state[ACCELERATION, i] = work[_A1, i]
-        settle(laws, springs, i, 0, FIRST_TRIAL)
-        commit(laws, springs, i, FIRST_TRIAL, SECOND_TRIAL)
-    return iterations if finite(state, n) else NOT_FINITE
+        advance(laws, springs, i, 0, u - chain[LINK, i] * below)
+        below = u
+
+
+@inlined
+def _save(state, springs, work, n):
+    for i in range(n):
+        for row in range(3):
+            work[_SAVED + row, i] = state[row, i]
+        for row in range(SPRING_ROWS):
+            work[_SAVED + 3 + row, i] = springs[row, i]
+
+
+@inlined
+def _restore(state, springs, work, n):
+    for i in range(n):
+        for row in range(3):
+            state[row, i] = work[_SAVED + row, i]
+        for row in range(SPRING_ROWS):
+            springs[row, i] = work[_SAVED + 3 + row, i]
 
 
 def coefficients(rho_inf: float) -> tuple[float, ...]:

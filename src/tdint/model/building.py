@@ -71,6 +71,12 @@ class Building:
         """Whether every story has a linear law."""
         return bool(np.all(self.laws[CODE, :-1] == LAWS["linear"].code))
 
+    @property
+    def piecewise_linear(self) -> bool:
+        """Whether every story has a law that is linear branch by branch."""
+        codes = [law.code for law in LAWS.values() if law.piecewise_linear]
+        return bool(np.all(np.isin(self.laws[CODE, :-1], codes)))
+
     def stiffness_matrix(self) -> Array:
         """Initial stiffness matrix, N/m, shape (n, n)."""
         return _tridiagonal(self.initial_stiffness, self.chain[LINK, :-1])

@@ -38,6 +38,8 @@ class DriftLaw:
         The law's number in the compiled kernels.
     parameters : tuple of LawParameter
         In the order in which `Story.law` holds their values (a `many` parameter comes last).
+    piecewise_linear : bool
+        Whether the force is linear branch by branch, so that changes of branch can be located.
     initial_stiffness : callable, optional
         The law's own initial stiffness from the parameter values; None where the story gives it.
     yield_drift : callable
@@ -48,6 +50,7 @@ class DriftLaw:
     code: int
     parameters: tuple[LawParameter, ...]
     formula: str
+    piecewise_linear: bool = False
     initial_stiffness: Callable[[Sequence[float]], float] | None = None
     yield_drift: Callable[[float, Sequence[float]], float] = lambda stiffness, values: math.nan
 
@@ -55,7 +58,7 @@ class DriftLaw:
 LAWS = {
     law.name: law
     for law in (
-        DriftLaw("linear", 0, (), "f = k d"),
+        DriftLaw("linear", 0, (), "f = k d", piecewise_linear=True),
         DriftLaw(
             "polynomial",
             1,
@@ -71,6 +74,7 @@ LAWS = {
                 LawParameter("hardening", low=0.0, high=1.0, high_allowed=False),
             ),
             "f = a k d + z, |z| <= (1 - a) Fy, kinematic hardening",
+            piecewise_linear=True,
             yield_drift=lambda stiffness, values: values[0] / stiffness,
         ),
     )

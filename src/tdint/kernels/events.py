@@ -1,0 +1,129 @@
+"""The first change of branch of a piecewise-linear law within a step, on the cubic Hermite interpolant of each
+drift."""
+
+from __future__ import annotations
+
+import math
+
+from tdint.kernels.branches import ABOVE, BELOW, TURNED
+from tdint.kernels.compiling import inlined
+from tdint.kernels.layout import DRIFT, LINK, LOWER, TURN, UPPER, VELOCITY
+
+NONE = 2.0
+"""The fraction of the step for no event."""
+
+_SLACK = 1e-9  # over the drifts: a branch that is left by less is not left (rounding, and the error of a located event)
+
+
+@inlined
+def first_event(chain, h, state, springs, work, u1, v1):
+    """Fraction of the step h at which the first story leaves its branch, the story, and how; NONE if none does.
+
+    Rows `u1` and `v1` of work hold displacement and velocity at the end of the step.
+    """
+    first = NONE
+    story = -1
+    how = TURNED
+    v_below = 0.0
+    u1_below = 0.0
+    v1_below = 0.0
+    for i in range(chain.shape[1] - 1):
+        link = chain[LINK, i]
+        d0 = springs[DRIFT, i]
+        w0 = h * (state[VELOCITY, i] - link * v_below)
+        d3 = work[u1, i] - link * u1_below
+        w1 = h * (work[v1, i] - link * v1_below)
+        v_below = state[VELOCITY, i]
+        u1_below = work[u1, i]
+        v1_below = work[v1, i]
+        # Bezier points: the drift lies between the smallest and the largest of them.
+        d1 = d0 + w0 / 3.0
+        d2 = d3 - w1 / 3.0
+        slack = _SLACK * (abs(d0) + abs(d3))
+        upper = springs[UPPER, i]
+        lower = springs[LOWER, i]
+        if max(d1, d2, d3) > upper + slack and _crossing(d0, d1, d2, d3, upper + slack) != NONE:
+            fraction = _crossing(d0, d1, d2, d3, upper)
+            if fraction < first:
+                first, story, how = fraction, i, ABOVE
+        if min(d1, d2, d3) < lower - slack and _crossing(-d0, -d1, -d2, -d3, slack - lower) != NONE:
+            fraction = _crossing(-d0, -d1, -d2, -d3, -lower)
+            if fraction < first:
+                first, story, how = fraction, i, BELOW
+        turn = springs[TURN, i]
+        if turn != 0.0 and (turn * (d2 - d1) < -slack or turn * (d3 - d2) < -slack):
+            fraction = turning(turn * (d1 - d0), turn * (d2 - d1), turn * (d3 - d2))
+            if fraction < first:
+                first, story, how = fraction, i, TURNED
+    return first, story, how
+
+
+@inlined
+def _bezier(d0, d1, d2, d3, s):
+    r = 1.0 - s
+    return r * r * (r * d0 + 3.0 * s * d1) + s * s * (3.0 * r * d2 + s * d3)
+
+
+@inlined
+def _crossing(d0, d1, d2, d3, limit):
+    """Smallest s in [0, 1] at which the cubic exceeds `limit`; NONE if it does not."""
+    if d0 >= limit:
+        return 0.0 if d1 > d0 else NONE
+    # Between its extrema the cubic is monotone.
+    a = d3 - d0 + 3.0 * (d1 - d2)
+    b = d0 - 2.0 * d1 + d2
+    c = d1 - d0
+    s_low = 1.0
+    s_high = 1.0
+    discriminant = b * b - a * c
+    if discriminant > 0.0:
+        q = -(b + math.copysign(math.sqrt(discriminant), b))
+        one = q / a if a != 0.0 else 1.0
+        other = c / q if q != 0.0 else 1.0
+        s_low = min(max(min(one, other), 0.0), 1.0)
+        s_high = min(max(max(one, other), 0.0), 1.0)
+    left = 0.0
+    for part in range(3):
+        right = s_low if part == 0 else (s_high if part == 1 else 1.0)
+        if right > left:
+            if _bezier(d0, d1, d2, d3, right) > limit:
+                return _root(d0, d1, d2, d3, limit, left, right)
+            left = right
+    return NONE
+
+
+@inlined
+def _root(d0, d1, d2, d3, limit, left, right):
+    """Where the cubic, rising from below `limit` at `left` to above it at `right`, crosses it: safeguarded Newton."""
+    s = 0.5 * (left + right)
+    for _ in range(60):
+        value = _bezier(d0, d1, d2, d3, s) - limit
+        if value > 0.0:
+            right = s
+        else:
+            left = s
+        r = 1.0 - s
+        rate = 3.0 * (r * r * (d1 - d0) + 2.0 * r * s * (d2 - d1) + s * s * (d3 - d2))
+        new = s - value / rate if rate != 0.0 else left
+        if not left < new < right:
+            new = 0.5 * (left + right)
+        if abs(new - s) <= 1e-15:
+            break
+        s = new
+    return s
+
+
+@inlined
+def turning(r0, r1, r2):
+    """Smallest s in [0, 1] from which on the quadratic with the Bezier points r0, r1, r2 is negative; NONE if it is
+    not."""
+    if r0 <= 0.0:
+        return 0.0 if r1 < 0.0 else NONE
+    a = r0 - 2.0 * r1 + r2
+    b = r1 - r0
+    discriminant = b * b - a * r0
+    if discriminant < 0.0:
+        return NONE
+    # The smaller positive root of a s^2 + 2 b s + r0 = 0, without cancellation.
+    s = r0 / (-b + math.sqrt(discriminant)) if b < 0.0 else -(b + math.sqrt(discriminant)) / a
+    return s if 0.0 <= s <= 1.0 else NONE
