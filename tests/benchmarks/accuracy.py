@@ -1,0 +1,52 @@
+"""Error of the ten-story bilinear building over method and step: python tests/benchmarks/accuracy.py
+
+Prints a table in Markdown. The reference is impulse4 at dt/256; average acceleration extrapolated from dt/512 and dt/1024
+confirms it. Times are those of the march alone, the fastest of several, the methods taking turns.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from tdint import load_model, run
+
+MODEL = load_model(Path(__file__).parents[2] / "configs" / "ten-story-bilinear.yaml")
+DT = 0.01
+METHODS = ("newmark-average", "generalized-alpha", "bathe", "impulse", "gauss4", "impulse4:rho_inf=0.5", "impulse4")
+PARTS = (1, 2, 4)
+REPEATS = 9
+
+
+def displacement(method, parts):
+    """Displacements at the record's samples, and the response."""
+    response = run(MODEL, method=method, dt=DT / parts, history=True)
+    return response.history.displacement[::parts], response
+
+
+def main():
+    """Print the table."""
+    reference, response = displacement("impulse4", 256)
+    peak = response.stories.peak_drift
+    size = np.linalg.norm(reference)
+    coarse, fine = (displacement("newmark-average", parts)[0] for parts in (512, 1024))
+    gap = np.linalg.norm((4.0 * fine - coarse) / 3.0 - reference) / size
+    print(f"gap between the references {gap:.1e}, events {response.events}\n")
+    times = dict.fromkeys(((method, parts) for method in METHODS for parts in PARTS), np.inf)
+    for _ in range(REPEATS):
+        for method, parts in times:
+            response = run(MODEL, method=method, dt=DT / parts)
+            times[method, parts] = min(times[method, parts], response.march_time / response.steps)
+    print("| method | dt (s) | L2 error | largest error of a peak drift | energy error | us per step |")
+    print("|---|---|---|---|---|---|")
+    for (method, parts), seconds in times.items():
+        u, response = displacement(method, parts)
+        l2 = np.linalg.norm(u - reference) / size
+        drift = np.max(np.abs(response.stories.peak_drift / peak - 1.0))
+        energy = abs(response.energy.error)
+        print(f"| {method} | {DT / parts:g} | {l2:.1e} | {drift:.1e} | {energy:.1e} | {seconds * 1e6:.2f} |")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,77 @@
+"""The generated parts of README.md: python tests/readme.py writes them anew, tests/test_readme.py compares them.
+
+A part stands between its line `<!-- generated: NAME -->` and the line `<!-- end: NAME -->`.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+
+from click.testing import CliRunner
+from tdint_cli.main import COMMANDS, cli
+
+from tdint.methods.catalogue import catalogue
+from tdint.methods.method import Integrator
+from tdint.methods.catalogue import parse
+
+ROOT = Path(__file__).parents[1]
+README = ROOT / "README.md"
+
+
+def help_text():
+    """The help of every command."""
+    parts = []
+    for name in COMMANDS:
+        result = CliRunner().invoke(cli, [name, "--help"], prog_name="tdint", terminal_width=100)
+        assert result.exit_code == 0, result.output
+        parts.append(f"### tdint {name}\n\n```\n{result.output.rstrip()}\n```\n")
+    return "\n".join(parts)
+
+
+def _number(value):
+    return "" if math.isnan(value) else "none" if math.isinf(value) else f"{value:.4g}"
+
+
+def _parameters(integrator: Integrator):
+    pairs = zip(integrator.method.parameters, integrator.values, strict=True)
+    return ", ".join(f"{parameter.name} = {value:.6g} in {parameter.range}" for parameter, value in pairs)
+
+
+def method_table():
+    """The catalogue as a table; numbers at the defaults."""
+    rows = ["| method | parameters | order | implicit | largest stable omega dt | rho at infinity | source |"]
+    rows.append("|---|---|---|---|---|---|---|")
+    for name in catalogue():
+        method = parse(name)
+        implicit = "yes" if method.implicit else "no"
+        limit, rho = _number(method.stability_limit), _number(method.rho_inf)
+        cells = (f"`{name}`", _parameters(method), method.order, implicit, limit, rho, method.method.source)
+        rows.append("| " + " | ".join(map(str, cells)) + " |")
+    return "\n".join(rows) + "\n"
+
+
+PARTS = {"methods": method_table, "help": help_text}
+
+
+def generated(text):
+    """README's text with its generated parts made anew."""
+    for name, make in PARTS.items():
+        begin, end = f"<!-- generated: {name} -->\n", f"<!-- end: {name} -->\n"
+        head, _, rest = text.partition(begin)
+        assert rest, f"README.md has no part {name}"
+        tail = rest.partition(end)[2] if end in rest else rest
+        text = f"{head}{begin}\n{make()}\n{end}{tail}"
+    return text
+
+
+def block(kind):
+    """The code block behind the line `<!-- test: KIND -->`."""
+    found = re.search(rf"<!-- test: {kind} -->\n```\w+\n(.*?)```", README.read_text(), re.DOTALL)
+    assert found, f"README.md has no block {kind}"
+    return found[1]
+
+
+if __name__ == "__main__":
+    README.write_text(generated(README.read_text()))

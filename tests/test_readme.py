@@ -1,0 +1,88 @@
+"""README.md says what the code does: its generated parts, its scripts and its examples."""
+
+from __future__ import annotations
+
+import csv
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import readme
+from tdint_cli.main import COMMANDS
+
+from tdint.analysis.accuracy import observed_order
+from tdint.analysis.stability import critical_step
+from tdint.methods import single_step
+from tdint.methods.method import Integrator
+
+TEXT = readme.README.read_text()
+
+
+@pytest.fixture
+def checkout(tmp_path):
+    """A folder that looks like a checkout to the examples, with tdint of this environment on the path."""
+    for name in ("configs", "records"):
+        (tmp_path / name).symlink_to(readme.ROOT / name)
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    return tmp_path, {**os.environ, "PATH": path}
+
+
+def test_generated_parts_are_up_to_date():
+    assert readme.generated(TEXT) == TEXT, "run: python tests/readme.py"
+
+
+def test_every_command_stands_in_the_readme():
+    assert all(f"### tdint {name}\n" in TEXT for name in COMMANDS)
+
+
+def test_the_ci_script_runs_the_readmes_test_command():
+    commands = re.findall(r"^\$ (.*\.\[test\].*)$", TEXT, re.MULTILINE)
+    assert len(commands) == 1
+    assert commands[0].endswith("-m pytest")
+    assert "README.md" in (readme.ROOT / ".ci" / "run").read_text()
+
+
+def test_the_shell_script(checkout):
+    folder, environment = checkout
+    result = subprocess.run(
+        ["bash", "-eu", "-c", readme.block("shell")], cwd=folder, env=environment, capture_output=True, text=True
+    )
+    assert result.returncode == 0, result.stderr
+    rows = list(csv.DictReader(result.stdout.splitlines()))
+    assert len(rows) == 6
+    assert all(0.001 < float(row["largest_drift_ratio"]) < 0.1 for row in rows)
+    assert len(list((folder / "out").glob("*/summary.json"))) == 6
+
+
+def test_the_python_example(checkout):
+    folder, environment = checkout
+    result = subprocess.run(
+        [sys.executable, "-c", readme.block("python")], cwd=folder, env=environment, capture_output=True, text=True
+    )
+    assert result.returncode == 0, result.stderr
+    drift_ratio = float(result.stdout.split()[0])
+    assert 0.001 < drift_ratio < 0.1
+
+
+def test_one_more_method_is_one_line():
+    member = eval(readme.block("member"), vars(single_step))
+    integrator = Integrator(member)
+    observed = observed_order(integrator, "harmonic", "linear")
+    assert observed.order("displacement") == pytest.approx(integrator.order, abs=0.1)
+    assert np.isinf(critical_step(integrator))
+
+
+def test_relative_links_lead_somewhere():
+    for target in re.findall(r"\]\(([^)#]+)\)", TEXT):
+        assert (readme.ROOT / target).exists(), target
+    headings = {
+        re.sub(r"[^\w\- ]", "", line.lstrip("# ").lower()).replace(" ", "-")
+        for line in TEXT.splitlines()
+        if line.startswith("#")
+    }
+    for anchor in re.findall(r"\]\(#([^)]+)\)", TEXT):
+        assert anchor in headings, anchor
