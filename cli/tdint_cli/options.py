@@ -2,15 +2,83 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from typing import Any, TypeVar
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 from tdint.errors import UsageError
 from tdint_cli.errors import Settings
 
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
 Command = TypeVar("Command", bound=Callable[..., Any])
+
+_MOST_POINTS = 100_000
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Numbers in equal ratios, both ends included; a single one if `count` is 1."""
+
+    first: float
+    last: float
+    count: int
+
+    def __str__(self) -> str:
+        return f"{self.first:g}:{self.last:g}:{self.count}"
+
+    def values(self) -> NDArray[np.float64]:
+        """The numbers, shape (count,)."""
+        import numpy as np
+
+        result = np.geomspace(self.first, self.last, self.count)
+        result[0], result[-1] = self.first, self.last
+        return result
+
+
+class GridType(click.ParamType):
+    """FIRST:LAST:COUNT, or a single number, within limits."""
+
+    name = "grid"
+
+    def __init__(self, low: float, high: float) -> None:
+        self.low, self.high = low, high
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Grid:
+        if isinstance(value, Grid):
+            return value
+        first, *more = value.split(":")
+        try:
+            last, count = more or (first, 1)
+            grid = Grid(float(first), float(last), int(count))
+        except ValueError:
+            self.fail(f"{value!r} is neither FIRST:LAST:COUNT nor a number", param, ctx)
+        if more and not (grid.first < grid.last and 2 <= grid.count <= _MOST_POINTS):
+            self.fail(f"{value!r}: FIRST must be below LAST, COUNT between 2 and {_MOST_POINTS}", param, ctx)
+        if not self.low <= grid.first <= grid.last <= self.high:
+            self.fail(f"{value!r} leaves the range {self.low:g} to {self.high:g}", param, ctx)
+        return grid
+
+
+class Number(click.FloatRange):
+    """A number in a range; nan and infinity are in none."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value} is not a finite number", param, ctx)
+        return number
+
+
+damping_ratio = Number(0.0, 1.0, max_open=True)
+
+DT_OVER_T = (1e-6, 1e6)
+"""Steps over the period of an oscillator that may be asked for: beyond, rounding is all that is seen."""
 
 
 def _set_debug(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
@@ -48,6 +116,14 @@ method = click.option(
     metavar="SPEC",
     help="Time-integration method with its parameters, such as newmark:beta=0.25,gamma=0.5; `tdint methods` lists all.",
 )
+methods = click.option(
+    "--method",
+    "methods",
+    multiple=True,
+    metavar="SPEC",
+    help="Time-integration method with its parameters, such as newmark:beta=0.25,gamma=0.5, may be repeated; all "
+    "methods of `tdint methods` with their defaults if there is none.",
+)
 dt = click.option(
     "--dt",
     type=float,
@@ -66,8 +142,13 @@ def output(metavar: str, text: str) -> Callable[[Command], Command]:
     return click.option("-o", "--output", metavar=metavar, callback=_refuse_empty, help=text)
 
 
-def _refuse_empty(_: click.Context, __: click.Parameter, value: str | None) -> str | None:
+def _refuse_empty(_: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
     """An empty name is a shell variable that was not set, not the working directory."""
     if value == "":
-        raise UsageError("-o is empty; give a name")
+        raise UsageError(f"{parameter.opts[0]} is empty; give a name")
     return value
+
+
+picture = click.option(
+    "--plot", metavar="FILE", callback=_refuse_empty, help="Also draw to this file: .png, .pdf or .svg."
+)

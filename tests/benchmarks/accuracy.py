@@ -1,7 +1,7 @@
 """Error of the ten-story bilinear building over method and step: python tests/benchmarks/accuracy.py
 
-Prints a table in Markdown. The reference is impulse4 at dt/256; average acceleration extrapolated from dt/512 and dt/1024
-confirms it. Times are those of the march alone, the fastest of several, the methods taking turns.
+Prints a table in Markdown. The reference is impulse4 at dt/256; average acceleration extrapolated from dt/512 and
+dt/1024 confirms it. Times are those of the march alone, the fastest of several, the methods taking turns.
 """
 
 from __future__ import annotations

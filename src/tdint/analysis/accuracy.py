@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from tdint.analysis.amplification import find_instability
 from tdint.analysis.stepping import Steps, integrate, workspace
 from tdint.errors import AnalysisError, UsageError
-from tdint.kernels.layout import ACCELERATION, DISPLACEMENT, FORCE_COLUMNS, VELOCITY
+from tdint.kernels.layout import ACCELERATION, DISPLACEMENT, VELOCITY
 from tdint.methods.exact import oscillator
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, assemble
@@ -30,11 +29,17 @@ STORY_LAWS = {
 }
 """Laws of the oscillator, unit mass and period 1 s: linear, and hardening u + u^3 / 2."""
 
+COARSEST = 0.02
+"""The largest step, s."""
+
+HALVINGS = 4
+"""How often it is halved."""
+
 _OMEGA = 2.0 * math.pi
 _XI = 0.02
 _START = (0.7, 2.0)  # u (m) and v (m/s)
-_DURATION = 4.0
-_COARSEST = 0.02  # the largest step, s
+_AMPLITUDE = 20.0  # of the harmonic force, N
+_SAMPLES = 200  # coarsest steps
 _ROUNDING = 3e-12  # errors below this, over the largest value, are rounding
 _ENDS = (40, 90, 130, 170, 200)  # coarse steps at whose ends the method's own acceleration is looked at
 
@@ -51,7 +56,7 @@ class ObservedOrder:
         Largest errors over the coarsest steps, over the largest value; acceleration from equilibrium, as it is
         reported.
     own_acceleration : ndarray, shape (k,)
-        The same of the acceleration that the method carries itself.
+        The same of the acceleration that the method carries from step to step; nan for one that carries none.
     """
 
     method: str
@@ -65,9 +70,9 @@ class ObservedOrder:
     own_acceleration: Array
 
     def order(self, quantity: str) -> float:
-        """Slope of the error of a quantity over the step, by regression over the finest three that are not rounding.
+        """Slope of the error over the step, by regression over the finest three errors that are not rounding.
 
-        nan where fewer than two are.
+        `quantity` names one of the errors. nan where fewer than two are clear of rounding.
         """
         errors = getattr(self, quantity)
         clear = np.flatnonzero(errors > _ROUNDING)[-3:]
@@ -77,76 +82,51 @@ class ObservedOrder:
 
 
 @dataclass(frozen=True)
-class _Problem:
-    """The oscillator, its load, and its exact motion at given times (rows u, v, a)."""
+class OrderProblem:
+    """An oscillator, its load and its exact motion, to be solved by any number of methods.
 
+    Attributes
+    ----------
+    load, law : str
+        One of `LOADS` and of `STORY_LAWS`.
+    frequency_ratio : float
+        Circular frequency of the load over that of the oscillator; nan for a load without a frequency.
+    exact : ndarray, shape (3, samples)
+        Displacement (m), velocity (m/s) and acceleration (m/s^2) at the ends of the coarsest steps.
+    """
+
+    load: str
+    law: str
+    frequency_ratio: float
     building: Building
     forces: Array
     ground: Array
-    motion: Callable[[Array], Array]
+    exact: Array
 
 
-def observed_order(
-    integrator: Integrator, load: str = "harmonic", law: str = "linear", frequency_ratio: float = 0.5, halvings: int = 4
-) -> ObservedOrder:
-    """Measure the order of a method on one problem.
+def order_problem(load: str = "harmonic", law: str = "linear", frequency_ratio: float = 0.5) -> OrderProblem:
+    """Set an oscillator of period 1 s, damping ratio 0.02, from a displacement and a velocity, and solve it over 4 s.
 
     Parameters
     ----------
     load : str
-        `free` vibration, a `harmonic` force cos(r omega t), or a `record`: a ground motion that is linear between
-        samples 0.02 s apart.
+        `free` vibration, a `harmonic` force 20 cos(r omega t) N on 1 kg, or a `record`: a ground motion that is linear
+        between samples 0.02 s apart.
     law : str
         A key of `STORY_LAWS`.
     frequency_ratio : float
         r, circular frequency of the load over that of the oscillator.
-    halvings : int
-        The steps are 0.02 s / 2^j for j = 0 .. halvings.
 
     Raises
     ------
     UsageError
-        A nonlinear law for a method that integrates linear buildings only; an unknown load or law.
+        An unknown load or law.
     """
     if load not in LOADS or law not in STORY_LAWS:
         known = f"loads {', '.join(LOADS)}; laws {', '.join(STORY_LAWS)}"
         raise UsageError(f"no order problem {load!r} with {law!r}: {known}")
-    if integrator.family.linear_only and law != "linear":
-        raise UsageError(f"{integrator.label} integrates linear buildings only")
-    problem = _problem(load, law, frequency_ratio)
-    steps = _COARSEST / 2.0 ** np.arange(halvings + 1)
-    if find_instability(integrator, np.array([_OMEGA]), np.array([_XI]), _COARSEST):
-        raise AnalysisError(f"{integrator.label} is unstable at dt {_COARSEST} s")
-    errors = np.array([_errors(integrator, problem, round(_COARSEST / h)) for h in steps])
-    return ObservedOrder(integrator.label, load, law, frequency_ratio, steps, *errors.T)
-
-
-def _errors(integrator: Integrator, problem: _Problem, parts: int) -> list[float]:
-    """Largest errors of u, v, a and of the method's own a at the coarse steps, over the largest values."""
-    count = round(_DURATION / _COARSEST)
-    times = _COARSEST * np.arange(count + 1)
-    exact = problem.motion(times)
-    largest = np.max(np.abs(exact), axis=1)
-    history = _march(integrator, problem, parts, count)[1][::parts]
-    measured = history[:, 1:4].T
-    measured[2] -= history[:, 0]
-    errors = np.max(np.abs(measured - exact), axis=1) / largest
-    own = [abs(_march(integrator, problem, parts, end)[0] - exact[2, end]) for end in _ENDS]
-    return [*errors, max(own) / largest[2]]
-
-
-def _march(integrator: Integrator, problem: _Problem, parts: int, count: int) -> tuple[float, Array]:
-    """The method's own acceleration at the end, and the history."""
-    space = workspace(problem.building, integrator, parts * count)
-    space.state[DISPLACEMENT, 0], space.state[VELOCITY, 0] = _START
-    steps = Steps(_COARSEST / parts, parts * count, per_sample=parts)
-    if integrate(integrator, problem.building, problem.forces, problem.ground, steps, space) < 0:
-        raise AnalysisError(f"{integrator.label} failed with dt {steps.h:.6g} s")
-    return float(space.state[ACCELERATION, 0]), space.history
-
-
-def _problem(load: str, law: str, ratio: float) -> _Problem:
-    force = Force(1, 20.0, 0.0, ratio * _OMEGA)
+    ratio = frequency_ratio if load == "harmonic" else math.nan
+    applied = (Force(1, _AMPLITUDE, 0.0, ratio * _OMEGA),) if load == "harmonic" else ()
     model = Model(
         name="oscillator",
         source="",
@@ -154,65 +134,104 @@ def _problem(load: str, law: str, ratio: float) -> _Problem:
         stories=(Story(1.0, None, _OMEGA**2, STORY_LAWS[law], 2.0 * _XI * _OMEGA),),
         damping=None,
         p_delta=False,
-        excitation=Excitation(None, (force,) if load == "harmonic" else ()),
+        excitation=Excitation(None, applied),
         initial=Initial((0.0,), (0.0,)),
         analysis=Analysis(None, None, None),
         collapse_drift=1.0,
     )
     ground = _sampled_motion() if load == "record" else np.zeros(1)
-    forces = force_table(model.excitation.forces) if load == "harmonic" else np.zeros((0, FORCE_COLUMNS))
-    motion = _linear_record(ground) if load == "record" and law == "linear" else _by_dop853(load, law, ratio, ground)
-    return _Problem(assemble(model), forces, ground, motion)
+    exact = _linear_record(ground) if load == "record" and law == "linear" else _by_dop853(load, law, ratio, ground)
+    return OrderProblem(load, law, ratio, assemble(model), force_table(applied), ground, exact)
+
+
+def observed_order(integrator: Integrator, problem: OrderProblem, halvings: int = HALVINGS) -> ObservedOrder:
+    """Measure the order of a method on one problem, with the steps 0.02 s / 2^j for j = 0 .. halvings.
+
+    Raises
+    ------
+    UsageError
+        A nonlinear law for a method that integrates linear buildings only.
+    AnalysisError
+        The method is unstable or does not converge.
+    """
+    if integrator.family.linear_only and not problem.building.linear:
+        raise UsageError(f"{integrator.label} integrates linear buildings only")
+    if find_instability(integrator, np.array([_OMEGA]), np.array([_XI]), COARSEST):
+        raise AnalysisError(f"{integrator.label} is unstable at dt {COARSEST} s")
+    parts = 2 ** np.arange(halvings + 1)
+    errors = np.array([_errors(integrator, problem, int(m)) for m in parts])
+    return ObservedOrder(
+        integrator.label, problem.load, problem.law, problem.frequency_ratio, COARSEST / parts, *errors.T
+    )
+
+
+def _errors(integrator: Integrator, problem: OrderProblem, parts: int) -> list[float]:
+    """Largest errors of u, v, a and of the method's own a at the coarse steps, over the largest values."""
+    exact = problem.exact
+    largest = np.max(np.abs(exact), axis=1)
+    history = _march(integrator, problem, parts, _SAMPLES)[1][::parts]
+    measured = history[:, 1:4].T
+    measured[2] -= history[:, 0]
+    errors = np.max(np.abs(measured - exact), axis=1) / largest
+    own = math.nan
+    if ACCELERATION in integrator.family.memory:
+        own = max(abs(_march(integrator, problem, parts, end)[0] - exact[2, end]) for end in _ENDS)
+    return [*errors, own / largest[2]]
+
+
+def _march(integrator: Integrator, problem: OrderProblem, parts: int, count: int) -> tuple[float, Array]:
+    """The method's own acceleration at the end, and the history."""
+    space = workspace(problem.building, integrator, parts * count)
+    space.state[DISPLACEMENT, 0], space.state[VELOCITY, 0] = _START
+    steps = Steps(COARSEST / parts, parts * count, per_sample=parts)
+    if integrate(integrator, problem.building, problem.forces, problem.ground, steps, space) < 0:
+        raise AnalysisError(f"{integrator.label} failed with dt {steps.h:.6g} s")
+    return float(space.state[ACCELERATION, 0]), space.history
 
 
 def _sampled_motion() -> Array:
     """Ground acceleration at samples 0.02 s apart, m/s^2: seeded noise."""
     generator = np.random.default_rng(20221120)
-    return 5.0 * generator.standard_normal(round(_DURATION / _COARSEST) + 1)
+    return 5.0 * generator.standard_normal(_SAMPLES + 1)
 
 
-def _linear_record(ground: Array) -> Callable[[Array], Array]:
+def _linear_record(ground: Array) -> Array:
     """Exact motion of the linear oscillator at the samples."""
-    h = _COARSEST
+    h = COARSEST
     step = oscillator(np.array([_OMEGA * h]), np.array([_XI]))[0]
     states = np.empty((2, ground.size))
     states[:, 0] = _START[0], h * _START[1]
     for j in range(ground.size - 1):
         states[:, j + 1] = step @ np.concatenate([states[:, j], -h * h * ground[j : j + 2]])
     u, v = states[0], states[1] / h
-    return lambda times: np.array([u, v, -ground - 2.0 * _XI * _OMEGA * v - _OMEGA**2 * u])
+    return np.array([u, v, -ground - 2.0 * _XI * _OMEGA * v - _OMEGA**2 * u])
 
 
-def _by_dop853(load: str, law: str, ratio: float, ground: Array) -> Callable[[Array], Array]:
-    """Motion by SciPy's DOP853 at a tolerance of 1e-13, restarted at the samples of a record."""
+def _by_dop853(load: str, law: str, ratio: float, ground: Array) -> Array:
+    """Motion at the samples by SciPy's DOP853 at a tolerance of 1e-13, restarted at the samples of a record."""
     from scipy.integrate import solve_ivp
 
     coefficients = STORY_LAWS[law].parameters or (_OMEGA**2,)
+    times = COARSEST * np.arange(_SAMPLES + 1)
 
     def acceleration(t: float, u: float, v: float) -> float:
         restoring = u * sum(c * u**j for j, c in enumerate(coefficients))
-        driving = 20.0 * math.cos(ratio * _OMEGA * t) if load == "harmonic" else 0.0
+        driving = _AMPLITUDE * math.cos(ratio * _OMEGA * t) if load == "harmonic" else 0.0
         if load == "record":
-            driving = -float(np.interp(t, _COARSEST * np.arange(ground.size), ground))
+            driving = -float(np.interp(t, times, ground))
         return driving - 2.0 * _XI * _OMEGA * v - restoring
 
-    def motion(times: Array) -> Array:
-        pieces = list(pairwise(times)) if load == "record" else [(times[0], times[-1])]
-        states = [np.array(_START)]
-        for begin, end in pieces:
-            at = [end] if load == "record" else times[1:]
-            solution = solve_ivp(
-                lambda t, y: (y[1], acceleration(t, y[0], y[1])),
-                (begin, end),
-                states[-1],
-                method="DOP853",
-                t_eval=at,
-                rtol=1e-13,
-                atol=1e-14,
-            )
-            states.extend(solution.y.T)
-        u, v = np.array(states).T
-        a = [acceleration(t, *state) for t, *state in zip(times, u, v, strict=True)]
-        return np.array([u, v, a])
-
-    return motion
+    states = [np.array(_START)]
+    for begin, end in pairwise(times) if load == "record" else [(times[0], times[-1])]:
+        solution = solve_ivp(
+            lambda t, y: (y[1], acceleration(t, y[0], y[1])),
+            (begin, end),
+            states[-1],
+            method="DOP853",
+            t_eval=[end] if load == "record" else times[1:],
+            rtol=1e-13,
+            atol=1e-14,
+        )
+        states.extend(solution.y.T)
+    u, v = np.array(states).T
+    return np.array([u, v, [acceleration(*row) for row in zip(times, u, v, strict=True)]])

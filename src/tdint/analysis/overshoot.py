@@ -24,10 +24,11 @@ EXACT_POWERS = {"displacement": (0.0, 1.0), "velocity": (-1.0, 0.0)}
 """By start, the powers of omega h in the amplitudes of u and h v of the exact motion."""
 
 _LEVELS = 10.0 ** np.arange(2.0, 8.0)
-_SPREAD = 1.0 + np.arange(12) * 0.61803398875 % 1.0  # so that no sine is caught at its zeros alone
+_SPREAD = 1.0 + np.arange(16) * 0.61803398875 % 1.0  # so that no sine is caught at its zeros alone
 _LARGER = 0.25  # powers further apart than this differ
-_NOISE = 1e-14  # a step rounds to this part of (omega h)^2 times its start
-_FAR = 1e4  # omega h that stands for infinity
+_NOISE = {"displacement": 1e-13 * _LEVELS**2, "velocity": 1e-13 * _LEVELS}
+"""What a step rounds, over its start: the acceleration of the start is omega^2 u(0) or 2 xi omega v(0)."""
+_FAR = 1e3  # omega h by which an unstable method has left the unit circle
 _TINY = 1e-200  # the motion is linear in its start: a tiny one leaves room for what grows
 
 
@@ -53,6 +54,13 @@ class Overshoot:
     velocity: Array
     displacement_power: float
     velocity_power: float
+
+    @property
+    def growing(self) -> set[str]:
+        """Which of displacement and velocity grow with a higher power than in the exact motion."""
+        powers = {"displacement": self.displacement_power, "velocity": self.velocity_power}
+        bounds = EXACT_POWERS[self.start]
+        return {name for (name, power), bound in zip(powers.items(), bounds, strict=True) if power > bound + _LARGER}
 
 
 def overshoot(
@@ -91,14 +99,8 @@ def verdict(integrator: Integrator, both: Sequence[Overshoot]) -> str:
     damping = np.array([both[0].damping])
     if spectral_radius(integrator, np.array([_FAR]), damping, 1.0)[0] > 1.0 + STABLE:
         return "unstable"
-    growing = [
-        name
-        for part, name in enumerate(("displacement", "velocity"))
-        if any(
-            (one.displacement_power, one.velocity_power)[part] > EXACT_POWERS[one.start][part] + _LARGER for one in both
-        )
-    ]
-    return " and ".join(growing) or "none"
+    growing: set[str] = set().union(*(motion.growing for motion in both))
+    return " and ".join(sorted(growing)) or "none"
 
 
 def _powers(integrator: Integrator, start: str, damping: float) -> tuple[float, ...]:
@@ -109,11 +111,11 @@ def _powers(integrator: Integrator, start: str, damping: float) -> tuple[float, 
             for level in _LEVELS
         ]
     )
-    return tuple(_slope(values) for values in largest.T)
+    return tuple(_slope(values, _NOISE[start]) for values in largest.T)
 
 
-def _slope(values: Array) -> float:
-    clear = np.flatnonzero(values > _NOISE * _LEVELS**2)
+def _slope(values: Array, noise: Array) -> float:
+    clear = np.flatnonzero(values > noise)
     if clear.size < 2:
         return -math.inf
     low, high = clear[-2:]

@@ -14,14 +14,20 @@ from tdint.methods.method import Integrator
 Array = NDArray[np.float64]
 
 _SMALLEST = 1e-3  # dt/T at which the principal root is beyond doubt
+_REAL = 1e-9  # imaginary part of a root that is real but for rounding
 _LEAD = 60  # points between there and the first one that was asked for
 LARGEST = 1e4
 """omega dt up to which a critical step is searched."""
+
+_ROUNDING = 1e-15  # over (omega dt)^2: how far rounding alone lifts a spectral radius above 1
 
 
 @dataclass(frozen=True)
 class StabilityCurve:
     """What one step does to an undriven oscillator; arrays of shape (k,).
+
+    Period error, numerical damping and amplitude decay are nan where the principal roots are real, and for steps longer
+    than half the damped period, which tell no period.
 
     Attributes
     ----------
@@ -32,10 +38,10 @@ class StabilityCurve:
     spectral_radius : ndarray
         Largest modulus of the eigenvalues of the amplification matrix.
     period_error : ndarray
-        Numerical over exact damped period, minus 1; nan where the principal roots are real.
+        Numerical over exact damped period, minus 1.
     numerical_damping : ndarray
         Damping ratio of the numerical oscillation minus xi: from the principal root exp(-d + i f), d / sqrt(d^2 + f^2)
-        (Hughes 1987, sect. 9.1); nan where the principal roots are real.
+        (Hughes 1987, sect. 9.1).
     amplitude_decay : ndarray
         Part of the amplitude lost in one cycle by the method, 1 - exp(-2 pi xi') with xi' the numerical damping.
     """
@@ -56,12 +62,12 @@ def stability(integrator: Integrator, dt_over_t: Array, damping: float = 0.0) ->
     ratios = np.concatenate([lead, dt_over_t])
     roots = _roots(integrator, 2.0 * math.pi * ratios, damping)
     principal = _follow(roots, 2.0 * math.pi * ratios, damping)[lead.size :]
-    decay, phase = -np.log(np.abs(principal)), np.angle(principal)
-    oscillates = np.abs(principal.imag) > 1e-9
     exact_phase = 2.0 * math.pi * dt_over_t * math.sqrt(1.0 - damping**2)
+    tells = (np.abs(principal.imag) > _REAL) & (exact_phase <= math.pi)
     with np.errstate(divide="ignore", invalid="ignore"):
-        period_error = np.where(oscillates, exact_phase / phase - 1.0, math.nan)
-        numerical = np.where(oscillates, decay / np.hypot(decay, phase) - damping, math.nan)
+        decay, phase = -np.log(np.abs(principal)), np.angle(principal)
+        period_error = np.where(tells, exact_phase / phase - 1.0, math.nan)
+        numerical = np.where(tells, decay / np.hypot(decay, phase) - damping, math.nan)
     return StabilityCurve(
         method=integrator.label,
         damping=damping,
@@ -99,19 +105,21 @@ def critical_step(integrator: Integrator, damping: float = 0.0, largest: float =
     declared = integrator.stability_limit
     if 0.0 < declared < largest:
         grid = np.sort(np.concatenate([grid, declared * (1.0 + np.geomspace(1e-6, 1e-2, 40))]))
-    unstable = np.flatnonzero(_radius(integrator, grid, damping) > 1.0 + STABLE)
+    unstable = np.flatnonzero(_grows(integrator, grid, damping))
     if not unstable.size:
         return math.inf
     high = grid[unstable[0]]
     low = grid[unstable[0] - 1] if unstable[0] else 0.0
     for _ in range(50):
         middle = 0.5 * (low + high)
-        if _radius(integrator, np.array([middle]), damping)[0] > 1.0 + STABLE:
+        if _grows(integrator, np.array([middle]), damping)[0]:
             high = middle
         else:
             low = middle
     return float(low)
 
 
-def _radius(integrator: Integrator, omega_h: Array, damping: float) -> Array:
-    return np.asarray(np.max(np.abs(_roots(integrator, omega_h, damping)), axis=1))
+def _grows(integrator: Integrator, omega_h: Array, damping: float) -> NDArray[np.bool_]:
+    """Whether the spectral radius exceeds 1 by more than rounding."""
+    radius = np.max(np.abs(_roots(integrator, omega_h, damping)), axis=1)
+    return np.asarray(radius > 1.0 + np.maximum(STABLE, _ROUNDING * omega_h**2))

@@ -1,13 +1,13 @@
 """Figures of runs and spectra for reports: SI units, readable in black and white, PNG, PDF or SVG.
 
-This is the only module that imports matplotlib, by its objects: no window system, no state shared between figures.
+Only the modules of plots import matplotlib, and by its objects: no window system, no state shared between figures.
 """
 
 from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from textwrap import shorten
 from typing import Any, BinaryIO
@@ -45,9 +45,9 @@ _TITLE_LENGTH = 95
 _VISIBLE = 0.05  # the drift at the end is shown where it reaches this part of the peak
 
 # A copy in black and white keeps dashes and markers.
-_COLORS = ("#1f4e79", "#d1782c", "#4a9a62", "#8e2f6d", "#7d7d7d", "#2aa1b3")
-_DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (2, 1.5)), (0, (7, 2, 1.5, 2)), (0, (4, 1.5, 1, 1.5, 1, 1.5)))
-_MARKERS = ("o", "s", "^", "D", "v", "P", "x")
+COLORS = ("#1f4e79", "#d1782c", "#4a9a62", "#8e2f6d", "#7d7d7d", "#2aa1b3")
+DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (2, 1.5)), (0, (7, 2, 1.5, 2)), (0, (4, 1.5, 1, 1.5, 1, 1.5)))
+MARKERS = ("o", "s", "^", "D", "v", "P", "x")
 _FEW = 8  # periods: with fewer every one is marked
 _IN_LEGEND = 24  # lines beyond these are drawn, and counted in the legend
 
@@ -92,7 +92,7 @@ def run_picture(response: RunResult, suffix: str) -> Writer:
     """
     if response.history is None:
         raise ValueError("a picture of a run needs its history: run(..., history=True)")
-    return _picture(suffix, lambda: _draw_run(response))
+    return picture(suffix, lambda: _draw_run(response))
 
 
 def spectrum_picture(spectra: Sequence[SpectrumResult], suffix: str) -> Writer:
@@ -100,13 +100,20 @@ def spectrum_picture(spectra: Sequence[SpectrumResult], suffix: str) -> Writer:
 
     Parameters, return value and errors are those of `run_picture`.
     """
-    return _picture(suffix, lambda: _draw_spectra(spectra))
+    return picture(suffix, lambda: _draw_spectra(spectra))
 
 
-def _picture(suffix: str, draw: Any) -> Writer:
+def picture_format(suffix: str) -> str:
+    """The format that a suffix stands for; OutputError for one that no picture has."""
     kind = suffix.lower().lstrip(".")
     if kind not in _METADATA:
         raise OutputError(f"a picture is written as .png, .pdf or .svg, not {suffix or 'without a suffix'}")
+    return kind
+
+
+def picture(suffix: str, draw: Callable[[], Figure]) -> Writer:
+    """What draws a figure and writes it to a binary stream; see `run_picture`."""
+    kind = picture_format(suffix)
 
     def write(stream: BinaryIO) -> None:
         with mpl.rc_context(_STYLE), warnings.catch_warnings():
@@ -133,11 +140,12 @@ def _draw_run(response: RunResult) -> Figure:
     title = f"{response.model.name}\n{response.method}, dt {response.dt:.4g} s"
     if response.record is not None:
         title += f", {_record_name(response.record.source)} {response.record.component}".rstrip()
-    _add_title(figure, title)
+    add_title(figure, title)
     return figure
 
 
-def _add_title(figure: Figure, title: str) -> None:
+def add_title(figure: Figure, title: str) -> None:
+    """A title of one or more lines above the panels, as it is: no formulas."""
     lines = [shorten(line, _TITLE_LENGTH, placeholder=" ...") for line in title.splitlines()]
     figure.suptitle("\n".join(lines), fontsize=10.5, parse_math=False)
 
@@ -185,11 +193,11 @@ def _draw_drifts(axes: Any, response: RunResult) -> None:
     residual = np.abs(stories.residual_drift) / (stories.height / 100.0 if by_height else 1.0)
     if np.any(residual > _VISIBLE * np.max(values)):
         axes.stairs(
-            residual, edges, orientation="horizontal", color=_MARK, linestyle=_DASHES[2], label="at the end of the run"
+            residual, edges, orientation="horizontal", color=_MARK, linestyle=DASHES[2], label="at the end of the run"
         )
     limit = 100.0 * response.model.collapse_drift
     if by_height and np.max(values) > _NEAR * limit:
-        axes.axvline(limit, color=_MARK, linestyle=_DASHES[1], label=f"collapse drift {limit:g} %")
+        axes.axvline(limit, color=_MARK, linestyle=DASHES[1], label=f"collapse drift {limit:g} %")
     if axes.get_legend_handles_labels()[0]:
         axes.legend(loc="best")
     axes.set_title("Largest drift of each story")
@@ -252,8 +260,8 @@ def _draw_spectra(spectra: Sequence[SpectrumResult]) -> Figure:
     for axes in (upper, lower):
         axes.set_ylim(bottom=0.0)
     _log_periods(lower, spectra)
-    _add_legend(figure, upper, lines, spectra)
-    _add_title(figure, _spectra_title(spectra))
+    add_legend(figure, upper, lines, _labels(spectra))  # a single line has its name in the title
+    add_title(figure, _spectra_title(spectra))
     return figure
 
 
@@ -263,14 +271,14 @@ def _line_styles(spectra: Sequence[SpectrumResult]) -> list[dict[str, Any]]:
     motions = [(spectrum.record.source, name) for spectrum, name in zip(spectra, names, strict=True)]
     number = {motion: i for i, motion in enumerate(dict.fromkeys(motions))}
     ratios = {ratio: i for i, ratio in enumerate(dict.fromkeys(spectrum.damping for spectrum in spectra))}
-    marked = len(number) > len(_DASHES) or (len(number) > 1 and len(ratios) > 1)
+    marked = len(number) > len(DASHES) or (len(number) > 1 and len(ratios) > 1)
     styles = []
     for spectrum, motion in zip(spectra, motions, strict=True):
         i = number[motion]
         dash = ratios[spectrum.damping] if len(ratios) > 1 else i
-        style = {"color": _COLORS[i % len(_COLORS)], "linestyle": _DASHES[dash % len(_DASHES)]}
+        style = {"color": COLORS[i % len(COLORS)], "linestyle": DASHES[dash % len(DASHES)]}
         if marked:
-            style |= {"marker": _MARKERS[i % len(_MARKERS)], "markevery": (0.03 * (i % 6), 0.18)}
+            style |= {"marker": MARKERS[i % len(MARKERS)], "markevery": (0.03 * (i % 6), 0.18)}
         styles.append(style)
     return styles
 
@@ -292,15 +300,17 @@ def _leads(value: float, digits: str) -> bool:
     return f"{value / 10.0 ** math.floor(math.log10(value) + 1e-9):.0f}" in digits
 
 
-def _add_legend(figure: Figure, axes: Any, lines: list[Any], spectra: Sequence[SpectrumResult]) -> None:
-    """A legend below the panels, for which the figure grows; a single line has its name in the title."""
+def add_legend(figure: Figure, axes: Any, lines: list[Any], labels: list[str], narrow: int = 24) -> None:
+    """A legend below the panels, for which the figure grows; none for a single line.
+
+    Labels of up to `narrow` characters stand in three columns.
+    """
     if len(lines) == 1:
         return
-    labels = _labels(spectra)
     if len(labels) > _IN_LEGEND:
         labels = [*labels[: _IN_LEGEND - 1], f"... and {len(labels) - _IN_LEGEND + 1} more"]
         lines = [*lines[: _IN_LEGEND - 1], axes.plot([], [], linestyle="none")[0]]
-    columns = min(len(labels), 2 if max(map(len, labels)) > 24 else 3)
+    columns = min(len(labels), 2 if max(map(len, labels)) > narrow else 3)
     figure.set_figheight(figure.get_figheight() + 0.17 * math.ceil(len(labels) / columns))
     labels = [" " + label for label in labels]  # a label that begins with _ would be left out
     legend = figure.legend(lines, labels, loc="outside lower center", ncols=columns, handlelength=3.6)

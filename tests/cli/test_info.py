@@ -1,0 +1,159 @@
+"""`tdint info`: a row per component, the picture, and what happens to the good records when one is bad."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+
+import numpy as np
+import pytest
+
+from ground_motion import format_files
+from tdint.analysis.spectrum import spectrum
+from tdint.ground_motion.measures import measure, spectrum_intensity
+from tdint.ground_motion.read import read_record
+
+COLUMNS = (
+    "record,component,id,start,samples,dt_s,duration_s,units,pga_m_s2,pgv_m_s,pgd_m,arias_intensity_m_s,cav_m_s,"
+    "d5_75_s,d5_95_s,housner_intensity_m,mean_m_s2,leading_zeros,trailing_zeros,notes"
+)
+
+
+def rows(text: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def errors(result) -> list[str]:
+    return [line for line in result.stderr.splitlines() if not line.startswith("note: ")]
+
+
+def test_a_row_per_component_in_order(folder, tdint):
+    result = tdint("info", "motion.mseed", "other.mseed")
+    assert (result.exit_code, errors(result)) == (0, [])
+    assert result.stdout.splitlines()[0] == COLUMNS
+    table = rows(result.stdout)
+    assert [(row["record"], row["component"], row["id"]) for row in table] == [
+        ("motion.mseed", "HNE", "TD.TEST..HNE"),
+        ("motion.mseed", "HNN", "TD.TEST..HNN"),
+        ("other.mseed", "HNE", "TD.TEST..HNE"),
+    ]
+    assert {(row["samples"], row["dt_s"], row["duration_s"]) for row in table} == {("300", "0.01", "2.99")}
+    assert table[0]["start"] == ""
+    assert table[0]["units"] == "m/s^2 (assumed)"
+    assert "samples are taken as m/s^2" in table[0]["notes"]
+
+
+def test_the_numbers_are_those_of_the_library(folder, tdint):
+    (row,) = rows(tdint("info", "other.mseed").stdout)
+    record = read_record("other.mseed")
+    measures = measure(record)
+    for column, value in (
+        ("pga_m_s2", record.pga), ("pgv_m_s", measures.pgv), ("pgd_m", measures.pgd),
+        ("arias_intensity_m_s", measures.arias), ("cav_m_s", measures.cav), ("d5_75_s", measures.d5_75),
+        ("d5_95_s", measures.d5_95), ("mean_m_s2", record.acceleration.mean()),
+    ):  # fmt: skip
+        assert float(row[column]) == pytest.approx(value, rel=5.1e-12)
+    assert (row["leading_zeros"], row["trailing_zeros"]) == ("0", "0")
+
+
+def test_housner_intensity_does_not_depend_on_the_number_of_periods(folder, tdint):
+    (row,) = rows(tdint("info", "other.mseed").stdout)
+    periods = np.linspace(0.1, 2.5, 4801)
+    fine = spectrum_intensity(periods, spectrum(read_record("other.mseed"), periods, 0.05).psv)
+    assert float(row["housner_intensity_m"]) == pytest.approx(fine, rel=1e-4)
+
+
+def test_units_and_how_they_are_known(folder, tdint, make_record):
+    (folder / "a.at2").write_text(format_files.at2())
+    (folder / "b.y0a").write_text(format_files.usc())
+    make_record(folder / "c.mseed", "HNE", integer=True)
+    assert [row["units"] for row in rows(tdint("info", "a.at2", "b.y0a").stdout)] == ["g (file)", "0.1 g (file)"]
+    (row,) = rows(tdint("info", "c.mseed", "--units", "2e-3 gal").stdout)
+    assert row["units"] == "2e-3 gal (given)"
+
+
+def test_a_record_of_zeros_has_empty_cells(folder, tdint):
+    (folder / "zero.txt").write_text("# dt = 0.01, units = g\n" + "0\n" * 50)
+    (row,) = rows(tdint("info", "zero.txt").stdout)
+    assert (row["d5_75_s"], row["d5_95_s"], row["housner_intensity_m"], row["leading_zeros"]) == ("", "", "0", "50")
+    assert (row["id"], row["notes"]) == ("", "all samples are zero")
+
+
+def test_what_looks_wrong_is_noted(folder, tdint):
+    samples = "\n".join(["0"] * 20 + ["1", "0.5"] * 30)
+    (folder / "odd.txt").write_text(f"# dt = 0.01, units = m/s^2\n{samples}\n")
+    (row,) = rows(tdint("info", "odd.txt").stdout)
+    for words in ("a zero offset is left in?", "the first 20 of 80 samples are zero", "a baseline that drifts?"):
+        assert words in row["notes"]
+    assert float(row["mean_m_s2"]) == pytest.approx(45 / 80)
+
+
+def test_standard_input_component_and_output(folder, tdint):
+    result = tdint("info", "-", "--component", "n", "-o", "info.csv", stdin=(folder / "motion.mseed").read_bytes())
+    assert (result.exit_code, result.stdout) == (0, "")
+    (row,) = rows((folder / "info.csv").read_text())
+    assert (row["record"], row["component"]) == ("-", "HNN")
+
+
+@pytest.mark.parametrize(("suffix", "start"), [(".png", b"\x89PNG"), (".pdf", b"%PDF"), (".svg", b"<?xml")])
+def test_picture(folder, tdint, suffix, start):
+    result = tdint("info", "motion.mseed", "other.mseed", "--plot", f"picture{suffix}")
+    assert (result.exit_code, len(rows(result.stdout))) == (0, 3)
+    assert (folder / f"picture{suffix}").read_bytes().startswith(start)
+
+
+def test_picture_of_zeros(folder, tdint):
+    (folder / "zero.txt").write_text("# dt = 0.01, units = g\n" + "0\n" * 50)
+    assert tdint("info", "zero.txt", "--plot", "zero.png").exit_code == 0
+
+
+@pytest.mark.parametrize("options", [("-o", "old.csv"), ("--plot", "old.png")])
+def test_existing_files_are_kept_before_any_work(folder, tdint, options):
+    (folder / options[1]).write_text("old")
+    result = tdint("info", "missing.mseed", *options)
+    assert (result.exit_code, result.stderr) == (
+        6, f"Error: {options[1]}: exists already; give --overwrite to replace it\n",
+    )  # fmt: skip
+    assert tdint("info", "other.mseed", *options, "--overwrite").exit_code == 0
+    assert (folder / options[1]).read_bytes() != b"old"
+
+
+def test_a_bad_record_does_not_stop_the_good_ones(folder, tdint, make_record):
+    make_record(folder / "counts.mseed", "HNE", integer=True)
+    (folder / "cut.at2").write_text(format_files.at2()[:-40])
+    result = tdint("info", "counts.mseed", "other.mseed", "missing.mseed", "cut.at2", "motion.mseed")
+    assert result.exit_code == 4
+    assert [row["record"] for row in rows(result.stdout)] == ["other.mseed", "motion.mseed", "motion.mseed"]
+    found = errors(result)
+    assert [line.split(":")[1].strip() for line in found] == ["counts.mseed", "missing.mseed", "cut.at2"]
+    assert "the file is cut off: 120 values are announced after line 4" in found[2]
+
+
+def test_bad_records_alone_give_no_output(folder, tdint):
+    result = tdint("info", "missing.mseed", "-o", "info.csv", "--plot", "info.png")
+    assert (result.exit_code, result.stdout) == (4, "")
+    assert not (folder / "info.csv").exists()
+    assert not (folder / "info.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        ((), 2, "Missing argument 'RECORD...'"),
+        (("-", "-"), 2, "standard input (-) can be read only once"),
+        (("other.mseed", "--units", "furlong"), 2, "units 'furlong'"),
+        (("other.mseed", "--plot", "x.jpg"), 6, "a picture is written as .png, .pdf or .svg"),
+        (("other.mseed", "-o", ""), 2, "-o is empty"),
+    ],
+)
+def test_usage_errors(folder, tdint, arguments, code, message):
+    result = tdint("info", *arguments)
+    assert (result.exit_code, result.stdout) == (code, "")
+    assert message in result.stderr
+
+
+def test_durations_are_consistent(folder, tdint):
+    for row in rows(tdint("info", "motion.mseed").stdout):
+        assert 0.0 < float(row["d5_75_s"]) < float(row["d5_95_s"]) < float(row["duration_s"])
+        assert math.isfinite(float(row["housner_intensity_m"]))

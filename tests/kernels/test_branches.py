@@ -1,0 +1,123 @@
+"""Drift laws: tangents, paths, energies, and the location of events."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tdint.kernels import layout
+from tdint.kernels.branches import walk
+from tdint.kernels.events import NONE, _crossing, turning
+from tdint.kernels.layout import FIRST_TRIAL, SECOND_TRIAL
+from tdint.kernels.springs import commit, recoverable, restoring, start
+from tdint.model.laws import LAWS
+
+K, FY, HARDENING = 1000.0, 20.0, 0.05
+CYCLE = np.concatenate([np.linspace(a, b, 40)[1:] for a, b in ((0, 0.06), (0.06, -0.09), (-0.09, 0.05), (0.05, 0.1))])
+
+
+def law_table(name, *parameters):
+    table = np.zeros((layout.FIRST_PARAMETER + len(parameters), 2))
+    table[layout.CODE, 0] = LAWS[name].code
+    table[layout.STIFFNESS, 0] = K
+    table[layout.FIRST_PARAMETER :, 0] = parameters
+    return table
+
+
+def springs():
+    return np.zeros((layout.SPRING_BLOCKS * layout.SPRING_ROWS, 2))
+
+
+def follow(laws, path):
+    """Force along a path, and what is stored and dissipated at its end."""
+    state = springs()
+    start(laws, state, 0, 0.0)
+    forces = []
+    for drift in path:
+        restoring(laws, state, 0, 0, FIRST_TRIAL, drift)
+        commit(laws, state, 0, 0, FIRST_TRIAL)
+        forces.append(state[layout.FORCE, 0])
+    return np.array(forces), recoverable(laws, state, 0), state[layout.DISSIPATED, 0]
+
+
+LAW_CASES = {
+    "linear": (),
+    "polynomial": (K, 200.0, 5e4),
+    "bilinear": (FY, HARDENING),
+}
+
+
+@pytest.mark.parametrize("name", LAW_CASES)
+def test_work_is_stored_or_dissipated(name):
+    """First law: the integral of force over drift, by trapezoids on a path so fine that its error is that of
+    rounding."""
+    laws = law_table(name, *LAW_CASES[name])
+    path = np.concatenate(
+        [np.linspace(a, b, 20001)[1:] for a, b in zip([0, *CYCLE[38::39]], CYCLE[38::39], strict=False)]
+    )
+    forces, stored, dissipated = follow(laws, path)
+    middle = 0.5 * (forces + np.append(0.0, forces[:-1]))
+    work = np.sum(middle * np.diff(path, prepend=0.0))
+    assert stored + dissipated == pytest.approx(work, rel=1e-6)
+    assert dissipated >= 0.0
+    assert (dissipated > 0.1 * work) == (name == "bilinear")
+
+
+@pytest.mark.parametrize("name", LAW_CASES)
+def test_the_tangent_is_the_slope(name):
+    laws = law_table(name, *LAW_CASES[name])
+    state = springs()
+    start(laws, state, 0, 0.01)
+    for drift in (-0.05, 0.004, 0.015, 0.07):
+        tangent = restoring(laws, state, 0, 0, FIRST_TRIAL, drift)
+        force = state[FIRST_TRIAL + layout.FORCE, 0]
+        restoring(laws, state, 0, 0, FIRST_TRIAL, drift + 1e-7)
+        assert (state[FIRST_TRIAL + layout.FORCE, 0] - force) / 1e-7 == pytest.approx(tangent, rel=1e-5)
+
+
+def test_bilinear_loop_by_hand():
+    """Yield at 0.02; up to 0.06, back over an elastic range of 0.04, then yielding the other way."""
+    laws = law_table("bilinear", FY, HARDENING)
+    forces, _, _ = follow(laws, [0.02, 0.06, 0.02, -0.02])
+    turn = FY + HARDENING * K * 0.04
+    expected = [FY, turn, turn - K * 0.04, turn - K * 0.04 - HARDENING * K * 0.04]
+    assert forces == pytest.approx(expected, rel=1e-12)
+
+
+def test_bilinear_branch_by_branch_is_the_closed_form():
+    laws = law_table("bilinear", FY, HARDENING)
+    by_branches = springs()
+    start(laws, by_branches, 0, 0.0)
+    forces, _, dissipated = follow(laws, CYCLE)
+    for drift, force in zip(CYCLE, forces, strict=True):
+        walk(laws, by_branches, 0, 0, SECOND_TRIAL, drift)
+        by_branches[: layout.SPRING_ROWS] = by_branches[SECOND_TRIAL : SECOND_TRIAL + layout.SPRING_ROWS]
+        assert by_branches[layout.FORCE, 0] == pytest.approx(force, rel=1e-12, abs=1e-10)
+    assert by_branches[layout.DISSIPATED, 0] == pytest.approx(dissipated, rel=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_first_crossing_of_a_cubic(seed):
+    generator = np.random.default_rng(seed)
+    d = generator.normal(size=4)
+    limit = d[0] + abs(generator.normal())
+    s = np.linspace(0.0, 1.0, 200001)
+    values = (1 - s) ** 3 * d[0] + 3 * s * (1 - s) ** 2 * d[1] + 3 * s * s * (1 - s) * d[2] + s**3 * d[3]
+    above = np.flatnonzero(values > limit)
+    found = _crossing(*d, limit)
+    assert found == pytest.approx(s[above[0]], abs=1e-5) if above.size else found == NONE
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_first_turn_of_a_quadratic(seed):
+    generator = np.random.default_rng(seed)
+    r = generator.normal(size=3)
+    r[0] = abs(r[0])
+    s = np.linspace(0.0, 1.0, 200001)
+    values = (1 - s) ** 2 * r[0] + 2 * s * (1 - s) * r[1] + s * s * r[2]
+    below = np.flatnonzero(values < 0.0)
+    found = turning(*r)
+    assert found == pytest.approx(s[below[0]], abs=1e-5) if below.size else found == NONE
+    assert math.isfinite(found)

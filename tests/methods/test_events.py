@@ -1,0 +1,112 @@
+"""impulse4 on piecewise-linear buildings: events located, order 4 back, robust when they pile up."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from building_cases import Force, Law, model, noise, oscillator, story, ten_bilinear
+from references import orders
+
+from tdint import load_model, run
+
+OFFICE = load_model(Path(__file__).parents[2] / "configs" / "ten-story-bilinear.yaml")
+DT = 0.01
+
+
+def displacement(method, parts):
+    response = run(OFFICE, method=method, dt=DT / parts, history=True)
+    return response.history.displacement[::parts], response
+
+
+@pytest.fixture(scope="module")
+def reference():
+    """Average acceleration extrapolated from dt / 512 and dt / 1024, which impulse4 at dt / 64 confirms."""
+    coarse, fine = (displacement("newmark-average", parts)[0] for parts in (512, 1024))
+    result = (4.0 * fine - coarse) / 3.0
+    other, response = displacement("impulse4", 64)
+    gap = np.linalg.norm(other - result) / np.linalg.norm(result)
+    assert gap < 1e-7
+    return other, response.stories.peak_drift
+
+
+def test_order_4_and_the_errors_at_the_records_step(reference):
+    exact, peak = reference
+    errors = []
+    for parts in (1, 2, 4):
+        u, response = displacement("impulse4", parts)
+        errors.append(np.linalg.norm(u - exact) / np.linalg.norm(exact))
+        if parts == 1:
+            assert np.max(np.abs(response.stories.peak_drift / peak - 1.0)) <= 1e-4
+            assert response.events > 400
+            assert abs(response.energy.error) < 1e-4
+    assert errors[0] <= 1e-5
+    assert orders(errors).min() >= 3.7
+
+
+@pytest.mark.parametrize("rho_inf", [0.5, 0.0])
+def test_the_dissipative_members_keep_order_3(rho_inf, reference):
+    exact, _ = reference
+    errors = [np.linalg.norm(displacement(f"impulse4:rho_inf={rho_inf}", parts)[0] - exact) for parts in (1, 2, 4)]
+    assert orders(errors).min() >= 2.7
+
+
+def test_free_vibration_of_an_elastic_perfectly_plastic_oscillator():
+    """Energy at rest equals what is stored, and what was lost equals Fy times the slip, in closed form.
+
+    u0 = 0, v0 = 1, omega = 10, Fy = 5: yield at uy = 0.05, v = sqrt(1 - 25 * 0.01) there; then the mass is slowed down
+    by Fy and stops after a slip of v^2 / (2 Fy).
+    """
+    omega, strength = 10.0, 5.0
+    building = model([story(1.0, omega**2, Law("bilinear", (strength, 0.0)))], velocity=(1.0,))
+    response = run(building, method="impulse4", dt=0.01, duration=2.0, history=True)
+    slip = (1.0 - (strength / omega) ** 2) / (2.0 * strength)
+    assert response.stories.peak_drift[0] == pytest.approx(strength / omega**2 + slip, rel=1e-6)
+    assert response.energy.dissipated == pytest.approx(strength * slip, rel=1e-6)
+    assert response.events == 2
+    assert abs(response.energy.error) < 1e-6
+
+
+def test_equal_stories_that_yield_at_the_same_instant():
+    """Two buildings' worth of one oscillator: equal stories of a base that moves all masses alike cannot be had in a
+    chain, but a story so stiff that it is rigid can: both yield within rounding of each other."""
+    record = noise(peak=6.0)
+    law = Law("bilinear", (4e5, 0.02))
+    single = run(model([story(2e5, 4e7, law)]), record, method="impulse4")
+    stiff = run(model([story(1e5, 4e7, law), story(1e5, 4e11)]), record, method="impulse4")
+    assert stiff.stories.peak_drift[0] == pytest.approx(single.stories.peak_drift[0], rel=1e-3)
+
+
+def test_a_run_goes_on_where_events_pile_up():
+    """Steps far beyond the periods: many changes of branch in each, at last by Newton's iteration."""
+    record = noise(samples=401, peak=20.0)
+    for stride in (1, 5, 20):
+        response = run(ten_bilinear(), record, method="impulse4", dt=stride * record.dt)
+        assert response.status in ("done", "collapsed")
+        assert np.all(np.isfinite(response.stories.peak_drift))
+
+
+def test_a_yielded_building_comes_to_rest():
+    """Long after the motion, lasting drifts stay and nothing stalls: about one solve per step, none halved."""
+    record = noise()
+    for method in ("newmark-average", "impulse4", "bathe", "houbolt", "impulse", "gauss4"):
+        response = run(ten_bilinear(), record, method=method, duration=80.0)
+        per_step = {"bathe": 2}.get(method, 1)
+        assert response.iterations < 1.3 * per_step * response.steps
+        assert response.halvings == 0
+
+
+def test_no_events_in_a_linear_building():
+    response = run(oscillator(10.0, displacement=(1.0,)), method="impulse4", dt=0.01, duration=1.0)
+    assert response.events == 0
+    assert response.iterations == response.steps
+
+
+def test_a_harmonic_force_on_a_yielding_story_is_order_4():
+    building = model([story(1.0, 100.0, Law("bilinear", (5.0, 0.1)), dashpot=0.4)], forces=[Force(1, 0.0, 6.0, 7.0)])
+    runs = [run(building, method="impulse4", dt=0.04 / 2**j, duration=8.0, history=True) for j in range(6)]
+    u = [response.history.displacement[:: 2**j, 0] for j, response in enumerate(runs)]
+    errors = [np.max(np.abs(coarse - u[-1])) for coarse in u[:4]]
+    assert runs[0].events > 5
+    assert orders(errors)[-1] > 3.6
