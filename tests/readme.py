@@ -10,11 +10,10 @@ import re
 from pathlib import Path
 
 from click.testing import CliRunner
-from tdint_cli.main import COMMANDS, cli
 
-from tdint.methods.catalogue import catalogue
+from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
-from tdint.methods.catalogue import parse
+from tdint_cli.main import COMMANDS, cli
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"

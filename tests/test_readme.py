@@ -11,13 +11,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import readme
-from tdint_cli.main import COMMANDS
 
+import readme
 from tdint.analysis.accuracy import observed_order
 from tdint.analysis.stability import critical_step
 from tdint.methods import single_step
 from tdint.methods.method import Integrator
+from tdint_cli.main import COMMANDS
 
 TEXT = readme.README.read_text()
 

@@ -46,7 +46,10 @@ LAW_CASES = {
     "linear": (),
     "polynomial": (K, 200.0, 5e4),
     "bilinear": (FY, HARDENING),
+    "peak-oriented": (FY, HARDENING, 0.4),
+    "tanh": (FY,),
 }
+DISSIPATING = ("bilinear", "peak-oriented")
 
 
 @pytest.mark.parametrize("name", LAW_CASES)
@@ -62,7 +65,7 @@ def test_work_is_stored_or_dissipated(name):
     work = np.sum(middle * np.diff(path, prepend=0.0))
     assert stored + dissipated == pytest.approx(work, rel=1e-6)
     assert dissipated >= 0.0
-    assert (dissipated > 0.1 * work) == (name == "bilinear")
+    assert (dissipated > 0.1 * work) == (name in DISSIPATING)
 
 
 @pytest.mark.parametrize("name", LAW_CASES)
@@ -96,6 +99,27 @@ def test_bilinear_branch_by_branch_is_the_closed_form():
         by_branches[: layout.SPRING_ROWS] = by_branches[SECOND_TRIAL : SECOND_TRIAL + layout.SPRING_ROWS]
         assert by_branches[layout.FORCE, 0] == pytest.approx(force, rel=1e-12, abs=1e-10)
     assert by_branches[layout.DISSIPATED, 0] == pytest.approx(dissipated, rel=1e-12)
+
+
+def test_peak_oriented_loop_by_hand():
+    """Clough without degradation of the unloading: yield, unload to zero force, reload towards the other yield point."""
+    laws = law_table("peak-oriented", FY, HARDENING, 0.0)
+    turn = FY + HARDENING * K * 0.04  # at drift 0.06
+    zero = 0.06 - turn / K
+    back = -FY / (zero + 0.02)  # slope from (zero, 0) to (-0.02, -FY), negative
+    drifts = [0.02, 0.06, zero, 0.0, -0.02, -0.04, -0.04 + (FY + 1.0) / K]
+    expected = [FY, turn, 0.0, back * zero, -FY, -FY - 1.0, 0.0]
+    forces, _, _ = follow(laws, drifts)
+    assert forces == pytest.approx(expected, rel=1e-10, abs=1e-10)
+    # On towards the farthest point on the positive side.
+    forces, _, _ = follow(laws, [*drifts, 0.06, 0.08])
+    assert forces[-2:] == pytest.approx([turn, turn + HARDENING * K * 0.02], rel=1e-10)
+
+
+def test_peak_oriented_unloading_stiffness_degrades():
+    laws = law_table("peak-oriented", FY, HARDENING, 0.5)
+    forces, _, _ = follow(laws, [0.08, 0.079])
+    assert (forces[0] - forces[1]) / 0.001 == pytest.approx(K * (0.02 / 0.08) ** 0.5, rel=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(40))

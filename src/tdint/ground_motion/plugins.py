@@ -42,6 +42,11 @@ class Plugin:
     is_format: EntryPoint
     read_format: EntryPoint
 
+    @property
+    def is_own(self) -> bool:
+        """Whether it is tdint's, not ObsPy's."""
+        return self.name not in OBSPY_FORMATS
+
 
 @dataclass(frozen=True)
 class Contents:
@@ -80,7 +85,8 @@ def read_contents(data: bytes, source: str) -> Contents:
     numeric = [trace for trace in traces if trace.data.dtype.kind in "iuf"]
     if not numeric:
         raise RecordError(f"{source}: the file ({plugin.name}) holds no samples of ground motion")
-    return Contents(plugin.name, numeric, tuple(f"ObsPy: {message}" for message in messages))
+    speaker = "" if plugin.is_own else "ObsPy: "
+    return Contents(plugin.name, numeric, tuple(speaker + message for message in messages))
 
 
 def _refuse_damaged(problem: str | None, source: str) -> None:

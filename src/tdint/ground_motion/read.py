@@ -10,7 +10,7 @@ from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.plugins import Contents, read_contents
 from tdint.ground_motion.record import Record
 from tdint.ground_motion.response import Instruments, read_instruments, remove_response
-from tdint.ground_motion.scale import declared_units, to_acceleration
+from tdint.ground_motion.scale import declared_units, to_acceleration, units_in_words
 from tdint.ground_motion.segments import Channel, check_equal_sampling, check_finite, doubts, group_channels, join
 from tdint.ground_motion.source import read_bytes
 from tdint.units import Units, parse_units
@@ -122,10 +122,12 @@ def _to_record(
     label = _label(source, channel)
     if instruments is None:
         acceleration, notes = to_acceleration(trace, contents.format, wanted, label)
+        units = units_in_words(trace, contents.format, wanted, label)
     else:
         if declared_units(trace, contents.format, label):
             raise RecordError(f"{label}: the file gives its own units; leave the inventory out")
         acceleration, notes = remove_response(trace, instruments, label)
+        units = "counts (response removed)"
     dt = float(trace.stats.delta)
     check_finite(acceleration, dt, label)
     return Record(
@@ -136,6 +138,7 @@ def _to_record(
         component=channel.code,
         source=source,
         notes=(*contents.notes, *notes, *doubts(acceleration)),
+        units=units,
     )
 
 

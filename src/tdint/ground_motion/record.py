@@ -28,6 +28,9 @@ class Record:
         The file as the user named it; `-` for standard input.
     notes : tuple of str
         What the reader assumed or did, one sentence each, for a person to see.
+    units : str
+        Units of the file's samples and how they are known: `g (file)`, `gal (given)`, `m/s^2 (assumed)`,
+        `counts (response removed)`; empty for a record that comes from no file.
     """
 
     acceleration: NDArray[np.float64]
@@ -37,6 +40,7 @@ class Record:
     component: str
     source: str
     notes: tuple[str, ...] = ()
+    units: str = ""
 
     def __post_init__(self) -> None:
         samples = np.ascontiguousarray(self.acceleration, dtype=np.float64)

@@ -63,6 +63,8 @@ def to_acceleration(
     declared = declared_units(trace, format_name, label)
     if declared:
         return _by_the_file(trace, declared, wanted, label)
+    if wanted is None and trace.stats.get("tdint_units") == "":
+        raise RecordError(f"{label}: the file does not tell the units of its samples; give them, such as g or cm/s^2")
     counts = trace.data.dtype.kind in "iu" or _ascii_unit(trace) in ("COUNTS", "COUNT")
     if counts and not (wanted and wanted.has_factor):
         raise RecordError(f"{label}: {_why_refused(trace, wanted)}")
@@ -78,8 +80,8 @@ def to_acceleration(
 def declared_units(trace: Any, format_name: str, label: str) -> Declared | None:
     """What the file says about its samples' units, None if nothing.
 
-    A reader of tdint's own tells them in `trace.stats.tdint_units`, as text for `parse_units`; formats of the recorders
-    have them in their calibration factor, text formats in their header.
+    A reader of tdint's own tells them in `trace.stats.tdint_units`, as text for `parse_units` (empty where the user
+    must give them); formats of the recorders have them in their calibration factor, text formats in their header.
 
     Raises
     ------
@@ -101,6 +103,15 @@ def declared_units(trace: Any, format_name: str, label: str) -> Declared | None:
         return Declared(parse_units(unit))
     except UsageError:
         raise RecordError(f"{label}: the header gives the samples in {unit}, which is no acceleration") from None
+
+
+def units_in_words(trace: Any, format_name: str, wanted: Units | None, label: str) -> str:
+    """Units of a trace's samples and how they are known; parameters are those of `to_acceleration`."""
+    declared = declared_units(trace, format_name, label)
+    if declared:
+        factor = "" if declared.factor == 1.0 else f"{declared.factor:.6g} "
+        return f"{factor}{declared.units.text} (file)"
+    return f"{wanted.text} (given)" if wanted else "m/s^2 (assumed)"
 
 
 def _by_the_file(

@@ -33,6 +33,7 @@ LINEAR_LAW = 0
 POLYNOMIAL_LAW = 1
 BILINEAR_LAW = 2
 PEAK_ORIENTED_LAW = 3
+TANH_LAW = 4
 
 # Ways in which a branch ends
 ABOVE = 1.0

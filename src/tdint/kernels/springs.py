@@ -6,10 +6,13 @@ Each function writes drift, force and internal variable of the trial state and r
 
 from __future__ import annotations
 
+import math
+
 from tdint.kernels.branches import (
     BILINEAR_LAW,
     LINEAR_LAW,
     PEAK_ORIENTED_LAW,
+    TANH_LAW,
     elastic_energy,
     enter,
     walk,
@@ -41,6 +44,8 @@ def restoring(laws, springs, i, past, trial, drift):
         return _bilinear(laws, springs, i, past, trial, drift)
     if code == PEAK_ORIENTED_LAW:
         return walk(laws, springs, i, past, trial, drift)
+    if code == TANH_LAW:
+        return _tanh(laws, springs, i, trial, drift)
     return _polynomial(laws, springs, i, trial, drift)
 
 
@@ -79,6 +84,15 @@ def _bilinear(laws, springs, i, past, trial, drift):
 
 
 @inlined
+def _tanh(laws, springs, i, trial, drift):
+    """f = F tanh(k d / F): elastic, softening towards the strength F."""
+    strength = laws[FIRST_PARAMETER, i]
+    part = math.tanh(laws[STIFFNESS, i] * drift / strength)
+    springs[trial + FORCE, i] = strength * part
+    return laws[STIFFNESS, i] * (1.0 - part * part)
+
+
+@inlined
 def settle(laws, springs, i, past, trial):
     """Energy that the law dissipates on the way from block `past` to block `trial`; adds it up in `trial`, J."""
     if laws[CODE, i] == PEAK_ORIENTED_LAW:
@@ -107,6 +121,11 @@ def recoverable(laws, springs, i):
         return 0.5 * hardening * k * d * d + 0.5 * z * z / ((1.0 - hardening) * k)
     if laws[CODE, i] == PEAK_ORIENTED_LAW:
         return elastic_energy(laws, springs, i, 0)
+    if laws[CODE, i] == TANH_LAW:
+        strength = laws[FIRST_PARAMETER, i]
+        x = abs(laws[STIFFNESS, i] * d / strength)
+        # ln cosh x, without overflow
+        return strength * strength / laws[STIFFNESS, i] * (x + math.log1p(math.exp(-2.0 * x)) - math.log(2.0))
     energy = 0.0
     for row in range(laws.shape[0] - 1, FIRST_PARAMETER - 1, -1):
         energy = energy * d + laws[row, i] / (row - FIRST_PARAMETER + 2)

@@ -77,5 +77,23 @@ LAWS = {
             piecewise_linear=True,
             yield_drift=lambda stiffness, values: values[0] / stiffness,
         ),
+        DriftLaw(
+            "peak-oriented",
+            3,
+            (
+                LawParameter("yield_force", force=1, low=0.0, low_allowed=False),
+                LawParameter("hardening", low=0.0, high=1.0, high_allowed=False),
+                LawParameter("unloading", low=0.0, high=1.0, high_allowed=False),
+            ),
+            "bilinear backbone, unloads with k (dy / dmax)^unloading, reloads towards the farthest point reached",
+            piecewise_linear=True,
+            yield_drift=lambda stiffness, values: values[0] / stiffness,
+        ),
+        DriftLaw(
+            "tanh",
+            4,
+            (LawParameter("strength", force=1, low=0.0, low_allowed=False),),
+            "f = F tanh(k d / F), elastic",
+        ),
     )
 }

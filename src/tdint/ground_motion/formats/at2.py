@@ -1,0 +1,94 @@
+"""PEER strong-motion files (AT2) of both header generations, and files with free header lines in their manner.
+
+Values follow a line with NPTS and DT in any number of columns (PEER, NGA database documentation). The lines before it
+are free; PEER's own name earthquake, date, station and component, and the units: g.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any
+
+from tdint.errors import RecordError
+from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, is_row_of_numbers, read_lines, recognizes
+from tdint.ground_motion.formats.series import Codes, Series, acceleration_units, code, to_stream
+
+if TYPE_CHECKING:
+    from obspy import Stream
+
+_COUNT_AND_STEP = (
+    re.compile(rf"\bNPTS?\s*[=:]?\s*({COUNT})\s*[,;]?\s*DT\s*[=:]?\s*({NUMBER})", re.IGNORECASE),
+    re.compile(rf"^\s*({COUNT})[\s,;]+({NUMBER})[\s,;]+NPTS?\s*[,;]?\s*DT\b", re.IGNORECASE),
+)
+_UNITS = re.compile(r"\bUNITS?\b[\s:=]*(?:(?:OF|ARE|IS|IN)[\s:=]+)*[(\[]?\s*([A-Z/][A-Z0-9/^*']*)", re.IGNORECASE)
+_OTHER = re.compile(r"\b(VELOCITY|DISPLACEMENT)\s+TIME\s+(?:HISTORY|SERIES)", re.IGNORECASE)
+_OTHER_UNITS = re.compile(r"(?:[CM]?M|IN|FT)(?:/S(?:EC)?)?", re.IGNORECASE)
+_TITLE = re.compile(r"\s*PEER\b.*STRONG\s+MOTION\s+DATABASE|\s*PACIFIC ENGINEERING", re.IGNORECASE)
+_COMPONENT = re.compile(r"\s*([A-Z0-9]{1,6})\b", re.IGNORECASE)
+
+
+def is_at2(file: Any, **_: Any) -> bool:
+    """Whether a file has a line with NPTS and DT, and numbers after it."""
+    return recognizes(file, _matches)
+
+
+def read_at2(file: Any, headonly: bool = False, **_: Any) -> Stream:
+    """Read a PEER file or one in its manner; see `tdint.ground_motion.formats`.
+
+    Raises
+    ------
+    RecordError
+        It is cut off, holds more values than NPTS or something else than accelerations.
+    """
+    lines = read_lines(file)
+    header = [*lines.take_until(_count_and_step, "line with NPTS and DT"), lines.take()]
+    while not lines.at_numbers():
+        header.append(lines.take())
+    found = next(filter(None, map(_count_and_step, reversed(header))))
+    series = Series(lines.numbers(found[0]), found[1], _units(header), **_codes(header))
+    _check_rest(lines)
+    return to_stream([series], headonly=headonly)
+
+
+def _matches(lines: list[str]) -> bool:
+    """Some line has count and step, and the next one after it that is not blank holds numbers."""
+    places = [i for i, line in enumerate(lines) if _count_and_step(line)]
+    after = [line for line in lines[places[-1] + 1 :] if line.strip()] if places else []
+    return bool(after) and is_row_of_numbers(after[0])
+
+
+def _count_and_step(line: str) -> tuple[int, float] | None:
+    """Number of values and sampling interval, s, if the line gives them."""
+    for pattern in _COUNT_AND_STEP:
+        if match := pattern.search(line):
+            return int(match[1]), float(match[2])
+    return None
+
+
+def _units(header: list[str]) -> str:
+    """Units of the values as the header tells them, empty if it does not."""
+    text = "\n".join(header)
+    if other := _OTHER.search(text):
+        raise RecordError(f"the file holds a {other[1].lower()}, not an acceleration")
+    for match in _UNITS.finditer(text):
+        units = acceleration_units(match[1])
+        if units:
+            return units
+        if _OTHER_UNITS.fullmatch(match[1]):
+            raise RecordError(f"its header gives the samples in {match[1]}, which is no unit of acceleration")
+    return ""
+
+
+def _codes(header: list[str]) -> Codes:
+    """Station and component: the last two parts of the second line of PEER's own headers."""
+    parts = header[1].split(",") if len(header) > 2 and _TITLE.match(header[0]) else []
+    component = _COMPONENT.match(parts[-1]) if len(parts) > 2 else None
+    return {"station": code(parts[-2]), "channel": component[1]} if component else {}
+
+
+def _check_rest(lines: Lines) -> None:
+    """Words may follow the values, numbers may not."""
+    while lines.peek() is not None:
+        if lines.at_numbers():
+            raise RecordError(f"line {lines.number + 1} holds more values than NPTS announces")
+        lines.take()

@@ -1,0 +1,180 @@
+"""COSMOS files, versions 1.xx: volumes 0, 1 and 2, one or several channels a file.
+
+For each channel lines of text, integers, reals and comments, the number of each announced, then blocks of values, each
+after a line that tells their number, kind, units and Fortran format (COSMOS, Strong motion data format, version 1.20,
+2001; units in its table 2).
+"""
+
+from __future__ import annotations
+
+import re
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.errors import RecordError
+from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, read_lines, recognizes
+from tdint.ground_motion.formats.series import (
+    Codes,
+    Series,
+    acceleration_units,
+    code,
+    first_match,
+    moment,
+    stated_peak,
+    to_stream,
+)
+
+if TYPE_CHECKING:
+    from obspy import Stream
+
+_TITLE = re.compile(r"\(Format v0?1\.\d+ with\s+(\d{1,3}) text lines\)", re.IGNORECASE)
+_INTEGERS = re.compile(rf"^\s*({COUNT})\s+Integer-header values follow on", re.IGNORECASE)
+_REALS = re.compile(rf"^\s*({COUNT})\s+Real-header values follow on", re.IGNORECASE)
+_COMMENTS = re.compile(rf"^\s*({COUNT})\s+Comment line\(?s?\)? follow", re.IGNORECASE)
+_BLOCK = re.compile(
+    rf"^\s*({COUNT})\s+([a-z ]+?)\s+(?:pts|points)\b(?:.*?approx\s*({COUNT})\s*secs)?"
+    r".*?units\s*=\s*([^,(]*)(?:\(\s*0*(\d+)\s*\))?",
+    re.IGNORECASE,
+)
+_FORMAT = re.compile(r"Format\s*=\s*\(\s*\d*\s*[IFEDG](\d{1,3})", re.IGNORECASE)
+_END = re.compile(r"\s*(?:/&|End-of-data)", re.IGNORECASE)
+
+_UNKNOWN = re.compile(rf"unknown/unspecified:\s*{NUMBER}\s*,?\s*({NUMBER})", re.IGNORECASE)
+_STATION = re.compile(r"^\s*Stat\w*\s+No\b.*?\bCode:\s*(\w+)-(\w+)", re.IGNORECASE)
+_CHANNEL = re.compile(r"^\s*Sta\s+Cha\w*:?\s*(\S+?)\s*:\s*([^(]*?)\s*(?:deg\w*\s*)?(?:\(|Location|$)", re.IGNORECASE)
+_CODES = re.compile(r"<SCNL>\s*(\w+)\.(\w+)\.(\w+)\.([-\w]*)", re.IGNORECASE)
+_UTC = re.compile(r"^\s*Rcrd start time.*\b(?:UTC|GMT)\b", re.IGNORECASE)
+_PEAK = re.compile(rf"^\s*Processed.*\bMax\s*=\s*({NUMBER})\s*([\w/^]+)", re.IGNORECASE)
+
+_YEAR, _MONTH, _DAY, _HOUR, _MINUTE = 39, 41, 42, 43, 44
+_SECOND, _STEP = 29, 61
+"""Places among the integers and among the reals; the step is in ms."""
+
+_UNITS = {"2": "g", "4": "cm/s^2", "7": "0.0254 m/s^2", "10": "gal", "11": "0.001 g", "12": "1e-6 g"}
+_COUNTS = "50"
+
+_APPROXIMATE = 0.05
+"""By how much the duration in words may be off, beside one second."""
+
+
+def is_cosmos(file: Any, **_: Any) -> bool:
+    """Whether the first line names this format and its version."""
+    return recognizes(file, lambda lines: _TITLE.search(lines[0]))
+
+
+def read_cosmos(file: Any, headonly: bool = False, **_: Any) -> Stream:
+    """Read the accelerations of a COSMOS file; see `tdint.ground_motion.formats`.
+
+    Counts of a recorder (volume 0) come without units.
+
+    Raises
+    ------
+    RecordError
+        It is cut off, what it holds is not what its headers announce, or it holds no acceleration.
+    """
+    lines = read_lines(file)
+    series: list[Series] = []
+    while lines.peek() is not None:
+        series += _channel(lines)
+    return to_stream(series, headonly=headonly)
+
+
+def _channel(lines: Lines) -> list[Series]:
+    """The accelerations of one channel."""
+    title = _TITLE.search(lines.take())
+    if not title:
+        raise RecordError(f"a channel's header should begin in line {lines.number}")
+    texts = [lines.take() for _ in range(int(title[1]) - 1)]
+    integers = _header_values(_INTEGERS, lines)
+    reals = _header_values(_REALS, lines)
+    texts += [lines.take() for _ in range(int(_announced(_COMMENTS, lines)[1]))]
+    series = []
+    while (line := lines.peek()) is not None and (block := _BLOCK.match(line)):
+        lines.take()
+        samples = lines.numbers(int(block[1]), _width(line))
+        if block[2].lower().startswith(("accel", "raw accel")):
+            series.append(_series(samples, block, texts, integers, reals))
+    if line is None or not _END.match(line):
+        raise RecordError(f"after line {lines.number} the line with the end of the data is missing")
+    lines.take()
+    return series
+
+
+def _announced(pattern: re.Pattern[str], lines: Lines) -> re.Match[str]:
+    """What the next line, which announces others, says."""
+    match = pattern.match(lines.take())
+    if not match:
+        raise RecordError(f"line {lines.number} should tell the number of header lines or values that follow")
+    return match
+
+
+def _header_values(pattern: re.Pattern[str], lines: Lines) -> list[float]:
+    match = _announced(pattern, lines)
+    values: list[float] = lines.numbers(int(match[1]), _width(match.string)).tolist()
+    if len(values) <= _STEP:
+        raise RecordError(f"the header that ends with line {lines.number} has only {len(values)} values")
+    return values
+
+
+def _width(line: str) -> int | None:
+    match = _FORMAT.search(line)
+    return int(match[1]) or None if match else None
+
+
+def _series(
+    samples: NDArray[np.float64], block: re.Match[str], texts: list[str], integers: list[float], reals: list[float]
+) -> Series:
+    match = first_match(_UNKNOWN, texts)
+    unknown = float(match[1]) if match else -999.0
+    if reals[_STEP] == unknown:
+        raise RecordError("its header does not give the sampling interval")
+    dt = reals[_STEP] / 1000.0
+    if block[3] and abs(samples.size * dt - int(block[3])) > 1.0 + _APPROXIMATE * int(block[3]):
+        raise RecordError(f"{samples.size} samples at the header's {dt:g} s are not the {block[3]} s that it tells")
+    units = acceleration_units(block[4]) or _UNITS.get(block[5] or "")
+    counts = units is None and (block[5] == _COUNTS or block[4].strip().lower().startswith("count"))
+    if units is None and not counts:
+        raise RecordError(f"its header gives the samples in {block[4].strip()!r}, which is no unit of acceleration")
+    missing = 0 if counts else int(np.count_nonzero(samples == unknown))
+    if missing:
+        raise RecordError(f"{missing} samples are marked as unknown ({unknown:g})")
+    stated = first_match(_PEAK, texts)
+    return Series(
+        _integers(samples) if counts else samples,
+        dt,
+        units,
+        **_codes(texts),
+        start=_start(texts, integers, reals, unknown),
+        peak=stated_peak(stated[1], stated[2], units) if stated and units else "",
+    )
+
+
+def _integers(samples: NDArray[np.float64]) -> NDArray[np.int32]:
+    """Counts as integers, which ObsPy and tdint take for what they are."""
+    if np.any(np.abs(samples) > np.iinfo(np.int32).max) or np.any(samples % 1.0):
+        raise RecordError("its header says that the samples are counts, but they are not integers of 32 bits")
+    return samples.astype(np.int32)
+
+
+def _codes(texts: list[str]) -> Codes:
+    """Codes of the channel: those of SEED where a comment gives them, else what the lines of text say."""
+    if codes := first_match(_CODES, texts):
+        location = codes[4].strip("-")
+        return Codes(station=codes[1], channel=codes[2], network=codes[3], location=location)
+    station, channel = first_match(_STATION, texts), first_match(_CHANNEL, texts)
+    named = Codes(network=station[1], station=station[2]) if station else Codes()
+    if channel:
+        named |= Codes(location=code(channel[1]), channel=code(channel[2]).upper())
+    return named
+
+
+def _start(texts: list[str], integers: list[float], reals: list[float], unknown: float) -> datetime | None:
+    """Time of the first sample, if it is known and in UTC."""
+    year, month, day, hour, minute = (integers[place] for place in (_YEAR, _MONTH, _DAY, _HOUR, _MINUTE))
+    second = reals[_SECOND]
+    if unknown in (year, month, day, hour, minute, second) or not first_match(_UTC, texts):
+        return None
+    return moment(year, month, day, hour, minute, second)

@@ -1,0 +1,145 @@
+"""Files of the California Strong Motion Instrumentation Program: volumes 1 and 2, one channel or several a file.
+
+For each channel lines of text, 100 integers (16I5) and reals (8F10.3): 50 in volume 1 and 100 in volume 2. Volume 2 has
+acceleration, velocity and displacement, each after a line that tells number, step and units. Volume 1 has accelerations
+after such a line, or pairs of time and acceleration, 10F7.3 (Shakal and Huang, CDMG report OSMS 85-03, 1985).
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+from tdint.errors import RecordError
+from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, read_lines, recognizes
+from tdint.ground_motion.formats.series import (
+    Codes,
+    Series,
+    code,
+    first_match,
+    moment,
+    required_units,
+    stated_peak,
+    to_stream,
+)
+from tdint.ground_motion.formats.volume1 import REAL_WIDTH, REALS, read_pairs, text_header
+
+if TYPE_CHECKING:
+    from obspy import Stream
+
+_TITLE = re.compile(r"\s*(UN)?CORRECTED ACCELEROGRAM", re.IGNORECASE)
+_CHANNEL = re.compile(r"^\s*CHAN\w*\.?\s+(\w+)\s*:\s*(.*?)\s*(?:DEG\w*\s*)?$", re.IGNORECASE)
+_STATION = re.compile(r"^\s*STATION NO\.?\s*(\w+)", re.IGNORECASE)
+_START = re.compile(
+    r"\b(?:TRIGGER|START) TIME:\s*(\d+)/(\d+)/(\d+),\s*(\d+):(\d+):(\d+\.?\d*)\s*(UTC|GMT|PST|PDT)\b", re.IGNORECASE
+)
+_ZONES = {"UTC": 0.0, "GMT": 0.0, "PST": -8.0, "PDT": -7.0}
+_ERA = 50
+"""Years of two digits from here on are in the last century."""
+
+_EQUAL = re.compile(rf"^\s*({COUNT})\s+\w+ points at\s+({NUMBER})\s+pts/sec in units of\s+([A-Z/^0-9]+)", re.IGNORECASE)
+_BLOCK = re.compile(
+    rf"^\s*({COUNT})\s+points of\s+(accel|veloc|displ)\w*\s+data equally spaced at\s+({NUMBER})\s+sec.*?"
+    r"(?:UNITS?\s*:?|IN)\s*\(?\s*([A-Z/^0-9]+)",
+    re.IGNORECASE,
+)
+_KINDS = re.compile(r"\bPOINTS OF .*-CORRECTED (ACCEL, VELOC AND DISPL) DATA", re.IGNORECASE)
+_FORMAT = re.compile(r"\(\s*\d*\s*[FEG](\d{1,3})", re.IGNORECASE)
+_PEAK = (
+    re.compile(rf"\bMAX\s*=\s*({NUMBER})\s*([A-Z/^0-9]+)", re.IGNORECASE),
+    re.compile(rf"\bPEAK ACCELERATION\s*=\s*({NUMBER})\s*([A-Z/^0-9]+)", re.IGNORECASE),
+)
+"""In volume 1, and in volume 2, which tells the uncorrected one as well."""
+
+_REALS_VOLUME_2 = 100
+_END = "/&"
+
+
+def is_csmip(file: Any, **_: Any) -> bool:
+    """Whether a file begins with this format's title and soon names a channel."""
+    return recognizes(file, lambda lines: _TITLE.match(lines[0]) and first_match(_CHANNEL, lines[1:25]))
+
+
+def read_csmip(file: Any, headonly: bool = False, **_: Any) -> Stream:
+    """Read the accelerations of a CSMIP file; see `tdint.ground_motion.formats`.
+
+    Raises
+    ------
+    RecordError
+        It is cut off, or what it holds is not what its headers announce.
+    """
+    lines = read_lines(file)
+    series = []
+    while lines.peek() is not None:
+        series.append(_channel(lines))
+    return to_stream(series, headonly=headonly)
+
+
+def _channel(lines: Lines) -> Series:
+    place = lines.number + 1
+    texts = text_header(lines)
+    title = first_match(_TITLE, texts[:1])
+    if not title:
+        raise RecordError(f"a channel's header should begin in line {place}")
+    series = _volume_1(lines, texts) if title[1] else _volume_2(lines, texts)
+    if (line := lines.peek()) is not None and line.lstrip().startswith(_END):
+        lines.take()
+    stated = first_match(_PEAK[0 if title[1] else 1], texts)
+    peak = stated_peak(stated[1], stated[2], series.units or "") if stated else ""
+    return replace(series, peak=peak, start=_start(texts))
+
+
+def _volume_1(lines: Lines, texts: list[str]) -> Series:
+    lines.numbers(REALS, REAL_WIDTH)
+    line = lines.peek()
+    equal = _EQUAL.match(line) if line is not None else None
+    if not (line and equal):
+        return read_pairs(lines, texts, **_codes(texts))
+    lines.take()
+    samples = lines.numbers(int(equal[1]), _width(line))
+    rate = float(equal[2])
+    if not rate > 0.0:
+        raise RecordError(f"line {lines.number} gives a sampling rate of {rate:g}")
+    return Series(samples, 1.0 / rate, required_units(equal[3]), **_codes(texts))
+
+
+def _volume_2(lines: Lines, texts: list[str]) -> Series:
+    """The acceleration; velocity and displacement are read to tell a damaged file."""
+    lines.numbers(_REALS_VOLUME_2, REAL_WIDTH)
+    blocks = {}
+    while (line := lines.peek()) is not None and (block := _BLOCK.match(line)):
+        lines.take()
+        blocks[block[2].upper()] = block, lines.numbers(int(block[1]), _width(line))
+    expected = ("ACCEL", "VELOC", "DISPL") if first_match(_KINDS, texts) else ("ACCEL",)
+    for kind in expected:
+        if kind not in blocks:
+            raise RecordError(f"the file is cut off or damaged: after line {lines.number} there is no block of {kind}")
+    block, samples = blocks["ACCEL"]
+    return Series(samples, float(block[3]), required_units(block[4]), **_codes(texts))
+
+
+def _width(line: str) -> int:
+    match = _FORMAT.search(line)
+    return int(match[1]) or REAL_WIDTH if match else REAL_WIDTH
+
+
+def _codes(texts: list[str]) -> Codes:
+    """The channel's number as location code, because several channels may have one azimuth."""
+    station, channel = first_match(_STATION, texts), first_match(_CHANNEL, texts)
+    codes = Codes(station=station[1]) if station else Codes()
+    if channel:
+        codes |= Codes(location=channel[1], channel=code(channel[2]).upper())
+    return codes
+
+
+def _start(texts: list[str]) -> datetime | None:
+    """Time of the first sample: that of the trigger for recorders on film, which started with it."""
+    match = first_match(_START, texts)
+    if not match:
+        return None
+    month, day, year, hour, minute, second = map(float, match.groups()[:6])
+    if year < 100:
+        year += 1900 if year >= _ERA else 2000
+    return moment(year, month, day, hour, minute, second, _ZONES[match[7].upper()])

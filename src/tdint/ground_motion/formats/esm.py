@@ -1,0 +1,81 @@
+"""ASCII files of the Engineering Strong Motion database and of ITACA (header format DYNA).
+
+A header of lines `KEY: value`, then one value a line (ESM, Luzi et al. 2016; the keys are those of DYNA 1.0 to 1.2).
+"""
+
+from __future__ import annotations
+
+import re
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+from tdint.errors import RecordError
+from tdint.ground_motion.formats.lines import NUMBER, is_row_of_numbers, read_lines, recognizes
+from tdint.ground_motion.formats.series import Series, moment, required_units, stated_peak, to_stream
+
+if TYPE_CHECKING:
+    from obspy import Stream
+
+_COUNT, _STEP, _UNITS = "NDATA", "SAMPLING_INTERVAL_S", "UNITS"
+_START = "DATE_TIME_FIRST_SAMPLE_YYYYMMDD_HHMMSS"
+_PEAK = re.compile(r"PGA_(.+)")
+_TIME = re.compile(r"(\d{4})(\d{2})(\d{2})_(\d{2})(\d{2})(\d{2}(?:\.\d+)?)")
+
+
+def is_esm(file: Any, **_: Any) -> bool:
+    """Whether a file begins with the keys of this header."""
+    return recognizes(file, lambda lines: lines[0].startswith("EVENT_NAME:") and any(map(_is_step, lines)))
+
+
+def _is_step(line: str) -> bool:
+    return line.startswith(f"{_STEP}:")
+
+
+def read_esm(file: Any, headonly: bool = False, **_: Any) -> Stream:
+    """Read an ESM file; see `tdint.ground_motion.formats`.
+
+    Raises
+    ------
+    RecordError
+        It is cut off, holds more values than its header announces or something else than an acceleration.
+    """
+    lines = read_lines(file)
+    header = {}
+    for line in lines.take_until(is_row_of_numbers, "value"):
+        key, _colon, value = line.partition(":")
+        header[key.strip()] = value.strip()
+    kind = header.get("DATA_TYPE", "ACCELERATION")
+    if kind != "ACCELERATION":
+        raise RecordError(f"the file holds a {kind.lower()}, not an acceleration")
+    try:
+        count, dt = int(header[_COUNT]), float(header[_STEP])
+    except (KeyError, ValueError):
+        raise RecordError(f"its header does not give {_COUNT} and {_STEP}") from None
+    units = required_units(header[_UNITS]) if header.get(_UNITS) else ""
+    series = Series(
+        lines.numbers(count),
+        dt,
+        units,
+        channel=header.get("STREAM", ""),
+        station=header.get("STATION_CODE", ""),
+        location=header.get("LOCATION", ""),
+        network=header.get("NETWORK", ""),
+        start=_start(header.get(_START, "")),
+        peak=_peak(header, units),
+    )
+    if lines.peek() is not None:
+        raise RecordError(f"after the {count} values that {_COUNT} announces, line {lines.number + 1} is left")
+    return to_stream([series], headonly=headonly)
+
+
+def _start(text: str) -> datetime | None:
+    match = _TIME.fullmatch(text)
+    return moment(*map(float, match.groups())) if match else None
+
+
+def _peak(header: dict[str, str], units: str) -> str:
+    for key, value in header.items():
+        match = _PEAK.fullmatch(key)
+        if match and re.fullmatch(NUMBER, value):
+            return stated_peak(value, match[1], units)
+    return ""

@@ -1,0 +1,98 @@
+"""Files of GNS Science, New Zealand (GeoNet): V1A (uncorrected) and V2A (corrected), three components a file.
+
+For each component 16 lines of text, 40 integers (10I8), 60 reals (10F8.0), then accelerations in mm/s^2, and in V2A
+velocities in mm/s and displacements in mm, ten a line (Cousins, GNS accelerogram data files, standard format, 2008).
+"""
+
+from __future__ import annotations
+
+import re
+from datetime import datetime
+from math import isclose
+from typing import TYPE_CHECKING, Any
+
+from tdint.errors import RecordError
+from tdint.ground_motion.formats.lines import NUMBER, Lines, read_lines, recognizes
+from tdint.ground_motion.formats.series import Series, code, first_match, moment, to_stream
+
+if TYPE_CHECKING:
+    from obspy import Stream
+
+_TEXTS, _INTEGERS, _REALS, _WIDTH = 16, 40, 60, 8
+_TITLE = re.compile(r"\s*(?:un)?corrected accelerogram", re.IGNORECASE)
+_SITE = re.compile(r"^\s*Site\s+(\S+)", re.IGNORECASE)
+_COMPONENT = re.compile(r"^\s*Component\s+(\S+)", re.IGNORECASE)
+_PEAK = re.compile(rf"^\s*Acceleration:\s+peak\s+({NUMBER})\s*mm/s/s", re.IGNORECASE)
+_RAW_UNITS = re.compile(rf"^\s*Raw readings in units of\s+({NUMBER})\s*mm/s/s", re.IGNORECASE)
+_INTERVAL = re.compile(rf"\bat\s+(?:intervals of\s+({NUMBER})\s*s|({NUMBER})\s*s(?:ec)?\s+intervals)", re.IGNORECASE)
+
+_YEAR, _MONTH, _DAY, _HOUR, _MINUTE, _MILLISECONDS = 8, 9, 18, 19, 38, 39
+"""Places of the time of the first sample (UTC) among the integers."""
+
+_COUNTS = (33, 34, 35)
+"""Places of the numbers of accelerations, velocities and displacements."""
+
+_STEP = 25
+
+
+def is_geonet(file: Any, **_: Any) -> bool:
+    """Whether a file begins with this format's title and the name of the site."""
+    return recognizes(file, lambda lines: _TITLE.match(lines[0]) and _SITE.match(lines[1]))
+
+
+def read_geonet(file: Any, headonly: bool = False, **_: Any) -> Stream:
+    """Read the accelerations of a GeoNet file; see `tdint.ground_motion.formats`.
+
+    Raises
+    ------
+    RecordError
+        It is cut off, or what it holds is not what its headers announce.
+    """
+    lines = read_lines(file)
+    series = []
+    while lines.peek() is not None:
+        series.append(_component(lines))
+    return to_stream(series, headonly=headonly)
+
+
+def _component(lines: Lines) -> Series:
+    texts = [lines.take() for _ in range(_TEXTS)]
+    if not _TITLE.match(texts[0]):
+        raise RecordError(f"a component's header should begin in line {lines.number - _TEXTS + 1}")
+    integers = lines.numbers(_INTEGERS, _WIDTH).tolist()
+    reals = lines.numbers(_REALS, _WIDTH).tolist()
+    accelerations, *others = (lines.numbers(int(integers[place]), _WIDTH) for place in _COUNTS)
+    del others  # Read to tell a damaged file, not needed further.
+    _check_step(reals[_STEP], texts)
+    return Series(
+        accelerations,
+        reals[_STEP],
+        _units(texts),
+        channel=code(_first(_COMPONENT, texts)).upper(),
+        station=code(_first(_SITE, texts)),
+        start=_start(integers),
+        peak=_first(_PEAK, texts),
+    )
+
+
+def _check_step(dt: float, texts: list[str]) -> None:
+    match = first_match(_INTERVAL, texts)
+    in_words = match[1] or match[2] if match else ""
+    if in_words and not isclose(float(in_words), dt, rel_tol=1e-3):
+        raise RecordError(f"its header gives the sampling interval as {dt:g} s and, in words, as {in_words} s")
+
+
+def _units(texts: list[str]) -> str:
+    factor = _first(_RAW_UNITS, texts)
+    return f"{factor} mm/s^2" if factor and float(factor) != 1.0 else "mm/s^2"
+
+
+def _first(pattern: re.Pattern[str], texts: list[str]) -> str:
+    """What the pattern's group finds in the first line that fits, empty if none does."""
+    match = first_match(pattern, texts)
+    return match[1] if match else ""
+
+
+def _start(integers: list[float]) -> datetime | None:
+    year, month, day, hour, minute = (integers[place] for place in (_YEAR, _MONTH, _DAY, _HOUR, _MINUTE))
+    return moment(year, month, day, hour, minute, integers[_MILLISECONDS] / 1000.0)

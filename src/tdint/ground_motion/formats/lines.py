@@ -1,0 +1,279 @@
+"""The lines of a text file and the numbers in them, read one after another."""
+
+from __future__ import annotations
+
+import os
+import re
+from array import array
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.errors import RecordError
+
+_HEAD = 8192
+_LARGEST = 2**26
+_LONGEST_LINE = 2**22
+_LONGEST_WORD = 1000
+_HEADER_LINE = 1000
+"""Characters of a line of words that are looked at: patterns take their time with endless ones."""
+
+_FEW, _ROWS = 5, 50
+"""Rows by which a last number that is cut off is known."""
+
+NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[Ee][-+]?\d+)?"
+"""Pattern of a number in a header."""
+
+COUNT = r"\d{1,12}"
+"""Pattern of a number of samples in a header."""
+
+ROW = re.compile(r"[-+.,;\dEeDd\s]*\d[-+.,;\dEeDd\s]*")
+"""Lines made of the characters of numbers and of what may stand between them."""
+
+_NUMBER = NUMBER.replace("Ee", "EeDd")
+_ONE = re.compile(_NUMBER)
+_GLUED = re.compile(rf"{_NUMBER}(?:(?=[-+]){_NUMBER})*")
+"""Numbers that a sign alone divides, as Fortran writes them where they fill their columns."""
+
+_PLAIN = re.compile(r"[-+.\dEe\s]*")
+"""Characters of the numbers that float() may read; it would take nan and 1_000 as well."""
+
+
+class Lines:
+    """The lines of a text file, read one after another.
+
+    Parameters
+    ----------
+    text : str
+        The whole file.
+    """
+
+    def __init__(self, text: str) -> None:
+        self._lines = text.split("\n")
+        self._is_whole = not self._lines[-1]
+        if self._is_whole:
+            self._lines.pop()
+        self._next = 0
+
+    @property
+    def number(self) -> int:
+        """The line read last, counted from 1."""
+        return self._next
+
+    def peek(self) -> str | None:
+        """The beginning of the next line that is not blank, None at the end; what is before it is passed over."""
+        while self._next < len(self._lines):
+            line = self._lines[self._next]
+            if line and not line.isspace():
+                return _beginning(line)
+            self._next += 1
+        return None
+
+    def at_numbers(self) -> bool:
+        """Whether the next line that is not blank holds numbers and nothing else."""
+        return is_row_of_numbers(self.peek())
+
+    def take(self) -> str:
+        """The next line, blank or not; of an endless one the beginning.
+
+        Raises
+        ------
+        RecordError
+            There is none.
+        """
+        return _beginning(self._take())
+
+    def _take(self) -> str:
+        if self._next >= len(self._lines):
+            raise RecordError(f"the file is cut off: it ends with line {self._next}")
+        self._next += 1
+        return self._lines[self._next - 1]
+
+    def take_until(self, accept: Callable[[str], object], what: str) -> list[str]:
+        """The lines before the next one that `accept` takes; that one is left to be read.
+
+        Raises
+        ------
+        RecordError
+            No line is accepted; `what` names it.
+        """
+        start = self._next
+        for place in range(start, len(self._lines)):
+            if accept(_beginning(self._lines[place])):
+                self._next = place
+                return list(map(_beginning, self._lines[start:place]))
+        raise RecordError(f"the file is cut off or damaged: after line {start} there is no {what}")
+
+    def numbers(self, count: int, width: int | None = None) -> NDArray[np.float64]:
+        """So many numbers, to the end of a line; shape (count,).
+
+        Parameters
+        ----------
+        count : int
+            What the header announces.
+        width : int, optional
+            Columns of a number where the format fixes them, for numbers without a blank or a sign between them.
+
+        Raises
+        ------
+        RecordError
+            There are fewer or more, something else stands among them, or the last one is cut off.
+        """
+        values = array("d")
+        first = self._next
+        while len(values) < count:
+            if self.peek() is None:
+                raise RecordError(
+                    f"the file is cut off: {count} values are announced after line {first}, there are {len(values)}"
+                )
+            values.extend(self._row(width))
+        if len(values) > count:
+            raise RecordError(f"more than the {count} values that are announced stand after line {first}")
+        return self.checked(values, first)
+
+    def _row(self, width: int | None) -> list[float]:
+        line = self._take()
+        try:
+            return row_of_numbers(line, width)
+        except ValueError:
+            raise RecordError(f"line {self._next}: {line.strip()[:60]!r} stands where numbers should") from None
+
+    def checked(self, values: array[float], first: int) -> NDArray[np.float64]:
+        """The values of the rows after line `first`, up to the last line taken; shape (values,).
+
+        Where the file ends without an end of line, its last number must have as many places after the point as the last
+        numbers of the rows before it, if these all have the same.
+
+        Raises
+        ------
+        RecordError
+            A value is too large for a float, or the last one is cut off.
+        """
+        numbers = np.array(values, dtype=np.float64)
+        if not np.all(np.isfinite(numbers)):
+            raise RecordError(f"a value after line {first} is beyond 1.8e308")
+        self._check_end(first)
+        return numbers
+
+    def _check_end(self, first: int) -> None:
+        if self._is_whole or self._next < len(self._lines) or not ROW.fullmatch(self._lines[-1]):
+            return
+        last = _places(self._lines[-1])
+        rows = self._lines[max(first, len(self._lines) - _ROWS) : -1]
+        before = [places[-1] for places in map(_places, rows) if places] if len(rows) >= _FEW else last[:-1]
+        if len(before) >= _FEW and len(set(before)) == 1 and last[-1] < before[0]:
+            raise RecordError("the file is cut off within its last number")
+
+
+def row_of_numbers(line: str, width: int | None = None) -> list[float]:
+    """The numbers in a line, at blanks, signs or, if need be, fixed columns.
+
+    Raises
+    ------
+    ValueError
+        The line holds something else.
+    """
+    if len(line) > _LONGEST_LINE:
+        raise ValueError("no row of numbers")
+    words = line.split()
+    if len(line) > _LONGEST_WORD and max(map(len, words), default=0) > _LONGEST_WORD:
+        raise ValueError("no row of numbers")
+    if _PLAIN.fullmatch(line):
+        try:
+            return list(map(float, words))
+        except ValueError:
+            pass
+    if all(map(_GLUED.fullmatch, words)):
+        return [_to_float(part) for word in words for part in _ONE.findall(word)]
+    if width is None:
+        raise ValueError("no row of numbers")
+    end = len(line.rstrip())  # that of the last field: numbers stand at the right of theirs
+    fields = [line[i : i + width].strip() for i in range(end % width, end, width)]
+    if line[: end % width].strip() or not all(map(_ONE.fullmatch, fields)):
+        raise ValueError("no row of numbers in fixed columns")
+    return [_to_float(field) for field in fields]
+
+
+def is_row_of_numbers(line: str | None) -> bool:
+    """Whether a line holds numbers, one at least, and nothing else."""
+    try:
+        return bool(line and row_of_numbers(line))
+    except ValueError:
+        return False
+
+
+def read_lines(file: Any) -> Lines:
+    """All lines of a file (name, path, or object open for reading bytes).
+
+    Raises
+    ------
+    RecordError
+        The file is larger than 64 MiB.
+    """
+    data = _read(file, _LARGEST + 1)
+    if len(data) > _LARGEST:
+        raise RecordError("the file is larger than 64 MiB; cut the event out of it first")
+    return Lines(_decode(data))
+
+
+def recognizes(file: Any, check: Callable[[list[str]], object]) -> bool:
+    """Whether a check accepts the first whole lines of a file; False whatever goes wrong.
+
+    Parameters
+    ----------
+    file : str, Path or object open for reading bytes
+        Left at its position.
+    check : callable
+        Takes a list of lines.
+    """
+    try:
+        position = file.tell() if hasattr(file, "read") else None
+        data = _read(file, _HEAD)
+        if position is not None:
+            file.seek(position)
+        if b"\0" in data:
+            return False
+        *lines, last = _decode(data).split("\n")
+        # A last line that is cut off counts only if a long line of values begins in it.
+        if len(data) < _HEAD or len(last) > _HEADER_LINE:
+            lines.append(last)
+        return bool(check(list(map(_beginning, lines))))
+    except Exception:  # A check that stumbles over foreign bytes has not recognized them.
+        return False
+
+
+def _beginning(line: str) -> str:
+    """As much of a line as words or the first numbers of a long row take, to a blank."""
+    if len(line) <= _HEADER_LINE:
+        return line
+    return line[:_HEADER_LINE].rpartition(" ")[0] or line[:_HEADER_LINE]
+
+
+def _read(file: Any, size: int) -> bytes:
+    if not hasattr(file, "read"):
+        with Path(os.fspath(file)).open("rb") as stream:
+            return stream.read(size)
+    data = file.read(size)
+    return data if isinstance(data, bytes) else bytes(data)
+
+
+def _decode(data: bytes) -> str:
+    """Text with LF ends; names of stations may be in any encoding, numbers are the same in all."""
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")
+    # DOS marked the end of a text with Ctrl-Z.
+    return text.rstrip("\x1a\0").replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _to_float(number: str) -> float:
+    return float(number.replace("D", "E").replace("d", "e"))
+
+
+def _places(line: str) -> list[int]:
+    """The number of characters after the point of each number in a line."""
+    return [len(number.partition(".")[2]) for number in _ONE.findall(line)]

@@ -1,0 +1,201 @@
+"""From what a reader found in a file to ObsPy's traces, with the checks that all formats share."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime, timedelta
+from typing import Any, TypedDict
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.errors import RecordError, UsageError
+from tdint.ground_motion.messages import quiet_import
+from tdint.units import ACCELERATION, parse_units
+
+with quiet_import():
+    from obspy import Stream, Trace, UTCDateTime
+
+_SHORTEST, _LONGEST = 1e-6, 100.0
+"""Sampling intervals beyond which no recorder of ground motion goes, s."""
+
+_PEAK = 0.01
+"""By how much a peak in a header may differ from that of the samples, beside its rounding."""
+
+
+class Codes(TypedDict, total=False):
+    """The names of a component, those that a file gives."""
+
+    channel: str
+    station: str
+    location: str
+    network: str
+
+
+@dataclass(frozen=True)
+class Series:
+    """One component as it stands in a file.
+
+    Attributes
+    ----------
+    samples : ndarray, shape (samples,)
+        In `units`.
+    dt : float
+        Sampling interval, s.
+    units : str or None
+        Text for `parse_units`; empty if the file does not tell, None for counts of a recorder.
+    channel, station, location, network : str
+        As the file names them; `channel` is the component.
+    start : datetime or None
+        Time of the first sample, UTC.
+    peak : str
+        The largest absolute acceleration that the header states, in `units`, as it is written; empty if it does not.
+    """
+
+    samples: NDArray[Any]
+    dt: float
+    units: str | None
+    channel: str = ""
+    station: str = ""
+    location: str = ""
+    network: str = ""
+    start: datetime | None = None
+    peak: str = ""
+
+    @property
+    def id(self) -> str:
+        """The codes joined by dots."""
+        return ".".join((self.network, self.station, self.location, self.channel))
+
+
+def to_stream(series: Sequence[Series], *, headonly: bool = False) -> Stream:
+    """ObsPy's stream of the components of a file.
+
+    A peak in the header that is not that of the samples is warned about.
+
+    Parameters
+    ----------
+    series : sequence of Series
+        In the order of the file.
+    headonly : bool
+        Leave the samples out.
+
+    Raises
+    ------
+    RecordError
+        There is no component, or one with an impossible sampling interval.
+    """
+    if not series:
+        raise RecordError("the file holds no acceleration")
+    stream = Stream()
+    for one in _distinct(series):
+        if not _SHORTEST <= one.dt <= _LONGEST:
+            raise RecordError(f"its header gives a sampling interval of {one.dt:g} s")
+        _check_peak(one)
+        stream.append(_trace(one, headonly))
+    return stream
+
+
+def _trace(one: Series, headonly: bool) -> Trace:
+    header: dict[str, Any] = {
+        "network": one.network,
+        "station": one.station,
+        "location": one.location,
+        "channel": one.channel,
+        "delta": one.dt,
+        "npts": one.samples.size,
+    }
+    if one.start is not None:
+        header["starttime"] = UTCDateTime(one.start)
+    if one.units is not None:
+        header["tdint_units"] = one.units
+    return Trace(header=header) if headonly else Trace(one.samples, header=header)
+
+
+def _distinct(series: Sequence[Series]) -> list[Series]:
+    """Components that share an id are told apart by their number in the file, as location code."""
+    count = Counter(one.id for one in series)
+    return [
+        one if count[one.id] == 1 else replace(one, location=f"{one.location}{i}")
+        for i, one in enumerate(series, start=1)
+    ]
+
+
+def _check_peak(one: Series) -> None:
+    if not (one.peak and one.samples.size):
+        return
+    peak = float(np.max(np.abs(one.samples)))
+    if not abs(abs(float(one.peak)) - peak) <= _PEAK * peak + _last_place(one.peak):
+        whose = f"{one.channel}: " if one.channel else ""
+        warnings.warn(
+            f"{whose}the header states a peak of {one.peak} {one.units}, the samples have {peak:.6g}", stacklevel=2
+        )
+
+
+def _last_place(number: str) -> float:
+    """Value of the last digit of a number as it is written."""
+    mantissa, _, exponent = number.upper().partition("E")
+    return float(f"1e{int(exponent or 0) - len(mantissa.partition('.')[2])}")
+
+
+def acceleration_units(text: str) -> str | None:
+    """Units in tdint's spelling from those of a file's header; None if they are no acceleration's.
+
+    `CM/SEC/SEC` are cm/s^2, `G'S` g, and `G/10` is a tenth of g: `0.1 g`.
+    """
+    words = text.strip().strip(".,;:()[]").removesuffix("'S").removesuffix("'s").strip()
+    tenth = re.fullmatch(r"(.*\S)\s*/\s*10", words)
+    try:
+        units = parse_units(tenth[1] if tenth else words)
+    except UsageError:
+        return None
+    if tenth and units.has_factor:
+        return None
+    name = next((name for name, scale in ACCELERATION.items() if scale == units.scale), units.text)
+    return f"0.1 {name}" if tenth else name
+
+
+def required_units(text: str) -> str:
+    """The units of a block of samples that must be an acceleration's.
+
+    Raises
+    ------
+    RecordError
+        They are something else's.
+    """
+    units = acceleration_units(text)
+    if units is None:
+        raise RecordError(f"its header gives the samples in {text.strip()!r}, which is no unit of acceleration")
+    return units
+
+
+def stated_peak(number: str, units: str, of_samples: str) -> str:
+    """A peak that a header states, if its units are those of the samples; else empty."""
+    known = acceleration_units(units)
+    same = known and of_samples and parse_units(known).scale == parse_units(of_samples).scale
+    return number if same else ""
+
+
+def first_match(pattern: re.Pattern[str], texts: Sequence[str]) -> re.Match[str] | None:
+    """Where a pattern is found first in lines of text."""
+    return next(filter(None, map(pattern.search, texts)), None)
+
+
+def moment(
+    year: float, month: float, day: float, hour: float, minute: float, second: float, zone: float = 0.0
+) -> datetime | None:
+    """A time in UTC from its numbers and the zone's hours east of it; None if they are no date."""
+    try:
+        start = datetime(int(year), int(month), int(day), int(hour), int(minute))
+        return start + timedelta(seconds=float(second), hours=-zone)
+    except (ValueError, OverflowError):
+        return None
+
+
+def code(name: str) -> str:
+    """A name as a code: what is neither letter nor digit becomes a hyphen, so that dots can divide codes."""
+    return re.sub(r"[\W_]+", "-", name).strip("-")

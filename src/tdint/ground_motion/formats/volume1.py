@@ -1,0 +1,60 @@
+"""What the uncorrected records (volume 1) of CSMIP and USC have in common: headers, and pairs of time and acceleration.
+
+Both descend from the California Institute of Technology's "Blue Book" tapes (Hudson et al., EERL 69-20, 1969).
+"""
+
+from __future__ import annotations
+
+import re
+import warnings
+from typing import Unpack
+
+from tdint.errors import RecordError
+from tdint.ground_motion.formats.lines import COUNT, Lines
+from tdint.ground_motion.formats.series import Codes, Series, first_match, required_units
+from tdint.ground_motion.formats.steps import equal_steps
+
+REAL_WIDTH = 10
+REALS = 50
+
+_INTEGERS = re.compile(r"\s*-?\d[-\d\s]{60,}")
+_LAST_INTEGERS = re.compile(r"[-\d\s]+")
+_POINTS = re.compile(rf"\bNO\. OF POINTS\s*=\s*({COUNT})\b", re.IGNORECASE)
+_UNITS = re.compile(r"\bSEC AND\s+([A-Z/^0-9]+)", re.IGNORECASE)
+_PAIR_WIDTH = 7
+
+_SLACK = 2e-3
+"""Part of the duration by which times on film may be off equal steps: the drive of the film was not even."""
+
+
+def text_header(lines: Lines) -> list[str]:
+    """A channel's lines of text; the integers after them, of which nothing is needed, are passed over."""
+    texts = lines.take_until(_INTEGERS.fullmatch, "header of integers")
+    while (line := lines.peek()) is not None and _LAST_INTEGERS.fullmatch(line):
+        lines.take()
+    return texts
+
+
+def read_pairs(lines: Lines, texts: list[str], **codes: Unpack[Codes]) -> Series:
+    """Read the pairs of time and acceleration of a channel.
+
+    The samples are kept as they are, at the mean interval. What the times are off equal steps, as those of a film may
+    be, is warned about.
+
+    Raises
+    ------
+    RecordError
+        They are cut off, in no unit of acceleration, or too far from equal steps.
+    """
+    points, units = first_match(_POINTS, texts), first_match(_UNITS, texts)
+    if not points:
+        raise RecordError("its header does not give the number of points")
+    pairs = lines.numbers(2 * int(points[1]), _PAIR_WIDTH)
+    steps = equal_steps(pairs[::2], _SLACK)
+    if steps.departure:
+        warnings.warn(
+            f"the samples are taken at equal steps of {steps.dt:.6g} s; the times in the file are up to "
+            f"{steps.departure:.2g} s off",
+            stacklevel=2,
+        )
+    return Series(pairs[1::2].copy(), steps.dt, required_units(units[1]) if units else "", **codes)

@@ -1,0 +1,208 @@
+"""Measures of a ground motion's strength, exact for an acceleration that is linear between its samples.
+
+Peak velocity and displacement (from rest at the first sample), Arias intensity (Arias 1970) with its significant
+durations (Trifunac and Brady 1975), cumulative absolute velocity (EPRI NP-5930, 1988) and the spectrum intensity of
+Housner (1952).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.ground_motion.record import Record
+from tdint.units import STANDARD_GRAVITY
+
+Array = NDArray[np.float64]
+
+HOUSNER_PERIODS = (0.1, 2.5)
+"""Range of periods of the spectrum intensity, s, its spectrum at 5 % damping (Housner 1952)."""
+
+_HALVINGS = 60
+_PADDING = 0.05
+"""Part of the record from which on zeros at an end are doubted."""
+
+_FEW_ZEROS = 10
+
+_JUMP = 0.1
+"""Part of the peak acceleration from which on the first sample is doubted."""
+
+_DRIFT = 0.1
+"""Part of the peak velocity from which on the velocity at the end is doubted."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Velocity (m/s) and displacement (m) of the ground at the samples, shape (samples,), and their peaks.
+
+    The peaks lie between the samples, too.
+    """
+
+    velocity: Array
+    displacement: Array
+    pgv: float
+    pgd: float
+
+
+@dataclass(frozen=True)
+class Measures:
+    """What a record's strength is measured by, SI units.
+
+    Attributes
+    ----------
+    pga, pgv, pgd : float
+        Peak acceleration (m/s^2), velocity (m/s) and displacement (m) of the ground.
+    arias : float
+        Arias intensity, pi / (2 g) times the integral of the squared acceleration, m/s.
+    cav : float
+        Cumulative absolute velocity, the integral of the absolute acceleration, m/s.
+    d5_75, d5_95 : float
+        Time between 5 and 75 or 95 % of the Arias intensity, s; nan without any acceleration.
+    mean : float
+        Mean of the samples, m/s^2.
+    leading_zeros, trailing_zeros : int
+        Samples at the ends that are zero.
+    notes : tuple of str
+        What looks wrong with the record.
+    """
+
+    pga: float
+    pgv: float
+    pgd: float
+    arias: float
+    cav: float
+    d5_75: float
+    d5_95: float
+    mean: float
+    leading_zeros: int
+    trailing_zeros: int
+    notes: tuple[str, ...]
+
+
+def measure(record: Record) -> Measures:
+    """Measures of a record, without the spectrum intensity; infinite or nan where they are beyond what floats hold."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _measure(record)
+
+
+def _measure(record: Record) -> Measures:
+    motion = integrate(record)
+    energy = cumulative_energy(record)
+    ends = [time_of_energy(record, energy, part) for part in (0.05, 0.75, 0.95)]
+    leading, trailing = zeros_at_ends(record.acceleration)
+    return Measures(
+        pga=record.pga,
+        pgv=motion.pgv,
+        pgd=motion.pgd,
+        arias=math.pi / (2.0 * STANDARD_GRAVITY) * float(energy[-1]),
+        cav=cumulative_absolute_velocity(record),
+        d5_75=ends[1] - ends[0],
+        d5_95=ends[2] - ends[0],
+        mean=float(np.mean(record.acceleration)),
+        leading_zeros=leading,
+        trailing_zeros=trailing,
+        notes=_doubts(record, motion, leading, trailing),
+    )
+
+
+def integrate(record: Record) -> Motion:
+    """Velocity and displacement of the ground, at rest at the first sample; no baseline is corrected."""
+    a, h = record.acceleration, record.dt
+    velocity = np.concatenate([[0.0], np.cumsum(0.5 * h * (a[:-1] + a[1:]))])
+    displacement = np.concatenate([[0.0], np.cumsum(h * velocity[:-1] + h * h / 6.0 * (2.0 * a[:-1] + a[1:]))])
+    pgv = max(_largest(velocity), _velocity_between(a, velocity, h))
+    pgd = max(_largest(displacement), _displacement_between(a, velocity, displacement, h))
+    return Motion(velocity, displacement, pgv, pgd)
+
+
+def cumulative_energy(record: Record) -> Array:
+    """Integral of the squared acceleration from the first sample to each one, m^2/s^3, shape (samples,)."""
+    a, b = record.acceleration[:-1], record.acceleration[1:]
+    return np.concatenate([[0.0], np.cumsum(record.dt / 3.0 * (a * a + a * b + b * b))])
+
+
+def time_of_energy(record: Record, energy: Array, part: float) -> float:
+    """Time from the first sample until a part of the `cumulative_energy` has come, s; nan if there is none.
+
+    Within its sampling interval the energy is a cubic of the time that does not fall, so that bisection finds it.
+    """
+    target = part * float(energy[-1])
+    if not 0.0 < target < math.inf:
+        return math.nan
+    i = int(np.searchsorted(energy, target)) - 1
+    a, b = record.acceleration[i : i + 2].tolist()
+    rest = (target - float(energy[i])) / record.dt
+    low, high = 0.0, 1.0
+    for _ in range(_HALVINGS):
+        x = 0.5 * (low + high)
+        if x * (a * a + a * (b - a) * x + (b - a) ** 2 * x * x / 3.0) < rest:
+            low = x
+        else:
+            high = x
+    return (i + high) * record.dt
+
+
+def cumulative_absolute_velocity(record: Record) -> float:
+    """Integral of the absolute acceleration, m/s."""
+    a, b = record.acceleration[:-1], record.acceleration[1:]
+    total = np.abs(a) + np.abs(b)
+    crosses = a * b < 0.0
+    # Two triangles on both sides of the zero, else a trapezoid.
+    means = np.where(crosses, (a * a + b * b) / np.where(crosses, total, 1.0), total)
+    return 0.5 * record.dt * float(np.sum(means))
+
+
+def spectrum_intensity(periods: Array, psv: Array) -> float:
+    """Housner's spectrum intensity, m: the integral of pseudo-velocities (m/s) over periods (s), both shape (k,)."""
+    return float(np.sum(0.5 * np.diff(periods) * (psv[:-1] + psv[1:])))
+
+
+def zeros_at_ends(samples: Array) -> tuple[int, int]:
+    """Number of samples before the first and after the last that is not zero; all and none if there is none."""
+    places = np.flatnonzero(samples)
+    if not places.size:
+        return samples.size, 0
+    return int(places[0]), samples.size - 1 - int(places[-1])
+
+
+def _largest(values: Array) -> float:
+    return float(np.max(np.abs(values), initial=0.0))
+
+
+def _velocity_between(a: Array, velocity: Array, h: float) -> float:
+    """Largest velocity where the acceleration passes zero between samples."""
+    i = np.flatnonzero(a[:-1] * a[1:] < 0.0)
+    time = h * a[i] / (a[i] - a[i + 1])
+    return _largest(velocity[i] + 0.5 * a[i] * time)
+
+
+def _displacement_between(a: Array, velocity: Array, displacement: Array, h: float) -> float:
+    """Largest displacement where the velocity, a parabola between samples, passes zero."""
+    start, slope = a[:-1], np.diff(a) / h
+    with np.errstate(divide="ignore", invalid="ignore"):  # No root, or one at infinity: not within the interval.
+        q = -0.5 * (start + np.copysign(np.sqrt(start * start - 2.0 * slope * velocity[:-1]), start))
+        roots = np.stack([2.0 * q / slope, velocity[:-1] / q])
+    row, i = np.nonzero((roots > 0.0) & (roots < h))
+    t = roots[row, i]
+    return _largest(displacement[i] + t * (velocity[i] + t * (0.5 * start[i] + t * slope[i] / 6.0)))
+
+
+def _doubts(record: Record, motion: Motion, leading: int, trailing: int) -> tuple[str, ...]:
+    """Sentences about zeros, a start within the motion and a drift of the baseline."""
+    samples, size = record.acceleration, record.acceleration.size
+    first, last = float(samples[0]), float(motion.velocity[-1])
+    notes = [
+        f"the {where} {zeros} of {size} samples are zero: padded?"
+        for where, zeros in (("first", leading), ("last", trailing))
+        if max(_PADDING * size, _FEW_ZEROS) < zeros < size
+    ]
+    if abs(first) > _JUMP * record.pga:
+        share = abs(first) / record.pga
+        notes.append(f"the first sample is {first:.3g} m/s^2, {share:.0%} of the peak: cut off before it?")
+    if abs(last) > _DRIFT * motion.pgv:
+        share = abs(last) / motion.pgv
+        notes.append(f"the velocity at the end is {last:.3g} m/s, {share:.0%} of its peak: a baseline that drifts?")
+    return tuple(notes)

@@ -1,0 +1,280 @@
+"""Small records in the formats of `tdint.ground_motion.formats`, written by the tests themselves.
+
+Each function gives a file's text. The samples are numbers that the format's decimals hold, so that they are read back
+exactly.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+PLACES = {"x": 1.5, "y": -2.25, "up": 0.5}
+"""Peaks of the three components of files that have several."""
+
+
+def motion(samples=120, peak=1.5, decimals=3):
+    """A decaying sine without a zero among its samples; its largest one is `peak`, negative if that is."""
+    t = np.arange(samples)
+    wave = np.sin(0.37 * t + 0.2) * np.exp(-t / samples)
+    wave *= peak / wave[np.argmax(np.abs(wave))]
+    return np.round(wave, decimals)
+
+
+def columns(values, each, form):
+    """Rows of `each` numbers in a form of `format`."""
+    texts = [format(value, form) for value in values]
+    return [" ".join(texts[i : i + each]).rstrip() for i in range(0, len(texts), each)]
+
+
+def fortran(values, each, width, decimals):
+    """Rows of numbers in fixed columns, without a zero before the point, as Fortran writes them."""
+
+    def field(value):
+        text = f"{value:.{decimals}f}"
+        if len(text) > width or text.startswith(("0.", "-0.")):
+            text = text.replace("0.", ".", 1)
+        return text.rjust(width)
+
+    texts = [field(value) for value in values]
+    return ["".join(texts[i : i + each]) for i in range(0, len(texts), each)]
+
+
+def text(*parts):
+    """Lines and lists of lines as the text of a file."""
+    lines = []
+    for part in parts:
+        lines.extend([part] if isinstance(part, str) else part)
+    return "\n".join(lines) + "\n"
+
+
+def at2(values=None, npts=None, step="NPTS=  {n}, DT= .00500 SEC", each=5, units="G"):
+    values = motion() if values is None else values
+    return text(
+        "PEER NGA STRONG MOTION DATABASE RECORD",
+        "Somewhere, 1/2/2003, Far Hill - Coll. #2, 067",
+        f"ACCELERATION TIME SERIES IN UNITS OF {units}",
+        step.format(n=len(values) if npts is None else npts),
+        columns(values, each, "15.7E"),
+    )
+
+
+def free_at2():
+    """Free lines before NPTS, words after the values."""
+    return text(
+        "Some motion, 1940",
+        "120 points at equal spacing of 0.02 sec",
+        "The units are (g)",
+        "*** Begin data ***",
+        "NPTS=  120, DT= .02000 SEC",
+        columns(motion(), 8, "9.5f"),
+        "*** End Data ***",
+        "",
+    )
+
+
+def cosmos(values=None, units="cm/sec2(04)", kind="acceleration", codes=True, npts=None, blocks=None, channel="1: 340"):
+    """One channel of COSMOS 1.20, volume 2; `blocks` are kinds with values that follow the first one."""
+    values = motion() if values is None else values
+    integers, reals = [-999] * 100, [-999.0] * 100
+    integers[:4], integers[39:45] = [2, 1, 4, 120], [2005, 167, 6, 16, 20, 53]
+    reals[29], reals[61], reals[62] = 4.4, 10.0, len(values) * 0.01
+    peak = np.max(np.abs(values))
+    comments = ["| <SCNL>FAR.HNE.XX.10    <AUTH> 2019/02/01"] if codes else ["| nothing"]
+    width = 8 if units.startswith("counts") else 10
+    form = "(10I8)" if units.startswith("counts") else "(8F10.5)"
+    body = []
+    for what, data in [(kind, values), *(blocks or [])]:
+        body.append(
+            f"   {npts or len(data)} {what} pts, approx   {round(len(data) * 0.01)} secs, units={units},Format={form}"
+        )
+        body += fortran(data, 8, width, 0 if width == 8 else 5)
+        units = "cm/sec(05)"
+    return text(
+        "Corrected acceleration    (Format v01.20 with 13 text lines) Src: test",
+        "Record of Somewhere",
+        ["Hypocenter:", "Origin:"],
+        "Statn No: 01-23075  Code:CE-J2236  Somewhere",
+        ["Coords:", "Recorder:"],
+        "Rcrd start time:06/16/2005, 20:53:04.400 UTC (Q=2) RcrdId: none",
+        f"Sta Cha:  {channel} deg (Rcrdr Chan  1) Location: none",
+        "Raw record length = 1 sec",
+        f"Processed: 06/17/2005, 12:01:00 PDT      Max =  {peak:.3f} cm/sec2  at  27.850 sec",
+        "Record filtered",
+        "Values used when parameter or data value is unknown/unspecified:   -999, -999.0",
+        " 100 Integer-header values follow on  10 lines, Format= (10I8)",
+        ["".join(f"{value:8d}" for value in integers[i : i + 10]) for i in range(0, 100, 10)],
+        " 100 Real-header values follow on  17 lines, Format= (6F13.6)",
+        fortran(reals, 6, 13, 6),
+        f'  {len(comments)} Comment line(s) follow, each starting with a "|":',
+        comments,
+        body,
+        "/&  ----------  End of data for channel  1  ----------",
+    )
+
+
+INTEGER_ROWS = ["    1" * 16] * 6 + ["    0" * 4]
+
+
+def csmip_texts(title, number, azimuth, more):
+    return [
+        f"{title}   36456-S4384-83123.01       CHAN  {number}: {azimuth}",
+        "SOME EARTHQUAKE",
+        "36456-S4384-83123.01               TRIGGER TIME: 05/02/83, 16:42:48.2 PDT",
+        "STATION NO. 36456   35.908N, 120.458W     SMA-1  S/N 4384",
+        f"CHAN  {number}: {azimuth}",
+        *more,
+    ]
+
+
+def csmip_v2(components=None, data="{n} POINTS OF {kind} DATA EQUALLY SPACED AT  .020 SEC.  (UNITS: {units})"):
+    """Channels with acceleration, velocity and displacement."""
+    body = []
+    for number, (azimuth, peak) in enumerate((components or {" 90 DEG": 150.5, "UP": -75.25}).items(), start=1):
+        values = motion(peak=peak)
+        body += csmip_texts("CORRECTED ACCELEROGRAM", number, azimuth, [
+            "                        UNCOR MAX  =  -.275 G, AT  10.947 SEC.",
+            f"  {len(values)} POINTS OF INSTRUMENT- AND BASELINE-CORRECTED ACCEL, VELOC AND DISPL DATA",
+            "AT EQUALLY-SPACED INTERVALS OF    .020  SEC.",
+            f"PEAK ACCELERATION =  {peak:.3f}    CM/SEC/SEC  AT   10.940   SEC.",
+        ])  # fmt: skip
+        body += INTEGER_ROWS + fortran([0.041] * 100, 8, 10, 3)
+        for kind, units in (("ACCEL", "CM/SEC/SEC"), ("VELOC", "CM/SEC"), ("DISPL", "CM")):
+            body.append(" " + data.format(n=len(values), kind=kind, units=units))
+            body += fortran(values if kind == "ACCEL" else values / 2, 8, 10, 3)
+        body.append(f"/&  ----------  END OF DATA FOR CHANNEL  {number}  ----------")
+    return text(body)
+
+
+def csmip_v1(components=None):
+    """Channels of equally spaced accelerations in g."""
+    body = []
+    for number, (azimuth, peak) in enumerate((components or {"360 Deg": 0.125, " Up": -0.5}).items(), start=1):
+        values = motion(peak=peak)
+        body += csmip_texts("Uncorrected Accelerogram Data", number, azimuth, [
+            f"No. of Points =  {len(values)}  Record Length = 66.000 sec   at 200 Samples/sec",
+            f"Units of uncor data are sec and g .        Max  =   {peak:.3f} g , at  30.590 sec.",
+        ])  # fmt: skip
+        body += INTEGER_ROWS + fortran([-999.0] * 50, 8, 10, 5)
+        body.append(f" {len(values)} Accelerogram points at 200 pts/sec in units of g .      Format: (8f9.6)")
+        body += fortran(values, 8, 9, 6)
+        body.append(f"/&  ----------  End of Data for Channel  {number}  ----------")
+    return text(body)
+
+
+def pairs(values, dt, times=None):
+    """Pairs of time and value, 10F7.3."""
+    times = np.arange(len(values)) * dt if times is None else times
+    return fortran(np.column_stack([times, values]).ravel(), 10, 7, 3)
+
+
+def csmip_pairs(values=None, dt=0.005, times=None, units="G/10"):
+    """One channel of pairs of time and acceleration, as on film."""
+    values = motion() if values is None else values
+    texts = csmip_texts("UNCORRECTED ACCELEROGRAM DATA", 1, " 90 DEG", [
+        f"NO. OF POINTS =  {len(values)}  RECORD LENGTH = 59.998 SEC",
+        f"UNITS OF UNCOR ACCEL ARE SEC AND {units}.     MAX  =  -.200 G, AT  11.576 SEC.",
+    ])  # fmt: skip
+    return text(texts, INTEGER_ROWS, fortran([0.04] * 50, 8, 10, 3), pairs(values, dt, times))
+
+
+def usc(values=None, dt=0.005, times=None):
+    values = motion() if values is None else values
+    return text(
+        "FILE     0 OF UNCORRECTED ACCELEROGRAM DATA OF VOLUME I:",
+        "SOME EARTHQUAKE                                                         21",
+        "STATION USC# 0057   34 25 09N, 118 25 34W                               39",
+        "COMP N00W                                                               9",
+        f"NO. OF POINTS =   {len(values)}      DURATION =  31.026 SEC                      50",
+        "UNITS ARE SEC AND G/10                                                  22",
+        INTEGER_ROWS,
+        fortran([0.04] * 50, 8, 10, 3),
+        [" " + line for line in pairs(values, dt, times)],
+    )
+
+
+def smc(values=None, kind="2 CORRECTED ACCELEROGRAM", rate=200.0, npts=None, comments=2):
+    values = motion() if values is None else values
+    integers, reals = [-32768] * 48, [1.7e38] * 50
+    integers[1:7] = [1989, 291, 0, 4, 7, 250]
+    integers[12], integers[13] = 90, 360
+    integers[15], integers[16] = comments, len(values) if npts is None else npts
+    reals[1], reals[29], reals[31] = rate, float(np.max(values)), float(np.min(values))
+
+    def value_field(value):
+        mantissa, exponent = f"{value:.4E}".split("E")
+        return f"{mantissa:>7}E{int(exponent):+d}"
+
+    fields = [value_field(value) for value in values]
+    return text(
+        kind, "*", "SAF0A", "     1989  10  18    0004 Somewhere", "*", "station = somewhere", ["*"] * 5,
+        ["".join(f"{value:10d}" for value in integers[i : i + 8]) for i in range(0, 48, 8)],
+        ["".join(f"{value:15.7E}" for value in reals[i : i + 5]) for i in range(0, 50, 5)],
+        ["|", "| ref - none"],
+        ["".join(fields[i : i + 8]) for i in range(0, len(fields), 8)],
+    )  # fmt: skip
+
+
+def esm(values=None, ndata=None, units="cm/s^2", kind="ACCELERATION"):
+    values = motion() if values is None else values
+    return text(
+        "EVENT_NAME: SOMEWHERE", "EVENT_ID: none", "MAGNITUDE_W: ", "NETWORK: XX", "STATION_CODE: FAR1",
+        "STATION_NAME: Town Hall, Far: North", "LOCATION: ",
+        "DATE_TIME_FIRST_SAMPLE_YYYYMMDD_HHMMSS: 20190728_160919.870", "SAMPLING_INTERVAL_S: 0.005000",
+        f"NDATA: {len(values) if ndata is None else ndata}", "DURATION_S: 0.595", "STREAM: HNE", f"UNITS: {units}",
+        f"PGA_CM/S^2: {np.max(np.abs(values)):.6f}", "TIME_PGA_S: 0.1", f"DATA_TYPE: {kind}", "USER1: a b c", "USER2: ",
+        [f"{value:.6f}" for value in values],
+    )  # fmt: skip
+
+
+def geonet(volume=2, components=("S16W", "S74E", "Up"), readings="1.00"):
+    body = []
+    for name, peak in zip(components, (41.6, -194.0, 27.3), strict=False):
+        values = motion(peak=peak, decimals=1)
+        n = len(values)
+        integers = [0] * 40
+        integers[8:10], integers[18:20] = [2018, 2], [12, 21]
+        integers[38], integers[39], integers[33] = 15, 17000, n
+        integers[34:36] = [n, n] if volume == 2 else [0, 0]
+        reals = [0.0] * 60
+        reals[24], reals[25] = 0.005, 0.02
+        raw = f"Raw readings in units of {readings} mm/s/s  at intervals of 0.02 s"
+        body += [
+            f"{'C' if volume == 2 else 'Unc'}orrected accelerogram 20180212_211554_FARS_20 GNS Science",
+            "Site FARS      39 56 38S  176 35 04E     file: none",
+            *["none"] * 8,
+            "Instrument corrected data at 0.020 sec intervals" if volume == 2 else raw,
+            "none",
+            f"Component {name}  Longitudinal Accelerometer Axis",
+            f"Acceleration:  peak  {peak} mm/s/s at  43.68 sec     rms      2.2 mm/s/s",
+            *["none"] * 2,
+            *["".join(f"{value:8d}" for value in integers[i : i + 10]) for i in range(0, 40, 10)],
+            *fortran(reals, 10, 8, 4),
+            *fortran(values, 10, 8, 1),
+        ]
+        if volume == 2:
+            body += fortran(values / 10, 10, 8, 3) + fortran(values / 100, 10, 8, 5)
+    return text(body)
+
+
+def one_column(values=None, header="# dt = 0.01 s, units = g"):
+    values = motion() if values is None else values
+    return text([header] if header else [], [f"{value:.3f}" for value in values])
+
+
+def two_columns(values=None, header="time_s,acceleration_m_s2", separator=",", dt=0.01, decimals=3):
+    values = motion() if values is None else values
+    rows = [f"{i * dt:.{decimals}f}{separator}{value:.3f}" for i, value in enumerate(values)]
+    return text([header] if header else [], rows)
+
+
+SAMPLES = {
+    "AT2": (at2, free_at2),
+    "COSMOS": (cosmos,),
+    "CSMIP": (csmip_v1, csmip_v2, csmip_pairs),
+    "ESM": (esm,),
+    "GEONET": (geonet, lambda: geonet(volume=1)),
+    "SMC": (smc,),
+    "TEXT": (one_column, two_columns, lambda: two_columns(header=None, separator="  ")),
+    "USC": (usc,),
+}
+"""Functions that write files of each format."""

@@ -1,0 +1,320 @@
+"""Reading the text formats of strong-motion networks: samples, interval, units, names and times."""
+
+import io
+
+import numpy as np
+import pytest
+
+from ground_motion import format_files as files
+from ground_motion.format_files import motion
+from tdint.errors import RecordError
+from tdint.ground_motion.messages import quiet_import
+from tdint.ground_motion.plugins import read_contents
+from tdint.ground_motion.read import read_record, read_records
+from tdint.units import STANDARD_GRAVITY
+
+
+def contents(text):
+    return read_contents(text.encode(), "file")
+
+
+def only(text):
+    """The only trace of a file's text."""
+    (trace,) = contents(text).traces
+    return trace
+
+
+def refused(text, message):
+    with pytest.raises(RecordError, match=message):
+        contents(text)
+
+
+class TestThroughObspy:
+    @pytest.mark.parametrize("name", files.SAMPLES)
+    def test_read_finds_the_format(self, name, tmp_path):
+        with quiet_import():
+            import obspy
+        for write in files.SAMPLES[name]:
+            text = write().encode()
+            (tmp_path / "record").write_bytes(text)
+            for source in (str(tmp_path / "record"), tmp_path / "record", io.BytesIO(text)):
+                stream = obspy.read(source)
+                assert {trace.stats._format for trace in stream} == {name}
+            headers = obspy.read(io.BytesIO(text), headonly=True)
+            assert [trace.stats.npts for trace in headers] == [trace.stats.npts for trace in stream]
+            assert all(trace.data.size == 0 for trace in headers)
+            with (tmp_path / "record").open("rb") as file:
+                assert len(obspy.read(file, format=name)) == len(stream)
+
+    def test_units_are_in_the_header(self):
+        with quiet_import():
+            import obspy
+        (trace,) = obspy.read(io.BytesIO(files.usc().encode()))
+        assert trace.stats.tdint_units == "0.1 g"
+
+
+class TestAt2:
+    def test_header_of_peer(self, tmp_path):
+        (tmp_path / "a.AT2").write_text(files.at2())
+        record = read_record(tmp_path / "a.AT2")
+        np.testing.assert_allclose(record.acceleration, motion() * STANDARD_GRAVITY, rtol=1e-15)
+        assert (record.dt, record.id, record.component) == (0.005, ".Far-Hill-Coll-2..067", "067")
+        assert (record.start, record.units, record.notes) == ("", "g (file)", ())
+
+    @pytest.mark.parametrize(
+        "step",
+        [
+            "NPTS=  {n}, DT= .00500 SEC",
+            "NPTS=   {n}, DT=   .0050 SEC,        ",
+            "NPTS= {n} DT= 5.0E-3",
+            "npts: {n}; dt: 0.005",
+            "  {n}    0.0050    NPTS, DT",
+            "{n}, .005 NPTS, DT",
+            "NPT = {n} , DT = .005 SEC, , SCALED FACTOR = 2",
+        ],
+    )
+    @pytest.mark.parametrize("each", [1, 5, 8, 1000])
+    def test_spellings_and_columns(self, step, each):
+        trace = only(files.at2(step=step, each=each))
+        np.testing.assert_array_equal(trace.data, motion())
+        assert trace.stats.delta == 0.005
+
+    def test_a_long_row(self):
+        values = motion(20000)
+        np.testing.assert_array_equal(only(files.at2(values, each=20000)).data, values)
+
+    def test_ends_of_dos_and_no_end_of_the_last_line(self):
+        text = files.at2().rstrip().replace("\n", "\r\n")
+        np.testing.assert_array_equal(only(text).data, motion())
+        np.testing.assert_array_equal(only(text + "\r\n\x1a\x1a").data, motion())
+
+    def test_free_lines(self):
+        trace = only(files.free_at2())
+        np.testing.assert_array_equal(trace.data, motion())
+        assert (trace.stats.delta, trace.stats.tdint_units, trace.id) == (0.02, "g", "...")
+
+    @pytest.mark.parametrize(
+        ("units", "expected"), [("CM/S/S", "cm/s^2"), ("G'S.", "g"), ("(CM/SEC2)", "cm/s^2"), ("M/S^2", "m/s^2")]
+    )
+    def test_units(self, units, expected):
+        assert only(files.at2(units=units)).stats.tdint_units == expected
+
+    def test_without_units_the_user_gives_them(self, tmp_path):
+        path = tmp_path / "a.at2"
+        path.write_text(files.free_at2().replace("The units are (g)\n", ""))
+        with pytest.raises(RecordError, match="does not tell the units of its samples; give them"):
+            read_record(path)
+        record = read_record(path, units="gal")
+        assert record.pga == pytest.approx(0.015)
+        assert record.units == "gal (given)"
+
+    @pytest.mark.parametrize("units", ["CM/S", "CM", "IN/SEC"])
+    def test_velocity_and_displacement(self, units):
+        refused(files.at2(units=units), f"samples in {units}, which is no unit of acceleration")
+        refused(files.at2().replace("ACCELERATION", "VELOCITY"), "holds a velocity")
+
+    def test_other_numbers_of_values(self):
+        refused(files.at2(npts=121), "cut off: 121 values are announced after line 4, there are 120")
+        refused(files.at2(npts=119), "more than the 119 values")
+        refused(files.at2(npts=115), "more values than NPTS announces")
+
+    def test_values_without_blanks(self):
+        trace = only("NPTS= 4, DT= .01\n-1.5E-01-2.5E+00 1.D-2\n-.125\n")
+        np.testing.assert_array_equal(trace.data, [-0.15, -2.5, 0.01, -0.125])
+
+
+class TestCosmos:
+    def test_codes_of_seed(self):
+        trace = only(files.cosmos())
+        np.testing.assert_array_equal(trace.data, motion())
+        assert trace.id == "XX.FAR.10.HNE"
+        assert (trace.stats.delta, trace.stats.tdint_units) == (0.01, "cm/s^2")
+        assert str(trace.stats.starttime) == "2005-06-16T20:53:04.400000Z"
+
+    def test_other_codes_and_unknown_start(self):
+        text = files.cosmos(codes=False).replace("    2005\n     167", "    -999\n     167")
+        trace = only(text)
+        assert trace.id == "CE.J2236.1.340"
+        assert trace.stats.starttime.timestamp == 0
+
+    @pytest.mark.parametrize(
+        ("units", "expected"), [("g (2)", "g"), ("cm/s^2", "cm/s^2"), ("in/sec2(07)", "0.0254 m/s^2"), ("?(02)", "g")]
+    )
+    def test_units(self, units, expected):
+        assert only(files.cosmos(units=units)).stats.tdint_units == expected
+
+    def test_counts_need_their_value(self, tmp_path):
+        path = tmp_path / "a.v0"
+        path.write_text(files.cosmos(np.arange(1, 121), units="counts (50)", kind="raw acceleration"))
+        with pytest.raises(RecordError, match="counts of a recorder"):
+            read_record(path)
+        assert read_record(path, units="0.01 gal").pga == pytest.approx(0.012)
+
+    def test_several_channels_and_blocks(self):
+        blocks = [("velocity", motion(peak=3.0)), ("displacement", motion(peak=4.0))]
+        second = files.cosmos(motion(peak=-2.25), codes=False, channel="2: Up", blocks=blocks)
+        traces = contents(files.cosmos(codes=False, blocks=blocks) + second).traces
+        assert [trace.id for trace in traces] == ["CE.J2236.1.340", "CE.J2236.2.UP"]
+        assert [np.abs(trace.data).max() for trace in traces] == [1.5, 2.25]
+
+    def test_channels_of_one_name_are_numbered(self):
+        traces = contents(files.cosmos() + files.cosmos()).traces
+        assert [trace.id for trace in traces] == ["XX.FAR.101.HNE", "XX.FAR.102.HNE"]
+
+    def test_refused(self):
+        refused(files.cosmos(kind="velocity"), "holds no acceleration")
+        refused(files.cosmos(units="volts(51)"), "'volts', which is no unit of acceleration")
+        refused(files.cosmos().replace("    10.000000", "  -999.000000"), "does not give the sampling interval")
+        refused(files.cosmos(np.where(motion() == 1.5, -999.0, motion())), "1 samples are marked as unknown")
+        refused(files.cosmos().replace("/& ", "// "), "line with the end of the data is missing")
+        refused(files.cosmos().replace("approx   1 secs", "approx  90 secs"), "120 samples at the header's 0.01 s")
+
+    def test_values_without_blanks_in_fixed_columns(self):
+        values = np.array([1.5, -999.25, 1234.25, 9999.5, -2.0, 0.25] * 20)
+        text = files.cosmos(values)
+        assert "-999.250001234.250009999.50000" in text
+        np.testing.assert_array_equal(only(text).data, values)
+
+
+class TestCsmip:
+    def test_volume_2(self):
+        traces = contents(files.csmip_v2()).traces
+        assert [trace.id for trace in traces] == [".36456.1.90", ".36456.2.UP"]
+        for trace, peak in zip(traces, (150.5, -75.25), strict=True):
+            np.testing.assert_array_equal(trace.data, motion(peak=peak))
+            assert (trace.stats.delta, trace.stats.tdint_units) == (0.02, "cm/s^2")
+            assert str(trace.stats.starttime) == "1983-05-02T23:42:48.200000Z"
+
+    def test_another_wording_of_volume_2(self):
+        data = "{n} points of {kind} data equally spaced at  .005 sec, in {units}. (8f10.3)"
+        assert contents(files.csmip_v2(data=data)).traces[0].stats.delta == 0.005
+
+    def test_volume_1(self):
+        traces = contents(files.csmip_v1()).traces
+        assert [(trace.id, trace.data[np.abs(trace.data).argmax()]) for trace in traces] == [
+            (".36456.1.360", 0.125),
+            (".36456.2.UP", -0.5),
+        ]
+        assert (traces[0].stats.delta, traces[0].stats.tdint_units) == (0.005, "g")
+
+    def test_choosing_among_channels(self, tmp_path):
+        path = tmp_path / "a.v2"
+        path.write_text(files.csmip_v2({"  0 DEG": 10.0, " 90 DEG": 20.0, "90 DEG": 30.0}))
+        assert [record.pga for record in read_records(path)] == pytest.approx([0.1, 0.2, 0.3])
+        assert read_record(path, component="0").pga == pytest.approx(0.1)
+        with pytest.raises(RecordError, match=r"several components match '90', choose one: .36456.2.90, .36456.3.90"):
+            read_record(path, component="90")
+
+    @pytest.mark.parametrize("write", [files.csmip_pairs, files.usc])
+    def test_pairs(self, write):
+        trace = only(write())
+        np.testing.assert_array_equal(trace.data, motion())
+        assert (trace.stats.delta, trace.stats.tdint_units) == (0.005, "0.1 g")
+
+    @pytest.mark.parametrize("write", [files.csmip_pairs, files.usc])
+    def test_times_without_blanks(self, write):
+        times = 99.0 + np.arange(400) * 0.005
+        trace = only(write(motion(400), times=times))
+        np.testing.assert_array_equal(trace.data, motion(400))
+        assert trace.stats.delta == 0.005
+
+    def test_uneven_film_is_told(self):
+        times = np.arange(4000) * 0.00425 + 0.008 * np.sin(np.arange(4000) / 600)
+        found = contents(files.usc(motion(4000), times=times))
+        (trace,) = found.traces
+        np.testing.assert_array_equal(trace.data, motion(4000))
+        assert trace.stats.delta == pytest.approx((round(times[-1], 3) - times[0]) / 3999, rel=1e-12)
+        (note,) = found.notes
+        assert note.startswith("the samples are taken at equal steps of 0.00425")
+        assert "s off" in note
+
+    def test_a_piece_missing_on_film(self):
+        times = np.arange(120) * 0.005
+        times[60:] += 0.02
+        refused(files.usc(times=times), "not at equal steps")
+
+    def test_refused(self):
+        text = files.csmip_v2()
+        refused(text[: text.index("120 POINTS OF DISPL")], "there is no block of DISPL")
+        refused(files.csmip_pairs(units="VOLTS"), "no unit of acceleration")
+        refused(files.csmip_v1().replace("at 200 pts", "at 0 pts"), "sampling rate of 0")
+
+    def test_a_peak_that_is_another(self):
+        text = files.csmip_v2().replace("PEAK ACCELERATION =  150.500", "PEAK ACCELERATION = -160.500")
+        (note,) = contents(text).notes
+        assert note == "90: the header states a peak of -160.500 cm/s^2, the samples have 150.5"
+
+
+class TestSmc:
+    def test_header(self):
+        trace = only(files.smc())
+        np.testing.assert_allclose(trace.data, motion(), rtol=1e-15)
+        assert (trace.id, trace.stats.delta, trace.stats.tdint_units) == (".SAF0A..360", 0.005, "cm/s^2")
+        assert str(trace.stats.starttime) == "1989-10-18T00:04:07.250000Z"
+
+    def test_vertical_and_unknown(self):
+        assert only(files.smc().replace("        90       360", "         0       360")).stats.channel == "UP"
+        assert only(files.smc().replace("        90       360", "    -32768    -32768")).stats.channel == ""
+
+    def test_kind_unknown_needs_units(self, tmp_path):
+        (tmp_path / "a.smc").write_text(files.smc(kind="0 UNKNOWN"))
+        with pytest.raises(RecordError, match="does not tell the units"):
+            read_record(tmp_path / "a.smc")
+
+    def test_refused(self):
+        refused(files.smc(kind="3 VELOCITY"), "'3 velocity', not an acceleration")
+        refused(files.smc(kind="5 RESPONSE SPECTRA"), "not an acceleration")
+        refused(files.smc(rate=1.7e38), "does not give the sampling rate")
+        refused(files.smc(npts=119), "more than the 119")
+        refused(files.smc(npts=112), "more values than its header announces")
+        refused(files.smc(comments=3), "should be one of 3 comments")
+
+
+class TestEsm:
+    def test_header(self):
+        trace = only(files.esm())
+        np.testing.assert_array_equal(trace.data, motion())
+        assert (trace.id, trace.stats.delta, trace.stats.tdint_units) == ("XX.FAR1..HNE", 0.005, "cm/s^2")
+        assert str(trace.stats.starttime) == "2019-07-28T16:09:19.870000Z"
+
+    def test_refused(self):
+        refused(files.esm(kind="VELOCITY"), "holds a velocity")
+        refused(files.esm(units="cm/s"), "'cm/s', which is no unit of acceleration")
+        refused(files.esm(ndata=121), "121 values are announced")
+        refused(files.esm(ndata=119), "after the 119 values that NDATA announces, line 138 is left")
+        refused(files.esm(ndata="many"), "does not give NDATA and SAMPLING_INTERVAL_S")
+
+
+class TestGeonet:
+    @pytest.mark.parametrize("volume", [1, 2])
+    def test_components(self, volume):
+        traces = contents(files.geonet(volume)).traces
+        assert [trace.id for trace in traces] == [".FARS..S16W", ".FARS..S74E", ".FARS..UP"]
+        for trace, peak in zip(traces, (41.6, -194.0, 27.3), strict=True):
+            np.testing.assert_array_equal(trace.data, motion(peak=peak, decimals=1))
+            assert (trace.stats.delta, trace.stats.tdint_units) == (0.02, "mm/s^2")
+            assert str(trace.stats.starttime) == "2018-02-12T21:15:17.000000Z"
+
+    def test_a_reading_s_value(self):
+        trace = contents(files.geonet(1, readings="2.50")).traces[0]
+        assert trace.stats.tdint_units == "2.50 mm/s^2"
+
+    def test_refused(self):
+        refused(files.geonet().replace("at 0.020 sec", "at 0.010 sec"), "0.02 s and, in words, as 0.010 s")
+        refused(files.geonet() + "one line more\n", "cut off")
+
+
+class TestImpossibleSteps:
+    @pytest.mark.parametrize("dt", ["0.0", "-1.0", "1000.0"])
+    def test_header(self, dt):
+        refused(files.esm().replace("0.005000", dt), "sampling interval of")
+
+
+class TestLargeFiles:
+    def test_refused_before_they_fill_the_memory(self, monkeypatch):
+        monkeypatch.setattr("tdint.ground_motion.formats.lines._LARGEST", 1000)
+        refused(files.at2(), "larger than 64 MiB")
+
+    def test_endless_words(self):
+        refused("NPTS= 9, DT= .01\n" + "1 " * 9 + "\n" + "2" * 200_000 + "\n", "more|cut off|stands where|damaged")
+        refused("NPTS= 9, DT= .01\n1 " + "2" * 200_000 + "\n", "unknown format|stands where|cut off")

@@ -1,0 +1,116 @@
+"""Damaged files: a RecordError or the right samples, at once and without filling the memory."""
+
+import io
+import re
+import time
+import tracemalloc
+import warnings
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from ground_motion.format_files import SAMPLES, two_columns
+from tdint.errors import RecordError
+from tdint.ground_motion.plugins import plugins
+
+READERS = {plugin.name: plugin.read_format.load() for plugin in plugins() if plugin.is_own}
+CASES = [(name, make().encode()) for name, makes in SAMPLES.items() for make in makes]
+LONGEST = 2.0  # seconds; a reader takes some milliseconds
+LARGEST = 100e6  # bytes
+
+
+def read(name, data):
+    """The samples of each component, None if the file is refused; nothing else may be raised."""
+    start = time.perf_counter()
+    with warnings.catch_warnings():
+        # Damage may leave a header that contradicts the samples; that is told.
+        warnings.filterwarnings("ignore", message=".*the header states a peak|the samples are taken at equal steps")
+        try:
+            return {trace.id: trace.data for trace in READERS[name](io.BytesIO(data))}
+        except RecordError as error:
+            assert str(error)
+            return None
+        finally:
+            assert time.perf_counter() - start < LONGEST
+
+
+def check_whole(name, data, whole):
+    """What is read, if anything, are whole components; of plain text, whose length nothing tells, the first rows."""
+    for component, samples in (read(name, data) or {}).items():
+        expected = whole[component]
+        if name == "TEXT":
+            assert samples.size <= expected.size
+            expected = expected[: samples.size]
+        np.testing.assert_array_equal(samples, expected)
+
+
+@pytest.mark.parametrize(("name", "data"), CASES)
+def test_cut_off_anywhere(name, data):
+    whole = read(name, data)
+    shortest = 200 if name == "TEXT" else 0  # A few rows do not tell how many places their numbers have.
+    for length in (*range(shortest, len(data), 97), *range(len(data) - 30, len(data))):
+        check_whole(name, data[:length], whole)
+
+
+@pytest.mark.parametrize(("name", "data"), CASES)
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(random=st.randoms(use_true_random=False))
+def test_lines_in_another_order(name, data, random):
+    lines = data.split(b"\n")
+    for _ in range(random.choice((1, 2, len(lines)))):
+        a, b = random.randrange(len(lines)), random.randrange(len(lines))
+        lines[a], lines[b] = lines[b], lines[a]
+    read(name, b"\n".join(lines))
+
+
+@pytest.mark.parametrize(("name", "data"), CASES)
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(changes=st.lists(st.tuples(st.floats(0.0, 1.0, exclude_max=True), st.binary(max_size=9)), max_size=8))
+def test_random_bytes(name, data, changes):
+    changed = bytearray(data)
+    for place, piece in changes:
+        start = int(place * len(changed))
+        changed[start : start + len(piece)] = piece
+    read(name, bytes(changed))
+
+
+@pytest.mark.parametrize(("name", "data"), CASES)
+@pytest.mark.parametrize("number", [b"-1", b"1e308", b"1e-308", b"1e99999999999999999999", b"9" * 5000])
+def test_other_numbers_in_the_header(name, data, number):
+    for match in re.finditer(rb"\d+\.?\d*", data[:1500]):
+        read(name, data[: match.start()] + number + data[match.end() :])
+
+
+@pytest.mark.parametrize(("name", "data"), CASES)
+def test_huge_numbers_of_samples(name, data):
+    """120 samples are written; ten to the twelfth would not fit into any memory."""
+    tracemalloc.start()
+    try:
+        for match in re.finditer(rb"\b120\b", data):
+            read(name, data[: match.start()] + b"9" * 12 + data[match.end() :])
+        assert tracemalloc.get_traced_memory()[1] < LARGEST
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("name", READERS)
+@settings(max_examples=50, deadline=None)
+@given(data=st.binary(max_size=400) | st.text(alphabet="NPTSDT=,.0123456789\n eE+-#", max_size=400).map(str.encode))
+def test_anything_else(name, data):
+    read(name, data)
+
+
+@pytest.mark.parametrize("name", READERS)
+@pytest.mark.parametrize("word", [b" ", b"POINTS OF ", b"NPTS= 1 ", b"#", b"1", b"CHAN 1:  ", b"1 2,", b"units = "])
+def test_endless_lines(name, word):
+    line, sound = word * (100_000 // len(word)), SAMPLES[name][0]().encode()
+    for data in (line, b"\n".join([line] * 5), sound + line, line + b"\n" + sound):
+        read(name, data)
+
+
+def test_a_reversed_column_of_times():
+    """Rows of time and acceleration in another order are no record."""
+    head, *rows = two_columns().splitlines()
+    assert read("TEXT", "\n".join([head, *reversed(rows)]).encode()) is None

@@ -1,0 +1,151 @@
+"""Plain text of one or two columns: what is declared, how, and what is refused."""
+
+import numpy as np
+import pytest
+
+from ground_motion.format_files import motion, one_column, text, two_columns
+from ground_motion.test_formats import contents, only, refused
+from tdint.errors import RecordError
+from tdint.ground_motion.read import read_record
+
+
+class TestOneColumn:
+    @pytest.mark.parametrize(
+        "header",
+        [
+            "# dt = 0.01 s, units = g",
+            "% Sampling interval: 10 ms; Units: G",
+            "dt: 0.01\nunits: g",
+            "# Event: somewhere, far, dt=0.01 sec\n# acceleration (g)",
+            "// sampling rate = 100 Hz\n! unit = g",
+            "fs = 100\nacceleration_g",
+            "# samples = 120, dt = .01, rate: x\n\n# units=g",
+        ],
+    )
+    def test_declarations(self, header):
+        trace = only(one_column(header=header))
+        np.testing.assert_array_equal(trace.data, motion())
+        assert (trace.stats.delta, trace.stats.tdint_units) == (0.01, "g")
+
+    def test_names_and_start(self):
+        header = (
+            "# dt = 0.01 s, units = 0.1 g\n# network = XX, station = Far Hill, location = 00, component = NS\n"
+            "# start = 2020-01-02T03:04:05+01:00"
+        )
+        trace = only(one_column(header=header))
+        assert (trace.id, str(trace.stats.starttime)) == ("XX.Far-Hill.00.NS", "2020-01-02T02:04:05.000000Z")
+        assert only(one_column(header="# dt = 1 s\n# start: noon")).stats.starttime.timestamp == 0
+
+    def test_one_value_a_line_or_none(self):
+        np.testing.assert_array_equal(only("# dt = 1\n1\n\n# between\n2.5\n-.5").data, [1.0, 2.5, -0.5])
+
+    @pytest.mark.parametrize(
+        ("header", "message"),
+        [
+            (None, "without its sampling interval; declare it in a first line `# dt = 0.01 s, units = g`"),
+            ("# units = g", "without its sampling interval"),
+            ("# dt = 0 s", "gives dt as '0 s'; write a positive number"),
+            ("# dt = 0.01 h", "gives dt as '0.01 h'"),
+            ("# dt = 0.01, fs = 200", "stated as 0.01 s and as 0.005 s"),
+            ("# dt = 0.01, units = cm/s", "'cm/s', which is no unit of acceleration"),
+            ("# dt = 0.01, samples = 121", "announces 121 samples, there are 120"),
+            ("# dt = 0.01\n# units = g\n# acceleration (gal)", "gives units twice: 'g' and 'gal'"),
+        ],
+    )
+    def test_refused(self, header, message):
+        refused(one_column(header=header), message)
+
+    def test_without_units_the_user_gives_them(self, tmp_path):
+        path = tmp_path / "a.txt"
+        path.write_text(one_column(header="# dt = 0.01 s"))
+        with pytest.raises(RecordError, match="does not tell the units"):
+            read_record(path)
+        assert read_record(path, units="m/s^2").pga == 1.5
+
+    def test_declared_units_are_not_overruled(self, tmp_path):
+        path = tmp_path / "a.txt"
+        path.write_text(one_column())
+        with pytest.raises(RecordError, match=r"gives its units \(g\), gal contradicts"):
+            read_record(path, units="gal")
+
+
+class TestTwoColumns:
+    @pytest.mark.parametrize(
+        ("header", "separator", "units"),
+        [
+            ("time_s,acceleration_m_s2", ",", "m/s^2"),
+            ("Time (s); Acceleration (cm/s^2)", "; ", "cm/s^2"),
+            ("# t [sec]\ta [gal]", "\t", "cm/s^2"),
+            ("Time (s)   Acc (g)", "   ", "g"),
+            ('"time","ground_acceleration_mm_s2"', ",", "mm/s^2"),
+            ("# units = g", " ", "g"),
+            (None, ",", ""),
+        ],
+    )
+    def test_names_and_separators(self, header, separator, units):
+        trace = only(two_columns(header=header, separator=separator))
+        np.testing.assert_array_equal(trace.data, motion())
+        assert (trace.stats.delta, trace.stats.tdint_units) == (0.01, units)
+
+    def test_milliseconds_and_decimal_commas(self):
+        rows = text(
+            "time_ms;acceleration_g", [f"{5 * i};{value:.3f}".replace(".", ",") for i, value in enumerate(motion())]
+        )
+        trace = only(rows)
+        np.testing.assert_array_equal(trace.data, motion())
+        assert trace.stats.delta == 0.005
+
+    def test_a_separator_at_the_end_of_rows_and_a_byte_order_mark(self):
+        rows = two_columns().replace("\n", ",\n").replace("acceleration_m_s2,", "acceleration_m_s2")
+        np.testing.assert_array_equal(only("\ufeff" + rows).data, motion())
+
+    @pytest.mark.parametrize(
+        ("dt", "decimals", "expected"),
+        [(0.01, 2, 0.01), (0.005, 3, 0.005), (1 / 300, 4, 1 / 300), (1 / 128, 7, 1 / 128), (0.015, 3, 0.015)],
+    )
+    def test_the_interval_of_rounded_times(self, dt, decimals, expected):
+        assert only(two_columns(dt=dt, decimals=decimals)).stats.delta == expected
+
+    def test_a_declared_interval_must_be_that_of_the_times(self):
+        assert only(two_columns(header="# dt = 0.01")).stats.delta == 0.01
+        refused(two_columns(header="# dt = 0.02"), "stated as 0.02 s and as 0.01 s")
+
+    @pytest.mark.parametrize("change", [0.01, 0.004, -0.004])
+    def test_unequal_steps(self, change):
+        times = np.arange(120) * 0.01
+        times[70:] += change
+        rows = text([f"{t:.3f} {value:.3f}" for t, value in zip(times, motion(), strict=True)])
+        refused(rows, "not at equal steps of 0.0[01].* s: they are 0.0.* s apart after 0.69 s")
+
+    def test_times_that_turn_back_or_are_too_coarse(self):
+        lines = two_columns().splitlines(keepends=True)
+        refused("".join([*lines[:50], *lines[40:]]), "times do not grow after sample 48")
+        refused(two_columns(dt=0.004, decimals=2), "times do not grow after sample 0")
+
+
+class TestOtherText:
+    @pytest.mark.parametrize(
+        "other",
+        [
+            "period_s,psa_m_s2\n0.1,2\n0.2,3\n",
+            "time_s,velocity_m_s\n0.1,2\n0.2,3\n",
+            "0.1 2 3\n0.2 3 4\n",
+            "one\n0.1 2\n0.2 3\n",
+            "0.1\n",
+            "1,,2\n2,,3\n",
+            "1 2\n2 3\n3 4 5\n",
+            "1 2\n2 3\nend\n",
+            "3 1\n2 1\n1 1\n",
+            "mass: 5\n1\n2\n",
+            "nan\nnan\n",
+        ],
+    )
+    def test_is_not_taken_for_a_record(self, other):
+        refused(other, "unknown format")
+
+    def test_words_after_the_first_rows(self):
+        refused(one_column() * 100 + "end\n1\n", "'end' is not 1 numbers")
+        refused(two_columns() + "1.2, nan\n", "unknown format|'1.2, nan' is not 2 numbers")
+
+    def test_a_file_of_its_own_has_no_notes(self):
+        assert contents(one_column()).notes == ()

@@ -1,0 +1,137 @@
+"""Measures of ground motions against closed forms and against fine integration of the same straight lines."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tdint.ground_motion.measures import (
+    cumulative_absolute_velocity,
+    cumulative_energy,
+    integrate,
+    measure,
+    spectrum_intensity,
+    time_of_energy,
+    zeros_at_ends,
+)
+from tdint.ground_motion.record import Record
+from tdint.units import STANDARD_GRAVITY
+
+
+def record(samples, dt=0.5):
+    return Record(np.array(samples, dtype=float), dt, "", "", "", "")
+
+
+def arias(energy):
+    return math.pi / (2.0 * STANDARD_GRAVITY) * energy
+
+
+class TestClosedForms:
+    def test_step(self):
+        """2 m/s^2 for 10 s."""
+        found = measure(record([2.0] * 21))
+        assert (found.pga, found.pgv, found.pgd) == pytest.approx((2.0, 20.0, 100.0), rel=1e-13)
+        assert found.arias == pytest.approx(arias(40.0), rel=1e-13)
+        assert found.cav == pytest.approx(20.0, rel=1e-13)
+        assert (found.d5_75, found.d5_95) == pytest.approx((7.0, 9.0), rel=1e-12)
+        assert found.mean == 2.0
+
+    def test_ramp(self):
+        """t from 0 to 10 s: the energy grows with t^3."""
+        found = measure(record(np.arange(21) * 0.5))
+        assert (found.pga, found.pgv, found.pgd) == pytest.approx((10.0, 50.0, 1000.0 / 6.0), rel=1e-13)
+        assert (found.arias, found.cav) == pytest.approx((arias(1000.0 / 3.0), 50.0), rel=1e-13)
+        start = 10.0 * 0.05 ** (1 / 3)
+        assert found.d5_75 == pytest.approx(10.0 * 0.75 ** (1 / 3) - start, rel=1e-12)
+        assert found.d5_95 == pytest.approx(10.0 * 0.95 ** (1 / 3) - start, rel=1e-12)
+
+    def test_triangle_through_zero(self):
+        """From 1 to -2 m/s^2 in 3 s: zero after 1 s, at rest again after 2 s."""
+        found = measure(record([1.0, -2.0], dt=3.0))
+        assert found.pgv == pytest.approx(1.5)  # at the end, -1.5; 0.5 at the zero of the acceleration
+        assert found.cav == pytest.approx(0.5 + 2.0)
+        assert found.arias == pytest.approx(arias(1.0 / 3.0 + 8.0 / 3.0))
+        motion = integrate(record([1.0, -2.0], dt=3.0))
+        assert motion.displacement[-1] == pytest.approx(0.0, abs=1e-14)
+        assert found.pgd == pytest.approx(2.0 / 3.0)  # where the velocity is zero, between the samples
+
+    def test_peak_velocity_between_samples(self):
+        assert measure(record([2.0, -2.0, 2.0], dt=1.0)).pgv == pytest.approx(0.5)
+
+    def test_sine(self):
+        """Twenty periods of A sin(omega t), 400 samples each."""
+        amplitude, omega, n = 3.0, 2.0 * math.pi, 8000
+        dt = 20.0 / n
+        found = measure(record(amplitude * np.sin(omega * dt * np.arange(n + 1)), dt))
+        assert found.pga == pytest.approx(amplitude)
+        assert found.pgv == pytest.approx(2.0 * amplitude / omega, rel=1e-4)
+        assert found.pgd == pytest.approx(20.0 * amplitude / omega, rel=1e-4)
+        assert found.arias == pytest.approx(arias(20.0 * amplitude**2 / 2.0), rel=1e-4)
+        assert found.cav == pytest.approx(20.0 * 2.0 * amplitude / math.pi, rel=1e-4)
+        assert (found.d5_75, found.d5_95) == pytest.approx((14.0, 18.0), rel=1e-3)
+
+    def test_spectrum_intensity_of_a_straight_line(self):
+        periods = np.linspace(0.1, 2.5, 7)
+        assert spectrum_intensity(periods, 2.0 + periods) == pytest.approx(2.4 * 2.0 + (2.5**2 - 0.1**2) / 2.0)
+
+
+class TestAgainstFineIntegration:
+    """The same straight lines between samples, cut into 2000 pieces each."""
+
+    @given(st.lists(st.floats(-5.0, 5.0).map(lambda value: round(value, 3)), min_size=2, max_size=8))
+    def test_all(self, samples):
+        pieces = 2000
+        motion = record(samples)
+        t = np.arange((len(samples) - 1) * pieces + 1) / pieces
+        fine = record(np.interp(t, np.arange(len(samples)), samples), 0.5 / pieces)
+        found, expected = integrate(motion), integrate(fine)
+        np.testing.assert_allclose(found.velocity, expected.velocity[::pieces], atol=1e-10)
+        np.testing.assert_allclose(found.displacement, expected.displacement[::pieces], atol=1e-9)
+        assert found.pgv == pytest.approx(np.abs(expected.velocity).max(), abs=1e-6)
+        assert found.pgd == pytest.approx(np.abs(expected.displacement).max(), abs=1e-6)
+        absolute = np.abs(fine.acceleration)
+        assert cumulative_absolute_velocity(motion) == pytest.approx(
+            0.5 * fine.dt * np.sum(absolute[1:] + absolute[:-1]), abs=1e-5
+        )
+        energy = cumulative_energy(motion)
+        assert energy[-1] == pytest.approx(cumulative_energy(fine)[-1], rel=1e-9, abs=1e-12)
+        for part in (0.05, 0.95):
+            when = time_of_energy(motion, energy, part)
+            if energy[-1] > 0.0:
+                at = np.interp(when, np.arange(fine.acceleration.size) * fine.dt, cumulative_energy(fine))
+                assert at == pytest.approx(part * energy[-1], rel=1e-3, abs=1e-9)
+
+
+class TestUnusualRecords:
+    def test_nothing_but_zeros(self):
+        found = measure(record([0.0, 0.0, 0.0]))
+        assert (found.pga, found.pgv, found.pgd, found.arias, found.cav) == (0.0, 0.0, 0.0, 0.0, 0.0)
+        assert math.isnan(found.d5_75)
+        assert math.isnan(found.d5_95)
+        assert found.notes == ()
+
+    def test_beyond_the_range_of_floats(self):
+        found = measure(record([1e300, -1e300]))
+        assert not math.isfinite(found.arias)
+        assert math.isnan(found.d5_95)
+
+    @pytest.mark.parametrize(
+        ("samples", "expected"), [([0, 0, 1, 0], (2, 1)), ([1, 0, 1], (0, 0)), ([0, 0], (2, 0)), ([1], (0, 0))]
+    )
+    def test_zeros_at_the_ends(self, samples, expected):
+        assert zeros_at_ends(np.array(samples, dtype=float)) == expected
+
+    @pytest.mark.parametrize(
+        ("samples", "notes"),
+        [
+            ([0] * 30 + [1, -2, 1] * 20 + [0], ["the first 30 of 91 samples are zero: padded?"]),
+            ([0, 1, -2, 1] * 10 + [0] * 30, ["the last 30 of 70 samples are zero: padded?"]),
+            ([1, -0.5, 0, 1, -2, 1, 0], ["the first sample is 1 m/s^2, 50% of the peak: cut off before it?"]),
+            ([0, 1, 1, 0], ["the velocity at the end is 1 m/s, 100% of its peak: a baseline that drifts?"]),
+            ([0, 1, -2, 1, 0], []),
+        ],
+    )
+    def test_doubts(self, samples, notes):
+        assert list(measure(record(samples)).notes) == notes

@@ -1,0 +1,50 @@
+"""Real records, none of which comes with the project: read if TDINT_RECORDS names a folder that has them.
+
+Peaks are those that the files' own headers or their publishers state.
+"""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from tdint.ground_motion.read import read_records
+
+FOLDER = os.environ.get("TDINT_RECORDS", "")
+
+RECORDS = [
+    ("0111a.smc", 0.005, (6001,), (1.044078,)),
+    ("017m30cc.y0a", 31.026 / 7339, (7340,), (3.985,)),
+    ("20180212_211557_WPWS_20.V2A", 0.02, (5800,) * 3, (0.0416, 0.194, 0.0273)),
+    ("AICH040010061330.EW2", 0.005, (28600,), (0.03896,)),
+    ("AOM0051801241951.EW", 0.01, (9500,), (0.2907,)),
+    ("AOM0051801241951.NS", 0.01, (9500,), (0.28821,)),
+    ("CE89146.V1", 0.005, (13200,) * 3, (0.7765, 0.2065, 0.4441)),
+    ("CI.CLC..HNE.mseed", 0.01, (39001,), (3.19,)),
+    ("CI.CLC..HNN.mseed", 0.01, (39001,), (5.25,)),
+    ("CI.CLC..HNZ.mseed", 0.01, (39001,), (3.78,)),
+    ("Cosmos12TimeSeriesTest.v1", 0.01, (7000,), (1.61962,)),
+    ("H-E01140.AT2", 0.005, (7807,), (1.368,)),
+    ("RSN763_LOMAP_GIL067.AT2", 0.005, (7999,), (3.516,)),
+    ("RSN763_LOMAP_GIL337.AT2", 0.005, (7999,), (3.203,)),
+    ("ce36456p_CE36456.V2", 0.02, (3251, 3250, 3250), (2.67957, 0.94805, 2.56231)),
+    ("elCentro1940_180.at2", 0.02, (1559,), (3.1266,)),
+    ("us1000hyfh_akbmrp_AKBMR--n.1000hyfh.BNZ.--.acc.V2c", 0.005, (42000,), (0.06851512,)),
+]
+
+
+@pytest.mark.parametrize(("name", "dt", "samples", "peaks"), RECORDS, ids=[record[0] for record in RECORDS])
+def test_samples_interval_and_peak(name, dt, samples, peaks):
+    if not FOLDER:
+        pytest.skip("TDINT_RECORDS does not name a folder of real records")
+    path = Path(FOLDER) / name
+    if not path.is_file():
+        pytest.skip(f"the folder of TDINT_RECORDS has no {name}")
+    inventory = Path(FOLDER) / "CI.CLC.xml" if name.startswith("CI.CLC") else None
+    records = read_records(path, inventory=inventory)
+    assert tuple(record.acceleration.size for record in records) == samples
+    assert [record.dt for record in records] == pytest.approx([dt] * len(samples), rel=1e-9)
+    # What instrument correction leaves of a peak depends on its filter.
+    tolerance = 0.01 if inventory else 3e-4
+    assert [record.pga for record in records] == pytest.approx(list(peaks), rel=tolerance)
+    assert not any("states a peak" in note for record in records for note in record.notes)
