@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import readme
-from tdint.analysis.accuracy import observed_order
+from tdint.analysis.accuracy import observed_order, order_problem
 from tdint.analysis.stability import critical_step
 from tdint.methods import single_step
 from tdint.methods.method import Integrator
@@ -71,7 +71,7 @@ def test_the_python_example(checkout):
 def test_one_more_method_is_one_line():
     member = eval(readme.block("member"), vars(single_step))
     integrator = Integrator(member)
-    observed = observed_order(integrator, "harmonic", "linear")
+    observed = observed_order(integrator, order_problem("harmonic", "linear"))
     assert observed.order("displacement") == pytest.approx(integrator.order, abs=0.1)
     assert np.isinf(critical_step(integrator))
 

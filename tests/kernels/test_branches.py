@@ -102,7 +102,7 @@ def test_bilinear_branch_by_branch_is_the_closed_form():
 
 
 def test_peak_oriented_loop_by_hand():
-    """Clough without degradation of the unloading: yield, unload to zero force, reload towards the other yield point."""
+    """Clough, no degradation of the unloading: yield, unload to zero force, reload towards the other yield point."""
     laws = law_table("peak-oriented", FY, HARDENING, 0.0)
     turn = FY + HARDENING * K * 0.04  # at drift 0.06
     zero = 0.06 - turn / K

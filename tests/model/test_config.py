@@ -87,7 +87,7 @@ def test_every_feature_in_si(tmp_path: Path) -> None:
     assert model.damping == RayleighRatio((0.02, 0.05), (1, 3))
     assert model.p_delta is True
     assert model.excitation.record == RecordSource(
-        str(tmp_path / "../records/x.mseed"), "cm/s^2", "HNE", -1.5, str(tmp_path / "station.xml")
+        str(tmp_path.parent / "records/x.mseed"), "cm/s^2", "HNE", -1.5, str(tmp_path / "station.xml")
     )
     assert model.excitation.forces == (Force(1, 5e5, 0.0, 25.0), Force(4, 0.0, -2e3, 0.5))
     assert model.initial.displacement == pytest.approx((0.001, 0.0, 0.0, -0.02))

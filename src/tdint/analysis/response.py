@@ -24,13 +24,17 @@ from tdint.model.loads import force_table
 
 Array = NDArray[np.float64]
 
+_RESOLVED = 2.0
+"""omega dt of the fastest mode up to which peaks are looked for between the steps."""
+
 
 @dataclass(frozen=True)
 class StoryPeaks:
     """Peaks of each story, or of the floor above it; arrays of shape (n,).
 
     Drifts and displacements, and the shears of linear stories, are looked for between the steps too, on the cubic
-    Hermite interpolant; velocities, accelerations and other shears at the steps.
+    Hermite interpolant, where the step resolves all modes (omega dt <= 2 for the fastest); velocities, accelerations
+    and other shears are those at the steps.
 
     Attributes
     ----------
@@ -258,7 +262,9 @@ def model_record(model: Model) -> Record | None:
 def _march(
     model: Model, building: Building, record: Record | None, integrator: Integrator, steps: Steps, history: bool
 ) -> Response:
-    space = workspace(building, integrator, steps.count if history else 0, between=True)
+    # Where a step resolves all modes, the interpolant between its ends is as good as the ends are.
+    resolved = building.fastest * steps.h <= _RESOLVED
+    space = workspace(building, integrator, steps.count if history else 0, between=resolved)
     space.state[layout.DISPLACEMENT, :-1] = model.initial.displacement
     space.state[layout.VELOCITY, :-1] = model.initial.velocity
     ground = np.zeros(1) if record is None else record.acceleration.copy()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from tdint.kernels.compiling import inlined
+from tdint.kernels.compiling import called, inlined
 from tdint.kernels.layout import (
     CODE,
     DISSIPATED,
@@ -47,7 +47,7 @@ RELOADING = 2.0
 UNLOADING = 3.0
 
 
-@inlined
+@called
 def enter(laws, springs, i):
     """Put the committed state of story `i` on its branch: a law's first one, or the bilinear one that its state
     implies."""
@@ -87,7 +87,7 @@ def advance(laws, springs, i, block, drift):
         springs[block + DISSIPATED, i] = springs[block + WORK, i] - elastic_energy(laws, springs, i, block)
 
 
-@inlined
+@called
 def switch(laws, springs, i, block, event):
     """Change to the branch that follows the present one in `block` after it ended by `event`."""
     if laws[CODE, i] == BILINEAR_LAW:
@@ -126,7 +126,7 @@ def unloading_stiffness(laws, springs, i, block, side):
     return k * (laws[FIRST_PARAMETER, i] / (k * farthest)) ** laws[FIRST_PARAMETER + 2, i]
 
 
-@inlined
+@called
 def elastic_energy(laws, springs, i, block):
     """Energy that the peak-oriented law gives back on unloading from its state in `block`, J."""
     force = springs[block + FORCE, i]
@@ -172,7 +172,7 @@ def _switch_peak_oriented(laws, springs, i, block, event):
         springs[block + LOWER, i] = -math.inf
 
 
-@inlined
+@called
 def walk(laws, springs, i, past, trial, drift):
     """Go straight from the state in `past` to `drift`, over as many branches as lie on the way; returns the tangent."""
     for row in range(SPRING_ROWS):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from tdint.kernels.compiling import inlined
+from tdint.kernels.compiling import called, inlined
 from tdint.kernels.layout import (
     ACCELERATION,
     COSINE,
@@ -55,6 +55,12 @@ def floor_load(chain, forces, t, ground, work, row):
     """Load p = -m ag + floor forces at time t into a row of work, N."""
     for i in range(chain.shape[1] - 1):
         work[row, i] = -chain[MASS, i] * ground
+    if forces.shape[0] > 0:
+        _add_forces(forces, t, work, row)
+
+
+@called
+def _add_forces(forces, t, work, row):
     for j in range(forces.shape[0]):
         work[row, int(forces[j, FLOOR])] += force_value(forces, j, t)
 
@@ -65,6 +71,12 @@ def floor_impulse(chain, forces, t, h, ground_0, ground_1, work, row):
     between."""
     for i in range(chain.shape[1] - 1):
         work[row, i] = -0.5 * h * chain[MASS, i] * (ground_0 + ground_1)
+    if forces.shape[0] > 0:
+        _add_impulses(forces, t, h, work, row)
+
+
+@called
+def _add_impulses(forces, t, h, work, row):
     for j in range(forces.shape[0]):
         work[row, int(forces[j, FLOOR])] += force_impulse(forces, j, t, h)
 
@@ -72,6 +84,12 @@ def floor_impulse(chain, forces, t, h, ground_0, ground_1, work, row):
 @inlined
 def add_modal_force(modal, table, x, factor, work, row, n):
     """Add factor * C_modal * x to a row of work, with C_modal = W^T W; row `x` of `table` is the velocity."""
+    if modal.shape[0] > 0:
+        _add_modal_force(modal, table, x, factor, work, row, n)
+
+
+@called
+def _add_modal_force(modal, table, x, factor, work, row, n):
     for j in range(modal.shape[0]):
         amplitude = 0.0
         for i in range(n):

@@ -39,8 +39,13 @@ _DAYS_KEPT = 30
 
 
 def inlined(function: Callable[..., Any]) -> Any:
-    """Mark a function that kernels call: it is compiled into each of them."""
+    """Mark a function of the inner loops: its code is put into each place that calls it."""
     return numba.njit(inline="always", **_OPTIONS)(function)
+
+
+def called(function: Callable[..., Any]) -> Any:
+    """Mark a function that kernels call now and then: it is compiled once and called, which keeps compiling short."""
+    return numba.njit(**_OPTIONS)(function)
 
 
 class Kernel:

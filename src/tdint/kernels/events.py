@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 
 from tdint.kernels.branches import ABOVE, BELOW, TURNED
-from tdint.kernels.compiling import inlined
+from tdint.kernels.compiling import called, inlined
 from tdint.kernels.layout import DRIFT, LINK, LOWER, TURN, UPPER, VELOCITY
 
 NONE = 2.0
@@ -15,7 +15,7 @@ NONE = 2.0
 _SLACK = 1e-9  # over the drifts: a branch that is left by less is not left (rounding, and the error of a located event)
 
 
-@inlined
+@called
 def first_event(chain, h, state, springs, work, u1, v1):
     """Fraction of the step h at which the first story leaves its branch, the story, and how; NONE if none does.
 
@@ -64,7 +64,7 @@ def _bezier(d0, d1, d2, d3, s):
     return r * r * (r * d0 + 3.0 * s * d1) + s * s * (3.0 * r * d2 + s * d3)
 
 
-@inlined
+@called
 def _crossing(d0, d1, d2, d3, limit):
     """Smallest s in [0, 1] at which the cubic exceeds `limit`; NONE if it does not."""
     if d0 >= limit:
@@ -113,7 +113,7 @@ def _root(d0, d1, d2, d3, limit, left, right):
     return s
 
 
-@inlined
+@called
 def turning(r0, r1, r2):
     """Smallest s in [0, 1] from which on the quadratic with the Bezier points r0, r1, r2 is negative; NONE if it is
     not."""

@@ -7,7 +7,7 @@ import math
 
 from tdint.kernels.branches import LINEAR_LAW
 from tdint.kernels.chain import add_modal_force, force_rate, force_value
-from tdint.kernels.compiling import inlined
+from tdint.kernels.compiling import called, inlined
 from tdint.kernels.events import NONE, turning
 from tdint.kernels.layout import (
     CODE,
@@ -80,7 +80,8 @@ def observe(chain, modal, laws, forces, t, h, ground, slope, state, springs, wor
     """
     n = chain.shape[1] - 1
     _story_forces(chain, state, springs, work, peaks)
-    _other_forces(modal, forces, t, state, work, n)
+    if forces.shape[0] + modal.shape[0] > 0:
+        _other_forces(modal, forces, t, state, work, n)
     power = 0.0
     rate = 0.0
     momentum = 0.0
@@ -107,6 +108,24 @@ def observe(chain, modal, laws, forces, t, h, ground, slope, state, springs, wor
         damped_rate += floor * a + story * (a - link * a_below)
         v_below = v
         a_below = a
+    if forces.shape[0] + modal.shape[0] > 0:
+        powers = _other_powers(modal, forces, t, state, work, n)
+        power += powers[0]
+        rate += powers[1]
+        damped += powers[2]
+        damped_rate += powers[3]
+    _add_work(h, slope, power, rate, momentum, damped, 2.0 * damped_rate, observed)
+    if observed[BETWEEN_STEPS] != 0.0:
+        _look_between(chain, h, laws, state, springs, work, peaks)
+
+
+@called
+def _other_powers(modal, forces, t, state, work, n):
+    """Power of the floor forces and of modal damping, and half the rate of the latter."""
+    power = 0.0
+    rate = 0.0
+    damped = 0.0
+    damped_rate = 0.0
     for j in range(forces.shape[0]):
         floor = int(forces[j, FLOOR])
         force = force_value(forces, j, t)
@@ -120,12 +139,10 @@ def observe(chain, modal, laws, forces, t, h, ground, slope, state, springs, wor
             a_modal += modal[j, i] * work[ACCELERATION_ROW, i]
         damped += v_modal * v_modal
         damped_rate += v_modal * a_modal
-    _add_work(h, slope, power, rate, momentum, damped, 2.0 * damped_rate, observed)
-    if observed[BETWEEN_STEPS] != 0.0:
-        _look_between(chain, h, laws, state, springs, work, peaks)
+    return power, rate, damped, damped_rate
 
 
-@inlined
+@called
 def _look_between(chain, h, laws, state, springs, work, peaks):
     """Peaks of drift and displacement within the step: where the rate changed its sign, on the Hermite interpolant.
 
@@ -164,9 +181,9 @@ def _look_between(chain, h, laws, state, springs, work, peaks):
 
 @inlined
 def _extremum(x0, v0, x1, v1, accelerations, h):
-    """Extremum of the cubic Hermite interpolant between a rising and a falling end; x1 where the step resolves no peak.
+    """Extremum of the cubic Hermite interpolant between a rising and a falling end.
 
-    The rate must change about as the mean of both accelerations says: a vibration much faster than the step does not.
+    x1 where the rate does not change about as the mean of both accelerations says: there is no smooth peak between.
     """
     if abs(v1 - v0 - 0.5 * h * accelerations) > _RESOLVED * (abs(v0) + abs(v1)):
         return x1
@@ -194,15 +211,14 @@ def _story_forces(chain, state, springs, work, peaks):
         _raise(peaks, PEAK_SHEAR, i, shear)
 
 
-@inlined
+@called
 def _other_forces(modal, forces, t, state, work, n):
     """Forces on floors less modal damping into their row; the row stays zero where a building has neither."""
-    if forces.shape[0] + modal.shape[0] > 0:
-        for i in range(n):
-            work[_OTHER, i] = 0.0
-        for j in range(forces.shape[0]):
-            work[_OTHER, int(forces[j, FLOOR])] += force_value(forces, j, t)
-        add_modal_force(modal, state, VELOCITY, -1.0, work, _OTHER, n)
+    for i in range(n):
+        work[_OTHER, i] = 0.0
+    for j in range(forces.shape[0]):
+        work[_OTHER, int(forces[j, FLOOR])] += force_value(forces, j, t)
+    add_modal_force(modal, state, VELOCITY, -1.0, work, _OTHER, n)
 
 
 @inlined
@@ -228,7 +244,7 @@ def _add_work(h, slope, power, rate, momentum, damped, damped_rate, observed):
     observed[_RATE_DAMPED] = damped_rate
 
 
-@inlined
+@called
 def take_stock(chain, laws, state, springs, observed):
     """Kinetic, recoverable and dissipated energy of the present state, J."""
     kinetic = 0.0
@@ -244,7 +260,7 @@ def take_stock(chain, laws, state, springs, observed):
     observed[ENERGY_DISSIPATED] = dissipated
 
 
-@inlined
+@called
 def store(chain, ground, state, springs, work, history, row):
     """Write one row of the history."""
     n = chain.shape[1] - 1

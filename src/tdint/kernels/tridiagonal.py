@@ -7,7 +7,7 @@ above a story, for which the same step is solvable.
 
 from __future__ import annotations
 
-from tdint.kernels.compiling import inlined
+from tdint.kernels.compiling import called, inlined
 from tdint.kernels.layout import FLOOR_DAMPER, GEOMETRIC, LINK, MASS, STORY_DAMPER
 
 
@@ -39,7 +39,7 @@ def solve(work, diagonal, coupling, x, n):
         work[x, i] = carried
 
 
-@inlined
+@called
 def invert(work, first, size):
     """Invert a dense matrix in place by Gauss-Jordan elimination.
 
@@ -59,7 +59,7 @@ def invert(work, first, size):
                     work[first + i, j] -= multiplier * work[first + p, j]
 
 
-@inlined
+@called
 def factor_damped(work, diagonal, coupling, modal, scale, store, n):
     """Factor T + scale * W^T W, T as for `factor`.
 
@@ -89,6 +89,13 @@ def factor_damped(work, diagonal, coupling, modal, scale, store, n):
 def solve_damped(work, diagonal, coupling, modal, store, x, n):
     """Solve with the factors of `factor_damped`; row `x` holds the right side and becomes the solution."""
     solve(work, diagonal, coupling, x, n)
+    if modal.shape[0] > 0:
+        _correct_damped(work, modal, store, x, n)
+
+
+@called
+def _correct_damped(work, modal, store, x, n):
+    """Woodbury's correction of `solve_damped`."""
     modes = modal.shape[0]
     small = store + modes
     scratch = small + modes
@@ -117,7 +124,7 @@ def assemble_combination(chain, springs, row, by_m, by_c, by_k, work, diagonal, 
         work[diagonal, i] -= work[coupling, i + 1]
 
 
-@inlined
+@called
 def factor_combination(chain, modal, springs, row, by_m, by_c, by_k, work, diagonal, coupling, store, n):
     """Factor by_m M + by_c C + by_k K as `factor_damped` does; `springs` as for `assemble_combination`."""
     assemble_combination(chain, springs, row, by_m, by_c, by_k, work, diagonal, coupling, n)
@@ -141,7 +148,7 @@ def assemble_blocks(chain, work, blocks, coupling, by_v, by_a, n):
     link_blocks(chain, work, blocks, coupling, n)
 
 
-@inlined
+@called
 def link_blocks(chain, work, blocks, coupling, n):
     """Add what each story brings to the block of the floor below it, and cut the coupling where there is none."""
     for i in range(n):
@@ -152,7 +159,7 @@ def link_blocks(chain, work, blocks, coupling, n):
             work[blocks + entry, i] += work[coupling + entry, i + 1]
 
 
-@inlined
+@called
 def factor_blocks(blocks, coupling, work, modal, s00, s01, s10, s11, store, n):
     """Factor a block tridiagonal matrix with 2 x 2 blocks, plus [[s00, s01], [s10, s11]] (x) W^T W.
 
@@ -234,6 +241,13 @@ def solve_blocks(work, blocks, coupling, x, y, n):
 def solve_blocks_damped(work, blocks, coupling, modal, s00, s01, s10, s11, store, x, y, n):
     """Solve with the factors of `factor_blocks`; rows `x` and `y` hold the right side and become the solution."""
     solve_blocks(work, blocks, coupling, x, y, n)
+    if modal.shape[0] > 0:
+        _correct_blocks_damped(work, modal, s00, s01, s10, s11, store, x, y, n)
+
+
+@called
+def _correct_blocks_damped(work, modal, s00, s01, s10, s11, store, x, y, n):
+    """Woodbury's correction of `solve_blocks_damped`."""
     modes = modal.shape[0]
     small = store + 4 * modes
     scratch = small + 2 * modes

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 
 from tdint.kernels.chain import add_modal_force, finite, floor_load
-from tdint.kernels.compiling import inlined, kernel
+from tdint.kernels.compiling import called, inlined, kernel
 from tdint.kernels.layout import (
     ACCELERATION,
     DISPLACEMENT,
@@ -202,7 +202,7 @@ def _in_balance(chain, modal, h, state, work, memo):
     return small
 
 
-@inlined
+@called
 def _factor(coefficients, chain, modal, h, work):
     """Factor the Newton matrix for the present tangents."""
     n = chain.shape[1] - 1

@@ -16,7 +16,7 @@ import math
 
 from tdint.kernels.branches import TURNED, advance, switch
 from tdint.kernels.chain import add_modal_force, finite, floor_impulse, floor_load
-from tdint.kernels.compiling import inlined, kernel
+from tdint.kernels.compiling import called, inlined, kernel
 from tdint.kernels.events import NONE, first_event
 from tdint.kernels.layout import (
     ACCELERATION,
@@ -115,7 +115,7 @@ def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work
     return code
 
 
-@inlined
+@called
 def _newton(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
     """One step by Newton on all stories at once, unknowns (u1 - u0, v1 - v0) per floor, a1 eliminated by
     equilibrium."""
@@ -147,7 +147,7 @@ def _newton(coefficients, chain, modal, laws, forces, h, load, state, springs, w
     return max(iterations, 1) if finite(state, n) else NOT_FINITE
 
 
-@inlined
+@called
 def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
     """One step with every story on a branch of its law: one linear solve, or one for each piece between changes of
     branch.
@@ -344,7 +344,7 @@ def _correct(coefficients, modal, h, work, factors, n):
     return small
 
 
-@inlined
+@called
 def _factor(coefficients, chain, modal, h, work, factors):
     """Factor the Newton matrix for the present tangents."""
     n = chain.shape[1] - 1
@@ -381,7 +381,7 @@ def _advance(chain, laws, state, springs, work):
         below = u
 
 
-@inlined
+@called
 def _save(state, springs, work, n):
     for i in range(n):
         for row in range(3):
@@ -390,7 +390,7 @@ def _save(state, springs, work, n):
             work[_SAVED + 3 + row, i] = springs[row, i]
 
 
-@inlined
+@called
 def _restore(state, springs, work, n):
     for i in range(n):
         for row in range(3):

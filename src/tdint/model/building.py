@@ -77,6 +77,16 @@ class Building:
         codes = [law.code for law in LAWS.values() if law.piecewise_linear]
         return bool(np.all(np.isin(self.laws[CODE, :-1], codes)))
 
+    @property
+    def fastest(self) -> float:
+        """A bound on the circular frequencies of the initial stiffness, rad/s: Gershgorin's circles, exact to a few
+        percent in a tall uniform building."""
+        springs = np.append(self.initial_stiffness, 0.0)
+        above = self.chain[LINK, 1:] * springs[1:]
+        return float(
+            np.sqrt(np.max((1.0 + self.chain[LINK, :-1]) * springs[:-1] / self.mass + 2.0 * above / self.mass))
+        )
+
     def stiffness_matrix(self) -> Array:
         """Initial stiffness matrix, N/m, shape (n, n)."""
         return _tridiagonal(self.initial_stiffness, self.chain[LINK, :-1])

@@ -1,0 +1,132 @@
+"""Which steps an analysis takes, and what it costs."""
+
+from __future__ import annotations
+
+import tracemalloc
+
+import numpy as np
+import pytest
+
+from building_cases import Force, Law, model, noise, oscillator, story, ten_linear
+from tdint import run
+from tdint.analysis.response import FailedRun
+from tdint.analysis.stepping import Steps, choose_steps
+from tdint.errors import AnalysisError, UsageError
+from tdint.model.building import assemble
+
+
+@pytest.mark.parametrize(
+    ("dt", "duration", "expected"),
+    [
+        (None, None, Steps(0.01, 4000)),
+        (0.01, None, Steps(0.01, 4000)),
+        (0.005, None, Steps(0.005, 8000, per_sample=2)),
+        (0.01 / 7.0, 1.0, Steps(0.01 / 7.0, 700, per_sample=7)),
+        (0.03, 3.0, Steps(0.03, 100, stride=3)),
+        (None, 60.0, Steps(0.01, 6000)),
+        (None, 0.0149, Steps(0.01, 2)),
+    ],
+)
+def test_steps_under_a_record(dt, duration, expected):
+    chosen = choose_steps(dt, duration, 0.01, 40.0)
+    assert (chosen.count, chosen.per_sample, chosen.stride) == (expected.count, expected.per_sample, expected.stride)
+    assert chosen.h == pytest.approx(expected.h, rel=1e-15)
+
+
+@pytest.mark.parametrize(("dt", "below", "above"), [(0.004, "0.00333333333333", "0.005"), (0.025, "0.02", "0.03")])
+def test_a_step_that_does_not_fit_names_its_neighbors(dt, below, above):
+    with pytest.raises(UsageError, match=f"the nearest steps are {below} and {above} s"):
+        choose_steps(dt, None, 0.01, 40.0)
+
+
+def test_without_a_record_step_and_duration_must_be_given():
+    with pytest.raises(UsageError, match="no time step"):
+        choose_steps(None, 1.0, None, 0.0)
+    with pytest.raises(UsageError, match="no duration"):
+        choose_steps(0.1, None, None, 0.0)
+    assert choose_steps(0.1, 1.0, None, 0.0) == Steps(0.1, 10)
+
+
+def test_no_method_is_an_error():
+    with pytest.raises(UsageError, match="no method"):
+        run(ten_linear(), noise())
+
+
+@pytest.mark.parametrize(("dt", "duration"), [(0.0, 1.0), (-1.0, 1.0), (np.nan, 1.0), (0.1, np.inf), (0.1, 0.0)])
+def test_steps_and_durations_are_positive_numbers(dt, duration):
+    with pytest.raises(UsageError, match="must be a positive number of seconds"):
+        run(oscillator(1.0), method="impulse4", dt=dt, duration=duration)
+
+
+def test_a_step_beyond_the_limit_names_the_largest_stable_one():
+    omega = 50.0
+    with pytest.raises(AnalysisError, match=r"central-difference is unstable at dt 0.05 s.*stable step is 0.04 s"):
+        run(oscillator(omega), method="central-difference", dt=0.05, duration=1.0)
+    assert run(oscillator(omega), method="central-difference", dt=0.0399, duration=1.0).status == "done"
+
+
+def test_beyond_the_limit_when_asked_ends_as_diverged():
+    with pytest.raises(FailedRun) as failure:
+        run(
+            oscillator(50.0, displacement=(0.1,)),
+            method="central-difference",
+            dt=0.05,
+            duration=50.0,
+            allow_unstable=True,
+        )
+    assert failure.value.status == "diverged"
+    assert 0.0 < failure.value.time < 50.0
+
+
+def test_exact_refuses_nonlinear_stories():
+    building = model([story(1.0, 100.0, Law("bilinear", (1.0, 0.1)))])
+    with pytest.raises(AnalysisError, match="linear buildings only"):
+        run(building, noise(), method="exact")
+
+
+def test_a_collapse_is_flagged_and_is_no_error():
+    response = run(oscillator(2.0, displacement=(1.0,)), method="impulse4", dt=0.1, duration=5.0)
+    assert response.stories.peak_drift_ratio[0] == pytest.approx(1.0 / 3.5, rel=1e-6)
+    assert response.status == "collapsed"
+
+
+def test_memory_does_not_grow_with_the_steps():
+    """Without a history: the same peak of memory for a hundred times as many steps."""
+    building = model([story(1.0, 100.0, dashpot=0.1) for _ in range(5)], forces=[Force(5, 1.0, 0.0, 3.0)])
+
+    def peak(steps):
+        tracemalloc.start()
+        run(building, method="impulse4", dt=0.01, duration=0.01 * steps)
+        size = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return size
+
+    peak(10)
+    assert peak(100_000) < peak(1000) + 20_000
+
+
+def test_peaks_between_the_steps():
+    """Free vibration u = cos(omega t): the peak at half a period lies between the steps."""
+    omega = 2.0 * np.pi
+    response = run(oscillator(omega, displacement=(1.0,), velocity=(1.0,)), method="impulse4", dt=0.0317, duration=5.0)
+    amplitude = np.hypot(1.0, 1.0 / omega)
+    assert response.stories.peak_displacement[0] == pytest.approx(amplitude, rel=2e-5)
+    assert response.stories.peak_drift[0] == pytest.approx(amplitude, rel=2e-5)
+    assert response.stories.peak_shear[0] == pytest.approx(omega**2 * amplitude, rel=2e-5)
+
+
+def test_a_vibration_faster_than_the_step_adds_no_false_peak():
+    """omega dt = 30: the interpolant between two ends would say several times the amplitude."""
+    omega = 300.0
+    response = run(oscillator(omega, displacement=(1.0,)), method="newmark-average", dt=0.1, duration=5.0)
+    assert response.stories.peak_displacement[0] == pytest.approx(1.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("n", [1, 2, 10, 100])
+def test_the_bound_on_the_frequencies(n):
+    generator = np.random.default_rng(n)
+    building = assemble(model([story(m, k) for m, k in generator.uniform(1.0, 3.0, (n, 2))]))
+    assert building.fastest >= building.modes().omega[-1] * (1.0 - 1e-12)
+    assert building.fastest <= 1.6 * building.modes().omega[-1]
+    uniform = assemble(model([story(1.0, 1.0)] * n))
+    assert uniform.fastest <= 2.0
