@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from importlib import import_module
+from pathlib import Path
 
 import click
 import pytest
@@ -110,3 +111,24 @@ def test_every_command_is_in_the_table():
     context = click.Context(cli)
     assert cli.list_commands(context) == list(COMMANDS)
     assert cli.get_command(context, "unknown") is None
+
+
+@pytest.mark.parametrize(
+    "arguments", [["run", "configs/ten-story.yaml"], ["spectrum", "records/firm-soil.mseed"]], ids=["run", "spectrum"]
+)
+def test_a_command_imports_only_what_it_needs(arguments):
+    """Neither SciPy, which numba would load in passing, nor matplotlib; and SciPy can still be imported afterwards."""
+    root = Path(__file__).parents[2]
+    arguments[1] = str(root / arguments[1])
+    code = (
+        "import sys, contextlib, io\n"
+        f"sys.argv = ['tdint', *{arguments!r}]\n"
+        "from tdint_cli.main import main\n"
+        "with contextlib.suppress(SystemExit):\n    main()\n"
+        "print(sorted({'scipy', 'matplotlib', 'pandas'} & set(sys.modules)), file=sys.stderr)\n"
+        "import scipy.linalg\n"
+    )
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
+    assert result.stderr.splitlines()[-1] == "[]"
+    assert result.stdout.count("\n") > 5

@@ -56,3 +56,7 @@ def test_impulse4_is_of_order_4():
 def test_the_peak():
     response = run(BUILDING, method="impulse4", dt=0.005, duration=5.0)
     assert response.stories.peak_displacement[0] == pytest.approx(0.773, abs=1e-3)
+
+
+def test_rk5_with_the_load_at_its_stages_is_the_best_of_all():
+    assert error("rk5", 0.02) == pytest.approx(4.0e-8, rel=0.05)

@@ -11,6 +11,7 @@ import click
 
 from tdint.errors import UsageError
 from tdint_cli import options
+from tdint_cli.startup import load_numba
 from tdint_cli.terminal import emit, say
 
 if TYPE_CHECKING:
@@ -77,6 +78,7 @@ def command(**given: Any) -> None:
 
 def _run(request: Request) -> None:
     began = time.perf_counter()
+    load_numba()
     from tdint.analysis.response import FailedRun, model_record, run
     from tdint.model.config import load_model
     from tdint.output.tables import story_table

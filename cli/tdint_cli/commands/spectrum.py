@@ -13,6 +13,7 @@ import click
 from tdint.errors import AnalysisError, OutputError, RecordError, TdintError, UsageError
 from tdint_cli import options
 from tdint_cli.errors import Failures
+from tdint_cli.startup import load_numba
 from tdint_cli.terminal import emit, say
 
 if TYPE_CHECKING:
@@ -183,6 +184,7 @@ def _job(request: Request, records: tuple[str, ...], csv: Path) -> Job:
 
 
 def _periods(request: Request) -> NDArray[np.float64]:
+    load_numba()
     import numpy as np
 
     from tdint.analysis.spectrum import DEFAULT_PERIODS, parse_periods
