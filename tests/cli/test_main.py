@@ -117,7 +117,7 @@ def test_every_command_is_in_the_table():
     "arguments", [["run", "configs/ten-story.yaml"], ["spectrum", "records/firm-soil.mseed"]], ids=["run", "spectrum"]
 )
 def test_a_command_imports_only_what_it_needs(arguments):
-    """Neither SciPy, which numba would load in passing, nor matplotlib; and SciPy can still be imported afterwards."""
+    """Neither SciPy's linear algebra, which numba would load in passing, nor matplotlib; and SciPy is as it was."""
     root = Path(__file__).parents[2]
     arguments[1] = str(root / arguments[1])
     code = (
@@ -125,7 +125,7 @@ def test_a_command_imports_only_what_it_needs(arguments):
         f"sys.argv = ['tdint', *{arguments!r}]\n"
         "from tdint_cli.main import main\n"
         "with contextlib.suppress(SystemExit):\n    main()\n"
-        "print(sorted({'scipy', 'matplotlib', 'pandas'} & set(sys.modules)), file=sys.stderr)\n"
+        "print(sorted({'scipy.linalg', 'matplotlib'} & set(sys.modules)), file=sys.stderr)\n"
         "import scipy.linalg\n"
     )
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)

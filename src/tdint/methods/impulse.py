@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 
-from tdint.kernels.chain import add_modal_force, finite, floor_load
+from tdint.kernels.chain import finite, floor_load
 from tdint.kernels.compiling import called, inlined, kernel
 from tdint.kernels.layout import (
     ACCELERATION,
@@ -21,49 +21,52 @@ from tdint.kernels.layout import (
     DRIFT,
     FACTORED_STEP,
     FIRST_TRIAL,
-    FLOOR_DAMPER,
     FORCE,
     GEOMETRIC,
     GROUND_0,
     GROUND_1,
-    INVERSE_MASS,
     LINEAR,
     LINK,
-    MASS,
     NOT_FINITE,
-    RESIDUAL,
     STIFFNESS,
     STORY_DAMPER,
     TIME,
     VELOCITY,
 )
+from tdint.kernels.momentum import (
+    A1,
+    DU,
+    DV,
+    FORCE_1,
+    FORCE_S,
+    IMPULSE,
+    LOAD,
+    MOMENTUM_ROWS,
+    SIZE,
+    U1,
+    V1,
+    correct,
+    guess,
+    in_balance,
+    residuals,
+)
 from tdint.kernels.springs import commit, restoring
-from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, STEP, balanced, give_up
-from tdint.kernels.tridiagonal import assemble_blocks, factor_blocks, solve_blocks_damped
+from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, STEP, give_up
+from tdint.kernels.tridiagonal import assemble_blocks, factor_blocks
 from tdint.methods.method import Family, Method, Parameter
 
 # Coefficients
 BETA = 0
 
-# Rows of work
-_IMPULSE = 0
-_LOAD = 1
-_DU = 2
-_DV = 3
-_Q = 4  # q - h u0 per floor
-_U1 = 5
-_V1 = 6
-_A1 = 7
-_FORCE_1 = 8  # story force at the end, damper included
-_FORCE_S = 9  # story impulse, damper included
-_R1 = 10
-_R2 = 11
-_SIZE = 12  # what the displacements round, as a force
-_TANGENT = 13
-_FACTORED = 14
-_BLOCKS = 15
-_COUPLING = 19
-_STORE = 23
+_THETA = 0.5
+_BY_A = 1.0 / 12.0  # weight of a0 and -a1 in the kinematic line
+
+# Rows of work beyond those of the momentum equations
+_TANGENT = MOMENTUM_ROWS
+_FACTORED = MOMENTUM_ROWS + 1
+_BLOCKS = MOMENTUM_ROWS + 2
+_COUPLING = _BLOCKS + 4
+_STORE = _COUPLING + 4
 
 
 def work_rows(modes: int) -> int:
@@ -75,52 +78,37 @@ def work_rows(modes: int) -> int:
 def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
     """One step; Newton with unknowns (u1 - u0, v1 - v0) per floor, the change of the tangent left out of the matrix."""
     n = chain.shape[1] - 1
-    by_a = h * h / 12.0
-    _predict(chain, forces, h, load, state, work, memo)
+    _loads(chain, forces, h, load, work)
+    guess(0.0 if memo[LINEAR] != 0.0 else 1.0, h, state, work, n)
     iterations = 0
+    last = False
     while True:
         stale = _end(coefficients, chain, laws, h, state, springs, work, memo)
-        if _in_balance(chain, modal, h, state, work, memo):
+        residuals(_THETA, _BY_A, _BY_A, chain, modal, h, state, work)
+        if in_balance(_BY_A, chain, h, state, work, memo) or last:
             break
         if iterations == ITERATIONS:
             return give_up(memo)
         if stale:
             _factor(coefficients, chain, modal, h, work)
             memo[FACTORED_STEP] = h
-        solve_blocks_damped(work, _BLOCKS, _COUPLING, modal, 0.0, -by_a, 1.0, 0.0, _STORE, _R1, _R2, n)
+        last = correct(_BY_A, modal, h, work, _BLOCKS, _COUPLING, _STORE, n) or memo[LINEAR] != 0.0
         iterations += 1
-        small = True
-        for i in range(n):
-            work[_DU, i] += work[_R1, i]
-            work[_DV, i] += work[_R2, i]
-            small = small and abs(work[_R1, i]) <= SMALL * abs(work[_U1, i])
-        if small or memo[LINEAR] != 0.0:
-            _end(coefficients, chain, laws, h, state, springs, work, memo)
-            _in_balance(chain, modal, h, state, work, memo)
-            break
     for i in range(n):
-        state[DISPLACEMENT, i] += work[_DU, i]
-        state[VELOCITY, i] += work[_DV, i]
-        state[ACCELERATION, i] = work[_A1, i]
+        state[DISPLACEMENT, i] += work[DU, i]
+        state[VELOCITY, i] += work[DV, i]
+        state[ACCELERATION, i] = work[A1, i]
         commit(laws, springs, i, 0, FIRST_TRIAL)
     return max(iterations, 1) if finite(state, n) else NOT_FINITE
 
 
 @inlined
-def _predict(chain, forces, h, load, state, work, memo):
-    """Load at the end and trapezoidal impulse; constant acceleration as the first guess.
-
-    In a linear building any guess will do; no increment is the one that rounds least where omega h is large.
-    """
-    floor_load(chain, forces, load[TIME], load[GROUND_0], work, _IMPULSE)
-    floor_load(chain, forces, load[TIME] + h, load[GROUND_1], work, _LOAD)
+def _loads(chain, forces, h, load, work):
+    """Load at the end of the step, and its impulse by the trapezoidal rule, as published."""
+    floor_load(chain, forces, load[TIME], load[GROUND_0], work, IMPULSE)
+    floor_load(chain, forces, load[TIME] + h, load[GROUND_1], work, LOAD)
     for i in range(chain.shape[1] - 1):
-        work[_IMPULSE, i] = 0.5 * h * (work[_IMPULSE, i] + work[_LOAD, i])
-    guess = 0.0 if memo[LINEAR] != 0.0 else 1.0
-    for i in range(chain.shape[1] - 1):
-        a = guess * state[ACCELERATION, i]
-        work[_DU, i] = guess * h * state[VELOCITY, i] + 0.5 * h * h * a
-        work[_DV, i] = h * a
+        work[IMPULSE, i] = 0.5 * h * (work[IMPULSE, i] + work[LOAD, i])
 
 
 @inlined
@@ -134,16 +122,16 @@ def _end(coefficients, chain, laws, h, state, springs, work, memo):
     du_below = 0.0
     q_below = 0.0
     for i in range(n):
-        du = work[_DU, i]
+        du = work[DU, i]
         u = state[DISPLACEMENT, i] + du
-        v = state[VELOCITY, i] + work[_DV, i]
+        v = state[VELOCITY, i] + work[DV, i]
         q = h * (
             (1.0 - 72.0 * beta) * du
             + h * ((48.0 * beta - 0.25) * state[VELOCITY, i] + (24.0 * beta - 0.25) * v)
             + h * h * (12.0 * beta - 1.0 / 12.0) * state[ACCELERATION, i]
         )
-        work[_U1, i] = u
-        work[_V1, i] = v
+        work[U1, i] = u
+        work[V1, i] = v
         link = chain[LINK, i]
         drift = u - link * u_below
         rate = v - link * v_below
@@ -156,12 +144,12 @@ def _end(coefficients, chain, laws, h, state, springs, work, memo):
         tangent = restoring(laws, springs, i, 0, FIRST_TRIAL, drift)
         work[_TANGENT, i] = tangent
         # A drift is a difference: what the displacements round is not out of balance.
-        work[_SIZE, i] = SMALL / CLOSE * laws[STIFFNESS, i] * (abs(u) + abs(u - drift))
+        work[SIZE, i] = SMALL / CLOSE * laws[STIFFNESS, i] * (abs(u) + abs(u - drift))
         stale = stale or abs(tangent - work[_FACTORED, i]) > SAME_TANGENT * laws[STIFFNESS, i]
         geometric = chain[GEOMETRIC, i]
         damper = chain[STORY_DAMPER, i]
-        work[_FORCE_1, i] = springs[FIRST_TRIAL + FORCE, i] + geometric * drift + damper * rate
-        work[_FORCE_S, i] = (
+        work[FORCE_1, i] = springs[FIRST_TRIAL + FORCE, i] + geometric * drift + damper * rate
+        work[FORCE_S, i] = (
             h * (springs[FORCE, i] + geometric * springs[DRIFT, i])
             + (tangent + geometric) * q_drift
             + damper * increment
@@ -169,45 +157,12 @@ def _end(coefficients, chain, laws, h, state, springs, work, memo):
     return stale
 
 
-@inlined
-def _in_balance(chain, modal, h, state, work, memo):
-    """Minus the residuals of kinematics and momentum into their rows. Whether all are small."""
-    n = chain.shape[1] - 1
-    for i in range(n):
-        link = chain[LINK, i + 1]
-        force = work[_FORCE_1, i] - link * work[_FORCE_1, i + 1]
-        work[_A1, i] = work[_LOAD, i] - chain[FLOOR_DAMPER, i] * work[_V1, i] - force
-        impulse = work[_FORCE_S, i] - link * work[_FORCE_S, i + 1]
-        work[_R2, i] = (
-            work[_IMPULSE, i] - chain[MASS, i] * work[_DV, i] - chain[FLOOR_DAMPER, i] * work[_DU, i] - impulse
-        )
-    add_modal_force(modal, work, _V1, -1.0, work, _A1, n)
-    add_modal_force(modal, work, _DU, -1.0, work, _R2, n)
-    memo[RESIDUAL] = 0.0
-    small = True
-    for i in range(n):
-        work[_A1, i] *= chain[INVERSE_MASS, i]
-        by_v = h * (0.5 * (state[VELOCITY, i] + work[_V1, i]))
-        by_a = h * h * ((state[ACCELERATION, i] - work[_A1, i]) / 12.0)
-        gap = by_v + by_a - work[_DU, i]
-        work[_R1, i] = chain[MASS, i] * gap
-        link = chain[LINK, i + 1]
-        rounding = work[_SIZE, i] + link * work[_SIZE, i + 1]
-        scale = abs(work[_DU, i]) + h * (abs(state[VELOCITY, i]) + abs(work[_V1, i]))
-        scale += h * h * (abs(state[ACCELERATION, i]) + abs(work[_A1, i]))
-        small = balanced(memo, i, work[_R1, i], chain[MASS, i] * scale + h * h / 12.0 * rounding) and small
-        scale = abs(work[_IMPULSE, i]) + abs(chain[MASS, i] * work[_DV, i]) + h * rounding
-        scale += abs(work[_FORCE_S, i]) + link * abs(work[_FORCE_S, i + 1])
-        small = balanced(memo, i, work[_R2, i], scale) and small
-    return small
-
-
 @called
 def _factor(coefficients, chain, modal, h, work):
     """Factor the Newton matrix for the present tangents."""
     n = chain.shape[1] - 1
     beta = coefficients[BETA]
-    by_a = h * h / 12.0
+    by_a = _BY_A * h * h
     for i in range(n):
         work[_FACTORED, i] = work[_TANGENT, i]
         tangent = work[_TANGENT, i] + chain[GEOMETRIC, i]
@@ -216,7 +171,7 @@ def _factor(coefficients, chain, modal, h, work):
         work[_COUPLING + 1, i] = -by_a * damper
         work[_COUPLING + 2, i] = damper + h * (1.0 - 72.0 * beta) * tangent
         work[_COUPLING + 3, i] = h * h * (24.0 * beta - 0.25) * tangent
-    assemble_blocks(chain, work, _BLOCKS, _COUPLING, 0.5 * h, by_a, n)
+    assemble_blocks(chain, work, _BLOCKS, _COUPLING, _THETA * h, by_a, n)
     factor_blocks(_BLOCKS, _COUPLING, work, modal, 0.0, -by_a, 1.0, 0.0, _STORE, n)
 
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 
 from tdint.kernels.branches import TURNED, advance, switch
-from tdint.kernels.chain import add_modal_force, finite, floor_impulse, floor_load
+from tdint.kernels.chain import finite, floor_impulse, floor_load
 from tdint.kernels.compiling import called, inlined, kernel
 from tdint.kernels.events import NONE, first_event
 from tdint.kernels.layout import (
@@ -24,19 +24,15 @@ from tdint.kernels.layout import (
     DRIFT,
     EVENTS,
     FIRST_TRIAL,
-    FLOOR_DAMPER,
     FORCE,
     GEOMETRIC,
     GROUND_0,
     GROUND_1,
-    INVERSE_MASS,
     LINEAR,
     LINK,
-    MASS,
     NOT_CONVERGED,
     NOT_FINITE,
     PIECEWISE,
-    RESIDUAL,
     SECOND_TRIAL,
     SLOPE,
     SPRING_ROWS,
@@ -45,9 +41,26 @@ from tdint.kernels.layout import (
     TIME,
     VELOCITY,
 )
+from tdint.kernels.momentum import (
+    A1,
+    DU,
+    DV,
+    FORCE_1,
+    FORCE_S,
+    IMPULSE,
+    LOAD,
+    MOMENTUM_ROWS,
+    SIZE,
+    U1,
+    V1,
+    correct,
+    guess,
+    in_balance,
+    residuals,
+)
 from tdint.kernels.springs import commit, restoring, resume, settle
-from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, STEP, balanced, give_up
-from tdint.kernels.tridiagonal import assemble_blocks, factor_blocks, solve_blocks_damped
+from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, STEP, give_up
+from tdint.kernels.tridiagonal import assemble_blocks, factor_blocks
 from tdint.methods.method import Family, Method, Parameter
 
 # Coefficients
@@ -61,22 +74,10 @@ BY_INCREMENT = 6  # gd
 BY_VELOCITY_0 = 7  # g0
 BY_VELOCITY_1 = 8  # g1
 
-# Rows of work
-_LOAD = 0
-_IMPULSE = 1
-_DU = 2
-_DV = 3
-_U1 = 4
-_V1 = 5
-_A1 = 6
-_FORCE_1 = 7  # story force at the end, damper included
-_FORCE_S = 8  # story impulse, damper included
-_R1 = 9
-_R2 = 10
-_SIZE = 11  # what the displacements round, as a force
-_TANGENT_C = 12
-_TANGENT_1 = 13
-_SAVED = 14  # state and springs at the start of a step that is done in pieces
+# Rows of work beyond those of the momentum equations
+_TANGENT_C = MOMENTUM_ROWS
+_TANGENT_1 = MOMENTUM_ROWS + 1
+_SAVED = MOMENTUM_ROWS + 2  # state and springs at the start of a step that is done in pieces
 _FACTORS = _SAVED + 3 + SPRING_ROWS
 
 # Rows of a block of factors
@@ -121,16 +122,13 @@ def _newton(coefficients, chain, modal, laws, forces, h, load, state, springs, w
     equilibrium."""
     n = chain.shape[1] - 1
     _loads(chain, forces, load[TIME], h, load[GROUND_0], load[GROUND_1], work)
-    for i in range(n):
-        a = state[ACCELERATION, i]
-        work[_DU, i] = h * state[VELOCITY, i] + 0.5 * h * h * a
-        work[_DV, i] = h * a
+    guess(1.0, h, state, work, n)
     iterations = 0
     last = False
     while True:
         stale = _path(False, coefficients, chain, laws, h, state, springs, work, _FACTORS)
-        small = _in_balance(coefficients, chain, modal, h, state, work, memo)
-        if small or last:
+        _residuals(coefficients, chain, modal, h, state, work)
+        if in_balance(coefficients[BETA], chain, h, state, work, memo) or last:
             break
         if iterations == ITERATIONS:
             return give_up(memo)
@@ -139,9 +137,9 @@ def _newton(coefficients, chain, modal, laws, forces, h, load, state, springs, w
         last = _correct(coefficients, modal, h, work, _FACTORS, n)
         iterations += 1
     for i in range(n):
-        state[DISPLACEMENT, i] += work[_DU, i]
-        state[VELOCITY, i] += work[_DV, i]
-        state[ACCELERATION, i] = work[_A1, i]
+        state[DISPLACEMENT, i] += work[DU, i]
+        state[VELOCITY, i] += work[DV, i]
+        state[ACCELERATION, i] = work[A1, i]
         settle(laws, springs, i, 0, FIRST_TRIAL)
         commit(laws, springs, i, FIRST_TRIAL, SECOND_TRIAL)
     return max(iterations, 1) if finite(state, n) else NOT_FINITE
@@ -172,7 +170,7 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
         _solve_piece(coefficients, chain, modal, laws, piece, state, springs, work, memo, factors)
         solves += 1
         if not ending and memo[LINEAR] == 0.0:
-            fraction, story, how = first_event(chain, piece, state, springs, work, _U1, _V1)
+            fraction, story, how = first_event(chain, piece, state, springs, work, U1, V1)
             if fraction != NONE:
                 if events == 0:
                     _save(state, springs, work, n)
@@ -202,20 +200,15 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
 @inlined
 def _loads(chain, forces, t, h, ground_0, ground_1, work):
     """Load at the end and exact impulse over [t, t + h]."""
-    floor_load(chain, forces, t + h, ground_1, work, _LOAD)
-    floor_impulse(chain, forces, t, h, ground_0, ground_1, work, _IMPULSE)
+    floor_load(chain, forces, t + h, ground_1, work, LOAD)
+    floor_impulse(chain, forces, t, h, ground_0, ground_1, work, IMPULSE)
 
 
 @inlined
 def _solve_piece(coefficients, chain, modal, laws, h, state, springs, work, memo, factors):
-    """Motion over a step in which no story leaves its branch: linear, so one solve.
-
-    It starts from no increment, the guess that rounds least where omega h is large.
-    """
+    """Motion over a step in which no story leaves its branch: linear, so one solve."""
     n = chain.shape[1] - 1
-    for i in range(n):
-        work[_DU, i] = 0.0
-        work[_DV, i] = 0.0
+    guess(0.0, h, state, work, n)
     for solved in range(2):
         stale = _path(True, coefficients, chain, laws, h, state, springs, work, factors)
         _residuals(coefficients, chain, modal, h, state, work)
@@ -238,16 +231,16 @@ def _path(on_branches, coefficients, chain, laws, h, state, springs, work, facto
     v_below = 0.0
     du_below = 0.0
     for i in range(n):
-        du = work[_DU, i]
+        du = work[DU, i]
         u = state[DISPLACEMENT, i] + du
-        v = state[VELOCITY, i] + work[_DV, i]
+        v = state[VELOCITY, i] + work[DV, i]
         uc = (
             state[DISPLACEMENT, i]
             + coefficients[BY_INCREMENT] * du
             + h * (coefficients[BY_VELOCITY_0] * state[VELOCITY, i] + coefficients[BY_VELOCITY_1] * v)
         )
-        work[_U1, i] = u
-        work[_V1, i] = v
+        work[U1, i] = u
+        work[V1, i] = v
         link = chain[LINK, i]
         drift_c = uc - link * uc_below
         drift = u - link * u_below
@@ -267,7 +260,7 @@ def _path(on_branches, coefficients, chain, laws, h, state, springs, work, facto
             stale = stale or abs(tangent_c - work[factors + _FACTORED_C, i]) > same
             stale = stale or abs(tangent - work[factors + _FACTORED_1, i]) > same
             # A drift is a difference: what the displacements round is not out of balance.
-            work[_SIZE, i] = SMALL / CLOSE * laws[STIFFNESS, i] * (abs(u) + abs(link * u_below))
+            work[SIZE, i] = SMALL / CLOSE * laws[STIFFNESS, i] * (abs(u) + abs(link * u_below))
         work[_TANGENT_C, i] = tangent_c
         work[_TANGENT_1, i] = tangent
         geometric = chain[GEOMETRIC, i]
@@ -277,8 +270,8 @@ def _path(on_branches, coefficients, chain, laws, h, state, springs, work, facto
             + coefficients[WEIGHT_1] * (force + geometric * drift)
         )
         damper = chain[STORY_DAMPER, i]
-        work[_FORCE_1, i] = force + geometric * drift + damper * rate
-        work[_FORCE_S, i] = h * mean + damper * increment
+        work[FORCE_1, i] = force + geometric * drift + damper * rate
+        work[FORCE_S, i] = h * mean + damper * increment
         uc_below = uc
         u_below = u
         v_below = v
@@ -288,60 +281,13 @@ def _path(on_branches, coefficients, chain, laws, h, state, springs, work, facto
 
 @inlined
 def _residuals(coefficients, chain, modal, h, state, work):
-    """Minus the residuals of kinematics (times M) and momentum into their rows, and the acceleration at the end."""
-    n = chain.shape[1] - 1
-    theta = coefficients[THETA]
-    for i in range(n):
-        link = chain[LINK, i + 1]
-        force = work[_FORCE_1, i] - link * work[_FORCE_1, i + 1]
-        work[_A1, i] = work[_LOAD, i] - chain[FLOOR_DAMPER, i] * work[_V1, i] - force
-        impulse = work[_FORCE_S, i] - link * work[_FORCE_S, i + 1]
-        work[_R2, i] = (
-            work[_IMPULSE, i] - chain[MASS, i] * work[_DV, i] - chain[FLOOR_DAMPER, i] * work[_DU, i] - impulse
-        )
-    add_modal_force(modal, work, _V1, -1.0, work, _A1, n)
-    add_modal_force(modal, work, _DU, -1.0, work, _R2, n)
-    for i in range(n):
-        work[_A1, i] *= chain[INVERSE_MASS, i]
-        by_v = h * ((1.0 - theta) * state[VELOCITY, i] + theta * work[_V1, i])
-        by_a = h * h * (coefficients[ALPHA] * state[ACCELERATION, i] - coefficients[BETA] * work[_A1, i])
-        work[_R1, i] = chain[MASS, i] * (by_v + by_a - work[_DU, i])
-
-
-@inlined
-def _in_balance(coefficients, chain, modal, h, state, work, memo):
-    """The rows of `_residuals`; whether all are small beside their terms."""
-    _residuals(coefficients, chain, modal, h, state, work)
-    n = chain.shape[1] - 1
-    by_a = coefficients[BETA] * h * h
-    memo[RESIDUAL] = 0.0
-    small = True
-    for i in range(n):
-        link = chain[LINK, i + 1]
-        mass = chain[MASS, i]
-        rounding = work[_SIZE, i] + link * work[_SIZE, i + 1]
-        scale = abs(work[_DU, i]) + h * (abs(state[VELOCITY, i]) + abs(work[_V1, i]))
-        scale += h * h * abs(state[ACCELERATION, i]) + by_a * abs(work[_A1, i])
-        small = balanced(memo, i, work[_R1, i], mass * scale + by_a * rounding) and small
-        scale = abs(work[_IMPULSE, i]) + abs(mass * work[_DV, i]) + h * rounding
-        scale += abs(work[_FORCE_S, i]) + link * abs(work[_FORCE_S, i + 1])
-        small = balanced(memo, i, work[_R2, i], scale) and small
-    return small
+    residuals(coefficients[THETA], coefficients[ALPHA], coefficients[BETA], chain, modal, h, state, work)
 
 
 @inlined
 def _correct(coefficients, modal, h, work, factors, n):
-    """Solve for the corrections and add them. True if they are rounding."""
     blocks = factors + _BLOCKS
-    coupling = factors + _COUPLING
-    by_a = coefficients[BETA] * h * h
-    solve_blocks_damped(work, blocks, coupling, modal, 0.0, -by_a, 1.0, 0.0, factors + _STORE, _R1, _R2, n)
-    small = True
-    for i in range(n):
-        work[_DU, i] += work[_R1, i]
-        work[_DV, i] += work[_R2, i]
-        small = small and abs(work[_R1, i]) <= SMALL * abs(work[_U1, i])
-    return small
+    return correct(coefficients[BETA], modal, h, work, blocks, factors + _COUPLING, factors + _STORE, n)
 
 
 @called
@@ -373,10 +319,10 @@ def _advance(chain, laws, state, springs, work):
     """Update the state after a piece and move every story along its branch."""
     below = 0.0
     for i in range(chain.shape[1] - 1):
-        u = state[DISPLACEMENT, i] + work[_DU, i]
+        u = state[DISPLACEMENT, i] + work[DU, i]
         state[DISPLACEMENT, i] = u
-        state[VELOCITY, i] += work[_DV, i]
-        state[ACCELERATION, i] = work[_A1, i]
+        state[VELOCITY, i] += work[DV, i]
+        state[ACCELERATION, i] = work[A1, i]
         advance(laws, springs, i, 0, u - chain[LINK, i] * below)
         below = u
 
