@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from building_cases import ModalDamping, model, noise, oscillator, ten_bilinear
+from building_cases import noise, oscillator, ten_bilinear
 from step_checks import (
     RAYLEIGH,
     TOO_LARGE,
@@ -15,7 +15,6 @@ from step_checks import (
     matrices,
     orders,
     period_error_and_damping,
-    superposed,
 )
 from tdint.analysis.amplification import amplification, spectral_radius
 from tdint.analysis.response import run
@@ -103,18 +102,6 @@ def test_building_with_p_delta_dashpot_and_force_follows_the_formulas(method):
     u, v = by_formulas(method, case, record, 200)
     np.testing.assert_allclose(history.displacement, u, rtol=0.0, atol=1e-10 * np.max(np.abs(u)))
     np.testing.assert_allclose(history.velocity, v, rtol=0.0, atol=1e-10 * np.max(np.abs(v)))
-
-
-@pytest.mark.parametrize("damping", ["rayleigh", "modal"])
-@pytest.mark.parametrize("method", METHODS)
-def test_building_is_the_sum_of_its_modes(method, damping):
-    case, record = building(ModalDamping((0.07,))), noise(samples=201)
-    if damping == "rayleigh":
-        case = model(case.stories, damping=RAYLEIGH, displacement=case.initial.displacement)
-    got = run(case, record, method=method, history=True).history.displacement
-    ratio = (lambda omega: 0.07) if damping == "modal" else (lambda omega: 0.4 / omega + 1e-3 * omega)
-    want = superposed(method, case, ratio, record)
-    np.testing.assert_allclose(got, want, rtol=0.0, atol=1e-9 * np.max(np.abs(want)))
 
 
 @pytest.mark.parametrize("case", ["linear", "cubic"])

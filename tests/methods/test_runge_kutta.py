@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from building_cases import Law, ModalDamping, model, noise, oscillator, ten_bilinear
+from building_cases import Law, noise, oscillator, ten_bilinear
 from step_checks import (
     RAYLEIGH,
     TOO_LARGE,
@@ -18,7 +18,6 @@ from step_checks import (
     matrices,
     orders,
     period_error_and_damping,
-    superposed,
 )
 from tdint.analysis.amplification import amplification, spectral_radius
 from tdint.analysis.response import run
@@ -157,18 +156,6 @@ def test_building_follows_the_formulas(method, nonlinear):
     x = np.array(x)
     np.testing.assert_allclose(history.displacement, x[:, :4], rtol=0.0, atol=1e-10 * np.max(np.abs(x[:, :4])))
     np.testing.assert_allclose(history.velocity, x[:, 4:], rtol=0.0, atol=1e-10 * np.max(np.abs(x[:, 4:])))
-
-
-@pytest.mark.parametrize("damping", ["rayleigh", "modal"])
-@pytest.mark.parametrize("method", METHODS)
-def test_building_is_the_sum_of_its_modes(method, damping):
-    case, record = building(ModalDamping((0.07,))), noise(samples=201)
-    if damping == "rayleigh":
-        case = model(case.stories, damping=RAYLEIGH, displacement=case.initial.displacement)
-    got = run(case, record, method=method, history=True).history.displacement
-    ratio = (lambda omega: 0.07) if damping == "modal" else (lambda omega: 0.4 / omega + 1e-3 * omega)
-    want = superposed(method, case, ratio, record)
-    np.testing.assert_allclose(got, want, rtol=0.0, atol=1e-9 * np.max(np.abs(want)))
 
 
 @pytest.mark.parametrize("case", ["linear", "cubic"])
