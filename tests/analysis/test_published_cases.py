@@ -11,7 +11,7 @@ import math
 import numpy as np
 import pytest
 
-from building_cases import LINEAR, Law, model, story
+from building_cases import LINEAR, Law, ModalDamping, model, oscillator, story
 from tdint import run
 from tdint.ground_motion.record import Record
 from tdint.model.building import assemble
@@ -66,3 +66,36 @@ def test_periods_of_the_five_story_building():
     """m = 100 kip / g, k = 31.54 kip / in, g = 386.4 in / s^2."""
     modes = assemble(model([story(100.0 / 386.4, 31.54)] * 5)).modes()
     assert 2.0 * math.pi / modes.omega == pytest.approx([1.99963, 0.68504, 0.43456, 0.33828, 0.29659], abs=2e-5)
+
+
+def five_stories(law=LINEAR):
+    """Five floors of 25 910 kg, k = 1e7 N/m, 5 % in all modes (constant, from the initial stiffness)."""
+    return model([story(25910.0, 1e7, law)] * 5, damping=ModalDamping((0.05,)))
+
+
+def one_sine():
+    """ag = 1.93 sin 2 pi t for t <= 1 s, then nothing; dt 0.1, to 2 s."""
+    t = 0.1 * np.arange(21)
+    return Record(np.where(t < 1.05, 1.93 * np.sin(2.0 * np.pi * t), 0.0), 0.1, "", "", "", "sine")
+
+
+@pytest.mark.parametrize(
+    ("hardening", "roof", "digits"), [(0.05 / 1.05, 0.03998638459760687, 1e-13), (0.05, 0.0403738049, 2e-9)]
+)
+def test_five_yielding_stories_with_modal_damping(hardening, roof, digits):
+    """Roof displacement at 2 s, average acceleration, yield force 125 kN (published, computed again)."""
+    response = run(
+        five_stories(Law("bilinear", (125e3, hardening))), one_sine(), method="newmark-average", history=True
+    )
+    assert response.history.displacement[-1, -1] == pytest.approx(roof, rel=digits)
+    assert response.stories.ductility.max() > 5.0
+
+
+def test_five_linear_stories_by_their_first_two_modes():
+    """Linear acceleration: the first two modes as oscillators, added up."""
+    modes = assemble(five_stories()).modes()
+    roof = 0.0
+    for j in range(2):
+        history = run(oscillator(modes.omega[j], 0.05), one_sine(), method="newmark-linear", history=True).history
+        roof += modes.shapes[-1, j] * (modes.mass @ modes.shapes[:, j]) * history.displacement[-1, 0]
+    assert roof == pytest.approx(0.05888401249961952, rel=1e-12)

@@ -253,13 +253,6 @@ def test_rayleigh_ratio_of_one_story() -> None:
     ]
 
 
-def test_modal_damping_is_for_linear_stories() -> None:
-    text = "stories: [{mass: 1, stiffness: 1}, {mass: 1, law: {type: polynomial, coefficients: [1]}}]"
-    assert faults(f"{text}\ndamping: {{modal: 0.05}}") == [
-        "2:18: damping.modal: modal damping needs linear stories, and story 2 is polynomial; use rayleigh"
-    ]
-
-
 @pytest.mark.parametrize(
     ("excitation", "expected"),
     [

@@ -158,7 +158,7 @@ def _read_model(section: Section, origin: _Source) -> Model:
         source=origin.label,
         text=origin.data,
         stories=stories,
-        damping=read_damping(section.get("damping"), stories, count),
+        damping=read_damping(section.get("damping"), count),
         p_delta=p_delta,
         excitation=read_excitation(excitation, unit, count, origin.folder),
         initial=_read_initial(section.get("initial"), unit.length, count),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tdint.model.definition import Damping, ModalDamping, RayleighCoefficients, RayleighRatio, Story
+from tdint.model.definition import Damping, ModalDamping, RayleighCoefficients, RayleighRatio
 from tdint.model.fields import NOT_NEGATIVE, RATIO, Section, Value
 
 _FORMS = "none, {rayleigh: ...} or {modal: ...}"
@@ -13,7 +13,7 @@ _ONE_STORY = (
 )
 
 
-def read_damping(value: Value | None, stories: tuple[Story, ...], count: int | None) -> Damping:
+def read_damping(value: Value | None, count: int | None) -> Damping:
     """The damping; `count` is the number of stories, None where a fault leaves it open."""
     if value is None or value.is_word("none"):
         return None
@@ -27,7 +27,7 @@ def read_damping(value: Value | None, stories: tuple[Story, ...], count: int | N
         value.fault(f"must be {_FORMS}, got a mapping without either")
     if rayleigh:
         return _read_rayleigh(rayleigh, count)
-    return _read_modal(modal, stories, count) if modal else None
+    return _read_modal(modal, count) if modal else None
 
 
 def _read_rayleigh(value: Value, count: int | None) -> Damping:
@@ -84,11 +84,7 @@ def _read_modes(value: Value | None, count: int | None) -> tuple[int, int] | Non
     return first, second
 
 
-def _read_modal(value: Value, stories: tuple[Story, ...], count: int | None) -> Damping:
-    for i, story in enumerate(stories, start=1):
-        if story.law.name != "linear":
-            value.fault(f"modal damping needs linear stories, and story {i} is {story.law.name}; use rayleigh")
-            break
+def _read_modal(value: Value, count: int | None) -> Damping:
     if value.is_mapping:
         return _read_first_modes(value, count)
     ratios = _read_ratios(value)

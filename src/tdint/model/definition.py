@@ -83,7 +83,7 @@ class RayleighCoefficients:
 
 @dataclass(frozen=True)
 class ModalDamping:
-    """Modal damping.
+    """Modal damping, of the modes of the initial stiffness; it stays as it is when stories yield.
 
     Attributes
     ----------
