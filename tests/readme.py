@@ -13,6 +13,7 @@ from click.testing import CliRunner
 
 from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
+from tdint.model.laws import LAWS
 from tdint_cli.main import COMMANDS, cli
 
 ROOT = Path(__file__).parents[1]
@@ -51,7 +52,17 @@ def method_table():
     return "\n".join(rows) + "\n"
 
 
-PARTS = {"methods": method_table, "help": help_text}
+def law_table():
+    """The drift laws as a table."""
+    rows = ["| law | restoring force | parameters |", "|---|---|---|"]
+    for law in LAWS.values():
+        names = ", ".join(f"`{parameter.name}`" + (" (a list)" * parameter.many) for parameter in law.parameters)
+        formula = law.formula.replace("|", "\\|")
+        rows.append(f"| `{law.name}` | {formula} | {names} |")
+    return "\n".join(rows) + "\n"
+
+
+PARTS = {"laws": law_table, "methods": method_table, "help": help_text}
 
 
 def generated(text):

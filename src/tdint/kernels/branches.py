@@ -29,8 +29,8 @@ from tdint.kernels.layout import (
     WORK,
 )
 
+# Numbers of the laws that the compiled code tells apart; the rest is polynomial (tdint.model.laws)
 LINEAR_LAW = 0
-POLYNOMIAL_LAW = 1
 BILINEAR_LAW = 2
 PEAK_ORIENTED_LAW = 3
 TANH_LAW = 4
@@ -40,8 +40,7 @@ ABOVE = 1.0
 BELOW = -1.0
 TURNED = 0.0
 
-# Kinds of branches of the peak-oriented law, in INTERNAL; negative on the negative side
-VIRGIN = 0.0
+# Kinds of branches of the peak-oriented law, in INTERNAL; negative on the negative side, 0 before the first yielding
 YIELDING = 1.0
 RELOADING = 2.0
 UNLOADING = 3.0

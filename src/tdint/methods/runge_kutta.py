@@ -151,7 +151,6 @@ A = 2  # row by row
 A2 = 6  # A^2
 B = 10
 BA = 12  # b A
-IMPLICIT_COEFFICIENTS = 14
 
 # Rows of work, two each
 _STAGE_LOAD = 0

@@ -73,7 +73,7 @@ LAWS = {
                 LawParameter("yield_force", force=1, low=0.0, low_allowed=False),
                 LawParameter("hardening", low=0.0, high=1.0, high_allowed=False),
             ),
-            "f = a k d + z, |z| <= (1 - a) Fy, kinematic hardening",
+            "f = a k d + z, |z| <= (1 - a) Fy: yield force Fy, kinematic hardening a",
             piecewise_linear=True,
             yield_drift=lambda stiffness, values: values[0] / stiffness,
         ),
@@ -85,7 +85,7 @@ LAWS = {
                 LawParameter("hardening", low=0.0, high=1.0, high_allowed=False),
                 LawParameter("unloading", low=0.0, high=1.0, high_allowed=False),
             ),
-            "bilinear backbone, unloads with k (dy / dmax)^unloading, reloads towards the farthest point reached",
+            "bilinear backbone; unloads with k (dy / dmax)^unloading, reloads towards the farthest point (Clough)",
             piecewise_linear=True,
             yield_drift=lambda stiffness, values: values[0] / stiffness,
         ),
@@ -93,7 +93,7 @@ LAWS = {
             "tanh",
             4,
             (LawParameter("strength", force=1, low=0.0, low_allowed=False),),
-            "f = F tanh(k d / F), elastic",
+            "f = F tanh(k d / F): elastic, strength F",
         ),
     )
 }
