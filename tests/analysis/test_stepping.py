@@ -122,6 +122,15 @@ def test_a_vibration_faster_than_the_step_adds_no_false_peak():
     assert response.stories.peak_displacement[0] == pytest.approx(1.0, rel=1e-9)
 
 
+def test_a_large_error_of_the_energy_is_said():
+    """Houbolt's method at sixty steps per period loses energy; impulse4 does not."""
+    case = oscillator(2.0 * np.pi, displacement=(1.0,))
+    lossy = run(case, method="houbolt", dt=1.0 / 60.0, duration=5.0)
+    assert lossy.energy.error > 0.01
+    assert any("the energy balance is off by" in note for note in lossy.notes)
+    assert not run(case, method="impulse4", dt=1.0 / 60.0, duration=5.0).notes
+
+
 @pytest.mark.parametrize("n", [1, 2, 10, 100])
 def test_the_bound_on_the_frequencies(n):
     generator = np.random.default_rng(n)

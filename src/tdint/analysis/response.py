@@ -24,6 +24,9 @@ from tdint.model.loads import force_table
 
 Array = NDArray[np.float64]
 
+_LARGE_IMBALANCE = 0.01
+"""Energy error above which a run says so."""
+
 _RESOLVED = 2.0
 """omega dt of the fastest mode up to which peaks are looked for between the steps."""
 
@@ -276,6 +279,7 @@ def _march(
     if code < 0:
         raise _failure(integrator, steps, space, code)
     peaks = _story_peaks(building, space)
+    energy = _energy(space.observed)
     collapsed = bool(np.any(peaks.peak_drift_ratio > model.collapse_drift))
     return Response(
         model=model,
@@ -289,9 +293,9 @@ def _march(
         events=int(space.memo[layout.EVENTS]),
         march_time=march_time,
         stories=peaks,
-        energy=_energy(space.observed),
+        energy=energy,
         history=_history(space, building, steps) if history else None,
-        notes=_notes(model, steps, record, integrator),
+        notes=_notes(model, steps, record, integrator, energy),
     )
 
 
@@ -353,7 +357,9 @@ def _history(space: Workspace, building: Building, steps: Steps) -> History:
     )
 
 
-def _notes(model: Model, steps: Steps, record: Record | None, integrator: Integrator) -> tuple[str, ...]:
+def _notes(
+    model: Model, steps: Steps, record: Record | None, integrator: Integrator, energy: Energy
+) -> tuple[str, ...]:
     notes = list(record.notes) if record else []
     if record and steps.stride > 1:
         notes.append(
@@ -363,4 +369,9 @@ def _notes(model: Model, steps: Steps, record: Record | None, integrator: Integr
         notes.append(f"the record ends at {record.duration:.6g} s; the ground is at rest after it")
     if integrator.family.linear_only and model.excitation.forces:
         notes.append("exact takes harmonic forces as linear between the steps")
+    if abs(energy.error) > _LARGE_IMBALANCE:
+        notes.append(
+            f"the energy balance is off by {100.0 * abs(energy.error):.2g} % of the energy put in: use a smaller step, or "
+            "a method that dissipates less"
+        )
     return tuple(notes)
