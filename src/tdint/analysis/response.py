@@ -371,7 +371,7 @@ def _notes(
         notes.append("exact takes harmonic forces as linear between the steps")
     if abs(energy.error) > _LARGE_IMBALANCE:
         notes.append(
-            f"the energy balance is off by {100.0 * abs(energy.error):.2g} % of the energy put in: use a smaller step, or "
-            "a method that dissipates less"
+            f"the energy balance is off by {100.0 * abs(energy.error):.2g} % of the energy put in: "
+            "use a smaller step, or a method that dissipates less"
         )
     return tuple(notes)
