@@ -134,6 +134,13 @@ dt = click.option(
 duration = click.option(
     "--duration", type=float, metavar="SECONDS", help="Time to integrate; by default the model's, else the record's."
 )
+jobs = click.option(
+    "--jobs",
+    type=click.IntRange(1, 1024),
+    default=1,
+    metavar="N",
+    help="Processes that share the records; one by default. The output does not depend on it.",
+)
 overwrite = click.option("--overwrite", is_flag=True, help="Replace existing outputs.")
 
 

@@ -70,7 +70,8 @@ def test_the_record_on_standard_input(folder, tdint):
     )  # fmt: skip
     assert (piped.exit_code, piped.stdout) == (0, tdint("run", "shaken.yaml").stdout)
     summary = json.loads((folder / "out" / "summary.json").read_text())
-    assert summary["inputs"][1] == {"file": "-", "sha256": None}
+    digest = hashlib.sha256((folder / "motion.mseed").read_bytes()).hexdigest()
+    assert summary["inputs"][1] == {"file": "-", "sha256": digest}
 
 
 def test_the_files_of_a_run(folder, tdint):

@@ -67,7 +67,7 @@ def test_the_default_periods_stand_in_the_help(tdint):
 def test_a_record_on_standard_input(folder, tdint):
     result = tdint("spectrum", "-", *PERIODS, "-o", "out/", stdin=(folder / "other.mseed").read_bytes())
     assert result.exit_code == 0
-    assert files(folder / "out") == ["stdin.csv"]
+    assert files(folder / "out") == ["stdin.csv", "stdin.json"]
     assert {row["record"] for row in rows((folder / "out" / "stdin.csv").read_text())} == {"-"}
 
 
@@ -93,7 +93,9 @@ def test_output_to_a_file_or_a_folder(folder, tdint, into):
         assert (folder / "all.csv").read_text() == whole
         assert (folder / "all.png").read_bytes().startswith(b"\x89PNG")
     else:
-        assert files(folder / "out") == ["motion.csv", "motion.png", "other.csv", "other.png"]
+        assert files(folder / "out") == [
+            f"{name}.{suffix}" for name in ("motion", "other") for suffix in ("csv", "json", "png")
+        ]
         parts = [(folder / "out" / name).read_text() for name in ("motion.csv", "other.csv")]
         assert parts[0] + parts[1].removeprefix(COLUMNS + "\n") == whole
 
@@ -112,10 +114,10 @@ def test_existing_files_are_kept_before_any_work(folder, tdint, into, file):
 
 
 def test_a_clash_of_names_is_found_before_any_work(folder, tdint):
-    result = tdint("spectrum", "a/x.EW", "b/x.NS", "-o", "out/")
+    result = tdint("spectrum", "a/x.EW", "b/x.EW", "-o", "out/")
     assert result.exit_code == 6
     assert errors(result) == [
-        "Error: out/x.csv: both a/x.EW and b/x.NS would be written to it; use -o FILE for all in one file, "
+        "Error: out/x.EW.csv: both a/x.EW and b/x.EW would be written to it; use -o FILE for all in one file, "
         "or one folder each"
     ]
     result = tdint("spectrum", "motion.mseed", "-o", "x.png", "--plot")
@@ -158,7 +160,7 @@ def test_a_bad_record_does_not_stop_the_good_ones(folder, tdint, make_record, in
     elif into == "all.csv":
         assert (folder / "all.csv").read_text() == good
     else:
-        assert files(folder / "out") == ["motion.csv", "other.csv"]
+        assert files(folder / "out") == ["motion.csv", "motion.json", "other.csv", "other.json"]
 
 
 def test_bad_records_alone_give_no_output(folder, tdint):

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 
 import numpy as np
 
 from tdint.analysis.response import StoryPeaks
-from tdint.output.summary import Input, file_input, json_bytes, overall_peaks
+from tdint.output.summary import json_bytes, overall_peaks
 
 
 def test_json_has_twelve_digits_null_and_the_order_of_its_keys():
@@ -28,13 +27,6 @@ def test_json_has_twelve_digits_null_and_the_order_of_its_keys():
 def test_names_of_any_bytes_are_valid_json():
     name = "Köln " + b"\xff".decode("utf-8", "surrogateescape")
     assert json.loads(json_bytes({"file": name})) == {"file": name}
-
-
-def test_inputs_are_hashed(tmp_path):
-    file = tmp_path / "x.mseed"
-    file.write_bytes(b"abc")
-    assert file_input(str(file)) == Input(str(file), hashlib.sha256(b"abc").hexdigest())
-    assert file_input("-") == Input("-", None)
 
 
 def test_overall_peaks_name_story_and_pass_over_what_is_missing():

@@ -16,10 +16,9 @@ from tdint_cli.terminal import emit, say
 
 if TYPE_CHECKING:
     from tdint.analysis.response import FailedRun, Response
-    from tdint.ground_motion.record import Record
+    from tdint.ground_motion.record import Input, Record
     from tdint.model.definition import Model, RecordSource
     from tdint.output.files import Writer
-    from tdint.output.summary import Input
 
 STORIES, HISTORY, PICTURE, SUMMARY = "stories.csv", "history.csv", "response.png", "summary.json"
 """The files of a run. The summary is written last: where it says `done`, all is there."""
@@ -81,13 +80,14 @@ def _run(request: Request) -> None:
     load_numba()
     from tdint.analysis.response import FailedRun, model_record, run
     from tdint.model.config import load_model
+    from tdint.output.summary import model_input
     from tdint.output.tables import story_table
 
     _check(request)
     model = load_model(request.model)
     model = replace(model, excitation=replace(model.excitation, record=_motion(request, model)))
     record = model_record(model)
-    inputs = _inputs(model) if request.output else []
+    inputs = [model_input(model), *(record.inputs if record else ())]
     try:
         response = run(
             model,
@@ -148,14 +148,6 @@ def _motion(request: Request, model: Model) -> RecordSource | None:
         # Each of the two excludes the other: who names one on the command line does without the model's other one.
         source = replace(source, units=None, inventory=None)
     return replace(source, **given)
-
-
-def _inputs(model: Model) -> list[Input]:
-    from tdint.output.summary import file_input, model_input
-
-    source = model.excitation.record
-    files = [source.file, source.inventory] if source else []
-    return [model_input(model), *(file_input(file) for file in files if file)]
 
 
 def _files(request: Request, response: Response, inputs: list[Input], began: float) -> dict[str, Writer]:

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from functools import partial
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from tdint.errors import AnalysisError, OutputError, RecordError, TdintError, UsageError
+from tdint.errors import TdintError, UsageError
 from tdint_cli import options
+from tdint_cli.batch import Task, outcomes
 from tdint_cli.errors import Failures
+from tdint_cli.sources import records_of, refuse_inputs, tables_of
 from tdint_cli.startup import load_numba
 from tdint_cli.terminal import emit, say
 
@@ -41,21 +45,54 @@ class Request:
     method: str | None
     output: str | None
     plot: bool
+    jobs: int
     overwrite: bool
+
+    @property
+    def is_folder(self) -> bool:
+        """Whether -o names a folder: one that exists, or by a separator at its end."""
+        output = self.output
+        return output is not None and (output.endswith(("/", os.sep)) or Path(output).is_dir())
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """All that the numbers depend on beside the records, for the JSON file."""
+        from tdint.analysis.spectrum import DEFAULT_PERIODS
+
+        settings = asdict(self)
+        for name in ("records", "output", "plot", "jobs", "overwrite", "period"):
+            del settings[name]
+        settings["periods"] = list(self.period) or self.periods or DEFAULT_PERIODS
+        settings["method"] = self.method or "exact"
+        return settings
 
 
 @dataclass(frozen=True)
-class Job:
-    """Records whose spectra go to one place: a CSV file (standard output if None) and, if asked for, a picture."""
+class Product:
+    """What becomes of one record.
 
-    records: tuple[str, ...]
-    csv: Path | None = None
-    picture: Path | None = None
+    Attributes
+    ----------
+    csv : bytes
+        The rows of all its components and damping ratios, after a header.
+    records : tuple of dict
+        What each component is, for the JSON file.
+    notes : tuple of str
+        What there is to say of it.
+    interval : float
+        Sampling interval, s.
+    spectra : tuple of Spectrum
+        Kept only for a picture of several records.
+    picture : bytes or None
+        The picture of this record, if it has one of its own.
+    """
 
-    @property
-    def files(self) -> list[Path]:
-        """The files that it writes."""
-        return [file for file in (self.csv, self.picture) if file is not None]
+    csv: bytes
+    records: tuple[dict[str, Any], ...]
+    notes: tuple[str, ...]
+    interval: float
+    spectra: tuple[Spectrum, ...] = ()
+    picture: bytes | None = None
 
 
 @dataclass
@@ -66,14 +103,10 @@ class Findings:
     failures: list[TdintError] = field(default_factory=list)
     longest_interval: float = 0.0
 
-    def take(self, records: Sequence[Record]) -> None:
-        """Take up what is to be said of the components of one file; what holds for all of them is said once."""
-        for record in records:
-            for note in record.notes:
-                common = all(note in other.notes for other in records)
-                whose = record.source if common else f"{record.source}: {record.component or record.id}"
-                self.notes[f"{whose}: {note}"] = None
-            self.longest_interval = max(self.longest_interval, record.dt)
+    def take(self, product: Product) -> None:
+        """Take up what is to be said of one record."""
+        self.notes |= dict.fromkeys(product.notes)
+        self.longest_interval = max(self.longest_interval, product.interval)
 
 
 @click.command("spectrum")
@@ -105,43 +138,53 @@ class Findings:
 @options.output(
     "FILE|DIR",
     "Write to this file instead of standard output; to one file per record in an existing folder or one that is named "
-    "with a / at its end.",
+    "with a / at its end. What the records are and how the numbers came about stands in a JSON file beside each.",
 )
 @click.option("--plot", is_flag=True, help="Also draw each CSV file of -o, as PNG beside it.")
+@options.jobs
 @options.overwrite
 @options.debug
 def command(**given: Any) -> None:
     """Elastic response spectra of ground-motion records.
 
-    RECORD is a file, - is standard input; all its components are taken unless --component names one. CSV in SI units:
-    relative displacement, pseudo-velocity, pseudo-acceleration, relative velocity and absolute acceleration, the
-    largest at the samples. They are exact for a ground motion that is linear between its samples, or come from
-    --method with the record's sampling interval as its step. A record that fails does not keep the others from
-    being done.
+    RECORD is a file, or a folder for all records in it, - is standard input; all components are taken unless
+    --component names one. CSV in SI units: relative displacement, pseudo-velocity, pseudo-acceleration, relative
+    velocity and absolute acceleration, the largest at the samples. They are exact for a ground motion that is linear
+    between its samples, or come from --method with the record's sampling interval as its step. A record that fails does
+    not keep the others from being done.
     """
     _run(Request(**given))
 
 
 def _run(request: Request) -> None:
     from tdint.methods.catalogue import parse
-    from tdint.output.files import check_outputs
 
     _check(request)
-    jobs = _jobs(request)
-    check_outputs(
-        (file for job in jobs for file in job.files), overwrite=request.overwrite, new_folder=_is_folder(request)
-    )
+    sources = records_of(request.records)
+    tasks = _tasks(request, sources.files)
     if request.method is not None:
         parse(request.method)
-    periods = _periods(request)
-    findings = Findings()
+    shortest = float(_periods(request).min())
+    findings = Findings(dict.fromkeys(sources.notes), list(sources.failures))
+    together: list[Product] = []
     header = True
-    for job in jobs:
-        spectra = [spectrum for source in job.records for spectrum in _spectra(source, request, periods, findings)]
-        if spectra:
-            _write(job, spectra, request, header)
-            header = False
-    _say_notes(findings, float(periods.min()))
+    work = partial(_work, request)
+    with outcomes(work, tasks, jobs=request.jobs, label="spectra", to_terminal=request.output is None) as results:
+        for task, outcome in zip(tasks, results, strict=True):
+            if isinstance(outcome, TdintError):
+                findings.failures.append(outcome)
+                continue
+            findings.take(outcome)
+            if task.table:
+                _write(request, task.table, [outcome])
+            elif request.output:
+                together.append(outcome)
+            else:
+                emit(outcome.csv if header else _without_header(outcome.csv))
+                header = False
+    if together:
+        _write(request, Path(request.output or ""), together)
+    _say_notes(findings, shortest)
     if findings.failures:
         raise Failures(findings.failures)
 
@@ -151,36 +194,25 @@ def _check(request: Request) -> None:
         raise UsageError("--periods and --period are given; leave one of them out")
     if request.plot and request.output is None:
         raise UsageError("--plot writes a file: add -o FILE or -o DIR")
-    if request.records.count("-") > 1:
-        raise UsageError("standard input (-) can be read only once")
 
 
-def _is_folder(request: Request) -> bool:
-    """Whether -o names a folder: one that exists, or by a separator at its end."""
-    output = request.output
-    return output is not None and (output.endswith(("/", os.sep)) or Path(output).is_dir())
+def _tasks(request: Request, files: Sequence[str]) -> list[Task]:
+    """What to do, after it is clear that its outputs can be written."""
+    from tdint.output.files import check_outputs
+
+    folder = Path(request.output) if request.output and request.is_folder else None
+    tables = tables_of(files, folder) if folder else [Path(request.output)] if request.output else []
+    outputs = [file for table in tables for file in _files_of(request, table)]
+    refuse_inputs(outputs, [*files, request.inventory])
+    check_outputs(outputs, overwrite=request.overwrite, new_folder=request.is_folder)
+    if folder is None:
+        return [Task(file) for file in files]
+    return [Task(file, table) for file, table in zip(files, tables, strict=True)]
 
 
-def _jobs(request: Request) -> list[Job]:
-    if request.output is None:
-        return [Job((source,)) for source in request.records]
-    if not _is_folder(request):
-        return [_job(request, request.records, Path(request.output))]
-    folder = Path(request.output)
-    jobs: dict[str, Job] = {}
-    for source in request.records:
-        stem = "stdin" if source == "-" else Path(source).stem
-        if stem in jobs:
-            raise OutputError(
-                f"{folder / stem}.csv: both {jobs[stem].records[0]} and {source} would be written to it; "
-                "use -o FILE for all in one file, or one folder each"
-            )
-        jobs[stem] = _job(request, (source,), folder / f"{stem}.csv")
-    return list(jobs.values())
-
-
-def _job(request: Request, records: tuple[str, ...], csv: Path) -> Job:
-    return Job(records, csv, csv.with_suffix(".png") if request.plot else None)
+def _files_of(request: Request, table: Path) -> list[Path]:
+    """The files that are written with a table."""
+    return [table, table.with_suffix(".json"), *([table.with_suffix(".png")] if request.plot else [])]
 
 
 def _periods(request: Request) -> NDArray[np.float64]:
@@ -192,42 +224,70 @@ def _periods(request: Request) -> NDArray[np.float64]:
     return np.array(request.period) if request.period else parse_periods(request.periods or DEFAULT_PERIODS)
 
 
-def _spectra(source: str, request: Request, periods: NDArray[np.float64], findings: Findings) -> Iterator[Spectrum]:
-    """Spectra of all components of a record and damping ratios; none, and a failure noted, if one cannot be had."""
+def _work(request: Request, task: Task) -> Product:
+    """All that becomes of one record; it may run in another process."""
     from tdint.analysis.spectrum import spectrum
     from tdint.ground_motion.read import read_records
-
-    try:
-        records = read_records(source, units=request.units, component=request.component, inventory=request.inventory)
-        spectra = [
-            spectrum(record, periods, damping, method=request.method)
-            for record in records
-            for damping in request.damping
-        ]
-    except RecordError as error:
-        findings.failures.append(error)
-        return
-    except AnalysisError as error:
-        findings.failures.append(AnalysisError(f"{source}: {error}"))
-        return
-    findings.take(records)
-    yield from spectra
-
-
-def _write(job: Job, spectra: list[Spectrum], request: Request, header: bool) -> None:
-    from tdint.output.files import write_files
+    from tdint.output.summary import record_summary
     from tdint.output.tables import spectrum_table
 
-    table = spectrum_table(spectra)
-    if job.csv is None:
-        emit(table.csv(header=header))
-        return
-    files: dict[Path, Writer] = {job.csv: lambda stream: stream.write(table.csv())}
-    if job.picture is not None:
-        from tdint.output.plots import spectrum_picture
+    periods = _periods(request)
+    records = read_records(task.source, units=request.units, component=request.component, inventory=request.inventory)
+    spectra = tuple(
+        spectrum(record, periods, damping, method=request.method) for record in records for damping in request.damping
+    )
+    return Product(
+        csv=spectrum_table(spectra).csv(),
+        records=tuple(map(record_summary, records)),
+        notes=_notes(records),
+        interval=records[0].dt,
+        spectra=() if task.table or not request.plot else spectra,
+        picture=_picture(spectra) if task.table and request.plot else None,
+    )
 
-        files[job.picture] = spectrum_picture(spectra, job.picture.suffix)
-    write_files(files, overwrite=request.overwrite, new_folder=_is_folder(request))
+
+def _notes(records: Sequence[Record]) -> tuple[str, ...]:
+    """What is to be said of the components of one file; what holds for all of them is said once."""
+    notes: dict[str, None] = {}
+    for record in records:
+        for note in record.notes:
+            common = all(note in other.notes for other in records)
+            whose = record.source if common else f"{record.source}: {record.component or record.id}"
+            notes[f"{whose}: {note}"] = None
+    return tuple(notes)
+
+
+def _picture(spectra: Sequence[Spectrum]) -> bytes:
+    from tdint.output.plots import spectrum_picture
+
+    stream = BytesIO()
+    spectrum_picture(spectra, ".png")(stream)
+    return stream.getvalue()
+
+
+def _write(request: Request, table: Path, products: Sequence[Product]) -> None:
+    """Write a table of the records of several files, or of one, with what goes beside it."""
+    from tdint.output.files import write_files
+    from tdint.output.summary import json_bytes, table_summary
+
+    records = [record for product in products for record in product.records]
+    contents = [
+        b"".join([products[0].csv, *(_without_header(product.csv) for product in products[1:])]),
+        json_bytes(table_summary("spectrum", request.settings, records)),
+    ]
+    if request.plot:
+        spectra = [spectrum for product in products for spectrum in product.spectra]
+        contents.append(products[0].picture or _picture(spectra))
+    writers = {file: _writer(content) for file, content in zip(_files_of(request, table), contents, strict=True)}
+    write_files(writers, overwrite=request.overwrite, new_folder=request.is_folder)
+
+
+def _writer(content: bytes) -> Writer:
+    return lambda stream: stream.write(content)
+
+
+def _without_header(csv: bytes) -> bytes:
+    return csv.partition(b"\n")[2]
 
 
 def _say_notes(findings: Findings, shortest: float) -> None:

@@ -89,6 +89,11 @@ def read_contents(data: bytes, source: str) -> Contents:
     return Contents(plugin.name, numeric, tuple(speaker + message for message in messages))
 
 
+def has_known_format(data: bytes) -> bool:
+    """Whether the contents of a file are those of a format that is read."""
+    return _format_of(data) is not None
+
+
 def _refuse_damaged(problem: str | None, source: str) -> None:
     if problem:
         raise RecordError(f"{source}: the file is damaged or cut off: {problem}; fetch it again")
@@ -117,14 +122,16 @@ def _named(entries: EntryPoints, names: tuple[str, ...] | list[str]) -> Iterator
 
 
 def _detect(data: bytes, source: str) -> Plugin:
-    known = []
+    plugin = _format_of(data)
+    if plugin is None:
+        known = ", ".join(plugin.name for plugin in plugins())
+        raise RecordError(f"{source}: {_foreign(data) or f'unknown format; those that are read: {known}'}")
+    return plugin
+
+
+def _format_of(data: bytes) -> Plugin | None:
     with caught_messages():
-        for plugin in plugins():
-            if _accepts(plugin, data):
-                return plugin
-            known.append(plugin.name)
-    problem = _foreign(data) or f"unknown format; those that are read: {', '.join(known)}"
-    raise RecordError(f"{source}: {problem}")
+        return next((plugin for plugin in plugins() if _accepts(plugin, data)), None)
 
 
 def _accepts(plugin: Plugin, data: bytes) -> bool:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from tdint.errors import RecordError, UsageError
-from tdint.ground_motion.plugins import Contents, read_contents
+from tdint.ground_motion.plugins import Contents, has_known_format, read_contents
 from tdint.ground_motion.record import Record
 from tdint.ground_motion.response import Instruments, read_instruments, remove_response
 from tdint.ground_motion.scale import declared_units, to_acceleration, units_in_words
 from tdint.ground_motion.segments import Channel, check_equal_sampling, check_finite, doubts, group_channels, join
-from tdint.ground_motion.source import read_bytes
+from tdint.ground_motion.source import digested, read_bytes
 from tdint.units import Units, parse_units
 
 
@@ -71,6 +72,17 @@ def read_records(
     return _read(source, units, component, inventory, single=False)
 
 
+def is_record(source: str | Path) -> bool:
+    """Whether a file has one of the known formats; True as well for one that cannot be read, which reading will tell.
+
+    A file that has a known format may still be damaged.
+    """
+    try:
+        return has_known_format(read_bytes(source))
+    except RecordError:
+        return True
+
+
 def _read(
     source: str | Path, units: str | None, component: str | None, inventory: str | Path | None, *, single: bool
 ) -> tuple[Record, ...]:
@@ -78,7 +90,8 @@ def _read(
         raise UsageError("units and an inventory are given; the inventory gives the units, leave one of them out")
     wanted = None if units is None else parse_units(units)
     name = str(source)
-    contents = read_contents(read_bytes(source), name)
+    data = read_bytes(source)
+    contents = read_contents(data, name)
     channels = group_channels(contents.traces)
     if component is not None:
         channels = [_choose(channels, component, name)]
@@ -87,8 +100,9 @@ def _read(
     traces = [join(channel, _label(name, channel)) for channel in channels]
     check_equal_sampling([(trace.id, float(trace.stats.delta)) for trace in traces], name)
     instruments = None if inventory is None else read_instruments(inventory)
+    inputs = (digested(data, source), *([instruments.input] if instruments else []))
     return tuple(
-        _to_record(channel, trace, contents, wanted, instruments, name)
+        replace(_to_record(channel, trace, contents, wanted, instruments, name), inputs=inputs)
         for channel, trace in zip(channels, traces, strict=True)
     )
 

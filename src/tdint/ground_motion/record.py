@@ -9,6 +9,14 @@ from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
+class Input:
+    """A file that a result depends on, as the user named it, and the SHA-256 of the bytes that were read from it."""
+
+    file: str
+    sha256: str
+
+
+@dataclass(frozen=True)
 class Record:
     """One component of a ground motion.
 
@@ -31,6 +39,8 @@ class Record:
     units : str
         Units of the file's samples and how they are known: `g (file)`, `gal (given)`, `m/s^2 (assumed)`,
         `counts (response removed)`; empty for a record that comes from no file.
+    inputs : tuple of Input
+        The files that it was read from: its own, and the inventory if there was one.
     """
 
     acceleration: NDArray[np.float64]
@@ -41,6 +51,7 @@ class Record:
     source: str
     notes: tuple[str, ...] = ()
     units: str = ""
+    inputs: tuple[Input, ...] = ()
 
     def __post_init__(self) -> None:
         samples = np.ascontiguousarray(self.acceleration, dtype=np.float64)

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from tdint.errors import RecordError
 from tdint.ground_motion.messages import caught_messages, quiet_import
+from tdint.ground_motion.record import Input
 from tdint.ground_motion.scale import without_mean
-from tdint.ground_motion.source import read_bytes
+from tdint.ground_motion.source import digested, read_bytes
 
 _FADE = (0.8, 0.9)
 """Where frequencies are faded out, as parts of the Nyquist frequency. Above, the recorder's filter has left nothing of
@@ -31,7 +32,12 @@ class Instruments:
     """An obspy Inventory and the file it came from."""
 
     inventory: Any
-    source: str
+    input: Input
+
+    @property
+    def source(self) -> str:
+        """The file as the user named it."""
+        return self.input.file
 
 
 def read_instruments(source: str | Path) -> Instruments:
@@ -53,7 +59,7 @@ def read_instruments(source: str | Path) -> Instruments:
         function = read_format.load()
     try:
         with caught_messages():
-            return Instruments(function(BytesIO(data)), str(source))
+            return Instruments(function(BytesIO(data)), digested(data, source))
     except Exception as error:  # The XML parser and ObsPy's reader raise many kinds.
         reason = " ".join(str(error).split())
         raise RecordError(f"{source}: cannot be read as StationXML: {reason}") from error

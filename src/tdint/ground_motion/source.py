@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import sys
 from pathlib import Path
 from typing import BinaryIO
 
 from tdint.errors import RecordError
+from tdint.ground_motion.record import Input
 
 STDIN = "-"
 """The name that stands for standard input."""
@@ -50,6 +52,11 @@ def read_bytes(source: str | Path) -> bytes:
     if len(content) > _LARGEST:
         raise RecordError(f"{source}: the file is larger than 1 GiB; cut the event out of it first")
     return content
+
+
+def digested(data: bytes, source: str | Path) -> Input:
+    """What was read from a file, by name and SHA-256."""
+    return Input(str(source), hashlib.sha256(data).hexdigest())
 
 
 def _spool(source: str | Path) -> bytes:

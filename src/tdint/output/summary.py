@@ -1,4 +1,5 @@
-"""summary.json: what a run was, how it ended, and from which inputs and versions it came."""
+"""What a result was, how it came about, and from which inputs and versions: summary.json of a run, and the JSON file
+beside a table of records."""
 
 from __future__ import annotations
 
@@ -7,35 +8,16 @@ import json
 import math
 import platform
 from collections.abc import Sequence
-from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tdint.ground_motion.record import Record
+from tdint.ground_motion.record import Input, Record
 from tdint.model.definition import Model
 from tdint.output.results import Array, Energies, RunFailure, RunResult, Stories
 
 _PACKAGES = ("tdint", "numpy", "scipy", "numba", "obspy")
-
-
-@dataclass(frozen=True)
-class Input:
-    """A file that a result depends on; no hash for what can be read only once (a pipe)."""
-
-    file: str
-    sha256: str | None
-
-
-def file_input(file: str) -> Input:
-    """The input that a file is, with its present content."""
-    path = Path(file)
-    if not path.is_file():
-        return Input(file, None)
-    with path.open("rb") as stream:
-        return Input(file, hashlib.file_digest(stream, "sha256").hexdigest())
 
 
 def model_input(model: Model) -> Input:
@@ -60,10 +42,10 @@ def run_summary(response: RunResult, inputs: Sequence[Input], wall_time: float) 
         "energy": _energy(response.energy),
         "peaks": overall_peaks(response.stories),
         "collapse_drift": response.model.collapse_drift,
-        "record": _record(response.record),
+        "record": _motion(response.record),
         "notes": list(response.notes),
         "inputs": _inputs(inputs),
-        "versions": _versions(),
+        "versions": versions(),
     }
 
 
@@ -86,11 +68,31 @@ def failure_summary(
         "dt_s": failure.dt,
         "wall_time_s": wall_time,
         "collapse_drift": model.collapse_drift,
-        "record": _record(record),
+        "record": _motion(record),
         "notes": list(record.notes) if record else [],
         "inputs": _inputs(inputs),
-        "versions": _versions(),
+        "versions": versions(),
     }
+
+
+def record_summary(record: Record) -> dict[str, Any]:
+    """What a record is, where it came from and what was done to it."""
+    return {**_motion_of(record), "notes": list(record.notes), "inputs": _inputs(record.inputs)}
+
+
+def table_summary(command: str, settings: dict[str, Any], records: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Content of the JSON file beside a table of records.
+
+    Parameters
+    ----------
+    command : str
+        The command that made the table.
+    settings : dict
+        Its settings, those of the command line and the defaults.
+    records : sequence of dict
+        The `record_summary` of each record in the table.
+    """
+    return {"command": command, "settings": settings, "records": list(records), "versions": versions()}
 
 
 def overall_peaks(stories: Stories) -> dict[str, float | int | None]:
@@ -153,25 +155,30 @@ def _energy(energy: Energies) -> dict[str, float]:
     }
 
 
-def _record(record: Record | None) -> dict[str, Any] | None:
-    if record is None:
-        return None
+def _motion(record: Record | None) -> dict[str, Any] | None:
+    return None if record is None else _motion_of(record)
+
+
+def _motion_of(record: Record) -> dict[str, Any]:
     return {
         "file": record.source,
         "id": record.id,
         "component": record.component,
         "start": record.start,
+        "units": record.units,
         "dt_s": record.dt,
         "samples": record.acceleration.size,
+        "duration_s": record.duration,
         "pga_m_s2": record.pga,
     }
 
 
-def _inputs(inputs: Sequence[Input]) -> list[dict[str, str | None]]:
+def _inputs(inputs: Sequence[Input]) -> list[dict[str, str]]:
     return [{"file": item.file, "sha256": item.sha256} for item in inputs]
 
 
-def _versions() -> dict[str, str | None]:
+def versions() -> dict[str, str | None]:
+    """Versions of tdint, of the packages it computes with, and of Python."""
     return {**{package: _version(package) for package in _PACKAGES}, "python": platform.python_version()}
 
 

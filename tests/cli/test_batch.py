@@ -1,0 +1,230 @@
+"""Many records at once: folders, names of the outputs, processes, the JSON file beside a table."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from functools import partial
+
+import pytest
+
+from tdint.errors import AnalysisError, RecordError
+from tdint_cli.batch import Task, outcomes
+from tdint_cli.sources import records_of, tables_of
+
+PERIODS = ("--period", "0.2", "--period", "1.0")
+
+
+def contents(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+@pytest.fixture
+def many(folder, make_record):
+    """A folder `many` with six records, two of them bad, and three things besides."""
+    (folder / "many").mkdir()
+    for i in range(4):
+        make_record(folder / "many" / f"r{i}.mseed", "HNE", "HNN", peak=1.0 + i)
+    make_record(folder / "many" / "counts.mseed", "HNE", integer=True)
+    (folder / "many" / "r1a.mseed").write_bytes((folder / "many" / "r1.mseed").read_bytes()[:-100])
+    (folder / "many" / "README.md").write_text("Records\n")
+    (folder / "many" / ".hidden.mseed").write_bytes((folder / "other.mseed").read_bytes())
+    (folder / "many" / "deeper").mkdir()
+    return folder / "many"
+
+
+def test_a_folder_stands_for_its_records(many, tdint):
+    result = tdint("spectrum", "many/", *PERIODS)
+    names = [f"many/{name}.mseed" for name in ("counts", "r0", "r1", "r1a", "r2", "r3")]
+    one_by_one = tdint("spectrum", *names, *PERIODS)
+    assert (result.exit_code, result.stdout) == (4, one_by_one.stdout)
+    first, *rest = result.stderr.splitlines()
+    assert first == "note: many/: not taken for records: README.md, deeper/"
+    assert rest == one_by_one.stderr.splitlines()
+    assert [line.split(": ")[1] for line in rest if line.startswith("Error")] == [names[0], names[3]]
+
+
+def test_a_folder_without_records_is_an_error(folder, tdint):
+    (folder / "none").mkdir()
+    for number in range(12):
+        (folder / "none" / f"{number:02d}.md").write_text("words\n")
+    result = tdint("info", "none", "motion.mseed")
+    assert (result.exit_code, result.stdout) == (4, tdint("info", "motion.mseed").stdout)
+    assert result.stderr.startswith("Error: none: there is no record in this folder; it holds 00.md, 01.md")
+    assert result.stderr.endswith("09.md and 2 more\n")
+
+
+def test_a_file_of_a_folder_that_cannot_be_read_is_a_failure(folder, tdint):
+    (folder / "some").mkdir()
+    (folder / "some" / "a.mseed").write_bytes((folder / "other.mseed").read_bytes())
+    (folder / "some" / "b.mseed").write_bytes(b"")
+    result = tdint("info", "some")
+    assert (result.exit_code, len(result.stdout.splitlines())) == (4, 2)
+    assert result.stderr == "Error: some/b.mseed: the file is empty\n"
+
+
+def test_records_of_one_stem_keep_their_suffix(folder, tdint):
+    """K-NET gives a station's components one stem: x.EW and x.NS."""
+    for suffix in ("EW", "NS"):
+        (folder / f"x.{suffix}").write_bytes((folder / "other.mseed").read_bytes())
+    result = tdint("spectrum", "x.EW", "other.mseed", "x.NS", *PERIODS, "-o", "out/", "--plot")
+    assert result.exit_code == 0
+    assert sorted(contents(folder / "out")) == [
+        f"{stem}.{suffix}" for stem in ("other", "x.EW", "x.NS") for suffix in ("csv", "json", "png")
+    ]
+
+
+def test_names_that_still_clash_are_refused(tmp_path):
+    assert [table.name for table in tables_of(["a/x.EW", "b/x.NS", "-", "stdin.at2"], tmp_path)] == [
+        "x.EW.csv", "x.NS.csv", "stdin.csv", "stdin.at2.csv",
+    ]  # fmt: skip
+    for clash in (["x.EW", "x.NS", "x.EW.mseed"], ["a/x.EW", "b/x.EW"]):
+        with pytest.raises(Exception, match="would be written to it"):
+            tables_of(clash, tmp_path)
+
+
+@pytest.mark.parametrize("into", [["-o", "."], ["-o", "signal.csv"]])
+def test_a_record_is_never_replaced_by_its_result(folder, tdint, into):
+    (folder / "signal.csv").write_text("# dt = 0.01, units = g\n" + "0.1\n-0.1\n" * 50)
+    before = contents(folder)
+    result = tdint("spectrum", "signal.csv", *PERIODS, *into, "--overwrite")
+    assert (result.exit_code, contents(folder)) == (6, before)
+    assert result.stderr == "Error: signal.csv: is read by this command; write to another place\n"
+
+
+@pytest.mark.parametrize("into", ["out/", "all.csv", None])
+@pytest.mark.parametrize("plot", [False, True])
+def test_the_outputs_do_not_depend_on_the_number_of_processes(many, tdint, into, plot):
+    if plot and not into:
+        return
+    results, written = [], []
+    for jobs in (1, 3):
+        place = f"{jobs}/{into}" if into else None
+        (many.parent / str(jobs)).mkdir()
+        options = ["-o", place, *["--plot"] * plot] if place else []
+        result = tdint("spectrum", "many", "other.mseed", *PERIODS, "--jobs", jobs, *options)
+        results.append((result.exit_code, result.stdout, result.stderr))
+        written.append(contents(many.parent / str(jobs) / "out" if into == "out/" else many.parent / str(jobs)))
+    assert results[0] == results[1]
+    assert results[0][0] == 4
+    assert written[0] == written[1]
+
+
+def test_standard_input_is_read_where_it_is(folder, tdint):
+    order = ("motion.mseed", "other.mseed", "-", "other.mseed", "motion.mseed")
+    stdin = (folder / "other.mseed").read_bytes()
+    one, three = (tdint("spectrum", *order, *PERIODS, "--jobs", jobs, stdin=stdin) for jobs in (1, 3))
+    assert (one.exit_code, one.stdout) == (0, three.stdout)
+    assert [line.split(",")[0] for line in one.stdout.splitlines()[1::2]] == [
+        "motion.mseed", "motion.mseed", "other.mseed", "-", "other.mseed", "motion.mseed", "motion.mseed",
+    ]  # fmt: skip
+
+
+def test_what_a_table_came_from(folder, tdint):
+    tdint("spectrum", "motion.mseed", "-o", "one.csv", "--units", "gal", "--damping", "0.02",
+          "--periods", "0.1:1:5", "--component", "HNN")  # fmt: skip
+    summary = json.loads((folder / "one.json").read_text())
+    assert list(summary) == ["command", "settings", "records", "versions"]
+    assert summary["command"] == "spectrum"
+    for name, value in {
+        "units": "gal", "component": "HNN", "inventory": None, "damping": [0.02], "periods": "0.1:1:5",
+        "method": "exact",
+    }.items():  # fmt: skip
+        assert summary["settings"][name] == value
+    (record,) = summary["records"]
+    for name, value in {
+        "file": "motion.mseed", "id": "TD.TEST..HNN", "component": "HNN", "start": "", "units": "gal (given)",
+        "dt_s": 0.01, "samples": 300, "duration_s": 2.99, "notes": [],
+        "inputs": [{
+            "file": "motion.mseed", "sha256": hashlib.sha256((folder / "motion.mseed").read_bytes()).hexdigest(),
+        }],
+    }.items():  # fmt: skip
+        assert record[name] == value
+    assert set(summary["versions"]) == {"tdint", "numpy", "scipy", "numba", "obspy", "python"}
+
+
+def test_the_summary_names_what_stands_in_the_table(many, tdint):
+    tdint("spectrum", "many", *PERIODS, "-o", "all.csv")
+    summary = json.loads((many.parent / "all.json").read_text())
+    assert [(record["file"], record["component"]) for record in summary["records"]] == [
+        (f"many/r{i}.mseed", component) for i in range(4) for component in ("HNE", "HNN")
+    ]
+    assert summary["settings"]["periods"] == [0.2, 1.0]
+    assert all("samples are taken as m/s^2" in record["notes"][0] for record in summary["records"])
+
+
+# The batch itself
+
+
+def double(factor, task):
+    """A stand-in for the work on a record."""
+    if task.source == "bad":
+        raise RecordError("bad: no")
+    if task.source == "unstable":
+        raise AnalysisError("diverged")
+    if task.source == "dies":
+        os._exit(9)
+    return factor * task.source, os.getpid()
+
+
+def run_batch(sources, jobs):
+    tasks = [Task(source) for source in sources]
+    with outcomes(partial(double, 2), tasks, jobs=jobs, label="", to_terminal=True) as results:
+        return list(results)
+
+
+def test_results_and_failures_come_in_order():
+    sources = ["bad", "a", "unstable", "b", "c", "-"]
+    found = run_batch(sources, 2)
+    assert [str(item) if isinstance(item, Exception) else item[0] for item in found] == [
+        "bad: no", "aa", "unstable: diverged", "bb", "cc", "--",
+    ]  # fmt: skip
+    processes = [item[1] for item in found if not isinstance(item, Exception)]
+    assert processes[0] == processes[-1] == os.getpid()
+    assert os.getpid() not in processes[1:-1]
+
+
+def test_a_process_that_dies_is_told():
+    with pytest.raises(AnalysisError, match=r"dies: a process ended before its time; use fewer --jobs"):
+        run_batch(["a", "dies", "b"], 2)
+
+
+def test_results_of_one_process_come_as_they_are_made():
+    with outcomes(partial(double, 1), [Task("a"), Task("dies")], jobs=1, label="", to_terminal=True) as results:
+        assert next(iter(results))[0] == "a"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_ctrl_c_ends_all_processes_without_a_word(folder, make_record):
+    (folder / "many").mkdir()
+    make_record(folder / "many" / "0.mseed", "HNE", samples=60_000)
+    for i in range(1, 60):
+        (folder / "many" / f"{i}.mseed").hardlink_to(folder / "many" / "0.mseed")
+    command = [
+        sys.executable, "-c", "from tdint_cli.main import main; main()", "spectrum", "many",
+        "--jobs", "2", "-o", "out/", "--periods", "0.1:10:5000",
+    ]  # fmt: skip
+    process = subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    deadline = time.monotonic() + 60.0
+    while len(list((folder / "out").glob("*.csv")) if (folder / "out").is_dir() else []) < 2:
+        assert time.monotonic() < deadline
+        assert process.poll() is None
+        time.sleep(0.02)
+    os.killpg(process.pid, signal.SIGINT)
+    _, words = process.communicate(timeout=30.0)
+    assert process.returncode == 130
+    assert [line for line in words.splitlines() if line and "compiling" not in line] == ["Interrupted"]
+    assert not [name for name in contents(folder / "out") if name.startswith(".")]
+    with pytest.raises(ProcessLookupError):
+        os.killpg(process.pid, 0)
+
+
+def test_sources_keep_the_users_spelling(many):
+    found = records_of(["many//", "../x", "many/r0.mseed"])
+    assert found.files[0] == "many//counts.mseed"
+    assert found.files[-2:] == ("../x", "many/r0.mseed")
