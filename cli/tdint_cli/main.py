@@ -22,6 +22,7 @@ COMMANDS = {
     "run": ("run", "Response of a building in time: the peaks of each story."),
     "spectrum": ("spectrum", "Elastic response spectra of ground-motion records."),
     "info": ("info", "What ground-motion records are and how strong."),
+    "law": ("law", "Cyclic test of one story: its force over imposed cycles of drift."),
     "modes": ("modes", "Periods, damping ratios and modal masses of a building."),
     "methods": ("methods", "The time-integration methods: parameters, order, stability, source."),
     "stability": ("stability", "Spectral radius, period error and numerical damping of methods over dt/T."),

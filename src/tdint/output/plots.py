@@ -212,7 +212,7 @@ def _draw_hysteresis(axes: Any, response: RunResult) -> None:
     history = response.history
     assert history is not None
     story, reason = _telling_story(response)
-    factor, unit = _force_unit(float(np.max(np.abs(history.shear[:, story]))))
+    factor, unit = scaled_unit(float(np.max(np.abs(history.shear[:, story]))), "N")
     axes.plot(history.drift[:, story], history.shear[:, story] * factor, color=_INK, linewidth=0.8)
     axes.axhline(0.0, color=_LIGHT, linewidth=0.6)
     axes.axvline(0.0, color=_LIGHT, linewidth=0.6)
@@ -236,11 +236,12 @@ def _telling_story(response: RunResult) -> tuple[int, str]:
     return 0, "no drift"
 
 
-def _force_unit(largest: float) -> tuple[float, str]:
-    for factor, unit in ((1e-6, "MN"), (1e-3, "kN")):
+def scaled_unit(largest: float, unit: str) -> tuple[float, str]:
+    """The unit with M, k or nothing before it in which the largest number is 1 at least, and the factor to it."""
+    for factor, prefix in ((1e-6, "M"), (1e-3, "k")):
         if largest * factor >= 1.0:
-            return factor, unit
-    return 1.0, "N"
+            return factor, prefix + unit
+    return 1.0, unit
 
 
 def _draw_spectra(spectra: Sequence[SpectrumResult]) -> Figure:
