@@ -28,6 +28,7 @@ COMMANDS = {
     "stability": ("stability", "Spectral radius, period error and numerical damping of methods over dt/T."),
     "overshoot": ("overshoot", "First steps of methods under a large step, and how they grow with it."),
     "order": ("order", "Observed order of methods, from their errors over halved steps."),
+    "failures": ("failures", "Which methods fail on hard problems with known answers, and how."),
 }
 """The commands in the order of the help: the module in `commands` and the first sentence of the command's own help."""
 
