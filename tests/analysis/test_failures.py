@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -25,9 +27,14 @@ NEEDED = {
 }
 
 
+@cache
+def trials(method, name):
+    return attempt(parse(method), problems()[name])
+
+
 def trial(method, name, dt=None):
     """The trial of a method on a problem, with the step dt where the problem has several."""
-    found = [one for one in attempt(parse(method), problems()[name]) if dt is None or one.dt == dt]
+    found = [one for one in trials(method, name) if dt is None or one.dt == dt]
     assert len(found) == 1
     return found[0]
 
@@ -157,6 +164,32 @@ def test_the_stiff_pair_settles_with_dissipation_only():
         assert (settled.verdict, settled.error < 1e-5) == ("pass", True)
 
 
+# ---- README
+
+
+def digest():
+    """Rows of README's digest: problem, dt, method, text of the cell."""
+    text = (CONFIGS.parent / "README.md").read_text().partition("<!-- digest: failures -->")[2]
+    lines = [line.strip("|").split("|") for line in text.partition("<!-- end: digest -->")[0].splitlines() if line]
+    header, *body = [[cell.strip(" `") for cell in line] for line in lines if not line[0].startswith("---")]
+    return [
+        (row[0], float(row[1]), method, cell) for row in body for method, cell in zip(header[2:], row[2:], strict=True)
+    ]
+
+
+@pytest.mark.parametrize(("name", "dt", "method", "cell"), digest())
+def test_the_digest_in_the_readme(name, dt, method, cell):
+    """The numbers to the digits given, bold where the problem is failed; the chaotic growth of `impulse` roughly."""
+    one = trial(method, name, dt)
+    assert cell.startswith("**") == (one.verdict != "pass")
+    value = cell.strip("*")
+    if value == one.verdict:
+        return
+    rough = method == "impulse" and one.verdict == "gains energy"
+    digits = len(re.sub(r"e.*|\.|^0\.0*", "", value))
+    assert one.measure == pytest.approx(float(value), rel=0.5 if rough else 1.01 * 10.0 ** (1 - digits))
+
+
 # ---- Limits and overshoot
 
 
@@ -202,7 +235,7 @@ def test_a_method_for_linear_buildings_is_refused_where_stories_are_not():
 @pytest.mark.parametrize("name", problems())
 def test_every_trial_ends_with_a_verdict_and_its_numbers(name):
     for integrator in usual_methods():
-        for one in attempt(integrator, problems()[name]):
+        for one in trials(integrator.label, name):
             numbers = (one.energy_ratio_max, one.error, one.measure)
             if one.verdict in ("blows up", "does not converge", "refused"):
                 assert all(map(math.isnan, numbers))
