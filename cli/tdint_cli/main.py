@@ -21,6 +21,10 @@ from tdint_cli.errors import Settings, exit_code_of
 COMMANDS = {
     "run": ("run", "Response of a building in time: the peaks of each story."),
     "spectrum": ("spectrum", "Elastic response spectra of ground-motion records."),
+    "drift-spectrum": (
+        "drift_spectrum",
+        "Drift spectra: the largest story drifts of shear buildings.",
+    ),
     "info": ("info", "What ground-motion records are and how strong."),
     "law": ("law", "Cyclic test of one story: its force over imposed cycles of drift."),
     "modes": ("modes", "Periods, damping ratios and modal masses of a building."),

@@ -19,16 +19,13 @@ from tdint.methods.exact import oscillator
 
 Array = NDArray[np.float64]
 
-DEFAULT_PERIODS = "0.2:10:200"
-"""Fundamental periods where none are asked for, s: from one story up."""
-
 DEFAULT_STORY_HEIGHT = 3.5
 """Height of a story where neither it nor the number of stories is given, m."""
 
 MOST_STORIES = 1000
 
 _RESOLVED = 20.0  # modes up to so many times the fundamental frequency are followed within their own radian
-_BEAM_MODES = 16  # at least; and all down to the period of one sampling interval
+_BEAM_MODES = 64  # at least; and all down to the period of half a sampling interval
 
 
 @dataclass(frozen=True)
@@ -84,7 +81,7 @@ def drift_spectrum(
     *,
     stories: int | None = None,
     story_height: float = DEFAULT_STORY_HEIGHT,
-    height_period: HeightPeriod = HeightPeriod(),  # noqa: B008 - frozen
+    height_period: HeightPeriod = HeightPeriod(),
     beam: bool = False,
 ) -> DriftSpectrum:
     """Drift spectrum of a record.
@@ -127,28 +124,33 @@ def drift_spectrum(
         numbers = np.zeros(periods.size, dtype=np.int64)
         buildings = [_beam(period, height, record.dt) for period, height in zip(periods, heights, strict=True)]
     else:
-        numbers = _numbers(heights, stories, story_height)
+        numbers = number_of_stories(heights, stories, story_height)
         buildings = [
             _uniform(period, height, int(n)) for period, height, n in zip(periods, heights, numbers, strict=True)
         ]
     peak, story, roof = _march(record, buildings, damping).T
-    return DriftSpectrum(
-        record, damping, periods, heights, numbers, peak, np.zeros_like(numbers) if beam else story.astype(int) + 1, roof
-    )
+    where = np.zeros_like(numbers) if beam else story.astype(np.int64) + 1
+    return DriftSpectrum(record, damping, periods, heights, numbers, peak, where, roof)
 
 
-def _numbers(heights: Array, stories: int | None, story_height: float) -> NDArray[np.int64]:
-    """Number of stories of each building."""
+def number_of_stories(heights: Array, stories: int | None, story_height: float) -> NDArray[np.int64]:
+    """Number of stories of buildings with these heights (m), `stories` if given; see `drift_spectrum`.
+
+    Raises
+    ------
+    UsageError
+        The story height is not positive, or there would be more than MOST_STORIES.
+    """
     if stories is None:
         if not 0.0 < story_height < math.inf:
             raise UsageError(f"the story height must be a positive number of meters, got {story_height!r}")
         wanted = np.maximum(np.floor(heights / story_height + 0.5), 1.0)
     else:
         wanted = np.full(heights.size, float(stories))
-    if not 1.0 <= wanted.min() or not wanted.max() <= MOST_STORIES:
+    if not (wanted.min() >= 1.0 and wanted.max() <= MOST_STORIES):
         raise UsageError(
-            f"a building of {wanted.max():.6g} stories, {heights.max():.6g} m high, is asked for; a drift spectrum takes "
-            f"1 to {MOST_STORIES} stories: ask for shorter periods, higher stories or --stories N"
+            f"a building of {wanted.max():.6g} stories, {heights.max():.6g} m high, is asked for; 1 to {MOST_STORIES} "
+            "are taken: ask for shorter periods, higher stories or one number of stories"
         )
     return wanted.astype(np.int64)
 
@@ -185,9 +187,9 @@ def _uniform(period: float, height: float, n: int) -> _Building:
 def _beam(period: float, height: float, dt: float) -> _Building:
     """Modes of a shear beam, sin((2j - 1) pi x / 2H), omega_j = (2j - 1) omega_1: drift at the base, roof displacement.
 
-    The modes that are left out have periods shorter than the sampling interval; they follow the ground.
+    The modes that are left out have periods shorter than half a sampling interval; they follow the ground.
     """
-    count = max(_BEAM_MODES, math.ceil(0.5 * (period / dt + 1.0)))
+    count = max(_BEAM_MODES, math.ceil(period / dt + 0.5))
     odd = 2.0 * np.arange(1, count + 1) - 1.0
     omega = 2.0 * math.pi / period * odd
     signs = np.where(np.arange(count) % 2 == 0, 1.0, -1.0)
@@ -195,7 +197,8 @@ def _beam(period: float, height: float, dt: float) -> _Building:
     # Under a steady acceleration the base drifts by H / c^2, the roof moves by H^2 / 2 c^2 (c the wave's velocity).
     velocity = 4.0 * height / period
     whole = np.array([height, 0.5 * height]) / velocity**2
-    return _Building(omega, shapes, whole - (shapes / np.square(omega)[:, None]).sum(axis=0))
+    static = whole - (shapes / np.square(omega)[:, None]).sum(axis=0)
+    return _Building(omega, shapes, np.asarray(static))
 
 
 def _march(record: Record, buildings: list[_Building], damping: float) -> Array:
