@@ -69,6 +69,20 @@ def test_the_loops_of_a_law(checkout):
     assert (folder / "loops.png").exists()
 
 
+def test_the_drift_spectra(checkout):
+    folder, environment = checkout
+    result = subprocess.run(
+        ["bash", "-eu", "-c", readme.block("drift")], cwd=folder, env=environment, capture_output=True, text=True
+    )
+    assert (result.returncode, result.stdout) == (0, ""), result.stderr
+    buildings, beams = (
+        list(csv.DictReader((folder / name).read_text().splitlines())) for name in ("drifts.csv", "beam.csv")
+    )
+    assert [row["period_s"] for row in buildings] == [row["period_s"] for row in beams]
+    assert max(float(row["peak_drift_ratio"]) for row in buildings) == pytest.approx(0.024, rel=0.02)
+    assert (folder / "drifts.png").exists()
+
+
 def test_the_python_example(checkout):
     folder, environment = checkout
     result = subprocess.run(

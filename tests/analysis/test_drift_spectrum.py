@@ -25,9 +25,7 @@ def finer(record, parts):
     """The same motion with samples on the lines between."""
     samples = record.acceleration.size
     times = np.arange((samples - 1) * parts + 1) / parts
-    return replace(
-        record, acceleration=np.interp(times, np.arange(samples), record.acceleration), dt=record.dt / parts
-    )
+    return replace(record, acceleration=np.interp(times, np.arange(samples), record.acceleration), dt=record.dt / parts)
 
 
 def uniform(period, stories, damping):
@@ -36,7 +34,9 @@ def uniform(period, stories, damping):
     return model([story(1.0, root**2)] * stories, damping=ModalDamping((damping,)))
 
 
-@pytest.mark.parametrize(("stories", "period", "damping"), [(1, 0.3, 0.0), (2, 0.2, 0.02), (7, 0.8, 0.05), (12, 2, 0.2)])
+@pytest.mark.parametrize(
+    ("stories", "period", "damping"), [(1, 0.3, 0.0), (2, 0.2, 0.02), (7, 0.8, 0.05), (12, 2, 0.2)]
+)
 def test_drifts_are_those_of_the_matrix_exponential(stories, period, damping):
     record = noise(samples=401)
     spectrum = drift_spectrum(record, np.array([period]), damping, stories=stories, height_period=MANY)
@@ -86,7 +86,7 @@ def velocity(record, times):
 
 @pytest.mark.parametrize("period", [0.21, 0.5, 1.3, 3.0])
 def test_the_undamped_beam_is_the_sum_of_waves(period):
-    """Iwan (1997): waves run up with c = 4 H / T, are reflected at the roof and, with their sign changed, at the base."""
+    """Iwan (1997): waves of the velocity 4 H / T, reflected at the roof and, with their sign changed, at the base."""
     record = noise(samples=801)
     spectrum = drift_spectrum(record, np.array([period]), 0.0, beam=True)
     times = np.arange((record.acceleration.size - 1) * 20 + 1) * record.dt / 20
@@ -133,7 +133,7 @@ def test_many_stories_tend_to_the_beam(period):
 
 
 def test_a_steady_acceleration_has_static_drifts():
-    """After all vibration: story i carries the floors above it, m (n - i + 1) ag; the beam's base drifts by H ag / c^2."""
+    """Without vibration story i carries the floors above it, m (n - i + 1) ag; the beam's base drifts by H ag / c^2."""
     n, period, height = 6, 0.5, 5.0
     rise = 0.5 - 0.5 * np.cos(np.linspace(0.0, math.pi, 2001))
     record = Record(np.append(rise, np.ones(10)), 0.01, "", "", "", "")
