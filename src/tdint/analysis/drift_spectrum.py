@@ -190,8 +190,8 @@ def _beam(period: float, height: float, dt: float) -> _Building:
     The modes that are left out have periods shorter than half a sampling interval; they follow the ground.
     """
     count = max(_BEAM_MODES, math.ceil(period / dt + 0.5))
-    odd = 2.0 * np.arange(1, count + 1) - 1.0
-    omega = 2.0 * math.pi / period * odd
+    odd = np.arange(1.0, 2.0 * count, 2.0)
+    omega = np.asarray(2.0 * math.pi / period * odd, dtype=np.float64)
     signs = np.where(np.arange(count) % 2 == 0, 1.0, -1.0)
     shapes = np.column_stack([np.full(count, 2.0), 4.0 / math.pi * signs / odd]) / height
     # Under a steady acceleration the base drifts by H / c^2, the roof moves by H^2 / 2 c^2 (c the wave's velocity).
