@@ -7,40 +7,13 @@ import math
 import numpy as np
 import pytest
 
+from law_paths import CYCLE, FY, HARDENING, K, follow, law_table, springs
 from tdint.kernels import layout
 from tdint.kernels.branches import walk
 from tdint.kernels.events import NONE, _crossing, turning
 from tdint.kernels.layout import FIRST_TRIAL, SECOND_TRIAL
-from tdint.kernels.springs import commit, recoverable, restoring, start
+from tdint.kernels.springs import restoring, start
 from tdint.model.laws import LAWS
-
-K, FY, HARDENING = 1000.0, 20.0, 0.05
-CYCLE = np.concatenate([np.linspace(a, b, 40)[1:] for a, b in ((0, 0.06), (0.06, -0.09), (-0.09, 0.05), (0.05, 0.1))])
-
-
-def law_table(name, *parameters):
-    table = np.zeros((layout.FIRST_PARAMETER + len(parameters), 2))
-    table[layout.CODE, 0] = LAWS[name].code
-    table[layout.STIFFNESS, 0] = K
-    table[layout.FIRST_PARAMETER :, 0] = parameters
-    return table
-
-
-def springs():
-    return np.zeros((layout.SPRING_BLOCKS * layout.SPRING_ROWS, 2))
-
-
-def follow(laws, path):
-    """Force along a path, and what is stored and dissipated at its end."""
-    state = springs()
-    start(laws, state, 0, 0.0)
-    forces = []
-    for drift in path:
-        restoring(laws, state, 0, 0, FIRST_TRIAL, drift)
-        commit(laws, state, 0, 0, FIRST_TRIAL)
-        forces.append(state[layout.FORCE, 0])
-    return np.array(forces), recoverable(laws, state, 0), state[layout.DISSIPATED, 0]
-
 
 LAW_CASES = {
     "linear": (),
@@ -48,8 +21,14 @@ LAW_CASES = {
     "bilinear": (FY, HARDENING),
     "peak-oriented": (FY, HARDENING, 0.4),
     "tanh": (FY,),
+    "bouc-wen": (FY, HARDENING, 1.7, 0.6),
+    "gap": (0.05, 4.0 * K),
 }
-DISSIPATING = ("bilinear", "peak-oriented")
+DISSIPATING = ("bilinear", "peak-oriented", "bouc-wen")
+
+
+def test_every_law_has_a_case():
+    assert set(LAW_CASES) == set(LAWS)
 
 
 @pytest.mark.parametrize("name", LAW_CASES)
@@ -99,6 +78,19 @@ def test_bilinear_branch_by_branch_is_the_closed_form():
         by_branches[: layout.SPRING_ROWS] = by_branches[SECOND_TRIAL : SECOND_TRIAL + layout.SPRING_ROWS]
         assert by_branches[layout.FORCE, 0] == pytest.approx(force, rel=1e-12, abs=1e-10)
     assert by_branches[layout.DISSIPATED, 0] == pytest.approx(dissipated, rel=1e-12)
+
+
+def test_gap_branch_by_branch_is_the_closed_form():
+    laws = law_table("gap", *LAW_CASES["gap"])
+    by_branches = springs()
+    start(laws, by_branches, 0, 0.0)
+    forces, _, _ = follow(laws, CYCLE)
+    for drift, force in zip(CYCLE, forces, strict=True):
+        walk(laws, by_branches, 0, 0, SECOND_TRIAL, drift)
+        by_branches[: layout.SPRING_ROWS] = by_branches[SECOND_TRIAL : SECOND_TRIAL + layout.SPRING_ROWS]
+        beyond = max(abs(drift) - 0.05, 0.0)
+        assert force == pytest.approx(K * drift + 4.0 * K * np.copysign(beyond, drift), rel=1e-12)
+        assert by_branches[layout.FORCE, 0] == pytest.approx(force, rel=1e-12, abs=1e-10)
 
 
 def test_peak_oriented_loop_by_hand():

@@ -9,7 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import AnalysisError, UsageError
-from tdint.kernels.layout import LINEAR, LOAD_SIZE, MEMO_SIZE, PIECEWISE, SPRING_BLOCKS, SPRING_ROWS
+from tdint.kernels.layout import (
+    ALL_BRANCHES,
+    BRANCHES,
+    LINEAR,
+    LOAD_SIZE,
+    MEMO_SIZE,
+    NO_BRANCHES,
+    SOME_BRANCHES,
+    SPRING_BLOCKS,
+    SPRING_ROWS,
+)
 from tdint.kernels.march import march
 from tdint.kernels.observing import BETWEEN_STEPS, HISTORY_FIELDS, OBSERVED_SIZE, OBSERVER_ROWS, PEAK_ROWS
 from tdint.methods.method import Integrator
@@ -103,7 +113,7 @@ def workspace(building: Building, integrator: Integrator, steps: int = 0, betwee
     family = integrator.family
     memo = np.zeros(MEMO_SIZE)
     memo[LINEAR] = building.linear
-    memo[PIECEWISE] = building.piecewise_linear
+    memo[BRANCHES] = _branches(building)
     observed = np.zeros(OBSERVED_SIZE)
     observed[BETWEEN_STEPS] = between
     return Workspace(
@@ -116,6 +126,12 @@ def workspace(building: Building, integrator: Integrator, steps: int = 0, betwee
         observed=observed,
         history=np.zeros((steps + 1 if steps else 0, 1 + HISTORY_FIELDS * n)),
     )
+
+
+def _branches(building: Building) -> int:
+    if building.piecewise_linear:
+        return ALL_BRANCHES
+    return SOME_BRANCHES if building.kinked else NO_BRANCHES
 
 
 def compile_all(integrator: Integrator) -> None:

@@ -1,7 +1,8 @@
-"""Piecewise-linear drift laws, branch by branch.
+"""Drift laws branch by branch.
 
 On a branch the force is linear in the drift. A branch ends where the drift leaves (LOWER, UPPER), or where the drift
-rate turns against TURN. `switch` tells what follows; the rest is common to all such laws.
+rate turns against TURN. `switch` tells what follows; the rest is common to all such laws. The Bouc-Wen law is curved,
+but it has a kink where the drift rate turns: it has such branches too, without a slope.
 """
 
 from __future__ import annotations
@@ -29,11 +30,14 @@ from tdint.kernels.layout import (
     WORK,
 )
 
-# Numbers of the laws that the compiled code tells apart; the rest is polynomial (tdint.model.laws)
+# Numbers of the laws in the compiled code (tdint.model.laws)
 LINEAR_LAW = 0
+POLYNOMIAL_LAW = 1
 BILINEAR_LAW = 2
 PEAK_ORIENTED_LAW = 3
 TANH_LAW = 4
+BOUC_WEN_LAW = 5
+GAP_LAW = 6
 
 # Ways in which a branch ends
 ABOVE = 1.0
@@ -51,7 +55,7 @@ def enter(laws, springs, i):
     """Put the committed state of story `i` on its branch: a law's first one, or the bilinear one that its state
     implies."""
     k = laws[STIFFNESS, i]
-    springs[SLOPE, i] = k
+    springs[SLOPE, i] = math.inf if laws[CODE, i] in (POLYNOMIAL_LAW, TANH_LAW, BOUC_WEN_LAW) else k
     springs[TURN, i] = 0.0
     springs[UPPER, i] = math.inf
     springs[LOWER, i] = -math.inf
@@ -66,6 +70,22 @@ def enter(laws, springs, i):
         springs[LOW_DRIFT, i] = springs[LOWER, i] = -strength / k
         springs[HIGH_FORCE, i] = strength
         springs[LOW_FORCE, i] = -strength
+    elif laws[CODE, i] == GAP_LAW:
+        gap = laws[FIRST_PARAMETER, i]
+        drift = springs[DRIFT, i]
+        _enter_gap(laws, springs, i, 0, 0.0 if abs(drift) < gap else math.copysign(1.0, drift))
+
+
+@inlined
+def _enter_gap(laws, springs, i, block, side):
+    """Put story `i` into the gap (side 0) or against the stop on that side of it."""
+    gap = laws[FIRST_PARAMETER, i]
+    drift = springs[block + DRIFT, i]
+    stop = abs(side) * laws[FIRST_PARAMETER + 1, i]
+    springs[block + FORCE, i] = laws[STIFFNESS, i] * drift + stop * (drift - side * gap)
+    springs[block + SLOPE, i] = laws[STIFFNESS, i] + stop
+    springs[block + UPPER, i] = math.inf if side > 0.0 else side * gap if side < 0.0 else gap
+    springs[block + LOWER, i] = -math.inf if side < 0.0 else side * gap if side > 0.0 else -gap
 
 
 @inlined
@@ -89,10 +109,16 @@ def advance(laws, springs, i, block, drift):
 @called
 def switch(laws, springs, i, block, event):
     """Change to the branch that follows the present one in `block` after it ended by `event`."""
-    if laws[CODE, i] == BILINEAR_LAW:
+    code = laws[CODE, i]
+    if code == BILINEAR_LAW:
         _switch_bilinear(laws, springs, i, block, event)
-    else:
+    elif code == PEAK_ORIENTED_LAW:
         _switch_peak_oriented(laws, springs, i, block, event)
+    elif code == GAP_LAW:
+        inside = springs[block + UPPER, i] + springs[block + LOWER, i] == 0.0
+        _enter_gap(laws, springs, i, block, event if inside else 0.0)
+    else:  # Bouc-Wen: the drift rate has turned
+        springs[block + TURN, i] = -springs[block + TURN, i]
 
 
 @inlined

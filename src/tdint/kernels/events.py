@@ -1,4 +1,4 @@
-"""The first change of branch of a piecewise-linear law within a step, on the cubic Hermite interpolant of each
+"""The first change of branch within a step, on the cubic Hermite interpolant of each
 drift."""
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ FORCE = 1
 INTERNAL = 2
 DISSIPATED = 3
 PLAIN_ROWS = 4  # what every law has; the rest belongs to piecewise-linear laws
-SLOPE = 4  # stiffness of the present branch
+SLOPE = 4  # stiffness of the present branch; infinite if it is curved
 UPPER = 5  # drifts between which the branch holds
 LOWER = 6
 TURN = 7  # sign of the drift rate for which the branch holds; 0 for both
@@ -65,9 +65,14 @@ FACTORED_STEP = 1  # the step size of the factorization in work, 0 for none
 STEPS_DONE = 2
 WORST_STORY = 3
 RESIDUAL = 4
-PIECEWISE = 5  # 1 if every law is piecewise linear: changes of branch can be located
+BRANCHES = 5  # which laws have branches, whose changes can be located
 EVENTS = 6  # changes of branch located so far
 MEMO_SIZE = 7
+
+# memo[BRANCHES]
+NO_BRANCHES = 0
+ALL_BRANCHES = 1  # every law is linear, or linear branch by branch
+SOME_BRANCHES = 2  # some laws have branches, some are curved
 
 # what a step returns instead of its number of iterations
 NOT_CONVERGED = -1

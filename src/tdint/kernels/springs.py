@@ -8,8 +8,11 @@ from __future__ import annotations
 
 import math
 
+from tdint.kernels.bouc_wen import bouc_wen
 from tdint.kernels.branches import (
     BILINEAR_LAW,
+    BOUC_WEN_LAW,
+    GAP_LAW,
     LINEAR_LAW,
     PEAK_ORIENTED_LAW,
     TANH_LAW,
@@ -29,6 +32,7 @@ from tdint.kernels.layout import (
     PLAIN_ROWS,
     SPRING_ROWS,
     STIFFNESS,
+    TURN,
 )
 
 
@@ -46,6 +50,10 @@ def restoring(laws, springs, i, past, trial, drift):
         return walk(laws, springs, i, past, trial, drift)
     if code == TANH_LAW:
         return _tanh(laws, springs, i, trial, drift)
+    if code == BOUC_WEN_LAW:
+        return bouc_wen(laws, springs, i, past, trial, drift)
+    if code == GAP_LAW:
+        return _gap(laws, springs, i, trial, drift)
     return _polynomial(laws, springs, i, trial, drift)
 
 
@@ -93,9 +101,22 @@ def _tanh(laws, springs, i, trial, drift):
 
 
 @inlined
+def _gap(laws, springs, i, trial, drift):
+    """f = k d, and the stop's ks (|d| - gap) more beyond the gap: elastic pounding against a stop on either side."""
+    force = laws[STIFFNESS, i] * drift
+    tangent = laws[STIFFNESS, i]
+    beyond = abs(drift) - laws[FIRST_PARAMETER, i]
+    if beyond > 0.0:
+        force += math.copysign(laws[FIRST_PARAMETER + 1, i] * beyond, drift)
+        tangent += laws[FIRST_PARAMETER + 1, i]
+    springs[trial + FORCE, i] = force
+    return tangent
+
+
+@inlined
 def settle(laws, springs, i, past, trial):
     """Energy that the law dissipates on the way from block `past` to block `trial`; adds it up in `trial`, J."""
-    if laws[CODE, i] == PEAK_ORIENTED_LAW:
+    if laws[CODE, i] == PEAK_ORIENTED_LAW or laws[CODE, i] == BOUC_WEN_LAW:
         return  # summed up on the way
     dissipated = springs[past + DISSIPATED, i]
     if laws[CODE, i] == BILINEAR_LAW:
@@ -126,6 +147,14 @@ def recoverable(laws, springs, i):
         x = abs(laws[STIFFNESS, i] * d / strength)
         # ln cosh x, without overflow
         return strength * strength / laws[STIFFNESS, i] * (x + math.log1p(math.exp(-2.0 * x)) - math.log(2.0))
+    if laws[CODE, i] == BOUC_WEN_LAW:
+        strength = laws[FIRST_PARAMETER, i]
+        hardening = laws[FIRST_PARAMETER + 1, i]
+        z = strength * springs[INTERNAL, i]
+        return 0.5 * hardening * laws[STIFFNESS, i] * d * d + 0.5 * (1.0 - hardening) * z * z / laws[STIFFNESS, i]
+    if laws[CODE, i] == GAP_LAW:
+        beyond = max(abs(d) - laws[FIRST_PARAMETER, i], 0.0)
+        return 0.5 * laws[STIFFNESS, i] * d * d + 0.5 * laws[FIRST_PARAMETER + 1, i] * beyond * beyond
     energy = 0.0
     for row in range(laws.shape[0] - 1, FIRST_PARAMETER - 1, -1):
         energy = energy * d + laws[row, i] / (row - FIRST_PARAMETER + 2)
@@ -136,6 +165,10 @@ def recoverable(laws, springs, i):
 def commit(laws, springs, i, past, trial):
     """Make the trial state of story `i` the committed one; `past` is the block that it was reached from."""
     settle(laws, springs, i, past, trial)
+    if laws[CODE, i] == BOUC_WEN_LAW:
+        stretch = springs[trial + DRIFT, i] - springs[past + DRIFT, i]
+        if stretch != 0.0:
+            springs[TURN, i] = math.copysign(1.0, stretch)
     rows = SPRING_ROWS if laws[CODE, i] == PEAK_ORIENTED_LAW else PLAIN_ROWS
     for row in range(rows):
         springs[row, i] = springs[trial + row, i]
@@ -144,7 +177,7 @@ def commit(laws, springs, i, past, trial):
 @inlined
 def resume(laws, springs, i):
     """Put story `i` on the branch that its committed state implies, after a step that does not follow branches."""
-    if laws[CODE, i] != PEAK_ORIENTED_LAW:  # which always follows them
+    if laws[CODE, i] != PEAK_ORIENTED_LAW and laws[CODE, i] != BOUC_WEN_LAW:  # which always follow them
         enter(laws, springs, i)
 
 

@@ -20,6 +20,8 @@ from tdint.kernels.compiling import called, inlined, kernel
 from tdint.kernels.events import NONE, first_event
 from tdint.kernels.layout import (
     ACCELERATION,
+    ALL_BRANCHES,
+    BRANCHES,
     DISPLACEMENT,
     DRIFT,
     EVENTS,
@@ -30,9 +32,9 @@ from tdint.kernels.layout import (
     GROUND_1,
     LINEAR,
     LINK,
+    NO_BRANCHES,
     NOT_CONVERGED,
     NOT_FINITE,
-    PIECEWISE,
     SECOND_TRIAL,
     SLOPE,
     SPRING_ROWS,
@@ -101,59 +103,58 @@ def work_rows(modes: int) -> int:
 
 @kernel(STEP)
 def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
-    """One step; piecewise-linear laws branch by branch, others by Newton's iteration.
-
-    Where changes of branch pile up, the step is done by Newton's iteration too.
-    """
-    if memo[PIECEWISE] != 0.0:
+    """One step from kink to kink of the laws that have any; where kinks pile up, and without any, straight on."""
+    n = chain.shape[1] - 1
+    if memo[BRANCHES] != NO_BRANCHES:
         code = _by_branches(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo)
         if code != NOT_CONVERGED:
             return code
-    code = _newton(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo)
-    if code >= 0 and memo[PIECEWISE] != 0.0:
-        for i in range(chain.shape[1] - 1):
+    _loads(chain, forces, load[TIME], h, load[GROUND_0], load[GROUND_1], work)
+    code = _newton(False, coefficients, chain, modal, laws, h, state, springs, work, memo, _FACTORS)
+    if code < 0:
+        return code
+    _arrive(False, chain, laws, state, springs, work)
+    if memo[BRANCHES] != NO_BRANCHES:
+        for i in range(n):
             resume(laws, springs, i)
-    return code
+    return code if finite(state, n) else NOT_FINITE
 
 
 @called
-def _newton(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
-    """One step by Newton on all stories at once, unknowns (u1 - u0, v1 - v0) per floor, a1 eliminated by
-    equilibrium."""
+def _newton(frozen, coefficients, chain, modal, laws, h, state, springs, work, memo, factors):
+    """Motion over a step by Newton on all stories at once, unknowns (u1 - u0, v1 - v0) per floor, a1 eliminated by
+    equilibrium.
+
+    With `frozen`, stories that are linear on their branches stay on them.
+    """
     n = chain.shape[1] - 1
-    _loads(chain, forces, load[TIME], h, load[GROUND_0], load[GROUND_1], work)
     guess(1.0, h, state, work, n)
     iterations = 0
     last = False
     while True:
-        stale = _path(False, coefficients, chain, laws, h, state, springs, work, _FACTORS)
+        stale = _path(False, frozen, coefficients, chain, laws, h, state, springs, work, factors)
         _residuals(coefficients, chain, modal, h, state, work)
         if in_balance(coefficients[BETA], chain, h, state, work, memo) or last:
             break
         if iterations == ITERATIONS:
             return give_up(memo)
         if stale:
-            _factor(coefficients, chain, modal, h, work, _FACTORS)
-        last = _correct(coefficients, modal, h, work, _FACTORS, n)
+            _factor(coefficients, chain, modal, h, work, factors)
+        last = _correct(coefficients, modal, h, work, factors, n)
         iterations += 1
-    for i in range(n):
-        state[DISPLACEMENT, i] += work[DU, i]
-        state[VELOCITY, i] += work[DV, i]
-        state[ACCELERATION, i] = work[A1, i]
-        settle(laws, springs, i, 0, FIRST_TRIAL)
-        commit(laws, springs, i, FIRST_TRIAL, SECOND_TRIAL)
-    return max(iterations, 1) if finite(state, n) else NOT_FINITE
+    return max(iterations, 1)
 
 
 @called
 def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
-    """One step with every story on a branch of its law: one linear solve, or one for each piece between changes of
-    branch.
+    """One step in which no law changes its branch, or one piece for each part of it between two such changes.
 
     The first change is looked for on the cubic Hermite interpolant of the drifts, the step done again up to there, and
-    the rest of it on the new branch. Where the changes exceed a few per story, the state is left as it was.
+    the rest of it on the new branch. Where all laws are linear on their branches, a piece is one linear solve; curved
+    ones among them take Newton's iteration. Where the changes exceed a few per story, the state is left as it was.
     """
     n = chain.shape[1] - 1
+    straight = memo[BRANCHES] == ALL_BRANCHES
     slope = (load[GROUND_1] - load[GROUND_0]) / h
     most = 20 + 4 * n
     done = 0.0
@@ -167,8 +168,16 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
         factors = _FACTORS if piece == h else _FACTORS + _STORE + 6 * modal.shape[0] + 1
         ground = load[GROUND_0] + slope * done
         _loads(chain, forces, load[TIME] + done, piece, ground, ground + slope * piece, work)
-        _solve_piece(coefficients, chain, modal, laws, piece, state, springs, work, memo, factors)
-        solves += 1
+        if straight:
+            _solve_piece(coefficients, chain, modal, laws, piece, state, springs, work, factors)
+            solves += 1
+        else:
+            code = _newton(True, coefficients, chain, modal, laws, piece, state, springs, work, memo, factors)
+            if code < 0:
+                if events > 0:
+                    _restore(state, springs, work, n)
+                return code
+            solves += code
         if not ending and memo[LINEAR] == 0.0:
             fraction, story, how = first_event(chain, piece, state, springs, work, U1, V1)
             if fraction != NONE:
@@ -184,7 +193,7 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
                 else:
                     switch(laws, springs, story, 0, how)
                 continue
-        _advance(chain, laws, state, springs, work)
+        _arrive(True, chain, laws, state, springs, work)
         done += piece
         piece = h - done
         if not ending or piece <= _AT_ONCE * h:
@@ -205,12 +214,12 @@ def _loads(chain, forces, t, h, ground_0, ground_1, work):
 
 
 @inlined
-def _solve_piece(coefficients, chain, modal, laws, h, state, springs, work, memo, factors):
+def _solve_piece(coefficients, chain, modal, laws, h, state, springs, work, factors):
     """Motion over a step in which no story leaves its branch: linear, so one solve."""
     n = chain.shape[1] - 1
     guess(0.0, h, state, work, n)
     for solved in range(2):
-        stale = _path(True, coefficients, chain, laws, h, state, springs, work, factors)
+        stale = _path(True, True, coefficients, chain, laws, h, state, springs, work, factors)
         _residuals(coefficients, chain, modal, h, state, work)
         if solved == 0:
             if stale:
@@ -219,9 +228,10 @@ def _solve_piece(coefficients, chain, modal, laws, h, state, springs, work, memo
 
 
 @inlined
-def _path(on_branches, coefficients, chain, laws, h, state, springs, work, factors):
+def _path(straight, frozen, coefficients, chain, laws, h, state, springs, work, factors):
     """Drift laws along the step: at the inner point and from there to the end.
 
+    With `frozen`, stories that are linear on their branches stay on them; with `straight`, all are such stories.
     Leaves the story forces at the end and the story impulses. True if the factorization does not fit the tangents.
     """
     n = chain.shape[1] - 1
@@ -246,16 +256,18 @@ def _path(on_branches, coefficients, chain, laws, h, state, springs, work, facto
         drift = u - link * u_below
         increment = du - link * du_below
         rate = v - link * v_below
-        if on_branches:
+        if straight or (frozen and springs[SLOPE, i] < math.inf):
             tangent_c = tangent = springs[SLOPE, i]
             force_c = springs[FORCE, i] + tangent * (drift_c - springs[DRIFT, i])
             force = springs[FORCE, i] + tangent * (drift - springs[DRIFT, i])
-            stale = stale or tangent != work[factors + _FACTORED_1, i]
         else:
             tangent_c = restoring(laws, springs, i, 0, FIRST_TRIAL, drift_c)
             tangent = restoring(laws, springs, i, FIRST_TRIAL, SECOND_TRIAL, drift)
             force_c = springs[FIRST_TRIAL + FORCE, i]
             force = springs[SECOND_TRIAL + FORCE, i]
+        if straight:
+            stale = stale or tangent != work[factors + _FACTORED_1, i]
+        else:
             same = SAME_TANGENT * laws[STIFFNESS, i]
             stale = stale or abs(tangent_c - work[factors + _FACTORED_C, i]) > same
             stale = stale or abs(tangent - work[factors + _FACTORED_1, i]) > same
@@ -315,15 +327,19 @@ def _factor(coefficients, chain, modal, h, work, factors):
 
 
 @inlined
-def _advance(chain, laws, state, springs, work):
-    """Update the state after a piece and move every story along its branch."""
+def _arrive(frozen, chain, laws, state, springs, work):
+    """Update the state after a step or a piece of one; with `frozen`, linear stories go along their branches."""
     below = 0.0
     for i in range(chain.shape[1] - 1):
         u = state[DISPLACEMENT, i] + work[DU, i]
         state[DISPLACEMENT, i] = u
         state[VELOCITY, i] += work[DV, i]
         state[ACCELERATION, i] = work[A1, i]
-        advance(laws, springs, i, 0, u - chain[LINK, i] * below)
+        if frozen and springs[SLOPE, i] < math.inf:
+            advance(laws, springs, i, 0, u - chain[LINK, i] * below)
+        else:
+            settle(laws, springs, i, 0, FIRST_TRIAL)
+            commit(laws, springs, i, FIRST_TRIAL, SECOND_TRIAL)
         below = u
 
 

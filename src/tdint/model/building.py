@@ -78,6 +78,12 @@ class Building:
         return bool(np.all(np.isin(self.laws[CODE, :-1], codes)))
 
     @property
+    def kinked(self) -> bool:
+        """Whether some story has a law whose tangent jumps."""
+        codes = [law.code for law in LAWS.values() if law.kinked]
+        return bool(np.any(np.isin(self.laws[CODE, :-1], codes)))
+
+    @property
     def fastest(self) -> float:
         """A bound on the circular frequencies of the initial stiffness, rad/s: Gershgorin's circles, exact to a few
         percent in a tall uniform building."""

@@ -39,7 +39,9 @@ class DriftLaw:
     parameters : tuple of LawParameter
         In the order in which `Story.law` holds their values (a `many` parameter comes last).
     piecewise_linear : bool
-        Whether the force is linear branch by branch, so that changes of branch can be located.
+        Whether the force is linear branch by branch.
+    kinked : bool
+        Whether the tangent jumps somewhere; where it does can be located in a step.
     initial_stiffness : callable, optional
         The law's own initial stiffness from the parameter values; None where the story gives it.
     yield_drift : callable
@@ -51,6 +53,7 @@ class DriftLaw:
     parameters: tuple[LawParameter, ...]
     formula: str
     piecewise_linear: bool = False
+    kinked: bool = False
     initial_stiffness: Callable[[Sequence[float]], float] | None = None
     yield_drift: Callable[[float, Sequence[float]], float] = lambda stiffness, values: math.nan
 
@@ -75,6 +78,7 @@ LAWS = {
             ),
             "f = a k d + z, |z| <= (1 - a) Fy: yield force Fy, kinematic hardening a",
             piecewise_linear=True,
+            kinked=True,
             yield_drift=lambda stiffness, values: values[0] / stiffness,
         ),
         DriftLaw(
@@ -87,6 +91,7 @@ LAWS = {
             ),
             "bilinear backbone; unloads with k (dy / dmax)^unloading, reloads towards the farthest point (Clough)",
             piecewise_linear=True,
+            kinked=True,
             yield_drift=lambda stiffness, values: values[0] / stiffness,
         ),
         DriftLaw(
@@ -94,6 +99,30 @@ LAWS = {
             4,
             (LawParameter("strength", force=1, low=0.0, low_allowed=False),),
             "f = F tanh(k d / F): elastic, strength F",
+        ),
+        DriftLaw(
+            "bouc-wen",
+            5,
+            (
+                LawParameter("yield_force", force=1, low=0.0, low_allowed=False),
+                LawParameter("hardening", low=0.0, high=1.0, high_allowed=False),
+                LawParameter("exponent", low=1.0, high=100.0),
+                LawParameter("beta", low=0.5, high=1.0),
+            ),
+            "f = a k d + (1 - a) Fy w, dw = (1 - |w|^n (beta sgn(w dd) + 1 - beta)) k dd / Fy: smooth hysteresis",
+            kinked=True,
+            yield_drift=lambda stiffness, values: values[0] / stiffness,
+        ),
+        DriftLaw(
+            "gap",
+            6,
+            (
+                LawParameter("gap", length=1, low=0.0, low_allowed=False),
+                LawParameter("stop_stiffness", force=1, length=-1, low=0.0),
+            ),
+            "f = k d, beyond the gap stop_stiffness (|d| - gap) more: elastic pounding against a stop on either side",
+            piecewise_linear=True,
+            kinked=True,
         ),
     )
 }

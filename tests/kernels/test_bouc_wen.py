@@ -1,0 +1,127 @@
+"""The Bouc-Wen law against its closed forms, scipy's DOP853, and what no numerical form of it may break."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from law_paths import CYCLE, FY, HARDENING, K, follow, law_table, springs
+from tdint.kernels import layout
+from tdint.kernels.layout import FIRST_TRIAL
+from tdint.kernels.springs import commit, restoring, start
+
+SOFT = (1.0 - HARDENING) * FY
+DY = FY / K
+
+
+def law(exponent, beta):
+    return law_table("bouc-wen", FY, HARDENING, exponent, beta)
+
+
+def hysteretic(forces, drifts):
+    """w from the force."""
+    return (np.asarray(forces) - HARDENING * K * np.asarray(drifts)) / SOFT
+
+
+@pytest.mark.parametrize(("exponent", "closed"), [(1.0, lambda x: 1.0 - np.exp(-x)), (2.0, np.tanh)])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_loading_from_rest_in_closed_form(exponent, closed, sign):
+    """w' = 1 - w gives 1 - exp(-x), w' = 1 - w^2 gives tanh x."""
+    x = np.array([0.01, 0.5, 1.0, 3.0, 5.0, 80.0])
+    drifts = sign * DY * x
+    forces, _, _ = follow(law(exponent, 0.5), drifts)
+    assert sign * hysteretic(forces, drifts) == pytest.approx(closed(x), abs=1e-6)
+
+
+def test_unloading_is_elastic_for_equal_parameters():
+    """beta = gamma: the slope on unloading is the initial one, exactly."""
+    drifts = [5.0 * DY, 5.0 * DY - 0.3 * DY, 5.0 * DY - 0.9 * DY]
+    forces, _, _ = follow(law(3.0, 0.5), drifts)
+    assert forces[:2] - forces[1:] == pytest.approx([0.3 * FY, 0.6 * FY], rel=1e-10)
+
+
+def test_unloading_in_closed_form():
+    """n = 2, beta = 0.8: u' = -(1 + q u^2) with q = 0.6, so u = tan(atan(sqrt(q) u0) - sqrt(q) x) / sqrt(q)."""
+    root = math.sqrt(0.6)
+    w0 = math.tanh(2.0)
+    x = np.array([0.1, 0.4, 0.6])
+    drifts = [2.0 * DY, *(2.0 * DY - DY * x)]
+    forces, _, _ = follow(law(2.0, 0.8), drifts)
+    expected = np.tan(math.atan(root * w0) - root * x) / root
+    assert hysteretic(forces, drifts)[1:] == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.3, 2.0, 6.0])
+@pytest.mark.parametrize("beta", [0.5, 0.75, 1.0])
+def test_a_cycle_agrees_with_dop853(exponent, beta):
+    """The differential equation as it is written in Wen (1976), by another solver, along each straight piece."""
+    w = 0.0
+    here = 0.0
+    expected = []
+    for drift in CYCLE[38::39]:
+        direction = math.copysign(1.0, drift - here)
+
+        def rate(x, w, direction=direction):
+            slope = 1.0 - np.abs(w) ** exponent * (beta * np.sign(direction * w) + 1.0 - beta)
+            return direction * slope
+
+        length = abs(drift - here) / DY
+        w = solve_ivp(rate, (0.0, length), [w], method="DOP853", rtol=1e-11, atol=1e-12, max_step=0.01).y[0, -1]
+        expected.append(w)
+        here = drift
+    forces, _, _ = follow(law(exponent, beta), CYCLE)
+    assert hysteretic(forces[38::39], CYCLE[38::39]) == pytest.approx(np.array(expected), abs=2e-6)
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.7, 2.0, 10.0])
+def test_the_force_does_not_depend_on_the_steps_along_a_straight_path(exponent):
+    """Rate independence: one stretch of the drift, or hundred pieces of it."""
+    laws = law(exponent, 0.7)
+    for turn in (0.5 * DY, 4.0 * DY):
+        path = [turn, -3.0 * DY]
+        fine = np.concatenate([np.linspace(0.0, turn, 101)[1:], np.linspace(turn, -3.0 * DY, 301)[1:]])
+        once, stored_once, lost_once = follow(laws, path)
+        forces, stored, lost = follow(laws, fine)
+        assert once[-1] == pytest.approx(forces[-1], abs=2e-6 * FY)
+        assert stored_once == pytest.approx(stored, abs=2e-6 * FY * DY)
+        assert lost_once == pytest.approx(lost, abs=1e-5 * FY * DY)
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.7, 20.0])
+def test_the_force_is_a_continuous_function_of_the_drift(exponent):
+    """Newton's iteration needs it: no jump where the number of substeps changes or w its sign."""
+    laws = law(exponent, 0.9)
+    state = springs()
+    start(laws, state, 0, 0.0)
+    restoring(laws, state, 0, 0, FIRST_TRIAL, 3.0 * DY)
+    commit(laws, state, 0, 0, FIRST_TRIAL)
+    drifts = 3.0 * DY - np.linspace(0.0, 4.0, 40001) * DY
+    forces = []
+    for drift in drifts:
+        restoring(laws, state, 0, 0, FIRST_TRIAL, drift)
+        forces.append(state[FIRST_TRIAL + layout.FORCE, 0])
+    slopes = np.diff(forces) / np.diff(drifts)
+    assert slopes.max() <= 2.0 * K
+    assert slopes.min() >= 0.0
+    assert np.max(np.abs(np.diff(slopes))) < 0.005 * K * exponent
+
+
+@pytest.mark.parametrize("exponent", [1.0, 2.0, 100.0])
+def test_it_stays_within_its_strength(exponent):
+    """|w| <= 1 on any path, steps of a million yield drifts among them."""
+    generator = np.random.default_rng(7)
+    drifts = DY * generator.normal(size=400) * 10.0 ** generator.uniform(-3, 6, size=400)
+    laws = law_table("bouc-wen", FY, 0.0, exponent, 0.7)
+    forces, _, dissipated = follow(laws, drifts)
+    assert np.max(np.abs(forces)) <= FY * (1.0 + 1e-12)
+    assert dissipated > 0.0
+
+
+def test_a_large_exponent_is_elastic_perfectly_plastic():
+    """n -> infinity with beta = gamma: the bilinear law."""
+    smooth, _, _ = follow(law(100.0, 0.5), CYCLE)
+    sharp, _, _ = follow(law_table("bilinear", FY, HARDENING), CYCLE)
+    assert smooth == pytest.approx(sharp, abs=0.02 * FY)

@@ -1,0 +1,37 @@
+"""A story's law on its own: its table, and the force along a path of the drift."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tdint.kernels import layout
+from tdint.kernels.layout import FIRST_TRIAL
+from tdint.kernels.springs import commit, recoverable, restoring, start
+from tdint.model.laws import LAWS
+
+K, FY, HARDENING = 1000.0, 20.0, 0.05
+CYCLE = np.concatenate([np.linspace(a, b, 40)[1:] for a, b in ((0, 0.06), (0.06, -0.09), (-0.09, 0.05), (0.05, 0.1))])
+
+
+def law_table(name, *parameters):
+    table = np.zeros((layout.FIRST_PARAMETER + len(parameters), 2))
+    table[layout.CODE, 0] = LAWS[name].code
+    table[layout.STIFFNESS, 0] = K
+    table[layout.FIRST_PARAMETER :, 0] = parameters
+    return table
+
+
+def springs():
+    return np.zeros((layout.SPRING_BLOCKS * layout.SPRING_ROWS, 2))
+
+
+def follow(laws, path):
+    """Force along a path, and what is stored and dissipated at its end."""
+    state = springs()
+    start(laws, state, 0, 0.0)
+    forces = []
+    for drift in path:
+        restoring(laws, state, 0, 0, FIRST_TRIAL, drift)
+        commit(laws, state, 0, 0, FIRST_TRIAL)
+        forces.append(state[layout.FORCE, 0])
+    return np.array(forces), recoverable(laws, state, 0), state[layout.DISSIPATED, 0]
