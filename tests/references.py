@@ -1,10 +1,11 @@
-"""References that share no code with tdint: matrix exponential for linear buildings, DOP853 for smooth laws."""
+"""References that share no code with tdint: matrix exponentials for linear systems, DOP853 for smooth laws."""
 
 from __future__ import annotations
 
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
+from scipy.optimize import minimize_scalar
 
 from tdint.model.building import assemble
 
@@ -35,6 +36,67 @@ def exact_linear(model, record):
         x = step @ x
         result[j + 1] = x[:n]
     return result
+
+
+class OscillatorResponse:
+    """Exact response of one oscillator to a motion that is linear between its samples, at any time.
+
+    Matrix exponentials only: of the whole interval from sample to sample, of any part of it from a sample on.
+    """
+
+    def __init__(self, record, omega, xi):
+        self.h, self.omega, self.xi = record.dt, omega, xi
+        self.matrix = np.array(
+            [[0.0, 1.0, 0.0, 0.0], [-(omega**2), -2.0 * xi * omega, -1.0, 0.0], [0, 0, 0, 1.0], [0, 0, 0, 0]]
+        )
+        ground = record.acceleration
+        step = expm(self.matrix * self.h)
+        self.states = np.zeros((ground.size - 1, 4))  # u, v, ground and its slope at the start of each interval
+        self.states[:, 2], self.states[:, 3] = ground[:-1], np.diff(ground) / self.h
+        forced = self.states[:, 2:] @ step[:2, 2:].T
+        x = np.zeros(2)
+        for i, push in enumerate(forced):
+            self.states[i, :2] = x
+            x = step[:2, :2] @ x + push
+        self.end = np.array([[*x, ground[-1], 0.0]])
+
+    def at(self, part):
+        """Relative displacement and velocity, absolute acceleration after this part of each interval, shape (3, n)."""
+        return self._quantities(self.states @ expm(self.matrix * (part * self.h)).T)
+
+    def sampled(self, parts):
+        """Largest absolute values of the three at the ends of so many parts of each interval, shape (3,)."""
+        values = [np.max(np.abs(self.at(k / parts)), axis=1) for k in range(parts)]
+        return np.max([*values, np.abs(self._quantities(self.end))[:, 0]], axis=0)
+
+    def largest(self, parts=50):
+        """Largest absolute values at any time, shape (3,): Brent's method at the highest of the sampled peaks."""
+        fine = np.stack([np.abs(self.at(k / parts)) for k in range(parts)], axis=2)  # quantity, interval, part
+        fine = np.append(fine.reshape(3, -1), np.abs(self._quantities(self.end)), axis=1)
+        result = np.empty(3)
+        for q, values in enumerate(fine):
+            inner = values[1:-1]
+            tops = 1 + np.flatnonzero((inner >= values[:-2]) & (inner >= values[2:]))
+            tops = tops[values[tops] > 0.99 * np.max(values)]
+            result[q] = max([np.max(values), *(self._refined(q, top / parts, 1.0 / parts) for top in tops)])
+        return result
+
+    def _refined(self, quantity, place, width):
+        """Largest absolute value within a width of a place, both in intervals."""
+
+        def negative(x):
+            i = min(int(x), len(self.states) - 1)
+            state = expm(self.matrix * ((x - i) * self.h)) @ self.states[i]
+            return -abs(self._quantities(state[None])[quantity, 0])
+
+        end = min(place + width, len(self.states))
+        bounds = (place - width, end)
+        found = minimize_scalar(negative, bounds=bounds, method="bounded", options={"xatol": 1e-9})
+        return -found.fun
+
+    def _quantities(self, states):
+        u, v = states[:, 0], states[:, 1]
+        return np.array([u, v, self.omega**2 * u + 2.0 * self.xi * self.omega * v])
 
 
 def smooth(acceleration, u0, v0, times):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 
 import numpy as np
 import pytest
@@ -58,6 +59,64 @@ def test_periods_component_and_method(folder, tdint):
     ]  # fmt: skip
     exact = tdint("spectrum", "motion.mseed", "--periods", "0.1:10:3", "--component", "n")
     assert exact.stdout != result.stdout
+
+
+def test_a_choice_that_is_made_has_a_column(folder, tdint):
+    plain = tdint("spectrum", "other.mseed", *PERIODS).stdout.splitlines()
+    named = tdint("spectrum", "other.mseed", *PERIODS, "--maxima", "exact", "--interpolation", "linear")
+    assert named.stdout.splitlines() == [
+        f"{COLUMNS},maxima,interpolation",
+        *(f"{line},exact,linear" for line in plain[1:]),
+    ]
+    peer = tdint("spectrum", "other.mseed", "--period", "0.05", "--maxima", "peer").stdout
+    assert peer.splitlines()[0] == f"{COLUMNS},maxima"
+    (row,) = rows(peer)
+    exact = spectrum(read_record("other.mseed"), np.array([0.05]), maxima="peer")
+    assert (row["maxima"], float(row["sa_m_s2"])) == ("peer", pytest.approx(exact.sa[0], rel=1e-11))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], "taken as straight lines, maxima between them, too"),
+        (["--maxima", "peer"], "taken as straight lines, maxima at 10 or more steps per period"),
+        (["--method", "newmark-average"], "taken as straight lines, maxima at the samples only"),
+        (["--interpolation", "band-limited"], "taken as free of frequencies above half its sampling rate, maxima"),
+    ],
+)
+def test_what_is_taken_for_the_motion_between_samples_is_said(folder, tdint, arguments, words):
+    (line,) = (
+        line
+        for line in tdint("spectrum", "other.mseed", "--period", "0.05", *arguments).stderr.splitlines()
+        if "below a period" in line
+    )
+    assert words in line
+
+
+def test_the_choices_are_those_of_the_library():
+    from tdint.analysis.oscillators import MAXIMA
+    from tdint.ground_motion.interpolation import INTERPOLATIONS
+    from tdint_cli.commands.spectrum import command
+
+    choices = {parameter.name: parameter.type for parameter in command.params}
+    assert list(choices["maxima"].choices) == list(MAXIMA)
+    assert list(choices["interpolation"].choices) == list(INTERPOLATIONS)
+
+
+def test_the_choices_stand_in_the_json_file(folder, tdint):
+    assert tdint("spectrum", "other.mseed", *PERIODS, "--maxima", "samples", "-o", "x.csv").exit_code == 0
+    settings = json.loads((folder / "x.json").read_text())["settings"]
+    assert (settings["maxima"], settings["interpolation"]) == ("samples", "linear")
+
+
+def test_period_zero_is_the_peak_ground_acceleration(folder, tdint):
+    result = tdint("spectrum", "other.mseed", "--period", "0", "-o", "zero.csv", "--plot")
+    assert (result.exit_code, "below a period" in result.stderr) == (0, False)
+    (row,) = rows((folder / "zero.csv").read_text())
+    pga = f"{read_record('other.mseed').pga:.12g}"
+    assert [row[name] for name in COLUMNS.split(",")[3:]] == ["0", "0", "0", pga, "0", pga]
+    assert (folder / "zero.png").stat().st_size > 1000
+    assert tdint("spectrum", "other.mseed", "--period", "0", *PERIODS, "-o", "more.csv", "--plot").exit_code == 0
 
 
 def test_the_default_periods_stand_in_the_help(tdint):
@@ -129,8 +188,8 @@ def test_a_clash_of_names_is_found_before_any_work(folder, tdint):
     [
         (["--periods", "0.1:1"], "periods must be first:last:count"),
         (["--periods", "0.1:1:5", "--period", "1"], "--periods and --period are given"),
-        (["--period", "0"], "--period"),
-        (["--period", "inf"], "periods must be positive numbers"),
+        (["--period", "-1"], "--period"),
+        (["--period", "inf"], "periods must be numbers of seconds"),
         (["--damping", "1"], "--damping"),
         (["--damping", "-0.1"], "--damping"),
         (["--damping", "nan"], "damping must be a ratio"),

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from io import BytesIO
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from tdint.analysis.spectrum import Spectrum
+    from tdint.analysis.spectrum import Manner, Spectrum
     from tdint.ground_motion.record import Record
     from tdint.output.files import Writer
 
@@ -43,6 +44,8 @@ class Request:
     periods: str | None
     period: tuple[float, ...]
     method: str | None
+    maxima: str | None
+    interpolation: str | None
     output: str | None
     plot: bool
     jobs: int
@@ -57,14 +60,21 @@ class Request:
     @property
     def settings(self) -> dict[str, Any]:
         """All that the numbers depend on beside the records, for the JSON file."""
-        from tdint.analysis.spectrum import DEFAULT_PERIODS
+        from tdint.analysis.spectrum import DEFAULT_PERIODS, choose_manner
 
+        manner = choose_manner(self.method, self.maxima, self.interpolation)
         settings = asdict(self)
         for name in ("records", "output", "plot", "jobs", "overwrite", "period"):
             del settings[name]
         settings["periods"] = list(self.period) or self.periods or DEFAULT_PERIODS
         settings["method"] = self.method or "exact"
+        settings |= {"maxima": manner.maxima.name, "interpolation": manner.interpolation.name}
         return settings
+
+    @property
+    def stated(self) -> tuple[str, ...]:
+        """What was chosen by name and therefore has a column."""
+        return tuple(name for name in ("maxima", "interpolation") if getattr(self, name) is not None)
 
 
 @dataclass(frozen=True)
@@ -129,12 +139,25 @@ class Findings:
 )
 @click.option(
     "--period",
-    type=click.FloatRange(0.0, min_open=True),
+    type=click.FloatRange(0.0),
     multiple=True,
     metavar="SECONDS",
-    help="A single period, may be repeated; in place of --periods.",
+    help="A single period, may be repeated; in place of --periods. 0 gives the peak ground acceleration.",
 )
 @options.method
+@click.option(
+    "--maxima",
+    type=click.Choice(["exact", "peer", "samples"]),
+    help="Where the largest values are looked for: between the samples, too (exact, the default), at ten or more steps "
+    "per period (peer, as PEER's own spectra), or at the record's samples (samples, as those of USGS, and with "
+    "--method). Adds a column.",
+)
+@click.option(
+    "--interpolation",
+    type=click.Choice(["linear", "band-limited"]),
+    help="The ground motion between its samples: straight lines (linear, the default), or the motion without "
+    "frequencies above half the sampling rate (band-limited). Adds a column.",
+)
 @options.output(
     "FILE|DIR",
     "Write to this file instead of standard output; to one file per record in an existing folder or one that is named "
@@ -149,22 +172,19 @@ def command(**given: Any) -> None:
 
     RECORD is a file, or a folder for all records in it, - is standard input; all components are taken unless
     --component names one. CSV in SI units: relative displacement, pseudo-velocity, pseudo-acceleration, relative
-    velocity and absolute acceleration, the largest at the samples. They are exact for a ground motion that is linear
-    between its samples, or come from --method with the record's sampling interval as its step. A record that fails does
-    not keep the others from being done.
+    velocity and absolute acceleration, the largest from the first sample to the last, between the samples, too. They
+    are exact for a ground motion that is linear between its samples, or come from --method with the record's sampling
+    interval as its step. A record that fails does not keep the others from being done.
     """
     _run(Request(**given))
 
 
 def _run(request: Request) -> None:
-    from tdint.methods.catalogue import parse
-
     _check(request)
     sources = records_of(request.records)
     tasks = _tasks(request, sources.files)
-    if request.method is not None:
-        parse(request.method)
-    shortest = float(_periods(request).min())
+    manner = _manner(request)
+    periods = _periods(request)
     findings = Findings(dict.fromkeys(sources.notes), list(sources.failures))
     together: list[Product] = []
     header = True
@@ -184,7 +204,7 @@ def _run(request: Request) -> None:
                 header = False
     if together:
         _write(request, Path(request.output or ""), together)
-    _say_notes(findings, shortest)
+    _say_notes(findings, float(periods[periods > 0.0].min(initial=inf)), manner)
     if findings.failures:
         raise Failures(findings.failures)
 
@@ -224,6 +244,13 @@ def _periods(request: Request) -> NDArray[np.float64]:
     return np.array(request.period) if request.period else parse_periods(request.periods or DEFAULT_PERIODS)
 
 
+def _manner(request: Request) -> Manner:
+    load_numba()
+    from tdint.analysis.spectrum import choose_manner
+
+    return choose_manner(request.method, request.maxima, request.interpolation)
+
+
 def _work(request: Request, task: Task) -> Product:
     """All that becomes of one record; it may run in another process."""
     from tdint.analysis.spectrum import spectrum
@@ -233,11 +260,10 @@ def _work(request: Request, task: Task) -> Product:
 
     periods = _periods(request)
     records = read_records(task.source, units=request.units, component=request.component, inventory=request.inventory)
-    spectra = tuple(
-        spectrum(record, periods, damping, method=request.method) for record in records for damping in request.damping
-    )
+    manner = {"method": request.method, "maxima": request.maxima, "interpolation": request.interpolation}
+    spectra = tuple(spectrum(record, periods, damping, **manner) for record in records for damping in request.damping)
     return Product(
-        csv=spectrum_table(spectra).csv(),
+        csv=spectrum_table(spectra, request.stated).csv(),
         records=tuple(map(record_summary, records)),
         notes=_notes(records),
         interval=records[0].dt,
@@ -290,12 +316,12 @@ def _without_header(csv: bytes) -> bytes:
     return csv.partition(b"\n")[2]
 
 
-def _say_notes(findings: Findings, shortest: float) -> None:
+def _say_notes(findings: Findings, shortest: float, manner: Manner) -> None:
     for note in findings.notes:
         say(f"note: {note}")
     limit = _SAMPLES_PER_PERIOD * findings.longest_interval
     if shortest < limit * (1.0 - 1e-9):
         say(
             f"note: below a period of {limit:.6g} s ({_SAMPLES_PER_PERIOD} sampling intervals) the ground motion "
-            "between samples matters more than the method"
+            f"between its samples matters: taken as {manner.interpolation.words}, maxima {manner.maxima.words}"
         )

@@ -33,7 +33,7 @@ from tdint.model.building import Building
 Array = NDArray[np.float64]
 
 _SERIES_BELOW = 4.0
-_TERMS = 40
+_TERMS = 18, 6.0  # and these times the largest omega h
 
 
 def work_rows(modes: int) -> int:
@@ -116,13 +116,13 @@ def _fill(w: Array, g: Array, i1: Array, i2: Array, a11: Array, a22: Array) -> A
 
 def _by_series(w: Array, xi: Array) -> Array:
     """Taylor series of the impulse response and its first two integrals; exact at omega = 0."""
-    before, term = np.zeros_like(w), np.ones_like(w)
-    g, i1, i2 = np.zeros_like(w), np.zeros_like(w), np.zeros_like(w)
-    for n in range(1, _TERMS + 1):
-        g += term / math.factorial(n)
-        i1 += term / math.factorial(n + 1)
-        i2 += term / math.factorial(n + 2)
-        before, term = term, -2.0 * xi * w * term - w * w * before
+    count = _TERMS[0] + math.ceil(_TERMS[1] * np.max(np.maximum(w, 2.0 * xi * w)))
+    terms = np.empty((count, *w.shape))
+    terms[0], terms[1] = 1.0, -2.0 * xi * w
+    for n in range(2, count):
+        terms[n] = terms[1] * terms[n - 1] - w * w * terms[n - 2]
+    inverse = 1.0 / np.cumprod(np.arange(1.0, count + 3.0))  # of the factorials from 1! on
+    g, i1, i2 = (np.tensordot(inverse[k : k + count], terms, 1) for k in range(3))
     a11 = 1.0 - w * w * i1
     return _fill(w, g, i1, i2, a11, a11 - 2.0 * xi * w * g)
 

@@ -105,18 +105,23 @@ def story_table(stories: Stories) -> Table:
     return Table(STORY_COLUMNS, _numbered(columns))
 
 
-def spectrum_table(spectra: Sequence[SpectrumResult]) -> Table:
-    """One row per record, component, damping ratio and period, in the order given."""
+def spectrum_table(spectra: Sequence[SpectrumResult], stated: Sequence[str] = ()) -> Table:
+    """One row per record, component, damping ratio and period, in the order given.
+
+    `stated`: which of the choices `maxima` and `interpolation` have columns of their own, at the end.
+    """
     names = component_names([spectrum.record for spectrum in spectra])
     rows: list[tuple[Cell, ...]] = []
     for spectrum, name in zip(spectra, names, strict=True):
         record = spectrum.record
         columns = (spectrum.periods, spectrum.sd, spectrum.psv, spectrum.psa, spectrum.sv, spectrum.sa)
+        choices = {"maxima": spectrum.maxima, "interpolation": spectrum.interpolation}
+        ends = [choices[name] for name in stated]
         rows.extend(
-            (record.source, name, spectrum.damping, *values)
+            (record.source, name, spectrum.damping, *values, *ends)
             for values in zip(*(column.tolist() for column in columns), strict=True)
         )
-    return Table(SPECTRUM_COLUMNS, rows)
+    return Table((*SPECTRUM_COLUMNS, *stated), rows)
 
 
 def component_names(records: Sequence[Record]) -> list[str]:

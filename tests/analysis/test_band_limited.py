@@ -1,0 +1,98 @@
+"""The band-limited interpolation against a windowed sum of sines, whose response is known in closed form."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tdint import spectrum
+from tdint.ground_motion.interpolation import band_limited
+from tdint.ground_motion.record import Record
+
+DT, SAMPLES = 0.01, 801
+FREQUENCIES = np.array([1.3, 3.7, 9.1, 17.3, 28.9, 40.1])  # Hz; half the sampling rate is 50 Hz
+AMPLITUDES = np.array([1.0, 1.0, 0.8, 0.8, 0.6, 0.6])
+PHASES = np.array([0.5, 1.5, 5.0, 3.6, 0.6, 2.7])
+WINDOW = {0: 3 / 8, 1: -1 / 4, -1: -1 / 4, 2: 1 / 16, -2: 1 / 16}  # (1 - cos(2 pi t / D))^2 / 4 by its frequencies
+DAMPING = 0.05
+
+
+def waves():
+    """Circular frequencies and complex amplitudes whose sum is the windowed motion."""
+    duration = (SAMPLES - 1) * DT
+    return [
+        (2.0 * math.pi * (f + k / duration), a * weight * np.exp(1j * phase))
+        for f, a, phase in zip(FREQUENCIES, AMPLITUDES, PHASES, strict=True)
+        for k, weight in WINDOW.items()
+    ]
+
+
+def motion(t):
+    return sum((c * np.exp(1j * w * t)).real for w, c in waves())
+
+
+def response(period, t):
+    """Relative displacement and velocity, absolute acceleration from rest: forced waves and a free vibration."""
+    omega = 2.0 * math.pi / period
+    forced = [(w, -c / (omega**2 - w**2 + 2j * DAMPING * omega * w)) for w, c in waves()]
+    free = omega * (-DAMPING + 1j * math.sqrt(1.0 - DAMPING**2))
+    u0, v0 = -sum(c for _, c in forced).real, -sum(1j * w * c for w, c in forced).real
+    amplitude = u0 - 1j * (v0 - free.real * u0) / free.imag
+    decay = np.exp(free * t)
+    u = sum((c * np.exp(1j * w * t)).real for w, c in forced) + (amplitude * decay).real
+    v = sum((1j * w * c * np.exp(1j * w * t)).real for w, c in forced) + (amplitude * free * decay).real
+    return u, v, omega**2 * u + 2.0 * DAMPING * omega * v
+
+
+def largest(values):
+    """Largest absolute value at the vertices of the parabolas through three close points."""
+    before, here, after = values[:-2], values[1:-1], values[2:]
+    top = (np.abs(here) >= np.abs(before)) & (np.abs(here) >= np.abs(after)) & (before != after)
+    slope, bend = 0.5 * (after - before)[top], (after - 2.0 * here + before)[top]
+    return np.max(np.abs(here[top] - 0.5 * slope**2 / bend))
+
+
+@pytest.fixture(scope="module")
+def record():
+    return Record(motion(np.arange(SAMPLES) * DT), DT, "", "", "", "")
+
+
+@pytest.mark.parametrize(
+    ("period", "bound"), [(0.005, 1e-5), (0.01, 1e-5), (0.025, 5e-6), (0.1, 2e-6), (1.0, 2e-7), (10.0, 5e-7)]
+)
+def test_response_to_the_motion_itself(record, period, bound):
+    t = np.arange((SAMPLES - 1) * 400 + 1) * (DT / 400)
+    exact = [largest(values) for values in response(period, t)]
+    result = spectrum(record, np.array([period]), DAMPING, interpolation="band-limited")
+    np.testing.assert_allclose([result.sd[0], result.sv[0], result.sa[0]], exact, rtol=bound)
+    if period < 0.3:  # and the lines between the samples are another motion
+        assert abs(spectrum(record, np.array([period]), DAMPING).psa[0] / result.psa[0] - 1.0) > 2e-3
+
+
+def test_peak_ground_acceleration(record):
+    exact = largest(motion(np.arange((SAMPLES - 1) * 400 + 1) * (DT / 400)))
+    result = spectrum(record, np.array([0.0]), DAMPING, interpolation="band-limited")
+    assert result.psa[0] == result.sa[0] == pytest.approx(exact, rel=1e-5)
+    assert record.pga < 0.999 * exact
+
+
+@pytest.mark.parametrize("samples", [2, 3, 100, 257])
+def test_points_go_through_the_samples_and_follow_the_sum_of_sincs(samples):
+    values = np.random.default_rng(samples).standard_normal(samples)
+    points = band_limited(values, 5)
+    np.testing.assert_allclose(points[::5], values, atol=1e-13)
+    # The record repeats after twice its length or more; in the plain sum of sincs it does not.
+    t = np.arange(points.size) / 5
+    plain = np.sinc(t[:, None] - np.arange(samples)) @ values
+    assert np.max(np.abs(points - plain)) < 0.35
+
+
+def test_a_motion_in_the_middle_of_zeros_does_not_see_its_repetition():
+    values = np.zeros(600)
+    values[290:310] = np.hanning(20)
+    points = band_limited(values, 4)
+    t = np.arange(points.size) / 4
+    plain = np.sinc(t[:, None] - np.arange(600)) @ values
+    np.testing.assert_allclose(points, plain, atol=1e-5)
