@@ -11,6 +11,7 @@ from pathlib import Path
 
 from click.testing import CliRunner
 
+from tdint.analysis.problems import Problem, problems
 from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
 from tdint.model.laws import LAWS
@@ -62,7 +63,25 @@ def law_table():
     return "\n".join(rows) + "\n"
 
 
-PARTS = {"laws": law_table, "methods": method_table, "help": help_text}
+def _bound(problem: Problem):
+    """What a run has to keep to for the verdict `pass`."""
+    if problem.energy_faults:
+        low = max(fault.low for fault in problem.energy_faults)
+        high = min(fault.high for fault in problem.energy_faults)
+        return f"energy ratio from {low:g} to {high:g}"
+    return f"{problem.error_of}: at most {min(fault.high for fault in problem.error_faults):g}"
+
+
+def problem_table():
+    """The problems on which methods fail, and what they are judged by."""
+    rows = ["| problem | what it is | dt (s) | passes with | source |", "|---|---|---|---|---|"]
+    for problem in problems().values():
+        steps = ", ".join(f"{dt:.4g}" for dt, _ in problem.steps)
+        rows.append(f"| `{problem.name}` | {problem.about} | {steps} | {_bound(problem)} | {problem.source} |")
+    return "\n".join(rows) + "\n"
+
+
+PARTS = {"laws": law_table, "problems": problem_table, "methods": method_table, "help": help_text}
 
 
 def generated(text):

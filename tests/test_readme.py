@@ -58,6 +58,31 @@ def test_the_shell_script(checkout):
     assert len(list((folder / "out").glob("*/summary.json"))) == 6
 
 
+def test_the_loops_of_a_law(checkout):
+    folder, environment = checkout
+    result = subprocess.run(
+        ["bash", "-eu", "-c", readme.block("law")], cwd=folder, env=environment, capture_output=True, text=True
+    )
+    assert (result.returncode, result.stdout) == (0, ""), result.stderr
+    drifts = [float(row["drift_ratio"]) for row in csv.DictReader((folder / "loops.csv").read_text().splitlines())]
+    assert (max(drifts), min(drifts), len(drifts)) == (0.03, -0.03, 1 + 6 * 800)
+    assert (folder / "loops.png").exists()
+
+
+def test_the_drift_spectra(checkout):
+    folder, environment = checkout
+    result = subprocess.run(
+        ["bash", "-eu", "-c", readme.block("drift")], cwd=folder, env=environment, capture_output=True, text=True
+    )
+    assert (result.returncode, result.stdout) == (0, ""), result.stderr
+    buildings, beams = (
+        list(csv.DictReader((folder / name).read_text().splitlines())) for name in ("drifts.csv", "beam.csv")
+    )
+    assert [row["period_s"] for row in buildings] == [row["period_s"] for row in beams]
+    assert max(float(row["peak_drift_ratio"]) for row in buildings) == pytest.approx(0.024, rel=0.02)
+    assert (folder / "drifts.png").exists()
+
+
 def test_the_python_example(checkout):
     folder, environment = checkout
     result = subprocess.run(

@@ -21,12 +21,18 @@ from tdint_cli.errors import Settings, exit_code_of
 COMMANDS = {
     "run": ("run", "Response of a building in time: the peaks of each story."),
     "spectrum": ("spectrum", "Elastic response spectra of ground-motion records."),
+    "drift-spectrum": (
+        "drift_spectrum",
+        "Drift spectra: the largest story drifts of shear buildings.",
+    ),
     "info": ("info", "What ground-motion records are and how strong."),
+    "law": ("law", "Cyclic test of one story: its force over imposed cycles of drift."),
     "modes": ("modes", "Periods, damping ratios and modal masses of a building."),
     "methods": ("methods", "The time-integration methods: parameters, order, stability, source."),
     "stability": ("stability", "Spectral radius, period error and numerical damping of methods over dt/T."),
     "overshoot": ("overshoot", "First steps of methods under a large step, and how they grow with it."),
     "order": ("order", "Observed order of methods, from their errors over halved steps."),
+    "failures": ("failures", "Which methods fail on hard problems with known answers, and how."),
 }
 """The commands in the order of the help: the module in `commands` and the first sentence of the command's own help."""
 

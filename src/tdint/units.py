@@ -1,4 +1,4 @@
-"""Units of measure that model files and records may use, as factors to SI."""
+"""Units of measure that model files, records and the command line may use, as factors to SI."""
 
 from __future__ import annotations
 
@@ -79,6 +79,57 @@ def parse_units(text: str) -> Units:
     if not (isfinite(factor) and factor > 0.0):
         raise UsageError(f"units {text!r}: the factor must be a positive number")
     return Units(words, factor * ACCELERATION[unit], number is not None)
+
+
+@dataclass(frozen=True)
+class DriftSize:
+    """A drift as someone wrote it.
+
+    Attributes
+    ----------
+    text : str
+        As it was written.
+    value : float
+        The number, positive; of a length in m.
+    kind : str
+        What it is a number of: `ratio` (drift over story height), `length`, or `yield drift`.
+    """
+
+    text: str
+    value: float
+    kind: str
+
+
+_DRIFT_UNITS = {"": (1.0, "ratio"), "%": (0.01, "ratio"), "dy": (1.0, "yield drift")} | {
+    unit: (factor, "length") for unit, factor in LENGTH.items()
+}
+
+
+def parse_drift(text: str) -> DriftSize:
+    """Understand a drift: a drift ratio (`0.02`, `2%`), a length (`20mm`), or a multiple of the yield drift (`4dy`).
+
+    Raises
+    ------
+    UsageError
+        Neither of these, not positive, or a drift ratio above 1.
+    """
+    words = "".join(text.split())
+    number = _NUMBER.match(words)
+    unit = words[number.end() :] if number else words
+    if number is None or unit not in _DRIFT_UNITS:
+        units = ", ".join(LENGTH)
+        raise UsageError(
+            f"drift {text!r}: write a drift ratio (0.02 or 2%), a length ({units}: 20mm), or a multiple of the yield "
+            "drift (4dy)"
+        )
+    factor, kind = _DRIFT_UNITS[unit]
+    value = float(number[0]) * factor
+    if not (isfinite(value) and value > 0.0):
+        raise UsageError(f"drift {text!r}: must be a positive number")
+    if kind == "ratio" and value > 1.0:
+        hint = "" if unit else f"; a number without a unit is one, did you mean {words}%?"
+        raise UsageError(f"drift {text!r}: a drift ratio is 1 at most{hint}")
+    return DriftSize(words, value, kind)
 
 
 def _canonical(name: str) -> str:

@@ -10,9 +10,11 @@ import pytest
 from building_cases import Force, Law, model, noise, oscillator, story, ten_linear
 from tdint import run
 from tdint.analysis.response import FailedRun
-from tdint.analysis.stepping import Steps, choose_steps
+from tdint.analysis.stepping import Steps, choose_steps, integrate, workspace
 from tdint.errors import AnalysisError, UsageError
+from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
+from tdint.model.loads import force_table
 
 
 @pytest.mark.parametrize(
@@ -139,3 +141,35 @@ def test_the_bound_on_the_frequencies(n):
     assert building.fastest <= 1.6 * building.modes().omega[-1]
     uniform = assemble(model([story(1.0, 1.0)] * n))
     assert uniform.fastest <= 2.0
+
+
+def test_a_history_of_every_fourth_step_is_that_of_all_steps_thinned():
+    record = noise(samples=51)
+    building, integrator = assemble(ten_linear()), parse("newmark-average")
+    steps = Steps(record.dt / 4.0, 200, per_sample=4)
+    histories = []
+    for rows in (200, 50):
+        space = workspace(building, integrator, rows)
+        assert integrate(integrator, building, force_table(()), record.acceleration.copy(), steps, space) == 0
+        histories.append(space.history)
+    np.testing.assert_array_equal(histories[1], histories[0][::4])
+    assert histories[1].shape[0] == 51
+
+
+def test_a_history_whose_rows_do_not_divide_the_steps_is_refused():
+    building, integrator = assemble(ten_linear()), parse("newmark-average")
+    with pytest.raises(ValueError, match="200 steps do not fit into a history of 30"):
+        integrate(
+            integrator, building, force_table(()), np.zeros(1), Steps(0.01, 200), workspace(building, integrator, 30)
+        )
+
+
+@pytest.mark.parametrize("method", ["gauss4", "impulse4", "impulse", "newmark-average"])
+def test_a_wave_may_be_far_from_the_end_of_a_long_chain(method):
+    """Ahead of the wave forces fall below the smallest number that the processor holds."""
+    law = Law("polynomial", (500.0, 0.2))
+    chain = model([story(50.0, 500.0, law) for _ in range(100)], forces=[Force(1, 1000.0, 0.0, 50.0)], dt=2e-4)
+    response = run(chain, method=method, duration=0.1)
+    assert response.status == "done"
+    assert 0.0 < response.stories.peak_drift[0] < 0.1
+    assert response.stories.peak_drift[-1] == 0.0

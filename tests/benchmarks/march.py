@@ -2,13 +2,15 @@
 
 Ten bilinear stories of configs/ten-story-bilinear.yaml with every method of the catalogue, beside a plain loop (average
 acceleration with Newton's method for this one building, no peaks, no energies, nothing else) that is compiled and timed
-in the same run; then the cost over the number of stories. All marches take turns, the fastest of the repeats counts.
+in the same run; then the cost of each drift law, with its changes of branch located and without; then the cost over
+the number of stories. All marches take turns, the fastest of the repeats counts.
 """
 
 from __future__ import annotations
 
+import sys
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numba
@@ -16,11 +18,18 @@ import numpy as np
 
 from tdint import load_model, run
 from tdint.analysis.response import model_record
+from tdint.analysis.stepping import choose_steps, compile_all, integrate, workspace
 from tdint.errors import TdintError
-from tdint.kernels.layout import FLOOR_DAMPER, MASS, STIFFNESS, STORY_DAMPER
-from tdint.methods.catalogue import catalogue
-from tdint.model.building import assemble
+from tdint.kernels.layout import EVENTS, FLOOR_DAMPER, MASS, STIFFNESS, STORY_DAMPER
+from tdint.kernels.observing import ITERATIONS
+from tdint.methods.catalogue import catalogue, parse
+from tdint.model.building import Building, assemble
 from tdint.model.definition import RayleighCoefficients
+from tdint.model.laws import LAWS
+from tdint.model.loads import force_table
+
+sys.path.append(str(Path(__file__).parents[1]))
+from law_examples import example
 
 REPEATS = 15
 MODEL = Path(__file__).parents[2] / "configs" / "ten-story-bilinear.yaml"
@@ -117,6 +126,64 @@ def march_times(model, record, specifications):
     return fastest
 
 
+class Unbranched(Building):
+    """A building that does not tell of the branches of its laws: impulse4 takes Newton's iteration."""
+
+    piecewise_linear = kinked = False
+
+
+@dataclass
+class March:
+    """The fastest march of a building with a method so far; nan seconds if it does not come to its end."""
+
+    building: Building
+    method: str
+    seconds: float = np.inf  # per step
+    events: int = 0
+    solves: float = 0.0  # per step
+
+    def repeat(self, record):
+        """March once more."""
+        integrator = parse(self.method)
+        steps = choose_steps(None, None, record.dt, record.duration)
+        space = workspace(self.building, integrator, between=True)
+        forces, ground = force_table(()), record.acceleration.copy()
+        compile_all(integrator)
+        begin = time.perf_counter()
+        code = integrate(integrator, self.building, forces, ground, steps, space)
+        seconds = (time.perf_counter() - begin) / steps.count
+        self.seconds = min(self.seconds, seconds) if code == 0 else np.nan
+        self.events = int(space.memo[EVENTS])
+        self.solves = space.observed[ITERATIONS] / steps.count
+
+
+def law_marches(model, record):
+    """By law, ten stories of it that bend where those of the model yield: average acceleration, impulse4, and impulse4
+    that locates no changes of branch."""
+    marches = {}
+    for name in LAWS:
+        stories = (replace(one, law=example(name, one.stiffness, one.law.parameters[0])) for one in model.stories)
+        building = assemble(replace(model, stories=tuple(stories)))
+        unbranched = Unbranched(**vars(building))
+        marches[name] = March(building, "newmark-average"), March(building, "impulse4"), March(unbranched, "impulse4")
+    for _ in range(REPEATS):
+        for march in (march for group in marches.values() for march in group):
+            march.repeat(record)
+    return marches
+
+
+def print_laws(model, record):
+    """The table of laws."""
+    print("ten stories of one law: us per step, solves per step, changes of branch")
+    print(f"{'':15s} {'newmark-average':>18s} {'impulse4':>25s} {'without events':>18s} {'with/without':>13s}")
+    for name, (average, events, newton) in law_marches(model, record).items():
+        print(
+            f"{name:15s} {average.seconds * 1e6:9.3f} ({average.solves:4.2f}) {events.seconds * 1e6:10.3f} "
+            f"({events.solves:4.2f}, {events.events:5d}) {newton.seconds * 1e6:9.3f} ({newton.solves:4.2f}) "
+            f"{events.seconds / newton.seconds:11.2f}"
+        )
+
+
 def repeated(model, count):
     """The model stretched to `count` stories, with the damping coefficients of the original."""
     stories = tuple(model.stories[i * len(model.stories) // count] for i in range(count))
@@ -138,6 +205,8 @@ def main():
             print(f"{text:22s} {seconds * 1e6:7.3f} us per step   {ratio:5.2f} of the plain loop")
         else:
             print(f"{text:22s}       - does not integrate this building at the record's step")
+    print()
+    print_laws(model, record)
     print()
     for count in (1, 3, 10, 30, 100, 300, 1000):
         seconds = march_times(repeated(model, count), record, ["impulse4"])["impulse4"]

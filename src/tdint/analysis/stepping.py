@@ -102,7 +102,9 @@ class Workspace:
 
 
 def workspace(building: Building, integrator: Integrator, steps: int = 0, between: bool = False) -> Workspace:
-    """Fresh arrays for one run; with room for the history of `steps` steps if it is not 0.
+    """Fresh arrays for one run; with room for a history of `steps` steps and the start if it is not 0.
+
+    A march of k times as many steps keeps every k-th.
 
     With `between` the peaks of drift and displacement are looked for between the steps, too.
     """
@@ -140,7 +142,17 @@ def compile_all(integrator: Integrator) -> None:
 def integrate(
     integrator: Integrator, building: Building, forces: Array, ground: Array, steps: Steps, space: Workspace
 ) -> int:
-    """March over the steps from the initial state in `space`; returns 0 or the code of the step that failed."""
+    """March over the steps from the initial state in `space`; returns 0 or the code of the step that failed.
+
+    Raises
+    ------
+    AnalysisError
+        A nonlinear building for a method that integrates linear ones only.
+    ValueError
+        The steps are no whole multiple of those that the history has room for.
+    """
+    if len(space.history) > 1 and steps.count % (len(space.history) - 1):
+        raise ValueError(f"{steps.count} steps do not fit into a history of {len(space.history) - 1}")
     if integrator.family.linear_only and not building.linear:
         raise AnalysisError(f"{integrator.label} integrates linear buildings only; this one has nonlinear stories")
     return int(

@@ -147,7 +147,8 @@ def _switch_bilinear(laws, springs, i, block, event):
 def unloading_stiffness(laws, springs, i, block, side):
     """k (dy / |largest drift on that side|)^unloading of the peak-oriented law (Takeda, Sozen and Nielsen 1970)."""
     k = laws[STIFFNESS, i]
-    farthest = springs[block + HIGH_DRIFT, i] if side > 0.0 else -springs[block + LOW_DRIFT, i]
+    drift = springs[block + DRIFT, i]  # the farthest one where the story yields at present
+    farthest = max(springs[block + HIGH_DRIFT, i], drift) if side > 0.0 else -min(springs[block + LOW_DRIFT, i], drift)
     return k * (laws[FIRST_PARAMETER, i] / (k * farthest)) ** laws[FIRST_PARAMETER + 2, i]
 
 

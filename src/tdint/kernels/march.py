@@ -52,7 +52,7 @@ _MARCH = I8(
     TABLE,  # work of the observer
     TABLE,  # peaks
     VECTOR,  # observed
-    TABLE,  # history, no rows for none
+    TABLE,  # history: the start and each k-th step, k = steps / (rows - 1) a whole number; no rows for none
 )
 
 RUNAWAY = 1e6
@@ -114,6 +114,7 @@ def march(
     _start(chain, modal, laws, forces, ground_0, state, springs, watch, peaks, observed)
     if history.shape[0] > 0:
         store(chain, ground_0, state, springs, watch, history, 0)
+    every = steps // max(history.shape[0] - 1, 1)
     smallest = 0.5**halvings
     for s in range(steps):
         ground_1 = ground_at(ground, s + 1, per_sample, stride)
@@ -142,8 +143,8 @@ def march(
         observed[STEPS_REACHED] += 1.0
         if _ran_away(state, n):
             return NOT_FINITE
-        if history.shape[0] > 0:
-            store(chain, ground_1, state, springs, watch, history, s + 1)
+        if history.shape[0] > 0 and (s + 1) % every == 0:
+            store(chain, ground_1, state, springs, watch, history, (s + 1) // every)
         ground_0 = ground_1
     take_stock(chain, laws, state, springs, observed)
     return 0

@@ -24,13 +24,14 @@ STEP = I8(VECTOR, TABLE, TABLE, TABLE, TABLE, F8, VECTOR, TABLE, TABLE, TABLE, V
 ITERATIONS = 30
 CLOSE = 1e-11  # out of balance over the sum of the sizes of the terms
 SMALL = 1e-14  # correction over the displacement: rounding
+NOTHING = 1e-250  # N; far ahead of a wave forces are so small that their products underflow
 SAME_TANGENT = 1e-3  # a tangent that changed by less, over the initial one, is kept in the factorization
 
 
 @inlined
 def balanced(memo, i, residual, scale):
     """Whether the terms of an equation, whose sizes add up to `scale`, balance; else the worst is noted in memo."""
-    if abs(residual) <= CLOSE * scale:
+    if abs(residual) <= CLOSE * scale + NOTHING:
         return True
     ratio = abs(residual) / scale
     if not ratio <= memo[RESIDUAL]:

@@ -66,7 +66,7 @@ def order_picture(measured: Sequence[OrderResult], suffix: str) -> Writer:
     return picture(suffix, lambda: _draw_orders(measured) if several else _draw_order_chart(measured))
 
 
-def _short(labels: Sequence[str]) -> dict[str, str]:
+def short_labels(labels: Sequence[str]) -> dict[str, str]:
     """Labels with four digits per parameter, where they still differ from each other."""
     short = {label: re.sub(r"=([^,]+)", lambda match: f"={_number(float(match[1]))}", label) for label in labels}
     return short if len(set(short.values())) == len(short) else {label: label for label in labels}
@@ -138,7 +138,7 @@ def _curve_styles(curves: Sequence[StabilityResult]) -> list[dict[str, Any]]:
 
 
 def _curve_labels(curves: Sequence[StabilityResult]) -> list[str]:
-    short = _short([curve.method for curve in curves])
+    short = short_labels([curve.method for curve in curves])
     several = len({curve.damping for curve in curves}) > 1
     return [short[curve.method] + (f", ξ {curve.damping:g}" if several else "") for curve in curves]
 
@@ -146,7 +146,7 @@ def _curve_labels(curves: Sequence[StabilityResult]) -> list[str]:
 def _stability_title(curves: Sequence[StabilityResult]) -> str:
     ratios = [f"{ratio:g}" for ratio in dict.fromkeys(curve.damping for curve in curves)]
     what = f"One step of an oscillator without load, damping ratio{'s' * (len(ratios) > 1)} {', '.join(ratios)}"
-    return f"{_short([curves[0].method])[curves[0].method]}\n{what}" if len(curves) == 1 else what
+    return f"{short_labels([curves[0].method])[curves[0].method]}\n{what}" if len(curves) == 1 else what
 
 
 def _frame_radius(axes: Any, curves: Sequence[StabilityResult]) -> None:
@@ -185,7 +185,7 @@ def _draw_overshoot(motions: Sequence[OvershootResult]) -> Figure:
     panels = figure.subplots(2, 2, sharex=True)
     starts = tuple(dict.fromkeys(motion.start for motion in motions))
     methods = [motion.method for motion in motions]
-    short = _short(methods)
+    short = short_labels(methods)
     lines = {}
     for motion, style in zip(motions, _styles(methods, [motion.damping for motion in motions]), strict=True):
         style |= {"markevery": 1, "marker": style.get("marker", "o")}
@@ -229,7 +229,7 @@ def _draw_orders(measured: Sequence[OrderResult]) -> Figure:
     figure = Figure(figsize=(7.5, 6.6), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
     methods = list(dict.fromkeys(one.method for one in measured))
-    short = _short(methods)
+    short = short_labels(methods)
     lines = []
     for method, style in zip(methods, _styles(methods, [0.0] * len(methods)), strict=True):
         own = [one for one in measured if one.method == method]
@@ -256,7 +256,7 @@ def _draw_order_chart(measured: Sequence[OrderResult]) -> Figure:
     """Observed orders of displacement, velocity and acceleration, one row of marks per method."""
     figure = Figure(figsize=(7.5, 1.9 + 0.24 * len(measured)), layout="constrained")
     axes = figure.subplots()
-    short = _short([one.method for one in measured])
+    short = short_labels([one.method for one in measured])
     rows = np.arange(len(measured), 0.0, -1.0)
     marks = (
         ("displacement", "o", 8.0, "none"),
@@ -294,5 +294,5 @@ def _order_title(measured: Sequence[OrderResult]) -> str:
     if len({one.frequency_ratio for one in measured}) == 1 and not math.isnan(first.frequency_ratio):
         text += f", frequency ratio {first.frequency_ratio:g}"
     if len({one.method for one in measured}) == 1:
-        return f"{_short([first.method])[first.method]}\n{text}"
+        return f"{short_labels([first.method])[first.method]}\n{text}"
     return text

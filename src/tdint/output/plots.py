@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from textwrap import shorten
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Protocol, TypeVar
 
 import matplotlib as mpl
 import numpy as np
@@ -20,6 +20,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from numpy.typing import NDArray
 
 from tdint.errors import OutputError
+from tdint.ground_motion.record import Record
 from tdint.output.files import Writer, write_file
 from tdint.output.results import Array, RunResult, SpectrumResult
 from tdint.output.tables import component_names
@@ -213,7 +214,7 @@ def _draw_hysteresis(axes: Any, response: RunResult) -> None:
     history = response.history
     assert history is not None
     story, reason = _telling_story(response)
-    factor, unit = _force_unit(float(np.max(np.abs(history.shear[:, story]))))
+    factor, unit = scaled_unit(float(np.max(np.abs(history.shear[:, story]))), "N")
     axes.plot(history.drift[:, story], history.shear[:, story] * factor, color=_INK, linewidth=0.8)
     axes.axhline(0.0, color=_LIGHT, linewidth=0.6)
     axes.axvline(0.0, color=_LIGHT, linewidth=0.6)
@@ -237,36 +238,62 @@ def _telling_story(response: RunResult) -> tuple[int, str]:
     return 0, "no drift"
 
 
-def _force_unit(largest: float) -> tuple[float, str]:
-    for factor, unit in ((1e-6, "MN"), (1e-3, "kN")):
+def scaled_unit(largest: float, unit: str) -> tuple[float, str]:
+    """The unit with M, k or nothing before it in which the largest number is 1 at least, and the factor to it."""
+    for factor, prefix in ((1e-6, "M"), (1e-3, "k")):
         if largest * factor >= 1.0:
-            return factor, unit
-    return 1.0, "N"
+            return factor, prefix + unit
+    return 1.0, unit
 
 
 def _draw_spectra(spectra: Sequence[SpectrumResult]) -> Figure:
-    figure = Figure(figsize=(7.5, 7.8), layout="constrained")
-    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.25, 1.0))
-    lines = []
-    for spectrum, style in zip(spectra, _line_styles(spectra), strict=True):
-        order = _shown(spectrum.periods)
-        period = spectrum.periods[order]
-        if period.size < _FEW:
-            style = {"marker": "o", **style, "markevery": 1}
-        lines += upper.plot(period, spectrum.psa[order], markersize=4, **style)
-        lower.plot(period, spectrum.sd[order], markersize=4, **style)
-    upper.set_ylabel("pseudo-acceleration PSA (m/s²)")
-    lower.set_ylabel("displacement SD (m)")
-    lower.set_xlabel("period (s)")
-    for axes in (upper, lower):
-        axes.set_ylim(bottom=0.0)
-    _log_periods(lower, spectra)
-    add_legend(figure, upper, lines, _labels(spectra))  # a single line has its name in the title
+    panels: list[Panel[SpectrumResult]] = [
+        ("pseudo-acceleration PSA (m/s²)", lambda spectrum: spectrum.psa),
+        ("displacement SD (m)", lambda spectrum: spectrum.sd),
+    ]
+    figure = draw_over_periods(spectra, panels, line_labels(spectra))
     add_title(figure, _spectra_title(spectra))
     return figure
 
 
-def _line_styles(spectra: Sequence[SpectrumResult]) -> list[dict[str, Any]]:
+class OverPeriods(Protocol):
+    """What a line over the period needs; `periods` (s) of shape (k,)."""
+
+    @property
+    def record(self) -> Record: ...
+    @property
+    def damping(self) -> float: ...
+    @property
+    def periods(self) -> Array: ...
+
+
+Line = TypeVar("Line", bound=OverPeriods)
+Panel = tuple[str, Callable[[Line], Array]]
+"""Label of the values, and the values of a line, shape (k,)."""
+
+
+def draw_over_periods(results: Sequence[Line], panels: Sequence[Panel[Line]], labels: Sequence[str]) -> Figure:
+    """Two panels one above the other, with a line for each result over its periods; no title yet."""
+    figure = Figure(figsize=(7.5, 7.8), layout="constrained")
+    both = figure.subplots(2, 1, sharex=True, height_ratios=(1.25, 1.0))
+    lines = []
+    for result, style in zip(results, _line_styles(results), strict=True):
+        order = _shown(result.periods)
+        period = result.periods[order]
+        if period.size < _FEW:
+            style = {"marker": "o", **style, "markevery": 1}
+        for axes, (_, values) in zip(both, panels, strict=True):
+            lines += axes.plot(period, values(result)[order], markersize=4, **style)
+    for axes, (label, _) in zip(both, panels, strict=True):
+        axes.set_ylabel(label)
+        axes.set_ylim(bottom=0.0)
+    both[1].set_xlabel("period (s)")
+    _log_periods(both[1], results)
+    add_legend(figure, both[0], lines[::2], list(labels))  # a single line has its name in the title
+    return figure
+
+
+def _line_styles(spectra: Sequence[OverPeriods]) -> list[dict[str, Any]]:
     """Lines to be told apart without color: dashes per component, or per damping ratio and markers per component."""
     names = component_names([spectrum.record for spectrum in spectra])
     motions = [(spectrum.record.source, name) for spectrum, name in zip(spectra, names, strict=True)]
@@ -291,8 +318,8 @@ def _shown(periods: Array) -> NDArray[np.intp]:
     return positive if positive.size else order
 
 
-def _log_periods(axes: Any, spectra: Sequence[SpectrumResult]) -> None:
-    shown = np.concatenate([spectrum.periods[_shown(spectrum.periods)] for spectrum in spectra])
+def _log_periods(axes: Any, results: Sequence[OverPeriods]) -> None:
+    shown = np.concatenate([result.periods[_shown(result.periods)] for result in results])
     low, high = float(np.min(shown)), float(np.max(shown))
     if not low > 0.0:
         return
@@ -328,7 +355,7 @@ def add_legend(figure: Figure, axes: Any, lines: list[Any], labels: list[str], n
         text.set_parse_math(False)
 
 
-def _labels(spectra: Sequence[SpectrumResult]) -> list[str]:
+def line_labels(spectra: Sequence[OverPeriods]) -> list[str]:
     """What tells the lines apart: the record if there are several, the component, the damping if there are several."""
     names = component_names([spectrum.record for spectrum in spectra])
     several_files = len({spectrum.record.source for spectrum in spectra}) > 1
@@ -342,14 +369,18 @@ def _labels(spectra: Sequence[SpectrumResult]) -> list[str]:
 
 
 def _spectra_title(spectra: Sequence[SpectrumResult]) -> str:
-    sources = list(dict.fromkeys(spectrum.record.source for spectrum in spectra))
-    ratios = list(dict.fromkeys(spectrum.damping for spectrum in spectra))
+    return over_periods_title("Elastic response spectrum", "Elastic response spectra", spectra, _how(spectra[0]))
+
+
+def over_periods_title(one: str, several: str, results: Sequence[OverPeriods], more: str) -> str:
+    """`ONE of FILE COMPONENT`, or `SEVERAL of ...`; below it the damping and what more there is to say."""
+    sources = list(dict.fromkeys(result.record.source for result in results))
+    ratios = list(dict.fromkeys(result.damping for result in results))
     what = _record_name(sources[0]) if len(sources) == 1 else f"{len(sources)} records"
     damping = ", ".join(f"{100.0 * ratio:g} %" for ratio in ratios)
-    method = _how(spectra[0])
-    if len(spectra) == 1:
-        return f"Elastic response spectrum of {what} {spectra[0].record.component}\n{damping} damping, {method}"
-    return f"Elastic response spectra of {what}\n{damping} damping, {method}"
+    if len(results) == 1:
+        return f"{one} of {what} {results[0].record.component}\n{damping} damping, {more}"
+    return f"{several} of {what}\n{damping} damping, {more}"
 
 
 def _how(spectrum: SpectrumResult) -> str:

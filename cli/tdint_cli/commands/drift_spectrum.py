@@ -1,0 +1,134 @@
+"""`tdint drift-spectrum`: the largest story drift of shear buildings over their period."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tdint.errors import UsageError
+from tdint_cli import options, spectra
+from tdint_cli.startup import load_numba
+
+if TYPE_CHECKING:
+    from tdint.analysis.drift_spectrum import DriftSpectrum
+    from tdint.ground_motion.record import Record
+    from tdint.output.files import Writer
+    from tdint.output.tables import Table
+
+_PERIODS = "0.2:10:200"
+_STORY_HEIGHT = 3.5
+_HEIGHT_PERIOD = "0.0731,0.75"
+
+
+@dataclass(frozen=True)
+class Request(spectra.Request):
+    """The command line of `tdint drift-spectrum`."""
+
+    stories: int | None
+    story_height: float | None
+    height_period: str
+    beam: bool
+
+    def settings(self, default_periods: str) -> dict[str, Any]:
+        """As those of all spectra, with the story height that is taken where none is given."""
+        settings = super().settings(default_periods)
+        if not self.beam and self.stories is None:
+            settings["story_height"] = self.story_height or _STORY_HEIGHT
+        return settings
+
+
+@click.command("drift-spectrum")
+@click.argument("records", metavar="RECORD...", nargs=-1, required=True)
+@options.units
+@options.component
+@options.inventory
+@spectra.damping
+@spectra.periods(_PERIODS)
+@click.option(
+    "--stories", type=click.IntRange(1), metavar="N", help="Number of stories, the same at all periods and heights."
+)
+@click.option(
+    "--story-height",
+    type=options.Number(0.0, min_open=True),
+    metavar="METERS",
+    help=f"Without --stories: as many stories as the building's height has of these, rounded, at least one; "
+    f"{_STORY_HEIGHT:g} by default.",
+)
+@click.option(
+    "--height-period",
+    metavar="A,B",
+    default=_HEIGHT_PERIOD,
+    help=f"The height H of a building with the fundamental period T, by T = A H^B in s and m; {_HEIGHT_PERIOD} by "
+    "default.",
+)
+@click.option(
+    "--beam",
+    is_flag=True,
+    help="A continuous shear beam instead of stories, and its drift at the base (Iwan's drift spectrum).",
+)
+@spectra.output
+@spectra.plot
+@options.jobs
+@options.overwrite
+@options.debug
+def command(**given: Any) -> None:
+    """Drift spectra: the largest story drifts of shear buildings.
+
+    RECORD is a file, or a folder for all records in it, - is standard input; all components are taken unless
+    --component names one. The buildings are linear, with equal masses, stiffnesses and heights of their stories and the
+    same damping ratio in all modes. CSV: the largest drift ratio of all stories, the story where it is (none for
+    --beam), and the largest displacement of the roof over the building's height. They are exact for a ground motion
+    that is linear between its samples, the largest between the samples, too. A record that fails does not keep the
+    others from being done.
+
+    A and B of some codes, in s and m: 0.0731,0.75 moment frames of reinforced concrete in the Uniform Building Code of
+    1997, and in ASCE 7 frames of steel with eccentric or buckling-restrained braces; 0.0724,0.8 and 0.0466,0.9 moment
+    frames of steel and of concrete in ASCE 7; 0.0488,0.75 other buildings in both.
+    """
+    _run(Request(**given))
+
+
+def _run(request: Request) -> None:
+    if request.stories is not None and request.story_height is not None:
+        raise UsageError("--stories and --story-height are given; leave one of them out")
+    if request.beam and (request.stories is not None or request.story_height is not None):
+        raise UsageError("--beam has no stories: leave out --stories and --story-height")
+    load_numba()
+    from tdint.analysis.drift_spectrum import number_of_stories, parse_height_period
+
+    heights = parse_height_period(request.height_period).height(request.chosen_periods(_PERIODS))
+    if not request.beam:
+        number_of_stories(heights, request.stories, request.story_height or _STORY_HEIGHT)
+    spectra.make_tables(request, spectra.Making("drift-spectrum", _PERIODS, _compute, _table, _picture))
+
+
+def _compute(request: Request, record: Record) -> list[DriftSpectrum]:
+    from tdint.analysis.drift_spectrum import drift_spectrum, parse_height_period
+
+    return [
+        drift_spectrum(
+            record,
+            request.chosen_periods(_PERIODS),
+            damping,
+            stories=request.stories,
+            story_height=request.story_height or _STORY_HEIGHT,
+            height_period=parse_height_period(request.height_period),
+            beam=request.beam,
+        )
+        for damping in request.damping
+    ]
+
+
+def _table(results: Sequence[DriftSpectrum]) -> Table:
+    from tdint.output.drift_tables import drift_spectrum_table
+
+    return drift_spectrum_table(results)
+
+
+def _picture(results: Sequence[DriftSpectrum], suffix: str) -> Writer:
+    from tdint.output.drift_plots import drift_spectrum_picture
+
+    return drift_spectrum_picture(results, suffix)

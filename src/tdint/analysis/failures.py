@@ -1,0 +1,163 @@
+"""Which methods fail on which problems, how and by how much: the work behind `tdint failures`."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdint.analysis.problems import Problem, problems
+from tdint.analysis.response import FailedRun, History, run
+from tdint.errors import AnalysisError, UsageError
+from tdint.methods.catalogue import catalogue, parse
+from tdint.methods.method import Integrator
+from tdint.model.building import assemble
+
+PASS = "pass"
+BLOWS_UP = "blows up"
+NO_CONVERGENCE = "does not converge"
+REFUSED = "refused"
+
+_MORE = {"impulse4": ("rho_inf=0.5", "rho_inf=0"), "wilson": ("theta=1.3",)}
+"""Members that show what their method's default does not: dissipation, and theta below its limit."""
+
+_ENDS = {"diverged": BLOWS_UP, "not-converged": NO_CONVERGENCE}
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One method on one problem with one step.
+
+    Attributes
+    ----------
+    energy_ratio_min, energy_ratio_max : float
+        Least and largest energy over the largest of the exact motion; nan for a run without an end, and the least where
+        the motion starts from rest.
+    error, error_of : float, str
+        The problem's error and what it is; nan for a run without an end.
+    outcome : str
+        `done`, `diverged`, `not-converged`; `unstable` where `tdint run` refuses the step, the rest is then what
+        --allow-unstable gives; `refused` for a method that is not for this building.
+    verdict : str
+        `pass`, or the first fault found.
+    time, steps : float, int
+        Last time reached (s), and whole steps done.
+    measure : float
+        What the verdict rests on: the energy ratio that is farthest from 1 where the problem judges energy, else the
+        error; nan for a run without an end.
+    """
+
+    problem: str
+    method: str
+    dt: float
+    energy_ratio_min: float
+    energy_ratio_max: float
+    error: float
+    error_of: str
+    outcome: str
+    verdict: str
+    time: float
+    steps: int
+    measure: float
+
+
+def usual_methods() -> list[Integrator]:
+    """All methods at their defaults (`newmark` is `newmark-average`), and a few more members."""
+    result: list[Integrator] = []
+    for name in catalogue():
+        if name != "newmark":
+            result.append(parse(name))
+        result += [parse(f"{name}:{values}") for values in _MORE.get(name, ())]
+    return result
+
+
+def find_problems(names: Sequence[str]) -> list[Problem]:
+    """Problems by name, each once; all if none is named.
+
+    Raises
+    ------
+    UsageError
+        An unknown name.
+    """
+    known = problems()
+    for name in names:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+            hint = f"; did you mean {near[0]}?" if near else ""
+            raise UsageError(f"unknown problem {name!r}{hint} (known: {', '.join(known)})")
+    return [known[name] for name in dict.fromkeys(names or known)]
+
+
+def attempt(integrator: Integrator, problem: Problem) -> list[Trial]:
+    """Integrate a problem with each of its steps, and judge."""
+    return [_attempt(integrator, problem, dt, steps) for dt, steps in problem.steps]
+
+
+def _attempt(integrator: Integrator, problem: Problem, dt: float, steps: int) -> Trial:
+    if integrator.family.linear_only and not assemble(problem.model).linear:
+        return _without_numbers(integrator, problem, dt, REFUSED, REFUSED, 0.0)
+    outcome = "unstable" if _is_refused(integrator, problem, dt) else "done"
+    try:
+        response = run(
+            problem.model, method=integrator.label, dt=dt, duration=dt * steps, history=True, allow_unstable=True
+        )
+    except FailedRun as failure:
+        ending = outcome if outcome == "unstable" else failure.status
+        return _without_numbers(integrator, problem, dt, ending, _ENDS[failure.status], failure.time)
+    assert response.history is not None
+    return _judged(integrator, problem, dt, outcome, response.history)
+
+
+def _is_refused(integrator: Integrator, problem: Problem, dt: float) -> bool:
+    """Whether `tdint run` refuses the step: it is beyond the method's limit."""
+    try:
+        run(problem.model, method=integrator.label, dt=dt, duration=dt)
+    except FailedRun:
+        return False
+    except AnalysisError:
+        return True
+    return False
+
+
+def _judged(integrator: Integrator, problem: Problem, dt: float, outcome: str, history: History) -> Trial:
+    ratio = problem.energy(history) / problem.energy_scale
+    least, largest = float(np.min(ratio)), float(np.max(ratio))
+    error = problem.error(history)
+    farthest = least if least * largest < 1.0 else largest
+    measure, faults = (farthest, problem.energy_faults) if problem.energy_faults else (error, problem.error_faults)
+    return Trial(
+        problem=problem.name,
+        method=integrator.label,
+        dt=dt,
+        energy_ratio_min=least if ratio[0] > 0.0 else math.nan,
+        energy_ratio_max=largest,
+        error=error,
+        error_of=problem.error_of,
+        outcome=outcome,
+        verdict=next((fault.name for fault in faults if fault.found(measure)), PASS),
+        time=float(history.time[-1]),
+        steps=len(history.time) - 1,
+        measure=measure,
+    )
+
+
+def _without_numbers(
+    integrator: Integrator, problem: Problem, dt: float, outcome: str, verdict: str, time: float
+) -> Trial:
+    return Trial(
+        problem=problem.name,
+        method=integrator.label,
+        dt=dt,
+        energy_ratio_min=math.nan,
+        energy_ratio_max=math.nan,
+        error=math.nan,
+        error_of=problem.error_of,
+        outcome=outcome,
+        verdict=verdict,
+        time=time,
+        steps=round(time / dt),
+        measure=math.nan,
+    )

@@ -1,0 +1,95 @@
+"""`tdint failures`: rows, words, picture, exit codes."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+import pytest
+
+from tdint.analysis.failures import usual_methods
+from tdint.analysis.problems import problems
+from tdint_cli.commands.failures import command
+
+COLUMNS = "problem,method,dt_s,energy_ratio_min,energy_ratio_max,error,outcome,verdict,end_s,error_of"
+SMALL = ("failures", "--problem", "hardening", "--problem", "sqrt-12", "--method", "impulse", "--method", "exact")
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """The working directory, empty."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def rows(text: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def test_all_problems_with_the_usual_methods(here, tdint):
+    result = tdint("failures", "--plot", "who.png")
+    assert result.exit_code == 0
+    assert result.stdout.splitlines()[0] == COLUMNS
+    table = rows(result.stdout)
+    assert "nan" not in result.stdout and "inf," not in result.stdout
+    assert list(dict.fromkeys(row["problem"] for row in table)) == list(problems())
+    labels = [integrator.label for integrator in usual_methods()]
+    assert {"impulse4:rho_inf=0.0", "wilson:theta=1.3", "chang"} < set(labels)
+    assert len(table) == len(labels) * sum(len(problem.steps) for problem in problems().values())
+    assert (here / "who.png").read_bytes().startswith(b"\x89PNG")
+    said = result.stderr.splitlines()
+    assert said[1].split()[:2] == ["method", "pass"]
+    assert [line.split()[0] for line in said[2:]] == labels
+
+
+def test_the_table_says_how_the_published_method_fails(tdint):
+    result = tdint("failures", "--problem", "hardening", "--problem", "softening", "--method", "impulse")
+    verdicts = {(row["problem"], row["dt_s"]): row["verdict"] for row in rows(result.stdout)}
+    assert verdicts["hardening", "0.005"] == "loses energy"
+    assert verdicts["softening", "0.1"] == "gains energy"
+
+
+def test_chosen_methods_and_problems(tdint):
+    result = tdint(*SMALL)
+    assert result.exit_code == 0
+    table = rows(result.stdout)
+    assert [(row["problem"], row["dt_s"]) for row in table if row["method"] == "exact"] == [
+        ("hardening", "0.005"), ("hardening", "0.02"), ("hardening", "0.05"), ("sqrt-12", "3.46410161514"),
+    ]  # fmt: skip
+    refused = table[3]
+    assert (refused["method"], refused["outcome"], refused["verdict"]) == ("exact", "refused", "refused")
+    assert (refused["energy_ratio_min"], refused["energy_ratio_max"], refused["error"]) == ("", "", "")
+
+
+@pytest.mark.parametrize(("suffix", "start"), [(".png", b"\x89PNG"), (".pdf", b"%PDF"), (".svg", b"<?xml")])
+def test_table_and_picture(here, tdint, suffix, start):
+    table = tdint(*SMALL).stdout
+    result = tdint(*SMALL, "-o", "x.csv", "--plot", f"x{suffix}")
+    assert (result.exit_code, result.stdout) == (0, "")
+    assert (here / "x.csv").read_text() == table
+    assert (here / f"x{suffix}").read_bytes().startswith(start)
+    again = tdint(*SMALL, "-o", "x.csv", "--plot", f"x{suffix}")
+    assert again.exit_code == 6
+    assert "exists already; give --overwrite" in again.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (["--problem", "hardning"], 2, "unknown problem 'hardning'; did you mean hardening? (known: hardening, "),
+        (["--problem", "x"], 2, "unknown problem 'x' (known: "),
+        (["--method", "newmrk"], 2, "did you mean newmark?"),
+        (["--plot", "x.jpg"], 6, "not .jpg"),
+        (["-o", "missing/x.csv"], 6, "there is no folder missing"),
+    ],
+)
+def test_what_is_refused(here, tdint, arguments, code, message):
+    result = tdint("failures", *arguments)
+    assert (result.exit_code, result.stdout) == (code, "")
+    assert message in result.stderr
+    assert not list(here.iterdir())
+
+
+def test_the_help_names_all_problems():
+    option = next(parameter for parameter in command.params if parameter.name == "problems")
+    assert option.help.endswith(f": {', '.join(problems())}; all if there is none.")

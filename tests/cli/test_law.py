@@ -1,0 +1,116 @@
+"""`tdint law`: rows, words, pictures, exit codes."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+import pytest
+
+COLUMNS = (
+    "story,step,cycle,drift_m,drift_ratio,shear_N,shear_with_p_delta_N,tangent_stiffness_N_m,recoverable_energy_J,"
+    "dissipated_energy_J"
+)
+STARTS = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
+CONFIGS = Path(__file__).parents[2] / "configs"
+
+
+def rows(text: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def test_one_cycle(folder, tdint):
+    """A bilinear story, k = 8000, Fy = 50, hardening 0.1, height 3: at a drift ratio of 1 % the force is 50 + 800 (0.03
+    - 0.00625) = 69 N."""
+    result = tdint("law", "shaken.yaml", "--story", "2", "--drift", "0.01", "--points", "4")
+    assert result.exit_code == 0
+    assert result.stdout.splitlines()[0] == COLUMNS
+    table = rows(result.stdout)
+    assert [row["step"] for row in table] == [str(i) for i in range(17)]
+    assert {row["story"] for row in table} == {"2"}
+    assert [row["cycle"] for row in table] == ["0", *["1"] * 16]
+    assert table[4] == {
+        "story": "2", "step": "4", "cycle": "1", "drift_m": "0.03", "drift_ratio": "0.01", "shear_N": "69",
+        "shear_with_p_delta_N": "69", "tangent_stiffness_N_m": "800", "recoverable_energy_J": "0.500625",
+        "dissipated_energy_J": "1.06875",
+    }  # fmt: skip
+    assert (table[8]["drift_m"], table[12]["drift_m"], table[16]["drift_m"]) == ("0", "-0.03", "0")
+
+
+def test_what_is_told(folder, tdint):
+    result = tdint("law", "shaken.yaml", "--drift", "0.5dy", "--drift", "3cm", "--cycles", "2", "--points", "2")
+    lines = result.stderr.splitlines()
+    assert lines[0].startswith("shaken, story 1, bilinear law: f = a k d + z, ")
+    assert lines[1] == "Initial stiffness 8000 N/m, yield drift 0.00625 m (drift ratio 0.002083)."
+    assert [line.split() for line in lines[3:]] == [
+        ["2", "0.003125", "0.001042", "0.5", "25", "-25", "8000", "0", "0"],
+        # 4 (1 - 0.1) 50 (0.03 - 0.00625) = 4.275 J; over 2 pi 2300 0.03^2
+        ["4", "0.03", "0.01", "4.8", "69", "-69", "2300", "4.275", "0.3287"],
+    ]
+
+
+def test_a_linear_story_of_a_stream(folder, tdint):
+    text = (folder / "forced.yaml").read_text().replace(", height: 3", "")
+    result = tdint("law", "-", "--drift", "10mm", "--points", "1", stdin=text.encode())
+    assert result.exit_code == 0
+    assert [row["shear_N"] for row in rows(result.stdout)] == ["0", "8", "0", "-8", "0"]
+    assert {row["drift_ratio"] for row in rows(result.stdout)} == {""}
+    assert "Initial stiffness 800 N/m.\n" in result.stderr
+    assert result.stderr.splitlines()[-1].split() == ["1", "0.01", "-", "-", "8", "-8", "800", "0", "0"]
+
+
+def test_p_delta(tdint):
+    result = tdint("law", CONFIGS / "three-story-concrete.yaml", "--drift", "0.002", "--points", "1")
+    row = rows(result.stdout)[1]
+    assert float(row["shear_N"]) == pytest.approx(4.9e7 * 0.0072)
+    assert float(row["shear_with_p_delta_N"]) == pytest.approx((4.9e7 - 450e3 * 9.80665 / 3.6) * 0.0072)
+    assert "geometric stiffness of P-delta -1.226e+06 N/m" in result.stderr
+
+
+def test_table_and_picture(folder, tdint):
+    command = ("law", "shaken.yaml", "--drift", "1%")
+    table = tdint(*command).stdout
+    for suffix, start in STARTS.items():
+        result = tdint(*command, "-o", "x.csv", "--plot", f"x{suffix}", "--overwrite")
+        assert (result.exit_code, result.stdout) == (0, "")
+        assert (folder / "x.csv").read_text() == table
+        assert (folder / f"x{suffix}").read_bytes().startswith(start)
+    assert "yield drift 0.00625 m" in (folder / "x.svg").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("drift", ["1e-9mm", "1e9m"])
+@pytest.mark.parametrize("model", ["forced.yaml", "shaken.yaml"])
+def test_pictures_of_any_size(folder, tdint, model, drift):
+    assert tdint("law", model, "--drift", drift, "--points", "1", "--plot", "x.png").exit_code == 0
+    assert (folder / "x.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (["shaken.yaml"], 2, "Missing option '--drift'"),
+        (["shaken.yaml", "--drift", "2"], 2, "drift '2': a drift ratio is 1 at most"),
+        (["shaken.yaml", "--drift", "1%", "--drift", "x"], 2, "drift 'x': write a drift ratio (0.02 or 2%)"),
+        (["shaken.yaml", "--drift", "1%", "--story", "3"], 2, "story 3: the model has 2 stories"),
+        (["shaken.yaml", "--drift", "1%", "--story", "0"], 2, "Invalid value for '--story'"),
+        (["shaken.yaml", "--drift", "1%", "--cycles", "0"], 2, "Invalid value for '--cycles'"),
+        (["shaken.yaml", "--drift", "1%", "--points", "0"], 2, "Invalid value for '--points'"),
+        (["shaken.yaml", "--drift", "1%", "--cycles", "1000000"], 2, "more than 2,000,000 points"),
+        (["forced.yaml", "--drift", "2dy"], 2, "the law of story 1 does not yield"),
+        (["no-height.yaml", "--drift", "1%"], 2, "drift 1% is a drift ratio, and story 1 has no height"),
+        (["missing.yaml", "--drift", "1%"], 3, "missing.yaml: no such file"),
+        (["shaken.yaml", "--drift", "1%", "-o", "other.mseed"], 6, "other.mseed: exists already; give --overwrite"),
+        (["shaken.yaml", "--drift", "1%", "--plot", "x.jpg"], 6, "a picture is written as .png, .pdf or .svg"),
+        (["cubic.yaml", "--drift", "1e90m"], 5, "story 1: its law has no finite force and energy at drift "),
+    ],
+)
+def test_what_is_refused(folder, tdint, arguments, code, message):
+    (folder / "no-height.yaml").write_text((folder / "forced.yaml").read_text().replace(", height: 3", ""))
+    law = "law: {type: polynomial, coefficients: [1, 0, 1e60]}"
+    (folder / "cubic.yaml").write_text((folder / "forced.yaml").read_text().replace("stiffness: 800", law))
+    before = sorted(folder.iterdir())
+    result = tdint("law", *arguments)
+    assert (result.exit_code, result.stdout) == (code, "")
+    assert message in result.stderr
+    assert sorted(folder.iterdir()) == before

@@ -1,0 +1,24 @@
+"""An example of every drift law, made from what `tdint.model.laws` says of its parameters: a new law has one too."""
+
+from __future__ import annotations
+
+import math
+
+from tdint.model.definition import Law
+from tdint.model.laws import LAWS
+
+
+def example(name, stiffness, strength):
+    """The law with an initial stiffness (N/m) whose forces are about `strength` (N) where it bends."""
+    values = []
+    drift = strength / stiffness
+    for parameter in LAWS[name].parameters:
+        if parameter.many:
+            values += [stiffness, -0.1 * stiffness / drift, 0.05 * stiffness / drift**2]
+        elif parameter.force or parameter.length:
+            # Of the dimensions force^a length^b: strength^a (strength / stiffness)^b
+            values.append(strength**parameter.force * drift**parameter.length)
+        else:
+            width = parameter.high - parameter.low
+            values.append(parameter.low + min(1.0, 0.1 * width) if math.isfinite(parameter.low) else 0.5)
+    return Law(name, tuple(values))
