@@ -24,6 +24,7 @@ from tdint.model.config import (
     Story,
     load_model,
 )
+from tdint.model.definition import PowerDashpot
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 G = 9.80665
@@ -262,13 +263,28 @@ def test_many_stories_share_one_entry() -> None:
     assert stories[0] is stories[-1]
 
 
+def test_a_power_law_dashpot_in_other_units(tmp_path: Path) -> None:
+    """100 kN at 1 cm/s to the power 0.5 are 1e5 N (100 s/m)^0.5 = 1e6 N (s/m)^0.5."""
+    file = tmp_path / "model.yaml"
+    file.write_text(
+        "units: {length: cm, force: kN}\n"
+        "stories: [{mass: 1, stiffness: 10, dashpot: {coefficient: 100, exponent: 0.5, linear_below: 0.2}},\n"
+        "          {mass: 1, stiffness: 10, dashpot: {coefficient: 3, exponent: 1}}]\n"
+        "initial: {displacement: [1, 1]}\n"
+    )
+    one, two = load_model(file).stories
+    assert one.dashpot == 0.0
+    assert one.power_dashpot == PowerDashpot(pytest.approx(1e6), 0.5, pytest.approx(0.002))
+    assert two.power_dashpot == PowerDashpot(pytest.approx(3e5), 1.0, 0.0)
+
+
 CONFIG_FILES = sorted(CONFIGS.glob("*.yaml"))
 
 
 def test_there_are_example_models() -> None:
     names = {path.stem for path in CONFIG_FILES}
     assert {"ten-story", "ten-story-bilinear", "sdof-polynomial", "two-story-polynomial", "chain-150"} <= names
-    assert "base-isolated" in names
+    assert {"base-isolated", "fluid-dampers"} <= names
 
 
 @pytest.mark.parametrize("path", CONFIG_FILES, ids=lambda path: path.stem)

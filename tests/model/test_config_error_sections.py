@@ -43,6 +43,27 @@ def faults(text: str) -> list[str]:
                 "1:56: stories[1].dashpot: must be zero or a positive number, got '-2'",
             ],
         ),
+        (
+            "[{mass: 1, stiffness: 1, dashpot: {coefficient: 0, exponent: 2.5}}]",
+            [
+                "1:58: stories[1].dashpot.coefficient: must be a positive number, got '0'",
+                "1:71: stories[1].dashpot.exponent: must be a number above 0 and of at most 2, got '2.5'",
+            ],
+        ),
+        (
+            "[{mass: 1, stiffness: 1, dashpot: {coefficient: 1, exponent: 0.5}}]",
+            [
+                "1:44: stories[1].dashpot.linear_below: is missing; "
+                "an exponent below 1 needs the drift rate under which the dashpot is linear"
+            ],
+        ),
+        (
+            "[{mass: 1, stiffness: 1, dashpot: {coefficient: 1, exponent: 0.5, linear_below: 0, power: 2}}]",
+            [
+                "1:90: stories[1].dashpot.linear_below: must be a positive number, got '0'",
+                "1:93: stories[1].dashpot.power: unknown key; known: coefficient, exponent, linear_below",
+            ],
+        ),
         ("[{mass: , stiffness: 1}]", ["1:17: stories[1].mass: must be a positive number, got nothing"]),
         ("[{mass: [1], stiffness: 1}]", ["1:18: stories[1].mass: must be a positive number, got a list"]),
         (

@@ -16,6 +16,7 @@ from tdint.kernels.layout import (
     LOAD_SIZE,
     MEMO_SIZE,
     NO_BRANCHES,
+    POWER_DAMPERS,
     SOME_BRANCHES,
     SPRING_BLOCKS,
     SPRING_ROWS,
@@ -114,6 +115,7 @@ def workspace(building: Building, integrator: Integrator, steps: int = 0, betwee
     memo = np.zeros(MEMO_SIZE)
     memo[LINEAR] = building.linear
     memo[BRANCHES] = _branches(building)
+    memo[POWER_DAMPERS] = building.power_damped
     observed = np.zeros(OBSERVED_SIZE)
     observed[BETWEEN_STEPS] = between
     return Workspace(
@@ -129,7 +131,7 @@ def workspace(building: Building, integrator: Integrator, steps: int = 0, betwee
 
 
 def _branches(building: Building) -> int:
-    if building.piecewise_linear:
+    if building.piecewise_linear and not building.power_damped:
         return ALL_BRANCHES
     return SOME_BRANCHES if building.kinked else NO_BRANCHES
 
@@ -147,7 +149,8 @@ def integrate(
     Raises
     ------
     AnalysisError
-        A nonlinear building for a method that integrates linear ones only.
+        A nonlinear building for a method that integrates linear ones only, or power-law dashpots for one that does not
+        take them.
     ValueError
         The steps are no whole multiple of those that the history has room for.
     """
@@ -155,6 +158,8 @@ def integrate(
         raise ValueError(f"{steps.count} steps do not fit into a history of {len(space.history) - 1}")
     if integrator.family.linear_only and not building.linear:
         raise AnalysisError(f"{integrator.label} integrates linear buildings only; this one has nonlinear stories")
+    if building.power_damped and not integrator.family.power_dampers:
+        raise AnalysisError(f"{integrator.label} takes no power-law dashpots; impulse4 and newmark-average do")
     return int(
         march.compiled(
             integrator.family.step.compiled,

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from tdint.kernels.chain import add_modal_force
+from tdint.kernels.chain import add_modal_force, power_damper
 from tdint.kernels.compiling import inlined
 from tdint.kernels.layout import (
     FLOOR_DAMPER,
@@ -21,6 +21,7 @@ from tdint.kernels.layout import (
     LINEAR,
     LINK,
     MASS,
+    POWER_DAMPERS,
     RESIDUAL,
     STIFFNESS,
     STORY_DAMPER,
@@ -72,11 +73,12 @@ def balance(by_u, by_v, by_a, factors, past, trial, chain, modal, laws, springs,
     pivot = factors + _PIVOT
     coupling = factors + _COUPLING
     store = factors + _STORE
+    by_k = by_u if by_u != 0.0 else 1.0
     for i in range(n):
         work[X, i] = 0.0
     iterations = 0
     while True:
-        stale = _story_forces(factors, past, trial, chain, laws, springs, work)
+        stale = _story_forces(by_u, by_v, factors, past, trial, chain, laws, springs, work)
         if _in_balance(chain, modal, work, memo):
             break
         if iterations == ITERATIONS:
@@ -84,18 +86,22 @@ def balance(by_u, by_v, by_a, factors, past, trial, chain, modal, laws, springs,
         if stale:
             for i in range(n):
                 work[tangents, i] = work[_TANGENT, i]
-            factor_combination(chain, modal, work, tangents, by_a, by_v, by_u, work, pivot, coupling, store, n)
+            factor_combination(chain, modal, work, tangents, by_a, by_v, by_k, work, pivot, coupling, store, n)
         solve_damped(work, pivot, coupling, modal, store, _RESIDUAL, n)
         iterations += 1
-        if _correct(by_u, by_v, by_a, work, n) or memo[LINEAR] != 0.0 or by_u == 0.0:
+        if _correct(by_u, by_v, by_a, work, n) or memo[LINEAR] != 0.0 or (by_u == 0.0 and memo[POWER_DAMPERS] == 0.0):
             _drift_laws(past, trial, chain, laws, springs, work)
             break
     return max(iterations, 1)
 
 
 @inlined
-def _story_forces(factors, past, trial, chain, laws, springs, work):
-    """Story forces of the present motion. True if the factors do not fit its tangents."""
+def _story_forces(by_u, by_v, factors, past, trial, chain, laws, springs, work):
+    """Story forces of the present motion. True if the factors do not fit its tangents.
+
+    The tangent of a power-law dashpot is a stiffness by_v / by_u times as large. Where by_u is 0 no stiffness matters,
+    and the factors are made with 1 in its place.
+    """
     stale = False
     u_below = 0.0
     v_below = 0.0
@@ -105,9 +111,16 @@ def _story_forces(factors, past, trial, chain, laws, springs, work):
         u_below = work[U, i]
         v_below = work[V, i]
         tangent = restoring(laws, springs, i, past, trial, drift)
+        damper, slope = power_damper(chain, i, rate)
+        scale = laws[STIFFNESS, i]
+        if by_u == 0.0:
+            tangent = by_v * slope - chain[GEOMETRIC, i]
+            scale = chain[MASS, i]
+        elif slope != 0.0:
+            tangent += by_v / by_u * slope
         work[_TANGENT, i] = tangent
-        stale = stale or abs(tangent - work[factors + _FACTORED, i]) > SAME_TANGENT * laws[STIFFNESS, i]
-        total = springs[trial + FORCE, i] + chain[GEOMETRIC, i] * drift + chain[STORY_DAMPER, i] * rate
+        stale = stale or abs(tangent - work[factors + _FACTORED, i]) > SAME_TANGENT * scale
+        total = springs[trial + FORCE, i] + chain[GEOMETRIC, i] * drift + chain[STORY_DAMPER, i] * rate + damper
         work[_SUM, i] = total
         # A drift is a difference: what the displacements round is not out of balance.
         rounding = SMALL / CLOSE * laws[STIFFNESS, i]

@@ -17,8 +17,11 @@ from tdint.kernels.layout import (
     LINK,
     MASS,
     OMEGA,
+    POWER,
+    POWER_DAMPER,
     SINE,
     STORY_DAMPER,
+    THRESHOLD,
     VELOCITY,
 )
 
@@ -100,6 +103,23 @@ def _add_modal_force(modal, table, x, factor, work, row, n):
 
 
 @inlined
+def power_damper(chain, i, rate):
+    """Force of the power-law dashpot of story `i` at a drift rate, N, and its slope, N s/m."""
+    if chain[POWER_DAMPER, i] == 0.0:
+        return 0.0, 0.0
+    return _power_damper(chain, i, rate)
+
+
+@called
+def _power_damper(chain, i, rate):
+    size = rate * rate + chain[THRESHOLD, i]
+    if size == 0.0:  # an exponent of 1 or more
+        return 0.0, chain[POWER_DAMPER, i] if chain[POWER, i] == 0.0 else 0.0
+    secant = chain[POWER_DAMPER, i] * size ** chain[POWER, i]
+    return secant * rate, secant * (1.0 + 2.0 * chain[POWER, i] * rate * rate / size)
+
+
+@inlined
 def internal_forces(chain, modal, state, springs, block, velocity, work, row, sums):
     """C v + f(u) of every floor into row `row` of work, N; story forces from the spring states in `block`.
 
@@ -114,6 +134,7 @@ def internal_forces(chain, modal, state, springs, block, velocity, work, row, su
         work[sums, i] = (
             springs[block + FORCE, i] + chain[GEOMETRIC, i] * springs[block + DRIFT, i] + chain[STORY_DAMPER, i] * rate
         )
+        work[sums, i] += power_damper(chain, i, rate)[0]
     work[sums, n] = 0.0
     for i in range(n):
         work[row, i] = (

@@ -11,7 +11,10 @@ FLOOR_DAMPER = 2  # viscous, floor to ground (mass-proportional damping), N s/m
 STORY_DAMPER = 3  # viscous, floor to floor below (dashpots, stiffness-proportional damping), N s/m
 GEOMETRIC = 4  # geometric stiffness of the story (P-delta), N/m, not positive
 LINK = 5  # 1: the story stands on the floor below; 0: it stands on the ground
-CHAIN_ROWS = 6
+POWER_DAMPER = 6  # power-law dashpot of the story: c v (v^2 + v0^2)^e, c in N (s/m)^(2 e + 1); 0 for none
+POWER = 7  # e, half of the exponent less 1
+THRESHOLD = 8  # v0^2, (m/s)^2
+CHAIN_ROWS = 9
 
 # laws: drift laws by story
 CODE = 0
@@ -67,7 +70,8 @@ WORST_STORY = 3
 RESIDUAL = 4
 BRANCHES = 5  # which laws have branches, whose changes can be located
 EVENTS = 6  # changes of branch located so far
-MEMO_SIZE = 7
+POWER_DAMPERS = 7  # 1 if a story has a power-law dashpot
+MEMO_SIZE = 8
 
 # memo[BRANCHES]
 NO_BRANCHES = 0

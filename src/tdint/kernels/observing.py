@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 
 from tdint.kernels.branches import LINEAR_LAW
-from tdint.kernels.chain import add_modal_force, force_rate, force_value
+from tdint.kernels.chain import add_modal_force, force_rate, force_value, power_damper
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.events import NONE, turning
 from tdint.kernels.layout import (
@@ -103,9 +103,11 @@ def observe(chain, modal, laws, forces, t, h, ground, slope, state, springs, wor
         momentum += mass * v
         power -= mass * ground * v
         rate -= mass * ground * a
-        story = chain[STORY_DAMPER, i] * (v - link * v_below)
-        damped += floor * v + story * (v - link * v_below)
-        damped_rate += floor * a + story * (a - link * a_below)
+        rate_of_drift = v - link * v_below
+        force, tangent = power_damper(chain, i, rate_of_drift)
+        story = chain[STORY_DAMPER, i] * rate_of_drift
+        damped += floor * v + (story + force) * rate_of_drift
+        damped_rate += floor * a + (story + 0.5 * (force + tangent * rate_of_drift)) * (a - link * a_below)
         v_below = v
         a_below = a
     if forces.shape[0] + modal.shape[0] > 0:
@@ -205,7 +207,9 @@ def _story_forces(chain, state, springs, work, peaks):
         v = state[VELOCITY, i]
         drift = springs[DRIFT, i]
         shear = springs[FORCE, i]
-        work[_SUM, i] = shear + chain[GEOMETRIC, i] * drift + chain[STORY_DAMPER, i] * (v - chain[LINK, i] * below)
+        rate = v - chain[LINK, i] * below
+        work[_SUM, i] = shear + chain[GEOMETRIC, i] * drift + chain[STORY_DAMPER, i] * rate
+        work[_SUM, i] += power_damper(chain, i, rate)[0]
         below = v
         _raise(peaks, PEAK_DRIFT, i, drift)
         _raise(peaks, PEAK_SHEAR, i, shear)

@@ -189,7 +189,7 @@ def _limit(beta: float) -> float:
 
 PUBLISHED = 1.0 / 144.0
 
-FAMILY = Family("impulse", step, work_rows, memory=(DISPLACEMENT, VELOCITY))
+FAMILY = Family("impulse", step, work_rows, memory=(DISPLACEMENT, VELOCITY), power_dampers=False)
 
 METHODS = (
     Method(

@@ -5,7 +5,8 @@
     equilibrium M a1 + C v1 + f(u1) = p1
 
 I is the exact impulse of the load. S = h (w0 f0 + wc f(uc) + w1 f1) integrates the restoring force with a point inside
-the step, uc = u0 + gd (u1 - u0) + h (g0 v0 + g1 v1) at the fraction c. In a linear building the step is the Pade
+the step, uc = u0 + gd (u1 - u0) + h (g0 v0 + g1 v1) at the fraction c; forces of power-law dashpots are integrated
+alike, with vc from the cubic Hermite interpolant. In a linear building the step is the Pade
 approximation of the exponential with denominator of degree 2: (2,2) for rho_inf = 1, order 4; (1,2), that is Radau IIA,
 for rho_inf = 0; order 3 in between. The tests derive the coefficients again.
 """
@@ -15,7 +16,7 @@ from __future__ import annotations
 import math
 
 from tdint.kernels.branches import TURNED, advance, switch
-from tdint.kernels.chain import finite, floor_impulse, floor_load
+from tdint.kernels.chain import finite, floor_impulse, floor_load, power_damper
 from tdint.kernels.compiling import called, inlined, kernel
 from tdint.kernels.events import NONE, first_event
 from tdint.kernels.layout import (
@@ -32,9 +33,11 @@ from tdint.kernels.layout import (
     GROUND_1,
     LINEAR,
     LINK,
+    MASS,
     NO_BRANCHES,
     NOT_CONVERGED,
     NOT_FINITE,
+    POWER_DAMPER,
     SECOND_TRIAL,
     SLOPE,
     SPRING_ROWS,
@@ -75,19 +78,25 @@ WEIGHT_1 = 5
 BY_INCREMENT = 6  # gd
 BY_VELOCITY_0 = 7  # g0
 BY_VELOCITY_1 = 8  # g1
+RATE_BY_INCREMENT = 9  # vc = these times (u1 - u0) / h, v0 and v1
+RATE_BY_VELOCITY_0 = 10
+RATE_BY_VELOCITY_1 = 11
 
 # Rows of work beyond those of the momentum equations
 _TANGENT_C = MOMENTUM_ROWS
 _TANGENT_1 = MOMENTUM_ROWS + 1
-_SAVED = MOMENTUM_ROWS + 2  # state and springs at the start of a step that is done in pieces
+_SLOPE_C = MOMENTUM_ROWS + 2  # of the power-law dashpots
+_SLOPE_1 = MOMENTUM_ROWS + 3
+_SAVED = MOMENTUM_ROWS + 4  # state and springs at the start of a step that is done in pieces
 _FACTORS = _SAVED + 3 + SPRING_ROWS
 
 # Rows of a block of factors
 _FACTORED_C = 0  # its tangents; the step stands in the last column
 _FACTORED_1 = 1
-_BLOCKS = 2
-_COUPLING = 6
-_STORE = 10
+_FACTORED_SLOPE = 2  # the one at the end
+_BLOCKS = 3
+_COUPLING = 7
+_STORE = 11
 
 _AT_ONCE = 1e-9  # an event within this part of the step from here happens here
 
@@ -239,6 +248,7 @@ def _path(straight, frozen, coefficients, chain, laws, h, state, springs, work, 
     uc_below = 0.0
     u_below = 0.0
     v_below = 0.0
+    v0_below = 0.0
     du_below = 0.0
     for i in range(n):
         du = work[DU, i]
@@ -275,6 +285,26 @@ def _path(straight, frozen, coefficients, chain, laws, h, state, springs, work, 
             work[SIZE, i] = SMALL / CLOSE * laws[STIFFNESS, i] * (abs(u) + abs(link * u_below))
         work[_TANGENT_C, i] = tangent_c
         work[_TANGENT_1, i] = tangent
+        damper_1 = 0.0
+        dampers = 0.0
+        if not straight and chain[POWER_DAMPER, i] != 0.0:
+            rate_0 = state[VELOCITY, i] - link * v0_below
+            rate_c = (
+                coefficients[RATE_BY_INCREMENT] / h * increment
+                + coefficients[RATE_BY_VELOCITY_0] * rate_0
+                + coefficients[RATE_BY_VELOCITY_1] * rate
+            )
+            damper_c, slope_c = power_damper(chain, i, rate_c)
+            damper_1, slope_1 = power_damper(chain, i, rate)
+            dampers = (
+                coefficients[WEIGHT_0] * power_damper(chain, i, rate_0)[0]
+                + coefficients[WEIGHT_C] * damper_c
+                + coefficients[WEIGHT_1] * damper_1
+            )
+            work[_SLOPE_C, i] = slope_c
+            work[_SLOPE_1, i] = slope_1
+            change = abs(slope_1 - work[factors + _FACTORED_SLOPE, i])
+            stale = stale or h * change > SAME_TANGENT * chain[MASS, i]
         geometric = chain[GEOMETRIC, i]
         mean = (
             coefficients[WEIGHT_0] * (springs[FORCE, i] + geometric * springs[DRIFT, i])
@@ -282,11 +312,12 @@ def _path(straight, frozen, coefficients, chain, laws, h, state, springs, work, 
             + coefficients[WEIGHT_1] * (force + geometric * drift)
         )
         damper = chain[STORY_DAMPER, i]
-        work[FORCE_1, i] = force + geometric * drift + damper * rate
-        work[FORCE_S, i] = h * mean + damper * increment
+        work[FORCE_1, i] = force + geometric * drift + damper * rate + damper_1
+        work[FORCE_S, i] = h * (mean + dampers) + damper * increment
         uc_below = uc
         u_below = u
         v_below = v
+        v0_below = state[VELOCITY, i]
         du_below = du
     return stale
 
@@ -317,10 +348,15 @@ def _factor(coefficients, chain, modal, h, work, factors):
         tangent_c += chain[GEOMETRIC, i]
         tangent_1 += chain[GEOMETRIC, i]
         damper = chain[STORY_DAMPER, i]
+        slope_c = coefficients[WEIGHT_C] * work[_SLOPE_C, i]
+        slope_1 = work[_SLOPE_1, i]
+        work[factors + _FACTORED_SLOPE, i] = slope_1
         work[coupling, i] = -by_a * tangent_1
-        work[coupling + 1, i] = -by_a * damper
+        work[coupling + 1, i] = -by_a * (damper + slope_1)
         work[coupling + 2, i] = damper + inner * tangent_c + h * coefficients[WEIGHT_1] * tangent_1
+        work[coupling + 2, i] += coefficients[RATE_BY_INCREMENT] * slope_c
         work[coupling + 3, i] = -by_a * tangent_c
+        work[coupling + 3, i] += h * (coefficients[RATE_BY_VELOCITY_1] * slope_c + coefficients[WEIGHT_1] * slope_1)
     work[factors + _FACTORED_1, n] = h
     assemble_blocks(chain, work, factors + _BLOCKS, coupling, h * coefficients[THETA], by_a, n)
     factor_blocks(factors + _BLOCKS, coupling, work, modal, 0.0, -by_a, 1.0, 0.0, factors + _STORE, n)
@@ -390,6 +426,9 @@ def coefficients(rho_inf: float) -> tuple[float, ...]:
         (theta - weight_1) / weight_c,
         alpha / weight_c,
         -beta / weight_c,
+        6.0 * c * (1.0 - c),
+        (1.0 - c) * (1.0 - 3.0 * c),
+        c * (3.0 * c - 2.0),
     )
 
 

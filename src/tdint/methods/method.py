@@ -66,6 +66,8 @@ class Family:
         Which derivative of the displacement each row of the state has the unit of.
     halvable : bool
         Whether a step that does not converge may be divided: the memory reaches back no further than the step's start.
+    power_dampers : bool
+        Whether the step takes power-law dashpots.
     linear_only : bool
         Whether the step holds for linear buildings alone.
     prepare : callable, optional
@@ -79,6 +81,7 @@ class Family:
     state_rows: int = 3
     derivatives: tuple[int, ...] = (0, 1, 2)
     halvable: bool = True
+    power_dampers: bool = True
     linear_only: bool = False
     prepare: Callable[[Building, NDArray[np.float64], float], NDArray[np.float64]] | None = None
 

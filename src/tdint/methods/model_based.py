@@ -198,7 +198,7 @@ def chang_step(coefficients, chain, modal, laws, forces, h, load, state, springs
     return 1 if finite(state, n) else NOT_FINITE
 
 
-FAMILY = Family("model-based", step, lambda modes: _STORE + 2 * modes + 1, halvable=False)
+FAMILY = Family("model-based", step, lambda modes: _STORE + 2 * modes + 1, halvable=False, power_dampers=False)
 
 CHANG = Family(
     "model-based",
@@ -206,6 +206,7 @@ CHANG = Family(
     lambda modes: _STORE + 2 * (2 * modes + 1),
     memory=(DISPLACEMENT, VELOCITY),
     halvable=False,
+    power_dampers=False,
 )
 
 

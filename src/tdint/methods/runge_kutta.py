@@ -14,7 +14,7 @@ import math
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from tdint.kernels.chain import add_modal_force, finite, floor_load, internal_forces
+from tdint.kernels.chain import add_modal_force, finite, floor_load, internal_forces, power_damper
 from tdint.kernels.compiling import inlined, kernel
 from tdint.kernels.layout import (
     ACCELERATION,
@@ -161,10 +161,12 @@ _STAGE_SUM = 8  # story forces, dampers included
 _SIZE = 10  # of the terms in them
 _R = 12
 _TANGENT = 14
-_FACTORED = 16
-_BLOCKS = 18
-_COUPLING = 22
-_STORE = 26
+_SLOPE = 16  # of the power-law dashpots
+_FACTORED = 18
+_FACTORED_SLOPE = 20
+_BLOCKS = 22
+_COUPLING = 26
+_STORE = 30
 
 
 @kernel(STEP)
@@ -234,7 +236,11 @@ def _stages(coefficients, chain, laws, h, state, springs, work, memo):
             tangent = restoring(laws, springs, i, past, trial, drift)
             work[_TANGENT + stage, i] = tangent
             stale = stale or abs(tangent - work[_FACTORED + stage, i]) > SAME_TANGENT * laws[STIFFNESS, i]
-            total = springs[trial + FORCE, i] + chain[GEOMETRIC, i] * drift + chain[STORY_DAMPER, i] * rate
+            damper, slope = power_damper(chain, i, rate)
+            work[_SLOPE + stage, i] = slope
+            change = abs(slope - work[_FACTORED_SLOPE + stage, i])
+            stale = stale or change * h * abs(coefficients[A]) > SAME_TANGENT * chain[MASS, i]
+            total = springs[trial + FORCE, i] + chain[GEOMETRIC, i] * drift + chain[STORY_DAMPER, i] * rate + damper
             work[_STAGE_SUM + stage, i] = total
             # A drift is a difference: what the displacements round is not out of balance.
             rounding = SMALL / CLOSE * laws[STIFFNESS, i]
@@ -276,12 +282,14 @@ def _factor(coefficients, chain, modal, h, work):
         by_c = h * coefficients[A + entry]
         by_k = h * h * coefficients[A2 + entry]
         for i in range(n):
-            story = by_k * (work[_TANGENT + stage, i] + chain[GEOMETRIC, i]) + by_c * chain[STORY_DAMPER, i]
+            damper = chain[STORY_DAMPER, i] + work[_SLOPE + stage, i]
+            story = by_k * (work[_TANGENT + stage, i] + chain[GEOMETRIC, i]) + by_c * damper
             work[_COUPLING + entry, i] = story
             work[_BLOCKS + entry, i] = by_m * chain[MASS, i] + by_c * chain[FLOOR_DAMPER, i] + story
     for stage in range(2):
         for i in range(n):
             work[_FACTORED + stage, i] = work[_TANGENT + stage, i]
+            work[_FACTORED_SLOPE + stage, i] = work[_SLOPE + stage, i]
     link_blocks(chain, work, _BLOCKS, _COUPLING, n)
     factor_blocks(
         _BLOCKS, _COUPLING, work, modal, h * coefficients[A], h * coefficients[A + 1], h * coefficients[A + 2],

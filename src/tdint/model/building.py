@@ -17,8 +17,11 @@ from tdint.kernels.layout import (
     INVERSE_MASS,
     LINK,
     MASS,
+    POWER,
+    POWER_DAMPER,
     STIFFNESS,
     STORY_DAMPER,
+    THRESHOLD,
 )
 from tdint.model.damping import add_damping
 from tdint.model.definition import Model
@@ -68,8 +71,13 @@ class Building:
 
     @property
     def linear(self) -> bool:
-        """Whether every story has a linear law."""
-        return bool(np.all(self.laws[CODE, :-1] == LAWS["linear"].code))
+        """Whether every story has a linear law, and none a power-law dashpot."""
+        return not self.power_damped and bool(np.all(self.laws[CODE, :-1] == LAWS["linear"].code))
+
+    @property
+    def power_damped(self) -> bool:
+        """Whether some story has a power-law dashpot."""
+        return bool(np.any(self.chain[POWER_DAMPER, :-1] != 0.0))
 
     @property
     def piecewise_linear(self) -> bool:
@@ -98,7 +106,7 @@ class Building:
         return _tridiagonal(self.initial_stiffness, self.chain[LINK, :-1])
 
     def damping_matrix(self) -> Array:
-        """Damping matrix, N s/m, shape (n, n)."""
+        """Damping matrix without power-law dashpots, N s/m, shape (n, n)."""
         stories = _tridiagonal(self.chain[STORY_DAMPER, :-1], self.chain[LINK, :-1])
         return stories + np.diag(self.chain[FLOOR_DAMPER, :-1]) + self.modal[:, :-1].T @ self.modal[:, :-1]
 
@@ -129,6 +137,11 @@ def assemble(model: Model) -> Building:
     chain[MASS, :n] = [story.mass for story in stories]
     chain[INVERSE_MASS, :n] = 1.0 / chain[MASS, :n]
     chain[STORY_DAMPER, :n] = [story.dashpot for story in stories]
+    for i, story in enumerate(stories):
+        if (dashpot := story.power_dashpot) is not None:
+            chain[POWER_DAMPER, i] = dashpot.coefficient
+            chain[POWER, i] = 0.5 * (dashpot.exponent - 1.0)
+            chain[THRESHOLD, i] = dashpot.linear_below**2
     chain[LINK, 1:n] = 1.0
     heights = np.array([math.nan if story.height is None else story.height for story in stories])
     if model.p_delta:

@@ -25,6 +25,27 @@ class Law:
 
 
 @dataclass(frozen=True)
+class PowerDashpot:
+    """A dashpot whose force grows with a power of the drift rate v: c v (v^2 + v0^2)^((exponent - 1) / 2).
+
+    That is c |v|^exponent far above v0, and a linear dashpot far below it.
+
+    Attributes
+    ----------
+    coefficient : float
+        c, N (s/m)^exponent, positive.
+    exponent : float
+        In (0, 2].
+    linear_below : float
+        v0, m/s; positive where the exponent is less than 1, else zero or positive.
+    """
+
+    coefficient: float
+    exponent: float
+    linear_below: float
+
+
+@dataclass(frozen=True)
 class Story:
     """One story: the floor above it and the spring and dashpot that carry this floor.
 
@@ -40,6 +61,8 @@ class Story:
         Drift law.
     dashpot : float
         Viscous damper between the floors, N s/m, zero or positive.
+    power_dashpot : PowerDashpot or None
+        Power-law damper between the floors.
     """
 
     mass: float
@@ -47,6 +70,7 @@ class Story:
     stiffness: float
     law: Law
     dashpot: float
+    power_dashpot: PowerDashpot | None = None
 
 
 @dataclass(frozen=True)

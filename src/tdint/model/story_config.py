@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 
-from tdint.model.definition import MAX_STORIES, Law, Story
-from tdint.model.fields import NOT_NEGATIVE, POSITIVE, Section, Value
+from tdint.model.definition import MAX_STORIES, Law, PowerDashpot, Story
+from tdint.model.fields import NOT_NEGATIVE, POSITIVE, Bounds, Section, Value
 from tdint.model.law_config import LINEAR, read_law
 from tdint.model.unit_config import Units
 
 _STORY_KEYS = ("mass", "height", "stiffness", "law", "dashpot", "repeat")
+_DASHPOT_KEYS = ("coefficient", "exponent", "linear_below")
+_EXPONENT = Bounds(0.0, 2.0, low_allowed=False)
 _AGREEMENT = 1e-9
 
 
@@ -38,16 +40,36 @@ def _read_entry(entry: Value, unit: Units, p_delta: bool) -> tuple[Story, int | 
     if section is None:
         return Story(math.nan, None, math.nan, LINEAR, math.nan), None
     law, own_stiffness = read_law(section.get("law"), unit)
+    dashpot, power_dashpot = _read_dashpot(section.get("dashpot"), unit)
     height = section.need("height", "p_delta needs the height of every story") if p_delta else section.get("height")
     story = Story(
         mass=section.number("mass", POSITIVE, unit.mass),
         height=height.number(POSITIVE, unit.length) if height else None,
         stiffness=_read_stiffness(section, own_stiffness, law, unit),
         law=law,
-        dashpot=section.number("dashpot", NOT_NEGATIVE, unit.factor(force=1, length=-1), default=0.0),
+        dashpot=dashpot,
+        power_dashpot=power_dashpot,
     )
     repeat = section.get("repeat")
     return story, repeat.whole(1, MAX_STORIES) if repeat else 1
+
+
+def _read_dashpot(value: Value | None, unit: Units) -> tuple[float, PowerDashpot | None]:
+    """The coefficient of a viscous dashpot, N s/m, and the power-law dashpot: a number, or a mapping."""
+    if value is None:
+        return 0.0, None
+    if not value.is_mapping:
+        return value.number(NOT_NEGATIVE, unit.factor(force=1, length=-1)), None
+    section = value.section(_DASHPOT_KEYS)
+    if section is None:
+        return math.nan, None
+    exponent = section.number("exponent", _EXPONENT)
+    soft = exponent < 1.0
+    if soft and not section.mentions("linear_below"):
+        section.need("linear_below", "an exponent below 1 needs the drift rate under which the dashpot is linear")
+    below = section.number("linear_below", POSITIVE if soft else NOT_NEGATIVE, unit.length, default=0.0)
+    coefficient = section.number("coefficient", POSITIVE, unit.factor(force=1, length=-exponent))
+    return 0.0, PowerDashpot(coefficient, exponent, below)
 
 
 def _read_stiffness(section: Section, own: float | None, law: Law, unit: Units) -> float:

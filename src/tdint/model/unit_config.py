@@ -18,10 +18,10 @@ class Units:
     force: float
     mass: float
 
-    def factor(self, force: int = 0, length: int = 0) -> float:
+    def factor(self, force: int = 0, length: float = 0) -> float:
         """The factor of the dimension force^`force` length^`length`, inf beyond double precision."""
         try:
-            return self.force**force * self.length**length
+            return float(self.force**force * self.length**length)
         except OverflowError:
             return math.inf
 

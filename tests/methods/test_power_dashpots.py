@@ -1,0 +1,94 @@
+"""Power-law dashpots: every method that takes them, against a linear dashpot, DOP853 and its own order."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from building_cases import Force, Law, model, noise, story
+from references import orders, smooth
+from tdint import run
+from tdint.errors import AnalysisError
+from tdint.methods.catalogue import catalogue, parse
+from tdint.model.definition import PowerDashpot
+
+TAKING = [name for name, method in catalogue().items() if method.family.power_dampers and not method.family.linear_only]
+REFUSING = [name for name, method in catalogue().items() if not method.family.power_dampers]
+LONG_MEMORY = ("houbolt", "park")
+
+
+def damped(mass, stiffness, coefficient, exponent, linear_below=0.0, law=None):
+    base = story(mass, stiffness, law) if law else story(mass, stiffness)
+    return replace(base, power_dashpot=PowerDashpot(coefficient, exponent, linear_below))
+
+
+@pytest.mark.parametrize("name", TAKING)
+def test_exponent_1_is_a_viscous_dashpot(name):
+    record = noise(samples=201)
+    linear = model([story(2e5, 4e7, dashpot=4e5), story(2e5, 4e7, dashpot=3e5)])
+    power = model([damped(2e5, 4e7, 4e5, 1.0), damped(2e5, 4e7, 3e5, 1.0)])
+    one, other = (
+        run(building, record, method=name, dt=record.dt, history=True).history for building in (linear, power)
+    )
+    # impulse4 integrates a linear dashpot exactly, another by quadrature
+    bound = 2e-3 if name == "impulse4" else 1e-9
+    scale = np.max(np.abs(one.displacement))
+    assert np.max(np.abs(one.displacement - other.displacement)) < bound * scale
+
+
+@pytest.mark.parametrize("name", TAKING)
+@pytest.mark.parametrize("exponent", [0.5, 1.7])
+def test_the_order_of_a_method_stays(name, exponent):
+    """10 u'' + c v (v^2 + 0.04)^e + 200 u = 40 cos 5 t against DOP853."""
+    e = 0.5 * (exponent - 1.0)
+    building = model([damped(10.0, 200.0, 20.0, exponent, 0.2)], forces=[Force(1, 40.0, 0.0, 5.0)])
+    times = np.linspace(0.0, 2.0, 21)
+
+    def acceleration(t, u, v):
+        return (40.0 * np.cos(5.0 * t) - 20.0 * v * (v * v + 0.04) ** e - 200.0 * u) / 10.0
+
+    u, _ = smooth(acceleration, 0.0, 0.0, times)
+    errors = []
+    for dt in (0.05, 0.025, 0.0125, 0.00625) if name == "rk5" else (0.02, 0.01, 0.005, 0.0025):
+        history = run(building, method=name, dt=dt, duration=2.0, history=True).history
+        errors.append(np.max(np.abs(history.displacement[:: round(0.1 / dt), 0] - u)))
+    assert errors[-1] < 1e-4
+    assert orders(errors)[-1] > parse(name).order - (0.35 if name in LONG_MEMORY else 0.2)
+
+
+@pytest.mark.parametrize("name", ["impulse4", "newmark-average", "gauss4"])
+def test_energy_balances_in_a_yielding_building_with_fluid_dampers(name):
+    """Exponent 0.35, as of fluid viscous dampers; the dampers take up most of the input."""
+    record = noise(peak=4.0)
+    law = Law("bilinear", (8e5, 0.05))
+    building = model([damped(2e5, 8e7, 3e5, 0.35, 0.002, law) for _ in range(5)])
+    response = run(building, record, method=name, dt=record.dt / 4)
+    assert response.status == "done"
+    assert abs(response.energy.error) < 1e-3
+    assert response.energy.damping > 0.5 * response.energy.input
+
+
+def test_located_yielding_agrees_with_average_acceleration_beside_dampers():
+    record = noise(peak=8.0)
+    law = Law("bilinear", (4e5, 0.05))
+    building = model([damped(2e5, 4e7, 1e5, 0.5, 0.02, law) for _ in range(3)])
+    runs = [run(building, record, method="impulse4", dt=record.dt / 2**j, history=True) for j in (0, 1, 2, 6)]
+    u = [response.history.displacement[:: 2**j] for j, response in zip((0, 1, 2, 6), runs, strict=True)]
+    errors = [np.max(np.abs(one - u[-1])) / np.max(np.abs(u[-1])) for one in u[:-1]]
+    assert runs[0].events > 20
+    assert errors[-1] < 1e-4
+    average = run(building, record, method="newmark-average", dt=record.dt / 256, history=True)
+    assert np.max(np.abs(average.history.displacement[::256] - u[-1])) < 5e-5 * np.max(np.abs(u[-1]))
+
+
+@pytest.mark.parametrize("name", REFUSING)
+def test_methods_made_for_linear_damping_refuse(name):
+    with pytest.raises(AnalysisError, match="takes no power-law dashpots"):
+        run(model([damped(1.0, 100.0, 1.0, 0.5, 0.01)], velocity=(1.0,)), method=name, dt=0.01, duration=0.1)
+
+
+def test_exact_is_for_linear_buildings():
+    with pytest.raises(AnalysisError, match="linear buildings only"):
+        run(model([damped(1.0, 100.0, 1.0, 0.5, 0.01)], velocity=(1.0,)), method="exact", dt=0.01, duration=0.1)
