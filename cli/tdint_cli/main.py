@@ -33,6 +33,7 @@ COMMANDS = {
     "overshoot": ("overshoot", "First steps of methods under a large step, and how they grow with it."),
     "order": ("order", "Observed order of methods, from their errors over halved steps."),
     "failures": ("failures", "Which methods fail on hard problems with known answers, and how."),
+    "examples": ("examples", "The examples of the paper of 2022: errors of its methods, and its figures."),
 }
 """The commands in the order of the help: the module in `commands` and the first sentence of the command's own help."""
 

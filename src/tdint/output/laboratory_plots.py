@@ -80,7 +80,7 @@ def _number(value: float) -> str:
     return f"1/{whole}" if is_fraction else digits
 
 
-def _styles(methods: Sequence[str], dampings: Sequence[float]) -> list[dict[str, Any]]:
+def line_styles(methods: Sequence[str], dampings: Sequence[float]) -> list[dict[str, Any]]:
     """Lines to be told apart without color: dashes and markers per method; dashes per damping ratio if there are
     several."""
     number = {method: i for i, method in enumerate(dict.fromkeys(methods))}
@@ -134,7 +134,7 @@ def _draw_stability(curves: Sequence[StabilityResult], band: bool) -> Figure:
 
 
 def _curve_styles(curves: Sequence[StabilityResult]) -> list[dict[str, Any]]:
-    return _styles([curve.method for curve in curves], [curve.damping for curve in curves])
+    return line_styles([curve.method for curve in curves], [curve.damping for curve in curves])
 
 
 def _curve_labels(curves: Sequence[StabilityResult]) -> list[str]:
@@ -187,7 +187,7 @@ def _draw_overshoot(motions: Sequence[OvershootResult]) -> Figure:
     methods = [motion.method for motion in motions]
     short = short_labels(methods)
     lines = {}
-    for motion, style in zip(motions, _styles(methods, [motion.damping for motion in motions]), strict=True):
+    for motion, style in zip(motions, line_styles(methods, [motion.damping for motion in motions]), strict=True):
         style |= {"markevery": 1, "marker": style.get("marker", "o")}
         row = panels[starts.index(motion.start)]
         (lines[motion.method],) = row[0].plot(motion.displacement, **style)
@@ -231,7 +231,7 @@ def _draw_orders(measured: Sequence[OrderResult]) -> Figure:
     methods = list(dict.fromkeys(one.method for one in measured))
     short = short_labels(methods)
     lines = []
-    for method, style in zip(methods, _styles(methods, [0.0] * len(methods)), strict=True):
+    for method, style in zip(methods, line_styles(methods, [0.0] * len(methods)), strict=True):
         own = [one for one in measured if one.method == method]
         ratios = np.array([one.frequency_ratio for one in own])
         lines += _plot(upper, ratios, np.array([one.order("displacement") for one in own]), style)

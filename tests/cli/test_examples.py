@@ -1,0 +1,120 @@
+"""`tdint examples`: rows, words, figures, exit codes."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+import pytest
+
+from tdint_cli.commands.examples import command
+
+COLUMNS = "example,method,variant,dt_s,error_displacement_m,error_velocity_m_s,error_acceleration_m_s2,rank,outcome"
+FIGURES = {1: (7, 8), 2: (10, 11, 12), 3: (14, 15, 16)}
+FILES = {
+    number: [f"example-{number}-errors.csv", *(f"figure-{figure:02d}.png" for figure in figures)]
+    for number, figures in FIGURES.items()
+}
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """The working directory, empty."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def rows(text: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def test_all_examples_with_their_figures(here, tdint):
+    result = tdint("examples", "--dt", "0.04", "-o", "paper")
+    assert result.exit_code == 0
+    assert result.stdout.splitlines()[0] == COLUMNS
+    assert "nan" not in result.stdout
+    table = rows(result.stdout)
+    assert [row["example"] for row in table] == ["1"] * 11 + ["2"] * 11 + ["3"] * 11
+    assert sorted(path.name for path in (here / "paper").iterdir()) == sorted(
+        name for names in FILES.values() for name in names
+    )
+    for number, (name, *figures) in FILES.items():
+        assert rows((here / "paper" / name).read_text()) == [row for row in table if row["example"] == str(number)]
+        assert all((here / "paper" / figure).read_bytes().startswith(b"\x89PNG") for figure in figures)
+    assert "The paper has the central difference worst here. It is not" in result.stderr
+    assert "The paper has RK5 worst here." in result.stderr
+
+
+def test_ranks(tdint):
+    table = rows(tdint("examples", "1", "--dt", "0.02").stdout)
+    ranked = sorted((row for row in table if row["rank"]), key=lambda row: int(row["rank"]))
+    assert [row["rank"] for row in ranked] == [str(place) for place in range(1, 9)]
+    assert all(row["variant"] == "" for row in ranked)
+    assert [row["method"].partition(":")[0] for row in ranked[:4]] == [
+        "rk5", "impulse4", "impulse", "central-difference",
+    ]  # fmt: skip
+    errors = [float(row["error_displacement_m"]) for row in ranked]
+    assert errors == sorted(errors)
+    assert {row["variant"] for row in table if not row["rank"]} == {
+        "start with u(-dt) = 0",
+        "load linear between the steps",
+        "load held over each step",
+    }
+
+
+def test_chosen_methods_and_steps(tdint):
+    result = tdint("examples", "2", "1", "1", "--method", "bathe", "--dt", "0.05", "--dt", "0.04")
+    table = rows(result.stdout)
+    assert [(row["example"], row["dt_s"]) for row in table] == [
+        ("1", "0.05"),
+        ("1", "0.04"),
+        ("2", "0.05"),
+        ("2", "0.04"),
+    ]
+    assert "The paper" not in result.stderr
+
+
+def test_a_run_without_an_end_leaves_its_cells_empty_and_a_picture_out(here, tdint):
+    result = tdint("examples", "2", "--method", "exact", "--dt", "0.02", "-o", "out")
+    assert result.exit_code == 0
+    (row,) = rows(result.stdout)
+    assert (row["outcome"], row["error_displacement_m"], row["rank"]) == ("refused", "", "")
+    assert "exact has no result: refused" in result.stderr
+    assert [path.name for path in (here / "out").iterdir()] == ["example-2-errors.csv"]
+
+
+def test_existing_files_are_kept_before_any_work(here, tdint):
+    (here / "out").mkdir()
+    (here / "out" / "figure-08.png").write_text("old")
+    result = tdint("examples", "1", "-o", "out")
+    assert (result.exit_code, result.stdout) == (6, "")
+    assert result.stderr == "Error: out/figure-08.png: exists already; give --overwrite to replace it\n"
+    assert (here / "out" / "figure-08.png").read_text() == "old"
+    assert tdint("examples", "1", "--dt", "0.04", "-o", "out", "--overwrite").exit_code == 0
+    assert (here / "out" / "figure-08.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (["4"], 2, "Invalid value"),
+        (["--dt", "1"], 2, "Invalid value for '--dt'"),
+        (["--dt", "nan"], 2, "Invalid value for '--dt'"),
+        (["--method", "newmrk"], 2, "did you mean newmark?"),
+        (["-o", ""], 2, "-o is empty"),
+        (["-o", "missing/out"], 6, "there is no folder missing"),
+    ],
+)
+def test_what_is_refused(here, tdint, arguments, code, message):
+    result = tdint("examples", *arguments)
+    assert (result.exit_code, result.stdout) == (code, "")
+    assert message in result.stderr
+    assert not list(here.iterdir())
+
+
+def test_the_help_names_the_steps():
+    from tdint.analysis.examples import DTS
+
+    option = next(parameter for parameter in command.params if parameter.name == "dts")
+    first, second, third = DTS
+    assert f"{first:g}, {second:g} and {third:g} if there is none" in option.help
