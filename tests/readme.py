@@ -65,11 +65,9 @@ def law_table():
 
 def _bound(problem: Problem):
     """What a run has to keep to for the verdict `pass`."""
-    if problem.energy_faults:
-        low = max(fault.low for fault in problem.energy_faults)
-        high = min(fault.high for fault in problem.energy_faults)
-        return f"energy ratio from {low:g} to {high:g}"
-    return f"{problem.error_of}: at most {min(fault.high for fault in problem.error_faults):g}"
+    low = max(fault.low for fault in problem.faults)
+    high = min(fault.high for fault in problem.faults)
+    return f"energy ratio from {low:g} to {high:g}" if problem.by_energy else f"{problem.error_of}: at most {high:g}"
 
 
 def problem_table():

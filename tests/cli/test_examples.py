@@ -29,7 +29,7 @@ def rows(text: str) -> list[dict[str, str]]:
 
 
 def test_all_examples_with_their_figures(here, tdint):
-    result = tdint("examples", "--dt", "0.04", "-o", "paper")
+    result = tdint("examples", "--dt", "0.02", "-o", "paper")
     assert result.exit_code == 0
     assert result.stdout.splitlines()[0] == COLUMNS
     assert "nan" not in result.stdout

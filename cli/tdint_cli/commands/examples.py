@@ -80,17 +80,19 @@ def _run(request: Request) -> None:
     wanted = [examples()[int(number)] for number in dict.fromkeys(sorted(request.numbers)) or map(str, examples())]
     folder = Path(request.output) if request.output else None
     if folder:
-        names = [name for example in wanted for name in _names(example)]
-        check_outputs([folder / name for name in names], overwrite=request.overwrite, new_folder=True)
+        outputs = [folder / name for example in wanted for name in _names(example)]
+        check_outputs(outputs, overwrite=request.overwrite, new_folder=True)
     integrators = chosen(request.methods) if request.methods else default_integrators()
     dts = tuple(dict.fromkeys(request.dts)) or DTS
     runs = {example: [run for dt in dts for run in run_example(example, dt, integrators)] for example in wanted}
     if folder:
         files = {folder / name: writer for example in wanted for name, writer in _files(example, runs[example]).items()}
-        write_files(files, overwrite=request.overwrite, new_folder=True)
+        stale = [file for file in outputs if file not in files]
+        write_files(files, overwrite=request.overwrite, new_folder=True, stale=stale)
     emit(example_table([run for example in wanted for run in runs[example]]).csv())
+    usual = not request.methods and dts[0] == DTS[0]
     for example in wanted:
-        _say_example(example, [run for run in runs[example] if run.dt == dts[0]], remark=not request.methods)
+        _say_example(example, [run for run in runs[example] if run.dt == dts[0]], remark=usual)
 
 
 def _names(example: Example) -> list[str]:

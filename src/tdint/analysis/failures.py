@@ -42,7 +42,7 @@ class Trial:
         `done`, `diverged`, `not-converged`; `unstable` where `tdint run` refuses the step, the rest is then what
         --allow-unstable gives; `refused` for a method that is not for this building.
     verdict : str
-        `pass`, or the first fault found.
+        `pass`, the fault found, or how the run failed.
     time, steps : float, int
         Last time reached (s), and whole steps done.
     measure : float
@@ -127,7 +127,7 @@ def _judged(integrator: Integrator, problem: Problem, dt: float, outcome: str, h
     least, largest = float(np.min(ratio)), float(np.max(ratio))
     error = problem.error(history)
     farthest = least if least * largest < 1.0 else largest
-    measure, faults = (farthest, problem.energy_faults) if problem.energy_faults else (error, problem.error_faults)
+    measure = farthest if problem.by_energy else error
     return Trial(
         problem=problem.name,
         method=integrator.label,
@@ -137,7 +137,7 @@ def _judged(integrator: Integrator, problem: Problem, dt: float, outcome: str, h
         error=error,
         error_of=problem.error_of,
         outcome=outcome,
-        verdict=next((fault.name for fault in faults if fault.found(measure)), PASS),
+        verdict=next((fault.name for fault in problem.faults if fault.found(measure)), PASS),
         time=float(history.time[-1]),
         steps=len(history.time) - 1,
         measure=measure,

@@ -64,8 +64,10 @@ class Problem:
         What `error` is.
     error : callable
         History -> error.
-    energy_faults, error_faults : tuple of Fault
-        What the ratio of energy (to its scale) and the error are judged by.
+    by_energy : bool
+        Whether the energy over its scale is judged; else the error is.
+    faults : tuple of Fault
+        What the judged number is held against.
     """
 
     name: str
@@ -77,8 +79,8 @@ class Problem:
     energy_scale: float
     error_of: str
     error: Callable[[History], float]
-    energy_faults: tuple[Fault, ...] = ()
-    error_faults: tuple[Fault, ...] = ()
+    by_energy: bool
+    faults: tuple[Fault, ...]
 
 
 def _keeps(part: float) -> tuple[Fault, Fault]:
@@ -130,7 +132,8 @@ def _hardening() -> Problem:
         energy_scale=0.5 * _SPRING * _STRETCH**2 + 0.25 * _CUBIC * _STRETCH**4,
         error_of="largest displacement error over the amplitude",
         error=error,
-        energy_faults=_keeps(0.02),
+        by_energy=True,
+        faults=_keeps(0.02),
     )
 
 
@@ -174,7 +177,8 @@ def _softening() -> Problem:
         energy_scale=float(_STRENGTH * _log_cosh(np.array(_PULL))),
         error_of="largest displacement error over the amplitude",
         error=error,
-        energy_faults=_keeps(0.01),
+        by_energy=True,
+        faults=_keeps(0.01),
     )
 
 
@@ -211,7 +215,8 @@ def _bathe_noh(name: str, node: str, error_of: str, error: Callable[[History], f
         energy_scale=float(np.max(0.5 * (driven**2 + own**2 + drift**2))),
         error_of=error_of,
         error=error,
-        error_faults=(fault,),
+        by_energy=False,
+        faults=(fault,),
     )
 
 
@@ -262,7 +267,8 @@ def _stiff_pair() -> Problem:
         energy_scale=0.5 * _SWING + 0.5 * _SWING**2 / _JOINT,
         error_of="largest error in the second half of the upper story's force for the displacement, over its amplitude",
         error=error,
-        error_faults=(Fault("rings", high=0.1),),
+        by_energy=False,
+        faults=(Fault("rings", high=0.1),),
     )
 
 
@@ -307,7 +313,8 @@ def _limit(name: str, what: str, source: str, *dts: float) -> Problem:
         energy_scale=0.5,
         error_of="growth of the amplitude from the first half of the steps to the second, over the former",
         error=_growth,
-        error_faults=(Fault("grows", high=0.01),),
+        by_energy=False,
+        faults=(Fault("grows", high=0.01),),
     )
 
 
@@ -322,7 +329,8 @@ def _overshoot(name: str, start: tuple[float, float]) -> Problem:
         energy_scale=0.5,
         error_of="amplitude beyond the exact one, over the exact one",
         error=_excess,
-        error_faults=(Fault("overshoots", high=0.01),),
+        by_energy=False,
+        faults=(Fault("overshoots", high=0.01),),
     )
 
 
