@@ -161,7 +161,7 @@ def examples() -> Mapping[int, Example]:
         ),
         2: Example(
             2,
-            "two stories with cubic springs under two harmonic forces; own values, the paper's stand in a figure",
+            "two stories with cubic springs under two harmonic forces (own values)",
             _two_stories(),
             10.0,
             2,
