@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tdint_cli.terminal import emit, say
 
@@ -30,15 +30,22 @@ def chosen(specifications: Sequence[str]) -> list[Integrator]:
 
 @dataclass(frozen=True)
 class Outputs:
-    """Where a command's table goes (standard output if None) and, if asked for, its picture."""
+    """Where a command's table goes (standard output if None) and, if asked for, its picture and its summary."""
 
     table: Path | None
     picture: Path | None
+    summary: Path | None
     overwrite: bool
 
+    @property
+    def files(self) -> list[Path]:
+        """The files that are written."""
+        return [file for file in (self.table, self.picture, self.summary) if file]
+
     @classmethod
-    def checked(cls, output: str | None, plot: str | None, overwrite: bool) -> Outputs:
-        """The outputs of a command line, after what can be seen to fail was refused.
+    def checked(cls, output: str | None, plot: str | None, overwrite: bool, *, summary: bool = False) -> Outputs:
+        """The outputs of a command line, after what can be seen to fail was refused; the summary is a JSON file beside
+        the table.
 
         Raises
         ------
@@ -47,16 +54,20 @@ class Outputs:
         """
         from tdint.output.files import check_outputs
 
-        outputs = cls(Path(output) if output else None, Path(plot) if plot else None, overwrite)
-        check_outputs([file for file in (outputs.table, outputs.picture) if file], overwrite=overwrite)
+        table = Path(output) if output else None
+        beside = table.with_suffix(".json") if table and summary else None
+        outputs = cls(table, Path(plot) if plot else None, beside, overwrite)
+        check_outputs(outputs.files, overwrite=overwrite)
         if outputs.picture:
             from tdint.output.plots import picture_format
 
             picture_format(outputs.picture.suffix)
         return outputs
 
-    def deliver(self, table: Table, draw: Callable[[str], Writer]) -> None:
-        """Write table and picture; `draw` makes the picture's writer from its suffix."""
+    def deliver(
+        self, table: Table, draw: Callable[[str], Writer], summarize: Callable[[], dict[str, Any]] | None = None
+    ) -> None:
+        """Write all; `draw` makes the picture's writer from its suffix, `summarize` what the summary holds."""
         from tdint.output.files import write_files
 
         data = table.csv()
@@ -65,6 +76,11 @@ class Outputs:
             files[self.table] = lambda stream: stream.write(data)
         if self.picture:
             files[self.picture] = draw(self.picture.suffix)
+        if self.summary and summarize:
+            from tdint.output.summary import json_bytes
+
+            summary = json_bytes(summarize())
+            files[self.summary] = lambda stream: stream.write(summary)
         if not self.table:
             emit(data)
         if files:

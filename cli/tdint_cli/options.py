@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
+import functools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
 
@@ -110,6 +112,61 @@ inventory = click.option(
     metavar="FILE",
     help="StationXML file by which the instrument's response is removed; not with --units.",
 )
+_PROCESSING = (
+    click.option(
+        "--trim",
+        metavar="START:END",
+        help="Keep this part of the record, seconds from its first sample; an end may be left out.",
+    ),
+    click.option(
+        "--baseline",
+        type=click.Choice(["constant", "linear"]),
+        help="Remove the mean, or the least-squares line, of the acceleration.",
+    ),
+    click.option(
+        "--pad",
+        metavar="SECONDS|BEFORE:AFTER",
+        help="Add zeros before and after the record.",
+    ),
+    click.option(
+        "--highpass",
+        type=Number(0.0, min_open=True),
+        metavar="HZ",
+        help="Butterworth filter without shift of phase (forwards and backwards: half the amplitude at the corner).",
+    ),
+    click.option("--lowpass", type=Number(0.0, min_open=True), metavar="HZ", help="The same from the other side."),
+    click.option("--corners", type=click.IntRange(1, 10), metavar="N", help="Order of the filters; 4 by default."),
+    click.option(
+        "--resample",
+        type=Number(0.0, min_open=True),
+        metavar="DT",
+        help="Change the sampling interval, s: band-limited, with a filter against aliasing if it becomes longer.",
+    ),
+)
+
+
+def processing(command: Command) -> Command:
+    """The options that change a record; the command gets them together, as `processing`.
+
+    The steps are taken in the order of the options, whatever that of the command line.
+    """
+
+    @functools.wraps(command)
+    def collected(**given: Any) -> Any:
+        from tdint.ground_motion.processing import Processing, parse_pad, parse_trim
+
+        chosen = {field.name: given.pop(field.name) for field in dataclasses.fields(Processing)}
+        for name, parse in (("trim", parse_trim), ("pad", parse_pad)):
+            if chosen[name] is not None:
+                chosen[name] = parse(chosen[name])
+        return command(**given, processing=Processing(**chosen))
+
+    decorated: Any = collected
+    for option in reversed(_PROCESSING):
+        decorated = option(decorated)
+    return cast(Command, decorated)
+
+
 scale = click.option("--scale", type=float, metavar="FACTOR", help="Factor on the ground acceleration, not zero.")
 method = click.option(
     "--method",

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tdint.errors import OutputError, RecordError, UsageError
+
+if TYPE_CHECKING:
+    from tdint.ground_motion.record import Record
 
 STDIN = "-"
 _MOST_NAMES = 10
@@ -126,3 +130,14 @@ def refuse_inputs(outputs: Iterable[Path], inputs: Iterable[str | None]) -> None
     for output in outputs:
         if os.path.realpath(output) in read:
             raise OutputError(f"{output}: is read by this command; write to another place")
+
+
+def sayings(records: Sequence[Record], notes_of: Callable[[Record], Sequence[str]]) -> tuple[str, ...]:
+    """Notes about the components of one file, with its name; what holds for all of them is said once."""
+    notes: dict[str, None] = {}  # a set in the order of arrival
+    for record in records:
+        for note in notes_of(record):
+            common = all(note in notes_of(other) for other in records)
+            whose = record.source if common else f"{record.source}: {record.component or record.id}"
+            notes[f"{whose}: {note}"] = None
+    return tuple(notes)

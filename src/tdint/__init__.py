@@ -1,7 +1,7 @@
 """tdint: earthquake response of shear buildings with a time-integration method of your choice.
 
-Four functions stand behind the commands: `read_record`, `load_model`, `run` and `spectrum`. They load on first use,
-so that importing tdint costs nothing.
+These functions stand behind the commands: `read_record`, `process`, `load_model`, `run` and `spectrum`. They load on
+first use, so that importing tdint costs nothing.
 """
 
 from __future__ import annotations
@@ -12,18 +12,20 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from tdint.analysis.response import run as run
     from tdint.analysis.spectrum import spectrum as spectrum
+    from tdint.ground_motion.processing import process as process
     from tdint.ground_motion.read import read_record as read_record
     from tdint.model.config import load_model as load_model
 
 __version__ = "0.1.0"
 
 _HOMES = {
+    "process": "tdint.ground_motion.processing",
     "read_record": "tdint.ground_motion.read",
     "load_model": "tdint.model.config",
     "run": "tdint.analysis.response",
     "spectrum": "tdint.analysis.spectrum",
 }
-__all__ = ["__version__", "load_model", "read_record", "run", "spectrum"]
+__all__ = ["__version__", "load_model", "process", "read_record", "run", "spectrum"]
 
 
 def __getattr__(name: str) -> Any:

@@ -11,6 +11,7 @@ import pytest
 
 import tdint
 from tdint.errors import ModelError
+from tdint.ground_motion.processing import Processing
 from tdint.model.config import (
     Analysis,
     Excitation,
@@ -48,7 +49,8 @@ stories:
 damping: {rayleigh: {ratio: [0.02, 0.05], modes: [1, 3]}}
 p_delta: true
 excitation:
-  record: {file: ../records/x.mseed, units: cm/s^2, component: HNE, scale: -1.5, inventory: station.xml}
+  record: {file: ../records/x.mseed, units: cm/s^2, component: HNE, scale: -1.5, inventory: station.xml, trim: ":30",
+           baseline: linear, pad: 5, highpass: 0.1, lowpass: 25, corners: 3, resample: 0.005}
   forces:
     - {floor: 1, amplitude: 500, omega: 25, phase: cos}
     - {floor: 4, amplitude: -2, omega: 0.5, phase: sin}
@@ -88,8 +90,9 @@ def test_every_feature_in_si(tmp_path: Path) -> None:
     assert model.damping == RayleighRatio((0.02, 0.05), (1, 3))
     assert model.p_delta is True
     assert model.excitation.record == RecordSource(
-        str(tmp_path.parent / "records/x.mseed"), "cm/s^2", "HNE", -1.5, str(tmp_path / "station.xml")
-    )
+        str(tmp_path.parent / "records/x.mseed"), "cm/s^2", "HNE", -1.5, str(tmp_path / "station.xml"),
+        Processing((None, 30.0), "linear", (5.0, 5.0), 0.1, 25.0, 3, 0.005),
+    )  # fmt: skip
     assert model.excitation.forces == (Force(1, 5e5, 0.0, 25.0), Force(4, 0.0, -2e3, 0.5))
     assert model.initial.displacement == pytest.approx((0.001, 0.0, 0.0, -0.02))
     assert model.initial.velocity == pytest.approx((0.0, 0.01, 0.0, 0.0))

@@ -300,6 +300,31 @@ def test_rayleigh_ratio_of_one_story() -> None:
                 "44: excitation.record.scale: must be a number, got '.inf'; it must be finite",
             ],
         ),
+        (
+            "{record: {file: a, trim: 3, pad: x, highpass: 0, lowpass: a, baseline: linaer, corners: 2.5, "
+            "resample: []}}",
+            [
+                "38: excitation.record.trim: trim must be START:END in seconds, got '3'",
+                "46: excitation.record.pad: pad must be SECONDS or BEFORE:AFTER, got 'x'",
+                "59: excitation.record.highpass: must be a positive number, got '0'",
+                "71: excitation.record.lowpass: must be a positive number, got 'a'",
+                "84: excitation.record.baseline: unknown baseline 'linaer'; did you mean 'linear'?",
+                "101: excitation.record.corners: must be a whole number from 1 to 10, got '2.5'",
+                "116: excitation.record.resample: must be a positive number, got a list",
+            ],
+        ),
+        (
+            "{record: {file: a, trim: '3:2'}}",
+            ["22: excitation.record: trim must be START:END in seconds from the first sample with START below END"],
+        ),
+        (
+            "{record: {file: a, highpass: 3, lowpass: 2}}",
+            ["22: excitation.record: highpass (3 Hz) must be below lowpass (2 Hz): nothing would be left"],
+        ),
+        (
+            "{record: {file: a, corners: 3}}",
+            ["22: excitation.record: corners are those of a filter: give highpass or lowpass, too"],
+        ),
         ('{record: "\\ud800"}', ["22: excitation.record: must be one line without control characters, got '\\ud800'"]),
         ("{forces: {}}", ["22: excitation.forces: must be a list of forces, got a mapping"]),
         (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -14,11 +14,12 @@ from tdint_cli import options
 from tdint_cli.batch import Task, outcomes
 from tdint_cli.errors import Failures
 from tdint_cli.laboratory import Outputs
-from tdint_cli.sources import records_of, refuse_inputs
+from tdint_cli.sources import records_of, refuse_inputs, sayings
 from tdint_cli.startup import load_numba
 from tdint_cli.terminal import say
 
 if TYPE_CHECKING:
+    from tdint.ground_motion.processing import Processing
     from tdint.ground_motion.record import Record
     from tdint.output.files import Writer
     from tdint.output.record_tables import RecordInfo
@@ -37,18 +38,39 @@ class Request:
     units: str | None
     component: str | None
     inventory: str | None
+    processing: Processing
     output: str | None
     plot: str | None
     jobs: int
     overwrite: bool
 
+    @property
+    def settings(self) -> dict[str, Any]:
+        """How the records were read, for the JSON file."""
+        names = ("units", "component", "inventory", "processing")
+        return {name: value for name, value in asdict(self).items() if name in names}
+
 
 @dataclass(frozen=True)
 class Product:
-    """What becomes of one record: its rows of the table and, where they may be drawn, what stands in them."""
+    """What becomes of one record.
+
+    Attributes
+    ----------
+    table : Table
+        A row per component.
+    records : tuple of dict
+        What each component is, for the JSON file.
+    infos : tuple of RecordInfo
+        What stands in the rows, kept only where it may be drawn.
+    changes : tuple of str
+        What was done to the record on request.
+    """
 
     table: Table
+    records: tuple[dict[str, Any], ...]
     infos: tuple[RecordInfo, ...]
+    changes: tuple[str, ...]
 
 
 @click.command("info")
@@ -56,7 +78,11 @@ class Product:
 @options.units
 @options.component
 @options.inventory
-@options.output("FILE", "Write the table to this file instead of standard output.")
+@options.processing
+@options.output(
+    "FILE",
+    "Write the table to this file instead of standard output, and what the records are to a JSON file beside it.",
+)
 @options.picture
 @options.jobs
 @options.overwrite
@@ -76,8 +102,9 @@ def command(**given: Any) -> None:
 
 def _run(request: Request) -> None:
     sources = records_of(request.records)
-    outputs = Outputs.checked(request.output, request.plot, request.overwrite)
-    refuse_inputs([file for file in (outputs.table, outputs.picture) if file], [*sources.files, request.inventory])
+    outputs = Outputs.checked(request.output, request.plot, request.overwrite, summary=True)
+    refuse_inputs(outputs.files, [*sources.files, request.inventory])
+    notes = dict.fromkeys(sources.notes)  # a set in the order of arrival
     failures: list[TdintError] = list(sources.failures)
     products: list[Product] = []
     tasks = [Task(file) for file in sources.files]
@@ -88,23 +115,28 @@ def _run(request: Request) -> None:
                 failures.append(outcome)
             else:
                 products.append(outcome)
+                notes |= dict.fromkeys(outcome.changes)
     if products:
-        _deliver(outputs, products)
-    for note in sources.notes:
+        _deliver(request, outputs, products)
+    for note in notes:
         say(f"note: {note}")
     if failures:
         raise Failures(failures)
 
 
-def _deliver(outputs: Outputs, products: Sequence[Product]) -> None:
+def _deliver(request: Request, outputs: Outputs, products: Sequence[Product]) -> None:
+    from tdint.output.summary import table_summary
+
     rows = [row for product in products for row in product.table.rows]
+    records = [record for product in products for record in product.records]
 
     def draw(suffix: str) -> Writer:
         from tdint.output.record_plots import info_picture
 
         return info_picture([info for product in products for info in product.infos], suffix)
 
-    outputs.deliver(replace(products[0].table, rows=rows), draw)
+    table = replace(products[0].table, rows=rows)
+    outputs.deliver(table, draw, lambda: table_summary("info", request.settings, records))
 
 
 def _work(request: Request, task: Task) -> Product:
@@ -113,10 +145,17 @@ def _work(request: Request, task: Task) -> Product:
     from tdint.ground_motion.measures import measure
     from tdint.ground_motion.read import read_records
     from tdint.output.record_tables import RecordInfo, info_table
+    from tdint.output.summary import record_summary
 
-    records = read_records(task.source, units=request.units, component=request.component, inventory=request.inventory)
+    found = read_records(task.source, units=request.units, component=request.component, inventory=request.inventory)
+    records = [request.processing.apply(record) for record in found]
     infos = [RecordInfo(record, measure(record), _housner_intensity(record)) for record in records]
-    return Product(info_table(infos), tuple(infos) if request.plot else ())
+    return Product(
+        table=info_table(infos),
+        records=tuple(map(record_summary, records)),
+        infos=tuple(infos) if request.plot else (),
+        changes=sayings(records, lambda record: record.processing),
+    )
 
 
 def _housner_intensity(record: Record) -> float:

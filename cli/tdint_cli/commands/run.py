@@ -16,6 +16,7 @@ from tdint_cli.terminal import emit, say
 
 if TYPE_CHECKING:
     from tdint.analysis.response import FailedRun, Response
+    from tdint.ground_motion.processing import Processing
     from tdint.ground_motion.record import Input, Record
     from tdint.model.definition import Model, RecordSource
     from tdint.output.files import Writer
@@ -34,6 +35,7 @@ class Request:
     component: str | None
     inventory: str | None
     scale: float | None
+    processing: Processing
     method: str | None
     dt: float | None
     duration: float | None
@@ -55,6 +57,7 @@ class Request:
 @options.component
 @options.inventory
 @options.scale
+@options.processing
 @options.method
 @options.dt
 @options.duration
@@ -68,9 +71,9 @@ def command(**given: Any) -> None:
     """Response of a building in time: the peaks of each story.
 
     MODEL.yaml is a model file, - is standard input. The table of stories goes to standard output as CSV, in SI units;
-    with -o it is written to a folder, too. --units, --component, --inventory and --scale belong to --record if that is
-    given, and otherwise replace what the model says of its record; --method, --dt and --duration replace what it says
-    of the analysis. --overwrite replaces all files of an earlier run: those the new one does not write are removed.
+    with -o it is written to a folder, too. The options from --units to --resample belong to --record if that is given,
+    and otherwise replace what the model says of its record; --method, --dt and --duration replace what it says of the
+    analysis. --overwrite replaces all files of an earlier run: those the new one does not write are removed.
     """
     _run(Request(**given))
 
@@ -133,7 +136,9 @@ def _motion(request: Request, model: Model) -> RecordSource | None:
 
     if request.record is not None:
         scale = 1.0 if request.scale is None else request.scale
-        return RecordSource(request.record, request.units, request.component, scale, request.inventory)
+        return RecordSource(
+            request.record, request.units, request.component, scale, request.inventory, request.processing
+        )
     source = model.excitation.record
     given = {
         name: value
@@ -141,13 +146,14 @@ def _motion(request: Request, model: Model) -> RecordSource | None:
         if (value := getattr(request, name)) is not None
     }
     if source is None:
-        if given:
-            raise UsageError(f"--{next(iter(given))} needs a record, the model has none: add --record FILE")
+        if given or request.processing:
+            name = f"--{next(iter(given))}" if given else "processing"
+            raise UsageError(f"{name} needs a record, the model has none: add --record FILE")
         return None
     if "units" in given or "inventory" in given:
         # Each of the two excludes the other: who names one on the command line does without the model's other one.
         source = replace(source, units=None, inventory=None)
-    return replace(source, **given)
+    return replace(source, **given, processing=request.processing.over(source.processing))
 
 
 def _files(request: Request, response: Response, inputs: list[Input], began: float) -> dict[str, Writer]:

@@ -17,7 +17,7 @@ from tdint.errors import TdintError, UsageError
 from tdint_cli import options
 from tdint_cli.batch import Task, outcomes
 from tdint_cli.errors import Failures
-from tdint_cli.sources import records_of, refuse_inputs, tables_of
+from tdint_cli.sources import records_of, refuse_inputs, sayings, tables_of
 from tdint_cli.startup import load_numba
 from tdint_cli.terminal import emit, say
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tdint.analysis.spectrum import Manner, Spectrum
-    from tdint.ground_motion.record import Record
+    from tdint.ground_motion.processing import Processing
     from tdint.output.files import Writer
 
 _SAMPLES_PER_PERIOD = 10
@@ -40,6 +40,7 @@ class Request:
     units: str | None
     component: str | None
     inventory: str | None
+    processing: Processing
     damping: tuple[float, ...]
     periods: str | None
     period: tuple[float, ...]
@@ -124,6 +125,7 @@ class Findings:
 @options.units
 @options.component
 @options.inventory
+@options.processing
 @click.option(
     "--damping",
     type=click.FloatRange(0.0, 1.0, max_open=True),
@@ -260,27 +262,17 @@ def _work(request: Request, task: Task) -> Product:
 
     periods = _periods(request)
     records = read_records(task.source, units=request.units, component=request.component, inventory=request.inventory)
+    records = tuple(map(request.processing.apply, records))
     manner = {"method": request.method, "maxima": request.maxima, "interpolation": request.interpolation}
     spectra = tuple(spectrum(record, periods, damping, **manner) for record in records for damping in request.damping)
     return Product(
         csv=spectrum_table(spectra, request.stated).csv(),
         records=tuple(map(record_summary, records)),
-        notes=_notes(records),
+        notes=sayings(records, lambda record: record.notes),
         interval=records[0].dt,
         spectra=() if task.table or not request.plot else spectra,
         picture=_picture(spectra) if task.table and request.plot else None,
     )
-
-
-def _notes(records: Sequence[Record]) -> tuple[str, ...]:
-    """What is to be said of the components of one file; what holds for all of them is said once."""
-    notes: dict[str, None] = {}
-    for record in records:
-        for note in record.notes:
-            common = all(note in other.notes for other in records)
-            whose = record.source if common else f"{record.source}: {record.component or record.id}"
-            notes[f"{whose}: {note}"] = None
-    return tuple(notes)
 
 
 def _picture(spectra: Sequence[Spectrum]) -> bytes:

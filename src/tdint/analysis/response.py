@@ -254,11 +254,12 @@ def _refuse_unstable(integrator: Integrator, building: Building, h: float) -> No
 
 
 def model_record(model: Model) -> Record | None:
-    """The ground motion that the model names, scaled; None if it names none."""
+    """The ground motion that the model names, processed and scaled; None if it names none."""
     source = model.excitation.record
     if source is None:
         return None
     record = read_record(source.file, units=source.units, component=source.component, inventory=source.inventory)
+    record = source.processing.apply(record)
     return record.scaled(source.scale) if source.scale != 1.0 else record
 
 

@@ -41,6 +41,8 @@ class Record:
         `counts (response removed)`; empty for a record that comes from no file.
     inputs : tuple of Input
         The files that it was read from: its own, and the inventory if there was one.
+    processing : tuple of str
+        What was done to it on request, one sentence a step; they stand among the notes, too.
     """
 
     acceleration: NDArray[np.float64]
@@ -52,6 +54,7 @@ class Record:
     notes: tuple[str, ...] = ()
     units: str = ""
     inputs: tuple[Input, ...] = ()
+    processing: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         samples = np.ascontiguousarray(self.acceleration, dtype=np.float64)

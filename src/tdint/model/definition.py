@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+from tdint.ground_motion.processing import Processing
 
 MAX_STORIES = 100_000
 """Stories that a model may have; it keeps a slip in `repeat` from filling the memory."""
@@ -139,6 +141,8 @@ class RecordSource:
         Factor on the acceleration, not zero.
     inventory : str or None
         Path of the station metadata, resolved like `file`.
+    processing : Processing
+        What is done to the record, before it is scaled.
     """
 
     file: str
@@ -146,6 +150,7 @@ class RecordSource:
     component: str | None
     scale: float
     inventory: str | None
+    processing: Processing = field(default_factory=Processing)
 
 
 @dataclass(frozen=True)

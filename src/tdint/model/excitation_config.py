@@ -9,10 +9,11 @@ from pathlib import Path
 from tdint.errors import UsageError
 from tdint.model.definition import Excitation, Force, RecordSource
 from tdint.model.fields import ANY, NOT_NEGATIVE, Section, Value
+from tdint.model.processing_config import PROCESSING_KEYS, read_processing
 from tdint.model.unit_config import Units
 from tdint.units import parse_units
 
-_RECORD_KEYS = ("file", "units", "component", "scale", "inventory")
+_RECORD_KEYS = ("file", "units", "component", "scale", "inventory", *PROCESSING_KEYS)
 _FORCE_KEYS = ("floor", "amplitude", "omega", "phase")
 
 
@@ -45,6 +46,7 @@ def _read_record(value: Value, folder: Path) -> RecordSource | None:
         component=section.text("component"),
         scale=_read_scale(section),
         inventory=_resolve(inventory, folder) if inventory else None,
+        processing=read_processing(section),
     )
 
 

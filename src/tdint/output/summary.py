@@ -77,7 +77,8 @@ def failure_summary(
 
 def record_summary(record: Record) -> dict[str, Any]:
     """What a record is, where it came from and what was done to it."""
-    return {**_motion_of(record), "notes": list(record.notes), "inputs": _inputs(record.inputs)}
+    notes = [note for note in record.notes if note not in record.processing]
+    return {**(_motion(record) or {}), "notes": notes, "inputs": _inputs(record.inputs)}
 
 
 def table_summary(command: str, settings: dict[str, Any], records: Sequence[dict[str, Any]]) -> dict[str, Any]:
@@ -156,10 +157,8 @@ def _energy(energy: Energies) -> dict[str, float]:
 
 
 def _motion(record: Record | None) -> dict[str, Any] | None:
-    return None if record is None else _motion_of(record)
-
-
-def _motion_of(record: Record) -> dict[str, Any]:
+    if record is None:
+        return None
     return {
         "file": record.source,
         "id": record.id,
@@ -170,6 +169,7 @@ def _motion_of(record: Record) -> dict[str, Any]:
         "samples": record.acceleration.size,
         "duration_s": record.duration,
         "pga_m_s2": record.pga,
+        "processing": list(record.processing),
     }
 
 

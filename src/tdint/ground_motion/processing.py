@@ -1,0 +1,181 @@
+"""Changes to a record, made only when asked for, each told in the record's notes.
+
+The steps are always taken in this order: trim, baseline, pad, filters, resample. So the mean is that of the part which
+is used, the filters see the record between zeros, and the zeros of a pad take up what a filter spreads beyond the ends.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING
+
+from tdint.errors import UsageError
+
+if TYPE_CHECKING:
+    from tdint.ground_motion.record import Record
+
+BASELINES = ("constant", "linear")
+CORNERS = 4
+MOST_CORNERS = 10
+
+
+@dataclass(frozen=True)
+class Processing:
+    """What is to be done to records; None everywhere does nothing.
+
+    Attributes
+    ----------
+    trim : tuple of two floats or None
+        The part to keep, s from the first sample; None for one of them leaves that end.
+    baseline : str or None
+        What is removed from the acceleration: `constant`, its mean, or `linear`, its least-squares line.
+    pad : tuple of two floats or None
+        Zeros before and after, s.
+    highpass, lowpass : float or None
+        Corner frequencies, Hz, of Butterworth filters that are run forwards and backwards: no shift of phase, and half
+        the amplitude at the corner.
+    corners : int or None
+        Order of the filters, 4 if None.
+    resample : float or None
+        New sampling interval, s; band-limited, with a filter against aliasing if it is longer.
+
+    Raises
+    ------
+    UsageError
+        Values that make no sense for any record.
+    """
+
+    trim: tuple[float | None, float | None] | None = None
+    baseline: str | None = None
+    pad: tuple[float, float] | None = None
+    highpass: float | None = None
+    lowpass: float | None = None
+    corners: int | None = None
+    resample: float | None = None
+
+    def __post_init__(self) -> None:
+        for problem in _problems(self):
+            raise UsageError(problem)
+
+    def __bool__(self) -> bool:
+        return any(getattr(self, field.name) is not None for field in fields(self))
+
+    def over(self, other: Processing) -> Processing:
+        """These settings, and those of another one for what is not set here."""
+        given = {field.name: value for field in fields(self) if (value := getattr(self, field.name)) is not None}
+        return replace(other, **given)
+
+    def apply(self, record: Record) -> Record:
+        """The record after all steps; itself if there is none.
+
+        Raises
+        ------
+        RecordError
+            A step does not fit the record.
+        """
+        from tdint.ground_motion import processing_steps as steps  # numpy, which a model file can do without
+
+        corners = self.corners or CORNERS
+        if self.trim is not None:
+            record = steps.trim(record, *self.trim)
+        if self.baseline is not None:
+            record = steps.remove_baseline(record, self.baseline)
+        if self.pad is not None:
+            record = steps.pad(record, *self.pad)
+        if self.highpass is not None:
+            record = steps.butterworth(record, "highpass", self.highpass, corners)
+        if self.lowpass is not None:
+            record = steps.butterworth(record, "lowpass", self.lowpass, corners)
+        if self.resample is not None:
+            record = steps.resample(record, self.resample)
+        return record
+
+
+def process(
+    record: Record,
+    *,
+    trim: tuple[float | None, float | None] | None = None,
+    baseline: str | None = None,
+    pad: float | tuple[float, float] | None = None,
+    highpass: float | None = None,
+    lowpass: float | None = None,
+    corners: int | None = None,
+    resample: float | None = None,
+) -> Record:
+    """Change a record in the steps asked for, in this order whatever that of the arguments.
+
+    Parameters
+    ----------
+    record : Record
+        Left as it is.
+    trim, baseline, pad, highpass, lowpass, corners, resample
+        As in `Processing`; a single number for `pad` stands for both ends.
+
+    Returns
+    -------
+    Record
+        Its notes and its `processing` tell what was done.
+
+    Raises
+    ------
+    UsageError
+        Values that make no sense for any record.
+    RecordError
+        A step does not fit this record: a trim outside it, a corner above its Nyquist frequency.
+    """
+    both = (float(pad), float(pad)) if isinstance(pad, int | float) else pad
+    return Processing(trim, baseline, both, highpass, lowpass, corners, resample).apply(record)
+
+
+def parse_trim(text: str) -> tuple[float | None, float | None]:
+    """Bounds of a trim from `START:END`, seconds, either of which may be left out.
+
+    Raises
+    ------
+    UsageError
+        The text has another form.
+    """
+    try:
+        start, end = (float(part) if part.strip() else None for part in text.split(":"))
+    except ValueError:
+        raise UsageError(f"trim must be START:END in seconds, got {text!r}") from None
+    return start, end
+
+
+def parse_pad(text: str) -> tuple[float, float]:
+    """Zeros before and after from `BEFORE:AFTER`, seconds, or from one number for both.
+
+    Raises
+    ------
+    UsageError
+        The text has another form.
+    """
+    try:
+        before, after = map(float, text.split(":") if ":" in text else (text, text))
+    except ValueError:
+        raise UsageError(f"pad must be SECONDS or BEFORE:AFTER, got {text!r}") from None
+    return before, after
+
+
+def _problems(wanted: Processing) -> Iterator[str]:
+    for name in ("highpass", "lowpass", "resample"):
+        value = getattr(wanted, name)
+        if value is not None and not 0.0 < value < math.inf:
+            yield f"{name} must be a positive number, got {value}"
+    if wanted.baseline is not None and wanted.baseline not in BASELINES:
+        yield f"baseline must be {' or '.join(BASELINES)}, got {wanted.baseline!r}"
+    if wanted.trim is not None:
+        start = 0.0 if wanted.trim[0] is None else wanted.trim[0]
+        end = math.inf if wanted.trim[1] is None else wanted.trim[1]
+        if not 0.0 <= start < end or wanted.trim == (None, None):
+            yield "trim must be START:END in seconds from the first sample with START below END"
+    if wanted.pad is not None and not (min(wanted.pad) >= 0.0 < sum(wanted.pad) < math.inf):
+        yield f"pad must be a positive number of seconds, got {wanted.pad[0]:g}:{wanted.pad[1]:g}"
+    if wanted.corners is not None and not 1 <= wanted.corners <= MOST_CORNERS:
+        yield f"corners must be a whole number from 1 to {MOST_CORNERS}, got {wanted.corners}"
+    if wanted.corners is not None and wanted.highpass is None and wanted.lowpass is None:
+        yield "corners are those of a filter: give highpass or lowpass, too"
+    if wanted.highpass is not None and wanted.lowpass is not None and wanted.highpass >= wanted.lowpass:
+        yield f"highpass ({wanted.highpass:g} Hz) must be below lowpass ({wanted.lowpass:g} Hz): nothing would be left"

@@ -1,0 +1,123 @@
+"""The steps of processing: each takes a record and gives a new one, whose notes tell what was done."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from datetime import datetime, timedelta
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.errors import RecordError
+from tdint.ground_motion.record import Record
+from tdint.ground_motion.resampling import MOST_SAMPLES, resampled
+
+Array = NDArray[np.float64]
+
+_NARROWEST = 1e-5
+"""Least distance of a filter's corner from zero and from the Nyquist frequency, over the sampling rate: closer,
+rounding and the time to settle get out of hand."""
+
+_SETTLED = 1e-13
+_ROUNDING = 1e-6
+
+
+def _label(record: Record) -> str:
+    return f"{record.source}: {record.id}" if record.id.strip(".") else record.source
+
+
+def _done(record: Record, samples: Array, note: str, *, dt: float | None = None, later: float = 0.0) -> Record:
+    """The record with new samples, beginning some seconds later, and a note of what was done."""
+    return replace(
+        record,
+        acceleration=samples,
+        dt=dt or record.dt,
+        start=_shifted(record.start, later),
+        notes=(*record.notes, note),
+        processing=(*record.processing, note),
+    )
+
+
+def _shifted(start: str, seconds: float) -> str:
+    if not start or seconds == 0.0:
+        return start
+    try:
+        return (datetime.fromisoformat(start) + timedelta(seconds=seconds)).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
+    except (ValueError, OverflowError):  # Not a date that Python's calendar has.
+        return ""
+
+
+def trim(record: Record, start: float | None, end: float | None) -> Record:
+    """The samples from `start` to `end`, s from the first one, both included; None is an end of the record."""
+    start = start or 0.0
+    end = record.duration if end is None else end
+    if end > record.duration + _ROUNDING * record.dt or start >= record.duration:
+        raise RecordError(
+            f"{_label(record)}: trim {start:g}:{end:g} s leaves the record, which ends at {record.duration:.6g} s"
+        )
+    first = math.ceil(start / record.dt - _ROUNDING)
+    last = math.floor(end / record.dt + _ROUNDING)
+    if last <= first:
+        raise RecordError(
+            f"{_label(record)}: trim {start:g}:{end:g} s leaves fewer than two samples, which are {record.dt:g} s apart"
+        )
+    note = f"trimmed to the part from {first * record.dt:.6g} to {last * record.dt:.6g} s"
+    return _done(record, record.acceleration[first : last + 1], note, later=first * record.dt)
+
+
+def remove_baseline(record: Record, kind: str) -> Record:
+    """The record without its mean (`constant`) or its least-squares line (`linear`)."""
+    samples = record.acceleration
+    mean = float(np.mean(samples))
+    if kind == "constant":
+        return _done(record, samples - mean, f"the mean of {mean:.4g} m/s^2 is removed")
+    place = np.linspace(-1.0, 1.0, samples.size)
+    slope = float(np.dot(place, samples) / np.dot(place, place))
+    note = f"a line from {mean - slope:.4g} to {mean + slope:.4g} m/s^2 is removed"
+    return _done(record, samples - (mean + slope * place), note)
+
+
+def pad(record: Record, *seconds: float) -> Record:
+    """Zeros for so many seconds before and after, to whole samples."""
+    before, after = (math.ceil(part / record.dt - _ROUNDING) for part in seconds)
+    if before + after > MOST_SAMPLES:
+        raise RecordError(f"{_label(record)}: pad would add {before + after} samples; take fewer seconds")
+    note = f"padded with zeros, {before * record.dt:.6g} s before and {after * record.dt:.6g} s after"
+    return _done(record, np.pad(record.acceleration, (before, after)), note, later=-before * record.dt)
+
+
+def butterworth(record: Record, kind: str, corner: float, corners: int) -> Record:
+    """A Butterworth filter of order `corners` run forwards and, from where it has settled after the end, backwards.
+
+    The motion is zero outside its samples. `kind` is highpass or lowpass, `corner` in Hz.
+    """
+    if not corner * record.dt < 0.5 - _NARROWEST:
+        nyquist = 0.5 / record.dt
+        raise RecordError(
+            f"{_label(record)}: {kind} {corner:g} Hz is not below the Nyquist frequency, {nyquist:.6g} Hz"
+        )
+    if corner * record.dt < _NARROWEST:
+        raise RecordError(f"{_label(record)}: {kind} {corner:g} Hz is too low for samples {record.dt:g} s apart")
+    from scipy.signal import butter, sosfilt, zpk2sos  # 0.8 s, for filters only
+
+    zeros, poles, gain = butter(corners, corner, kind, fs=1.0 / record.dt, output="zpk")
+    sections = zpk2sos(zeros, poles, gain)
+    settling = math.ceil(math.log(_SETTLED) / math.log(float(np.max(np.abs(poles)))))
+    forwards = sosfilt(sections, np.pad(record.acceleration, (0, settling)))
+    samples = sosfilt(sections, forwards[::-1])[::-1][: record.acceleration.size]
+    note = f"{kind} {corner:g} Hz: Butterworth filter of order {corners}, forwards and backwards"
+    return _done(record, samples, note)
+
+
+def resample(record: Record, dt: float) -> Record:
+    """The band-limited motion at another sampling interval, s."""
+    if math.isclose(dt, record.dt, rel_tol=1e-12):
+        return record
+    if record.duration / dt > MOST_SAMPLES:
+        raise RecordError(f"{_label(record)}: resampled at {dt:g} s it would have more than {MOST_SAMPLES} samples")
+    if dt > record.duration:
+        raise RecordError(f"{_label(record)}: resampled at {dt:g} s it would have less than two samples")
+    samples, band = resampled(record.acceleration, record.dt, dt)
+    note = f"resampled from {record.dt:.6g} s to {dt:.6g} s, frequencies up to {band:.4g} Hz kept"
+    return _done(record, samples, note, dt=dt)

@@ -1,0 +1,290 @@
+"""Steps of processing against closed forms, and that nothing is done which is not asked for and told."""
+
+import math
+from dataclasses import FrozenInstanceError
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tdint.errors import RecordError, UsageError
+from tdint.ground_motion.processing import Processing, parse_pad, parse_trim, process
+from tdint.ground_motion.record import Input, Record
+
+DT = 0.01
+
+
+def record(samples, dt=DT, start="2024-01-01T00:00:10.000000Z"):
+    return Record(np.asarray(samples, dtype=float), dt, start, "TD.X..HNE", "HNE", "x.mseed", ("before",), "g (file)")
+
+
+def noise(size=2000, seed=1):
+    return record(np.random.default_rng(seed).standard_normal(size))
+
+
+def sine(frequency, dt=DT, seconds=60.0):
+    return record(np.sin(2.0 * math.pi * frequency * dt * np.arange(round(seconds / dt) + 1)), dt)
+
+
+def middle(samples):
+    """The third in the middle, away from the ends."""
+    return samples[samples.size // 3 : 2 * samples.size // 3]
+
+
+def gain(corner, frequency, corners, dt=DT):
+    """Amplitude of a sine after a low-pass Butterworth filter, bilinear transform, both ways."""
+    ratio = math.tan(math.pi * frequency * dt) / math.tan(math.pi * corner * dt)
+    return 1.0 / (1.0 + ratio ** (2 * corners))
+
+
+# Whatever is done
+
+
+EVERYTHING = {
+    "trim": (2.0, 15.0), "baseline": "linear", "pad": (3.0, 5.0), "highpass": 0.2, "lowpass": 20.0, "corners": 3,
+    "resample": 0.02,
+}  # fmt: skip
+
+
+def test_nothing_asked_for_nothing_done():
+    before = noise()
+    assert process(before) is before
+    assert not Processing()
+    assert Processing(baseline="constant")
+
+
+def test_the_order_of_the_steps_is_fixed():
+    before = noise()
+    one_by_one = before
+    for step in (["trim"], ["baseline"], ["pad"], ["highpass", "corners"], ["lowpass", "corners"], ["resample"]):
+        one_by_one = process(one_by_one, **{name: EVERYTHING[name] for name in step})
+    at_once = process(before, **dict(reversed(EVERYTHING.items())))
+    np.testing.assert_array_equal(at_once.acceleration, one_by_one.acceleration)
+    assert at_once.processing == one_by_one.processing
+
+
+def test_every_step_is_told_and_the_rest_is_kept():
+    before = noise()
+    copy = before.acceleration.copy()
+    after = process(before, **EVERYTHING)
+    np.testing.assert_array_equal(before.acceleration, copy)
+    assert after.notes == ("before", *after.processing)
+    assert [note.split()[0] for note in after.processing] == [
+        "trimmed",
+        "a",
+        "padded",
+        "highpass",
+        "lowpass",
+        "resampled",
+    ]
+    assert (after.id, after.component, after.source, after.units) == ("TD.X..HNE", "HNE", "x.mseed", "g (file)")
+    assert (after.dt, after.start) == (0.02, "2024-01-01T00:00:09.000000Z")
+    with pytest.raises(FrozenInstanceError):
+        after.dt = 1.0
+    with pytest.raises(ValueError, match="read-only"):
+        after.acceleration[0] = 1.0
+
+
+def test_inputs_stay_with_the_record():
+    before = Record(np.ones(5), DT, "", "", "", "x", inputs=(Input("x", "00"),))
+    after = process(before, baseline="constant", trim=(0.01, None))
+    assert (after.inputs, after.start) == (before.inputs, "")
+
+
+@settings(max_examples=20, deadline=None)
+@given(factor=st.floats(-3.0, 3.0), seed=st.integers(0, 99))
+def test_all_steps_are_linear(factor, seed):
+    one, other = noise(seed=seed), noise(seed=seed + 100)
+    both = process(record(one.acceleration + factor * other.acceleration), **EVERYTHING).acceleration
+    apart = [process(part, **EVERYTHING).acceleration for part in (one, other)]
+    np.testing.assert_allclose(both, apart[0] + factor * apart[1], atol=1e-10)
+
+
+# Trim, baseline, pad
+
+
+@pytest.mark.parametrize(
+    ("part", "first", "last"),
+    [
+        ((0.5, 1.0), 50, 100),
+        ((None, 1.0), 0, 100),
+        ((0.5, None), 50, 200),
+        ((0.0, 2.0), 0, 200),
+        ((0.495, 0.515), 50, 51),
+    ],
+)
+def test_trim_keeps_the_samples_within(part, first, last):
+    before = record(np.arange(201.0))
+    after = process(before, trim=part)
+    np.testing.assert_array_equal(after.acceleration, np.arange(first, last + 1.0))
+    assert after.start == f"2024-01-01T00:00:{10 + first / 100:.6f}Z"
+
+
+@pytest.mark.parametrize("dt", [0.005, 1.0 / 128.0, 31.026 / 7339.0, 0.1])
+def test_bounds_of_a_trim_may_be_samples_whatever_the_rounding(dt):
+    before = record(np.arange(1001.0), dt)
+    for first in range(0, 990, 7):
+        after = process(before, trim=(first * dt, (first + 10) * dt))
+        np.testing.assert_array_equal(after.acceleration, np.arange(first, first + 11.0))
+
+
+def test_a_constant_baseline_is_the_mean():
+    after = process(record(noise().acceleration + 5.0), baseline="constant").acceleration
+    assert abs(after.mean()) < 1e-14
+    np.testing.assert_allclose(after, noise().acceleration - noise().acceleration.mean(), atol=1e-13)
+
+
+def test_a_linear_baseline_is_orthogonal_to_every_line():
+    t = np.arange(2000.0)
+    after = process(noise(), baseline="linear").acceleration
+    assert abs(np.dot(after, np.ones_like(t))) < 1e-10
+    assert abs(np.dot(after, t)) < 1e-7
+    np.testing.assert_allclose(process(record(3.0 - 0.02 * t), baseline="linear").acceleration, 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(("pad", "before", "after"), [(0.5, 50, 50), ((0.0, 1.0), 0, 100), ((0.014, 0.0), 2, 0)])
+def test_pad_adds_zeros(pad, before, after):
+    done = process(noise(), pad=pad).acceleration
+    np.testing.assert_array_equal(done, np.concatenate([np.zeros(before), noise().acceleration, np.zeros(after)]))
+
+
+# Filters
+
+
+@pytest.mark.parametrize("corners", [None, 1, 2, 8])
+@pytest.mark.parametrize("frequency", [0.5, 2.0, 5.0, 12.0])
+def test_a_sine_loses_amplitude_and_no_phase(frequency, corners):
+    before = sine(frequency, seconds=90.0)
+    low = process(before, lowpass=5.0, corners=corners).acceleration
+    high = process(before, highpass=5.0, corners=corners).acceleration
+    kept = gain(5.0, frequency, corners or 4)
+    np.testing.assert_allclose(middle(low), kept * middle(before.acceleration), atol=1e-9)
+    np.testing.assert_allclose(middle(high), (1.0 - kept) * middle(before.acceleration), atol=1e-9)
+
+
+def test_half_the_amplitude_is_left_at_the_corner():
+    assert gain(5.0, 5.0, 4) == 0.5
+
+
+@pytest.mark.parametrize("kind", ["highpass", "lowpass"])
+@pytest.mark.parametrize(("corner", "corners"), [(0.05, 4), (2.0, 4), (49.0, 10), (0.001, 1)])
+def test_zeros_around_the_record_change_nothing(kind, corner, corners):
+    """The filter is that of the motion which is zero outside its samples, however much of that is written out."""
+    alone = process(noise(), **{kind: corner}, corners=corners).acceleration
+    padded = process(noise(), pad=(20.0, 500.0), **{kind: corner}, corners=corners).acceleration
+    np.testing.assert_allclose(alone, padded[2000:4000], atol=1e-10 * np.max(np.abs(alone)))
+
+
+@pytest.mark.parametrize("kind", ["highpass", "lowpass"])
+def test_a_motion_in_reverse_is_filtered_in_reverse(kind):
+    before = np.zeros(4001)
+    before[1800:2200] = np.random.default_rng(3).standard_normal(400)
+    done = process(record(before), **{kind: 3.0}).acceleration
+    reverse = process(record(before[::-1]), **{kind: 3.0}).acceleration[::-1]
+    np.testing.assert_allclose(done, reverse, atol=1e-12)
+
+
+# Resampling
+
+
+@pytest.mark.parametrize("parts", [2, 3, 10])
+def test_old_samples_are_kept_between_new_ones(parts):
+    done = process(noise(), resample=DT / parts)
+    assert done.acceleration.size == parts * 1999 + 1
+    np.testing.assert_allclose(done.acceleration[::parts], noise().acceleration, atol=1e-13)
+
+
+@pytest.mark.parametrize("new", [0.0025, 0.004, 1.0 / 128.0, 0.02, 0.025, 0.0137, 0.1])
+def test_a_sine_that_both_can_hold_is_kept(new):
+    """Up to 0.9 of the old Nyquist frequency (shorter interval) or 0.8 of the new one (longer)."""
+    frequency = min(0.9 * 0.5 / DT, 0.8 * 0.5 / new)
+    done = process(sine(frequency), resample=new)
+    exact = np.sin(2.0 * math.pi * frequency * new * np.arange(done.acceleration.size))
+    assert f"frequencies up to {frequency:.4g} Hz kept" in done.notes[-1]
+    np.testing.assert_allclose(middle(done.acceleration), middle(exact), atol=2e-5)
+
+
+@pytest.mark.parametrize("new", [0.02, 0.025, 0.0137, 0.1])
+@pytest.mark.parametrize("part", [1.0, 1.1, 1.3])
+def test_what_the_new_interval_cannot_hold_is_gone_and_does_not_come_back_as_another_frequency(new, part):
+    done = process(sine(part * 0.5 / new), resample=new)
+    np.testing.assert_allclose(middle(done.acceleration), 0.0, atol=2e-5)
+
+
+@pytest.mark.parametrize("new", [0.004, 31.026 / 7339.0, 0.02, 0.03])
+def test_a_constant_stays_one_and_the_last_sample_is_not_passed(new):
+    done = process(record(np.ones(3001)), resample=new)
+    np.testing.assert_allclose(middle(done.acceleration), 1.0, atol=1e-13)
+    assert 30.0 - new < done.duration <= 30.0 + 1e-9
+
+
+def test_there_and_back():
+    before = process(noise(), lowpass=15.0, corners=8, pad=5.0)
+    back = process(process(before, resample=0.0031), resample=DT)
+    np.testing.assert_allclose(back.acceleration[:2900], before.acceleration[:2900], atol=3e-5)
+    assert process(before, resample=DT) is before
+
+
+# What does not fit
+
+
+@pytest.mark.parametrize(
+    ("wanted", "message"),
+    [
+        ({"trim": (0.0, 20.1)}, r"x.mseed: TD.X..HNE: trim 0:20.1 s leaves the record, which ends at 19.99 s"),
+        ({"trim": (30.0, None)}, "leaves the record"),
+        ({"trim": (1.001, 1.009)}, "trim 1.001:1.009 s leaves fewer than two samples, which are 0.01 s apart"),
+        ({"lowpass": 50.0}, "lowpass 50 Hz is not below the Nyquist frequency, 50 Hz"),
+        ({"highpass": 60.0}, "highpass 60 Hz is not below the Nyquist frequency, 50 Hz"),
+        ({"highpass": 1e-4}, "highpass 0.0001 Hz is too low for samples 0.01 s apart"),
+        ({"resample": 20.0}, "resampled at 20 s it would have less than two samples"),
+        ({"resample": 1e-9}, "would have more than 50000000 samples"),
+        ({"pad": 1e9}, "pad would add 200000000000 samples"),
+    ],
+)
+def test_steps_that_do_not_fit_the_record(wanted, message):
+    with pytest.raises(RecordError, match=message):
+        process(noise(), **wanted)
+
+
+@pytest.mark.parametrize(
+    "wanted",
+    [
+        {"trim": (2.0, 1.0)}, {"trim": (-1.0, 1.0)}, {"trim": (math.nan, 1.0)}, {"baseline": "quadratic"},
+        {"pad": -1.0},
+        {"pad": 0.0}, {"pad": (1.0, -0.5)}, {"pad": math.nan}, {"pad": math.inf}, {"highpass": 0.0}, {"lowpass": -1.0},
+        {"lowpass": math.inf}, {"highpass": 5.0, "lowpass": 5.0}, {"highpass": 1.0, "corners": 0},
+        {"highpass": 1.0, "corners": 11}, {"corners": 4}, {"resample": 0.0}, {"resample": math.nan},
+    ],
+)  # fmt: skip
+def test_values_that_make_no_sense(wanted):
+    (name, *_), message = wanted, "(corners|trim|baseline|pad|highpass|lowpass|resample)"
+    with pytest.raises(UsageError, match=message) as error:
+        process(noise(), **wanted)
+    assert name in str(error.value) or "corners" in str(error.value)
+
+
+def test_texts_of_the_command_line():
+    assert parse_trim("2:30") == (2.0, 30.0)
+    assert parse_trim(":30") == (None, 30.0)
+    assert parse_trim("2:") == (2.0, None)
+    assert parse_pad("2.5") == (2.5, 2.5)
+    assert parse_pad("1:2") == (1.0, 2.0)
+    for parse, text in (
+        (parse_trim, "2"),
+        (parse_trim, "1:2:3"),
+        (parse_trim, "a:b"),
+        (parse_pad, "1:"),
+        (parse_pad, ""),
+    ):
+        with pytest.raises(UsageError, match="must be"):
+            parse(text)
+
+
+def test_one_setting_over_another():
+    model = Processing(highpass=0.1, lowpass=20.0, baseline="linear")
+    assert Processing(lowpass=10.0).over(model) == Processing(highpass=0.1, lowpass=10.0, baseline="linear")
+    assert Processing().over(model) == model
+    with pytest.raises(UsageError, match="must be below"):
+        Processing(highpass=30.0).over(model)
