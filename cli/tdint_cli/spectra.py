@@ -16,7 +16,7 @@ from tdint.errors import TdintError, UsageError
 from tdint_cli import options
 from tdint_cli.batch import Task, outcomes
 from tdint_cli.errors import Failures
-from tdint_cli.sources import records_of, refuse_inputs, tables_of
+from tdint_cli.sources import records_of, refuse_inputs, sayings, tables_of
 from tdint_cli.startup import load_numba
 from tdint_cli.terminal import emit, say
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from tdint.ground_motion.processing import Processing
     from tdint.ground_motion.record import Record
     from tdint.output.files import Writer
     from tdint.output.tables import Table
@@ -73,6 +74,7 @@ class Request:
     units: str | None
     component: str | None
     inventory: str | None
+    processing: Processing
     damping: tuple[float, ...]
     periods: str | None
     period: tuple[float, ...]
@@ -231,25 +233,15 @@ def _work(request: Request, making: Making, task: Task) -> Product:
     from tdint.output.summary import record_summary
 
     records = read_records(task.source, units=request.units, component=request.component, inventory=request.inventory)
+    records = tuple(map(request.processing.apply, records))
     results = tuple(result for record in records for result in making.compute(request, record))
     return Product(
         csv=making.table(results).csv(),
         records=tuple(map(record_summary, records)),
-        notes=_notes(records),
+        notes=sayings(records, lambda record: record.notes),
         results=() if task.table or not request.plot else results,
         picture=_picture(making, results) if task.table and request.plot else None,
     )
-
-
-def _notes(records: Sequence[Record]) -> tuple[str, ...]:
-    """What is to be said of the components of one file; what holds for all of them is said once."""
-    notes: dict[str, None] = {}
-    for record in records:
-        for note in record.notes:
-            common = all(note in other.notes for other in records)
-            whose = record.source if common else f"{record.source}: {record.component or record.id}"
-            notes[f"{whose}: {note}"] = None
-    return tuple(notes)
 
 
 def _picture(making: Making, results: Sequence[Any]) -> bytes:

@@ -42,6 +42,16 @@ def test_a_spectrum_of_the_processed_record(folder, tdint):
     assert (summary["records"][0]["samples"], summary["records"][0]["dt_s"]) == (record.acceleration.size, 0.005)
 
 
+def test_a_drift_spectrum_of_the_processed_record(folder, tdint):
+    result = tdint("drift-spectrum", "other.mseed", "--period", "0.5", "--stories", "1", *OPTIONS, "-o", "out.csv")
+    record = process(read_record("other.mseed"), **STEPS)
+    (row,) = csv.DictReader(io.StringIO((folder / "out.csv").read_text()))
+    sd = spectrum(record, np.array([0.5])).sd[0]
+    assert float(row["peak_drift_ratio"]) == pytest.approx(sd / float(row["height_m"]), rel=1e-9)
+    assert set(notes(result)) == {f"other.mseed: {note}" for note in record.notes}
+    assert json.loads((folder / "out.json").read_text())["records"][0]["processing"] == list(record.processing)
+
+
 def test_nothing_is_changed_unless_asked_for(folder, tdint):
     result = tdint("spectrum", "other.mseed", "--period", "0.5", "-o", "out.csv", "--units", "m/s^2")
     assert result.stderr == ""
@@ -71,7 +81,9 @@ def test_a_step_that_does_not_fit_one_record_does_not_stop_the_others(folder, td
     assert "Error: short.mseed: TD.TEST..HNE: trim 1:2 s leaves the record" in result.stderr
 
 
-@pytest.mark.parametrize("command", ["run shaken.yaml", "info other.mseed", "spectrum other.mseed"])
+@pytest.mark.parametrize(
+    "command", ["run shaken.yaml", "info other.mseed", "spectrum other.mseed", "drift-spectrum other.mseed"]
+)
 @pytest.mark.parametrize(
     ("options", "message"),
     [

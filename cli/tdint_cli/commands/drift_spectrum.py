@@ -45,6 +45,7 @@ class Request(spectra.Request):
 @options.units
 @options.component
 @options.inventory
+@options.processing
 @spectra.damping
 @spectra.periods(_PERIODS)
 @click.option(
