@@ -202,7 +202,10 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
                 else:
                     switch(laws, springs, story, 0, how)
                 continue
-        _arrive(True, chain, laws, state, springs, work)
+        if straight:
+            _advance(chain, laws, state, springs, work)
+        else:
+            _arrive(True, chain, laws, state, springs, work)
         done += piece
         piece = h - done
         if not ending or piece <= _AT_ONCE * h:
@@ -363,8 +366,24 @@ def _factor(coefficients, chain, modal, h, work, factors):
 
 
 @inlined
+def _advance(chain, laws, state, springs, work):
+    """Update the state after a piece in which all stories go along their branches."""
+    below = 0.0
+    for i in range(chain.shape[1] - 1):
+        u = state[DISPLACEMENT, i] + work[DU, i]
+        state[DISPLACEMENT, i] = u
+        state[VELOCITY, i] += work[DV, i]
+        state[ACCELERATION, i] = work[A1, i]
+        advance(laws, springs, i, 0, u - chain[LINK, i] * below)
+        below = u
+
+
+@called
 def _arrive(frozen, chain, laws, state, springs, work):
-    """Update the state after a step or a piece of one; with `frozen`, linear stories go along their branches."""
+    """Update the state after a step or a piece of one; with `frozen`, linear stories go along their branches.
+
+    Not inlined, and not for linear stories alone: that would cost them a fifth to a half of their time.
+    """
     below = 0.0
     for i in range(chain.shape[1] - 1):
         u = state[DISPLACEMENT, i] + work[DU, i]
