@@ -146,6 +146,27 @@ def test_more_samples_of_the_same_motion_change_nothing(damping, hardening):
         assert coarse.residual == pytest.approx(fine.residual, rel=1e-6, abs=1e-8 * coarse.sd.max())
 
 
+def test_random_oscillators_under_random_motions():
+    """Noise, plateaus, spikes and steps; sampled coarsely or finely; weak and strong, stiff and soft oscillators."""
+    generator = np.random.default_rng(5)
+    for trial in range(200):
+        noise = generator.normal(size=int(generator.integers(2, 200)))
+        spikes = np.where(generator.random(noise.size) < 0.7, 0.0, noise)
+        shape = (noise, np.round(noise), spikes, np.sign(noise), np.ones(noise.size))[trial % 5]
+        record = Record(shape, 10 ** generator.uniform(-3.0, -0.3), "", "", "", "")
+        period = np.array([10 ** generator.uniform(-2.5, 1.3)])
+        damping = float(generator.choice([0.0, 0.02, 0.3, 0.99]))
+        hardening = float(generator.choice([0.0, 1e-6, 0.1, 0.99]))
+        (elastic,) = constant_ductility(record, period, [1.0], damping)
+        strength = elastic.yield_strength_ratio[0] * 10 ** generator.uniform(-3.0, 0.1) or 1.0
+        coarse, fine = (
+            constant_strength(motion, period, [strength], damping, hardening=hardening)[0]
+            for motion in (record, finer(record, 7))
+        )
+        assert coarse.sd == pytest.approx(fine.sd, rel=1e-10)
+        assert coarse.residual == pytest.approx(fine.residual, abs=1e-7 * fine.sd[0])
+
+
 def test_a_strong_oscillator_stays_elastic():
     periods = np.array([0.1, 1.0])
     (elastic,) = constant_ductility(NOISE, periods, [1.0])

@@ -1,4 +1,4 @@
-"""`tdint spectrum`: elastic response spectra of records."""
+"""`tdint spectrum`: response spectra of records."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tdint.errors import TdintError, UsageError
-from tdint_cli import options
+from tdint_cli import inelastic, options
 from tdint_cli.batch import Task, outcomes
 from tdint_cli.errors import Failures
 from tdint_cli.sources import records_of, refuse_inputs, sayings, tables_of
@@ -25,8 +25,9 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from tdint.analysis.spectrum import Manner, Spectrum
+    from tdint.analysis.spectrum import Manner
     from tdint.ground_motion.processing import Processing
+    from tdint.ground_motion.record import Record
     from tdint.output.files import Writer
 
 _SAMPLES_PER_PERIOD = 10
@@ -47,6 +48,9 @@ class Request:
     method: str | None
     maxima: str | None
     interpolation: str | None
+    ductility: tuple[float, ...] | None
+    strength: tuple[float, ...] | None
+    hardening: float | None
     output: str | None
     plot: bool
     jobs: int
@@ -69,8 +73,14 @@ class Request:
             del settings[name]
         settings["periods"] = list(self.period) or self.periods or DEFAULT_PERIODS
         settings["method"] = self.method or "exact"
+        settings["hardening"] = self.inelastic.stiffness_ratio if self.inelastic else None
         settings |= {"maxima": manner.maxima.name, "interpolation": manner.interpolation.name}
         return settings
+
+    @property
+    def inelastic(self) -> inelastic.Wanted:
+        """What is asked of oscillators that yield."""
+        return inelastic.Wanted(self.ductility, self.strength, self.hardening)
 
     @property
     def stated(self) -> tuple[str, ...]:
@@ -92,7 +102,7 @@ class Product:
         What there is to say of it.
     interval : float
         Sampling interval, s.
-    spectra : tuple of Spectrum
+    spectra : tuple
         Kept only for a picture of several records.
     picture : bytes or None
         The picture of this record, if it has one of its own.
@@ -102,7 +112,7 @@ class Product:
     records: tuple[dict[str, Any], ...]
     notes: tuple[str, ...]
     interval: float
-    spectra: tuple[Spectrum, ...] = ()
+    spectra: tuple[Any, ...] = ()
     picture: bytes | None = None
 
 
@@ -160,6 +170,9 @@ class Findings:
     help="The ground motion between its samples: straight lines (linear, the default), or the motion without "
     "frequencies above half the sampling rate (band-limited). Adds a column.",
 )
+@inelastic.ductility
+@inelastic.strength
+@inelastic.hardening
 @options.output(
     "FILE|DIR",
     "Write to this file instead of standard output; to one file per record in an existing folder or one that is named "
@@ -177,6 +190,10 @@ def command(**given: Any) -> None:
     velocity and absolute acceleration, the largest from the first sample to the last, between the samples, too. They
     are exact for a ground motion that is linear between its samples, or come from --method with the record's sampling
     interval as its step. A record that fails does not keep the others from being done.
+
+    --ductility and --strength make another table, of oscillators with bilinear hysteresis: yield force over weight,
+    ductility, displacement at rest after the record, largest and yield displacement, yield force over mass, and largest
+    elastic force over yield force.
     """
     _run(Request(**given))
 
@@ -216,6 +233,9 @@ def _check(request: Request) -> None:
         raise UsageError("--periods and --period are given; leave one of them out")
     if request.plot and request.output is None:
         raise UsageError("--plot writes a file: add -o FILE or -o DIR")
+    request.inelastic.refuse(
+        {"--method": request.method, "--maxima": request.maxima, "--interpolation": request.interpolation}
+    )
 
 
 def _tasks(request: Request, files: Sequence[str]) -> list[Task]:
@@ -255,31 +275,43 @@ def _manner(request: Request) -> Manner:
 
 def _work(request: Request, task: Task) -> Product:
     """All that becomes of one record; it may run in another process."""
-    from tdint.analysis.spectrum import spectrum
     from tdint.ground_motion.read import read_records
+    from tdint.output.inelastic_tables import inelastic_table
     from tdint.output.summary import record_summary
     from tdint.output.tables import spectrum_table
 
-    periods = _periods(request)
     records = read_records(task.source, units=request.units, component=request.component, inventory=request.inventory)
     records = tuple(map(request.processing.apply, records))
-    manner = {"method": request.method, "maxima": request.maxima, "interpolation": request.interpolation}
-    spectra = tuple(spectrum(record, periods, damping, **manner) for record in records for damping in request.damping)
+    spectra = tuple(spectrum for record in records for spectrum in _spectra(request, record))
+    table = inelastic_table(spectra) if request.inelastic else spectrum_table(spectra, request.stated)
     return Product(
-        csv=spectrum_table(spectra, request.stated).csv(),
+        csv=table.csv(),
         records=tuple(map(record_summary, records)),
         notes=sayings(records, lambda record: record.notes),
         interval=records[0].dt,
         spectra=() if task.table or not request.plot else spectra,
-        picture=_picture(spectra) if task.table and request.plot else None,
+        picture=_picture(request, spectra) if task.table and request.plot else None,
     )
 
 
-def _picture(spectra: Sequence[Spectrum]) -> bytes:
-    from tdint.output.plots import spectrum_picture
+def _spectra(request: Request, record: Record) -> Sequence[Any]:
+    """The spectra of a record, elastic or of oscillators that yield, for each damping ratio."""
+    from tdint.analysis.spectrum import spectrum
+
+    periods = _periods(request)
+    if request.inelastic:
+        return request.inelastic.spectra(record, periods, request.damping)
+    manner = {"method": request.method, "maxima": request.maxima, "interpolation": request.interpolation}
+    return [spectrum(record, periods, damping, **manner) for damping in request.damping]
+
+
+def _picture(request: Request, spectra: Sequence[Any]) -> bytes:
+    from tdint.output.inelastic_plots import inelastic_picture
+    from tdint.output.spectrum_plots import spectrum_picture
 
     stream = BytesIO()
-    spectrum_picture(spectra, ".png")(stream)
+    draw = inelastic_picture if request.inelastic else spectrum_picture
+    draw(spectra, ".png")(stream)
     return stream.getvalue()
 
 
@@ -295,7 +327,7 @@ def _write(request: Request, table: Path, products: Sequence[Product]) -> None:
     ]
     if request.plot:
         spectra = [spectrum for product in products for spectrum in product.spectra]
-        contents.append(products[0].picture or _picture(spectra))
+        contents.append(products[0].picture or _picture(request, spectra))
     writers = {file: _writer(content) for file, content in zip(_files_of(request, table), contents, strict=True)}
     write_files(writers, overwrite=request.overwrite, new_folder=request.is_folder)
 

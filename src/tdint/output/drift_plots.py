@@ -11,7 +11,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from tdint.output.drift_tables import DriftSpectrumResult
 from tdint.output.files import Writer
-from tdint.output.plots import Panel, add_title, draw_over_periods, line_labels, over_periods_title, picture
+from tdint.output.plots import add_title, picture
+from tdint.output.spectrum_plots import Panel, draw_over_periods, line_labels, over_periods_title
 
 
 def drift_spectrum_picture(spectra: Sequence[DriftSpectrumResult], suffix: str) -> Writer:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
+import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 
 from tdint.output.files import Writer
 from tdint.output.inelastic_tables import InelasticResult
-from tdint.output.plots import Panel, add_title, draw_over_periods, line_labels, over_periods_title, picture
+from tdint.output.plots import add_title, picture
+from tdint.output.spectrum_plots import Panel, draw_over_periods, line_labels, over_periods_title
 
 
 def inelastic_picture(spectra: Sequence[InelasticResult], suffix: str) -> Writer:
@@ -49,9 +53,21 @@ def _draw(spectra: Sequence[InelasticResult]) -> Figure:
     ]
     variants = [(spectrum.damping, what) for spectrum, what in zip(spectra, given, strict=True)]
     figure = draw_over_periods(spectra, panels, labels, variants)
+    if spectra[0].target is None:
+        _show_ductility(figure.axes[0], spectra)
     more = ("" if several else f"{given[0]}, ") + f"bilinear, hardening {spectra[0].hardening:g}"
     add_title(figure, over_periods_title("Inelastic spectrum", "Inelastic spectra", spectra, more))
     return figure
+
+
+def _show_ductility(axes: Any, spectra: Sequence[InelasticResult]) -> None:
+    """On a logarithmic axis, with a line at first yielding."""
+    if not any(np.any(spectrum.ductility > 0.0) for spectrum in spectra):
+        return
+    axes.set_yscale("log")
+    axes.autoscale(axis="y")
+    axes.axhline(1.0, color="0.55", linewidth=0.8)
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
 def _given(spectrum: InelasticResult) -> str:

@@ -1,4 +1,4 @@
-"""Figures of runs and spectra for reports: SI units, readable in black and white, PNG, PDF or SVG.
+"""Figures of runs for reports, and what all figures share: SI units, readable in black and white, PNG, PDF or SVG.
 
 Only the modules of plots import matplotlib, and by its objects: no window system, no state shared between figures.
 """
@@ -7,23 +7,20 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from textwrap import shorten
-from typing import Any, BinaryIO, Protocol, TypeVar
+from typing import Any, BinaryIO
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, MaxNLocator
-from numpy.typing import NDArray
+from matplotlib.ticker import MaxNLocator
 
 from tdint.errors import OutputError
-from tdint.ground_motion.record import Record
 from tdint.output.files import Writer, write_file
-from tdint.output.results import Array, RunResult, SpectrumResult
-from tdint.output.tables import component_names
+from tdint.output.results import Array, RunResult
 
 _STYLE = {
     "font.size": 9.0,
@@ -50,7 +47,6 @@ _VISIBLE = 0.05  # the drift at the end is shown where it reaches this part of t
 COLORS = ("#1f4e79", "#d1782c", "#4a9a62", "#8e2f6d", "#7d7d7d", "#2aa1b3")
 DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (2, 1.5)), (0, (7, 2, 1.5, 2)), (0, (4, 1.5, 1, 1.5, 1, 1.5)))
 MARKERS = ("o", "s", "^", "D", "v", "P", "x")
-_FEW = 8  # periods: with fewer every one is marked
 _IN_LEGEND = 24  # lines beyond these are drawn, and counted in the legend
 
 _METADATA: dict[str, dict[str, Any]] = {
@@ -63,11 +59,6 @@ _METADATA: dict[str, dict[str, Any]] = {
 def plot_run(response: RunResult, file: Path, *, overwrite: bool = False) -> None:
     """Draw a run to a file, by its suffix PNG, PDF or SVG; see `run_picture`."""
     write_file(file, run_picture(response, file.suffix), overwrite=overwrite)
-
-
-def plot_spectrum(spectra: Sequence[SpectrumResult], file: Path, *, overwrite: bool = False) -> None:
-    """Draw spectra to a file, by its suffix PNG, PDF or SVG; see `spectrum_picture`."""
-    write_file(file, spectrum_picture(spectra, file.suffix), overwrite=overwrite)
 
 
 def run_picture(response: RunResult, suffix: str) -> Writer:
@@ -95,14 +86,6 @@ def run_picture(response: RunResult, suffix: str) -> Writer:
     if response.history is None:
         raise ValueError("a picture of a run needs its history: run(..., history=True)")
     return picture(suffix, lambda: _draw_run(response))
-
-
-def spectrum_picture(spectra: Sequence[SpectrumResult], suffix: str) -> Writer:
-    """Picture of spectra: pseudo-acceleration and displacement over period, a line per component and damping ratio.
-
-    Parameters, return value and errors are those of `run_picture`.
-    """
-    return picture(suffix, lambda: _draw_spectra(spectra))
 
 
 def picture_format(suffix: str) -> str:
@@ -141,7 +124,7 @@ def _draw_run(response: RunResult) -> Figure:
     _draw_hysteresis(figure.add_subplot(grid[2, 1]), response)
     title = f"{response.model.name}\n{response.method}, dt {response.dt:.4g} s"
     if response.record is not None:
-        title += f", {_record_name(response.record.source)} {response.record.component}".rstrip()
+        title += f", {record_name(response.record.source)} {response.record.component}".rstrip()
     add_title(figure, title)
     return figure
 
@@ -246,97 +229,6 @@ def scaled_unit(largest: float, unit: str) -> tuple[float, str]:
     return 1.0, unit
 
 
-def _draw_spectra(spectra: Sequence[SpectrumResult]) -> Figure:
-    panels: list[Panel[SpectrumResult]] = [
-        ("pseudo-acceleration PSA (m/s²)", lambda spectrum: spectrum.psa),
-        ("displacement SD (m)", lambda spectrum: spectrum.sd),
-    ]
-    figure = draw_over_periods(spectra, panels, line_labels(spectra))
-    add_title(figure, _spectra_title(spectra))
-    return figure
-
-
-class OverPeriods(Protocol):
-    """What a line over the period needs; `periods` (s) of shape (k,)."""
-
-    @property
-    def record(self) -> Record: ...
-    @property
-    def damping(self) -> float: ...
-    @property
-    def periods(self) -> Array: ...
-
-
-Line = TypeVar("Line", bound=OverPeriods)
-Panel = tuple[str, Callable[[Line], Array]]
-"""Label of the values, and the values of a line, shape (k,)."""
-
-
-def draw_over_periods(results: Sequence[Line], panels: Sequence[Panel[Line]], labels: Sequence[str]) -> Figure:
-    """Two panels one above the other, with a line for each result over its periods; no title yet."""
-    figure = Figure(figsize=(7.5, 7.8), layout="constrained")
-    both = figure.subplots(2, 1, sharex=True, height_ratios=(1.25, 1.0))
-    lines = []
-    for result, style in zip(results, _line_styles(results), strict=True):
-        order = _shown(result.periods)
-        period = result.periods[order]
-        if period.size < _FEW:
-            style = {"marker": "o", **style, "markevery": 1}
-        for axes, (_, values) in zip(both, panels, strict=True):
-            lines += axes.plot(period, values(result)[order], markersize=4, **style)
-    for axes, (label, _) in zip(both, panels, strict=True):
-        axes.set_ylabel(label)
-        axes.set_ylim(bottom=0.0)
-    both[1].set_xlabel("period (s)")
-    _log_periods(both[1], results)
-    add_legend(figure, both[0], lines[::2], list(labels))  # a single line has its name in the title
-    return figure
-
-
-def _line_styles(spectra: Sequence[OverPeriods]) -> list[dict[str, Any]]:
-    """Lines to be told apart without color: dashes per component, or per damping ratio and markers per component."""
-    names = component_names([spectrum.record for spectrum in spectra])
-    motions = [(spectrum.record.source, name) for spectrum, name in zip(spectra, names, strict=True)]
-    number = {motion: i for i, motion in enumerate(dict.fromkeys(motions))}
-    ratios = {ratio: i for i, ratio in enumerate(dict.fromkeys(spectrum.damping for spectrum in spectra))}
-    marked = len(number) > len(DASHES) or (len(number) > 1 and len(ratios) > 1)
-    styles = []
-    for spectrum, motion in zip(spectra, motions, strict=True):
-        i = number[motion]
-        dash = ratios[spectrum.damping] if len(ratios) > 1 else i
-        style = {"color": COLORS[i % len(COLORS)], "linestyle": DASHES[dash % len(DASHES)]}
-        if marked:
-            style |= {"marker": MARKERS[i % len(MARKERS)], "markevery": (0.03 * (i % 6), 0.18)}
-        styles.append(style)
-    return styles
-
-
-def _shown(periods: Array) -> NDArray[np.intp]:
-    """Places of the periods that are drawn, in rising order: period 0 has none on a logarithmic axis."""
-    order = np.argsort(periods, kind="stable")
-    positive = order[periods[order] > 0.0]
-    return positive if positive.size else order
-
-
-def _log_periods(axes: Any, results: Sequence[OverPeriods]) -> None:
-    shown = np.concatenate([result.periods[_shown(result.periods)] for result in results])
-    low, high = float(np.min(shown)), float(np.max(shown))
-    if not low > 0.0:
-        return
-    axes.set_xscale("log")
-    if low < high:
-        axes.set_xlim(low, high)
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.xaxis.set_minor_formatter(
-        FuncFormatter(lambda value, _: f"{value:g}" if high < 12.0 * low or _leads(value, "25") else "")
-    )
-
-
-def _leads(value: float, digits: str) -> bool:
-    """Whether the first digit of `value` is one of `digits`."""
-    return f"{value / 10.0 ** math.floor(math.log10(value) + 1e-9):.0f}" in digits
-
-
 def add_legend(figure: Figure, axes: Any, lines: list[Any], labels: list[str], narrow: int = 24) -> None:
     """A legend below the panels, for which the figure grows; none for a single line.
 
@@ -355,43 +247,6 @@ def add_legend(figure: Figure, axes: Any, lines: list[Any], labels: list[str], n
         text.set_parse_math(False)
 
 
-def line_labels(spectra: Sequence[OverPeriods]) -> list[str]:
-    """What tells the lines apart: the record if there are several, the component, the damping if there are several."""
-    names = component_names([spectrum.record for spectrum in spectra])
-    several_files = len({spectrum.record.source for spectrum in spectra}) > 1
-    several_ratios = len({spectrum.damping for spectrum in spectra}) > 1
-    labels = []
-    for spectrum, name in zip(spectra, names, strict=True):
-        file = _record_name(spectrum.record.source) if several_files or not name else ""
-        ratio = f"{100.0 * spectrum.damping:g} %" if several_ratios else ""
-        labels.append(", ".join(filter(None, (file, name, ratio))))
-    return labels
-
-
-def _spectra_title(spectra: Sequence[SpectrumResult]) -> str:
-    return over_periods_title("Elastic response spectrum", "Elastic response spectra", spectra, _how(spectra[0]))
-
-
-def over_periods_title(one: str, several: str, results: Sequence[OverPeriods], more: str) -> str:
-    """`ONE of FILE COMPONENT`, or `SEVERAL of ...`; below it the damping and what more there is to say."""
-    sources = list(dict.fromkeys(result.record.source for result in results))
-    ratios = list(dict.fromkeys(result.damping for result in results))
-    what = _record_name(sources[0]) if len(sources) == 1 else f"{len(sources)} records"
-    damping = ", ".join(f"{100.0 * ratio:g} %" for ratio in ratios)
-    if len(results) == 1:
-        return f"{one} of {what} {results[0].record.component}\n{damping} damping, {more}"
-    return f"{several} of {what}\n{damping} damping, {more}"
-
-
-def _how(spectrum: SpectrumResult) -> str:
-    """The method, and what was chosen beside it."""
-    words = ["exact solution" if spectrum.method == "exact" else spectrum.method]
-    if spectrum.method == "exact" and spectrum.maxima != "exact":
-        words.append(f"maxima: {spectrum.maxima}")
-    if spectrum.interpolation != "linear":
-        words.append(f"{spectrum.interpolation} motion")
-    return ", ".join(words)
-
-
-def _record_name(source: str) -> str:
+def record_name(source: str) -> str:
+    """What a picture calls a record."""
     return "standard input" if source == "-" else Path(source).name
