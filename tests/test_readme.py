@@ -69,6 +69,22 @@ def test_the_loops_of_a_law(checkout):
     assert (folder / "loops.png").exists()
 
 
+def test_the_inelastic_spectra(checkout):
+    folder, environment = checkout
+    result = subprocess.run(
+        ["bash", "-eu", "-c", readme.block("inelastic")], cwd=folder, env=environment, capture_output=True, text=True
+    )
+    assert (result.returncode, result.stdout) == (0, ""), result.stderr
+    found, given = (
+        list(csv.DictReader((folder / name).read_text().splitlines())) for name in ("ductilities.csv", "strengths.csv")
+    )
+    assert all(float(row["ductility"]) == pytest.approx(float(row["target_ductility"]), rel=1e-8) for row in found)
+    assert {row["yield_strength_ratio"] for row in given} == {"0.1", "0.2"}
+    columns = re.findall(r"`(\w+)`", TEXT.partition("| column | meaning |")[2].partition("There is no error")[0])
+    assert set(columns) <= set(found[0])
+    assert (folder / "ductilities.png").exists()
+
+
 def test_the_drift_spectra(checkout):
     folder, environment = checkout
     result = subprocess.run(

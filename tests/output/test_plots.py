@@ -15,7 +15,8 @@ from tdint.analysis.spectrum import spectrum
 from tdint.errors import OutputError
 from tdint.ground_motion.record import Record
 from tdint.model.config import load_model
-from tdint.output.plots import plot_run, plot_spectrum, run_picture
+from tdint.output.plots import plot_run, run_picture
+from tdint.output.spectrum_plots import plot_spectrum
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 STARTS = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
