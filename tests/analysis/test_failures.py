@@ -112,6 +112,8 @@ def test_softening_at_0_05():
     assert 0.99 <= kept.energy_ratio_min <= kept.energy_ratio_max <= 1.01
     assert kept.verdict == "pass"
     assert trial("newmark-average", "softening", 0.05).verdict == "loses energy"
+    average = trial("newmark-average", "softening", 0.1)
+    assert (average.energy_ratio_min, average.energy_ratio_max) == pytest.approx((0.86, 1.0), abs=0.005)
 
 
 def test_the_published_method_loses_and_gains_energy():
