@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,23 +79,35 @@ def largest(ground: Array, dt: float, omega: Array, damping: float, maxima: Maxi
     damping : float
         Damping ratio, in [0, 1).
     """
-    parts = maxima.parts(omega, dt)
-    table = _table(omega, damping, dt / parts)
     result = np.empty((spectra.PEAKS, omega.size))
-    for count in np.unique(parts).tolist():
-        chosen = np.flatnonzero(parts == count)
-        columns, lanes = _padded(chosen)
+    for chosen, parts, table in groups(omega, damping, dt, maxima, _lanes):
+        lanes = _lanes(chosen.size)
         found = np.empty((spectra.PEAKS, chosen.size))
-        spectra.peaks.compiled(ground, dt, count, table.take(columns, axis=1), lanes, int(maxima.between), found)
+        spectra.peaks.compiled(ground, dt, parts, table, lanes, int(maxima.between), found)
         result[:, chosen] = found
     return result
 
 
-def _padded(chosen: NDArray[np.intp]) -> tuple[NDArray[np.intp], int]:
-    """Columns in groups of equal size, the last one repeated to fill them, and that size."""
-    groups = -(-chosen.size // _LANES)
-    lanes = -(-chosen.size // (groups * _REGISTER)) * _REGISTER
-    return np.append(chosen, np.full(groups * lanes - chosen.size, chosen[-1])), lanes
+def groups(
+    omega: Array, damping: float, dt: float, maxima: Maxima, lanes: Callable[[int], int]
+) -> Iterator[tuple[NDArray[np.intp], int, Array]]:
+    """Oscillators whose sampling interval is divided into the same number of parts: their places, that number, a table.
+
+    The table is the kernel's, the last oscillator repeated to fill a multiple of `lanes` columns: that many of so many
+    oscillators march together.
+    """
+    parts = maxima.parts(omega, dt)
+    table = _table(omega, damping, dt / parts)
+    for count in np.unique(parts).tolist():
+        chosen = np.flatnonzero(parts == count)
+        columns = np.append(chosen, np.full(-chosen.size % lanes(chosen.size), chosen[-1]))
+        yield chosen, count, table.take(columns, axis=1)
+
+
+def _lanes(count: int) -> int:
+    """How many of `count` oscillators march together: whole registers, in equal groups."""
+    alike = -(-count // _LANES)
+    return -(-count // (alike * _REGISTER)) * _REGISTER
 
 
 def _table(omega: Array, damping: float, h: Array) -> Array:

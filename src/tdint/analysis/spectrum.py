@@ -116,18 +116,14 @@ def spectrum(
     AnalysisError
         A period is too short for the record, or the method is unstable at a period.
     """
-    periods = np.atleast_1d(np.asarray(periods, dtype=np.float64))
-    if periods.size == 0 or not np.all(np.isfinite(periods) & (periods >= 0.0)):
-        raise UsageError("periods must be numbers of seconds, 0 or positive")
-    if not 0.0 <= damping < 1.0:
-        raise UsageError(f"damping must be a ratio in [0, 1), got {damping!r}")
+    periods = checked_periods(periods, damping)
     manner = choose_manner(method, maxima, interpolation)
     positive = periods > 0.0
     omega = np.divide(2.0 * math.pi, periods, out=np.zeros_like(periods), where=positive)
     values = np.zeros((3, periods.size))
     label = manner.method or "exact"
     if np.any(positive):
-        _check_shortest(record, float(np.min(periods[positive])))
+        check_shortest(record, periods)
         label, values[:, positive] = _largest(record, omega[positive], damping, manner)
     sd, sv, sa = values
     psv, psa = omega * sd, omega**2 * sd
@@ -136,6 +132,16 @@ def spectrum(
     return Spectrum(
         record, damping, label, periods, sd, psv, psa, sv, sa, manner.maxima.name, manner.interpolation.name
     )
+
+
+def checked_periods(periods: Array, damping: float) -> Array:
+    """The periods as an array, shape (k,); UsageError if they or the damping ratio make no sense."""
+    periods = np.atleast_1d(np.asarray(periods, dtype=np.float64))
+    if periods.size == 0 or not np.all(np.isfinite(periods) & (periods >= 0.0)):
+        raise UsageError("periods must be numbers of seconds, 0 or positive")
+    if not 0.0 <= damping < 1.0:
+        raise UsageError(f"damping must be a ratio in [0, 1), got {damping!r}")
+    return periods
 
 
 def choose_manner(method: str | None, maxima: str | None, interpolation: str | None) -> Manner:
@@ -165,7 +171,9 @@ def _named(table: dict[str, Choice], name: str, what: str) -> Choice:
     return table[name]
 
 
-def _check_shortest(record: Record, shortest: float) -> None:
+def check_shortest(record: Record, periods: Array) -> None:
+    """Raise AnalysisError for a period that is not 0 and far below the sampling interval."""
+    shortest = float(np.min(periods[periods > 0.0]))
     if shortest < SHORTEST * record.dt:
         raise AnalysisError(
             f"the period {shortest:.6g} s is less than {SHORTEST:g} sampling intervals of {record.dt:.6g} s; ask for "

@@ -16,11 +16,10 @@ Steps longer than that are divided by the caller, for each oscillator as it need
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, called, inlined, kernel
+from tdint.kernels.between import TERMS, divide, largest_between, may_exceed, rise
+from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, called, kernel
 
 # Rows of the table of oscillators
 A11 = 0  # u1 = A11 u0 + A12 v0 - B10 g0 - B11 g1
@@ -45,9 +44,6 @@ STRETCH = 32
 """Steps over which largest values are kept."""
 
 _BLOCK = 4  # steps that a lane does before the next lane's turn: its numbers stay in registers
-_TERMS = 13  # of the Taylor series
-_NEWTON = 30
-_CLOSE = 1e-7  # of a step: an error of the place, whose square is the error of the largest value
 
 
 @kernel(I8(VECTOR, F8, I8, TABLE, I8, I8, TABLE), allocates=True)
@@ -67,7 +63,7 @@ def peaks(samples, dt, parts, oscillators, lanes, between, result):
     """
     h = dt / parts
     ground = np.empty((samples.size - 1) * parts + 1)
-    _divide(samples, parts, ground)
+    divide(samples, parts, ground)
     steps = ground.size - 1
     whole = steps // STRETCH
     # Arrays of their own: the compiler must see that they do not overlap.
@@ -79,7 +75,7 @@ def peaks(samples, dt, parts, oscillators, lanes, between, result):
     starts = np.empty((lanes, whole + 1, 2))
     tops = np.empty((lanes, whole, PEAKS))
     shaking = np.empty((whole, 2))
-    best, series = np.empty(PEAKS), np.empty((3, _TERMS))  # of q, q' and q''
+    best, series = np.empty(PEAKS), np.empty((3, TERMS))  # of q, q' and q''
     for c in range(whole):
         _measure_shaking(ground, h, c, shaking)
     for group in range(0, oscillators.shape[1], lanes):
@@ -119,16 +115,6 @@ def peaks(samples, dt, parts, oscillators, lanes, between, result):
 
 
 @called
-def _divide(samples, parts, ground):
-    """Put points on the straight lines between the samples, `parts` steps to an interval."""
-    for i in range(samples.size - 1):
-        rise = samples[i + 1] - samples[i]
-        for k in range(parts):
-            ground[i * parts + k] = samples[i] + rise * k / parts
-    ground[ground.size - 1] = samples[samples.size - 1]
-
-
-@called
 def _measure_shaking(ground, h, stretch, shaking):
     """Largest acceleration and slope of the ground in a stretch."""
     begin = stretch * STRETCH
@@ -162,7 +148,7 @@ def _search(ground, h, oscillators, column, starts, tops, shaking, between, seri
     if at_a < whole and at_a != at_u and at_a != at_v:
         _march(ground, h, oscillators, column, starts, at_a, between, series, best)
     by_u, by_v = oscillators[BY_DISPLACEMENT, column], oscillators[BY_VELOCITY, column]
-    rise = _rise(by_u, by_v, h)
+    margin = rise(by_u, by_v, h)
     for c in range(whole):
         if c in (at_u, at_v, at_a):
             continue
@@ -170,21 +156,11 @@ def _search(ground, h, oscillators, column, starts, tops, shaking, between, seri
         bend_v = by_v * bend_u + by_u * tops[c, 1] + shaking[c, 1]
         bend_a = by_v * bend_v + by_u * bend_u
         if (
-            tops[c, 0] + rise * bend_u > best[0]
-            or tops[c, 1] + rise * bend_v > best[1]
-            or tops[c, 2] + rise * bend_a > best[2]
+            tops[c, 0] + margin * bend_u > best[0]
+            or tops[c, 1] + margin * bend_v > best[1]
+            or tops[c, 2] + margin * bend_a > best[2]
         ):
             _march(ground, h, oscillators, column, starts, c, between, series, best)
-
-
-@inlined
-def _rise(by_u, by_v, h):
-    """By how much, at most, a quantity exceeds its values at both samples, over the larger of its q'' there.
-
-    q lies within h^2/8 max |q''| of the chord. q'' is a free vibration: over omega h <= 1 its largest value is at most
-    exp(xi omega h) / cos(omega h / 2) times the larger one at the ends.
-    """
-    return 0.125 * h * h * math.exp(0.5 * by_v * h) / math.cos(0.5 * math.sqrt(by_u) * h)
 
 
 @called
@@ -203,7 +179,7 @@ def _march(ground, h, oscillators, column, starts, stretch, between, series, bes
         oscillators[B21, column],
     )
     by_u, by_v = oscillators[BY_DISPLACEMENT, column], oscillators[BY_VELOCITY, column]
-    rise = _rise(by_u, by_v, h)
+    margin = rise(by_u, by_v, h)
     u, v = starts[stretch, 0], starts[stretch, 1]
     g0 = ground[stretch * STRETCH]
     p = by_u * u + by_v * v  # less the absolute acceleration
@@ -222,83 +198,11 @@ def _march(ground, h, oscillators, column, starts, stretch, between, series, bes
             dp, dp1 = by_u * v + by_v * a, by_u * v1 + by_v * a1
             j, j1 = -dp - slope, -dp1 - slope
             ddp, ddp1 = by_u * a + by_v * j, by_u * a1 + by_v * j1
-            if _may_exceed(best[0], rise, u, v, a, u1, v1, a1):
-                best[0] = max(best[0], _largest_between(u, v, a, j, v1, by_u, by_v, h, series))
-            if _may_exceed(best[1], rise, v, a, j, v1, a1, j1):
-                best[1] = max(best[1], _largest_between(v, a, j, -ddp, a1, by_u, by_v, h, series))
-            if _may_exceed(best[2], rise, p, dp, ddp, p1, dp1, ddp1):
+            if may_exceed(best[0], margin, u, v, a, u1, v1, a1):
+                best[0] = max(best[0], largest_between(u, v, a, j, v1, by_u, by_v, h, series))
+            if may_exceed(best[1], margin, v, a, j, v1, a1, j1):
+                best[1] = max(best[1], largest_between(v, a, j, -ddp, a1, by_u, by_v, h, series))
+            if may_exceed(best[2], margin, p, dp, ddp, p1, dp1, ddp1):
                 dddp = by_u * j - by_v * ddp
-                best[2] = max(best[2], _largest_between(p, dp, ddp, dddp, dp1, by_u, by_v, h, series))
+                best[2] = max(best[2], largest_between(p, dp, ddp, dddp, dp1, by_u, by_v, h, series))
         u, v, p, a, g0 = u1, v1, p1, a1, g1
-
-
-@inlined
-def _may_exceed(best, rise, q0, d0, e0, q1, d1, e1):
-    """Whether q, with q' = d and q'' = e at both ends, may have an extreme between them that is larger than `best`.
-
-    e changes its sign once at most, so that d has one zero if its signs differ, else two or none. Where d starts from
-    zero (at rest), e is its sign.
-    """
-    turns = (d0 if d0 != 0.0 else e0) * d1 < 0.0 or (d0 * e0 < 0.0 and d1 * e1 > 0.0)
-    return turns and max(abs(q0), abs(q1)) + rise * max(abs(e0), abs(e1)) > best
-
-
-@called
-def _largest_between(q, d, e, f, d1, by_u, by_v, h, series):
-    """Largest absolute value at the extremes of q within a step; q, q', q'', q''' are those at its start, d1 is q' at
-    its end.
-    """
-    n = series.shape[1]
-    series[0, 0], series[0, 1], series[0, 2], series[0, 3] = q, h * d, 0.5 * h * h * e, h * h * h / 6.0 * f
-    for k in range(2, n - 2):
-        series[0, k + 2] = -(by_v * h * series[0, k + 1] + by_u * h * h * series[0, k] / (k + 1)) / (k + 2)
-    for order in range(1, 3):
-        for k in range(n - 1):
-            series[order, k] = (k + 1) * series[order - 1, k + 1]
-        series[order, n - 1] = 0.0
-    if d == 0.0:  # a zero at the start is none between: divide by x
-        for k in range(n - 1):
-            series[1, k] = series[1, k + 1]
-        return _at_extreme(series, 0.0, 1.0)
-    if d * d1 < 0.0:
-        return _at_extreme(series, 0.0, 1.0)
-    turn = _root(series[2], 0.0, 1.0)
-    if _value(series[1], turn)[0] * d >= 0.0:
-        return 0.0
-    return max(_at_extreme(series, 0.0, turn), _at_extreme(series, turn, 1.0))
-
-
-@called
-def _at_extreme(series, low, high):
-    """Absolute value of q at the zero of q' between `low` and `high`."""
-    return abs(_value(series[0], _root(series[1], low, high))[0])
-
-
-@called
-def _root(coefficients, low, high):
-    """The zero of a series whose signs differ at `low` and `high`: Newton's method, kept between them."""
-    at_low, at_high = _value(coefficients, low)[0], _value(coefficients, high)[0]
-    x = low + (high - low) * at_low / (at_low - at_high)
-    for _ in range(_NEWTON):
-        value, slope = _value(coefficients, x)
-        if value * at_low > 0.0:
-            low = x
-        else:
-            high = x
-        better = x - value / slope if slope != 0.0 else low
-        if not low < better < high:
-            better = 0.5 * (low + high)
-        if abs(better - x) < _CLOSE:
-            return better
-        x = better
-    return x
-
-
-@inlined
-def _value(coefficients, x):
-    """A power series at x, and its slope (Horner)."""
-    value = slope = 0.0
-    for k in range(coefficients.size - 1, -1, -1):
-        slope = slope * x + value
-        value = value * x + coefficients[k]
-    return value, slope

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 
-from tdint.output.results import Array, Histories, SpectrumResult, Stories
+from tdint.output.results import Array, Histories, RotatedResult, SpectrumResult, Stories
 
 if TYPE_CHECKING:
     from tdint.ground_motion.record import Record
@@ -44,6 +44,7 @@ SPECTRUM_COLUMNS = (
     "sv_m_s",
     "sa_m_s2",
 )
+ROTATED_COLUMNS = ("geometric_mean_psa_m_s2", "rotd100_angle_deg")
 METHOD_COLUMNS = ("name", "family", "parameters", "order", "implicit", "stability_limit", "rho_inf", "source")
 MODE_COLUMNS = (
     "mode",
@@ -122,6 +123,21 @@ def spectrum_table(spectra: Sequence[SpectrumResult], stated: Sequence[str] = ()
             for values in zip(*(column.tolist() for column in columns), strict=True)
         )
     return Table((*SPECTRUM_COLUMNS, *stated), rows)
+
+
+def rotated_table(spectra: Sequence[RotatedResult], stated: Sequence[str] = ()) -> Table:
+    """One row per motion, damping ratio and period, a column per percentile; `stated` as for `spectrum_table`."""
+    rows: list[tuple[Cell, ...]] = []
+    for spectrum in spectra:
+        choices = {"maxima": spectrum.maxima, "interpolation": spectrum.interpolation}
+        ends = [choices[name] for name in stated]
+        columns = (spectrum.periods, *spectrum.psa, spectrum.geometric_mean, spectrum.angle)
+        rows.extend(
+            (spectrum.motion.source, spectrum.motion.component, spectrum.damping, *values, *ends)
+            for values in zip(*(column.tolist() for column in columns), strict=True)
+        )
+    percentiles = (f"rotd{percentile:02d}_psa_m_s2" for percentile in spectra[0].percentiles)
+    return Table((*SPECTRUM_COLUMNS[:4], *percentiles, *ROTATED_COLUMNS, *stated), rows)
 
 
 def component_names(records: Sequence[Record]) -> list[str]:
