@@ -101,7 +101,7 @@ def test_the_summary(folder, tdint):
     summary = json.loads((folder / "out" / "summary.json").read_text())
     assert list(summary) == [
         "status", "name", "method", "dt_s", "steps", "duration_s", "iterations", "halvings", "events", "wall_time_s",
-        "march_time_s", "energy", "peaks", "collapse_drift", "record", "notes", "inputs", "versions",
+        "march_time_s", "energy", "peaks", "collapse_drift", "collapse", "record", "notes", "inputs", "versions",
     ]  # fmt: skip
     assert (summary["status"], summary["name"], summary["method"]) == ("done", "shaken", "newmark-average")
     assert (summary["dt_s"], summary["steps"], summary["duration_s"]) == (0.01, 299, 2.99)
@@ -222,8 +222,10 @@ def test_a_failed_run_writes_its_summary_alone(folder, tdint):
     summary = json.loads((folder / "out" / "summary.json").read_text())
     assert summary["status"] == "diverged"
     assert result.stderr.endswith(f"Error: {summary['message']}\n")
-    assert (summary["method"], summary["dt_s"], summary["story"]) == ("central-difference", 0.5, None)
+    assert (summary["method"], summary["dt_s"], summary["story"]) == ("central-difference", 0.5, 2)
     assert summary["time_s"] > 0.0
+    assert summary["kinetic_J"] > 1e6
+    assert "peaks" not in summary
     assert summary["inputs"][0]["file"] == "forced.yaml"
 
 
@@ -232,10 +234,42 @@ def test_a_failed_run_without_a_folder(folder, tdint):
 
 
 def test_a_collapse_is_told_and_is_no_error(folder, tdint):
-    result = tdint("run", "shaken.yaml", "--scale", "50", "-o", "out")
+    result = tdint("run", "shaken.yaml", "--scale", "50", "-o", "out", "--history")
     assert result.exit_code == 0
-    assert "Status collapsed: a drift ratio is over 0.1." in result.stderr
-    assert json.loads((folder / "out" / "summary.json").read_text())["status"] == "collapsed"
+    summary = json.loads((folder / "out" / "summary.json").read_text())
+    assert summary["status"] == "collapsed"
+    collapse = summary["collapse"]
+    assert collapse["run_ended"] is False
+    told = f"Status collapsed: the drift ratio of story {collapse['story']} exceeds 0.1 at {collapse['time_s']:.6g} s."
+    assert told in result.stderr
+    history = rows((folder / "out" / "history.csv").read_text())
+    drift = [abs(float(row[f"story_{collapse['story']}_drift_m"])) / 3.0 for row in history]
+    at = round(collapse["time_s"] / 0.01)
+    assert drift[at - 2] < 0.1 < drift[at + 1]
+
+
+def test_a_refused_step_writes_its_summary_alone(folder, tdint):
+    result = tdint("run", "forced.yaml", "--method", "central-difference", "--dt", "0.5", "-o", "out", "--plot")
+    check_error(result, 5, "largest stable step")
+    assert files(folder / "out") == ["summary.json"]
+    summary = json.loads((folder / "out" / "summary.json").read_text())
+    assert (summary["status"], summary["dt_s"], summary["time_s"]) == ("unstable-step", 0.5, 0.0)
+    stable = summary["largest_stable_dt_s"]
+    assert "peaks" not in summary and 0.0 < stable < 0.5
+    assert tdint("run", "forced.yaml", "--method", "central-difference", "--dt", 0.999 * stable).exit_code == 0
+
+
+def test_the_energies_are_in_the_history(folder, tdint):
+    assert tdint("run", "shaken.yaml", "-o", "out", "--history").exit_code == 0
+    history = rows((folder / "out" / "history.csv").read_text())
+    energy = json.loads((folder / "out" / "summary.json").read_text())["energy"]
+    assert list(history[0])[-6:] == [
+        "energy_input_J", "energy_kinetic_J", "energy_damping_J", "energy_recoverable_J", "energy_dissipated_J",
+        "energy_error",
+    ]  # fmt: skip
+    for name, value in energy.items():
+        if name != "start_J":
+            assert float(history[-1][f"energy_{name}"]) == pytest.approx(value, rel=1e-11)
 
 
 @pytest.mark.parametrize(("error", "code"), [(KeyboardInterrupt, 130), (MemoryError, 5), (ZeroDivisionError, 1)])

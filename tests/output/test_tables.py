@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tdint.analysis.response import History, StoryPeaks
+from tdint.analysis.response import EnergyHistory, History, StoryPeaks
 from tdint.analysis.spectrum import Spectrum
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import catalogue, parse
@@ -35,7 +35,8 @@ def record(component="HNE", source="a.mseed", id_=None) -> Record:
 def history(steps: int, stories: int, seed: int = 1) -> History:
     random = np.random.default_rng(seed)
     tables = [random.normal(size=(steps, stories)) * 10.0**power for power in (-2, -1, 0, -3, 6)]
-    return History(np.arange(steps) * 0.01, random.normal(size=steps), *tables)
+    energy = EnergyHistory(*random.normal(size=(6, steps)))
+    return History(np.arange(steps) * 0.01, random.normal(size=steps), *tables, energy=energy)
 
 
 def test_cells():
@@ -146,13 +147,17 @@ def test_history(monkeypatch, stories, rows_at_once):
         f"floor_{i}_{x}" for i in range(1, stories + 1) for x in ("displacement_m", "velocity_m_s", "acceleration_m_s2")
     ]
     springs = [f"story_{i}_{x}" for i in range(1, stories + 1) for x in ("drift_m", "shear_N")]
-    assert rows[0] == ["time_s", "ground_acceleration_m_s2", *floors, *springs]
+    energies = [f"energy_{x}" for x in ("input_J", "kinetic_J", "damping_J", "recoverable_J", "dissipated_J", "error")]
+    assert rows[0] == ["time_s", "ground_acceleration_m_s2", *floors, *springs, *energies]
     for k, row in enumerate(rows[1:]):
         values = [whole.time[k], whole.ground_acceleration[k]]
         for i in range(stories):
             values += [whole.displacement[k, i], whole.velocity[k, i], whole.acceleration[k, i]]
         for i in range(stories):
             values += [whole.drift[k, i], whole.shear[k, i]]
+        energy = whole.energy
+        parts = (energy.input, energy.kinetic, energy.damping, energy.recoverable, energy.dissipated, energy.error)
+        values += [part[k] for part in parts]
         assert row == [cell_text(value) for value in values]
     assert len(rows) == 6
 

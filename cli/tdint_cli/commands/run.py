@@ -62,8 +62,12 @@ class Request:
 @options.dt
 @options.duration
 @options.output("DIR", f"Write {STORIES} and {SUMMARY} into this folder; it is made if only itself is missing.")
-@click.option("--history", is_flag=True, help=f"Also write {HISTORY}: every floor and story at every step.")
-@click.option("--plot", is_flag=True, help=f"Also write {PICTURE}: roof displacement, drifts, one hysteresis.")
+@click.option(
+    "--history", is_flag=True, help=f"Also write {HISTORY}: every floor and story and the energies at every step."
+)
+@click.option(
+    "--plot", is_flag=True, help=f"Also write {PICTURE}: roof displacement, energies, drifts, one hysteresis."
+)
 @options.overwrite
 @click.option("--allow-unstable", is_flag=True, help="Run a method beyond its largest stable step.")
 @options.debug
@@ -102,6 +106,8 @@ def _run(request: Request) -> None:
             allow_unstable=request.allow_unstable,
         )
     except FailedRun as failure:
+        for note in failure.notes:
+            say(f"note: {note}")
         if request.output:
             _write(request, _failed_files(request, failure, model, record, inputs, began))
         raise
@@ -218,6 +224,10 @@ def _paragraph(response: Response) -> str:
         f"Largest {worst}, roof displacement {peaks['roof_displacement_m']:.4g} m, "
         f"base shear {peaks['base_shear_N']:.4g} N.",
     ]
-    if response.status != "done":
-        lines.append(f"Status {response.status}: a drift ratio is over {response.model.collapse_drift:g}.")
+    if collapse := response.collapse:
+        end = "; the run ends there, for the drift ran away" if collapse.ended else ""
+        lines.append(
+            f"Status {response.status}: the drift ratio of story {collapse.story} exceeds "
+            f"{response.model.collapse_drift:g} at {collapse.time:.6g} s{end}."
+        )
     return "\n".join(lines)

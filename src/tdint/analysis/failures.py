@@ -11,7 +11,7 @@ import numpy as np
 
 from tdint.analysis.problems import Problem, problems
 from tdint.analysis.response import FailedRun, History, run
-from tdint.errors import AnalysisError, UsageError
+from tdint.errors import UsageError
 from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
 from tdint.model.building import assemble
@@ -115,10 +115,8 @@ def _is_refused(integrator: Integrator, problem: Problem, dt: float) -> bool:
     """Whether `tdint run` refuses the step: it is beyond the method's limit."""
     try:
         run(problem.model, method=integrator.label, dt=dt, duration=dt)
-    except FailedRun:
-        return False
-    except AnalysisError:
-        return True
+    except FailedRun as failure:
+        return failure.status == "unstable-step"
     return False
 
 

@@ -22,7 +22,14 @@ from tdint.kernels.layout import (
     SPRING_ROWS,
 )
 from tdint.kernels.march import march
-from tdint.kernels.observing import BETWEEN_STEPS, HISTORY_FIELDS, OBSERVED_SIZE, OBSERVER_ROWS, PEAK_ROWS
+from tdint.kernels.observing import (
+    BETWEEN_STEPS,
+    HISTORY_ENERGIES,
+    HISTORY_FIELDS,
+    OBSERVED_SIZE,
+    OBSERVER_ROWS,
+    PEAK_ROWS,
+)
 from tdint.methods.method import Integrator
 from tdint.model.building import Building
 
@@ -126,7 +133,7 @@ def workspace(building: Building, integrator: Integrator, steps: int = 0, betwee
         watch=np.zeros((OBSERVER_ROWS, n + 1)),
         peaks=np.zeros((PEAK_ROWS, n)),
         observed=observed,
-        history=np.zeros((steps + 1 if steps else 0, 1 + HISTORY_FIELDS * n)),
+        history=np.zeros((steps + 1 if steps else 0, 1 + HISTORY_FIELDS * n + HISTORY_ENERGIES)),
     )
 
 

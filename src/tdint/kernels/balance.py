@@ -21,13 +21,14 @@ from tdint.kernels.layout import (
     LINEAR,
     LINK,
     MASS,
+    NOT_CONVERGED,
     POWER_DAMPERS,
     RESIDUAL,
     STIFFNESS,
     STORY_DAMPER,
 )
 from tdint.kernels.springs import restoring
-from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, balanced, give_up
+from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, balanced
 from tdint.kernels.tridiagonal import factor_combination, solve_damped
 
 # Rows of work: the load and the first guess come in, the motion in equilibrium goes out
@@ -82,7 +83,7 @@ def balance(by_u, by_v, by_a, factors, past, trial, chain, modal, laws, springs,
         if _in_balance(chain, modal, work, memo):
             break
         if iterations == ITERATIONS:
-            return give_up(memo)
+            return NOT_CONVERGED
         if stale:
             for i in range(n):
                 work[tangents, i] = work[_TANGENT, i]

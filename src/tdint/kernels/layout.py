@@ -65,7 +65,7 @@ FORCE_COLUMNS = 4
 # memo: numbers that a step leaves for the next one and for whoever asks why it failed
 LINEAR = 0  # 1 if every law is linear
 FACTORED_STEP = 1  # the step size of the factorization in work, 0 for none
-STEPS_DONE = 2
+STEPS_DONE = 2  # since the start, or since a step that was halved
 WORST_STORY = 3
 RESIDUAL = 4
 BRANCHES = 5  # which laws have branches, whose changes can be located

@@ -107,13 +107,14 @@ def march(
     """Integrate from time 0 over `steps` steps of h; returns 0, or the code of the step that failed.
 
     A step that does not converge is halved up to `halvings` times over; the rest of it goes on in the smaller pieces.
+    A multi-step method, whose memory holds whole steps, starts anew in and after such a step.
     `observed[STEPS_REACHED]` counts the whole steps done.
     """
     n = chain.shape[1] - 1
     ground_0 = ground_at(ground, 0, per_sample, stride)
     _start(chain, modal, laws, forces, ground_0, state, springs, watch, peaks, observed)
     if history.shape[0] > 0:
-        store(chain, ground_0, state, springs, watch, history, 0)
+        store(chain, laws, ground_0, state, springs, watch, observed, history, 0)
     every = steps // max(history.shape[0] - 1, 1)
     smallest = 0.5**halvings
     for s in range(steps):
@@ -131,6 +132,7 @@ def march(
                     return code
                 piece *= 0.5
                 observed[HALVINGS] += 1.0
+                memo[STEPS_DONE] = 0.0
                 continue
             done += piece
             observed[ITERATIONS] += code
@@ -139,12 +141,12 @@ def march(
                 chain, modal, laws, forces, time, piece * h, load[GROUND_1], slope,
                 state, springs, watch, peaks, observed,
             )  # fmt: skip
-        memo[STEPS_DONE] += 1.0
+        memo[STEPS_DONE] = memo[STEPS_DONE] + 1.0 if piece == 1.0 else 0.0
         observed[STEPS_REACHED] += 1.0
         if _ran_away(state, n):
             return NOT_FINITE
         if history.shape[0] > 0 and (s + 1) % every == 0:
-            store(chain, ground_1, state, springs, watch, history, (s + 1) // every)
+            store(chain, laws, ground_1, state, springs, watch, observed, history, (s + 1) // every)
         ground_0 = ground_1
     take_stock(chain, laws, state, springs, observed)
     return 0

@@ -36,8 +36,9 @@ PEAK_ACCELERATION = 4  # absolute: relative to the ground, plus the ground's
 PEAK_ROWS = 5
 
 # history: per stored time the ground acceleration, then for all floors displacement, velocity, absolute acceleration,
-# and for all stories the shear
+# and for all stories the shear, then the energies
 HISTORY_FIELDS = 4
+HISTORY_ENERGIES = 5  # input, kinetic, damped, recoverable, dissipated
 
 # observed: numbers of the whole run
 ENERGY_START = 0  # kinetic and stored energy at the start, J
@@ -265,7 +266,7 @@ def take_stock(chain, laws, state, springs, observed):
 
 
 @called
-def store(chain, ground, state, springs, work, history, row):
+def store(chain, laws, ground, state, springs, work, observed, history, row):
     """Write one row of the history."""
     n = chain.shape[1] - 1
     history[row, 0] = ground
@@ -274,3 +275,10 @@ def store(chain, ground, state, springs, work, history, row):
         history[row, 1 + n + i] = state[VELOCITY, i]
         history[row, 1 + 2 * n + i] = work[ACCELERATION_ROW, i] + ground
         history[row, 1 + 3 * n + i] = springs[FORCE, i]
+    take_stock(chain, laws, state, springs, observed)
+    energies = 1 + HISTORY_FIELDS * n
+    history[row, energies] = observed[ENERGY_INPUT]
+    history[row, energies + 1] = observed[ENERGY_KINETIC]
+    history[row, energies + 2] = observed[ENERGY_DAMPED]
+    history[row, energies + 3] = observed[ENERGY_RECOVERABLE]
+    history[row, energies + 4] = observed[ENERGY_DISSIPATED]

@@ -16,7 +16,7 @@
 from __future__ import annotations
 
 from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, inlined
-from tdint.kernels.layout import NOT_CONVERGED, NOT_FINITE, RESIDUAL, WORST_STORY
+from tdint.kernels.layout import RESIDUAL, WORST_STORY
 
 STEP = I8(VECTOR, TABLE, TABLE, TABLE, TABLE, F8, VECTOR, TABLE, TABLE, TABLE, VECTOR)
 
@@ -38,9 +38,3 @@ def balanced(memo, i, residual, scale):
         memo[RESIDUAL] = ratio
         memo[WORST_STORY] = i
     return False
-
-
-@inlined
-def give_up(memo):
-    """The code of a step that did not converge: its residual tells whether the numbers ran away."""
-    return NOT_CONVERGED if memo[RESIDUAL] < 1e300 else NOT_FINITE

@@ -27,6 +27,7 @@ from tdint.kernels.layout import (
     GROUND_1,
     LINEAR,
     LINK,
+    NOT_CONVERGED,
     NOT_FINITE,
     STIFFNESS,
     STORY_DAMPER,
@@ -51,7 +52,7 @@ from tdint.kernels.momentum import (
     residuals,
 )
 from tdint.kernels.springs import commit, restoring
-from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, STEP, give_up
+from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, STEP
 from tdint.kernels.tridiagonal import assemble_blocks, factor_blocks
 from tdint.methods.method import Family, Method, Parameter
 
@@ -88,7 +89,7 @@ def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work
         if in_balance(_BY_A, chain, h, state, work, memo) or last:
             break
         if iterations == ITERATIONS:
-            return give_up(memo)
+            return NOT_CONVERGED
         if stale:
             _factor(coefficients, chain, modal, h, work)
             memo[FACTORED_STEP] = h

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 
-from tdint.kernels.branches import TURNED, advance, switch
+from tdint.kernels.branches import ABOVE, BELOW, TURNED, advance, switch
 from tdint.kernels.chain import finite, floor_impulse, floor_load, power_damper
 from tdint.kernels.compiling import called, inlined, kernel
 from tdint.kernels.events import NONE, first_event
@@ -33,6 +33,7 @@ from tdint.kernels.layout import (
     GROUND_1,
     LINEAR,
     LINK,
+    LOWER,
     MASS,
     NO_BRANCHES,
     NOT_CONVERGED,
@@ -44,6 +45,8 @@ from tdint.kernels.layout import (
     STIFFNESS,
     STORY_DAMPER,
     TIME,
+    TURN,
+    UPPER,
     VELOCITY,
 )
 from tdint.kernels.momentum import (
@@ -64,7 +67,7 @@ from tdint.kernels.momentum import (
     residuals,
 )
 from tdint.kernels.springs import commit, restoring, resume, settle
-from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, STEP, give_up
+from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, STEP
 from tdint.kernels.tridiagonal import assemble_blocks, factor_blocks
 from tdint.methods.method import Family, Method, Parameter
 
@@ -98,6 +101,8 @@ _BLOCKS = 3
 _COUPLING = 7
 _STORE = 11
 
+_STRAYED = 0.1  # over the drift's change: a located event that is missed by more was not located
+_BACKWARD = 1e-6  # over the drifts: what a story may go back on a branch that holds for one direction
 _AT_ONCE = 1e-9  # an event within this part of the step from here happens here
 
 
@@ -146,7 +151,7 @@ def _newton(frozen, coefficients, chain, modal, laws, h, state, springs, work, m
         if in_balance(coefficients[BETA], chain, h, state, work, memo) or last:
             break
         if iterations == ITERATIONS:
-            return give_up(memo)
+            return NOT_CONVERGED
         if stale:
             _factor(coefficients, chain, modal, h, work, factors)
         last = _correct(coefficients, modal, h, work, factors, n)
@@ -160,7 +165,8 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
 
     The first change is looked for on the cubic Hermite interpolant of the drifts, the step done again up to there, and
     the rest of it on the new branch. Where all laws are linear on their branches, a piece is one linear solve; curved
-    ones among them take Newton's iteration. Where the changes exceed a few per story, the state is left as it was.
+    ones among them take Newton's iteration. Where the changes exceed a few per story, or the motion up to one does not
+    reach it because the step is too large for the interpolant, the state is left as it was.
     """
     n = chain.shape[1] - 1
     straight = memo[BRANCHES] == ALL_BRANCHES
@@ -202,6 +208,9 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
                 else:
                     switch(laws, springs, story, 0, how)
                 continue
+        if ending and _strays(chain, springs, work, story, how):
+            _restore(state, springs, work, n)
+            return NOT_CONVERGED
         if straight:
             _advance(chain, laws, state, springs, work)
         else:
@@ -363,6 +372,27 @@ def _factor(coefficients, chain, modal, h, work, factors):
     work[factors + _FACTORED_1, n] = h
     assemble_blocks(chain, work, factors + _BLOCKS, coupling, h * coefficients[THETA], by_a, n)
     factor_blocks(factors + _BLOCKS, coupling, work, modal, 0.0, -by_a, 1.0, 0.0, factors + _STORE, n)
+
+
+@called
+def _strays(chain, springs, work, story, how):
+    """Whether a piece up to an event misses it, or takes another story far off its branch."""
+    below = 0.0
+    for i in range(chain.shape[1] - 1):
+        drift = work[U1, i] - chain[LINK, i] * below
+        below = work[U1, i]
+        change = drift - springs[DRIFT, i]
+        if springs[TURN, i] * change < -_BACKWARD * (abs(drift) + abs(springs[DRIFT, i])):
+            return True
+        allowed = _STRAYED * abs(change)
+        if drift > springs[UPPER, i] + allowed or drift < springs[LOWER, i] - allowed:
+            return True
+        if i == story and (
+            (how == ABOVE and drift < springs[UPPER, i] - allowed)
+            or (how == BELOW and drift > springs[LOWER, i] + allowed)
+        ):
+            return True
+    return False
 
 
 @inlined

@@ -65,11 +65,13 @@ class Family:
     derivatives : tuple of int
         Which derivative of the displacement each row of the state has the unit of.
     halvable : bool
-        Whether a step that does not converge may be divided: the memory reaches back no further than the step's start.
+        Whether a step that does not converge may be divided: its coefficients hold for any h.
     power_dampers : bool
         Whether the step takes power-law dashpots.
     linear_only : bool
         Whether the step holds for linear buildings alone.
+    limited_by_stiffening : bool
+        Whether the step is stable only up to some size where a story is stiffer than at rest.
     prepare : callable, optional
         (building, forces, h) -> the step's coefficients, where they depend on the building.
     """
@@ -83,6 +85,7 @@ class Family:
     halvable: bool = True
     power_dampers: bool = True
     linear_only: bool = False
+    limited_by_stiffening: bool = False
     prepare: Callable[[Building, NDArray[np.float64], float], NDArray[np.float64]] | None = None
 
 

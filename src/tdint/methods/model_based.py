@@ -198,7 +198,14 @@ def chang_step(coefficients, chain, modal, laws, forces, h, load, state, springs
     return 1 if finite(state, n) else NOT_FINITE
 
 
-FAMILY = Family("model-based", step, lambda modes: _STORE + 2 * modes + 1, halvable=False, power_dampers=False)
+FAMILY = Family(
+    "model-based",
+    step,
+    lambda modes: _STORE + 2 * modes + 1,
+    halvable=False,
+    power_dampers=False,
+    limited_by_stiffening=True,
+)
 
 CHANG = Family(
     "model-based",
@@ -207,6 +214,7 @@ CHANG = Family(
     memory=(DISPLACEMENT, VELOCITY),
     halvable=False,
     power_dampers=False,
+    limited_by_stiffening=True,
 )
 
 

@@ -9,7 +9,8 @@ steps before it, w0, w_ and b0, b_, the formulas of Houbolt (1950) and Park (197
 
 The state keeps the means in the place of older displacements and velocities. That is the same memory, but small steps
 do not drown in rounding: differences of displacements would put an error of rounding(u) / h^2 into each acceleration.
-The first two steps are average acceleration (Newmark 1959), which keeps order 2 in u, v and a.
+The first two steps are average acceleration (Newmark 1959), which keeps order 2 in u, v and a; so are the pieces of a
+step that was halved because it did not converge, and the two steps after it.
 """
 
 from __future__ import annotations
@@ -133,7 +134,6 @@ def _member(name: str, v_by_w, a_by_w, a_by_b, memory: tuple[int, ...], source: 
         memory=memory,
         state_rows=OLDER_MEAN_ACCELERATION + 1,
         derivatives=(0, 1, 2, 1, 1, 2, 2),
-        halvable=False,
     )
     return Method(
         name=name,

@@ -30,6 +30,7 @@ from tdint.kernels.layout import (
     LINEAR,
     LINK,
     MASS,
+    NOT_CONVERGED,
     NOT_FINITE,
     RESIDUAL,
     SECOND_TRIAL,
@@ -40,7 +41,7 @@ from tdint.kernels.layout import (
     VELOCITY,
 )
 from tdint.kernels.springs import commit, restoring, settle
-from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, STEP, balanced, give_up
+from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, STEP, balanced
 from tdint.kernels.tridiagonal import factor_blocks, link_blocks, solve_blocks_damped
 from tdint.methods.method import Family, Method
 
@@ -181,7 +182,7 @@ def implicit_step(coefficients, chain, modal, laws, forces, h, load, state, spri
         if _in_balance(chain, modal, work, memo):
             break
         if iterations == ITERATIONS:
-            return give_up(memo)
+            return NOT_CONVERGED
         if stale:
             _factor(coefficients, chain, modal, h, work)
             memo[FACTORED_STEP] = h

@@ -42,6 +42,8 @@ class DriftLaw:
         Whether the force is linear branch by branch.
     kinked : bool
         Whether the tangent jumps somewhere; where it does can be located in a step.
+    stiffens : callable
+        Parameter values -> whether a story can become stiffer than at rest.
     initial_stiffness : callable, optional
         The law's own initial stiffness from the parameter values; None where the story gives it.
     yield_drift : callable
@@ -54,6 +56,7 @@ class DriftLaw:
     formula: str
     piecewise_linear: bool = False
     kinked: bool = False
+    stiffens: Callable[[Sequence[float]], bool] = lambda values: False
     initial_stiffness: Callable[[Sequence[float]], float] | None = None
     yield_drift: Callable[[float, Sequence[float]], float] = lambda stiffness, values: math.nan
 
@@ -67,6 +70,7 @@ LAWS = {
             1,
             (LawParameter("coefficients", many=True),),
             "f = c1 d + c2 d^2 + ...",
+            stiffens=lambda values: any(c > 0.0 or (j % 2 == 1 and c < 0.0) for j, c in enumerate(values[1:], start=1)),
             initial_stiffness=lambda values: values[0],
         ),
         DriftLaw(
@@ -123,6 +127,7 @@ LAWS = {
             "f = k d, beyond the gap stop_stiffness (|d| - gap) more: elastic pounding against a stop on either side",
             piecewise_linear=True,
             kinked=True,
+            stiffens=lambda values: values[1] > 0.0,
         ),
     )
 }

@@ -62,7 +62,7 @@ def plot_run(response: RunResult, file: Path, *, overwrite: bool = False) -> Non
 
 
 def run_picture(response: RunResult, suffix: str) -> Writer:
-    """Picture of a run: ground acceleration and roof displacement over time, the stories' drifts, one hysteresis.
+    """Picture of a run: ground, roof displacement and energies over time, the stories' drifts, one hysteresis.
 
     Parameters
     ----------
@@ -112,16 +112,18 @@ def picture(suffix: str, draw: Callable[[], Figure]) -> Writer:
 
 
 def _draw_run(response: RunResult) -> Figure:
-    figure = Figure(figsize=(7.5, 7.2), layout="constrained")
-    grid = figure.add_gridspec(3, 2, height_ratios=(1.0, 2.0, 3.6))
+    figure = Figure(figsize=(7.5, 9.0), layout="constrained")
+    grid = figure.add_gridspec(4, 2, height_ratios=(1.0, 2.0, 1.9, 3.6))
     if response.record is None:
-        _draw_roof(figure.add_subplot(grid[:2, :]), response)
+        roof = figure.add_subplot(grid[:2, :])
     else:
         ground = figure.add_subplot(grid[0, :])
         _draw_ground(ground, response)
-        _draw_roof(figure.add_subplot(grid[1, :], sharex=ground), response)
-    _draw_drifts(figure.add_subplot(grid[2, 0]), response)
-    _draw_hysteresis(figure.add_subplot(grid[2, 1]), response)
+        roof = figure.add_subplot(grid[1, :], sharex=ground)
+    _draw_roof(roof, response)
+    _draw_energies(figure.add_subplot(grid[2, :], sharex=roof), response)
+    _draw_drifts(figure.add_subplot(grid[3, 0]), response)
+    _draw_hysteresis(figure.add_subplot(grid[3, 1]), response)
     title = f"{response.model.name}\n{response.method}, dt {response.dt:.4g} s"
     if response.record is not None:
         title += f", {record_name(response.record.source)} {response.record.component}".rstrip()
@@ -150,10 +152,40 @@ def _draw_roof(axes: Any, response: RunResult) -> None:
     assert history is not None
     roof = history.displacement[:, -1]
     axes.plot(history.time, roof, color=_INK, linewidth=1.0)
-    axes.set_ylabel("roof displacement (m)")
-    axes.set_xlabel("time (s)")
+    axes.set_ylabel("roof displacement\n(m)")
+    axes.tick_params(labelbottom=False)
     axes.set_xlim(history.time[0], history.time[-1])
     _mark_peak(axes, history.time, roof, "m")
+
+
+def _draw_energies(axes: Any, response: RunResult) -> None:
+    """Where the energy put in went: layers of dissipated, damped, stored and kinetic energy below the energy put in."""
+    history = response.history
+    assert history is not None
+    energy = history.energy
+    given = response.energy.start + energy.input
+    factor, unit = scaled_unit(float(np.max(np.abs(given))), "J")
+    layers = (
+        (energy.dissipated, "dissipated by the stories", "0.35", None),
+        (energy.damping, "damping", "0.62", None),
+        (energy.recoverable, "stored in the stories", "0.85", None),
+        (energy.kinetic, "kinetic", "1.0", "//////"),
+    )
+    below = np.zeros(len(given))
+    for values, label, gray, hatch in layers:
+        if not np.any(values):
+            continue
+        above = below + factor * values
+        axes.fill_between(
+            history.time, below, above, facecolor=gray, edgecolor="0.5", hatch=hatch, linewidth=0.0, label=label
+        )
+        below = above
+    axes.plot(history.time, factor * given, color=_INK, linewidth=1.2, label="put in")
+    axes.set_ylabel(f"energy ({unit})")
+    axes.set_xlabel("time (s)")
+    axes.set_xlim(history.time[0], history.time[-1])
+    axes.legend(loc="best", frameon=True, framealpha=0.85, edgecolor="none", reverse=True)  # as the layers lie
+    axes.set_title(f"balance off by {100.0 * abs(response.energy.error):.1g} % at the end", loc="right", fontsize=8.0)
 
 
 def _mark_peak(axes: Any, time: Array, values: Array, unit: str) -> None:

@@ -60,6 +60,23 @@ class Energies(Protocol):
     def error(self) -> float: ...
 
 
+class EnergyHistories(Protocol):
+    """Energies at all steps, J, shape (steps + 1,); `error` is the imbalance over the run's largest energy put in."""
+
+    @property
+    def input(self) -> Array: ...
+    @property
+    def kinetic(self) -> Array: ...
+    @property
+    def damping(self) -> Array: ...
+    @property
+    def recoverable(self) -> Array: ...
+    @property
+    def dissipated(self) -> Array: ...
+    @property
+    def error(self) -> Array: ...
+
+
 class Histories(Protocol):
     """Response at all steps, SI: `time` and `ground_acceleration` of shape (steps + 1,), the rest (steps + 1, n)."""
 
@@ -77,6 +94,19 @@ class Histories(Protocol):
     def drift(self) -> Array: ...
     @property
     def shear(self) -> Array: ...
+    @property
+    def energy(self) -> EnergyHistories: ...
+
+
+class Collapses(Protocol):
+    """When (s) and in which story, from 1, a drift ratio first exceeded the limit; whether the run ends there."""
+
+    @property
+    def time(self) -> float: ...
+    @property
+    def story(self) -> int: ...
+    @property
+    def ended(self) -> bool: ...
 
 
 class RunResult(Protocol):
@@ -109,11 +139,17 @@ class RunResult(Protocol):
     @property
     def history(self) -> Histories | None: ...
     @property
+    def collapse(self) -> Collapses | None: ...
+    @property
     def notes(self) -> tuple[str, ...]: ...
 
 
 class RunFailure(Protocol):
-    """Why and where a run ended before its time: s, the story counted from 1, the residual over the step's force."""
+    """Why and where a run ended before its time, s.
+
+    None where it does not apply: the story counted from 1, the residual over the story's forces, the kinetic energy of
+    a motion that ran away, J, and the largest stable step, s.
+    """
 
     @property
     def status(self) -> str: ...
@@ -127,6 +163,12 @@ class RunFailure(Protocol):
     def story(self) -> int | None: ...
     @property
     def residual(self) -> float | None: ...
+    @property
+    def energy(self) -> float | None: ...
+    @property
+    def largest_stable_dt(self) -> float | None: ...
+    @property
+    def notes(self) -> tuple[str, ...]: ...
 
 
 class SpectrumResult(Protocol):

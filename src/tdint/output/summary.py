@@ -15,7 +15,7 @@ import numpy as np
 
 from tdint.ground_motion.record import Input, Record
 from tdint.model.definition import Model
-from tdint.output.results import Array, Energies, RunFailure, RunResult, Stories
+from tdint.output.results import Array, Collapses, Energies, RunFailure, RunResult, Stories
 
 _PACKAGES = ("tdint", "numpy", "scipy", "numba", "obspy")
 
@@ -42,6 +42,7 @@ def run_summary(response: RunResult, inputs: Sequence[Input], wall_time: float) 
         "energy": _energy(response.energy),
         "peaks": overall_peaks(response.stories),
         "collapse_drift": response.model.collapse_drift,
+        "collapse": _collapse(response.collapse),
         "record": _motion(response.record),
         "notes": list(response.notes),
         "inputs": _inputs(inputs),
@@ -56,20 +57,22 @@ def failure_summary(
     inputs: Sequence[Input],
     wall_time: float,
 ) -> dict[str, Any]:
-    """Content of summary.json for a run that ended before its time; `time_s` is the last time reached."""
+    """Content of summary.json for a run without a result; `time_s` is the last time reached."""
     return {
         "status": failure.status,
         "message": str(failure),
         "time_s": failure.time,
         "story": failure.story,
         "residual": failure.residual,
+        "kinetic_J": failure.energy,
+        "largest_stable_dt_s": failure.largest_stable_dt,
         "name": model.name,
         "method": failure.method,
         "dt_s": failure.dt,
         "wall_time_s": wall_time,
         "collapse_drift": model.collapse_drift,
         "record": _motion(record),
-        "notes": list(record.notes) if record else [],
+        "notes": list(failure.notes),
         "inputs": _inputs(inputs),
         "versions": versions(),
     }
@@ -154,6 +157,12 @@ def _energy(energy: Energies) -> dict[str, float]:
         "dissipated_J": energy.dissipated,
         "error": energy.error,
     }
+
+
+def _collapse(collapse: Collapses | None) -> dict[str, Any] | None:
+    if collapse is None:
+        return None
+    return {"time_s": collapse.time, "story": collapse.story, "run_ended": collapse.ended}
 
 
 def _motion(record: Record | None) -> dict[str, Any] | None:

@@ -201,6 +201,7 @@ def history_columns(stories: int) -> tuple[str, ...]:
         "ground_acceleration_m_s2",
         *(f"floor_{i}_{name}" for i in range(1, stories + 1) for name in of_floor),
         *(f"story_{i}_{name}" for i in range(1, stories + 1) for name in of_story),
+        *(f"energy_{name}" for name in ("input_J", "kinetic_J", "damping_J", "recoverable_J", "dissipated_J", "error")),
     )
 
 
@@ -210,6 +211,10 @@ def write_history(history: Histories, stream: BinaryIO) -> None:
     columns = history_columns(stories)
     stream.write((",".join(columns) + "\n").encode())
     line = ",".join(["%.12g"] * len(columns)) + "\n"
+    energy = history.energy
+    energies = (
+        energy.input, energy.kinetic, energy.damping, energy.recoverable, energy.dissipated, energy.error,
+    )  # fmt: skip
     for start in range(0, steps, _ROWS_AT_ONCE):
         part = slice(start, start + _ROWS_AT_ONCE)
         floors = np.stack([history.displacement[part], history.velocity[part], history.acceleration[part]], axis=2)
@@ -220,6 +225,7 @@ def write_history(history: Histories, stream: BinaryIO) -> None:
                 history.ground_acceleration[part],
                 floors.reshape(len(floors), -1),
                 springs.reshape(len(springs), -1),
+                *(values[part] for values in energies),
             ]
         )
         text = "".join([line % tuple(row) for row in (table + 0.0).tolist()])

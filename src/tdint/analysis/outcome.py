@@ -1,0 +1,254 @@
+"""What comes out of a run: peaks, energies, a history, error estimates; or the failure that ended it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.errors import AnalysisError
+from tdint.ground_motion.record import Record
+from tdint.methods.method import Integrator
+from tdint.model.definition import Model
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class StoryPeaks:
+    """Peaks of each story, or of the floor above it; arrays of shape (n,).
+
+    Drifts and displacements, and the shears of linear stories, are looked for between the steps too, on the cubic
+    Hermite interpolant, where the step resolves all modes (omega dt <= 2 for the fastest); velocities, accelerations
+    and other shears are those at the steps.
+
+    Attributes
+    ----------
+    height : ndarray
+        Story height, m; nan where the model gives none.
+    peak_drift, residual_drift : ndarray
+        Largest absolute drift and drift at the end of the run, m.
+    peak_drift_ratio : ndarray
+        Peak drift over height; nan without height.
+    peak_shear : ndarray
+        Largest absolute restoring force of the story, N, without dashpots, damping and P-delta.
+    ductility : ndarray
+        Peak drift over drift at first yield; nan where the law does not yield.
+    peak_displacement, peak_velocity : ndarray
+        Of the floor above, relative to the ground, m and m/s.
+    peak_acceleration : ndarray
+        Of the floor above, absolute, m/s^2, from equilibrium.
+    """
+
+    height: Array
+    peak_drift: Array
+    peak_drift_ratio: Array
+    residual_drift: Array
+    peak_shear: Array
+    ductility: Array
+    peak_displacement: Array
+    peak_velocity: Array
+    peak_acceleration: Array
+
+
+@dataclass(frozen=True)
+class StoryErrors:
+    """Estimated absolute errors of the peaks of the same names in `StoryPeaks`, in their units; nan where unknown."""
+
+    peak_drift: Array
+    peak_drift_ratio: Array
+    residual_drift: Array
+    peak_shear: Array
+    ductility: Array
+    peak_displacement: Array
+    peak_velocity: Array
+    peak_acceleration: Array
+
+
+@dataclass(frozen=True)
+class Check:
+    """What the repetition of a run with smaller steps says of it.
+
+    Attributes
+    ----------
+    errors : StoryErrors
+        Estimated errors of the run's peaks.
+    dts : tuple of float
+        The steps of the repetitions, s.
+    drift_error : float or None
+        Largest estimated error of a peak drift over that drift; None where there is no estimate.
+    drift_story : int or None
+        The story that has it, counted from 1.
+    tolerance : float or None
+        What `drift_error` was asked to stay below, if the step was chosen for it.
+    """
+
+    errors: StoryErrors
+    dts: tuple[float, ...]
+    drift_error: float | None
+    drift_story: int | None
+    tolerance: float | None = None
+
+
+@dataclass(frozen=True)
+class Energy:
+    """Energy balance of a run in terms of motion relative to the ground, J (Uang and Bertero 1990, relative energy).
+
+    start + input = kinetic + damping + recoverable + dissipated + imbalance.
+    """
+
+    start: float
+    input: float
+    kinetic: float
+    damping: float
+    recoverable: float
+    dissipated: float
+    largest: float
+
+    @property
+    def error(self) -> float:
+        """Imbalance over the largest energy put in; 0 for a run without energy."""
+        parts = self.kinetic + self.damping + self.recoverable + self.dissipated
+        return (self.start + self.input - parts) / self.largest if self.largest > 0.0 else 0.0
+
+
+@dataclass(frozen=True)
+class EnergyHistory:
+    """The parts of `Energy` at all steps, J, and the imbalance over the run's largest energy put in."""
+
+    input: Array
+    kinetic: Array
+    damping: Array
+    recoverable: Array
+    dissipated: Array
+    error: Array
+
+
+@dataclass(frozen=True)
+class History:
+    """Response at all steps: `time` (s) and `ground_acceleration` (m/s^2), shape (steps + 1,); the rest (steps + 1, n).
+
+    Displacement (m) and velocity (m/s) relative to the ground, acceleration absolute (m/s^2), drift (m), shear (N).
+    """
+
+    time: Array
+    ground_acceleration: Array
+    displacement: Array
+    velocity: Array
+    acceleration: Array
+    drift: Array
+    shear: Array
+    energy: EnergyHistory
+
+
+@dataclass(frozen=True)
+class Collapse:
+    """When a drift ratio first exceeded the model's collapse drift.
+
+    Attributes
+    ----------
+    time : float
+        End of the step in which it did, s.
+    story : int
+        The story, counted from 1.
+    ended : bool
+        Whether the run ends there, because the motion ran away after it.
+    """
+
+    time: float
+    story: int
+    ended: bool
+
+
+@dataclass(frozen=True)
+class Response:
+    """Result of a run.
+
+    Attributes
+    ----------
+    status : str
+        `done`, or `collapsed` where a drift ratio exceeded the model's collapse drift.
+    method : str
+        The method with all its parameters.
+    dt, steps : float, int
+        Time step (s) and number of steps.
+    iterations, halvings, events : int
+        Solves; steps that were halved to converge; changes of branch that were located.
+    march_time : float
+        Wall time of the compiled time loop alone, s.
+    history : History or None
+        Only if it was asked for.
+    collapse : Collapse or None
+        When and where, if the status is `collapsed`.
+    check : Check or None
+        Estimated errors, if they were asked for.
+    notes : tuple of str
+        What a person should know of the run.
+    """
+
+    model: Model
+    record: Record | None
+    status: str
+    method: str
+    dt: float
+    steps: int
+    iterations: int
+    halvings: int
+    events: int
+    march_time: float
+    stories: StoryPeaks
+    energy: Energy
+    history: History | None
+    notes: tuple[str, ...]
+    collapse: Collapse | None = None
+    check: Check | None = None
+
+
+class FailedRun(AnalysisError):
+    """A run without a result: it ended before its time, or was refused.
+
+    Attributes
+    ----------
+    status : str
+        `diverged`, `not-converged` or `unstable-step`.
+    method, dt : str, float
+        The method with all its parameters and the time step, s.
+    time : float
+        Last time reached, s.
+    story : int or None
+        The story, counted from 1, that did not converge or whose drift ran away.
+    residual : float or None
+        Where a step did not converge: what is out of balance over the story's forces.
+    energy : float or None
+        Where the motion ran away: its kinetic energy at the last time, J, if it is a finite number.
+    largest_stable_dt : float or None
+        Where the step was refused: the largest stable one, s; 0 if there is none.
+    notes : tuple of str
+        What a person should know of the run.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        status: str,
+        integrator: Integrator,
+        dt: float,
+        *,
+        time: float = 0.0,
+        story: int | None = None,
+        residual: float | None = None,
+        energy: float | None = None,
+        largest_stable_dt: float | None = None,
+        notes: tuple[str, ...] = (),
+    ) -> None:
+        super().__init__(message)
+        self.status = status
+        self.method = integrator.label
+        self.dt = dt
+        self.time = time
+        self.story = story
+        self.residual = residual
+        self.energy = energy
+        self.largest_stable_dt = largest_stable_dt
+        self.notes = notes
