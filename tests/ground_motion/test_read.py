@@ -124,6 +124,16 @@ class TestKnet:
         changed.write_bytes(path.read_bytes().replace(b"4.383", b"5.000"))
         assert any("header states a peak of 0.05 m/s^2" in note for note in read_record(changed).notes)
 
+    @pytest.mark.parametrize("number", [b"1e308", b"nan", b"1e12", b"-5"])
+    def test_a_length_that_no_record_has(self, path, tmp_path, number):
+        changed = tmp_path / "a.knet"
+        changed.write_bytes(path.read_bytes().replace(b"Duration Time(s)  59", b"Duration Time(s)  " + number))
+        if number == b"-5":
+            assert read_record(changed).pga == read_record(path).pga  # The samples tell their number themselves.
+        else:
+            with pytest.raises(RecordError, match="damaged or cut off"):
+                read_record(changed)
+
     def test_cut_off(self, path, tmp_path):
         short = tmp_path / "a.knet"
         for length in (14000, 700, 400, 100, 12):

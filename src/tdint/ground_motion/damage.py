@@ -6,6 +6,7 @@ file sends beyond the end of their memory or into an endless search. Such files 
 
 from __future__ import annotations
 
+import math
 import re
 import struct
 from collections.abc import Callable, Iterator
@@ -43,7 +44,10 @@ def missing_samples(format_name: str, data: bytes, traces: list[Any]) -> str | N
     if format_name == "KNET":
         if any("knet" not in trace.stats for trace in traces):
             return "its header has no end"
-        announced = [round(trace.stats.knet.duration * trace.stats.sampling_rate) for trace in traces]
+        lengths = [trace.stats.knet.duration * trace.stats.sampling_rate for trace in traces]
+        if not all(map(math.isfinite, lengths)):
+            return "its header gives no length that a record can have"
+        announced = list(map(round, lengths))
     elif format_name in _ANNOUNCED:
         announced = [int(count) for count in _ANNOUNCED[format_name].findall(data)]
     else:

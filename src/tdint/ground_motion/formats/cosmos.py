@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError
-from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, read_lines, recognizes
+from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, recognizes
 from tdint.ground_motion.formats.series import (
     Codes,
     Series,
@@ -23,8 +23,8 @@ from tdint.ground_motion.formats.series import (
     code,
     first_match,
     moment,
+    read_parts,
     stated_peak,
-    to_stream,
 )
 
 if TYPE_CHECKING:
@@ -75,11 +75,7 @@ def read_cosmos(file: Any, headonly: bool = False, **_: Any) -> Stream:
     RecordError
         It is cut off, what it holds is not what its headers announce, or it holds no acceleration.
     """
-    lines = read_lines(file)
-    series: list[Series] = []
-    while lines.peek() is not None:
-        series += _channel(lines)
-    return to_stream(series, headonly=headonly)
+    return read_parts(file, _channel, headonly=headonly)
 
 
 def _channel(lines: Lines) -> list[Series]:

@@ -13,16 +13,16 @@ from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 from tdint.errors import RecordError
-from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, read_lines, recognizes
+from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, recognizes
 from tdint.ground_motion.formats.series import (
     Codes,
     Series,
     code,
     first_match,
     moment,
+    read_parts,
     required_units,
     stated_peak,
-    to_stream,
 )
 from tdint.ground_motion.formats.volume1 import REAL_WIDTH, REALS, read_pairs, text_header
 
@@ -70,14 +70,10 @@ def read_csmip(file: Any, headonly: bool = False, **_: Any) -> Stream:
     RecordError
         It is cut off, or what it holds is not what its headers announce.
     """
-    lines = read_lines(file)
-    series = []
-    while lines.peek() is not None:
-        series.append(_channel(lines))
-    return to_stream(series, headonly=headonly)
+    return read_parts(file, _channel, headonly=headonly)
 
 
-def _channel(lines: Lines) -> Series:
+def _channel(lines: Lines) -> list[Series]:
     place = lines.number + 1
     texts = text_header(lines)
     title = first_match(_TITLE, texts[:1])
@@ -88,7 +84,7 @@ def _channel(lines: Lines) -> Series:
         lines.take()
     stated = first_match(_PEAK[0 if title[1] else 1], texts)
     peak = stated_peak(stated[1], stated[2], series.units or "") if stated else ""
-    return replace(series, peak=peak, start=_start(texts))
+    return [replace(series, peak=peak, start=_start(texts))]
 
 
 def _volume_1(lines: Lines, texts: list[str]) -> Series:

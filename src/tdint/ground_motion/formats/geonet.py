@@ -12,8 +12,8 @@ from math import isclose
 from typing import TYPE_CHECKING, Any
 
 from tdint.errors import RecordError
-from tdint.ground_motion.formats.lines import NUMBER, Lines, read_lines, recognizes
-from tdint.ground_motion.formats.series import Series, code, first_match, moment, to_stream
+from tdint.ground_motion.formats.lines import NUMBER, Lines, recognizes
+from tdint.ground_motion.formats.series import Series, code, first_match, moment, read_parts
 
 if TYPE_CHECKING:
     from obspy import Stream
@@ -48,14 +48,10 @@ def read_geonet(file: Any, headonly: bool = False, **_: Any) -> Stream:
     RecordError
         It is cut off, or what it holds is not what its headers announce.
     """
-    lines = read_lines(file)
-    series = []
-    while lines.peek() is not None:
-        series.append(_component(lines))
-    return to_stream(series, headonly=headonly)
+    return read_parts(file, _component, headonly=headonly)
 
 
-def _component(lines: Lines) -> Series:
+def _component(lines: Lines) -> list[Series]:
     texts = [lines.take() for _ in range(_TEXTS)]
     if not _TITLE.match(texts[0]):
         raise RecordError(f"a component's header should begin in line {lines.number - _TEXTS + 1}")
@@ -64,7 +60,7 @@ def _component(lines: Lines) -> Series:
     accelerations, *others = (lines.numbers(int(integers[place]), _WIDTH) for place in _COUNTS)
     del others  # Read to tell a damaged file, not needed further.
     _check_step(reals[_STEP], texts)
-    return Series(
+    series = Series(
         accelerations,
         reals[_STEP],
         _units(texts),
@@ -73,6 +69,7 @@ def _component(lines: Lines) -> Series:
         start=_start(integers),
         peak=_first(_PEAK, texts),
     )
+    return [series]
 
 
 def _check_step(dt: float, texts: list[str]) -> None:

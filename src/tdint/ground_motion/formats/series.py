@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from typing import Any, TypedDict
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError, UsageError
+from tdint.ground_motion.formats.lines import Lines, read_lines
 from tdint.ground_motion.messages import quiet_import
 from tdint.units import ACCELERATION, parse_units
 
@@ -98,6 +99,15 @@ def to_stream(series: Sequence[Series], *, headonly: bool = False) -> Stream:
         _check_peak(one)
         stream.append(_trace(one, headonly))
     return stream
+
+
+def read_parts(file: Any, read: Callable[[Lines], Sequence[Series]], *, headonly: bool) -> Stream:
+    """ObsPy's stream of a file that is made of one part after another, each read to its end by `read`."""
+    lines = read_lines(file)
+    series: list[Series] = []
+    while lines.peek() is not None:
+        series += read(lines)
+    return to_stream(series, headonly=headonly)
 
 
 def _trace(one: Series, headonly: bool) -> Trace:
