@@ -36,6 +36,8 @@ RESULTS = 2
 NO_END = -1
 """Code: more changes of branch in a step than can be."""
 
+NEVER = -1.0
+
 _ORDER = 44
 _EVENTS = 60  # within a step
 _FREE_STEPS = 600  # radians of free vibration after the motion
@@ -95,8 +97,10 @@ def _derivative(series, terms, order, t):
 
 @called
 def _root(series, terms, order, level, left, right):
-    """Where the derivative `order` of the series passes `level` between two times that bracket it: ITP-like, false
-    position with halved weights, bisection when it stalls."""
+    """Where the derivative `order` of the series passes `level` between two times that bracket it.
+
+    False position with halved weights (Illinois), bisection every fourth time.
+    """
     at_left = _derivative(series, terms, order, left) - level
     at_right = _derivative(series, terms, order, right) - level
     if at_left == 0.0 or (at_left > 0.0) == (at_right > 0.0):
@@ -125,72 +129,88 @@ def _root(series, terms, order, level, left, right):
 
 
 @called
+def _turn(series, terms, start, end):
+    """When the velocity, monotone between two times, changes its sign; `end` if it does not."""
+    if _velocity(series, terms, start) * _velocity(series, terms, end) < 0.0:
+        return _root(series, terms, 1, 0.0, start, end)
+    return end
+
+
+@called
+def _yielding_until(series, terms, side, middle, rest):
+    """When the velocity turns against the yielding; NEVER if it does not before `rest`."""
+    start = 0.0
+    for end in (middle, rest):
+        if side * _velocity(series, terms, end) < 0.0:
+            return start if side * _velocity(series, terms, start) <= 0.0 else _turn(series, terms, start, end)
+        start = end
+    return NEVER
+
+
+@called
+def _elastic_until(series, terms, state, middle, rest):
+    """When u passes an end of the elastic branch; NEVER if it does not before `rest`. Takes up the peaks before."""
+    left = 0.0
+    # Between these times u is monotone.
+    for stop in (_turn(series, terms, 0.0, middle), middle, _turn(series, terms, middle, rest), rest):
+        u = _displacement(series, terms, stop)
+        if u > state[UPPER] or u < state[LOWER]:
+            return _root(series, terms, 0, state[UPPER] if u > state[UPPER] else state[LOWER], left, stop)
+        state[PEAK] = max(state[PEAK], abs(u))
+        left = stop
+    return NEVER
+
+
+@called
+def _unload(state, strength, hardening, k):
+    """Elastic again, from where the yielding ended back by twice the yield displacement."""
+    u, side = state[U], state[SIDE]
+    back = u - side * 2.0 * strength / ((1.0 - hardening) * k)
+    state[SIDE] = 0.0
+    state[V] = 0.0
+    state[OFFSET] = side * strength - (1.0 - hardening) * k * u
+    state[UPPER], state[LOWER] = max(u, back), min(u, back)
+
+
+@called
+def _yield(state, strength):
+    """Yielding from that end of the elastic branch which was reached."""
+    side = 1.0 if 2.0 * state[U] > state[UPPER] + state[LOWER] else -1.0
+    state[SIDE] = side
+    state[U] = state[UPPER] if side > 0.0 else state[LOWER]
+    state[V] = side * max(side * state[V], 0.0)
+    state[OFFSET] = side * strength
+
+
+@called
 def _within(state, series, strength, hardening, k, c, g, slope, h):
     """A step of length h, through all branches, under the ground acceleration g + slope t; number of events, or a
     negative code."""
     t = 0.0
     for events in range(_EVENTS):
         side = state[SIDE]
-        stiffness = k if side == 0.0 else hardening * k
         rest = h - t
         load = -(g + slope * t) - state[OFFSET]
-        terms = _taylor(series, state[U], state[V], load, -slope, stiffness, c, rest)
-        # Times between which the velocity is monotone
+        terms = _taylor(series, state[U], state[V], load, -slope, k if side == 0.0 else hardening * k, c, rest)
+        # The velocity is monotone from 0 to `middle`, and from there to `rest`.
         middle = rest
-        if 2.0 * series[2] * _acceleration(series, terms, rest) < 0.0:
+        if series[2] * _acceleration(series, terms, rest) < 0.0:
             middle = _root(series, terms, 2, 0.0, 0.0, rest)
-        event = rest
-        ended = False
-        start = 0.0
-        v_start = state[V]
-        for piece in range(2):
-            end = middle if piece == 0 else rest
-            if end <= start and piece == 1:
-                break
-            v_end = _velocity(series, terms, end)
-            if side != 0.0:
-                if side * v_end < 0.0:
-                    event = start if side * v_start <= 0.0 else _root(series, terms, 1, 0.0, start, end)
-                    ended = True
-            else:
-                turn = _root(series, terms, 1, 0.0, start, end) if v_start * v_end < 0.0 else end
-                left = start
-                for stop in (turn, end):
-                    if stop < left or (stop == left and stop > start):
-                        continue
-                    u = _displacement(series, terms, stop)
-                    if u > state[UPPER] or u < state[LOWER]:
-                        level = state[UPPER] if u > state[UPPER] else state[LOWER]
-                        state[SIDE] = 1.0 if u > state[UPPER] else -1.0
-                        event = _root(series, terms, 0, level, left, stop)
-                        ended = True
-                        break
-                    state[PEAK] = max(state[PEAK], abs(u))
-                    left = stop
-            if ended:
-                break
-            start, v_start = end, v_end
-        u = _displacement(series, terms, event)
-        v = _velocity(series, terms, event)
-        if not ended:
-            state[U], state[V] = u, v
-            state[PEAK] = max(state[PEAK], abs(u))
-            return events
-        t += event
-        if side != 0.0:
-            # Turned: elastic again, from the end of the yielding back by twice the yield displacement.
-            state[SIDE] = 0.0
-            state[V] = 0.0
-            state[OFFSET] = side * strength - (1.0 - hardening) * k * u
-            back = u - side * 2.0 * strength / ((1.0 - hardening) * k)
-            state[UPPER], state[LOWER] = max(u, back), min(u, back)
+        if side == 0.0:
+            event = _elastic_until(series, terms, state, middle, rest)
         else:
-            side = state[SIDE]
-            u = state[UPPER] if side > 0.0 else state[LOWER]
-            state[V] = side * max(side * v, 0.0)
-            state[OFFSET] = side * strength
-        state[U] = u
-        state[PEAK] = max(state[PEAK], abs(u))
+            event = _yielding_until(series, terms, side, middle, rest)
+        end = rest if event == NEVER else event
+        state[U] = _displacement(series, terms, end)
+        state[V] = _velocity(series, terms, end)
+        if event != NEVER and side == 0.0:
+            _yield(state, strength)
+        state[PEAK] = max(state[PEAK], abs(state[U]))
+        if event == NEVER:
+            return events
+        if side != 0.0:
+            _unload(state, strength, hardening, k)
+        t += event
     return NO_END
 
 
@@ -223,12 +243,13 @@ def _respond(ground, parts, h, k, c, hardening, strength, steps, series, state):
     # exceeds the larger of its ends by 1.14 e^(c h / 2) at most.
     reach = 0.25 * h * h * math.exp(0.5 * c * h)
     soft = hardening * k
+    part = 1.0 / parts
     events = 0
     u, v, side, offset, upper, lower, peak = 0.0, 0.0, 0.0, 0.0, state[UPPER], state[LOWER], 0.0
     a = ground[0]  # with its sign turned, as all loads here
     for i in range(1, ground.size):
         g0 = ground[i - 1]
-        rise = (ground[i] - g0) / parts
+        rise = (ground[i] - g0) * part
         for _ in range(parts):
             p0 = g0 + offset
             p1 = p0 + rise
