@@ -20,7 +20,7 @@ from tdint_cli.errors import Settings, exit_code_of
 
 COMMANDS = {
     "run": ("run", "Response of a building in time: the peaks of each story."),
-    "spectrum": ("spectrum", "Elastic response spectra of ground-motion records."),
+    "spectrum": ("spectrum", "Response spectra of ground-motion records, elastic and inelastic."),
     "drift-spectrum": (
         "drift_spectrum",
         "Drift spectra: the largest story drifts of shear buildings.",

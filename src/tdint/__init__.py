@@ -1,7 +1,8 @@
 """tdint: earthquake response of shear buildings with a time-integration method of your choice.
 
-These functions stand behind the commands: `read_record`, `process`, `load_model`, `run` and `spectrum`. They load on
-first use, so that importing tdint costs nothing.
+These functions stand behind the commands: `read_record`, `process`, `load_model`, `run`, `spectrum`,
+`constant_ductility`, `constant_strength` and `drift_spectrum`. They load on first use, so that importing tdint costs
+nothing.
 """
 
 from __future__ import annotations
@@ -10,6 +11,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from tdint.analysis.drift_spectrum import drift_spectrum as drift_spectrum
+    from tdint.analysis.inelastic import constant_ductility as constant_ductility
+    from tdint.analysis.inelastic import constant_strength as constant_strength
     from tdint.analysis.response import run as run
     from tdint.analysis.spectrum import spectrum as spectrum
     from tdint.ground_motion.processing import process as process
@@ -24,8 +28,21 @@ _HOMES = {
     "load_model": "tdint.model.config",
     "run": "tdint.analysis.response",
     "spectrum": "tdint.analysis.spectrum",
+    "constant_ductility": "tdint.analysis.inelastic",
+    "constant_strength": "tdint.analysis.inelastic",
+    "drift_spectrum": "tdint.analysis.drift_spectrum",
 }
-__all__ = ["__version__", "load_model", "process", "read_record", "run", "spectrum"]
+__all__ = [
+    "__version__",
+    "constant_ductility",
+    "constant_strength",
+    "drift_spectrum",
+    "load_model",
+    "process",
+    "read_record",
+    "run",
+    "spectrum",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -183,7 +183,7 @@ class Findings:
 @options.overwrite
 @options.debug
 def command(**given: Any) -> None:
-    """Elastic response spectra of ground-motion records.
+    """Response spectra of ground-motion records, elastic and inelastic.
 
     RECORD is a file, or a folder for all records in it, - is standard input; all components are taken unless
     --component names one. CSV in SI units: relative displacement, pseudo-velocity, pseudo-acceleration, relative
