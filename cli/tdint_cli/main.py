@@ -34,6 +34,7 @@ COMMANDS = {
     "order": ("order", "Observed order of methods, from their errors over halved steps."),
     "failures": ("failures", "Which methods fail on hard problems with known answers, and how."),
     "examples": ("examples", "The examples of the paper of 2022: errors of its methods, and its figures."),
+    "chart": ("chart", "Time against accuracy: what methods cost and how much they err on a building."),
 }
 """The commands in the order of the help: the module in `commands` and the first sentence of the command's own help."""
 

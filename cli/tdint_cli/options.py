@@ -96,6 +96,11 @@ debug = click.option(
     callback=_set_debug,
     help="Show a traceback with an error.",
 )
+record = click.option(
+    "--record",
+    metavar="FILE",
+    help="Ground motion in place of the model's; the model's units, component, scale and inventory do not apply to it.",
+)
 units = click.option(
     "--units",
     metavar="UNITS",

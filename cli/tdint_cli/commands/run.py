@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +11,7 @@ import click
 
 from tdint.errors import UsageError
 from tdint_cli import options
+from tdint_cli.motion import check_motion, with_motion
 from tdint_cli.startup import load_numba
 from tdint_cli.terminal import emit, say
 
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from tdint.analysis.response import FailedRun, Response
     from tdint.ground_motion.processing import Processing
     from tdint.ground_motion.record import Input, Record
-    from tdint.model.definition import Model, RecordSource
+    from tdint.model.definition import Model
     from tdint.output.files import Writer
 
 STORIES, HISTORY, PICTURE, SUMMARY = "stories.csv", "history.csv", "response.png", "summary.json"
@@ -48,11 +49,7 @@ class Request:
 
 @click.command("run")
 @click.argument("model", metavar="MODEL.yaml")
-@click.option(
-    "--record",
-    metavar="FILE",
-    help="Ground motion in place of the model's; the model's units, component, scale and inventory do not apply to it.",
-)
+@options.record
 @options.units
 @options.component
 @options.inventory
@@ -91,8 +88,7 @@ def _run(request: Request) -> None:
     from tdint.output.tables import story_table
 
     _check(request)
-    model = load_model(request.model)
-    model = replace(model, excitation=replace(model.excitation, record=_motion(request, model)))
+    model = with_motion(load_model(request.model), request)
     record = model_record(model)
     inputs = [model_input(model), *(record.inputs if record else ())]
     try:
@@ -126,40 +122,11 @@ def _check(request: Request) -> None:
     for name, wanted in (("--history", request.history), ("--plot", request.plot)):
         if wanted and not request.output:
             raise UsageError(f"{name} writes a file: add -o DIR")
-    if request.scale is not None and not (request.scale and abs(request.scale) < float("inf")):
-        raise UsageError(f"--scale must be a number other than zero, got {request.scale}")
-    if request.model == "-" and request.record == "-":
-        raise UsageError("standard input already holds the model; give the record as a file")
+    check_motion(request)
     if request.output:
         folder = Path(request.output)
         names = (STORIES, HISTORY, PICTURE, SUMMARY)
         check_outputs([folder / name for name in names], overwrite=request.overwrite, new_folder=True)
-
-
-def _motion(request: Request, model: Model) -> RecordSource | None:
-    """Where the ground motion comes from: the model and the command line together."""
-    from tdint.model.definition import RecordSource
-
-    if request.record is not None:
-        scale = 1.0 if request.scale is None else request.scale
-        return RecordSource(
-            request.record, request.units, request.component, scale, request.inventory, request.processing
-        )
-    source = model.excitation.record
-    given = {
-        name: value
-        for name in ("units", "component", "inventory", "scale")
-        if (value := getattr(request, name)) is not None
-    }
-    if source is None:
-        if given or request.processing:
-            name = f"--{next(iter(given))}" if given else "processing"
-            raise UsageError(f"{name} needs a record, the model has none: add --record FILE")
-        return None
-    if "units" in given or "inventory" in given:
-        # Each of the two excludes the other: who names one on the command line does without the model's other one.
-        source = replace(source, units=None, inventory=None)
-    return replace(source, **given, processing=request.processing.over(source.processing))
 
 
 def _files(request: Request, response: Response, inputs: list[Input], began: float) -> dict[str, Writer]:

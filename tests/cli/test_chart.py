@@ -1,0 +1,241 @@
+"""`tdint chart`: rows, words, files, exit codes."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+import sys
+
+import numpy as np
+import pytest
+
+from tdint import load_model, read_record, run
+from tdint.analysis.precision import DEFAULT_METHODS
+from tdint.methods.catalogue import parse
+from tdint.output.chart import QUANTITIES
+from tdint_cli.commands import chart
+
+COLUMNS = (
+    "method,dt_s,steps,iterations,time_s,time_min_s,error_displacement,error_drift,error_peak_drift,"
+    "error_acceleration,outcome,error_velocity"
+)
+QUICK = ("--method", "impulse4", "--method", "newmark-average", "--dt", "0.02,0.01", "--repeat", "2", "--no-cache")
+SIGNATURES = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
+
+
+def rows(text: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def test_rows_and_words(folder, tdint):
+    result = tdint("chart", "shaken.yaml", *QUICK)
+    assert result.exit_code == 0, result.stderr
+    assert result.stdout.splitlines()[0] == COLUMNS
+    table = rows(result.stdout)
+    assert [(row["method"], row["dt_s"], row["steps"], row["outcome"]) for row in table] == [
+        (parse(name).label, dt, steps, "done")
+        for name in ("impulse4", "newmark-average")
+        for dt, steps in (("0.02", "150"), ("0.01", "299"))
+    ]
+    for row in table:
+        assert 0.0 < float(row["time_min_s"]) <= float(row["time_s"])
+        assert all(0.0 < float(row[name]) < 1.0 for name in row if name.startswith("error_"))
+    lines = result.stderr.splitlines()
+    assert lines[0].startswith("2 stories: the reference is impulse4 with dt ")
+    assert "newmark-average extrapolated from dt" in lines[0]
+    for line, limit in zip(lines[1:3], ("1", "0.1"), strict=True):
+        assert re.fullmatch(rf"For {limit} % \(peak-drift\): .* with dt 0.0[12] s, .* ms, error .* %\.", line)
+    assert lines[3].startswith("The usual choice, newmark-average with the record's dt 0.01 s: ")
+    assert lines[-1] == "note: steps over 0.01 s skip samples of the record"
+
+
+def test_the_recommendation_holds_in_a_run(folder, tdint):
+    """The error that is promised is that of a run, seen from a run with a step a hundred times smaller."""
+    result = tdint("chart", "shaken.yaml", *QUICK, "-o", "chart.csv")
+    assert result.exit_code == 0, result.stderr
+    model, record = load_model("shaken.yaml"), read_record("motion.mseed", component="HNE")
+    fine = run(model, record, method="newmark-average", dt=0.01 / 128).stories.peak_drift
+    advised = json.loads((folder / "chart.json").read_text())["recommended"]
+    assert [one["limit"] for one in advised] == [0.01, 0.001]
+    for one in advised:
+        found = run(model, record, method=one["method"], dt=one["dt_s"]).stories.peak_drift
+        error = np.max(np.abs(found / fine - 1.0))
+        assert error <= one["limit"]
+        assert error == pytest.approx(one["error"], abs=1e-5)
+
+
+def test_files(folder, tdint):
+    for suffix, start in SIGNATURES.items():
+        result = tdint("chart", "shaken.yaml", *QUICK, "-o", "x.csv", "--plot", f"x{suffix}", "--overwrite")
+        assert (result.exit_code, result.stdout) == (0, "")
+        assert (folder / f"x{suffix}").read_bytes().startswith(start)
+    assert len(rows((folder / "x.csv").read_text())) == 4
+    summary = json.loads((folder / "x.json").read_text())
+    assert summary["interval_s"] == 0.01
+    assert summary["model"]["file"] == "shaken.yaml"
+    assert summary["record"]["component"] == "HNE"
+    (reference,) = summary["references"]
+    assert reference["method"] == "impulse4"
+    assert set(reference["gap"]) == {name.replace("-", "_") for name in QUANTITIES}
+    assert all(0.0 < gap < 1e-6 for gap in reference["gap"].values())
+    assert summary["usual"]["method"] == "newmark-average"
+
+
+def test_the_picture_names_what_it_shows(folder, tdint):
+    for options, words in (
+        ((), ["largest error of a story's peak drift", "the record's own step, 0.01 s", "time of the march (s)"]),
+        (("--target", "drift"), ["error of the drifts (L2 of the history)"]),
+        (("--versus", "dt"), ["time step (s)", "vertical line: the record's own step"]),
+    ):
+        assert tdint("chart", "shaken.yaml", *QUICK, *options, "--plot", "x.svg", "--overwrite").exit_code == 0
+        picture = (folder / "x.svg").read_text(encoding="utf-8")
+        for word in [*words, "shaken", ">impulse4<", "newmark-average", "reference: impulse4"]:
+            assert word in picture.replace("> impulse4<", ">impulse4<"), word
+
+
+def test_a_linear_building_under_forces_without_a_record(folder, tdint):
+    result = tdint("chart", "forced.yaml", *QUICK, "--method", "exact", "--target", "displacement")
+    assert result.exit_code == 0, result.stderr
+    assert {row["method"] for row in rows(result.stdout)} == {
+        parse(name).label for name in ("impulse4", "newmark-average", "exact")
+    }
+    assert "the reference is impulse4" in result.stderr
+    assert "with the model's dt 0.02 s" in result.stderr
+    assert "skip samples" not in result.stderr
+
+
+def test_the_default_methods_and_steps(folder, tdint):
+    result = tdint("chart", "shaken.yaml", "--repeat", "1", "--no-cache")
+    assert result.exit_code == 0, result.stderr
+    table = rows(result.stdout)
+    labels = [parse(name).label for name in DEFAULT_METHODS if name != "exact"]
+    assert [row["method"] for row in table] == [label for label in labels for _ in range(7)]
+    assert [float(row["dt_s"]) for row in table[:7]] == pytest.approx([0.04 / 2**j for j in range(7)])
+    halved = tdint("chart", "shaken.yaml", "--halvings", "1", "--repeat", "1", "--no-cache", "--method", "gauss4")
+    assert [row["dt_s"] for row in rows(halved.stdout)] == ["0.04", "0.02"]
+
+
+def test_unstable_steps_stay_in_the_table(folder, tdint):
+    result = tdint(
+        "chart", "shaken.yaml", "--method", "central-difference", "--dt", "0.2,0.01", "--repeat", "1", "--no-cache",
+        "--plot", "x.svg",
+    )  # fmt: skip
+    assert result.exit_code == 0, result.stderr
+    first, second = rows(result.stdout)
+    assert (first["outcome"], second["outcome"]) == ("unstable", "done")
+    empty = [name for name in COLUMNS.split(",") if name not in ("method", "dt_s", "steps", "outcome")]
+    assert {first[name] for name in empty} == {""}
+    assert "note: central-difference: unstable with dt 0.2 s" in result.stderr
+
+
+def test_no_point_within_the_error(folder, tdint):
+    result = tdint("chart", "shaken.yaml", "--method", "newmark-average", "--dt", "0.02", "--repeat", "1", "--no-cache")
+    assert "For 0.1 % (peak-drift): none of these methods and steps; add smaller steps" in result.stderr
+
+
+def test_over_the_number_of_stories(folder, tdint):
+    command = ("chart", "shaken.yaml", "--stories", "1,2,6", "--method", "impulse4", "--repeat", "1", "--no-cache")
+    result = tdint(*command, "-o", "x.csv", "--plot", "x.svg")
+    assert result.exit_code == 0, result.stderr
+    text = (folder / "x.csv").read_text()
+    assert text.splitlines()[0] == f"stories,{COLUMNS}"
+    assert [(row["stories"], row["dt_s"]) for row in rows(text)] == [("1", "0.01"), ("2", "0.01"), ("6", "0.01")]
+    assert [line.split(":")[0] for line in result.stderr.splitlines()[:3]] == ["1 story", "2 stories", "6 stories"]
+    assert "time per step (us)" in (folder / "x.svg").read_text(encoding="utf-8")
+    assert [one["stories"] for one in json.loads((folder / "x.json").read_text())["references"]] == [1, 2, 6]
+
+
+def test_a_record_of_the_command_line(folder, tdint):
+    result = tdint("chart", "forced.yaml", "--record", "other.mseed", *QUICK, "--duration", "1")
+    assert result.exit_code == 0, result.stderr
+    assert [row["steps"] for row in rows(result.stdout)] == ["50", "100"] * 2
+    assert "with the record's dt 0.01 s" in result.stderr
+
+
+def test_the_reference_is_kept_between_calls(folder, tdint, monkeypatch):
+    from tdint.analysis import reference
+
+    monkeypatch.setattr(reference, "cache_folder", lambda: folder)
+    command = [part for part in QUICK if part != "--no-cache"]
+    first = tdint("chart", "shaken.yaml", *command)
+    assert len(list((folder / "references").iterdir())) == 1
+    monkeypatch.setattr(reference, "_solve", None)
+    second = tdint("chart", "shaken.yaml", *command)
+    assert (first.exit_code, second.exit_code) == (0, 0)
+    assert first.stderr.splitlines()[0] == second.stderr.splitlines()[0]
+    assert tdint("chart", "shaken.yaml", *QUICK).exit_code == 1  # --no-cache solves again
+
+
+def test_interrupted_work_leaves_no_file(folder, tdint, monkeypatch):
+    from tdint.analysis import precision
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(precision, "errors", interrupt)
+    before = sorted(folder.iterdir())
+    result = tdint("chart", "shaken.yaml", *QUICK, "-o", "x.csv", "--plot", "x.png")
+    assert (result.exit_code, result.stdout) == (130, "")
+    assert "Interrupted" in result.stderr
+    assert sorted(folder.iterdir()) == before
+
+
+def test_a_bar_for_people_at_a_terminal(folder, tdint, monkeypatch, capfd):
+    assert "%" not in tdint("chart", "shaken.yaml", *QUICK).stderr.split("For 1 %")[0]
+    from tdint_cli import progress
+
+    monkeypatch.setattr(progress, "_is_terminal", lambda stream: stream is sys.stderr)
+    result = tdint("chart", "shaken.yaml", *QUICK, "-o", "x.csv")
+    assert result.exit_code == 0, result.stderr
+    assert "reference" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (["--dt", "0.013"], 2, "dt 0.013 s does not fit the record's sampling interval 0.01 s"),
+        (["--dt", "0.01,x"], 2, "'0.01,x' is not a list of numbers separated by commas"),
+        (["--dt", "-1"], 2, "each must be a positive number"),
+        (["--dt", "nan"], 2, "each must be a positive number"),
+        (["--dt", ""], 2, "is not a list of numbers"),
+        (["--stories", "1,2.5"], 2, "is not a list of whole numbers"),
+        (["--stories", "0"], 2, "each must be a positive number"),
+        (["--stories", "1000000"], 2, "at most 10000"),
+        (["--dt", "0.01", "--halvings", "2"], 2, "--dt already gives the steps"),
+        (["--stories", "1,2", "--versus", "dt"], 2, "leave out --stories"),
+        (["--halvings", "-1"], 2, "Invalid value for '--halvings'"),
+        (["--repeat", "0"], 2, "Invalid value for '--repeat'"),
+        (["--target", "force"], 2, "Invalid value for '--target'"),
+        (["--method", "newmrk"], 2, "unknown method 'newmrk'"),
+        (["--method", "exact"], 2, "exact integrates linear buildings only"),
+        (["--scale", "0"], 2, "--scale must be a number other than zero"),
+        (["--duration", "-1"], 2, "duration must be a positive number of seconds"),
+        (["--record", "missing.mseed"], 4, "missing.mseed"),
+        (["--plot", "x.jpg"], 6, "a picture is written as .png, .pdf or .svg, not .jpg"),
+        (["-o", "x.json"], 6, "x.json: two outputs would have this name"),
+        (["-o", "motion.mseed", "--overwrite"], 6, ""),
+        (["-o", "missing/x.csv"], 6, "there is no folder missing"),
+    ],
+)
+def test_what_is_refused(folder, tdint, arguments, code, message):
+    record = (folder / "motion.mseed").read_bytes()
+    result = tdint("chart", "shaken.yaml", *arguments, *([] if "-o" not in arguments else ["--record", "motion.mseed"]))
+    assert (result.exit_code, result.stdout) == (code, "")
+    assert message in result.stderr
+    assert "internal error" not in result.stderr
+    assert (folder / "motion.mseed").read_bytes() == record
+
+
+def test_a_model_that_nothing_moves(folder, tdint):
+    (folder / "still.yaml").write_text(
+        "stories: [{mass: 1, stiffness: 1}]\nanalysis: {dt: 0.1, duration: 1}\n", encoding="utf-8"
+    )
+    result = tdint("chart", "still.yaml")
+    assert (result.exit_code, result.stdout) == (5, "")
+    assert "nothing moves this building" in result.stderr
+
+
+def test_the_targets_are_those_of_the_library():
+    assert set(chart.TARGETS) == set(QUANTITIES)
