@@ -77,6 +77,24 @@ class Number(click.FloatRange):
         return number
 
 
+class Part(click.ParamType):
+    """A part of a whole between 0 and 1, both left out: 0.01 or 1%."""
+
+    name = "part"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        if isinstance(value, float):
+            return value
+        text = value.strip()
+        try:
+            part = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
+        except ValueError:
+            self.fail(f"{value!r} is neither a part such as 0.01 nor a percentage such as 1%", param, ctx)
+        if not 0.0 < part < 1.0:
+            self.fail(f"{value!r} is not between 0 and 1 (100%)", param, ctx)
+        return part
+
+
 damping_ratio = Number(0.0, 1.0, max_open=True)
 
 DT_OVER_T = (1e-6, 1e6)

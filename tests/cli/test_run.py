@@ -101,7 +101,8 @@ def test_the_summary(folder, tdint):
     summary = json.loads((folder / "out" / "summary.json").read_text())
     assert list(summary) == [
         "status", "name", "method", "dt_s", "steps", "duration_s", "iterations", "halvings", "events", "wall_time_s",
-        "march_time_s", "energy", "peaks", "collapse_drift", "collapse", "record", "notes", "inputs", "versions",
+        "march_time_s", "energy", "peaks", "check", "collapse_drift", "collapse", "record", "notes", "inputs",
+        "versions",
     ]  # fmt: skip
     assert (summary["status"], summary["name"], summary["method"]) == ("done", "shaken", "newmark-average")
     assert (summary["dt_s"], summary["steps"], summary["duration_s"]) == (0.01, 299, 2.99)
@@ -231,6 +232,65 @@ def test_a_failed_run_writes_its_summary_alone(folder, tdint):
 
 def test_a_failed_run_without_a_folder(folder, tdint):
     check_error(tdint("run", "forced.yaml", *UNSTABLE), 5, "diverged after")
+
+
+ERRORS = ",".join(f"{name}_error" for name in COLUMNS.split(",")[2:])
+
+
+def test_a_check_adds_the_estimated_errors(folder, tdint):
+    plain = tdint("run", "shaken.yaml")
+    result = tdint("run", "shaken.yaml", "--check", "-o", "out", "--history", "--plot")
+    assert result.exit_code == 0
+    header, *lines = result.stdout.splitlines()
+    assert header == f"{COLUMNS},{ERRORS}"
+    columns = COLUMNS.count(",") + 1
+    assert [line.split(",")[:columns] for line in lines] == [line.split(",") for line in plain.stdout.splitlines()[1:]]
+    assert (folder / "out" / "stories.csv").read_bytes() == result.stdout.encode()
+    table = rows(result.stdout)
+    relative = [float(row["peak_drift_m_error"]) / float(row["peak_drift_m"]) for row in table]
+    check = json.loads((folder / "out" / "summary.json").read_text())["check"]
+    assert check["drift_error"] == pytest.approx(max(relative)) and 1e-6 < max(relative) < 0.05
+    assert check["drift_error_story"] == relative.index(max(relative)) + 1
+    assert (check["dts_s"], check["tolerance"]) == ([0.005, 0.0025], None)
+    assert check["errors"]["base_shear_N"] == float(table[0]["peak_shear_N_error"])
+    assert check["errors"]["roof_displacement_m"] == float(table[1]["peak_displacement_m_error"])
+    told = f"Largest estimated error of a peak drift: {100 * max(relative):.2g} % (story {check['drift_error_story']})"
+    assert f"{told}, from runs with dt 0.005 and 0.0025 s." in result.stderr
+    assert "estimated" not in plain.stderr
+
+
+def test_stories_without_a_value_have_no_error(folder, tdint):
+    table = rows(tdint("run", "forced.yaml", "--check").stdout)
+    assert table[0]["ductility"] == table[0]["ductility_error"] == ""
+    assert float(table[0]["peak_drift_m_error"]) > 0.0
+
+
+@pytest.mark.parametrize("tolerance", ["0.1%", "0.001", " 0.1 %"])
+def test_a_tolerance_chooses_the_step(folder, tdint, tolerance):
+    result = tdint("run", "shaken.yaml", "--tolerance", tolerance, "-o", "out")
+    assert result.exit_code == 0
+    summary = json.loads((folder / "out" / "summary.json").read_text())
+    assert summary["dt_s"] < 0.01
+    assert summary["check"]["tolerance"] == 0.001
+    assert summary["check"]["drift_error"] <= 0.001
+    assert f"Step chosen for peak drifts within 0.1 %: {summary['dt_s']:.6g} s." in result.stderr
+    assert result.stdout.splitlines()[0] == f"{COLUMNS},{ERRORS}"
+    again = tdint("run", "shaken.yaml", "--check", "--dt", summary["dt_s"])
+    assert again.stdout == result.stdout
+
+
+def test_a_tolerance_that_is_not_reached(folder, tdint):
+    result = tdint("run", "forced.yaml", "--method", "houbolt", "--tolerance", "1e-12", "-o", "out")
+    check_error(result, 5, "houbolt does not come within 1e-10 %")
+    summary = json.loads((folder / "out" / "summary.json").read_text())
+    assert summary["status"] == "not-within-tolerance" and "peaks" not in summary
+
+
+@pytest.mark.parametrize("tolerance", ["0", "1", "100%", "-1%", "much", "nan", "%"])
+def test_a_tolerance_is_a_part_or_a_percentage(folder, tdint, tolerance):
+    result = tdint("run", "forced.yaml", "--tolerance", tolerance)
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert "Invalid value for '--tolerance'" in result.stderr
 
 
 def test_a_collapse_is_told_and_is_no_error(folder, tdint):

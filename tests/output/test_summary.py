@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 
-from tdint.analysis.response import StoryPeaks
-from tdint.output.summary import json_bytes, overall_peaks
+from tdint.analysis.response import StoryErrors, StoryPeaks
+from tdint.output.summary import json_bytes, overall_errors, overall_peaks
 
 
 def test_json_has_twelve_digits_null_and_the_order_of_its_keys():
@@ -58,4 +58,29 @@ def test_overall_peaks_name_story_and_pass_over_what_is_missing():
         "ductility_story": None,
         "floor_acceleration_m_s2": 4.0,
         "floor_acceleration_floor": 1,
+    }
+
+
+def test_the_error_of_a_largest_peak_is_that_of_any_story_that_may_have_it():
+    nan = math.nan
+    values = np.array([1.0, 3.0, 2.9])
+    stories = StoryPeaks(values, values, np.array([nan, 0.3, 0.1]), -values, values, np.full(3, nan), *[values] * 3)
+    errors = StoryErrors(
+        peak_drift=np.array([1.5, 0.01, 0.2]),  # the third may be larger than the second, the first may not
+        peak_drift_ratio=np.array([nan, 0.01, 0.1]),
+        residual_drift=np.array([2.5, 0.0, 0.0]),
+        peak_shear=np.array([7.0, 8.0, 9.0]),
+        ductility=np.full(3, nan),
+        peak_displacement=np.array([4.0, 5.0, 6.0]),
+        peak_velocity=values,
+        peak_acceleration=np.full(3, nan),
+    )
+    assert overall_errors(stories, errors) == {
+        "roof_displacement_m": 6.0,
+        "base_shear_N": 7.0,
+        "drift_m": 0.2,
+        "drift_ratio": 0.01,
+        "residual_drift_m": 2.5,
+        "ductility": None,
+        "floor_acceleration_m_s2": None,
     }

@@ -45,6 +45,8 @@ class Request:
     plot: bool
     overwrite: bool
     allow_unstable: bool
+    check: bool
+    tolerance: float | None
 
 
 @click.command("run")
@@ -66,6 +68,18 @@ class Request:
     "--plot", is_flag=True, help=f"Also write {PICTURE}: roof displacement, energies, drifts, one hysteresis."
 )
 @options.overwrite
+@click.option(
+    "--check",
+    is_flag=True,
+    help="Repeat the run with a half and a quarter of the step: columns <name>_error with the estimated errors.",
+)
+@click.option(
+    "--tolerance",
+    type=options.Part(),
+    metavar="1%",
+    help="Halve the step, up to eight times, until the estimated error of every peak drift is within this part of it; "
+    "the columns of --check are there, too.",
+)
 @click.option("--allow-unstable", is_flag=True, help="Run a method beyond its largest stable step.")
 @options.debug
 def command(**given: Any) -> None:
@@ -100,6 +114,8 @@ def _run(request: Request) -> None:
             duration=request.duration,
             history=request.history or request.plot,
             allow_unstable=request.allow_unstable,
+            check=request.check,
+            tolerance=request.tolerance,
         )
     except FailedRun as failure:
         for note in failure.notes:
@@ -107,7 +123,7 @@ def _run(request: Request) -> None:
         if request.output:
             _write(request, _failed_files(request, failure, model, record, inputs, began))
         raise
-    emit(story_table(response.stories).csv())
+    emit(story_table(response.stories, response.check and response.check.errors).csv())
     if request.output:
         _write(request, _files(request, response, inputs, began))
     say(_paragraph(response))
@@ -134,7 +150,7 @@ def _files(request: Request, response: Response, inputs: list[Input], began: flo
     from tdint.output.summary import json_bytes, run_summary
     from tdint.output.tables import story_table, write_history
 
-    table = story_table(response.stories).csv()
+    table = story_table(response.stories, response.check and response.check.errors).csv()
     summary = json_bytes(run_summary(response, inputs, time.perf_counter() - began))
     files: dict[str, Writer] = {STORIES: lambda stream: stream.write(table)}
     history = response.history
@@ -191,6 +207,14 @@ def _paragraph(response: Response) -> str:
         f"Largest {worst}, roof displacement {peaks['roof_displacement_m']:.4g} m, "
         f"base shear {peaks['base_shear_N']:.4g} N.",
     ]
+    if (check := response.check) and check.drift_error is not None:
+        runs = " and ".join(f"{dt:.6g}" for dt in check.dts)
+        if check.tolerance is not None:
+            lines.append(f"Step chosen for peak drifts within {100.0 * check.tolerance:g} %: {response.dt:.6g} s.")
+        lines.append(
+            f"Largest estimated error of a peak drift: {100.0 * check.drift_error:.2g} % (story {check.drift_story}), "
+            f"from runs with dt {runs} s."
+        )
     if collapse := response.collapse:
         end = "; the run ends there, for the drift ran away" if collapse.ended else ""
         lines.append(

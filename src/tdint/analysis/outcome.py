@@ -211,13 +211,13 @@ class FailedRun(AnalysisError):
     Attributes
     ----------
     status : str
-        `diverged`, `not-converged` or `unstable-step`.
+        `diverged`, `not-converged`, `unstable-step` or `not-within-tolerance`.
     method, dt : str, float
         The method with all its parameters and the time step, s.
     time : float
         Last time reached, s.
     story : int or None
-        The story, counted from 1, that did not converge or whose drift ran away.
+        The story, counted from 1, that did not converge, whose drift ran away, or is least within a tolerance.
     residual : float or None
         Where a step did not converge: what is out of balance over the story's forces.
     energy : float or None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from tdint.analysis.checking import checked, within
 from tdint.analysis.marching import Case
 from tdint.analysis.outcome import (
     Check,
@@ -48,6 +49,8 @@ def run(
     duration: float | None = None,
     history: bool = False,
     allow_unstable: bool = False,
+    check: bool = False,
+    tolerance: float | None = None,
 ) -> Response:
     """Integrate a model in time.
 
@@ -65,6 +68,12 @@ def run(
     allow_unstable : bool
         Run a conditionally stable method beyond its limit, and take a motion on energy that the method made for a
         result.
+    check : bool
+        Repeat the run with a half and a quarter of the step, and estimate the errors of its peaks from that
+        (`Response.check`). A repetition that fails leaves them unknown.
+    tolerance : float, optional
+        Halve the step, up to eight times, until the estimated error of every peak drift is within this part of it. The
+        response is that with the first such step, and checked.
 
     Returns
     -------
@@ -73,11 +82,12 @@ def run(
     Raises
     ------
     UsageError
-        No method, an unknown one, or a step that does not fit.
+        No method, an unknown one, a step that does not fit, or a tolerance that is none.
     RecordError
         The model's record cannot be read.
     AnalysisError
-        The step is beyond the method's limit; the run diverged or did not converge (`FailedRun`).
+        The step is beyond the method's limit; the run diverged or did not converge; no step is within the tolerance
+        (`FailedRun`).
     """
     specification = method or model.analysis.method
     if specification is None:
@@ -92,7 +102,10 @@ def run(
             raise UsageError(f"{name} must be a positive number of seconds, got {value!r}")
     steps = choose_steps(dt, duration, record.dt if record else None, record.duration if record else 0.0)
     case = Case(model, assemble(model), record, integrator, allow_unstable)
-    return case.march(steps, history)
+    if tolerance is not None:
+        return within(case, steps, tolerance, history)
+    response = case.march(steps, history)
+    return checked(case, steps, response) if check else response
 
 
 def model_record(model: Model) -> Record | None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from tdint.ground_motion.record import Input, Record
 from tdint.model.definition import Model
-from tdint.output.results import Array, Collapses, Energies, RunFailure, RunResult, Stories
+from tdint.output.results import Array, Checks, Collapses, Energies, RunFailure, RunResult, Stories, StoryErrors
 
 _PACKAGES = ("tdint", "numpy", "scipy", "numba", "obspy")
 
@@ -41,6 +41,7 @@ def run_summary(response: RunResult, inputs: Sequence[Input], wall_time: float) 
         "march_time_s": response.march_time,
         "energy": _energy(response.energy),
         "peaks": overall_peaks(response.stories),
+        "check": _check(response.check, response.stories),
         "collapse_drift": response.model.collapse_drift,
         "collapse": _collapse(response.collapse),
         "record": _motion(response.record),
@@ -122,6 +123,29 @@ def overall_peaks(stories: Stories) -> dict[str, float | int | None]:
     }
 
 
+def overall_errors(stories: Stories, errors: StoryErrors) -> dict[str, float | None]:
+    """Estimated errors of the numbers of the same names in `overall_peaks`; None where there is none."""
+    residual = np.abs(stories.residual_drift)
+    return {
+        "roof_displacement_m": float(errors.peak_displacement[-1]),
+        "base_shear_N": float(errors.peak_shear[0]),
+        "drift_m": _error_of_largest(stories.peak_drift, errors.peak_drift),
+        "drift_ratio": _error_of_largest(stories.peak_drift_ratio, errors.peak_drift_ratio),
+        "residual_drift_m": _error_of_largest(residual, errors.residual_drift),
+        "ductility": _error_of_largest(stories.ductility, errors.ductility),
+        "floor_acceleration_m_s2": _error_of_largest(stories.peak_acceleration, errors.peak_acceleration),
+    }
+
+
+def _error_of_largest(values: Array, errors: Array) -> float | None:
+    """The largest error among the stories that may have the largest value."""
+    known = np.isfinite(values) & np.isfinite(errors)
+    if not known.any():
+        return None
+    values, errors = values[known], errors[known]
+    return float(np.max(errors[values + errors >= np.max(values)]))
+
+
 def json_bytes(content: dict[str, Any]) -> bytes:
     """JSON with 12 significant digits, null for what is no finite number, keys in the order given, LF ends."""
     # A file name that is not UTF-8 has surrogates; escaped (ASCII) they are still valid JSON.
@@ -156,6 +180,18 @@ def _energy(energy: Energies) -> dict[str, float]:
         "recoverable_J": energy.recoverable,
         "dissipated_J": energy.dissipated,
         "error": energy.error,
+    }
+
+
+def _check(check: Checks | None, stories: Stories) -> dict[str, Any] | None:
+    if check is None:
+        return None
+    return {
+        "dts_s": list(check.dts),
+        "drift_error": check.drift_error,
+        "drift_error_story": check.drift_story,
+        "tolerance": check.tolerance,
+        "errors": overall_errors(stories, check.errors),
     }
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 
-from tdint.output.results import Array, Histories, RotatedResult, SpectrumResult, Stories
+from tdint.output.results import Array, Histories, RotatedResult, SpectrumResult, Stories, StoryErrors
 
 if TYPE_CHECKING:
     from tdint.ground_motion.record import Record
@@ -33,6 +33,7 @@ STORY_COLUMNS = (
     "peak_velocity_m_s",
     "peak_acceleration_m_s2",
 )
+STORY_ERROR_COLUMNS = tuple(f"{name}_error" for name in STORY_COLUMNS[2:])
 SPECTRUM_COLUMNS = (
     "record",
     "component",
@@ -90,20 +91,26 @@ def cell_text(value: Cell) -> str:
             return str(value)
 
 
-def story_table(stories: Stories) -> Table:
-    """One row per story, from the ground up."""
-    columns = (
-        stories.height,
-        stories.peak_drift,
-        stories.peak_drift_ratio,
-        stories.residual_drift,
-        stories.peak_shear,
-        stories.ductility,
-        stories.peak_displacement,
-        stories.peak_velocity,
-        stories.peak_acceleration,
+def story_table(stories: Stories, errors: StoryErrors | None = None) -> Table:
+    """One row per story, from the ground up; with errors a column `<name>_error` for each peak, after all peaks."""
+    columns = (stories.height, *_peaks(stories))
+    if errors is None:
+        return Table(STORY_COLUMNS, _numbered(columns))
+    return Table((*STORY_COLUMNS, *STORY_ERROR_COLUMNS), _numbered((*columns, *_peaks(errors))))
+
+
+def _peaks(of: Stories | StoryErrors) -> tuple[Array, ...]:
+    """The peaks, or their errors, in the order of the columns."""
+    return (
+        of.peak_drift,
+        of.peak_drift_ratio,
+        of.residual_drift,
+        of.peak_shear,
+        of.ductility,
+        of.peak_displacement,
+        of.peak_velocity,
+        of.peak_acceleration,
     )
-    return Table(STORY_COLUMNS, _numbered(columns))
 
 
 def spectrum_table(spectra: Sequence[SpectrumResult], stated: Sequence[str] = ()) -> Table:
