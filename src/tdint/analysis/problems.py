@@ -203,7 +203,7 @@ def _bathe_noh(name: str, node: str, error_of: str, error: Callable[[History], f
     own = _OWN * np.cos(time) + _DRIVEN * driven
     return Problem(
         name=name,
-        about=f"masses 1 and 1, springs 1e7 and 1, the base moves by sin 1.2 t, 10 s at rest before: the {node} node",
+        about=f"masses 1 and 1, springs 1e7 and 1, from rest, the base moves by sin 1.2 t, 10 s: the {node} node",
         source="Bathe and Noh (2012), k1 = 1e7; exact motion that of k1 to infinity",
         model=bare_model(
             "stiff and soft node",
