@@ -51,10 +51,10 @@ def command(**given: Any) -> None:
     newmark-average. The README lists the problems, their sources, and what a method must keep to.
 
     CSV: least and largest energy over the largest of the exact motion (the initial one in free vibration); the error,
-    and in the last column what it is; the outcome, as of `tdint run`, or `unstable` where `tdint run` refuses the step
-    (the rest is then what --allow-unstable gives), or `refused` for nonlinear stories with a method for linear ones;
-    the verdict: pass, loses energy, gains energy, rings, inaccurate, grows, overshoots, blows up, does not converge;
-    the time reached. The counts of the verdicts go to standard error. A method that fails is a result: exit code 0.
+    and in the last column what it is; the outcome, which is the status of `tdint run` while the rest of the row is what
+    --allow-unstable gives, or `refused` for nonlinear stories with a method for linear ones; the verdict: pass, loses
+    energy, gains energy, rings, inaccurate, grows, overshoots, blows up, does not converge; the time reached. The
+    counts of the verdicts go to standard error. A method that fails is a result: exit code 0.
     """
     _run(Request(**given))
 

@@ -96,8 +96,8 @@ class ExampleRun:
     variant : str
         Empty for the method as `tdint run` takes it; else what was done otherwise.
     outcome : str
-        `done`, or why there is no motion: `diverged`, `not-converged`, `unstable` (the step is beyond the method's
-        limit), `refused` (a method for linear buildings).
+        The status of `tdint run`; without an end `diverged`, `not-converged` or `unstable-step`, and `refused` for a
+        method for linear buildings.
     motion, reference : Motion
         At the step ends; without an end `motion` holds nan.
     """
@@ -213,7 +213,7 @@ def _outcome(solve: Callable[[], Motion], integrator: Integrator, exact: Motion)
     except FailedRun as failure:
         outcome = failure.status
     except AnalysisError:
-        outcome = "refused" if integrator.family.linear_only else "unstable"
+        outcome = "refused" if integrator.family.linear_only else "diverged"
     nothing = np.full_like(exact.displacement, math.nan)
     return outcome, Motion(exact.time, nothing, nothing, nothing)
 

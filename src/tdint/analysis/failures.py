@@ -39,8 +39,8 @@ class Trial:
     error, error_of : float, str
         The problem's error and what it is; nan for a run without an end.
     outcome : str
-        `done`, `diverged`, `not-converged`; `unstable` where `tdint run` refuses the step, the rest is then what
-        --allow-unstable gives; `refused` for a method that is not for this building.
+        The status of `tdint run`; the rest is what it gives with --allow-unstable. `refused` for a method that is not
+        for this building.
     verdict : str
         `pass`, the fault found, or how the run failed.
     time, steps : float, int
@@ -99,25 +99,30 @@ def attempt(integrator: Integrator, problem: Problem) -> list[Trial]:
 def _attempt(integrator: Integrator, problem: Problem, dt: float, steps: int) -> Trial:
     if integrator.family.linear_only and not assemble(problem.model).linear:
         return _without_numbers(integrator, problem, dt, REFUSED, REFUSED, 0.0)
-    outcome = "unstable" if _is_refused(integrator, problem, dt) else "done"
+    ended = _run(integrator, problem, dt, steps, allow_unstable=False)
+    outcome = "done"
+    if isinstance(ended, FailedRun):
+        outcome = ended.status
+        ended = _run(integrator, problem, dt, steps, allow_unstable=True)
+    if isinstance(ended, FailedRun):
+        return _without_numbers(integrator, problem, dt, outcome, _ENDS[ended.status], ended.time)
+    return _judged(integrator, problem, dt, outcome, ended)
+
+
+def _run(integrator: Integrator, problem: Problem, dt: float, steps: int, allow_unstable: bool) -> History | FailedRun:
     try:
         response = run(
-            problem.model, method=integrator.label, dt=dt, duration=dt * steps, history=True, allow_unstable=True
+            problem.model,
+            method=integrator.label,
+            dt=dt,
+            duration=dt * steps,
+            history=True,
+            allow_unstable=allow_unstable,
         )
     except FailedRun as failure:
-        ending = outcome if outcome == "unstable" else failure.status
-        return _without_numbers(integrator, problem, dt, ending, _ENDS[failure.status], failure.time)
+        return failure
     assert response.history is not None
-    return _judged(integrator, problem, dt, outcome, response.history)
-
-
-def _is_refused(integrator: Integrator, problem: Problem, dt: float) -> bool:
-    """Whether `tdint run` refuses the step: it is beyond the method's limit."""
-    try:
-        run(problem.model, method=integrator.label, dt=dt, duration=dt)
-    except FailedRun as failure:
-        return failure.status == "unstable-step"
-    return False
+    return response.history
 
 
 def _judged(integrator: Integrator, problem: Problem, dt: float, outcome: str, history: History) -> Trial:
