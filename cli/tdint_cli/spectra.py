@@ -49,8 +49,8 @@ output = options.output(
 )
 
 
-def periods(default: str) -> Callable[[Command], Command]:
-    """The options --periods and --period."""
+def periods(default: str, zero: str = "") -> Callable[[Command], Command]:
+    """The options --periods and --period; `zero` says what a period of 0 gives, if it may be asked for."""
     several = click.option(
         "--periods",
         metavar="FIRST:LAST:COUNT",
@@ -58,10 +58,10 @@ def periods(default: str) -> Callable[[Command], Command]:
     )
     single = click.option(
         "--period",
-        type=click.FloatRange(0.0, min_open=True),
+        type=click.FloatRange(0.0, min_open=not zero),
         multiple=True,
         metavar="SECONDS",
-        help="A single period, may be repeated; in place of --periods.",
+        help=f"A single period, may be repeated; in place of --periods.{zero}",
     )
     return lambda command: several(single(command))
 
@@ -112,6 +112,10 @@ class Request:
         return np.array(self.period) if self.period else parse_periods(self.periods or default)
 
 
+def _no_remark(request: Any, interval: float) -> str:
+    return ""
+
+
 @dataclass(frozen=True)
 class Making:
     """What a command makes of records. All are functions of a module: other processes find them by name.
@@ -123,18 +127,22 @@ class Making:
     default_periods : str
         Where none are asked for.
     compute : callable
-        From the request and a record its results, one per line of a picture.
+        From the request and the components of a record the results, one per line of a picture.
     table : callable
-        The table of results.
+        From the request and results their table.
     picture : callable
-        From results and a suffix what draws them.
+        From the request, results and a suffix what draws them.
+    remark : callable
+        From the request and the longest sampling interval of all records (s) what is to be said at the end; empty for
+        nothing.
     """
 
     command: str
     default_periods: str
-    compute: Callable[[Any, Record], Sequence[Any]]
-    table: Callable[[Sequence[Any]], Table]
-    picture: Callable[[Sequence[Any], str], Writer]
+    compute: Callable[[Any, Sequence[Record]], Sequence[Any]]
+    table: Callable[[Any, Sequence[Any]], Table]
+    picture: Callable[[Any, Sequence[Any], str], Writer]
+    remark: Callable[[Any, float], str] = _no_remark
 
 
 @dataclass(frozen=True)
@@ -149,6 +157,8 @@ class Product:
         What each component is, for the JSON file.
     notes : tuple of str
         What there is to say of it.
+    interval : float
+        Sampling interval, s.
     results : tuple
         Kept only for a picture of several records.
     picture : bytes or None
@@ -158,6 +168,7 @@ class Product:
     csv: bytes
     records: tuple[dict[str, Any], ...]
     notes: tuple[str, ...]
+    interval: float
     results: tuple[Any, ...] = ()
     picture: bytes | None = None
 
@@ -168,6 +179,12 @@ class _Findings:
 
     notes: dict[str, None] = field(default_factory=dict)  # a set in the order of arrival
     failures: list[TdintError] = field(default_factory=list)
+    longest_interval: float = 0.0
+
+    def take(self, product: Product) -> None:
+        """Take up what is to be said of one record."""
+        self.notes |= dict.fromkeys(product.notes)
+        self.longest_interval = max(self.longest_interval, product.interval)
 
 
 def make_tables(request: Request, making: Making) -> None:
@@ -191,7 +208,7 @@ def make_tables(request: Request, making: Making) -> None:
             if isinstance(outcome, TdintError):
                 findings.failures.append(outcome)
                 continue
-            findings.notes |= dict.fromkeys(outcome.notes)
+            findings.take(outcome)
             if task.table:
                 _write(request, making, task.table, [outcome])
             elif request.output:
@@ -201,7 +218,8 @@ def make_tables(request: Request, making: Making) -> None:
                 header = False
     if together:
         _write(request, making, Path(request.output or ""), together)
-    for note in findings.notes:
+    remark = making.remark(request, findings.longest_interval)
+    for note in filter(None, (*findings.notes, remark)):
         say(f"note: {note}")
     if findings.failures:
         raise Failures(findings.failures)
@@ -234,19 +252,20 @@ def _work(request: Request, making: Making, task: Task) -> Product:
 
     records = read_records(task.source, units=request.units, component=request.component, inventory=request.inventory)
     records = tuple(map(request.processing.apply, records))
-    results = tuple(result for record in records for result in making.compute(request, record))
+    results = tuple(making.compute(request, records))
     return Product(
-        csv=making.table(results).csv(),
+        csv=making.table(request, results).csv(),
         records=tuple(map(record_summary, records)),
         notes=sayings(records, lambda record: record.notes),
+        interval=records[0].dt,
         results=() if task.table or not request.plot else results,
-        picture=_picture(making, results) if task.table and request.plot else None,
+        picture=_picture(request, making, results) if task.table and request.plot else None,
     )
 
 
-def _picture(making: Making, results: Sequence[Any]) -> bytes:
+def _picture(request: Request, making: Making, results: Sequence[Any]) -> bytes:
     stream = BytesIO()
-    making.picture(results, ".png")(stream)
+    making.picture(request, results, ".png")(stream)
     return stream.getvalue()
 
 
@@ -263,7 +282,7 @@ def _write(request: Request, making: Making, table: Path, products: Sequence[Pro
     ]
     if request.plot:
         results = [result for product in products for result in product.results]
-        contents.append(products[0].picture or _picture(making, results))
+        contents.append(products[0].picture or _picture(request, making, results))
     writers = {file: _writer(content) for file, content in zip(_files_of(request, table), contents, strict=True)}
     write_files(writers, overwrite=request.overwrite, new_folder=request.is_folder)
 

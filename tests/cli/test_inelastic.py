@@ -72,8 +72,9 @@ def test_given_strengths_are_those_of_found_ductilities(folder, tdint):
 
 @pytest.mark.parametrize("option", [("--ductility", "2,4"), ("--strength", "0.05,0.1"), ("--strength", "0.1")])
 def test_files_and_picture(folder, tdint, option):
-    whole = tdint("spectrum", "motion.mseed", "other.mseed", *PERIODS, *option).stdout
-    result = tdint("spectrum", "motion.mseed", "other.mseed", *PERIODS, *option, "-o", "all.csv", "--plot")
+    records = ("motion.mseed", "other.mseed") * 2
+    whole = tdint("spectrum", *records, *PERIODS, *option).stdout
+    result = tdint("spectrum", *records, *PERIODS, *option, "--jobs", 2, "-o", "all.csv", "--plot")
     assert (result.exit_code, result.stdout) == (0, "")
     assert (folder / "all.csv").read_text() == whole
     assert (folder / "all.png").read_bytes().startswith(b"\x89PNG")

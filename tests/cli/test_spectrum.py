@@ -192,7 +192,7 @@ def test_a_clash_of_names_is_found_before_any_work(folder, tdint):
         (["--period", "inf"], "periods must be numbers of seconds"),
         (["--damping", "1"], "--damping"),
         (["--damping", "-0.1"], "--damping"),
-        (["--damping", "nan"], "damping must be a ratio"),
+        (["--damping", "nan"], "nan is not a finite number"),
         (["--plot"], "--plot writes a file: add -o"),
         (["--method", "newmrk"], "unknown method"),
         (["-", "-"], "standard input (-) can be read only once"),

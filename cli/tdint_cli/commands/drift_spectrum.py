@@ -106,7 +106,7 @@ def _run(request: Request) -> None:
     spectra.make_tables(request, spectra.Making("drift-spectrum", _PERIODS, _compute, _table, _picture))
 
 
-def _compute(request: Request, record: Record) -> list[DriftSpectrum]:
+def _compute(request: Request, records: Sequence[Record]) -> list[DriftSpectrum]:
     from tdint.analysis.drift_spectrum import drift_spectrum, parse_height_period
 
     return [
@@ -119,17 +119,18 @@ def _compute(request: Request, record: Record) -> list[DriftSpectrum]:
             height_period=parse_height_period(request.height_period),
             beam=request.beam,
         )
+        for record in records
         for damping in request.damping
     ]
 
 
-def _table(results: Sequence[DriftSpectrum]) -> Table:
+def _table(_: Request, results: Sequence[DriftSpectrum]) -> Table:
     from tdint.output.drift_tables import drift_spectrum_table
 
     return drift_spectrum_table(results)
 
 
-def _picture(results: Sequence[DriftSpectrum], suffix: str) -> Writer:
+def _picture(_: Request, results: Sequence[DriftSpectrum], suffix: str) -> Writer:
     from tdint.output.drift_plots import drift_spectrum_picture
 
     return drift_spectrum_picture(results, suffix)
