@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import os
 import re
 import subprocess
@@ -83,6 +84,20 @@ def test_the_inelastic_spectra(checkout):
     columns = re.findall(r"`(\w+)`", TEXT.partition("| column | meaning |")[2].partition("There is no error")[0])
     assert set(columns) <= set(found[0])
     assert (folder / "ductilities.png").exists()
+
+
+def test_the_batches(checkout):
+    folder, environment = checkout
+    result = subprocess.run(
+        ["bash", "-eu", "-c", readme.block("batch")], cwd=folder, env=environment, capture_output=True, text=True
+    )
+    assert result.returncode == 0, result.stderr
+    assert "note: records/: not taken for records: README.md, make_records.py\n" in result.stderr
+    assert {path.stem for path in (folder / "spectra").iterdir()} == {"firm-soil", "near-fault", "soft-soil"}
+    (east, _) = json.loads((folder / "filtered.json").read_text())["records"]
+    assert [step.split(":")[0] for step in east["processing"][1:]] == ["highpass 0.1 Hz", "lowpass 25 Hz"]
+    assert len(json.loads((folder / "records.json").read_text())["records"]) == 6
+    assert (folder / "records.png").exists()
 
 
 def test_the_drift_spectra(checkout):

@@ -87,7 +87,7 @@ def _contents(folder: str) -> tuple[list[str], list[str]]:
         file = os.path.join(folder, name)  # noqa: PTH118  Path would shorten what the user wrote
         if Path(file).is_dir():
             others.append(f"{name}/")
-        elif is_record(file):
+        elif Path(file).is_file() and is_record(file):  # A pipe would never end.
             records.append(file)
         else:
             others.append(name)

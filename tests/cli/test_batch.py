@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from functools import partial
 
 import pytest
@@ -35,6 +36,7 @@ def many(folder, make_record):
     (folder / "many" / "README.md").write_text("Records\n")
     (folder / "many" / ".hidden.mseed").write_bytes((folder / "other.mseed").read_bytes())
     (folder / "many" / "deeper").mkdir()
+    os.mkfifo(folder / "many" / "pipe")
     return folder / "many"
 
 
@@ -44,7 +46,7 @@ def test_a_folder_stands_for_its_records(many, tdint):
     one_by_one = tdint("spectrum", *names, *PERIODS)
     assert (result.exit_code, result.stdout) == (4, one_by_one.stdout)
     first, *rest = result.stderr.splitlines()
-    assert first == "note: many/: not taken for records: README.md, deeper/"
+    assert first == "note: many/: not taken for records: README.md, deeper/, pipe"
     assert rest == one_by_one.stderr.splitlines()
     assert [line.split(": ")[1] for line in rest if line.startswith("Error")] == [names[0], names[3]]
 
@@ -222,6 +224,35 @@ def test_ctrl_c_ends_all_processes_without_a_word(folder, make_record):
     assert not [name for name in contents(folder / "out") if name.startswith(".")]
     with pytest.raises(ProcessLookupError):
         os.killpg(process.pid, 0)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="terminals")
+@pytest.mark.parametrize(
+    ("arguments", "to_terminal", "shown"),
+    [
+        ("spectrum motion.mseed other.mseed --period 1 -o out/", False, True),
+        ("spectrum motion.mseed other.mseed --period 1 -o out/ --jobs 2", False, True),
+        ("info motion.mseed other.mseed", False, True),
+        ("info motion.mseed other.mseed", True, False),
+        ("info motion.mseed", False, False),
+    ],
+)
+def test_a_bar_is_drawn_on_a_terminal_only_where_no_data_go(folder, arguments, to_terminal, shown):
+    import pty
+
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "-c", "from tdint_cli.main import main; main()", *arguments.split()]
+    stdout = theirs if to_terminal else subprocess.DEVNULL
+    process = subprocess.Popen(command, cwd=folder, stdout=stdout, stderr=theirs)
+    os.close(theirs)
+    said = b""
+    with suppress(OSError):  # The end of a terminal is an error on Linux.
+        while piece := os.read(ours, 65536):
+            said += piece
+    os.close(ours)
+    assert process.wait(timeout=60.0) == 0
+    assert (b"2/2" in said) == shown
+    assert (b"##" in said) == shown
 
 
 def test_sources_keep_the_users_spelling(many):

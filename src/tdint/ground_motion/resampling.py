@@ -40,7 +40,7 @@ def resampled(samples: Array, dt: float, new: float) -> tuple[Array, float]:
         As many as there are up to the last old sample. Old samples are kept where the new ones meet them, if the new
         interval is the shorter one.
     band : float
-        Frequency, Hz, up to which amplitudes are kept to 1e-5.
+        Frequency, Hz, up to which amplitudes are kept to 2e-5.
     """
     stretch = max(1.0, new / dt)
     cutoff = 1.0 - 0.5 * _TRANSITION if new > dt else 1.0
