@@ -124,10 +124,10 @@ def test_unstable_steps_stay_in_the_table(folder, tdint):
     )  # fmt: skip
     assert result.exit_code == 0, result.stderr
     first, second = rows(result.stdout)
-    assert (first["outcome"], second["outcome"]) == ("unstable", "done")
+    assert (first["outcome"], second["outcome"]) == ("unstable-step", "done")
     empty = [name for name in COLUMNS.split(",") if name not in ("method", "dt_s", "steps", "outcome")]
     assert {first[name] for name in empty} == {""}
-    assert "note: central-difference: unstable with dt 0.2 s" in result.stderr
+    assert "note: central-difference: unstable-step with dt 0.2 s" in result.stderr
 
 
 def test_no_point_within_the_error(folder, tdint):
@@ -145,6 +145,22 @@ def test_over_the_number_of_stories(folder, tdint):
     assert [line.split(":")[0] for line in result.stderr.splitlines()[:3]] == ["1 story", "2 stories", "6 stories"]
     assert "time per step (us)" in (folder / "x.svg").read_text(encoding="utf-8")
     assert [one["stories"] for one in json.loads((folder / "x.json").read_text())["references"]] == [1, 2, 6]
+
+
+def test_peers_in_the_chart(folder, tdint, monkeypatch):
+    from tdint.analysis import scipy_peer
+
+    monkeypatch.setattr(scipy_peer, "TOLERANCES", (1e-3,))
+    result = tdint("chart", "shaken.yaml", *QUICK, "--peers", "--plot", "x.svg")
+    assert result.exit_code == 0, result.stderr
+    table = rows(result.stdout)
+    assert [row["method"] for row in table[:4:2]] == [parse(name).label for name in ("impulse4", "newmark-average")]
+    others = {row["method"]: row for row in table[4:]}
+    assert {f"scipy/{name}:rtol=0.001" for name in scipy_peer.METHODS} <= set(others)
+    assert (others["scipy/RK45:rtol=0.001"]["dt_s"], others["scipy/RK45:rtol=0.001"]["outcome"]) == ("", "done")
+    assert any("openseespy" in name for name in others) == ("openseespy is left out" not in result.stderr)
+    assert "scipy/RK45" in (folder / "x.svg").read_text(encoding="utf-8")
+    assert not any("scipy" in line or "openseespy" in line for line in result.stderr.splitlines()[:4])
 
 
 def test_a_record_of_the_command_line(folder, tdint):
@@ -205,6 +221,7 @@ def test_a_bar_for_people_at_a_terminal(folder, tdint, monkeypatch, capfd):
         (["--stories", "1000000"], 2, "at most 10000"),
         (["--dt", "0.01", "--halvings", "2"], 2, "--dt already gives the steps"),
         (["--stories", "1,2", "--versus", "dt"], 2, "leave out --stories"),
+        (["--stories", "1,2", "--peers"], 2, "leave out --stories"),
         (["--halvings", "-1"], 2, "Invalid value for '--halvings'"),
         (["--repeat", "0"], 2, "Invalid value for '--repeat'"),
         (["--target", "force"], 2, "Invalid value for '--target'"),

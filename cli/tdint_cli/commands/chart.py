@@ -50,6 +50,7 @@ class Request:
     steps: tuple[float, ...] | None
     halvings: int | None
     stories: tuple[int, ...] | None
+    peers: bool
     repeat: int
     target: str
     versus: str
@@ -111,6 +112,11 @@ class Numbers(click.ParamType):
     help="Chart the building with these numbers of stories, its own ones repeated; with the interval itself as the "
     "step unless --dt or --halvings is given.",
 )
+@click.option(
+    "--peers",
+    is_flag=True,
+    help="Also chart OpenSeesPy, if it is installed (pip install 'tdint[peers]'), and SciPy's solve_ivp: minutes.",
+)
 @click.option("--repeat", type=click.IntRange(1, 1000), default=5, metavar="COUNT", help="Times each; 5 by default.")
 @click.option(
     "--target",
@@ -141,9 +147,10 @@ def command(**given: Any) -> None:
 
     MODEL.yaml is a model file, - is standard input. Each method integrates the building with each step. CSV: steps and
     solves; wall time of the compiled loop alone, as `tdint run` without --history has it (peaks and energies included,
-    compilation not), the median and the least of the repeats, in which all methods take turns; relative errors; how it
-    ended: done, collapsed (to its end, with a drift ratio above collapse_drift), unstable (the step is beyond the
-    method's limit and was not run), diverged or not-converged, the last three with empty cells.
+    compilation not), the median and the least of the repeats, in which all methods take turns; relative errors; how
+    `tdint run` ends: done, collapsed, unstable-step (refused), diverged or not-converged, the last three with empty
+    cells. Other programs (--peers) are named program/method; their times are those of their analysis loops alone, the
+    solves of scipy are evaluations of the rate.
 
     error_displacement, error_drift, error_velocity and error_acceleration (absolute) are those of the whole history:
     root of the sum of squares over all floors or stories and all common times, relative to the reference. Common times
@@ -169,9 +176,9 @@ def _run(request: Request) -> None:
     record = model_record(model)
     _ = march.compiled  # what is said of compiling is said before there is a bar
     with progress_bar(request.output is None) as progress:
-        charts = _charts(request, model, record, progress)
+        charts, left_out = _charts(request, model, record, progress)
     advice = _advice(request, charts[0]) if len(charts) == 1 else []
-    notes = _notes(request, charts, record)
+    notes = [*_notes(request, charts, record), *left_out]
     _deliver(request, outputs, charts, model, record, advice, notes)
     for chart in charts:
         say(_reference(request, chart))
@@ -187,16 +194,19 @@ def _checked(request: Request) -> Outputs:
         raise UsageError("--dt already gives the steps; leave out --halvings")
     if request.stories and request.versus == "dt":
         raise UsageError("--versus dt draws one building; leave out --stories")
+    if request.stories and request.peers:
+        raise UsageError("--peers charts one building; leave out --stories")
     check_motion(request)
     outputs = Outputs.checked(request.output, request.plot, request.overwrite, summary=True)
     refuse_inputs(outputs.files, [request.model, request.record, request.inventory])
     return outputs
 
 
-def _charts(request: Request, model: Model, record: Record | None, progress: Progress) -> list[Chart]:
-    """The chart of the building, or of each number of stories."""
+def _charts(request: Request, model: Model, record: Record | None, progress: Progress) -> tuple[list[Chart], list[str]]:
+    """The chart of the building, or of each number of stories; and what of the peers is left out."""
     if not request.stories:
-        return [_chart(request, model, record, progress)]
+        chart, left_out = _chart(request, model, record, progress)
+        return [chart], left_out
     from tdint.analysis.sizes import stretched
 
     charts = []
@@ -205,18 +215,23 @@ def _charts(request: Request, model: Model, record: Record | None, progress: Pro
         def tell(what: str, part: float, done: int = done, count: int = count) -> None:
             progress(f"{count}: {what}", (done + part) / len(request.stories or ()))
 
-        charts.append(_chart(request, stretched(model, count), record, tell))
-    return charts
+        charts.append(_chart(request, stretched(model, count), record, tell)[0])
+    return charts, []
 
 
-def _chart(request: Request, model: Model, record: Record | None, progress: Progress) -> Chart:
+def _chart(request: Request, model: Model, record: Record | None, progress: Progress) -> tuple[Chart, list[str]]:
     from tdint.analysis.precision import DEFAULT_METHODS, measure, suited
     from tdint.analysis.problem import pose
 
     problem = pose(model, record, duration=request.duration, dts=request.steps or ())
     integrators = suited(problem, chosen(request.methods or DEFAULT_METHODS))
     steps = _steps(request, problem, len(integrators))
-    return measure(problem, integrators, steps, repeats=request.repeat, cached=request.cache, progress=progress)
+    chart = measure(problem, integrators, steps, repeats=request.repeat, cached=request.cache, progress=progress)
+    if not request.peers:
+        return chart, []
+    from tdint.analysis.peers import with_peers
+
+    return with_peers(problem, chart, steps, repeats=request.repeat, progress=progress)
 
 
 def _steps(request: Request, problem: Problem, methods: int) -> Sequence[float]:
@@ -231,10 +246,11 @@ def _steps(request: Request, problem: Problem, methods: int) -> Sequence[float]:
 
 def _advice(request: Request, chart: Chart) -> list[Advice]:
     from tdint.analysis.precision import cheapest
-    from tdint.output.chart import Advice
+    from tdint.output.chart import PEER, Advice
 
     quantity = request.target.replace("-", "_")
-    return [Advice(limit, cheapest(chart.points, quantity, limit)) for limit in LIMITS]
+    own = [point for point in chart.points if PEER not in point.line]
+    return [Advice(limit, cheapest(own, quantity, limit)) for limit in LIMITS]
 
 
 def _deliver(

@@ -36,7 +36,7 @@ _OVERFLOW = 1e300
 
 _CURE = "use a smaller step or another method"
 
-_RESOLVED = 2.0
+RESOLVED = 2.0
 """omega dt of the fastest mode up to which peaks are looked for between the steps."""
 
 
@@ -82,7 +82,7 @@ class Case:
     def integrate(self, steps: Steps, history: bool = False) -> tuple[Workspace, int]:
         """The compiled march alone: what it left, and 0 or the code of the step that failed."""
         # Where a step resolves all modes, the interpolant between its ends is as good as the ends are.
-        resolved = self.building.fastest * steps.h <= _RESOLVED
+        resolved = self.building.fastest * steps.h <= RESOLVED
         space = workspace(self.building, self.integrator, steps.count if history else 0, between=resolved)
         space.state[layout.DISPLACEMENT, :-1] = self.model.initial.displacement
         space.state[layout.VELOCITY, :-1] = self.model.initial.velocity

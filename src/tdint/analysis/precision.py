@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from tdint.analysis.problem import UNSTABLE, Problem, reached
+from tdint.analysis.problem import Problem, reached
 from tdint.analysis.reference import Errors, Reference, errors, find_reference
 from tdint.analysis.stepping import Steps, compile_all
 from tdint.errors import UsageError
@@ -36,6 +36,8 @@ COARSEST = 4
 HALVINGS = 6
 """How often it is halved by default."""
 
+DONE, COLLAPSED = "done", "collapsed"
+
 _SECONDS = 30.0  # for the marches of a chart by default, roughly
 _STORY_STEP = 6e-8  # s, of one step of one story, roughly
 
@@ -62,19 +64,18 @@ class Point:
     dt : float
         Time step, s; nan for a method that chooses its own.
     steps, iterations : int
-        Steps; solves, None where the march did not reach its end.
+        Steps, None where they were not counted; solves, None where the march did not reach its end.
     times : tuple of float
         Wall times of the march alone, s, one per repeat.
     errors : Errors or None
-        None where the march did not reach its end.
+        None where the march has no result, or did not reach its end.
     outcome : str
-        `done`, `collapsed` (it reached its end with a drift ratio above the model's collapse drift), `unstable` (not
-        begun: the step is beyond the method's limit), `diverged` or `not-converged`.
+        How `tdint run` ends: `done`, `collapsed`, `unstable-step` (refused), `diverged` or `not-converged`.
     """
 
     method: str
     dt: float
-    steps: int
+    steps: int | None
     outcome: str
     iterations: int | None = None
     errors: Errors | None = None
@@ -194,9 +195,13 @@ def measure(
     bench = _Bench(problem, reference, progress, pairs if usual in pairs else [*pairs, usual], repeats)
     points = bench.points()
     return Chart(
-        problem.building.stories, problem.interval, problem.recorded, tuple(points[pair] for pair in pairs), reference,
-        points[usual],
-    )  # fmt: skip
+        stories=problem.building.stories,
+        interval=problem.interval,
+        recorded=problem.record is not None,
+        points=tuple(points[pair] for pair in pairs),
+        reference=reference,
+        usual=points[usual],
+    )
 
 
 _Pair = tuple[Integrator, Steps]
@@ -225,30 +230,24 @@ class _Bench:
                 if point.errors:
                     times[pair].append(self.problem.march(*pair).seconds)
                 self._advance("times", pair[1])
-        return {pair: _timed(point, times[pair]) for pair, point in points.items()}
+        return {pair: replace(point, times=tuple(times[pair])) for pair, point in points.items()}
 
     def _tried(self, integrator: Integrator, steps: Steps) -> Point:
         """Outcome and errors, without times."""
         self._advance("errors", steps)
-        label, line = integrator.label, line_of(integrator)
-        if not self.problem.stable(integrator, steps.h):
-            return Point(label, steps.h, steps.count, UNSTABLE, line=line)
+        found = Point(
+            integrator.label, steps.h, steps.count, self.problem.outcome(integrator, steps), line=line_of(integrator)
+        )
+        if found.outcome not in (DONE, COLLAPSED):
+            return found
         march = self.problem.march(integrator, steps, keep=True)
-        if march.motion is None:
-            return Point(label, steps.h, steps.count, march.outcome, line=line)
-        found = errors(march.motion, self.reference.motion)
-        return Point(label, steps.h, steps.count, march.outcome, march.iterations, found, line=line)
+        if march.motion is None:  # The building ran away.
+            return found
+        return replace(found, iterations=march.iterations, errors=errors(march.motion, self.reference.motion))
 
     def _advance(self, what: str, steps: Steps) -> None:
         self.progress(what, _PREPARED + (1.0 - _PREPARED) * self.done / self.total)
         self.done += steps.count
-
-
-def _timed(point: Point, times: Sequence[float]) -> Point:
-    return Point(
-        point.method, point.dt, point.steps, point.outcome, point.iterations, point.errors, tuple(times),
-        line=point.line,
-    )  # fmt: skip
 
 
 def line_of(integrator: Integrator) -> str:

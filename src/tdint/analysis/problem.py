@@ -5,29 +5,24 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.amplification import STABLE, spectral_radius
+from tdint.analysis.marching import RESOLVED, Case
+from tdint.analysis.outcome import FailedRun
 from tdint.analysis.response import model_record
 from tdint.analysis.stepping import Steps, choose_steps, compile_all, integrate, workspace
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels import layout, observing
-from tdint.kernels.layout import NOT_FINITE
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, assemble
 from tdint.model.definition import Model
 from tdint.model.loads import force_table
 
 Array = NDArray[np.float64]
-
-DONE, COLLAPSED, UNSTABLE, DIVERGED, NOT_CONVERGED = "done", "collapsed", "unstable", "diverged", "not-converged"
-"""How a march ends; `unstable`: it was not begun, the step is beyond the method's limit."""
-
-RESOLVED = 2.0
-"""omega dt of the fastest mode up to which peaks are looked for between the steps, as in `tdint run`."""
 
 
 @dataclass(frozen=True)
@@ -61,9 +56,8 @@ class Motion:
 
 @dataclass(frozen=True)
 class March:
-    """How a march ended: its outcome, its solves, the wall time of the compiled loop (s), the motion if kept."""
+    """What a march costs, solves and s of wall time in the compiled loop, and its motion if it was kept."""
 
-    outcome: str
     iterations: int
     seconds: float
     motion: Motion | None
@@ -71,35 +65,45 @@ class March:
 
 @dataclass(frozen=True)
 class Problem:
-    """A building, its load and its start.
+    """A building, its load, and the time over which it is integrated.
 
     Attributes
     ----------
-    ground : ndarray, shape (k,)
-        Ground acceleration at the samples, m/s^2; a zero without a record.
-    forces : ndarray
-        Forces on floors as `tdint.model.loads.force_table` makes them.
-    displacement, velocity : ndarray, shape (n,)
-        At t = 0 relative to the ground, m and m/s.
     interval : float
         Time between two samples, s: those of the record, or without one those of the step that others divide.
     samples : int
         Intervals to be integrated.
-    collapse_drift : float
-        Drift ratio above which a march is called collapsed.
-    recorded : bool
-        Whether there is a record.
     """
 
-    building: Building
-    ground: Array
-    forces: Array
-    displacement: Array
-    velocity: Array
+    model: Model
+    record: Record | None
     interval: float
     samples: int
-    collapse_drift: float
-    recorded: bool
+
+    @cached_property
+    def building(self) -> Building:
+        """The building as arrays."""
+        return assemble(self.model)
+
+    @cached_property
+    def ground(self) -> Array:
+        """Ground acceleration at the samples, m/s^2; a zero without a record."""
+        return np.zeros(1) if self.record is None else self.record.acceleration.copy()
+
+    @cached_property
+    def forces(self) -> Array:
+        """Forces on floors, as `force_table` makes them."""
+        return force_table(self.model.excitation.forces)
+
+    @cached_property
+    def displacement(self) -> Array:
+        """At t = 0 relative to the ground, m, shape (n,)."""
+        return np.array(self.model.initial.displacement)
+
+    @cached_property
+    def velocity(self) -> Array:
+        """At t = 0 relative to the ground, m/s, shape (n,)."""
+        return np.array(self.model.initial.velocity)
 
     def steps(self, dt: float) -> Steps:
         """Time steps of about dt (s) over all samples; the last one may end after them.
@@ -114,23 +118,22 @@ class Problem:
         try:
             return choose_steps(dt, self.samples * self.interval, self.interval, 0.0)
         except UsageError as error:
-            if self.recorded:
+            if self.record:
                 raise
             raise UsageError(str(error).replace("record's sampling interval", "model's own step")) from None
 
-    def stable(self, integrator: Integrator, h: float) -> bool:
-        """Whether a step h (s) is within the method's limit for all modes of the building in its initial state."""
-        if integrator.stability_limit == math.inf:
-            return True
-        modes = self.building.modes()
-        damping = np.diagonal(modes.damping_matrix(self.building)) / (2.0 * modes.omega)
-        return bool(np.all(spectral_radius(integrator, modes.omega, damping, h) <= 1.0 + STABLE))
+    def outcome(self, integrator: Integrator, steps: Steps) -> str:
+        """How `tdint run` ends with this method and these steps: its status."""
+        try:
+            return Case(self.model, self.building, self.record, integrator).march(steps).status
+        except FailedRun as failure:
+            return failure.status
 
     def march(self, integrator: Integrator, steps: Steps, *, keep: bool = False) -> March:
         """Integrate; with `keep` the motion at the samples (or at the steps, if these are longer) is kept.
 
         The time is that of the loop as `tdint run` without --history has it: with peaks and energies. It is of no use
-        with `keep`.
+        with `keep`. There is no motion where the march does not reach its end.
         """
         rows = steps.count // steps.per_sample if keep else 0
         space = workspace(self.building, integrator, rows, between=self.building.fastest * steps.h <= RESOLVED)
@@ -140,25 +143,21 @@ class Problem:
         begin = time.perf_counter()
         code = integrate(integrator, self.building, self.forces, self.ground, steps, space)
         seconds = time.perf_counter() - begin
-        iterations = int(space.observed[observing.ITERATIONS])
-        if code < 0:
-            return March(DIVERGED if code == NOT_FINITE else NOT_CONVERGED, iterations, seconds, None)
-        peaks = space.peaks[observing.PEAK_DRIFT]
-        collapsed = bool(np.any(peaks / self.building.heights > self.collapse_drift))
         motion = None
-        if keep:
+        if keep and code == 0:
             n = self.building.stories
             u, v, a = (space.history[:, 1 + j * n : 1 + (j + 1) * n].copy() for j in range(3))
-            motion = Motion(steps.stride, u, v, a, peaks)
-        return March(COLLAPSED if collapsed else DONE, iterations, seconds, motion)
+            motion = Motion(steps.stride, u, v, a, space.peaks[observing.PEAK_DRIFT])
+        return March(int(space.observed[observing.ITERATIONS]), seconds, motion)
 
 
 def pose(
     model: Model, record: Record | None = None, *, duration: float | None = None, dts: tuple[float, ...] = ()
 ) -> Problem:
-    """The problem that a model is under a record, by default its own, for steps `dts` (s) if they are known.
+    """The problem that a model is under a record, by default its own.
 
-    It lasts until the last of the steps reaches or passes the duration (s), by default the model's, else the record's.
+    The interval is the record's; without a record the model's step, else the largest of `dts` (s). The duration (s) is
+    by default the model's, else the record's.
 
     Raises
     ------
@@ -173,15 +172,10 @@ def pose(
         raise UsageError(f"duration must be a positive number of seconds, got {duration!r}")
     own = record.dt if record else model.analysis.dt or max(dts, default=None)
     whole = choose_steps(own, duration, record.dt if record else None, record.duration if record else 0.0)
-    ground = np.zeros(1) if record is None else record.acceleration.copy()
-    forces = force_table(model.excitation.forces)
-    displacement, velocity = np.array(model.initial.displacement), np.array(model.initial.velocity)
-    if not any(np.any(cause) for cause in (ground, forces[:, 1:3], displacement, velocity)):
+    problem = Problem(model, record, whole.h, whole.count)
+    causes = (problem.ground, problem.forces[:, 1:3], problem.displacement, problem.velocity)
+    if not any(np.any(cause) for cause in causes):
         raise AnalysisError(f"{model.name}: nothing moves this building: no ground motion, no force, no initial state")
-    problem = Problem(
-        assemble(model), ground, forces, displacement, velocity, whole.h, whole.count, model.collapse_drift,
-        record is not None,
-    )  # fmt: skip
     return problem
 
 

@@ -39,6 +39,9 @@ CHART_COLUMNS = (
     "error_velocity",
 )
 
+PEER = "/"
+"""In the name of a line that is another program's: program/method."""
+
 
 class ErrorsOf(Protocol):
     """Relative errors of a motion."""
@@ -65,7 +68,7 @@ class PointOf(Protocol):
     @property
     def dt(self) -> float: ...
     @property
-    def steps(self) -> int: ...
+    def steps(self) -> int | None: ...
     @property
     def iterations(self) -> int | None: ...
     @property

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from tdint.output.chart import QUANTITIES, ChartOf, PointOf, error_of
+from tdint.output.chart import PEER, QUANTITIES, ChartOf, PointOf, error_of
 from tdint.output.files import Writer
 from tdint.output.plots import COLORS, DASHES, MARKERS, add_legend, add_title, picture
 from tdint.output.point_labels import write_labels
@@ -111,13 +111,15 @@ class _Drawing:
         return [point for point in self.shown() if abs(point.dt - interval) <= 1e-9 * interval]
 
 
-def _style(i: int) -> dict[str, Any]:
-    """Dashes and markers that tell lines apart without color."""
+def _style(i: int, line: str) -> dict[str, Any]:
+    """Dashes and markers that tell lines apart without color; open markers for other programs."""
+    color = COLORS[i % len(COLORS)]
     return {
-        "color": COLORS[i % len(COLORS)],
+        "color": color,
         "linestyle": DASHES[i % len(DASHES)],
         "marker": MARKERS[i % len(MARKERS)],
         "markersize": 4.5,
+        "markerfacecolor": "white" if PEER in line else color,
     }
 
 
@@ -127,8 +129,8 @@ def _draw_times(drawing: _Drawing, name: str) -> Figure:
     front = drawing.front()
     axes.plot(*_columns(drawing, front), color=_FRONT, linewidth=9.0, solid_capstyle="round", zorder=1)
     handles = []
-    for i, points in enumerate(drawing.lines.values()):
-        style = _style(i)
+    for i, (line, points) in enumerate(drawing.lines.items()):
+        style = _style(i, line)
         known, below = drawing.known(points), drawing.below(points)
         axes.plot(*_columns(drawing, [*known, *below]), **style | {"marker": "none"})
         axes.plot(*_columns(drawing, known), **style | {"linestyle": "none"})
@@ -187,7 +189,9 @@ def _draw_steps(drawing: _Drawing, name: str) -> Figure:
     for i, (line, points) in enumerate(drawing.lines.items()):
         known = [point for point in drawing.known(points) if not math.isnan(point.dt)]
         if known:
-            handles += axes.plot([point.dt for point in known], [drawing.error(point) for point in known], **_style(i))
+            handles += axes.plot(
+                [point.dt for point in known], [drawing.error(point) for point in known], **_style(i, line)
+            )
             labels.append(line)
     axes.axvline(drawing.chart.interval, color="0.55", linewidth=0.8, zorder=1)
     _frame(axes)
@@ -209,13 +213,14 @@ def _draw_sizes(charts: Sequence[ChartOf], name: str, target: str) -> Figure:
         points = [(drawing, _closest(drawing, line)) for drawing in drawings]
         found = [(drawing, point) for drawing, point in points if point is not None]
         stories = [drawing.chart.stories for drawing, _ in found]
-        handles += cost.plot(stories, [1e6 * point.fastest / point.steps for _, point in found], **_style(i))
+        step_cost = [1e6 * point.fastest / (point.steps or math.nan) for _, point in found]
+        handles += cost.plot(stories, step_cost, **_style(i, line))
         error = [drawing.error(point) for drawing, point in found]
-        accuracy.plot(stories, error, **_style(i))
+        accuracy.plot(stories, error, **_style(i, line))
     for axes, label in ((cost, "time per step (us)"), (accuracy, QUANTITIES[target])):
         _frame(axes)
         axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axes.set_xlabel("stories")
+        axes.set_xlabel("stories (dotted: in proportion to them)" if axes is cost else "stories")
         axes.set_ylabel(label)
     _draw_proportion(cost, charts)
     add_legend(figure, cost, handles, lines, _NARROW)
