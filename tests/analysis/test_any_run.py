@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,7 +17,8 @@ import pytest
 from building_cases import LINEAR, Force, Law, ModalDamping, RayleighCoefficients, model, noise, story
 from tdint import run
 from tdint.analysis.response import FailedRun
-from tdint.methods.catalogue import catalogue
+from tdint.methods.catalogue import catalogue, parse
+from tdint.model.definition import PowerDashpot
 from tdint.output.summary import failure_summary, json_bytes, run_summary
 from tdint.output.tables import history_columns, story_table
 
@@ -56,6 +58,10 @@ def random_run(seed):
         story(mass, STIFFNESS, law(generator, strength), height, float(generator.choice([0.0, 1e3, 1e6])))
         for _ in range(n)
     ]
+    method = METHODS[int(generator.integers(len(METHODS)))]
+    if generator.random() < 0.2 and parse(method).family.power_dampers:
+        dashpot = PowerDashpot(10.0 ** generator.uniform(1.0, 6.0), float(generator.choice([0.2, 0.5, 1.7])), 1e-3)
+        stories[0] = replace(stories[0], power_dashpot=dashpot)
     damping = [None, ModalDamping((0.05,)), RayleighCoefficients(0.5, 0.002)][int(generator.integers(3))]
     forces = [Force(n, 10.0 ** generator.uniform(1.0, 7.0), 0.0, 5.0)] if generator.random() < 0.3 else []
     start = 10.0 ** generator.uniform(-3.0, 2.0) * generator.normal(size=n) if generator.random() < 0.4 else None
@@ -69,7 +75,6 @@ def random_run(seed):
     shaken = generator.random() < 0.6
     record = noise(101, 0.02, seed, 10.0 ** generator.uniform(-1.0, 3.0)) if shaken else None
     dt = 0.02 * float(generator.choice([0.25, 1.0, 3.0, 10.0])) if shaken else 10.0 ** generator.uniform(-3.0, 2.0)
-    method = METHODS[int(generator.integers(len(METHODS)))]
     return case, record, {"method": method, "dt": dt, "duration": 50 * dt}
 
 

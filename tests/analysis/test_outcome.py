@@ -128,6 +128,18 @@ def test_a_multi_step_method_takes_the_pieces_of_a_halved_step_as_it_starts(meth
     assert any("halved" in note for note in whole.notes)
 
 
+@pytest.mark.parametrize("method", ["impulse4", "impulse4:rho_inf=0"])
+@pytest.mark.parametrize("dt", [2.0, 5.0, 50.0])
+def test_a_change_of_branch_that_a_large_step_misses_is_not_followed(method, dt):
+    """Steps of many periods: the interpolant says nothing of where a story unloads. The laws stay what they are."""
+    law = Law("peak-oriented", (5.0, 0.01, 0.4))
+    case = model([story(1.0, 100.0, law, height=None)] * 3, velocity=(5.0, 30.0, -20.0))
+    history = run(case, method=method, dt=dt, duration=40 * dt, history=True).history
+    backbone = 5.0 + 0.01 * 100.0 * (np.max(np.abs(history.drift)) - 0.05)
+    assert np.all(np.abs(history.shear) <= backbone * (1.0 + 1e-9))
+    assert np.all(history.energy.dissipated >= -1e-9 * np.max(history.energy.kinetic))
+
+
 @pytest.mark.parametrize("method", ["newmark-average", "impulse4", "houbolt", "park", "gauss4", "wilson", "hht"])
 def test_halving_rescues_and_is_counted(method, monkeypatch):
     """Stories of little strength hit hard, a step of one and a half periods: without halving it does not converge."""

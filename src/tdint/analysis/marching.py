@@ -64,23 +64,21 @@ class Case:
         if not self.allow_unstable:
             self._refuse_unstable(steps.h)
         compile_all(self.integrator)
-        begin = time.perf_counter()
-        space, code = self.integrate(steps, history)
-        march_time = time.perf_counter() - begin
+        space, code, march_time = self.integrate(steps, history)
         collapse = self._collapse(steps, space, code)
         if code < 0:
             if collapse is None:
                 raise self._failure(steps, space, code)
             steps = replace(steps, count=round(collapse.time / steps.h))
-            space, code = self.integrate(steps, history)
+            space, code, march_time = self.integrate(steps, history)
         error = _energy(space.observed).error
         if not -error < _RUNAWAY and not self.allow_unstable:
             reason = f"the motion ends with {1.0 - error:.3g} times the energy that was put in"
             raise self._diverged(steps, space, reason, _runaway_story(space))
         return self._response(steps, space, march_time, collapse)
 
-    def integrate(self, steps: Steps, history: bool = False) -> tuple[Workspace, int]:
-        """The compiled march alone: what it left, and 0 or the code of the step that failed."""
+    def integrate(self, steps: Steps, history: bool = False) -> tuple[Workspace, int, float]:
+        """The march alone: what it left, 0 or the code of the step that failed, and the time that it took, s."""
         # Where a step resolves all modes, the interpolant between its ends is as good as the ends are.
         resolved = self.building.fastest * steps.h <= RESOLVED
         space = workspace(self.building, self.integrator, steps.count if history else 0, between=resolved)
@@ -88,7 +86,9 @@ class Case:
         space.state[layout.VELOCITY, :-1] = self.model.initial.velocity
         ground = np.zeros(1) if self.record is None else self.record.acceleration.copy()
         forces = force_table(self.model.excitation.forces)
-        return space, integrate(self.integrator, self.building, forces, ground, steps, space)
+        begin = time.perf_counter()
+        code = integrate(self.integrator, self.building, forces, ground, steps, space)
+        return space, code, time.perf_counter() - begin
 
     def _refuse_unstable(self, h: float) -> None:
         """Refuse a step beyond the method's limit for the building's modes in its initial state."""
@@ -150,12 +150,11 @@ class Case:
         low, high = -1, int(space.observed[observing.STEPS_REACHED])
         while high - low > 1:
             middle = (low + high) // 2
-            trial, _ = self.integrate(replace(steps, count=middle))
-            if self._excess(trial).any():
+            if self._excess(self.integrate(replace(steps, count=middle))[0]).any():
                 high = middle
             else:
                 low = middle
-        first, again = self.integrate(replace(steps, count=high))
+        first, again, _ = self.integrate(replace(steps, count=high))
         story = int(np.argmax(self._excess(first))) + 1
         made = -_energy(first.observed).error
         own = again == 0 and made < _MADE and high > 0

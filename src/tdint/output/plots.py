@@ -41,6 +41,7 @@ _LIGHT = "0.55"
 _MARK = "#b03a2e"
 _NEAR = 0.4  # the collapse drift is shown where the peak reaches this part of it
 _TITLE_LENGTH = 95
+_SEEN = 0.002  # estimated errors are shown where one reaches this part of the largest peak
 _VISIBLE = 0.05  # the drift at the end is shown where it reaches this part of the peak
 
 # A copy in black and white keeps dashes and markers.
@@ -212,6 +213,13 @@ def _draw_drifts(axes: Any, response: RunResult) -> None:
         axes.stairs(
             residual, edges, orientation="horizontal", color=_MARK, linestyle=DASHES[2], label="at the end of the run"
         )
+    if response.check is not None:
+        errors = response.check.errors
+        whiskers = 100.0 * errors.peak_drift_ratio if by_height else errors.peak_drift
+        if np.any(whiskers > _SEEN * np.max(values)):
+            axes.errorbar(
+                values, edges[1:] - 0.5, xerr=whiskers, fmt="none", ecolor=_INK, capsize=2.5, label="estimated error"
+            )
     limit = 100.0 * response.model.collapse_drift
     if by_height and np.max(values) > _NEAR * limit:
         axes.axvline(limit, color=_MARK, linestyle=DASHES[1], label=f"collapse drift {limit:g} %")
