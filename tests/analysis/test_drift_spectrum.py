@@ -14,7 +14,7 @@ import pytest
 from building_cases import ModalDamping, model, noise, story
 from references import drifts, exact_linear
 from tdint.analysis.drift_spectrum import HeightPeriod, drift_spectrum, parse_height_period
-from tdint.errors import UsageError
+from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.read import read_record
 from tdint.ground_motion.record import Record
 
@@ -198,12 +198,21 @@ def test_five_stories_under_el_centro():
         ({"story_height": 0.0}, "the story height must be a positive number"),
         ({"story_height": math.nan}, "the story height must be a positive number"),
         ({"periods": [100.0]}, "a building of 4339 stories"),
+        ({"height_period": HeightPeriod(0.1, 1e-4)}, "gives no height for a period"),
+        ({"height_period": HeightPeriod(10.0, 1e-4), "beam": True}, "gives no height for a period"),
     ],
 )
 def test_wrong_arguments(arguments, message):
     arguments = {"periods": [1.0], "damping": 0.05} | arguments
     with pytest.raises(UsageError, match=message):
         drift_spectrum(noise(samples=21), **arguments)
+
+
+def test_periods_that_do_not_fit_the_sampling_interval():
+    with pytest.raises(AnalysisError, match=r"too many modes .* ask for periods up to 200 s"):
+        drift_spectrum(noise(samples=21), np.array([300.0]), beam=True)
+    with pytest.raises(AnalysisError, match=r"the period 9e-06 s is too short .* ask for periods from 1e-05 s on"):
+        drift_spectrum(noise(samples=21), np.array([9e-6, 1.0]))
 
 
 @pytest.mark.parametrize("text", ["", "0.07", "0.07,0.75,1", "a,b", "0,0.75", "0.07,-1", "nan,1", "0.07,inf"])

@@ -111,7 +111,9 @@ def test_the_found_strength_reaches_the_ductility_in_a_run(period, hardening):
     record = noise(samples=401)
     for spectrum in constant_ductility(record, np.array([period]), [1.5, 4.0], 0.05, hardening=hardening):
         building = one_story(period, 0.05, spectrum.yield_acceleration[0], hardening)
-        stories = run(building, record, method="impulse4", dt=record.dt / 32).stories
+        response = run(building, record, method="impulse4", dt=record.dt / 32)
+        stories = response.stories
+        assert abs(response.energy.error) < 1e-6
         assert spectrum.ductility[0] == pytest.approx(spectrum.target, rel=1e-8)
         assert stories.ductility[0] == pytest.approx(spectrum.target, rel=1e-6)
         assert stories.peak_drift[0] == pytest.approx(spectrum.sd[0], rel=1e-6)
@@ -286,6 +288,13 @@ def test_a_steep_rise_is_followed():
 def test_a_ductility_that_is_never_reached_is_an_error():
     with pytest.raises(AnalysisError, match="no strength leads to the ductility 3"):
         largest_ratio(lambda _: 1.5, 3.0)
+
+
+def test_periods_that_are_too_short():
+    for function, wanted in ((constant_ductility, [2.0]), (constant_strength, [0.1])):
+        with pytest.raises(AnalysisError, match=r"the period 9e-06 s is too short .* ask for periods from 1e-05 s on"):
+            function(NOISE, np.array([1.0, 9e-6]), wanted)
+        assert np.isfinite(function(replace(NOISE, acceleration=NOISE.acceleration[:9]), [1e-5], wanted)[0].sd[0])
 
 
 @pytest.mark.parametrize(

@@ -7,12 +7,15 @@ its stories grow in number, and with one story it is the oscillator of an ordina
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.errors import UsageError
+from tdint.analysis.inelastic import check_shortest
+from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels import drifts
 from tdint.methods.exact import oscillator
@@ -23,6 +26,7 @@ DEFAULT_STORY_HEIGHT = 3.5
 """Height of a story where neither it nor the number of stories is given, m."""
 
 MOST_STORIES = 1000
+MOST_BEAM_MODES = 20_000
 
 _RESOLVED = 20.0  # modes up to so many times the fundamental frequency are followed within their own radian
 _BEAM_MODES = 64  # at least; and all down to the period of half a sampling interval
@@ -42,8 +46,18 @@ class HeightPeriod:
     b: float = 0.75
 
     def height(self, period: Array) -> Array:
-        """Height of buildings with these fundamental periods, m."""
-        return np.asarray((period / self.a) ** (1.0 / self.b))
+        """Height of buildings with these fundamental periods, m.
+
+        Raises
+        ------
+        UsageError
+            A height that no number can hold.
+        """
+        with np.errstate(all="ignore"):
+            height = np.asarray((period / self.a) ** (1.0 / self.b))
+        if not np.all(np.isfinite(height) & (height > 0.0)):
+            raise UsageError(f"the relation T = {self.a:g} H^{self.b:g} gives no height for a period")
+        return height
 
 
 @dataclass(frozen=True)
@@ -113,21 +127,24 @@ def drift_spectrum(
     ------
     UsageError
         A number that is out of range.
+    AnalysisError
+        Periods that are too short or, for a beam, too long for the record's sampling interval.
     """
     periods = np.atleast_1d(np.asarray(periods, dtype=np.float64))
     if periods.size == 0 or not np.all(np.isfinite(periods) & (periods > 0.0)):
         raise UsageError("periods must be positive numbers of seconds")
     if not 0.0 <= damping < 1.0:
         raise UsageError(f"damping must be a ratio in [0, 1), got {damping!r}")
+    check_shortest(periods, record.dt)
     heights = height_period.height(periods)
+    pairs = list(zip(periods.tolist(), heights.tolist(), strict=True))
+    buildings: Sequence[_Building]
     if beam:
         numbers = np.zeros(periods.size, dtype=np.int64)
-        buildings = [_beam(period, height, record.dt) for period, height in zip(periods, heights, strict=True)]
+        buildings = [_Beam(period, height, _modes_of_beam(period, record.dt)) for period, height in pairs]
     else:
         numbers = number_of_stories(heights, stories, story_height)
-        buildings = [
-            _uniform(period, height, int(n)) for period, height, n in zip(periods, heights, numbers, strict=True)
-        ]
+        buildings = [_Stories(*pair, n) for pair, n in zip(pairs, numbers.tolist(), strict=True)]
     peak, story, roof = _march(record, buildings, damping).T
     where = np.zeros_like(numbers) if beam else story.astype(np.int64) + 1
     return DriftSpectrum(record, damping, periods, heights, numbers, peak, where, roof)
@@ -155,65 +172,116 @@ def number_of_stories(heights: Array, stories: int | None, story_height: float) 
     return wanted.astype(np.int64)
 
 
-@dataclass(frozen=True)
-class _Building:
-    """Modes of a building: circular frequencies, shape (m,); what each adds to the drift ratios of the stories and of
-    the roof, shape (m, columns); the flexibility that other modes would add, shape (columns,)."""
+class _Building(Protocol):
+    """A building by its modes, which are made when they are asked for: those of all buildings are too many to keep.
 
-    omega: Array
-    shapes: Array
-    static: Array
+    Attributes
+    ----------
+    omega : ndarray, shape (m,)
+        Circular frequencies, rad/s.
+    shapes : ndarray, shape (m, columns)
+        What each mode adds to the drift ratios of the stories and, in the last column, of the roof.
+    static : ndarray, shape (columns,)
+        The flexibility that modes that are left out would add.
+    """
 
     @property
-    def resolved(self) -> float:
-        """The highest circular frequency that the steps have to resolve, rad/s."""
-        return float(min(self.omega[-1], _RESOLVED * self.omega[0]))
+    def omega(self) -> Array: ...
+    @property
+    def shapes(self) -> Array: ...
+    @property
+    def static(self) -> Array: ...
 
 
-def _uniform(period: float, height: float, n: int) -> _Building:
-    """Modes of n equal stories: floor s moves by sin(s theta), theta_j = (2j - 1) pi / (2n + 1).
+@dataclass(frozen=True)
+class _Stories:
+    """n equal stories: in mode j floor s moves by sin(s theta_j), theta_j = (2j - 1) pi / (2n + 1)."""
 
-    omega_j = 2 sqrt(k/m) sin(theta_j / 2); k/m follows from the period.
-    """
-    theta = (2.0 * np.arange(1, n + 1) - 1.0) * math.pi / (2 * n + 1)
-    omega = 2.0 * math.pi / period * np.sin(0.5 * theta) / math.sin(0.5 * theta[0])
-    floors = np.sin(np.outer(theta, np.arange(n + 1)))
-    participation = floors.sum(axis=1) / np.square(floors).sum(axis=1)
-    drifts_of_stories = np.diff(floors, axis=1) * (n / height)
-    shapes = participation[:, None] * np.column_stack([drifts_of_stories, floors[:, -1] / height])
-    return _Building(omega, shapes, np.zeros(n + 1))
+    period: float
+    height: float
+    n: int
+
+    @property
+    def theta(self) -> Array:
+        return (2.0 * np.arange(1, self.n + 1) - 1.0) * math.pi / (2 * self.n + 1)
+
+    @property
+    def omega(self) -> Array:
+        """2 sqrt(k/m) sin(theta_j / 2), where k/m follows from the period."""
+        sine = np.sin(0.5 * self.theta)
+        return np.asarray(2.0 * math.pi / self.period * sine / sine[0])
+
+    @property
+    def shapes(self) -> Array:
+        floors = np.sin(np.outer(self.theta, np.arange(self.n + 1)))
+        participation = floors.sum(axis=1) / np.square(floors).sum(axis=1)
+        drifts_of_stories = np.diff(floors, axis=1) * (self.n / self.height)
+        return np.asarray(participation[:, None] * np.column_stack([drifts_of_stories, floors[:, -1] / self.height]))
+
+    @property
+    def static(self) -> Array:
+        return np.zeros(self.n + 1)
 
 
-def _beam(period: float, height: float, dt: float) -> _Building:
-    """Modes of a shear beam, sin((2j - 1) pi x / 2H), omega_j = (2j - 1) omega_1: drift at the base, roof displacement.
+@dataclass(frozen=True)
+class _Beam:
+    """A shear beam with modes sin((2j - 1) pi x / 2H): drift at the base, roof displacement."""
 
-    The modes that are left out have periods shorter than half a sampling interval; they follow the ground.
+    period: float
+    height: float
+    modes: int
+
+    @property
+    def odd(self) -> Array:
+        return np.arange(1.0, 2.0 * self.modes, 2.0)
+
+    @property
+    def omega(self) -> Array:
+        return 2.0 * math.pi / self.period * self.odd
+
+    @property
+    def shapes(self) -> Array:
+        signs = np.where(np.arange(self.modes) % 2 == 0, 1.0, -1.0)
+        return np.column_stack([np.full(self.modes, 2.0), 4.0 / math.pi * signs / self.odd]) / self.height
+
+    @property
+    def static(self) -> Array:
+        """Under a steady acceleration the base drifts by H / c^2 and the roof moves by H^2 / 2 c^2, with the velocity c
+        of waves; the rest of that."""
+        velocity = 4.0 * self.height / self.period
+        whole = np.array([self.height, 0.5 * self.height]) / velocity**2
+        return np.asarray(whole - (self.shapes / np.square(self.omega)[:, None]).sum(axis=0))
+
+
+def _modes_of_beam(period: float, dt: float) -> int:
+    """All modes down to the period of half a sampling interval; those beyond follow the ground.
+
+    Raises
+    ------
+    AnalysisError
+        More than MOST_BEAM_MODES.
     """
     count = max(_BEAM_MODES, math.ceil(period / dt + 0.5))
-    odd = np.arange(1.0, 2.0 * count, 2.0)
-    omega = np.asarray(2.0 * math.pi / period * odd, dtype=np.float64)
-    signs = np.where(np.arange(count) % 2 == 0, 1.0, -1.0)
-    shapes = np.column_stack([np.full(count, 2.0), 4.0 / math.pi * signs / odd]) / height
-    # Under a steady acceleration the base drifts by H / c^2, the roof moves by H^2 / 2 c^2 (c the wave's velocity).
-    velocity = 4.0 * height / period
-    whole = np.array([height, 0.5 * height]) / velocity**2
-    static = whole - (shapes / np.square(omega)[:, None]).sum(axis=0)
-    return _Building(omega, shapes, np.asarray(static))
+    if count > MOST_BEAM_MODES:
+        raise AnalysisError(
+            f"a beam with the period {period:.6g} s has too many modes above the sampling interval of {dt:.6g} s: ask "
+            f"for periods up to {MOST_BEAM_MODES * dt:.6g} s"
+        )
+    return count
 
 
-def _march(record: Record, buildings: list[_Building], damping: float) -> Array:
+def _march(record: Record, buildings: Sequence[_Building], damping: float) -> Array:
     """Results of the kernel for each building, shape (buildings, RESULTS)."""
-    parts = [max(1, math.ceil(building.resolved * record.dt)) for building in buildings]
-    steps = [np.full(building.omega.size, record.dt / p) for building, p in zip(buildings, parts, strict=True)]
-    tables = np.split(
-        _mode_table(np.concatenate([building.omega for building in buildings]), np.concatenate(steps), damping),
-        np.cumsum([building.omega.size for building in buildings])[:-1],
-        axis=1,
-    )
+    omegas = [building.omega for building in buildings]
+    # The steps resolve these circular frequencies.
+    parts = [max(1, math.ceil(min(omega[-1], _RESOLVED * omega[0]) * record.dt)) for omega in omegas]
+    steps = [np.full(omega.size, record.dt / p) for omega, p in zip(omegas, parts, strict=True)]
+    ends = np.cumsum([omega.size for omega in omegas])[:-1]
+    tables = np.split(_mode_table(np.concatenate(omegas), np.concatenate(steps), damping), ends, axis=1)
     ground = record.acceleration.copy()
     results = np.empty((len(buildings), drifts.RESULTS))
     for building, p, table, result in zip(buildings, parts, tables, results, strict=True):
-        padding = -building.omega.size % drifts.BLOCK
+        padding = -table.shape[1] % drifts.BLOCK
         drifts.largest_drifts.compiled(
             ground,
             p,

@@ -20,6 +20,9 @@ Array = NDArray[np.float64]
 MOST_DUCTILE = 1000.0
 """The largest ductility that may be asked for."""
 
+SHORTEST = 1e-3
+"""The shortest period over the sampling interval: shorter ones take too many steps."""
+
 _RATIO = 0.97  # of neighboring strengths where the largest one with a ductility is looked for
 _LEAST = 1e-9  # of the elastic strength: where the search ends
 _PARTS = 6  # into which an interval in which the target is reached is divided, again and again ...
@@ -125,9 +128,9 @@ def constant_ductility(
     UsageError
         A number that is out of range.
     AnalysisError
-        No strength leads to a ductility.
+        No strength leads to a ductility, or a period is too short for the record's sampling interval.
     """
-    periods = _checked(periods, damping, hardening)
+    periods = _checked(record, periods, damping, hardening)
     if not all(1.0 <= ductility <= MOST_DUCTILE for ductility in ductilities):
         raise UsageError(f"ductilities must be numbers from 1 to {MOST_DUCTILE:g}")
     rising = sorted(set(ductilities))
@@ -162,7 +165,7 @@ def constant_strength(
 
     Other parameters and errors are those of `constant_ductility`.
     """
-    periods = _checked(periods, damping, hardening)
+    periods = _checked(record, periods, damping, hardening)
     if not all(0.0 < strength < math.inf for strength in strengths):
         raise UsageError("yield strength ratios must be positive numbers")
     results = np.zeros((len(strengths), periods.size, 3))
@@ -182,7 +185,7 @@ def _columns(result: Array, elastic: Array) -> tuple[Array, Array, Array, Array]
     return yield_displacement, sd, elastic, residual
 
 
-def _checked(periods: Array, damping: float, hardening: float) -> Array:
+def _checked(record: Record, periods: Array, damping: float, hardening: float) -> Array:
     periods = np.atleast_1d(np.asarray(periods, dtype=np.float64))
     if periods.size == 0 or not np.all(np.isfinite(periods) & (periods > 0.0)):
         raise UsageError("periods of inelastic spectra must be positive numbers of seconds")
@@ -190,7 +193,17 @@ def _checked(periods: Array, damping: float, hardening: float) -> Array:
         raise UsageError(f"damping must be a ratio in [0, 1), got {damping!r}")
     if not 0.0 <= hardening < 1.0:
         raise UsageError(f"hardening must be a ratio in [0, 1), got {hardening!r}")
+    check_shortest(periods, record.dt)
     return periods
+
+
+def check_shortest(periods: Array, dt: float) -> None:
+    """Raise AnalysisError for a period (s) that is shorter than SHORTEST times the sampling interval (s)."""
+    if periods.min() < SHORTEST * dt:
+        raise AnalysisError(
+            f"the period {periods.min():.6g} s is too short for the sampling interval of {dt:.6g} s: ask for periods "
+            f"from {SHORTEST * dt:.6g} s on"
+        )
 
 
 @dataclass(frozen=True)
