@@ -13,9 +13,10 @@ import pytest
 from tdint.analysis.response import run
 from tdint.analysis.spectrum import spectrum
 from tdint.errors import OutputError
+from tdint.ground_motion.processing import process
 from tdint.ground_motion.record import Record
 from tdint.model.config import load_model
-from tdint.output.plots import plot_run, run_picture
+from tdint.output.plots import changed, plot_run, run_picture
 from tdint.output.spectrum_plots import plot_spectrum
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -105,3 +106,9 @@ def test_many_spectra_are_drawn(tmp_path):
 def test_no_window_system_is_loaded():
     code = "import sys, tdint.output.plots; sys.exit('matplotlib.pyplot' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_a_processed_record_is_called_so():
+    plain = Record(np.ones(3), 0.01, "", "", "", "x.mseed")
+    assert changed([plain]) == ""
+    assert changed([plain, process(plain, baseline="constant")]) == " (processed)"

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from textwrap import shorten
 from typing import Any, BinaryIO
@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from tdint.errors import OutputError
+from tdint.ground_motion.record import Record
 from tdint.output.files import Writer, write_file
 from tdint.output.results import Array, RunResult
 
@@ -128,6 +129,7 @@ def _draw_run(response: RunResult) -> Figure:
     title = f"{response.model.name}\n{response.method}, dt {response.dt:.4g} s"
     if response.record is not None:
         title += f", {record_name(response.record.source)} {response.record.component}".rstrip()
+        title += changed([response.record])
     add_title(figure, title)
     return figure
 
@@ -285,6 +287,11 @@ def add_legend(figure: Figure, axes: Any, lines: list[Any], labels: list[str], n
     legend = figure.legend(lines, labels, loc="outside lower center", ncols=columns, handlelength=3.6)
     for text in legend.get_texts():
         text.set_parse_math(False)
+
+
+def changed(records: Iterable[Record]) -> str:
+    """` (processed)` behind the name of records of which some were changed on request, else nothing."""
+    return " (processed)" if any(record.processing for record in records) else ""
 
 
 def record_name(source: str) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from tdint.ground_motion.measures import cumulative_energy, integrate, time_of_energy
 from tdint.output.files import Writer
-from tdint.output.plots import COLORS, picture
+from tdint.output.plots import COLORS, changed, picture, record_name
 from tdint.output.record_tables import RecordInfo
 
 MOST_RECORDS = 3
@@ -57,10 +56,6 @@ def _draw(infos: Sequence[RecordInfo]) -> Figure:
     return figure
 
 
-def _file(info: RecordInfo) -> str:
-    return "standard input" if info.record.source == "-" else Path(info.record.source).name
-
-
 def _draw_record(column: Any, info: RecordInfo) -> None:
     record, measures = info.record, info.measures
     motion = integrate(record)
@@ -74,7 +69,8 @@ def _draw_record(column: Any, info: RecordInfo) -> None:
         axes.axhline(0.0, color=_LIGHT, linewidth=0.6)
         axes.yaxis.set_major_locator(MaxNLocator(5, symmetric=True))
         _write(axes, f"peak {peak:.3g} {unit}")
-    column[0].set_title(f"{_file(info)} {record.component}", parse_math=False)
+    title = f"{record_name(record.source)} {record.component}".rstrip() + changed([record])
+    column[0].set_title(title, parse_math=False)
     _draw_husid(column[3], info, time)
     column[3].set_xlim(time[0], time[-1])
     column[3].set_xlabel("time (s)")

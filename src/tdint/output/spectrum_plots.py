@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tdint.ground_motion.record import Record
 from tdint.output.files import Writer, write_file
-from tdint.output.plots import COLORS, DASHES, MARKERS, add_legend, add_title, picture, record_name
+from tdint.output.plots import COLORS, DASHES, MARKERS, add_legend, add_title, changed, picture, record_name
 from tdint.output.results import Array, SpectrumResult
 from tdint.output.tables import component_names
 
@@ -164,6 +164,7 @@ def over_periods_title(one: str, several: str, results: Sequence[OverPeriods], m
     sources = list(dict.fromkeys(result.record.source for result in results))
     ratios = list(dict.fromkeys(result.damping for result in results))
     what = record_name(sources[0]) if len(sources) == 1 else f"{len(sources)} records"
+    what += changed(result.record for result in results)
     damping = ", ".join(f"{100.0 * ratio:g} %" for ratio in ratios)
     if len(results) == 1:
         return f"{one} of {what} {results[0].record.component}\n{damping} damping, {more}"
