@@ -70,6 +70,20 @@ def test_the_loops_of_a_law(checkout):
     assert (folder / "loops.png").exists()
 
 
+def test_the_elastic_spectra(checkout):
+    folder, environment = checkout
+    result = subprocess.run(
+        ["bash", "-eu", "-c", readme.block("elastic")], cwd=folder, env=environment, capture_output=True, text=True
+    )
+    assert result.returncode == 0, result.stderr
+    assert {row["maxima"] for row in csv.DictReader(result.stdout.splitlines())} == {"peer"}
+    rotated = list(csv.DictReader((folder / "rotd.csv").read_text().splitlines()))
+    values = [[float(row[f"rotd{name}_psa_m_s2"]) for name in ("00", "50", "100")] for row in rotated]
+    assert len(values) == 200
+    assert all(least < middle < most for least, middle, most in values)
+    assert (folder / "spectra.png").is_file()
+
+
 def test_the_inelastic_spectra(checkout):
     folder, environment = checkout
     result = subprocess.run(

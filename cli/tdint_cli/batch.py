@@ -25,10 +25,14 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class Task:
-    """A record to work on, and the table to make of it; None if it goes into a table with others."""
+    """A record to work on, and the table to make of it; None if it goes into a table with others.
+
+    `others` are files that belong to the same record.
+    """
 
     source: str
     table: Path | None = None
+    others: tuple[str, ...] = ()
 
 
 @contextmanager

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -20,34 +20,16 @@ if TYPE_CHECKING:
 
 _MOST_DUCTILE = 1000.0
 
-
-class _Numbers(click.ParamType):
-    """Numbers in a range, with commas between them."""
-
-    name = "numbers"
-
-    def __init__(self, number: options.Number) -> None:
-        self.number = number
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
-        if isinstance(value, tuple):
-            return value
-        numbers = tuple(self.number.convert(part, param, ctx) for part in value.split(","))
-        if len(set(numbers)) < len(numbers):
-            self.fail(f"{value!r} has a number twice", param, ctx)
-        return numbers
-
-
 ductility = click.option(
     "--ductility",
-    type=_Numbers(options.Number(1.0, _MOST_DUCTILE)),
+    type=options.Numbers(options.Number(1.0, _MOST_DUCTILE)),
     metavar="MU[,MU...]",
     help="Inelastic spectra instead: the yield strength for each of these ratios of largest to yield displacement (the "
     "largest strength if there are several).",
 )
 strength = click.option(
     "--strength",
-    type=_Numbers(options.Number(0.0, min_open=True)),
+    type=options.Numbers(options.Number(0.0, min_open=True)),
     metavar="RATIO[,RATIO...]",
     help="Inelastic spectra instead: the response for each of these ratios of yield force to weight.",
 )

@@ -95,6 +95,23 @@ class Part(click.ParamType):
         return part
 
 
+class Numbers(click.ParamType):
+    """Numbers of one type, with commas between them, none of them twice."""
+
+    name = "numbers"
+
+    def __init__(self, number: click.ParamType) -> None:
+        self.number = number
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[Any, ...]:
+        if isinstance(value, tuple):
+            return value
+        numbers = tuple(self.number.convert(part, param, ctx) for part in value.split(","))
+        if len(set(numbers)) < len(numbers):
+            self.fail(f"{value!r} has a number twice", param, ctx)
+        return numbers
+
+
 damping_ratio = Number(0.0, 1.0, max_open=True)
 
 DT_OVER_T = (1e-6, 1e6)

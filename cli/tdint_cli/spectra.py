@@ -112,6 +112,29 @@ class Request:
         return np.array(self.period) if self.period else parse_periods(self.periods or default)
 
 
+@dataclass(frozen=True)
+class Results:
+    """What a command makes of one record.
+
+    Attributes
+    ----------
+    lines : sequence
+        Its results, one per line of a picture.
+    records : sequence of Record
+        The components that they are of.
+    notes : sequence of str
+        What there is to say beside the notes of the components.
+    """
+
+    lines: Sequence[Any]
+    records: Sequence[Record]
+    notes: Sequence[str] = ()
+
+
+def _one_by_one(request: Any, files: Sequence[str]) -> list[tuple[str, ...]]:
+    return [(file,) for file in files]
+
+
 def _no_remark(request: Any, interval: float) -> str:
     return ""
 
@@ -127,7 +150,7 @@ class Making:
     default_periods : str
         Where none are asked for.
     compute : callable
-        From the request and the components of a record the results, one per line of a picture.
+        From the request and the components of a record its results.
     table : callable
         From the request and results their table.
     picture : callable
@@ -135,14 +158,17 @@ class Making:
     remark : callable
         From the request and the longest sampling interval of all records (s) what is to be said at the end; empty for
         nothing.
+    gather : callable
+        From the request and all files the files of each record; by default each is a record by itself.
     """
 
     command: str
     default_periods: str
-    compute: Callable[[Any, Sequence[Record]], Sequence[Any]]
+    compute: Callable[[Any, Sequence[Record]], Results]
     table: Callable[[Any, Sequence[Any]], Table]
     picture: Callable[[Any, Sequence[Any], str], Writer]
     remark: Callable[[Any, float], str] = _no_remark
+    gather: Callable[[Any, Sequence[str]], list[tuple[str, ...]]] = _one_by_one
 
 
 @dataclass(frozen=True)
@@ -198,7 +224,7 @@ def make_tables(request: Request, making: Making) -> None:
     if request.plot and request.output is None:
         raise UsageError("--plot writes a file: add -o FILE or -o DIR")
     sources = records_of(request.records)
-    tasks = _tasks(request, sources.files)
+    tasks = _tasks(request, making.gather(request, sources.files))
     findings = _Findings(dict.fromkeys(sources.notes), list(sources.failures))
     together: list[Product] = []
     header = True
@@ -225,18 +251,18 @@ def make_tables(request: Request, making: Making) -> None:
         raise Failures(findings.failures)
 
 
-def _tasks(request: Request, files: Sequence[str]) -> list[Task]:
-    """What to do, after it is clear that its outputs can be written."""
+def _tasks(request: Request, records: Sequence[tuple[str, ...]]) -> list[Task]:
+    """What to do for the files of each record, after it is clear that its outputs can be written."""
     from tdint.output.files import check_outputs
 
+    firsts = [files[0] for files in records]
     folder = Path(request.output) if request.output and request.is_folder else None
-    tables = tables_of(files, folder) if folder else [Path(request.output)] if request.output else []
+    tables = tables_of(firsts, folder) if folder else [Path(request.output)] if request.output else []
     outputs = [file for table in tables for file in _files_of(request, table)]
-    refuse_inputs(outputs, [*files, request.inventory])
+    refuse_inputs(outputs, [*(file for files in records for file in files), request.inventory])
     check_outputs(outputs, overwrite=request.overwrite, new_folder=request.is_folder)
-    if folder is None:
-        return [Task(file) for file in files]
-    return [Task(file, table) for file, table in zip(files, tables, strict=True)]
+    own = tables if folder else [None] * len(records)
+    return [Task(files[0], table, files[1:]) for files, table in zip(records, own, strict=True)]
 
 
 def _files_of(request: Request, table: Path) -> list[Path]:
@@ -250,16 +276,17 @@ def _work(request: Request, making: Making, task: Task) -> Product:
     from tdint.ground_motion.read import read_records
     from tdint.output.summary import record_summary
 
-    records = read_records(task.source, units=request.units, component=request.component, inventory=request.inventory)
-    records = tuple(map(request.processing.apply, records))
-    results = tuple(making.compute(request, records))
+    read = partial(read_records, units=request.units, component=request.component, inventory=request.inventory)
+    records = [request.processing.apply(record) for file in (task.source, *task.others) for record in read(file)]
+    results = making.compute(request, records)
+    lines = tuple(results.lines)
     return Product(
-        csv=making.table(request, results).csv(),
-        records=tuple(map(record_summary, records)),
-        notes=sayings(records, lambda record: record.notes),
-        interval=records[0].dt,
-        results=() if task.table or not request.plot else results,
-        picture=_picture(request, making, results) if task.table and request.plot else None,
+        csv=making.table(request, lines).csv(),
+        records=tuple(map(record_summary, results.records)),
+        notes=(*sayings(results.records, lambda record: record.notes), *results.notes),
+        interval=max(record.dt for record in results.records),
+        results=() if task.table or not request.plot else lines,
+        picture=_picture(request, making, lines) if task.table and request.plot else None,
     )
 
 

@@ -1,8 +1,8 @@
 """tdint: earthquake response of shear buildings with a time-integration method of your choice.
 
-These functions stand behind the commands: `read_record`, `process`, `load_model`, `run`, `spectrum`,
-`constant_ductility`, `constant_strength` and `drift_spectrum`. They load on first use, so that importing tdint costs
-nothing.
+These functions stand behind the commands: `read_record`, `read_horizontals`, `process`, `load_model`, `run`,
+`spectrum`, `rotated_spectrum`, `constant_ductility`, `constant_strength` and `drift_spectrum`. They load on first use,
+so that importing tdint costs nothing.
 """
 
 from __future__ import annotations
@@ -15,8 +15,10 @@ if TYPE_CHECKING:
     from tdint.analysis.inelastic import constant_ductility as constant_ductility
     from tdint.analysis.inelastic import constant_strength as constant_strength
     from tdint.analysis.response import run as run
+    from tdint.analysis.rotation import rotated_spectrum as rotated_spectrum
     from tdint.analysis.spectrum import spectrum as spectrum
     from tdint.ground_motion.processing import process as process
+    from tdint.ground_motion.read import read_horizontals as read_horizontals
     from tdint.ground_motion.read import read_record as read_record
     from tdint.model.config import load_model as load_model
 
@@ -31,6 +33,8 @@ _HOMES = {
     "constant_ductility": "tdint.analysis.inelastic",
     "constant_strength": "tdint.analysis.inelastic",
     "drift_spectrum": "tdint.analysis.drift_spectrum",
+    "read_horizontals": "tdint.ground_motion.read",
+    "rotated_spectrum": "tdint.analysis.rotation",
 }
 __all__ = [
     "__version__",
@@ -39,7 +43,9 @@ __all__ = [
     "drift_spectrum",
     "load_model",
     "process",
+    "read_horizontals",
     "read_record",
+    "rotated_spectrum",
     "run",
     "spectrum",
 ]

@@ -10,7 +10,7 @@ import pytest
 
 from tdint.errors import RecordError
 from tdint.ground_motion.horizontals import azimuth, find_horizontals, is_vertical, motion_name
-from tdint.ground_motion.read import read_records
+from tdint.ground_motion.read import read_horizontals, read_record, read_records
 from tdint.ground_motion.record import Record
 
 
@@ -155,3 +155,9 @@ def test_real_records(names, found):
     if missing := [path.name for path in paths if not path.is_file()]:
         pytest.skip(f"the folder of TDINT_RECORDS has no {', '.join(missing)}")
     assert find_horizontals([one for path in paths for one in read_records(path)]).component == found
+
+
+def test_read_from_a_file():
+    file = Path(__file__).parents[2] / "records" / "firm-soil.mseed"
+    pair = read_horizontals(file, units="m/s^2")
+    assert (pair.component, pair.first.pga) == ("HN1+HN2", read_record(file, units="m/s^2", component="HN1").pga)

@@ -106,10 +106,10 @@ def _run(request: Request) -> None:
     spectra.make_tables(request, spectra.Making("drift-spectrum", _PERIODS, _compute, _table, _picture))
 
 
-def _compute(request: Request, records: Sequence[Record]) -> list[DriftSpectrum]:
+def _compute(request: Request, records: Sequence[Record]) -> spectra.Results:
     from tdint.analysis.drift_spectrum import drift_spectrum, parse_height_period
 
-    return [
+    results = [
         drift_spectrum(
             record,
             request.chosen_periods(_PERIODS),
@@ -122,6 +122,7 @@ def _compute(request: Request, records: Sequence[Record]) -> list[DriftSpectrum]
         for record in records
         for damping in request.damping
     ]
+    return spectra.Results(results, records)
 
 
 def _table(_: Request, results: Sequence[DriftSpectrum]) -> Table:

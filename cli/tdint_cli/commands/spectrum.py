@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from tdint_cli import inelastic, options, spectra
+from tdint_cli import inelastic, options, rotation, spectra
 from tdint_cli.startup import load_numba
 
 if TYPE_CHECKING:
@@ -28,6 +28,7 @@ class Request(spectra.Request):
     method: str | None
     maxima: str | None
     interpolation: str | None
+    rotd: tuple[int, ...] | None
     ductility: tuple[float, ...] | None
     strength: tuple[float, ...] | None
     hardening: float | None
@@ -83,6 +84,7 @@ class Request(spectra.Request):
     help="The ground motion between its samples: straight lines (linear, the default), or the motion without "
     "frequencies above half the sampling rate (band-limited). Adds a column.",
 )
+@rotation.rotd
 @inelastic.ductility
 @inelastic.strength
 @inelastic.hardening
@@ -103,42 +105,58 @@ def command(**given: Any) -> None:
     --ductility and --strength make another table, of oscillators with bilinear hysteresis: yield force over weight,
     ductility, displacement at rest after the record, largest and yield displacement, yield force over mass, and largest
     elastic force over yield force.
+
+    --rotd makes another table, of two horizontal components together: percentiles of the pseudo-acceleration over all
+    directions, 180 of them, the geometric mean of both components, and the direction of the largest, in degrees from
+    the first named component towards the second. They stand in one file, or in two that are named alike (K-NET, PEER,
+    channel codes) or given as the only ones.
     """
     _run(Request(**given))
 
 
 def _run(request: Request) -> None:
-    request.inelastic.refuse(
-        {"--method": request.method, "--maxima": request.maxima, "--interpolation": request.interpolation}
-    )
+    elastic = {"--method": request.method, "--maxima": request.maxima, "--interpolation": request.interpolation}
+    request.inelastic.refuse({"--rotd": request.rotd, **elastic})
+    if request.rotd:
+        rotation.refuse({"--method": request.method, "--component": request.component})
     # What is wrong with these shall be told before any work.
     _ = request.chosen_periods(_PERIODS), request.manner
-    spectra.make_tables(request, spectra.Making("spectrum", _PERIODS, _compute, _table, _picture, _remark))
+    making = spectra.Making("spectrum", _PERIODS, _compute, _table, _picture, _remark)
+    spectra.make_tables(request, replace(making, gather=rotation.gather) if request.rotd else making)
 
 
-def _compute(request: Request, records: Sequence[Record]) -> list[Any]:
-    """The spectra of the components of a record, elastic or of oscillators that yield."""
+def _compute(request: Request, records: Sequence[Record]) -> spectra.Results:
+    """The spectra of the components of a record: elastic, over all directions, or of oscillators that yield."""
     from tdint.analysis.spectrum import spectrum
 
     periods = request.chosen_periods(_PERIODS)
+    manner = {"maxima": request.maxima, "interpolation": request.interpolation}
+    if request.rotd:
+        return rotation.compute(records, periods, request.damping, request.rotd, manner)
     if request.inelastic:
-        return [result for record in records for result in request.inelastic.spectra(record, periods, request.damping)]
-    manner = {"method": request.method, "maxima": request.maxima, "interpolation": request.interpolation}
-    return [spectrum(record, periods, damping, **manner) for record in records for damping in request.damping]
+        lines = [line for record in records for line in request.inelastic.spectra(record, periods, request.damping)]
+        return spectra.Results(lines, records)
+    manner |= {"method": request.method}
+    results = [spectrum(record, periods, damping, **manner) for record in records for damping in request.damping]
+    return spectra.Results(results, records)
 
 
 def _table(request: Request, results: Sequence[Any]) -> Table:
     from tdint.output.inelastic_tables import inelastic_table
-    from tdint.output.tables import spectrum_table
+    from tdint.output.tables import rotated_table, spectrum_table
 
+    if request.rotd:
+        return rotated_table(results, request.stated)
     return inelastic_table(results) if request.inelastic else spectrum_table(results, request.stated)
 
 
 def _picture(request: Request, results: Sequence[Any], suffix: str) -> Writer:
     from tdint.output.inelastic_plots import inelastic_picture
+    from tdint.output.rotation_plots import rotated_picture
     from tdint.output.spectrum_plots import spectrum_picture
 
-    return (inelastic_picture if request.inelastic else spectrum_picture)(results, suffix)
+    draw = rotated_picture if request.rotd else inelastic_picture if request.inelastic else spectrum_picture
+    return draw(results, suffix)
 
 
 def _remark(request: Request, interval: float) -> str:

@@ -26,7 +26,7 @@ _SKEW = 5.0
 _LONGER = 0.05
 """Part of the longer component that may be cut off to make them equal."""
 
-_DIGITS = re.compile(r"\.(?:EW|NS|UD)(?=\d?$)", re.IGNORECASE)
+_KNET = re.compile(r"\.(?:EW|NS|UD)(?=\d?$)", re.IGNORECASE)
 _PEER = re.compile(r"[-_]?(?:\d{3}|UP|DOWN|DWN|DN|VERT?|V)(?=\.AT2$)", re.IGNORECASE)
 _SEED = re.compile(r"(?<![A-Z0-9])([A-Z][GHLN])[ENZ123](?![A-Z0-9])", re.IGNORECASE)
 
@@ -113,7 +113,7 @@ def motion_name(file: str) -> str:
     Known are the endings of K-NET (.EW, .NS2), of PEER's AT2 files (067.AT2, -UP.AT2) and channel codes (HNE).
     """
     path = Path(file)
-    name = _SEED.sub(r"\1?", _PEER.sub("", _DIGITS.sub(".", path.name)))
+    name = _SEED.sub(r"\1?", _PEER.sub("", _KNET.sub(".", path.name)))
     return str(path.with_name(name))
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from tdint.errors import RecordError, UsageError
+from tdint.ground_motion.horizontals import Horizontals, find_horizontals
 from tdint.ground_motion.plugins import Contents, has_known_format, read_contents
 from tdint.ground_motion.record import Record
 from tdint.ground_motion.response import Instruments, read_instruments, remove_response
@@ -70,6 +71,18 @@ def read_records(
     a RecordError, too. Channels without numbers (a recorder's log) are left out.
     """
     return _read(source, units, component, inventory, single=False)
+
+
+def read_horizontals(
+    *sources: str | Path, units: str | None = None, inventory: str | Path | None = None
+) -> Horizontals:
+    """Read the two horizontal components of a motion from its file, or from its files.
+
+    Parameters, and errors beside those of `find_horizontals`, are those of `read_records`.
+    """
+    return find_horizontals(
+        [one for source in sources for one in read_records(source, units=units, inventory=inventory)]
+    )
 
 
 def is_record(source: str | Path) -> bool:

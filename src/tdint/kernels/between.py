@@ -84,9 +84,9 @@ def largest_between(q, d, e, f, d1, by_u, by_v, h, series):
 
 @inlined
 def _terms(w, z):
-    """Terms of the series of q that matter; w is (omega h)^2, z is 2 xi omega h."""
+    """Terms of the series of q that matter, beside that with q''; w is (omega h)^2, z is 2 xi omega h."""
     reach = max(math.sqrt(w), z)
-    n, term = 1, reach
+    n, term = 2, 1.0
     while n < TERMS and (n < _LEAST or term > _LEFT_OUT):
         n += 1
         term *= reach * _INVERSE[n]

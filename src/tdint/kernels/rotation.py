@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from tdint.kernels.between import TERMS, divide, largest_between, may_exceed, rise
-from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, called, kernel
+from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, called, inlined, kernel
 from tdint.kernels.spectra import (
     A11,
     A12,
@@ -34,11 +34,19 @@ ANGLES = 180
 """Directions, one degree apart from the first motion towards the second."""
 
 AXES = 6
-_WEDGE = ANGLES // AXES
-_SPREAD = 1.0 / math.cos(math.radians(_WEDGE / 2))
 _SECTORS = 18
 _SECTOR = ANGLES // _SECTORS
-_SECTOR_SPREAD = 1.0 / math.cos(math.radians(_SECTOR / 2))
+_SECTORS_PER_WEDGE = _SECTORS // AXES  # between two axes
+_SPREAD = 1.0 / math.cos(math.radians(_SECTOR / 2))
+_FACTORS = tuple(math.sin(math.radians(j * _SECTOR)) / math.sin(math.pi / AXES) for j in range(_SECTORS_PER_WEDGE + 1))
+
+# Rows of numbers per edge of a sector; the last edge is the first one again
+_LOWS = 0  # of the sector behind the edge: the smallest of the largest displacements
+_BEFORE = 1  # absolute displacements at the step's start, and at its end
+_AFTER = 2
+_COSINES = 3
+_SINES = 4
+_WORK = 5
 _BEND = AXES  # place of the largest relative acceleration after the largest displacements
 _C, _S = math.cos(math.pi / 6), 0.5
 _BLOCK = 4
@@ -74,7 +82,10 @@ def rotated_peaks(first, second, dt, parts, oscillators, directions, between, re
     lane = np.empty(_ROWS * LANES)
     starts = np.empty((LANES, whole + 1, 4))
     tops = np.empty((LANES, whole, AXES + 1))
-    best, work = np.empty(ANGLES), np.empty((3, _SECTORS))
+    best, work = np.empty(ANGLES), np.empty((_WORK, _SECTORS + 1))
+    for k in range(_SECTORS + 1):
+        work[_COSINES, k] = directions[0, k * _SECTOR % ANGLES]
+        work[_SINES, k] = directions[1, k * _SECTOR % ANGLES]
     series = np.empty((3, TERMS))
     for group in range(0, oscillators.shape[1], LANES):
         for k in range(COEFFICIENTS):
@@ -146,7 +157,7 @@ def _search(ground, h, oscillators, column, directions, starts, tops, between, w
     """Largest displacements of one oscillator in all directions, from those along the axes in each stretch."""
     whole = tops.shape[0]
     margin = between * rise(oscillators[BY_DISPLACEMENT, column], oscillators[BY_VELOCITY, column], h)
-    lows = work[0]
+    lows = work[_LOWS]
     # The stretches of the largest displacements along the axes come first: what they leave is hard to exceed.
     _march(ground, h, oscillators, column, directions, starts, whole, margin, True, work, series, best)
     last = whole
@@ -162,12 +173,23 @@ def _search(ground, h, oscillators, column, directions, starts, tops, between, w
         lows[k] = _lowest(best, k)
     _march(ground, h, oscillators, column, directions, starts, whole, margin, False, work, series, best)
     for c in range(whole):
-        for k in range(AXES):
-            top = max(tops[c, k], tops[c, (k + 1) % AXES])
-            low = min(lows[3 * k], lows[3 * k + 1], lows[3 * k + 2])
-            if top * _SPREAD + margin * tops[c, _BEND] > low:
-                _march(ground, h, oscillators, column, directions, starts, c, margin, False, work, series, best)
-                break
+        _interpolate(tops[c], work)
+        if _count_higher(work, margin * tops[c, _BEND]) > 0:
+            _march(ground, h, oscillators, column, directions, starts, c, margin, False, work, series, best)
+
+
+@called
+def _interpolate(top, work):
+    """Bounds of the displacements of a stretch along the edges of the sectors, from those along the axes.
+
+    A direction between two axes is a sum of both with positive factors, and so is the displacement along it.
+    """
+    for k in range(AXES):
+        one, other = top[k], top[(k + 1) % AXES]
+        for j in range(_SECTORS_PER_WEDGE):
+            bound = _FACTORS[_SECTORS_PER_WEDGE - j] * one + _FACTORS[j] * other
+            work[_BEFORE, k * _SECTORS_PER_WEDGE + j] = work[_AFTER, k * _SECTORS_PER_WEDGE + j] = bound
+    work[_BEFORE, _SECTORS] = work[_AFTER, _SECTORS] = top[0]
 
 
 @called
@@ -198,11 +220,11 @@ def _march(ground, h, oscillators, column, directions, starts, stretch, margin, 
         oscillators[B21, column],
     )
     by_u, by_v = oscillators[BY_DISPLACEMENT, column], oscillators[BY_VELOCITY, column]
-    lows, before, after = work[0], work[1], work[2]
+    lows, before, after = work[_LOWS], work[_BEFORE], work[_AFTER]
     x, v, y, w = starts[stretch, 0], starts[stretch, 1], starts[stretch, 2], starts[stretch, 3]
     f0, g0 = ground[0, stretch * STRETCH], ground[1, stretch * STRETCH]
     a, b = -(by_u * x + by_v * v) - f0, -(by_u * y + by_v * w) - g0
-    _project(x, y, directions, before)
+    _project(x, y, work, before)
     for s in range(stretch * STRETCH, min((stretch + 1) * STRETCH, ground.shape[1] - 1)):
         f1, g1 = ground[0, s + 1], ground[1, s + 1]
         x1 = a11 * x + (a12 * v - (b10 * f0 + b11 * f1))
@@ -215,14 +237,12 @@ def _march(ground, h, oscillators, column, directions, starts, stretch, margin, 
                 size = abs(directions[0, k] * x1 + directions[1, k] * y1)
                 best[k] = size if size > best[k] else best[k]
         else:
-            _project(x1, y1, directions, after)
+            _project(x1, y1, work, after)
             over = margin * math.sqrt(max(a * a + b * b, a1 * a1 + b1 * b1))
             p = -(by_u * v + by_v * a) - (f1 - f0) / h
             q = -(by_u * w + by_v * b) - (g1 - g0) / h
-            for sector in range(_SECTORS):
-                other = sector + 1 if sector + 1 < _SECTORS else 0
-                top = max(before[sector], after[sector], before[other], after[other])
-                if top * _SECTOR_SPREAD + over <= lows[sector]:
+            for sector in range(_SECTORS if _count_higher(work, over) > 0 else 0):
+                if _top(work, sector) * _SPREAD + over <= lows[sector]:
                     continue
                 for k in range(sector * _SECTOR, (sector + 1) * _SECTOR):
                     c, d = directions[0, k], directions[1, k]
@@ -233,13 +253,28 @@ def _march(ground, h, oscillators, column, directions, starts, stretch, margin, 
                         size = largest_between(u0, v0, e0, c * p + d * q, speed, by_u, by_v, h, series)
                         best[k] = max(best[k], size)
                 lows[sector] = _lowest(best, sector)
-            for k in range(_SECTORS):
+            for k in range(_SECTORS + 1):
                 before[k] = after[k]
         x, v, y, w, a, b, f0, g0 = x1, v1, y1, w1, a1, b1, f1, g1
 
 
 @called
-def _project(x, y, directions, sizes):
+def _project(x, y, work, sizes):
     """Absolute displacements along the edges of the sectors."""
+    for k in range(_SECTORS + 1):
+        sizes[k] = abs(work[_COSINES, k] * x + work[_SINES, k] * y)
+
+
+@called
+def _count_higher(work, over):
+    """Number of sectors in which the displacement of a step may be larger than the smallest of the largest."""
+    count = 0
     for k in range(_SECTORS):
-        sizes[k] = abs(directions[0, k * _SECTOR] * x + directions[1, k * _SECTOR] * y)
+        count += 1 if _top(work, k) * _SPREAD + over > work[_LOWS, k] else 0
+    return count
+
+
+@inlined
+def _top(work, k):
+    """Largest displacement at both ends of a step along both edges of a sector."""
+    return max(max(work[_BEFORE, k], work[_AFTER, k]), max(work[_BEFORE, k + 1], work[_AFTER, k + 1]))

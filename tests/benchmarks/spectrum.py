@@ -1,0 +1,177 @@
+"""Elastic and rotated spectra against other tools, in one run: python tests/benchmarks/spectrum.py
+
+200 periods from 0.01 to 10 s, 5 % damping, 4001 samples at 0.01 s (records/firm-soil.mseed). Beside tdint a plain
+recursion of 16 oscillators at a time, with maxima at the samples, that is compiled and timed in the same run; and eqsig
+and pyrotd, where they are installed. All take turns, the fastest of the repeats counts. Errors are those of the
+pseudo-acceleration against the exact response to the motion that is linear between its samples, as tdint computes it
+and tests/analysis/test_exact_maxima.py confirms it with matrix exponentials.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+
+import numba
+import numpy as np
+
+from tdint import read_record, spectrum
+from tdint.analysis.rotation import rotated_spectrum
+from tdint.analysis.spectrum import DEFAULT_PERIODS, parse_periods
+from tdint.ground_motion.horizontals import find_horizontals
+from tdint.methods.exact import oscillator
+
+REPEATS = 15
+RECORD = Path(__file__).parents[2] / "records" / "firm-soil.mseed"
+DAMPING = 0.05
+LANES = 16
+
+
+@numba.njit(error_model="numpy", fastmath={"contract"})
+def plain_recursion(ground, table, peaks):
+    """Largest displacement at the samples, LANES oscillators at a time; nothing else."""
+    a11, a12, b10, b11 = np.empty(LANES), np.empty(LANES), np.empty(LANES), np.empty(LANES)
+    a21, a22, b20, b21 = np.empty(LANES), np.empty(LANES), np.empty(LANES), np.empty(LANES)
+    u, v, top = np.empty(LANES), np.empty(LANES), np.empty(LANES)
+    for group in range(0, table.shape[1], LANES):
+        for i in range(LANES):
+            a11[i], a12[i], b10[i], b11[i] = (
+                table[0, group + i],
+                table[1, group + i],
+                table[2, group + i],
+                table[3, group + i],
+            )
+            a21[i], a22[i], b20[i], b21[i] = (
+                table[4, group + i],
+                table[5, group + i],
+                table[6, group + i],
+                table[7, group + i],
+            )
+            u[i] = v[i] = top[i] = 0.0
+        for s in range(1, ground.size):
+            before, after = ground[s - 1], ground[s]
+            for i in range(LANES):
+                new = a11[i] * u[i] + a12[i] * v[i] - b10[i] * before - b11[i] * after
+                v[i] = a21[i] * u[i] + a22[i] * v[i] - b20[i] * before - b21[i] * after
+                u[i] = new
+                top[i] = abs(new) if abs(new) > top[i] else top[i]
+        for i in range(LANES):
+            peaks[group + i] = top[i]
+
+
+def plain_table(periods, dt):
+    """Coefficients of the recursion, a multiple of LANES columns."""
+    omega = 2.0 * math.pi / np.append(periods, np.full(-periods.size % LANES, periods[-1]))
+    steps = oscillator(omega * dt, np.full_like(omega, DAMPING)).transpose(1, 2, 0).reshape(8, -1)
+    factors = np.array([1.0, dt, dt**2, dt**2, 1.0 / dt, 1.0, dt, dt])
+    return np.ascontiguousarray(steps * factors[:, None])
+
+
+def plain(record, periods):
+    """Pseudo-accelerations by the plain recursion."""
+    table, ground = plain_table(periods, record.dt), record.acceleration.copy()
+    peaks = np.empty(table.shape[1])
+
+    def work():
+        plain_recursion(ground, table, peaks)
+        return (2.0 * math.pi / periods) ** 2 * peaks[: periods.size]
+
+    return work
+
+
+def eqsig(record, periods):
+    """Pseudo-accelerations by eqsig, None if it is not installed."""
+    if not find_spec("eqsig"):
+        return None
+    sdof = import_module("eqsig.sdof")
+    return lambda: sdof.pseudo_response_spectra(record.acceleration, record.dt, periods, DAMPING)[2]
+
+
+def pyrotd(record, periods):
+    """Pseudo-accelerations by pyrotd, None if it is not installed."""
+    if not find_spec("pyrotd"):
+        return None
+    module = import_module("pyrotd")
+    module.processes = 1
+    return lambda: module.calc_spec_accels(record.dt, record.acceleration, 1.0 / periods, DAMPING).spec_accel
+
+
+def pyrotd_rotated(first, second, periods):
+    """RotD0, 50 and 100 by pyrotd, shape (3, k), None if it is not installed."""
+    if not find_spec("pyrotd"):
+        return None
+    module = import_module("pyrotd")
+    module.processes = 1
+
+    def work():
+        found = module.calc_rotated_spec_accels(
+            record_dt, first.acceleration, second.acceleration, 1.0 / periods, DAMPING, percentiles=[0, 50, 100]
+        )
+        return np.array([found[found.percentile == p].spec_accel for p in (0, 50, 100)])
+
+    record_dt = first.dt
+    return work
+
+
+def fastest(works: dict[str, Callable | None], repeats):
+    """Fastest times, s, and the results."""
+    works = {name: work for name, work in works.items() if work}
+    results = {name: work() for name, work in works.items()}
+    times = dict.fromkeys(works, math.inf)
+    for _ in range(repeats):
+        for name, work in works.items():
+            begin = time.perf_counter()
+            work()
+            times[name] = min(times[name], time.perf_counter() - begin)
+    return times, results
+
+
+def show(times, errors, base):
+    for name, seconds in times.items():
+        print(f"{name:34s} {seconds * 1e3:9.3f} ms {seconds / times[base]:8.2f} x   worst error of PSA {errors[name]}")
+
+
+def main():
+    """Print the tables."""
+    first, second = (read_record(RECORD, component=name, units="m/s^2") for name in ("HN1", "HN2"))
+    periods = parse_periods(DEFAULT_PERIODS)
+    exact = spectrum(first, periods, DAMPING).psa
+    times, results = fastest(
+        {
+            "plain recursion, at the samples": plain(first, periods),
+            "tdint, exact": lambda: spectrum(first, periods, DAMPING).psa,
+            "tdint --maxima peer": lambda: spectrum(first, periods, DAMPING, maxima="peer").psa,
+            "tdint --maxima samples": lambda: spectrum(first, periods, DAMPING, maxima="samples").psa,
+            "eqsig": eqsig(first, periods),
+            "pyrotd": pyrotd(first, periods),
+        },
+        REPEATS,
+    )
+    errors = {name: f"{np.max(np.abs(psa / exact - 1.0)):.1e}" for name, psa in results.items()}
+    show(times, errors, "tdint, exact")
+    limit = 3.0 * times["plain recursion, at the samples"] + 1e-3
+    print(f"3 times the plain recursion and 1 ms: {limit * 1e3:.3f} ms\n")
+
+    motion = find_horizontals([first, second])
+    exact = rotated_spectrum(motion, periods, DAMPING).psa
+    times, results = fastest(
+        {
+            "tdint --rotd 0,50,100": lambda: rotated_spectrum(motion, periods, DAMPING).psa,
+            "the same --maxima samples": lambda: rotated_spectrum(motion, periods, DAMPING, maxima="samples").psa,
+            "pyrotd": pyrotd_rotated(first, second, periods),
+        },
+        3,
+    )
+    errors = {
+        name: ", ".join(f"{error:.1e}" for error in np.max(np.abs(psa / exact - 1.0), axis=1)) + " (RotD0, 50, 100)"
+        for name, psa in results.items()
+    }
+    show(times, errors, "tdint --rotd 0,50,100")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,146 @@
+"""`tdint spectrum --rotd`: pairs in one file and in two, the table, the picture, and what is refused."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tdint.analysis.rotation import rotated_spectrum
+from tdint.ground_motion.horizontals import find_horizontals
+from tdint.ground_motion.read import read_records
+
+COLUMNS = (
+    "record,component,damping,period_s,rotd00_psa_m_s2,rotd50_psa_m_s2,rotd100_psa_m_s2,geometric_mean_psa_m_s2,"
+    "rotd100_angle_deg"
+)
+ROTD = ("spectrum", "--rotd", "0,50,100", "--period", "0.2", "--period", "1")
+
+
+def rows(text):
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def write_at2(file: Path, component: str, seed: int, samples: int = 200):
+    """A PEER file of noise."""
+    values = np.random.default_rng(seed).standard_normal(samples) * 0.1
+    lines = [
+        "PEER NGA STRONG MOTION DATABASE RECORD",
+        f"Somewhere, 1/1/2000, Station, {component}",
+        "ACCELERATION TIME SERIES IN UNITS OF G",
+        f"NPTS= {samples}, DT= .0050 SEC",
+        *(f"{value:.7E}" for value in values),
+    ]
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def test_two_components_of_a_file(folder, tdint):
+    result = tdint(*ROTD, "motion.mseed", "--damping", "0.02", "--damping", "0.05")
+    assert result.exit_code == 0
+    assert result.stdout.splitlines()[0] == COLUMNS
+    table = rows(result.stdout)
+    assert [(row["component"], row["damping"], row["period_s"]) for row in table] == [
+        ("HNN+HNE", damping, period) for damping in ("0.02", "0.05") for period in ("0.2", "1")
+    ]
+    expected = rotated_spectrum(find_horizontals(read_records("motion.mseed")), np.array([0.2, 1.0]), 0.05)
+    np.testing.assert_allclose(
+        [[float(row[f"rotd{name}_psa_m_s2"]) for row in table[2:]] for name in ("00", "50", "100")],
+        expected.psa, rtol=1e-11, atol=1e-15,
+    )  # fmt: skip
+    # Both components of motion.mseed are one sine, of sizes 1 (HNE) and 2 (HNN): it lies on a line.
+    assert {row["rotd100_angle_deg"] for row in table} == {"27"}
+
+
+def test_names_of_the_columns(folder, tdint):
+    result = tdint("spectrum", "motion.mseed", "--rotd", "5,84", "--period", "1", "--maxima", "peer")
+    assert result.stdout.splitlines()[0] == (
+        "record,component,damping,period_s,rotd05_psa_m_s2,rotd84_psa_m_s2,geometric_mean_psa_m_s2,rotd100_angle_deg,"
+        "maxima"
+    )
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("RSN1_X_ABC000.AT2", "RSN1_X_ABC090.AT2"),
+        ("RSN1_X_ABC090.AT2", "RSN1_X_ABC-UP.AT2", "RSN1_X_ABC000.AT2"),
+        ("one.AT2", "other.AT2"),
+    ],
+)
+def test_components_in_files_of_their_own(folder, tdint, names):
+    components = {"000": "0", "090": "90", "-UP": "UP"}
+    for seed, name in enumerate(names):
+        write_at2(folder / name, components.get(name[-7:-4], f"{90 * seed}"), seed)
+    result = tdint(*ROTD, *names)
+    assert result.exit_code == 0, result.stderr
+    table = rows(result.stdout)
+    assert {row["component"] for row in table} == {"0+90"}
+    assert {row["record"] for row in table} == {"+".join(sorted(name for name in names if "UP" not in name))}
+
+
+def test_several_motions_go_to_files_of_their_own(folder, tdint):
+    for seed, (name, component) in enumerate((("A000", "0"), ("A090", "90"), ("B000", "0"), ("B090", "90"))):
+        write_at2(folder / f"{name}.AT2", component, seed)
+    result = tdint(*ROTD, "A000.AT2", "B000.AT2", "A090.AT2", "B090.AT2", "motion.mseed", "-o", "out/", "--plot")
+    assert result.exit_code == 0, result.stderr
+    names = sorted(path.name for path in (folder / "out").iterdir())
+    assert names == sorted(f"{stem}.{kind}" for stem in ("A000", "B000", "motion") for kind in ("csv", "json", "png"))
+    assert {row["record"] for row in rows((folder / "out" / "B000.csv").read_text())} == {"B000.AT2+B090.AT2"}
+    told = json.loads((folder / "out" / "A000.json").read_text())
+    assert told["settings"]["rotd"] == [0, 50, 100]
+    assert [record["component"] for record in told["records"]] == ["0", "90"]
+    with_jobs = tdint(*ROTD, "A000.AT2", "B000.AT2", "A090.AT2", "B090.AT2", "motion.mseed", "--jobs", "2")
+    parts = [(folder / "out" / f"{stem}.csv").read_text() for stem in ("A000", "B000", "motion")]
+    assert with_jobs.stdout == parts[0] + "".join(part.removeprefix(COLUMNS + "\n") for part in parts[1:])
+
+
+def test_components_of_unequal_length_are_cut_and_it_is_said(folder, tdint):
+    write_at2(folder / "A000.AT2", "0", 1)
+    write_at2(folder / "A090.AT2", "90", 2, samples=199)
+    result = tdint(*ROTD, "A000.AT2", "A090.AT2")
+    assert result.exit_code == 0
+    note = "note: A000.AT2+A090.AT2: the last sample of 0 left out: the other component is shorter"
+    assert note in result.stderr.splitlines()
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        (
+            ("other.mseed",),
+            "Error: other.mseed: has a single horizontal component, HNE; name the file of the other one",
+        ),
+        (("A000.AT2", "A030.AT2"), "Error: A000.AT2+A030.AT2: 0 and 30 are 30 degrees apart, not at right angles"),
+        (("A000.AT2", "same.AT2"), "Error: A000.AT2+same.AT2: 0 and 0 are 0 degrees apart"),
+        (("A000.AT2", "missing.AT2"), "Error: A000.AT2: has a single horizontal component, 0"),
+    ],
+)
+def test_what_is_no_pair(folder, tdint, names, message):
+    write_at2(folder / "A000.AT2", "0", 1)
+    write_at2(folder / "A030.AT2", "30", 2)
+    shutil.copy(folder / "A000.AT2", folder / "same.AT2")
+    result = tdint(*ROTD, *names)
+    assert (result.exit_code, result.stdout) == (4, "")
+    assert any(line.startswith(message) for line in result.stderr.splitlines()), result.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--rotd", "101"], "--rotd"),
+        (["--rotd", "50,50"], "has a number twice"),
+        (["--rotd", "a"], "--rotd"),
+        (["--rotd", "50", "--component", "HNE"], "--component is for single components; leave it out with --rotd"),
+        (["--rotd", "50", "--method", "newmark"], "--method is for single components"),
+        (["--rotd", "50", "--ductility", "2"], "--rotd is for elastic spectra"),
+    ],
+)
+def test_usage_errors(folder, tdint, arguments, message):
+    result = tdint("spectrum", "motion.mseed", *arguments)
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert message in result.stderr
