@@ -243,15 +243,19 @@ def test_stable_at_every_frequency_with_rho_inf_as_declared(method, xi):
 
 
 def grows(method, omega_h, tangent, steps=4000):
-    """Whether the free motion of an oscillator grows whose tangent is not the initial stiffness of its law."""
+    """Whether the free motion of an oscillator grows whose tangent is not the initial stiffness of its law.
+
+    The displacement counts: for a tangent other than the initial one chang's velocities are far too large at
+    omega dt = 100, by energies that `run` calls diverged unless unstable steps are allowed, but they do not grow.
+    """
     h = 0.01
     k = (omega_h / h) ** 2
     case = model([story(1.0, k, Law("polynomial", (tangent * k,)))], displacement=(1e-3,))
     try:
-        peak = run(case, method=method, dt=h, duration=steps * h).stories.peak_displacement[0]
+        response = run(case, method=method, dt=h, duration=steps * h, allow_unstable=True)
     except FailedRun:
         return True
-    return bool(peak > 1.0)
+    return bool(response.stories.peak_displacement[0] > 1.0)
 
 
 @pytest.mark.parametrize(
