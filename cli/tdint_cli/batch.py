@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, TypeVar
 import click
 
 from tdint.errors import AnalysisError, RecordError, TdintError
+from tdint_cli.progress import is_terminal
 from tdint_cli.sources import STDIN
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ def outcomes(
     """
     with ExitStack() as stack:
         results = _outcomes(partial(_attempt, work), tasks, jobs, stack)
-        if len(tasks) > 1 and _is_terminal(sys.stderr) and not (to_terminal and _is_terminal(sys.stdout)):
+        if len(tasks) > 1 and is_terminal(sys.stderr) and not (to_terminal and is_terminal(sys.stdout)):
             bar = click.progressbar(results, length=len(tasks), label=label, show_pos=True, file=sys.stderr)
             yield stack.enter_context(bar)
         else:
@@ -122,8 +123,3 @@ def _attempt(work: Callable[[Task], Result], task: Task) -> Result | TdintError:
         return error
     except AnalysisError as error:
         return AnalysisError(f"{task.source}: {error}")
-
-
-def _is_terminal(stream: object) -> bool:
-    isatty = getattr(stream, "isatty", None)
-    return bool(isatty and isatty())

@@ -10,14 +10,17 @@ import click
 
 _PARTS = 1000
 
+Progress = Callable[[str, float], None]
+"""To be told what is being done and how much of it is done, from 0 to 1."""
+
 
 @contextmanager
-def progress_bar(to_terminal: bool) -> Iterator[Callable[[str, float], None]]:
-    """What is to be told what is being done and how much is done, from 0 to 1.
+def progress_bar(to_terminal: bool) -> Iterator[Progress]:
+    """A bar that is told of the progress.
 
     No bar is drawn if standard error is no terminal, nor into data that go to one (`to_terminal`).
     """
-    if not _is_terminal(sys.stderr) or (to_terminal and _is_terminal(sys.stdout)):
+    if not is_terminal(sys.stderr) or (to_terminal and is_terminal(sys.stdout)):
         yield lambda what, part: None
         return
     with click.progressbar(length=_PARTS, file=sys.stderr) as bar:
@@ -29,6 +32,12 @@ def progress_bar(to_terminal: bool) -> Iterator[Callable[[str, float], None]]:
         yield tell
 
 
-def _is_terminal(stream: object) -> bool:
+def part_of(progress: Progress, start: float, end: float, name: str = "") -> Progress:
+    """What tells of a part of the work, from `start` to `end` of the whole, with a name before what is done."""
+    return lambda what, part: progress(f"{name}{what}", start + (end - start) * part)
+
+
+def is_terminal(stream: object) -> bool:
+    """Whether a person sees what is written there."""
     isatty = getattr(stream, "isatty", None)
     return bool(isatty and isatty())

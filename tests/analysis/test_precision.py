@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from building_cases import Force, Law, model, noise, oscillator, story, ten_bilinear, ten_linear
 from references import drifts, exact_linear, smooth
@@ -100,6 +101,41 @@ def test_the_reference_of_a_smooth_law_is_dop853s():
     np.testing.assert_allclose(found.motion.displacement[:, 0], u, atol=1e-10)
     np.testing.assert_allclose(found.motion.velocity[:, 0], v, atol=1e-9)
     assert found.gap.worst < 1e-8
+
+
+def harmonic_motion(problem, force):
+    """Displacements at the samples of a linear building at rest under one force cos(omega t): closed form."""
+    building = problem.building
+    n = building.stories
+    inverse = np.diag(1.0 / building.mass)
+    c, k = building.damping_matrix(), building.stiffness_matrix()
+    step = expm(problem.interval * np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ k, -inverse @ c]]))
+    amplitude = np.zeros(n)
+    amplitude[force.floor - 1] = force.cosine
+    dynamic = k - force.omega**2 * np.diag(building.mass) + 1j * force.omega * c
+    steady = np.linalg.solve(dynamic, amplitude)
+    free = -np.concatenate([steady.real, (1j * force.omega * steady).real])
+    times = problem.interval * np.arange(problem.samples + 1)
+    motion = (steady * np.exp(1j * force.omega * times)[:, None]).real
+    for row in motion:
+        row += free[:n]
+        free = step @ free
+    return motion
+
+
+@pytest.mark.parametrize("stiffness", [600.0, 1e7])
+def test_the_gap_tells_how_far_the_reference_is_from_the_truth(stiffness):
+    """Also where a stiff part is not resolved, in which methods of one kind would agree on the same wrong motion."""
+    force = Force(2, 5.0, 0.0, 1.2)
+    building = model(
+        [story(1.0, stiffness, dashpot=1.0), story(1.0, 1.0, dashpot=0.1)], forces=[force], dt=0.25, duration=10.0
+    )
+    problem = pose(building)
+    found = find_reference(problem, problem.samples, cached=False)
+    truth = harmonic_motion(problem, force)
+    drift = drifts(found.motion.displacement) - drifts(truth)
+    error = np.linalg.norm(drift) / np.linalg.norm(drifts(truth))
+    assert error <= 2.0 * found.gap.drift + 1e-10
 
 
 def test_a_building_that_cannot_be_solved_has_no_reference():

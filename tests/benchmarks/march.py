@@ -18,13 +18,13 @@ import numpy as np
 
 from tdint import load_model, run
 from tdint.analysis.response import model_record
+from tdint.analysis.sizes import stretched
 from tdint.analysis.stepping import choose_steps, compile_all, integrate, workspace
 from tdint.errors import TdintError
 from tdint.kernels.layout import EVENTS, FLOOR_DAMPER, MASS, STIFFNESS, STORY_DAMPER
 from tdint.kernels.observing import ITERATIONS
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model.building import Building, assemble
-from tdint.model.definition import RayleighCoefficients
 from tdint.model.laws import LAWS
 from tdint.model.loads import force_table
 
@@ -184,16 +184,6 @@ def print_laws(model, record):
         )
 
 
-def repeated(model, count):
-    """The model stretched to `count` stories, with the damping coefficients of the original."""
-    stories = tuple(model.stories[i * len(model.stories) // count] for i in range(count))
-    chain = assemble(model).chain
-    mass = chain[FLOOR_DAMPER, 0] / chain[MASS, 0]
-    stiffness = chain[STORY_DAMPER, 0] / model.stories[0].stiffness
-    at_rest = replace(model.initial, displacement=(0.0,) * count, velocity=(0.0,) * count)
-    return replace(model, stories=stories, damping=RayleighCoefficients(mass, stiffness), initial=at_rest)
-
-
 def main():
     """Print the tables."""
     model = load_model(MODEL)
@@ -209,7 +199,7 @@ def main():
     print_laws(model, record)
     print()
     for count in (1, 3, 10, 30, 100, 300, 1000):
-        seconds = march_times(repeated(model, count), record, ["impulse4"])["impulse4"]
+        seconds = march_times(stretched(model, count), record, ["impulse4"])["impulse4"]
         ratio = seconds / times["impulse4"]
         print(f"impulse4 {count:5d} stories {seconds * 1e6:9.3f} us per step   {ratio:7.2f} of ten stories")
 

@@ -135,6 +135,18 @@ def test_no_point_within_the_error(folder, tdint):
     assert "For 0.1 % (peak-drift): none of these methods and steps; add smaller steps" in result.stderr
 
 
+def test_peaks_that_are_there_from_the_start_recommend_nothing(folder, tdint):
+    (folder / "free.yaml").write_text(
+        "stories: [{mass: 1, stiffness: 100}]\ninitial: {displacement: [0.1]}\nanalysis: {dt: 0.02, duration: 2}\n",
+        encoding="utf-8",
+    )
+    result = tdint("chart", "free.yaml", *QUICK, "-o", "x.csv")
+    assert "note: the largest drifts are those at the start, which no method misses" in result.stderr
+    assert "For 1 %" not in result.stderr
+    assert json.loads((folder / "x.json").read_text())["recommended"] == []
+    assert "For 1 % (drift)" in tdint("chart", "free.yaml", *QUICK, "--target", "drift").stderr
+
+
 def test_over_the_number_of_stories(folder, tdint):
     command = ("chart", "shaken.yaml", "--stories", "1,2,6", "--method", "impulse4", "--repeat", "1", "--no-cache")
     result = tdint(*command, "-o", "x.csv", "--plot", "x.svg")
@@ -202,7 +214,7 @@ def test_a_bar_for_people_at_a_terminal(folder, tdint, monkeypatch, capfd):
     assert "%" not in tdint("chart", "shaken.yaml", *QUICK).stderr.split("For 1 %")[0]
     from tdint_cli import progress
 
-    monkeypatch.setattr(progress, "_is_terminal", lambda stream: stream is sys.stderr)
+    monkeypatch.setattr(progress, "is_terminal", lambda stream: stream is sys.stderr)
     result = tdint("chart", "shaken.yaml", *QUICK, "-o", "x.csv")
     assert result.exit_code == 0, result.stderr
     assert "reference" in result.stderr
@@ -220,7 +232,8 @@ def test_a_bar_for_people_at_a_terminal(folder, tdint, monkeypatch, capfd):
         (["--stories", "0"], 2, "each must be a positive number"),
         (["--stories", "1000000"], 2, "at most 10000"),
         (["--dt", "0.01", "--halvings", "2"], 2, "--dt already gives the steps"),
-        (["--stories", "1,2", "--versus", "dt"], 2, "leave out --stories"),
+        (["--stories", "1,2", "--versus", "dt", "--plot", "x.png"], 2, "leave out --stories"),
+        (["--versus", "dt"], 2, "--versus dt is about the picture: add --plot FILE"),
         (["--stories", "1,2", "--peers"], 2, "leave out --stories"),
         (["--halvings", "-1"], 2, "Invalid value for '--halvings'"),
         (["--repeat", "0"], 2, "Invalid value for '--repeat'"),

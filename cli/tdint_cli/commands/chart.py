@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +12,7 @@ from tdint.errors import UsageError
 from tdint_cli import options
 from tdint_cli.laboratory import Outputs, chosen
 from tdint_cli.motion import check_motion, with_motion
-from tdint_cli.progress import progress_bar
+from tdint_cli.progress import Progress, part_of, progress_bar
 from tdint_cli.sources import refuse_inputs
 from tdint_cli.startup import load_numba
 from tdint_cli.terminal import say
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from tdint.model.definition import Model
     from tdint.output.chart import Advice, PointOf
     from tdint.output.files import Writer
-
-Progress = Callable[[str, float], None]
 
 TARGETS = ("peak-drift", "drift", "displacement", "velocity", "acceleration")
 MOST_STORIES = 10_000
@@ -177,7 +175,7 @@ def _run(request: Request) -> None:
     _ = march.compiled  # what is said of compiling is said before there is a bar
     with progress_bar(request.output is None) as progress:
         charts, left_out = _charts(request, model, record, progress)
-    advice = _advice(request, charts[0]) if len(charts) == 1 else []
+    advice = _advice(request, charts[0]) if len(charts) == 1 and not _peaks_at_start(request, charts[0]) else []
     notes = [*_notes(request, charts, record), *left_out]
     _deliver(request, outputs, charts, model, record, advice, notes)
     for chart in charts:
@@ -192,6 +190,8 @@ def _checked(request: Request) -> Outputs:
     """Refuse, before any work, what can be seen to fail."""
     if request.steps and request.halvings is not None:
         raise UsageError("--dt already gives the steps; leave out --halvings")
+    if request.versus == "dt" and not request.plot:
+        raise UsageError("--versus dt is about the picture: add --plot FILE")
     if request.stories and request.versus == "dt":
         raise UsageError("--versus dt draws one building; leave out --stories")
     if request.stories and request.peers:
@@ -210,12 +210,10 @@ def _charts(request: Request, model: Model, record: Record | None, progress: Pro
     from tdint.analysis.sizes import stretched
 
     charts = []
+    share = 1.0 / len(request.stories)
     for done, count in enumerate(request.stories):
-
-        def tell(what: str, part: float, done: int = done, count: int = count) -> None:
-            progress(f"{count}: {what}", (done + part) / len(request.stories or ()))
-
-        charts.append(_chart(request, stretched(model, count), record, tell)[0])
+        part = part_of(progress, done * share, (done + 1) * share, f"{count}: ")
+        charts.append(_chart(request, stretched(model, count), record, part)[0])
     return charts, []
 
 
@@ -226,12 +224,13 @@ def _chart(request: Request, model: Model, record: Record | None, progress: Prog
     problem = pose(model, record, duration=request.duration, dts=request.steps or ())
     integrators = suited(problem, chosen(request.methods or DEFAULT_METHODS))
     steps = _steps(request, problem, len(integrators))
-    chart = measure(problem, integrators, steps, repeats=request.repeat, cached=request.cache, progress=progress)
+    own = part_of(progress, 0.0, 0.2 if request.peers else 1.0)
+    chart = measure(problem, integrators, steps, repeats=request.repeat, cached=request.cache, progress=own)
     if not request.peers:
         return chart, []
     from tdint.analysis.peers import with_peers
 
-    return with_peers(problem, chart, steps, repeats=request.repeat, progress=progress)
+    return with_peers(problem, chart, steps, repeats=request.repeat, progress=part_of(progress, 0.2, 1.0))
 
 
 def _steps(request: Request, problem: Problem, methods: int) -> Sequence[float]:
@@ -251,6 +250,13 @@ def _advice(request: Request, chart: Chart) -> list[Advice]:
     quantity = request.target.replace("-", "_")
     own = [point for point in chart.points if PEER not in point.line]
     return [Advice(limit, cheapest(own, quantity, limit)) for limit in LIMITS]
+
+
+def _peaks_at_start(request: Request, chart: Chart) -> bool:
+    """Whether the errors asked for are those of peaks that are there from the start, as in free vibration."""
+    motion = chart.reference.motion
+    peaks, start = motion.peak_drift, abs(motion.drift[0])
+    return request.target == "peak-drift" and bool((peaks <= 1.001 * start).all())
 
 
 def _deliver(
@@ -315,6 +321,8 @@ def _notes(request: Request, charts: list[Chart], record: Record | None) -> list
         notes.append(f"{label}: {outcome} with dt {', '.join(steps)} s")
     for chart in charts:
         gap = error_of(chart.reference.gap, request.target)
+        if _peaks_at_start(request, chart):
+            notes.append("the largest drifts are those at the start, which no method misses: use --target drift")
         if not gap < min(LIMITS):
             notes.append(f"the reference is known to {gap:.1e} only: errors of that size are uncertain")
     return notes

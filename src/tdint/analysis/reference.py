@@ -24,8 +24,7 @@ Array = NDArray[np.float64]
 EXACT_UP_TO = 100
 """Stories up to which the exact method serves; the cost of its step grows with their square."""
 
-_GOAL = 1e-10  # gap that is small enough
-_GOAL_WITH_KINKS = 1e-8
+_EXACT_GOAL, _SMOOTH_GOAL, _KINKED_GOAL = 1e-10, 1e-9, 1e-8  # gaps that are small enough
 _SECONDS = 20.0  # after which no finer solution is begun
 _FIRST_COST = 0.5  # s, of the first solution, roughly
 _STORY_STEP = 6e-8  # s, of one step of one story, roughly
@@ -103,25 +102,21 @@ class Reference:
 
 @dataclass(frozen=True)
 class _Plan:
-    """Which methods compute and confirm; `extrapolated`: the latter from two steps, as a method of order 2."""
+    """Which methods compute and confirm (the latter `extrapolated` from two steps, as a method of order 2), and the gap
+    between them that is small enough."""
 
     method: str
     other: str
-    extrapolated: bool = False
-
-    @property
-    def goal(self) -> float:
-        """Gap that is small enough."""
-        return _GOAL_WITH_KINKS if self.extrapolated else _GOAL
+    extrapolated: bool
+    goal: float
 
 
 def find_reference(problem: Problem, samples: int, *, cached: bool = True) -> Reference:
     """The reference for a problem over some samples, from the cache if it is there.
 
-    Linear buildings under ground motion alone: the exact method, confirmed by impulse4. Other linear buildings and
-    laws without kinks: impulse4, confirmed by gauss4. Laws that are linear branch by branch: impulse4, which locates
-    the changes of branch, confirmed by average acceleration extrapolated from two steps. Steps are halved until the
-    gap is small, does not fall any more, or takes too long to close further.
+    Linear buildings under ground motion alone: the exact method, confirmed by impulse4. All others: impulse4, confirmed
+    by average acceleration extrapolated from two steps; not by gauss4, which is the same method in linear buildings.
+    Steps are halved until the gap is small, does not fall any more, or takes too long to close further.
 
     Raises
     ------
@@ -140,10 +135,9 @@ def find_reference(problem: Problem, samples: int, *, cached: bool = True) -> Re
 def _plan(problem: Problem) -> _Plan:
     building = problem.building
     if building.linear and not len(problem.forces) and building.stories <= EXACT_UP_TO:
-        return _Plan("exact", "impulse4")
-    if building.linear or not building.piecewise_linear:
-        return _Plan("impulse4", "gauss4")
-    return _Plan("impulse4", "newmark-average", extrapolated=True)
+        return _Plan("exact", "impulse4", extrapolated=False, goal=_EXACT_GOAL)
+    kinked = building.piecewise_linear and not building.linear
+    return _Plan("impulse4", "newmark-average", extrapolated=True, goal=_KINKED_GOAL if kinked else _SMOOTH_GOAL)
 
 
 def _solve(problem: Problem, samples: int) -> Reference:
