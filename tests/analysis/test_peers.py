@@ -61,10 +61,10 @@ def test_average_acceleration_of_openseespy_is_ours(name, parts):
     point = next(point for point in points if point.line == "openseespy/newmark-average")
     assert (point.outcome, point.dt, point.steps) == ("done", dt, problem.samples * parts)
     assert point.fastest > 0.0
-    assert point.errors.displacement < 1e-6
-    assert point.errors.drift < 1e-6
-    assert point.errors.velocity < 1e-6
-    assert point.errors.acceleration < 1e-6
+    assert point.errors.displacement < 1e-8
+    assert point.errors.drift < 1e-8
+    assert point.errors.velocity < 1e-8
+    assert point.errors.acceleration < 1e-7
 
 
 @installed
@@ -74,7 +74,7 @@ def test_other_integrators_of_openseespy_are_ours_too(method):
     problem = PROBLEMS["linear"]()
     points, _ = openseespy_points(problem, [0.01], ours(problem, method, 0.01), repeats=1)
     errors = {point.line.partition("/")[2]: point.errors.displacement for point in points}
-    assert errors[method] < 1e-6
+    assert errors[method] < 1e-8
     assert errors["newmark-average"] > 1e-4
 
 

@@ -7,9 +7,10 @@ import statistics
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
+from tdint.analysis.compilation import compile_methods
 from tdint.analysis.problem import Problem, reached
 from tdint.analysis.reference import Errors, Reference, errors, find_reference
-from tdint.analysis.stepping import Steps, compile_all
+from tdint.analysis.stepping import Steps
 from tdint.errors import UsageError
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
@@ -185,13 +186,11 @@ def measure(
     """
     choices = sorted({problem.steps(dt) for dt in dts}, key=lambda steps: -steps.h)
     own = problem.steps(problem.interval)
-    for j, integrator in enumerate(integrators):
-        progress("compiling", _COMPILED * j / len(integrators))
-        compile_all(integrator)
+    usual = (parse(USUAL), own)
+    compile_methods([*integrators, usual[0]], lambda part: progress("compiling", _COMPILED * part))
     progress("reference", _COMPILED)
     reference = find_reference(problem, reached(problem, (*choices, own)), cached=cached)
     pairs = [(integrator, steps) for integrator in integrators for steps in choices]
-    usual = (parse(USUAL), own)
     bench = _Bench(problem, reference, progress, pairs if usual in pairs else [*pairs, usual], repeats)
     points = bench.points()
     return Chart(
