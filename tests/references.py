@@ -75,8 +75,8 @@ class OscillatorResponse:
         fine = np.append(fine.reshape(3, -1), np.abs(self._quantities(self.end)), axis=1)
         result = np.empty(3)
         for q, values in enumerate(fine):
-            inner = values[1:-1]
-            tops = 1 + np.flatnonzero((inner >= values[:-2]) & (inner >= values[2:]))
+            around = np.pad(values, 1, constant_values=-1.0)  # the first and the last may have a peak beside them
+            tops = np.flatnonzero((values >= around[:-2]) & (values >= around[2:]))
             tops = tops[values[tops] > 0.99 * np.max(values)]
             result[q] = max([np.max(values), *(self._refined(q, top / parts, 1.0 / parts) for top in tops)])
         return result
@@ -89,8 +89,7 @@ class OscillatorResponse:
             state = expm(self.matrix * ((x - i) * self.h)) @ self.states[i]
             return -abs(self._quantities(state[None])[quantity, 0])
 
-        end = min(place + width, len(self.states))
-        bounds = (place - width, end)
+        bounds = (max(place - width, 0.0), min(place + width, len(self.states)))
         found = minimize_scalar(negative, bounds=bounds, method="bounded", options={"xatol": 1e-9})
         return -found.fun
 

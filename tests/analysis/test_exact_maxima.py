@@ -68,7 +68,9 @@ def test_real_records(name):
     period=st.floats(0.06, 300.0),  # in sampling intervals
     damping=st.sampled_from([0.0, 0.001, 0.05, 0.3, 0.99]),
 )
-@example(seed=0, samples=2, period=19.0, damping=0.0)  # turns within its first step: far smaller than in the long run
+# Turning within the first step, from rest, the displacement is far smaller than what the series is made of.
+@example(seed=0, samples=2, period=19.0, damping=0.0)
+@example(seed=0, samples=2, period=115.0, damping=0.0)
 def test_white_noise(seed, samples, period, damping):
     """The hardest motion to search: every sample is a kink."""
     record = Record(np.random.default_rng(seed).standard_normal(samples), 0.02, "", "", "", "")

@@ -10,7 +10,7 @@ import math
 
 from tdint.kernels.compiling import called, inlined
 
-TERMS = 13
+TERMS = 15
 """Most terms of a Taylor series: with omega h <= 1 less than 1e-9 is left out."""
 
 _LEAST = 5
@@ -84,9 +84,12 @@ def largest_between(q, d, e, f, d1, by_u, by_v, h, series):
 
 @inlined
 def _terms(w, z):
-    """Terms of the series of q that matter, beside that with q''; w is (omega h)^2, z is 2 xi omega h."""
+    """Terms of the series of q that matter beside the cubic one; w is (omega h)^2, z is 2 xi omega h.
+
+    From the third on each derivative is about omega times the one before; the ground's slope is in the third.
+    """
     reach = max(math.sqrt(w), z)
-    n, term = 2, 1.0
+    n, term = 3, 1.0
     while n < TERMS and (n < _LEAST or term > _LEFT_OUT):
         n += 1
         term *= reach * _INVERSE[n]
