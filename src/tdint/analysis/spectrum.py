@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.amplification import find_instability
 from tdint.analysis.oscillators import EXACT, MAXIMA, SAMPLES, Maxima, largest
-from tdint.analysis.stepping import Steps, integrate, workspace
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.interpolation import INTERPOLATIONS, LINEAR, Interpolation
 from tdint.ground_motion.record import Record
-from tdint.kernels import observing
-from tdint.methods.catalogue import parse
-from tdint.model.building import oscillators
+
+if TYPE_CHECKING:
+    from tdint.methods.method import Integrator
 
 Array = NDArray[np.float64]
 
@@ -152,7 +150,7 @@ def choose_manner(method: str | None, maxima: str | None, interpolation: str | N
     UsageError
         An unknown name, or choices that do not go together.
     """
-    integrated = method is not None and parse(method).method.name != "exact"
+    integrated = method is not None and _parse(method).method.name != "exact"
     where = _named(MAXIMA, maxima or (SAMPLES if integrated else EXACT).name, "maxima")
     between = _named(INTERPOLATIONS, interpolation or LINEAR.name, "interpolation")
     if integrated and (where is not SAMPLES or between is not LINEAR):
@@ -163,6 +161,12 @@ def choose_manner(method: str | None, maxima: str | None, interpolation: str | N
     if between is not LINEAR and where is not EXACT:
         raise UsageError(f"maxima {where.name} are those of the linear interpolation; leave one of the two out")
     return Manner(method if integrated else None, where, between)
+
+
+def _parse(method: str) -> Integrator:
+    from tdint.methods.catalogue import parse
+
+    return parse(method)
 
 
 def _named(table: dict[str, Choice], name: str, what: str) -> Choice:
@@ -191,7 +195,13 @@ def _largest(record: Record, omega: Array, damping: float, manner: Manner) -> tu
 
 def _integrated(record: Record, omega: Array, damping: float, method: str) -> tuple[str, Array]:
     """Largest values at the samples, all oscillators integrated side by side by a method of the catalogue."""
-    integrator = parse(method)
+    # Late: they load every method, and most spectra need none.
+    from tdint.analysis.amplification import find_instability
+    from tdint.analysis.stepping import Steps, integrate, workspace
+    from tdint.kernels import observing
+    from tdint.model.building import oscillators
+
+    integrator = _parse(method)
     ratios = np.full_like(omega, damping)
     found = find_instability(integrator, omega, ratios, record.dt)
     if found is not None:
