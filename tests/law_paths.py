@@ -7,7 +7,7 @@ import numpy as np
 from tdint.kernels import layout
 from tdint.kernels.layout import FIRST_TRIAL
 from tdint.kernels.springs import commit, recoverable, restoring, start
-from tdint.model.laws import LAWS
+from tdint.model.laws import CODES
 
 K, FY, HARDENING = 1000.0, 20.0, 0.05
 CYCLE = np.concatenate([np.linspace(a, b, 40)[1:] for a, b in ((0, 0.06), (0.06, -0.09), (-0.09, 0.05), (0.05, 0.1))])
@@ -15,7 +15,7 @@ CYCLE = np.concatenate([np.linspace(a, b, 40)[1:] for a, b in ((0, 0.06), (0.06,
 
 def law_table(name, *parameters):
     table = np.zeros((layout.FIRST_PARAMETER + len(parameters), 2))
-    table[layout.CODE, 0] = LAWS[name].code
+    table[layout.CODE, 0] = CODES[name]
     table[layout.STIFFNESS, 0] = K
     table[layout.FIRST_PARAMETER :, 0] = parameters
     return table

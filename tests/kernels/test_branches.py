@@ -9,8 +9,8 @@ import pytest
 
 from law_paths import CYCLE, FY, HARDENING, K, follow, law_table, springs
 from tdint.kernels import layout
-from tdint.kernels.branches import walk
 from tdint.kernels.events import NONE, _crossing, turning
+from tdint.kernels.laws.walking import nothing, walker
 from tdint.kernels.layout import FIRST_TRIAL, SECOND_TRIAL
 from tdint.kernels.springs import restoring, start
 from tdint.model.laws import LAWS
@@ -29,6 +29,14 @@ DISSIPATING = ("bilinear", "peak-oriented", "bouc-wen")
 
 def test_every_law_has_a_case():
     assert set(LAW_CASES) == set(LAWS)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_what_a_law_says_of_itself_is_what_its_functions_do(name):
+    assert LAWS[name].kinked == (LAWS[name].functions().switch is not None)
+    state = springs()
+    start(law_table(name, *LAW_CASES[name]), state, 0, 0.0)
+    assert math.isinf(state[layout.SLOPE, 0]) == LAWS[name].curved
 
 
 @pytest.mark.parametrize("name", LAW_CASES)
@@ -70,6 +78,8 @@ def test_bilinear_loop_by_hand():
 
 def test_bilinear_branch_by_branch_is_the_closed_form():
     laws = law_table("bilinear", FY, HARDENING)
+    functions = LAWS["bilinear"].functions()
+    walk = walker(functions.switch, functions.advance)
     by_branches = springs()
     start(laws, by_branches, 0, 0.0)
     forces, _, dissipated = follow(laws, CYCLE)
@@ -82,6 +92,7 @@ def test_bilinear_branch_by_branch_is_the_closed_form():
 
 def test_gap_branch_by_branch_is_the_closed_form():
     laws = law_table("gap", *LAW_CASES["gap"])
+    walk = walker(LAWS["gap"].functions().switch, nothing)
     by_branches = springs()
     start(laws, by_branches, 0, 0.0)
     forces, _, _ = follow(laws, CYCLE)

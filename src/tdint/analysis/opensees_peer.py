@@ -30,7 +30,7 @@ from tdint.kernels.layout import (
 )
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
-from tdint.model.laws import LAWS
+from tdint.model.laws import CODES
 
 Array = NDArray[np.float64]
 
@@ -93,7 +93,7 @@ def openseespy_points(
 def _unsupported(problem: Problem) -> str:
     """Why OpenSees is not given this building; nothing if it can do it."""
     building = problem.building
-    supported = [LAWS[name].code for name in ("linear", "bilinear")]
+    supported = [CODES[name] for name in ("linear", "bilinear")]
     if not np.all(np.isin(building.laws[CODE, :-1], supported)):
         return "a story's law is neither linear nor bilinear"
     if np.any(building.chain[GEOMETRIC]):
@@ -147,7 +147,7 @@ def _ask(
 def _arrays(problem: Problem, reference: Reference) -> dict[str, Any]:
     building = problem.building
     stiffness = building.laws[STIFFNESS, :-1]
-    bilinear = building.laws[CODE, :-1] == LAWS["bilinear"].code
+    bilinear = building.laws[CODE, :-1] == CODES["bilinear"]
     parameters = np.full((2, building.stories), math.nan)
     if bilinear.any():
         parameters[:, bilinear] = building.laws[FIRST_PARAMETER : FIRST_PARAMETER + 2, :-1][:, bilinear]

@@ -13,7 +13,7 @@ from tdint.analysis.precision import DONE, Point
 from tdint.analysis.problem import Motion, Problem
 from tdint.analysis.reference import Reference, errors
 from tdint.kernels.layout import CODE, COSINE, FIRST_PARAMETER, FLOOR, GEOMETRIC, OMEGA, SINE, STIFFNESS
-from tdint.model.laws import LAWS
+from tdint.model.laws import CODES
 
 Array = NDArray[np.float64]
 Rate = Callable[[float, Array], Array]
@@ -58,8 +58,8 @@ def _stories(problem: Problem) -> tuple[Array, Array, Array] | None:
     The first is that of the whole story where it is linear, after yield where it is bilinear.
     """
     laws = problem.building.laws
-    bilinear = laws[CODE, :-1] == LAWS["bilinear"].code
-    if not np.all(bilinear | (laws[CODE, :-1] == LAWS["linear"].code)):
+    bilinear = laws[CODE, :-1] == CODES["bilinear"]
+    if not np.all(bilinear | (laws[CODE, :-1] == CODES["linear"])):
         return None
     yields = np.where(bilinear, laws[FIRST_PARAMETER, :-1] if bilinear.any() else 0.0, math.inf)
     hardening = np.where(bilinear, laws[FIRST_PARAMETER + 1, :-1] if bilinear.any() else 1.0, 1.0)

@@ -5,9 +5,8 @@ from __future__ import annotations
 
 import math
 
-from tdint.kernels.branches import ABOVE, BELOW, TURNED
 from tdint.kernels.compiling import called, inlined
-from tdint.kernels.layout import DRIFT, LINK, LOWER, TURN, UPPER, VELOCITY
+from tdint.kernels.layout import ABOVE, BELOW, DRIFT, LINK, LOWER, TURN, TURNED, UPPER, VELOCITY
 
 NONE = 2.0
 """The fraction of the step for no event."""

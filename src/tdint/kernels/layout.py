@@ -81,3 +81,8 @@ SOME_BRANCHES = 2  # some laws have branches, some are curved
 # what a step returns instead of its number of iterations
 NOT_CONVERGED = -1
 NOT_FINITE = -2
+
+# ways in which a branch of a law ends
+ABOVE = 1.0  # the drift leaves it upwards
+BELOW = -1.0
+TURNED = 0.0  # the drift rate turns

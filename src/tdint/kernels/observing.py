@@ -5,10 +5,10 @@ from __future__ import annotations
 
 import math
 
-from tdint.kernels.branches import LINEAR_LAW
 from tdint.kernels.chain import add_modal_force, force_rate, force_value, power_damper
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.events import NONE, turning
+from tdint.kernels.laws import LINEAR
 from tdint.kernels.layout import (
     CODE,
     DISPLACEMENT,
@@ -167,7 +167,7 @@ def _look_between(chain, h, laws, state, springs, work, peaks):
             accelerations = a - link * a_below + old_a - link * old_a_below
             peak = _extremum(work[_OLD_DRIFT, i], work[_OLD_RATE, i], drift, rate, accelerations, h)
             _raise(peaks, PEAK_DRIFT, i, peak)
-            if laws[CODE, i] == LINEAR_LAW:
+            if laws[CODE, i] == LINEAR:
                 _raise(peaks, PEAK_SHEAR, i, laws[STIFFNESS, i] * peak)
         if v * work[_OLD_V, i] < 0.0:
             peak = _extremum(work[_OLD_U, i], work[_OLD_V, i], u, v, a + old_a, h)

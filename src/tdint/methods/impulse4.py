@@ -15,13 +15,15 @@ from __future__ import annotations
 
 import math
 
-from tdint.kernels.branches import ABOVE, BELOW, TURNED, advance, switch
+from tdint.kernels.branches import advance, switch
 from tdint.kernels.chain import finite
 from tdint.kernels.compiling import called, inlined, kernel
 from tdint.kernels.events import NONE, first_event
 from tdint.kernels.layout import (
+    ABOVE,
     ACCELERATION,
     ALL_BRANCHES,
+    BELOW,
     BRANCHES,
     DISPLACEMENT,
     DRIFT,
@@ -40,6 +42,7 @@ from tdint.kernels.layout import (
     SPRING_ROWS,
     TIME,
     TURN,
+    TURNED,
     UPPER,
     VELOCITY,
 )

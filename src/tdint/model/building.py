@@ -25,7 +25,7 @@ from tdint.kernels.layout import (
 )
 from tdint.model.damping import add_damping
 from tdint.model.definition import Model
-from tdint.model.laws import LAWS
+from tdint.model.laws import CODES, LAWS
 from tdint.model.modes import Modes, solve_modes
 from tdint.units import STANDARD_GRAVITY
 
@@ -72,7 +72,7 @@ class Building:
     @property
     def linear(self) -> bool:
         """Whether every story has a linear law, and none a power-law dashpot."""
-        return not self.power_damped and bool(np.all(self.laws[CODE, :-1] == LAWS["linear"].code))
+        return not self.power_damped and bool(np.all(self.laws[CODE, :-1] == CODES["linear"]))
 
     @property
     def power_damped(self) -> bool:
@@ -82,13 +82,13 @@ class Building:
     @property
     def piecewise_linear(self) -> bool:
         """Whether every story has a law that is linear branch by branch."""
-        codes = [law.code for law in LAWS.values() if law.piecewise_linear]
+        codes = [CODES[name] for name, law in LAWS.items() if not law.curved]
         return bool(np.all(np.isin(self.laws[CODE, :-1], codes)))
 
     @property
     def kinked(self) -> bool:
         """Whether some story has a law whose tangent jumps."""
-        codes = [law.code for law in LAWS.values() if law.kinked]
+        codes = [CODES[name] for name, law in LAWS.items() if law.kinked]
         return bool(np.any(np.isin(self.laws[CODE, :-1], codes)))
 
     @property
@@ -153,7 +153,7 @@ def assemble(model: Model) -> Building:
     for i, story in enumerate(stories):
         values = story.law.parameters
         law = LAWS[story.law.name]
-        laws[CODE, i] = law.code
+        laws[CODE, i] = CODES[story.law.name]
         laws[STIFFNESS, i] = story.stiffness
         laws[FIRST_PARAMETER : FIRST_PARAMETER + len(values), i] = values
         yield_drift[i] = law.yield_drift(story.stiffness, values)
@@ -177,6 +177,6 @@ def oscillators(omega: Array, damping: Array) -> Building:
     chain[INVERSE_MASS, :k] = 1.0
     chain[STORY_DAMPER, :k] = 2.0 * damping * omega
     laws = np.zeros((FIRST_PARAMETER, k + 1))
-    laws[CODE, :k] = LAWS["linear"].code
+    laws[CODE, :k] = CODES["linear"]
     laws[STIFFNESS, :k] = omega**2
     return Building(chain, laws, np.zeros((0, k + 1)), np.full(k, math.nan), np.full(k, math.nan))

@@ -1,0 +1,21 @@
+"""The drift laws: one file each, and one line here.
+
+A law's place in the tuple is its number in the compiled tables. The last one is taken for any other number.
+"""
+
+from __future__ import annotations
+
+from tdint.kernels.laws import bilinear, bouc_wen, gap, linear, peak_oriented, polynomial, tanh
+
+LAWS = (
+    linear.LAW,
+    bilinear.LAW,
+    peak_oriented.LAW,
+    bouc_wen.LAW,
+    gap.LAW,
+    tanh.LAW,
+    polynomial.LAW,
+)
+
+LINEAR = LAWS.index(linear.LAW)
+CURVED = tuple(float(code) for code, law in enumerate(LAWS) if law.curved)

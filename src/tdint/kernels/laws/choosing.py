@@ -1,0 +1,65 @@
+"""Compiled functions that go by the law of a story."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from tdint.kernels.compiling import inlined
+from tdint.kernels.laws import LAWS
+from tdint.kernels.layout import CODE
+
+FUNCTIONS = tuple(law.functions() for law in LAWS)
+
+# Laws that know their branch at any time
+KNOWING = tuple(float(code) for code, functions in enumerate(FUNCTIONS) if functions.keep is not None)
+
+
+def chosen(hook: str, case: Callable[[int, Any, Any], Any], otherwise: Any = None) -> Any:
+    """The compiled function that calls that of a story's own law; `otherwise` for laws without one.
+
+    `hook` is a name in `LawFunctions`. `case` links one law's function with the others': `case_of_3`, and so on by the
+    number of arguments.
+    """
+    function = otherwise
+    for code, functions in reversed(list(enumerate(FUNCTIONS))):
+        own = getattr(functions, hook)
+        if own is not None:
+            function = own if function is None else case(code, own, function)
+    return function
+
+
+def case_of_3(code: int, own: Any, other: Any) -> Any:
+    """`own` where the story has the law `code`, else `other`; functions of (laws, springs, i)."""
+
+    @inlined
+    def choose(laws, springs, i):
+        if laws[CODE, i] == code:
+            return own(laws, springs, i)
+        return other(laws, springs, i)
+
+    return choose
+
+
+def case_of_5(code: int, own: Any, other: Any) -> Any:
+    """The same for functions of five arguments."""
+
+    @inlined
+    def choose(laws, springs, i, block, more):
+        if laws[CODE, i] == code:
+            return own(laws, springs, i, block, more)
+        return other(laws, springs, i, block, more)
+
+    return choose
+
+
+def case_of_6(code: int, own: Any, other: Any) -> Any:
+    """The same for functions of six arguments."""
+
+    @inlined
+    def choose(laws, springs, i, block, more, last):
+        if laws[CODE, i] == code:
+            return own(laws, springs, i, block, more, last)
+        return other(laws, springs, i, block, more, last)
+
+    return choose

@@ -1,0 +1,99 @@
+"""What a drift law is: what a model file may say about it, and its compiled functions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class LawParameter:
+    """A parameter of a law.
+
+    `force` and `length` are the exponents of its dimension (a stiffness is force^1 length^-1); a parameter with
+    `many` is a list whose j-th entry (from 1) has the dimension force^1 length^-j.
+    """
+
+    name: str
+    force: int = 0
+    length: int = 0
+    low: float = -math.inf
+    high: float = math.inf
+    low_allowed: bool = True
+    high_allowed: bool = True
+    many: bool = False
+
+
+@dataclass(frozen=True)
+class LawFunctions:
+    """The compiled functions of a law. They work on column i of the tables `laws` and `springs`
+    (`tdint.kernels.layout`).
+
+    Attributes
+    ----------
+    force : function
+        (laws, springs, i, past, trial, drift) -> tangent, N/m: force of the story at `drift`, reached straight from the
+        state in block `past`; writes FORCE and what else the state of the law is to block `trial`.
+    recoverable : function
+        (laws, springs, i) -> energy stored in the committed state, J.
+    settle : function, optional
+        (laws, springs, i, past, trial): adds up DISSIPATED in block `trial`. Without it the law dissipates nothing.
+    keep : function, optional
+        (laws, springs, i, past, trial): commits rows beyond the plain ones. A law that has it always knows its branch.
+    enter : function, optional
+        (laws, springs, i): branch of the committed state: SLOPE, UPPER, LOWER, where they are not k and without end.
+    advance : function, optional
+        (laws, springs, i, block, step, mean_force): what else changes on the way along a branch.
+    switch : function, optional
+        (laws, springs, i, block, event): the branch that follows when the present one ends by `event`.
+    """
+
+    force: Any
+    recoverable: Any
+    settle: Any = None
+    keep: Any = None
+    enter: Any = None
+    advance: Any = None
+    switch: Any = None
+
+
+@dataclass(frozen=True)
+class DriftLaw:
+    """A drift law: d is the story's drift, k its initial stiffness, f the restoring force.
+
+    Attributes
+    ----------
+    formula : str
+        One line for people.
+    functions : callable
+        () -> LawFunctions. Only this imports numba.
+    parameters : tuple of LawParameter
+        In the order of the rows of `laws` from FIRST_PARAMETER on (a `many` parameter comes last).
+    curved : bool
+        Whether the force is curved; else it is linear branch by branch.
+    kinked : bool
+        Whether the tangent jumps somewhere, so that the law has a `switch`; where it does is located in a step.
+    stiffens : callable
+        Parameter values -> whether a story can become stiffer than at rest.
+    initial_stiffness : callable, optional
+        The law's own initial stiffness from the parameter values; None where the story gives it.
+    yield_drift : callable
+        (initial stiffness, parameter values) -> drift at first yield, m; nan for a law that does not yield.
+    """
+
+    name: str
+    formula: str
+    functions: Callable[[], LawFunctions]
+    parameters: tuple[LawParameter, ...] = ()
+    curved: bool = False
+    kinked: bool = False
+    stiffens: Callable[[Sequence[float]], bool] = lambda values: False
+    initial_stiffness: Callable[[Sequence[float]], float] | None = None
+    yield_drift: Callable[[float, Sequence[float]], float] = lambda stiffness, values: math.nan
+
+
+def yields_at_its_strength(stiffness: float, values: Sequence[float]) -> float:
+    """Drift at first yield of a law whose first parameter is its yield force, m."""
+    return values[0] / stiffness

@@ -1,0 +1,145 @@
+"""The peak-oriented law: a bilinear backbone, and stiffness that degrades with the largest drifts.
+
+Unloading goes down to zero force with k (dy / largest drift)^unloading (Takeda, Sozen and Nielsen 1970), reloading
+towards the farthest point of the other side (Clough 1966).
+"""
+
+from __future__ import annotations
+
+import math
+
+from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
+from tdint.kernels.layout import (
+    DISSIPATED,
+    DRIFT,
+    FIRST_PARAMETER,
+    FORCE,
+    HIGH_DRIFT,
+    HIGH_FORCE,
+    INTERNAL,
+    LOW_DRIFT,
+    LOW_FORCE,
+    LOWER,
+    PLAIN_ROWS,
+    SLOPE,
+    SPRING_ROWS,
+    STIFFNESS,
+    TURN,
+    TURNED,
+    UPPER,
+    WORK,
+)
+
+# Kinds of branches, in INTERNAL; negative on the negative side, 0 before the first yielding
+_YIELDING = 1.0
+_RELOADING = 2.0
+_UNLOADING = 3.0
+
+
+def _functions() -> LawFunctions:
+    from tdint.kernels.compiling import called, inlined
+    from tdint.kernels.laws.walking import walker
+
+    @inlined
+    def unloading_stiffness(laws, springs, i, block, side):
+        """k (dy / |largest drift on that side|)^unloading."""
+        k = laws[STIFFNESS, i]
+        drift = springs[block + DRIFT, i]  # the farthest one where the story yields at present
+        farthest = (
+            max(springs[block + HIGH_DRIFT, i], drift) if side > 0.0 else -min(springs[block + LOW_DRIFT, i], drift)
+        )
+        return k * (laws[FIRST_PARAMETER, i] / (k * farthest)) ** laws[FIRST_PARAMETER + 2, i]
+
+    @called
+    def elastic_energy(laws, springs, i, block):
+        """Energy that is given back on unloading from its state in `block`, J."""
+        force = springs[block + FORCE, i]
+        return 0.5 * force * force / unloading_stiffness(laws, springs, i, block, force)
+
+    @inlined
+    def recoverable(laws, springs, i):
+        return elastic_energy(laws, springs, i, 0)
+
+    @inlined
+    def settle(laws, springs, i, past, trial):
+        pass  # summed up on the way
+
+    @inlined
+    def keep(laws, springs, i, past, trial):
+        for row in range(PLAIN_ROWS, SPRING_ROWS):
+            springs[row, i] = springs[trial + row, i]
+
+    @inlined
+    def enter(laws, springs, i):
+        strength = laws[FIRST_PARAMETER, i]
+        k = laws[STIFFNESS, i]
+        springs[HIGH_DRIFT, i] = springs[UPPER, i] = strength / k
+        springs[LOW_DRIFT, i] = springs[LOWER, i] = -strength / k
+        springs[HIGH_FORCE, i] = strength
+        springs[LOW_FORCE, i] = -strength
+
+    @inlined
+    def advance(laws, springs, i, block, step, mean_force):
+        springs[block + WORK, i] += mean_force * step
+        springs[block + DISSIPATED, i] = springs[block + WORK, i] - elastic_energy(laws, springs, i, block)
+
+    @called
+    def switch(laws, springs, i, block, event):
+        kind = springs[block + INTERNAL, i]
+        drift = springs[block + DRIFT, i]
+        force = springs[block + FORCE, i]
+        if event == TURNED:
+            side = springs[block + TURN, i]
+            if abs(kind) == _YIELDING:
+                if side > 0.0:
+                    springs[block + HIGH_DRIFT, i] = drift
+                    springs[block + HIGH_FORCE, i] = force
+                else:
+                    springs[block + LOW_DRIFT, i] = drift
+                    springs[block + LOW_FORCE, i] = force
+            slope = unloading_stiffness(laws, springs, i, block, side)
+            zero = drift - force / slope
+            springs[block + INTERNAL, i] = side * _UNLOADING
+            springs[block + SLOPE, i] = slope
+            springs[block + TURN, i] = 0.0
+            springs[block + UPPER, i] = max(drift, zero)
+            springs[block + LOWER, i] = min(drift, zero)
+            return
+        # The branch ended in the direction of `event`: load further on that side.
+        target = springs[block + HIGH_DRIFT, i] if event > 0.0 else springs[block + LOW_DRIFT, i]
+        target_force = springs[block + HIGH_FORCE, i] if event > 0.0 else springs[block + LOW_FORCE, i]
+        springs[block + TURN, i] = event
+        if event * (target - drift) > 1e-12 * abs(target):
+            springs[block + INTERNAL, i] = event * _RELOADING
+            springs[block + SLOPE, i] = (target_force - force) / (target - drift)
+            springs[block + UPPER, i] = target if event > 0.0 else math.inf
+            springs[block + LOWER, i] = target if event < 0.0 else -math.inf
+        else:
+            springs[block + INTERNAL, i] = event * _YIELDING
+            springs[block + SLOPE, i] = laws[FIRST_PARAMETER + 1, i] * laws[STIFFNESS, i]
+            springs[block + UPPER, i] = math.inf
+            springs[block + LOWER, i] = -math.inf
+
+    return LawFunctions(
+        force=walker(switch, advance),
+        recoverable=recoverable,
+        settle=settle,
+        keep=keep,
+        enter=enter,
+        advance=advance,
+        switch=switch,
+    )
+
+
+LAW = DriftLaw(
+    "peak-oriented",
+    "bilinear backbone; unloads with k (dy / dmax)^unloading, reloads towards the farthest point (Clough)",
+    _functions,
+    parameters=(
+        LawParameter("yield_force", force=1, low=0.0, low_allowed=False),
+        LawParameter("hardening", low=0.0, high=1.0, high_allowed=False),
+        LawParameter("unloading", low=0.0, high=1.0, high_allowed=False),
+    ),
+    kinked=True,
+    yield_drift=yields_at_its_strength,
+)

@@ -1,0 +1,42 @@
+"""The polynomial law: elastic."""
+
+from __future__ import annotations
+
+from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter
+from tdint.kernels.layout import DRIFT, FIRST_PARAMETER, FORCE
+
+
+def _functions() -> LawFunctions:
+    from tdint.kernels.compiling import inlined
+
+    @inlined
+    def force(laws, springs, i, past, trial, drift):
+        """By Horner's rule."""
+        force = 0.0
+        tangent = 0.0
+        for row in range(laws.shape[0] - 1, FIRST_PARAMETER - 1, -1):
+            force = force * drift + laws[row, i]
+            tangent = tangent * drift + (row - FIRST_PARAMETER + 1) * laws[row, i]
+        springs[trial + FORCE, i] = force * drift
+        return tangent
+
+    @inlined
+    def recoverable(laws, springs, i):
+        d = springs[DRIFT, i]
+        energy = 0.0
+        for row in range(laws.shape[0] - 1, FIRST_PARAMETER - 1, -1):
+            energy = energy * d + laws[row, i] / (row - FIRST_PARAMETER + 2)
+        return energy * d * d
+
+    return LawFunctions(force=force, recoverable=recoverable)
+
+
+LAW = DriftLaw(
+    "polynomial",
+    "f = c1 d + c2 d^2 + ...",
+    _functions,
+    parameters=(LawParameter("coefficients", many=True),),
+    curved=True,
+    stiffens=lambda values: any(c > 0.0 or (j % 2 == 1 and c < 0.0) for j, c in enumerate(values[1:], start=1)),
+    initial_stiffness=lambda values: values[0],
+)

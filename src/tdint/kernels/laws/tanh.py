@@ -1,0 +1,37 @@
+"""The tanh law: elastic, softening towards a strength."""
+
+from __future__ import annotations
+
+import math
+
+from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter
+from tdint.kernels.layout import DRIFT, FIRST_PARAMETER, FORCE, STIFFNESS
+
+
+def _functions() -> LawFunctions:
+    from tdint.kernels.compiling import inlined
+
+    @inlined
+    def force(laws, springs, i, past, trial, drift):
+        strength = laws[FIRST_PARAMETER, i]
+        part = math.tanh(laws[STIFFNESS, i] * drift / strength)
+        springs[trial + FORCE, i] = strength * part
+        return laws[STIFFNESS, i] * (1.0 - part * part)
+
+    @inlined
+    def recoverable(laws, springs, i):
+        strength = laws[FIRST_PARAMETER, i]
+        x = abs(laws[STIFFNESS, i] * springs[DRIFT, i] / strength)
+        # ln cosh x, without overflow
+        return strength * strength / laws[STIFFNESS, i] * (x + math.log1p(math.exp(-2.0 * x)) - math.log(2.0))
+
+    return LawFunctions(force=force, recoverable=recoverable)
+
+
+LAW = DriftLaw(
+    "tanh",
+    "f = F tanh(k d / F): elastic, strength F",
+    _functions,
+    parameters=(LawParameter("strength", force=1, low=0.0, low_allowed=False),),
+    curved=True,
+)
