@@ -16,6 +16,7 @@ TERMS = 15
 _LEAST = 5
 _LEFT_OUT = 2e-10
 _NEWTON = 30
+_NEAR = 1e-4  # of a step: the last correction by Newton's method
 _CLOSE = 1e-5  # of a step: an error of the place, whose square is the error of the largest value
 _INVERSE = tuple(1.0 / max(k, 1) for k in range(TERMS + 1))
 
@@ -52,13 +53,12 @@ def may_exceed(best, rise, q0, d0, e0, q1, d1, e1):
 
 
 @called
-def largest_between(q, d, e, f, d1, by_u, by_v, h, series):
+def largest_between(q, d, e, f, d1, by_u, by_v, h, n, series):
     """Largest absolute value at the extremes of q within a step; q, q', q'', q''' are those at its start, d1 is q' at
-    its end. `series`, shape (3, TERMS), is room for the series of q, q' and q''.
+    its end. n is the number of `terms`; `series`, shape (3, TERMS), is room for the series of q, q' and q''.
     """
     w, z = h * h * by_u, h * by_v
     value, speed, bend, jerk = series[0], series[1], series[2], f * h * h * h
-    n = _terms(w, z)
     bend[0], bend[1] = e * h * h, jerk
     for k in range(2, n - 2):
         bend[k] = -(z * bend[k - 1] + w * _INVERSE[k - 1] * bend[k - 2]) * _INVERSE[k]
@@ -82,13 +82,13 @@ def largest_between(q, d, e, f, d1, by_u, by_v, h, series):
     return max(abs(_value(value, n, here)[0]), abs(_value(value, n, there)[0]))
 
 
-@inlined
-def _terms(w, z):
-    """Terms of the series of q that matter beside the cubic one; w is (omega h)^2, z is 2 xi omega h.
+@called
+def terms(by_u, by_v, h):
+    """Terms of the series of q that matter beside the cubic one.
 
     From the third on each derivative is about omega times the one before; the ground's slope is in the third.
     """
-    reach = max(math.sqrt(w), z)
+    reach = h * max(math.sqrt(by_u), by_v)
     n, term = 3, 1.0
     while n < TERMS and (n < _LEAST or term > _LEFT_OUT):
         n += 1
@@ -107,10 +107,13 @@ def _root(coefficients, n, low, high, at_low, at_high):
         else:
             high = x
         better = x - value / slope if slope != 0.0 else low
-        if not low < better < high:
+        if low < better < high:
+            if abs(better - x) < _NEAR:  # what is left is the square of that
+                return better
+        else:
             better = 0.5 * (low + high)
-        if abs(better - x) < _CLOSE:
-            return better
+            if abs(better - x) < _CLOSE:
+                return better
         x = better
     return x
 

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from tdint.kernels.between import TERMS, divide, largest_between, may_exceed, rise
+from tdint.kernels.between import TERMS, divide, largest_between, may_exceed, rise, terms
 from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, called, inlined, kernel
 from tdint.kernels.spectra import (
     A11,
@@ -220,6 +220,7 @@ def _march(ground, h, oscillators, column, directions, starts, stretch, margin, 
         oscillators[B21, column],
     )
     by_u, by_v = oscillators[BY_DISPLACEMENT, column], oscillators[BY_VELOCITY, column]
+    n = terms(by_u, by_v, h)
     lows, before, after = work[_LOWS], work[_BEFORE], work[_AFTER]
     x, v, y, w = starts[stretch, 0], starts[stretch, 1], starts[stretch, 2], starts[stretch, 3]
     f0, g0 = ground[0, stretch * STRETCH], ground[1, stretch * STRETCH]
@@ -250,7 +251,7 @@ def _march(ground, h, oscillators, column, directions, starts, stretch, margin, 
                     speed, e0, e1 = c * v1 + d * w1, c * a + d * b, c * a1 + d * b1
                     best[k] = max(best[k], abs(u1))
                     if margin > 0.0 and may_exceed(best[k], margin, u0, v0, e0, u1, speed, e1):
-                        size = largest_between(u0, v0, e0, c * p + d * q, speed, by_u, by_v, h, series)
+                        size = largest_between(u0, v0, e0, c * p + d * q, speed, by_u, by_v, h, n, series)
                         best[k] = max(best[k], size)
                 lows[sector] = _lowest(best, sector)
             for k in range(_SECTORS + 1):

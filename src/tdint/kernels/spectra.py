@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tdint.kernels.between import TERMS, divide, largest_between, may_exceed, rise
+from tdint.kernels.between import TERMS, divide, largest_between, may_exceed, rise, terms
 from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, called, kernel
 
 # Rows of the table of oscillators
@@ -179,7 +179,7 @@ def _march(ground, h, oscillators, column, starts, stretch, between, series, bes
         oscillators[B21, column],
     )
     by_u, by_v = oscillators[BY_DISPLACEMENT, column], oscillators[BY_VELOCITY, column]
-    margin = rise(by_u, by_v, h)
+    margin, n = rise(by_u, by_v, h), terms(by_u, by_v, h)
     u, v = starts[stretch, 0], starts[stretch, 1]
     g0 = ground[stretch * STRETCH]
     p = by_u * u + by_v * v  # less the absolute acceleration
@@ -199,10 +199,10 @@ def _march(ground, h, oscillators, column, starts, stretch, between, series, bes
             j, j1 = -dp - slope, -dp1 - slope
             ddp, ddp1 = by_u * a + by_v * j, by_u * a1 + by_v * j1
             if may_exceed(best[0], margin, u, v, a, u1, v1, a1):
-                best[0] = max(best[0], largest_between(u, v, a, j, v1, by_u, by_v, h, series))
+                best[0] = max(best[0], largest_between(u, v, a, j, v1, by_u, by_v, h, n, series))
             if may_exceed(best[1], margin, v, a, j, v1, a1, j1):
-                best[1] = max(best[1], largest_between(v, a, j, -ddp, a1, by_u, by_v, h, series))
+                best[1] = max(best[1], largest_between(v, a, j, -ddp, a1, by_u, by_v, h, n, series))
             if may_exceed(best[2], margin, p, dp, ddp, p1, dp1, ddp1):
                 dddp = by_u * j - by_v * ddp
-                best[2] = max(best[2], largest_between(p, dp, ddp, dddp, dp1, by_u, by_v, h, series))
+                best[2] = max(best[2], largest_between(p, dp, ddp, dddp, dp1, by_u, by_v, h, n, series))
         u, v, p, a, g0 = u1, v1, p1, a1, g1
