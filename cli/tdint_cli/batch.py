@@ -82,16 +82,16 @@ def _shared(
 ) -> Iterator[Result | TdintError]:
     from concurrent.futures.process import BrokenProcessPool
 
-    with warnings.catch_warnings():
-        # numpy's threads, which know how to be forked, are all there are.
-        warnings.filterwarnings("ignore", ".*fork", DeprecationWarning)
-        # Other processes have no standard input.
-        futures = [None if task.source == STDIN else executor.submit(attempt, task) for task in tasks]
-    for task, future in zip(tasks, futures, strict=True):
-        try:
+    try:
+        with warnings.catch_warnings():
+            # numpy's threads, which know how to be forked, are all there are.
+            warnings.filterwarnings("ignore", ".*fork", DeprecationWarning)
+            # Other processes have no standard input.
+            futures = [None if task.source == STDIN else executor.submit(attempt, task) for task in tasks]
+        for task, future in zip(tasks, futures, strict=True):
             yield future.result() if future else attempt(task)
-        except BrokenProcessPool:
-            raise AnalysisError(f"{task.source}: a process ended before its time; use fewer --jobs") from None
+    except BrokenProcessPool:
+        raise AnalysisError("a process ended before its time (is there enough memory?); use fewer --jobs") from None
 
 
 @contextmanager

@@ -192,7 +192,7 @@ def test_results_and_failures_come_in_order():
 
 
 def test_a_process_that_dies_is_told():
-    with pytest.raises(AnalysisError, match=r"dies: a process ended before its time; use fewer --jobs"):
+    with pytest.raises(AnalysisError, match=r"a process ended before its time .*; use fewer --jobs"):
         run_batch(["a", "dies", "b"], 2)
 
 
