@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import warnings
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING, TypeVar
 import click
 
 from tdint.errors import AnalysisError, RecordError, TdintError
+from tdint_cli.errors import INTERRUPTED
 from tdint_cli.progress import is_terminal
 from tdint_cli.sources import STDIN
 
@@ -87,7 +89,9 @@ def _shared(
             # numpy's threads, which know how to be forked, are all there are.
             warnings.filterwarnings("ignore", ".*fork", DeprecationWarning)
             # Other processes have no standard input.
-            futures = [None if task.source == STDIN else executor.submit(attempt, task) for task in tasks]
+            futures = [
+                None if task.source == STDIN else executor.submit(_interruptible, attempt, task) for task in tasks
+            ]
         for task, future in zip(tasks, futures, strict=True):
             yield future.result() if future else attempt(task)
     except BrokenProcessPool:
@@ -98,22 +102,33 @@ def _shared(
 def _processes(count: int) -> Iterator[Executor]:
     """Processes that inherit what this one has loaded, where forking is safe; else new ones, which load from the cache.
 
-    At the end, also at Ctrl-C, they finish the tasks they are at and no more.
+    At the end they finish the tasks that they were handed and get no more; at Ctrl-C they leave these as well.
     """
     import multiprocessing
     from concurrent.futures import ProcessPoolExecutor
 
     context = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
-    executor = ProcessPoolExecutor(count, context, initializer=_end_at_interrupt)
+    executor = ProcessPoolExecutor(count, context, initializer=_ignore_interrupts)
     try:
         yield executor
     finally:
         executor.shutdown(wait=True, cancel_futures=True)
 
 
-def _end_at_interrupt() -> None:
-    """Ctrl-C reaches all processes of a terminal: this one ends without a word, the first one speaks for all."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+def _ignore_interrupts() -> None:
+    """Ctrl-C reaches all processes of a terminal: one that ends while it hands over a result would hold up the rest."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _interruptible(attempt: Callable[[Task], Result | TdintError], task: Task) -> Result | TdintError:
+    """Do a task; at Ctrl-C this process ends without a word, the first one speaks for all."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        return attempt(task)
+    except KeyboardInterrupt:
+        os._exit(INTERRUPTED)
+    finally:
+        _ignore_interrupts()
 
 
 def _attempt(work: Callable[[Task], Result], task: Task) -> Result | TdintError:
