@@ -84,13 +84,15 @@ def _shared(
 ) -> Iterator[Result | TdintError]:
     from concurrent.futures.process import BrokenProcessPool
 
+    ignored = signal.getsignal(signal.SIGINT) is signal.SIG_IGN
     try:
         with warnings.catch_warnings():
             # numpy's threads, which know how to be forked, are all there are.
             warnings.filterwarnings("ignore", ".*fork", DeprecationWarning)
             # Other processes have no standard input.
             futures = [
-                None if task.source == STDIN else executor.submit(_interruptible, attempt, task) for task in tasks
+                None if task.source == STDIN else executor.submit(_interruptible, ignored, attempt, task)
+                for task in tasks
             ]
         for task, future in zip(tasks, futures, strict=True):
             yield future.result() if future else attempt(task)
@@ -120,9 +122,10 @@ def _ignore_interrupts() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def _interruptible(attempt: Callable[[Task], Result | TdintError], task: Task) -> Result | TdintError:
-    """Do a task; at Ctrl-C this process ends without a word, the first one speaks for all."""
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+def _interruptible(ignored: bool, attempt: Callable[[Task], Result | TdintError], task: Task) -> Result | TdintError:
+    """Do a task; at Ctrl-C, unless the first process ignores it, this one ends without a word: the first one speaks."""
+    if not ignored:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         return attempt(task)
     except KeyboardInterrupt:

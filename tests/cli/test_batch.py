@@ -207,8 +207,10 @@ def test_ctrl_c_ends_all_processes_without_a_word(folder, make_record):
     make_record(folder / "many" / "0.mseed", "HNE", samples=60_000)
     for i in range(1, 60):
         (folder / "many" / f"{i}.mseed").hardlink_to(folder / "many" / "0.mseed")
+    # A shell starts what runs in its background with Ctrl-C ignored.
+    start = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from tdint_cli.main import main"
     command = [
-        sys.executable, "-c", "from tdint_cli.main import main; main()", "spectrum", "many",
+        sys.executable, "-c", f"{start}; main()", "spectrum", "many",
         "--jobs", "2", "-o", "out/", "--periods", "0.1:10:5000",
     ]  # fmt: skip
     process = subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True, start_new_session=True)
