@@ -86,7 +86,7 @@ def _shared(
 
     ignored = signal.getsignal(signal.SIGINT) is signal.SIG_IGN
     try:
-        with warnings.catch_warnings():
+        with _interrupts_held_back(), warnings.catch_warnings():
             # numpy's threads, which know how to be forked, are all there are.
             warnings.filterwarnings("ignore", ".*fork", DeprecationWarning)
             # Other processes have no standard input.
@@ -120,6 +120,19 @@ def _processes(count: int) -> Iterator[Executor]:
 def _ignore_interrupts() -> None:
     """Ctrl-C reaches all processes of a terminal: one that ends while it hands over a result would hold up the rest."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+@contextmanager
+def _interrupts_held_back() -> Iterator[None]:
+    """Ctrl-C waits until all processes are there: half of them could not be ended."""
+    came: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if came and before is not signal.SIG_IGN:
+        raise KeyboardInterrupt
 
 
 def _interruptible(ignored: bool, attempt: Callable[[Task], Result | TdintError], task: Task) -> Result | TdintError:
