@@ -4,14 +4,13 @@ stories."""
 from __future__ import annotations
 
 import math
-import os
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from building_cases import ModalDamping, model, noise, story
+from real_records import real_file
 from references import drifts, exact_linear
 from tdint.analysis.drift_spectrum import HeightPeriod, drift_spectrum, parse_height_period
 from tdint.errors import AnalysisError, UsageError
@@ -171,14 +170,8 @@ def test_five_stories_under_el_centro():
 
     Computed once more for the record at hand: roof 6.857 in, base shear 73.09 kip.
     """
-    folder = os.environ.get("TDINT_RECORDS", "")
-    if not folder:
-        pytest.skip("TDINT_RECORDS does not name a folder of real records")
-    path = Path(folder) / "elCentro1940_180.at2"
-    if not path.is_file():
-        pytest.skip(f"the folder of TDINT_RECORDS has no {path.name}")
     # The book's g and, as there, a first sample of zero
-    record = read_record(path).scaled(386.4 * 0.0254 / 9.80665)
+    record = read_record(real_file("elCentro1940_180.at2")).scaled(386.4 * 0.0254 / 9.80665)
     record = replace(record, acceleration=np.append(0.0, record.acceleration))
     spectrum = drift_spectrum(record, np.array([1.99963]), 0.05, stories=5)
     height = spectrum.heights[0]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,12 +12,12 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from building_cases import noise
+from real_records import real_file
 from references import OscillatorResponse
 from tdint import read_record, spectrum
 from tdint.ground_motion.record import Record
 
 ROOT = Path(__file__).parents[2]
-REAL = os.environ.get("TDINT_RECORDS", "")
 INCH = 0.0254
 
 
@@ -28,15 +27,6 @@ def values(result):
 
 def reference(record, periods, damping=0.05):
     return np.stack([OscillatorResponse(record, 2.0 * math.pi / t, damping).largest() for t in periods], axis=1)
-
-
-def real_record(name):
-    if not REAL:
-        pytest.skip("TDINT_RECORDS does not name a folder of real records")
-    path = Path(REAL) / name
-    if not path.is_file():
-        pytest.skip(f"the folder of TDINT_RECORDS has no {name}")
-    return read_record(path)
 
 
 @pytest.mark.parametrize(
@@ -55,7 +45,7 @@ def test_shipped_records(name, component, periods):
 
 @pytest.mark.parametrize("name", ["elCentro1940_180.at2", "RSN763_LOMAP_GIL067.AT2"])
 def test_real_records(name):
-    record = real_record(name)
+    record = read_record(real_file(name))
     periods = [0.01, 0.021, 0.045, 0.1, 0.5, 2.0, 10.0]
     measured = values(spectrum(record, np.array(periods)))
     np.testing.assert_allclose(measured, reference(record, periods), rtol=1e-9)
@@ -136,7 +126,7 @@ def test_sampled_maxima_stay_below_the_exact_ones():
 
 def test_peak_displacements_of_el_centro_1940():
     """Chopra, Dynamics of Structures, section 6.4, inches, to 0.03; the same maxima at the samples to three digits."""
-    record = real_record("elCentro1940_180.at2")
+    record = read_record(real_file("elCentro1940_180.at2"))
     g = 386.4 * INCH
     ground = np.append(0.0, record.acceleration) * (g / 9.80665)
     record = replace(record, acceleration=ground)

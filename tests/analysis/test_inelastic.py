@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import os
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from building_cases import Law, model, noise, oscillator, story
+from real_records import real_file
 from references import exact_linear
 from tdint import run
 from tdint.analysis.inelastic import constant_ductility, constant_strength, largest_ratio
@@ -211,13 +210,7 @@ def test_a_motion_of_zeros_needs_no_strength():
 def test_elastoplastic_oscillators_under_el_centro():
     """Chopra, Dynamics of Structures, 7.4: T = 0.5 s, 5 %, strengths of 1, 1/2, 1/4, 1/8 of the elastic one. Largest
     displacements 2.25, 1.62, 1.75, 2.07 in, ductilities 1, 1.44, 3.11, 7.36."""
-    folder = os.environ.get("TDINT_RECORDS", "")
-    if not folder:
-        pytest.skip("TDINT_RECORDS does not name a folder of real records")
-    path = Path(folder) / "elCentro1940_180.at2"
-    if not path.is_file():
-        pytest.skip(f"the folder of TDINT_RECORDS has no {path.name}")
-    record = read_record(path).scaled(386.4 * 0.0254 / STANDARD_GRAVITY)
+    record = read_record(real_file("elCentro1940_180.at2")).scaled(386.4 * 0.0254 / STANDARD_GRAVITY)
     record = replace(record, acceleration=np.append(0.0, record.acceleration))
     period = np.array([0.5])
     (elastic,) = constant_ductility(record, period, [1.0])

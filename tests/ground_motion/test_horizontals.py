@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from real_records import real_file
 from tdint.errors import RecordError
 from tdint.ground_motion.horizontals import azimuth, find_horizontals, is_vertical, motion_name
 from tdint.ground_motion.read import read_horizontals, read_record, read_records
@@ -148,12 +148,7 @@ def test_files_of_different_motions(one, other):
     ],
 )
 def test_real_records(names, found):
-    folder = os.environ.get("TDINT_RECORDS", "")
-    if not folder:
-        pytest.skip("TDINT_RECORDS does not name a folder of real records")
-    paths = [Path(folder) / name for name in names]
-    if missing := [path.name for path in paths if not path.is_file()]:
-        pytest.skip(f"the folder of TDINT_RECORDS has no {', '.join(missing)}")
+    paths = [real_file(name) for name in names]
     assert find_horizontals([one for path in paths for one in read_records(path)]).component == found
 
 

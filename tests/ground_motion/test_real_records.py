@@ -1,17 +1,13 @@
-"""Real records, none of which comes with the project: read if TDINT_RECORDS names a folder that has them.
+"""Real records are read right, if TDINT_RECORDS names a folder that has them.
 
 Peaks are those that the files' own headers or their publishers state.
 """
 
-import os
-from pathlib import Path
-
 import pytest
 
+from real_records import real_file
 from tdint.ground_motion.processing import process
 from tdint.ground_motion.read import read_records
-
-FOLDER = os.environ.get("TDINT_RECORDS", "")
 
 RECORDS = [
     ("0111a.smc", 0.005, (6001,), (1.044078,)),
@@ -36,12 +32,8 @@ RECORDS = [
 
 @pytest.mark.parametrize(("name", "dt", "samples", "peaks"), RECORDS, ids=[record[0] for record in RECORDS])
 def test_samples_interval_and_peak(name, dt, samples, peaks):
-    if not FOLDER:
-        pytest.skip("TDINT_RECORDS does not name a folder of real records")
-    path = Path(FOLDER) / name
-    if not path.is_file():
-        pytest.skip(f"the folder of TDINT_RECORDS has no {name}")
-    inventory = Path(FOLDER) / "CI.CLC.xml" if name.startswith("CI.CLC") else None
+    path = real_file(name)
+    inventory = real_file("CI.CLC.xml") if name.startswith("CI.CLC") else None
     records = read_records(path, inventory=inventory)
     assert tuple(record.acceleration.size for record in records) == samples
     assert [record.dt for record in records] == pytest.approx([dt] * len(samples), rel=1e-9)
