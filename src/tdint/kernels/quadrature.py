@@ -43,7 +43,7 @@ from tdint.kernels.momentum import (
     in_balance,
     residuals,
 )
-from tdint.kernels.springs import restoring
+from tdint.kernels.springs import reach
 from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL
 from tdint.kernels.tridiagonal import assemble_blocks, factor_blocks
 
@@ -162,8 +162,8 @@ def _path(straight, frozen, coefficients, chain, laws, h, state, springs, work, 
             force_c = springs[FORCE, i] + tangent * (drift_c - springs[DRIFT, i])
             force = springs[FORCE, i] + tangent * (drift - springs[DRIFT, i])
         else:
-            tangent_c = restoring(laws, springs, i, 0, FIRST_TRIAL, drift_c)
-            tangent = restoring(laws, springs, i, FIRST_TRIAL, SECOND_TRIAL, drift)
+            tangent_c = reach(laws, springs, i, 0, FIRST_TRIAL, drift_c)
+            tangent = reach(laws, springs, i, FIRST_TRIAL, SECOND_TRIAL, drift)
             force_c = springs[FIRST_TRIAL + FORCE, i]
             force = springs[SECOND_TRIAL + FORCE, i]
         if straight:

@@ -6,7 +6,7 @@ The laws themselves stand in `tdint.kernels.laws`, one file each.
 from __future__ import annotations
 
 from tdint.kernels.branches import enter
-from tdint.kernels.compiling import inlined
+from tdint.kernels.compiling import called, inlined
 from tdint.kernels.laws.choosing import KNOWING, case_of_3, case_of_5, case_of_6, chosen
 from tdint.kernels.layout import CODE, DISSIPATED, DRIFT, FIRST_TRIAL, PLAIN_ROWS
 
@@ -40,6 +40,12 @@ def restoring(laws, springs, i, past, trial, drift):
     """
     springs[trial + DRIFT, i] = drift
     return _force(laws, springs, i, past, trial, drift)
+
+
+@called
+def reach(laws, springs, i, past, trial, drift):
+    """`restoring` for where it is one of many calls."""
+    return restoring(laws, springs, i, past, trial, drift)
 
 
 @inlined

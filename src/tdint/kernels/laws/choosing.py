@@ -5,34 +5,39 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from tdint.kernels.compiling import inlined
+from tdint.kernels.compiling import called, inlined
 from tdint.kernels.laws import LAWS
 from tdint.kernels.layout import CODE
 
 FUNCTIONS = tuple(law.functions() for law in LAWS)
 
+# The first laws are put into each place that goes by the law; the others are compiled once, together, and called:
+# compiling the loops takes long enough.
+_FREQUENT = 2
+
 # Laws that know their branch at any time
 KNOWING = tuple(float(code) for code, functions in enumerate(FUNCTIONS) if functions.keep is not None)
 
 
-def chosen(hook: str, case: Callable[[int, Any, Any], Any], otherwise: Any = None) -> Any:
+def chosen(hook: str, case: Callable[[Any, int, Any, Any], Any], otherwise: Any = None) -> Any:
     """The compiled function that calls that of a story's own law; `otherwise` for laws without one.
 
     `hook` is a name in `LawFunctions`. `case` links one law's function with the others': `case_of_3`, and so on by the
     number of arguments.
     """
+    owns = [(code, getattr(functions, hook)) for code, functions in enumerate(FUNCTIONS)]
+    owns = [(code, own) for code, own in owns if own is not None]
+    rare = min((code for code, _ in owns if code >= _FREQUENT), default=None)
     function = otherwise
-    for code, functions in reversed(list(enumerate(FUNCTIONS))):
-        own = getattr(functions, hook)
-        if own is not None:
-            function = own if function is None else case(code, own, function)
+    for code, own in reversed(owns):
+        function = own if function is None else case(called if code == rare else inlined, code, own, function)
     return function
 
 
-def case_of_3(code: int, own: Any, other: Any) -> Any:
-    """`own` where the story has the law `code`, else `other`; functions of (laws, springs, i)."""
+def case_of_3(decorate: Any, code: int, own: Any, other: Any) -> Any:
+    """`own` where the story has the law `code`, else `other`: functions of (laws, springs, i)."""
 
-    @inlined
+    @decorate
     def choose(laws, springs, i):
         if laws[CODE, i] == code:
             return own(laws, springs, i)
@@ -41,10 +46,10 @@ def case_of_3(code: int, own: Any, other: Any) -> Any:
     return choose
 
 
-def case_of_5(code: int, own: Any, other: Any) -> Any:
+def case_of_5(decorate: Any, code: int, own: Any, other: Any) -> Any:
     """The same for functions of five arguments."""
 
-    @inlined
+    @decorate
     def choose(laws, springs, i, block, more):
         if laws[CODE, i] == code:
             return own(laws, springs, i, block, more)
@@ -53,10 +58,10 @@ def case_of_5(code: int, own: Any, other: Any) -> Any:
     return choose
 
 
-def case_of_6(code: int, own: Any, other: Any) -> Any:
+def case_of_6(decorate: Any, code: int, own: Any, other: Any) -> Any:
     """The same for functions of six arguments."""
 
-    @inlined
+    @decorate
     def choose(laws, springs, i, block, more, last):
         if laws[CODE, i] == code:
             return own(laws, springs, i, block, more, last)
