@@ -148,14 +148,6 @@ def _check_instrument(first: Record, second: Record, source: str) -> list[str]:
     return []
 
 
-def _seconds_apart(start: str, other: str) -> float:
-    """Between two times of a first sample; 0 where one is not known."""
-    try:
-        return abs((datetime.fromisoformat(other) - datetime.fromisoformat(start)).total_seconds())
-    except ValueError:
-        return 0.0
-
-
 def _of_equal_length(first: Record, second: Record, source: str) -> tuple[Record, Record, list[str]]:
     """Both without the samples that one of them alone has at its end."""
     sizes = first.acceleration.size, second.acceleration.size
