@@ -6,7 +6,7 @@ import numpy as np
 
 from tdint.kernels import layout
 from tdint.kernels.layout import FIRST_TRIAL
-from tdint.kernels.springs import commit, recoverable, restoring, start
+from tdint.kernels.march.springs import commit, recoverable, restoring, start
 from tdint.model.laws import CODES
 
 K, FY, HARDENING = 1000.0, 20.0, 0.05

@@ -10,9 +10,9 @@ from scipy.linalg import eigh
 
 from building_cases import Force, Law, ModalDamping, RayleighCoefficients, model, oscillator, story
 from references import smooth
-from tdint.analysis.amplification import amplification
-from tdint.analysis.response import run
-from tdint.analysis.stepping import workspace
+from tdint.analysis.run.amplification import amplification
+from tdint.analysis.run.run import run
+from tdint.analysis.run.steps import workspace
 from tdint.kernels.layout import FORCE_COLUMNS, SPRING_ROWS, STEPS_DONE
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 import readme
-from tdint.analysis.accuracy import observed_order, order_problem
-from tdint.analysis.stability import critical_step
+from tdint.analysis.assessment.order import observed_order, order_problem
+from tdint.analysis.assessment.stability import critical_step
 from tdint.methods import single_step
 from tdint.methods.method import Integrator
 from tdint_cli.main import COMMANDS

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from tdint.analysis.inelastic import InelasticSpectrum
+    from tdint.analysis.spectra.inelastic import InelasticSpectrum
     from tdint.ground_motion.record import Record
 
 _MOST_DUCTILE = 1000.0
@@ -80,7 +80,7 @@ class Wanted:
         self, record: Record, periods: NDArray[np.float64], dampings: Sequence[float]
     ) -> list[InelasticSpectrum]:
         """The spectra of a record."""
-        from tdint.analysis.inelastic import constant_ductility, constant_strength
+        from tdint.analysis.spectra.inelastic import constant_ductility, constant_strength
 
         results = []
         for damping in dampings:

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 from tdint_cli.terminal import emit, say
 
 if TYPE_CHECKING:
+    from tdint.files import Writer
     from tdint.methods.method import Integrator
-    from tdint.output.files import Writer
-    from tdint.output.tables import Table
+    from tdint.output.tables.tables import Table
 
 
 def chosen(specifications: Sequence[str]) -> list[Integrator]:
@@ -52,14 +52,14 @@ class Outputs:
         OutputError
             A file that cannot be written, or a picture of an unknown format.
         """
-        from tdint.output.files import check_outputs
+        from tdint.files import check_outputs
 
         table = Path(output) if output else None
         beside = table.with_suffix(".json") if table and summary else None
         outputs = cls(table, Path(plot) if plot else None, beside, overwrite)
         check_outputs(outputs.files, overwrite=overwrite)
         if outputs.picture:
-            from tdint.output.plots import picture_format
+            from tdint.output.figures.run import picture_format
 
             picture_format(outputs.picture.suffix)
         return outputs
@@ -68,7 +68,7 @@ class Outputs:
         self, table: Table, draw: Callable[[str], Writer], summarize: Callable[[], dict[str, Any]] | None = None
     ) -> None:
         """Write all; `draw` makes the picture's writer from its suffix, `summarize` what the summary holds."""
-        from tdint.output.files import write_files
+        from tdint.files import write_files
 
         data = table.csv()
         files: dict[Path, Writer] = {}
@@ -77,7 +77,7 @@ class Outputs:
         if self.picture:
             files[self.picture] = draw(self.picture.suffix)
         if self.summary and summarize:
-            from tdint.output.summary import json_bytes
+            from tdint.output.summaries.summary import json_bytes
 
             summary = json_bytes(summarize())
             files[self.summary] = lambda stream: stream.write(summary)

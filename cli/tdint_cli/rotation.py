@@ -51,7 +51,7 @@ def gather(request: spectra.Request, files: Sequence[str]) -> list[tuple[str, ..
 
 def _is_single(request: spectra.Request, file: str) -> bool:
     from tdint.ground_motion.horizontals import is_vertical
-    from tdint.ground_motion.read import read_records
+    from tdint.ground_motion.reading.read import read_records
 
     try:
         records = read_records(file, units=request.units, inventory=request.inventory)
@@ -68,7 +68,7 @@ def compute(
     manner: dict[str, str | None],
 ) -> spectra.Results:
     """The spectra of the two horizontals among the components of a motion."""
-    from tdint.analysis.rotation import rotated_spectrum
+    from tdint.analysis.spectra.rotated import rotated_spectrum
     from tdint.ground_motion.horizontals import find_horizontals
 
     motion = find_horizontals(records)

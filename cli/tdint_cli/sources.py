@@ -76,7 +76,7 @@ def _contents(folder: str) -> tuple[list[str], list[str]]:
     RecordError
         The folder cannot be read, or has no record in it.
     """
-    from tdint.ground_motion.read import is_record
+    from tdint.ground_motion.reading.read import is_record
 
     try:
         names = sorted(path.name for path in Path(folder).iterdir() if not path.name.startswith("."))

@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from tdint.files import Writer
     from tdint.ground_motion.processing import Processing
     from tdint.ground_motion.record import Record
-    from tdint.output.files import Writer
-    from tdint.output.tables import Table
+    from tdint.output.tables.tables import Table
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -105,7 +105,7 @@ class Request:
         load_numba()
         import numpy as np
 
-        from tdint.analysis.spectrum import parse_periods
+        from tdint.analysis.spectra.elastic import parse_periods
 
         if self.periods is not None and self.period:
             raise UsageError("--periods and --period are given; leave one of them out")
@@ -253,7 +253,7 @@ def make_tables(request: Request, making: Making) -> None:
 
 def _tasks(request: Request, records: Sequence[tuple[str, ...]]) -> list[Task]:
     """What to do for the files of each record, after it is clear that its outputs can be written."""
-    from tdint.output.files import check_outputs
+    from tdint.files import check_outputs
 
     firsts = [files[0] for files in records]
     folder = Path(request.output) if request.output and request.is_folder else None
@@ -273,8 +273,8 @@ def _files_of(request: Request, table: Path) -> list[Path]:
 def _work(request: Request, making: Making, task: Task) -> Product:
     """All that becomes of one record; it may run in another process."""
     load_numba()
-    from tdint.ground_motion.read import read_records
-    from tdint.output.summary import record_summary
+    from tdint.ground_motion.reading.read import read_records
+    from tdint.output.summaries.summary import record_summary
 
     read = partial(read_records, units=request.units, component=request.component, inventory=request.inventory)
     records = [request.processing.apply(record) for file in (task.source, *task.others) for record in read(file)]
@@ -298,8 +298,8 @@ def _picture(request: Request, making: Making, results: Sequence[Any]) -> bytes:
 
 def _write(request: Request, making: Making, table: Path, products: Sequence[Product]) -> None:
     """Write a table of the records of several files, or of one, with what goes beside it."""
-    from tdint.output.files import write_files
-    from tdint.output.summary import json_bytes, table_summary
+    from tdint.files import write_files
+    from tdint.output.summaries.summary import json_bytes, table_summary
 
     records = [record for product in products for record in product.records]
     settings = request.settings(making.default_periods)

@@ -11,30 +11,30 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tdint.analysis.drift_spectrum import drift_spectrum as drift_spectrum
-    from tdint.analysis.inelastic import constant_ductility as constant_ductility
-    from tdint.analysis.inelastic import constant_strength as constant_strength
-    from tdint.analysis.response import run as run
-    from tdint.analysis.rotation import rotated_spectrum as rotated_spectrum
-    from tdint.analysis.spectrum import spectrum as spectrum
+    from tdint.analysis.run.run import run as run
+    from tdint.analysis.spectra.drift import drift_spectrum as drift_spectrum
+    from tdint.analysis.spectra.elastic import spectrum as spectrum
+    from tdint.analysis.spectra.inelastic import constant_ductility as constant_ductility
+    from tdint.analysis.spectra.inelastic import constant_strength as constant_strength
+    from tdint.analysis.spectra.rotated import rotated_spectrum as rotated_spectrum
     from tdint.ground_motion.processing import process as process
-    from tdint.ground_motion.read import read_horizontals as read_horizontals
-    from tdint.ground_motion.read import read_record as read_record
-    from tdint.model.config import load_model as load_model
+    from tdint.ground_motion.reading.read import read_horizontals as read_horizontals
+    from tdint.ground_motion.reading.read import read_record as read_record
+    from tdint.model.config.read import load_model as load_model
 
 __version__ = "0.1.0"
 
 _HOMES = {
     "process": "tdint.ground_motion.processing",
-    "read_record": "tdint.ground_motion.read",
-    "load_model": "tdint.model.config",
-    "run": "tdint.analysis.response",
-    "spectrum": "tdint.analysis.spectrum",
-    "constant_ductility": "tdint.analysis.inelastic",
-    "constant_strength": "tdint.analysis.inelastic",
-    "drift_spectrum": "tdint.analysis.drift_spectrum",
-    "read_horizontals": "tdint.ground_motion.read",
-    "rotated_spectrum": "tdint.analysis.rotation",
+    "read_record": "tdint.ground_motion.reading.read",
+    "load_model": "tdint.model.config.read",
+    "run": "tdint.analysis.run.run",
+    "spectrum": "tdint.analysis.spectra.elastic",
+    "constant_ductility": "tdint.analysis.spectra.inelastic",
+    "constant_strength": "tdint.analysis.spectra.inelastic",
+    "drift_spectrum": "tdint.analysis.spectra.drift",
+    "read_horizontals": "tdint.ground_motion.reading.read",
+    "rotated_spectrum": "tdint.analysis.spectra.rotated",
 }
 __all__ = [
     "__version__",

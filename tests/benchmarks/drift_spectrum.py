@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from tdint import read_record
-from tdint.analysis.drift_spectrum import drift_spectrum
-from tdint.analysis.spectrum import parse_periods
+from tdint.analysis.spectra.drift import drift_spectrum
+from tdint.analysis.spectra.elastic import parse_periods
 
 REPEATS = 5
 RECORD = Path(__file__).parents[2] / "records" / "firm-soil.mseed"

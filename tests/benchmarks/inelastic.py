@@ -19,9 +19,9 @@ import numba
 import numpy as np
 
 from tdint import read_record
-from tdint.analysis.inelastic import constant_ductility, constant_strength
-from tdint.analysis.spectrum import parse_periods
-from tdint.ground_motion.read import read_records
+from tdint.analysis.spectra.elastic import parse_periods
+from tdint.analysis.spectra.inelastic import constant_ductility, constant_strength
+from tdint.ground_motion.reading.read import read_records
 
 REPEATS = 3
 DUCTILITIES = [2.0, 4.0]

@@ -17,12 +17,12 @@ import numba
 import numpy as np
 
 from tdint import load_model, run
-from tdint.analysis.response import model_record
-from tdint.analysis.sizes import stretched
-from tdint.analysis.stepping import choose_steps, compile_all, integrate, workspace
+from tdint.analysis.chart.sizes import stretched
+from tdint.analysis.run.run import model_record
+from tdint.analysis.run.steps import choose_steps, compile_all, integrate, workspace
 from tdint.errors import TdintError
 from tdint.kernels.layout import EVENTS, FLOOR_DAMPER, MASS, STIFFNESS, STORY_DAMPER
-from tdint.kernels.observing import ITERATIONS
+from tdint.kernels.march.observing import ITERATIONS
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model.building import Building, assemble
 from tdint.model.laws import LAWS

@@ -4,7 +4,7 @@
 recursion of 16 oscillators at a time, with maxima at the samples, that is compiled and timed in the same run; and eqsig
 and pyrotd, where they are installed. All take turns, the fastest of the repeats counts, in processor time. Errors are
 those of the pseudo-acceleration against the exact response to the motion that is linear between its samples, as tdint
-computes it and tests/analysis/test_exact_maxima.py confirms it with matrix exponentials.
+computes it and tests/analysis/spectra/test_exact_maxima.py confirms it with matrix exponentials.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ import numba
 import numpy as np
 
 from tdint import read_record, spectrum
-from tdint.analysis.rotation import rotated_spectrum
-from tdint.analysis.spectrum import DEFAULT_PERIODS, parse_periods
+from tdint.analysis.spectra.elastic import DEFAULT_PERIODS, parse_periods
+from tdint.analysis.spectra.rotated import rotated_spectrum
 from tdint.ground_motion.horizontals import find_horizontals
 from tdint.methods.exact import oscillator
 

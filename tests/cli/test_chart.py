@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from tdint import load_model, read_record, run
-from tdint.analysis.precision import DEFAULT_METHODS
+from tdint.analysis.chart.work_precision import DEFAULT_METHODS
 from tdint.methods.catalogue import parse
-from tdint.output.chart import QUANTITIES
+from tdint.output.tables.chart import QUANTITIES
 from tdint_cli.commands import chart
 
 COLUMNS = (
@@ -160,7 +160,7 @@ def test_over_the_number_of_stories(folder, tdint):
 
 
 def test_peers_in_the_chart(folder, tdint, monkeypatch):
-    from tdint.analysis import scipy_peer
+    from tdint.analysis.chart.peers import solve_ivp as scipy_peer
 
     monkeypatch.setattr(scipy_peer, "TOLERANCES", (1e-3,))
     result = tdint("chart", "shaken.yaml", *QUICK, "--peers", "--plot", "x.svg")
@@ -183,7 +183,7 @@ def test_a_record_of_the_command_line(folder, tdint):
 
 
 def test_the_reference_is_kept_between_calls(folder, tdint, monkeypatch):
-    from tdint.analysis import reference
+    from tdint.analysis.chart import reference
 
     monkeypatch.setattr(reference, "cache_folder", lambda: folder)
     command = [part for part in QUICK if part != "--no-cache"]
@@ -197,7 +197,7 @@ def test_the_reference_is_kept_between_calls(folder, tdint, monkeypatch):
 
 
 def test_interrupted_work_leaves_no_file(folder, tdint, monkeypatch):
-    from tdint.analysis import precision
+    from tdint.analysis.chart import work_precision as precision
 
     def interrupt(*_):
         raise KeyboardInterrupt

@@ -9,9 +9,9 @@ import json
 import numpy as np
 import pytest
 
-from tdint.analysis.drift_spectrum import DEFAULT_STORY_HEIGHT, HeightPeriod, drift_spectrum
-from tdint.analysis.spectrum import parse_periods
-from tdint.ground_motion.read import read_record
+from tdint.analysis.spectra.drift import DEFAULT_STORY_HEIGHT, HeightPeriod, drift_spectrum
+from tdint.analysis.spectra.elastic import parse_periods
+from tdint.ground_motion.reading.read import read_record
 
 COLUMNS = "record,component,damping,period_s,height_m,peak_drift_ratio,story,roof_drift_ratio"
 PERIODS = ("--period", "0.5", "--period", "2")

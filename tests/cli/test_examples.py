@@ -113,7 +113,7 @@ def test_what_is_refused(here, tdint, arguments, code, message):
 
 
 def test_the_help_names_the_steps():
-    from tdint.analysis.examples import DTS
+    from tdint.analysis.assessment.paper_examples import DTS
 
     option = next(parameter for parameter in command.params if parameter.name == "dts")
     first, second, third = DTS

@@ -7,8 +7,8 @@ import io
 
 import pytest
 
-from tdint.analysis.failures import usual_methods
-from tdint.analysis.problems import problems
+from tdint.analysis.assessment.failures import usual_methods
+from tdint.analysis.assessment.hard_problems import problems
 from tdint_cli.commands.failures import command
 
 COLUMNS = "problem,method,dt_s,energy_ratio_min,energy_ratio_max,error,outcome,verdict,end_s,error_of"

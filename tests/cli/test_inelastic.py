@@ -9,8 +9,8 @@ import json
 import numpy as np
 import pytest
 
-from tdint.analysis.inelastic import constant_ductility
-from tdint.ground_motion.read import read_record
+from tdint.analysis.spectra.inelastic import constant_ductility
+from tdint.ground_motion.reading.read import read_record
 
 COLUMNS = (
     "record,component,damping,hardening,target_ductility,period_s,yield_strength_ratio,ductility,residual_m,sd_m,"

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from ground_motion import format_files
-from tdint.analysis.spectrum import spectrum
+from tdint.analysis.spectra.elastic import spectrum
 from tdint.ground_motion.measures import measure, spectrum_intensity
-from tdint.ground_motion.read import read_record
+from tdint.ground_motion.reading.read import read_record
 
 COLUMNS = (
     "record,component,id,start,samples,dt_s,duration_s,units,pga_m_s2,pgv_m_s,pgd_m,arias_intensity_m_s,cav_m_s,"

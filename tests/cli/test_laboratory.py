@@ -9,7 +9,7 @@ import math
 import numpy as np
 import pytest
 
-from tdint.analysis.accuracy import LOADS, STORY_LAWS
+from tdint.analysis.assessment.order import LOADS, STORY_LAWS
 from tdint.methods.catalogue import catalogue, parse
 from tdint_cli.commands import order
 
@@ -306,7 +306,7 @@ def test_errors_that_are_rounding_are_told(here, tdint):
 
 
 def test_a_method_that_fails_does_not_keep_the_others_from_being_measured(tdint, monkeypatch):
-    from tdint.analysis import accuracy
+    from tdint.analysis.assessment import order as accuracy
     from tdint.errors import AnalysisError
 
     measure = accuracy.observed_order

@@ -12,11 +12,11 @@ from textwrap import dedent
 import numpy as np
 import pytest
 
-from tdint.analysis.response import run
-from tdint.analysis.spectrum import spectrum
+from tdint.analysis.run.run import run
+from tdint.analysis.spectra.elastic import spectrum
 from tdint.ground_motion.processing import process
-from tdint.ground_motion.read import read_record
-from tdint.model.config import load_model
+from tdint.ground_motion.reading.read import read_record
+from tdint.model.config.read import load_model
 
 OPTIONS = ("--trim", "0.5:2.5", "--baseline", "linear", "--pad", "1:2", "--highpass", "0.5", "--lowpass", "30",
            "--corners", "2", "--resample", "0.005")  # fmt: skip

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tdint.analysis.rotation import rotated_spectrum
+from tdint.analysis.spectra.rotated import rotated_spectrum
 from tdint.ground_motion.horizontals import find_horizontals
-from tdint.ground_motion.read import read_records
+from tdint.ground_motion.reading.read import read_records
 
 COLUMNS = (
     "record,component,damping,period_s,rotd00_psa_m_s2,rotd50_psa_m_s2,rotd100_psa_m_s2,geometric_mean_psa_m_s2,"

@@ -9,8 +9,8 @@ import json
 import numpy as np
 import pytest
 
-from tdint.analysis.spectrum import DEFAULT_PERIODS, parse_periods, spectrum
-from tdint.ground_motion.read import read_record
+from tdint.analysis.spectra.elastic import DEFAULT_PERIODS, parse_periods, spectrum
+from tdint.ground_motion.reading.read import read_record
 
 COLUMNS = "record,component,damping,period_s,sd_m,psv_m_s,psa_m_s2,sv_m_s,sa_m_s2"
 PERIODS = ("--period", "0.2", "--period", "1.0")
@@ -94,7 +94,7 @@ def test_what_is_taken_for_the_motion_between_samples_is_said(folder, tdint, arg
 
 
 def test_the_choices_are_those_of_the_library():
-    from tdint.analysis.oscillators import MAXIMA
+    from tdint.analysis.spectra.oscillators import MAXIMA
     from tdint.ground_motion.interpolation import INTERPOLATIONS
     from tdint_cli.commands.spectrum import command
 

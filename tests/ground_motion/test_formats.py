@@ -9,8 +9,8 @@ from ground_motion import format_files as files
 from ground_motion.format_files import motion
 from tdint.errors import RecordError
 from tdint.ground_motion.messages import quiet_import
-from tdint.ground_motion.plugins import read_contents
-from tdint.ground_motion.read import read_record, read_records
+from tdint.ground_motion.reading.plugins import read_contents
+from tdint.ground_motion.reading.read import read_record, read_records
 from tdint.units import STANDARD_GRAVITY
 
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from ground_motion.format_files import SAMPLES, two_columns
 from tdint.errors import RecordError
-from tdint.ground_motion.plugins import plugins
+from tdint.ground_motion.reading.plugins import plugins
 
 READERS = {plugin.name: plugin.read_format.load() for plugin in plugins() if plugin.is_own}
 CASES = [(name, make().encode()) for name, makes in SAMPLES.items() for make in makes]

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from ground_motion.files import obspy_data, trace, wave, write
 from ground_motion.format_files import SAMPLES
-from tdint.ground_motion.plugins import plugins
+from tdint.ground_motion.reading.plugins import plugins
 
 CHECKS = {plugin.name: plugin.is_format.load() for plugin in plugins() if plugin.is_own}
 

@@ -6,7 +6,7 @@ import pytest
 from ground_motion.format_files import motion, one_column, text, two_columns
 from ground_motion.test_formats import contents, only, refused
 from tdint.errors import RecordError
-from tdint.ground_motion.read import read_record
+from tdint.ground_motion.reading.read import read_record
 
 
 class TestOneColumn:

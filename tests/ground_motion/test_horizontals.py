@@ -10,7 +10,7 @@ import pytest
 from real_records import real_file
 from tdint.errors import RecordError
 from tdint.ground_motion.horizontals import azimuth, find_horizontals, is_vertical, motion_name
-from tdint.ground_motion.read import read_horizontals, read_record, read_records
+from tdint.ground_motion.reading.read import read_horizontals, read_record, read_records
 from tdint.ground_motion.record import Record
 
 

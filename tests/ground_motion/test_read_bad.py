@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from ground_motion.files import counts, obspy_data, trace, wave, write
 from tdint.errors import RecordError
-from tdint.ground_motion.plugins import read_contents
-from tdint.ground_motion.read import read_record, read_records
+from tdint.ground_motion.reading.plugins import read_contents
+from tdint.ground_motion.reading.read import read_record, read_records
 
 
 def refused(path, message, **options):
@@ -64,7 +64,7 @@ class TestNoFile:
             read_record(tmp_path / "*.mseed")
 
     def test_too_large(self, tmp_path, monkeypatch):
-        monkeypatch.setattr("tdint.ground_motion.source._LARGEST", 4096)
+        monkeypatch.setattr("tdint.ground_motion.reading.source._LARGEST", 4096)
         refused(write(tmp_path / "a", trace(wave())), "larger than")
 
     def test_empty_standard_input(self, monkeypatch):
@@ -132,7 +132,7 @@ class TestSamples:
     def test_masked(self, monkeypatch):
         masked = trace(wave())
         masked.data = np.ma.masked_greater(masked.data, 2.5)
-        from tdint.ground_motion.segments import group_channels, join
+        from tdint.ground_motion.reading.segments import group_channels, join
 
         (channel,) = group_channels([masked])
         with pytest.raises(RecordError, match="samples are marked as missing"):
@@ -140,7 +140,7 @@ class TestSamples:
 
     @pytest.mark.parametrize("delta", [0.0, np.inf, np.nan])
     def test_sampling_interval(self, delta):
-        from tdint.ground_motion.segments import group_channels, join
+        from tdint.ground_motion.reading.segments import group_channels, join
 
         odd = trace(wave())
         dict.__setitem__(odd.stats.__dict__, "delta", delta)

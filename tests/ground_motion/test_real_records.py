@@ -7,7 +7,7 @@ import pytest
 
 from real_records import real_file
 from tdint.ground_motion.processing import process
-from tdint.ground_motion.read import read_records
+from tdint.ground_motion.reading.read import read_records
 
 RECORDS = [
     ("0111a.smc", 0.005, (6001,), (1.044078,)),

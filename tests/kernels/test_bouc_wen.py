@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from law_paths import CYCLE, FY, HARDENING, K, follow, law_table, springs
 from tdint.kernels import layout
 from tdint.kernels.layout import FIRST_TRIAL
-from tdint.kernels.springs import commit, restoring, start
+from tdint.kernels.march.springs import commit, restoring, start
 
 SOFT = (1.0 - HARDENING) * FY
 DY = FY / K

@@ -9,10 +9,10 @@ import pytest
 
 from law_paths import CYCLE, FY, HARDENING, K, follow, law_table, springs
 from tdint.kernels import layout
-from tdint.kernels.events import NONE, _crossing, turning
 from tdint.kernels.laws.walking import nothing, walker
 from tdint.kernels.layout import FIRST_TRIAL, SECOND_TRIAL
-from tdint.kernels.springs import restoring, start
+from tdint.kernels.march.events import NONE, _crossing, turning
+from tdint.kernels.march.springs import restoring, start
 from tdint.model.laws import LAWS
 
 LAW_CASES = {

@@ -18,8 +18,8 @@ from step_checks import (
     orders,
     period_error_and_damping,
 )
-from tdint.analysis.amplification import amplification, spectral_radius
-from tdint.analysis.response import FailedRun, run
+from tdint.analysis.run.amplification import amplification, spectral_radius
+from tdint.analysis.run.run import FailedRun, run
 from tdint.methods.catalogue import parse
 
 KR = ("kr-alpha:rho_inf=1", "kr-alpha", "kr-alpha:rho_inf=0.5", "kr-alpha:rho_inf=0")

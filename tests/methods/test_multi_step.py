@@ -16,8 +16,8 @@ from step_checks import (
     orders,
     period_error_and_damping,
 )
-from tdint.analysis.amplification import amplification, spectral_radius
-from tdint.analysis.response import run
+from tdint.analysis.run.amplification import amplification, spectral_radius
+from tdint.analysis.run.run import run
 from tdint.kernels.layout import ACCELERATION, DISPLACEMENT, NOT_CONVERGED, VELOCITY
 from tdint.methods.catalogue import parse
 

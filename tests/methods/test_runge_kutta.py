@@ -19,8 +19,8 @@ from step_checks import (
     orders,
     period_error_and_damping,
 )
-from tdint.analysis.amplification import amplification, spectral_radius
-from tdint.analysis.response import run
+from tdint.analysis.run.amplification import amplification, spectral_radius
+from tdint.analysis.run.run import run
 from tdint.errors import AnalysisError
 from tdint.kernels.layout import COMMITTED, DRIFT, FIRST_TRIAL, FORCE, INTERNAL, NOT_CONVERGED, SECOND_TRIAL
 from tdint.methods.catalogue import parse

@@ -7,7 +7,7 @@ import pytest
 
 from building_cases import RayleighRatio, model, noise, oscillator, story
 from tdint import run
-from tdint.analysis.amplification import amplification
+from tdint.analysis.run.amplification import amplification
 from tdint.methods.catalogue import parse
 
 

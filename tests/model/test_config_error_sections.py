@@ -5,7 +5,7 @@ import io
 import pytest
 
 from tdint.errors import ModelError
-from tdint.model.config import load_model
+from tdint.model.config.read import load_model
 from tdint.model.laws import LAWS
 
 STORY_KEYS = "mass, height, stiffness, law, dashpot, repeat"

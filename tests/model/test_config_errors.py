@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from tdint.errors import ModelError, Problem
-from tdint.model import config
-from tdint.model.config import load_model
+from tdint.model.config import read as config
+from tdint.model.config.read import load_model
 
 KEYS = "name, units, stories, damping, p_delta, excitation, initial, analysis, collapse_drift"
 STORY_KEYS = "mass, height, stiffness, law, dashpot, repeat"

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tdint.errors import OutputError
-from tdint.output.files import check_outputs, write_file, write_files
+from tdint.files import check_outputs, write_file, write_files
 
 
 def writes(content: bytes):

@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tdint.analysis.response import run
-from tdint.analysis.spectrum import spectrum
+from tdint.analysis.run.run import run
+from tdint.analysis.spectra.elastic import spectrum
 from tdint.errors import OutputError
 from tdint.ground_motion.processing import process
 from tdint.ground_motion.record import Record
-from tdint.model.config import load_model
-from tdint.output.plots import changed, plot_run, run_picture
-from tdint.output.spectrum_plots import plot_spectrum
+from tdint.model.config.read import load_model
+from tdint.output.figures.run import changed, plot_run, run_picture
+from tdint.output.figures.spectrum import plot_spectrum
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 STARTS = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
@@ -104,7 +104,7 @@ def test_many_spectra_are_drawn(tmp_path):
 
 
 def test_no_window_system_is_loaded():
-    code = "import sys, tdint.output.plots; sys.exit('matplotlib.pyplot' in sys.modules)"
+    code = "import sys, tdint.output.figures.run; sys.exit('matplotlib.pyplot' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 

@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 
-from tdint.analysis.response import StoryErrors, StoryPeaks
-from tdint.output.summary import json_bytes, overall_errors, overall_peaks
+from tdint.analysis.run.run import StoryErrors, StoryPeaks
+from tdint.output.summaries.summary import json_bytes, overall_errors, overall_peaks
 
 
 def test_json_has_twelve_digits_null_and_the_order_of_its_keys():

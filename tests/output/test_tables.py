@@ -14,12 +14,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tdint.analysis.response import EnergyHistory, History, StoryPeaks
-from tdint.analysis.spectrum import Spectrum
+from tdint.analysis.run.run import EnergyHistory, History, StoryPeaks
+from tdint.analysis.spectra.elastic import Spectrum
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import catalogue, parse
-from tdint.output import tables
-from tdint.output.tables import Table, cell_text, component_names
+from tdint.output.tables.tables import Table, cell_text, component_names, tables
 
 
 def read(data: bytes) -> list[list[str]]:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tdint.ground_motion.read import read_record, read_records
+from tdint.ground_motion.reading.read import read_record, read_records
 
 FOLDER = Path(__file__).parents[2] / "records"
 NAMES = ("firm-soil", "near-fault", "soft-soil")

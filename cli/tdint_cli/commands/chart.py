@@ -18,13 +18,13 @@ from tdint_cli.startup import load_numba
 from tdint_cli.terminal import say
 
 if TYPE_CHECKING:
-    from tdint.analysis.precision import Chart
-    from tdint.analysis.problem import Problem
+    from tdint.analysis.chart.work_precision import Chart
+    from tdint.analysis.run.case import Problem
+    from tdint.files import Writer
     from tdint.ground_motion.processing import Processing
     from tdint.ground_motion.record import Record
     from tdint.model.definition import Model
-    from tdint.output.chart import Advice, PointOf
-    from tdint.output.files import Writer
+    from tdint.output.tables.chart import Advice, PointOf
 
 TARGETS = ("peak-drift", "drift", "displacement", "velocity", "acceleration")
 MOST_STORIES = 10_000
@@ -166,9 +166,9 @@ def command(**given: Any) -> None:
 def _run(request: Request) -> None:
     outputs = _checked(request)
     load_numba()
-    from tdint.analysis.response import model_record
-    from tdint.kernels.march import march
-    from tdint.model.config import load_model
+    from tdint.analysis.run.run import model_record
+    from tdint.kernels.march.march import march
+    from tdint.model.config.read import load_model
 
     model = with_motion(load_model(request.model), request)
     record = model_record(model)
@@ -207,7 +207,7 @@ def _charts(request: Request, model: Model, record: Record | None, progress: Pro
     if not request.stories:
         chart, left_out = _chart(request, model, record, progress)
         return [chart], left_out
-    from tdint.analysis.sizes import stretched
+    from tdint.analysis.chart.sizes import stretched
 
     charts = []
     share = 1.0 / len(request.stories)
@@ -218,8 +218,8 @@ def _charts(request: Request, model: Model, record: Record | None, progress: Pro
 
 
 def _chart(request: Request, model: Model, record: Record | None, progress: Progress) -> tuple[Chart, list[str]]:
-    from tdint.analysis.precision import DEFAULT_METHODS, measure, suited
-    from tdint.analysis.problem import pose
+    from tdint.analysis.chart.work_precision import DEFAULT_METHODS, measure, suited
+    from tdint.analysis.run.case import pose
 
     problem = pose(model, record, duration=request.duration, dts=request.steps or ())
     integrators = suited(problem, chosen(request.methods or DEFAULT_METHODS))
@@ -228,13 +228,13 @@ def _chart(request: Request, model: Model, record: Record | None, progress: Prog
     chart = measure(problem, integrators, steps, repeats=request.repeat, cached=request.cache, progress=own)
     if not request.peers:
         return chart, []
-    from tdint.analysis.peers import with_peers
+    from tdint.analysis.chart.peers.points import with_peers
 
     return with_peers(problem, chart, steps, repeats=request.repeat, progress=part_of(progress, 0.2, 1.0))
 
 
 def _steps(request: Request, problem: Problem, methods: int) -> Sequence[float]:
-    from tdint.analysis.precision import default_steps, halved_steps
+    from tdint.analysis.chart.work_precision import default_steps, halved_steps
 
     if request.steps:
         return request.steps
@@ -244,8 +244,8 @@ def _steps(request: Request, problem: Problem, methods: int) -> Sequence[float]:
 
 
 def _advice(request: Request, chart: Chart) -> list[Advice]:
-    from tdint.analysis.precision import cheapest
-    from tdint.output.chart import PEER, Advice
+    from tdint.analysis.chart.work_precision import cheapest
+    from tdint.output.tables.chart import PEER, Advice
 
     quantity = request.target.replace("-", "_")
     own = [point for point in chart.points if PEER not in point.line]
@@ -263,10 +263,10 @@ def _deliver(
     request: Request, outputs: Outputs, charts: list[Chart], model: Model, record: Record | None,
     advice: list[Advice], notes: list[str],
 ) -> None:  # fmt: skip
-    from tdint.output.chart import chart_summary, chart_table, sizes_table
+    from tdint.output.tables.chart import chart_summary, chart_table, sizes_table
 
     def draw(suffix: str) -> Writer:
-        from tdint.output.chart_plots import chart_picture, sizes_picture
+        from tdint.output.figures.chart import chart_picture, sizes_picture
 
         if request.stories:
             return sizes_picture(charts, suffix, name=model.name, target=request.target)
@@ -280,7 +280,7 @@ def _deliver(
 
 def _reference(request: Request, chart: Chart) -> str:
     """How the reference was computed and how well it is known."""
-    from tdint.output.chart import error_of
+    from tdint.output.tables.chart import error_of
 
     reference = chart.reference
     stories = f"{chart.stories} {'story' if chart.stories == 1 else 'stories'}"
@@ -292,7 +292,7 @@ def _reference(request: Request, chart: Chart) -> str:
 
 
 def _recommend(request: Request, chart: Chart, advice: list[Advice]) -> None:
-    from tdint.output.chart import error_of
+    from tdint.output.tables.chart import error_of
 
     def cost(point: PointOf) -> str:
         error = error_of(point.errors, request.target)
@@ -310,7 +310,7 @@ def _recommend(request: Request, chart: Chart, advice: list[Advice]) -> None:
 
 def _notes(request: Request, charts: list[Chart], record: Record | None) -> list[str]:
     """What a person should know of the chart."""
-    from tdint.output.chart import error_of
+    from tdint.output.tables.chart import error_of
 
     notes = list(record.notes) if record else []
     points = [point for chart in charts for point in chart.points]

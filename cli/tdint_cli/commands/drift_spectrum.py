@@ -13,10 +13,10 @@ from tdint_cli import options, spectra
 from tdint_cli.startup import load_numba
 
 if TYPE_CHECKING:
-    from tdint.analysis.drift_spectrum import DriftSpectrum
+    from tdint.analysis.spectra.drift import DriftSpectrum
+    from tdint.files import Writer
     from tdint.ground_motion.record import Record
-    from tdint.output.files import Writer
-    from tdint.output.tables import Table
+    from tdint.output.tables.tables import Table
 
 _PERIODS = "0.2:10:200"
 _STORY_HEIGHT = 3.5
@@ -98,7 +98,7 @@ def _run(request: Request) -> None:
     if request.beam and (request.stories is not None or request.story_height is not None):
         raise UsageError("--beam has no stories: leave out --stories and --story-height")
     load_numba()
-    from tdint.analysis.drift_spectrum import number_of_stories, parse_height_period
+    from tdint.analysis.spectra.drift import number_of_stories, parse_height_period
 
     heights = parse_height_period(request.height_period).height(request.chosen_periods(_PERIODS))
     if not request.beam:
@@ -107,7 +107,7 @@ def _run(request: Request) -> None:
 
 
 def _compute(request: Request, records: Sequence[Record]) -> spectra.Results:
-    from tdint.analysis.drift_spectrum import drift_spectrum, parse_height_period
+    from tdint.analysis.spectra.drift import drift_spectrum, parse_height_period
 
     results = [
         drift_spectrum(
@@ -126,12 +126,12 @@ def _compute(request: Request, records: Sequence[Record]) -> spectra.Results:
 
 
 def _table(_: Request, results: Sequence[DriftSpectrum]) -> Table:
-    from tdint.output.drift_tables import drift_spectrum_table
+    from tdint.output.tables.drift import drift_spectrum_table
 
     return drift_spectrum_table(results)
 
 
 def _picture(_: Request, results: Sequence[DriftSpectrum], suffix: str) -> Writer:
-    from tdint.output.drift_plots import drift_spectrum_picture
+    from tdint.output.figures.drift import drift_spectrum_picture
 
     return drift_spectrum_picture(results, suffix)

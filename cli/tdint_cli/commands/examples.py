@@ -14,8 +14,8 @@ from tdint_cli.laboratory import chosen, say_table
 from tdint_cli.terminal import emit, say
 
 if TYPE_CHECKING:
-    from tdint.analysis.examples import Example, ExampleRun
-    from tdint.output.files import Writer
+    from tdint.analysis.assessment.paper_examples import Example, ExampleRun
+    from tdint.files import Writer
 
 _CONFIRMS = "gauss4"
 _WIDTH = 100
@@ -73,9 +73,9 @@ def command(**given: Any) -> None:
 
 
 def _run(request: Request) -> None:
-    from tdint.analysis.examples import DTS, default_integrators, examples, run_example
-    from tdint.output.examples import example_table
-    from tdint.output.files import check_outputs, write_files
+    from tdint.analysis.assessment.paper_examples import DTS, default_integrators, examples, run_example
+    from tdint.files import check_outputs, write_files
+    from tdint.output.tables.paper_examples import example_table
 
     wanted = [examples()[int(number)] for number in dict.fromkeys(sorted(request.numbers)) or map(str, examples())]
     folder = Path(request.output) if request.output else None
@@ -101,8 +101,8 @@ def _names(example: Example) -> list[str]:
 
 def _files(example: Example, runs: list[ExampleRun]) -> dict[str, Writer]:
     """The files of one example and what writes each; no figures where no run came to its end."""
-    from tdint.output.example_plots import example_picture
-    from tdint.output.examples import example_table
+    from tdint.output.figures.paper_examples import example_picture
+    from tdint.output.tables.paper_examples import example_table
 
     table = example_table(runs).csv()
     first = [run for run in runs if run.dt == runs[0].dt]
@@ -124,7 +124,7 @@ def _files(example: Example, runs: list[ExampleRun]) -> dict[str, Writer]:
 
 def _say_example(example: Example, runs: list[ExampleRun], remark: bool) -> None:
     """What the example is, how good its reference, the methods by rank, and how the paper's ranking comes about."""
-    from tdint.analysis.examples import FINER, gap
+    from tdint.analysis.assessment.paper_examples import FINER, gap
 
     dt = runs[0].dt
     say(f"Example {example.number}: {example.about}")

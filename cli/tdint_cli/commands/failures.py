@@ -13,8 +13,8 @@ from tdint_cli.laboratory import Outputs, chosen, say_table
 from tdint_cli.terminal import say
 
 if TYPE_CHECKING:
-    from tdint.analysis.failures import Trial
-    from tdint.output.files import Writer
+    from tdint.analysis.assessment.failures import Trial
+    from tdint.files import Writer
 
 
 @dataclass(frozen=True)
@@ -60,8 +60,8 @@ def command(**given: Any) -> None:
 
 
 def _run(request: Request) -> None:
-    from tdint.analysis.failures import attempt, find_problems, usual_methods
-    from tdint.output.problems import failure_table
+    from tdint.analysis.assessment.failures import attempt, find_problems, usual_methods
+    from tdint.output.tables.failures import failure_table
 
     outputs = Outputs.checked(request.output, request.plot, request.overwrite)
     integrators = chosen(request.methods) if request.methods else usual_methods()
@@ -69,7 +69,7 @@ def _run(request: Request) -> None:
     trials = [trial for problem in problems for integrator in integrators for trial in attempt(integrator, problem)]
 
     def draw(suffix: str) -> Writer:
-        from tdint.output.problem_plots import failure_picture
+        from tdint.output.figures.failures import failure_picture
 
         return failure_picture(trials, suffix)
 

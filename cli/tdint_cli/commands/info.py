@@ -19,11 +19,11 @@ from tdint_cli.startup import load_numba
 from tdint_cli.terminal import say
 
 if TYPE_CHECKING:
+    from tdint.files import Writer
     from tdint.ground_motion.processing import Processing
     from tdint.ground_motion.record import Record
-    from tdint.output.files import Writer
-    from tdint.output.record_tables import RecordInfo
-    from tdint.output.tables import Table
+    from tdint.output.tables.records import RecordInfo
+    from tdint.output.tables.tables import Table
 
 _DAMPING = 0.05
 _PERIODS = 481
@@ -125,13 +125,13 @@ def _run(request: Request) -> None:
 
 
 def _deliver(request: Request, outputs: Outputs, products: Sequence[Product]) -> None:
-    from tdint.output.summary import table_summary
+    from tdint.output.summaries.summary import table_summary
 
     rows = [row for product in products for row in product.table.rows]
     records = [record for product in products for record in product.records]
 
     def draw(suffix: str) -> Writer:
-        from tdint.output.record_plots import info_picture
+        from tdint.output.figures.records import info_picture
 
         return info_picture([info for product in products for info in product.infos], suffix)
 
@@ -143,9 +143,9 @@ def _work(request: Request, task: Task) -> Product:
     """All components of a record; it may run in another process."""
     load_numba()
     from tdint.ground_motion.measures import measure
-    from tdint.ground_motion.read import read_records
-    from tdint.output.record_tables import RecordInfo, info_table
-    from tdint.output.summary import record_summary
+    from tdint.ground_motion.reading.read import read_records
+    from tdint.output.summaries.summary import record_summary
+    from tdint.output.tables.records import RecordInfo, info_table
 
     found = read_records(task.source, units=request.units, component=request.component, inventory=request.inventory)
     records = [request.processing.apply(record) for record in found]
@@ -161,7 +161,7 @@ def _work(request: Request, task: Task) -> Product:
 def _housner_intensity(record: Record) -> float:
     import numpy as np
 
-    from tdint.analysis.spectrum import spectrum
+    from tdint.analysis.spectra.elastic import spectrum
     from tdint.ground_motion.measures import HOUSNER_PERIODS, spectrum_intensity
 
     periods = np.linspace(*HOUSNER_PERIODS, _PERIODS)

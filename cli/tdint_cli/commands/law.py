@@ -14,8 +14,8 @@ from tdint_cli.startup import load_numba
 from tdint_cli.terminal import say
 
 if TYPE_CHECKING:
-    from tdint.analysis.cyclic import Cycle, CyclicTest
-    from tdint.output.files import Writer
+    from tdint.analysis.run.cyclic import Cycle, CyclicTest
+    from tdint.files import Writer
 
 
 @dataclass(frozen=True)
@@ -91,14 +91,14 @@ def _run(request: Request) -> None:
     outputs = Outputs.checked(request.output, request.plot, request.overwrite)
     sizes = [parse_drift(text) for text in request.drifts]
     load_numba()
-    from tdint.analysis.cyclic import cyclic_test
-    from tdint.model.config import load_model
-    from tdint.output.cyclic import cyclic_table
+    from tdint.analysis.run.cyclic import cyclic_test
+    from tdint.model.config.read import load_model
+    from tdint.output.tables.cyclic import cyclic_table
 
     test = cyclic_test(load_model(request.model), request.story, sizes, cycles=request.cycles, points=request.points)
 
     def draw(suffix: str) -> Writer:
-        from tdint.output.cyclic_plots import cyclic_picture
+        from tdint.output.figures.cyclic import cyclic_picture
 
         return cyclic_picture(test, suffix)
 

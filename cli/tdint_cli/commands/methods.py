@@ -17,7 +17,7 @@ def command() -> None:
     spectral radius for omega dt to infinity.
     """
     from tdint.methods.catalogue import catalogue, parse
-    from tdint.output.tables import method_table
+    from tdint.output.tables.tables import method_table
     from tdint_cli.terminal import emit
 
     emit(method_table(map(parse, catalogue())).csv())

@@ -18,8 +18,8 @@ def command(model: str) -> None:
     effective modal mass over the total mass, and its sum so far.
     """
     from tdint.model.building import assemble
-    from tdint.model.config import load_model
-    from tdint.output.tables import mode_table
+    from tdint.model.config.read import load_model
+    from tdint.output.tables.tables import mode_table
     from tdint_cli.terminal import emit, say
 
     building = assemble(load_model(model))

@@ -15,9 +15,9 @@ from tdint_cli.laboratory import Outputs, chosen
 from tdint_cli.terminal import say
 
 if TYPE_CHECKING:
-    from tdint.analysis.accuracy import ObservedOrder, OrderProblem
+    from tdint.analysis.assessment.order import ObservedOrder, OrderProblem
+    from tdint.files import Writer
     from tdint.methods.method import Integrator
-    from tdint.output.files import Writer
 
 _RATIOS = options.Grid(0.2, 5.0, 15)
 
@@ -76,8 +76,8 @@ def command(**given: Any) -> None:
 
 
 def _run(request: Request) -> None:
-    from tdint.analysis.accuracy import order_problem
-    from tdint.output.laboratory import order_table
+    from tdint.analysis.assessment.order import order_problem
+    from tdint.output.tables.assessment import order_table
 
     outputs = Outputs.checked(request.output, request.plot, request.overwrite)
     integrators = chosen(request.methods)
@@ -87,7 +87,7 @@ def _run(request: Request) -> None:
     if measured:
 
         def draw(suffix: str) -> Writer:
-            from tdint.output.laboratory_plots import order_picture
+            from tdint.output.figures.assessment import order_picture
 
             return order_picture(measured, suffix)
 
@@ -122,7 +122,7 @@ def _measure(
     integrators: list[Integrator], problems: list[OrderProblem]
 ) -> tuple[list[ObservedOrder], list[TdintError]]:
     """All orders; a method that fails does not keep the others from being measured."""
-    from tdint.analysis.accuracy import observed_order
+    from tdint.analysis.assessment.order import observed_order
 
     measured: list[ObservedOrder] = []
     failures: list[TdintError] = []

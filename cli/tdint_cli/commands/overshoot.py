@@ -13,9 +13,9 @@ from tdint_cli.laboratory import Outputs, chosen, say_table
 from tdint_cli.terminal import say
 
 if TYPE_CHECKING:
-    from tdint.analysis.overshoot import Overshoot
+    from tdint.analysis.assessment.overshoot import Overshoot
+    from tdint.files import Writer
     from tdint.methods.method import Integrator
-    from tdint.output.files import Writer
 
 _MOST_STEPS = 100_000
 
@@ -76,8 +76,8 @@ def command(**given: Any) -> None:
 
 
 def _run(request: Request) -> None:
-    from tdint.analysis.overshoot import STARTS, overshoot
-    from tdint.output.laboratory import overshoot_table
+    from tdint.analysis.assessment.overshoot import STARTS, overshoot
+    from tdint.output.tables.assessment import overshoot_table
 
     outputs = Outputs.checked(request.output, request.plot, request.overwrite)
     pairs = {
@@ -89,7 +89,7 @@ def _run(request: Request) -> None:
     motions = [motion for pair in pairs.values() for motion in pair]
 
     def draw(suffix: str) -> Writer:
-        from tdint.output.laboratory_plots import overshoot_picture
+        from tdint.output.figures.assessment import overshoot_picture
 
         return overshoot_picture(motions, suffix)
 
@@ -98,7 +98,7 @@ def _run(request: Request) -> None:
 
 
 def _say_powers(pairs: dict[Integrator, list[Overshoot]]) -> None:
-    from tdint.analysis.overshoot import EXACT_POWERS, verdict
+    from tdint.analysis.assessment.overshoot import EXACT_POWERS, verdict
 
     rows = [
         ("method", "u from u0", "dt v from u0", "u from dt v0", "dt v from dt v0", "overshoots"),

@@ -16,11 +16,11 @@ from tdint_cli.startup import load_numba
 from tdint_cli.terminal import emit, say
 
 if TYPE_CHECKING:
-    from tdint.analysis.response import FailedRun, Response
+    from tdint.analysis.run.run import FailedRun, Response
+    from tdint.files import Writer
     from tdint.ground_motion.processing import Processing
     from tdint.ground_motion.record import Input, Record
     from tdint.model.definition import Model
-    from tdint.output.files import Writer
 
 STORIES, HISTORY, PICTURE, SUMMARY = "stories.csv", "history.csv", "response.png", "summary.json"
 """The files of a run. The summary is written last: where it says `done`, all is there."""
@@ -96,10 +96,10 @@ def command(**given: Any) -> None:
 def _run(request: Request) -> None:
     began = time.perf_counter()
     load_numba()
-    from tdint.analysis.response import FailedRun, model_record, run
-    from tdint.model.config import load_model
-    from tdint.output.summary import model_input
-    from tdint.output.tables import story_table
+    from tdint.analysis.run.run import FailedRun, model_record, run
+    from tdint.model.config.read import load_model
+    from tdint.output.summaries.summary import model_input
+    from tdint.output.tables.tables import story_table
 
     _check(request)
     model = with_motion(load_model(request.model), request)
@@ -133,7 +133,7 @@ def _run(request: Request) -> None:
 
 def _check(request: Request) -> None:
     """Refuse, before any work, what can be seen to fail."""
-    from tdint.output.files import check_outputs
+    from tdint.files import check_outputs
 
     for name, wanted in (("--history", request.history), ("--plot", request.plot)):
         if wanted and not request.output:
@@ -147,8 +147,8 @@ def _check(request: Request) -> None:
 
 def _files(request: Request, response: Response, inputs: list[Input], began: float) -> dict[str, Writer]:
     """The files of a run and what writes them."""
-    from tdint.output.summary import json_bytes, run_summary
-    from tdint.output.tables import story_table, write_history
+    from tdint.output.summaries.summary import json_bytes, run_summary
+    from tdint.output.tables.tables import story_table, write_history
 
     table = story_table(response.stories, response.check and response.check.errors).csv()
     summary = json_bytes(run_summary(response, inputs, time.perf_counter() - began))
@@ -157,7 +157,7 @@ def _files(request: Request, response: Response, inputs: list[Input], began: flo
     if request.history and history is not None:
         files[HISTORY] = lambda stream: write_history(history, stream)
     if request.plot:
-        from tdint.output.plots import run_picture
+        from tdint.output.figures.run import run_picture
 
         files[PICTURE] = run_picture(response, Path(PICTURE).suffix)
     files[SUMMARY] = lambda stream: stream.write(summary)
@@ -167,7 +167,7 @@ def _files(request: Request, response: Response, inputs: list[Input], began: flo
 def _failed_files(
     request: Request, failure: FailedRun, model: Model, record: Record | None, inputs: list[Input], began: float
 ) -> dict[str, Writer]:
-    from tdint.output.summary import failure_summary, json_bytes
+    from tdint.output.summaries.summary import failure_summary, json_bytes
 
     wall_time = time.perf_counter() - began
     summary = json_bytes(failure_summary(failure, model, record, inputs, wall_time))
@@ -176,7 +176,7 @@ def _failed_files(
 
 def _write(request: Request, files: dict[str, Writer]) -> None:
     """Write the files of this run; with --overwrite the folder keeps none of an earlier one."""
-    from tdint.output.files import write_files
+    from tdint.files import write_files
 
     assert request.output is not None
     folder = Path(request.output)
@@ -187,7 +187,7 @@ def _write(request: Request, files: dict[str, Writer]) -> None:
 
 def _paragraph(response: Response) -> str:
     """The run in a few sentences."""
-    from tdint.output.summary import overall_peaks
+    from tdint.output.summaries.summary import overall_peaks
 
     stories = len(response.model.stories)
     record = response.record

@@ -12,10 +12,10 @@ from tdint_cli import inelastic, options, rotation, spectra
 from tdint_cli.startup import load_numba
 
 if TYPE_CHECKING:
-    from tdint.analysis.spectrum import Manner
+    from tdint.analysis.spectra.elastic import Manner
+    from tdint.files import Writer
     from tdint.ground_motion.record import Record
-    from tdint.output.files import Writer
-    from tdint.output.tables import Table
+    from tdint.output.tables.tables import Table
 
 _PERIODS = "0.01:10:200"
 _SAMPLES_PER_PERIOD = 10
@@ -52,7 +52,7 @@ class Request(spectra.Request):
     def manner(self) -> Manner:
         """How elastic spectra are made."""
         load_numba()
-        from tdint.analysis.spectrum import choose_manner
+        from tdint.analysis.spectra.elastic import choose_manner
 
         return choose_manner(self.method, self.maxima, self.interpolation)
 
@@ -127,7 +127,7 @@ def _run(request: Request) -> None:
 
 def _compute(request: Request, records: Sequence[Record]) -> spectra.Results:
     """The spectra of the components of a record: elastic, over all directions, or of oscillators that yield."""
-    from tdint.analysis.spectrum import spectrum
+    from tdint.analysis.spectra.elastic import spectrum
 
     periods = request.chosen_periods(_PERIODS)
     manner = {"maxima": request.maxima, "interpolation": request.interpolation}
@@ -142,8 +142,8 @@ def _compute(request: Request, records: Sequence[Record]) -> spectra.Results:
 
 
 def _table(request: Request, results: Sequence[Any]) -> Table:
-    from tdint.output.inelastic_tables import inelastic_table
-    from tdint.output.tables import rotated_table, spectrum_table
+    from tdint.output.tables.inelastic import inelastic_table
+    from tdint.output.tables.tables import rotated_table, spectrum_table
 
     if request.rotd:
         return rotated_table(results, request.stated)
@@ -151,9 +151,9 @@ def _table(request: Request, results: Sequence[Any]) -> Table:
 
 
 def _picture(request: Request, results: Sequence[Any], suffix: str) -> Writer:
-    from tdint.output.inelastic_plots import inelastic_picture
-    from tdint.output.rotation_plots import rotated_picture
-    from tdint.output.spectrum_plots import spectrum_picture
+    from tdint.output.figures.inelastic import inelastic_picture
+    from tdint.output.figures.rotated import rotated_picture
+    from tdint.output.figures.spectrum import spectrum_picture
 
     draw = rotated_picture if request.rotd else inelastic_picture if request.inelastic else spectrum_picture
     return draw(results, suffix)

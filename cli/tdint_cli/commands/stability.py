@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from tdint.files import Writer
     from tdint.methods.method import Integrator
-    from tdint.output.files import Writer
 
 _STEPS = options.Grid(0.001, 1000.0, 400)
 _SCANNED = ("1/120", "1/143", "1/144", "1/145", "1/160")
@@ -75,8 +75,8 @@ def command(**given: Any) -> None:
 
 
 def _run(request: Request) -> None:
-    from tdint.analysis.stability import stability
-    from tdint.output.laboratory import stability_table
+    from tdint.analysis.assessment.stability import stability
+    from tdint.output.tables.assessment import stability_table
 
     outputs = Outputs.checked(request.output, request.plot, request.overwrite)
     scanned = tuple(f"impulse:beta={beta}" for beta in _SCANNED) if request.beta_scan else ()
@@ -86,7 +86,7 @@ def _run(request: Request) -> None:
     curves = [stability(integrator, steps, damping) for integrator in integrators for damping in dampings]
 
     def draw(suffix: str) -> Writer:
-        from tdint.output.laboratory_plots import stability_picture
+        from tdint.output.figures.assessment import stability_picture
 
         return stability_picture(curves, suffix, band=request.beta_scan)
 
@@ -105,7 +105,7 @@ def _steps(request: Request) -> NDArray[np.float64]:
 
 
 def _say_critical_steps(integrators: list[Integrator], dampings: list[float]) -> None:
-    from tdint.analysis.stability import LARGEST, critical_step
+    from tdint.analysis.assessment.stability import LARGEST, critical_step
 
     rows = [("method", "damping", "critical omega dt")]
     for integrator in integrators:

@@ -12,8 +12,6 @@ from __future__ import annotations
 
 import math
 
-from tdint.kernels.balance import BALANCE_ROWS, LOAD, A, U, V, balance, factor_rows, forget
-from tdint.kernels.chain import finite, floor_load
 from tdint.kernels.compiling import inlined, kernel
 from tdint.kernels.layout import (
     ACCELERATION,
@@ -28,8 +26,10 @@ from tdint.kernels.layout import (
     TIME,
     VELOCITY,
 )
-from tdint.kernels.springs import commit, settle
-from tdint.kernels.stepping import STEP
+from tdint.kernels.march.chain import finite, floor_load
+from tdint.kernels.march.newton import BALANCE_ROWS, LOAD, A, U, V, balance, factor_rows, forget
+from tdint.kernels.march.springs import commit, settle
+from tdint.kernels.march.stepping import STEP
 from tdint.methods.method import Family, Method, Parameter
 
 # Coefficients

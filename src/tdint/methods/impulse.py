@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 
-from tdint.kernels.chain import finite, floor_load
 from tdint.kernels.compiling import called, inlined, kernel
 from tdint.kernels.layout import (
     ACCELERATION,
@@ -34,7 +33,8 @@ from tdint.kernels.layout import (
     TIME,
     VELOCITY,
 )
-from tdint.kernels.momentum import (
+from tdint.kernels.march.chain import finite, floor_load
+from tdint.kernels.march.impulse_momentum import (
     A1,
     DU,
     DV,
@@ -51,9 +51,9 @@ from tdint.kernels.momentum import (
     in_balance,
     residuals,
 )
-from tdint.kernels.springs import commit, restoring
-from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, STEP
-from tdint.kernels.tridiagonal import assemble_blocks, factor_blocks
+from tdint.kernels.march.springs import commit, restoring
+from tdint.kernels.march.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, STEP
+from tdint.kernels.march.tridiagonal import assemble_blocks, factor_blocks
 from tdint.methods.method import Family, Method, Parameter
 
 # Coefficients

@@ -16,8 +16,6 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.kernels.balance import BALANCE_ROWS, LOAD, A, U, V, X, balance, factor_rows, forget
-from tdint.kernels.chain import finite, floor_load
 from tdint.kernels.compiling import inlined, kernel
 from tdint.kernels.layout import (
     ACCELERATION,
@@ -31,8 +29,10 @@ from tdint.kernels.layout import (
     TIME,
     VELOCITY,
 )
-from tdint.kernels.springs import commit, restoring
-from tdint.kernels.stepping import STEP
+from tdint.kernels.march.chain import finite, floor_load
+from tdint.kernels.march.newton import BALANCE_ROWS, LOAD, A, U, V, X, balance, factor_rows, forget
+from tdint.kernels.march.springs import commit, restoring
+from tdint.kernels.march.stepping import STEP
 from tdint.methods.method import Family, Method, Parameter
 
 # Coefficients

@@ -1,4 +1,4 @@
-"""What a model file says, as typed values in SI units. Nothing here reads a file; `tdint.model.config` does."""
+"""What a model file says, as typed values in SI units. Nothing here reads a file; `tdint.model.config.read` does."""
 
 from __future__ import annotations
 

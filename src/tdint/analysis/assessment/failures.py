@@ -1,0 +1,166 @@
+"""Which methods fail on which problems, how and by how much: the work behind `tdint failures`."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdint.analysis.assessment.hard_problems import Problem, problems
+from tdint.analysis.run.run import FailedRun, History, run
+from tdint.errors import UsageError
+from tdint.methods.catalogue import catalogue, parse
+from tdint.methods.method import Integrator
+from tdint.model.building import assemble
+
+PASS = "pass"
+BLOWS_UP = "blows up"
+NO_CONVERGENCE = "does not converge"
+REFUSED = "refused"
+
+_MORE = {"impulse4": ("rho_inf=0.5", "rho_inf=0"), "wilson": ("theta=1.3",)}
+"""Members that show what their method's default does not: dissipation, and theta below its limit."""
+
+_ENDS = {"diverged": BLOWS_UP, "not-converged": NO_CONVERGENCE}
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One method on one problem with one step.
+
+    Attributes
+    ----------
+    energy_ratio_min, energy_ratio_max : float
+        Least and largest energy over the largest of the exact motion; nan for a run without an end, and the least where
+        the motion starts from rest.
+    error, error_of : float, str
+        The problem's error and what it is; nan for a run without an end.
+    outcome : str
+        The status of `tdint run`; the rest is what it gives with --allow-unstable. `refused` for a method that is not
+        for this building.
+    verdict : str
+        `pass`, the fault found, or how the run failed.
+    time, steps : float, int
+        Last time reached (s), and whole steps done.
+    measure : float
+        What the verdict rests on: the energy ratio that is farthest from 1 where the problem judges energy, else the
+        error; nan for a run without an end.
+    """
+
+    problem: str
+    method: str
+    dt: float
+    energy_ratio_min: float
+    energy_ratio_max: float
+    error: float
+    error_of: str
+    outcome: str
+    verdict: str
+    time: float
+    steps: int
+    measure: float
+
+
+def usual_methods() -> list[Integrator]:
+    """All methods at their defaults (`newmark` is `newmark-average`), and a few more members."""
+    result: list[Integrator] = []
+    for name in catalogue():
+        if name != "newmark":
+            result.append(parse(name))
+        result += [parse(f"{name}:{values}") for values in _MORE.get(name, ())]
+    return result
+
+
+def find_problems(names: Sequence[str]) -> list[Problem]:
+    """Problems by name, each once; all if none is named.
+
+    Raises
+    ------
+    UsageError
+        An unknown name.
+    """
+    known = problems()
+    for name in names:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+            hint = f"; did you mean {near[0]}?" if near else ""
+            raise UsageError(f"unknown problem {name!r}{hint} (known: {', '.join(known)})")
+    return [known[name] for name in dict.fromkeys(names or known)]
+
+
+def attempt(integrator: Integrator, problem: Problem) -> list[Trial]:
+    """Integrate a problem with each of its steps, and judge."""
+    return [_attempt(integrator, problem, dt, steps) for dt, steps in problem.steps]
+
+
+def _attempt(integrator: Integrator, problem: Problem, dt: float, steps: int) -> Trial:
+    if integrator.family.linear_only and not assemble(problem.model).linear:
+        return _without_numbers(integrator, problem, dt, REFUSED, REFUSED, 0.0)
+    ended = _run(integrator, problem, dt, steps, allow_unstable=False)
+    outcome = "done"
+    if isinstance(ended, FailedRun):
+        outcome = ended.status
+        ended = _run(integrator, problem, dt, steps, allow_unstable=True)
+    if isinstance(ended, FailedRun):
+        return _without_numbers(integrator, problem, dt, outcome, _ENDS[ended.status], ended.time)
+    return _judged(integrator, problem, dt, outcome, ended)
+
+
+def _run(integrator: Integrator, problem: Problem, dt: float, steps: int, allow_unstable: bool) -> History | FailedRun:
+    try:
+        response = run(
+            problem.model,
+            method=integrator.label,
+            dt=dt,
+            duration=dt * steps,
+            history=True,
+            allow_unstable=allow_unstable,
+        )
+    except FailedRun as failure:
+        return failure
+    assert response.history is not None
+    return response.history
+
+
+def _judged(integrator: Integrator, problem: Problem, dt: float, outcome: str, history: History) -> Trial:
+    ratio = problem.energy(history) / problem.energy_scale
+    least, largest = float(np.min(ratio)), float(np.max(ratio))
+    error = problem.error(history)
+    farthest = least if least * largest < 1.0 else largest
+    measure = farthest if problem.by_energy else error
+    return Trial(
+        problem=problem.name,
+        method=integrator.label,
+        dt=dt,
+        energy_ratio_min=least if ratio[0] > 0.0 else math.nan,
+        energy_ratio_max=largest,
+        error=error,
+        error_of=problem.error_of,
+        outcome=outcome,
+        verdict=next((fault.name for fault in problem.faults if fault.found(measure)), PASS),
+        time=float(history.time[-1]),
+        steps=len(history.time) - 1,
+        measure=measure,
+    )
+
+
+def _without_numbers(
+    integrator: Integrator, problem: Problem, dt: float, outcome: str, verdict: str, time: float
+) -> Trial:
+    return Trial(
+        problem=problem.name,
+        method=integrator.label,
+        dt=dt,
+        energy_ratio_min=math.nan,
+        energy_ratio_max=math.nan,
+        error=math.nan,
+        error_of=problem.error_of,
+        outcome=outcome,
+        verdict=verdict,
+        time=time,
+        steps=round(time / dt),
+        measure=math.nan,
+    )

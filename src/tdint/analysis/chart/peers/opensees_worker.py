@@ -1,0 +1,189 @@
+"""OpenSeesPy in a process of its own: `python -m` with the name of this module reads a building and a list of runs
+from standard input and writes their motions and times to standard output.
+
+It knows nothing of tdint but the names of the arrays, so that what is timed is OpenSeesPy's own analysis loop. Exit
+code 3: OpenSeesPy is not installed; 4: it is, and cannot be loaded.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import io
+import json
+import math
+import os
+import sys
+import time
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+NOT_INSTALLED, NOT_LOADED = 3, 4
+SECONDS = 60.0
+"""After so many seconds no further run is begun."""
+
+_BUNDLED = ("libquadmath.so.0", "libgfortran.so.4", "libblas.so.3", "liblapack.so.3")
+_TOLERANCE = 1e-9  # of what is out of balance, over the largest force of inertia of the reference
+_ITERATIONS = 50
+_GROUND, _PATTERN = 0, 1
+_FOREVER = 1e9
+
+Content = dict[str, Any]
+
+
+def main() -> int:
+    """Do all runs."""
+    if find_spec("openseespy") is None:
+        return NOT_INSTALLED
+    # What OpenSees prints on standard output must not get into the answer.
+    answer = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    try:
+        ops = _load()
+    except (ImportError, OSError, RuntimeError) as error:
+        sys.stderr.write(f"{error}\n")
+        return NOT_LOADED
+    with np.load(io.BytesIO(sys.stdin.buffer.read()), allow_pickle=False) as content:
+        problem = dict(content)
+    runs = json.loads(str(problem["runs"]))
+    results: Content = {"version": np.array(str(ops.version()))}
+    began = time.perf_counter()
+    done = 0
+    for run in runs:
+        if time.perf_counter() - began > SECONDS:
+            break
+        for name, value in _run(ops, problem, run).items():
+            results[f"{done}_{name}"] = value
+        done += 1
+    results["done"] = np.array(done)
+    stream = io.BytesIO()
+    np.savez(stream, **results)
+    answer.write(stream.getvalue())
+    answer.close()
+    return 0
+
+
+def _load() -> Any:
+    """OpenSeesPy; the libraries that come along with it first, which the system may lack."""
+    spec = find_spec("openseespylinux")
+    if spec is not None and spec.origin:
+        for name in _BUNDLED:
+            library = Path(spec.origin).parent / "lib" / name
+            if library.exists():
+                ctypes.CDLL(str(library), mode=ctypes.RTLD_GLOBAL)
+    import openseespy.opensees as ops
+
+    return ops
+
+
+def _run(ops: Any, problem: Content, run: Content) -> Content:
+    """One integrator with one step: its motion from a march step by step, its times from marches in one call."""
+    _build(ops, problem, run)
+    motion = _march(ops, problem, run)
+    times = []
+    for _ in range(run["repeats"] if motion["outcome"] == "done" else 0):
+        _build(ops, problem, run)
+        begin = time.perf_counter()
+        code = ops.analyze(run["steps"], run["h"])
+        times.append(time.perf_counter() - begin)
+        if code != 0:
+            motion["outcome"] = np.array("not-converged")
+    ops.wipe()
+    return motion | {"times": np.array(times)}
+
+
+def _build(ops: Any, problem: Content, run: Content) -> None:
+    """The chain of masses, its load, its start, and the analysis."""
+    ops.wipe()
+    ops.model("basic", "-ndm", 1, "-ndf", 1)
+    n = problem["mass"].size
+    for node in range(n + 1):
+        ops.node(node, 0.0)
+    ops.fix(_GROUND, 1)
+    for i in range(n):
+        ops.mass(i + 1, float(problem["mass"][i]))
+        _story(ops, problem, i)
+    ops.rayleigh(float(problem["alpha_mass"]), 0.0, float(problem["beta_stiffness"]), 0.0)
+    _load_floors(ops, problem)
+    if problem["ground"].size > 1:
+        values = [*problem["ground"].tolist(), 0.0]
+        ops.timeSeries("Path", 1, "-dt", float(problem["interval"]), "-values", *values)
+        ops.pattern("UniformExcitation", _PATTERN, 1, "-accel", 1)
+    for set_node, name in ((ops.setNodeDisp, "u"), (ops.setNodeVel, "v"), (ops.setNodeAccel, "a")):
+        for i, value in enumerate(problem[f"{name}_start"]):
+            if value != 0.0:
+                set_node(i + 1, 1, float(value), "-commit")
+    ops.constraints("Plain")
+    ops.numberer("Plain")
+    ops.system("BandSPD")
+    ops.test("NormUnbalance", _TOLERANCE * float(problem["largest"]), _ITERATIONS)
+    ops.algorithm("Linear" if problem["one_solve"] else "Newton")
+    ops.integrator(*run["integrator"])
+    ops.analysis("Transient")
+
+
+def _story(ops: Any, problem: Content, i: int) -> None:
+    stiffness, dashpot, yields = (float(problem[name][i]) for name in ("stiffness", "dashpot", "yield_force"))
+    if math.isnan(yields):
+        ops.uniaxialMaterial("Elastic", i + 1, stiffness)
+    else:
+        ops.uniaxialMaterial("Steel01", i + 1, yields, stiffness, float(problem["hardening"][i]))
+    materials, directions = [i + 1], [1]
+    if dashpot != 0.0:
+        ops.uniaxialMaterial("Viscous", 100_000 + i, dashpot, 1.0)
+        materials, directions = [i + 1, 100_000 + i], [1, 1]
+    ops.element("zeroLength", i + 1, i, i + 1, "-mat", *materials, "-dir", *directions, "-doRayleigh", 1)
+
+
+def _load_floors(ops: Any, problem: Content) -> None:
+    """Forces cosine cos(omega t) + sine sin(omega t), a pattern per term."""
+    tag = 2
+    for floor, cosine, sine, omega in problem["forces"]:
+        for factor, shift in ((cosine, 0.5 * math.pi), (sine, 0.0)):
+            if factor == 0.0:
+                continue
+            if omega == 0.0:
+                ops.timeSeries("Constant", tag, "-factor", float(factor) * math.sin(shift))
+            else:
+                period = 2.0 * math.pi / float(omega)
+                ops.timeSeries("Trig", tag, 0.0, _FOREVER, period, "-factor", float(factor), "-shift", shift)
+            ops.pattern("Plain", tag, tag)
+            ops.load(int(floor) + 1, 1.0)
+            tag += 1
+
+
+def _march(ops: Any, problem: Content, run: Content) -> Content:
+    """Step by step: the motion every so many steps, the peaks of the drifts at all steps, the iterations."""
+    n = problem["mass"].size
+    nodes = range(1, n + 1)
+    every = run["per_sample"]
+    rows = run["steps"] // every + 1
+    table = np.zeros((3, rows, n))
+    table[:, 0] = problem["u_start"], problem["v_start"], problem["a_start"]
+    peaks = np.abs(np.diff(problem["u_start"], prepend=0.0))
+    iterations = 0
+    for step in range(1, run["steps"] + 1):
+        if ops.analyze(1, run["h"]) != 0:
+            return {"outcome": np.array("not-converged")}
+        iterations += 1 if problem["one_solve"] else ops.testIter()
+        u = np.array([ops.nodeDisp(node, 1) for node in nodes])
+        if not np.all(np.isfinite(u)):
+            return {"outcome": np.array("diverged")}
+        np.maximum(peaks, np.abs(np.diff(u, prepend=0.0)), out=peaks)
+        if step % every == 0:
+            row = step // every
+            table[0, row] = u
+            table[1, row] = [ops.nodeVel(node, 1) for node in nodes]
+            table[2, row] = [ops.nodeAccel(node, 1) for node in nodes]
+    return {
+        "outcome": np.array("done"),
+        "motion": table,
+        "peak_drift": peaks,
+        "iterations": np.array(iterations),
+    }
+
+
+if __name__ == "__main__":
+    sys.exit(main())

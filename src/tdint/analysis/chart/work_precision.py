@@ -1,0 +1,277 @@
+"""Work against precision: what methods cost and how much they err on one problem, step by step."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+from tdint.analysis.chart.compilation import compile_methods
+from tdint.analysis.chart.reference import Errors, Reference, errors, find_reference
+from tdint.analysis.run.case import Problem, reached
+from tdint.analysis.run.steps import Steps
+from tdint.errors import UsageError
+from tdint.methods.catalogue import parse
+from tdint.methods.method import Integrator
+
+USUAL = "newmark-average"
+"""What most programs do unless told otherwise, at the record's step."""
+
+DEFAULT_METHODS = (
+    "impulse4",
+    "impulse",
+    USUAL,
+    "newmark-linear",
+    "central-difference",
+    "generalized-alpha",
+    "bathe",
+    "gauss4",
+    "exact",
+)
+"""Methods that are charted unless some are asked for; `exact` for linear buildings only."""
+
+COARSEST = 4
+"""The largest of the steps by default, over the record's."""
+
+HALVINGS = 6
+"""How often it is halved by default."""
+
+DONE, COLLAPSED = "done", "collapsed"
+
+_SECONDS = 30.0  # for the marches of a chart by default, roughly
+_STORY_STEP = 6e-8  # s, of one step of one story, roughly
+
+_SAME_COST = 1.1
+_COMPILED, _PREPARED = 0.1, 0.25  # of all work, when the methods are compiled and when there is a reference
+
+Progress = Callable[[str, float], None]
+"""Told what is being done and how much of it is done, from 0 to 1."""
+
+
+def silent(what: str, part: float) -> None:
+    """Nobody is told of progress."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """One method with one step.
+
+    Attributes
+    ----------
+    method, line : str
+        The method with its parameters; the line of the chart that the point belongs to: the same, without parameters
+        that have their defaults.
+    dt : float
+        Time step, s; nan for a method that chooses its own.
+    steps, iterations : int
+        Steps, None where they were not counted; solves, None where the march did not reach its end.
+    times : tuple of float
+        Wall times of the march alone, s, one per repeat.
+    errors : Errors or None
+        None where the march has no result, or did not reach its end.
+    outcome : str
+        How `tdint run` ends: `done`, `collapsed`, `unstable-step` (refused), `diverged` or `not-converged`.
+    """
+
+    method: str
+    dt: float
+    steps: int | None
+    outcome: str
+    iterations: int | None = None
+    errors: Errors | None = None
+    times: tuple[float, ...] = ()
+    line: str = field(default="", kw_only=True)
+
+    @property
+    def time(self) -> float:
+        """Median of the times, s; nan for none."""
+        return statistics.median(self.times) if self.times else math.nan
+
+    @property
+    def fastest(self) -> float:
+        """Least of the times, s: what the march costs when nothing else disturbs; nan for none."""
+        return min(self.times, default=math.nan)
+
+
+@dataclass(frozen=True)
+class Chart:
+    """All points of one problem, and what they were measured against.
+
+    Attributes
+    ----------
+    stories : int
+        Stories of the building.
+    interval : float
+        The record's sampling interval, or the model's own step, s.
+    recorded : bool
+        Whether it is that of a record.
+    points : tuple of Point
+        Method by method, each from its largest step to its smallest.
+    reference : Reference
+        What the errors are relative to, and how well it is known.
+    usual : Point
+        Average acceleration at the interval, whether or not it is among the points.
+    """
+
+    stories: int
+    interval: float
+    recorded: bool
+    points: tuple[Point, ...]
+    reference: Reference
+    usual: Point
+
+
+def default_steps(problem: Problem, methods: int, repeats: int) -> tuple[float, ...]:
+    """Steps for some methods, s: from four intervals down, by halves, to a sixteenth or what a large building allows.
+
+    Down to the interval itself in any case.
+    """
+    one = problem.samples * problem.building.stories * _STORY_STEP * methods * (repeats + 1)
+    halvings = HALVINGS
+    while halvings > 2 and one * 2.0 ** (halvings + 1) / COARSEST > _SECONDS:
+        halvings -= 1
+    return halved_steps(problem, halvings)
+
+
+def halved_steps(problem: Problem, halvings: int) -> tuple[float, ...]:
+    """Four intervals, halved so many times, s."""
+    return tuple(problem.interval * COARSEST / 2**j for j in range(halvings + 1))
+
+
+def suited(problem: Problem, integrators: Sequence[Integrator]) -> list[Integrator]:
+    """The methods that can integrate the building.
+
+    Raises
+    ------
+    UsageError
+        None of them can.
+    """
+    able = [one for one in integrators if problem.building.linear or not one.family.linear_only]
+    if not able:
+        raise UsageError(f"{integrators[0].label} integrates linear buildings only; this one has nonlinear stories")
+    return able
+
+
+def measure(
+    problem: Problem,
+    integrators: Sequence[Integrator],
+    dts: Sequence[float],
+    *,
+    repeats: int = 5,
+    cached: bool = True,
+    progress: Progress = silent,
+) -> Chart:
+    """Integrate a problem with all methods and steps: errors first, then times, all points taking turns.
+
+    Parameters
+    ----------
+    integrators : sequence of Integrator
+        Methods that can integrate the building; see `suited`.
+    dts : sequence of float
+        Steps, s; each a whole part or a whole multiple of the problem's interval.
+    repeats : int
+        How often each march is timed. Compilation is not timed.
+    cached : bool
+        Take the reference from the cache if it is there, and keep it.
+    progress : callable
+        Told what is being done.
+
+    Raises
+    ------
+    UsageError
+        A step that does not fit.
+    AnalysisError
+        The reference cannot be had.
+    """
+    choices = sorted({problem.steps(dt) for dt in dts}, key=lambda steps: -steps.h)
+    own = problem.steps(problem.interval)
+    usual = (parse(USUAL), own)
+    compile_methods([*integrators, usual[0]], lambda part: progress("compiling", _COMPILED * part))
+    progress("reference", _COMPILED)
+    reference = find_reference(problem, reached(problem, (*choices, own)), cached=cached)
+    pairs = [(integrator, steps) for integrator in integrators for steps in choices]
+    bench = _Bench(problem, reference, progress, pairs if usual in pairs else [*pairs, usual], repeats)
+    points = bench.points()
+    return Chart(
+        stories=problem.building.stories,
+        interval=problem.interval,
+        recorded=problem.record is not None,
+        points=tuple(points[pair] for pair in pairs),
+        reference=reference,
+        usual=points[usual],
+    )
+
+
+_Pair = tuple[Integrator, Steps]
+
+
+class _Bench:
+    """Marches of one problem, with a count of how much of the work is done."""
+
+    def __init__(
+        self, problem: Problem, reference: Reference, progress: Progress, pairs: Sequence[_Pair], repeats: int
+    ) -> None:
+        self.problem = problem
+        self.reference = reference
+        self.progress = progress
+        self.pairs = pairs
+        self.repeats = repeats
+        self.total = (repeats + 1) * sum(steps.count for _, steps in pairs)
+        self.done = 0
+
+    def points(self) -> dict[_Pair, Point]:
+        """Each pair of method and step measured."""
+        points = {pair: self._tried(*pair) for pair in self.pairs}
+        times: dict[_Pair, list[float]] = {pair: [] for pair in self.pairs}
+        for _ in range(self.repeats):
+            for pair, point in points.items():
+                if point.errors:
+                    times[pair].append(self.problem.march(*pair).seconds)
+                self._advance("times", pair[1])
+        return {pair: replace(point, times=tuple(times[pair])) for pair, point in points.items()}
+
+    def _tried(self, integrator: Integrator, steps: Steps) -> Point:
+        """Outcome and errors, without times."""
+        self._advance("errors", steps)
+        found = Point(
+            integrator.label, steps.h, steps.count, self.problem.outcome(integrator, steps), line=line_of(integrator)
+        )
+        if found.outcome not in (DONE, COLLAPSED):
+            return found
+        march = self.problem.march(integrator, steps, keep=True)
+        if march.motion is None:  # The building ran away.
+            return found
+        return replace(found, iterations=march.iterations, errors=errors(march.motion, self.reference.motion))
+
+    def _advance(self, what: str, steps: Steps) -> None:
+        self.progress(what, _PREPARED + (1.0 - _PREPARED) * self.done / self.total)
+        self.done += steps.count
+
+
+def line_of(integrator: Integrator) -> str:
+    """A short name of a method: its label, or its name alone where all parameters have their defaults."""
+    name = integrator.method.name
+    return name if parse(name) == integrator else integrator.label
+
+
+def error_of(point: Point, quantity: str) -> float:
+    """A point's error of one quantity (a field of `Errors`); nan for none."""
+    return math.nan if point.errors is None else float(getattr(point.errors, quantity))
+
+
+def cheapest(points: Sequence[Point], quantity: str, limit: float) -> Point | None:
+    """The point with the least cost whose error is within a limit, as are those of the same line with smaller steps.
+
+    So a step whose error is small by chance is not recommended. Of points whose costs differ by less than a tenth,
+    which is what clocks tell apart, the most accurate one is taken. None where no point is within the limit.
+    """
+    good: list[Point] = []
+    for line in dict.fromkeys(point.line for point in points):
+        for point in reversed([point for point in points if point.line == line]):
+            if not error_of(point, quantity) <= limit:
+                break
+            good.append(point)
+    least = min((point.fastest for point in good), default=math.nan)
+    alike = [point for point in good if point.fastest <= _SAME_COST * least]
+    return min(alike, key=lambda point: error_of(point, quantity), default=None)

@@ -1,0 +1,239 @@
+"""Cyclic test of a story: its drift law along cycles of given amplitudes. The work behind `tdint law`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.errors import AnalysisError, UsageError
+from tdint.kernels.layout import GEOMETRIC, SPRING_BLOCKS, SPRING_ROWS, STIFFNESS
+from tdint.kernels.march.cyclic import DISSIPATION, RECOVERABLE, RESULT_COLUMNS, SHEAR, TANGENT, follow
+from tdint.model.building import Building, assemble
+from tdint.model.definition import Model
+from tdint.units import DriftSize
+
+Array = NDArray[np.float64]
+
+MOST_POINTS = 2_000_000
+"""Points that a test may have; it keeps a slip in the number of cycles from filling the memory."""
+
+_ROUNDING = 1e-13
+"""Energy of an elastic cycle over the energy stored in it."""
+
+
+@dataclass(frozen=True)
+class Path:
+    """A story's law along a path of drifts; arrays of shape (points,).
+
+    Attributes
+    ----------
+    drift, shear : ndarray
+        Drift, m, and restoring force of the story, N, without dashpots, damping and P-delta.
+    tangent : ndarray
+        Tangent stiffness of the law on the way to the point, N/m.
+    recoverable, dissipated : ndarray
+        Energy that the law stores, and that it has dissipated so far, J.
+    """
+
+    drift: Array
+    shear: Array
+    tangent: Array
+    recoverable: Array
+    dissipated: Array
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """One cycle of a test.
+
+    Attributes
+    ----------
+    number : int
+        Counted from 1 over the whole test.
+    amplitude : float
+        Largest drift on either side, m.
+    shear : tuple of float
+        Restoring force at the largest drift on the positive and on the negative side, N.
+    dissipated : float
+        Energy dissipated in the cycle, J.
+    """
+
+    number: int
+    amplitude: float
+    shear: tuple[float, float]
+    dissipated: float
+
+    @property
+    def secant_stiffness(self) -> float:
+        """Slope between the two points of largest drift, N/m (the effective stiffness of ASCE 7-16, 17.2-3)."""
+        return (self.shear[0] - self.shear[1]) / (2.0 * self.amplitude)
+
+    @property
+    def damping_ratio(self) -> float:
+        """Equivalent viscous damping ratio E_D / (4 pi E_S0), E_S0 = secant stiffness amplitude^2 / 2 (Chopra 2012,
+        section 3.9); nan without a positive secant stiffness."""
+        strain = 0.5 * self.secant_stiffness * self.amplitude**2
+        return self.dissipated / (4.0 * math.pi * strain) if strain > 0.0 else math.nan
+
+
+@dataclass(frozen=True)
+class CyclicTest:
+    """Result of a cyclic test.
+
+    Attributes
+    ----------
+    model : Model
+        The building.
+    story : int
+        The story, counted from 1.
+    points : int
+        Points of a quarter of a cycle.
+    initial_stiffness, geometric_stiffness : float
+        Of the law, and of P-delta (0 without, else negative), N/m.
+    yield_drift : float
+        Drift at first yield, m; nan for a law that does not yield.
+    path : Path
+        From rest through all cycles; `cycle_numbers` tells the cycle of each point.
+    """
+
+    model: Model
+    story: int
+    points: int
+    initial_stiffness: float
+    geometric_stiffness: float
+    yield_drift: float
+    path: Path
+
+    @property
+    def height(self) -> float:
+        """Story height, m; nan where the model gives none."""
+        height = self.model.stories[self.story - 1].height
+        return math.nan if height is None else height
+
+    @property
+    def law(self) -> str:
+        """Name of the drift law."""
+        return self.model.stories[self.story - 1].law.name
+
+    @property
+    def cycle_numbers(self) -> NDArray[np.int64]:
+        """Cycle of each point, from 1; 0 for the start."""
+        return -(-np.arange(self.path.drift.size) // (4 * self.points))
+
+    @property
+    def shear_with_p_delta(self) -> Array:
+        """Restoring force with the geometric stiffness, N: what holds the story against a horizontal force."""
+        return self.path.shear + self.geometric_stiffness * self.path.drift
+
+    @property
+    def cycles(self) -> tuple[Cycle, ...]:
+        """The cycles one by one."""
+        length = 4 * self.points
+        return tuple(self._cycle(first, length) for first in range(0, self.path.drift.size - 1, length))
+
+    def _cycle(self, first: int, length: int) -> Cycle:
+        high, low, last = first + length // 4, first + 3 * length // 4, first + length
+        path = self.path
+        dissipated = float(path.dissipated[last] - path.dissipated[first])
+        stored = float(np.max(np.abs(path.recoverable[first : last + 1])))
+        return Cycle(
+            number=last // length,
+            amplitude=float(path.drift[high]),
+            shear=(float(path.shear[high]), float(path.shear[low])),
+            dissipated=dissipated if abs(dissipated) > _ROUNDING * stored else 0.0,
+        )
+
+
+def cyclic_test(
+    model: Model, story: int, sizes: Sequence[DriftSize], *, cycles: int = 1, points: int = 200
+) -> CyclicTest:
+    """Impose cycles of drift on the law of one story, as in a slow test in a laboratory.
+
+    A cycle goes 0, amplitude, 0, -amplitude, 0 in straight lines. There are `cycles` of each amplitude, in the order
+    given.
+
+    Parameters
+    ----------
+    story : int
+        Counted from 1.
+    sizes : sequence of DriftSize
+        Amplitudes.
+    cycles, points : int
+        Cycles of each amplitude; points of a quarter of a cycle.
+
+    Raises
+    ------
+    UsageError
+        The story does not exist, an amplitude needs what it does not have, or there are too many points.
+    AnalysisError
+        The law has no finite force along the path.
+    """
+    if not 1 <= story <= len(model.stories):
+        raise UsageError(f"story {story}: the model has {_stories(len(model.stories))}, counted from 1 at the bottom")
+    if len(sizes) * cycles * 4 * points > MOST_POINTS:
+        raise UsageError(f"{len(sizes) * cycles} cycles of {4 * points} points are more than {MOST_POINTS:,} points")
+    # Damping has no part in a slow test, and may be impossible where P-delta takes all stiffness.
+    building = assemble(replace(model, damping=None))
+    amplitudes = [amplitude(size, building, story) for size in sizes]
+    path = follow_path(building, story, cyclic_path(amplitudes, cycles, points))
+    return CyclicTest(
+        model=model,
+        story=story,
+        points=points,
+        initial_stiffness=float(building.laws[STIFFNESS, story - 1]),
+        geometric_stiffness=float(building.chain[GEOMETRIC, story - 1]),
+        yield_drift=float(building.yield_drift[story - 1]),
+        path=path,
+    )
+
+
+def amplitude(size: DriftSize, building: Building, story: int) -> float:
+    """A drift of one story (from 1) in m.
+
+    Raises
+    ------
+    UsageError
+        A drift ratio without a height, or a multiple of the yield drift of a law that does not yield.
+    """
+    scales = {"length": 1.0, "ratio": building.heights[story - 1], "yield drift": building.yield_drift[story - 1]}
+    if math.isnan(scales[size.kind]):
+        missing = {
+            "ratio": f"is a drift ratio, and story {story} has no height",
+            "yield drift": f"is a multiple of the yield drift, and the law of story {story} does not yield",
+        }
+        raise UsageError(f"drift {size.text} {missing[size.kind]}; give a length, such as 20mm")
+    return size.value * float(scales[size.kind])
+
+
+def cyclic_path(amplitudes: Sequence[float], cycles: int, points: int) -> Array:
+    """Drifts of `cycles` cycles of each amplitude with `points` points in each quarter, from 0 to 0, shape
+    (1 + len(amplitudes) cycles 4 points,)."""
+    up = np.arange(1, points + 1) / points
+    down = np.arange(points - 1, -1, -1) / points
+    cycle = np.concatenate([up, down, -up, -down])
+    return np.concatenate([[0.0], *(size * np.tile(cycle, cycles) for size in amplitudes)])
+
+
+def follow_path(building: Building, story: int, drifts: Array) -> Path:
+    """A story's law (from 1) from rest to the first of some drifts (m) and from each to the next.
+
+    Raises
+    ------
+    AnalysisError
+        The law has no finite force somewhere on the way.
+    """
+    springs = np.zeros((SPRING_BLOCKS * SPRING_ROWS, building.stories + 1))
+    result = np.empty((drifts.size, RESULT_COLUMNS))
+    follow.compiled(building.laws, story - 1, drifts, springs, result)
+    wrong = np.flatnonzero(~np.all(np.isfinite(result), axis=1))
+    if wrong.size:
+        raise AnalysisError(f"story {story}: its law has no finite force and energy at drift {drifts[wrong[0]]:.6g} m")
+    return Path(drifts, result[:, SHEAR], result[:, TANGENT], result[:, RECOVERABLE], result[:, DISSIPATION])
+
+
+def _stories(count: int) -> str:
+    return f"{count} {'story' if count == 1 else 'stories'}"

@@ -1,0 +1,118 @@
+"""Response history of a building: the work behind `tdint run`."""
+
+from __future__ import annotations
+
+import math
+
+from tdint.analysis.run.error_estimate import checked, within
+from tdint.analysis.run.march import Case
+from tdint.analysis.run.outcome import (
+    Check,
+    Collapse,
+    Energy,
+    EnergyHistory,
+    FailedRun,
+    History,
+    Response,
+    StoryErrors,
+    StoryPeaks,
+)
+from tdint.analysis.run.steps import choose_steps
+from tdint.errors import UsageError
+from tdint.ground_motion.reading.read import read_record
+from tdint.ground_motion.record import Record
+from tdint.methods.catalogue import parse
+from tdint.model.building import assemble
+from tdint.model.definition import Model
+
+__all__ = [
+    "Check",
+    "Collapse",
+    "Energy",
+    "EnergyHistory",
+    "FailedRun",
+    "History",
+    "Response",
+    "StoryErrors",
+    "StoryPeaks",
+    "model_record",
+    "run",
+]
+
+
+def run(
+    model: Model,
+    record: Record | None = None,
+    *,
+    method: str | None = None,
+    dt: float | None = None,
+    duration: float | None = None,
+    history: bool = False,
+    allow_unstable: bool = False,
+    check: bool = False,
+    tolerance: float | None = None,
+) -> Response:
+    """Integrate a model in time.
+
+    Parameters
+    ----------
+    model : Model
+        From `load_model`.
+    record : Record, optional
+        Ground motion in place of the one that the model names.
+    method, dt, duration : optional
+        In place of what the model's analysis says: a specification such as `hht:alpha=-0.1`, s, s. Without either the
+        step and the duration are those of the record.
+    history : bool
+        Keep the whole response, not the peaks alone.
+    allow_unstable : bool
+        Run a conditionally stable method beyond its limit, and take a motion on energy that the method made for a
+        result.
+    check : bool
+        Repeat the run with a half and a quarter of the step, and estimate the errors of its peaks from that
+        (`Response.check`). A repetition that fails leaves them unknown.
+    tolerance : float, optional
+        Halve the step, up to eight times, until the estimated error of every peak drift is within this part of it. The
+        response is that with the first such step, and checked.
+
+    Returns
+    -------
+    Response
+
+    Raises
+    ------
+    UsageError
+        No method, an unknown one, a step that does not fit, or a tolerance that is none.
+    RecordError
+        The model's record cannot be read.
+    AnalysisError
+        The step is beyond the method's limit; the run diverged or did not converge; no step is within the tolerance
+        (`FailedRun`).
+    """
+    specification = method or model.analysis.method
+    if specification is None:
+        raise UsageError("no method: give --method or analysis.method in the model file; `tdint methods` lists them")
+    integrator = parse(specification)
+    if record is None:
+        record = model_record(model)
+    dt = model.analysis.dt if dt is None else dt
+    duration = model.analysis.duration if duration is None else duration
+    for name, value in (("dt", dt), ("duration", duration)):
+        if value is not None and not (math.isfinite(value) and value > 0.0):
+            raise UsageError(f"{name} must be a positive number of seconds, got {value!r}")
+    steps = choose_steps(dt, duration, record.dt if record else None, record.duration if record else 0.0)
+    case = Case(model, assemble(model), record, integrator, allow_unstable)
+    if tolerance is not None:
+        return within(case, steps, tolerance, history)
+    response = case.march(steps, history)
+    return checked(case, steps, response) if check else response
+
+
+def model_record(model: Model) -> Record | None:
+    """The ground motion that the model names, processed and scaled; None if it names none."""
+    source = model.excitation.record
+    if source is None:
+        return None
+    record = read_record(source.file, units=source.units, component=source.component, inventory=source.inventory)
+    record = source.processing.apply(record)
+    return record.scaled(source.scale) if source.scale != 1.0 else record

@@ -1,0 +1,326 @@
+"""Drift spectra: the largest story drift of uniform shear buildings over their fundamental period.
+
+Iwan (1997) proposed the drift spectrum, for a continuous shear beam; a uniform shear building tends to that beam as
+its stories grow in number, and with one story it is the oscillator of an ordinary spectrum.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.analysis.spectra.inelastic import check_shortest
+from tdint.errors import AnalysisError, UsageError
+from tdint.ground_motion.record import Record
+from tdint.kernels.oscillators import modes as drifts
+from tdint.methods.exact import oscillator
+
+Array = NDArray[np.float64]
+
+DEFAULT_STORY_HEIGHT = 3.5
+"""Height of a story where neither it nor the number of stories is given, m."""
+
+MOST_STORIES = 1000
+MOST_BEAM_MODES = 20_000
+
+_RESOLVED = 20.0  # modes up to so many times the fundamental frequency are followed within their own radian
+_BEAM_MODES = 64  # at least; and all down to the period of half a sampling interval
+
+
+@dataclass(frozen=True)
+class HeightPeriod:
+    """The fundamental period of a building of height H, T = a H^b, with T in s and H in m.
+
+    The default, 0.0731 H^0.75, is that of moment frames of reinforced concrete and of eccentrically braced steel frames
+    in the Uniform Building Code of 1997 (Ct 0.0731), and of eccentrically braced and buckling-restrained steel frames
+    in ASCE 7, table 12.8-2. Others of that table: 0.0724 H^0.8 (steel moment frames), 0.0466 H^0.9 (concrete moment
+    frames), 0.0488 H^0.75 (all others).
+    """
+
+    a: float = 0.0731
+    b: float = 0.75
+
+    def height(self, period: Array) -> Array:
+        """Height of buildings with these fundamental periods, m.
+
+        Raises
+        ------
+        UsageError
+            A height that no number can hold.
+        """
+        with np.errstate(all="ignore"):
+            height = np.asarray((period / self.a) ** (1.0 / self.b))
+        if not np.all(np.isfinite(height) & (height > 0.0)):
+            raise UsageError(f"the relation T = {self.a:g} H^{self.b:g} gives no height for a period")
+        return height
+
+
+@dataclass(frozen=True)
+class DriftSpectrum:
+    """Drift spectrum of one record for one damping ratio.
+
+    Attributes
+    ----------
+    periods, heights : ndarray, shape (k,)
+        Fundamental periods, s, and heights of the buildings, m.
+    stories : ndarray of int, shape (k,)
+        Number of stories; 0 for the continuous shear beam.
+    peak_drift_ratio : ndarray, shape (k,)
+        Largest story drift over the story's height of all stories; of the beam the drift at its base.
+    story : ndarray of int, shape (k,)
+        The story where that is, from 1; 0 for the beam.
+    roof_drift_ratio : ndarray, shape (k,)
+        Largest displacement of the roof relative to the ground, over the height.
+    """
+
+    record: Record
+    damping: float
+    periods: Array
+    heights: Array
+    stories: NDArray[np.int64]
+    peak_drift_ratio: Array
+    story: NDArray[np.int64]
+    roof_drift_ratio: Array
+
+
+def drift_spectrum(
+    record: Record,
+    periods: Array,
+    damping: float = 0.05,
+    *,
+    stories: int | None = None,
+    story_height: float = DEFAULT_STORY_HEIGHT,
+    height_period: HeightPeriod = HeightPeriod(),
+    beam: bool = False,
+) -> DriftSpectrum:
+    """Drift spectrum of a record.
+
+    The buildings have equal masses, equal story stiffnesses and equal story heights, are linear, and have the same
+    damping ratio in all modes. Their response is the sum of their modes, each exact for a ground motion that is linear
+    between its samples; the largest values are found between the samples, too.
+
+    Parameters
+    ----------
+    record : Record
+        Ground motion; the buildings are at rest at its first sample.
+    periods : ndarray, shape (k,)
+        Fundamental periods, s, positive.
+    damping : float
+        Damping ratio of every mode, in [0, 1).
+    stories : int, optional
+        Number of stories of every building, instead of one that follows from the height.
+    story_height : float
+        Without `stories`: the number of stories is the height over this (m), rounded, at least 1. The stories share the
+        height equally.
+    height_period : HeightPeriod
+        The height that belongs to a period.
+    beam : bool
+        The continuous shear beam instead of stories: its drift at the base (Iwan 1997), with the same damping ratio in
+        all modes. Without damping that is Iwan's sum of waves, |v(t) - 2 v(t - T/2) + 2 v(t - T) - ...| / (4 H / T).
+
+    Raises
+    ------
+    UsageError
+        A number that is out of range.
+    AnalysisError
+        Periods that are too short or, for a beam, too long for the record's sampling interval.
+    """
+    periods = np.atleast_1d(np.asarray(periods, dtype=np.float64))
+    if periods.size == 0 or not np.all(np.isfinite(periods) & (periods > 0.0)):
+        raise UsageError("periods must be positive numbers of seconds")
+    if not 0.0 <= damping < 1.0:
+        raise UsageError(f"damping must be a ratio in [0, 1), got {damping!r}")
+    check_shortest(periods, record.dt)
+    heights = height_period.height(periods)
+    pairs = list(zip(periods.tolist(), heights.tolist(), strict=True))
+    buildings: Sequence[_Building]
+    if beam:
+        numbers = np.zeros(periods.size, dtype=np.int64)
+        buildings = [_Beam(period, height, _modes_of_beam(period, record.dt)) for period, height in pairs]
+    else:
+        numbers = number_of_stories(heights, stories, story_height)
+        buildings = [_Stories(*pair, n) for pair, n in zip(pairs, numbers.tolist(), strict=True)]
+    peak, story, roof = _march(record, buildings, damping).T
+    where = np.zeros_like(numbers) if beam else story.astype(np.int64) + 1
+    return DriftSpectrum(record, damping, periods, heights, numbers, peak, where, roof)
+
+
+def number_of_stories(heights: Array, stories: int | None, story_height: float) -> NDArray[np.int64]:
+    """Number of stories of buildings with these heights (m), `stories` if given; see `drift_spectrum`.
+
+    Raises
+    ------
+    UsageError
+        The story height is not positive, or there would be more than MOST_STORIES.
+    """
+    if stories is None:
+        if not 0.0 < story_height < math.inf:
+            raise UsageError(f"the story height must be a positive number of meters, got {story_height!r}")
+        wanted = np.maximum(np.floor(heights / story_height + 0.5), 1.0)
+    else:
+        wanted = np.full(heights.size, float(stories))
+    if not (wanted.min() >= 1.0 and wanted.max() <= MOST_STORIES):
+        raise UsageError(
+            f"a building of {wanted.max():.6g} stories, {heights.max():.6g} m high, is asked for; 1 to {MOST_STORIES} "
+            "are taken: ask for shorter periods, higher stories or one number of stories"
+        )
+    return wanted.astype(np.int64)
+
+
+class _Building(Protocol):
+    """A building by its modes, which are made when they are asked for: those of all buildings are too many to keep.
+
+    Attributes
+    ----------
+    omega : ndarray, shape (m,)
+        Circular frequencies, rad/s.
+    shapes : ndarray, shape (m, columns)
+        What each mode adds to the drift ratios of the stories and, in the last column, of the roof.
+    static : ndarray, shape (columns,)
+        The flexibility that modes that are left out would add.
+    """
+
+    @property
+    def omega(self) -> Array: ...
+    @property
+    def shapes(self) -> Array: ...
+    @property
+    def static(self) -> Array: ...
+
+
+@dataclass(frozen=True)
+class _Stories:
+    """n equal stories: in mode j floor s moves by sin(s theta_j), theta_j = (2j - 1) pi / (2n + 1)."""
+
+    period: float
+    height: float
+    n: int
+
+    @property
+    def theta(self) -> Array:
+        return (2.0 * np.arange(1, self.n + 1) - 1.0) * math.pi / (2 * self.n + 1)
+
+    @property
+    def omega(self) -> Array:
+        """2 sqrt(k/m) sin(theta_j / 2), where k/m follows from the period."""
+        sine = np.sin(0.5 * self.theta)
+        return np.asarray(2.0 * math.pi / self.period * sine / sine[0])
+
+    @property
+    def shapes(self) -> Array:
+        floors = np.sin(np.outer(self.theta, np.arange(self.n + 1)))
+        participation = floors.sum(axis=1) / np.square(floors).sum(axis=1)
+        drifts_of_stories = np.diff(floors, axis=1) * (self.n / self.height)
+        return np.asarray(participation[:, None] * np.column_stack([drifts_of_stories, floors[:, -1] / self.height]))
+
+    @property
+    def static(self) -> Array:
+        return np.zeros(self.n + 1)
+
+
+@dataclass(frozen=True)
+class _Beam:
+    """A shear beam with modes sin((2j - 1) pi x / 2H): drift at the base, roof displacement."""
+
+    period: float
+    height: float
+    modes: int
+
+    @property
+    def odd(self) -> Array:
+        return np.arange(1.0, 2.0 * self.modes, 2.0)
+
+    @property
+    def omega(self) -> Array:
+        return 2.0 * math.pi / self.period * self.odd
+
+    @property
+    def shapes(self) -> Array:
+        signs = np.where(np.arange(self.modes) % 2 == 0, 1.0, -1.0)
+        return np.column_stack([np.full(self.modes, 2.0), 4.0 / math.pi * signs / self.odd]) / self.height
+
+    @property
+    def static(self) -> Array:
+        """Under a steady acceleration the base drifts by H / c^2 and the roof moves by H^2 / 2 c^2, with the velocity c
+        of waves; the rest of that."""
+        velocity = 4.0 * self.height / self.period
+        whole = np.array([self.height, 0.5 * self.height]) / velocity**2
+        return np.asarray(whole - (self.shapes / np.square(self.omega)[:, None]).sum(axis=0))
+
+
+def _modes_of_beam(period: float, dt: float) -> int:
+    """All modes down to the period of half a sampling interval; those beyond follow the ground.
+
+    Raises
+    ------
+    AnalysisError
+        More than MOST_BEAM_MODES.
+    """
+    count = max(_BEAM_MODES, math.ceil(period / dt + 0.5))
+    if count > MOST_BEAM_MODES:
+        raise AnalysisError(
+            f"a beam with the period {period:.6g} s has too many modes above the sampling interval of {dt:.6g} s: ask "
+            f"for periods up to {MOST_BEAM_MODES * dt:.6g} s"
+        )
+    return count
+
+
+def _march(record: Record, buildings: Sequence[_Building], damping: float) -> Array:
+    """Results of the kernel for each building, shape (buildings, RESULTS)."""
+    omegas = [building.omega for building in buildings]
+    # The steps resolve these circular frequencies.
+    parts = [max(1, math.ceil(min(omega[-1], _RESOLVED * omega[0]) * record.dt)) for omega in omegas]
+    steps = [np.full(omega.size, record.dt / p) for omega, p in zip(omegas, parts, strict=True)]
+    ends = np.cumsum([omega.size for omega in omegas])[:-1]
+    tables = np.split(_mode_table(np.concatenate(omegas), np.concatenate(steps), damping), ends, axis=1)
+    ground = record.acceleration.copy()
+    results = np.empty((len(buildings), drifts.RESULTS))
+    for building, p, table, result in zip(buildings, parts, tables, results, strict=True):
+        padding = -table.shape[1] % drifts.BLOCK
+        drifts.largest_drifts.compiled(
+            ground,
+            p,
+            record.dt / p,
+            np.pad(table, ((0, 0), (0, padding))),
+            np.pad(building.shapes, ((0, padding), (0, 0))),
+            building.static,
+            result,
+        )
+    return results
+
+
+def _mode_table(omega: Array, h: Array, damping: float) -> Array:
+    """Columns of the kernel's table of modes, for the steps h, shape (modes,)."""
+    steps = oscillator(omega * h, np.full_like(omega, damping))
+    table = np.empty((drifts.MODE_ROWS, omega.size))
+    for row, first in ((0, drifts.A11), (1, drifts.A21)):
+        table[first : first + 4] = steps[:, row].T
+    table[drifts.A12] *= h
+    table[drifts.A21] /= h
+    table[[drifts.B10, drifts.B11]] *= h * h
+    table[[drifts.B20, drifts.B21]] *= h
+    table[drifts.OMEGA] = omega
+    table[drifts.DAMPING] = damping
+    return table
+
+
+def parse_height_period(text: str) -> HeightPeriod:
+    """The coefficients of T = a H^b from `a,b`.
+
+    Raises
+    ------
+    UsageError
+        The text is not two positive numbers.
+    """
+    try:
+        a, b = (float(part) for part in text.split(","))
+    except ValueError:
+        a = b = math.nan
+    if not (0.0 < a < math.inf and 0.0 < b < math.inf):
+        raise UsageError(f"a height-period relation must be two positive numbers, such as 0.0731,0.75, got {text!r}")
+    return HeightPeriod(a, b)

@@ -1,0 +1,239 @@
+"""Elastic response spectra: the work behind `tdint spectrum`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.analysis.spectra.oscillators import EXACT, MAXIMA, SAMPLES, Maxima, largest
+from tdint.errors import AnalysisError, UsageError
+from tdint.ground_motion.interpolation import INTERPOLATIONS, LINEAR, Interpolation
+from tdint.ground_motion.record import Record
+
+if TYPE_CHECKING:
+    from tdint.methods.method import Integrator
+
+Array = NDArray[np.float64]
+
+DEFAULT_PERIODS = "0.01:10:200"
+"""Periods of a spectrum where none are asked for, s."""
+
+MOST_PERIODS = 1_000_000
+
+Choice = TypeVar("Choice")
+
+SHORTEST = 0.05
+"""Shortest period above 0, in sampling intervals: below it there is nothing in a record."""
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Elastic response spectrum of one record for one damping ratio.
+
+    Attributes
+    ----------
+    method : str
+        `exact`, or the method that integrated the oscillators.
+    periods : ndarray, shape (k,)
+        Periods, s.
+    sd, sv, sa : ndarray, shape (k,)
+        Largest relative displacement (m), relative velocity (m/s) and absolute acceleration (m/s^2).
+    psv, psa : ndarray, shape (k,)
+        Pseudo-velocity omega sd (m/s) and pseudo-acceleration omega^2 sd (m/s^2).
+    maxima : str
+        Where they were looked for: a name of `MAXIMA`.
+    interpolation : str
+        The ground motion between its samples: a name of `INTERPOLATIONS`.
+    """
+
+    record: Record
+    damping: float
+    method: str
+    periods: Array
+    sd: Array
+    psv: Array
+    psa: Array
+    sv: Array
+    sa: Array
+    maxima: str = EXACT.name
+    interpolation: str = LINEAR.name
+
+
+@dataclass(frozen=True)
+class Manner:
+    """How a spectrum is computed: the method (None for the exact solution), its maxima, the motion between samples."""
+
+    method: str | None
+    maxima: Maxima
+    interpolation: Interpolation
+
+
+def spectrum(
+    record: Record,
+    periods: Array,
+    damping: float = 0.05,
+    *,
+    method: str | None = None,
+    maxima: str | None = None,
+    interpolation: str | None = None,
+) -> Spectrum:
+    """Elastic response spectrum of a record.
+
+    Parameters
+    ----------
+    record : Record
+        Ground motion; the oscillators are at rest at its first sample and watched until its last one. For what they do
+        after it, append zeros to it.
+    periods : ndarray, shape (k,)
+        Periods, s. At period 0, a rigid oscillator, accelerations are the peak ground acceleration and all else is 0.
+    damping : float
+        Damping ratio, in [0, 1).
+    method : str, optional
+        Integrate with this method at the record's step, instead of the exact solution (Nigam and Jennings 1969).
+    maxima : str, optional
+        `exact`, the default: between the samples, too. `peer`: at steps of dt / ceil(10 dt / T), as PEER publishes
+        them. `samples`: at the record's samples, as USGS does; the default and only choice with a method.
+    interpolation : str, optional
+        The ground motion between its samples: `linear`, the default, or `band-limited`, the one motion through the
+        samples without frequencies above half the sampling rate.
+
+    Returns
+    -------
+    Spectrum
+        Exact maxima are those of the motion between its samples, with a relative error below 1e-8 (measured) if it is
+        linear. The error of the band-limited motion is told in `tdint.ground_motion.interpolation`.
+
+    Raises
+    ------
+    UsageError
+        Periods or damping out of range, an unknown name, choices that do not go together.
+    AnalysisError
+        A period is too short for the record, or the method is unstable at a period.
+    """
+    periods = checked_periods(periods, damping)
+    manner = choose_manner(method, maxima, interpolation)
+    positive = periods > 0.0
+    omega = np.divide(2.0 * math.pi, periods, out=np.zeros_like(periods), where=positive)
+    values = np.zeros((3, periods.size))
+    label = manner.method or "exact"
+    if np.any(positive):
+        check_shortest(record, periods)
+        label, values[:, positive] = _largest(record, omega[positive], damping, manner)
+    sd, sv, sa = values
+    psv, psa = omega * sd, omega**2 * sd
+    if not np.all(positive):
+        psa[~positive] = sa[~positive] = manner.interpolation.peak(record)
+    return Spectrum(
+        record, damping, label, periods, sd, psv, psa, sv, sa, manner.maxima.name, manner.interpolation.name
+    )
+
+
+def checked_periods(periods: Array, damping: float) -> Array:
+    """The periods as an array, shape (k,); UsageError if they or the damping ratio make no sense."""
+    periods = np.atleast_1d(np.asarray(periods, dtype=np.float64))
+    if periods.size == 0 or not np.all(np.isfinite(periods) & (periods >= 0.0)):
+        raise UsageError("periods must be numbers of seconds, 0 or positive")
+    if not 0.0 <= damping < 1.0:
+        raise UsageError(f"damping must be a ratio in [0, 1), got {damping!r}")
+    return periods
+
+
+def choose_manner(method: str | None, maxima: str | None, interpolation: str | None) -> Manner:
+    """What is meant by the names that are given; those that are None follow from the others.
+
+    Raises
+    ------
+    UsageError
+        An unknown name, or choices that do not go together.
+    """
+    integrated = method is not None and _parse(method).method.name != "exact"
+    where = _named(MAXIMA, maxima or (SAMPLES if integrated else EXACT).name, "maxima")
+    between = _named(INTERPOLATIONS, interpolation or LINEAR.name, "interpolation")
+    if integrated and (where is not SAMPLES or between is not LINEAR):
+        raise UsageError(
+            "a method has the record's sampling interval as its step: with it the maxima are those at the samples, "
+            "the interpolation is linear"
+        )
+    if between is not LINEAR and where is not EXACT:
+        raise UsageError(f"maxima {where.name} are those of the linear interpolation; leave one of the two out")
+    return Manner(method if integrated else None, where, between)
+
+
+def _parse(method: str) -> Integrator:
+    from tdint.methods.catalogue import parse
+
+    return parse(method)
+
+
+def _named(table: dict[str, Choice], name: str, what: str) -> Choice:
+    if name not in table:
+        raise UsageError(f"{what} must be one of {', '.join(table)}, got {name!r}")
+    return table[name]
+
+
+def check_shortest(record: Record, periods: Array) -> None:
+    """Raise AnalysisError for a period that is not 0 and far below the sampling interval."""
+    shortest = float(np.min(periods[periods > 0.0]))
+    if shortest < SHORTEST * record.dt:
+        raise AnalysisError(
+            f"the period {shortest:.6g} s is less than {SHORTEST:g} sampling intervals of {record.dt:.6g} s; ask for "
+            "longer ones, or for 0: the peak ground acceleration"
+        )
+
+
+def _largest(record: Record, omega: Array, damping: float, manner: Manner) -> tuple[str, Array]:
+    """The method's label and the largest values, shape (3, k)."""
+    if manner.method is not None:
+        return _integrated(record, omega, damping, manner.method)
+    ground, dt = manner.interpolation.resample(record, 2.0 * math.pi / float(np.max(omega)))
+    return "exact", largest(ground, dt, omega, damping, manner.maxima)
+
+
+def _integrated(record: Record, omega: Array, damping: float, method: str) -> tuple[str, Array]:
+    """Largest values at the samples, all oscillators integrated side by side by a method of the catalogue."""
+    # Late: they load every method, and most spectra need none.
+    from tdint.analysis.run.amplification import find_instability
+    from tdint.analysis.run.steps import Steps, integrate, workspace
+    from tdint.kernels.march import observing
+    from tdint.model.building import oscillators
+
+    integrator = _parse(method)
+    ratios = np.full_like(omega, damping)
+    found = find_instability(integrator, omega, ratios, record.dt)
+    if found is not None:
+        raise AnalysisError(
+            f"{integrator.label} is unstable at the record's step {record.dt:.6g} s for the period "
+            f"{2.0 * math.pi / omega[found.index]:.6g} s; ask for longer periods or use another method"
+        )
+    building = oscillators(omega, ratios)
+    space = workspace(building, integrator)
+    steps = Steps(record.dt, record.acceleration.size - 1)
+    code = integrate(integrator, building, np.zeros((0, 4)), record.acceleration.copy(), steps, space)
+    if code < 0:
+        raise AnalysisError(f"{integrator.label} diverged at the record's step {record.dt:.6g} s; use another method")
+    rows = [observing.PEAK_DISPLACEMENT, observing.PEAK_VELOCITY, observing.PEAK_ACCELERATION]
+    return integrator.label, space.peaks[rows]
+
+
+def parse_periods(text: str) -> Array:
+    """Periods from `first:last:count`, in equal ratios, both ends included; shape (count,).
+
+    Raises
+    ------
+    UsageError
+        The text has another form, or the numbers make no sense.
+    """
+    parts = text.split(":")
+    try:
+        first, last, count = float(parts[0]), float(parts[1]), int(parts[2])
+    except (ValueError, IndexError):
+        count, first, last = 0, math.nan, math.nan
+    if len(parts) != 3 or not (0.0 < first < last < math.inf) or not 2 <= count <= MOST_PERIODS:
+        raise UsageError(f"periods must be first:last:count in seconds, such as {DEFAULT_PERIODS}, got {text!r}")
+    result = np.geomspace(first, last, count)
+    result[0], result[-1] = first, last
+    return result

@@ -1,0 +1,341 @@
+"""Inelastic spectra: bilinear oscillators of given strength, or of the strength that leads to a given ductility."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.errors import AnalysisError, UsageError
+from tdint.ground_motion.record import Record
+from tdint.kernels.oscillators import bilinear as inelastic
+from tdint.units import STANDARD_GRAVITY
+
+Array = NDArray[np.float64]
+
+MOST_DUCTILE = 1000.0
+"""The largest ductility that may be asked for."""
+
+SHORTEST = 1e-3
+"""The shortest period over the sampling interval: shorter ones take too many steps."""
+
+_RATIO = 0.97  # of neighboring strengths where the largest one with a ductility is looked for
+_LEAST = 1e-9  # of the elastic strength: where the search ends
+_PARTS = 6  # into which an interval in which the target is reached is divided, again and again ...
+_STEEP = 1.15  # ... until the ductility at its lower end is not beyond the target by more than this
+_NEAR = 0.8  # of the target: a maximum of the ductility is looked at more closely from there on
+_SUMMIT = 1e-4  # of the strength: how closely
+_CLOSE = 1e-9  # of the target: where the search has found it
+_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+
+
+@dataclass(frozen=True)
+class InelasticSpectrum:
+    """Response of bilinear oscillators to one record, for one damping ratio and one ductility or strength.
+
+    Attributes
+    ----------
+    hardening : float
+        Stiffness after yielding over the initial one.
+    target : float or None
+        The ductility that was asked for; None for given strengths.
+    periods : ndarray, shape (k,)
+        Periods of the initial stiffness, s.
+    yield_displacement : ndarray, shape (k,)
+        Displacement at first yield, m.
+    sd : ndarray, shape (k,)
+        Largest relative displacement, m, from the first sample to the last and between them.
+    elastic_sd : ndarray, shape (k,)
+        That of the oscillator that stays elastic, m.
+    residual : ndarray, shape (k,)
+        Displacement at which the oscillator comes to rest after the record, m, with its sign; without damping the
+        center of the vibration that remains.
+    """
+
+    record: Record
+    damping: float
+    hardening: float
+    target: float | None
+    periods: Array
+    yield_displacement: Array
+    sd: Array
+    elastic_sd: Array
+    residual: Array
+
+    @property
+    def ductility(self) -> Array:
+        """Largest over yield displacement; below 1 for an oscillator that does not yield, nan without strength."""
+        return _quotient(self.sd, self.yield_displacement)
+
+    @property
+    def yield_acceleration(self) -> Array:
+        """Yield force over mass, omega^2 times the yield displacement, m/s^2."""
+        return np.asarray((2.0 * math.pi / self.periods) ** 2 * self.yield_displacement)
+
+    @property
+    def yield_strength_ratio(self) -> Array:
+        """Yield force over the weight (standard gravity)."""
+        return self.yield_acceleration / STANDARD_GRAVITY
+
+    @property
+    def reduction_factor(self) -> Array:
+        """Largest force of the elastic oscillator over the yield force."""
+        return _quotient(self.elastic_sd, self.yield_displacement)
+
+
+def _quotient(above: Array, below: Array) -> Array:
+    """Nan where `below` is zero."""
+    return np.asarray(np.divide(above, below, out=np.full(above.shape, math.nan), where=below > 0.0))
+
+
+def constant_ductility(
+    record: Record,
+    periods: Array,
+    ductilities: Sequence[float],
+    damping: float = 0.05,
+    *,
+    hardening: float = 0.0,
+) -> list[InelasticSpectrum]:
+    """Spectra of the strengths that lead to given ductilities.
+
+    Where several strengths lead to the same ductility the largest one is taken (Chopra, Dynamics of Structures, 7.5).
+    Ductility 1 is the elastic spectrum.
+
+    Parameters
+    ----------
+    record : Record
+        Ground motion; linear between its samples, the oscillators at rest at its first one.
+    periods : ndarray, shape (k,)
+        Periods of the initial stiffness, s, positive.
+    ductilities : sequence of float
+        Largest over yield displacement, from 1 to MOST_DUCTILE.
+    damping : float
+        Damping ratio of the initial stiffness, in [0, 1); the dashpot stays as it is when the oscillator yields.
+    hardening : float
+        Stiffness after yielding over the initial one, in [0, 1): kinematic hardening.
+
+    Returns
+    -------
+    list of InelasticSpectrum
+        One per ductility.
+
+    Raises
+    ------
+    UsageError
+        A number that is out of range.
+    AnalysisError
+        No strength leads to a ductility, or a period is too short for the record's sampling interval.
+    """
+    periods = _checked(record, periods, damping, hardening)
+    if not all(1.0 <= ductility <= MOST_DUCTILE for ductility in ductilities):
+        raise UsageError(f"ductilities must be numbers from 1 to {MOST_DUCTILE:g}")
+    rising = sorted(set(ductilities))
+    results = np.zeros((len(rising), periods.size, 3))
+    elastic = np.zeros(periods.size)
+    for i, oscillator in enumerate(_oscillators(record, periods, damping, hardening)):
+        elastic[i] = oscillator.elastic
+        ratio = 1.0
+        for j, target in enumerate(rising if elastic[i] > 0.0 else ()):
+            # A continuous function that starts at 1 reaches the smaller ductilities first.
+            ratio = largest_ratio(oscillator.ductility, target, ratio)
+            strength = ratio * elastic[i]
+            results[j, i] = (strength, *oscillator.response(strength)) if target > 1.0 else (strength, strength, 0.0)
+    return [
+        InelasticSpectrum(
+            record, damping, hardening, target, periods,
+            *_columns(results[rising.index(target)], elastic),
+        )
+        for target in ductilities
+    ]  # fmt: skip
+
+
+def constant_strength(
+    record: Record,
+    periods: Array,
+    strengths: Sequence[float],
+    damping: float = 0.05,
+    *,
+    hardening: float = 0.0,
+) -> list[InelasticSpectrum]:
+    """Spectra of oscillators with given yield strength ratios, the yield force over the weight; one per ratio.
+
+    Other parameters and errors are those of `constant_ductility`.
+    """
+    periods = _checked(record, periods, damping, hardening)
+    if not all(0.0 < strength < math.inf for strength in strengths):
+        raise UsageError("yield strength ratios must be positive numbers")
+    results = np.zeros((len(strengths), periods.size, 3))
+    elastic = np.zeros(periods.size)
+    for i, oscillator in enumerate(_oscillators(record, periods, damping, hardening)):
+        elastic[i] = oscillator.elastic
+        for j, strength in enumerate(strengths):
+            yield_displacement = strength * STANDARD_GRAVITY / oscillator.omega**2
+            results[j, i] = yield_displacement, *oscillator.response(yield_displacement)
+    return [
+        InelasticSpectrum(record, damping, hardening, None, periods, *_columns(result, elastic)) for result in results
+    ]
+
+
+def _columns(result: Array, elastic: Array) -> tuple[Array, Array, Array, Array]:
+    yield_displacement, sd, residual = result.T
+    return yield_displacement, sd, elastic, residual
+
+
+def _checked(record: Record, periods: Array, damping: float, hardening: float) -> Array:
+    periods = np.atleast_1d(np.asarray(periods, dtype=np.float64))
+    if periods.size == 0 or not np.all(np.isfinite(periods) & (periods > 0.0)):
+        raise UsageError("periods of inelastic spectra must be positive numbers of seconds")
+    if not 0.0 <= damping < 1.0:
+        raise UsageError(f"damping must be a ratio in [0, 1), got {damping!r}")
+    if not 0.0 <= hardening < 1.0:
+        raise UsageError(f"hardening must be a ratio in [0, 1), got {hardening!r}")
+    check_shortest(periods, record.dt)
+    return periods
+
+
+def check_shortest(periods: Array, dt: float) -> None:
+    """Raise AnalysisError for a period (s) that is shorter than SHORTEST times the sampling interval (s)."""
+    if periods.min() < SHORTEST * dt:
+        raise AnalysisError(
+            f"the period {periods.min():.6g} s is too short for the sampling interval of {dt:.6g} s: ask for periods "
+            f"from {SHORTEST * dt:.6g} s on"
+        )
+
+
+@dataclass(frozen=True)
+class _Oscillator:
+    """A bilinear oscillator under a ground motion, without its strength."""
+
+    ground: Array
+    dt: float
+    omega: float
+    damping: float
+    hardening: float
+
+    def response(self, yield_displacement: float) -> tuple[float, float]:
+        """Largest displacement and displacement at rest afterwards, m."""
+        results = np.empty(inelastic.RESULTS)
+        code = inelastic.bilinear_response.compiled(
+            self.ground, self.dt, self.omega, self.damping, self.hardening, yield_displacement, results
+        )
+        if code < 0:
+            raise AnalysisError(
+                f"the branches of the oscillator with the period {2.0 * math.pi / self.omega:.6g} s and the yield "
+                f"displacement {yield_displacement:.6g} m change without end"
+            )
+        return float(results[inelastic.LARGEST]), float(results[inelastic.RESIDUAL])
+
+    @cached_property
+    def elastic(self) -> float:
+        """Largest displacement of the oscillator that does not yield, m."""
+        return self.response(math.inf)[0]
+
+    def ductility(self, ratio: float) -> float:
+        """Ductility for a strength over that which stays elastic."""
+        return self.response(ratio * self.elastic)[0] / (ratio * self.elastic)
+
+
+def _oscillators(record: Record, periods: Array, damping: float, hardening: float) -> list[_Oscillator]:
+    ground = record.acceleration.copy()
+    return [_Oscillator(ground, record.dt, 2.0 * math.pi / period, damping, hardening) for period in periods.tolist()]
+
+
+# The search for a strength
+
+
+def largest_ratio(ductility: Callable[[float], float], target: float, start: float = 1.0) -> float:
+    """The largest ratio not above `start` whose ductility is the target.
+
+    The ductility is a continuous function of the ratio, not above the target at `start`, and grows without bound
+    towards zero. It is not monotone: all of it is gone through from `start` down to the first ratio that reaches the
+    target. Where it rises steeply the steps are made smaller, and where it comes near the target and falls again its
+    maximum is looked for.
+
+    Raises
+    ------
+    AnalysisError
+        No ratio down to a billionth reaches it.
+    """
+    if target == 1.0:
+        return start
+    low, high = _bracket(ductility, target, start)
+    return _solve(ductility, target, low, high)
+
+
+Point = tuple[float, float]
+"""A ratio and its ductility."""
+
+
+def _bracket(ductility: Callable[[float], float], target: float, start: float) -> tuple[Point, Point]:
+    """The first ratio from above that reaches the target, and one above it that does not."""
+    before = high = (start, min(ductility(start), target))
+    while high[1] < target:
+        low = (high[0] * _RATIO, ductility(high[0] * _RATIO))
+        if low[0] < _LEAST:
+            raise AnalysisError(f"no strength leads to the ductility {target:.6g}")
+        if low[1] < target and high[1] > max(_NEAR * target, before[1], low[1]):
+            summit = _summit(ductility, target, low[0], before[0])
+            if summit[1] >= target:
+                low, high = summit, before
+        if low[1] >= target:
+            return _narrowed(ductility, target, low, high)
+        before, high = high, low
+    return high, high
+
+
+def _narrowed(ductility: Callable[[float], float], target: float, low: Point, high: Point) -> tuple[Point, Point]:
+    """The uppermost part of a bracket in which the target is reached, and not far exceeded."""
+    while True:
+        for ratio in np.linspace(high[0], low[0], _PARTS + 1)[1:-1].tolist():
+            point = (ratio, ductility(ratio))
+            if point[1] >= target:
+                low = point
+                break
+            high = point
+        if low[1] <= _STEEP * target or high[0] - low[0] <= 1e-13 * high[0]:
+            return low, high
+
+
+def _summit(ductility: Callable[[float], float], target: float, low: float, high: float) -> Point:
+    """The maximum between two ratios, or a point that reaches the target: golden section."""
+    points = [(ratio, ductility(ratio)) for ratio in (high - _GOLDEN * (high - low), low + _GOLDEN * (high - low))]
+    while high - low > _SUMMIT * high and max(points[0][1], points[1][1]) < target:
+        if points[0][1] > points[1][1]:
+            high = points[1][0]
+            ratio = high - _GOLDEN * (high - low)
+            points = [(ratio, ductility(ratio)), points[0]]
+        else:
+            low = points[0][0]
+            ratio = low + _GOLDEN * (high - low)
+            points = [points[1], (ratio, ductility(ratio))]
+    return points[1] if points[1][1] >= target else max(points, key=lambda point: point[1])
+
+
+def _solve(ductility: Callable[[float], float], target: float, low: Point, high: Point) -> float:
+    """The ratio with the target in a bracket.
+
+    The logarithms lie nearly on a line: false position with halved weights (Illinois), bisection every fourth time.
+    """
+    ends = [[math.log(ratio), math.log(max(value, 0.1) / target)] for ratio, value in (low, high)]
+    last = -1
+    x = ends[0][0]
+    if abs(ends[0][1]) <= _CLOSE:
+        return low[0]
+    for i in range(200):
+        (left, at_left), (right, at_right) = ends
+        x = (left * at_right - right * at_left) / (at_right - at_left)
+        if i % 4 == 3 or not left < x < right:
+            x = 0.5 * (left + right)
+        value = math.log(ductility(math.exp(x)) / target)
+        if abs(value) <= _CLOSE or not left < x < right:
+            break
+        side = 0 if value > 0.0 else 1
+        ends[side] = [x, value]
+        if side == last:
+            ends[1 - side][1] *= 0.5
+        last = side
+    return math.exp(x)

@@ -1,0 +1,142 @@
+"""Spectra over all directions of the two horizontal components of a motion: RotD (Boore 2010)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.analysis.spectra.elastic import check_shortest, checked_periods, choose_manner
+from tdint.analysis.spectra.oscillators import Maxima, groups
+from tdint.errors import UsageError
+from tdint.ground_motion.horizontals import Horizontals
+from tdint.ground_motion.interpolation import Interpolation
+from tdint.kernels.oscillators import rotated as rotation
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RotatedSpectrum:
+    """Pseudo-acceleration spectra of two horizontal components over all directions, for one damping ratio.
+
+    Attributes
+    ----------
+    motion : Horizontals
+        The two components.
+    periods : ndarray, shape (k,)
+        Periods, s.
+    percentiles : tuple of int
+        The percentiles that were asked for.
+    psa : ndarray, shape (len(percentiles), k)
+        RotDnn: percentiles of the pseudo-accelerations (m/s^2) in 180 directions one degree apart.
+    geometric_mean : ndarray, shape (k,)
+        Geometric mean of the pseudo-accelerations of the two components as they are, m/s^2.
+    angle : ndarray, shape (k,)
+        Direction of the largest pseudo-acceleration, degrees from the first component towards the second, below 180.
+    maxima, interpolation : str
+        As for `tdint.analysis.spectra.elastic.Spectrum`.
+    """
+
+    motion: Horizontals
+    damping: float
+    periods: Array
+    percentiles: tuple[int, ...]
+    psa: Array
+    geometric_mean: Array
+    angle: Array
+    maxima: str
+    interpolation: str
+
+
+def rotated_spectrum(
+    motion: Horizontals,
+    periods: Array,
+    damping: float = 0.05,
+    percentiles: Sequence[int] = (0, 50, 100),
+    *,
+    maxima: str | None = None,
+    interpolation: str | None = None,
+) -> RotatedSpectrum:
+    """Percentiles of the pseudo-acceleration over all directions: RotD (Boore 2010, doi 10.1785/0120090400).
+
+    Between two directions there is half a degree at most: RotD100 is below the largest of all by 4e-5 at most. Between
+    two percentiles of the 180 values lies a straight line.
+
+    Parameters
+    ----------
+    motion : Horizontals
+        Two components at right angles.
+    percentiles : sequence of int
+        From 0 to 100.
+    periods, damping, maxima, interpolation
+        As for `tdint.analysis.spectra.elastic.spectrum`.
+
+    Raises
+    ------
+    UsageError
+        As there; percentiles out of range.
+    AnalysisError
+        A period is too short for the record.
+    """
+    if not percentiles or not all(0 <= percentile <= 100 for percentile in percentiles):
+        raise UsageError(f"percentiles must be from 0 to 100, got {', '.join(map(str, percentiles)) or 'none'}")
+    periods = checked_periods(periods, damping)
+    manner = choose_manner(None, maxima, interpolation)
+    positive = periods > 0.0
+    psa = np.empty((periods.size, rotation.ANGLES))
+    if np.any(positive):
+        check_shortest(motion.first, periods)
+        omega = 2.0 * math.pi / periods[positive]
+        psa[positive] = omega[:, None] ** 2 * _displacements(
+            motion, omega, damping, manner.maxima, manner.interpolation
+        )
+    if not np.all(positive):
+        psa[~positive] = _peaks(motion, manner.interpolation)
+    return RotatedSpectrum(
+        motion=motion,
+        damping=damping,
+        periods=periods,
+        percentiles=tuple(percentiles),
+        psa=np.percentile(psa, percentiles, axis=1),
+        geometric_mean=np.sqrt(psa[:, 0] * psa[:, rotation.ANGLES // 2]),
+        angle=np.argmax(psa, axis=1) * (180.0 / rotation.ANGLES),
+        maxima=manner.maxima.name,
+        interpolation=manner.interpolation.name,
+    )
+
+
+def _displacements(
+    motion: Horizontals, omega: Array, damping: float, maxima: Maxima, interpolation: Interpolation
+) -> Array:
+    """Largest displacement (m) of each oscillator in each direction, shape (k, ANGLES)."""
+    shortest = 2.0 * math.pi / float(np.max(omega))
+    first, dt = interpolation.resample(motion.first, shortest)
+    second, _ = interpolation.resample(motion.second, shortest)
+    result = np.empty((omega.size, rotation.ANGLES))
+    for chosen, parts, table in groups(omega, damping, dt, maxima, _lanes):
+        found = np.empty((chosen.size, rotation.ANGLES))
+        rotation.rotated_peaks.compiled(first, second, dt, parts, table, _directions(), int(maxima.between), found)
+        result[chosen] = found
+    return result
+
+
+def _peaks(motion: Horizontals, interpolation: Interpolation) -> Array:
+    """Peak ground acceleration in each direction, m/s^2, shape (ANGLES,)."""
+    first, second = motion.first.acceleration, motion.second.acceleration
+    rotated = (replace(motion.first, acceleration=c * first + s * second) for c, s in _directions().T)
+    return np.array([interpolation.peak(record) for record in rotated])
+
+
+def _directions() -> Array:
+    """Cosine and sine of each direction, shape (2, ANGLES); exact along both components."""
+    angles = np.arange(rotation.ANGLES) * (math.pi / rotation.ANGLES)
+    cosine = np.where(np.arange(rotation.ANGLES) == rotation.ANGLES // 2, 0.0, np.cos(angles))
+    return np.array([cosine, np.sin(angles)])
+
+
+def _lanes(count: int) -> int:
+    return rotation.LANES

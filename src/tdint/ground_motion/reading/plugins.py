@@ -1,0 +1,170 @@
+"""Find a file's format among the safe ones and let its ObsPy plugin read it from memory.
+
+ObsPy offers any file to every plugin it finds, one of which unpickles it: a crafted `.mseed` would run code. It also
+fetches URLs, expands wildcards and unpacks archives. None of this happens here: the plugins are taken by name from two
+distributions, ObsPy's by the list below and tdint's own, and they see bytes in memory, never a file name.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint, EntryPoints, PackageNotFoundError, distribution
+from io import BytesIO
+from typing import Any
+
+from tdint.errors import RecordError
+from tdint.ground_motion.messages import caught_messages, quiet_import
+from tdint.ground_motion.reading.soundness import damage_of_bytes, missing_samples
+
+_GROUP = "obspy.plugin.waveform"
+
+_FIRST = ("MSEED", "KNET")
+_REST = ("SAC", "GSE2", "GSE1", "SLIST", "TSPAIR", "SH_ASC", "KINEMETRICS_EVT", "GCF", "REFTEK130")
+OBSPY_FORMATS = _FIRST + _REST
+"""ObsPy's formats that are read: recorders' and exchange formats of ground motion whose plugin reads from memory, runs
+nothing and opens no other file, and in which a cut-off file can be told. PICKLE runs code; CSS, NNSA_KB_CORE and Q open
+the files that a header names; AH and SACXY cannot tell a damaged file; DMX, PDAS, SEISAN, WIN and Y read from a named
+file only; CYBERSHAKE holds velocities; the others are not ground motion."""
+
+_DAMAGE = re.compile(r"^ERROR|not be read|skip|corrupt|truncat|integrity check|broken", re.IGNORECASE)
+"""Warnings of ObsPy's readers after which samples are missing or wrong. Others (an unusual header) become notes."""
+
+_ARCHIVES = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ": "xz", b"PK\x03\x04": "zip"}
+
+
+@dataclass(frozen=True)
+class Plugin:
+    """One format's two functions, not imported yet."""
+
+    name: str
+    is_format: EntryPoint
+    read_format: EntryPoint
+
+    @property
+    def is_own(self) -> bool:
+        """Whether it is tdint's, not ObsPy's."""
+        return self.name not in OBSPY_FORMATS
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What a file holds: `traces` are obspy Trace objects with numbers in them, in file order."""
+
+    format: str
+    traces: list[Any]
+    notes: tuple[str, ...]
+
+
+def read_contents(data: bytes, source: str) -> Contents:
+    """Read all traces of a record.
+
+    Parameters
+    ----------
+    data : bytes
+        The whole file.
+    source : str
+        The file's name, for messages only.
+
+    Returns
+    -------
+    Contents
+        At least one trace; channels of text (a recorder's log) are left out.
+
+    Raises
+    ------
+    RecordError
+        Not a known format, damaged, cut off, or without a numeric channel.
+    """
+    plugin = _detect(data, source)
+    _refuse_damaged(damage_of_bytes(plugin.name, data), source)
+    traces, messages = _read(plugin, data, source)
+    _refuse_damaged(next(filter(_DAMAGE.search, messages), None), source)
+    _refuse_damaged(missing_samples(plugin.name, data, traces), source)
+    numeric = [trace for trace in traces if trace.data.dtype.kind in "iuf"]
+    if not numeric:
+        raise RecordError(f"{source}: the file ({plugin.name}) holds no samples of ground motion")
+    speaker = "" if plugin.is_own else "ObsPy: "
+    return Contents(plugin.name, numeric, tuple(speaker + message for message in messages))
+
+
+def has_known_format(data: bytes) -> bool:
+    """Whether the contents of a file are those of a format that is read."""
+    return _format_of(data) is not None
+
+
+def _refuse_damaged(problem: str | None, source: str) -> None:
+    if problem:
+        raise RecordError(f"{source}: the file is damaged or cut off: {problem}; fetch it again")
+
+
+def plugins() -> Iterator[Plugin]:
+    """The formats that may be read, in the order in which a file is offered to them.
+
+    ObsPy's most frequent formats, whose checks are strict, come before those of tdint.
+    """
+    theirs = distribution("obspy").entry_points
+    yield from _named(theirs, _FIRST)
+    try:
+        ours = distribution("tdint").entry_points
+    except PackageNotFoundError:  # Run from a source tree that is not installed.
+        ours = EntryPoints()
+    yield from _named(ours, sorted(ours.select(group=_GROUP).names))
+    yield from _named(theirs, _REST)
+
+
+def _named(entries: EntryPoints, names: tuple[str, ...] | list[str]) -> Iterator[Plugin]:
+    for name in names:
+        functions = {entry.name: entry for entry in entries.select(group=f"{_GROUP}.{name}")}
+        if {"isFormat", "readFormat"} <= functions.keys():
+            yield Plugin(name, functions["isFormat"], functions["readFormat"])
+
+
+def _detect(data: bytes, source: str) -> Plugin:
+    plugin = _format_of(data)
+    if plugin is None:
+        known = ", ".join(plugin.name for plugin in plugins())
+        raise RecordError(f"{source}: {_foreign(data) or f'unknown format; those that are read: {known}'}")
+    return plugin
+
+
+def _format_of(data: bytes) -> Plugin | None:
+    with caught_messages():
+        return next((plugin for plugin in plugins() if _accepts(plugin, data)), None)
+
+
+def _accepts(plugin: Plugin, data: bytes) -> bool:
+    try:
+        return bool(_load(plugin.is_format)(BytesIO(data)))
+    except Exception:  # A check that stumbles over foreign bytes has not recognized them.
+        return False
+
+
+def _foreign(data: bytes) -> str | None:
+    """What a file that is no record looks like, where a better message than its unknown format can be given."""
+    for start, archive in _ARCHIVES.items():
+        if data.startswith(start):
+            return f"the file is compressed ({archive}); uncompress it first"
+    if data.startswith(b"\x80") and data.endswith(b"."):
+        return "unknown format, by its look a pickled object: loading one can run code; write it as MiniSEED"
+    return None
+
+
+def _read(plugin: Plugin, data: bytes, source: str) -> tuple[list[Any], list[str]]:
+    """The traces of a file, and what was said while they were read."""
+    function = _load(plugin.read_format)
+    try:
+        with caught_messages() as messages:
+            traces = list(function(BytesIO(data)))
+    except RecordError as error:  # A reader of tdint's own, which knows what is wrong.
+        raise RecordError(f"{source}: {error}") from error
+    except Exception as error:  # Readers of corrupt bytes raise whatever their parsing runs into.
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise RecordError(f"{source}: cannot be read as {plugin.name}, the file may be damaged: {reason}") from error
+    return traces, messages
+
+
+def _load(entry: EntryPoint) -> Any:
+    with quiet_import():
+        return entry.load()

@@ -1,0 +1,186 @@
+"""Read ground-motion records in the formats that ObsPy and tdint know."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from tdint.errors import RecordError, UsageError
+from tdint.ground_motion.horizontals import Horizontals, find_horizontals
+from tdint.ground_motion.instrument import Instruments, read_instruments, remove_response
+from tdint.ground_motion.reading.plugins import Contents, has_known_format, read_contents
+from tdint.ground_motion.reading.scale import declared_units, to_acceleration, units_in_words
+from tdint.ground_motion.reading.segments import (
+    Channel,
+    check_equal_sampling,
+    check_finite,
+    doubts,
+    group_channels,
+    join,
+)
+from tdint.ground_motion.reading.source import digested, read_bytes
+from tdint.ground_motion.record import Record
+from tdint.units import Units, parse_units
+
+
+def read_record(
+    source: str | Path,
+    *,
+    units: str | None = None,
+    component: str | None = None,
+    inventory: str | Path | None = None,
+) -> Record:
+    """Read one component of a ground motion.
+
+    Parameters
+    ----------
+    source : str or Path
+        A file, or `-` for standard input. The format is found from the contents.
+    units : str, optional
+        Units of the samples: m/s^2, cm/s^2, gal, mm/s^2 or g; with a factor before them the value of one count
+        (`2.38e-6 m/s^2`). Needed where the file does not give them: floating-point samples are else taken as m/s^2,
+        with a note, and integers (counts of a recorder) are refused.
+    component : str, optional
+        Needed if the file has several: the channel code (`HNE`), the full id (`CI.CLC..HNE`), or the code's last letter
+        (`E`) if only one channel ends in it; upper and lower case are the same.
+    inventory : str or Path, optional
+        StationXML file by which the instrument's response is removed; not together with `units`.
+
+    Returns
+    -------
+    Record
+        Acceleration in m/s^2. Its notes tell what was assumed and done.
+
+    Raises
+    ------
+    UsageError
+        The units are unknown, or units and an inventory are given.
+    RecordError
+        The file cannot be read, is damaged, has gaps, overlaps or samples that are not finite, counts of unknown
+        value, no such component, or several and none is named.
+    """
+    (record,) = _read(source, units, component, inventory, single=True)
+    return record
+
+
+def read_records(
+    source: str | Path,
+    *,
+    units: str | None = None,
+    component: str | None = None,
+    inventory: str | Path | None = None,
+) -> tuple[Record, ...]:
+    """Read all components of a ground motion, or the named one, in the order of the file.
+
+    Parameters and errors are those of `read_record`; that the components differ in their sampling interval is
+    a RecordError, too. Channels without numbers (a recorder's log) are left out.
+    """
+    return _read(source, units, component, inventory, single=False)
+
+
+def read_horizontals(
+    *sources: str | Path, units: str | None = None, inventory: str | Path | None = None
+) -> Horizontals:
+    """Read the two horizontal components of a motion from its file, or from its files.
+
+    Parameters, and errors beside those of `find_horizontals`, are those of `read_records`.
+    """
+    return find_horizontals(
+        [one for source in sources for one in read_records(source, units=units, inventory=inventory)]
+    )
+
+
+def is_record(source: str | Path) -> bool:
+    """Whether a file has one of the known formats; True as well for one that cannot be read, which reading will tell.
+
+    A file that has a known format may still be damaged.
+    """
+    try:
+        return has_known_format(read_bytes(source))
+    except RecordError:
+        return True
+
+
+def _read(
+    source: str | Path, units: str | None, component: str | None, inventory: str | Path | None, *, single: bool
+) -> tuple[Record, ...]:
+    if units is not None and inventory is not None:
+        raise UsageError("units and an inventory are given; the inventory gives the units, leave one of them out")
+    wanted = None if units is None else parse_units(units)
+    name = str(source)
+    data = read_bytes(source)
+    contents = read_contents(data, name)
+    channels = group_channels(contents.traces)
+    if component is not None:
+        channels = [_choose(channels, component, name)]
+    elif single and len(channels) > 1:
+        raise RecordError(f"{name}: the file has several components, choose one: {_listed(channels)}")
+    traces = [join(channel, _label(name, channel)) for channel in channels]
+    check_equal_sampling([(trace.id, float(trace.stats.delta)) for trace in traces], name)
+    instruments = None if inventory is None else read_instruments(inventory)
+    inputs = (digested(data, source), *([instruments.input] if instruments else []))
+    return tuple(
+        replace(_to_record(channel, trace, contents, wanted, instruments, name), inputs=inputs)
+        for channel, trace in zip(channels, traces, strict=True)
+    )
+
+
+def _choose(channels: Sequence[Channel], component: str, source: str) -> Channel:
+    """The channel with this code, else with this id, else the only one whose code ends in this letter."""
+    wanted = component.strip().upper()
+    ways = (
+        [channel for channel in channels if channel.code.upper() == wanted],
+        [channel for channel in channels if channel.id.upper() == wanted],
+        [channel for channel in channels if len(wanted) == 1 and channel.code.upper().endswith(wanted)],
+    )
+    found = next((matches for matches in ways if matches), [])
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise RecordError(f"{source}: several components match {component!r}, choose one: {_listed(found)}")
+    raise RecordError(f"{source}: there is no component {component!r}; there are {_listed(channels)}")
+
+
+def _listed(channels: Sequence[Channel]) -> str:
+    """Names by which each of the channels can be chosen."""
+    codes = [channel.code for channel in channels]
+    unique = len(set(codes)) == len(codes) and all(codes)
+    return ", ".join(codes if unique else [channel.id for channel in channels])
+
+
+def _to_record(
+    channel: Channel, trace: Any, contents: Contents, wanted: Units | None, instruments: Instruments | None, source: str
+) -> Record:
+    label = _label(source, channel)
+    if instruments is None:
+        acceleration, notes = to_acceleration(trace, contents.format, wanted, label)
+        units = units_in_words(trace, contents.format, wanted, label)
+    else:
+        if declared_units(trace, contents.format, label):
+            raise RecordError(f"{label}: the file gives its own units; leave the inventory out")
+        acceleration, notes = remove_response(trace, instruments, label)
+        units = "counts (response removed)"
+    dt = float(trace.stats.delta)
+    check_finite(acceleration, dt, label)
+    return Record(
+        acceleration=acceleration,
+        dt=dt,
+        start=_start(trace),
+        id=channel.id,
+        component=channel.code,
+        source=source,
+        notes=(*contents.notes, *notes, *doubts(acceleration)),
+        units=units,
+    )
+
+
+def _start(trace: Any) -> str:
+    """Time of the first sample; formats without one get the epoch from ObsPy, which no record begins at."""
+    start = trace.stats.starttime
+    return "" if start.timestamp == 0 else str(start)
+
+
+def _label(source: str, channel: Channel) -> str:
+    return f"{source}: {channel.id}" if channel.id.strip(".") else source

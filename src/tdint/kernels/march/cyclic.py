@@ -1,0 +1,31 @@
+"""One story along a given path of drifts, without mass and time: a cyclic test."""
+
+from __future__ import annotations
+
+from numba.core import types
+
+from tdint.kernels.compiling import I8, TABLE, VECTOR, kernel
+from tdint.kernels.layout import COMMITTED, DISSIPATED, FIRST_TRIAL, FORCE
+from tdint.kernels.march.springs import commit, recoverable, restoring, start
+
+# Columns of the result
+SHEAR = 0
+TANGENT = 1
+RECOVERABLE = 2
+DISSIPATION = 3
+RESULT_COLUMNS = 4
+
+
+@kernel(types.void(TABLE, I8, VECTOR, TABLE, TABLE))
+def follow(laws, i, drifts, springs, result):
+    """Bring story `i` from rest to the first drift and then from one to the next; one row of result for each.
+
+    Each drift is committed, as a time step commits the one at its end. Shear N, tangent N/m, energies J.
+    """
+    start(laws, springs, i, drifts[0])
+    for s in range(drifts.size):
+        result[s, TANGENT] = restoring(laws, springs, i, COMMITTED, FIRST_TRIAL, drifts[s])
+        commit(laws, springs, i, COMMITTED, FIRST_TRIAL)
+        result[s, SHEAR] = springs[FORCE, i]
+        result[s, RECOVERABLE] = recoverable(laws, springs, i)
+        result[s, DISSIPATION] = springs[DISSIPATED, i]

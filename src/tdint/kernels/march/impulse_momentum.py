@@ -1,0 +1,96 @@
+"""What the two impulse-momentum families have in common: kinematics, momentum and equilibrium over a step.
+
+    kinematics  u1 - u0 = h ((1 - th) v0 + th v1) + h^2 (al a0 - be a1)
+    momentum    M (v1 - v0) + C (u1 - u0) + S = I
+    equilibrium M a1 + C v1 + f(u1) = p1
+
+Unknowns are u1 - u0 and v1 - v0 of each floor; a1 follows from equilibrium. A family brings the story forces at the end
+of the step, the story impulses S and the matrix of Newton's iteration.
+"""
+
+from __future__ import annotations
+
+from tdint.kernels.compiling import inlined
+from tdint.kernels.layout import ACCELERATION, FLOOR_DAMPER, INVERSE_MASS, LINK, MASS, RESIDUAL, VELOCITY
+from tdint.kernels.march.chain import add_modal_force
+from tdint.kernels.march.stepping import SMALL, balanced
+from tdint.kernels.march.tridiagonal import solve_blocks_damped
+
+# Rows of work
+LOAD = 0
+IMPULSE = 1
+DU = 2
+DV = 3
+U1 = 4
+V1 = 5
+A1 = 6
+FORCE_1 = 7  # story force at the end, damper included
+FORCE_S = 8  # story impulse, damper included
+R1 = 9  # residuals, then corrections, of DU and DV
+R2 = 10
+SIZE = 11  # what the displacements round, as a force
+MOMENTUM_ROWS = 12
+
+
+@inlined
+def guess(factor, h, state, work, n):
+    """Constant acceleration as the first guess with factor 1; no increment with 0.
+
+    In a linear building any guess will do, and no increment is the one that rounds least where omega h is large.
+    """
+    for i in range(n):
+        a = factor * state[ACCELERATION, i]
+        work[DU, i] = factor * h * state[VELOCITY, i] + 0.5 * h * h * a
+        work[DV, i] = h * a
+
+
+@inlined
+def residuals(theta, alpha, beta, chain, modal, h, state, work):
+    """Minus the residuals of kinematics (times M) and momentum into their rows, and the acceleration at the end."""
+    n = chain.shape[1] - 1
+    for i in range(n):
+        link = chain[LINK, i + 1]
+        force = work[FORCE_1, i] - link * work[FORCE_1, i + 1]
+        work[A1, i] = work[LOAD, i] - chain[FLOOR_DAMPER, i] * work[V1, i] - force
+        impulse = work[FORCE_S, i] - link * work[FORCE_S, i + 1]
+        work[R2, i] = work[IMPULSE, i] - chain[MASS, i] * work[DV, i] - chain[FLOOR_DAMPER, i] * work[DU, i] - impulse
+    add_modal_force(modal, work, V1, -1.0, work, A1, n)
+    add_modal_force(modal, work, DU, -1.0, work, R2, n)
+    for i in range(n):
+        work[A1, i] *= chain[INVERSE_MASS, i]
+        by_v = h * ((1.0 - theta) * state[VELOCITY, i] + theta * work[V1, i])
+        by_a = h * h * (alpha * state[ACCELERATION, i] - beta * work[A1, i])
+        work[R1, i] = chain[MASS, i] * (by_v + by_a - work[DU, i])
+
+
+@inlined
+def in_balance(beta, chain, h, state, work, memo):
+    """Whether the rows of `residuals` are small beside their terms."""
+    n = chain.shape[1] - 1
+    by_a = beta * h * h
+    memo[RESIDUAL] = 0.0
+    small = True
+    for i in range(n):
+        link = chain[LINK, i + 1]
+        mass = chain[MASS, i]
+        rounding = work[SIZE, i] + link * work[SIZE, i + 1]
+        scale = abs(work[DU, i]) + h * (abs(state[VELOCITY, i]) + abs(work[V1, i]))
+        scale += h * h * abs(state[ACCELERATION, i]) + by_a * abs(work[A1, i])
+        small = balanced(memo, i, work[R1, i], mass * scale + by_a * rounding) and small
+        scale = abs(work[IMPULSE, i]) + abs(mass * work[DV, i]) + h * rounding
+        scale += abs(work[FORCE_S, i]) + link * abs(work[FORCE_S, i + 1])
+        small = balanced(memo, i, work[R2, i], scale) and small
+    return small
+
+
+@inlined
+def correct(beta, modal, h, work, blocks, coupling, store, n):
+    """Solve for the corrections with the factors in work and add them. True if they are rounding."""
+    by_a = beta * h * h
+    solve_blocks_damped(work, blocks, coupling, modal, 0.0, -by_a, 1.0, 0.0, store, R1, R2, n)
+    small = True
+    for i in range(n):
+        work[DU, i] += work[R1, i]
+        work[DV, i] += work[R2, i]
+        small = small and abs(work[R1, i]) <= SMALL * abs(work[U1, i])
+    return small

@@ -1,0 +1,152 @@
+"""The time loop: one compiled march for all methods, which takes the compiled step as an argument."""
+
+from __future__ import annotations
+
+from numba.core import types
+
+from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, inlined, kernel
+from tdint.kernels.layout import (
+    ACCELERATION,
+    DISPLACEMENT,
+    GROUND_0,
+    GROUND_1,
+    LINK,
+    NOT_FINITE,
+    STEPS_DONE,
+    TIME,
+)
+from tdint.kernels.march.observing import (
+    ACCELERATION_ROW,
+    ENERGY_KINETIC,
+    ENERGY_LARGEST,
+    ENERGY_RECOVERABLE,
+    ENERGY_START,
+    HALVINGS,
+    ITERATIONS,
+    STEPS_REACHED,
+    observe,
+    store,
+    take_stock,
+)
+from tdint.kernels.march.springs import start
+from tdint.kernels.march.stepping import STEP
+
+_MARCH = I8(
+    types.FunctionType(STEP),  # step
+    I8,  # steps
+    I8,  # steps per sample of the ground motion
+    I8,  # samples per step; one of the two is 1
+    I8,  # how often a step may be halved
+    F8,  # h
+    VECTOR,  # ground acceleration
+    VECTOR,  # coefficients
+    TABLE,  # chain
+    TABLE,  # modal
+    TABLE,  # laws
+    TABLE,  # forces
+    TABLE,  # state
+    TABLE,  # springs
+    TABLE,  # work of the step
+    VECTOR,  # memo
+    VECTOR,  # load, LOAD_SIZE numbers of scratch
+    TABLE,  # work of the observer
+    TABLE,  # peaks
+    VECTOR,  # observed
+    TABLE,  # history: the start and each k-th step, k = steps / (rows - 1) a whole number; no rows for none
+)
+
+RUNAWAY = 1e6
+"""Displacement beyond which a response is called diverged, m."""
+
+
+@inlined
+def _sample(ground, position):
+    return ground[position] if position < ground.size else 0.0
+
+
+@inlined
+def ground_at(ground, step, per_sample, stride):
+    """Ground acceleration at the start of a step: linear between the samples, zero after the last."""
+    if per_sample == 1:
+        return _sample(ground, step * stride)
+    sample = step // per_sample
+    part = (step - sample * per_sample) / per_sample
+    value = _sample(ground, sample)
+    return value + (_sample(ground, sample + 1) - value) * part
+
+
+@inlined
+def _start(chain, modal, laws, forces, ground, state, springs, watch, peaks, observed):
+    """Drift laws, acceleration and energy of the initial state."""
+    n = chain.shape[1] - 1
+    below = 0.0
+    for i in range(n):
+        start(laws, springs, i, state[DISPLACEMENT, i] - chain[LINK, i] * below)
+        below = state[DISPLACEMENT, i]
+    observe(chain, modal, laws, forces, 0.0, 0.0, ground, 0.0, state, springs, watch, peaks, observed)
+    for i in range(n):
+        state[ACCELERATION, i] = watch[ACCELERATION_ROW, i]
+    take_stock(chain, laws, state, springs, observed)
+    observed[ENERGY_START] = observed[ENERGY_KINETIC] + observed[ENERGY_RECOVERABLE]
+    observed[ENERGY_LARGEST] = observed[ENERGY_START]
+
+
+@inlined
+def _ran_away(state, n):
+    largest = 0.0
+    for i in range(n):
+        largest = max(largest, abs(state[DISPLACEMENT, i]))
+    return not largest < RUNAWAY
+
+
+@kernel(_MARCH)
+def march(
+    step, steps, per_sample, stride, halvings, h, ground, coefficients, chain, modal, laws, forces,
+    state, springs, work, memo, load, watch, peaks, observed, history,
+):  # fmt: skip
+    """Integrate from time 0 over `steps` steps of h; returns 0, or the code of the step that failed.
+
+    A step that does not converge is halved up to `halvings` times over; the rest of it goes on in the smaller pieces.
+    A multi-step method, whose memory holds whole steps, starts anew in and after such a step.
+    `observed[STEPS_REACHED]` counts the whole steps done.
+    """
+    n = chain.shape[1] - 1
+    ground_0 = ground_at(ground, 0, per_sample, stride)
+    _start(chain, modal, laws, forces, ground_0, state, springs, watch, peaks, observed)
+    if history.shape[0] > 0:
+        store(chain, laws, ground_0, state, springs, watch, observed, history, 0)
+    every = steps // max(history.shape[0] - 1, 1)
+    smallest = 0.5**halvings
+    for s in range(steps):
+        ground_1 = ground_at(ground, s + 1, per_sample, stride)
+        slope = (ground_1 - ground_0) / h
+        done = 0.0  # of the step
+        piece = 1.0
+        while done < 1.0:
+            load[TIME] = (s + done) * h
+            load[GROUND_0] = ground_0 + done * (ground_1 - ground_0)
+            load[GROUND_1] = ground_1 if done + piece == 1.0 else ground_0 + (done + piece) * (ground_1 - ground_0)
+            code = step(coefficients, chain, modal, laws, forces, piece * h, load, state, springs, work, memo)
+            if code < 0:
+                if code == NOT_FINITE or piece <= smallest:
+                    return code
+                piece *= 0.5
+                observed[HALVINGS] += 1.0
+                memo[STEPS_DONE] = 0.0
+                continue
+            done += piece
+            observed[ITERATIONS] += code
+            time = (s + done) * h
+            observe(
+                chain, modal, laws, forces, time, piece * h, load[GROUND_1], slope,
+                state, springs, watch, peaks, observed,
+            )  # fmt: skip
+        memo[STEPS_DONE] = memo[STEPS_DONE] + 1.0 if piece == 1.0 else 0.0
+        observed[STEPS_REACHED] += 1.0
+        if _ran_away(state, n):
+            return NOT_FINITE
+        if history.shape[0] > 0 and (s + 1) % every == 0:
+            store(chain, laws, ground_1, state, springs, watch, observed, history, (s + 1) // every)
+        ground_0 = ground_1
+    take_stock(chain, laws, state, springs, observed)
+    return 0

@@ -1,0 +1,173 @@
+"""Equilibrium of all floors at one instant, by Newton's iteration.
+
+For the families whose motion at that instant is linear in one unknown x per floor, an acceleration:
+
+    u = U + by_u x,   v = V + by_v x,   a = A + by_a x,   M a + C v + f(u) = p
+
+U, V, A are the first guess. The corrections are found by tridiagonal solves, and the factors are kept for the next
+step: they are made anew only when a tangent changed.
+"""
+
+from __future__ import annotations
+
+import math
+
+from tdint.kernels.compiling import inlined
+from tdint.kernels.layout import (
+    FLOOR_DAMPER,
+    FORCE,
+    GEOMETRIC,
+    LINEAR,
+    LINK,
+    MASS,
+    NOT_CONVERGED,
+    POWER_DAMPERS,
+    RESIDUAL,
+    STIFFNESS,
+    STORY_DAMPER,
+)
+from tdint.kernels.march.chain import add_modal_force, power_damper
+from tdint.kernels.march.springs import restoring
+from tdint.kernels.march.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, balanced
+from tdint.kernels.march.tridiagonal import factor_combination, solve_damped
+
+# Rows of work: the load and the first guess come in, the motion in equilibrium goes out
+LOAD = 0
+U = 1
+V = 2
+A = 3
+X = 4
+_SUM = 5  # story forces
+_RESIDUAL = 6  # unbalanced forces, then the correction of x
+_TANGENT = 7
+_SIZE = 8  # of the story forces, with what the displacements round
+BALANCE_ROWS = 9
+
+# Rows of a block of factors
+_FACTORED = 0  # its tangents
+_PIVOT = 1
+_COUPLING = 2
+_STORE = 3
+
+
+def factor_rows(modes: int) -> int:
+    """Rows of work in a block of factors for a building with `modes` modally damped modes."""
+    return _STORE + 2 * modes + 1
+
+
+@inlined
+def forget(work, factors, n):
+    """Mark the factors in the block at row `factors` as fitting no tangent."""
+    for i in range(n):
+        work[factors + _FACTORED, i] = math.inf
+
+
+@inlined
+def balance(by_u, by_v, by_a, factors, past, trial, chain, modal, laws, springs, work, memo):
+    """Bring the floors into equilibrium; returns the number of solves, or a negative code.
+
+    The drift laws go from the state in block `past` of springs to block `trial`. Rows `factors` and following of work
+    hold the factors of by_a M + by_v C + by_u K for the weights of this call, or are marked by `forget`.
+    """
+    n = chain.shape[1] - 1
+    tangents = factors + _FACTORED
+    pivot = factors + _PIVOT
+    coupling = factors + _COUPLING
+    store = factors + _STORE
+    by_k = by_u if by_u != 0.0 else 1.0
+    for i in range(n):
+        work[X, i] = 0.0
+    iterations = 0
+    while True:
+        stale = _story_forces(by_u, by_v, factors, past, trial, chain, laws, springs, work)
+        if _in_balance(chain, modal, work, memo):
+            break
+        if iterations == ITERATIONS:
+            return NOT_CONVERGED
+        if stale:
+            for i in range(n):
+                work[tangents, i] = work[_TANGENT, i]
+            factor_combination(chain, modal, work, tangents, by_a, by_v, by_k, work, pivot, coupling, store, n)
+        solve_damped(work, pivot, coupling, modal, store, _RESIDUAL, n)
+        iterations += 1
+        if _correct(by_u, by_v, by_a, work, n) or memo[LINEAR] != 0.0 or (by_u == 0.0 and memo[POWER_DAMPERS] == 0.0):
+            _drift_laws(past, trial, chain, laws, springs, work)
+            break
+    return max(iterations, 1)
+
+
+@inlined
+def _story_forces(by_u, by_v, factors, past, trial, chain, laws, springs, work):
+    """Story forces of the present motion. True if the factors do not fit its tangents.
+
+    The tangent of a power-law dashpot is a stiffness by_v / by_u times as large. Where by_u is 0 no stiffness matters,
+    and the factors are made with 1 in its place.
+    """
+    stale = False
+    u_below = 0.0
+    v_below = 0.0
+    for i in range(chain.shape[1] - 1):
+        drift = work[U, i] - chain[LINK, i] * u_below
+        rate = work[V, i] - chain[LINK, i] * v_below
+        u_below = work[U, i]
+        v_below = work[V, i]
+        tangent = restoring(laws, springs, i, past, trial, drift)
+        damper, slope = power_damper(chain, i, rate)
+        scale = laws[STIFFNESS, i]
+        if by_u == 0.0:
+            tangent = by_v * slope - chain[GEOMETRIC, i]
+            scale = chain[MASS, i]
+        elif slope != 0.0:
+            tangent += by_v / by_u * slope
+        work[_TANGENT, i] = tangent
+        stale = stale or abs(tangent - work[factors + _FACTORED, i]) > SAME_TANGENT * scale
+        total = springs[trial + FORCE, i] + chain[GEOMETRIC, i] * drift + chain[STORY_DAMPER, i] * rate + damper
+        work[_SUM, i] = total
+        # A drift is a difference: what the displacements round is not out of balance.
+        rounding = SMALL / CLOSE * laws[STIFFNESS, i]
+        work[_SIZE, i] = abs(total) + rounding * (abs(work[U, i]) + abs(work[U, i] - drift))
+    return stale
+
+
+@inlined
+def _in_balance(chain, modal, work, memo):
+    """Unbalanced forces into their row, N; whether all are small."""
+    n = chain.shape[1] - 1
+    for i in range(n):
+        work[_RESIDUAL, i] = chain[FLOOR_DAMPER, i] * work[V, i]
+    add_modal_force(modal, work, V, 1.0, work, _RESIDUAL, n)
+    memo[RESIDUAL] = 0.0
+    small = True
+    for i in range(n):
+        load = work[LOAD, i]
+        inertia = chain[MASS, i] * work[A, i]
+        damping = work[_RESIDUAL, i]
+        link = chain[LINK, i + 1]
+        residual = load - inertia - damping - work[_SUM, i] + link * work[_SUM, i + 1]
+        work[_RESIDUAL, i] = residual
+        scale = abs(load) + abs(inertia) + abs(damping) + work[_SIZE, i] + link * work[_SIZE, i + 1]
+        small = balanced(memo, i, residual, scale) and small
+    return small
+
+
+@inlined
+def _drift_laws(past, trial, chain, laws, springs, work):
+    """Drift laws at the present displacements."""
+    below = 0.0
+    for i in range(chain.shape[1] - 1):
+        restoring(laws, springs, i, past, trial, work[U, i] - chain[LINK, i] * below)
+        below = work[U, i]
+
+
+@inlined
+def _correct(by_u, by_v, by_a, work, n):
+    """Add the correction of x to x and to the motion. True if it was rounding."""
+    small = True
+    for i in range(n):
+        dx = work[_RESIDUAL, i]
+        work[X, i] += dx
+        work[V, i] += by_v * dx
+        work[A, i] += by_a * dx
+        work[U, i] += by_u * dx
+        small = small and abs(by_u * dx) <= SMALL * abs(work[U, i])
+    return small

@@ -1,0 +1,284 @@
+"""What is seen of a motion while it is integrated: peaks, energies, a history if asked for. O(stories) memory
+otherwise."""
+
+from __future__ import annotations
+
+import math
+
+from tdint.kernels.compiling import called, inlined
+from tdint.kernels.laws import LINEAR
+from tdint.kernels.layout import (
+    CODE,
+    DISPLACEMENT,
+    DISSIPATED,
+    DRIFT,
+    FLOOR,
+    FLOOR_DAMPER,
+    FORCE,
+    GEOMETRIC,
+    INVERSE_MASS,
+    LINK,
+    MASS,
+    STIFFNESS,
+    STORY_DAMPER,
+    VELOCITY,
+)
+from tdint.kernels.march.chain import add_modal_force, force_rate, force_value, power_damper
+from tdint.kernels.march.events import NONE, turning
+from tdint.kernels.march.springs import recoverable
+
+# peaks: largest absolute values, one row each
+PEAK_DRIFT = 0
+PEAK_SHEAR = 1
+PEAK_DISPLACEMENT = 2
+PEAK_VELOCITY = 3
+PEAK_ACCELERATION = 4  # absolute: relative to the ground, plus the ground's
+PEAK_ROWS = 5
+
+# history: per stored time the ground acceleration, then for all floors displacement, velocity, absolute acceleration,
+# and for all stories the shear, then the energies
+HISTORY_FIELDS = 4
+HISTORY_ENERGIES = 5  # input, kinetic, damped, recoverable, dissipated
+
+# observed: numbers of the whole run
+ENERGY_START = 0  # kinetic and stored energy at the start, J
+ENERGY_INPUT = 1  # work of the load on the motion relative to the ground, J
+ENERGY_DAMPED = 2  # work of the viscous dampers, J
+ENERGY_KINETIC = 3  # at the end, of the motion relative to the ground, J
+ENERGY_RECOVERABLE = 4  # stored in the stories at the end, J
+ENERGY_DISSIPATED = 5  # by the drift laws, J
+ENERGY_LARGEST = 6  # largest ENERGY_START + ENERGY_INPUT on the way, J
+ITERATIONS = 7
+HALVINGS = 8
+STEPS_REACHED = 9
+_POWER_INPUT = 10  # powers and their rates at the last observed time
+_RATE_INPUT = 11  # without the ground's own rate
+_MOMENTUM = 12
+_POWER_DAMPED = 13
+_RATE_DAMPED = 14
+BETWEEN_STEPS = 15  # set to 1 before the march: look for peaks of drift and displacement between the steps, too
+OBSERVED_SIZE = 16
+
+# rows of the observer's work
+ACCELERATION_ROW = 0
+_OTHER = 1
+_SUM = 2
+_OLD_DRIFT = 3  # at the last observed time
+_OLD_RATE = 4
+_OLD_U = 5
+_OLD_V = 6
+_OLD_A = 7
+OBSERVER_ROWS = 8
+
+_RESOLVED = 0.5
+
+
+@inlined
+def observe(chain, modal, laws, forces, t, h, ground, slope, state, springs, work, peaks, observed):
+    """Take in the state at time t, reached by a step h in which the ground acceleration has the given slope.
+
+    The acceleration is that of equilibrium at t, whatever the method carries. Call with h = 0 at the start.
+    """
+    n = chain.shape[1] - 1
+    _story_forces(chain, state, springs, work, peaks)
+    if forces.shape[0] + modal.shape[0] > 0:
+        _other_forces(modal, forces, t, state, work, n)
+    power = 0.0
+    rate = 0.0
+    momentum = 0.0
+    damped = 0.0
+    damped_rate = 0.0
+    v_below = 0.0
+    a_below = 0.0
+    for i in range(n):
+        mass = chain[MASS, i]
+        link = chain[LINK, i]
+        v = state[VELOCITY, i]
+        floor = chain[FLOOR_DAMPER, i] * v
+        inner = work[_OTHER, i] - floor - work[_SUM, i] + chain[LINK, i + 1] * work[_SUM, i + 1]
+        a = chain[INVERSE_MASS, i] * inner - ground
+        work[ACCELERATION_ROW, i] = a
+        _raise(peaks, PEAK_DISPLACEMENT, i, state[DISPLACEMENT, i])
+        _raise(peaks, PEAK_VELOCITY, i, v)
+        _raise(peaks, PEAK_ACCELERATION, i, a + ground)
+        momentum += mass * v
+        power -= mass * ground * v
+        rate -= mass * ground * a
+        rate_of_drift = v - link * v_below
+        force, tangent = power_damper(chain, i, rate_of_drift)
+        story = chain[STORY_DAMPER, i] * rate_of_drift
+        damped += floor * v + (story + force) * rate_of_drift
+        damped_rate += floor * a + (story + 0.5 * (force + tangent * rate_of_drift)) * (a - link * a_below)
+        v_below = v
+        a_below = a
+    if forces.shape[0] + modal.shape[0] > 0:
+        powers = _other_powers(modal, forces, t, state, work, n)
+        power += powers[0]
+        rate += powers[1]
+        damped += powers[2]
+        damped_rate += powers[3]
+    _add_work(h, slope, power, rate, momentum, damped, 2.0 * damped_rate, observed)
+    if observed[BETWEEN_STEPS] != 0.0:
+        _look_between(chain, h, laws, state, springs, work, peaks)
+
+
+@called
+def _other_powers(modal, forces, t, state, work, n):
+    """Power of the floor forces and of modal damping, and half the rate of the latter."""
+    power = 0.0
+    rate = 0.0
+    damped = 0.0
+    damped_rate = 0.0
+    for j in range(forces.shape[0]):
+        floor = int(forces[j, FLOOR])
+        force = force_value(forces, j, t)
+        power += force * state[VELOCITY, floor]
+        rate += force * work[ACCELERATION_ROW, floor] + force_rate(forces, j, t) * state[VELOCITY, floor]
+    for j in range(modal.shape[0]):
+        v_modal = 0.0
+        a_modal = 0.0
+        for i in range(n):
+            v_modal += modal[j, i] * state[VELOCITY, i]
+            a_modal += modal[j, i] * work[ACCELERATION_ROW, i]
+        damped += v_modal * v_modal
+        damped_rate += v_modal * a_modal
+    return power, rate, damped, damped_rate
+
+
+@called
+def _look_between(chain, h, laws, state, springs, work, peaks):
+    """Peaks of drift and displacement within the step: where the rate changed its sign, on the Hermite interpolant.
+
+    The shear of a linear story peaks with its drift; other shears are seen at the steps. Then the rows of old values
+    are set for the next step.
+    """
+    v_below = 0.0
+    a_below = 0.0
+    old_a_below = 0.0
+    for i in range(chain.shape[1] - 1):
+        link = chain[LINK, i]
+        u = state[DISPLACEMENT, i]
+        v = state[VELOCITY, i]
+        a = work[ACCELERATION_ROW, i]
+        old_a = work[_OLD_A, i]
+        drift = springs[DRIFT, i]
+        rate = v - link * v_below
+        if rate * work[_OLD_RATE, i] < 0.0:
+            accelerations = a - link * a_below + old_a - link * old_a_below
+            peak = _extremum(work[_OLD_DRIFT, i], work[_OLD_RATE, i], drift, rate, accelerations, h)
+            _raise(peaks, PEAK_DRIFT, i, peak)
+            if laws[CODE, i] == LINEAR:
+                _raise(peaks, PEAK_SHEAR, i, laws[STIFFNESS, i] * peak)
+        if v * work[_OLD_V, i] < 0.0:
+            peak = _extremum(work[_OLD_U, i], work[_OLD_V, i], u, v, a + old_a, h)
+            _raise(peaks, PEAK_DISPLACEMENT, i, peak)
+        v_below = v
+        a_below = a
+        old_a_below = old_a
+        work[_OLD_DRIFT, i] = drift
+        work[_OLD_RATE, i] = rate
+        work[_OLD_U, i] = u
+        work[_OLD_V, i] = v
+        work[_OLD_A, i] = a
+
+
+@inlined
+def _extremum(x0, v0, x1, v1, accelerations, h):
+    """Extremum of the cubic Hermite interpolant between a rising and a falling end.
+
+    x1 where the rate does not change about as the mean of both accelerations says: there is no smooth peak between.
+    """
+    if abs(v1 - v0 - 0.5 * h * accelerations) > _RESOLVED * (abs(v0) + abs(v1)):
+        return x1
+    middle = 3.0 * (x1 - x0) / h - v0 - v1  # the rate's Bezier points are v0, middle, v1
+    sign = math.copysign(1.0, v0)
+    s = turning(sign * v0, sign * middle, sign * v1)
+    if s == NONE:
+        return x1
+    r = 1.0 - s
+    return r * r * (x0 * (1.0 + 2.0 * s) + h * v0 * s) + s * s * (x1 * (1.0 + 2.0 * r) - h * v1 * r)
+
+
+@inlined
+def _story_forces(chain, state, springs, work, peaks):
+    """Force of each story, column and damper, into its row; peaks of drift and shear."""
+    n = chain.shape[1] - 1
+    below = 0.0
+    for i in range(n):
+        v = state[VELOCITY, i]
+        drift = springs[DRIFT, i]
+        shear = springs[FORCE, i]
+        rate = v - chain[LINK, i] * below
+        work[_SUM, i] = shear + chain[GEOMETRIC, i] * drift + chain[STORY_DAMPER, i] * rate
+        work[_SUM, i] += power_damper(chain, i, rate)[0]
+        below = v
+        _raise(peaks, PEAK_DRIFT, i, drift)
+        _raise(peaks, PEAK_SHEAR, i, shear)
+
+
+@called
+def _other_forces(modal, forces, t, state, work, n):
+    """Forces on floors less modal damping into their row; the row stays zero where a building has neither."""
+    for i in range(n):
+        work[_OTHER, i] = 0.0
+    for j in range(forces.shape[0]):
+        work[_OTHER, int(forces[j, FLOOR])] += force_value(forces, j, t)
+    add_modal_force(modal, state, VELOCITY, -1.0, work, _OTHER, n)
+
+
+@inlined
+def _raise(peaks, row, i, value):
+    size = abs(value)
+    if size > peaks[row, i]:
+        peaks[row, i] = size
+
+
+@inlined
+def _add_work(h, slope, power, rate, momentum, damped, damped_rate, observed):
+    """Work of load and dampers by the corrected trapezoidal (Hermite) rule, order 4, from powers and their rates."""
+    if h > 0.0:
+        ends = observed[_RATE_INPUT] - rate - slope * (observed[_MOMENTUM] - momentum)
+        observed[ENERGY_INPUT] += 0.5 * h * (observed[_POWER_INPUT] + power) + h * h / 12.0 * ends
+        ends = observed[_RATE_DAMPED] - damped_rate
+        observed[ENERGY_DAMPED] += 0.5 * h * (observed[_POWER_DAMPED] + damped) + h * h / 12.0 * ends
+        observed[ENERGY_LARGEST] = max(observed[ENERGY_LARGEST], observed[ENERGY_START] + observed[ENERGY_INPUT])
+    observed[_POWER_INPUT] = power
+    observed[_RATE_INPUT] = rate
+    observed[_MOMENTUM] = momentum
+    observed[_POWER_DAMPED] = damped
+    observed[_RATE_DAMPED] = damped_rate
+
+
+@called
+def take_stock(chain, laws, state, springs, observed):
+    """Kinetic, recoverable and dissipated energy of the present state, J."""
+    kinetic = 0.0
+    stored = 0.0
+    dissipated = 0.0
+    for i in range(chain.shape[1] - 1):
+        drift = springs[DRIFT, i]
+        kinetic += 0.5 * chain[MASS, i] * state[VELOCITY, i] * state[VELOCITY, i]
+        stored += recoverable(laws, springs, i) + 0.5 * chain[GEOMETRIC, i] * drift * drift
+        dissipated += springs[DISSIPATED, i]
+    observed[ENERGY_KINETIC] = kinetic
+    observed[ENERGY_RECOVERABLE] = stored
+    observed[ENERGY_DISSIPATED] = dissipated
+
+
+@called
+def store(chain, laws, ground, state, springs, work, observed, history, row):
+    """Write one row of the history."""
+    n = chain.shape[1] - 1
+    history[row, 0] = ground
+    for i in range(n):
+        history[row, 1 + i] = state[DISPLACEMENT, i]
+        history[row, 1 + n + i] = state[VELOCITY, i]
+        history[row, 1 + 2 * n + i] = work[ACCELERATION_ROW, i] + ground
+        history[row, 1 + 3 * n + i] = springs[FORCE, i]
+    take_stock(chain, laws, state, springs, observed)
+    energies = 1 + HISTORY_FIELDS * n
+    history[row, energies] = observed[ENERGY_INPUT]
+    history[row, energies + 1] = observed[ENERGY_KINETIC]
+    history[row, energies + 2] = observed[ENERGY_DAMPED]
+    history[row, energies + 3] = observed[ENERGY_RECOVERABLE]
+    history[row, energies + 4] = observed[ENERGY_DISSIPATED]

@@ -1,0 +1,73 @@
+"""Drift laws of stories: force and tangent, energies, committed and trial states.
+
+The laws themselves stand in `tdint.kernels.laws`, one file each.
+"""
+
+from __future__ import annotations
+
+from tdint.kernels.compiling import called, inlined
+from tdint.kernels.laws.choosing import KNOWING, case_of_3, case_of_5, case_of_6, chosen
+from tdint.kernels.layout import CODE, DISSIPATED, DRIFT, FIRST_TRIAL, PLAIN_ROWS
+from tdint.kernels.march.branches import enter
+
+_force = chosen("force", case_of_6)
+
+recoverable = chosen("recoverable", case_of_3)
+"""(laws, springs, i) -> energy stored in the law's committed state, J."""
+
+
+@inlined
+def _elastic(laws, springs, i, past, trial):
+    springs[trial + DISSIPATED, i] = springs[past + DISSIPATED, i]
+
+
+@inlined
+def _nothing_more(laws, springs, i, past, trial):
+    pass
+
+
+settle = chosen("settle", case_of_5, _elastic)
+"""(laws, springs, i, past, trial): adds up the energy dissipated on the way from block `past` to block `trial`."""
+
+_keep = chosen("keep", case_of_5, _nothing_more)
+
+
+@inlined
+def restoring(laws, springs, i, past, trial, drift):
+    """Force of story `i` at `drift`, reached from the state in block `past`; written to block `trial`.
+
+    Returns the tangent stiffness, N/m.
+    """
+    springs[trial + DRIFT, i] = drift
+    return _force(laws, springs, i, past, trial, drift)
+
+
+@called
+def reach(laws, springs, i, past, trial, drift):
+    """`restoring` for where it is one of many calls."""
+    return restoring(laws, springs, i, past, trial, drift)
+
+
+@inlined
+def commit(laws, springs, i, past, trial):
+    """Make the trial state of story `i` the committed one; `past` is the block that it was reached from."""
+    settle(laws, springs, i, past, trial)
+    _keep(laws, springs, i, past, trial)
+    for row in range(PLAIN_ROWS):
+        springs[row, i] = springs[trial + row, i]
+
+
+@inlined
+def resume(laws, springs, i):
+    """Put story `i` on the branch that its committed state implies, after a step that does not follow branches."""
+    if laws[CODE, i] not in KNOWING:
+        enter(laws, springs, i)
+
+
+@inlined
+def start(laws, springs, i, drift):
+    """Bring story `i` from rest to its initial drift."""
+    enter(laws, springs, i)
+    restoring(laws, springs, i, 0, FIRST_TRIAL, drift)
+    commit(laws, springs, i, 0, FIRST_TRIAL)
+    resume(laws, springs, i)

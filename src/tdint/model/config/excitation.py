@@ -1,0 +1,103 @@
+"""The `excitation` of a model file."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+
+from tdint.errors import UsageError
+from tdint.model.config.fields import ANY, NOT_NEGATIVE, Section, Value
+from tdint.model.config.processing import PROCESSING_KEYS, read_processing
+from tdint.model.config.units import Units
+from tdint.model.definition import Excitation, Force, RecordSource
+from tdint.units import parse_units
+
+_RECORD_KEYS = ("file", "units", "component", "scale", "inventory", *PROCESSING_KEYS)
+_FORCE_KEYS = ("floor", "amplitude", "omega", "phase")
+
+
+def read_excitation(value: Value | None, unit: Units, count: int | None, folder: Path) -> Excitation:
+    """Record and forces; relative paths are relative to `folder`, `count` is the number of stories."""
+    section = value.section(("record", "forces")) if value else None
+    if section is None:
+        return Excitation(None, ())
+    record, forces = section.get("record"), section.get("forces")
+    items = forces.items("a list of forces") if forces else None
+    return Excitation(
+        _read_record(record, folder) if record else None,
+        tuple(_read_force(item, unit, count) for item in items or ()),
+    )
+
+
+def _read_record(value: Value, folder: Path) -> RecordSource | None:
+    if not value.is_list and not value.is_mapping:
+        file = value.text()
+        return RecordSource(_resolve(file, folder), None, None, 1.0, None) if file else None
+    section = value.section(_RECORD_KEYS, "a file or a mapping with the key file")
+    if section is None:
+        return None
+    section.need("file", "give the record's file")
+    units = section.get("units")
+    inventory = section.text("inventory")
+    return RecordSource(
+        file=_resolve(section.text("file") or "", folder),
+        units=_read_units(units) if units else None,
+        component=section.text("component"),
+        scale=_read_scale(section),
+        inventory=_resolve(inventory, folder) if inventory else None,
+        processing=read_processing(section),
+    )
+
+
+def _read_units(value: Value) -> str | None:
+    """Units as the reader of records understands them, judged here so that the fault has its line."""
+    text = value.text()
+    try:
+        if text:
+            parse_units(text)
+    except UsageError as error:
+        value.fault(str(error))
+    return text
+
+
+def _resolve(file: str, folder: Path) -> str:
+    """The path as seen from the working directory, without `folder/..` where that means the same; `-` stays."""
+    if file == "-":
+        return file
+    path = os.fspath(folder / file)
+    plain = os.path.normpath(path)
+    return plain if os.path.realpath(plain) == os.path.realpath(path) else path
+
+
+def _read_scale(section: Section) -> float:
+    value = section.get("scale")
+    scale = value.number(ANY) if value else 1.0
+    if value and scale == 0.0:
+        value.fault("must not be zero; leave the record out for no ground motion")
+    return scale
+
+
+def _read_force(value: Value, unit: Units, count: int | None) -> Force:
+    section = value.section(_FORCE_KEYS)
+    if section is None:
+        return Force(0, math.nan, math.nan, math.nan)
+    floor = section.need("floor", "give the floor, counted from 1 at the bottom")
+    amplitude = section.number("amplitude", ANY, unit.force)
+    cosine, sine = _read_phase(section.get("phase"))
+    return Force(
+        floor=(floor.counted(count) if floor else None) or 0,
+        cosine=amplitude * cosine,
+        sine=amplitude * sine,
+        omega=section.number("omega", NOT_NEGATIVE),
+    )
+
+
+def _read_phase(value: Value | None) -> tuple[float, float]:
+    """Shares of cos(omega t) and sin(omega t): `cos`, `sin` or phi in cos(omega t + phi), rad."""
+    if value is None or value.is_word("cos"):
+        return 1.0, 0.0
+    if value.is_word("sin"):
+        return 0.0, 1.0
+    phase = value.number(what="cos, sin or an angle in radians")
+    return math.cos(phase), -math.sin(phase)

@@ -1,0 +1,274 @@
+"""Reading nodes as numbers, words and sections: what is wrong is noted with its place, and reading goes on.
+
+A faulty number is noted and read as nan. Comparisons with nan are false, so later checks that ask "is it wrong?"
+stay silent about it: one fault gives one line.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import unicodedata
+from collections.abc import Collection
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+from tdint.model.config.yaml_source import Faults, ListNode, MappingNode, Node, ScalarNode
+from tdint.model.definition import MAX_STORIES
+
+_NUMBER = re.compile(r"[+-]?(?:(?:0|[1-9][0-9]*)(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+_WHOLE = re.compile(r"[+-]?(?:0|[1-9][0-9]{0,17})")
+_NUMBER_HINTS = (
+    (re.compile(r"[+-]?0[0-9][0-9.eE+-]*"), "; drop the leading zeros"),
+    (re.compile(r"[0-9.eE+-]*[0-9]_[0-9_.eE+-]*"), "; drop the underscores"),
+    (re.compile(r"[+-]?[0-9]+,[0-9]+"), "; write a decimal point"),
+    (re.compile(r"[+-]?\.?(?:nan|inf|infinity)", re.IGNORECASE), "; it must be finite"),
+    (re.compile(r"[+-]?[0-9][0-9.]*\s*[A-Za-z%].*"), "; write the number alone"),
+)
+_NOTHING = ("", "~", "null")
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """The numbers a key allows."""
+
+    low: float = -math.inf
+    high: float = math.inf
+    low_allowed: bool = True
+    high_allowed: bool = True
+
+    def allow(self, number: float) -> bool:
+        """Whether `number` lies in the bounds."""
+        above = number >= self.low if self.low_allowed else number > self.low
+        below = number <= self.high if self.high_allowed else number < self.high
+        return above and below
+
+    def __str__(self) -> str:
+        if self.low == 0.0 and self.high == math.inf:
+            return "zero or a positive number" if self.low_allowed else "a positive number"
+        limits = []
+        if self.low > -math.inf:
+            limits.append(f"{'of at least' if self.low_allowed else 'above'} {self.low:g}")
+        if self.high < math.inf:
+            limits.append(f"{'of at most' if self.high_allowed else 'below'} {self.high:g}")
+        return " ".join(["a number", " and ".join(limits)]).rstrip()
+
+
+ANY = Bounds()
+POSITIVE = Bounds(low=0.0, low_allowed=False)
+NOT_NEGATIVE = Bounds(low=0.0)
+RATIO = Bounds(low=0.0, high=1.0, high_allowed=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Value:
+    """A node under its key, such as `stories[2].mass`; entries of a list count from 1."""
+
+    node: Node
+    key: str
+    faults: Faults
+
+    @property
+    def is_list(self) -> bool:
+        """Whether the value is a list."""
+        return isinstance(self.node, ListNode)
+
+    @property
+    def is_mapping(self) -> bool:
+        """Whether the value is a mapping."""
+        return isinstance(self.node, MappingNode)
+
+    def fault(self, message: str) -> None:
+        """Note what is wrong with this value."""
+        self.faults.add(self.node, self.key, message)
+
+    def is_word(self, word: str) -> bool:
+        """Whether the value is the word, quoted or not."""
+        return isinstance(self.node, ScalarNode) and self.node.text == word
+
+    def number(self, bounds: Bounds = ANY, scale: float = 1.0, what: str = "") -> float:
+        """The number times `scale`, its factor to SI; nan if there is a fault.
+
+        `bounds` hold for the number in the file; `what` says what it must be where they do not.
+        """
+        text = self._plain_text()
+        if not _NUMBER.fullmatch(text) or not bounds.allow(float(text)):
+            self.fault(f"must be {what or bounds}, got {self._shown_unquoted(_NUMBER)}")
+            return math.nan
+        number = float(text)
+        converted = number * scale if number else 0.0
+        if not math.isfinite(converted) or (number != 0.0 and converted == 0.0):
+            self.fault(f"is outside the range of double precision in SI units, got {self._shown()}")
+            return math.nan
+        return converted
+
+    def whole(self, low: int, high: int, what: str = "") -> int | None:
+        """The whole number from `low` to `high`; None if there is a fault. `what` says what the bounds stand for."""
+        text = self._plain_text()
+        if _WHOLE.fullmatch(text) and low <= int(text) <= high:
+            return int(text)
+        limits = f"{low}" if low == high else f"a whole number from {low} to {high}"
+        self.fault(f"must be {limits}{what}, got {self._shown_unquoted(_NUMBER)}")
+        return None
+
+    def counted(self, count: int | None) -> int | None:
+        """The number of a floor or mode of a model with `count` stories, None where a fault leaves that open."""
+        return self.whole(1, count or MAX_STORIES, " (the number of stories)" if count else "")
+
+    def boolean(self) -> bool:
+        """True or false; false if there is a fault."""
+        if self._plain_text() not in ("true", "false"):
+            self.fault(f"must be true or false, got {self._shown_unquoted('true|false')}")
+        return self._plain_text() == "true"
+
+    def text(self) -> str | None:
+        """A line of text, quoted or not; None if there is a fault."""
+        if not isinstance(self.node, ScalarNode) or not self.node.text.strip() or self._is_nothing():
+            self.fault(f"must be text, got {self._shown()}")
+            return None
+        if any(unicodedata.category(character) in ("Cc", "Cs") for character in self.node.text):
+            self.fault(f"must be one line without control characters, got {self._shown()}")
+            return None
+        return self.node.text
+
+    def choice(self, known: Collection[str], what: str) -> str | None:
+        """One of the `known` names; None if there is a fault. `what` says what they name."""
+        if not isinstance(self.node, ScalarNode) or self._is_nothing():
+            self.fault(f"must be the name of a {what}, got {self._shown()}")
+        elif self.node.text not in known:
+            self.fault(f"unknown {what} {self._shown()}{_advice(self.node.text, known)}")
+        else:
+            return self.node.text
+        return None
+
+    def items(self, what: str) -> tuple[Value, ...] | None:
+        """The entries of a list; None if there is a fault. `what` says what the list must be."""
+        if not isinstance(self.node, ListNode):
+            self.fault(f"must be {what}, got {self._shown()}")
+            return None
+        return tuple(Value(item, f"{self.key}[{i}]", self.faults) for i, item in enumerate(self.node.items, start=1))
+
+    def section(self, known: Collection[str], what: str = "") -> Section | None:
+        """The entries of a mapping; None if there is a fault. `what` says what the value must be if not just that."""
+        if not isinstance(self.node, MappingNode):
+            self.fault(f"must be {what or 'a mapping with the keys ' + ', '.join(known)}, got {self._shown()}")
+            return None
+        return Section(self, self.node, known)
+
+    def peek(self, name: str) -> Value | None:
+        """The entry `name` of a mapping whose known keys depend on it; nothing is noted."""
+        for key, entry in self.node.entries if isinstance(self.node, MappingNode) else ():
+            if isinstance(key, ScalarNode) and key.text == name:
+                return Value(entry, f"{self.key}.{name}", self.faults)
+        return None
+
+    def _plain_text(self) -> str:
+        return self.node.text if isinstance(self.node, ScalarNode) and self.node.plain else ""
+
+    def _is_nothing(self) -> bool:
+        return isinstance(self.node, ScalarNode) and self.node.plain and self.node.text in _NOTHING
+
+    def _shown(self) -> str:
+        """The value as messages show it."""
+        if isinstance(self.node, ListNode):
+            return "a list"
+        if isinstance(self.node, MappingNode):
+            return "a mapping"
+        if self._is_nothing():
+            return "nothing"
+        return quoted(self.node.text)
+
+    def _shown_unquoted(self, wanted: str | re.Pattern[str]) -> str:
+        """The same where quotes are out of place, with what to do about the value as far as that can be told."""
+        if not isinstance(self.node, ScalarNode):
+            return self._shown()
+        if re.fullmatch(wanted, self.node.text):
+            return self._shown() + ("" if self.node.plain else " in quotes; remove the quotes")
+        return self._shown() + next((hint for form, hint in _NUMBER_HINTS if form.fullmatch(self.node.text)), "")
+
+
+class Section:
+    """The entries of a mapping. Unknown, repeated and merge keys are noted when it is made.
+
+    Attributes
+    ----------
+    value : Value
+        The mapping itself, for faults that concern it as a whole.
+    """
+
+    def __init__(self, value: Value, node: MappingNode, known: Collection[str]) -> None:
+        self.value = value
+        self._entries: dict[str, Value] = {}
+        self._excused: set[str] = set()  # keys whose absence follows from a fault already noted
+        lines: dict[str, int] = {}
+        for key, entry in node.entries:
+            if not isinstance(key, ScalarNode):
+                value.faults.add(key, value.key, "a key must be a word, got a list or a mapping")
+            elif key.text in lines:
+                message = f"duplicate key, first given on line {lines[key.text]}"
+                value.faults.add(key, self.path(key.text), message)
+            else:
+                lines[key.text] = key.line
+                self._admit(key, entry, known)
+
+    def has(self, *names: str) -> bool:
+        """Whether one of the entries is there."""
+        return any(name in self._entries for name in names)
+
+    def mentions(self, *names: str) -> bool:
+        """Whether one of the entries is there or was meant by a key already noted as wrong."""
+        return any(name in self._entries or name in self._excused for name in names)
+
+    def path(self, name: str) -> str:
+        """The full key of the entry `name`."""
+        shown = name if re.fullmatch(r"[\w<.-]{1,40}", name) else quoted(name)
+        return f"{self.value.key}.{shown}" if self.value.key else shown
+
+    def get(self, name: str) -> Value | None:
+        """The entry, or None if the section lacks it."""
+        return self._entries.get(name)
+
+    def need(self, name: str, advice: str = "") -> Value | None:
+        """The entry; its absence is a fault, to which `advice` adds what to give."""
+        if not self.mentions(name):
+            message = f"is missing; {advice}" if advice else "is missing"
+            self.value.faults.add(self.value.node, self.path(name), message)
+        return self._entries.get(name)
+
+    def number(self, name: str, bounds: Bounds, scale: float = 1.0, default: float | None = None) -> float:
+        """The number of the entry; without a `default` the entry must be there, and nan stands for a fault."""
+        value = self.need(name, f"give {bounds}") if default is None else self.get(name)
+        if value is not None:
+            return value.number(bounds, scale)
+        return math.nan if default is None else default
+
+    def text(self, name: str) -> str | None:
+        """The text of the entry; None if the section lacks it or it is faulty."""
+        value = self.get(name)
+        return value.text() if value else None
+
+    def _admit(self, key: ScalarNode, entry: Node, known: Collection[str]) -> None:
+        faults, path = self.value.faults, self.path(key.text)
+        if key.text in known:
+            self._entries[key.text] = Value(entry, path, faults)
+        elif key.text == "<<" and key.plain:
+            faults.add(key, path, "merge keys are not supported; write the entries out")
+            self._excused.update(known)
+        else:
+            faults.add(key, path, "unknown key" + _advice(key.text, known))
+            self._excused.update(_nearest(key.text, known))
+
+
+def quoted(text: str) -> str:
+    """Text of the file in quotes, on one line and not too long."""
+    return repr(text if len(text) <= 40 else text[:37] + "...")
+
+
+def _nearest(name: str, known: Collection[str]) -> list[str]:
+    by_lower = {candidate.lower(): candidate for candidate in known}
+    return [by_lower[match] for match in get_close_matches(name[:100].lower(), by_lower, n=1)]
+
+
+def _advice(name: str, known: Collection[str]) -> str:
+    nearest = _nearest(name, known)
+    return f"; did you mean {nearest[0]!r}?" if nearest else f"; known: {', '.join(known)}"

@@ -1,0 +1,85 @@
+"""The `stories` of a model file."""
+
+from __future__ import annotations
+
+import math
+
+from tdint.model.config.fields import NOT_NEGATIVE, POSITIVE, Bounds, Section, Value
+from tdint.model.config.laws import LINEAR, read_law
+from tdint.model.config.units import Units
+from tdint.model.definition import MAX_STORIES, Law, PowerDashpot, Story
+
+_STORY_KEYS = ("mass", "height", "stiffness", "law", "dashpot", "repeat")
+_DASHPOT_KEYS = ("coefficient", "exponent", "linear_below")
+_EXPONENT = Bounds(0.0, 2.0, low_allowed=False)
+_AGREEMENT = 1e-9
+
+
+def read_stories(value: Value | None, unit: Units, p_delta: bool) -> tuple[tuple[Story, ...], int | None]:
+    """The stories from the ground up, and their number: None where a fault leaves it open."""
+    entries = value.items("a list of stories") if value else None
+    if value is None or entries is None:
+        return (), None
+    if not entries:
+        value.fault("must hold at least one story")
+    stories: list[Story] = []
+    count: int | None = 0
+    for entry in entries:
+        story, repeat = _read_entry(entry, unit, p_delta)
+        if len(stories) + (repeat or 1) > MAX_STORIES:
+            entry.fault(f"brings the model over {MAX_STORIES} stories; check `repeat`")
+            return (), None
+        stories += [story] * (repeat or 1)
+        count = count + repeat if count is not None and repeat is not None else None
+    return tuple(stories), count or None
+
+
+def _read_entry(entry: Value, unit: Units, p_delta: bool) -> tuple[Story, int | None]:
+    """One entry of `stories` and how often it stands; None where a fault leaves that open."""
+    section = entry.section(_STORY_KEYS)
+    if section is None:
+        return Story(math.nan, None, math.nan, LINEAR, math.nan), None
+    law, own_stiffness = read_law(section.get("law"), unit)
+    dashpot, power_dashpot = _read_dashpot(section.get("dashpot"), unit)
+    height = section.need("height", "p_delta needs the height of every story") if p_delta else section.get("height")
+    story = Story(
+        mass=section.number("mass", POSITIVE, unit.mass),
+        height=height.number(POSITIVE, unit.length) if height else None,
+        stiffness=_read_stiffness(section, own_stiffness, law, unit),
+        law=law,
+        dashpot=dashpot,
+        power_dashpot=power_dashpot,
+    )
+    repeat = section.get("repeat")
+    return story, repeat.whole(1, MAX_STORIES) if repeat else 1
+
+
+def _read_dashpot(value: Value | None, unit: Units) -> tuple[float, PowerDashpot | None]:
+    """The coefficient of a viscous dashpot, N s/m, and the power-law dashpot: a number, or a mapping."""
+    if value is None:
+        return 0.0, None
+    if not value.is_mapping:
+        return value.number(NOT_NEGATIVE, unit.factor(force=1, length=-1)), None
+    section = value.section(_DASHPOT_KEYS)
+    if section is None:
+        return math.nan, None
+    exponent = section.number("exponent", _EXPONENT)
+    soft = exponent < 1.0
+    if soft and not section.mentions("linear_below"):
+        section.need("linear_below", "an exponent below 1 needs the drift rate under which the dashpot is linear")
+    below = section.number("linear_below", POSITIVE if soft else NOT_NEGATIVE, unit.length, default=0.0)
+    coefficient = section.number("coefficient", POSITIVE, unit.factor(force=1, length=-exponent))
+    return 0.0, PowerDashpot(coefficient, exponent, below)
+
+
+def _read_stiffness(section: Section, own: float | None, law: Law, unit: Units) -> float:
+    """The initial stiffness, N/m, from the key `stiffness` or from the law's `own` one."""
+    factor = unit.factor(force=1, length=-1)
+    if own is None:
+        return section.number("stiffness", POSITIVE, factor)
+    given = section.get("stiffness")
+    stiffness = given.number(POSITIVE, factor) if given else own
+    if given and abs(stiffness - own) > _AGREEMENT * own:
+        initial = f"the initial stiffness {own / factor:.10g} of its {law.name} law"
+        given.fault(f"must agree with {initial}, got {stiffness / factor:.10g}; correct it or leave it out")
+    return own

@@ -1,0 +1,298 @@
+"""Figures of the laboratory: stability, overshoot and order of the methods, readable in black and white."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+
+from tdint.files import Writer
+from tdint.output.figures.run import COLORS, DASHES, MARKERS, add_legend, add_title, picture
+from tdint.output.results import Array
+from tdint.output.tables.assessment import OrderResult, OvershootResult, StabilityResult
+
+_NARROW = 31  # labels that fit into three columns
+_ACCURACY_RANGE = 0.4  # dt/T up to which accuracy is of interest
+_RADIUS_RANGE = (1e-2, 1e3)  # dt/T
+_BAND = (3.1, 3.7)  # omega dt around sqrt(12)
+_ROUNDING = 1e-9  # what a spectral radius may lie above 1
+_TALLEST = 1e4  # what runs away is cut here
+
+
+def stability_picture(curves: Sequence[StabilityResult], suffix: str, *, band: bool = False) -> Writer:
+    """Picture of stability: spectral radius, period error, numerical damping and amplitude decay over dt/T.
+
+    Parameters
+    ----------
+    curves : sequence of StabilityResult
+        A line each.
+    suffix : str
+        .png, .pdf or .svg.
+    band : bool
+        Add a panel with the growth per step around omega dt = sqrt(12), on a log scale.
+
+    Returns
+    -------
+    callable
+        Draws and writes the picture to a binary stream.
+
+    Raises
+    ------
+    OutputError
+        Another suffix.
+    """
+    return picture(suffix, lambda: _draw_stability(curves, band))
+
+
+def overshoot_picture(motions: Sequence[OvershootResult], suffix: str) -> Writer:
+    """Picture of the first steps: displacement and velocity, from a displacement and from a velocity.
+
+    Parameters, return value and errors are those of `stability_picture`.
+    """
+    return picture(suffix, lambda: _draw_overshoot(motions))
+
+
+def order_picture(measured: Sequence[OrderResult], suffix: str) -> Writer:
+    """Picture of the observed order: over the frequency ratio, or for each method where the load has no frequency.
+
+    Parameters, return value and errors are those of `stability_picture`.
+    """
+    several = len({one.frequency_ratio for one in measured}) > 1 and not math.isnan(measured[0].frequency_ratio)
+    return picture(suffix, lambda: _draw_orders(measured) if several else _draw_order_chart(measured))
+
+
+def short_labels(labels: Sequence[str]) -> dict[str, str]:
+    """Labels with four digits per parameter, where they still differ from each other."""
+    short = {label: re.sub(r"=([^,]+)", lambda match: f"={_number(float(match[1]))}", label) for label in labels}
+    return short if len(set(short.values())) == len(short) else {label: label for label in labels}
+
+
+def _number(value: float) -> str:
+    """Four digits; a fraction such as 1/144 where it is one that they do not tell."""
+    digits = f"{value:.4g}"
+    whole = round(1.0 / value) if value else 0
+    is_fraction = float(digits) != value and 0 < whole < 1000 and value == 1.0 / whole
+    return f"1/{whole}" if is_fraction else digits
+
+
+def line_styles(methods: Sequence[str], dampings: Sequence[float]) -> list[dict[str, Any]]:
+    """Lines to be told apart without color: dashes and markers per method; dashes per damping ratio if there are
+    several."""
+    number = {method: i for i, method in enumerate(dict.fromkeys(methods))}
+    ratios = {ratio: i for i, ratio in enumerate(dict.fromkeys(dampings))}
+    styles = []
+    for method, ratio in zip(methods, dampings, strict=True):
+        i = number[method]
+        dash = ratios[ratio] if len(ratios) > 1 else i
+        style = {"color": COLORS[i % len(COLORS)], "linestyle": DASHES[dash % len(DASHES)], "markersize": 3.5}
+        if len(number) > 4 or (len(number) > 1 and len(ratios) > 1):
+            style |= {"marker": MARKERS[i % len(MARKERS)], "markevery": (0.025 * (i % 8), 0.2)}
+        styles.append(style)
+    return styles
+
+
+def _plot(axes: Any, x: Array, y: Array, style: dict[str, Any]) -> list[Any]:
+    """A line; matplotlib cannot space markers along one without a finite point."""
+    if not np.any(np.isfinite(x) & np.isfinite(y)):
+        style = {**style, "markevery": None}
+    return list(axes.plot(x, y, **style))
+
+
+def _draw_stability(curves: Sequence[StabilityResult], band: bool) -> Figure:
+    figure = Figure(figsize=(7.5, 8.6 if band else 6.4), layout="constrained")
+    grid = figure.add_gridspec(3 if band else 2, 2)
+    radius, decay, period, damping = (figure.add_subplot(grid[i, j]) for i in (0, 1) for j in (0, 1))
+    zoom = figure.add_subplot(grid[2, :]) if band else None
+    lines = []
+    for curve, style in zip(curves, _curve_styles(curves), strict=True):
+        x = curve.dt_over_t
+        lines += _plot(radius, x, curve.spectral_radius, style)
+        near = x <= _ACCURACY_RANGE * 1.01
+        for axes, values in (
+            (decay, curve.amplitude_decay),
+            (period, curve.period_error),
+            (damping, curve.numerical_damping),
+        ):
+            _plot(axes, x[near], 100.0 * values[near], style)
+        if zoom is not None:
+            growth = curve.spectral_radius - 1.0
+            _plot(zoom, 2.0 * math.pi * x, np.where(growth > _ROUNDING, growth, math.nan), style)
+    _frame_radius(radius, curves)
+    _frame_accuracy(period, "period error (%)", -20.0, 60.0)
+    _frame_accuracy(damping, "numerical damping ratio (%)", -2.0, 20.0)
+    _frame_accuracy(decay, "amplitude lost per cycle (%)", -10.0, 100.0)
+    if zoom is not None:
+        _frame_band(zoom)
+    add_legend(figure, radius, lines, _curve_labels(curves), _NARROW)
+    add_title(figure, _stability_title(curves))
+    return figure
+
+
+def _curve_styles(curves: Sequence[StabilityResult]) -> list[dict[str, Any]]:
+    return line_styles([curve.method for curve in curves], [curve.damping for curve in curves])
+
+
+def _curve_labels(curves: Sequence[StabilityResult]) -> list[str]:
+    short = short_labels([curve.method for curve in curves])
+    several = len({curve.damping for curve in curves}) > 1
+    return [short[curve.method] + (f", ξ {curve.damping:g}" if several else "") for curve in curves]
+
+
+def _stability_title(curves: Sequence[StabilityResult]) -> str:
+    ratios = [f"{ratio:g}" for ratio in dict.fromkeys(curve.damping for curve in curves)]
+    what = f"One step of an oscillator without load, damping ratio{'s' * (len(ratios) > 1)} {', '.join(ratios)}"
+    return f"{short_labels([curves[0].method])[curves[0].method]}\n{what}" if len(curves) == 1 else what
+
+
+def _frame_radius(axes: Any, curves: Sequence[StabilityResult]) -> None:
+    axes.set_xscale("log")
+    low, high = (float(limit([limit(curve.dt_over_t) for curve in curves])) for limit in (np.min, np.max))
+    low, high = max(low, _RADIUS_RANGE[0]), min(high, _RADIUS_RANGE[1])
+    if low < high:
+        axes.set_xlim(low, high)
+    axes.axhline(1.0, color="0.55", linewidth=0.8)
+    smallest = min(float(np.min(curve.spectral_radius)) for curve in curves)
+    axes.set_ylim(0.0 if smallest < 0.7 else 0.7, 1.25)
+    axes.set_xlabel("dt / T")
+    axes.set_ylabel("spectral radius")
+
+
+def _frame_accuracy(axes: Any, name: str, low: float, high: float) -> None:
+    """Limits within `low` and `high`, and not so narrow that rounding is seen."""
+    bottom, top = axes.get_ylim()
+    axes.set_ylim(min(max(bottom, low), -0.05), max(min(top, high), 1.0))
+    axes.set_xlim(0.0, _ACCURACY_RANGE)
+    axes.set_xlabel("dt / T")
+    axes.set_ylabel(name)
+
+
+def _frame_band(axes: Any) -> None:
+    axes.set_yscale("log")
+    axes.set_ylim(1e-4, 1.0)
+    axes.set_xlim(*_BAND)
+    axes.axvline(math.sqrt(12.0), color="0.55", linewidth=0.8)
+    axes.set_xlabel("ω dt (the line marks √12)")
+    axes.set_ylabel("spectral radius - 1")
+
+
+def _draw_overshoot(motions: Sequence[OvershootResult]) -> Figure:
+    figure = Figure(figsize=(7.5, 6.4), layout="constrained")
+    panels = figure.subplots(2, 2, sharex=True)
+    starts = tuple(dict.fromkeys(motion.start for motion in motions))
+    methods = [motion.method for motion in motions]
+    short = short_labels(methods)
+    lines = {}
+    for motion, style in zip(motions, line_styles(methods, [motion.damping for motion in motions]), strict=True):
+        style |= {"markevery": 1, "marker": style.get("marker", "o")}
+        row = panels[starts.index(motion.start)]
+        (lines[motion.method],) = row[0].plot(motion.displacement, **style)
+        row[1].plot(motion.velocity, **style)
+    for start, row in zip(starts, panels, strict=False):
+        for axes, quantity in zip(row, ("displacement", "velocity"), strict=True):
+            axes.set_title(f"{quantity}, from a {start}")
+            _frame_steps(axes)
+    for axes in panels[-1]:
+        axes.set_xlabel("step")
+    add_legend(figure, panels[0, 0], list(lines.values()), [short[method] for method in lines], _NARROW)
+    add_title(figure, _overshoot_title(motions, short))
+    return figure
+
+
+def _frame_steps(axes: Any) -> None:
+    """Shade what the exact motion keeps to; logarithmic beyond where steps leave it far behind."""
+    largest = max(float(np.nanmax(np.abs(line.get_ydata()), initial=1.0)) for line in axes.get_lines())
+    axes.axhspan(-1.0, 1.0, color="0.92", zorder=0.5)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    if largest > 10.0:
+        axes.set_yscale("symlog", linthresh=1.0, linscale=1.0)
+        axes.yaxis.set_minor_formatter(NullFormatter())
+    reach = min(1.3 * largest, _TALLEST)
+    axes.set_ylim(-reach, reach)
+
+
+def _overshoot_title(motions: Sequence[OvershootResult], short: dict[str, str]) -> str:
+    first = motions[0]
+    text = (
+        f"First steps with dt = {first.dt_over_t:g} T, damping ratio {first.damping:g}, over the exact amplitude\n"
+        "The exact motion stays in the shaded band"
+    )
+    return f"{short[first.method]}\n{text}" if len(short) == 1 else text
+
+
+def _draw_orders(measured: Sequence[OrderResult]) -> Figure:
+    """Observed order, and the error at the finest step, over the frequency ratio."""
+    figure = Figure(figsize=(7.5, 6.6), layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    methods = list(dict.fromkeys(one.method for one in measured))
+    short = short_labels(methods)
+    lines = []
+    for method, style in zip(methods, line_styles(methods, [0.0] * len(methods)), strict=True):
+        own = [one for one in measured if one.method == method]
+        ratios = np.array([one.frequency_ratio for one in own])
+        lines += _plot(upper, ratios, np.array([one.order("displacement") for one in own]), style)
+        _plot(lower, ratios, np.array([one.displacement[-1] for one in own]), style)
+    upper.set_ylabel("observed order of displacement")
+    upper.yaxis.set_major_locator(MaxNLocator(integer=True))
+    bottom, top = upper.get_ylim()
+    upper.set_ylim(min(bottom, 0.5), max(top, 4.5))
+    lower.set_ylabel("relative error at the finest step")
+    lower.set_yscale("log")
+    lower.set_xscale("log")
+    lower.set_xlabel("frequency of the load over natural frequency")
+    lower.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    lower.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    lower.xaxis.set_minor_formatter(NullFormatter())
+    add_legend(figure, upper, lines, [short[method] for method in methods], _NARROW)
+    add_title(figure, _order_title(measured))
+    return figure
+
+
+def _draw_order_chart(measured: Sequence[OrderResult]) -> Figure:
+    """Observed orders of displacement, velocity and acceleration, one row of marks per method."""
+    figure = Figure(figsize=(7.5, 1.9 + 0.24 * len(measured)), layout="constrained")
+    axes = figure.subplots()
+    short = short_labels([one.method for one in measured])
+    rows = np.arange(len(measured), 0.0, -1.0)
+    marks = (
+        ("displacement", "o", 8.0, "none"),
+        ("velocity", "s", 4.0, COLORS[1]),
+        ("acceleration", "x", 6.0, COLORS[0]),
+        ("own_acceleration", "^", 6.0, "none"),
+    )
+    for quantity, marker, size, fill in marks:
+        orders = [one.order(quantity) for one in measured]
+        axes.plot(
+            orders, rows, marker, markersize=size, markerfacecolor=fill, markeredgecolor=COLORS[0],
+            label="the method's own acceleration" if quantity == "own_acceleration" else quantity,
+        )  # fmt: skip
+    for one, row in zip(measured, rows, strict=True):
+        if math.isnan(one.order("displacement")):
+            axes.text(0.08, row, "errors are rounding", va="center", fontsize=8.0, color="0.35")
+    axes.set_yticks(rows, [short[one.method] for one in measured], parse_math=False)
+    axes.set_ylim(0.3, len(measured) + 0.7)
+    axes.set_xlim(0.0, 5.6)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.set_xlabel("observed order")
+    figure.legend(loc="outside lower center", ncols=4, handlelength=1.2)
+    add_title(figure, _order_title(measured))
+    return figure
+
+
+def _order_title(measured: Sequence[OrderResult]) -> str:
+    first = measured[0]
+    loads = {
+        "free": "free vibration",
+        "harmonic": "harmonic load",
+        "record": "a record that is linear between its samples",
+    }
+    text = f"Observed order: {loads.get(first.load, first.load)}, {first.law} law"
+    if len({one.frequency_ratio for one in measured}) == 1 and not math.isnan(first.frequency_ratio):
+        text += f", frequency ratio {first.frequency_ratio:g}"
+    if len({one.method for one in measured}) == 1:
+        return f"{short_labels([first.method])[first.method]}\n{text}"
+    return text

@@ -1,0 +1,94 @@
+"""Figure of a cyclic test: the loops of a story's drift law and their energy, readable in black and white."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from tdint.files import Writer
+from tdint.output.figures.run import COLORS, DASHES, add_title, picture, scaled_unit
+from tdint.output.tables.cyclic import CyclicResult
+
+_LIGHT = "0.55"
+
+
+def cyclic_picture(test: CyclicResult, suffix: str) -> Writer:
+    """Picture of a cyclic test: shear over drift, and the energies over the cycles.
+
+    Parameters
+    ----------
+    test : CyclicResult
+        A result of `tdint.analysis.run.cyclic.cyclic_test`.
+    suffix : str
+        .png, .pdf or .svg.
+
+    Returns
+    -------
+    callable
+        Draws and writes the picture to a binary stream.
+
+    Raises
+    ------
+    OutputError
+        Another suffix.
+    """
+    return picture(suffix, lambda: _draw(test))
+
+
+def _draw(test: CyclicResult) -> Figure:
+    figure = Figure(figsize=(6.5, 7.6), layout="constrained")
+    loop, energy = figure.subplots(2, 1, height_ratios=(2.6, 1.0))
+    _draw_loop(loop, test)
+    _draw_energy(energy, test)
+    add_title(figure, f"{test.model.name}\nStory {test.story}, {test.law} law: cyclic test without dashpots")
+    return figure
+
+
+def _draw_loop(axes: Any, test: CyclicResult) -> None:
+    factor, unit = scaled_unit(float(np.max(np.abs(test.path.shear))), "N")
+    axes.axhline(0.0, color=_LIGHT, linewidth=0.6)
+    axes.axvline(0.0, color=_LIGHT, linewidth=0.6)
+    axes.plot(test.path.drift, test.path.shear * factor, color=COLORS[0], label="restoring force of the law")
+    if test.geometric_stiffness:
+        # Not dashed: the dashes of one cycle would fill the gaps of another.
+        force = test.shear_with_p_delta * factor
+        axes.plot(test.path.drift, force, color=_LIGHT, linewidth=0.9, zorder=1.9, label="with P-delta")
+    _mark_yielding(axes, test)
+    if len(axes.get_legend_handles_labels()[0]) > 1:
+        axes.legend(loc="upper left")
+    axes.set_xlabel("drift (m)")
+    axes.set_ylabel(f"story shear ({unit})")
+    axes.xaxis.set_major_locator(MaxNLocator(9, steps=[1, 2, 5, 10]))
+    if not math.isnan(test.height):
+        percent = axes.secondary_xaxis(
+            "top", functions=(lambda drift: 100.0 * drift / test.height, lambda ratio: 0.01 * ratio * test.height)
+        )
+        percent.set_xlabel("drift ratio (%)")
+
+
+def _mark_yielding(axes: Any, test: CyclicResult) -> None:
+    """Dotted lines at the drifts of first yield, where the test goes beyond them."""
+    if not test.yield_drift < float(np.max(test.path.drift)):
+        return
+    for side in (1.0, -1.0):
+        axes.axvline(
+            side * test.yield_drift, color=_LIGHT, linestyle=DASHES[2], linewidth=1.0,
+            label=f"yield drift {test.yield_drift:.3g} m" if side > 0.0 else None,
+        )  # fmt: skip
+
+
+def _draw_energy(axes: Any, test: CyclicResult) -> None:
+    cycle = np.arange(test.path.drift.size) / (4.0 * test.points)
+    factor, unit = scaled_unit(float(np.max(test.path.recoverable + test.path.dissipated)), "J")
+    axes.plot(cycle, test.path.dissipated * factor, color=COLORS[0], label="dissipated")
+    axes.plot(cycle, test.path.recoverable * factor, color=COLORS[1], linestyle=DASHES[1], label="recoverable")
+    axes.legend(loc="upper left")
+    axes.set_xlim(0.0, cycle[-1])
+    axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
+    axes.set_xlabel("cycle")
+    axes.set_ylabel(f"energy ({unit})")
+    axes.xaxis.set_major_locator(MaxNLocator(9, steps=[1, 2, 5, 10]))

@@ -1,0 +1,83 @@
+"""Figure of drift spectra: drift ratios over the fundamental period, with the height of the buildings above."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from tdint.files import Writer
+from tdint.output.figures.run import add_title, picture
+from tdint.output.figures.spectrum import Panel, draw_over_periods, line_labels, over_periods_title
+from tdint.output.tables.drift import DriftSpectrumResult
+
+
+def drift_spectrum_picture(spectra: Sequence[DriftSpectrumResult], suffix: str) -> Writer:
+    """Picture of drift spectra: a line per component and damping ratio.
+
+    Parameters
+    ----------
+    spectra : sequence of DriftSpectrumResult
+        One at least; all of the same kind of building.
+    suffix : str
+        .png, .pdf or .svg.
+
+    Returns
+    -------
+    callable
+        Draws and writes the picture to a binary stream.
+
+    Raises
+    ------
+    OutputError
+        Another suffix.
+    """
+    return picture(suffix, lambda: _draw(spectra))
+
+
+def _draw(spectra: Sequence[DriftSpectrumResult]) -> Figure:
+    beam = spectra[0].stories[0] == 0
+    panels: list[Panel[DriftSpectrumResult]] = [
+        ("drift ratio at the base (%)" if beam else "largest story drift ratio (%)", _peaks),
+        ("roof displacement over height (%)", lambda spectrum: 100.0 * spectrum.roof_drift_ratio),
+    ]
+    figure = draw_over_periods(spectra, panels, line_labels(spectra))
+    _add_heights(figure.axes[0], spectra[0])
+    add_title(figure, over_periods_title("Drift spectrum", "Drift spectra", spectra, _buildings(spectra[0])))
+    return figure
+
+
+def _peaks(spectrum: DriftSpectrumResult) -> Any:
+    return 100.0 * spectrum.peak_drift_ratio
+
+
+def _buildings(spectrum: DriftSpectrumResult) -> str:
+    least, most = int(spectrum.stories.min()), int(spectrum.stories.max())
+    if most == 0:
+        return "continuous shear beam"
+    stories = f"{most}" if least == most else f"{least} to {most}"
+    return f"shear buildings of {stories} {'story' if most == 1 else 'stories'}"
+
+
+def _add_heights(axes: Any, spectrum: DriftSpectrumResult) -> None:
+    """A scale of the heights on top; they are a power of the period."""
+    first, last = spectrum.periods.argmin(), spectrum.periods.argmax()
+    if spectrum.periods[first] == spectrum.periods[last]:
+        return
+    periods = spectrum.periods[[first, last]].tolist()
+    heights = spectrum.heights[[first, last]].tolist()
+    power = math.log(heights[1] / heights[0]) / math.log(periods[1] / periods[0])
+    scale = axes.secondary_xaxis(
+        "top",
+        functions=(
+            lambda period: heights[0] * (abs(period) / periods[0]) ** power,
+            lambda height: periods[0] * (abs(height) / heights[0]) ** (1.0 / power),
+        ),
+    )
+    scale.set_xlabel("height (m)")
+    scale.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    scale.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    scale.xaxis.set_minor_formatter(NullFormatter())

@@ -1,0 +1,77 @@
+"""Figure of inelastic spectra: strength or ductility, and displacement, over the period."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
+
+from tdint.files import Writer
+from tdint.output.figures.run import add_title, picture
+from tdint.output.figures.spectrum import Panel, draw_over_periods, line_labels, over_periods_title
+from tdint.output.tables.inelastic import InelasticResult
+
+
+def inelastic_picture(spectra: Sequence[InelasticResult], suffix: str) -> Writer:
+    """Picture of inelastic spectra: a line per component, damping ratio, and ductility or strength.
+
+    Parameters
+    ----------
+    spectra : sequence of InelasticResult
+        One at least; all for ductilities or all for strengths.
+    suffix : str
+        .png, .pdf or .svg.
+
+    Returns
+    -------
+    callable
+        Draws and writes the picture to a binary stream.
+
+    Raises
+    ------
+    OutputError
+        Another suffix.
+    """
+    return picture(suffix, lambda: _draw(spectra))
+
+
+def _draw(spectra: Sequence[InelasticResult]) -> Figure:
+    panels: list[Panel[InelasticResult]] = [
+        ("yield strength over weight", lambda spectrum: spectrum.yield_strength_ratio)
+        if spectra[0].target is not None
+        else ("ductility", lambda spectrum: spectrum.ductility),
+        ("largest displacement (m)", lambda spectrum: spectrum.sd),
+    ]
+    given = [_given(spectrum) for spectrum in spectra]
+    several = len(set(given)) > 1
+    labels = [
+        ", ".join(filter(None, (label, what if several else "")))
+        for label, what in zip(line_labels(spectra), given, strict=True)
+    ]
+    variants = [(spectrum.damping, what) for spectrum, what in zip(spectra, given, strict=True)]
+    figure = draw_over_periods(spectra, panels, labels, variants)
+    if spectra[0].target is None:
+        _show_ductility(figure.axes[0], spectra)
+    more = ("" if several else f"{given[0]}, ") + f"bilinear, hardening {spectra[0].hardening:g}"
+    add_title(figure, over_periods_title("Inelastic spectrum", "Inelastic spectra", spectra, more))
+    return figure
+
+
+def _show_ductility(axes: Any, spectra: Sequence[InelasticResult]) -> None:
+    """On a logarithmic axis, with a line at first yielding."""
+    if not any(np.any(spectrum.ductility > 0.0) for spectrum in spectra):
+        return
+    axes.set_yscale("log")
+    axes.autoscale(axis="y")
+    axes.axhline(1.0, color="0.55", linewidth=0.8)
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+
+
+def _given(spectrum: InelasticResult) -> str:
+    """What was asked for: a ductility, or a strength, which is the same at all periods."""
+    if spectrum.target is not None:
+        return f"ductility {spectrum.target:g}"
+    return f"strength {spectrum.yield_strength_ratio[0]:.4g}"

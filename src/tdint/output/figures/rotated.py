@@ -1,0 +1,80 @@
+"""Figure of spectra over all directions: percentiles and geometric mean over the period."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from matplotlib.figure import Figure
+
+from tdint.files import Writer
+from tdint.ground_motion.record import Record
+from tdint.output.figures.run import add_title, picture, record_name
+from tdint.output.figures.spectrum import Panel, draw_over_periods, line_labels, over_periods_title
+from tdint.output.results import Array, RotatedResult
+
+
+@dataclass(frozen=True)
+class _Line:
+    """A line of the figure: a percentile or the geometric mean of a motion and damping ratio."""
+
+    name: str
+    record: Record
+    damping: float
+    periods: Array
+    psa: Array
+
+    @property
+    def sd(self) -> Array:
+        """Displacement, m."""
+        return self.psa * (self.periods / (2.0 * math.pi)) ** 2
+
+
+def rotated_picture(spectra: Sequence[RotatedResult], suffix: str) -> Writer:
+    """Picture of spectra over all directions: a line per motion, damping ratio, percentile, and the geometric mean.
+
+    Parameters
+    ----------
+    spectra : sequence of RotatedResult
+        One at least; all of the same percentiles.
+    suffix : str
+        .png, .pdf or .svg.
+
+    Returns
+    -------
+    callable
+        Draws and writes the picture to a binary stream.
+
+    Raises
+    ------
+    OutputError
+        Another suffix.
+    """
+    return picture(suffix, lambda: _draw(spectra))
+
+
+def _draw(spectra: Sequence[RotatedResult]) -> Figure:
+    lines = [line for spectrum in spectra for line in _lines(spectrum)]
+    panels: list[Panel[_Line]] = [
+        ("pseudo-acceleration PSA (m/s²)", lambda line: line.psa),
+        ("displacement SD (m)", lambda line: line.sd),
+    ]
+    labels = [f"{label}, {line.name}" for label, line in zip(line_labels(lines), lines, strict=True)]
+    figure = draw_over_periods(lines, panels, labels, [(line.damping, line.name) for line in lines])
+    more = ["exact solution", "180 directions"]
+    if spectra[0].maxima != "exact":
+        more.append(f"maxima: {spectra[0].maxima}")
+    if spectra[0].interpolation != "linear":
+        more.append(f"{spectra[0].interpolation} motion")
+    add_title(figure, over_periods_title("RotD spectrum", "RotD spectra", lines, ", ".join(more)))
+    return figure
+
+
+def _lines(spectrum: RotatedResult) -> Iterator[_Line]:
+    motion = spectrum.motion
+    names = dict.fromkeys((record_name(motion.first.source), record_name(motion.second.source)))
+    record = replace(motion.first, source="+".join(names), component=motion.component)
+    for percentile, psa in zip(spectrum.percentiles, spectrum.psa, strict=True):
+        yield _Line(f"RotD{percentile:02d}", record, spectrum.damping, spectrum.periods, psa)
+    yield _Line("geometric mean", record, spectrum.damping, spectrum.periods, spectrum.geometric_mean)

@@ -1,0 +1,61 @@
+"""Table of drift spectra, and what it needs of one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.ground_motion.record import Record
+from tdint.output.results import Array
+from tdint.output.tables.tables import Cell, Table, component_names
+
+DRIFT_SPECTRUM_COLUMNS = (
+    "record",
+    "component",
+    "damping",
+    "period_s",
+    "height_m",
+    "peak_drift_ratio",
+    "story",
+    "roof_drift_ratio",
+)
+
+
+class DriftSpectrumResult(Protocol):
+    """Drift spectrum of one record for one damping ratio; arrays of shape (k,), SI units."""
+
+    @property
+    def record(self) -> Record: ...
+    @property
+    def damping(self) -> float: ...
+    @property
+    def periods(self) -> Array: ...
+    @property
+    def heights(self) -> Array: ...
+    @property
+    def stories(self) -> NDArray[np.int64]: ...
+    @property
+    def peak_drift_ratio(self) -> Array: ...
+    @property
+    def story(self) -> NDArray[np.int64]: ...
+    @property
+    def roof_drift_ratio(self) -> Array: ...
+
+
+def drift_spectrum_table(spectra: Sequence[DriftSpectrumResult]) -> Table:
+    """One row per record, component, damping ratio and period, in the order given; no story for a beam."""
+    names = component_names([spectrum.record for spectrum in spectra])
+    rows: list[tuple[Cell, ...]] = []
+    for spectrum, name in zip(spectra, names, strict=True):
+        columns = (
+            spectrum.periods.tolist(),
+            spectrum.heights.tolist(),
+            spectrum.peak_drift_ratio.tolist(),
+            [story or None for story in spectrum.story.tolist()],
+            spectrum.roof_drift_ratio.tolist(),
+        )
+        rows.extend((spectrum.record.source, name, spectrum.damping, *values) for values in zip(*columns, strict=True))
+    return Table(DRIFT_SPECTRUM_COLUMNS, rows)

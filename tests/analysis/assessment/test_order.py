@@ -1,0 +1,235 @@
+"""Observed order of every method, and the limits in which two methods are one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from building_cases import Force, Law, RayleighRatio, model, noise, oscillator, story
+from references import smooth
+from tdint.analysis.assessment.order import HALVINGS, LOADS, STORY_LAWS, ObservedOrder, observed_order, order_problem
+from tdint.analysis.run.run import run
+from tdint.errors import UsageError
+from tdint.methods.catalogue import catalogue, parse
+from tdint.model.definition import Excitation
+
+NONLINEAR = [name for name in catalogue() if not parse(name).family.linear_only]
+MEMBERS = (
+    "newmark:beta=0.3025,gamma=0.6",
+    "generalized-alpha:rho_inf=0",
+    "hht:alpha=-1/3",
+    "u0v0:r=0",
+    "collocation:beta=0.18",
+    "bathe:rho_inf=0.5",
+    "bathe:gamma=0.5",
+    "kr-alpha:rho_inf=0.5",
+    "impulse4:rho_inf=0.5",
+    "impulse4:rho_inf=0",
+)
+
+
+@pytest.fixture(scope="module")
+def problem():
+    """Order problems by load and law, each solved once."""
+    solved = {}
+
+    def get(load, law):
+        if (load, law) not in solved:
+            solved[load, law] = order_problem(load, law)
+        return solved[load, law]
+
+    return get
+
+
+@pytest.mark.parametrize("method", [*catalogue(), *MEMBERS])
+def test_declared_order(problem, method):
+    integrator = parse(method)
+    observed = observed_order(integrator, problem("harmonic", "linear"))
+    assert observed.order("displacement") == pytest.approx(integrator.order, abs=0.1)
+    assert observed.order("velocity") == pytest.approx(integrator.order, abs=0.1)
+
+
+@pytest.mark.parametrize("method", [*NONLINEAR, *MEMBERS])
+def test_declared_order_with_a_nonlinear_law(problem, method):
+    integrator = parse(method)
+    observed = observed_order(integrator, problem("harmonic", "polynomial"))
+    assert observed.order("displacement") == pytest.approx(integrator.order, abs=0.1)
+    assert observed.order("velocity") == pytest.approx(integrator.order, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("load", "law", "published"),
+    [
+        ("harmonic", "linear", 2),
+        ("free", "polynomial", 2),
+        ("harmonic", "polynomial", 2),
+        ("record", "polynomial", 2),
+        ("record", "linear", 4),
+        ("free", "linear", 4),
+    ],
+)
+def test_where_the_published_order_4_holds(problem, load, law, published):
+    """The trapezoidal impulse is exact for sampled records; the tangent form of the drift laws is of order 2."""
+    for method, order in (("impulse", published), ("impulse4", 4)):
+        observed = observed_order(parse(method), problem(load, law))
+        for quantity in ("displacement", "velocity", "acceleration"):
+            assert observed.order(quantity) == pytest.approx(order, abs=0.1)
+
+
+@pytest.mark.parametrize("method", ["hht", "wbz", "generalized-alpha:rho_inf=0.5", "u0v0", "kr-alpha"])
+def test_the_own_acceleration_of_the_alpha_methods_is_of_order_1(problem, method):
+    observed = observed_order(parse(method), problem("free", "linear"))
+    assert observed.order("acceleration") == pytest.approx(2.0, abs=0.05)
+    assert observed.order("own_acceleration") == pytest.approx(1.0, abs=0.25)
+
+
+def test_own_acceleration_of_the_others(problem):
+    free = problem("free", "linear")
+    assert observed_order(parse("newmark"), free).order("own_acceleration") == pytest.approx(2.0, abs=0.05)
+    for method in ("gauss4", "impulse", "houbolt", "exact"):
+        assert np.isnan(observed_order(parse(method), free).own_acceleration).all()
+
+
+@pytest.mark.parametrize("ratio", [0.2, 1.0, 5.0])
+def test_order_at_other_frequencies(ratio):
+    solved = order_problem("harmonic", "linear", ratio)
+    for method, order in (("impulse", 2), ("impulse4", 4), ("newmark-average", 2), ("rk5", 5)):
+        assert observed_order(parse(method), solved).order("displacement") == pytest.approx(order, abs=0.1)
+
+
+def test_errors_that_are_rounding_have_no_order(problem):
+    observed = observed_order(parse("exact"), problem("record", "linear"))
+    assert np.isnan(observed.order("displacement"))
+    assert observed.displacement[-1] < 1e-12
+    assert observed_order(parse("exact"), problem("harmonic", "linear")).order("displacement") == pytest.approx(
+        2.0, abs=0.01
+    )
+
+
+def test_the_slope_is_that_of_the_finest_three():
+    steps = 0.02 / 2.0 ** np.arange(5)
+    errors = np.where(steps > 0.004, 1.0, steps**3)
+    observed = ObservedOrder("x", "free", "linear", np.nan, steps, errors, steps**2, steps, 1e-13 * steps)
+    assert observed.order("displacement") > 3.0
+    assert observed.order("velocity") == pytest.approx(2.0)
+    assert np.isnan(observed.order("own_acceleration"))
+
+
+def test_steps_and_names(problem):
+    observed = observed_order(parse("newmark-average"), problem("free", "linear"))
+    assert observed.steps == pytest.approx(0.02 / 2.0 ** np.arange(HALVINGS + 1))
+    assert (observed.method, observed.load, observed.law) == ("newmark-average", "free", "linear")
+    assert np.isnan(observed.frequency_ratio)
+    assert order_problem("harmonic", "linear", 2.0).frequency_ratio == 2.0
+
+
+@pytest.mark.parametrize("law", STORY_LAWS)
+@pytest.mark.parametrize("load", LOADS)
+def test_the_exact_motion_satisfies_its_equation(problem, load, law):
+    """Of each sample interval of the motion: an independent integration from its start ends at its end."""
+    solved = problem(load, law)
+    h, omega = 0.02, 2.0 * np.pi
+    for sample in (0, 57, 199):
+        ground = solved.ground[sample : sample + 2] if load == "record" else np.zeros(2)
+
+        def acceleration(t, u, v, start=sample * h, ground=ground):
+            force = 20.0 * np.cos(0.5 * omega * (start + t)) if load == "harmonic" else 0.0
+            force -= np.interp(t, [0.0, h], ground)
+            spring = u + 0.5 * u**3 if law == "polynomial" else u
+            return force - 0.04 * omega * v - omega**2 * spring
+
+        u, v, a = solved.exact[:, sample]
+        assert a == pytest.approx(acceleration(0.0, u, v), rel=1e-9, abs=1e-9)
+        np.testing.assert_allclose(
+            smooth(acceleration, u, v, [0.0, h])[:, -1], solved.exact[:2, sample + 1], rtol=1e-11, atol=1e-12
+        )
+
+
+@pytest.mark.parametrize(("load", "law"), [("sinus", "linear"), ("free", "bilinear")])
+def test_unknown_problems(load, law):
+    with pytest.raises(UsageError, match="loads free, harmonic, record; laws linear, polynomial"):
+        order_problem(load, law)
+
+
+def test_a_linear_method_is_refused_for_a_nonlinear_law(problem):
+    with pytest.raises(UsageError, match="exact integrates linear buildings only"):
+        observed_order(parse("exact"), problem("free", "polynomial"))
+
+
+# ---- Limits in which two methods are one
+
+
+LINEAR_BUILDING = model(
+    [story(2e5, 3e8), story(1.5e5, 2.5e8, dashpot=4e5), story(1e5, 1.5e8)],
+    damping=RayleighRatio((0.05, 0.05), (1, 3)),
+    displacement=(0.01, 0.0, 0.02),
+    velocity=(0.3, 0.1, 0.0),
+)
+DUFFING = (40.0, 0.0, 200.0)  # f = 40 u + 200 u^3
+
+
+def history(case, method, record=None, **more):
+    """Displacements, velocities and accelerations at the steps."""
+    result = run(case, record, method=method, history=True, **more).history
+    return result.displacement, result.velocity, result.acceleration
+
+
+def assert_same(one, other):
+    for a, b in zip(one, other, strict=True):
+        np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-10 * np.max(np.abs(b)))
+
+
+@pytest.mark.parametrize(
+    "method", ["newmark", "generalized-alpha:rho_inf=1", "hht:alpha=0", "wbz:rho_inf=1", "u0v0:r=1"]
+)
+def test_average_acceleration_by_other_names(method):
+    """In a linear building, under ground motion and a force."""
+    case = replace(LINEAR_BUILDING, excitation=Excitation(None, (Force(3, 2e5, -1e5, 9.0),)))
+    assert_same(history(case, method, noise(201)), history(case, "newmark-average", noise(201)))
+
+
+@pytest.mark.parametrize("method", ["newmark", "hht:alpha=0", "wbz:rho_inf=1"])
+def test_average_acceleration_by_other_names_with_a_nonlinear_law(method):
+    case = duffing()
+    assert_same(history(case, method, noise(201)), history(case, "newmark-average", noise(201)))
+
+
+def test_impulse4_is_impulse_in_a_linear_building_under_a_sampled_record():
+    assert_same(history(LINEAR_BUILDING, "impulse4", noise(401)), history(LINEAR_BUILDING, "impulse", noise(401)))
+
+
+def duffing():
+    law = Law("polynomial", DUFFING)
+    return model([story(1.0, DUFFING[0], law, dashpot=0.5)], displacement=(0.3,), velocity=(1.0,))
+
+
+def radau_iia(rate, y, h, steps):
+    """The two-stage method of order 3 (Ehle 1969), stages by fixed-point iteration; shape (steps + 1, y.size)."""
+    c, a = (1.0 / 3.0, 1.0), np.array([[5.0, -1.0], [9.0, 3.0]]) / 12.0
+    result = [np.asarray(y)]
+    for step in range(steps):
+        slopes = np.zeros((2, len(y)))
+        for _ in range(60):
+            stages = result[-1] + h * a @ slopes
+            slopes = np.array([rate((step + part) * h, stage) for part, stage in zip(c, stages, strict=True)])
+        result.append(stages[1])
+    return np.array(result)
+
+
+@pytest.mark.parametrize("law", ["linear", "duffing"])
+def test_impulse4_with_rho_inf_0_is_radau_iia(law):
+    record, omega = noise(201), 2.0 * np.pi
+    case = duffing() if law == "duffing" else oscillator(omega, 0.05, displacement=(0.3,), velocity=(1.0,))
+
+    def rate(t, y):
+        u, v = y
+        ground = np.interp(t, record.dt * np.arange(201), record.acceleration)
+        if law == "duffing":
+            return np.array([v, -ground - 0.5 * v - DUFFING[0] * u - DUFFING[2] * u**3])
+        return np.array([v, -ground - 0.1 * omega * v - omega**2 * u])
+
+    u, v, _ = history(case, "impulse4:rho_inf=0", record)
+    expected = radau_iia(rate, (0.3, 1.0), record.dt, 200)
+    assert_same((u[:, 0], v[:, 0]), expected.T)

@@ -1,0 +1,198 @@
+"""Examples 1 to 3 of the paper of 2022: published and recomputed errors, and the same runs by other routes.
+
+The numbers of example 1 were measured with another implementation of the same formulas against DOP853 at 1e-13.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from references import orders, smooth
+from tdint import load_model, run
+from tdint.analysis.assessment.paper_examples import DTS, default_integrators, examples, gap, reference, run_example
+from tdint.ground_motion.record import Record
+from tdint.methods.catalogue import parse
+from tdint.model.bare import bare_model
+
+CONFIGS = Path(__file__).parents[3] / "configs"
+FILES = {1: "sdof-polynomial", 2: "two-story-polynomial", 3: "chain-150"}
+ORDER_2 = ("impulse", "newmark-average", "newmark-linear", "central-difference", "wilson:theta=1.4", "chang")
+
+
+@cache
+def runs(number, dt):
+    """The usual runs by method and variant."""
+    done = run_example(examples()[number], dt, default_integrators())
+    return {(one.method, one.variant): one for one in done}
+
+
+def error(number, dt, method, variant=""):
+    return runs(number, dt)[parse(method).label, variant].error("displacement")
+
+
+@pytest.mark.parametrize(("number", "file"), FILES.items())
+def test_the_model_files_are_the_examples(number, file):
+    example, model = examples()[number], load_model(CONFIGS / f"{file}.yaml")
+    assert model.stories == example.model.stories
+    assert model.excitation == example.model.excitation
+    assert model.initial == example.model.initial
+    assert model.damping is None
+    assert model.analysis.duration == example.duration
+    assert model.analysis.dt == DTS[0]
+
+
+# ---- The reference
+
+
+def test_the_reference_of_example_1_is_dop853():
+    motion = reference(examples()[1], 0.02)
+
+    def acceleration(t, u, v):
+        return (500 * math.cos(25 * t) - 200 * math.sin(10 * t) - 5 * v - 200 * u - 3 * u * u) / 10.0
+
+    u, v = smooth(acceleration, 0.0, 0.0, motion.time)
+    assert motion.displacement[:, 0] == pytest.approx(u, abs=5e-12)
+    assert motion.velocity[:, 0] == pytest.approx(v, abs=5e-11)
+    assert np.max(np.abs(motion.displacement)) == pytest.approx(0.773, abs=1e-3)
+
+
+@pytest.mark.parametrize("number", FILES)
+def test_another_method_confirms_the_reference(number):
+    """gauss4, of order 4 and implicit: 4096 times closer than its error at the step itself."""
+    assert gap(examples()[number], 0.02, "gauss4") < 2e-8
+
+
+# ---- Errors
+
+PUBLISHED = {
+    "newmark-average": (3.35e-2, 8.88e-3, 2.23e-3),
+    "newmark-linear": (1.92e-2, 5.04e-3, 1.27e-3),
+    "central-difference": (1.98e-2, 4.81e-3, 1.20e-3),
+    "wilson:theta=1.4": (3.26e-2, 8.42e-3, 2.11e-3),
+    "impulse": (1.77e-2, 4.72e-3, 1.19e-3),
+    "impulse4": (2.3e-4, 1.4e-5, 8.8e-7),
+}
+
+
+@pytest.mark.parametrize(("method", "errors"), PUBLISHED.items())
+def test_errors_of_example_1(method, errors):
+    digits = 0.02 if method == "impulse4" else 0.004
+    for dt, expected in zip((0.04, 0.02, 0.01), errors, strict=True):
+        assert error(1, dt, method) == pytest.approx(expected, rel=digits)
+
+
+@pytest.mark.parametrize("number", FILES)
+def test_orders(number):
+    """impulse4 is of order 4, the others of order 2, rk5 of order 5: all see the load as they should."""
+    for method in ("impulse4", "rk5", *ORDER_2):
+        measured = orders([error(number, dt, method) for dt in (0.04, 0.02, 0.01)])
+        expected = {"impulse4": 4.0, "rk5": 5.0}.get(method, 2.0)
+        assert measured[-1] == pytest.approx(expected, abs=0.25)
+
+
+def test_rk5_and_its_load():
+    """4.0e-8 with the load itself, 4.76e-3 with the load linear between the steps, 0.13 with the load held."""
+    assert error(1, 0.02, "rk5") == pytest.approx(4.0e-8, rel=0.01)
+    assert error(1, 0.02, "rk5", "load linear between the steps") == pytest.approx(4.76e-3, rel=1e-3)
+    assert error(1, 0.02, "rk5", "load held over each step") == pytest.approx(0.13, abs=0.005)
+
+
+# ---- The paper's ranking
+
+
+def test_the_central_difference_is_not_worst_in_example_1_unless_it_starts_wrong():
+    errors = {method: error(1, 0.02, method) for method in ORDER_2}
+    assert sorted(errors, key=errors.get)[:2] == ["impulse", "central-difference"]
+    assert max(errors, key=errors.get) == "newmark-average"
+    wrong = error(1, 0.02, "central-difference", "start with u(-dt) = 0")
+    assert wrong > 10.0 * max(errors.values())
+
+
+def test_rk5_is_worst_in_example_2_if_the_load_is_held():
+    others = [error(2, 0.02, method) for method in (*ORDER_2, "impulse4")]
+    assert error(2, 0.02, "rk5") < min(others)
+    assert error(2, 0.02, "rk5", "load held over each step") > max(others)
+
+
+def test_what_is_compared_in_example_3_is_the_sampled_load():
+    sampled = error(3, 0.02, "rk5", "load linear between the steps")
+    for method in ORDER_2:
+        assert error(3, 0.02, method) == pytest.approx(sampled, rel=0.25)
+    assert error(3, 0.02, "impulse4") < 0.01 * sampled
+
+
+# ---- README
+
+
+def digest():
+    """Rows of README's digest: method, variant, errors of the three examples."""
+    text = (CONFIGS.parent / "README.md").read_text().partition("<!-- digest: examples -->")[2]
+    lines = [line.strip("| ").split("|") for line in text.partition("<!-- end: digest")[0].splitlines() if "`" in line]
+    rows = []
+    for head, *cells in lines:
+        method, _, variant = head.replace("`", "").strip().partition(", ")
+        rows.append((method, variant, [float(cell) for cell in cells]))
+    return rows
+
+
+@pytest.mark.parametrize(("method", "variant", "errors"), digest())
+def test_the_digest_in_the_readme(method, variant, errors):
+    for number, expected in enumerate(errors, start=1):
+        assert error(number, 0.02, method, variant) == pytest.approx(expected, rel=0.06)
+
+
+def test_the_digest_is_whole():
+    assert len(digest()) == len(runs(1, 0.02))
+
+
+# ---- The variants by other routes
+
+
+def test_a_load_linear_between_the_steps_is_a_record():
+    """p(t) on one mass m is the ground motion -p / m, which every run takes as linear between its samples."""
+    one = runs(1, 0.02)["rk5", "load linear between the steps"]
+    t = one.motion.time
+    record = Record(-(500 * np.cos(25 * t) - 200 * np.sin(10 * t)) / 10.0, 0.02, "", "", "", "load")
+    still = bare_model("without forces", examples()[1].model.stories)
+    history = run(still, record, method="rk5", history=True).history
+    assert one.motion.displacement == pytest.approx(history.displacement, abs=1e-11)
+    assert one.motion.velocity == pytest.approx(history.velocity, abs=1e-10)
+
+
+def test_a_held_load_is_constant_in_each_step():
+    """Against DOP853, restarted at each step; RK5's own error is 4e-8."""
+    one = runs(1, 0.02)["rk5", "load held over each step"]
+
+    def acceleration(j):
+        load = 500 * math.cos(0.5 * j) - 200 * math.sin(0.2 * j)
+        return lambda t, u, v: (load - 5 * v - 200 * u - 3 * u * u) / 10.0
+
+    u = v = 0.0
+    for j in range(50):
+        (_, u), (_, v) = smooth(acceleration(j), u, v, [0.0, 0.02])
+        assert one.motion.displacement[j + 1, 0] == pytest.approx(u, abs=1e-7)
+
+
+def test_the_wrong_start_is_the_recursion_from_two_zeros():
+    """(m + c h/2) u1 = h^2 (p0 - f(u0)) + 2 m u0 - (m - c h/2) u(-h), from u(-h) = u0 = 0."""
+    one = runs(1, 0.02)["central-difference", "start with u(-dt) = 0"]
+    h, before, u = 0.02, 0.0, 0.0
+    for t, expected in zip(one.motion.time, one.motion.displacement[:, 0], strict=True):
+        assert expected == pytest.approx(u, abs=1e-11)
+        load = 500 * math.cos(25 * t) - 200 * math.sin(10 * t) - 200 * u - 3 * u * u
+        before, u = u, (h * h * load + 20 * u - (10 - 2.5 * h) * before) / (10 + 2.5 * h)
+
+
+# ---- Runs without an end
+
+
+@pytest.mark.parametrize(("method", "outcome"), [("central-difference", "unstable-step"), ("exact", "refused")])
+def test_runs_without_an_end(method, outcome):
+    (one, *_) = run_example(examples()[1], 0.5, [parse(method)])
+    assert one.outcome == outcome
+    assert math.isnan(one.error("displacement"))

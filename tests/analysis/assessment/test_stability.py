@@ -1,0 +1,204 @@
+"""Spectral radius, period error, numerical damping and critical steps, measured on the compiled steps."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tdint.analysis.assessment.stability import critical_step, stability
+from tdint.analysis.run.amplification import amplification
+from tdint.analysis.run.steps import Steps, integrate, workspace
+from tdint.kernels.layout import ACCELERATION, FORCE_COLUMNS, STEPS_DONE, STORY_DAMPER, VELOCITY
+from tdint.methods.catalogue import catalogue, parse
+from tdint.model.building import oscillators
+
+# Period error and numerical damping ratio in percent at dt/T = 0.1 without damping, to the last digit shown; measured
+# with independent implementations at 30-40 digits. 0 stands for less than 1e-9.
+ACCURACY = {
+    "newmark": ("3.21", "0"),
+    "newmark-average": ("3.21", "0"),
+    "newmark-linear": ("1.60", "0"),
+    "fox-goodwin": ("-0.033", "0"),
+    "central-difference": ("-1.69", "0"),
+    "newmark:beta=0.3025,gamma=0.6": ("3.29", "2.95"),
+    "hht": ("3.61", "0.118"),
+    "hht:alpha=-0.1": ("3.95", "0.211"),
+    "hht:alpha=-1/3": ("4.67", "0.378"),
+    "wbz": ("4.19", "0.340"),
+    "wbz:rho_inf=0.5": ("6.22", "1.27"),
+    "wbz:rho_inf=0": ("12.3", "5.49"),
+    "generalized-alpha": ("3.38", "0.016"),
+    "generalized-alpha:rho_inf=0.5": ("4.67", "0.378"),
+    "generalized-alpha:rho_inf=0": ("12.3", "5.49"),
+    "collocation": ("3.23", "0.006"),
+    "collocation:beta=0.20": ("3.91", "0.268"),
+    "collocation:beta=0.18": ("5.01", "0.772"),
+    "wilson": ("6.15", "1.40"),
+    "u0v0:r=0.8": ("3.27", "0.004"),
+    "u0v0": ("3.72", "0.102"),
+    "u0v0:r=0": ("6.73", "1.96"),
+    "houbolt": ("12.3", "5.49"),
+    "park": ("6.71", "0.445"),
+    "bathe": ("1.57", "0.087"),
+    "bathe:gamma=0.5": ("1.62", "0.082"),
+    "bathe:rho_inf=1": ("0.82", "0"),
+    "bathe:rho_inf=0.8": ("0.94", "0.019"),
+    "bathe:rho_inf=0.5": ("1.15", "0.046"),
+    "chang": ("3.21", "0"),
+    "cr": ("3.21", "0"),
+    "kr-alpha:rho_inf=1": ("3.21", "0"),
+    "kr-alpha": ("3.38", "0.016"),
+    "kr-alpha:rho_inf=0.5": ("4.67", "0.378"),
+    "kr-alpha:rho_inf=0": ("12.3", "5.49"),
+    "rk5": ("-0.003", "0.0016"),
+    "gauss4": ("0.021", "0"),
+    "impulse": ("0.021", "0"),
+    "impulse4": ("0.021", "0"),
+    "impulse4:rho_inf=0.8": ("0.022", "0.037"),
+    "impulse4:rho_inf=0.5": ("0.025", "0.111"),
+    "impulse4:rho_inf=0": ("0.057", "0.330"),
+    "exact": ("0", "0"),
+}
+
+
+def one_point(method, dt_over_t, damping=0.0):
+    return stability(parse(method), np.array([dt_over_t]), damping)
+
+
+def shown(text):
+    """A number with an error of half a unit in its last digit."""
+    decimals = len(text.partition(".")[2])
+    return pytest.approx(float(text), abs=0.51 * 10.0**-decimals if float(text) else 1e-9)
+
+
+def test_the_table_holds_every_method():
+    assert {method.partition(":")[0] for method in ACCURACY} == set(catalogue())
+
+
+@pytest.mark.parametrize("method", ACCURACY)
+def test_period_error_and_numerical_damping(method):
+    curve = one_point(method, 0.1)
+    period_error, numerical_damping = ACCURACY[method]
+    assert 100.0 * curve.period_error[0] == shown(period_error)
+    assert 100.0 * curve.numerical_damping[0] == shown(numerical_damping)
+    assert curve.amplitude_decay[0] == pytest.approx(1.0 - math.exp(-2.0 * math.pi * curve.numerical_damping[0]))
+
+
+@pytest.mark.parametrize("method", catalogue())
+def test_declared_stability_limit(method):
+    integrator = parse(method)
+    assert critical_step(integrator) == pytest.approx(integrator.stability_limit, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("method", "damping", "limit"),
+    [
+        ("central-difference", 0.0, 2.0),
+        ("central-difference", 0.05, 2.0),
+        ("newmark-linear", 0.0, 2.0 * math.sqrt(3.0)),
+        ("newmark-linear", 0.05, 2.0 * math.sqrt(3.0)),
+        ("fox-goodwin", 0.0, math.sqrt(6.0)),
+        ("rk5", 0.0, 0.9972),
+        ("rk5", 0.05, 2.4026),
+        ("wilson:theta=1.3661", 0.0, math.inf),
+        ("impulse:beta=1/120", 0.0, math.sqrt(10.0)),
+        ("impulse:beta=1/160", 0.0, math.sqrt(12.0)),
+    ],
+)
+def test_critical_step(method, damping, limit):
+    assert critical_step(parse(method), damping) == pytest.approx(limit, rel=1e-4)
+
+
+def test_wilson_below_1_366_is_unstable():
+    assert critical_step(parse("wilson:theta=1.36")) == pytest.approx(24.0, abs=0.05)
+
+
+@pytest.mark.parametrize("beta", ["1/143", "1/145"])
+def test_beta_off_1_144_is_unstable_beside_sqrt_12(beta):
+    """The band lies between sqrt(12) and 1 / sqrt(12 beta)."""
+    integrator = parse(f"impulse:beta={beta}")
+    roots = sorted([math.sqrt(12.0), 1.0 / math.sqrt(12.0 * integrator.values[0])])
+    assert critical_step(integrator) == pytest.approx(roots[0], rel=1e-6)
+    assert one_point(integrator.label, sum(roots) / (4.0 * math.pi)).spectral_radius[0] == pytest.approx(
+        1.004, abs=5e-4
+    )
+
+
+@pytest.mark.parametrize("method", [method for method in catalogue() if not math.isnan(parse(method).rho_inf)])
+def test_declared_radius_at_infinity(method):
+    """The matrix tends to its limit like 1 / (omega h)^2, and m roots that meet there like the m-th root of that: m is
+    6 for park, 3 at most for the others. Rounding lifts the radius by (omega h)^2 times 1e-16 in chang."""
+    integrator = parse(method)
+    omega_h = 1e6
+    radius = one_point(method, omega_h / (2.0 * math.pi)).spectral_radius[0]
+    bound = omega_h ** (-2.0 / len(integrator.family.memory)) + 1e-16 * omega_h**2
+    assert radius == pytest.approx(integrator.rho_inf, abs=bound)
+
+
+@pytest.mark.parametrize("method", ["impulse", "impulse4"])
+def test_the_impulse_step_neither_grows_nor_decays(method):
+    curve = stability(parse(method), np.geomspace(1e-3, 1e4, 2000) / (2.0 * math.pi))
+    assert np.max(np.abs(curve.spectral_radius - 1.0)) <= 1e-12
+    assert one_point(method, 0.1).period_error[0] == pytest.approx(2.11e-4, abs=0.005e-4)
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.05])
+@pytest.mark.parametrize("method", catalogue())
+def test_k_steps_are_the_kth_power_of_the_matrix(method, damping):
+    """From memory rows set at random, as after the start of a multi-step method; h is not 1."""
+    integrator = parse(method)
+    family, h, k = integrator.family, 0.01, 25
+    omega = np.array([0.1, 0.5, 0.9]) / h
+    building = oscillators(omega, np.array([damping]))
+    memory = list(family.memory)
+    units = h ** -np.array([float(family.derivatives[row]) for row in memory])[:, None]
+    space = workspace(building, integrator)
+    space.state[memory, :-1] = units * np.random.default_rng(3).standard_normal((len(memory), omega.size))
+    space.memo[STEPS_DONE] = 100.0
+    if ACCELERATION in memory:  # the march starts it from equilibrium
+        u, v = space.state[0, :-1], space.state[VELOCITY, :-1]
+        space.state[ACCELERATION, :-1] = -(omega**2) * u - building.chain[STORY_DAMPER, :-1] * v
+    matrices = amplification(integrator, omega, np.full_like(omega, damping), h)
+    powers = np.linalg.matrix_power(matrices, k)
+    expected = np.einsum("jab,bj->aj", powers, space.state[memory, :-1])
+    no_forces = np.zeros((0, FORCE_COLUMNS))
+    assert integrate(integrator, building, no_forces, np.zeros(1), Steps(h, k), space) == 0
+    np.testing.assert_allclose(space.state[memory, :-1] / units, expected / units, rtol=0.0, atol=1e-11)
+
+
+def test_oscillators_are_measured_alike_alone_and_together():
+    """The coefficients of `exact` belong to a building; many oscillators share one."""
+    integrator = parse("exact")
+    omega, damping = np.geomspace(1e-3, 1e4, 300), np.tile([0.0, 0.05, 0.9], 100)
+    alone = [amplification(integrator, omega[j : j + 1], damping[j : j + 1], 1.0)[0] for j in range(omega.size)]
+    np.testing.assert_allclose(amplification(integrator, omega, damping, 1.0), alone, rtol=1e-13, atol=0.0)
+
+
+def test_the_principal_root_is_found_at_any_step_alone():
+    steps = np.geomspace(0.01, 0.45, 30)
+    for method in ("houbolt", "park", "wilson"):
+        whole = stability(parse(method), steps, 0.05)
+        assert one_point(method, 0.3, 0.05).period_error[0] == pytest.approx(
+            np.interp(0.3, steps, whole.period_error), rel=1e-2
+        )
+
+
+def test_no_period_beyond_half_a_period():
+    curve = stability(parse("exact"), np.array([0.3, 0.49, 0.51, 10.3]), 0.05)
+    np.testing.assert_allclose(curve.period_error[:2], 0.0, atol=1e-12)
+    np.testing.assert_allclose(curve.numerical_damping[:2], 0.0, atol=1e-12)
+    assert np.isnan(curve.period_error[2:]).all()
+    assert np.isnan(curve.amplitude_decay[2:]).all()
+    np.testing.assert_allclose(curve.spectral_radius, np.exp(-0.05 * 2.0 * math.pi * curve.dt_over_t), rtol=1e-12)
+
+
+def test_damping_of_the_oscillator_is_not_counted():
+    """Average acceleration has (1 - z/2)^-1 (1 + z/2) for its principal root, z = h s."""
+    xi, omega_h = 0.05, 0.2 * math.pi
+    z = omega_h * complex(-xi, math.sqrt(1.0 - xi**2))
+    root = np.log((1.0 + z / 2.0) / (1.0 - z / 2.0))
+    curve = one_point("newmark-average", 0.1, xi)
+    assert curve.period_error[0] == pytest.approx(z.imag / root.imag - 1.0, rel=1e-9)
+    assert curve.numerical_damping[0] == pytest.approx(-root.real / abs(root) - xi, rel=1e-9)

@@ -1,0 +1,169 @@
+"""Other programs in the chart: OpenSeesPy does what tdint does, SciPy's errors fall, and what is missing is told."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from importlib.util import find_spec
+
+import pytest
+
+from building_cases import Force, Law, model, noise, story, ten_bilinear, ten_linear
+from tdint.analysis.chart.peers import opensees as opensees_peer
+from tdint.analysis.chart.peers import opensees_worker
+from tdint.analysis.chart.peers import solve_ivp as scipy_peer
+from tdint.analysis.chart.peers.opensees import openseespy_points
+from tdint.analysis.chart.peers.points import with_peers
+from tdint.analysis.chart.peers.solve_ivp import solve_ivp_points
+from tdint.analysis.chart.reference import Errors, Reference, find_reference
+from tdint.analysis.chart.work_precision import measure
+from tdint.analysis.run.case import pose
+from tdint.methods.catalogue import parse
+from tdint.model.definition import ModalDamping
+
+installed = pytest.mark.skipif(find_spec("openseespy") is None, reason="openseespy is not installed")
+NOTHING = Errors(0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def dashpots():
+    """Dashpots that are in no proportion to the stiffness, a story that stays linear among bilinear ones."""
+    weak = Law("bilinear", (4e4, 0.05))
+    stories = [story(1e3, 1e6, weak, dashpot=5e3), story(1e3, 8e5), story(8e2, 5e5, weak, dashpot=1e3)]
+    return model(stories)
+
+
+def forced():
+    stories = [story(10.0, 800.0, dashpot=5.0), story(8.0, 600.0, dashpot=4.0)]
+    forces = [Force(2, 5.0, 2.0, 6.0), Force(1, 1.0, 0.0, 0.0)]
+    return model(stories, forces=forces, velocity=(0.1, -0.2), dt=0.02, duration=4.0)
+
+
+PROBLEMS = {
+    "linear": lambda: pose(ten_linear(), noise(samples=301)),
+    "bilinear": lambda: pose(ten_bilinear(), noise(samples=301, peak=6.0)),
+    "dashpots": lambda: pose(dashpots(), noise(samples=301, peak=6.0)),
+    "forced": lambda: pose(forced()),
+}
+
+
+def ours(problem, name, dt):
+    """A reference that is one of our methods with one step, so that errors against it are differences from us."""
+    steps = problem.steps(dt)
+    return Reference(name, dt, "", NOTHING, problem.march(parse(name), steps, keep=True).motion)
+
+
+@installed
+@pytest.mark.parametrize("parts", [1, 4])
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_average_acceleration_of_openseespy_is_ours(name, parts):
+    problem = PROBLEMS[name]()
+    dt = problem.interval / parts
+    points, notes = openseespy_points(problem, [dt], ours(problem, "newmark-average", dt), repeats=1)
+    assert notes == []
+    point = next(point for point in points if point.line == "openseespy/newmark-average")
+    assert (point.outcome, point.dt, point.steps) == ("done", dt, problem.samples * parts)
+    assert point.fastest > 0.0
+    assert point.errors.displacement < 1e-8
+    assert point.errors.drift < 1e-8
+    assert point.errors.velocity < 1e-8
+    assert point.errors.acceleration < 1e-7
+
+
+@installed
+@pytest.mark.parametrize("method", ["hht", "generalized-alpha"])
+def test_other_integrators_of_openseespy_are_ours_too(method):
+    """In a linear building; and the two differ from average acceleration."""
+    problem = PROBLEMS["linear"]()
+    points, _ = openseespy_points(problem, [0.01], ours(problem, method, 0.01), repeats=1)
+    errors = {point.line.partition("/")[2]: point.errors.displacement for point in points}
+    assert errors[method] < 1e-8
+    assert errors["newmark-average"] > 1e-4
+
+
+@pytest.mark.parametrize(
+    ("building", "reason"),
+    [
+        (model([story(1.0, 400.0, Law("polynomial", (400.0, 0.0, 4.0)))]), "neither linear nor bilinear"),
+        (model([story(1e3, 1e6)], p_delta=True), "P-delta"),
+        (ten_linear(ModalDamping((0.05,))), "modal damping"),
+    ],
+    ids=["law", "p-delta", "modal"],
+)
+def test_a_building_that_openseespy_is_not_given(building, reason):
+    problem = pose(building, noise(samples=51))
+    points, (note,) = openseespy_points(problem, [0.01], ours(problem, "impulse4", 0.01))
+    assert points == []
+    assert note.startswith("openseespy is left out: ")
+    assert reason in note
+
+
+@pytest.mark.parametrize(
+    ("code", "output", "words"),
+    [
+        (opensees_worker.NOT_INSTALLED, b"", "it is not installed (pip install 'tdint[peers]')"),
+        (opensees_worker.NOT_LOADED, b"", "it cannot be loaded (no libblas)"),
+        (-11, b"", "its process ended with code -11"),
+        (0, b"nonsense", "its process ended with code 0"),
+    ],
+)
+def test_an_openseespy_that_does_not_answer_is_one_line(monkeypatch, code, output, words):
+    result = subprocess.CompletedProcess([], code, output, b"some\nno libblas\n")
+    monkeypatch.setattr(opensees_peer.subprocess, "run", lambda *_, **__: result)
+    problem = PROBLEMS["linear"]()
+    points, notes = openseespy_points(problem, [0.01], ours(problem, "impulse4", 0.01))
+    assert (points, notes) == ([], [f"openseespy is left out: {words}"])
+
+
+@pytest.mark.skipif(find_spec("openseespy") is not None, reason="openseespy is installed")
+def test_the_worker_says_that_openseespy_is_missing():
+    done = subprocess.run([sys.executable, "-m", opensees_worker.__name__], input=b"", capture_output=True)
+    assert done.returncode == opensees_worker.NOT_INSTALLED
+
+
+def test_a_process_that_does_not_end_is_one_line(monkeypatch):
+    def hang(*_, **__):
+        raise subprocess.TimeoutExpired("python", 1.0)
+
+    monkeypatch.setattr(opensees_peer.subprocess, "run", hang)
+    problem = PROBLEMS["linear"]()
+    _, notes = openseespy_points(problem, [0.01], ours(problem, "impulse4", 0.01))
+    assert notes == ["openseespy is left out: its process did not start or did not end"]
+
+
+@pytest.mark.parametrize(("name", "part"), [("forced", 0.05), ("dashpots", 0.25)])
+def test_the_errors_of_solve_ivp_fall_with_its_tolerance(name, part, monkeypatch):
+    """By less where stories yield: the error estimates do not see how far a step went past a kink."""
+    monkeypatch.setattr(scipy_peer, "TOLERANCES", (1e-4, 1e-6))
+    problem = PROBLEMS[name]()
+    points, notes = solve_ivp_points(problem, find_reference(problem, problem.samples, cached=False), seconds=60.0)
+    assert notes == []
+    assert [point.line for point in points] == [f"scipy/{method}" for method in scipy_peer.METHODS for _ in range(2)]
+    for coarse, fine in zip(points[::2], points[1::2], strict=True):
+        assert coarse.errors.displacement < 0.05
+        assert fine.errors.displacement < part * coarse.errors.displacement
+        assert fine.errors.displacement < 1e-3
+        assert fine.iterations > coarse.iterations
+
+
+def test_solve_ivp_is_left_out_where_it_takes_long_or_cannot():
+    problem = PROBLEMS["linear"]()
+    points, notes = solve_ivp_points(problem, ours(problem, "impulse4", 0.01), seconds=0.0)
+    assert points == []
+    assert notes == [
+        f"scipy's {method} is left out from rtol 0.001 on: it takes over 0 s" for method in scipy_peer.METHODS
+    ]
+    hardening = model([story(1.0, 400.0, Law("polynomial", (400.0, 0.0, 4.0)))])
+    problem = pose(hardening, noise(samples=51))
+    points, notes = solve_ivp_points(problem, ours(problem, "impulse4", 0.01))
+    assert (points, notes) == ([], ["scipy's solve_ivp is left out: a story's law is neither linear nor bilinear"])
+
+
+def test_peers_stand_behind_the_methods(monkeypatch):
+    monkeypatch.setattr(scipy_peer, "TOLERANCES", (1e-3,))
+    problem = PROBLEMS["forced"]()
+    chart = measure(problem, [parse("impulse4")], [0.02], repeats=1, cached=False)
+    both, notes = with_peers(problem, chart, [0.02], repeats=1)
+    assert both.points[: len(chart.points)] == chart.points
+    lines = [point.line for point in both.points]
+    assert [line for line in lines if line.startswith("scipy")] == [f"scipy/{name}" for name in scipy_peer.METHODS]
+    assert any(line.startswith("openseespy") for line in lines) == (not any("openseespy" in note for note in notes))

@@ -1,0 +1,408 @@
+"""Work against precision: errors, the reference and its cache, orders, recommendations."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from building_cases import Force, Law, model, noise, oscillator, story, ten_bilinear, ten_linear
+from references import drifts, exact_linear, smooth
+from tdint import run
+from tdint.analysis.chart import reference as references
+from tdint.analysis.chart.reference import Errors, errors, find_reference
+from tdint.analysis.chart.sizes import stretched
+from tdint.analysis.chart.work_precision import (
+    DEFAULT_METHODS,
+    Point,
+    cheapest,
+    default_steps,
+    halved_steps,
+    measure,
+    suited,
+)
+from tdint.analysis.run.case import Motion, pose
+from tdint.errors import AnalysisError, UsageError
+from tdint.methods.catalogue import parse
+from tdint.model.building import assemble
+from tdint.model.definition import ModalDamping
+
+HARDENING = Law("polynomial", (400.0, 0.0, 4000.0))
+
+
+def forced():
+    """Two hardening stories under a smooth force: no kink anywhere."""
+    stories = [story(1.0, 400.0, HARDENING, dashpot=1.0) for _ in range(2)]
+    return model(stories, forces=[Force(2, 20.0, 0.0, 5.0)], velocity=(0.3, 0.5), dt=0.02, duration=2.0)
+
+
+def integrators(*names):
+    return [parse(name) for name in names]
+
+
+def motion(displacement, stride=1):
+    u = np.array(displacement, float)
+    peaks = np.max(np.abs(drifts(u)), axis=0)
+    return Motion(stride, u, 2.0 * u, 3.0 * u, peaks)
+
+
+# ---- errors
+
+
+@pytest.mark.parametrize("part", [0.0, 0.25, -0.5])
+def test_a_motion_that_is_too_large_by_a_part_errs_by_it_in_everything(part):
+    true = motion(np.random.default_rng(3).normal(size=(20, 4)))
+    wrong = motion((1.0 + part) * true.displacement)
+    assert list(vars(errors(wrong, true)).values()) == pytest.approx([abs(part)] * 5, abs=1e-14)
+
+
+def test_a_motion_at_every_third_sample_is_compared_there():
+    true = motion(np.random.default_rng(3).normal(size=(20, 4)))
+    thin = replace(motion(true.displacement[::3], stride=3), peak_drift=true.peak_drift)
+    assert errors(thin, true) == Errors(0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def test_peaks_a_thousand_times_smaller_than_the_largest_do_not_count():
+    true = motion([[1.0, 1.0001], [-1.0, -1.0001]])
+    wrong = replace(true, peak_drift=true.peak_drift * [1.01, 2.0])
+    assert errors(wrong, true).peak_drift == pytest.approx(0.01)
+    assert errors(replace(wrong, peak_drift=wrong.peak_drift), motion([[1.0, 1.1]])).peak_drift > 0.9
+
+
+# ---- the reference
+
+
+def test_the_reference_of_a_linear_building_is_the_matrix_exponentials():
+    building, record = ten_linear(), noise()
+    problem = pose(building, record)
+    found = find_reference(problem, problem.samples, cached=False)
+    assert found.method == "exact"
+    assert found.gap.worst < 1e-8
+    exact = exact_linear(building, record)
+    assert np.max(np.abs(found.motion.displacement - exact)) < 1e-10 * np.max(np.abs(exact))
+
+
+def test_the_reference_of_a_bilinear_building_is_confirmed():
+    problem = pose(ten_bilinear(), noise(samples=401, peak=6.0))
+    found = find_reference(problem, problem.samples, cached=False)
+    assert found.method == "impulse4"
+    assert "newmark-average" in found.confirmed_by
+    assert found.gap.worst < 1e-6
+
+
+def test_the_reference_of_a_smooth_law_is_dop853s():
+    oscillating = model([story(1.0, 100.0, Law("polynomial", (100.0, 0.0, 1000.0)))], displacement=(0.3,), dt=0.01)
+    problem = pose(oscillating, duration=2.0)
+    found = find_reference(problem, problem.samples, cached=False)
+    u, v = smooth(lambda t, u, v: -100.0 * u - 1000.0 * u**3, 0.3, 0.0, 0.01 * np.arange(201))
+    np.testing.assert_allclose(found.motion.displacement[:, 0], u, atol=1e-10)
+    np.testing.assert_allclose(found.motion.velocity[:, 0], v, atol=1e-9)
+    assert found.gap.worst < 1e-8
+
+
+def harmonic_motion(problem, force):
+    """Displacements at the samples of a linear building at rest under one force cos(omega t): closed form."""
+    building = problem.building
+    n = building.stories
+    inverse = np.diag(1.0 / building.mass)
+    c, k = building.damping_matrix(), building.stiffness_matrix()
+    step = expm(problem.interval * np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ k, -inverse @ c]]))
+    amplitude = np.zeros(n)
+    amplitude[force.floor - 1] = force.cosine
+    dynamic = k - force.omega**2 * np.diag(building.mass) + 1j * force.omega * c
+    steady = np.linalg.solve(dynamic, amplitude)
+    free = -np.concatenate([steady.real, (1j * force.omega * steady).real])
+    times = problem.interval * np.arange(problem.samples + 1)
+    motion = (steady * np.exp(1j * force.omega * times)[:, None]).real
+    for row in motion:
+        row += free[:n]
+        free = step @ free
+    return motion
+
+
+@pytest.mark.parametrize("stiffness", [600.0, 1e7])
+def test_the_gap_tells_how_far_the_reference_is_from_the_truth(stiffness):
+    """Also where a stiff part is not resolved, in which methods of one kind would agree on the same wrong motion."""
+    force = Force(2, 5.0, 0.0, 1.2)
+    building = model(
+        [story(1.0, stiffness, dashpot=1.0), story(1.0, 1.0, dashpot=0.1)], forces=[force], dt=0.25, duration=10.0
+    )
+    problem = pose(building)
+    found = find_reference(problem, problem.samples, cached=False)
+    truth = harmonic_motion(problem, force)
+    drift = drifts(found.motion.displacement) - drifts(truth)
+    error = np.linalg.norm(drift) / np.linalg.norm(drifts(truth))
+    assert error <= 2.0 * found.gap.drift + 1e-10
+
+
+def test_a_building_that_cannot_be_solved_has_no_reference():
+    """Softening beyond its strength: the story loses all stiffness and runs away."""
+    falling = model([story(1.0, 1.0, Law("polynomial", (1.0, 0.0, -1.0)))], velocity=(3.0,), dt=0.1, duration=20.0)
+    with pytest.raises(AnalysisError, match=r"no reference: impulse4 with dt .* does not reach the end"):
+        find_reference(pose(falling), 200, cached=False)
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch):
+    """The folder of the cache, and how often a reference is computed."""
+    solved = []
+    solve = references._solve
+
+    def count(problem, samples):
+        solved.append(samples)
+        return solve(problem, samples)
+
+    monkeypatch.setattr(references, "_solve", count)
+    monkeypatch.setattr(references, "cache_folder", lambda: tmp_path)
+    return tmp_path / "references", solved
+
+
+def test_the_reference_is_kept(cache):
+    folder, solved = cache
+    problem = pose(forced())
+    first, second = (find_reference(problem, problem.samples) for _ in range(2))
+    assert len(solved) == 1
+    assert (first.method, first.dt, first.confirmed_by) == (second.method, second.dt, second.confirmed_by)
+    assert first.gap == second.gap
+    for name in ("displacement", "velocity", "acceleration", "peak_drift"):
+        np.testing.assert_array_equal(getattr(first.motion, name), getattr(second.motion, name))
+    assert len(list(folder.iterdir())) == 1
+    find_reference(problem, problem.samples, cached=False)
+    assert len(solved) == 2
+
+
+def test_another_problem_has_another_reference(cache):
+    folder, solved = cache
+    base = pose(forced())
+    own = base.model
+    softer = (own.stories[0], replace(own.stories[1], stiffness=399.0, law=Law("polynomial", (399.0, 0.0, 4000.0))))
+    others = [
+        pose(replace(own, initial=replace(own.initial, velocity=(0.3, 0.6)))),
+        pose(replace(own, excitation=replace(own.excitation, forces=(Force(2, 21.0, 0.0, 5.0),)))),
+        pose(own, replace(noise(samples=101), dt=0.02)),
+        pose(replace(own, stories=softer)),
+        replace(base, interval=0.01),
+    ]
+    for problem in (base, *others):
+        find_reference(problem, base.samples)
+    find_reference(base, base.samples + 1)
+    assert len(solved) == len(others) + 2
+    assert len(list(folder.iterdir())) == len(others) + 2
+
+
+@pytest.mark.parametrize("damage", ["empty", "cut", "text", "flipped"])
+def test_a_damaged_file_is_computed_anew(cache, damage):
+    folder, solved = cache
+    problem = pose(forced())
+    good = find_reference(problem, problem.samples)
+    (file,) = folder.iterdir()
+    data = bytearray(file.read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    file.write_bytes({"empty": b"", "cut": data[: len(data) // 3], "text": b"hello", "flipped": data}[damage])
+    again = find_reference(problem, problem.samples)
+    assert len(solved) == 2
+    np.testing.assert_array_equal(again.motion.displacement, good.motion.displacement)
+    find_reference(problem, problem.samples)
+    assert len(solved) == 2
+
+
+def test_a_cache_that_cannot_be_written_is_none(cache, monkeypatch, tmp_path):
+    _, solved = cache
+    (tmp_path / "file").write_text("")
+    for folder in (tmp_path / "file", None):
+        monkeypatch.setattr(references, "cache_folder", lambda folder=folder: folder)
+        problem = pose(forced())
+        assert find_reference(problem, problem.samples).gap.worst < 1e-8
+    assert len(solved) == 2
+
+
+def test_old_references_make_room(cache, monkeypatch):
+    folder, _ = cache
+    monkeypatch.setattr(references, "_KEPT", 1)
+    problem = pose(forced())
+    for samples in (20, 30):
+        find_reference(problem, samples)
+    assert len(list(folder.iterdir())) == 1
+
+
+# ---- the chart
+
+
+def test_slopes_are_the_declared_orders():
+    problem = pose(forced())
+    methods = [name for name in DEFAULT_METHODS if name != "exact"]
+    steps = [0.02 / 2**j for j in range(2, 6)]
+    chart = measure(problem, integrators(*methods, "rk5"), steps, repeats=1, cached=False)
+    for name in (*methods, "rk5"):
+        points = [point for point in chart.points if point.line == name and point.errors.displacement > 1e-10]
+        for quantity in ("displacement", "drift", "velocity"):
+            error = [getattr(point.errors, quantity) for point in points[-3:]]
+            slope = np.polyfit(np.log([point.dt for point in points[-3:]]), np.log(error), 1)[0]
+            assert slope == pytest.approx(parse(name).order, abs=0.1), (name, quantity)
+
+
+def test_the_points_of_a_chart():
+    problem = pose(ten_linear(), noise(samples=201))
+    chart = measure(problem, integrators("central-difference", "exact"), [0.01, 0.08, 0.02], repeats=3, cached=False)
+    steps = ((0.08, 25), (0.02, 100), (0.01, 200))
+    expected = [(name, *step) for name in ("central-difference", "exact") for step in steps]
+    assert [(point.line, point.dt, point.steps) for point in chart.points] == expected
+    unstable, *others = chart.points
+    assert (unstable.outcome, unstable.errors, unstable.iterations, unstable.times) == ("unstable-step", None, None, ())
+    assert math.isnan(unstable.time)
+    assert math.isnan(unstable.fastest)
+    for point in others:
+        assert (point.outcome, len(point.times)) == ("done", 3)
+        assert 0.0 < point.fastest <= point.time
+    exact = chart.points[-1]
+    assert exact.errors.displacement < 1e-11
+    assert (chart.usual.line, chart.usual.dt) == ("newmark-average", 0.01)
+    assert chart.usual.errors.displacement > 1e-4
+    assert all(point.line != "newmark-average" for point in chart.points)
+
+
+def test_errors_and_peaks_are_those_of_a_run():
+    building, record = ten_linear(), noise(samples=201)
+    chart = measure(pose(building, record), integrators("newmark-average"), [0.005], repeats=1, cached=False)
+    response = run(building, record, method="newmark-average", dt=0.005, history=True)
+    exact = exact_linear(building, record)
+    difference = response.history.displacement[::2] - exact
+    found = chart.points[0].errors
+    assert found.displacement == pytest.approx(np.linalg.norm(difference) / np.linalg.norm(exact), rel=1e-6)
+    drift = np.linalg.norm(drifts(difference)) / np.linalg.norm(drifts(exact))
+    assert found.drift == pytest.approx(drift, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["diverged", "not-converged"])
+def test_a_march_that_fails_stays_among_the_points(name, monkeypatch):
+    from tdint.analysis.run import march as marching
+    from tdint.kernels.layout import NOT_CONVERGED, NOT_FINITE
+
+    integrate = marching.integrate
+    code = NOT_FINITE if name == "diverged" else NOT_CONVERGED
+
+    def fail(integrator, *rest):
+        return code if integrator.label == "houbolt" else integrate(integrator, *rest)
+
+    monkeypatch.setattr(marching, "integrate", fail)
+    chart = measure(pose(forced()), integrators("houbolt", "impulse4"), [0.02], repeats=2, cached=False)
+    assert [(point.outcome, point.errors is None) for point in chart.points] == [(name, True), ("done", False)]
+    assert cheapest(chart.points, "displacement", 1.0).line == "impulse4"
+
+
+def test_progress_rises_to_the_end():
+    told = []
+    measure(
+        pose(forced()), integrators("impulse4"), [0.02, 0.01], repeats=2, cached=False,
+        progress=lambda what, part: told.append((what, part)),
+    )  # fmt: skip
+    parts = [part for _, part in told]
+    assert parts == sorted(parts)
+    assert parts[0] == 0.0
+    assert 0.8 < parts[-1] < 1.0
+    assert list(dict.fromkeys(what for what, _ in told)) == ["compiling", "reference", "errors", "times"]
+
+
+def point(line, dt, time, error):
+    found = None if error is None else Errors(error, error, error, error, error)
+    return Point(line, dt, 1, "done" if found else "unstable-step", 1, found, (time, 2.0 * time), line=line)
+
+
+def test_what_is_recommended():
+    points = [
+        point("lucky", 0.04, 1.0, 0.005),  # cheap and good, but the next smaller step is not
+        point("lucky", 0.02, 2.0, 0.5),
+        point("lucky", 0.01, 4.0, 0.004),
+        point("good", 0.04, 2.5, None),
+        point("good", 0.02, 3.05, 0.009),
+        point("good", 0.01, 6.0, 0.0001),
+        point("alike", 0.02, 3.0, 0.0095),
+    ]
+    assert cheapest(points, "drift", 0.6) == points[0]
+    assert cheapest(points, "drift", 0.01) == points[4]
+    assert cheapest(points, "drift", 0.001) == points[5]
+    assert cheapest(points, "drift", 1e-5) is None
+
+
+@pytest.mark.parametrize("limit", [1e-2, 1e-3])
+def test_running_what_is_recommended_meets_the_error(limit):
+    building, record = ten_bilinear(), noise(samples=301, peak=6.0)
+    problem = pose(building, record)
+    methods = integrators("impulse4", "newmark-average", "central-difference", "bathe")
+    chart = measure(problem, methods, default_steps(problem, len(methods), 1), repeats=1, cached=False)
+    advice = cheapest(chart.points, "peak_drift", limit)
+    response = run(building, record, method=advice.method, dt=advice.dt)
+    fine = run(building, record, method="newmark-average", dt=record.dt / 256)
+    assert np.max(np.abs(response.stories.peak_drift / fine.stories.peak_drift - 1.0)) <= limit
+
+
+def test_default_steps():
+    problem = pose(ten_linear(), noise())
+    assert default_steps(problem, 9, 5) == pytest.approx([0.01 * 4 / 2**j for j in range(7)])
+    large = replace(problem, samples=100_000_000)
+    assert default_steps(large, 9, 5) == pytest.approx([0.04, 0.02, 0.01])
+    assert halved_steps(problem, 0) == pytest.approx([0.04])
+
+
+def test_steps_must_fit():
+    with pytest.raises(UsageError, match=r"does not fit the record's sampling interval 0.01 s: the nearest"):
+        measure(pose(ten_linear(), noise()), integrators("impulse4"), [0.004], cached=False)
+    with pytest.raises(UsageError, match=r"does not fit the model's own step 0.02 s: the nearest"):
+        measure(pose(forced()), integrators("impulse4"), [0.013], cached=False)
+    with pytest.raises(UsageError, match="dt must be a positive number"):
+        measure(pose(forced()), integrators("impulse4"), [math.nan], cached=False)
+
+
+def test_problems_that_are_none():
+    with pytest.raises(AnalysisError, match="nothing moves this building"):
+        pose(model([story(1.0, 1.0)], dt=0.1, duration=1.0))
+    with pytest.raises(UsageError, match="no time step"):
+        pose(oscillator(1.0, displacement=(1.0,), duration=1.0))
+    with pytest.raises(UsageError, match="no duration"):
+        pose(oscillator(1.0, displacement=(1.0,), dt=0.1))
+    assert pose(oscillator(1.0, displacement=(1.0,), duration=1.0), dts=(0.1, 0.2)).interval == 0.2
+
+
+def test_methods_for_linear_buildings_are_left_out_of_others():
+    both = integrators("exact", "impulse4")
+    assert suited(pose(ten_linear(), noise()), both) == both
+    assert suited(pose(ten_bilinear(), noise()), both) == both[1:]
+    with pytest.raises(UsageError, match="exact integrates linear buildings only"):
+        suited(pose(ten_bilinear(), noise()), both[:1])
+
+
+# ---- sizes
+
+
+def test_a_building_of_its_own_size_is_itself():
+    building = ten_bilinear()
+    assert stretched(building, 10) is building
+
+
+@pytest.mark.parametrize("count", [1, 3, 25])
+def test_a_stretched_building_keeps_its_pattern_and_its_damping(count):
+    building = ten_bilinear()
+    taller = stretched(building, count)
+    assert len(taller.stories) == count
+    assert taller.stories[0] == building.stories[0]
+    assert set(taller.stories) <= set(building.stories)
+    a, b = assemble(building), assemble(taller)
+    for row in range(2, 4):  # dampers of floor and story over mass and stiffness
+        np.testing.assert_allclose(b.chain[row, 0], a.chain[row, 0], rtol=1e-12)
+
+
+def test_forces_and_the_start_move_with_their_floors():
+    shaken = model(
+        [story(1.0, 100.0)] * 4, forces=[Force(1, 1.0, 0.0, 1.0), Force(4, 2.0, 0.0, 1.0)],
+        displacement=(0.1, 0.2, 0.3, 0.4), damping=ModalDamping((0.05, 0.04, 0.03)),
+    )  # fmt: skip
+    for count in (2, 8):
+        other = stretched(shaken, count)
+        assert [force.floor for force in other.excitation.forces] == [max(1, count // 4), count]
+        assert other.initial.displacement[0] == 0.1
+        assert len(other.initial.displacement) == count
+        assemble(other)
+    assert stretched(shaken, 2).damping.ratios == (0.05, 0.04)

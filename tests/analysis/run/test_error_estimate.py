@@ -1,0 +1,278 @@
+"""Error estimates bracket the true error, on known answers and on random buildings; tolerances are kept."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from building_cases import (
+    LINEAR,
+    Law,
+    ModalDamping,
+    RayleighCoefficients,
+    model,
+    noise,
+    oscillator,
+    story,
+    ten_bilinear,
+    ten_linear,
+)
+from tdint import run
+from tdint.analysis.run.error_estimate import checked, estimate, finer, within
+from tdint.analysis.run.march import Case
+from tdint.analysis.run.run import FailedRun, StoryErrors
+from tdint.analysis.run.steps import Steps
+from tdint.errors import UsageError
+from tdint.methods.catalogue import parse
+from tdint.model.building import assemble
+
+NAMES = [field.name for field in fields(StoryErrors)]
+
+
+def pairs(response, reference):
+    """Estimated and true errors of all peaks that have a value, flat."""
+    for name in NAMES:
+        true = np.abs(getattr(response.stories, name) - getattr(reference.stories, name))
+        found = getattr(response.check.errors, name)
+        known = np.isfinite(getattr(response.stories, name))
+        assert np.array_equal(np.isfinite(found), known)
+        yield name, found[known], true[known]
+
+
+# ---- Known answers
+
+
+@pytest.mark.parametrize(
+    "method", ["impulse4", "newmark-average", "central-difference", "bathe", "houbolt", "wilson", "gauss4", "exact"]
+)
+@pytest.mark.parametrize("dt", [0.02, 0.05, 0.08])
+def test_free_vibration(method, dt):
+    """u = cos(omega t) + sin(omega t), period 1 s: amplitude root of 2; after five periods u = 1 again."""
+    omega = 2.0 * np.pi
+    case = oscillator(omega, displacement=(1.0,), velocity=(omega,))
+    response = run(case, method=method, dt=dt, duration=6.0, check=True)
+    errors, stories = response.check.errors, response.stories
+    end = response.steps * dt
+    known = {
+        "peak_drift": np.sqrt(2.0),
+        "peak_displacement": np.sqrt(2.0),
+        "residual_drift": np.cos(omega * end) + np.sin(omega * end),
+        "peak_velocity": omega * np.sqrt(2.0),
+        "peak_acceleration": omega**2 * np.sqrt(2.0),
+        "peak_shear": omega**2 * np.sqrt(2.0),
+    }
+    for name, value in known.items():
+        found, true = getattr(errors, name)[0], abs(getattr(stories, name)[0] - value)
+        assert true <= 2.0 * found
+        assert found <= 6.0 * true + 2e-3 * value
+    assert response.check.drift_error == errors.peak_drift[0] / stories.peak_drift[0]
+
+
+def test_the_estimate_is_that_of_richardson_for_order_two():
+    """P(h) = 1 + h^2: the error of P(h) is h^2, and is found; P(h) = 1 + h: found too, by the changes."""
+    one = np.ones(1)
+    for order, expected in ((1, 1.0), (2, 1.125), (4, 1.0546875)):
+        coarse, half, quarter = (one + 2.0 ** (-order * j) for j in range(3))
+        assert max(4.0 / 3.0 * (1.0 - 0.5**order), 1.0) <= estimate(coarse, half, quarter, one)[0] * (1.0 + 1e-12)
+        assert estimate(coarse, half, quarter, one)[0] == pytest.approx(max(expected, 4.0 / 3.0 * (1.0 - 0.5**order)))
+
+
+def test_an_agreement_by_accident_is_not_believed():
+    """The first of three stories does not change at all; its neighbours do, by a tenth."""
+    coarse, half, quarter = np.array([[5.0, 1.0, 1.0], [5.0, 1.1, 0.9], [5.0, 1.1, 0.9]])
+    assert 0.03 < estimate(coarse, half, quarter, coarse)[0] / 5.0 < 0.04
+    assert np.array_equal(estimate(coarse, coarse, coarse, coarse), 1e-12 * coarse)
+    unknown = estimate(coarse, half, quarter, np.array([np.nan, 1.0, 1.0]))
+    assert np.isnan(unknown[0]) and np.all(unknown[1:] >= 0.1)
+
+
+# ---- Random buildings
+
+SEEDS = 20
+STEP, SAMPLES, FINE = 0.01, 501, 64
+METHODS = ["impulse4", "newmark-average", "bathe", "generalized-alpha", "gauss4", "impulse", "park", "wilson"]
+LAWS = ("linear", "bilinear", "peak-oriented", "tanh", "polynomial", "bouc-wen")
+
+
+def random_law(name, generator, stiffness, strength):
+    """A law by name with parameters that matter at the strength, N."""
+    hardening = float(generator.uniform(0.01, 0.1))
+    return {
+        "linear": LINEAR,
+        "bilinear": Law("bilinear", (strength, hardening)),
+        "peak-oriented": Law("peak-oriented", (strength, hardening, float(generator.uniform(0.0, 0.5)))),
+        "tanh": Law("tanh", (1.5 * strength,)),
+        "polynomial": Law("polynomial", (stiffness, 0.0, float(generator.uniform(-5.0, 200.0)) * stiffness)),
+        "bouc-wen": Law("bouc-wen", (strength, hardening, 2.0, 0.5)),
+    }[name]
+
+
+def random_building(seed):
+    """One to eight stories of one law or of all, under a smooth or a rough motion, and a method."""
+    generator = np.random.default_rng(seed)
+    n = int(generator.integers(1, 9))
+    mass = 2e5
+    omega = 2.0 * np.pi / (0.1 + n * generator.uniform(0.08, 0.16))
+    stiffness = mass * (omega / (2.0 * np.sin(np.pi / (4 * n + 2)))) ** 2
+    base = generator.uniform(0.1, 0.4) * n * mass * 9.81
+    peak = generator.uniform(2.0, 6.0)
+    name = (*LAWS, "mixed")[seed % 7]
+    stories = []
+    for i in range(n):
+        k = float(stiffness * generator.uniform(0.8, 1.2))
+        kind = str(generator.choice(LAWS)) if name == "mixed" else name
+        law = random_law(kind, generator, k, float(base * (1.0 - 0.7 * (i / n) ** 2)))
+        stories.append(story(float(mass * generator.uniform(0.8, 1.2)), k, law))
+    damping = [RayleighCoefficients(0.3, 0.001), ModalDamping((0.05,)), None][seed % 3]
+    record = noise(SAMPLES, STEP, seed=seed, peak=peak)
+    if seed % 2:
+        rough = 0.3 * peak * generator.normal(size=SAMPLES) * np.sin(np.pi * np.linspace(0.0, 1.0, SAMPLES)) ** 2
+        record = replace(record, acceleration=record.acceleration + rough)
+    method = "exact" if name == "linear" and seed % 14 == 0 else METHODS[seed % len(METHODS)]
+    return replace(model(stories, damping=damping, p_delta=seed % 5 == 0), collapse_drift=1e9), record, method
+
+
+def test_random_buildings():
+    """The true error lies below twice the estimate in 95 % of the peaks at least; the estimates are not far too large.
+
+    The truth is impulse4 with 1/64 of the step, confirmed by gauss4, whose difference is allowed for.
+    """
+    good, ratios = [], []
+    for seed in range(SEEDS):
+        case, record, method = random_building(seed)
+        response = run(case, record, method=method, check=True)
+        truth, other = (run(case, record, method=fine, dt=STEP / FINE) for fine in ("impulse4", "gauss4"))
+        for (name, found, true), doubt in zip(
+            pairs(response, truth),
+            (np.abs(getattr(truth.stories, name) - getattr(other.stories, name)) for name in NAMES),
+            strict=True,
+        ):
+            doubt = doubt[np.isfinite(doubt)]
+            size = getattr(truth.stories, "peak_drift" if name == "residual_drift" else name)
+            assert np.all(doubt <= 2e-4 * np.max(size[np.isfinite(size)], initial=0.0))
+            good.append(true <= 2.0 * found + doubt)
+            ratios.append((found / true)[true > 10.0 * doubt])
+    good, ratios = np.concatenate(good), np.concatenate(ratios)
+    print(f"{good.size} peaks, {100 * good.mean():.2f} %, ratio {np.median(ratios):.2f}, {np.mean(ratios >= 1):.3f}")
+    assert good.size > 400
+    assert good.mean() >= 0.95
+    assert 1.0 <= np.median(ratios) <= 2.0
+
+
+# ---- The run that is checked
+
+
+def test_a_check_changes_no_number():
+    plain = run(ten_bilinear(), noise(), method="newmark-average", history=True)
+    other = run(ten_bilinear(), noise(), method="newmark-average", history=True, check=True)
+    for name in NAMES:
+        assert np.array_equal(getattr(plain.stories, name), getattr(other.stories, name))
+    assert (plain.energy, plain.notes, plain.check) == (other.energy, other.notes, None)
+    assert np.array_equal(plain.history.drift, other.history.drift)
+    assert other.check.dts == (0.005, 0.0025)
+
+
+def test_the_steps_of_the_repetitions():
+    """Halves; the record's own step where samples were skipped. All end at the same time."""
+    assert finer(Steps(0.01, 7, 2)) == Steps(0.005, 14, 4)
+    assert finer(Steps(0.03, 7, 1, 3)) == Steps(0.01, 21)
+    response = run(ten_linear(), noise(), method="newmark-average", dt=0.03, check=True)
+    assert response.check.dts == pytest.approx((0.01, 0.005))
+    true = run(ten_linear(), noise(), method="exact", dt=0.001, duration=response.steps * response.dt)
+    for _, found, error in pairs(response, true):
+        assert np.sum(error <= 2.0 * found) >= 0.9 * error.size
+
+
+def test_a_building_at_rest_has_no_error():
+    still = replace(noise(), acceleration=np.zeros(50))
+    response = run(ten_linear(), still, method="newmark-average", check=True)
+    assert response.check.drift_error == 0.0
+    assert all(not np.any(found) and not np.any(true) for _, found, true in pairs(response, response))
+
+
+def broken(threshold):
+    """A march that diverges below a step."""
+    march = Case.march
+
+    def fails(case, steps, history=False):
+        if steps.h < threshold:
+            raise FailedRun("broken", "diverged", case.integrator, steps.h)
+        return march(case, steps, history)
+
+    return fails
+
+
+def test_a_repetition_that_fails_leaves_the_errors_unknown(monkeypatch):
+    monkeypatch.setattr(Case, "march", broken(0.004))
+    response = run(ten_linear(), noise(), method="newmark-average", check=True)
+    assert (response.check.drift_error, response.check.drift_story, response.check.dts) == (None, None, ())
+    assert all(np.all(np.isnan(getattr(response.check.errors, name))) for name in NAMES)
+    assert response.notes[-1] == "no error is estimated: the run with dt 0.0025 s failed (diverged)"
+
+
+def test_a_collapse_is_compared_up_to_its_time():
+    falling = model(
+        [story(1.0, 6.54, Law("bilinear", (0.327, 0.0)), height=3.0)], p_delta=True, velocity=(0.5,)
+    )  # P-delta half as stiff as the story
+    response = run(falling, method="newmark-average", dt=0.01, duration=100.0, check=True)
+    assert response.collapse.ended
+    assert 0.0 < response.check.drift_error < 0.01
+
+
+# ---- Tolerances
+
+
+@pytest.mark.parametrize("method", ["newmark-average", "impulse4", "bathe", "central-difference"])
+@pytest.mark.parametrize("tolerance", [0.02, 1e-4])
+def test_the_first_step_within_the_tolerance_is_taken(method, tolerance):
+    record = noise()
+    response = run(ten_bilinear(), record, method=method, tolerance=tolerance, history=True)
+    assert response.check.tolerance == tolerance
+    assert response.check.drift_error <= tolerance
+    halvings = round(np.log2(0.01 / response.dt))
+    assert response.dt == pytest.approx(0.01 / 2**halvings)
+    assert len(response.history.time) == response.steps + 1
+    if halvings:
+        try:
+            before = run(ten_bilinear(), record, method=method, dt=2.0 * response.dt, check=True)
+        except FailedRun as failure:
+            assert (method, failure.status) == ("central-difference", "unstable-step")
+        else:
+            assert before.check.drift_error > tolerance
+    truth = run(ten_bilinear(), record, method="impulse4", dt=0.01 / 64).stories.peak_drift
+    assert np.max(np.abs(response.stories.peak_drift / truth - 1.0)) <= tolerance
+
+
+def test_a_tolerance_that_no_step_reaches():
+    record = noise(samples=101)
+    with pytest.raises(
+        FailedRun, match=r"does not come within 1e-09 %: with dt 3.90625e-05 s .* of story \d+ is still"
+    ) as failure:
+        run(ten_linear(), record, method="newmark-average", tolerance=1e-11)
+    assert failure.value.status == "not-within-tolerance"
+    assert failure.value.dt == pytest.approx(0.01 / 256)
+
+
+def test_a_tolerance_and_steps_that_all_fail(monkeypatch):
+    monkeypatch.setattr(Case, "march", broken(1.0))
+    with pytest.raises(FailedRun, match="broken"):
+        run(ten_linear(), noise(samples=101), method="newmark-average", tolerance=0.01)
+    monkeypatch.setattr(Case, "march", broken(0.004))
+    with pytest.raises(FailedRun):
+        run(ten_linear(), noise(samples=101), method="newmark-average", tolerance=0.01)
+
+
+@pytest.mark.parametrize("tolerance", [0.0, 1.0, -0.1, np.nan])
+def test_a_tolerance_is_a_part(tolerance):
+    with pytest.raises(UsageError, match="a tolerance lies between 0 and 1"):
+        run(ten_linear(), noise(samples=101), method="newmark-average", tolerance=tolerance)
+
+
+def test_the_parts_work_alone():
+    case = Case(ten_linear(), assemble(ten_linear()), noise(), parse("newmark-average"))
+    steps = Steps(0.01, 800)
+    response = checked(case, steps, case.march(steps))
+    assert response.check.tolerance is None
+    assert within(case, steps, 0.5).dt == 0.01

@@ -1,0 +1,156 @@
+"""How runs end: each outcome with its time, story, residual or energy; energies over time; rescue by halving."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from building_cases import Force, Law, model, noise, oscillator, story, ten_bilinear
+from tdint import run
+from tdint.analysis.run import steps as stepping
+from tdint.analysis.run.run import FailedRun
+from tdint.units import STANDARD_GRAVITY
+
+TIMES = np.linspace(0.0, 2.0, 201)
+
+
+def test_energies_of_a_damped_vibration_over_time():
+    """u'' + 2 xi omega u' + omega^2 u = 0 from u = 1: closed form of every part at every step."""
+    omega, xi = 2.0 * np.pi, 0.05
+    case = oscillator(omega, xi, displacement=(1.0,))
+    energy = run(case, method="impulse4", dt=0.01, duration=2.0, history=True).history.energy
+    damped = omega * np.sqrt(1.0 - xi**2)
+    decay = np.exp(-xi * omega * TIMES)
+    u = decay * (np.cos(damped * TIMES) + xi * omega / damped * np.sin(damped * TIMES))
+    v = -decay * omega**2 / damped * np.sin(damped * TIMES)
+    whole = 0.5 * omega**2
+    assert np.allclose(energy.kinetic, 0.5 * v**2, atol=1e-6 * whole)
+    assert np.allclose(energy.recoverable, 0.5 * omega**2 * u**2, atol=1e-6 * whole)
+    assert np.allclose(energy.damping, whole - 0.5 * v**2 - 0.5 * omega**2 * u**2, atol=1e-6 * whole)
+    assert not energy.input.any() and not energy.dissipated.any()
+    assert np.max(np.abs(energy.error)) < 1e-6
+
+
+def test_energies_over_time_end_as_the_balance_of_the_run():
+    response = run(ten_bilinear(), noise(), method="newmark-average", history=True)
+    history, total = response.history.energy, response.energy
+    for name in ("input", "kinetic", "damping", "recoverable", "dissipated", "error"):
+        assert getattr(history, name)[-1] == pytest.approx(getattr(total, name), rel=1e-12)
+    assert np.all(np.diff(history.dissipated) >= 0.0)
+    assert np.all(np.diff(history.damping) >= 0.0)
+    without = run(ten_bilinear(), noise(), method="newmark-average")
+    assert without.energy == total
+
+
+def falling(height):
+    """A story whose P-delta outweighs its stiffness after yielding: it falls, exponentially."""
+    stiffness = 2.0 * STANDARD_GRAVITY / 3.0
+    law = Law("bilinear", (0.05 * stiffness, 0.0))
+    return model([story(1.0, stiffness, law, height=height)], p_delta=True, velocity=(0.5,))
+
+
+@pytest.mark.parametrize("method", ["impulse4", "newmark-average", "bathe", "chang"])
+def test_a_building_that_falls_has_collapsed_whatever_the_method(method):
+    """The motion runs away, in balance of its energy: the building's own doing. The numbers are those until then."""
+    response = run(falling(3.0), method=method, dt=0.01, duration=100.0, history=True)
+    assert response.status == "collapsed"
+    assert response.collapse.ended and response.collapse.story == 1
+    assert response.steps * response.dt == response.collapse.time
+    ratio = np.abs(response.history.drift[:, 0]) / 3.0
+    assert ratio[-2] <= 0.1 < ratio[-1] < 0.11
+    # As long as nothing had run away yet, the same time is found, and the run goes on.
+    short = run(falling(3.0), method=method, dt=0.01, duration=response.collapse.time + 0.5)
+    assert (short.status, short.collapse.time) == ("collapsed", response.collapse.time)
+    assert not short.collapse.ended and short.stories.peak_drift_ratio[0] > ratio[-1]
+
+
+def test_a_method_that_runs_away_has_diverged():
+    """Central difference past its limit: the drift passes the collapse drift too, but the energy is the method's."""
+    with pytest.raises(FailedRun) as failure:
+        run(
+            model([story(1.0, 2500.0), story(1.0, 2500.0)], displacement=(0.01, 0.02)),
+            method="central-difference", dt=0.06, duration=60.0, allow_unstable=True,
+        )  # fmt: skip
+    failed = failure.value
+    assert (failed.status, failed.residual) == ("diverged", None)
+    assert failed.story in (1, 2) and failed.energy > 1e6
+    assert f"the drift of story {failed.story} ran away, kinetic energy" in str(failed)
+
+
+def test_a_refused_step_names_the_largest_stable_one():
+    with pytest.raises(FailedRun) as failure:
+        run(oscillator(50.0), method="central-difference", dt=0.05, duration=1.0)
+    failed = failure.value
+    assert (failed.status, failed.time, failed.dt) == ("unstable-step", 0.0, 0.05)
+    assert failed.largest_stable_dt == pytest.approx(0.04, rel=1e-6)
+
+
+@pytest.mark.parametrize("method", ["chang", "cr", "kr-alpha"])
+def test_methods_that_fear_stiffening_say_so(method):
+    def notes(*coefficients):
+        case = model(
+            [story(1.0, 100.0), story(1.0, 100.0, Law("polynomial", coefficients))], forces=[Force(1, 1, 0, 2)]
+        )
+        return run(case, method=method, dt=0.01, duration=0.1).notes
+
+    for stiffening in ((100.0, 5.0), (100.0, -5.0), (100.0, 0.0, 1.0)):
+        (note,) = notes(*stiffening)
+        assert "stable only for small steps" in note and "story 2" in note
+    assert notes(100.0) == notes(100.0, 0.0, -1.0) == ()
+
+
+def test_a_method_that_makes_energy_has_diverged():
+    """Two ways short of running away: a collapse on the method's own energy, and an end with too much of it."""
+
+    def overshooting(height, allow_unstable=False):
+        case = model([story(1.0, 1.0, height=height)], velocity=(1.0,))
+        return run(case, method="wilson", dt=20.0 * np.pi, duration=100.0 * np.pi, allow_unstable=allow_unstable)
+
+    with pytest.raises(FailedRun, match=r"diverged .* passed the collapse drift on .* times the energy put in") as one:
+        overshooting(15.0)
+    with pytest.raises(FailedRun, match=r"diverged .* the motion ends with .* times the energy that was put in") as two:
+        overshooting(None)
+    for failure in (one, two):
+        assert (failure.value.status, failure.value.story) == ("diverged", 1)
+        assert failure.value.energy > 0.0
+    allowed = overshooting(15.0, allow_unstable=True)
+    assert allowed.status == "collapsed" and any("made by the method" in note for note in allowed.notes)
+
+
+@pytest.mark.parametrize("method", ["houbolt", "park"])
+def test_a_multi_step_method_takes_the_pieces_of_a_halved_step_as_it_starts(method):
+    """The first step halved: two steps of average acceleration with half of it."""
+    case = model([story(1.0, 100.0, Law("bilinear", (5.0, 0.01)), height=None)] * 3, velocity=(100.0, -50.0, 10.0))
+    whole = run(case, method=method, dt=8.0, duration=8.0, history=True)
+    average = run(case, method="newmark-average", dt=4.0, duration=8.0, history=True)
+    assert (whole.halvings, average.halvings) == (1, 0)
+    assert np.allclose(whole.history.displacement[1], average.history.displacement[2], rtol=1e-10)
+    assert any("halved" in note for note in whole.notes)
+
+
+@pytest.mark.parametrize("method", ["impulse4", "impulse4:rho_inf=0"])
+@pytest.mark.parametrize("dt", [2.0, 5.0, 50.0])
+def test_a_change_of_branch_that_a_large_step_misses_is_not_followed(method, dt):
+    """Steps of many periods: the interpolant says nothing of where a story unloads. The laws stay what they are."""
+    law = Law("peak-oriented", (5.0, 0.01, 0.4))
+    case = model([story(1.0, 100.0, law, height=None)] * 3, velocity=(5.0, 30.0, -20.0))
+    history = run(case, method=method, dt=dt, duration=40 * dt, history=True).history
+    backbone = 5.0 + 0.01 * 100.0 * (np.max(np.abs(history.drift)) - 0.05)
+    assert np.all(np.abs(history.shear) <= backbone * (1.0 + 1e-9))
+    assert np.all(history.energy.dissipated >= -1e-9 * np.max(history.energy.kinetic))
+
+
+@pytest.mark.parametrize("method", ["newmark-average", "impulse4", "houbolt", "park", "gauss4", "wilson", "hht"])
+def test_halving_rescues_and_is_counted(method, monkeypatch):
+    """Stories of little strength hit hard, a step of one and a half periods: without halving it does not converge."""
+    case = model([story(1.0, 100.0, Law("tanh", (5.0,)), height=None)] * 3, velocity=(5.0, 30.0, -20.0))
+    response = run(case, method=method, dt=1.0, duration=40.0)
+    assert response.halvings > 0
+    assert any(f"were halved, {response.halvings} times" in note for note in response.notes)
+    assert np.all(response.stories.peak_drift > 0.0) and np.all(np.isfinite(response.stories.peak_drift))
+    monkeypatch.setattr(stepping, "HALVINGS", 0)
+    with pytest.raises(FailedRun) as failure:
+        run(case, method=method, dt=1.0, duration=40.0)
+    failed = failure.value
+    assert (failed.status, failed.energy, failed.largest_stable_dt) == ("not-converged", None, None)
+    assert failed.time < 40.0 and failed.story in (1, 2, 3) and 1e-11 < failed.residual <= 1.0

@@ -1,0 +1,175 @@
+"""Which steps an analysis takes, and what it costs."""
+
+from __future__ import annotations
+
+import tracemalloc
+
+import numpy as np
+import pytest
+
+from building_cases import Force, Law, model, noise, oscillator, story, ten_linear
+from tdint import run
+from tdint.analysis.run.run import FailedRun
+from tdint.analysis.run.steps import Steps, choose_steps, integrate, workspace
+from tdint.errors import AnalysisError, UsageError
+from tdint.methods.catalogue import parse
+from tdint.model.building import assemble
+from tdint.model.loads import force_table
+
+
+@pytest.mark.parametrize(
+    ("dt", "duration", "expected"),
+    [
+        (None, None, Steps(0.01, 4000)),
+        (0.01, None, Steps(0.01, 4000)),
+        (0.005, None, Steps(0.005, 8000, per_sample=2)),
+        (0.01 / 7.0, 1.0, Steps(0.01 / 7.0, 700, per_sample=7)),
+        (0.03, 3.0, Steps(0.03, 100, stride=3)),
+        (None, 60.0, Steps(0.01, 6000)),
+        (None, 0.0149, Steps(0.01, 2)),
+    ],
+)
+def test_steps_under_a_record(dt, duration, expected):
+    chosen = choose_steps(dt, duration, 0.01, 40.0)
+    assert (chosen.count, chosen.per_sample, chosen.stride) == (expected.count, expected.per_sample, expected.stride)
+    assert chosen.h == pytest.approx(expected.h, rel=1e-15)
+
+
+@pytest.mark.parametrize(("dt", "below", "above"), [(0.004, "0.00333333333333", "0.005"), (0.025, "0.02", "0.03")])
+def test_a_step_that_does_not_fit_names_its_neighbors(dt, below, above):
+    with pytest.raises(UsageError, match=f"the nearest steps are {below} and {above} s"):
+        choose_steps(dt, None, 0.01, 40.0)
+
+
+def test_without_a_record_step_and_duration_must_be_given():
+    with pytest.raises(UsageError, match="no time step"):
+        choose_steps(None, 1.0, None, 0.0)
+    with pytest.raises(UsageError, match="no duration"):
+        choose_steps(0.1, None, None, 0.0)
+    assert choose_steps(0.1, 1.0, None, 0.0) == Steps(0.1, 10)
+
+
+def test_no_method_is_an_error():
+    with pytest.raises(UsageError, match="no method"):
+        run(ten_linear(), noise())
+
+
+@pytest.mark.parametrize(("dt", "duration"), [(0.0, 1.0), (-1.0, 1.0), (np.nan, 1.0), (0.1, np.inf), (0.1, 0.0)])
+def test_steps_and_durations_are_positive_numbers(dt, duration):
+    with pytest.raises(UsageError, match="must be a positive number of seconds"):
+        run(oscillator(1.0), method="impulse4", dt=dt, duration=duration)
+
+
+def test_a_step_beyond_the_limit_names_the_largest_stable_one():
+    omega = 50.0
+    with pytest.raises(AnalysisError, match=r"central-difference is unstable at dt 0.05 s.*stable step is 0.04 s"):
+        run(oscillator(omega), method="central-difference", dt=0.05, duration=1.0)
+    assert run(oscillator(omega), method="central-difference", dt=0.0399, duration=1.0).status == "done"
+
+
+def test_beyond_the_limit_when_asked_ends_as_diverged():
+    with pytest.raises(FailedRun) as failure:
+        run(
+            oscillator(50.0, displacement=(0.1,)),
+            method="central-difference",
+            dt=0.05,
+            duration=50.0,
+            allow_unstable=True,
+        )
+    assert failure.value.status == "diverged"
+    assert 0.0 < failure.value.time < 50.0
+
+
+def test_exact_refuses_nonlinear_stories():
+    building = model([story(1.0, 100.0, Law("bilinear", (1.0, 0.1)))])
+    with pytest.raises(AnalysisError, match="linear buildings only"):
+        run(building, noise(), method="exact")
+
+
+def test_a_collapse_is_flagged_and_is_no_error():
+    response = run(oscillator(2.0, displacement=(1.0,)), method="impulse4", dt=0.1, duration=5.0)
+    assert response.stories.peak_drift_ratio[0] == pytest.approx(1.0 / 3.5, rel=1e-6)
+    assert response.status == "collapsed"
+
+
+def test_memory_does_not_grow_with_the_steps():
+    """Without a history: the same peak of memory for a hundred times as many steps."""
+    building = model([story(1.0, 100.0, dashpot=0.1) for _ in range(5)], forces=[Force(5, 1.0, 0.0, 3.0)])
+
+    def peak(steps):
+        tracemalloc.start()
+        run(building, method="impulse4", dt=0.01, duration=0.01 * steps)
+        size = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return size
+
+    peak(10)
+    assert peak(100_000) < peak(1000) + 20_000
+
+
+def test_peaks_between_the_steps():
+    """Free vibration u = cos(omega t): the peak at half a period lies between the steps."""
+    omega = 2.0 * np.pi
+    response = run(oscillator(omega, displacement=(1.0,), velocity=(1.0,)), method="impulse4", dt=0.0317, duration=5.0)
+    amplitude = np.hypot(1.0, 1.0 / omega)
+    assert response.stories.peak_displacement[0] == pytest.approx(amplitude, rel=2e-5)
+    assert response.stories.peak_drift[0] == pytest.approx(amplitude, rel=2e-5)
+    assert response.stories.peak_shear[0] == pytest.approx(omega**2 * amplitude, rel=2e-5)
+
+
+def test_a_vibration_faster_than_the_step_adds_no_false_peak():
+    """omega dt = 30: the interpolant between two ends would say several times the amplitude."""
+    omega = 300.0
+    response = run(oscillator(omega, displacement=(1.0,)), method="newmark-average", dt=0.1, duration=5.0)
+    assert response.stories.peak_displacement[0] == pytest.approx(1.0, rel=1e-9)
+
+
+def test_a_large_error_of_the_energy_is_said():
+    """Houbolt's method at sixty steps per period loses energy; impulse4 does not."""
+    case = oscillator(2.0 * np.pi, displacement=(1.0,))
+    lossy = run(case, method="houbolt", dt=1.0 / 60.0, duration=5.0)
+    assert lossy.energy.error > 0.01
+    assert any("the energy balance is off by" in note for note in lossy.notes)
+    assert not run(case, method="impulse4", dt=1.0 / 60.0, duration=5.0).notes
+
+
+@pytest.mark.parametrize("n", [1, 2, 10, 100])
+def test_the_bound_on_the_frequencies(n):
+    generator = np.random.default_rng(n)
+    building = assemble(model([story(m, k) for m, k in generator.uniform(1.0, 3.0, (n, 2))]))
+    assert building.fastest >= building.modes().omega[-1] * (1.0 - 1e-12)
+    assert building.fastest <= 1.6 * building.modes().omega[-1]
+    uniform = assemble(model([story(1.0, 1.0)] * n))
+    assert uniform.fastest <= 2.0
+
+
+def test_a_history_of_every_fourth_step_is_that_of_all_steps_thinned():
+    record = noise(samples=51)
+    building, integrator = assemble(ten_linear()), parse("newmark-average")
+    steps = Steps(record.dt / 4.0, 200, per_sample=4)
+    histories = []
+    for rows in (200, 50):
+        space = workspace(building, integrator, rows)
+        assert integrate(integrator, building, force_table(()), record.acceleration.copy(), steps, space) == 0
+        histories.append(space.history)
+    np.testing.assert_array_equal(histories[1], histories[0][::4])
+    assert histories[1].shape[0] == 51
+
+
+def test_a_history_whose_rows_do_not_divide_the_steps_is_refused():
+    building, integrator = assemble(ten_linear()), parse("newmark-average")
+    with pytest.raises(ValueError, match="200 steps do not fit into a history of 30"):
+        integrate(
+            integrator, building, force_table(()), np.zeros(1), Steps(0.01, 200), workspace(building, integrator, 30)
+        )
+
+
+@pytest.mark.parametrize("method", ["gauss4", "impulse4", "impulse", "newmark-average"])
+def test_a_wave_may_be_far_from_the_end_of_a_long_chain(method):
+    """Ahead of the wave forces fall below the smallest number that the processor holds."""
+    law = Law("polynomial", (500.0, 0.2))
+    chain = model([story(50.0, 500.0, law) for _ in range(100)], forces=[Force(1, 1000.0, 0.0, 50.0)], dt=2e-4)
+    response = run(chain, method=method, duration=0.1)
+    assert response.status == "done"
+    assert 0.0 < response.stories.peak_drift[0] < 0.1
+    assert response.stories.peak_drift[-1] == 0.0

@@ -1,0 +1,168 @@
+"""Elastic spectra: limits, invariances, methods; tests/analysis/spectra/test_exact_maxima.py has the numbers."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from building_cases import noise, oscillator
+from references import exact_linear
+from tdint import run, spectrum
+from tdint.analysis.spectra.elastic import DEFAULT_PERIODS, parse_periods
+from tdint.errors import AnalysisError, UsageError
+from tdint.ground_motion.record import Record
+
+PERIODS = np.array([0.01, 0.03, 0.1, 0.35, 1.0, 3.0, 10.0])
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.02, 0.05, 0.2, 0.9])
+def test_displacements_at_the_samples_are_those_of_the_matrix_exponential(damping):
+    record = noise(samples=601)
+    measured = spectrum(record, PERIODS, damping, maxima="samples")
+    for period, sd in zip(PERIODS, measured.sd, strict=True):
+        exact = np.max(np.abs(exact_linear(oscillator(2.0 * math.pi / period, damping), record)))
+        assert sd == pytest.approx(exact, rel=1e-9)
+
+
+def test_all_five_quantities_are_those_of_one_story():
+    """A one-story building integrated exactly; its acceleration comes from equilibrium."""
+    record = noise()
+    omega = 2.0 * math.pi / PERIODS
+    result = spectrum(record, PERIODS, 0.05, maxima="samples")
+    for i, w in enumerate(omega):
+        history = run(oscillator(w, 0.05), record, method="exact", history=True).history
+        assert result.sd[i] == pytest.approx(np.max(np.abs(history.displacement)), rel=1e-9)
+        assert result.sv[i] == pytest.approx(np.max(np.abs(history.velocity)), rel=1e-9)
+        assert result.sa[i] == pytest.approx(np.max(np.abs(history.acceleration)), rel=1e-8)
+    assert result.psv == pytest.approx(omega * result.sd, rel=1e-14)
+    assert result.psa == pytest.approx(omega**2 * result.sd, rel=1e-14)
+
+
+def test_limits_of_short_and_long_periods():
+    """A stiff oscillator follows the ground: SA = PGA; a soft one stays behind: SD = largest ground displacement."""
+    record = noise(samples=2001)
+    result = spectrum(record, np.array([1e-3, 1e3]), 0.05)
+    assert result.sa[0] == pytest.approx(record.pga, rel=1e-2)
+    assert result.psa[0] == pytest.approx(record.pga, rel=1e-2)
+    dt = record.dt
+    velocity = np.append(0.0, np.cumsum(0.5 * dt * (record.acceleration[1:] + record.acceleration[:-1])))
+    slopes = dt * dt * (record.acceleration[:-1] / 3.0 + record.acceleration[1:] / 6.0)
+    displacement = np.append(0.0, np.cumsum(dt * velocity[:-1] + slopes))
+    assert result.sd[1] == pytest.approx(np.max(np.abs(displacement)), rel=2e-2)
+
+
+def test_a_rigid_oscillator_moves_with_the_ground():
+    record = noise(samples=201)
+    for interpolation in ("linear", "band-limited"):
+        result = spectrum(record, np.array([0.5, 0.0]), 0.05, interpolation=interpolation)
+        assert (result.sd[1], result.psv[1], result.sv[1]) == (0.0, 0.0, 0.0)
+        assert result.psa[1] == result.sa[1] == pytest.approx(record.pga, rel=1e-3)
+        assert result.sd[0] == spectrum(record, 0.5, interpolation=interpolation).sd[0]
+    rigid = spectrum(record, np.array([0.0]))
+    assert rigid.psa[0] == rigid.sa[0] == record.pga
+
+
+@pytest.mark.parametrize("count", [1, 2, 15, 55, 56, 57, 100, 200])
+def test_the_number_of_periods_does_not_matter(count):
+    """Oscillators are marched in groups; each must come out as if it were alone."""
+    record = noise(samples=301)
+    periods = np.geomspace(0.05, 5.0, count)
+    together = spectrum(record, periods).sd
+    alone = [spectrum(record, period).sd[0] for period in periods[:: max(1, count // 7)]]
+    np.testing.assert_allclose(together[:: max(1, count // 7)], alone, rtol=1e-12)
+
+
+def test_a_method_of_the_catalogue_converges_to_the_exact_spectrum():
+    """Halving the step by putting samples on the lines between: the motion stays the same."""
+    record = noise(samples=801)
+    periods = np.array([0.4, 1.0, 2.5])
+    times = np.arange(801)
+    errors = []
+    for parts in (1, 2, 4):
+        fine = np.interp(np.arange(800 * parts + 1) / parts, times, record.acceleration)
+        finer = Record(fine, record.dt / parts, "", "", "", "")
+        exact = spectrum(finer, periods, maxima="samples")
+        measured = spectrum(finer, periods, method="newmark-average")
+        assert measured.method == "newmark-average"
+        errors.append(np.max(np.abs(measured.sd / exact.sd - 1.0)))
+    # Order 2, as far as the largest sample of the three stays the same one.
+    assert np.log2(errors[0] / errors[2]) / 2.0 > 1.8
+    sampled = spectrum(record, periods, maxima="samples").sd
+    assert np.max(np.abs(spectrum(record, periods, method="impulse4").sd / sampled - 1)) < 1e-5
+
+
+def test_exact_by_name_is_the_default():
+    record = noise(samples=201)
+    assert np.array_equal(spectrum(record, PERIODS, method="exact").sd, spectrum(record, PERIODS).sd)
+
+
+def test_an_unstable_method_is_refused():
+    with pytest.raises(AnalysisError, match=r"central-difference is unstable .* for the period 0\.01 s"):
+        spectrum(noise(samples=201), PERIODS, method="central-difference")
+    stable = spectrum(noise(samples=201), PERIODS[3:], method="central-difference")
+    assert np.all(np.isfinite(stable.sd))
+
+
+@pytest.mark.parametrize(
+    ("periods", "damping", "message"),
+    [
+        ([1.0, -1.0], 0.05, "periods must be numbers of seconds"),
+        ([math.nan], 0.05, "periods must be numbers of seconds"),
+        ([], 0.05, "periods must be numbers of seconds"),
+        ([1.0], 1.0, "damping must be a ratio"),
+        ([1.0], -0.1, "damping must be a ratio"),
+    ],
+)
+def test_wrong_arguments(periods, damping, message):
+    with pytest.raises(UsageError, match=message):
+        spectrum(noise(samples=21), np.array(periods), damping)
+
+
+@pytest.mark.parametrize(
+    ("choices", "message"),
+    [
+        ({"maxima": "best"}, "maxima must be one of exact, peer, samples, got 'best'"),
+        ({"interpolation": "cubic"}, "interpolation must be one of linear, band-limited, got 'cubic'"),
+        ({"method": "newmark", "maxima": "exact"}, "the maxima are those at the samples"),
+        ({"method": "newmark", "interpolation": "band-limited"}, "the interpolation is linear"),
+        ({"maxima": "peer", "interpolation": "band-limited"}, "maxima peer are those of the linear interpolation"),
+    ],
+)
+def test_choices_that_make_no_sense(choices, message):
+    with pytest.raises(UsageError, match=message):
+        spectrum(noise(samples=21), np.array([1.0]), **choices)
+
+
+def test_the_choices_are_told():
+    record, period = noise(samples=21), np.array([1.0])
+    told = [
+        (result.method, result.maxima, result.interpolation)
+        for result in (
+            spectrum(record, period),
+            spectrum(record, period, method="exact", interpolation="band-limited"),
+            spectrum(record, period, method="newmark-average", maxima="samples"),
+        )
+    ]
+    assert told == [
+        ("exact", "exact", "linear"),
+        ("exact", "exact", "band-limited"),
+        ("newmark-average", "samples", "linear"),
+    ]
+
+
+def test_a_period_far_below_the_sampling_interval_is_refused():
+    with pytest.raises(AnalysisError, match=r"the period 0\.0004 s is less than 0\.05 sampling intervals of 0\.01 s"):
+        spectrum(noise(samples=21), np.array([1.0, 4e-4]))
+
+
+def test_periods_from_text():
+    periods = parse_periods(DEFAULT_PERIODS)
+    assert periods[0] == 0.01
+    assert periods[-1] == 10.0
+    assert periods.size == 200
+    assert np.ptp(np.diff(np.log(periods))) < 1e-12
+    for text in ("", "1:2", "2:1:5", "0:1:5", "1:2:1", "a:b:c", "1:2:3:4", "1:inf:5", "1:2:1e3"):
+        with pytest.raises(UsageError, match="first:last:count"):
+            parse_periods(text)

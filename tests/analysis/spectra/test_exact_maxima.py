@@ -1,0 +1,142 @@
+"""Maxima between the samples against matrix exponentials, refined by Brent's method; PEER's and USGS's definitions."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from building_cases import noise
+from real_records import real_file
+from references import OscillatorResponse
+from tdint import read_record, spectrum
+from tdint.ground_motion.record import Record
+
+ROOT = Path(__file__).parents[3]
+INCH = 0.0254
+
+
+def values(result):
+    return np.array([result.sd, result.sv, result.sa])
+
+
+def reference(record, periods, damping=0.05):
+    return np.stack([OscillatorResponse(record, 2.0 * math.pi / t, damping).largest() for t in periods], axis=1)
+
+
+@pytest.mark.parametrize(
+    ("name", "component", "periods"),
+    [
+        ("firm-soil", "HN1", [0.01, 0.017, 0.033, 0.07, 0.4, 10.0]),
+        ("near-fault", "HN2", [0.012, 0.022, 0.05, 0.15, 1.0, 4.0]),
+        ("soft-soil", "HN1", [0.015, 0.1, 2.0]),
+    ],
+)
+def test_shipped_records(name, component, periods):
+    record = read_record(ROOT / "records" / f"{name}.mseed", component=component, units="m/s^2")
+    measured = values(spectrum(record, np.array(periods)))
+    np.testing.assert_allclose(measured, reference(record, periods), rtol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["elCentro1940_180.at2", "RSN763_LOMAP_GIL067.AT2"])
+def test_real_records(name):
+    record = read_record(real_file(name))
+    periods = [0.01, 0.021, 0.045, 0.1, 0.5, 2.0, 10.0]
+    measured = values(spectrum(record, np.array(periods)))
+    np.testing.assert_allclose(measured, reference(record, periods), rtol=1e-9)
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    samples=st.integers(2, 90),
+    period=st.floats(0.06, 300.0),  # in sampling intervals
+    damping=st.sampled_from([0.0, 0.001, 0.05, 0.3, 0.99]),
+)
+# Turning within the first step, from rest, the displacement is far smaller than what the series is made of.
+@example(seed=0, samples=2, period=19.0, damping=0.0)
+@example(seed=0, samples=2, period=115.0, damping=0.0)
+def test_white_noise(seed, samples, period, damping):
+    """The hardest motion to search: every sample is a kink."""
+    record = Record(np.random.default_rng(seed).standard_normal(samples), 0.02, "", "", "", "")
+    measured = values(spectrum(record, np.array([0.02 * period]), damping))
+    parts = max(20, math.ceil(30.0 / period))
+    exact = OscillatorResponse(record, 100.0 * math.pi / period, damping).largest(parts)
+    np.testing.assert_allclose(measured[:, 0], exact, rtol=1e-8)
+
+
+def test_two_extremes_within_one_interval():
+    """The velocity has the same sign at both samples and the other one between them; it ends with the largest."""
+    record = Record(np.array([8.0, -6.0, 3.0, -5.0]), 1.0, "", "", "", "")
+    periods = np.linspace(4.4, 4.6, 9)
+    np.testing.assert_allclose(values(spectrum(record, periods, 0.0)), reference(record, periods, 0.0), rtol=1e-9)
+
+
+def test_points_on_the_lines_between_samples_change_nothing():
+    record = noise(samples=301)
+    finer = replace(
+        record, acceleration=np.interp(np.arange(2101) / 7, np.arange(301), record.acceleration), dt=0.01 / 7
+    )
+    periods = np.geomspace(0.01, 3.0, 30)
+    np.testing.assert_allclose(values(spectrum(finer, periods)), values(spectrum(record, periods)), rtol=1e-9)
+
+
+def test_without_damping_absolute_and_pseudo_acceleration_are_the_same():
+    result = spectrum(noise(), np.geomspace(0.01, 10.0, 40), 0.0)
+    np.testing.assert_allclose(result.sa, result.psa, rtol=1e-9)
+
+
+def test_the_largest_value_may_be_the_last():
+    """A pulse that the record ends in: the displacement still grows at its last sample."""
+    record = Record(np.linspace(0.0, 1.0, 40), 0.01, "", "", "", "")
+    result = spectrum(record, np.array([5.0]))
+    assert result.sd[0] == pytest.approx(abs(OscillatorResponse(record, 0.4 * math.pi, 0.05).at(1.0)[0, -1]), rel=1e-12)
+
+
+def test_peer_samples_at_ten_or_more_steps_per_period():
+    record = noise(samples=401)
+    for period in (0.01, 0.013, 0.04, 0.05, 0.0999, 0.1, 0.7):
+        parts = math.ceil(10.0 * record.dt / period - 1e-9)
+        measured = values(spectrum(record, np.array([period]), maxima="peer"))[:, 0]
+        expected = OscillatorResponse(record, 2.0 * math.pi / period, 0.05).sampled(parts)
+        np.testing.assert_allclose(measured, expected, rtol=1e-9)
+
+
+def test_usgs_samples_at_the_record_s_own_step():
+    record = noise(samples=401)
+    for period in (0.01, 0.05, 0.7):
+        measured = values(spectrum(record, np.array([period]), maxima="samples"))[:, 0]
+        expected = OscillatorResponse(record, 2.0 * math.pi / period, 0.05).sampled(1)
+        np.testing.assert_allclose(measured, expected, rtol=1e-9)
+
+
+def test_sampled_maxima_stay_below_the_exact_ones():
+    record, periods = noise(), np.geomspace(0.01, 10.0, 50)
+    exact, peer, samples = (values(spectrum(record, periods, maxima=name)) for name in ("exact", "peer", "samples"))
+    assert np.all(peer <= exact * (1.0 + 1e-12))
+    assert np.all(samples <= peer * (1.0 + 1e-12))
+    assert np.max(1.0 - peer / exact) < 0.06  # a cosine with ten samples per period: 1 - cos(pi / 10)
+    assert np.max(1.0 - samples / exact) > 0.1
+
+
+def test_peak_displacements_of_el_centro_1940():
+    """Chopra, Dynamics of Structures, section 6.4, inches, to 0.03; the same maxima at the samples to three digits."""
+    record = read_record(real_file("elCentro1940_180.at2"))
+    g = 386.4 * INCH
+    ground = np.append(0.0, record.acceleration) * (g / 9.80665)
+    record = replace(record, acceleration=ground)
+    for period, damping, published, recomputed in (
+        (0.5, 0.02, 2.67, 2.676),
+        (1.0, 0.02, 5.97, 5.971),
+        (2.0, 0.02, 7.47, 7.471),
+        (2.0, 0.00, 9.91, 9.919),
+        (2.0, 0.05, 5.37, 5.375),
+    ):
+        assert spectrum(record, np.array([period]), damping).sd[0] / INCH == pytest.approx(published, abs=0.03)
+        sampled = spectrum(record, np.array([period]), damping, maxima="samples").sd[0] / INCH
+        assert sampled == pytest.approx(recomputed, abs=0.0006)

@@ -1,0 +1,314 @@
+"""Bilinear oscillators against closed forms, the matrix exponential and `tdint run`; the search for a strength."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from building_cases import Law, model, noise, oscillator, story
+from real_records import real_file
+from references import exact_linear
+from tdint import run
+from tdint.analysis.spectra.inelastic import constant_ductility, constant_strength, largest_ratio
+from tdint.errors import AnalysisError, UsageError
+from tdint.ground_motion.reading.read import read_record
+from tdint.ground_motion.record import Record
+from tdint.units import STANDARD_GRAVITY
+
+NOISE = noise(samples=601)
+
+
+def finer(record, parts):
+    """The same motion with samples on the lines between."""
+    samples = record.acceleration.size
+    times = np.arange((samples - 1) * parts + 1) / parts
+    return replace(record, acceleration=np.interp(times, np.arange(samples), record.acceleration), dt=record.dt / parts)
+
+
+def between_samples(values):
+    """Largest absolute value of the parabolas through three neighbors."""
+    values = np.abs(values)
+    i = 1 + int(np.argmax(values[1:-1]))
+    low, top, high = values[i - 1 : i + 2]
+    return max(values[0], values[-1], top + (high - low) ** 2 / (8.0 * (2.0 * top - low - high)))
+
+
+def one_story(period, damping, yield_acceleration, hardening):
+    """A bilinear story of unit mass."""
+    omega = 2.0 * math.pi / period
+    law = Law("bilinear", (yield_acceleration, hardening))
+    return model([story(1.0, omega**2, law, dashpot=2.0 * damping * omega)])
+
+
+def steady(value, seconds, dt=0.01):
+    return Record(np.full(round(seconds / dt) + 1, value), dt, "", "", "", "")
+
+
+# The oscillator
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.05, 0.5])
+def test_ductility_1_is_the_exact_elastic_spectrum(damping):
+    periods = np.array([0.02, 0.1, 0.5, 2.0])
+    (spectrum,) = constant_ductility(NOISE, periods, [1.0], damping)
+    for i, (period, parts) in enumerate(zip(periods, (40, 20, 10, 10), strict=True)):
+        omega = 2.0 * math.pi / period
+        motion = exact_linear(oscillator(omega, damping), finer(NOISE, parts))[:, 0]
+        psa = omega**2 * between_samples(motion)
+        assert spectrum.yield_acceleration[i] == pytest.approx(psa, rel=1e-6)
+    assert np.array_equal(spectrum.sd, spectrum.elastic_sd)
+    assert np.array_equal(spectrum.ductility, np.ones(4))
+    assert np.array_equal(spectrum.reduction_factor, np.ones(4))
+    assert np.array_equal(spectrum.residual, np.zeros(4))
+
+
+@pytest.mark.parametrize("load", [0.55, 0.7, 0.9, 0.97])
+def test_a_suddenly_applied_force_on_an_elastoplastic_oscillator(load):
+    """Work and energy: force over strength F gives the ductility 1 / (2 (1 - F)) (Biggs 1964, Chopra 7.1)."""
+    strength = 2.0
+    (spectrum,) = constant_strength(
+        steady(load * strength, 15.0), np.array([0.3, 1.0]), [strength / STANDARD_GRAVITY], 0.0
+    )
+    assert spectrum.ductility == pytest.approx(np.full(2, 0.5 / (1.0 - load)), rel=1e-12)
+
+
+@pytest.mark.parametrize(("load", "hardening"), [(0.6, 0.01), (1.0, 0.1), (1.5, 0.5), (3.0, 0.999)])
+def test_a_suddenly_applied_force_on_a_hardening_oscillator(load, hardening):
+    """F mu = 1/2 + (mu - 1) + hardening (mu - 1)^2 / 2: the work of the force is the energy taken up."""
+    strength = 2.0
+    (spectrum,) = constant_strength(
+        steady(load * strength, 20.0), np.array([1.0]), [strength / STANDARD_GRAVITY], 0.0, hardening=hardening
+    )
+    yielded = ((load - 1.0) + math.sqrt((load - 1.0) ** 2 + hardening * (2.0 * load - 1.0))) / hardening
+    assert spectrum.ductility[0] == pytest.approx(1.0 + yielded, rel=1e-11)
+
+
+def test_the_rest_position_after_a_force():
+    """The force goes when the oscillator stands still at its largest displacement: it swings back elastically with the
+    yield displacement about its rest position, and that is the largest less the yield displacement."""
+    load, strength, period = 0.8, 2.0, 1.0
+    mu = 0.5 / (1.0 - load)
+    # Elastic until cos(omega t) = 1 - 1 / load; then the deceleration is strength - load.
+    phase = math.acos(1.0 - 1.0 / load)
+    omega = 2.0 * math.pi / period
+    until = phase / omega + load * strength / omega * math.sin(phase) / (strength * (1.0 - load))
+    record = Record(np.full(101, load * strength), until / 100, "", "", "", "")
+    (spectrum,) = constant_strength(record, np.array([period]), [strength / STANDARD_GRAVITY], 0.0)
+    assert spectrum.ductility[0] == pytest.approx(mu, rel=1e-12)
+    assert spectrum.residual[0] == pytest.approx(-(mu - 1.0) * spectrum.yield_displacement[0], rel=1e-6)
+
+
+@pytest.mark.parametrize("hardening", [0.0, 0.1])
+@pytest.mark.parametrize("period", [0.05, 0.4, 2.0])
+def test_the_found_strength_reaches_the_ductility_in_a_run(period, hardening):
+    """`tdint run` of a one-story building with impulse4 at a fine step, which shares no code with the kernel."""
+    record = noise(samples=401)
+    for spectrum in constant_ductility(record, np.array([period]), [1.5, 4.0], 0.05, hardening=hardening):
+        building = one_story(period, 0.05, spectrum.yield_acceleration[0], hardening)
+        response = run(building, record, method="impulse4", dt=record.dt / 32)
+        stories = response.stories
+        assert abs(response.energy.error) < 1e-6
+        assert spectrum.ductility[0] == pytest.approx(spectrum.target, rel=1e-8)
+        assert stories.ductility[0] == pytest.approx(spectrum.target, rel=1e-6)
+        assert stories.peak_drift[0] == pytest.approx(spectrum.sd[0], rel=1e-6)
+
+
+@pytest.mark.parametrize("hardening", [0.0, 0.2])
+def test_the_residual_is_where_a_long_run_ends(hardening):
+    record = noise(samples=301)
+    periods = np.array([0.3, 0.8])
+    (spectrum,) = constant_ductility(record, periods, [4.0], 0.1, hardening=hardening)
+    quiet = replace(record, acceleration=np.append(record.acceleration, np.zeros(2500)))
+    for i, period in enumerate(periods):
+        building = one_story(period, 0.1, spectrum.yield_acceleration[i], hardening)
+        stories = run(building, quiet, method="impulse4", dt=record.dt / 8).stories
+        assert spectrum.residual[i] == pytest.approx(stories.residual_drift[0], abs=1e-5 * spectrum.sd[i])
+    assert np.all(np.abs(spectrum.residual) > 1e-3 * spectrum.sd)
+
+
+@pytest.mark.parametrize("hardening", [0.0, 0.05, 0.9])
+@pytest.mark.parametrize("damping", [0.0, 0.05, 0.9])
+def test_more_samples_of_the_same_motion_change_nothing(damping, hardening):
+    """Events and maxima are found within the steps, however long these are."""
+    record = noise(samples=201)
+    periods = np.array([0.005, 0.03, 0.3, 3.0])
+    strengths = [0.05, 0.2]
+    for coarse, fine in zip(
+        constant_strength(record, periods, strengths, damping, hardening=hardening),
+        constant_strength(finer(record, 7), periods, strengths, damping, hardening=hardening),
+        strict=True,
+    ):
+        assert coarse.sd == pytest.approx(fine.sd, rel=1e-8)
+        assert coarse.residual == pytest.approx(fine.residual, rel=1e-6, abs=1e-8 * coarse.sd.max())
+
+
+def test_random_oscillators_under_random_motions():
+    """Noise, plateaus, spikes and steps; sampled coarsely or finely; weak and strong, stiff and soft oscillators."""
+    generator = np.random.default_rng(5)
+    for trial in range(200):
+        noise = generator.normal(size=int(generator.integers(2, 200)))
+        spikes = np.where(generator.random(noise.size) < 0.7, 0.0, noise)
+        shape = (noise, np.round(noise), spikes, np.sign(noise), np.ones(noise.size))[trial % 5]
+        record = Record(shape, 10 ** generator.uniform(-3.0, -0.3), "", "", "", "")
+        period = np.array([10 ** generator.uniform(-2.5, 1.3)])
+        damping = float(generator.choice([0.0, 0.02, 0.3, 0.99]))
+        hardening = float(generator.choice([0.0, 1e-6, 0.1, 0.99]))
+        (elastic,) = constant_ductility(record, period, [1.0], damping)
+        strength = elastic.yield_strength_ratio[0] * 10 ** generator.uniform(-3.0, 0.1) or 1.0
+        coarse, fine = (
+            constant_strength(motion, period, [strength], damping, hardening=hardening)[0]
+            for motion in (record, finer(record, 7))
+        )
+        assert coarse.sd == pytest.approx(fine.sd, rel=1e-10)
+        assert coarse.residual == pytest.approx(fine.residual, abs=1e-7 * fine.sd[0])
+
+
+def test_a_strong_oscillator_stays_elastic():
+    periods = np.array([0.1, 1.0])
+    (elastic,) = constant_ductility(NOISE, periods, [1.0])
+    strength = 1.5 * elastic.yield_strength_ratio.max()
+    (spectrum,) = constant_strength(NOISE, periods, [strength])
+    assert spectrum.sd == pytest.approx(elastic.sd, rel=1e-14)
+    assert spectrum.ductility == pytest.approx(elastic.yield_strength_ratio / strength, rel=1e-12)
+    assert spectrum.reduction_factor == pytest.approx(spectrum.ductility, rel=1e-12)
+    assert np.array_equal(spectrum.residual, [0.0, 0.0])
+    assert spectrum.target is None
+
+
+def test_limits_of_short_and_long_periods():
+    """A stiff oscillator needs the strength of the ground acceleration; a soft one stands still: equal displacement."""
+    record = noise(samples=1001)
+    stiff, soft = 1e-3, 300.0
+    for spectrum in constant_ductility(record, np.array([stiff, soft]), [2.0, 8.0], 0.05):
+        assert spectrum.yield_acceleration[0] == pytest.approx(record.pga, rel=0.02)
+        assert spectrum.sd[1] == pytest.approx(spectrum.elastic_sd[1], rel=0.02)
+        assert spectrum.reduction_factor[1] == pytest.approx(spectrum.target, rel=0.02)
+
+
+def test_a_stronger_motion_needs_so_much_more_strength():
+    periods = np.geomspace(0.1, 3.0, 5)
+    (once,) = constant_ductility(NOISE, periods, [3.0])
+    (twice,) = constant_ductility(NOISE.scaled(-2.0), periods, [3.0])
+    assert twice.yield_strength_ratio == pytest.approx(2.0 * once.yield_strength_ratio, rel=1e-8)
+    assert twice.residual == pytest.approx(-2.0 * once.residual, rel=1e-5, abs=1e-9)
+
+
+def test_a_motion_of_zeros_needs_no_strength():
+    record = Record(np.zeros(50), 0.01, "", "", "", "")
+    (spectrum,) = constant_ductility(record, np.array([1.0]), [2.0])
+    assert (spectrum.yield_strength_ratio[0], spectrum.sd[0], spectrum.residual[0]) == (0.0, 0.0, 0.0)
+    assert np.isnan(spectrum.ductility[0])
+    (spectrum,) = constant_strength(record, np.array([1.0]), [0.1])
+    assert (spectrum.ductility[0], spectrum.sd[0]) == (0.0, 0.0)
+
+
+def test_elastoplastic_oscillators_under_el_centro():
+    """Chopra, Dynamics of Structures, 7.4: T = 0.5 s, 5 %, strengths of 1, 1/2, 1/4, 1/8 of the elastic one. Largest
+    displacements 2.25, 1.62, 1.75, 2.07 in, ductilities 1, 1.44, 3.11, 7.36."""
+    record = read_record(real_file("elCentro1940_180.at2")).scaled(386.4 * 0.0254 / STANDARD_GRAVITY)
+    record = replace(record, acceleration=np.append(0.0, record.acceleration))
+    period = np.array([0.5])
+    (elastic,) = constant_ductility(record, period, [1.0])
+    strengths = [elastic.yield_strength_ratio[0] / factor for factor in (1, 2, 4, 8)]
+    spectra = constant_strength(record, period, strengths)
+    inches = [spectrum.sd[0] / 0.0254 for spectrum in spectra]
+    assert inches == pytest.approx([2.25, 1.62, 1.75, 2.07], abs=0.006)
+    assert [spectrum.ductility[0] for spectrum in spectra] == pytest.approx([1.0, 1.44, 3.11, 7.36], abs=0.011)
+
+
+# The search
+
+
+@pytest.mark.parametrize("period", [0.09, 0.3, 1.1])
+def test_the_strength_is_the_largest(period):
+    """No strength above it reaches the ductility: gone through in steps of 0.2 %."""
+    omega = 2.0 * math.pi / period
+    spectra = constant_ductility(NOISE, np.array([period]), [2.0, 6.0])
+    for spectrum in spectra:
+        ratio = 1.0 / spectrum.reduction_factor[0]
+        elastic = omega**2 * spectrum.elastic_sd[0] / STANDARD_GRAVITY
+        stronger = np.geomspace(1.001 * ratio, 1.0, math.ceil(-math.log(ratio) / 0.002))
+        ductility = [
+            s.ductility[0] for s in constant_strength(NOISE, np.array([period]), (stronger * elastic).tolist())
+        ]
+        assert max(ductility) < spectrum.target
+    assert spectra[0].yield_strength_ratio[0] > spectra[1].yield_strength_ratio[0]
+
+
+def bumpy(heights, places, widths):
+    """A ductility that is not monotone: 1 / ratio with bumps over the logarithm of the ratio."""
+
+    def ductility(ratio):
+        x = math.log(ratio)
+        bumps = [
+            height * x * x * math.exp(-(((x + place) / width) ** 2))
+            for height, place, width in zip(heights, places, widths, strict=True)
+        ]
+        return math.exp(-x) * math.exp(sum(bumps))
+
+    return ductility
+
+
+@given(
+    st.lists(st.tuples(st.floats(-2.0, 4.0), st.floats(0.1, 2.0), st.floats(0.05, 0.5)), max_size=3),
+    st.floats(1.05, 10.0),
+)
+def test_of_several_strengths_the_largest_is_found(bumps, target):
+    ductility = bumpy(*zip(*bumps, strict=True)) if bumps else bumpy((), (), ())
+    ratio = largest_ratio(ductility, target)
+    assert ductility(ratio) == pytest.approx(target, rel=1e-7)
+    # Where a maximum only grazes the target either answer is right.
+    assert all(ductility(x) < 1.001 * target for x in np.geomspace(1.0005 * ratio, 1.0, 400) if x > 1.0005 * ratio)
+
+
+def test_a_narrow_summit_between_the_steps_is_found():
+    ductility = bumpy([10.0], [0.4], [0.03])
+    top = math.exp(-0.4)
+    target = 0.97 * ductility(top)
+    assert max(ductility(x) for x in np.geomspace(1e-3, 0.6, 500)) > target
+    assert top < largest_ratio(ductility, target) < 1.03 * top
+
+
+def test_a_steep_rise_is_followed():
+    assert largest_ratio(lambda ratio: 1.0 + 1e6 * (1.0 - ratio), 3.0) == pytest.approx(1.0 - 2e-6, rel=1e-12)
+
+
+def test_a_ductility_that_is_never_reached_is_an_error():
+    with pytest.raises(AnalysisError, match="no strength leads to the ductility 3"):
+        largest_ratio(lambda _: 1.5, 3.0)
+
+
+def test_periods_that_are_too_short():
+    for function, wanted in ((constant_ductility, [2.0]), (constant_strength, [0.1])):
+        with pytest.raises(AnalysisError, match=r"the period 9e-06 s is too short .* ask for periods from 1e-05 s on"):
+            function(NOISE, np.array([1.0, 9e-6]), wanted)
+        assert np.isfinite(function(replace(NOISE, acceleration=NOISE.acceleration[:9]), [1e-5], wanted)[0].sd[0])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"periods": [0.0]}, "periods of inelastic spectra must be positive"),
+        ({"periods": []}, "periods of inelastic spectra must be positive"),
+        ({"damping": 1.0}, "damping must be a ratio"),
+        ({"hardening": 1.0}, "hardening must be a ratio"),
+        ({"hardening": -0.1}, "hardening must be a ratio"),
+        ({"hardening": math.nan}, "hardening must be a ratio"),
+        ({"ductilities": [0.5]}, "ductilities must be numbers from 1 to 1000"),
+        ({"ductilities": [math.nan]}, "ductilities must be numbers from 1 to 1000"),
+        ({"strengths": [0.0]}, "yield strength ratios must be positive"),
+        ({"strengths": [math.inf]}, "yield strength ratios must be positive"),
+    ],
+)
+def test_wrong_arguments(arguments, message):
+    arguments = {"periods": [1.0]} | arguments
+    function = constant_strength if "strengths" in arguments else constant_ductility
+    if function is constant_ductility:
+        arguments = {"ductilities": [2.0]} | arguments
+    with pytest.raises(UsageError, match=message):
+        function(NOISE, **arguments)

@@ -1,0 +1,133 @@
+"""RotD against the spectra of 180 rotated motions, and motions whose directions are known."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from building_cases import noise
+from tdint import spectrum
+from tdint.analysis.spectra.rotated import rotated_spectrum
+from tdint.errors import AnalysisError, UsageError
+from tdint.ground_motion.horizontals import Horizontals
+from tdint.ground_motion.record import Record
+
+ALL = tuple(range(101))
+PERIODS = np.array([0.01, 0.03, 0.07, 0.2, 1.0, 5.0])
+
+
+def pair(samples=301, seeds=(7, 8), second=0.6):
+    one, other = (noise(samples=samples, seed=seed) for seed in seeds)
+    return Horizontals(one, other.scaled(second))
+
+
+def rotated(motion, degrees):
+    angle = math.radians(degrees)
+    first, second = motion.first.acceleration, motion.second.acceleration
+    return replace(motion.first, acceleration=math.cos(angle) * first + math.sin(angle) * second)
+
+
+def each_direction(motion, periods, damping=0.05, **choices):
+    """Pseudo-accelerations of the motion turned to each direction, shape (180, k)."""
+    return np.array([spectrum(rotated(motion, degrees), periods, damping, **choices).psa for degrees in range(180)])
+
+
+@pytest.mark.parametrize(
+    "choices",
+    [{}, {"maxima": "peer"}, {"maxima": "samples"}, {"interpolation": "band-limited"}],
+    ids=["exact", "peer", "samples", "band-limited"],
+)
+def test_percentiles_are_those_of_the_turned_motions(choices):
+    motion = pair(samples=151) if "interpolation" in choices else pair()
+    psa = each_direction(motion, PERIODS, **choices)
+    result = rotated_spectrum(motion, PERIODS, 0.05, ALL, **choices)
+    np.testing.assert_allclose(result.psa, np.percentile(psa, ALL, axis=0), rtol=1e-11)
+    np.testing.assert_allclose(psa[result.angle.astype(int), np.arange(PERIODS.size)], psa.max(axis=0), rtol=1e-12)
+    np.testing.assert_allclose(result.geometric_mean, np.sqrt(psa[0] * psa[90]), rtol=1e-12)
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    samples=st.integers(2, 120),
+    period=st.floats(0.06, 300.0),  # in sampling intervals
+    damping=st.sampled_from([0.0, 0.05, 0.7]),
+    second=st.sampled_from([1.0, 1e-3]),
+)
+def test_white_noise(seed, samples, period, damping, second):
+    generator = np.random.default_rng(seed)
+    one, other = (Record(generator.standard_normal(samples), 0.01, "", "", "", "") for _ in range(2))
+    motion, periods = Horizontals(one, other.scaled(second)), np.array([0.01 * period])
+    result = rotated_spectrum(motion, periods, damping, (0, 50, 100))
+    expected = np.percentile(each_direction(motion, periods, damping), (0, 50, 100), axis=0)
+    np.testing.assert_allclose(result.psa, expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("degrees", [0, 30, 90, 137])
+def test_a_motion_along_one_line(degrees):
+    """The response lies on the line: it weakens with the cosine of the angle from it."""
+    record = noise()
+    angle = math.radians(degrees)
+    motion = Horizontals(record.scaled(math.cos(angle)), record.scaled(math.sin(angle)))
+    result = rotated_spectrum(motion, PERIODS, 0.05, ALL)
+    along = spectrum(record, PERIODS).psa
+    cosines = np.abs(np.cos(np.radians(np.arange(180) - degrees)))
+    np.testing.assert_allclose(result.psa, np.percentile(cosines, ALL)[:, None] * along, rtol=1e-9, atol=1e-12)
+    assert np.array_equal(result.angle, np.full(PERIODS.size, degrees))
+
+
+def test_a_circle_has_no_direction():
+    """Two harmonic motions a quarter of a period apart, in resonance: in the end the displacement goes in a circle."""
+    t = np.arange(4001) * 0.01
+    one, other = (Record(wave(2.0 * math.pi * t), 0.01, "", "", "", "") for wave in (np.cos, np.sin))
+    result = rotated_spectrum(Horizontals(one, other), np.array([1.0]), 0.05, (0, 50, 100))
+    # 10 times the ground's, less the curvature that lines between 100 samples per period leave out.
+    np.testing.assert_allclose(result.psa[:, 0], 10.0, rtol=1e-3)
+
+
+def test_exchanged_components():
+    motion = pair()
+    there, back = (rotated_spectrum(m, PERIODS) for m in (motion, Horizontals(motion.second, motion.first)))
+    np.testing.assert_allclose(there.psa, back.psa, rtol=1e-12)
+    assert np.array_equal((90.0 - there.angle) % 180.0, back.angle)
+
+
+def test_half_a_degree_is_all_that_can_be_missed():
+    """RotD100 against the largest over all angles: a tenth of a degree around the direction that it gives."""
+    motion, periods = pair(), np.array([0.1, 1.0])
+    result = rotated_spectrum(motion, periods, 0.05, (100,))
+    for i, angle in enumerate(result.angle):
+        around = [spectrum(rotated(motion, angle + x), periods).psa[i] for x in np.linspace(-1.0, 1.0, 21)]
+        assert 1.0 - 1e-9 <= max(around) / result.psa[0, i] <= 1.0 / math.cos(math.radians(0.5)) + 1e-9
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "band-limited"])
+def test_period_zero_is_the_peak_in_each_direction(interpolation):
+    motion = pair(samples=101)
+    result = rotated_spectrum(motion, np.array([0.0, 1.0]), 0.05, (0, 50, 100), interpolation=interpolation)
+    peaks = [spectrum(rotated(motion, d), np.array([0.0]), interpolation=interpolation).psa[0] for d in range(180)]
+    np.testing.assert_allclose(result.psa[:, 0], np.percentile(peaks, (0, 50, 100)), rtol=1e-12)
+    assert result.angle[0] == np.argmax(peaks)
+
+
+@pytest.mark.parametrize("percentiles", [(), (-1,), (50, 101)])
+def test_percentiles_out_of_range(percentiles):
+    with pytest.raises(UsageError, match="percentiles must be from 0 to 100"):
+        rotated_spectrum(pair(samples=21), PERIODS, 0.05, percentiles)
+
+
+def test_errors_are_those_of_a_spectrum():
+    motion = pair(samples=21)
+    with pytest.raises(UsageError, match="periods must be numbers"):
+        rotated_spectrum(motion, np.array([-1.0]))
+    with pytest.raises(UsageError, match="damping must be"):
+        rotated_spectrum(motion, PERIODS, 1.5)
+    with pytest.raises(UsageError, match="maxima must be one of"):
+        rotated_spectrum(motion, PERIODS, maxima="best")
+    with pytest.raises(AnalysisError, match=r"less than 0\.05 sampling intervals"):
+        rotated_spectrum(motion, np.array([1e-5]))
