@@ -6,7 +6,8 @@ close that lines between them will do. Lines through the points of a motion weak
 h is the distance of the points; the points are raised by as much, so that up to half the sampling rate the lines hold
 the motion itself. What remains are its images around 1/h, 2/h, ...: weaker than a thousandth, far above the frequencies
 of the oscillators. Measured against a windowed sum of sines up to 0.8 of that rate, whose response is known in closed
-form: all largest values within 1e-5 from T = dt / 2 on, most of them within 1e-6 (tests/analysis/spectra/test_band_limited.py).
+form: all largest values within 1e-5 from T = dt / 2 on, most of them within 1e-6
+(tests/analysis/spectra/test_band_limited.py).
 """
 
 from __future__ import annotations
