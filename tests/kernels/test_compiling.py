@@ -16,7 +16,7 @@ FOLDER = "from tdint.kernels.compiling import cache_folder; print(cache_folder()
 KERNEL = (
     "import logging, sys; logging.basicConfig(level=logging.INFO, stream=sys.stdout, format='%(message)s');"
     "from tdint.kernels.compiling import F8, inlined, kernel\n"
-    "from tdint.kernels import stepping\n"
+    "from tdint.kernels.march import stepping\n"
     "def twice(x):\n    return 2.0 * x\n"
     "for _ in range(2):\n    print(kernel(F8(F8))(twice).compiled(4.0))\n"
 )

@@ -18,7 +18,8 @@ from tdint.analysis.run.run import EnergyHistory, History, StoryPeaks
 from tdint.analysis.spectra.elastic import Spectrum
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import catalogue, parse
-from tdint.output.tables.tables import Table, cell_text, component_names, tables
+from tdint.output.tables import tables
+from tdint.output.tables.tables import Table, cell_text, component_names
 
 
 def read(data: bytes) -> list[list[str]]:
