@@ -11,7 +11,7 @@ from pathlib import Path
 
 from click.testing import CliRunner
 
-from tdint.analysis.assessment.hard_problems import Problem, problems
+from tdint.analysis.assessment.hard_problems import HardProblem, problems
 from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
 from tdint.model.laws import LAWS
@@ -63,7 +63,7 @@ def law_table():
     return "\n".join(rows) + "\n"
 
 
-def _bound(problem: Problem):
+def _bound(problem: HardProblem):
     """What a run has to keep to for the verdict `pass`."""
     low = max(fault.low for fault in problem.faults)
     high = min(fault.high for fault in problem.faults)

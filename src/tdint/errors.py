@@ -19,7 +19,7 @@ class UsageError(TdintError):
 
 
 @dataclass(frozen=True)
-class Problem:
+class ModelFault:
     """One fault of a model file: where it stands and what is wrong with it."""
 
     source: str
@@ -34,13 +34,13 @@ class Problem:
 
 
 class ModelError(TdintError):
-    """A model file that cannot be used; `problems` holds all faults that were found, in file order."""
+    """A model file that cannot be used; `faults` holds all faults that were found, in file order."""
 
     exit_code = 3
 
-    def __init__(self, problems: Sequence[Problem] | str) -> None:
-        self.problems: tuple[Problem, ...] = () if isinstance(problems, str) else tuple(problems)
-        super().__init__(problems if isinstance(problems, str) else "\n".join(map(str, problems)))
+    def __init__(self, faults: Sequence[ModelFault] | str) -> None:
+        self.faults: tuple[ModelFault, ...] = () if isinstance(faults, str) else tuple(faults)
+        super().__init__(faults if isinstance(faults, str) else "\n".join(map(str, faults)))
 
 
 class RecordError(TdintError):

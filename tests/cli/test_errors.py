@@ -31,7 +31,7 @@ def raises(error: BaseException):
         (errors.OutputError("no"), 6, "Error: no\n"),
         (Failures([errors.AnalysisError("one"), errors.RecordError("two")]), 4, "Error: one\nError: two\n"),
         (
-            errors.ModelError([errors.Problem("a.yaml", i, 1, "k", "bad") for i in (1, 2)]),
+            errors.ModelError([errors.ModelFault("a.yaml", i, 1, "k", "bad") for i in (1, 2)]),
             3,
             "Error: a.yaml:1:1: k: bad\nError: a.yaml:2:1: k: bad\n",
         ),

@@ -18,7 +18,7 @@ def faults(text: str) -> list[str]:
     """The faults of a file as `line:column: key: message`."""
     with pytest.raises(ModelError) as caught:
         load_model(io.StringIO(text))
-    return [str(problem).removeprefix("<stream>:") for problem in caught.value.problems]
+    return [str(problem).removeprefix("<stream>:") for problem in caught.value.faults]
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tdint.errors import ModelError, Problem
+from tdint.errors import ModelError, ModelFault
 from tdint.model.config import read as config
 from tdint.model.config.read import load_model
 
@@ -21,7 +21,7 @@ def faults(text: str) -> list[str]:
     """The faults of a file as `line:column: key: message`."""
     with pytest.raises(ModelError) as caught:
         load_model(io.StringIO(text))
-    problems = caught.value.problems
+    problems = caught.value.faults
     assert str(caught.value) == "\n".join(map(str, problems))
     assert all(problem.source == "<stream>" and "\n" not in str(problem) for problem in problems)
     return [str(problem).removeprefix("<stream>:") for problem in problems]
@@ -47,10 +47,10 @@ def test_all_faults_at_once_in_file_order(tmp_path: Path) -> None:
     with pytest.raises(ModelError) as caught:
         load_model(path)
     assert caught.value.exit_code == 3
-    assert caught.value.problems[2] == Problem(
+    assert caught.value.faults[2] == ModelFault(
         str(path), 6, 11, "stories[2].mass", "must be a positive number, got 'abc'"
     )
-    assert [str(problem).removeprefix(str(path)) for problem in caught.value.problems] == [
+    assert [str(problem).removeprefix(str(path)) for problem in caught.value.faults] == [
         ":1:1: storeys: unknown key; did you mean 'stories'?",
         ":2:27: units.force: unknown force unit 'kn'; did you mean 'kN'?",
         ":6:11: stories[2].mass: must be a positive number, got 'abc'",

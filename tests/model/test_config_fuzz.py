@@ -131,8 +131,8 @@ def check(text: str) -> None:
         check_sound(load_model(io.StringIO(text)))
     except ModelError as error:
         lines = text.splitlines()
-        assert error.problems
-        for problem in error.problems:
+        assert error.faults
+        for problem in error.faults:
             assert 1 <= problem.line <= len(lines) + 1
             assert problem.column >= 1
             assert problem.message

@@ -13,11 +13,12 @@ import pytest
 from tdint.analysis.run.run import run
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.errors import OutputError
+from tdint.files import write_file
 from tdint.ground_motion.processing import process
 from tdint.ground_motion.record import Record
 from tdint.model.config.read import load_model
-from tdint.output.figures.run import changed, plot_run, run_picture
-from tdint.output.figures.spectrum import plot_spectrum
+from tdint.output.figures.run import changed, run_picture
+from tdint.output.figures.spectrum import spectrum_picture
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 STARTS = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
@@ -26,6 +27,14 @@ STARTS = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
 def motion(component="HNE", source="a.mseed", size=400) -> Record:
     t = np.arange(size) * 0.01
     return Record(3.0 * np.sin(9.0 * t) * np.exp(-t), 0.01, "", f"N.S..{component}", component, source)
+
+
+def draw_run(response, file):
+    write_file(file, run_picture(response, file.suffix), overwrite=False)
+
+
+def draw_spectra(spectra, file, *, overwrite=False):
+    write_file(file, spectrum_picture(spectra, file.suffix), overwrite=overwrite)
 
 
 @pytest.fixture(scope="module")
@@ -41,11 +50,11 @@ def shaken():
 @pytest.mark.parametrize("suffix", STARTS)
 def test_formats(tmp_path, forced, suffix):
     file = tmp_path / f"x{suffix}"
-    plot_run(forced, file)
+    draw_run(forced, file)
     assert file.read_bytes().startswith(STARTS[suffix])
     with pytest.raises(OutputError, match="exists already"):
-        plot_run(forced, file)
-    plot_spectrum([spectrum(motion(), np.array([0.1, 1.0]))], file, overwrite=True)
+        draw_run(forced, file)
+    draw_spectra([spectrum(motion(), np.array([0.1, 1.0]))], file, overwrite=True)
     assert file.read_bytes().startswith(STARTS[suffix])
     assert [path.name for path in tmp_path.iterdir()] == [file.name]
 
@@ -53,14 +62,14 @@ def test_formats(tmp_path, forced, suffix):
 @pytest.mark.parametrize("name", ["x.jpg", "x"])
 def test_other_formats_are_refused(tmp_path, forced, name):
     with pytest.raises(OutputError, match=r"written as \.png, \.pdf or \.svg"):
-        plot_run(forced, tmp_path / name)
+        draw_run(forced, tmp_path / name)
 
 
 def test_the_same_result_gives_the_same_file(tmp_path, forced):
     for suffix in STARTS:
         one, other = tmp_path / f"1{suffix}", tmp_path / f"2{suffix}"
-        plot_run(forced, one)
-        plot_run(forced, other)
+        draw_run(forced, one)
+        draw_run(forced, other)
         assert one.read_bytes() == other.read_bytes()
 
 
@@ -71,9 +80,9 @@ def test_a_run_without_history_is_refused(forced):
 
 @pytest.mark.parametrize("name", ["a $x_ building", "_hidden", "建物", "x" * 300, "two\nlines"])
 def test_any_name_is_drawn_as_it_is(tmp_path, shaken, name):
-    plot_run(replace(shaken, model=replace(shaken.model, name=name)), tmp_path / "run.svg")
+    draw_run(replace(shaken, model=replace(shaken.model, name=name)), tmp_path / "run.svg")
     spectra = [spectrum(motion(c, f"{name[:100]}.mseed"), np.geomspace(0.1, 1.0, 9)) for c in ("_E", "$N")]
-    plot_spectrum(spectra, tmp_path / "spectrum.svg")
+    draw_spectra(spectra, tmp_path / "spectrum.svg")
     if name != "two\nlines" and len(name) < 100:
         assert name in (tmp_path / "run.svg").read_text(encoding="utf-8")
     assert "_E" in (tmp_path / "spectrum.svg").read_text(encoding="utf-8")
@@ -81,16 +90,16 @@ def test_any_name_is_drawn_as_it_is(tmp_path, shaken, name):
 
 def test_collapse_and_drift_at_the_end_are_marked(tmp_path, shaken):
     limit = float(np.max(shaken.stories.peak_drift_ratio))
-    plot_run(replace(shaken, model=replace(shaken.model, collapse_drift=limit)), tmp_path / "near.svg")
+    draw_run(replace(shaken, model=replace(shaken.model, collapse_drift=limit)), tmp_path / "near.svg")
     assert "collapse drift" in (tmp_path / "near.svg").read_text(encoding="utf-8")
-    plot_run(replace(shaken, model=replace(shaken.model, collapse_drift=100.0 * limit)), tmp_path / "far.svg")
+    draw_run(replace(shaken, model=replace(shaken.model, collapse_drift=100.0 * limit)), tmp_path / "far.svg")
     assert "collapse drift" not in (tmp_path / "far.svg").read_text(encoding="utf-8")
 
 
 def test_a_building_at_rest_is_drawn(tmp_path):
     still = replace(motion(), acceleration=np.zeros(50))
-    plot_run(run(load_model(CONFIGS / "ten-story.yaml"), still, history=True), tmp_path / "x.png")
-    plot_spectrum([spectrum(still, np.array([1.0]))], tmp_path / "y.png")
+    draw_run(run(load_model(CONFIGS / "ten-story.yaml"), still, history=True), tmp_path / "x.png")
+    draw_spectra([spectrum(still, np.array([1.0]))], tmp_path / "y.png")
 
 
 def test_many_spectra_are_drawn(tmp_path):
@@ -99,7 +108,7 @@ def test_many_spectra_are_drawn(tmp_path):
         for i in range(20)
         for damping in (0.02, 0.05)
     ]
-    plot_spectrum(spectra, tmp_path / "x.svg")
+    draw_spectra(spectra, tmp_path / "x.svg")
     assert "... and 17 more" in (tmp_path / "x.svg").read_text(encoding="utf-8")
 
 

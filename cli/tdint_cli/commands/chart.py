@@ -228,7 +228,7 @@ def _chart(request: Request, model: Model, record: Record | None, progress: Prog
     chart = measure(problem, integrators, steps, repeats=request.repeat, cached=request.cache, progress=own)
     if not request.peers:
         return chart, []
-    from tdint.analysis.chart.peers.points import with_peers
+    from tdint.analysis.chart.peers.peers import with_peers
 
     return with_peers(problem, chart, steps, repeats=request.repeat, progress=part_of(progress, 0.2, 1.0))
 

@@ -24,7 +24,7 @@ def command(model: str) -> None:
 
     building = assemble(load_model(model))
     modes = building.modes()
-    damping = modes.damping_ratios(building)
+    damping = modes.damping_ratios(building.damping_matrix())
     emit(mode_table(modes, damping).csv())
     if damping is None:
         say("note: the damping couples the modes; none of them has a damping ratio of its own")

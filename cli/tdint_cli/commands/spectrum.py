@@ -12,7 +12,7 @@ from tdint_cli import inelastic, options, rotation, spectra
 from tdint_cli.startup import load_numba
 
 if TYPE_CHECKING:
-    from tdint.analysis.spectra.elastic import Manner
+    from tdint.analysis.spectra.elastic import SpectrumSettings
     from tdint.files import Writer
     from tdint.ground_motion.record import Record
     from tdint.output.tables.tables import Table
@@ -49,12 +49,12 @@ class Request(spectra.Request):
         return inelastic.Wanted(self.ductility, self.strength, self.hardening)
 
     @property
-    def manner(self) -> Manner:
+    def manner(self) -> SpectrumSettings:
         """How elastic spectra are made."""
         load_numba()
-        from tdint.analysis.spectra.elastic import choose_manner
+        from tdint.analysis.spectra.elastic import choose_settings
 
-        return choose_manner(self.method, self.maxima, self.interpolation)
+        return choose_settings(self.method, self.maxima, self.interpolation)
 
     @property
     def stated(self) -> tuple[str, ...]:

@@ -163,7 +163,7 @@ def prepare(building: Building, forces: Array, h: float) -> Array:
     for j, floor in enumerate(forces[:, FLOOR].astype(int)):
         patterns[floor, 1 + j] = 1.0 / building.mass[floor]
     modes = building.modes()
-    classical = modes.damping_ratios(building)
+    classical = modes.damping_ratios(building.damping_matrix())
     if classical is None:
         k, c = building.stiffness_matrix(), building.damping_matrix()
         per_mass = 1.0 / building.mass[:, None]

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import ModelError
-
-if TYPE_CHECKING:
-    from tdint.model.building import Building
 
 Array = NDArray[np.float64]
 
@@ -48,13 +44,13 @@ class Modes:
         """Effective modal mass over the total mass, shape (n,)."""
         return np.asarray(np.square(self.mass @ self.shapes) / self.mass.sum())
 
-    def damping_matrix(self, building: Building) -> Array:
-        """phi^T C phi, 1/s, shape (n, n)."""
-        return np.asarray(self.shapes.T @ building.damping_matrix() @ self.shapes)
+    def modal_damping(self, damping: Array) -> Array:
+        """phi^T C phi of a damping matrix C (N s/m, shape (n, n)), 1/s, shape (n, n)."""
+        return np.asarray(self.shapes.T @ damping @ self.shapes)
 
-    def damping_ratios(self, building: Building) -> Array | None:
-        """Damping ratio of each mode; None if the damping couples the modes."""
-        modal = self.damping_matrix(building)
+    def damping_ratios(self, damping: Array) -> Array | None:
+        """Damping ratio of each mode under a damping matrix (N s/m, shape (n, n)); None if it couples the modes."""
+        modal = self.modal_damping(damping)
         diagonal = np.maximum(np.diagonal(modal), 0.0)
         coupling = np.abs(modal - np.diag(diagonal))
         if np.any(coupling > CLASSICAL * np.sqrt(np.outer(diagonal, diagonal)) + CLASSICAL * np.max(diagonal)):

@@ -17,7 +17,7 @@ from tdint import load_model, run
 from tdint.analysis.assessment.paper_examples import DTS, default_integrators, examples, gap, reference, run_example
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import parse
-from tdint.model.bare import bare_model
+from tdint.model.simple import simple_model
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 FILES = {1: "sdof-polynomial", 2: "two-story-polynomial", 3: "chain-150"}
@@ -158,7 +158,7 @@ def test_a_load_linear_between_the_steps_is_a_record():
     one = runs(1, 0.02)["rk5", "load linear between the steps"]
     t = one.motion.time
     record = Record(-(500 * np.cos(25 * t) - 200 * np.sin(10 * t)) / 10.0, 0.02, "", "", "", "load")
-    still = bare_model("without forces", examples()[1].model.stories)
+    still = simple_model("without forces", examples()[1].model.stories)
     history = run(still, record, method="rk5", history=True).history
     assert one.motion.displacement == pytest.approx(history.displacement, abs=1e-11)
     assert one.motion.velocity == pytest.approx(history.velocity, abs=1e-10)

@@ -13,7 +13,7 @@ from tdint.analysis.chart.peers import opensees as opensees_peer
 from tdint.analysis.chart.peers import opensees_worker
 from tdint.analysis.chart.peers import solve_ivp as scipy_peer
 from tdint.analysis.chart.peers.opensees import openseespy_points
-from tdint.analysis.chart.peers.points import with_peers
+from tdint.analysis.chart.peers.peers import with_peers
 from tdint.analysis.chart.peers.solve_ivp import solve_ivp_points
 from tdint.analysis.chart.reference import Errors, Reference, find_reference
 from tdint.analysis.chart.work_precision import measure

@@ -24,7 +24,7 @@ from tdint.analysis.chart.work_precision import (
     measure,
     suited,
 )
-from tdint.analysis.run.case import Motion, pose
+from tdint.analysis.run.case import FloorMotion, pose
 from tdint.errors import AnalysisError, UsageError
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
@@ -46,7 +46,7 @@ def integrators(*names):
 def motion(displacement, stride=1):
     u = np.array(displacement, float)
     peaks = np.max(np.abs(drifts(u)), axis=0)
-    return Motion(stride, u, 2.0 * u, 3.0 * u, peaks)
+    return FloorMotion(stride, u, 2.0 * u, 3.0 * u, peaks)
 
 
 # ---- errors

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdint.analysis.assessment.hard_problems import Problem, problems
+from tdint.analysis.assessment.hard_problems import HardProblem, problems
 from tdint.analysis.run.run import FailedRun, History, run
 from tdint.errors import UsageError
 from tdint.methods.catalogue import catalogue, parse
@@ -74,7 +74,7 @@ def usual_methods() -> list[Integrator]:
     return result
 
 
-def find_problems(names: Sequence[str]) -> list[Problem]:
+def find_problems(names: Sequence[str]) -> list[HardProblem]:
     """Problems by name, each once; all if none is named.
 
     Raises
@@ -91,12 +91,12 @@ def find_problems(names: Sequence[str]) -> list[Problem]:
     return [known[name] for name in dict.fromkeys(names or known)]
 
 
-def attempt(integrator: Integrator, problem: Problem) -> list[Trial]:
+def attempt(integrator: Integrator, problem: HardProblem) -> list[Trial]:
     """Integrate a problem with each of its steps, and judge."""
     return [_attempt(integrator, problem, dt, steps) for dt, steps in problem.steps]
 
 
-def _attempt(integrator: Integrator, problem: Problem, dt: float, steps: int) -> Trial:
+def _attempt(integrator: Integrator, problem: HardProblem, dt: float, steps: int) -> Trial:
     if integrator.family.linear_only and not assemble(problem.model).linear:
         return _without_numbers(integrator, problem, dt, REFUSED, REFUSED, 0.0)
     ended = _run(integrator, problem, dt, steps, allow_unstable=False)
@@ -109,7 +109,9 @@ def _attempt(integrator: Integrator, problem: Problem, dt: float, steps: int) ->
     return _judged(integrator, problem, dt, outcome, ended)
 
 
-def _run(integrator: Integrator, problem: Problem, dt: float, steps: int, allow_unstable: bool) -> History | FailedRun:
+def _run(
+    integrator: Integrator, problem: HardProblem, dt: float, steps: int, allow_unstable: bool
+) -> History | FailedRun:
     try:
         response = run(
             problem.model,
@@ -125,7 +127,7 @@ def _run(integrator: Integrator, problem: Problem, dt: float, steps: int, allow_
     return response.history
 
 
-def _judged(integrator: Integrator, problem: Problem, dt: float, outcome: str, history: History) -> Trial:
+def _judged(integrator: Integrator, problem: HardProblem, dt: float, outcome: str, history: History) -> Trial:
     ratio = problem.energy(history) / problem.energy_scale
     least, largest = float(np.min(ratio)), float(np.max(ratio))
     error = problem.error(history)
@@ -148,7 +150,7 @@ def _judged(integrator: Integrator, problem: Problem, dt: float, outcome: str, h
 
 
 def _without_numbers(
-    integrator: Integrator, problem: Problem, dt: float, outcome: str, verdict: str, time: float
+    integrator: Integrator, problem: HardProblem, dt: float, outcome: str, verdict: str, time: float
 ) -> Trial:
     return Trial(
         problem=problem.name,

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.run.run import History, run
-from tdint.model.bare import bare_model, bare_story
 from tdint.model.definition import Force, Law, Model
+from tdint.model.simple import simple_model, simple_story
 
 Array = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ class Fault:
 
 
 @dataclass(frozen=True)
-class Problem:
+class HardProblem:
     """A problem with a known answer.
 
     Attributes
@@ -110,7 +110,7 @@ def hardening_motion(time: Array) -> Array:
     return np.asarray(_STRETCH * ellipj(math.sqrt(square) * time, _CUBIC * _STRETCH**2 / (2.0 * square))[1])
 
 
-def _hardening() -> Problem:
+def _hardening() -> HardProblem:
     def energy(history: History) -> Array:
         u = history.displacement[:, 0]
         return _kinetic(history, (1.0,)) + 0.5 * _SPRING * u**2 + 0.25 * _CUBIC * u**4
@@ -118,13 +118,13 @@ def _hardening() -> Problem:
     def error(history: History) -> float:
         return float(np.max(np.abs(history.displacement[:, 0] - hardening_motion(history.time)))) / _STRETCH
 
-    return Problem(
+    return HardProblem(
         name="hardening",
         about="u'' + 100 u (1 + 10 u^2) = 0 from u = 1.5, 10 s: the tangent stiffness changes 68-fold in each swing",
         source="Duffing's oscillator; exact motion by Jacobi's cn (Abramowitz and Stegun 1964, ch. 16)",
-        model=bare_model(
+        model=simple_model(
             "hardening oscillator",
-            [bare_story(1.0, Law("polynomial", (_SPRING, 0.0, _CUBIC)))],
+            [simple_story(1.0, Law("polynomial", (_SPRING, 0.0, _CUBIC)))],
             displacement=(_STRETCH,),
         ),
         steps=((0.005, 2000), (0.02, 500), (0.05, 200)),
@@ -147,8 +147,8 @@ def _log_cosh(u: Array) -> Array:
 
 
 def _softening_model() -> Model:
-    story = bare_story(1.0, Law("tanh", (_STRENGTH,)), stiffness=_STRENGTH)
-    return bare_model("softening oscillator", [story], displacement=(_PULL,))
+    story = simple_story(1.0, Law("tanh", (_STRENGTH,)), stiffness=_STRENGTH)
+    return simple_model("softening oscillator", [story], displacement=(_PULL,))
 
 
 @cache
@@ -159,7 +159,7 @@ def softening_motion(dt: float, steps: int) -> Array:
     return fine.history.displacement[::FINER, 0]
 
 
-def _softening() -> Problem:
+def _softening() -> HardProblem:
     def energy(history: History) -> Array:
         return _kinetic(history, (1.0,)) + _STRENGTH * _log_cosh(history.displacement[:, 0])
 
@@ -167,7 +167,7 @@ def _softening() -> Problem:
         exact = softening_motion(float(history.time[1]), len(history.time) - 1)
         return float(np.max(np.abs(history.displacement[:, 0] - exact))) / _PULL
 
-    return Problem(
+    return HardProblem(
         name="softening",
         about="u'' + 100 tanh u = 0 from u = 4, 60 s: the tangent stiffness all but vanishes twice in each swing",
         source="elastic, bounded force; exact energy in closed form, motion by gauss4 with steps 64 times finer",
@@ -193,7 +193,7 @@ def soft_node_motion(time: Array) -> Array:
     return np.asarray(_OWN * np.sin(time) + _DRIVEN * np.sin(_DRIVE * time))
 
 
-def _bathe_noh(name: str, node: str, error_of: str, error: Callable[[History], float], fault: Fault) -> Problem:
+def _bathe_noh(name: str, node: str, error_of: str, error: Callable[[History], float], fault: Fault) -> HardProblem:
     def energy(history: History) -> Array:
         stretch = history.displacement[:, 0] - np.sin(_DRIVE * history.time)
         return _kinetic(history, (1.0, 1.0)) + 0.5 * _STIFF * stretch**2 + 0.5 * history.drift[:, 1] ** 2
@@ -201,13 +201,13 @@ def _bathe_noh(name: str, node: str, error_of: str, error: Callable[[History], f
     time = np.linspace(0.0, 10.0, 10001)
     driven, drift = _DRIVE * np.cos(_DRIVE * time), soft_node_motion(time) - np.sin(_DRIVE * time)
     own = _OWN * np.cos(time) + _DRIVEN * driven
-    return Problem(
+    return HardProblem(
         name=name,
         about=f"masses 1 and 1, springs 1e7 and 1, from rest, the base moves by sin 1.2 t, 10 s: the {node} node",
         source="Bathe and Noh (2012), k1 = 1e7; exact motion that of k1 to infinity",
-        model=bare_model(
+        model=simple_model(
             "stiff and soft node",
-            [bare_story(1.0, stiffness=_STIFF), bare_story(1.0, stiffness=1.0)],
+            [simple_story(1.0, stiffness=_STIFF), simple_story(1.0, stiffness=1.0)],
             forces=[Force(1, 0.0, _STIFF, _DRIVE)],
         ),
         steps=((0.2618, 38),),
@@ -220,7 +220,7 @@ def _bathe_noh(name: str, node: str, error_of: str, error: Callable[[History], f
     )
 
 
-def _stiff_node() -> Problem:
+def _stiff_node() -> HardProblem:
     def error(history: History) -> float:
         exact = -(_DRIVE**2) * np.sin(_DRIVE * history.time)
         return _second_half(history, history.acceleration[:, 0] - exact)
@@ -229,7 +229,7 @@ def _stiff_node() -> Problem:
     return _bathe_noh("stiff-node", "stiff", error_of, error, Fault("rings", high=1.0))
 
 
-def _soft_node() -> Problem:
+def _soft_node() -> HardProblem:
     def error(history: History) -> float:
         return float(np.max(np.abs(history.displacement[:, 1] - soft_node_motion(history.time))))
 
@@ -242,7 +242,7 @@ def _soft_node() -> Problem:
 _SWING, _HALF, _JOINT = 9.81, 0.5, 2.5e7
 
 
-def _stiff_pair() -> Problem:
+def _stiff_pair() -> HardProblem:
     release = _HALF * _SWING  # force in the joint at u = 1 while both swing as one
 
     def energy(history: History) -> Array:
@@ -252,14 +252,14 @@ def _stiff_pair() -> Problem:
     def error(history: History) -> float:
         return _second_half(history, history.shear[:, 1] / release - history.displacement[:, 0])
 
-    return Problem(
+    return HardProblem(
         name="stiff-pair",
         about="masses 0.5 and 0.5, springs 9.81 and 2.5e7, let go from a pull at the roof to u = 1, 10 s: it has the "
         "frequencies of a pendulum of 1 kg and 1 m on a rod of EA 1e8 N, 3.13 and 1e4 rad/s",
         source="after the stiff pendulum of code_aster V5.02.100; exact motion that of a rigid joint",
-        model=bare_model(
+        model=simple_model(
             "stiff pair",
-            [bare_story(_HALF, stiffness=_SWING), bare_story(_HALF, stiffness=_JOINT)],
+            [simple_story(_HALF, stiffness=_SWING), simple_story(_HALF, stiffness=_JOINT)],
             displacement=(1.0, 1.0 + _SWING / _JOINT),
         ),
         steps=((0.05, 200),),
@@ -298,12 +298,12 @@ def _oscillator_energy(history: History) -> Array:
 
 
 def _oscillator(start: tuple[float, float]) -> Model:
-    story = bare_story(1.0, stiffness=1.0)
-    return bare_model("oscillator", [story], displacement=start[:1], velocity=start[1:])
+    story = simple_story(1.0, stiffness=1.0)
+    return simple_model("oscillator", [story], displacement=start[:1], velocity=start[1:])
 
 
-def _limit(name: str, what: str, source: str, *dts: float) -> Problem:
-    return Problem(
+def _limit(name: str, what: str, source: str, *dts: float) -> HardProblem:
+    return HardProblem(
         name=name,
         about=f"oscillator of 1 rad/s from u = 1, 200 steps, {what}",
         source=source,
@@ -318,8 +318,8 @@ def _limit(name: str, what: str, source: str, *dts: float) -> Problem:
     )
 
 
-def _overshoot(name: str, start: tuple[float, float]) -> Problem:
-    return Problem(
+def _overshoot(name: str, start: tuple[float, float]) -> HardProblem:
+    return HardProblem(
         name=f"overshoot-{name}",
         about=f"oscillator of 1 rad/s, the first ten steps of dt/T = 10, from a {name} of 1",
         source="Hilber and Hughes (1978)",
@@ -335,7 +335,7 @@ def _overshoot(name: str, start: tuple[float, float]) -> Problem:
 
 
 @cache
-def problems() -> Mapping[str, Problem]:
+def problems() -> Mapping[str, HardProblem]:
     """All problems by name, in the order in which they are listed."""
     hughes = "Hughes (1987), sect. 9.1"
     every = (

@@ -15,10 +15,10 @@ from tdint.errors import AnalysisError, UsageError
 from tdint.kernels.layout import ACCELERATION, DISPLACEMENT, VELOCITY
 from tdint.methods.exact import oscillator
 from tdint.methods.method import Integrator
-from tdint.model.bare import bare_model, bare_story
 from tdint.model.building import Building, assemble
 from tdint.model.definition import Force, Law
 from tdint.model.loads import force_table
+from tdint.model.simple import simple_model, simple_story
 
 Array = NDArray[np.float64]
 
@@ -128,8 +128,8 @@ def order_problem(load: str = "harmonic", law: str = "linear", frequency_ratio: 
         raise UsageError(f"no order problem {load!r} with {law!r}: {known}")
     ratio = frequency_ratio if load == "harmonic" else math.nan
     applied = (Force(1, _AMPLITUDE, 0.0, ratio * _OMEGA),) if load == "harmonic" else ()
-    story = bare_story(1.0, STORY_LAWS[law], stiffness=_OMEGA**2, dashpot=2.0 * _XI * _OMEGA)
-    building = assemble(bare_model("oscillator", [story]))
+    story = simple_story(1.0, STORY_LAWS[law], stiffness=_OMEGA**2, dashpot=2.0 * _XI * _OMEGA)
+    building = assemble(simple_model("oscillator", [story]))
     ground = _sampled_motion() if load == "record" else np.zeros(1)
     exact = _linear_record(ground) if load == "record" and law == "linear" else _by_dop853(load, law, ratio, ground)
     return OrderProblem(load, law, ratio, building, force_table(applied), ground, exact)

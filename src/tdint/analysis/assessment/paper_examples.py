@@ -16,10 +16,10 @@ from tdint.errors import AnalysisError
 from tdint.kernels.layout import DISPLACEMENT, VELOCITY
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
-from tdint.model.bare import bare_model, bare_story
 from tdint.model.building import assemble
 from tdint.model.definition import Force, Law, Model
 from tdint.model.loads import force_table
+from tdint.model.simple import simple_model, simple_story
 
 Array = NDArray[np.float64]
 
@@ -78,7 +78,7 @@ class Example:
 
 
 @dataclass(frozen=True)
-class Motion:
+class ExampleMotion:
     """What is compared: times (s), shape (steps + 1,), and motion of the floors, shape (steps + 1, n), SI."""
 
     time: Array
@@ -98,7 +98,7 @@ class ExampleRun:
     outcome : str
         The status of `tdint run`; without an end `diverged`, `not-converged` or `unstable-step`, and `refused` for a
         method for linear buildings.
-    motion, reference : Motion
+    motion, reference : ExampleMotion
         At the step ends; without an end `motion` holds nan.
     """
 
@@ -107,8 +107,8 @@ class ExampleRun:
     variant: str
     dt: float
     outcome: str
-    motion: Motion
-    reference: Motion
+    motion: ExampleMotion
+    reference: ExampleMotion
 
     def error(self, quantity: str) -> float:
         """Largest error over all floors and steps, SI; nan without an end."""
@@ -129,24 +129,24 @@ _REMARKS = {
 
 def _two_stories() -> Model:
     stories = [
-        bare_story(10.0, Law("polynomial", (800.0, 40.0, 1000.0)), dashpot=5.0),
-        bare_story(8.0, Law("polynomial", (600.0, 30.0, 750.0)), dashpot=4.0),
+        simple_story(10.0, Law("polynomial", (800.0, 40.0, 1000.0)), dashpot=5.0),
+        simple_story(8.0, Law("polynomial", (600.0, 30.0, 750.0)), dashpot=4.0),
     ]
-    return bare_model("example 2", stories, forces=[Force(1, 150.0, 0.0, 6.0), Force(2, 0.0, 100.0, 4.0)])
+    return simple_model("example 2", stories, forces=[Force(1, 150.0, 0.0, 6.0), Force(2, 0.0, 100.0, 4.0)])
 
 
 def _chain() -> Model:
-    stories = [bare_story(50.0, Law("polynomial", (500.0, 0.2)), dashpot=10.0)] * 150
+    stories = [simple_story(50.0, Law("polynomial", (500.0, 0.2)), dashpot=10.0)] * 150
     forces = [force for floor in (1, 150) for force in (Force(floor, 1e3, 0.0, 50.0), Force(floor, 0.0, 500.0, 30.0))]
-    return bare_model("example 3", stories, forces=forces)
+    return simple_model("example 3", stories, forces=forces)
 
 
 @cache
 def examples() -> Mapping[int, Example]:
     """The examples by number."""
-    oscillator = bare_model(
+    oscillator = simple_model(
         "example 1",
-        [bare_story(10.0, Law("polynomial", (200.0, 3.0)), dashpot=5.0)],
+        [simple_story(10.0, Law("polynomial", (200.0, 3.0)), dashpot=5.0)],
         forces=[Force(1, 500.0, 0.0, 25.0), Force(1, 0.0, -200.0, 10.0)],
     )
     return {
@@ -180,7 +180,7 @@ def examples() -> Mapping[int, Example]:
     }
 
 
-def reference(example: Example, dt: float, method: str = "rk5") -> Motion:
+def reference(example: Example, dt: float, method: str = "rk5") -> ExampleMotion:
     """The motion at the ends of steps dt, by a method that takes 8 steps in one; rk5 with the load at its stages.
 
     Raises
@@ -206,7 +206,9 @@ def run_example(example: Example, dt: float, integrators: Sequence[Integrator]) 
             yield ExampleRun(example.number, integrator.label, variant, dt, outcome, motion, exact)
 
 
-def _outcome(solve: Callable[[], Motion], integrator: Integrator, exact: Motion) -> tuple[str, Motion]:
+def _outcome(
+    solve: Callable[[], ExampleMotion], integrator: Integrator, exact: ExampleMotion
+) -> tuple[str, ExampleMotion]:
     """How a run ended, and its motion; nan without an end."""
     try:
         return "done", solve()
@@ -215,26 +217,26 @@ def _outcome(solve: Callable[[], Motion], integrator: Integrator, exact: Motion)
     except AnalysisError:
         outcome = "refused" if integrator.family.linear_only else "diverged"
     nothing = np.full_like(exact.displacement, math.nan)
-    return outcome, Motion(exact.time, nothing, nothing, nothing)
+    return outcome, ExampleMotion(exact.time, nothing, nothing, nothing)
 
 
 def _steps(example: Example, dt: float) -> int:
     return max(1, math.floor(example.duration / dt + 1e-9))
 
 
-def _motion(history: History | None, every: int = 1) -> Motion:
+def _motion(history: History | None, every: int = 1) -> ExampleMotion:
     assert history is not None
-    return Motion(
+    return ExampleMotion(
         history.time[::every], history.displacement[::every], history.velocity[::every], history.acceleration[::every]
     )
 
 
-def _as_run(example: Example, dt: float, integrator: Integrator) -> Motion:
+def _as_run(example: Example, dt: float, integrator: Integrator) -> ExampleMotion:
     duration = _steps(example, dt) * dt
     return _motion(run(example.model, method=integrator.label, dt=dt, duration=duration, history=True).history)
 
 
-def _from_rest_before(example: Example, dt: float, integrator: Integrator) -> Motion:
+def _from_rest_before(example: Example, dt: float, integrator: Integrator) -> ExampleMotion:
     """Central difference with u(-dt) = 0 in place of u(-dt) = dt^2 a0 / 2: it sees the velocity v0 = dt a0 / 2."""
     building = assemble(example.model)
     damped = np.diag(building.mass) + 0.5 * dt * building.damping_matrix()
@@ -252,14 +254,14 @@ def _load(model: Model, times: Array) -> Array:
     return loads
 
 
-def _stepwise(hold: bool) -> Callable[[Example, float, Integrator], Motion]:
+def _stepwise(hold: bool) -> Callable[[Example, float, Integrator], ExampleMotion]:
     """A method that remembers displacement and velocity alone, fed with the load's samples at the step ends.
 
     The load is held over each step at its value before, or linear in it: every step is a march of its own, under
     constant forces and slow sines.
     """
 
-    def solve(example: Example, dt: float, integrator: Integrator) -> Motion:
+    def solve(example: Example, dt: float, integrator: Integrator) -> ExampleMotion:
         count = _steps(example, dt)
         times = dt * np.arange(count + 2, dtype=np.float64)
         loads = _load(example.model, times)
@@ -275,7 +277,7 @@ def _stepwise(hold: bool) -> Callable[[Example, float, Integrator], Motion]:
                 raise AnalysisError(f"{integrator.label} ran away with dt {dt:.6g} s")
             motion[:, j] = space.history[0, 1 : 1 + 3 * n].reshape(3, n)
             state = space.history[1, 1 : 1 + 2 * n].reshape(2, n)
-        return Motion(times[:-1], *motion)
+        return ExampleMotion(times[:-1], *motion)
 
     return solve
 
@@ -288,7 +290,7 @@ def _forces(begin: Array, end: Array, dt: float) -> list[Force]:
     return constant + ramp
 
 
-VARIANTS: Mapping[str, Mapping[str, Callable[[Example, float, Integrator], Motion]]] = {
+VARIANTS: Mapping[str, Mapping[str, Callable[[Example, float, Integrator], ExampleMotion]]] = {
     "rk5": {"load linear between the steps": _stepwise(False), "load held over each step": _stepwise(True)},
     "central-difference": {"start with u(-dt) = 0": _from_rest_before},
 }

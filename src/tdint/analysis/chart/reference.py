@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.run.case import Motion, Problem
+from tdint.analysis.run.case import FloorMotion, Problem
 from tdint.analysis.run.steps import Steps, compile_all
 from tdint.errors import AnalysisError, OutputError
 from tdint.files import write_file
@@ -61,7 +61,7 @@ class Errors:
 QUANTITIES = tuple(field.name for field in fields(Errors))
 
 
-def errors(motion: Motion, reference: Motion) -> Errors:
+def errors(motion: FloorMotion, reference: FloorMotion) -> Errors:
     """Errors of a motion against the reference, which has all samples, at the times of the motion."""
     true = reference.every(motion.stride, len(motion.displacement))
     counted = true.peak_drift > _SMALL * np.max(true.peak_drift)
@@ -97,7 +97,7 @@ class Reference:
     dt: float
     confirmed_by: str
     gap: Errors
-    motion: Motion
+    motion: FloorMotion
 
 
 @dataclass(frozen=True)
@@ -172,7 +172,7 @@ def _solve_once(problem: Problem, samples: int, plan: _Plan, parts: int) -> Refe
     return Reference(plan.method, h, words, errors(other, motion), motion)
 
 
-def _motion(problem: Problem, samples: int, method: str, parts: int) -> Motion:
+def _motion(problem: Problem, samples: int, method: str, parts: int) -> FloorMotion:
     h = problem.interval / parts
     march = problem.march(parse(method), Steps(h, samples * parts, per_sample=parts), keep=True)
     if march.motion is None:
@@ -180,13 +180,13 @@ def _motion(problem: Problem, samples: int, method: str, parts: int) -> Motion:
     return march.motion
 
 
-def _extrapolated(coarse: Motion, fine: Motion) -> Motion:
+def _extrapolated(coarse: FloorMotion, fine: FloorMotion) -> FloorMotion:
     """The limit of two motions of a method of order 2, the step of the second half of the first's (Richardson)."""
 
     def limit(slow: Array, fast: Array) -> Array:
         return (4.0 * fast - slow) / 3.0
 
-    return Motion(
+    return FloorMotion(
         fine.stride,
         limit(coarse.displacement, fine.displacement),
         limit(coarse.velocity, fine.velocity),
@@ -218,7 +218,7 @@ def _load(file: Path, problem: Problem, samples: int) -> Reference | None:
     # A zip file, a text or an array that is broken: whatever is raised, the reference is computed anew.
     with suppress(Exception), file.open("rb") as stream, np.load(stream, allow_pickle=False) as content:
         table = content["table"]
-        motion = Motion(1, table[0], table[1], table[2], content["peak_drift"])
+        motion = FloorMotion(1, table[0], table[1], table[2], content["peak_drift"])
         if table.shape == (3, *shape) and motion.peak_drift.shape == shape[1:] and np.all(np.isfinite(table)):
             gap = Errors(*content["gap"].tolist())
             return Reference(str(content["method"]), float(content["dt"]), str(content["confirmed_by"]), gap, motion)

@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Motion:
+class FloorMotion:
     """A motion at every `stride`-th sample and its peaks.
 
     Attributes
@@ -49,10 +49,12 @@ class Motion:
         """Drifts of the stories, m, shape (rows, n)."""
         return np.diff(self.displacement, axis=1, prepend=0.0)
 
-    def every(self, stride: int, rows: int) -> Motion:
+    def every(self, stride: int, rows: int) -> FloorMotion:
         """The first `rows` rows of this motion `stride` samples apart."""
         part = slice(0, (rows - 1) * stride + 1, stride)
-        return Motion(stride, self.displacement[part], self.velocity[part], self.acceleration[part], self.peak_drift)
+        return FloorMotion(
+            stride, self.displacement[part], self.velocity[part], self.acceleration[part], self.peak_drift
+        )
 
 
 @dataclass(frozen=True)
@@ -61,7 +63,7 @@ class March:
 
     iterations: int
     seconds: float
-    motion: Motion | None
+    motion: FloorMotion | None
 
 
 @dataclass(frozen=True)
@@ -148,7 +150,7 @@ class Problem:
         if keep and code == 0:
             n = self.building.stories
             u, v, a = (space.history[:, 1 + j * n : 1 + (j + 1) * n].copy() for j in range(3))
-            motion = Motion(steps.stride, u, v, a, space.peaks[observing.PEAK_DRIFT])
+            motion = FloorMotion(steps.stride, u, v, a, space.peaks[observing.PEAK_DRIFT])
         return March(int(space.observed[observing.ITERATIONS]), seconds, motion)
 
 

@@ -26,7 +26,7 @@ _ROUNDING = 1e-13
 
 
 @dataclass(frozen=True)
-class Path:
+class LawPath:
     """A story's law along a path of drifts; arrays of shape (points,).
 
     Attributes
@@ -96,7 +96,7 @@ class CyclicTest:
         Of the law, and of P-delta (0 without, else negative), N/m.
     yield_drift : float
         Drift at first yield, m; nan for a law that does not yield.
-    path : Path
+    path : LawPath
         From rest through all cycles; `cycle_numbers` tells the cycle of each point.
     """
 
@@ -106,7 +106,7 @@ class CyclicTest:
     initial_stiffness: float
     geometric_stiffness: float
     yield_drift: float
-    path: Path
+    path: LawPath
 
     @property
     def height(self) -> float:
@@ -218,7 +218,7 @@ def cyclic_path(amplitudes: Sequence[float], cycles: int, points: int) -> Array:
     return np.concatenate([[0.0], *(size * np.tile(cycle, cycles) for size in amplitudes)])
 
 
-def follow_path(building: Building, story: int, drifts: Array) -> Path:
+def follow_path(building: Building, story: int, drifts: Array) -> LawPath:
     """A story's law (from 1) from rest to the first of some drifts (m) and from each to the next.
 
     Raises
@@ -232,7 +232,7 @@ def follow_path(building: Building, story: int, drifts: Array) -> Path:
     wrong = np.flatnonzero(~np.all(np.isfinite(result), axis=1))
     if wrong.size:
         raise AnalysisError(f"story {story}: its law has no finite force and energy at drift {drifts[wrong[0]]:.6g} m")
-    return Path(drifts, result[:, SHEAR], result[:, TANGENT], result[:, RECOVERABLE], result[:, DISSIPATION])
+    return LawPath(drifts, result[:, SHEAR], result[:, TANGENT], result[:, RECOVERABLE], result[:, DISSIPATION])
 
 
 def _stories(count: int) -> str:

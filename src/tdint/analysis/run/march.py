@@ -96,7 +96,7 @@ class Case:
         if self.integrator.stability_limit == math.inf:
             return
         modes = self.building.modes()
-        damping = np.diagonal(modes.damping_matrix(self.building)) / (2.0 * modes.omega)
+        damping = np.diagonal(modes.modal_damping(self.building.damping_matrix())) / (2.0 * modes.omega)
         found = find_instability(self.integrator, modes.omega, damping, h)
         if found is None:
             return

@@ -64,7 +64,7 @@ class Spectrum:
 
 
 @dataclass(frozen=True)
-class Manner:
+class SpectrumSettings:
     """How a spectrum is computed: the method (None for the exact solution), its maxima, the motion between samples."""
 
     method: str | None
@@ -115,20 +115,20 @@ def spectrum(
         A period is too short for the record, or the method is unstable at a period.
     """
     periods = checked_periods(periods, damping)
-    manner = choose_manner(method, maxima, interpolation)
+    settings = choose_settings(method, maxima, interpolation)
     positive = periods > 0.0
     omega = np.divide(2.0 * math.pi, periods, out=np.zeros_like(periods), where=positive)
     values = np.zeros((3, periods.size))
-    label = manner.method or "exact"
+    label = settings.method or "exact"
     if np.any(positive):
         check_shortest(record, periods)
-        label, values[:, positive] = _largest(record, omega[positive], damping, manner)
+        label, values[:, positive] = _largest(record, omega[positive], damping, settings)
     sd, sv, sa = values
     psv, psa = omega * sd, omega**2 * sd
     if not np.all(positive):
-        psa[~positive] = sa[~positive] = manner.interpolation.peak(record)
+        psa[~positive] = sa[~positive] = settings.interpolation.peak(record)
     return Spectrum(
-        record, damping, label, periods, sd, psv, psa, sv, sa, manner.maxima.name, manner.interpolation.name
+        record, damping, label, periods, sd, psv, psa, sv, sa, settings.maxima.name, settings.interpolation.name
     )
 
 
@@ -142,7 +142,7 @@ def checked_periods(periods: Array, damping: float) -> Array:
     return periods
 
 
-def choose_manner(method: str | None, maxima: str | None, interpolation: str | None) -> Manner:
+def choose_settings(method: str | None, maxima: str | None, interpolation: str | None) -> SpectrumSettings:
     """What is meant by the names that are given; those that are None follow from the others.
 
     Raises
@@ -160,7 +160,7 @@ def choose_manner(method: str | None, maxima: str | None, interpolation: str | N
         )
     if between is not LINEAR and where is not EXACT:
         raise UsageError(f"maxima {where.name} are those of the linear interpolation; leave one of the two out")
-    return Manner(method if integrated else None, where, between)
+    return SpectrumSettings(method if integrated else None, where, between)
 
 
 def _parse(method: str) -> Integrator:
@@ -185,12 +185,12 @@ def check_shortest(record: Record, periods: Array) -> None:
         )
 
 
-def _largest(record: Record, omega: Array, damping: float, manner: Manner) -> tuple[str, Array]:
+def _largest(record: Record, omega: Array, damping: float, settings: SpectrumSettings) -> tuple[str, Array]:
     """The method's label and the largest values, shape (3, k)."""
-    if manner.method is not None:
-        return _integrated(record, omega, damping, manner.method)
-    ground, dt = manner.interpolation.resample(record, 2.0 * math.pi / float(np.max(omega)))
-    return "exact", largest(ground, dt, omega, damping, manner.maxima)
+    if settings.method is not None:
+        return _integrated(record, omega, damping, settings.method)
+    ground, dt = settings.interpolation.resample(record, 2.0 * math.pi / float(np.max(omega)))
+    return "exact", largest(ground, dt, omega, damping, settings.maxima)
 
 
 def _integrated(record: Record, omega: Array, damping: float, method: str) -> tuple[str, Array]:

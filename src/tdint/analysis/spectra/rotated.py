@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.spectra.elastic import check_shortest, checked_periods, choose_manner
+from tdint.analysis.spectra.elastic import check_shortest, checked_periods, choose_settings
 from tdint.analysis.spectra.oscillators import Maxima, groups
 from tdint.errors import UsageError
 from tdint.ground_motion.horizontals import Horizontals
@@ -85,17 +85,17 @@ def rotated_spectrum(
     if not percentiles or not all(0 <= percentile <= 100 for percentile in percentiles):
         raise UsageError(f"percentiles must be from 0 to 100, got {', '.join(map(str, percentiles)) or 'none'}")
     periods = checked_periods(periods, damping)
-    manner = choose_manner(None, maxima, interpolation)
+    settings = choose_settings(None, maxima, interpolation)
     positive = periods > 0.0
     psa = np.empty((periods.size, rotation.ANGLES))
     if np.any(positive):
         check_shortest(motion.first, periods)
         omega = 2.0 * math.pi / periods[positive]
         psa[positive] = omega[:, None] ** 2 * _displacements(
-            motion, omega, damping, manner.maxima, manner.interpolation
+            motion, omega, damping, settings.maxima, settings.interpolation
         )
     if not np.all(positive):
-        psa[~positive] = _peaks(motion, manner.interpolation)
+        psa[~positive] = _peaks(motion, settings.interpolation)
     return RotatedSpectrum(
         motion=motion,
         damping=damping,
@@ -104,8 +104,8 @@ def rotated_spectrum(
         psa=np.percentile(psa, percentiles, axis=1),
         geometric_mean=np.sqrt(psa[:, 0] * psa[:, rotation.ANGLES // 2]),
         angle=np.argmax(psa, axis=1) * (180.0 / rotation.ANGLES),
-        maxima=manner.maxima.name,
-        interpolation=manner.interpolation.name,
+        maxima=settings.maxima.name,
+        interpolation=settings.interpolation.name,
     )
 
 

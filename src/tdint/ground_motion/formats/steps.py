@@ -16,14 +16,14 @@ _SLIP = 0.02
 
 
 @dataclass(frozen=True)
-class Steps:
+class SamplingInterval:
     """Sampling interval, s, and how far the times are from equal steps, s; 0 if rounding explains it."""
 
     dt: float
     departure: float
 
 
-def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> Steps:
+def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> SamplingInterval:
     """Find the sampling interval of printed times.
 
     Parameters
@@ -54,9 +54,9 @@ def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> Steps:
     off_grid = np.abs(times - times[0] - dt * np.arange(times.size))
     departure = float(max(np.max(off_grid), np.max(off_interval)))
     if departure <= allowed * (1.0 + 1e-6):
-        return Steps(dt, 0.0)
+        return SamplingInterval(dt, 0.0)
     if departure <= slack * duration:
-        return Steps(dt, departure)
+        return SamplingInterval(dt, departure)
     place = int(np.argmax(off_interval))
     raise RecordError(
         f"the samples are not at equal steps of {dt:.6g} s: they are {intervals[place]:.6g} s apart "

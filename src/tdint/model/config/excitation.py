@@ -9,7 +9,7 @@ from pathlib import Path
 from tdint.errors import UsageError
 from tdint.model.config.fields import ANY, NOT_NEGATIVE, Section, Value
 from tdint.model.config.processing import PROCESSING_KEYS, read_processing
-from tdint.model.config.units import Units
+from tdint.model.config.units import ModelUnits
 from tdint.model.definition import Excitation, Force, RecordSource
 from tdint.units import parse_units
 
@@ -17,7 +17,7 @@ _RECORD_KEYS = ("file", "units", "component", "scale", "inventory", *PROCESSING_
 _FORCE_KEYS = ("floor", "amplitude", "omega", "phase")
 
 
-def read_excitation(value: Value | None, unit: Units, count: int | None, folder: Path) -> Excitation:
+def read_excitation(value: Value | None, unit: ModelUnits, count: int | None, folder: Path) -> Excitation:
     """Record and forces; relative paths are relative to `folder`, `count` is the number of stories."""
     section = value.section(("record", "forces")) if value else None
     if section is None:
@@ -78,7 +78,7 @@ def _read_scale(section: Section) -> float:
     return scale
 
 
-def _read_force(value: Value, unit: Units, count: int | None) -> Force:
+def _read_force(value: Value, unit: ModelUnits, count: int | None) -> Force:
     section = value.section(_FORCE_KEYS)
     if section is None:
         return Force(0, math.nan, math.nan, math.nan)

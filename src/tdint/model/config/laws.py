@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from tdint.model.config.fields import Bounds, Section, Value
-from tdint.model.config.units import Units
+from tdint.model.config.units import ModelUnits
 from tdint.model.definition import Law
 from tdint.model.laws import LAWS, DriftLaw
 
@@ -14,7 +14,7 @@ LINEAR = Law("linear", ())
 _LIST = "a list of numbers"
 
 
-def read_law(value: Value | None, unit: Units) -> tuple[Law, float | None]:
+def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
     """The law and its own initial stiffness, N/m: None where the story gives it, nan where a fault leaves it open."""
     if value is None:
         return LINEAR, None
@@ -43,7 +43,7 @@ def _read_type(value: Value) -> tuple[DriftLaw | None, Section | None]:
     return (LAWS[name] if name else None), section
 
 
-def _read_parameters(section: Section, law: DriftLaw, unit: Units) -> tuple[float, ...]:
+def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple[float, ...]:
     """The parameters in SI in the order of the law, lists flattened."""
     values: list[float] = []
     for parameter in law.parameters:
@@ -56,7 +56,7 @@ def _read_parameters(section: Section, law: DriftLaw, unit: Units) -> tuple[floa
     return tuple(values)
 
 
-def _read_list(value: Value, bounds: Bounds, unit: Units) -> tuple[float, ...]:
+def _read_list(value: Value, bounds: Bounds, unit: ModelUnits) -> tuple[float, ...]:
     """The numbers of a `many` parameter in SI: the j-th is force length^-j."""
     items = value.items(_LIST)
     if items is not None and not items:
@@ -66,7 +66,7 @@ def _read_list(value: Value, bounds: Bounds, unit: Units) -> tuple[float, ...]:
     return tuple(item.number(bounds, unit.factor(force=1, length=-j)) for j, item in enumerate(items, start=1))
 
 
-def _own_stiffness(value: Value, law: DriftLaw, parameters: Sequence[float], unit: Units) -> float | None:
+def _own_stiffness(value: Value, law: DriftLaw, parameters: Sequence[float], unit: ModelUnits) -> float | None:
     """The initial stiffness that follows from the law's parameters, checked to be positive."""
     if law.initial_stiffness is None:
         return None

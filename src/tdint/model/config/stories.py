@@ -6,7 +6,7 @@ import math
 
 from tdint.model.config.fields import NOT_NEGATIVE, POSITIVE, Bounds, Section, Value
 from tdint.model.config.laws import LINEAR, read_law
-from tdint.model.config.units import Units
+from tdint.model.config.units import ModelUnits
 from tdint.model.definition import MAX_STORIES, Law, PowerDashpot, Story
 
 _STORY_KEYS = ("mass", "height", "stiffness", "law", "dashpot", "repeat")
@@ -15,7 +15,7 @@ _EXPONENT = Bounds(0.0, 2.0, low_allowed=False)
 _AGREEMENT = 1e-9
 
 
-def read_stories(value: Value | None, unit: Units, p_delta: bool) -> tuple[tuple[Story, ...], int | None]:
+def read_stories(value: Value | None, unit: ModelUnits, p_delta: bool) -> tuple[tuple[Story, ...], int | None]:
     """The stories from the ground up, and their number: None where a fault leaves it open."""
     entries = value.items("a list of stories") if value else None
     if value is None or entries is None:
@@ -34,7 +34,7 @@ def read_stories(value: Value | None, unit: Units, p_delta: bool) -> tuple[tuple
     return tuple(stories), count or None
 
 
-def _read_entry(entry: Value, unit: Units, p_delta: bool) -> tuple[Story, int | None]:
+def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, int | None]:
     """One entry of `stories` and how often it stands; None where a fault leaves that open."""
     section = entry.section(_STORY_KEYS)
     if section is None:
@@ -54,7 +54,7 @@ def _read_entry(entry: Value, unit: Units, p_delta: bool) -> tuple[Story, int | 
     return story, repeat.whole(1, MAX_STORIES) if repeat else 1
 
 
-def _read_dashpot(value: Value | None, unit: Units) -> tuple[float, PowerDashpot | None]:
+def _read_dashpot(value: Value | None, unit: ModelUnits) -> tuple[float, PowerDashpot | None]:
     """The coefficient of a viscous dashpot, N s/m, and the power-law dashpot: a number, or a mapping."""
     if value is None:
         return 0.0, None
@@ -72,7 +72,7 @@ def _read_dashpot(value: Value | None, unit: Units) -> tuple[float, PowerDashpot
     return 0.0, PowerDashpot(coefficient, exponent, below)
 
 
-def _read_stiffness(section: Section, own: float | None, law: Law, unit: Units) -> float:
+def _read_stiffness(section: Section, own: float | None, law: Law, unit: ModelUnits) -> float:
     """The initial stiffness, N/m, from the key `stiffness` or from the law's `own` one."""
     factor = unit.factor(force=1, length=-1)
     if own is None:

@@ -11,7 +11,7 @@ from tdint.model.config.fields import Value
 
 
 @dataclass(frozen=True)
-class Units:
+class ModelUnits:
     """Factors from the file's units to SI."""
 
     length: float
@@ -26,7 +26,7 @@ class Units:
             return math.inf
 
 
-def read_units(value: Value | None) -> Units:
+def read_units(value: Value | None) -> ModelUnits:
     """The units of the file, SI where it names none."""
     section = value.section(("length", "force", "mass")) if value else None
 
@@ -35,4 +35,4 @@ def read_units(value: Value | None) -> Units:
         unit = entry.choice(known, f"{name} unit") if entry else None
         return known[unit] if unit else 1.0
 
-    return Units(factor("length", units.LENGTH), factor("force", units.FORCE), factor("mass", units.MASS))
+    return ModelUnits(factor("length", units.LENGTH), factor("force", units.FORCE), factor("mass", units.MASS))

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import yaml
 
-from tdint.errors import ModelError, Problem
+from tdint.errors import ModelError, ModelFault
 
 MAX_DEPTH = 32
 """Nesting that a file may have; a model needs six levels. It keeps the recursion below Python's limit."""
@@ -57,19 +57,19 @@ class Faults:
 
     def __init__(self, source: str) -> None:
         self.source = source
-        self._problems: list[Problem] = []
+        self._faults: list[ModelFault] = []
 
     def add(self, place: _Place, key: str, message: str) -> None:
         """Note a problem of `key` at `place`."""
-        self._problems.append(Problem(self.source, place.line, place.column, key, message))
+        self._faults.append(ModelFault(self.source, place.line, place.column, key, message))
 
     def error(self) -> ModelError:
         """The error that holds all problems in file order."""
-        return ModelError(sorted(self._problems, key=lambda problem: (problem.line, problem.column)))
+        return ModelError(sorted(self._faults, key=lambda problem: (problem.line, problem.column)))
 
     def raise_if_any(self) -> None:
         """Raise `error()` if there is a problem."""
-        if self._problems:
+        if self._faults:
             raise self.error()
 
 

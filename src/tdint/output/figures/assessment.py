@@ -5,16 +5,22 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+from numpy.typing import NDArray
 
 from tdint.files import Writer
 from tdint.output.figures.run import COLORS, DASHES, MARKERS, add_legend, add_title, picture
-from tdint.output.results import Array
-from tdint.output.tables.assessment import OrderResult, OvershootResult, StabilityResult
+
+if TYPE_CHECKING:
+    from tdint.analysis.assessment.order import ObservedOrder
+    from tdint.analysis.assessment.overshoot import Overshoot
+    from tdint.analysis.assessment.stability import StabilityCurve
+
+Array = NDArray[np.float64]
 
 _NARROW = 31  # labels that fit into three columns
 _ACCURACY_RANGE = 0.4  # dt/T up to which accuracy is of interest
@@ -24,12 +30,12 @@ _ROUNDING = 1e-9  # what a spectral radius may lie above 1
 _TALLEST = 1e4  # what runs away is cut here
 
 
-def stability_picture(curves: Sequence[StabilityResult], suffix: str, *, band: bool = False) -> Writer:
+def stability_picture(curves: Sequence[StabilityCurve], suffix: str, *, band: bool = False) -> Writer:
     """Picture of stability: spectral radius, period error, numerical damping and amplitude decay over dt/T.
 
     Parameters
     ----------
-    curves : sequence of StabilityResult
+    curves : sequence of StabilityCurve
         A line each.
     suffix : str
         .png, .pdf or .svg.
@@ -49,7 +55,7 @@ def stability_picture(curves: Sequence[StabilityResult], suffix: str, *, band: b
     return picture(suffix, lambda: _draw_stability(curves, band))
 
 
-def overshoot_picture(motions: Sequence[OvershootResult], suffix: str) -> Writer:
+def overshoot_picture(motions: Sequence[Overshoot], suffix: str) -> Writer:
     """Picture of the first steps: displacement and velocity, from a displacement and from a velocity.
 
     Parameters, return value and errors are those of `stability_picture`.
@@ -57,7 +63,7 @@ def overshoot_picture(motions: Sequence[OvershootResult], suffix: str) -> Writer
     return picture(suffix, lambda: _draw_overshoot(motions))
 
 
-def order_picture(measured: Sequence[OrderResult], suffix: str) -> Writer:
+def order_picture(measured: Sequence[ObservedOrder], suffix: str) -> Writer:
     """Picture of the observed order: over the frequency ratio, or for each method where the load has no frequency.
 
     Parameters, return value and errors are those of `stability_picture`.
@@ -103,7 +109,7 @@ def _plot(axes: Any, x: Array, y: Array, style: dict[str, Any]) -> list[Any]:
     return list(axes.plot(x, y, **style))
 
 
-def _draw_stability(curves: Sequence[StabilityResult], band: bool) -> Figure:
+def _draw_stability(curves: Sequence[StabilityCurve], band: bool) -> Figure:
     figure = Figure(figsize=(7.5, 8.6 if band else 6.4), layout="constrained")
     grid = figure.add_gridspec(3 if band else 2, 2)
     radius, decay, period, damping = (figure.add_subplot(grid[i, j]) for i in (0, 1) for j in (0, 1))
@@ -133,23 +139,23 @@ def _draw_stability(curves: Sequence[StabilityResult], band: bool) -> Figure:
     return figure
 
 
-def _curve_styles(curves: Sequence[StabilityResult]) -> list[dict[str, Any]]:
+def _curve_styles(curves: Sequence[StabilityCurve]) -> list[dict[str, Any]]:
     return line_styles([curve.method for curve in curves], [curve.damping for curve in curves])
 
 
-def _curve_labels(curves: Sequence[StabilityResult]) -> list[str]:
+def _curve_labels(curves: Sequence[StabilityCurve]) -> list[str]:
     short = short_labels([curve.method for curve in curves])
     several = len({curve.damping for curve in curves}) > 1
     return [short[curve.method] + (f", ξ {curve.damping:g}" if several else "") for curve in curves]
 
 
-def _stability_title(curves: Sequence[StabilityResult]) -> str:
+def _stability_title(curves: Sequence[StabilityCurve]) -> str:
     ratios = [f"{ratio:g}" for ratio in dict.fromkeys(curve.damping for curve in curves)]
     what = f"One step of an oscillator without load, damping ratio{'s' * (len(ratios) > 1)} {', '.join(ratios)}"
     return f"{short_labels([curves[0].method])[curves[0].method]}\n{what}" if len(curves) == 1 else what
 
 
-def _frame_radius(axes: Any, curves: Sequence[StabilityResult]) -> None:
+def _frame_radius(axes: Any, curves: Sequence[StabilityCurve]) -> None:
     axes.set_xscale("log")
     low, high = (float(limit([limit(curve.dt_over_t) for curve in curves])) for limit in (np.min, np.max))
     low, high = max(low, _RADIUS_RANGE[0]), min(high, _RADIUS_RANGE[1])
@@ -180,7 +186,7 @@ def _frame_band(axes: Any) -> None:
     axes.set_ylabel("spectral radius - 1")
 
 
-def _draw_overshoot(motions: Sequence[OvershootResult]) -> Figure:
+def _draw_overshoot(motions: Sequence[Overshoot]) -> Figure:
     figure = Figure(figsize=(7.5, 6.4), layout="constrained")
     panels = figure.subplots(2, 2, sharex=True)
     starts = tuple(dict.fromkeys(motion.start for motion in motions))
@@ -215,7 +221,7 @@ def _frame_steps(axes: Any) -> None:
     axes.set_ylim(-reach, reach)
 
 
-def _overshoot_title(motions: Sequence[OvershootResult], short: dict[str, str]) -> str:
+def _overshoot_title(motions: Sequence[Overshoot], short: dict[str, str]) -> str:
     first = motions[0]
     text = (
         f"First steps with dt = {first.dt_over_t:g} T, damping ratio {first.damping:g}, over the exact amplitude\n"
@@ -224,7 +230,7 @@ def _overshoot_title(motions: Sequence[OvershootResult], short: dict[str, str]) 
     return f"{short[first.method]}\n{text}" if len(short) == 1 else text
 
 
-def _draw_orders(measured: Sequence[OrderResult]) -> Figure:
+def _draw_orders(measured: Sequence[ObservedOrder]) -> Figure:
     """Observed order, and the error at the finest step, over the frequency ratio."""
     figure = Figure(figsize=(7.5, 6.6), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
@@ -252,7 +258,7 @@ def _draw_orders(measured: Sequence[OrderResult]) -> Figure:
     return figure
 
 
-def _draw_order_chart(measured: Sequence[OrderResult]) -> Figure:
+def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
     """Observed orders of displacement, velocity and acceleration, one row of marks per method."""
     figure = Figure(figsize=(7.5, 1.9 + 0.24 * len(measured)), layout="constrained")
     axes = figure.subplots()
@@ -283,7 +289,7 @@ def _draw_order_chart(measured: Sequence[OrderResult]) -> Figure:
     return figure
 
 
-def _order_title(measured: Sequence[OrderResult]) -> str:
+def _order_title(measured: Sequence[ObservedOrder]) -> str:
     first = measured[0]
     loads = {
         "free": "free vibration",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,7 +13,10 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from tdint.files import Writer
 from tdint.output.figures.point_labels import write_labels
 from tdint.output.figures.run import COLORS, DASHES, MARKERS, add_legend, add_title, picture
-from tdint.output.tables.chart import PEER, QUANTITIES, ChartOf, PointOf, error_of
+from tdint.output.tables.chart import PEER, QUANTITIES, error_of
+
+if TYPE_CHECKING:
+    from tdint.analysis.chart.work_precision import Chart, Point
 
 _NARROW = 31  # labels that fit into three columns
 _FRONT = "0.85"
@@ -21,7 +24,7 @@ _SMALLEST_GAP = 1e-14  # so that it has a place on a logarithmic axis
 _LARGEST_ERROR = 10.0  # what is further off is cut
 
 
-def chart_picture(chart: ChartOf, suffix: str, *, name: str, target: str, versus: str = "time") -> Writer:
+def chart_picture(chart: Chart, suffix: str, *, name: str, target: str, versus: str = "time") -> Writer:
     """Picture of a chart: time over error, a line per method; or error over step.
 
     A point whose error is below the gap of the reference is not drawn. Of those of a line that has some, a triangle at
@@ -29,7 +32,7 @@ def chart_picture(chart: ChartOf, suffix: str, *, name: str, target: str, versus
 
     Parameters
     ----------
-    chart : ChartOf
+    chart : Chart
         What was measured.
     suffix : str
         .png, .pdf or .svg.
@@ -54,7 +57,7 @@ def chart_picture(chart: ChartOf, suffix: str, *, name: str, target: str, versus
     return picture(suffix, lambda: draw(_Drawing(chart, target), name))
 
 
-def sizes_picture(charts: Sequence[ChartOf], suffix: str, *, name: str, target: str) -> Writer:
+def sizes_picture(charts: Sequence[Chart], suffix: str, *, name: str, target: str) -> Writer:
     """Picture of time per step and of error over the number of stories, at the step closest to the record's.
 
     Parameters, return value and errors are those of `chart_picture`.
@@ -65,47 +68,47 @@ def sizes_picture(charts: Sequence[ChartOf], suffix: str, *, name: str, target: 
 class _Drawing:
     """What of a chart is drawn for one of the errors."""
 
-    def __init__(self, chart: ChartOf, target: str) -> None:
+    def __init__(self, chart: Chart, target: str) -> None:
         self.chart = chart
         self.target = target
         self.gap = max(error_of(chart.reference.gap, target), _SMALLEST_GAP)
-        lines: dict[str, list[PointOf]] = {point.line: [] for point in chart.points}
+        lines: dict[str, list[Point]] = {point.line: [] for point in chart.points}
         for point in chart.points:
             if point.errors is not None:
                 lines[point.line].append(point)
         self.lines = {line: points for line, points in lines.items() if points}
         self.points = [point for points in self.lines.values() for point in points]
 
-    def error(self, point: PointOf) -> float:
+    def error(self, point: Point) -> float:
         """The error, or the gap where it is less."""
         return max(error_of(point.errors, self.target), self.gap)
 
-    def known(self, points: Sequence[PointOf]) -> list[PointOf]:
+    def known(self, points: Sequence[Point]) -> list[Point]:
         """Points whose error is above the gap."""
         return [point for point in points if error_of(point.errors, self.target) > self.gap]
 
-    def place(self, point: PointOf) -> tuple[float, float]:
+    def place(self, point: Point) -> tuple[float, float]:
         """Error and time."""
         return self.error(point), point.fastest
 
-    def front(self) -> list[PointOf]:
+    def front(self) -> list[Point]:
         """The points that no other one beats in both time and error, the fastest first."""
-        front: list[PointOf] = []
+        front: list[Point] = []
         for point in sorted(self.points, key=lambda point: (point.fastest, self.error(point))):
             if not front or self.error(point) < self.error(front[-1]):
                 front.append(point)
         return front
 
-    def shown(self) -> list[PointOf]:
+    def shown(self) -> list[Point]:
         """Points that have a mark: those above the gap, and of each line the cheapest below it."""
         return [point for points in self.lines.values() for point in (*self.known(points), *self.below(points))]
 
-    def below(self, points: Sequence[PointOf]) -> list[PointOf]:
+    def below(self, points: Sequence[Point]) -> list[Point]:
         """The cheapest point below the gap, if there is one."""
         below = [point for point in points if error_of(point.errors, self.target) <= self.gap]
         return [min(below, key=lambda point: point.fastest)] if below else []
 
-    def own(self) -> list[PointOf]:
+    def own(self) -> list[Point]:
         """The points with the record's own step."""
         interval = self.chart.interval
         return [point for point in self.shown() if abs(point.dt - interval) <= 1e-9 * interval]
@@ -154,7 +157,7 @@ def _draw_times(drawing: _Drawing, name: str) -> Figure:
     return figure
 
 
-def _columns(drawing: _Drawing, points: Sequence[PointOf]) -> tuple[list[float], list[float]]:
+def _columns(drawing: _Drawing, points: Sequence[Point]) -> tuple[list[float], list[float]]:
     return [drawing.error(point) for point in points], [point.fastest for point in points]
 
 
@@ -203,7 +206,7 @@ def _draw_steps(drawing: _Drawing, name: str) -> Figure:
     return figure
 
 
-def _draw_sizes(charts: Sequence[ChartOf], name: str, target: str) -> Figure:
+def _draw_sizes(charts: Sequence[Chart], name: str, target: str) -> Figure:
     figure = Figure(figsize=(7.5, 4.6), layout="constrained")
     cost, accuracy = figure.subplots(1, 2)
     lines = list(dict.fromkeys(point.line for chart in charts for point in chart.points))
@@ -230,14 +233,14 @@ def _draw_sizes(charts: Sequence[ChartOf], name: str, target: str) -> Figure:
     return figure
 
 
-def _closest(drawing: _Drawing, line: str) -> PointOf | None:
+def _closest(drawing: _Drawing, line: str) -> Point | None:
     """The point of a line whose step is closest to the record's."""
     interval = drawing.chart.interval
     points = [point for point in drawing.lines.get(line, []) if not math.isnan(point.dt)]
     return min(points, key=lambda point: abs(math.log(point.dt / interval)), default=None)
 
 
-def _draw_proportion(axes: Any, charts: Sequence[ChartOf]) -> None:
+def _draw_proportion(axes: Any, charts: Sequence[Chart]) -> None:
     """A line of cost in proportion to size, under the others."""
     stories = np.array([min(chart.stories for chart in charts), max(chart.stories for chart in charts)], dtype=float)
     top = axes.get_ylim()[1]

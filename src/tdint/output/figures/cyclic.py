@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -11,17 +11,19 @@ from matplotlib.ticker import MaxNLocator
 
 from tdint.files import Writer
 from tdint.output.figures.run import COLORS, DASHES, add_title, picture, scaled_unit
-from tdint.output.tables.cyclic import CyclicResult
+
+if TYPE_CHECKING:
+    from tdint.analysis.run.cyclic import CyclicTest
 
 _LIGHT = "0.55"
 
 
-def cyclic_picture(test: CyclicResult, suffix: str) -> Writer:
+def cyclic_picture(test: CyclicTest, suffix: str) -> Writer:
     """Picture of a cyclic test: shear over drift, and the energies over the cycles.
 
     Parameters
     ----------
-    test : CyclicResult
+    test : CyclicTest
         A result of `tdint.analysis.run.cyclic.cyclic_test`.
     suffix : str
         .png, .pdf or .svg.
@@ -39,7 +41,7 @@ def cyclic_picture(test: CyclicResult, suffix: str) -> Writer:
     return picture(suffix, lambda: _draw(test))
 
 
-def _draw(test: CyclicResult) -> Figure:
+def _draw(test: CyclicTest) -> Figure:
     figure = Figure(figsize=(6.5, 7.6), layout="constrained")
     loop, energy = figure.subplots(2, 1, height_ratios=(2.6, 1.0))
     _draw_loop(loop, test)
@@ -48,7 +50,7 @@ def _draw(test: CyclicResult) -> Figure:
     return figure
 
 
-def _draw_loop(axes: Any, test: CyclicResult) -> None:
+def _draw_loop(axes: Any, test: CyclicTest) -> None:
     factor, unit = scaled_unit(float(np.max(np.abs(test.path.shear))), "N")
     axes.axhline(0.0, color=_LIGHT, linewidth=0.6)
     axes.axvline(0.0, color=_LIGHT, linewidth=0.6)
@@ -70,7 +72,7 @@ def _draw_loop(axes: Any, test: CyclicResult) -> None:
         percent.set_xlabel("drift ratio (%)")
 
 
-def _mark_yielding(axes: Any, test: CyclicResult) -> None:
+def _mark_yielding(axes: Any, test: CyclicTest) -> None:
     """Dotted lines at the drifts of first yield, where the test goes beyond them."""
     if not test.yield_drift < float(np.max(test.path.drift)):
         return
@@ -81,7 +83,7 @@ def _mark_yielding(axes: Any, test: CyclicResult) -> None:
         )  # fmt: skip
 
 
-def _draw_energy(axes: Any, test: CyclicResult) -> None:
+def _draw_energy(axes: Any, test: CyclicTest) -> None:
     cycle = np.arange(test.path.drift.size) / (4.0 * test.points)
     factor, unit = scaled_unit(float(np.max(test.path.recoverable + test.path.dissipated)), "J")
     axes.plot(cycle, test.path.dissipated * factor, color=COLORS[0], label="dissipated")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
@@ -12,15 +12,17 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from tdint.files import Writer
 from tdint.output.figures.run import add_title, picture
 from tdint.output.figures.spectrum import Panel, draw_over_periods, line_labels, over_periods_title
-from tdint.output.tables.drift import DriftSpectrumResult
+
+if TYPE_CHECKING:
+    from tdint.analysis.spectra.drift import DriftSpectrum
 
 
-def drift_spectrum_picture(spectra: Sequence[DriftSpectrumResult], suffix: str) -> Writer:
+def drift_spectrum_picture(spectra: Sequence[DriftSpectrum], suffix: str) -> Writer:
     """Picture of drift spectra: a line per component and damping ratio.
 
     Parameters
     ----------
-    spectra : sequence of DriftSpectrumResult
+    spectra : sequence of DriftSpectrum
         One at least; all of the same kind of building.
     suffix : str
         .png, .pdf or .svg.
@@ -38,9 +40,9 @@ def drift_spectrum_picture(spectra: Sequence[DriftSpectrumResult], suffix: str) 
     return picture(suffix, lambda: _draw(spectra))
 
 
-def _draw(spectra: Sequence[DriftSpectrumResult]) -> Figure:
+def _draw(spectra: Sequence[DriftSpectrum]) -> Figure:
     beam = spectra[0].stories[0] == 0
-    panels: list[Panel[DriftSpectrumResult]] = [
+    panels: list[Panel[DriftSpectrum]] = [
         ("drift ratio at the base (%)" if beam else "largest story drift ratio (%)", _peaks),
         ("roof displacement over height (%)", lambda spectrum: 100.0 * spectrum.roof_drift_ratio),
     ]
@@ -50,11 +52,11 @@ def _draw(spectra: Sequence[DriftSpectrumResult]) -> Figure:
     return figure
 
 
-def _peaks(spectrum: DriftSpectrumResult) -> Any:
+def _peaks(spectrum: DriftSpectrum) -> Any:
     return 100.0 * spectrum.peak_drift_ratio
 
 
-def _buildings(spectrum: DriftSpectrumResult) -> str:
+def _buildings(spectrum: DriftSpectrum) -> str:
     least, most = int(spectrum.stories.min()), int(spectrum.stories.max())
     if most == 0:
         return "continuous shear beam"
@@ -62,7 +64,7 @@ def _buildings(spectrum: DriftSpectrumResult) -> str:
     return f"shear buildings of {stories} {'story' if most == 1 else 'stories'}"
 
 
-def _add_heights(axes: Any, spectrum: DriftSpectrumResult) -> None:
+def _add_heights(axes: Any, spectrum: DriftSpectrum) -> None:
     """A scale of the heights on top; they are a power of the period."""
     first, last = spectrum.periods.argmin(), spectrum.periods.argmax()
     if spectrum.periods[first] == spectrum.periods[last]:

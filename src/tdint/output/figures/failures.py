@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
@@ -12,7 +12,9 @@ from matplotlib.patches import Rectangle
 from tdint.files import Writer
 from tdint.output.figures.assessment import short_labels
 from tdint.output.figures.run import add_title, picture
-from tdint.output.tables.failures import TrialResult
+
+if TYPE_CHECKING:
+    from tdint.analysis.assessment.failures import Trial
 
 _CELL = (0.46, 0.25)  # inches
 
@@ -48,12 +50,12 @@ _EXPLANATION = (
 )
 
 
-def failure_picture(trials: Sequence[TrialResult], suffix: str) -> Writer:
+def failure_picture(trials: Sequence[Trial], suffix: str) -> Writer:
     """Picture of who fails where: a row per method, a column per problem and step.
 
     Parameters
     ----------
-    trials : sequence of TrialResult
+    trials : sequence of Trial
         A cell each.
     suffix : str
         .png, .pdf or .svg.
@@ -71,7 +73,7 @@ def failure_picture(trials: Sequence[TrialResult], suffix: str) -> Writer:
     return picture(suffix, lambda: _draw(trials))
 
 
-def _draw(trials: Sequence[TrialResult]) -> Figure:
+def _draw(trials: Sequence[Trial]) -> Figure:
     methods = list(dict.fromkeys(trial.method for trial in trials))
     columns = list(dict.fromkeys((trial.problem, trial.dt) for trial in trials))
     width, height = _CELL[0] * len(columns), _CELL[1] * len(methods)
@@ -110,14 +112,14 @@ def _patch(x: float, y: float, mark: _Mark) -> Rectangle:
     )
 
 
-def _draw_cell(axes: Any, x: int, y: int, trial: TrialResult) -> None:
+def _draw_cell(axes: Any, x: int, y: int, trial: Trial) -> None:
     mark = _MARKS.get(trial.verdict, _MARKS[""])
     axes.add_patch(_patch(x, y, mark))
     behind = {"facecolor": mark.face, "edgecolor": "none", "pad": 0.8} if mark.hatch else None
     axes.text(x, y, _words(trial), ha="center", va="center", fontsize=6.8, color=mark.ink, bbox=behind)
 
 
-def _words(trial: TrialResult) -> str:
+def _words(trial: Trial) -> str:
     """Three digits of what is judged, the steps done before a failure, or a dash."""
     if math.isnan(trial.measure):
         return "-" if trial.outcome == "refused" else str(trial.steps)

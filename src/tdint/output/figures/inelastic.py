@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,15 +12,17 @@ from matplotlib.ticker import FuncFormatter
 from tdint.files import Writer
 from tdint.output.figures.run import add_title, picture
 from tdint.output.figures.spectrum import Panel, draw_over_periods, line_labels, over_periods_title
-from tdint.output.tables.inelastic import InelasticResult
+
+if TYPE_CHECKING:
+    from tdint.analysis.spectra.inelastic import InelasticSpectrum
 
 
-def inelastic_picture(spectra: Sequence[InelasticResult], suffix: str) -> Writer:
+def inelastic_picture(spectra: Sequence[InelasticSpectrum], suffix: str) -> Writer:
     """Picture of inelastic spectra: a line per component, damping ratio, and ductility or strength.
 
     Parameters
     ----------
-    spectra : sequence of InelasticResult
+    spectra : sequence of InelasticSpectrum
         One at least; all for ductilities or all for strengths.
     suffix : str
         .png, .pdf or .svg.
@@ -38,8 +40,8 @@ def inelastic_picture(spectra: Sequence[InelasticResult], suffix: str) -> Writer
     return picture(suffix, lambda: _draw(spectra))
 
 
-def _draw(spectra: Sequence[InelasticResult]) -> Figure:
-    panels: list[Panel[InelasticResult]] = [
+def _draw(spectra: Sequence[InelasticSpectrum]) -> Figure:
+    panels: list[Panel[InelasticSpectrum]] = [
         ("yield strength over weight", lambda spectrum: spectrum.yield_strength_ratio)
         if spectra[0].target is not None
         else ("ductility", lambda spectrum: spectrum.ductility),
@@ -60,7 +62,7 @@ def _draw(spectra: Sequence[InelasticResult]) -> Figure:
     return figure
 
 
-def _show_ductility(axes: Any, spectra: Sequence[InelasticResult]) -> None:
+def _show_ductility(axes: Any, spectra: Sequence[InelasticSpectrum]) -> None:
     """On a logarithmic axis, with a line at first yielding."""
     if not any(np.any(spectrum.ductility > 0.0) for spectrum in spectra):
         return
@@ -70,7 +72,7 @@ def _show_ductility(axes: Any, spectra: Sequence[InelasticResult]) -> None:
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
-def _given(spectrum: InelasticResult) -> str:
+def _given(spectrum: InelasticSpectrum) -> str:
     """What was asked for: a ductility, or a strength, which is the same at all periods."""
     if spectrum.target is not None:
         return f"ductility {spectrum.target:g}"

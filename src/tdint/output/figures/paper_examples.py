@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,7 +12,9 @@ from matplotlib.ticker import MaxNLocator
 from tdint.files import Writer
 from tdint.output.figures.assessment import line_styles, short_labels
 from tdint.output.figures.run import add_legend, add_title, picture
-from tdint.output.tables.paper_examples import ExampleResult
+
+if TYPE_CHECKING:
+    from tdint.analysis.assessment.paper_examples import ExampleRun
 
 _UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s²"}
 _NARROW = 31  # labels that fit into three columns
@@ -21,7 +23,7 @@ _ROUNDING = 1e-16  # no error below it is shown
 
 
 def example_picture(
-    title: str, runs: Sequence[ExampleResult], floor: int, quantities: Sequence[str], what: str, suffix: str
+    title: str, runs: Sequence[ExampleRun], floor: int, quantities: Sequence[str], what: str, suffix: str
 ) -> Writer:
     """Figure of one example: motion of a floor by several methods.
 
@@ -29,7 +31,7 @@ def example_picture(
     ----------
     title : str
         Its first line.
-    runs : sequence of ExampleResult
+    runs : sequence of ExampleRun
         Of one example and one step; at least one of them ended.
     floor : int
         Counted from 1.
@@ -54,7 +56,7 @@ def example_picture(
     return picture(suffix, lambda: _draw(title, ended, floor - 1, quantities, what))
 
 
-def _draw(title: str, runs: Sequence[ExampleResult], floor: int, quantities: Sequence[str], what: str) -> Figure:
+def _draw(title: str, runs: Sequence[ExampleRun], floor: int, quantities: Sequence[str], what: str) -> Figure:
     rows = [(quantity, kind) for quantity in quantities for kind in ("history", "error") if what in (kind, "both")]
     figure = Figure(figsize=(7.5, 1.2 + 2.4 * len(rows)), layout="constrained")
     grid = figure.add_gridspec(len(rows), 2, width_ratios=(2.6, 1.0))
@@ -71,13 +73,13 @@ def _draw(title: str, runs: Sequence[ExampleResult], floor: int, quantities: Seq
     return figure
 
 
-def _label(run: ExampleResult) -> str:
+def _label(run: ExampleRun) -> str:
     method = short_labels([run.method])[run.method]
     return f"{method}, {run.variant}" if run.variant else method
 
 
 def _draw_history(
-    wide: Any, close: Any, runs: Sequence[ExampleResult], styles: Sequence[dict[str, Any]], floor: int, quantity: str
+    wide: Any, close: Any, runs: Sequence[ExampleRun], styles: Sequence[dict[str, Any]], floor: int, quantity: str
 ) -> dict[str, Any]:
     """The methods as they are, without variants, over the exact motion; lines by label."""
     time = runs[0].motion.time
@@ -103,7 +105,7 @@ def _draw_history(
 
 
 def _draw_errors(
-    axes: Any, runs: Sequence[ExampleResult], styles: Sequence[dict[str, Any]], floor: int, quantity: str
+    axes: Any, runs: Sequence[ExampleRun], styles: Sequence[dict[str, Any]], floor: int, quantity: str
 ) -> dict[str, Any]:
     """The largest error up to each time, variants as well; lines by label."""
     lines = {}

@@ -5,14 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
+import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from tdint.files import Writer
 from tdint.ground_motion.record import Record
 from tdint.output.figures.run import add_title, picture, record_name
 from tdint.output.figures.spectrum import Panel, draw_over_periods, line_labels, over_periods_title
-from tdint.output.results import Array, RotatedResult
+
+if TYPE_CHECKING:
+    from tdint.analysis.spectra.rotated import RotatedSpectrum
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -31,12 +38,12 @@ class _Line:
         return self.psa * (self.periods / (2.0 * math.pi)) ** 2
 
 
-def rotated_picture(spectra: Sequence[RotatedResult], suffix: str) -> Writer:
+def rotated_picture(spectra: Sequence[RotatedSpectrum], suffix: str) -> Writer:
     """Picture of spectra over all directions: a line per motion, damping ratio, percentile, and the geometric mean.
 
     Parameters
     ----------
-    spectra : sequence of RotatedResult
+    spectra : sequence of RotatedSpectrum
         One at least; all of the same percentiles.
     suffix : str
         .png, .pdf or .svg.
@@ -54,7 +61,7 @@ def rotated_picture(spectra: Sequence[RotatedResult], suffix: str) -> Writer:
     return picture(suffix, lambda: _draw(spectra))
 
 
-def _draw(spectra: Sequence[RotatedResult]) -> Figure:
+def _draw(spectra: Sequence[RotatedSpectrum]) -> Figure:
     lines = [line for spectrum in spectra for line in _lines(spectrum)]
     panels: list[Panel[_Line]] = [
         ("pseudo-acceleration PSA (m/s²)", lambda line: line.psa),
@@ -71,7 +78,7 @@ def _draw(spectra: Sequence[RotatedResult]) -> Figure:
     return figure
 
 
-def _lines(spectrum: RotatedResult) -> Iterator[_Line]:
+def _lines(spectrum: RotatedSpectrum) -> Iterator[_Line]:
     motion = spectrum.motion
     names = dict.fromkeys((record_name(motion.first.source), record_name(motion.second.source)))
     record = replace(motion.first, source="+".join(names), component=motion.component)

@@ -10,18 +10,23 @@ import warnings
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from textwrap import shorten
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
 
 from tdint.errors import OutputError
-from tdint.files import Writer, write_file
+from tdint.files import Writer
 from tdint.ground_motion.record import Record
-from tdint.output.results import Array, RunResult
+
+if TYPE_CHECKING:
+    from tdint.analysis.run.outcome import Response
+
+Array = NDArray[np.float64]
 
 _STYLE = {
     "font.size": 9.0,
@@ -58,17 +63,12 @@ _METADATA: dict[str, dict[str, Any]] = {
 }
 
 
-def plot_run(response: RunResult, file: Path, *, overwrite: bool = False) -> None:
-    """Draw a run to a file, by its suffix PNG, PDF or SVG; see `run_picture`."""
-    write_file(file, run_picture(response, file.suffix), overwrite=overwrite)
-
-
-def run_picture(response: RunResult, suffix: str) -> Writer:
+def run_picture(response: Response, suffix: str) -> Writer:
     """Picture of a run: ground, roof displacement and energies over time, the stories' drifts, one hysteresis.
 
     Parameters
     ----------
-    response : RunResult
+    response : Response
         With its history.
     suffix : str
         .png, .pdf or .svg.
@@ -113,7 +113,7 @@ def picture(suffix: str, draw: Callable[[], Figure]) -> Writer:
     return write
 
 
-def _draw_run(response: RunResult) -> Figure:
+def _draw_run(response: Response) -> Figure:
     figure = Figure(figsize=(7.5, 9.0), layout="constrained")
     grid = figure.add_gridspec(4, 2, height_ratios=(1.0, 2.0, 1.9, 3.6))
     if response.record is None:
@@ -140,7 +140,7 @@ def add_title(figure: Figure, title: str) -> None:
     figure.suptitle("\n".join(lines), fontsize=10.5, parse_math=False)
 
 
-def _draw_ground(axes: Any, response: RunResult) -> None:
+def _draw_ground(axes: Any, response: Response) -> None:
     history = response.history
     assert history is not None
     axes.plot(history.time, history.ground_acceleration, color=_LIGHT, linewidth=0.8)
@@ -150,7 +150,7 @@ def _draw_ground(axes: Any, response: RunResult) -> None:
     _mark_peak(axes, history.time, history.ground_acceleration, "m/s²")
 
 
-def _draw_roof(axes: Any, response: RunResult) -> None:
+def _draw_roof(axes: Any, response: Response) -> None:
     history = response.history
     assert history is not None
     roof = history.displacement[:, -1]
@@ -161,7 +161,7 @@ def _draw_roof(axes: Any, response: RunResult) -> None:
     _mark_peak(axes, history.time, roof, "m")
 
 
-def _draw_energies(axes: Any, response: RunResult) -> None:
+def _draw_energies(axes: Any, response: Response) -> None:
     """Where the energy put in went: layers of dissipated, damped, stored and kinetic energy below the energy put in."""
     history = response.history
     assert history is not None
@@ -202,7 +202,7 @@ def _mark_peak(axes: Any, time: Array, values: Array, unit: str) -> None:
     )  # fmt: skip
 
 
-def _draw_drifts(axes: Any, response: RunResult) -> None:
+def _draw_drifts(axes: Any, response: Response) -> None:
     """Largest drift of each story as a profile; in percent of the height where all stories have one."""
     stories = response.stories
     by_height = bool(np.all(np.isfinite(stories.peak_drift_ratio)))
@@ -235,7 +235,7 @@ def _draw_drifts(axes: Any, response: RunResult) -> None:
     axes.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
 
 
-def _draw_hysteresis(axes: Any, response: RunResult) -> None:
+def _draw_hysteresis(axes: Any, response: Response) -> None:
     history = response.history
     assert history is not None
     story, reason = _telling_story(response)
@@ -249,7 +249,7 @@ def _draw_hysteresis(axes: Any, response: RunResult) -> None:
     axes.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
 
 
-def _telling_story(response: RunResult) -> tuple[int, str]:
+def _telling_story(response: Response) -> tuple[int, str]:
     """The story whose hysteresis says most, from 0: the largest ductility, else drift ratio, else drift."""
     stories = response.stories
     for values, name, factor, unit in (

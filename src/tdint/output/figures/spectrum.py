@@ -4,29 +4,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Hashable, Sequence
-from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
-from tdint.files import Writer, write_file
+from tdint.files import Writer
 from tdint.ground_motion.record import Record
 from tdint.output.figures.run import COLORS, DASHES, MARKERS, add_legend, add_title, changed, picture, record_name
-from tdint.output.results import Array, SpectrumResult
 from tdint.output.tables.tables import component_names
+
+if TYPE_CHECKING:
+    from tdint.analysis.spectra.elastic import Spectrum
+
+Array = NDArray[np.float64]
 
 _FEW = 8  # periods: with fewer every one is marked
 
 
-def plot_spectrum(spectra: Sequence[SpectrumResult], file: Path, *, overwrite: bool = False) -> None:
-    """Draw spectra to a file, by its suffix PNG, PDF or SVG; see `spectrum_picture`."""
-    write_file(file, spectrum_picture(spectra, file.suffix), overwrite=overwrite)
-
-
-def spectrum_picture(spectra: Sequence[SpectrumResult], suffix: str) -> Writer:
+def spectrum_picture(spectra: Sequence[Spectrum], suffix: str) -> Writer:
     """Picture of spectra: pseudo-acceleration and displacement over period, a line per component and damping ratio.
 
     Parameters, return value and errors are those of `tdint.output.figures.run.run_picture`.
@@ -34,8 +32,8 @@ def spectrum_picture(spectra: Sequence[SpectrumResult], suffix: str) -> Writer:
     return picture(suffix, lambda: _draw_spectra(spectra))
 
 
-def _draw_spectra(spectra: Sequence[SpectrumResult]) -> Figure:
-    panels: list[Panel[SpectrumResult]] = [
+def _draw_spectra(spectra: Sequence[Spectrum]) -> Figure:
+    panels: list[Panel[Spectrum]] = [
         ("pseudo-acceleration PSA (m/s²)", lambda spectrum: spectrum.psa),
         ("displacement SD (m)", lambda spectrum: spectrum.sd),
     ]
@@ -45,7 +43,7 @@ def _draw_spectra(spectra: Sequence[SpectrumResult]) -> Figure:
     return figure
 
 
-def _how(spectrum: SpectrumResult) -> str:
+def _how(spectrum: Spectrum) -> str:
     """The method, and what was chosen beside it."""
     words = ["exact solution" if spectrum.method == "exact" else spectrum.method]
     if spectrum.method == "exact" and spectrum.maxima != "exact":

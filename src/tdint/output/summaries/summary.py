@@ -9,13 +9,18 @@ import math
 import platform
 from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tdint.ground_motion.record import Input, Record
 from tdint.model.definition import Model
-from tdint.output.results import Array, Checks, Collapses, Energies, RunFailure, RunResult, Stories, StoryErrors
+
+if TYPE_CHECKING:
+    from tdint.analysis.run.outcome import Check, Collapse, Energy, FailedRun, Response, StoryErrors, StoryPeaks
+
+Array = NDArray[np.float64]
 
 _PACKAGES = ("tdint", "numpy", "scipy", "numba", "obspy")
 
@@ -25,7 +30,7 @@ def model_input(model: Model) -> Input:
     return Input(model.source, hashlib.sha256(model.text).hexdigest())
 
 
-def run_summary(response: RunResult, inputs: Sequence[Input], wall_time: float) -> dict[str, Any]:
+def run_summary(response: Response, inputs: Sequence[Input], wall_time: float) -> dict[str, Any]:
     """Content of summary.json for a run that came to its end; `wall_time` (s) counts from the command's start."""
     return {
         "status": response.status,
@@ -52,7 +57,7 @@ def run_summary(response: RunResult, inputs: Sequence[Input], wall_time: float) 
 
 
 def failure_summary(
-    failure: RunFailure,
+    failure: FailedRun,
     model: Model,
     record: Record | None,
     inputs: Sequence[Input],
@@ -100,7 +105,7 @@ def table_summary(command: str, settings: dict[str, Any], records: Sequence[dict
     return {"command": command, "settings": settings, "records": list(records), "versions": versions()}
 
 
-def overall_peaks(stories: Stories) -> dict[str, float | int | None]:
+def overall_peaks(stories: StoryPeaks) -> dict[str, float | int | None]:
     """The largest peaks of a building, SI units, and the story or floor (from 1) that has them; None where unknown."""
     drift, drift_story = _largest(stories.peak_drift)
     ratio, ratio_story = _largest(stories.peak_drift_ratio)
@@ -123,7 +128,7 @@ def overall_peaks(stories: Stories) -> dict[str, float | int | None]:
     }
 
 
-def overall_errors(stories: Stories, errors: StoryErrors) -> dict[str, float | None]:
+def overall_errors(stories: StoryPeaks, errors: StoryErrors) -> dict[str, float | None]:
     """Estimated errors of the numbers of the same names in `overall_peaks`; None where there is none."""
     residual = np.abs(stories.residual_drift)
     return {
@@ -171,7 +176,7 @@ def _largest(values: Array) -> tuple[float | None, int | None]:
     return float(values[i]), i + 1
 
 
-def _energy(energy: Energies) -> dict[str, float]:
+def _energy(energy: Energy) -> dict[str, float]:
     return {
         "start_J": energy.start,
         "input_J": energy.input,
@@ -183,7 +188,7 @@ def _energy(energy: Energies) -> dict[str, float]:
     }
 
 
-def _check(check: Checks | None, stories: Stories) -> dict[str, Any] | None:
+def _check(check: Check | None, stories: StoryPeaks) -> dict[str, Any] | None:
     if check is None:
         return None
     return {
@@ -195,7 +200,7 @@ def _check(check: Checks | None, stories: Stories) -> dict[str, Any] | None:
     }
 
 
-def _collapse(collapse: Collapses | None) -> dict[str, Any] | None:
+def _collapse(collapse: Collapse | None) -> dict[str, Any] | None:
     if collapse is None:
         return None
     return {"time_s": collapse.time, "story": collapse.story, "run_ended": collapse.ended}

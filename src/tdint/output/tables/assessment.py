@@ -1,15 +1,16 @@
-"""Tables of the laboratory: stability, overshoot and order of the methods.
-
-The results of `tdint.analysis` fit the shapes told here as protocols, because imports run one way.
-"""
+"""Tables of the laboratory: stability, overshoot and order of the methods."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Protocol
+from typing import TYPE_CHECKING
 
-from tdint.output.results import Array
 from tdint.output.tables.tables import Cell, Table
+
+if TYPE_CHECKING:
+    from tdint.analysis.assessment.order import ObservedOrder
+    from tdint.analysis.assessment.overshoot import Overshoot
+    from tdint.analysis.assessment.stability import StabilityCurve
 
 STABILITY_COLUMNS = (
     "method",
@@ -44,63 +45,7 @@ ORDER_COLUMNS = (
 )
 
 
-class StabilityResult(Protocol):
-    """One method at one damping ratio; arrays of shape (k,) over the step over the period, nan for no value."""
-
-    @property
-    def method(self) -> str: ...
-    @property
-    def damping(self) -> float: ...
-    @property
-    def dt_over_t(self) -> Array: ...
-    @property
-    def spectral_radius(self) -> Array: ...
-    @property
-    def period_error(self) -> Array: ...
-    @property
-    def numerical_damping(self) -> Array: ...
-    @property
-    def amplitude_decay(self) -> Array: ...
-
-
-class OvershootResult(Protocol):
-    """First steps of one method from one start, arrays of shape (steps + 1,) over the amplitude of the exact motion."""
-
-    @property
-    def method(self) -> str: ...
-    @property
-    def damping(self) -> float: ...
-    @property
-    def dt_over_t(self) -> float: ...
-    @property
-    def start(self) -> str: ...
-    @property
-    def displacement(self) -> Array: ...
-    @property
-    def velocity(self) -> Array: ...
-    @property
-    def displacement_power(self) -> float: ...
-    @property
-    def velocity_power(self) -> float: ...
-
-
-class OrderResult(Protocol):
-    """Relative errors of one method over falling steps, and the order of each quantity that follows from them."""
-
-    @property
-    def method(self) -> str: ...
-    @property
-    def load(self) -> str: ...
-    @property
-    def law(self) -> str: ...
-    @property
-    def frequency_ratio(self) -> float: ...
-    @property
-    def displacement(self) -> Array: ...
-    def order(self, quantity: str) -> float: ...
-
-
-def stability_table(curves: Iterable[StabilityResult]) -> Table:
+def stability_table(curves: Iterable[StabilityCurve]) -> Table:
     """One row per method, damping ratio and step over period."""
     rows: list[tuple[Cell, ...]] = []
     for curve in curves:
@@ -116,7 +61,7 @@ def stability_table(curves: Iterable[StabilityResult]) -> Table:
     return Table(STABILITY_COLUMNS, rows)
 
 
-def overshoot_table(motions: Iterable[OvershootResult]) -> Table:
+def overshoot_table(motions: Iterable[Overshoot]) -> Table:
     """One row per method, start and step; step 0 is the start."""
     rows: list[tuple[Cell, ...]] = [
         (
@@ -138,7 +83,7 @@ def overshoot_table(motions: Iterable[OvershootResult]) -> Table:
     return Table(OVERSHOOT_COLUMNS, rows)
 
 
-def order_table(measured: Iterable[OrderResult]) -> Table:
+def order_table(measured: Iterable[ObservedOrder]) -> Table:
     """One row per method and frequency ratio."""
     rows: list[tuple[Cell, ...]] = [
         (

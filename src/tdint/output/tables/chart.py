@@ -1,19 +1,20 @@
-"""Tables and summary of a chart of work against precision.
-
-The results of `tdint.analysis` fit the shapes told here as protocols, because imports run one way.
-"""
+"""Tables and summary of a chart of work against precision."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from tdint.ground_motion.record import Record
 from tdint.model.definition import Model
 from tdint.output.summaries.summary import model_input, record_summary, versions
 from tdint.output.tables.tables import Cell, Table
+
+if TYPE_CHECKING:
+    from tdint.analysis.chart.reference import Errors
+    from tdint.analysis.chart.work_precision import Chart, Point
 
 QUANTITIES = {
     "peak-drift": "largest error of a story's peak drift",
@@ -43,99 +44,31 @@ PEER = "/"
 """In the name of a line that is another program's: program/method."""
 
 
-class ErrorsOf(Protocol):
-    """Relative errors of a motion."""
-
-    @property
-    def displacement(self) -> float: ...
-    @property
-    def drift(self) -> float: ...
-    @property
-    def velocity(self) -> float: ...
-    @property
-    def acceleration(self) -> float: ...
-    @property
-    def peak_drift(self) -> float: ...
-
-
-class PointOf(Protocol):
-    """One method with one step; nan for a step or a time that there is not."""
-
-    @property
-    def method(self) -> str: ...
-    @property
-    def line(self) -> str: ...
-    @property
-    def dt(self) -> float: ...
-    @property
-    def steps(self) -> int | None: ...
-    @property
-    def iterations(self) -> int | None: ...
-    @property
-    def time(self) -> float: ...
-    @property
-    def fastest(self) -> float: ...
-    @property
-    def errors(self) -> ErrorsOf | None: ...
-    @property
-    def outcome(self) -> str: ...
-
-
-class ReferenceOf(Protocol):
-    """How the reference was computed and how far another solution is from it."""
-
-    @property
-    def method(self) -> str: ...
-    @property
-    def dt(self) -> float: ...
-    @property
-    def confirmed_by(self) -> str: ...
-    @property
-    def gap(self) -> ErrorsOf: ...
-
-
-class ChartOf(Protocol):
-    """All points of one building, method by method, each from its largest step to its smallest."""
-
-    @property
-    def stories(self) -> int: ...
-    @property
-    def interval(self) -> float: ...
-    @property
-    def recorded(self) -> bool: ...
-    @property
-    def points(self) -> Sequence[PointOf]: ...
-    @property
-    def reference(self) -> ReferenceOf: ...
-    @property
-    def usual(self) -> PointOf: ...
-
-
 @dataclass(frozen=True)
 class Advice:
     """What is recommended for an error within a limit; None where no point of the chart is."""
 
     limit: float
-    point: PointOf | None
+    point: Point | None
 
 
-def error_of(errors: ErrorsOf | None, quantity: str) -> float:
+def error_of(errors: Errors | None, quantity: str) -> float:
     """One of the errors by its name in `QUANTITIES`; nan for none."""
     return math.nan if errors is None else float(getattr(errors, quantity.replace("-", "_")))
 
 
-def chart_table(chart: ChartOf) -> Table:
+def chart_table(chart: Chart) -> Table:
     """One row per method and step; empty cells for what there is not."""
     return Table(CHART_COLUMNS, [_row(point) for point in chart.points])
 
 
-def sizes_table(charts: Iterable[ChartOf]) -> Table:
+def sizes_table(charts: Iterable[Chart]) -> Table:
     """The tables of several charts, with the number of stories before all."""
     rows = [(chart.stories, *_row(point)) for chart in charts for point in chart.points]
     return Table(("stories", *CHART_COLUMNS), rows)
 
 
-def _row(point: PointOf) -> tuple[Cell, ...]:
+def _row(point: Point) -> tuple[Cell, ...]:
     names = ("displacement", "drift", "peak-drift", "acceleration")
     return (
         point.method,
@@ -151,7 +84,7 @@ def _row(point: PointOf) -> tuple[Cell, ...]:
 
 
 def chart_summary(
-    charts: Sequence[ChartOf],
+    charts: Sequence[Chart],
     *,
     model: Model,
     record: Record | None,
@@ -176,7 +109,7 @@ def chart_summary(
     }
 
 
-def _reference(chart: ChartOf) -> Mapping[str, Any]:
+def _reference(chart: Chart) -> Mapping[str, Any]:
     reference = chart.reference
     return {
         "stories": chart.stories,
@@ -191,7 +124,7 @@ def _advice(advice: Advice, target: str) -> dict[str, Any]:
     return {"limit": advice.limit, **(_point(advice.point, target) if advice.point else {"method": None})}
 
 
-def _point(point: PointOf, target: str) -> dict[str, Any]:
+def _point(point: Point, target: str) -> dict[str, Any]:
     return {
         "method": point.method,
         "dt_s": point.dt,

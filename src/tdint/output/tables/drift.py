@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
-from tdint.ground_motion.record import Record
-from tdint.output.results import Array
 from tdint.output.tables.tables import Cell, Table, component_names
+
+if TYPE_CHECKING:
+    from tdint.analysis.spectra.drift import DriftSpectrum
 
 DRIFT_SPECTRUM_COLUMNS = (
     "record",
@@ -24,28 +22,7 @@ DRIFT_SPECTRUM_COLUMNS = (
 )
 
 
-class DriftSpectrumResult(Protocol):
-    """Drift spectrum of one record for one damping ratio; arrays of shape (k,), SI units."""
-
-    @property
-    def record(self) -> Record: ...
-    @property
-    def damping(self) -> float: ...
-    @property
-    def periods(self) -> Array: ...
-    @property
-    def heights(self) -> Array: ...
-    @property
-    def stories(self) -> NDArray[np.int64]: ...
-    @property
-    def peak_drift_ratio(self) -> Array: ...
-    @property
-    def story(self) -> NDArray[np.int64]: ...
-    @property
-    def roof_drift_ratio(self) -> Array: ...
-
-
-def drift_spectrum_table(spectra: Sequence[DriftSpectrumResult]) -> Table:
+def drift_spectrum_table(spectra: Sequence[DriftSpectrum]) -> Table:
     """One row per record, component, damping ratio and period, in the order given; no story for a beam."""
     names = component_names([spectrum.record for spectrum in spectra])
     rows: list[tuple[Cell, ...]] = []

@@ -1,14 +1,14 @@
-"""Table of the problems on which methods fail.
-
-The results of `tdint.analysis` fit the shape told here as a protocol, because imports run one way.
-"""
+"""Table of the problems on which methods fail."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from tdint.output.tables.tables import Cell, Table
+
+if TYPE_CHECKING:
+    from tdint.analysis.assessment.failures import Trial
 
 FAILURE_COLUMNS = (
     "problem",
@@ -24,36 +24,7 @@ FAILURE_COLUMNS = (
 )
 
 
-class TrialResult(Protocol):
-    """One method on one problem with one step; nan for no number."""
-
-    @property
-    def problem(self) -> str: ...
-    @property
-    def method(self) -> str: ...
-    @property
-    def dt(self) -> float: ...
-    @property
-    def energy_ratio_min(self) -> float: ...
-    @property
-    def energy_ratio_max(self) -> float: ...
-    @property
-    def error(self) -> float: ...
-    @property
-    def error_of(self) -> str: ...
-    @property
-    def outcome(self) -> str: ...
-    @property
-    def verdict(self) -> str: ...
-    @property
-    def time(self) -> float: ...
-    @property
-    def steps(self) -> int: ...
-    @property
-    def measure(self) -> float: ...
-
-
-def failure_table(trials: Iterable[TrialResult]) -> Table:
+def failure_table(trials: Iterable[Trial]) -> Table:
     """One row per problem, method and step."""
     rows: list[tuple[Cell, ...]] = [
         (

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING
 
-from tdint.ground_motion.record import Record
-from tdint.output.results import Array
 from tdint.output.tables.tables import Cell, Table, component_names
+
+if TYPE_CHECKING:
+    from tdint.analysis.spectra.inelastic import InelasticSpectrum
 
 INELASTIC_COLUMNS = (
     "record",
@@ -26,37 +27,7 @@ INELASTIC_COLUMNS = (
 )
 
 
-class InelasticResult(Protocol):
-    """Response of bilinear oscillators to one record; arrays of shape (k,), SI units. `target` is the ductility that
-    was asked for, None for given strengths."""
-
-    @property
-    def record(self) -> Record: ...
-    @property
-    def damping(self) -> float: ...
-    @property
-    def hardening(self) -> float: ...
-    @property
-    def target(self) -> float | None: ...
-    @property
-    def periods(self) -> Array: ...
-    @property
-    def yield_strength_ratio(self) -> Array: ...
-    @property
-    def ductility(self) -> Array: ...
-    @property
-    def residual(self) -> Array: ...
-    @property
-    def sd(self) -> Array: ...
-    @property
-    def yield_displacement(self) -> Array: ...
-    @property
-    def yield_acceleration(self) -> Array: ...
-    @property
-    def reduction_factor(self) -> Array: ...
-
-
-def inelastic_table(spectra: Sequence[InelasticResult]) -> Table:
+def inelastic_table(spectra: Sequence[InelasticSpectrum]) -> Table:
     """One row per record, component, damping ratio, ductility or strength, and period, in the order given."""
     names = component_names([spectrum.record for spectrum in spectra])
     rows: list[tuple[Cell, ...]] = []

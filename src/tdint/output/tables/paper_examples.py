@@ -1,16 +1,15 @@
-"""Errors of methods on the paper's examples as a table.
-
-The results of `tdint.analysis` fit the shapes told here as protocols, because imports run one way.
-"""
+"""Errors of methods on the paper's examples as a table."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING
 
-from tdint.output.results import Array
 from tdint.output.tables.tables import Cell, Table
+
+if TYPE_CHECKING:
+    from tdint.analysis.assessment.paper_examples import ExampleRun
 
 EXAMPLE_COLUMNS = (
     "example",
@@ -25,40 +24,7 @@ EXAMPLE_COLUMNS = (
 )
 
 
-class FloorMotion(Protocol):
-    """Times (s), shape (steps + 1,), and motion of the floors, shape (steps + 1, n), SI."""
-
-    @property
-    def time(self) -> Array: ...
-    @property
-    def displacement(self) -> Array: ...
-    @property
-    def velocity(self) -> Array: ...
-    @property
-    def acceleration(self) -> Array: ...
-
-
-class ExampleResult(Protocol):
-    """One method on one example with one step; `variant` is what was done otherwise, empty for nothing."""
-
-    @property
-    def example(self) -> int: ...
-    @property
-    def method(self) -> str: ...
-    @property
-    def variant(self) -> str: ...
-    @property
-    def dt(self) -> float: ...
-    @property
-    def outcome(self) -> str: ...
-    @property
-    def motion(self) -> FloorMotion: ...
-    @property
-    def reference(self) -> FloorMotion: ...
-    def error(self, quantity: str) -> float: ...
-
-
-def example_table(runs: Sequence[ExampleResult]) -> Table:
+def example_table(runs: Sequence[ExampleRun]) -> Table:
     """One row per example, step, method and variant; methods are ranked by the displacement's error, best first."""
     rows: list[tuple[Cell, ...]] = [
         (
@@ -77,7 +43,7 @@ def example_table(runs: Sequence[ExampleResult]) -> Table:
     return Table(EXAMPLE_COLUMNS, rows)
 
 
-def _rank(one: ExampleResult, runs: Sequence[ExampleResult]) -> int | None:
+def _rank(one: ExampleRun, runs: Sequence[ExampleRun]) -> int | None:
     """Place among the methods as they are; none for a variant and for a run without an end."""
     error = one.error("displacement")
     if one.variant or math.isnan(error):

@@ -11,13 +11,17 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
-
-from tdint.output.results import Array, Histories, RotatedResult, SpectrumResult, Stories, StoryErrors
+from numpy.typing import NDArray
 
 if TYPE_CHECKING:
+    from tdint.analysis.run.outcome import History, StoryErrors, StoryPeaks
+    from tdint.analysis.spectra.elastic import Spectrum
+    from tdint.analysis.spectra.rotated import RotatedSpectrum
     from tdint.ground_motion.record import Record
     from tdint.methods.method import Integrator
     from tdint.model.modes import Modes
+
+Array = NDArray[np.float64]
 
 Cell = bool | int | float | str | None
 
@@ -91,7 +95,7 @@ def cell_text(value: Cell) -> str:
             return str(value)
 
 
-def story_table(stories: Stories, errors: StoryErrors | None = None) -> Table:
+def story_table(stories: StoryPeaks, errors: StoryErrors | None = None) -> Table:
     """One row per story, from the ground up; with errors a column `<name>_error` for each peak, after all peaks."""
     columns = (stories.height, *_peaks(stories))
     if errors is None:
@@ -99,7 +103,7 @@ def story_table(stories: Stories, errors: StoryErrors | None = None) -> Table:
     return Table((*STORY_COLUMNS, *STORY_ERROR_COLUMNS), _numbered((*columns, *_peaks(errors))))
 
 
-def _peaks(of: Stories | StoryErrors) -> tuple[Array, ...]:
+def _peaks(of: StoryPeaks | StoryErrors) -> tuple[Array, ...]:
     """The peaks, or their errors, in the order of the columns."""
     return (
         of.peak_drift,
@@ -113,7 +117,7 @@ def _peaks(of: Stories | StoryErrors) -> tuple[Array, ...]:
     )
 
 
-def spectrum_table(spectra: Sequence[SpectrumResult], stated: Sequence[str] = ()) -> Table:
+def spectrum_table(spectra: Sequence[Spectrum], stated: Sequence[str] = ()) -> Table:
     """One row per record, component, damping ratio and period, in the order given.
 
     `stated`: which of the choices `maxima` and `interpolation` have columns of their own, at the end.
@@ -132,7 +136,7 @@ def spectrum_table(spectra: Sequence[SpectrumResult], stated: Sequence[str] = ()
     return Table((*SPECTRUM_COLUMNS, *stated), rows)
 
 
-def rotated_table(spectra: Sequence[RotatedResult], stated: Sequence[str] = ()) -> Table:
+def rotated_table(spectra: Sequence[RotatedSpectrum], stated: Sequence[str] = ()) -> Table:
     """One row per motion, damping ratio and period, a column per percentile; `stated` as for `spectrum_table`."""
     rows: list[tuple[Cell, ...]] = []
     for spectrum in spectra:
@@ -212,7 +216,7 @@ def history_columns(stories: int) -> tuple[str, ...]:
     )
 
 
-def write_history(history: Histories, stream: BinaryIO) -> None:
+def write_history(history: History, stream: BinaryIO) -> None:
     """Write a history as CSV, one row per step; some thousand rows are held as text at a time."""
     steps, stories = history.displacement.shape
     columns = history_columns(stories)

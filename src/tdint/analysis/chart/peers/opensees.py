@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tdint.analysis.chart.peers import opensees_worker
 from tdint.analysis.chart.reference import Reference, errors
 from tdint.analysis.chart.work_precision import DONE, Point, line_of
-from tdint.analysis.run.case import Motion, Problem
+from tdint.analysis.run.case import FloorMotion, Problem
 from tdint.analysis.run.steps import Steps
 from tdint.kernels.layout import (
     CODE,
@@ -198,7 +198,7 @@ def _point(
         problem.interval * np.arange(problem.ground.size + 1),
         np.append(problem.ground, 0.0),
     )
-    motion = Motion(steps.stride, u, v, a + ground[:, None], got["peak_drift"])
+    motion = FloorMotion(steps.stride, u, v, a + ground[:, None], got["peak_drift"])
     times = tuple(got["times"].tolist())
     found = errors(motion, reference.motion)
     return Point(name, steps.h, steps.count, DONE, int(got["iterations"]), found, times, line=line)

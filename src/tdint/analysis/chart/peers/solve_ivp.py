@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tdint.analysis.chart.reference import Reference, errors
 from tdint.analysis.chart.work_precision import DONE, Point
-from tdint.analysis.run.case import Motion, Problem
+from tdint.analysis.run.case import FloorMotion, Problem
 from tdint.kernels.layout import CODE, COSINE, FIRST_PARAMETER, FLOOR, GEOMETRIC, OMEGA, SINE, STIFFNESS
 from tdint.model.laws import CODES
 
@@ -139,5 +139,5 @@ def _solve(
     a = np.array([quiet(t, state)[n : 2 * n] for t, state in zip(times, found.y.T, strict=True)])
     ground = np.interp(times, times[: problem.ground.size], problem.ground, right=0.0)
     peaks = np.max(np.abs(np.diff(u, axis=1, prepend=0.0)), axis=0)
-    motion = Motion(1, u, v, a + ground[:, None], peaks)
+    motion = FloorMotion(1, u, v, a + ground[:, None], peaks)
     return Point(name, math.nan, None, DONE, int(found.nfev), errors(motion, true), (taken,), line=line)

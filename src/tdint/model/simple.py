@@ -10,7 +10,7 @@ from tdint.model.laws import LAWS
 LINEAR = Law("linear", ())
 
 
-def bare_story(mass: float, law: Law = LINEAR, *, stiffness: float | None = None, dashpot: float = 0.0) -> Story:
+def simple_story(mass: float, law: Law = LINEAR, *, stiffness: float | None = None, dashpot: float = 0.0) -> Story:
     """A story without height; the stiffness (N/m) may be left out where the law has its own."""
     if stiffness is None:
         own = LAWS[law.name].initial_stiffness
@@ -19,7 +19,7 @@ def bare_story(mass: float, law: Law = LINEAR, *, stiffness: float | None = None
     return Story(mass=mass, height=None, stiffness=stiffness, law=law, dashpot=dashpot)
 
 
-def bare_model(
+def simple_model(
     name: str,
     stories: Sequence[Story],
     *,
