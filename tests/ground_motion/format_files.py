@@ -8,6 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from tdint.ground_motion.formats.series import acceleration_units
+from tdint.units import STANDARD_GRAVITY, parse_units
+
 PLACES = {"x": 1.5, "y": -2.25, "up": 0.5}
 """Peaks of the three components of files that have several."""
 
@@ -78,7 +81,9 @@ def cosmos(values=None, units="cm/sec2(04)", kind="acceleration", codes=True, np
     integers, reals = [-999] * 100, [-999.0] * 100
     integers[:4], integers[39:45] = [2, 1, 4, 120], [2005, 167, 6, 16, 20, 53]
     reals[29], reals[61], reals[62] = 4.4, 10.0, len(values) * 0.01
-    peak = np.max(np.abs(values))
+    # Max is in cm/sec2 whatever the units of the samples.
+    known = acceleration_units(units) or {"7": "0.0254 m/s^2", "2": "g"}.get(units[-2:-1])
+    peak = np.max(np.abs(values)) * (parse_units(known).scale / 0.01 if known else 1.0)
     comments = ["| <SCNL>FAR.HNE.XX.10    <AUTH> 2019/02/01"] if codes else ["| nothing"]
     width = 8 if units.startswith("counts") else 10
     form = "(10I8)" if units.startswith("counts") else "(8F10.5)"
@@ -170,9 +175,11 @@ def pairs(values, dt, times=None):
 def csmip_pairs(values=None, dt=0.005, times=None, units="G/10"):
     """One channel of pairs of time and acceleration, as on film."""
     values = motion() if values is None else values
+    # MAX is in g, the samples are in tenths of it.
+    peak = np.max(np.abs(values)) * parse_units(acceleration_units(units) or "g").scale / STANDARD_GRAVITY
     texts = csmip_texts("UNCORRECTED ACCELEROGRAM DATA", 1, " 90 DEG", [
         f"NO. OF POINTS =  {len(values)}  RECORD LENGTH = 59.998 SEC",
-        f"UNITS OF UNCOR ACCEL ARE SEC AND {units}.     MAX  =  -.200 G, AT  11.576 SEC.",
+        f"UNITS OF UNCOR ACCEL ARE SEC AND {units}.     MAX  =  -{peak:.3f} G, AT  11.576 SEC.",
     ])  # fmt: skip
     return text(texts, INTEGER_ROWS, fortran([0.04] * 50, 8, 10, 3), pairs(values, dt, times))
 
@@ -245,7 +252,7 @@ def geonet(volume=2, components=("S16W", "S74E", "Up"), readings="1.00"):
             "Instrument corrected data at 0.020 sec intervals" if volume == 2 else raw,
             "none",
             f"Component {name}  Longitudinal Accelerometer Axis",
-            f"Acceleration:  peak  {peak} mm/s/s at  43.68 sec     rms      2.2 mm/s/s",
+            f"Acceleration:  peak  {peak * float(readings):.1f} mm/s/s at  43.68 sec     rms      2.2 mm/s/s",
             *["none"] * 2,
             *["".join(f"{value:8d}" for value in integers[i : i + 10]) for i in range(0, 40, 10)],
             *fortran(reals, 10, 8, 4),

@@ -240,9 +240,23 @@ class TestCsmip:
         refused(files.csmip_v1().replace("at 200 pts", "at 0 pts"), "sampling rate of 0")
 
     def test_a_peak_that_is_another(self):
-        text = files.csmip_v2().replace("PEAK ACCELERATION =  150.500", "PEAK ACCELERATION = -160.500")
-        (note,) = contents(text).notes
-        assert note == "90: the header states a peak of -160.500 cm/s^2, the samples have 150.5"
+        sound = files.csmip_v2()
+        for stated in ("-160.500", "  15.050"):
+            text = sound.replace("PEAK ACCELERATION =  150.500", f"PEAK ACCELERATION = {stated}")
+            refused(
+                text, rf"90: the file states a peak of {abs(float(stated)):g} cm/s\^2, what was read has 150.5 cm/s"
+            )
+        (note,) = contents(sound.replace("PEAK ACCELERATION =  150.500", "PEAK ACCELERATION =  151.500")).notes
+        assert note == "90: the file states a peak of 151.5 cm/s^2, what was read has 150.5 cm/s^2"
+
+    def test_a_peak_in_other_units(self):
+        """MAX is in g where the samples are in tenths of it: taken for one another they would be ten times off."""
+        sound = files.csmip_pairs()
+        assert "G/10" in sound
+        assert "peak" in contents(sound).compared
+        refused(
+            sound.replace("MAX  =  -0.150 G", "MAX  =  -1.500 G"), "states a peak of 1.5 g, what was read has 0.15 g"
+        )
 
 
 class TestSmc:

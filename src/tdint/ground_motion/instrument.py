@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError
-from tdint.ground_motion.messages import caught_messages, quiet_import
+from tdint.ground_motion.messages import caught_messages, one_line, quiet_import
 from tdint.ground_motion.reading.scale import without_mean
 from tdint.ground_motion.reading.source import digested, read_bytes
 from tdint.ground_motion.record import Input
@@ -64,7 +64,7 @@ def read_instruments(source: str | Path) -> Instruments:
         with caught_messages():
             return Instruments(function(BytesIO(data)), digested(data, source))
     except Exception as error:  # The XML parser and ObsPy's reader raise many kinds.
-        reason = " ".join(str(error).split())
+        reason = one_line(str(error))
         raise RecordError(f"{source}: cannot be read as StationXML: {reason}") from error
 
 
@@ -107,7 +107,7 @@ def remove_response(trace: Any, instruments: Instruments, label: str) -> tuple[N
         with caught_messages() as messages:
             counts, frequencies = response.get_evalresp_response(dt, size, output="ACC")
     except Exception as error:  # ObsPy and evalresp raise many kinds for a response they cannot evaluate.
-        reason = " ".join(str(error).split())
+        reason = one_line(str(error))
         raise RecordError(f"{label}: its response in {instruments.source} cannot be removed: {reason}") from error
     faded = f", frequencies are faded out from {fade[0]:.4g} to {fade[1]:.4g} Hz" if fade else ""
     notes = [mean_note, f"the instrument's response ({instruments.source}) is removed{faded}"]

@@ -9,6 +9,9 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+_LONGEST = 300
+"""Characters of a message; ObsPy's may quote a whole file."""
+
 # Warnings about code, not about a file: obspy's plugins are imported late, and Python's own changes show up here.
 _ABOUT_CODE = (DeprecationWarning, PendingDeprecationWarning, FutureWarning, SyntaxWarning, ImportWarning)
 
@@ -40,7 +43,7 @@ def caught_messages() -> Iterator[list[str]]:
     with warnings.catch_warnings(record=True) as caught, _lost_in_callbacks() as lost, _printed_by_c() as printed:
         warnings.simplefilter("always")
         yield messages
-    texts = [_one_line(str(w.message)) for w in caught if not _is_about_code(w.category)]
+    texts = [one_line(str(w.message)) for w in caught if not _is_about_code(w.category)]
     messages.extend(dict.fromkeys(texts + lost + printed))
 
 
@@ -60,7 +63,7 @@ def _lost_in_callbacks() -> Iterator[list[str]]:
     def keep(args: sys.UnraisableHookArgs) -> None:
         error = args.exc_value
         text = error.object.decode("utf-8", "replace") if isinstance(error, UnicodeDecodeError) else str(error)
-        lost.append(_one_line(text))
+        lost.append(one_line(text))
 
     previous = sys.unraisablehook
     sys.unraisablehook = keep
@@ -89,8 +92,10 @@ def _printed_by_c() -> Iterator[list[str]]:
             os.dup2(saved, 2)
             os.close(saved)
         spool.seek(0)
-        lines.extend(filter(None, map(_one_line, spool.read().decode("utf-8", "replace").splitlines())))
+        lines.extend(filter(None, map(one_line, spool.read().decode("utf-8", "replace").splitlines())))
 
 
-def _one_line(text: str) -> str:
-    return " ".join(text.split())
+def one_line(text: str) -> str:
+    """A message of another program as one line that a person can read: what is too long ends in an ellipsis."""
+    line = " ".join(text[: 2 * _LONGEST].split())
+    return line if len(line) <= _LONGEST else f"{line[:_LONGEST]} ..."

@@ -43,6 +43,9 @@ class Record:
         The files that it was read from: its own, and the inventory if there was one.
     processing : tuple of str
         What was done to it on request, one sentence a step; they stand among the notes, too.
+    compared : tuple of str
+        What its file states of itself (number of samples, peak, checksum) and was compared with the samples; empty if
+        the file states nothing.
     """
 
     acceleration: NDArray[np.float64]
@@ -55,6 +58,7 @@ class Record:
     units: str = ""
     inputs: tuple[Input, ...] = ()
     processing: tuple[str, ...] = ()
+    compared: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         samples = np.ascontiguousarray(self.acceleration, dtype=np.float64)

@@ -144,7 +144,7 @@ def _series(
         units,
         **_codes(texts),
         start=_start(texts, integers, reals, unknown),
-        peak=stated_peak(stated[1], stated[2], units) if stated and units else "",
+        peak=stated_peak(stated[1], stated[2], units) if stated and units else None,
     )
 
 

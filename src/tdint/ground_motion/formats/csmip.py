@@ -83,7 +83,7 @@ def _channel(lines: Lines) -> list[Series]:
     if (line := lines.peek()) is not None and line.lstrip().startswith(_END):
         lines.take()
     stated = first_match(_PEAK[0 if title[1] else 1], texts)
-    peak = stated_peak(stated[1], stated[2], series.units or "") if stated else ""
+    peak = stated_peak(stated[1], stated[2], series.units or "") if stated else None
     return [replace(series, peak=peak, start=_start(texts))]
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import NUMBER, is_row_of_numbers, read_lines, recognizes
-from tdint.ground_motion.formats.series import Series, moment, required_units, stated_peak, to_stream
+from tdint.ground_motion.formats.series import Series, StatedPeak, moment, required_units, stated_peak, to_stream
 
 if TYPE_CHECKING:
     from obspy import Stream
@@ -73,9 +73,9 @@ def _start(text: str) -> datetime | None:
     return moment(*map(float, match.groups())) if match else None
 
 
-def _peak(header: dict[str, str], units: str) -> str:
+def _peak(header: dict[str, str], units: str) -> StatedPeak | None:
     for key, value in header.items():
         match = _PEAK.fullmatch(key)
         if match and re.fullmatch(NUMBER, value):
             return stated_peak(value, match[1], units)
-    return ""
+    return None

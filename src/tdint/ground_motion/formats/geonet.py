@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import re
 from datetime import datetime
-from math import isclose
+from math import inf, isclose
 from typing import TYPE_CHECKING, Any
 
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import NUMBER, Lines, recognizes
-from tdint.ground_motion.formats.series import Series, code, first_match, moment, read_parts
+from tdint.ground_motion.formats.series import Series, code, first_match, moment, read_parts, stated_peak
 
 if TYPE_CHECKING:
     from obspy import Stream
@@ -67,7 +67,7 @@ def _component(lines: Lines) -> list[Series]:
         channel=code(_first(_COMPONENT, texts)).upper(),
         station=code(_first(_SITE, texts)),
         start=_start(integers),
-        peak=_first(_PEAK, texts),
+        peak=stated_peak(_first(_PEAK, texts), "mm/s^2", _units(texts)) if _first(_PEAK, texts) else None,
     )
     return [series]
 
@@ -81,6 +81,8 @@ def _check_step(dt: float, texts: list[str]) -> None:
 
 def _units(texts: list[str]) -> str:
     factor = _first(_RAW_UNITS, texts)
+    if factor and not 0.0 < float(factor) < inf:
+        raise RecordError(f"its header gives readings in units of {factor} mm/s/s")
     return f"{factor} mm/s^2" if factor and float(factor) != 1.0 else "mm/s^2"
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import warnings
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -16,16 +15,11 @@ from numpy.typing import NDArray
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.formats.lines import Lines, read_lines
 from tdint.ground_motion.messages import quiet_import
+from tdint.ground_motion.soundness.statement import PEAK, SAMPLES, Statement, check_step, compare, last_place
 from tdint.units import ACCELERATION, parse_units
 
 with quiet_import():
     from obspy import Stream, Trace, UTCDateTime
-
-_SHORTEST, _LONGEST = 1e-6, 100.0
-"""Sampling intervals beyond which no recorder of ground motion goes, s."""
-
-_PEAK = 0.01
-"""By how much a peak in a header may differ from that of the samples, beside its rounding."""
 
 
 class Codes(TypedDict, total=False):
@@ -35,6 +29,26 @@ class Codes(TypedDict, total=False):
     station: str
     location: str
     network: str
+
+
+@dataclass(frozen=True)
+class StatedPeak:
+    """The largest absolute acceleration that a header states.
+
+    Attributes
+    ----------
+    value, rounding : float
+        In `units`.
+    units : str
+        Those of the header.
+    factor : float
+        From the units of the samples to these.
+    """
+
+    value: float
+    rounding: float
+    units: str
+    factor: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -53,8 +67,10 @@ class Series:
         As the file names them; `channel` is the component.
     start : datetime or None
         Time of the first sample, UTC.
-    peak : str
-        The largest absolute acceleration that the header states, in `units`, as it is written; empty if it does not.
+    peak : StatedPeak or None
+        None if the header does not state it.
+    compared : tuple of str
+        What the reader has compared with the header beside the peak.
     """
 
     samples: NDArray[Any]
@@ -65,7 +81,8 @@ class Series:
     location: str = ""
     network: str = ""
     start: datetime | None = None
-    peak: str = ""
+    peak: StatedPeak | None = None
+    compared: tuple[str, ...] = (SAMPLES,)
 
     @property
     def id(self) -> str:
@@ -75,8 +92,6 @@ class Series:
 
 def to_stream(series: Sequence[Series], *, headonly: bool = False) -> Stream:
     """ObsPy's stream of the components of a file.
-
-    A peak in the header that is not that of the samples is warned about.
 
     Parameters
     ----------
@@ -88,16 +103,16 @@ def to_stream(series: Sequence[Series], *, headonly: bool = False) -> Stream:
     Raises
     ------
     RecordError
-        There is no component, or one with an impossible sampling interval.
+        There is no component, or one with an impossible sampling interval, or the peak in the header is not that of the
+        samples.
     """
     if not series:
         raise RecordError("the file holds no acceleration")
     stream = Stream()
     for one in _distinct(series):
-        if not _SHORTEST <= one.dt <= _LONGEST:
-            raise RecordError(f"its header gives a sampling interval of {one.dt:g} s")
-        _check_peak(one)
-        stream.append(_trace(one, headonly))
+        check_step(one.dt)
+        compared = compare(_peak_statement(one))
+        stream.append(_trace(one, (*one.compared, *compared), headonly))
     return stream
 
 
@@ -110,7 +125,7 @@ def read_parts(file: Any, read: Callable[[Lines], Sequence[Series]], *, headonly
     return to_stream(series, headonly=headonly)
 
 
-def _trace(one: Series, headonly: bool) -> Trace:
+def _trace(one: Series, compared: tuple[str, ...], headonly: bool) -> Trace:
     header: dict[str, Any] = {
         "network": one.network,
         "station": one.station,
@@ -118,6 +133,7 @@ def _trace(one: Series, headonly: bool) -> Trace:
         "channel": one.channel,
         "delta": one.dt,
         "npts": one.samples.size,
+        "tdint_compared": compared,
     }
     if one.start is not None:
         header["starttime"] = UTCDateTime(one.start)
@@ -135,21 +151,12 @@ def _distinct(series: Sequence[Series]) -> list[Series]:
     ]
 
 
-def _check_peak(one: Series) -> None:
-    if not (one.peak and one.samples.size):
-        return
-    peak = float(np.max(np.abs(one.samples)))
-    if not abs(abs(float(one.peak)) - peak) <= _PEAK * peak + _last_place(one.peak):
-        whose = f"{one.channel}: " if one.channel else ""
-        warnings.warn(
-            f"{whose}the header states a peak of {one.peak} {one.units}, the samples have {peak:.6g}", stacklevel=2
-        )
-
-
-def _last_place(number: str) -> float:
-    """Value of the last digit of a number as it is written."""
-    mantissa, _, exponent = number.upper().partition("E")
-    return float(f"1e{int(exponent or 0) - len(mantissa.partition('.')[2])}")
+def _peak_statement(one: Series) -> list[Statement]:
+    if one.peak is None or not one.samples.size:
+        return []
+    peak = float(np.max(np.abs(one.samples))) * one.peak.factor
+    rounding = one.peak.rounding + 1e-9 * peak
+    return [Statement(PEAK, abs(one.peak.value), peak, rounding, one.peak.units, one.channel, measured=True)]
 
 
 def acceleration_units(text: str) -> str | None:
@@ -183,11 +190,21 @@ def required_units(text: str) -> str:
     return units
 
 
-def stated_peak(number: str, units: str, of_samples: str) -> str:
-    """A peak that a header states, if its units are those of the samples; else empty."""
+def stated_peak(number: str, units: str, of_samples: str) -> StatedPeak | None:
+    """A peak as a header states it, in the units of the samples; None if units are missing or no acceleration's.
+
+    Parameters
+    ----------
+    number : str
+        As it is written.
+    units, of_samples : str
+        Those of the peak, and of the samples (`Series.units`).
+    """
     known = acceleration_units(units)
-    same = known and of_samples and parse_units(known).scale == parse_units(of_samples).scale
-    return number if same else ""
+    if not (known and of_samples):
+        return None
+    factor = parse_units(of_samples).scale / parse_units(known).scale
+    return StatedPeak(float(number), last_place(number), known, factor)
 
 
 def first_match(pattern: re.Pattern[str], texts: Sequence[str]) -> re.Match[str] | None:

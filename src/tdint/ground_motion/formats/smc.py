@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import read_lines, recognizes
-from tdint.ground_motion.formats.series import Series, code, moment, to_stream
+from tdint.ground_motion.formats.series import Series, StatedPeak, code, moment, to_stream
 
 if TYPE_CHECKING:
     from obspy import Stream
@@ -27,6 +27,9 @@ _UNITS = {"0": "", "1": "cm/s^2", "2": "cm/s^2"}
 
 _YEAR, _DAY, _HOUR, _MINUTE, _SECOND, _MILLISECOND = 1, 2, 3, 4, 5, 6
 _FROM_VERTICAL, _AZIMUTH, _COMMENTS, _SAMPLES = 12, 13, 15, 16
+_ROUNDING = 1e-4
+"""Part of a value by which its five digits may be off."""
+
 _RATE, _MAXIMUM, _MINIMUM = 1, 29, 31
 
 
@@ -97,7 +100,7 @@ def _start(integers: list[float]) -> datetime | None:
     return moment(year, 1, 1, 0, 0, ((day - 1.0) * 24.0 + hour) * 3600.0 + minute * 60.0 + second + thousandths / 1e3)
 
 
-def _peak(reals: list[float]) -> str:
-    """The larger of the stated maximum and minimum, empty if they are not known."""
+def _peak(reals: list[float]) -> StatedPeak | None:
+    """The larger of the stated maximum and minimum, None if they are not known."""
     known = [abs(reals[i]) for i in (_MAXIMUM, _MINIMUM) if reals[i] != reals[0]]
-    return f"{max(known):.6g}" if len(known) == 2 else ""
+    return StatedPeak(max(known), _ROUNDING * max(known), "cm/s^2") if len(known) == 2 else None

@@ -8,6 +8,7 @@ distributions, ObsPy's by the list below and tdint's own, and they see bytes in 
 from __future__ import annotations
 
 import re
+import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, EntryPoints, PackageNotFoundError, distribution
@@ -15,8 +16,9 @@ from io import BytesIO
 from typing import Any
 
 from tdint.errors import RecordError
-from tdint.ground_motion.messages import caught_messages, quiet_import
-from tdint.ground_motion.reading.soundness import damage_of_bytes, missing_samples
+from tdint.ground_motion.messages import caught_messages, one_line, quiet_import
+from tdint.ground_motion.soundness.check import compare_with_statements, look_at
+from tdint.ground_motion.soundness.statement import Damaged
 
 _GROUP = "obspy.plugin.waveform"
 
@@ -28,7 +30,9 @@ nothing and opens no other file, and in which a cut-off file can be told. PICKLE
 the files that a header names; AH and SACXY cannot tell a damaged file; DMX, PDAS, SEISAN, WIN and Y read from a named
 file only; CYBERSHAKE holds velocities; the others are not ground motion."""
 
-_DAMAGE = re.compile(r"^ERROR|not be read|skip|corrupt|truncat|integrity check|broken", re.IGNORECASE)
+_DAMAGE = re.compile(
+    r"^ERROR|not be read|skip|corrupt|truncat|integrity check|broken|contiguous|permuted|[Dd]ropp", re.IGNORECASE
+)
 """Warnings of ObsPy's readers after which samples are missing or wrong. Others (an unusual header) become notes."""
 
 _ARCHIVES = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ": "xz", b"PK\x03\x04": "zip"}
@@ -50,11 +54,15 @@ class Plugin:
 
 @dataclass(frozen=True)
 class Contents:
-    """What a file holds: `traces` are obspy Trace objects with numbers in them, in file order."""
+    """What a file holds: `traces` are obspy Trace objects with numbers in them, in file order.
+
+    `compared` names what the file states of itself and was compared with them; empty if it states nothing.
+    """
 
     format: str
     traces: list[Any]
     notes: tuple[str, ...]
+    compared: tuple[str, ...]
 
 
 def read_contents(data: bytes, source: str) -> Contents:
@@ -78,25 +86,31 @@ def read_contents(data: bytes, source: str) -> Contents:
         Not a known format, damaged, cut off, or without a numeric channel.
     """
     plugin = _detect(data, source)
-    _refuse_damaged(damage_of_bytes(plugin.name, data), source)
-    traces, messages = _read(plugin, data, source)
-    _refuse_damaged(next(filter(_DAMAGE.search, messages), None), source)
-    _refuse_damaged(missing_samples(plugin.name, data, traces), source)
+    try:
+        looked_at = look_at(plugin.name, data)
+        traces, messages = _read(plugin, data)
+        if damage := next(filter(_DAMAGE.search, messages), None):
+            raise Damaged(damage)
+        with caught_messages() as differences:
+            compared = compare_with_statements(plugin.name, looked_at, traces)
+    except Damaged as error:
+        raise RecordError(f"{source}: the file is damaged or cut off: {error}; fetch it again") from error
+    except RecordError as error:
+        raise RecordError(f"{source}: {error}") from error
+    except struct.error as error:
+        raise RecordError(f"{source}: the file is cut off within its header ({plugin.name})") from error
     numeric = [trace for trace in traces if trace.data.dtype.kind in "iuf"]
     if not numeric:
         raise RecordError(f"{source}: the file ({plugin.name}) holds no samples of ground motion")
     speaker = "" if plugin.is_own else "ObsPy: "
-    return Contents(plugin.name, numeric, tuple(speaker + message for message in messages))
+    own = [name for trace in numeric for name in trace.stats.get("tdint_compared", ())]
+    notes = (*(speaker + message for message in messages), *differences)
+    return Contents(plugin.name, numeric, notes, tuple(dict.fromkeys([*compared, *own])))
 
 
 def has_known_format(data: bytes) -> bool:
     """Whether the contents of a file are those of a format that is read."""
     return _format_of(data) is not None
-
-
-def _refuse_damaged(problem: str | None, source: str) -> None:
-    if problem:
-        raise RecordError(f"{source}: the file is damaged or cut off: {problem}; fetch it again")
 
 
 def plugins() -> Iterator[Plugin]:
@@ -151,17 +165,17 @@ def _foreign(data: bytes) -> str | None:
     return None
 
 
-def _read(plugin: Plugin, data: bytes, source: str) -> tuple[list[Any], list[str]]:
+def _read(plugin: Plugin, data: bytes) -> tuple[list[Any], list[str]]:
     """The traces of a file, and what was said while they were read."""
     function = _load(plugin.read_format)
     try:
         with caught_messages() as messages:
             traces = list(function(BytesIO(data)))
-    except RecordError as error:  # A reader of tdint's own, which knows what is wrong.
-        raise RecordError(f"{source}: {error}") from error
+    except RecordError:  # A reader of tdint's own, which knows what is wrong.
+        raise
     except Exception as error:  # Readers of corrupt bytes raise whatever their parsing runs into.
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise RecordError(f"{source}: cannot be read as {plugin.name}, the file may be damaged: {reason}") from error
+        reason = one_line(str(error)) or type(error).__name__
+        raise RecordError(f"cannot be read as {plugin.name}, the file may be damaged: {reason}") from error
     return traces, messages
 
 

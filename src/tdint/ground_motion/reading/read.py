@@ -173,6 +173,7 @@ def _to_record(
         source=source,
         notes=(*contents.notes, *notes, *doubts(acceleration)),
         units=units,
+        compared=contents.compared,
     )
 
 

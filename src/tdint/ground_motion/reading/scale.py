@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError, UsageError
-from tdint.units import ACCELERATION, Units, parse_units
+from tdint.units import Units, parse_units
 
 _CURES = (
     'give the value of one count as units ("2.38e-6 m/s^2") or the instrument\'s StationXML file as inventory, '
@@ -128,19 +128,7 @@ def _by_the_file(
         notes.append(note)
     if declared.factor != 1.0:
         notes.append(f"counts turned into m/s^2 with the file's calibration factor {declared.factor:.6g}")
-    acceleration = _times(samples, declared.factor * declared.units.scale)
-    stated = trace.stats.get("knet", {}).get("accmax")
-    if stated and len(samples):
-        notes.extend(_other_peak(acceleration, stated * ACCELERATION["gal"]))
-    return acceleration, tuple(notes)
-
-
-def _other_peak(acceleration: NDArray[np.float64], stated: float) -> list[str]:
-    """A note if the header's peak (m/s^2, printed to 0.001 gal) is not that of the samples."""
-    peak = float(np.max(np.abs(acceleration)))
-    if isclose(peak, stated, rel_tol=1e-3, abs_tol=1e-5):
-        return []
-    return [f"the header states a peak of {stated:.6g} m/s^2, the samples have {peak:.6g} m/s^2"]
+    return _times(samples, declared.factor * declared.units.scale), tuple(notes)
 
 
 def without_mean(samples: NDArray[Any]) -> tuple[NDArray[np.float64], str]:

@@ -220,6 +220,7 @@ def _motion(record: Record | None) -> dict[str, Any] | None:
         "duration_s": record.duration,
         "pga_m_s2": record.pga,
         "processing": list(record.processing),
+        "compared_with_file": list(record.compared) or ["nothing: the file states no number that its samples tell too"],
     }
 
 

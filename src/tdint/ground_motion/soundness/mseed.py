@@ -1,0 +1,247 @@
+"""MiniSEED and SEED (SEED manual 2.4, chapters 3 and 8): every record's header against the bytes of the record.
+
+libmseed takes the header's word: more samples than the record has room for are read from the memory behind it, a wrong
+place of the data or type of the record drops the record. The walk over all records here finds both before libmseed
+sees the file; afterwards the samples of each channel must be the sum of the headers' counts.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from tdint.errors import RecordError
+from tdint.ground_motion.soundness.statement import SAMPLES, Damaged, Statement
+from tdint.ground_motion.soundness.steim import most_samples
+
+_FIXED_HEADER = 48
+_SHORTEST_RECORD = 128
+_LENGTH_EXPONENTS = range(7, 21)
+_CONTROL = re.compile(rb"[ \d]{6}[VAST](?:\*| \d{3})")
+_TEXT, _STEIM = 0, {10: 1, 11: 2, 19: 1, 20: 2}
+_WIDTHS = {1: 2, 2: 3, 3: 4, 4: 4, 5: 8, 12: 3, 13: 2, 14: 2, 16: 2, 30: 2, 32: 2, 33: 2}
+"""Bytes of a sample by the code of the encoding (SEED manual, blockette 1000), where all have the same."""
+
+_HEADER = "6scc5s2s3s2sHHBBBxHHhhBBBBiHH"
+_ACTUAL_RATE, _DATA_ONLY = 100, 1000
+_RATE_SLACK = 0.01
+"""Part by which blockette 100 may correct the nominal sampling rate."""
+
+
+@dataclass(frozen=True)
+class DataRecord:
+    """What the header of one data record says.
+
+    Attributes
+    ----------
+    number : int
+        Its place in the file, from 1.
+    id : str
+        Network, station, location and channel joined by dots.
+    samples, encoding, length, data : int
+        Number of samples, code of their encoding, bytes of the record and of its header.
+    rate : float
+        Samples per second; 0 for text.
+    start : float
+        Seconds from the beginning of the year.
+    """
+
+    number: int
+    id: str
+    samples: int
+    encoding: int
+    length: int
+    data: int
+    rate: float
+    start: float
+
+    @property
+    def end(self) -> float:
+        """When the sample after the last one would come, s."""
+        return self.start + (self.samples / self.rate if self.rate else 0.0)
+
+
+def look_at_mseed(data: bytes) -> list[DataRecord]:
+    """Walk over the records to the end of the file; returns those of data.
+
+    Raises
+    ------
+    Damaged
+        A header contradicts itself, its record or the other records of its channel.
+    """
+    records = list(_walk(data))
+    channels: dict[str, list[DataRecord]] = {}
+    for record in records:
+        if record.samples:
+            channels.setdefault(record.id, []).append(record)
+    for name, members in channels.items():
+        encodings = {record.encoding for record in members}
+        if len(encodings) > 1:
+            raise Damaged(f"the records of {name} have different encodings, {sorted(encodings)}")
+    _check_names(channels)
+    return records
+
+
+def mseed_statements(records: list[DataRecord], traces: list[Any]) -> list[Statement]:
+    """The counts of all headers of a channel against the samples that were read of it."""
+    stated: Counter[str] = Counter()
+    for record in records:
+        if record.encoding != _TEXT and record.rate:
+            stated[record.id] += record.samples
+    found: Counter[str] = Counter()
+    for trace in traces:
+        if trace.data.dtype.kind in "iuf":
+            found[trace.id] += len(trace.data)
+    return [Statement(SAMPLES, stated[name], found[name], where=name) for name in {**stated, **found}]
+
+
+def _walk(data: bytes) -> Iterator[DataRecord]:
+    offset, number, control_length = 0, 0, None
+    is_volume = data[6:7] == b"V"
+    while offset < len(data):
+        header = data[offset : offset + _FIXED_HEADER]
+        if not header.strip(b" \0"):
+            offset += _SHORTEST_RECORD
+            continue
+        number += 1
+        if len(header) < _FIXED_HEADER:
+            raise Damaged(f"its last {len(header)} bytes are no whole record")
+        is_control = (
+            is_volume and header[6:7] in (b"V", b"A", b"S", b"T") and (header[8:11].isdigit() or header[7:8] == b"*")
+        )
+        if is_control:
+            control_length = control_length or _control_length(data)
+            if control_length is None:
+                raise Damaged("its first control header does not tell the records' length")
+            length = control_length
+        else:
+            record = _data_record(data, offset, number)
+            length = record.length
+        if offset + length > len(data):
+            raise Damaged(f"its last record has {len(data) - offset} of {length} bytes")
+        if not is_control:
+            yield record
+        offset += length
+
+
+def _control_length(data: bytes) -> int | None:
+    """Length of a full SEED volume's records, bytes: by its first blockette, else to the next header."""
+    if data[8:11] in (b"005", b"008", b"010") and data[19:21].isdigit():
+        exponent = int(data[19:21])
+        return 2**exponent if exponent in _LENGTH_EXPONENTS else None
+    lengths = (2**exponent for exponent in _LENGTH_EXPONENTS)
+    return next((length for length in lengths if _begins_record(data[length : length + 8])), None)
+
+
+def _begins_record(header: bytes) -> bool:
+    return len(header) == 8 and header[:6].isdigit() and header[6:7] in b"VASTDRQM" and header[7:8] in b" *\0"
+
+
+def _data_record(data: bytes, offset: int, number: int) -> DataRecord:
+    """Understand a data record's header.
+
+    Raises
+    ------
+    Damaged
+        It is none, or contradicts itself.
+    """
+    # Nothing before blockette 1000 tells the byte order: the right one makes a year of our time.
+    order = ">" if 1900 <= int.from_bytes(data[offset + 20 : offset + 22], "big") <= 2100 else "<"
+    fields = struct.unpack_from(order + _HEADER, data, offset)
+    sequence, quality, _, station, location, channel, network, year, day, hour, minute, second = fields[:12]
+    fraction, samples, factor, multiplier, _, _, _, blockettes, _, begin, first = fields[12:]
+    where = f"record {number}"
+    is_clock = 1900 <= year <= 2100 and 1 <= day <= 366 and hour < 24 and minute < 60 and second < 61
+    if not (quality in (b"D", b"R", b"Q", b"M") and _is_sequence(sequence) and is_clock and fraction < 10_000):
+        raise Damaged(f"at byte {offset}, where {where} should begin, there is no header of one")
+    chain = _blockettes(data, offset, first, order, where)
+    if len(chain) != blockettes:
+        raise Damaged(f"{where}: its header states {blockettes} blockettes, there are {len(chain)}")
+    if _DATA_ONLY not in chain:
+        raise RecordError(
+            f"{where} has no blockette 1000, which tells its length and encoding; nothing in it can be checked"
+        )
+    place = chain[_DATA_ONLY]
+    encoding, big, exponent = data[place + 4 : place + 7]
+    if exponent not in _LENGTH_EXPONENTS:
+        raise Damaged(f"{where}: its header gives a length of 2^{exponent} bytes")
+    if samples and encoding != _TEXT and (order == ">") != (big == 1):
+        raise Damaged(f"{where}: its header and its blockette 1000 have different byte orders")
+    rate = _rate(factor, multiplier)
+    if _ACTUAL_RATE in chain:
+        (actual,) = struct.unpack_from(order + "f", data, chain[_ACTUAL_RATE] + 4)
+        if not abs(actual - rate) <= _RATE_SLACK * rate:
+            raise Damaged(f"{where}: its header states {rate:g} and {actual:g} samples a second")
+    names = (part.decode("latin-1").strip(" \0") for part in (network, station, location, channel))
+    start = ((day * 24.0 + hour) * 60.0 + minute) * 60.0 + second + 1e-4 * fraction
+    record = DataRecord(number, ".".join(names), samples, encoding, 2**exponent, begin, rate, start)
+    if offset + record.length > len(data):
+        raise Damaged(f"its last record has {len(data) - offset} of {record.length} bytes")
+    ends = max(chain.values()) - offset + 8
+    _check_room(record, data[offset : offset + record.length], ends, big == 1)
+    return record
+
+
+def _is_sequence(text: bytes) -> bool:
+    return not text.strip(b"0123456789 \0")
+
+
+def _blockettes(data: bytes, offset: int, first: int, order: str, where: str) -> dict[int, int]:
+    """Places in the file of a record's blockettes, by their type."""
+    chain: dict[int, int] = {}
+    place, before = first, _FIXED_HEADER - 1
+    while place:
+        if place <= before or offset + place + 8 > len(data):
+            raise Damaged(f"{where}: the places of its blockettes are wrong")
+        kind, following = struct.unpack_from(order + "HH", data, offset + place)
+        chain[kind] = offset + place
+        before, place = place, following
+    return chain
+
+
+def _rate(factor: int, multiplier: int) -> float:
+    """Samples per second from the header's two numbers; 0 where one of them is (SEED manual, fields 10 and 11)."""
+    if not factor or not multiplier:
+        return 0.0
+    rate = float(factor) if factor > 0 else -1.0 / factor
+    return rate * multiplier if multiplier > 0 else -rate / multiplier
+
+
+def _check_room(record: DataRecord, content: bytes, headers_end: int, big: bool) -> None:
+    """The record must have the room that its samples need, from behind its headers on."""
+    if not record.samples or record.encoding == _TEXT:
+        return
+    where = f"record {record.number}"
+    if not headers_end <= record.data < record.length:
+        raise Damaged(
+            f"{where}: its header places the data at byte {record.data}; its blockettes end at {headers_end}, "
+            f"and the record at {record.length}"
+        )
+    room = record.length - record.data
+    if record.encoding in _STEIM:
+        if record.data % 64:
+            raise Damaged(f"{where}: its header places compressed data at byte {record.data}, no multiple of 64")
+        most = most_samples(content[record.data :], _STEIM[record.encoding], ">" if big else "<")
+    elif record.encoding in _WIDTHS:
+        if _WIDTHS[record.encoding] % 4 == 0 and record.data % 4:
+            raise Damaged(f"{where}: its header places the data at byte {record.data}, no multiple of 4")
+        most = room // _WIDTHS[record.encoding]
+    else:
+        return
+    if record.samples > most:
+        raise Damaged(f"{where}: its header states {record.samples} samples, it has room for {most}")
+
+
+def _check_names(channels: dict[str, list[DataRecord]]) -> None:
+    """No channel may go on, to the sample, where another one ends whose name differs in one letter."""
+    for name, members in channels.items():
+        for other, others in channels.items():
+            if len(name) != len(other) or sum(a != b for a, b in zip(name, other, strict=True)) != 1:
+                continue
+            before, after = members[-1], others[0]
+            if before.rate and before.rate == after.rate and abs(after.start - before.end) < 0.5 / before.rate:
+                raise Damaged(f"record {after.number} of {other} continues record {before.number} of {name}")
