@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import readmes
 from references import matrices, smooth
 from tdint import load_model, run
 from tdint.analysis.assessment.failures import attempt, find_problems, usual_methods
@@ -174,9 +175,8 @@ def test_the_stiff_pair_settles_with_dissipation_only():
 
 
 def digest():
-    """Rows of README's digest: problem, dt, method, text of the cell."""
-    text = (CONFIGS.parent / "README.md").read_text().partition("<!-- digest: failures -->")[2]
-    lines = [line.strip("|").split("|") for line in text.partition("<!-- end: digest -->")[0].splitlines() if line]
+    """Rows of the digest in the methods' README: problem, dt, method, text of the cell."""
+    lines = [line.strip("|").split("|") for line in readmes.digest("failures").splitlines() if line]
     header, *body = [[cell.strip(" `") for cell in line] for line in lines if not line[0].startswith("---")]
     return [
         (row[0], float(row[1]), method, cell) for row in body for method, cell in zip(header[2:], row[2:], strict=True)

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import readmes
 from references import orders, smooth
 from tdint import load_model, run
 from tdint.analysis.assessment.paper_examples import DTS, default_integrators, examples, gap, reference, run_example
@@ -130,9 +131,8 @@ def test_what_is_compared_in_example_3_is_the_sampled_load():
 
 
 def digest():
-    """Rows of README's digest: method, variant, errors of the three examples."""
-    text = (CONFIGS.parent / "README.md").read_text().partition("<!-- digest: examples -->")[2]
-    lines = [line.strip("| ").split("|") for line in text.partition("<!-- end: digest")[0].splitlines() if "`" in line]
+    """Rows of the digest in the methods' README: method, variant, errors of the three examples."""
+    lines = [line.strip("| ").split("|") for line in readmes.digest("examples").splitlines() if "`" in line]
     rows = []
     for head, *cells in lines:
         method, _, variant = head.replace("`", "").strip().partition(", ")

@@ -1,0 +1,108 @@
+"""The scripts and examples of the READMEs run, and give what their text says."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import shlex
+import sys
+
+import numpy as np
+import pytest
+
+import readmes
+from tdint.analysis.assessment.order import observed_order, order_problem
+from tdint.analysis.assessment.stability import critical_step
+from tdint.methods import single_step
+from tdint.methods.method import Integrator
+
+
+@pytest.fixture
+def checkout():
+    """A folder like a checkout, and what runs a script in it and returns its output and its messages."""
+    with readmes.checkout() as (folder, environment):
+
+        def run(script):
+            code, output, said = readmes.shell(script, folder, environment)
+            assert code == 0, said
+            return output, said
+
+        yield folder, run
+
+
+def rows(text):
+    return list(csv.DictReader(text.splitlines()))
+
+
+def test_the_shell_script(checkout):
+    folder, run = checkout
+    output, _ = run(readmes.block("shell"))
+    assert len(rows(output)) == 6
+    assert all(0.001 < float(row["largest_drift_ratio"]) < 0.1 for row in rows(output))
+    assert len(list((folder / "out").glob("*/summary.json"))) == 6
+
+
+def test_the_loops_of_a_law(checkout):
+    folder, run = checkout
+    assert run(readmes.block("law"))[0] == ""
+    drifts = [float(row["drift_ratio"]) for row in rows((folder / "loops.csv").read_text())]
+    assert (max(drifts), min(drifts), len(drifts)) == (0.03, -0.03, 1 + 6 * 800)
+    assert (folder / "loops.png").exists()
+
+
+def test_the_elastic_spectra(checkout):
+    folder, run = checkout
+    output, _ = run(readmes.block("elastic"))
+    assert {row["maxima"] for row in rows(output)} == {"peer"}
+    rotated = rows((folder / "rotd.csv").read_text())
+    values = [[float(row[f"rotd{name}_psa_m_s2"]) for name in ("00", "50", "100")] for row in rotated]
+    assert len(values) == 200
+    assert all(least < middle < most for least, middle, most in values)
+    assert (folder / "spectra.png").is_file()
+
+
+def test_the_inelastic_spectra(checkout):
+    folder, run = checkout
+    assert run(readmes.block("inelastic"))[0] == ""
+    found, given = (rows((folder / name).read_text()) for name in ("ductilities.csv", "strengths.csv"))
+    assert all(float(row["ductility"]) == pytest.approx(float(row["target_ductility"]), rel=1e-8) for row in found)
+    assert {row["yield_strength_ratio"] for row in given} == {"0.1", "0.2"}
+    columns = re.findall(r"`(\w+)`", readmes.digest("inelastic-columns"))
+    assert len(columns) == 7
+    assert set(columns) <= set(found[0])
+    assert (folder / "ductilities.png").exists()
+
+
+def test_the_batches(checkout):
+    folder, run = checkout
+    _, said = run(readmes.block("batch"))
+    assert "note: records/: not taken for records: README.md, make_records.py\n" in said
+    assert {path.stem for path in (folder / "spectra").iterdir()} == {"firm-soil", "near-fault", "soft-soil"}
+    (east, _) = json.loads((folder / "filtered.json").read_text())["records"]
+    assert [step.split(":")[0] for step in east["processing"][1:]] == ["highpass 0.1 Hz", "lowpass 25 Hz"]
+    assert len(json.loads((folder / "records.json").read_text())["records"]) == 6
+    assert (folder / "records.png").exists()
+
+
+def test_the_drift_spectra(checkout):
+    folder, run = checkout
+    assert run(readmes.block("drift"))[0] == ""
+    buildings, beams = (rows((folder / name).read_text()) for name in ("drifts.csv", "beam.csv"))
+    assert [row["period_s"] for row in buildings] == [row["period_s"] for row in beams]
+    assert max(float(row["peak_drift_ratio"]) for row in buildings) == pytest.approx(0.024, rel=0.02)
+    assert (folder / "drifts.png").exists()
+
+
+def test_the_python_example(checkout):
+    _, run = checkout
+    output, _ = run(shlex.join([sys.executable, "-c", readmes.block("python")]))
+    assert 0.001 < float(output.split()[0]) < 0.1
+
+
+def test_one_more_method_is_one_line():
+    member = eval(readmes.block("member"), vars(single_step))
+    integrator = Integrator(member)
+    observed = observed_order(integrator, order_problem("harmonic", "linear"))
+    assert observed.order("displacement") == pytest.approx(integrator.order, abs=0.1)
+    assert np.isinf(critical_step(integrator))

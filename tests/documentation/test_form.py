@@ -1,0 +1,66 @@
+"""The form of the READMEs: links that lead somewhere, a first page that stays short."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+
+import pytest
+
+import readmes
+
+
+def named(path):
+    return str(path.relative_to(readmes.ROOT))
+
+
+def prose(text):
+    """A README's text without its code blocks, in which # and ]( mean other things."""
+    return re.sub(r"^```.*?^```$", "", text, flags=re.DOTALL | re.MULTILINE)
+
+
+def anchors(path):
+    """The anchors that GitHub makes of a file's headings."""
+    headings = re.findall(r"^#+ +(.*)$", prose(path.read_text()), re.MULTILINE)
+    return [re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings]
+
+
+@pytest.mark.parametrize("path", readmes.files(), ids=named)
+def test_links_lead_somewhere(path):
+    for target in re.findall(r"\]\(([^)\s]+)\)", prose(path.read_text())):
+        if re.match(r"\w+:", target):
+            continue
+        name, _, anchor = target.partition("#")
+        aim = (path.parent / name).resolve() if name else path
+        assert aim.exists(), target
+        assert aim.is_relative_to(readmes.ROOT), target
+        aim = aim / "README.md" if aim.is_dir() else aim
+        assert not anchor or anchor in anchors(aim), target
+
+
+@pytest.mark.parametrize("path", readmes.files(), ids=named)
+def test_no_heading_stands_twice(path):
+    assert len(anchors(path)) == len(set(anchors(path)))
+
+
+@pytest.mark.parametrize("path", readmes.files()[1:], ids=named)
+def test_the_first_page_leads_to_every_other(path):
+    assert f"]({path.parent.relative_to(readmes.ROOT)}/README.md" in readmes.README.read_text()
+
+
+@pytest.mark.parametrize("path", readmes.files(), ids=named)
+def test_commands_name_files_that_exist(path):
+    for target in re.findall(r"(?:pytest|python) (?:-\S+ )*((?:tests|records)/[\w/.]+)", path.read_text()):
+        assert (readmes.ROOT / target).exists(), target
+
+
+def test_the_first_page_is_short():
+    text = readmes.README.read_text()
+    assert len(text.splitlines()) <= 200
+    assert len(text.encode()) <= 12 * 1024
+
+
+def test_the_source_archive_holds_every_readme():
+    settings = tomllib.loads((readmes.ROOT / "pyproject.toml").read_text())
+    included = settings["tool"]["hatch"]["build"]["targets"]["sdist"]["include"]
+    assert {path.relative_to(readmes.ROOT).parts[0] for path in readmes.files()} <= set(included)

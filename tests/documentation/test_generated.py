@@ -1,0 +1,60 @@
+"""What READMEs take from the program is up to date: generated parts, sessions, the test command."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+import readmes
+from tdint_cli.main import COMMANDS
+
+AGAIN = "run: python tests/readmes.py"
+
+
+def named(path):
+    return str(path.relative_to(readmes.ROOT))
+
+
+@pytest.mark.parametrize("path", readmes.files(), ids=named)
+def test_generated_parts_are_up_to_date(path):
+    text = path.read_text()
+    assert readmes.generated(text) == text, AGAIN
+
+
+def test_every_generated_part_stands_in_one_readme():
+    found = [
+        name for path in readmes.files() for name in re.findall(r"^<!-- generated: (\w+) -->", path.read_text(), re.M)
+    ]
+    assert sorted(found) == sorted(readmes.PARTS)
+
+
+def test_every_command_stands_in_the_readme_of_the_command_line():
+    text = (readmes.ROOT / "cli" / "README.md").read_text()
+    assert all(f"### tdint {name}\n" in text for name in COMMANDS)
+
+
+@pytest.mark.parametrize("path", [path for path in readmes.files() if readmes.sessions(path.read_text())], ids=named)
+def test_sessions_print_what_they_show(path):
+    for session in readmes.sessions(path.read_text()):
+        with readmes.checkout() as (folder, environment):
+            for command, shown in session:
+                code, output, said = readmes.shell(command, folder, environment)
+                assert code == 0, said
+                assert readmes.same(output + said, shown), f"{command}\n{output}{said}\n{AGAIN}"
+
+
+def test_the_comparison_of_sessions_sees_differences():
+    line = "impulse4: 4000 steps of 0.01 s, 4.47 us per step, energy error 1.0e-05.\n"
+    assert readmes.same(line, line.replace("4.47 us", "0.5 us"))
+    assert readmes.same("1,0.0121613414291\n", "1,0.0121613414200\n")
+    assert not readmes.same("1,0.0121613414\n", "1,0.0121713414\n")
+    assert not readmes.same(line, line.replace("4000", "4001"))
+    assert not readmes.same(line, line.replace("steps", "halvings"))
+
+
+def test_the_ci_script_runs_the_readmes_test_command():
+    commands = re.findall(r"^\$ (.*\.\[test\].*)$", readmes.README.read_text(), re.MULTILINE)
+    assert len(commands) == 1
+    assert commands[0].endswith("-m pytest")
+    assert "README.md" in (readmes.ROOT / ".ci" / "run").read_text()

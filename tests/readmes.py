@@ -1,0 +1,206 @@
+"""The generated parts of all READMEs: python tests/readmes.py writes them anew, tests/documentation compares them.
+
+A part stands between its line `<!-- generated: NAME -->` and the line `<!-- end: NAME -->`. A session, the block after
+the line `<!-- session -->`, holds commands and what they print.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import subprocess
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from click.testing import CliRunner
+
+from tdint.analysis.assessment.hard_problems import HardProblem, problems
+from tdint.methods.catalogue import catalogue, parse
+from tdint.methods.method import Integrator
+from tdint.model.laws import LAWS
+from tdint_cli.main import COMMANDS, cli
+
+ROOT = Path(__file__).parents[1]
+README = ROOT / "README.md"
+FOLDERS = ("cli", "configs", "records", "src", "tests")
+
+
+def files():
+    """All READMEs."""
+    return [README, *(path for folder in FOLDERS for path in sorted((ROOT / folder).rglob("README.md")))]
+
+
+def help_text():
+    """The help of every command."""
+    parts = []
+    for name in COMMANDS:
+        result = CliRunner().invoke(cli, [name, "--help"], prog_name="tdint", terminal_width=100)
+        assert result.exit_code == 0, result.output
+        parts.append(f"### tdint {name}\n\n```\n{result.output.rstrip()}\n```\n")
+    return "\n".join(parts)
+
+
+def _number(value):
+    return "" if math.isnan(value) else "none" if math.isinf(value) else f"{value:.4g}"
+
+
+def _parameters(integrator: Integrator):
+    pairs = zip(integrator.method.parameters, integrator.values, strict=True)
+    return ", ".join(f"{parameter.name} = {value:.6g} in {parameter.range}" for parameter, value in pairs)
+
+
+def method_table():
+    """The catalogue as a table; numbers at the defaults."""
+    rows = ["| method | parameters | order | implicit | largest stable omega dt | rho at infinity | source |"]
+    rows.append("|---|---|---|---|---|---|---|")
+    for name in catalogue():
+        method = parse(name)
+        implicit = "yes" if method.implicit else "no"
+        limit, rho = _number(method.stability_limit), _number(method.rho_inf)
+        cells = (f"`{name}`", _parameters(method), method.order, implicit, limit, rho, method.method.source)
+        rows.append("| " + " | ".join(map(str, cells)) + " |")
+    return "\n".join(rows) + "\n"
+
+
+def law_table():
+    """The drift laws as a table."""
+    rows = ["| law | restoring force | parameters |", "|---|---|---|"]
+    for law in LAWS.values():
+        names = ", ".join(f"`{parameter.name}`" + (" (a list)" * parameter.many) for parameter in law.parameters)
+        formula = law.formula.replace("|", "\\|")
+        rows.append(f"| `{law.name}` | {formula} | {names} |")
+    return "\n".join(rows) + "\n"
+
+
+def _bound(problem: HardProblem):
+    """What a run has to keep to for the verdict `pass`."""
+    low = max(fault.low for fault in problem.faults)
+    high = min(fault.high for fault in problem.faults)
+    return f"energy ratio from {low:g} to {high:g}" if problem.by_energy else f"{problem.error_of}: at most {high:g}"
+
+
+def problem_table():
+    """The problems on which methods fail, and what they are judged by."""
+    rows = ["| problem | what it is | dt (s) | passes with | source |", "|---|---|---|---|---|"]
+    for problem in problems().values():
+        steps = ", ".join(f"{dt:.4g}" for dt, _ in problem.steps)
+        rows.append(f"| `{problem.name}` | {problem.about} | {steps} | {_bound(problem)} | {problem.source} |")
+    return "\n".join(rows) + "\n"
+
+
+def command_list():
+    """A line per command."""
+    rows = ["| command | what it gives |", "|---|---|"]
+    rows += [f"| [`tdint {name}`](cli/README.md#tdint-{name}) | {says} |" for name, (_, says) in COMMANDS.items()]
+    return "\n".join(rows) + "\n"
+
+
+PARTS = {
+    "commands": command_list,
+    "help": help_text,
+    "laws": law_table,
+    "methods": method_table,
+    "problems": problem_table,
+}
+"""What each generated part is made by; a part stands in one file."""
+
+
+def generated(text):
+    """A README's text with its generated parts made anew."""
+    for name in re.findall(r"^<!-- generated: (\w+) -->$", text, re.MULTILINE):
+        begin, end = f"<!-- generated: {name} -->\n", f"<!-- end: {name} -->\n"
+        head, _, rest = text.partition(begin)
+        assert end in rest, f"the part {name} has no end"
+        text = f"{head}{begin}\n{PARTS[name]()}\n{end}{rest.partition(end)[2]}"
+    return text
+
+
+def _unique(pattern):
+    """What the only match of a pattern in all READMEs holds."""
+    found = [match for path in files() for match in re.findall(pattern, path.read_text(), re.DOTALL | re.MULTILINE)]
+    assert len(found) == 1, f"{len(found)} places match {pattern!r}"
+    return found[0]
+
+
+def block(kind):
+    """The code block behind the line `<!-- test: KIND -->`, in whatever README it stands."""
+    return _unique(rf"^<!-- test: {kind} -->\n```\w+\n(.*?)^```")
+
+
+def digest(name):
+    """The text between `<!-- digest: NAME -->` and `<!-- end: digest NAME -->`: numbers that tests compare."""
+    return _unique(rf"^<!-- digest: {name} -->\n(.*?)^<!-- end: digest {name} -->")
+
+
+# ---- Sessions: commands with what they print
+
+
+@contextmanager
+def checkout():
+    """A folder that looks like a checkout, with the models that READMEs show, and an environment that finds tdint."""
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        for part in ("configs", "records"):
+            (folder / part).symlink_to(ROOT / part)
+        (folder / "workshop.yaml").write_text(block("workshop"))
+        path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+        yield folder, {**os.environ, "PATH": path}
+
+
+def shell(script, folder, environment):
+    """A shell script's exit code, output and messages; the note on the first compilation is left out."""
+    done = subprocess.run(["bash", "-eu", "-c", script], cwd=folder, env=environment, capture_output=True, text=True)
+    said = [line for line in done.stderr.splitlines(keepends=True) if not line.startswith("note: compiling")]
+    return done.returncode, done.stdout, "".join(said)
+
+
+_SESSION = re.compile(r"(^<!-- session -->\n```console\n)(.*?)(^```)", re.DOTALL | re.MULTILINE)
+
+
+def sessions(text):
+    """The sessions of a README: lists of (command, what it prints)."""
+    return [
+        re.findall(r"^\$ (.*)\n((?:(?!\$ ).*\n)*)", inside, re.MULTILINE) for _, inside, _ in _SESSION.findall(text)
+    ]
+
+
+_NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+_TIME = re.compile(r"[\d.e-]+ (us|ms|s)\b(?= per step)")
+
+
+def same(printed, shown):
+    """Whether two outputs agree but for times, the last digit, and what machines round differently (1e-4)."""
+    printed, shown = (_TIME.sub("", text) for text in (printed, shown))
+    if _NUMBER.sub("#", printed) != _NUMBER.sub("#", shown):
+        return False
+    pairs = zip(_NUMBER.findall(printed), _NUMBER.findall(shown), strict=True)
+    return all(math.isclose(float(one), float(other), rel_tol=_open(other)) for one, other in pairs)
+
+
+def _open(number):
+    """What the digits of a number leave open, at least 1e-4: estimated errors are differences of nearby numbers."""
+    digits = len(re.sub(r"e.*|\.|^[-+]?0*\.?0*", "", number))
+    return max(1.01 * 10.0 ** (1 - digits), 1e-4) if "." in number else 1e-9
+
+
+def played(text):
+    """A README's text with its sessions played anew: each command with its output, then its messages."""
+
+    def play(match):
+        lines = []
+        with checkout() as (folder, environment):
+            for command, shown in sessions(match[0])[0]:
+                code, output, said = shell(command, folder, environment)
+                assert code == 0, said
+                lines.append(f"$ {command}\n{shown if same(output + said, shown) else output + said}")
+        return match[1] + "".join(lines) + match[3]
+
+    return _SESSION.sub(play, text)
+
+
+if __name__ == "__main__":
+    for readme in files():
+        readme.write_text(played(generated(readme.read_text())))
