@@ -13,7 +13,7 @@ from typing import Any
 import click
 
 from tdint.errors import TdintError
-from tdint_cli.terminal import say
+from tdint_cli.terminal.streams import say
 
 BUG = 1
 OUT_OF_MEMORY = 5

@@ -1,7 +1,7 @@
 """The command `tdint`: a group that imports a command's module only when that command runs.
 
 Help and version cost nothing but click. A new command is a module in `commands` (whose `command` is the click command)
-and one line in COMMANDS.
+and one line in GROUPS.
 """
 
 from __future__ import annotations
@@ -15,28 +15,41 @@ from typing import Any, NoReturn
 
 import click
 
-from tdint_cli import options
 from tdint_cli.errors import Settings, exit_code_of
+from tdint_cli.options.headings import general, write_options
 
-COMMANDS = {
-    "run": ("run", "Response of a building in time: the peaks of each story."),
-    "spectrum": ("spectrum", "Response spectra of ground-motion records, elastic and inelastic."),
-    "drift-spectrum": (
-        "drift_spectrum",
-        "Drift spectra: the largest story drifts of shear buildings.",
-    ),
-    "info": ("info", "What ground-motion records are and how strong."),
-    "law": ("law", "Cyclic test of one story: its force over imposed cycles of drift."),
-    "modes": ("modes", "Periods, damping ratios and modal masses of a building."),
-    "methods": ("methods", "The time-integration methods: parameters, order, stability, source."),
-    "stability": ("stability", "Spectral radius, period error and numerical damping of methods over dt/T."),
-    "overshoot": ("overshoot", "First steps of methods under a large step, and how they grow with it."),
-    "order": ("order", "Observed order of methods, from their errors over halved steps."),
-    "failures": ("failures", "Which methods fail on hard problems with known answers, and how."),
-    "examples": ("examples", "The examples of the paper of 2022: errors of its methods, and its figures."),
-    "chart": ("chart", "Time against accuracy: what methods cost and how much they err on a building."),
+GROUPS = {
+    "Buildings": {
+        "run": ("buildings.run", "Response of a building in time: the peaks of each story."),
+        "modes": ("buildings.modes", "Periods, damping ratios and modal masses of a building."),
+        "law": ("buildings.law", "Cyclic test of one story: its force over imposed cycles of drift."),
+    },
+    "Ground motions": {
+        "info": ("ground_motions.info", "What ground-motion records are and how strong."),
+        "spectrum": ("ground_motions.spectrum", "Response spectra of ground-motion records, elastic and inelastic."),
+        "drift-spectrum": (
+            "ground_motions.drift_spectrum",
+            "Drift spectra: the largest story drifts of shear buildings.",
+        ),
+    },
+    "Methods": {
+        "methods": ("methods.methods", "The time-integration methods: parameters, order, stability, source."),
+        "stability": (
+            "methods.stability",
+            "Spectral radius, period error and numerical damping of methods over dt/T.",
+        ),
+        "overshoot": ("methods.overshoot", "First steps of methods under a large step, and how they grow with it."),
+        "order": ("methods.order", "Observed order of methods, from their errors over halved steps."),
+        "failures": ("methods.failures", "Which methods fail on hard problems with known answers, and how."),
+        "examples": ("methods.examples", "The examples of the paper of 2022: errors of its methods, and its figures."),
+        "chart": ("methods.chart", "Time against accuracy: what methods cost and how much they err on a building."),
+    },
 }
-"""The commands in the order of the help: the module in `commands` and the first sentence of the command's own help."""
+"""The commands in the groups and the order of the help: of each its module in `commands` and the first sentence of its
+own help. Groups to come: Studies (campaigns of runs), Housekeeping."""
+
+COMMANDS = {name: entry for group in GROUPS.values() for name, entry in group.items()}
+"""The commands of all groups."""
 
 
 class LazyGroup(click.Group):
@@ -63,8 +76,14 @@ class LazyGroup(click.Group):
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, sentence) for name, (_, sentence) in COMMANDS.items()])
+        width = max(map(len, COMMANDS))
+        for heading, commands in GROUPS.items():
+            with formatter.section(heading):
+                formatter.write_dl([(name.ljust(width), sentence) for name, (_, sentence) in commands.items()])
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        write_options(self.get_params(ctx), ctx, formatter)
+        self.format_commands(ctx, formatter)
 
     def main(self, args: Sequence[str] | None = None, prog_name: str | None = None, **extra: Any) -> NoReturn:  # type: ignore[override]
         """Run a command line and exit; errors become one line each and an exit code, as `tdint_cli.errors` tells."""
@@ -82,7 +101,11 @@ def _show_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
         ctx.exit()
 
 
-@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.group(
+    cls=LazyGroup,
+    params=general(),
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
 @click.option(
     "--version",
     is_flag=True,
@@ -91,7 +114,6 @@ def _show_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
     callback=_show_version,
     help="Show the version and exit.",
 )
-@options.debug
 def cli() -> None:
     """Earthquake response of shear buildings, with a time-integration method of your choice.
 

@@ -15,7 +15,7 @@ from tdint import load_model, read_record, run
 from tdint.analysis.chart.work_precision import DEFAULT_METHODS
 from tdint.methods.catalogue import parse
 from tdint.output.tables.chart import QUANTITIES
-from tdint_cli.commands import chart
+from tdint_cli.commands.methods import chart
 
 COLUMNS = (
     "method,dt_s,steps,iterations,time_s,time_min_s,error_displacement,error_drift,error_peak_drift,"
@@ -212,7 +212,7 @@ def test_interrupted_work_leaves_no_file(folder, tdint, monkeypatch):
 
 def test_a_bar_for_people_at_a_terminal(folder, tdint, monkeypatch, capfd):
     assert "%" not in tdint("chart", "shaken.yaml", *QUICK).stderr.split("For 1 %")[0]
-    from tdint_cli import progress
+    from tdint_cli.terminal import progress
 
     monkeypatch.setattr(progress, "is_terminal", lambda stream: stream is sys.stderr)
     result = tdint("chart", "shaken.yaml", *QUICK, "-o", "x.csv")

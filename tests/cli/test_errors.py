@@ -64,8 +64,7 @@ def test_debug_adds_the_traceback(capsys):
 
 @pytest.mark.parametrize("arguments", [["--debug", "broken"], ["broken", "--debug"], ["broken"]])
 def test_debug_before_or_after_the_command(tdint, monkeypatch, arguments):
-    @click.command("broken")
-    @options.debug
+    @options.command("broken")
     def broken():
         raise ZeroDivisionError("a bug")
 

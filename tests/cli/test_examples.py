@@ -7,7 +7,7 @@ import io
 
 import pytest
 
-from tdint_cli.commands.examples import command
+from tdint_cli.commands.methods.examples import command
 
 COLUMNS = "example,method,variant,dt_s,error_displacement_m,error_velocity_m_s,error_acceleration_m_s2,rank,outcome"
 FIGURES = {1: (7, 8), 2: (10, 11, 12), 3: (14, 15, 16)}

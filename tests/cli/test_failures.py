@@ -9,7 +9,7 @@ import pytest
 
 from tdint.analysis.assessment.failures import usual_methods
 from tdint.analysis.assessment.hard_problems import problems
-from tdint_cli.commands.failures import command
+from tdint_cli.commands.methods.failures import command
 
 COLUMNS = "problem,method,dt_s,energy_ratio_min,energy_ratio_max,error,outcome,verdict,end_s,error_of"
 SMALL = ("failures", "--problem", "hardening", "--problem", "sqrt-12", "--method", "impulse", "--method", "exact")

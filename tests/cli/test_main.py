@@ -86,7 +86,7 @@ def test_version(tdint):
     ("arguments", "message"),
     [
         (["spectrm"], "Error: No such command 'spectrm'; did you mean 'spectrum'?"),
-        (["xyz"], "Error: No such command 'xyz'; the commands are run, spectrum"),
+        (["xyz"], "Error: No such command 'xyz'; the commands are run, modes"),
         (["--bogus"], "No such option"),
         (["run"], "Error: Missing argument 'MODEL.yaml'."),
         (["spectrum"], "Error: Missing argument 'RECORD...'."),
@@ -104,7 +104,7 @@ def test_usage_errors(tdint, arguments, message):
 def test_no_command_shows_help(tdint):
     result = tdint()
     assert result.exit_code in (0, 2)  # since click 8.2 this is a usage error
-    assert "Commands:" in result.stdout + result.stderr
+    assert "Buildings:" in result.stdout + result.stderr
 
 
 def test_every_command_is_in_the_table():

@@ -96,7 +96,7 @@ def test_what_is_taken_for_the_motion_between_samples_is_said(folder, tdint, arg
 def test_the_choices_are_those_of_the_library():
     from tdint.analysis.spectra.oscillators import MAXIMA
     from tdint.ground_motion.interpolation import INTERPOLATIONS
-    from tdint_cli.commands.spectrum import command
+    from tdint_cli.commands.ground_motions.spectrum import command
 
     choices = {parameter.name: parameter.type for parameter in command.params}
     assert list(choices["maxima"].choices) == list(MAXIMA)

@@ -1,0 +1,142 @@
+"""`tdint drift-spectrum`: the largest story drift of shear buildings over their period."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tdint.errors import UsageError
+from tdint_cli import options
+from tdint_cli.commands.ground_motions.spectra.kind import Kind, Results
+from tdint_cli.commands.ground_motions.spectra.request import TablesRequest
+from tdint_cli.commands.ground_motions.spectra.tables import make_tables
+from tdint_cli.options.values import Number
+from tdint_cli.startup import load_numba
+
+if TYPE_CHECKING:
+    from tdint.analysis.spectra.drift import DriftSpectrum
+    from tdint.files import Writer
+    from tdint.ground_motion.record import Record
+    from tdint.output.tables.tables import Table
+
+_PERIODS = "0.2:10:200"
+_STORY_HEIGHT = 3.5
+_HEIGHT_PERIOD = "0.0731,0.75"
+
+
+@dataclass(frozen=True)
+class DriftRequest(TablesRequest):
+    """The command line of `tdint drift-spectrum`."""
+
+    stories: int | None
+    story_height: float | None
+    height_period: str
+    beam: bool
+
+    def settings(self, default_periods: str) -> dict[str, Any]:
+        """As those of all spectra, with the story height that is taken where none is given."""
+        settings = super().settings(default_periods)
+        if not self.beam and self.stories is None:
+            settings["story_height"] = self.story_height or _STORY_HEIGHT
+        return settings
+
+
+@options.command("drift-spectrum")
+@options.record.records
+@options.record.units
+@options.record.component
+@options.record.inventory
+@options.record.processing
+@options.spectra.damping
+@options.spectra.periods(_PERIODS)
+@options.spectra.option(
+    "--stories", type=click.IntRange(1), metavar="N", help="Number of stories, the same at all periods and heights."
+)
+@options.spectra.option(
+    "--story-height",
+    type=Number(0.0, min_open=True),
+    metavar="METERS",
+    help=f"Without --stories: as many stories as the building's height has of these, rounded, at least one; "
+    f"{_STORY_HEIGHT:g} by default.",
+)
+@options.spectra.option(
+    "--height-period",
+    metavar="A,B",
+    default=_HEIGHT_PERIOD,
+    help=f"The height H of a building with the fundamental period T, by T = A H^B in s and m; {_HEIGHT_PERIOD} by "
+    "default.",
+)
+@options.spectra.option(
+    "--beam",
+    is_flag=True,
+    help="A continuous shear beam instead of stories, and its drift at the base (Iwan's drift spectrum).",
+)
+@options.spectra.tables
+@options.spectra.plot
+@options.output.jobs
+@options.output.overwrite
+def command(**given: Any) -> None:
+    """Drift spectra: the largest story drifts of shear buildings.
+
+    RECORD is a file, or a folder for all records in it, - is standard input; all components are taken unless
+    --component names one. The buildings are linear, with equal masses, stiffnesses and heights of their stories and the
+    same damping ratio in all modes. CSV: the largest drift ratio of all stories, the story where it is (none for
+    --beam), and the largest displacement of the roof over the building's height. They are exact for a ground motion
+    that is linear between its samples, the largest between the samples, too. A record that fails does not keep the
+    others from being done.
+
+    A and B of some codes, in s and m: 0.0731,0.75 moment frames of reinforced concrete in the Uniform Building Code of
+    1997, and in ASCE 7 frames of steel with eccentric or buckling-restrained braces; 0.0724,0.8 and 0.0466,0.9 moment
+    frames of steel and of concrete in ASCE 7; 0.0488,0.75 other buildings in both.
+    """
+    make_tables(DriftRequest(**given), KIND)
+
+
+def _check(request: DriftRequest) -> None:
+    if request.stories is not None and request.story_height is not None:
+        raise UsageError("--stories and --story-height are given; leave one of them out")
+    if request.beam and (request.stories is not None or request.story_height is not None):
+        raise UsageError("--beam has no stories: leave out --stories and --story-height")
+    load_numba()
+    from tdint.analysis.spectra.drift import number_of_stories, parse_height_period
+
+    heights = parse_height_period(request.height_period).height(request.chosen_periods(_PERIODS))
+    if not request.beam:
+        number_of_stories(heights, request.stories, request.story_height or _STORY_HEIGHT)
+
+
+def _compute(request: DriftRequest, records: Sequence[Record]) -> Results:
+    from tdint.analysis.spectra.drift import drift_spectrum, parse_height_period
+
+    results = [
+        drift_spectrum(
+            record,
+            request.chosen_periods(_PERIODS),
+            damping,
+            stories=request.stories,
+            story_height=request.story_height or _STORY_HEIGHT,
+            height_period=parse_height_period(request.height_period),
+            beam=request.beam,
+        )
+        for record in records
+        for damping in request.damping
+    ]
+    return Results(results, records)
+
+
+def _table(_: DriftRequest, results: Sequence[DriftSpectrum]) -> Table:
+    from tdint.output.tables.drift import drift_spectrum_table
+
+    return drift_spectrum_table(results)
+
+
+def _picture(_: DriftRequest, results: Sequence[DriftSpectrum], suffix: str) -> Writer:
+    from tdint.output.figures.drift import drift_spectrum_picture
+
+    return drift_spectrum_picture(results, suffix)
+
+
+KIND = Kind("drift-spectrum", _PERIODS, _check, _compute, _table, _picture)

@@ -1,0 +1,165 @@
+"""`tdint info`: what records are and how strong."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from tdint.errors import TdintError
+from tdint_cli import options
+from tdint_cli.batch.processes import Task, outcomes
+from tdint_cli.batch.sources import notes_of_components, records_of, refuse_inputs
+from tdint_cli.errors import Failures
+from tdint_cli.options.output import Outputs
+from tdint_cli.startup import load_numba
+from tdint_cli.terminal.streams import say
+
+if TYPE_CHECKING:
+    from tdint.files import Writer
+    from tdint.ground_motion.processing import Processing
+    from tdint.ground_motion.record import Record
+    from tdint.output.tables.records import RecordInfo
+    from tdint.output.tables.tables import Table
+
+_DAMPING = 0.05
+_PERIODS = 481
+"""Periods of the spectrum whose integral is the Housner intensity: 0.005 s apart."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """The command line of `tdint info`."""
+
+    records: tuple[str, ...]
+    units: str | None
+    component: str | None
+    inventory: str | None
+    processing: Processing
+    output: str | None
+    plot: str | None
+    jobs: int
+    overwrite: bool
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """How the records were read, for the JSON file."""
+        names = ("units", "component", "inventory", "processing")
+        return {name: value for name, value in asdict(self).items() if name in names}
+
+
+@dataclass(frozen=True)
+class Product:
+    """What becomes of one record.
+
+    Attributes
+    ----------
+    table : Table
+        A row per component.
+    records : tuple of dict
+        What each component is, for the JSON file.
+    infos : tuple of RecordInfo
+        What stands in the rows, kept only where it may be drawn.
+    changes : tuple of str
+        What was done to the record on request.
+    """
+
+    table: Table
+    records: tuple[dict[str, Any], ...]
+    infos: tuple[RecordInfo, ...]
+    changes: tuple[str, ...]
+
+
+@options.command("info")
+@options.record.records
+@options.record.units
+@options.record.component
+@options.record.inventory
+@options.record.processing
+@options.output.output(
+    "FILE",
+    "Write the table to this file instead of standard output, and what the records are to a JSON file beside it.",
+)
+@options.output.picture
+@options.output.jobs
+@options.output.overwrite
+def command(**given: Any) -> None:
+    """What ground-motion records are and how strong.
+
+    RECORD is a file, or a folder for all records in it, - is standard input; all components are taken unless
+    --component names one. CSV in SI units, a row each: samples, units and how they are known, peak acceleration,
+    velocity and displacement (from rest, nothing corrected), Arias intensity and its significant durations, cumulative
+    absolute velocity, Housner's spectrum intensity (5 % damping, 0.1 to 2.5 s), zeros at the ends, and notes on what
+    was assumed or looks wrong. The measures are exact for a ground motion that is linear between its samples. The
+    picture shows the first components. A record that fails does not keep the others from being done.
+    """
+    _run(Request(**given))
+
+
+def _run(request: Request) -> None:
+    sources = records_of(request.records)
+    outputs = Outputs.checked(request.output, request.plot, request.overwrite, summary=True)
+    refuse_inputs(outputs.files, [*sources.files, request.inventory])
+    notes = dict.fromkeys(sources.notes)  # a set in the order of arrival
+    failures: list[TdintError] = list(sources.failures)
+    products: list[Product] = []
+    tasks = [Task(file) for file in sources.files]
+    work = partial(_work, request)
+    with outcomes(work, tasks, jobs=request.jobs, label="records", to_terminal=request.output is None) as results:
+        for outcome in results:
+            if isinstance(outcome, TdintError):
+                failures.append(outcome)
+            else:
+                products.append(outcome)
+                notes |= dict.fromkeys(outcome.changes)
+    if products:
+        _deliver(request, outputs, products)
+    for note in notes:
+        say(f"note: {note}")
+    if failures:
+        raise Failures(failures)
+
+
+def _deliver(request: Request, outputs: Outputs, products: Sequence[Product]) -> None:
+    from tdint.output.summaries.summary import table_summary
+
+    rows = [row for product in products for row in product.table.rows]
+    records = [record for product in products for record in product.records]
+
+    def draw(suffix: str) -> Writer:
+        from tdint.output.figures.records import info_picture
+
+        return info_picture([info for product in products for info in product.infos], suffix)
+
+    table = replace(products[0].table, rows=rows)
+    outputs.deliver(table, draw, lambda: table_summary("info", request.settings, records))
+
+
+def _work(request: Request, task: Task) -> Product:
+    """All components of a record; it may run in another process."""
+    load_numba()
+    from tdint.ground_motion.measures import measure
+    from tdint.ground_motion.reading.read import read_records
+    from tdint.output.summaries.summary import record_summary
+    from tdint.output.tables.records import RecordInfo, info_table
+
+    found = read_records(task.source, units=request.units, component=request.component, inventory=request.inventory)
+    records = [request.processing.apply(record) for record in found]
+    infos = [RecordInfo(record, measure(record), _housner_intensity(record)) for record in records]
+    return Product(
+        table=info_table(infos),
+        records=tuple(map(record_summary, records)),
+        infos=tuple(infos) if request.plot else (),
+        changes=notes_of_components(records, lambda record: record.processing),
+    )
+
+
+def _housner_intensity(record: Record) -> float:
+    import numpy as np
+
+    from tdint.analysis.spectra.elastic import spectrum
+    from tdint.ground_motion.measures import HOUSNER_PERIODS, spectrum_intensity
+
+    periods = np.linspace(*HOUSNER_PERIODS, _PERIODS)
+    return spectrum_intensity(periods, spectrum(record, periods, _DAMPING).psv)

@@ -1,0 +1,91 @@
+"""Elastic spectra of single components."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import click
+
+from tdint_cli.commands.ground_motions.spectra.kind import Kind, Results
+from tdint_cli.options.spectra import option
+
+if TYPE_CHECKING:
+    from tdint.analysis.spectra.elastic import Spectrum
+    from tdint.files import Writer
+    from tdint.ground_motion.record import Record
+    from tdint.output.tables.tables import Table
+    from tdint_cli.commands.ground_motions.spectra.request import SpectrumRequest
+
+PERIODS = "0.01:10:200"
+_SAMPLES_PER_PERIOD = 10
+
+maxima = option(
+    "--maxima",
+    type=click.Choice(["exact", "peer", "samples"]),
+    help="Where the largest values are looked for: between the samples, too (exact, the default), at ten or more steps "
+    "per period (peer, as PEER's own spectra), or at the record's samples (samples, as those of USGS, and with "
+    "--method). Adds a column.",
+)
+interpolation = option(
+    "--interpolation",
+    type=click.Choice(["linear", "band-limited"]),
+    help="The ground motion between its samples: straight lines (linear, the default), or the motion without "
+    "frequencies above half the sampling rate (band-limited). Adds a column.",
+)
+
+
+def check(request: SpectrumRequest) -> None:
+    """Refuse, before any work, what makes no sense together."""
+    request.refuse(("hardening",), "is for oscillators that yield: add --ductility or --strength")
+    _ = request.manner
+
+
+def compute(request: SpectrumRequest, records: Sequence[Record]) -> Results:
+    """The spectra of each component with each damping ratio."""
+    from tdint.analysis.spectra.elastic import spectrum
+
+    periods = request.chosen_periods(PERIODS)
+    lines = [
+        spectrum(
+            record,
+            periods,
+            damping,
+            method=request.method,
+            maxima=request.maxima,
+            interpolation=request.interpolation,
+        )
+        for record in records
+        for damping in request.damping
+    ]
+    return Results(lines, records)
+
+
+def table(request: SpectrumRequest, lines: Sequence[Spectrum]) -> Table:
+    """A row for each spectrum and period."""
+    from tdint.output.tables.tables import spectrum_table
+
+    return spectrum_table(lines, request.stated)
+
+
+def picture(_: SpectrumRequest, lines: Sequence[Spectrum], suffix: str) -> Writer:
+    """A line for each spectrum."""
+    from tdint.output.figures.spectrum import spectrum_picture
+
+    return spectrum_picture(lines, suffix)
+
+
+def remark(request: SpectrumRequest, interval: float) -> str:
+    """On periods at which the ground motion between the samples matters."""
+    periods = request.chosen_periods(PERIODS)
+    limit = _SAMPLES_PER_PERIOD * interval
+    if not any((periods > 0.0) & (periods < limit * (1.0 - 1e-9))):
+        return ""
+    manner = request.manner
+    return (
+        f"below a period of {limit:.6g} s ({_SAMPLES_PER_PERIOD} sampling intervals) the ground motion between its "
+        f"samples matters: taken as {manner.interpolation.words}, maxima {manner.maxima.words}"
+    )
+
+
+KIND = Kind("spectrum", PERIODS, check, compute, table, picture, remark)

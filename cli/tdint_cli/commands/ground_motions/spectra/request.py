@@ -1,0 +1,109 @@
+"""The command lines of `spectrum` and `drift-spectrum`."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tdint.errors import UsageError
+from tdint_cli.startup import load_numba
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tdint.analysis.spectra.elastic import SpectrumSettings
+    from tdint.ground_motion.processing import Processing
+
+_NOT_SETTINGS = ("records", "output", "plot", "jobs", "overwrite", "period")
+
+
+@dataclass(frozen=True)
+class TablesRequest:
+    """What the command lines have in common that make a table over the period of each record."""
+
+    records: tuple[str, ...]
+    units: str | None
+    component: str | None
+    inventory: str | None
+    processing: Processing
+    damping: tuple[float, ...]
+    periods: str | None
+    period: tuple[float, ...]
+    output: str | None
+    plot: bool
+    jobs: int
+    overwrite: bool
+
+    @property
+    def is_folder(self) -> bool:
+        """Whether -o names a folder: one that exists, or by a separator at its end."""
+        output = self.output
+        return output is not None and (output.endswith(("/", os.sep)) or Path(output).is_dir())
+
+    def settings(self, default_periods: str) -> dict[str, Any]:
+        """All that the numbers depend on beside the records, for the JSON file."""
+        settings = {name: value for name, value in asdict(self).items() if name not in _NOT_SETTINGS}
+        return settings | {"periods": list(self.period) or self.periods or default_periods}
+
+    def chosen_periods(self, default: str) -> NDArray[np.float64]:
+        """The periods, s.
+
+        Raises
+        ------
+        UsageError
+            They are given in two ways, or their text is wrong.
+        """
+        load_numba()
+        import numpy as np
+
+        from tdint.analysis.spectra.elastic import parse_periods
+
+        if self.periods is not None and self.period:
+            raise UsageError("--periods and --period are given; leave one of them out")
+        return np.array(self.period) if self.period else parse_periods(self.periods or default)
+
+
+@dataclass(frozen=True)
+class SpectrumRequest(TablesRequest):
+    """The command line of `tdint spectrum`."""
+
+    method: str | None
+    maxima: str | None
+    interpolation: str | None
+    rotd: tuple[int, ...] | None
+    ductility: tuple[float, ...] | None
+    strength: tuple[float, ...] | None
+    hardening: float | None
+
+    def settings(self, default_periods: str) -> dict[str, Any]:
+        """As those of all tables, with what is chosen where nothing is given."""
+        manner = self.manner
+        yields = self.ductility or self.strength
+        return super().settings(default_periods) | {
+            "method": self.method or "exact",
+            "hardening": self.hardening or 0.0 if yields else None,
+            "maxima": manner.maxima.name,
+            "interpolation": manner.interpolation.name,
+        }
+
+    @property
+    def manner(self) -> SpectrumSettings:
+        """How elastic spectra are made."""
+        load_numba()
+        from tdint.analysis.spectra.elastic import choose_settings
+
+        return choose_settings(self.method, self.maxima, self.interpolation)
+
+    @property
+    def stated(self) -> tuple[str, ...]:
+        """What was chosen by name and therefore has a column."""
+        return tuple(name for name in ("maxima", "interpolation") if getattr(self, name) is not None)
+
+    def refuse(self, options: tuple[str, ...], reason: str) -> None:
+        """Raise UsageError for one of these options if it is given."""
+        for name in options:
+            if getattr(self, name) is not None:
+                raise UsageError(f"--{name} {reason}")

@@ -1,0 +1,175 @@
+"""A table over the period of each record: the work, the outputs, and what is said of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tdint.errors import TdintError, UsageError
+from tdint_cli.batch.processes import Task, outcomes
+from tdint_cli.batch.sources import notes_of_components, records_of, refuse_inputs, tables_of
+from tdint_cli.commands.ground_motions.spectra.kind import Kind
+from tdint_cli.commands.ground_motions.spectra.request import TablesRequest
+from tdint_cli.errors import Failures
+from tdint_cli.startup import load_numba
+from tdint_cli.terminal.streams import emit, say
+
+if TYPE_CHECKING:
+    from tdint.files import Writer
+
+
+@dataclass(frozen=True)
+class RecordTable:
+    """What becomes of one record.
+
+    Attributes
+    ----------
+    csv : bytes
+        The rows of all its components and damping ratios, after a header.
+    records : tuple of dict
+        What each component is, for the JSON file.
+    notes : tuple of str
+        What there is to say of it.
+    interval : float
+        Sampling interval, s.
+    results : tuple
+        Kept only for a picture of several records.
+    picture : bytes or None
+        The picture of this record, if it has one of its own.
+    """
+
+    csv: bytes
+    records: tuple[dict[str, Any], ...]
+    notes: tuple[str, ...]
+    interval: float
+    results: tuple[Any, ...] = ()
+    picture: bytes | None = None
+
+
+@dataclass
+class _Messages:
+    """What there is to say at the end."""
+
+    notes: dict[str, None] = field(default_factory=dict)  # a set in the order of arrival
+    failures: list[TdintError] = field(default_factory=list)
+    longest_interval: float = 0.0
+
+    def take(self, product: RecordTable) -> None:
+        """Take up what is to be said of one record."""
+        self.notes |= dict.fromkeys(product.notes)
+        self.longest_interval = max(self.longest_interval, product.interval)
+
+
+def make_tables(request: TablesRequest, kind: Kind) -> None:
+    """Make the tables of a command line, and say what there is to say; one bad record does not keep the others back.
+
+    Raises
+    ------
+    TdintError
+        Wrong arguments or outputs, before any work; Failures of records, after the others are done.
+    """
+    kind.check(request)
+    _ = request.chosen_periods(kind.default_periods)  # What is wrong with them is told before any work.
+    if request.plot and request.output is None:
+        raise UsageError("--plot writes a file: add -o FILE or -o DIR")
+    sources = records_of(request.records)
+    tasks = _tasks(request, kind.gather(request, sources.files))
+    messages = _Messages(dict.fromkeys(sources.notes), list(sources.failures))
+    together: list[RecordTable] = []
+    header = True
+    work = partial(_work, request, kind)
+    with outcomes(work, tasks, jobs=request.jobs, label="spectra", to_terminal=request.output is None) as results:
+        for task, outcome in zip(tasks, results, strict=True):
+            if isinstance(outcome, TdintError):
+                messages.failures.append(outcome)
+                continue
+            messages.take(outcome)
+            if task.table:
+                _write(request, kind, task.table, [outcome])
+            elif request.output:
+                together.append(outcome)
+            else:
+                emit(outcome.csv if header else _without_header(outcome.csv))
+                header = False
+    if together:
+        _write(request, kind, Path(request.output or ""), together)
+    remark = kind.remark(request, messages.longest_interval)
+    for note in filter(None, (*messages.notes, remark)):
+        say(f"note: {note}")
+    if messages.failures:
+        raise Failures(messages.failures)
+
+
+def _tasks(request: TablesRequest, records: Sequence[tuple[str, ...]]) -> list[Task]:
+    """What to do for the files of each record, after it is clear that its outputs can be written."""
+    from tdint.files import check_outputs
+
+    firsts = [files[0] for files in records]
+    folder = Path(request.output) if request.output and request.is_folder else None
+    tables = tables_of(firsts, folder) if folder else [Path(request.output)] if request.output else []
+    outputs = [file for table in tables for file in _files_of(request, table)]
+    refuse_inputs(outputs, [*(file for files in records for file in files), request.inventory])
+    check_outputs(outputs, overwrite=request.overwrite, new_folder=request.is_folder)
+    own = tables if folder else [None] * len(records)
+    return [Task(files[0], table, files[1:]) for files, table in zip(records, own, strict=True)]
+
+
+def _files_of(request: TablesRequest, table: Path) -> list[Path]:
+    """The files that are written with a table."""
+    return [table, table.with_suffix(".json"), *([table.with_suffix(".png")] if request.plot else [])]
+
+
+def _work(request: TablesRequest, kind: Kind, task: Task) -> RecordTable:
+    """All that becomes of one record; it may run in another process."""
+    load_numba()
+    from tdint.ground_motion.reading.read import read_records
+    from tdint.output.summaries.summary import record_summary
+
+    read = partial(read_records, units=request.units, component=request.component, inventory=request.inventory)
+    records = [request.processing.apply(record) for file in (task.source, *task.others) for record in read(file)]
+    results = kind.compute(request, records)
+    lines = tuple(results.lines)
+    return RecordTable(
+        csv=kind.table(request, lines).csv(),
+        records=tuple(map(record_summary, results.records)),
+        notes=(*notes_of_components(results.records, lambda record: record.notes), *results.notes),
+        interval=max(record.dt for record in results.records),
+        results=() if task.table or not request.plot else lines,
+        picture=_picture(request, kind, lines) if task.table and request.plot else None,
+    )
+
+
+def _picture(request: TablesRequest, kind: Kind, results: Sequence[Any]) -> bytes:
+    stream = BytesIO()
+    kind.picture(request, results, ".png")(stream)
+    return stream.getvalue()
+
+
+def _write(request: TablesRequest, kind: Kind, table: Path, products: Sequence[RecordTable]) -> None:
+    """Write a table of the records of several files, or of one, with what goes beside it."""
+    from tdint.files import write_files
+    from tdint.output.summaries.summary import json_bytes, table_summary
+
+    records = [record for product in products for record in product.records]
+    settings = request.settings(kind.default_periods)
+    contents = [
+        b"".join([products[0].csv, *(_without_header(product.csv) for product in products[1:])]),
+        json_bytes(table_summary(kind.command, settings, records)),
+    ]
+    if request.plot:
+        results = [result for product in products for result in product.results]
+        contents.append(products[0].picture or _picture(request, kind, results))
+    writers = {file: _writer(content) for file, content in zip(_files_of(request, table), contents, strict=True)}
+    write_files(writers, overwrite=request.overwrite, new_folder=request.is_folder)
+
+
+def _writer(content: bytes) -> Writer:
+    return lambda stream: stream.write(content)
+
+
+def _without_header(csv: bytes) -> bytes:
+    return csv.partition(b"\n")[2]

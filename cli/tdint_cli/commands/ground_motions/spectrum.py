@@ -1,0 +1,59 @@
+"""`tdint spectrum`: response spectra of records."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tdint_cli import options
+from tdint_cli.commands.ground_motions.spectra import elastic, inelastic, rotated
+from tdint_cli.commands.ground_motions.spectra.kind import Kind
+from tdint_cli.commands.ground_motions.spectra.request import SpectrumRequest
+from tdint_cli.commands.ground_motions.spectra.tables import make_tables
+
+
+@options.command("spectrum")
+@options.record.records
+@options.record.units
+@options.record.component
+@options.record.inventory
+@options.record.processing
+@options.spectra.damping
+@options.spectra.periods(elastic.PERIODS, zero=" 0 gives the peak ground acceleration.")
+@options.analysis.method
+@elastic.maxima
+@elastic.interpolation
+@rotated.rotd
+@inelastic.ductility
+@inelastic.strength
+@inelastic.hardening
+@options.spectra.tables
+@options.spectra.plot
+@options.output.jobs
+@options.output.overwrite
+def command(**given: Any) -> None:
+    """Response spectra of ground-motion records, elastic and inelastic.
+
+    RECORD is a file, or a folder for all records in it, - is standard input; all components are taken unless
+    --component names one. CSV in SI units: relative displacement, pseudo-velocity, pseudo-acceleration, relative
+    velocity and absolute acceleration, the largest from the first sample to the last, between the samples, too. They
+    are exact for a ground motion that is linear between its samples, or come from --method with the record's sampling
+    interval as its step. A record that fails does not keep the others from being done.
+
+    --ductility and --strength make another table, of oscillators with bilinear hysteresis: yield force over weight,
+    ductility, displacement at rest after the record, largest and yield displacement, yield force over mass, and largest
+    elastic force over yield force.
+
+    --rotd makes another table, of two horizontal components together: percentiles of the pseudo-acceleration over all
+    directions, 180 of them, the geometric mean of both components, and the direction of the largest, in degrees from
+    the first named component towards the second. They stand in one file, or in two that are named alike (K-NET, PEER,
+    channel codes) or given as the only ones.
+    """
+    request = SpectrumRequest(**given)
+    make_tables(request, _kind(request))
+
+
+def _kind(request: SpectrumRequest) -> Kind:
+    """The kind of spectra that is asked for."""
+    if request.ductility or request.strength:
+        return inelastic.KIND
+    return rotated.KIND if request.rotd else elastic.KIND

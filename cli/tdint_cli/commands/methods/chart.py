@@ -1,0 +1,319 @@
+"""`tdint chart`: what methods cost and how much they err on a building."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tdint.errors import UsageError
+from tdint_cli import options
+from tdint_cli.batch.sources import refuse_inputs
+from tdint_cli.options.building import BuildingRequest, check_motion, with_motion
+from tdint_cli.options.output import Outputs
+from tdint_cli.options.values import ValueType
+from tdint_cli.startup import load_numba
+from tdint_cli.terminal.progress import Progress, part_of, progress_bar
+from tdint_cli.terminal.streams import say
+
+if TYPE_CHECKING:
+    from tdint.analysis.chart.work_precision import Chart, Point
+    from tdint.analysis.run.case import Problem
+    from tdint.files import Writer
+    from tdint.ground_motion.record import Record
+    from tdint.model.definition import Model
+    from tdint.output.tables.chart import Advice
+
+TARGETS = ("peak-drift", "drift", "displacement", "velocity", "acceleration")
+MOST_STORIES = 10_000
+LIMITS = (0.01, 0.001)
+"""Errors for which a method and a step are recommended."""
+
+
+@dataclass(frozen=True)
+class Request(BuildingRequest):
+    """The command line of `tdint chart`."""
+
+    methods: tuple[str, ...]
+    steps: tuple[float, ...] | None
+    halvings: int | None
+    stories: tuple[int, ...] | None
+    peers: bool
+    repeat: int
+    target: str
+    versus: str
+    cache: bool
+    output: str | None
+    plot: str | None
+    overwrite: bool
+
+
+class Numbers(ValueType):
+    """Positive numbers separated by commas, each once."""
+
+    name = "numbers"
+
+    def __init__(self, kind: type[int] | type[float], most: float) -> None:
+        self.kind, self.most = kind, most
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
+        if isinstance(value, tuple):
+            return value
+        try:
+            numbers = tuple(dict.fromkeys(self.kind(text) for text in value.split(",")))
+        except ValueError:
+            what = "whole numbers" if self.kind is int else "numbers"
+            self.fail(f"{value!r} is not a list of {what} separated by commas", param, ctx)
+        if not all(0 < number <= self.most for number in numbers):
+            self.fail(f"{value!r}: each must be a positive number, at most {self.most:g}", param, ctx)
+        return numbers
+
+
+@options.command("chart")
+@options.building.model
+@options.option(
+    "--method",
+    "methods",
+    multiple=True,
+    metavar="SPEC",
+    help="Time-integration method with its parameters, may be repeated; by default nine of them, from impulse4 to "
+    "exact.",
+)
+@options.option(
+    "--dt",
+    "steps",
+    type=Numbers(float, 1e6),
+    metavar="SECONDS,...",
+    help="Time steps: whole parts or whole multiples of the record's sampling interval, or without a record of the "
+    "model's dt.",
+)
+@options.option(
+    "--halvings",
+    type=click.IntRange(0, 16),
+    metavar="COUNT",
+    help="Without --dt: four times that interval, halved so many times; 6 by default, fewer for very large buildings.",
+)
+@options.option(
+    "--stories",
+    type=Numbers(int, MOST_STORIES),
+    metavar="COUNT,...",
+    help="Chart the building with these numbers of stories, its own ones repeated; with the interval itself as the "
+    "step unless --dt or --halvings is given.",
+)
+@options.option(
+    "--peers",
+    is_flag=True,
+    help="Also chart OpenSeesPy, if it is installed (pip install 'tdint[peers]'), and SciPy's solve_ivp: minutes.",
+)
+@options.option("--repeat", type=click.IntRange(1, 1000), default=5, metavar="COUNT", help="Times each; 5 by default.")
+@options.option(
+    "--target",
+    type=click.Choice(TARGETS),
+    default=TARGETS[0],
+    help="The error that is drawn and for which methods are recommended; peak-drift by default.",
+)
+@options.option(
+    "--versus",
+    type=click.Choice(["time", "dt"]),
+    default="time",
+    help="Draw time over error (default) or error over dt.",
+)
+@options.record.record
+@options.record.units
+@options.record.component
+@options.record.inventory
+@options.record.scale
+@options.record.processing
+@options.analysis.duration
+@options.option("--cache/--no-cache", default=True, help="Keep the reference for the next time (default) or not.")
+@options.output.output("FILE", "Write the table to this file instead of standard output, and a .json file beside it.")
+@options.output.picture
+@options.output.overwrite
+def command(**given: Any) -> None:
+    """Time against accuracy: what methods cost and how much they err on a building.
+
+    MODEL.yaml is a model file, - is standard input. Each method integrates the building with each step. CSV: steps and
+    solves; wall time of the compiled loop alone, as `tdint run` without --history has it (peaks and energies included,
+    compilation not), the median and the least of the repeats, in which all methods take turns; relative errors; how
+    `tdint run` ends: done, collapsed, unstable-step (refused), diverged or not-converged, the last three with empty
+    cells. Other programs (--peers) are named program/method; their times are those of their analysis loops alone, the
+    solves of scipy are evaluations of the rate.
+
+    error_displacement, error_drift, error_velocity and error_acceleration (absolute) are those of the whole history:
+    root of the sum of squares over all floors or stories and all common times, relative to the reference. Common times
+    are the samples of the record, or the steps' ends where these are further apart. error_peak_drift is the largest
+    relative error of a story's peak drift; stories whose peak is below a thousandth of the largest are left out.
+
+    The reference is computed, not assumed: by the exact method in linear buildings without floor forces, otherwise by
+    impulse4 with a very small step. A second method confirms it, and how far this is from it goes to standard error, to
+    the picture and to the .json file: smaller errors are not drawn. It is kept in TDINT_CACHE_DIR or the user's cache
+    folder. Standard error also tells the cheapest method and step for an error of 1 % and 0.1 %.
+    """
+    _run(Request(**given))
+
+
+def _run(request: Request) -> None:
+    outputs = _checked(request)
+    load_numba()
+    from tdint.analysis.run.run import model_record
+    from tdint.kernels.march.march import march
+    from tdint.model.config.read import load_model
+
+    model = with_motion(load_model(request.model), request)
+    record = model_record(model)
+    _ = march.compiled  # what is said of compiling is said before there is a bar
+    with progress_bar(request.output is None) as progress:
+        charts, left_out = _charts(request, model, record, progress)
+    advice = _advice(request, charts[0]) if len(charts) == 1 and not _peaks_at_start(request, charts[0]) else []
+    notes = [*_notes(request, charts, record), *left_out]
+    _deliver(request, outputs, charts, model, record, advice, notes)
+    for chart in charts:
+        say(_reference(request, chart))
+    if advice:
+        _recommend(request, charts[0], advice)
+    for note in notes:
+        say(f"note: {note}")
+
+
+def _checked(request: Request) -> Outputs:
+    """Refuse, before any work, what can be seen to fail."""
+    if request.steps and request.halvings is not None:
+        raise UsageError("--dt already gives the steps; leave out --halvings")
+    if request.versus == "dt" and not request.plot:
+        raise UsageError("--versus dt is about the picture: add --plot FILE")
+    if request.stories and request.versus == "dt":
+        raise UsageError("--versus dt draws one building; leave out --stories")
+    if request.stories and request.peers:
+        raise UsageError("--peers charts one building; leave out --stories")
+    check_motion(request)
+    outputs = Outputs.checked(request.output, request.plot, request.overwrite, summary=True)
+    refuse_inputs(outputs.files, [request.model, request.record, request.inventory])
+    return outputs
+
+
+def _charts(request: Request, model: Model, record: Record | None, progress: Progress) -> tuple[list[Chart], list[str]]:
+    """The chart of the building, or of each number of stories; and what of the peers is left out."""
+    if not request.stories:
+        chart, left_out = _chart(request, model, record, progress)
+        return [chart], left_out
+    from tdint.analysis.chart.sizes import stretched
+
+    charts = []
+    share = 1.0 / len(request.stories)
+    for done, count in enumerate(request.stories):
+        part = part_of(progress, done * share, (done + 1) * share, f"{count}: ")
+        charts.append(_chart(request, stretched(model, count), record, part)[0])
+    return charts, []
+
+
+def _chart(request: Request, model: Model, record: Record | None, progress: Progress) -> tuple[Chart, list[str]]:
+    from tdint.analysis.chart.work_precision import DEFAULT_METHODS, measure, suited
+    from tdint.analysis.run.case import pose
+
+    problem = pose(model, record, duration=request.duration, dts=request.steps or ())
+    integrators = suited(problem, options.analysis.integrators(request.methods or DEFAULT_METHODS))
+    steps = _steps(request, problem, len(integrators))
+    own = part_of(progress, 0.0, 0.2 if request.peers else 1.0)
+    chart = measure(problem, integrators, steps, repeats=request.repeat, cached=request.cache, progress=own)
+    if not request.peers:
+        return chart, []
+    from tdint.analysis.chart.peers.peers import with_peers
+
+    return with_peers(problem, chart, steps, repeats=request.repeat, progress=part_of(progress, 0.2, 1.0))
+
+
+def _steps(request: Request, problem: Problem, methods: int) -> Sequence[float]:
+    from tdint.analysis.chart.work_precision import default_steps, halved_steps
+
+    if request.steps:
+        return request.steps
+    if request.halvings is not None:
+        return halved_steps(problem, request.halvings)
+    return [problem.interval] if request.stories else default_steps(problem, methods, request.repeat)
+
+
+def _advice(request: Request, chart: Chart) -> list[Advice]:
+    from tdint.analysis.chart.work_precision import cheapest
+    from tdint.output.tables.chart import PEER, Advice
+
+    quantity = request.target.replace("-", "_")
+    own = [point for point in chart.points if PEER not in point.line]
+    return [Advice(limit, cheapest(own, quantity, limit)) for limit in LIMITS]
+
+
+def _peaks_at_start(request: Request, chart: Chart) -> bool:
+    """Whether the errors asked for are those of peaks that are there from the start, as in free vibration."""
+    motion = chart.reference.motion
+    peaks, start = motion.peak_drift, abs(motion.drift[0])
+    return request.target == "peak-drift" and bool((peaks <= 1.001 * start).all())
+
+
+def _deliver(
+    request: Request, outputs: Outputs, charts: list[Chart], model: Model, record: Record | None,
+    advice: list[Advice], notes: list[str],
+) -> None:  # fmt: skip
+    from tdint.output.tables.chart import chart_summary, chart_table, sizes_table
+
+    def draw(suffix: str) -> Writer:
+        from tdint.output.figures.chart import chart_picture, sizes_picture
+
+        if request.stories:
+            return sizes_picture(charts, suffix, name=model.name, target=request.target)
+        return chart_picture(charts[0], suffix, name=model.name, target=request.target, versus=request.versus)
+
+    def summarize() -> dict[str, Any]:
+        return chart_summary(charts, model=model, record=record, target=request.target, advice=advice, notes=notes)
+
+    outputs.deliver(sizes_table(charts) if request.stories else chart_table(charts[0]), draw, summarize)
+
+
+def _reference(request: Request, chart: Chart) -> str:
+    """How the reference was computed and how well it is known."""
+    from tdint.output.tables.chart import error_of
+
+    reference = chart.reference
+    stories = f"{chart.stories} {'story' if chart.stories == 1 else 'stories'}"
+    gap = error_of(reference.gap, request.target)
+    return (
+        f"{stories}: the reference is {reference.method} with dt {reference.dt:.6g} s; {reference.confirmed_by} "
+        f"differs from it by {gap:.1e} ({request.target})."
+    )
+
+
+def _recommend(request: Request, chart: Chart, advice: list[Advice]) -> None:
+    from tdint.output.tables.chart import error_of
+
+    def cost(point: Point) -> str:
+        error = error_of(point.errors, request.target)
+        return f"{1e3 * point.fastest:.3g} ms, error {100.0 * error:.2g} %" if point.errors else point.outcome
+
+    for one in advice:
+        what = f"For {100.0 * one.limit:g} % ({request.target}): "
+        if one.point:
+            say(f"{what}{one.point.line} with dt {one.point.dt:.6g} s, {cost(one.point)}.")
+        else:
+            say(f"{what}none of these methods and steps; add smaller steps with --dt or --halvings.")
+    whose = "record" if chart.recorded else "model"
+    say(f"The usual choice, {chart.usual.line} with the {whose}'s dt {chart.usual.dt:.6g} s: {cost(chart.usual)}.")
+
+
+def _notes(request: Request, charts: list[Chart], record: Record | None) -> list[str]:
+    """What a person should know of the chart."""
+    from tdint.output.tables.chart import error_of
+
+    notes = list(record.notes) if record else []
+    points = [point for chart in charts for point in chart.points]
+    if record and any(point.dt > charts[0].interval * 1.001 for point in points):
+        notes.append(f"steps over {charts[0].interval:.6g} s skip samples of the record")
+    for label, outcome in dict.fromkeys((point.line, point.outcome) for point in points if not point.errors):
+        steps = dict.fromkeys(f"{p.dt:.6g}" for p in points if (p.line, p.outcome) == (label, outcome))
+        notes.append(f"{label}: {outcome} with dt {', '.join(steps)} s")
+    for chart in charts:
+        gap = error_of(chart.reference.gap, request.target)
+        if _peaks_at_start(request, chart):
+            notes.append("the largest drifts are those at the start, which no method misses: use --target drift")
+        if not gap < min(LIMITS):
+            notes.append(f"the reference is known to {gap:.1e} only: errors of that size are uncertain")
+    return notes

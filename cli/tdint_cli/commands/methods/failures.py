@@ -1,0 +1,85 @@
+"""`tdint failures`: the problems on which methods fail."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from tdint_cli import options
+from tdint_cli.options.output import Outputs
+from tdint_cli.terminal.streams import say, say_table
+
+if TYPE_CHECKING:
+    from tdint.analysis.assessment.failures import Trial
+    from tdint.files import Writer
+
+
+@dataclass(frozen=True)
+class Request:
+    """The command line of `tdint failures`."""
+
+    methods: tuple[str, ...]
+    problems: tuple[str, ...]
+    output: str | None
+    plot: str | None
+    overwrite: bool
+
+
+@options.command("failures")
+@options.analysis.methods
+@options.option(
+    "--problem",
+    "problems",
+    multiple=True,
+    metavar="NAME",
+    help="Problem to take, may be repeated: hardening, softening, stiff-node, soft-node, stiff-pair, limit-2, "
+    "limit-sqrt-6, limit-sqrt-12, sqrt-12, large-step, overshoot-displacement, overshoot-velocity; all if there is "
+    "none.",
+)
+@options.output.output()
+@options.output.picture
+@options.output.overwrite
+def command(**given: Any) -> None:
+    """Which methods fail on hard problems with known answers, and how.
+
+    Stories that harden and soften, stiff parts beside soft ones, steps at the limits of stability, large first steps.
+    Without --method also impulse4:rho_inf=0.5, impulse4:rho_inf=0 and wilson:theta=1.3, without newmark, which is
+    newmark-average. src/tdint/methods/README.md lists the problems, their sources, and what a method must keep to.
+
+    CSV: least and largest energy over the largest of the exact motion (the initial one in free vibration); the error,
+    and in the last column what it is; the outcome, which is the status of `tdint run` while the rest of the row is what
+    --allow-unstable gives, or `refused` for nonlinear stories with a method for linear ones; the verdict: pass, loses
+    energy, gains energy, rings, inaccurate, grows, overshoots, blows up, does not converge; the time reached. The
+    counts of the verdicts go to standard error. A method that fails is a result: exit code 0.
+    """
+    _run(Request(**given))
+
+
+def _run(request: Request) -> None:
+    from tdint.analysis.assessment.failures import attempt, find_problems, usual_methods
+    from tdint.output.tables.failures import failure_table
+
+    outputs = Outputs.checked(request.output, request.plot, request.overwrite)
+    integrators = options.analysis.integrators(request.methods) if request.methods else usual_methods()
+    problems = find_problems(request.problems)
+    trials = [trial for problem in problems for integrator in integrators for trial in attempt(integrator, problem)]
+
+    def draw(suffix: str) -> Writer:
+        from tdint.output.figures.failures import failure_picture
+
+        return failure_picture(trials, suffix)
+
+    outputs.deliver(failure_table(trials), draw)
+    _say_verdicts(trials)
+
+
+def _say_verdicts(trials: list[Trial]) -> None:
+    """How often each method got each verdict; the columns in the order in which verdicts were met, `pass` first."""
+    verdicts = sorted(dict.fromkeys(trial.verdict for trial in trials), key=lambda verdict: verdict != "pass")
+    rows = [("method", *verdicts)]
+    for method in dict.fromkeys(trial.method for trial in trials):
+        count = Counter(trial.verdict for trial in trials if trial.method == method)
+        rows.append((method, *(str(count[verdict] or "") for verdict in verdicts)))
+    say("Verdicts, over problems and steps:")
+    say_table(rows)

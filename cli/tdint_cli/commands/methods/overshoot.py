@@ -1,0 +1,115 @@
+"""`tdint overshoot`: the first steps of a method under a large step."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tdint_cli import options
+from tdint_cli.options.output import Outputs
+from tdint_cli.options.values import Number
+from tdint_cli.terminal.streams import say, say_table
+
+if TYPE_CHECKING:
+    from tdint.analysis.assessment.overshoot import Overshoot
+    from tdint.files import Writer
+    from tdint.methods.method import Integrator
+
+_MOST_STEPS = 100_000
+
+
+@dataclass(frozen=True)
+class Request:
+    """The command line of `tdint overshoot`."""
+
+    methods: tuple[str, ...]
+    dt_over_t: float
+    steps: int
+    damping: float
+    output: str | None
+    plot: str | None
+    overwrite: bool
+
+
+@options.command("overshoot")
+@options.analysis.methods
+@options.option(
+    "--dt-over-t",
+    type=Number(*options.analysis.DT_OVER_T),
+    default=10.0,
+    metavar="RATIO",
+    help="Step over the undamped period; 10 by default.",
+)
+@options.option(
+    "--steps",
+    type=click.IntRange(1, _MOST_STEPS),
+    default=10,
+    metavar="COUNT",
+    help="Steps to take; 10 by default.",
+)
+@options.option(
+    "--damping",
+    type=options.analysis.damping_ratio,
+    default=0.0,
+    metavar="RATIO",
+    help="Damping ratio of the oscillator; 0 by default.",
+)
+@options.output.output()
+@options.output.picture
+@options.output.overwrite
+def command(**given: Any) -> None:
+    """First steps of methods under a large step, and how they grow with it.
+
+    An oscillator without load starts from a displacement (u, v) = (1, 0), then from a velocity (0, 1). CSV: u / U and
+    v / (omega U) at the steps, with the amplitude U of the exact undamped motion: 1 for the first start, 1 / omega for
+    the second. The exact motion stays within -1 and 1; what lies outside is overshoot. The cells are empty after a
+    motion that ran away.
+
+    The powers p tell how the first step grows, u ~ (omega dt)^p and dt v ~ (omega dt)^p as omega dt goes to infinity,
+    from u = 1 and from dt v = 1. They go to standard error, too, with those of the exact motion: a method overshoots
+    where its power is larger. houbolt and park start with average acceleration; theirs are the powers of that start.
+    """
+    _run(Request(**given))
+
+
+def _run(request: Request) -> None:
+    from tdint.analysis.assessment.overshoot import STARTS, overshoot
+    from tdint.output.tables.assessment import overshoot_table
+
+    outputs = Outputs.checked(request.output, request.plot, request.overwrite)
+    pairs = {
+        integrator: [
+            overshoot(integrator, start, request.dt_over_t, request.steps, request.damping) for start in STARTS
+        ]
+        for integrator in options.analysis.integrators(request.methods)
+    }
+    motions = [motion for pair in pairs.values() for motion in pair]
+
+    def draw(suffix: str) -> Writer:
+        from tdint.output.figures.assessment import overshoot_picture
+
+        return overshoot_picture(motions, suffix)
+
+    outputs.deliver(overshoot_table(motions), draw)
+    _say_powers(pairs)
+
+
+def _say_powers(pairs: dict[Integrator, list[Overshoot]]) -> None:
+    from tdint.analysis.assessment.overshoot import EXACT_POWERS, verdict
+
+    rows = [
+        ("method", "u from u0", "dt v from u0", "u from dt v0", "dt v from dt v0", "overshoots"),
+        ("exact motion", *(_power(power) for powers in EXACT_POWERS.values() for power in powers), ""),
+    ]
+    for integrator, pair in pairs.items():
+        powers = (_power(power) for motion in pair for power in (motion.displacement_power, motion.velocity_power))
+        rows.append((integrator.label, *powers, verdict(integrator, pair)))
+    say("Powers of omega dt in the first step, as omega dt goes to infinity:")
+    say_table(rows)
+
+
+def _power(value: float) -> str:
+    return "nothing" if value == -math.inf else f"{value + 0.0:.1f}".replace("-0.0", "0.0")

@@ -1,0 +1,119 @@
+"""`tdint stability`: what one step of a method does to an oscillator."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from tdint_cli import options
+from tdint_cli.options.output import Outputs
+from tdint_cli.options.values import Grid, GridType
+from tdint_cli.terminal.streams import say_table
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tdint.files import Writer
+    from tdint.methods.method import Integrator
+
+_STEPS = Grid(0.001, 1000.0, 400)
+_SCANNED = ("1/120", "1/143", "1/144", "1/145", "1/160")
+_BAND = (3.1, 3.7, 301)  # omega dt: the unstable bands lie beside sqrt(12)
+
+
+@dataclass(frozen=True)
+class Request:
+    """The command line of `tdint stability`."""
+
+    methods: tuple[str, ...]
+    damping: tuple[float, ...]
+    dt_over_t: Grid
+    beta_scan: bool
+    output: str | None
+    plot: str | None
+    overwrite: bool
+
+
+@options.command("stability")
+@options.analysis.methods
+@options.option(
+    "--damping",
+    type=options.analysis.damping_ratio,
+    multiple=True,
+    default=(0.0,),
+    metavar="RATIO",
+    help="Damping ratio of the oscillator, may be repeated; 0 by default.",
+)
+@options.option(
+    "--dt-over-t",
+    type=GridType(*options.analysis.DT_OVER_T),
+    default=_STEPS,
+    metavar="FIRST:LAST:COUNT",
+    help=f"Steps over the undamped period in equal ratios, both ends included, or a single one; {_STEPS} by default.",
+)
+@options.option(
+    "--beta-scan",
+    is_flag=True,
+    help=f"Add (without --method: take) impulse with beta {', '.join(_SCANNED)}, and {_BAND[2]} steps with omega dt in "
+    f"{_BAND[0]:g}..{_BAND[1]:g}: off 1/144 it is unstable there.",
+)
+@options.output.output()
+@options.output.picture
+@options.output.overwrite
+def command(**given: Any) -> None:
+    """Spectral radius, period error and numerical damping of methods over dt/T.
+
+    Measured on the compiled steps that integrate buildings, for an oscillator without load. CSV: spectral radius of the
+    amplification matrix; period error (numerical over exact period, minus 1), numerical damping (damping ratio of the
+    numerical oscillation minus that of the oscillator) and amplitude decay (the part of the amplitude that the method
+    takes in one cycle), empty where the method does not oscillate and beyond half a period. The largest stable omega dt
+    of each method goes to standard error.
+    """
+    _run(Request(**given))
+
+
+def _run(request: Request) -> None:
+    from tdint.analysis.assessment.stability import stability
+    from tdint.output.tables.assessment import stability_table
+
+    outputs = Outputs.checked(request.output, request.plot, request.overwrite)
+    scanned = tuple(f"impulse:beta={beta}" for beta in _SCANNED) if request.beta_scan else ()
+    integrators = options.analysis.integrators((*request.methods, *scanned))
+    dampings = list(dict.fromkeys(request.damping))
+    steps = _steps(request)
+    curves = [stability(integrator, steps, damping) for integrator in integrators for damping in dampings]
+
+    def draw(suffix: str) -> Writer:
+        from tdint.output.figures.assessment import stability_picture
+
+        return stability_picture(curves, suffix, band=request.beta_scan)
+
+    outputs.deliver(stability_table(curves), draw)
+    _say_critical_steps(integrators, dampings)
+
+
+def _steps(request: Request) -> NDArray[np.float64]:
+    """The steps over the period, rising."""
+    import numpy as np
+
+    steps = request.dt_over_t.values()
+    if request.beta_scan:
+        steps = np.union1d(steps, np.linspace(*_BAND) / (2.0 * np.pi))
+    return steps
+
+
+def _say_critical_steps(integrators: list[Integrator], dampings: list[float]) -> None:
+    from tdint.analysis.assessment.stability import LARGEST, critical_step
+
+    rows = [("method", "damping", "critical omega dt")]
+    for integrator in integrators:
+        for damping in dampings:
+            limit = critical_step(integrator, damping)
+            words = f"{limit:#.6g}" if limit < float("inf") else f"none up to omega dt {_power_of_ten(LARGEST)}"
+            rows.append((integrator.label, f"{damping:g}", words))
+    say_table(rows)
+
+
+def _power_of_ten(value: float) -> str:
+    return f"{value:.0e}".replace("e+0", "e")

@@ -1,0 +1,80 @@
+"""Options stand in the help of a command under headings: whose they are, not the order of declaration."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import click
+
+from tdint_cli.errors import Settings
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+Decorator = Callable[[Function], Function]
+
+OWN, RECORD, SPECTRUM, ANALYSIS, OUTPUT, GENERAL = "Options", "Record", "Spectrum", "Analysis", "Output", "General"
+ORDER = (OWN, RECORD, SPECTRUM, ANALYSIS, OUTPUT, GENERAL)
+"""The headings in the order of the help; `OWN` is for what is peculiar to one command."""
+
+
+class HeadedOption(click.Option):
+    """An option that knows its heading."""
+
+    def __init__(self, *arguments: Any, heading: str = OWN, **settings: Any) -> None:
+        super().__init__(*arguments, **settings)
+        self.heading = heading
+
+
+def option(*names: str, heading: str = OWN, **settings: Any) -> Callable[[Function], Function]:
+    """As `click.option`, under a heading."""
+    return click.option(*names, cls=HeadedOption, heading=heading, **settings)
+
+
+class Command(click.Command):
+    """A command whose help has headings, with the options that every command has."""
+
+    def __init__(self, name: str | None, **settings: Any) -> None:
+        settings["params"] = [*(settings.get("params") or ()), *general()]
+        super().__init__(name, **settings)
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the options, a section for each heading."""
+        write_options(self.get_params(ctx), ctx, formatter)
+
+
+def command(name: str) -> Callable[[Callable[..., Any]], Command]:
+    """Make a function a command of this name."""
+    return click.command(name, cls=Command)
+
+
+def write_options(parameters: list[click.Parameter], ctx: click.Context, formatter: click.HelpFormatter) -> None:
+    """Write the help of options, a section for each heading."""
+    sections: dict[str, list[tuple[str, str]]] = {heading: [] for heading in ORDER}
+    for parameter in parameters:
+        record = parameter.get_help_record(ctx) if isinstance(parameter, click.Option) else None
+        if record is not None:
+            sections[getattr(parameter, "heading", GENERAL)].append(record)
+    for heading, records in sections.items():
+        if records:
+            with formatter.section(heading):
+                formatter.write_dl(records)
+
+
+def general() -> list[click.Parameter]:
+    """The options that every command has."""
+    return [
+        HeadedOption(
+            ["--debug"],
+            heading=GENERAL,
+            is_flag=True,
+            is_eager=True,
+            expose_value=False,
+            callback=_set_debug,
+            help="Show a traceback with an error.",
+        )
+    ]
+
+
+def _set_debug(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
+    if wanted:
+        ctx.ensure_object(Settings).debug = True

@@ -1,0 +1,108 @@
+"""Options under the heading Output: where table and picture go, and what writes them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from tdint.errors import UsageError
+from tdint_cli.options import headings
+from tdint_cli.terminal.streams import emit
+
+if TYPE_CHECKING:
+    from tdint.files import Writer
+    from tdint.output.tables.tables import Table
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+option = partial(headings.option, heading=headings.OUTPUT)
+
+TABLE = "Write the table to this file instead of standard output."
+
+
+def output(metavar: str = "FILE", text: str = TABLE) -> Callable[[Function], Function]:
+    """The option -o; what it names differs between the commands."""
+    return option("-o", "--output", metavar=metavar, callback=_refuse_empty, help=text)
+
+
+def _refuse_empty(_: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
+    """An empty name is a shell variable that was not set, not the working directory."""
+    if value == "":
+        raise UsageError(f"{parameter.opts[0]} is empty; give a name")
+    return value
+
+
+picture = option("--plot", metavar="FILE", callback=_refuse_empty, help="Also draw to this file: .png, .pdf or .svg.")
+overwrite = option("--overwrite", is_flag=True, help="Replace existing outputs.")
+jobs = headings.option(
+    "--jobs",
+    heading=headings.GENERAL,
+    type=click.IntRange(1, 1024),
+    default=1,
+    metavar="N",
+    help="Processes that share the records; one by default. The output does not depend on it.",
+)
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """Where a command's table goes (standard output if None) and, if asked for, its picture and its summary."""
+
+    table: Path | None
+    picture: Path | None
+    summary: Path | None
+    overwrite: bool
+
+    @property
+    def files(self) -> list[Path]:
+        """The files that are written."""
+        return [file for file in (self.table, self.picture, self.summary) if file]
+
+    @classmethod
+    def checked(cls, output: str | None, plot: str | None, overwrite: bool, *, summary: bool = False) -> Outputs:
+        """The outputs of a command line, after what can be seen to fail was refused; the summary is a JSON file beside
+        the table.
+
+        Raises
+        ------
+        OutputError
+            A file that cannot be written, or a picture of an unknown format.
+        """
+        from tdint.files import check_outputs
+
+        table = Path(output) if output else None
+        beside = table.with_suffix(".json") if table and summary else None
+        outputs = cls(table, Path(plot) if plot else None, beside, overwrite)
+        check_outputs(outputs.files, overwrite=overwrite)
+        if outputs.picture:
+            from tdint.output.figures.run import picture_format
+
+            picture_format(outputs.picture.suffix)
+        return outputs
+
+    def deliver(
+        self, table: Table, draw: Callable[[str], Writer], summarize: Callable[[], dict[str, Any]] | None = None
+    ) -> None:
+        """Write all; `draw` makes the picture's writer from its suffix, `summarize` what the summary holds."""
+        from tdint.files import write_files
+
+        data = table.csv()
+        files: dict[Path, Writer] = {}
+        if self.table:
+            files[self.table] = lambda stream: stream.write(data)
+        if self.picture:
+            files[self.picture] = draw(self.picture.suffix)
+        if self.summary and summarize:
+            from tdint.output.summaries.summary import json_bytes
+
+            summary = json_bytes(summarize())
+            files[self.summary] = lambda stream: stream.write(summary)
+        if not self.table:
+            emit(data)
+        if files:
+            write_files(files, overwrite=self.overwrite)

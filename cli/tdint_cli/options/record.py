@@ -1,0 +1,96 @@
+"""Options under the heading Record: what a ground motion is, and what is done to it before it is used."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Callable
+from functools import partial
+from typing import Any, TypeVar, cast
+
+import click
+
+from tdint_cli.options import headings
+from tdint_cli.options.values import Number
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+option = partial(headings.option, heading=headings.RECORD)
+
+records = click.argument("records", metavar="RECORD...", nargs=-1, required=True)
+record = option(
+    "--record",
+    metavar="FILE",
+    help="Ground motion in place of the model's; the model's units, component, scale and inventory do not apply to it.",
+)
+units = option(
+    "--units",
+    metavar="UNITS",
+    help="Units of the record's samples: m/s^2, cm/s^2, gal, mm/s^2 or g; with a factor the value of one count "
+    "('2.38e-6 m/s^2').",
+)
+component = option(
+    "--component",
+    metavar="NAME",
+    help="Component of the record: its channel code (HNE), full id, or the code's last letter (E).",
+)
+inventory = option(
+    "--inventory",
+    metavar="FILE",
+    help="StationXML file by which the instrument's response is removed; not with --units.",
+)
+scale = option("--scale", type=float, metavar="FACTOR", help="Factor on the ground acceleration, not zero.")
+
+_PROCESSING = (
+    option(
+        "--trim",
+        metavar="START:END",
+        help="Keep this part of the record, seconds from its first sample; an end may be left out.",
+    ),
+    option(
+        "--baseline",
+        type=click.Choice(["constant", "linear"]),
+        help="Remove the mean, or the least-squares line, of the acceleration.",
+    ),
+    option(
+        "--pad",
+        metavar="SECONDS|BEFORE:AFTER",
+        help="Add zeros before and after the record.",
+    ),
+    option(
+        "--highpass",
+        type=Number(0.0, min_open=True),
+        metavar="HZ",
+        help="Butterworth filter without shift of phase (forwards and backwards: half the amplitude at the corner).",
+    ),
+    option("--lowpass", type=Number(0.0, min_open=True), metavar="HZ", help="The same from the other side."),
+    option("--corners", type=click.IntRange(1, 10), metavar="N", help="Order of the filters; 4 by default."),
+    option(
+        "--resample",
+        type=Number(0.0, min_open=True),
+        metavar="DT",
+        help="Change the sampling interval, s: band-limited, with a filter against aliasing if it becomes longer.",
+    ),
+)
+
+
+def processing(command: Function) -> Function:
+    """The options that change a record; the command gets them together, as `processing`.
+
+    The steps are taken in the order of the options, whatever that of the command line.
+    """
+
+    @functools.wraps(command)
+    def collected(**given: Any) -> Any:
+        from tdint.ground_motion.processing import Processing, parse_pad, parse_trim
+
+        chosen = {field.name: given.pop(field.name) for field in dataclasses.fields(Processing)}
+        for name, parse in (("trim", parse_trim), ("pad", parse_pad)):
+            if chosen[name] is not None:
+                chosen[name] = parse(chosen[name])
+        return command(**given, processing=Processing(**chosen))
+
+    decorated: Any = collected
+    for declared in reversed(_PROCESSING):
+        decorated = declared(decorated)
+    return cast(Function, decorated)

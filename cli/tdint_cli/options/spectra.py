@@ -1,0 +1,48 @@
+"""Options under the heading Spectrum: damping ratios and periods."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any, TypeVar
+
+import click
+
+from tdint_cli.options import headings, output
+from tdint_cli.options.analysis import damping_ratio
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+option = partial(headings.option, heading=headings.SPECTRUM)
+
+damping = option(
+    "--damping",
+    type=damping_ratio,
+    multiple=True,
+    default=(0.05,),
+    metavar="RATIO",
+    help="Damping ratio, may be repeated; 0.05 by default.",
+)
+plot = output.option("--plot", is_flag=True, help="Also draw each CSV file of -o, as PNG beside it.")
+tables = output.output(
+    "FILE|DIR",
+    "Write to this file instead of standard output; to one file per record in an existing folder or one that is named "
+    "with a / at its end. What the records are and how the numbers came about stands in a JSON file beside each.",
+)
+
+
+def periods(default: str, zero: str = "") -> Callable[[Function], Function]:
+    """The options --periods and --period; `zero` says what a period of 0 gives, if it may be asked for."""
+    several = option(
+        "--periods",
+        metavar="FIRST:LAST:COUNT",
+        help=f"Periods in equal ratios, s; {default} by default, both ends included.",
+    )
+    single = option(
+        "--period",
+        type=click.FloatRange(0.0, min_open=not zero),
+        multiple=True,
+        metavar="SECONDS",
+        help=f"A single period, may be repeated; in place of --periods.{zero}",
+    )
+    return lambda command: several(single(command))

@@ -1,0 +1,57 @@
+"""Data to standard output, words to standard error."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+
+from tdint.errors import OutputError
+
+
+def emit(data: bytes) -> None:
+    """Write data to standard output, now.
+
+    A reader that has gone (`| head`) has what it wanted: the rest is dropped without a word, and the command goes on.
+
+    Raises
+    ------
+    OutputError
+        Standard output is closed, or the disk behind it is full.
+    """
+    if sys.stdout is None:
+        raise OutputError("standard output is closed")
+    try:
+        sys.stdout.flush()
+        sys.stdout.buffer.write(data)
+        sys.stdout.buffer.flush()
+    except BrokenPipeError:
+        _discard_from_now_on()
+    except OSError as error:
+        _discard_from_now_on()
+        raise OutputError(f"standard output: cannot be written: {error.strerror or error}") from error
+
+
+def say(text: str) -> None:
+    """Write a line to standard error; without one there is nobody to tell."""
+    if sys.stderr is None:
+        return
+    try:
+        sys.stderr.write(text + "\n")
+        sys.stderr.flush()
+    except OSError:
+        pass
+
+
+def say_table(rows: Sequence[Sequence[str]]) -> None:
+    """Rows of words on standard error, in columns; the first row is the header."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        say("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+
+
+def _discard_from_now_on() -> None:
+    """Let standard output lead nowhere, so that what is left in its buffer raises nothing when Python ends."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, sys.stdout.fileno())
+    os.close(nowhere)

@@ -1,0 +1,331 @@
+"""`tdint stability`, `tdint overshoot` and `tdint order`: rows, words, pictures, exit codes."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+
+import numpy as np
+import pytest
+
+from tdint.analysis.assessment.order import LOADS, STORY_LAWS
+from tdint.methods.catalogue import catalogue, parse
+from tdint_cli.commands.methods import order
+
+COMMANDS = ("stability", "overshoot", "order")
+COLUMNS = {
+    "stability": "method,damping,dt_over_t,spectral_radius,period_error,numerical_damping,amplitude_decay",
+    "overshoot": "method,damping,dt_over_t,start,step,displacement,velocity,displacement_power,velocity_power",
+    "order": "method,load,law,frequency_ratio,displacement_order,velocity_order,acceleration_order,"
+    "own_acceleration_order,displacement_error",
+}
+SMALL = {
+    "stability": ("--dt-over-t", "0.01:1:5"),
+    "overshoot": ("--steps", "3"),
+    "order": ("--load", "record"),
+}
+SIGNATURES = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
+ALL = [parse(name).label for name in catalogue()]
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """The working directory, empty."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def rows(text: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def column(result, name: str) -> list[str]:
+    return [row[name] for row in rows(result.stdout)]
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_all_methods_at_their_defaults(tdint, name):
+    result = tdint(name, *SMALL[name])
+    assert result.exit_code == 0
+    assert result.stdout.splitlines()[0] == COLUMNS[name]
+    assert list(dict.fromkeys(column(result, "method"))) == ALL
+    assert "nan" not in result.stdout
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_method_is_measured_once(tdint, name):
+    once = tdint(name, *SMALL[name], "--method", "newmark")
+    twice = tdint(name, *SMALL[name], "--method", "newmark", "--method", "newmark:beta=1/4,gamma=0.5")
+    assert (twice.exit_code, twice.stdout) == (0, once.stdout)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_table_and_picture(here, tdint, name):
+    command = (name, *SMALL[name], "--method", "newmark", "--method", "impulse4")
+    table = tdint(*command).stdout
+    for suffix, start in SIGNATURES.items():
+        result = tdint(*command, "-o", "x.csv", "--plot", f"x{suffix}", "--overwrite")
+        assert (result.exit_code, result.stdout) == (0, "")
+        assert (here / "x.csv").read_text() == table
+        assert (here / f"x{suffix}").read_bytes().startswith(start)
+    result = tdint(*command, "--plot", "y.png")
+    assert (result.exit_code, result.stdout) == (0, table)
+    assert sorted(path.name for path in here.iterdir()) == ["x.csv", "x.pdf", "x.png", "x.svg", "y.png"]
+
+
+@pytest.mark.parametrize("file", ["x.csv", "x.png"])
+@pytest.mark.parametrize("name", COMMANDS)
+def test_existing_files_are_kept_before_any_work(here, tdint, name, file):
+    (here / file).write_text("old")
+    command = (name, "--method", "newmark", *SMALL[name], "-o", "x.csv", "--plot", "x.png")
+    result = tdint(*command)
+    assert (result.exit_code, result.stdout) == (6, "")
+    assert result.stderr == f"Error: {file}: exists already; give --overwrite to replace it\n"
+    assert [path.read_bytes() for path in here.iterdir()] == [b"old"]
+    assert tdint(*command, "--overwrite").exit_code == 0
+    assert (here / file).read_bytes() != b"old"
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (["--plot", "x.jpg"], 6, "a picture is written as .png, .pdf or .svg, not .jpg"),
+        (["-o", "x.png", "--plot", "x.png"], 6, "x.png: two outputs would have this name"),
+        (["-o", "missing/x.csv"], 6, "there is no folder missing"),
+        (["-o", ""], 2, "-o is empty"),
+        (["--plot", ""], 2, "--plot is empty"),
+        (["--method", "newmrk"], 2, "unknown method 'newmrk'; did you mean newmark? (known: impulse, "),
+        (["--method", "wilson:beta=1"], 2, "wilson has no parameter 'beta'; it has theta in [1, 10]"),
+        (["--method", "hht:alpha=0.1"], 2, "alpha must lie in [-0.333333, 0], got 0.1"),
+        (["--method", "newmark", "--method", "bathe:gamma=1"], 2, "gamma must lie in (0, 1), got 1.0"),
+    ],
+)
+def test_what_is_refused(here, tdint, name, arguments, code, message):
+    result = tdint(name, *SMALL[name], *arguments)
+    assert (result.exit_code, result.stdout) == (code, "")
+    assert message in result.stderr
+    assert not list(here.iterdir())
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["stability", "--damping", "1"],
+        ["stability", "--damping", "-0.1"],
+        ["stability", "--damping", "nan"],
+        ["stability", "--dt-over-t", "1:0.1:5"],
+        ["stability", "--dt-over-t", "0.1:1:1"],
+        ["stability", "--dt-over-t", "0.1:1"],
+        ["stability", "--dt-over-t", "0:1:5"],
+        ["stability", "--dt-over-t", "0.1:inf:5"],
+        ["stability", "--dt-over-t", "nan"],
+        ["stability", "--dt-over-t", "0.1:1:1e3"],
+        ["overshoot", "--dt-over-t", "0"],
+        ["overshoot", "--dt-over-t", "inf"],
+        ["overshoot", "--damping", "nan"],
+        ["overshoot", "--steps", "0"],
+        ["order", "--load", "sinus"],
+        ["order", "--law", "bilinear"],
+        ["stability", "--dt-over-t", "1e7"],
+        ["stability", "--dt-over-t", "1e-7:1:3"],
+        ["overshoot", "--dt-over-t", "1e7"],
+        ["order", "--frequency-ratio", "-1"],
+        ["order", "--frequency-ratio", "0.2:11:3"],
+    ],
+)
+def test_values_out_of_range(tdint, arguments):
+    result = tdint(*arguments)
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert f"Invalid value for '{arguments[1]}'" in result.stderr
+
+
+# ---- stability
+
+
+def test_stability_over_dampings_and_steps(tdint):
+    result = tdint(
+        "stability", "--method", "newmark-average", "--damping", "0", "--damping", "0.05", "--dt-over-t", "0.1:10:3"
+    )
+    assert [(row["damping"], row["dt_over_t"]) for row in rows(result.stdout)] == [
+        (damping, step) for damping in ("0", "0.05") for step in ("0.1", "1", "10")
+    ]
+    first = rows(result.stdout)[0]
+    assert float(first["spectral_radius"]) == pytest.approx(1.0)
+    assert float(first["period_error"]) == pytest.approx(0.0321, abs=5e-5)
+    assert [row["period_error"] for row in rows(result.stdout)[1:3]] == ["", ""]
+
+
+def test_the_default_steps(tdint):
+    steps = [float(step) for step in column(tdint("stability", "--method", "newmark"), "dt_over_t")]
+    np.testing.assert_allclose(steps, np.geomspace(1e-3, 1e3, 400), rtol=1e-11)
+    assert column(tdint("stability", "--method", "newmark", "--dt-over-t", "0.25"), "dt_over_t") == ["0.25"]
+
+
+def test_critical_steps_are_told(tdint):
+    methods = ("central-difference", "newmark-linear", "newmark-average", "rk5")
+    options = [part for method in methods for part in ("--method", method)]
+    result = tdint("stability", *SMALL["stability"], *options, "--damping", "0", "--damping", "0.05")
+    assert [line.split(maxsplit=2) for line in result.stderr.splitlines()] == [
+        ["method", "damping", "critical omega dt"],
+        ["central-difference", "0", "2.00000"],
+        ["central-difference", "0.05", "2.00000"],
+        ["newmark-linear", "0", "3.46410"],
+        ["newmark-linear", "0.05", "3.46410"],
+        ["newmark-average", "0", "none up to omega dt 1e4"],
+        ["newmark-average", "0.05", "none up to omega dt 1e4"],
+        ["rk5", "0", "0.997191"],
+        ["rk5", "0.05", "2.40256"],
+    ]
+
+
+def test_beta_scan(here, tdint):
+    result = tdint("stability", "--method", "gauss4", "--beta-scan", "--plot", "x.svg")
+    assert result.exit_code == 0
+    critical = dict(line.split(maxsplit=2)[::2] for line in result.stderr.splitlines()[1:])
+    none = "none up to omega dt 1e4"
+    expected = {"1/120": "3.16228", "1/143": "3.45205", "1/144": none, "1/145": "3.46410", "1/160": "3.46410"}
+    assert critical == {"gauss4": none} | {
+        parse(f"impulse:beta={beta}").label: limit for beta, limit in expected.items()
+    }
+    for beta in ("1/143", "1/145"):
+        label = parse(f"impulse:beta={beta}").label
+        radius = {
+            2.0 * math.pi * float(row["dt_over_t"]): float(row["spectral_radius"])
+            for row in rows(result.stdout)
+            if row["method"] == label
+        }
+        assert max(value for x, value in radius.items() if 3.4 < x < 3.5) == pytest.approx(1.004, abs=5e-4)
+    steps = [float(row["dt_over_t"]) for row in rows(result.stdout) if row["method"] == "gauss4"]
+    assert steps == sorted(steps)
+    picture = (here / "x.svg").read_text(encoding="utf-8")
+    assert "impulse:beta=1/145" in picture
+    assert "√12" in picture
+
+
+@pytest.mark.parametrize("steps", ["0.1", "1e6", "10:1000:5", "1e-6:1e-5:3"])
+def test_pictures_of_any_steps(here, tdint, steps):
+    result = tdint("stability", "--method", "exact", "--method", "rk5", "--dt-over-t", steps, "--plot", "x.png")
+    assert result.exit_code == 0
+    assert (here / "x.png").exists()
+
+
+def test_names_are_told_apart_in_a_picture(here, tdint):
+    methods = ("impulse:beta=0.0069444", "impulse:beta=0.00694441", "impulse", "wilson:theta=1.4")
+    options = [part for method in methods for part in ("--method", method)]
+    assert tdint("stability", *SMALL["stability"], *options, "--plot", "x.svg").exit_code == 0
+    picture = (here / "x.svg").read_text(encoding="utf-8")
+    for label in (parse(method).label for method in methods):
+        assert label in picture
+
+
+# ---- overshoot
+
+
+def test_overshoot_rows(tdint):
+    result = tdint("overshoot", "--method", "exact", "--steps", "2", "--dt-over-t", "0.25", "--damping", "0")
+    table = rows(result.stdout)
+    assert [(row["start"], row["step"]) for row in table] == [
+        (start, step) for start in ("displacement", "velocity") for step in ("0", "1", "2")
+    ]
+    assert [float(row["displacement"]) for row in table] == pytest.approx([1, 0, -1, 0, 1, 0], abs=1e-12)
+    assert [float(row["velocity"]) for row in table] == pytest.approx([0, -1, 0, 1, 0, -1], abs=1e-12)
+
+
+def test_overshoot_words(tdint):
+    methods = ("newmark-average", "generalized-alpha", "wilson", "cr", "rk5", "bathe:gamma=0.5")
+    options = [part for method in methods for part in ("--method", method)]
+    lines = tdint("overshoot", *options).stderr.splitlines()
+    assert lines[0] == "Powers of omega dt in the first step, as omega dt goes to infinity:"
+    assert [line.split(maxsplit=5) for line in lines[3:]] == [
+        ["newmark-average", "0.0", "0.0", "-2.0", "0.0", "none"],
+        ["generalized-alpha:rho_inf=0.8", "0.0", "2.0", "-2.0", "0.0", "velocity"],
+        ["wilson:theta=1.4", "2.0", "2.0", "0.0", "0.0", "displacement and velocity"],
+        ["cr", "0.0", "-2.0", "0.0", "0.0", "displacement"],
+        ["rk5", "6.0", "6.0", "4.0", "6.0", "unstable"],
+        ["bathe:rho_inf=0.0,gamma=0.5", "-2.0", "0.0", "-2.0", "-2.0", "none"],
+    ]
+    assert lines[2].split() == ["exact", "motion", "0.0", "1.0", "-1.0", "0.0"]
+    assert "nothing" in tdint("overshoot", "--method", "exact", "--damping", "0.05").stderr
+
+
+def test_a_motion_that_ran_away_leaves_empty_cells(here, tdint):
+    result = tdint("overshoot", "--method", "rk5", "--steps", "60", "--plot", "x.png")
+    assert result.exit_code == 0
+    last = rows(result.stdout)[-1]
+    assert (last["step"], last["displacement"], last["velocity"]) == ("60", "", "")
+
+
+# ---- order
+
+
+def test_order_over_the_frequency_ratio(here, tdint):
+    result = tdint("order", "--method", "impulse", "--method", "impulse4", "--plot", "x.png")
+    assert (result.exit_code, result.stderr) == (0, "")
+    table = rows(result.stdout)
+    ratios = np.geomspace(0.2, 5.0, 15)
+    for method, expected in (("impulse:beta=0.006944444444444444", 2.0), ("impulse4:rho_inf=1.0", 4.0)):
+        own = [row for row in table if row["method"] == method]
+        np.testing.assert_allclose([float(row["frequency_ratio"]) for row in own], ratios, rtol=1e-11)
+        assert {(row["load"], row["law"]) for row in own} == {("harmonic", "linear")}
+        for quantity in ("displacement_order", "velocity_order", "acceleration_order"):
+            np.testing.assert_allclose([float(row[quantity]) for row in own], expected, atol=0.1)
+        assert {row["own_acceleration_order"] for row in own} == {""}
+
+
+def test_a_single_ratio_and_loads_without_one(tdint):
+    assert column(tdint("order", "--method", "newmark", "--frequency-ratio", "0.5"), "frequency_ratio") == ["0.5"]
+    result = tdint("order", "--method", "impulse", "--load", "record")
+    assert column(result, "frequency_ratio") == [""]
+    assert float(column(result, "displacement_order")[0]) == pytest.approx(4.0, abs=0.1)
+    assert float(column(result, "displacement_error")[0]) < 1e-9
+
+
+def test_a_frequency_ratio_needs_a_frequency(tdint):
+    result = tdint("order", "--load", "free", "--frequency-ratio", "1")
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert result.stderr == "Error: --frequency-ratio needs --load harmonic; the load 'free' has no frequency\n"
+
+
+def test_methods_that_cannot_do_the_law_are_named(tdint):
+    result = tdint("order", "--load", "free", "--law", "polynomial")
+    assert result.exit_code == 0
+    assert column(result, "method") == [label for label in ALL if label != "exact"]
+    assert result.stderr == "note: exact is left out: it integrates linear buildings only\n"
+    alone = tdint("order", "--method", "exact", "--law", "polynomial")
+    assert (alone.exit_code, alone.stdout) == (2, "")
+    assert alone.stderr == "Error: exact integrates linear buildings only; not with --law polynomial\n"
+
+
+def test_errors_that_are_rounding_are_told(here, tdint):
+    result = tdint("order", "--method", "exact", "--method", "newmark", "--load", "record", "--plot", "x.svg")
+    assert result.stderr == "note: exact has no order here: its errors are rounding\n"
+    assert column(result, "displacement_order")[0] == ""
+    assert "errors are rounding" in (here / "x.svg").read_text(encoding="utf-8")
+
+
+def test_a_method_that_fails_does_not_keep_the_others_from_being_measured(tdint, monkeypatch):
+    from tdint.analysis.assessment import order as accuracy
+    from tdint.errors import AnalysisError
+
+    measure = accuracy.observed_order
+
+    def fail(integrator, problem):
+        if integrator.label == "houbolt":
+            raise AnalysisError("houbolt failed with dt 0.02 s")
+        return measure(integrator, problem)
+
+    monkeypatch.setattr(accuracy, "observed_order", fail)
+    result = tdint("order", "--load", "free", "--method", "houbolt", "--method", "park")
+    assert result.exit_code == 5
+    assert column(result, "method") == ["park"]
+    assert result.stderr == "Error: houbolt failed with dt 0.02 s\n"
+    alone = tdint("order", "--load", "free", "--method", "houbolt")
+    assert (alone.exit_code, alone.stdout) == (5, "")
+
+
+def test_the_choices_are_those_of_the_library():
+    choices = {parameter.name: getattr(parameter.type, "choices", None) for parameter in order.command.params}
+    assert set(choices["load"]) == set(LOADS)
+    assert set(choices["law"]) == set(STORY_LAWS)
