@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
@@ -143,7 +144,12 @@ def _amplification_at_infinity(row: tuple[float, ...]) -> NDArray[np.float64]:
 
 
 def _rho_inf(row: tuple[float, ...]) -> float:
-    return float(np.max(np.abs(np.linalg.eigvals(_amplification_at_infinity(row)))))
+    roots = np.linalg.eigvals(_amplification_at_infinity(row)).astype(np.complex128)
+    # Rounding parts two roots that meet by up to 1e-8, along the real axis or off it; their mean is right to rounding.
+    for one, other in ((0, 1), (0, 2), (1, 2)):
+        if abs(roots[one] - roots[other]) < 1e-7:
+            roots[[one, other]] = 0.5 * (roots[one] + roots[other])
+    return float(np.max(np.abs(roots)))
 
 
 def _newmark_limit(beta: float, gamma: float) -> float:
@@ -157,17 +163,26 @@ def collocation_theta(beta: float) -> float:
     """The theta of optimal collocation: where the two principal roots at infinity meet and become complex.
 
     Below it, down to the limit of unconditional stability, one of them runs to -1 within a few percent of theta (Hilber
-    and Hughes 1978 tabulate it: 1.021712 for beta 0.24, 1.159772 for 0.20). Bisected, ending above.
+    and Hughes 1978 tabulate it: 1.021712 for beta 0.24, 1.159772 for 0.20). Bisected, ending above, in fractions: their
+    sign is exact, so no rounding and no library decides on which side the roots meet.
     """
-    low, high = 1.0, 2.0
+    low, high = Fraction(1), Fraction(2)
     for _ in range(60):
-        middle = 0.5 * (low + high)
-        roots = np.linalg.eigvals(_amplification_at_infinity(collocation(beta, middle)))
-        if np.iscomplexobj(roots):
+        middle = (low + high) / 2
+        if _discriminant_at_infinity(Fraction(beta), middle) < 0:
             high = middle
         else:
             low = middle
-    return high
+    return float(high)
+
+
+def _discriminant_at_infinity(beta: Fraction, theta: Fraction) -> Fraction:
+    """Negative where two of the roots z of `collocation` at infinity are complex.
+
+    There u = 1 / (z - 1) solves u^3 + (1 + theta) u^2 + (beta + theta / 2 + theta^2 / 2) u + beta theta^3 = 0.
+    """
+    a, b, c = 1 + theta, beta + (theta + theta**2) / 2, beta * theta**3
+    return a**2 * b**2 - 4 * b**3 - 4 * a**3 * c - 27 * c**2 + 18 * a * b * c
 
 
 def _collocation_limit(beta: float, theta: float) -> float:
