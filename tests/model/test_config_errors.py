@@ -2,6 +2,7 @@
 
 import io
 import os
+import re
 import sys
 from pathlib import Path
 
@@ -78,19 +79,9 @@ def test_entries_count_from_one_whatever_repeat_says() -> None:
         ("---\n", f"2:1: must be a mapping with the keys {KEYS}, got nothing"),
         ("- a\n", f"1:1: must be a mapping with the keys {KEYS}, got a list"),
         ("abc", f"1:1: must be a mapping with the keys {KEYS}, got 'abc'"),
-        ("a: b: c", "1:5: not valid YAML: mapping values are not allowed here"),
-        (
-            "stories: [{mass: 1\n",
-            "2:1: not valid YAML: while parsing a flow mapping, expected ',' or '}', but got '<stream end>'",
-        ),
-        (
-            "a:\n\tb: 1",
-            "2:1: not valid YAML: while scanning for the next token, "
-            "found character '\\t' that cannot start any token; indent with spaces, not tabs",
-        ),
         ("a: 1\nb: \x00", "2:4: the character U+0000 cannot stand in a YAML file; remove it"),
-        ('"\\UFFFFFFFF"', "1:4: not valid YAML: Python int too large to convert to C int"),
-        ('"\\U00110000"', "1:4: not valid YAML: chr() arg not in range(0x110000)"),
+        ('"\\UFFFFFFFF"', "1:4: not valid YAML: the number here is too large for a character or a version"),
+        ('"\\U00110000"', "1:4: not valid YAML: the number here is too large for a character or a version"),
         ("[" * 5000, "1:34: nested more than 32 levels deep; this is no model file"),
         ("stories: &a\n  - *a", "2:5: the alias *a stands inside its own anchor"),
         ("stories: *x", "1:10: the alias *x has no anchor &x above it"),
@@ -99,6 +90,20 @@ def test_entries_count_from_one_whatever_repeat_says() -> None:
 )
 def test_not_a_model_file(text: str, fault: str) -> None:
     assert faults(text) == [fault]
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "advice"),
+    [
+        ("a: b: c", "1:5", ""),
+        ("stories: [{mass: 1\n", "2:1", ""),
+        ("a:\n\tb: 1", "2:1", "; indent with spaces, not tabs"),
+    ],
+)
+def test_not_yaml(text: str, place: str, advice: str) -> None:
+    """Place and advice; the words between them are PyYAML's, on one line."""
+    (fault,) = faults(text)
+    assert re.fullmatch(rf"{place}: not valid YAML: [^;]*\w[^;]*{advice}", fault), fault
 
 
 @pytest.mark.parametrize(
@@ -156,7 +161,7 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     assert refusal(missing) == f"{missing}: no such file; give a model file (YAML) or - for standard input"
     assert refusal(str(tmp_path)) == f"{tmp_path}: is a folder; give a model file (YAML) in it"
     assert refusal("") == ".: is a folder; give a model file (YAML) in it"
-    assert refusal("a\0b") == "a\0b: cannot be read: embedded null byte"
+    assert refusal("a\0b") == "a\0b: cannot be read: no file has a null character in its name"
     assert refusal(f"{tmp_path}/{'x' * 300}").endswith("cannot be read: File name too long")
 
 
@@ -193,5 +198,5 @@ def test_streams_that_are_not_utf8(tmp_path: Path) -> None:
     with path.open(encoding="utf-8", errors="surrogateescape") as stream, pytest.raises(ModelError) as caught:
         load_model(stream)
     assert str(caught.value) == f"{path}:1:7: not UTF-8 text (byte 0xed); save the model file as UTF-8"
-    with path.open(encoding="utf-8") as stream, pytest.raises(ModelError, match="cannot be read: 'utf-8' codec"):
+    with path.open(encoding="utf-8") as stream, pytest.raises(ModelError, match=r"m\.yaml: cannot be read: "):
         load_model(stream)

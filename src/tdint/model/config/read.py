@@ -130,9 +130,10 @@ def _read_file(path: Path, label: str) -> bytes:
         raise ModelError(f"{label}: no such file; give a model file (YAML) or - for standard input") from None
     except IsADirectoryError:
         raise ModelError(f"{label}: is a folder; give a model file (YAML) in it") from None
-    except (OSError, ValueError) as error:
-        # ValueError: a path with a null character.
-        raise ModelError(f"{label}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    except OSError as error:
+        raise ModelError(f"{label}: cannot be read: {error.strerror or error}") from None
+    except ValueError:
+        raise ModelError(f"{label}: cannot be read: no file has a null character in its name") from None
 
 
 def _read_stream(stream: TextIO | BinaryIO, label: str) -> bytes:

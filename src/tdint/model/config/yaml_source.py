@@ -90,7 +90,7 @@ def parse(text: str, faults: Faults) -> Node:
         message = f"the character U+{ord(text[error.position]):04X} cannot stand in a YAML file; remove it"
         faults.add(_Place(line, column), "", message)
     except yaml.MarkedYAMLError as error:
-        faults.add(_error_place(error), "", _error_message(error))
+        faults.add(_error_place(error), "", _error_message(error, text))
     raise faults.error()
 
 
@@ -135,9 +135,11 @@ class _Composer:
     def _next(self) -> yaml.Event:
         try:
             event: yaml.Event = self._loader.get_event()  # type: ignore[no-untyped-call]
-        except (ValueError, OverflowError) as error:
+        except (ValueError, OverflowError):
             # PyYAML lets the errors of chr() and int() through: "\UFFFFFFFF", a %YAML version of a thousand digits.
-            raise yaml.MarkedYAMLError(problem=str(error), problem_mark=self._loader.get_mark()) from None
+            # Which of them, and in which words, is a matter of Python's version.
+            problem = "the number here is too large for a character or a version"
+            raise yaml.MarkedYAMLError(problem=problem, problem_mark=self._loader.get_mark()) from None
         return event
 
     def _refusal(self, event: yaml.Event, message: str) -> ModelError:
@@ -203,8 +205,10 @@ def _error_place(error: yaml.MarkedYAMLError) -> _Place:
     return _Place(mark.line + 1, mark.column + 1) if mark else _Place(1, 1)
 
 
-def _error_message(error: yaml.MarkedYAMLError) -> str:
-    """PyYAML's several lines as one."""
+def _error_message(error: yaml.MarkedYAMLError, text: str) -> str:
+    """PyYAML's several lines as one, and what to do about a tab."""
     parts = [str(part) for part in (error.context, error.problem) if part]
     message = " ".join(f"not valid YAML: {', '.join(parts)}".split())
-    return message + ("; indent with spaces, not tabs" if "'\\t'" in message else "")
+    mark = error.problem_mark
+    at_tab = mark is not None and text[mark.index : mark.index + 1] == "\t"
+    return message + ("; indent with spaces, not tabs" if at_tab else "")
