@@ -22,8 +22,6 @@ def quiet_import() -> Iterator[None]:
     with warnings.catch_warnings():
         for category in _ABOUT_CODE:
             warnings.simplefilter("ignore", category)
-        # obspy before 1.5 finds its plugins through an interface that setuptools deprecates with a plain UserWarning.
-        warnings.filterwarnings("ignore", message="pkg_resources is deprecated")
         yield
 
 
