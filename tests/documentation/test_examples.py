@@ -17,6 +17,8 @@ from tdint.analysis.assessment.stability import critical_step
 from tdint.methods import single_step
 from tdint.methods.method import Integrator
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture
 def checkout():

@@ -13,6 +13,8 @@ from tdint.kernels import layout
 from tdint.kernels.layout import FIRST_TRIAL
 from tdint.kernels.march.springs import commit, restoring, start
 
+pytestmark = pytest.mark.long
+
 SOFT = (1.0 - HARDENING) * FY
 DY = FY / K
 

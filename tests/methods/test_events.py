@@ -11,6 +11,8 @@ from building_cases import Force, Law, model, noise, oscillator, story, ten_bili
 from references import orders
 from tdint import load_model, run
 
+pytestmark = pytest.mark.long
+
 OFFICE = load_model(Path(__file__).parents[2] / "configs" / "ten-story-bilinear.yaml")
 DT = 0.01
 

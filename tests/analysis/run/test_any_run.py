@@ -22,6 +22,8 @@ from tdint.model.definition import PowerDashpot
 from tdint.output.summaries.summary import failure_summary, json_bytes, run_summary
 from tdint.output.tables.tables import history_columns, story_table
 
+pytestmark = pytest.mark.long
+
 RUNS = 1000
 BATCH = 100
 STIFFNESS = 1e6

@@ -9,6 +9,8 @@ import pytest
 
 from tdint import load_model, run
 
+pytestmark = pytest.mark.long
+
 MODEL = load_model(Path(__file__).parents[3] / "configs" / "ten-story-bilinear.yaml")
 DT = 0.01
 
