@@ -164,6 +164,6 @@ def test_history(monkeypatch, stories, rows_at_once):
 
 def test_a_long_history_is_written_fast():
     whole = history(4001, 10)
-    begin = time.perf_counter()
+    begin = time.process_time()
     tables.write_history(whole, io.BytesIO())
-    assert time.perf_counter() - begin < 1.0
+    assert time.process_time() - begin < 1.0
