@@ -6,11 +6,13 @@ the line `<!-- session -->`, holds commands and what they print.
 
 from __future__ import annotations
 
+import ast
 import math
 import os
 import re
 import subprocess
 import sys
+import tomllib
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,6 +20,7 @@ from tempfile import TemporaryDirectory
 from click.testing import CliRunner
 
 from tdint.analysis.assessment.hard_problems import HardProblem, problems
+from tdint.kernels.laws.law import LawParameter
 from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
 from tdint.model.laws import LAWS
@@ -65,13 +68,47 @@ def method_table():
     return "\n".join(rows) + "\n"
 
 
+def _dimension(parameter: LawParameter):
+    if parameter.many:
+        return "a list: force/length, force/length^2, ..."
+    powers = {"force": parameter.force, "length": parameter.length}
+    above, below = ([name for name, power in powers.items() if power * sign > 0] for sign in (1, -1))
+    return (above[0] if above else "1") + "".join(f"/{name}" for name in below) if above or below else ""
+
+
+def _range(parameter: LawParameter):
+    """What a parameter may be: > 0, or [0, 1)."""
+    low, high = parameter.low, parameter.high
+    if math.isinf(low) and math.isinf(high):
+        return ""
+    if math.isinf(high):
+        return f"{'>=' if parameter.low_allowed else '>'} {low:g}"
+    return f"{'[' if parameter.low_allowed else '('}{low:g}, {high:g}{']' if parameter.high_allowed else ')'}"
+
+
 def law_table():
-    """The drift laws as a table."""
-    rows = ["| law | restoring force | parameters |", "|---|---|---|"]
+    """The drift laws as a table: formulas, and keys with dimension and range."""
+    rows = ["| law | restoring force | keys |", "|---|---|---|"]
     for law in LAWS.values():
-        names = ", ".join(f"`{parameter.name}`" + (" (a list)" * parameter.many) for parameter in law.parameters)
+        keys = []
+        for parameter in law.parameters:
+            about = ", ".join(filter(None, (_dimension(parameter), _range(parameter))))
+            keys.append(f"`{parameter.name}`" + f" ({about})" * bool(about))
         formula = law.formula.replace("|", "\\|")
-        rows.append(f"| `{law.name}` | {formula} | {names} |")
+        rows.append(f"| `{law.name}` | {formula} | {', '.join(keys)} |")
+    return "\n".join(rows) + "\n"
+
+
+def model_table():
+    """The models of configs with the first sentences of their comments."""
+    rows = ["| model | what it is | what it shows |", "|---|---|---|"]
+    for path in sorted((ROOT / "configs").glob("*.yaml")):
+        comment = "\n".join(line[1:].strip() for line in path.read_text().partition("\n\n")[0].splitlines())
+        what, _, rest = comment.partition("\n\n")
+        shows = re.search(r"^Shows: (.*?)(?=^\w+: |\Z)", rest, re.DOTALL | re.MULTILINE)
+        assert shows, f"{path.name} does not say what it shows"
+        cells = (" ".join(text.split()).rstrip(".:").replace("|", "\\|") for text in (what, shows[1]))
+        rows.append(f"| [`{path.stem}`]({path.name}) | {' | '.join(cells)} |")
     return "\n".join(rows) + "\n"
 
 
@@ -91,6 +128,27 @@ def problem_table():
     return "\n".join(rows) + "\n"
 
 
+def _first_sentence(path: Path):
+    """Of a module's docstring: up to the first end of a sentence."""
+    text = ast.get_docstring(ast.parse(path.read_text())) or ""
+    return " ".join(re.split(r"\.\s|\n\n", text, maxsplit=1)[0].split()).rstrip(".").replace("|", "\\|")
+
+
+def layer_table():
+    """The layers from the top, as the import contract has them, with what their modules say of themselves."""
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
+    rows = ["| layer | what it is | its folders |", "|---|---|---|"]
+    for layer in next(contract["layers"] for contract in contracts if contract["type"] == "layers"):
+        name = layer.strip("()").replace(".", "/")
+        place = ROOT / ("src" if name.startswith("tdint/") else "cli") / name
+        inside = [
+            f"`{folder.parent.name}`: {_first_sentence(folder)}" for folder in sorted(place.glob("*/__init__.py"))
+        ]
+        module = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
+        rows.append(f"| `{name.removeprefix('tdint/')}` | {_first_sentence(module)} | {'<br>'.join(inside)} |")
+    return "\n".join(rows) + "\n"
+
+
 def command_list():
     """A line per command."""
     rows = ["| command | what it gives |", "|---|---|"]
@@ -101,8 +159,10 @@ def command_list():
 PARTS = {
     "commands": command_list,
     "help": help_text,
+    "layers": layer_table,
     "laws": law_table,
     "methods": method_table,
+    "models": model_table,
     "problems": problem_table,
 }
 """What each generated part is made by; a part stands in one file."""

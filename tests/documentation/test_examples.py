@@ -8,7 +8,6 @@ import re
 import shlex
 import sys
 
-import numpy as np
 import pytest
 
 import readmes
@@ -102,9 +101,32 @@ def test_the_python_example(checkout):
     assert 0.001 < float(output.split()[0]) < 0.1
 
 
+def test_the_model_with_all_keys(checkout):
+    folder, run = checkout
+    (folder / "models").mkdir()
+    (folder / "models" / "model.yaml").write_text(readmes.block("model"))
+    run("tdint run models/model.yaml -o out")
+    summary = json.loads((folder / "out" / "summary.json").read_text())
+    assert (summary["name"], summary["status"], summary["duration_s"]) == ("ten-story office", "done", 40.0)
+    assert summary["record"]["component"] == "HN1"
+
+
+def test_a_model_needs_stories_alone(checkout):
+    folder, run = checkout
+    (folder / "model.yaml").write_text("stories: [{mass: 1, stiffness: 1}]\n")
+    assert len(rows(run("tdint modes model.yaml")[0])) == 1
+
+
+def test_the_columns_of_a_run(checkout):
+    _, run = checkout
+    output, _ = run("tdint run configs/ten-story.yaml")
+    cells = [row.split("|")[1] for row in readmes.digest("run-columns").splitlines() if row.startswith("| `")]
+    assert [name for cell in cells for name in re.findall(r"`(\w+)`", cell)] == output.splitlines()[0].split(",")
+
+
 def test_one_more_method_is_one_line():
-    member = eval(readmes.block("member"), vars(single_step))
+    member = eval(readmes.block("member").strip("+, \n"), vars(single_step))
     integrator = Integrator(member)
     observed = observed_order(integrator, order_problem("harmonic", "linear"))
     assert observed.order("displacement") == pytest.approx(integrator.order, abs=0.1)
-    assert np.isinf(critical_step(integrator))
+    assert critical_step(integrator) == pytest.approx(integrator.stability_limit, rel=1e-4)

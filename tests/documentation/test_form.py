@@ -5,9 +5,11 @@ from __future__ import annotations
 import re
 import tomllib
 
+import click
 import pytest
 
 import readmes
+from tdint_cli.main import COMMANDS, cli
 
 
 def named(path):
@@ -41,6 +43,32 @@ def test_links_lead_somewhere(path):
 @pytest.mark.parametrize("path", readmes.files(), ids=named)
 def test_no_heading_stands_twice(path):
     assert len(anchors(path)) == len(set(anchors(path)))
+
+
+def options(command):
+    """The options of a command, and those of tdint itself."""
+    context = click.Context(cli)
+    found = cli.get_command(context, command)
+    assert found, f"there is no command {command}"
+    return {name for one in (found, cli) for option in one.params for name in (*option.opts, *option.secondary_opts)}
+
+
+def code(text):
+    """What stands in the code blocks and code spans of a README without its generated parts, a line each."""
+    text = re.sub(r"^<!-- generated: (\w+) -->$.*?^<!-- end: \1 -->$", "", text, flags=re.DOTALL | re.MULTILINE)
+    blocks = re.findall(r"^```.*?^```$", text, flags=re.DOTALL | re.MULTILINE)
+    lines = [line for block in blocks for line in block.replace("\\\n", " ").splitlines()]
+    return [*lines, *(" ".join(span.split()) for span in re.findall(r"`([^`]+)`", prose(text)))]
+
+
+@pytest.mark.parametrize("path", readmes.files(), ids=named)
+def test_commands_and_options_exist(path):
+    every = {option for name in COMMANDS for option in options(name)}
+    for line in code(path.read_text()):
+        for name, rest in re.findall(r"(?:^|[\s/])tdint ([a-z][a-z-]*)([^|#>]*)", line):
+            assert set(re.findall(r"(?<!\S)--[a-z][a-z-]*", rest)) <= options(name), line
+        if "tdint" not in line and not re.match(r"\$|python|pytest", line):
+            assert set(re.findall(r"(?<!\S)--[a-z][a-z-]*", line)) <= every, line
 
 
 @pytest.mark.parametrize("path", readmes.files()[1:], ids=named)

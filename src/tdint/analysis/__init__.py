@@ -1,0 +1,1 @@
+"""What is computed: runs, spectra, assessments of methods, time against accuracy."""

@@ -1,0 +1,1 @@
+"""Ground-motion records: reading, processing, measures."""

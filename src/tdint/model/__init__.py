@@ -1,0 +1,1 @@
+"""Buildings and their loads, as model files describe them."""

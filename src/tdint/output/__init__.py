@@ -1,0 +1,1 @@
+"""What is written: tables as CSV, summaries as JSON, figures."""

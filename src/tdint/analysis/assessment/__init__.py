@@ -1,0 +1,1 @@
+"""What methods do: order, stability, overshoot, failures, the paper's examples."""

@@ -1,0 +1,1 @@
+"""Time against accuracy of methods on a building, beside other programs."""

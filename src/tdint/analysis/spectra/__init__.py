@@ -1,0 +1,1 @@
+"""Elastic, rotated, inelastic and drift spectra of records."""

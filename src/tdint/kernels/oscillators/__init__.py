@@ -1,0 +1,1 @@
+"""Oscillators under a record, exactly: elastic, rotated, bilinear, and sums of modes."""

@@ -1,0 +1,1 @@
+"""JSON: what was asked for, what came of it, and from which files and versions."""

@@ -1,0 +1,1 @@
+"""CSV tables: columns and their order."""
