@@ -24,7 +24,7 @@ from tdint.kernels.laws.law import LawParameter
 from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
 from tdint.model.laws import LAWS
-from tdint_cli.main import COMMANDS, cli
+from tdint_cli.main import COMMANDS, GROUPS, cli
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
@@ -150,9 +150,12 @@ def layer_table():
 
 
 def command_list():
-    """A line per command."""
-    rows = ["| command | what it gives |", "|---|---|"]
-    rows += [f"| [`tdint {name}`](cli/README.md#tdint-{name}) | {says} |" for name, (_, says) in COMMANDS.items()]
+    """A line per command, in the groups of the help."""
+    rows = ["| | command | what it gives |", "|---|---|---|"]
+    for group, commands in GROUPS.items():
+        heads = [group, *[""] * (len(commands) - 1)]
+        for head, (name, (_, says)) in zip(heads, commands.items(), strict=True):
+            rows.append(f"| {head} | [`tdint {name}`](cli/README.md#tdint-{name}) | {says} |")
     return "\n".join(rows) + "\n"
 
 

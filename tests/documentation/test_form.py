@@ -82,6 +82,12 @@ def test_commands_name_files_that_exist(path):
         assert (readmes.ROOT / target).exists(), target
 
 
+@pytest.mark.parametrize("path", readmes.files(), ids=named)
+def test_folders_and_modules_that_are_named_exist(path):
+    for name in re.findall(r"`((?:src|cli|tests|tdint)/[\w/.]+)`", path.read_text()):
+        assert any((root / name).exists() for root in (readmes.ROOT, readmes.ROOT / "src")), name
+
+
 def test_the_first_page_is_short():
     text = readmes.README.read_text()
     assert len(text.splitlines()) <= 200
