@@ -12,7 +12,7 @@ from building_cases import Force, Law, ModalDamping, RayleighCoefficients, model
 from references import smooth
 from tdint.analysis.run.amplification import amplification
 from tdint.analysis.run.run import run
-from tdint.analysis.run.steps import workspace
+from tdint.analysis.run.workspace import workspace
 from tdint.kernels.layout import FORCE_COLUMNS, SPRING_ROWS, STEPS_DONE
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble

@@ -1,7 +1,8 @@
 """tdint: earthquake response of shear buildings with a time-integration method of your choice.
 
 These functions stand behind the commands: `read_record`, `read_horizontals`, `process`, `load_model`, `run`,
-`spectrum`, `rotated_spectrum`, `constant_ductility`, `constant_strength` and `drift_spectrum`. They load on first use,
+`prepare` and `run_case` (many runs of one building), `spectrum`, `rotated_spectrum`, `constant_ductility`,
+`constant_strength` and `drift_spectrum`. They load on first use,
 so that importing tdint costs nothing.
 """
 
@@ -11,7 +12,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from tdint.analysis.run.run import prepare as prepare
     from tdint.analysis.run.run import run as run
+    from tdint.analysis.run.run import run_case as run_case
     from tdint.analysis.spectra.drift import drift_spectrum as drift_spectrum
     from tdint.analysis.spectra.elastic import spectrum as spectrum
     from tdint.analysis.spectra.inelastic import constant_ductility as constant_ductility
@@ -28,7 +31,9 @@ _HOMES = {
     "process": "tdint.ground_motion.processing",
     "read_record": "tdint.ground_motion.reading.read",
     "load_model": "tdint.model.config.read",
+    "prepare": "tdint.analysis.run.run",
     "run": "tdint.analysis.run.run",
+    "run_case": "tdint.analysis.run.run",
     "spectrum": "tdint.analysis.spectra.elastic",
     "constant_ductility": "tdint.analysis.spectra.inelastic",
     "constant_strength": "tdint.analysis.spectra.inelastic",
@@ -42,11 +47,13 @@ __all__ = [
     "constant_strength",
     "drift_spectrum",
     "load_model",
+    "prepare",
     "process",
     "read_horizontals",
     "read_record",
     "rotated_spectrum",
     "run",
+    "run_case",
     "spectrum",
 ]
 

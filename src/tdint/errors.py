@@ -42,6 +42,9 @@ class ModelError(TdintError):
         self.faults: tuple[ModelFault, ...] = () if isinstance(faults, str) else tuple(faults)
         super().__init__(faults if isinstance(faults, str) else "\n".join(map(str, faults)))
 
+    def __reduce__(self) -> tuple[type[ModelError], tuple[Sequence[ModelFault] | str]]:
+        return type(self), (self.faults or str(self),)
+
 
 class RecordError(TdintError):
     """A ground-motion record that cannot be used as it is."""

@@ -13,8 +13,8 @@ from pathlib import Path
 
 from tdint import load_model
 from tdint.analysis.chart.peers.opensees import openseespy_points
+from tdint.analysis.chart.problem import pose
 from tdint.analysis.chart.work_precision import measure
-from tdint.analysis.run.case import pose
 from tdint.methods.catalogue import parse
 
 MODEL = Path(__file__).parents[2] / "configs" / "ten-story-bilinear.yaml"

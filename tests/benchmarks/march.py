@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import sys
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numba
@@ -18,15 +18,15 @@ import numpy as np
 
 from tdint import load_model, run
 from tdint.analysis.chart.sizes import stretched
+from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import model_record
-from tdint.analysis.run.steps import choose_steps, compile_all, integrate, workspace
+from tdint.analysis.run.steps import choose_steps
 from tdint.errors import TdintError
 from tdint.kernels.layout import EVENTS, FLOOR_DAMPER, MASS, STIFFNESS, STORY_DAMPER
 from tdint.kernels.march.observing import ITERATIONS
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model.building import Building, assemble
 from tdint.model.laws import LAWS
-from tdint.model.loads import force_table
 
 sys.path.append(str(Path(__file__).parents[1]))
 from law_examples import example
@@ -146,15 +146,10 @@ class March:
         """March once more."""
         integrator = parse(self.method)
         steps = choose_steps(None, None, record.dt, record.duration)
-        space = workspace(self.building, integrator, between=True)
-        forces, ground = force_table(()), record.acceleration.copy()
-        compile_all(integrator)
-        begin = time.perf_counter()
-        code = integrate(integrator, self.building, forces, ground, steps, space)
-        seconds = (time.perf_counter() - begin) / steps.count
-        self.seconds = min(self.seconds, seconds) if code == 0 else np.nan
-        self.events = int(space.memo[EVENTS])
-        self.solves = space.observed[ITERATIONS] / steps.count
+        marched = PreparedBuilding(self.building).march(integrator, steps, record.acceleration.copy(), between=True)
+        self.seconds = min(self.seconds, marched.seconds / steps.count) if marched.code == 0 else np.nan
+        self.events = int(marched.space.memo[EVENTS])
+        self.solves = marched.space.observed[ITERATIONS] / steps.count
 
 
 def law_marches(model, record):
@@ -164,7 +159,7 @@ def law_marches(model, record):
     for name in LAWS:
         stories = (replace(one, law=example(name, one.stiffness, one.law.parameters[0])) for one in model.stories)
         building = assemble(replace(model, stories=tuple(stories)))
-        unbranched = Unbranched(**vars(building))
+        unbranched = Unbranched(**{field.name: getattr(building, field.name) for field in fields(building)})
         marches[name] = March(building, "newmark-average"), March(building, "impulse4"), March(unbranched, "impulse4")
     for _ in range(REPEATS):
         for march in (march for group in marches.values() for march in group):

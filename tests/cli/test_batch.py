@@ -131,7 +131,7 @@ def test_what_a_table_came_from(folder, tdint):
     tdint("spectrum", "motion.mseed", "-o", "one.csv", "--units", "gal", "--damping", "0.02",
           "--periods", "0.1:1:5", "--component", "HNN")  # fmt: skip
     summary = json.loads((folder / "one.json").read_text())
-    assert list(summary) == ["command", "settings", "records", "versions"]
+    assert list(summary) == ["schema", "command", "settings", "records", "columns", "versions"]
     assert summary["command"] == "spectrum"
     for name, value in {
         "units": "gal", "component": "HNN", "inventory": None, "damping": [0.02], "periods": "0.1:1:5",

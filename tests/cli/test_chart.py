@@ -18,8 +18,8 @@ from tdint.output.tables.chart import QUANTITIES
 from tdint_cli.commands.methods import chart
 
 COLUMNS = (
-    "method,dt_s,steps,iterations,time_s,time_min_s,error_displacement,error_drift,error_peak_drift,"
-    "error_acceleration,outcome,error_velocity"
+    "method,dt_s,steps,iterations,time_s,time_min_s,displacement_error,drift_error,peak_drift_error,"
+    "absolute_acceleration_error,outcome,velocity_error"
 )
 QUICK = ("--method", "impulse4", "--method", "newmark-average", "--dt", "0.02,0.01", "--repeat", "2", "--no-cache")
 SIGNATURES = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}

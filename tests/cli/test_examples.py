@@ -9,7 +9,7 @@ import pytest
 
 from tdint_cli.commands.methods.examples import command
 
-COLUMNS = "example,method,variant,dt_s,error_displacement_m,error_velocity_m_s,error_acceleration_m_s2,rank,outcome"
+COLUMNS = "example,method,variant,dt_s,displacement_m_error,velocity_m_s_error,acceleration_m_s2_error,rank,outcome"
 FIGURES = {1: (7, 8), 2: (10, 11, 12), 3: (14, 15, 16)}
 FILES = {
     number: [f"example-{number}-errors.csv", *(f"figure-{figure:02d}.png" for figure in figures)]
@@ -53,7 +53,7 @@ def test_ranks(tdint):
     assert [row["method"].partition(":")[0] for row in ranked[:4]] == [
         "rk5", "impulse4", "impulse", "central-difference",
     ]  # fmt: skip
-    errors = [float(row["error_displacement_m"]) for row in ranked]
+    errors = [float(row["displacement_m_error"]) for row in ranked]
     assert errors == sorted(errors)
     assert {row["variant"] for row in table if not row["rank"]} == {
         "start with u(-dt) = 0",
@@ -78,7 +78,7 @@ def test_a_run_without_an_end_leaves_its_cells_empty_and_a_picture_out(here, tdi
     result = tdint("examples", "2", "--method", "exact", "--dt", "0.02", "-o", "out")
     assert result.exit_code == 0
     (row,) = rows(result.stdout)
-    assert (row["outcome"], row["error_displacement_m"], row["rank"]) == ("refused", "", "")
+    assert (row["outcome"], row["displacement_m_error"], row["rank"]) == ("refused", "", "")
     assert "exact has no result: refused" in result.stderr
     assert [path.name for path in (here / "out").iterdir()] == ["example-2-errors.csv"]
 

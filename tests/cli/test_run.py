@@ -11,7 +11,7 @@ import pytest
 
 COLUMNS = (
     "story,height_m,peak_drift_m,peak_drift_ratio,residual_drift_m,peak_shear_N,ductility,"
-    "peak_displacement_m,peak_velocity_m_s,peak_acceleration_m_s2"
+    "peak_displacement_m,peak_velocity_m_s,peak_absolute_acceleration_m_s2"
 )
 UNSTABLE = ("--method", "central-difference", "--dt", 0.5, "--duration", 2000, "--allow-unstable")
 
@@ -100,13 +100,17 @@ def test_the_summary(folder, tdint):
     table = rows(tdint("run", "shaken.yaml", "-o", "out", "--scale", "2").stdout)
     summary = json.loads((folder / "out" / "summary.json").read_text())
     assert list(summary) == [
-        "status", "name", "method", "dt_s", "steps", "duration_s", "iterations", "halvings", "events", "wall_time_s",
-        "march_time_s", "energy", "peaks", "check", "collapse_drift", "collapse", "record", "notes", "inputs",
-        "versions",
+        "schema", "status", "name", "method", "dt_s", "steps", "duration_s", "iterations", "halved_steps", "events",
+        "wall_time_s", "time_loop_s", "building", "energy", "peaks", "check", "collapse_drift", "collapse", "record",
+        "settings", "notes", "inputs", "versions", "meanings",
     ]  # fmt: skip
+    assert summary["schema"] == {"name": "tdint run", "version": 1}
+    assert summary["record"]["scale"] == 2.0
+    assert summary["building"]["damping"] == {"type": "rayleigh", "ratios": [0.05, 0.05], "modes": [1, 2]}
+    assert summary["meanings"]["t1_s"]["unit"] == "s"
     assert (summary["status"], summary["name"], summary["method"]) == ("done", "shaken", "newmark-average")
     assert (summary["dt_s"], summary["steps"], summary["duration_s"]) == (0.01, 299, 2.99)
-    assert 0.0 < summary["march_time_s"] < summary["wall_time_s"]
+    assert 0.0 < summary["time_loop_s"] < summary["wall_time_s"]
     assert set(summary["energy"]) == {
         "input_J", "kinetic_J", "damping_J", "recoverable_J", "dissipated_J", "start_J", "error",
     }  # fmt: skip
@@ -252,8 +256,8 @@ def test_a_check_adds_the_estimated_errors(folder, tdint):
     assert check["drift_error"] == pytest.approx(max(relative)) and 1e-6 < max(relative) < 0.05
     assert check["drift_error_story"] == relative.index(max(relative)) + 1
     assert (check["dts_s"], check["tolerance"]) == ([0.005, 0.0025], None)
-    assert check["errors"]["base_shear_N"] == float(table[0]["peak_shear_N_error"])
-    assert check["errors"]["roof_displacement_m"] == float(table[1]["peak_displacement_m_error"])
+    assert check["errors"]["base_shear_N_error"] == float(table[0]["peak_shear_N_error"])
+    assert check["errors"]["roof_displacement_m_error"] == float(table[1]["peak_displacement_m_error"])
     told = f"Largest estimated error of a peak drift: {100 * max(relative):.2g} % (story {check['drift_error_story']})"
     assert f"{told}, from runs with dt 0.005 and 0.0025 s." in result.stderr
     assert "estimated" not in plain.stderr

@@ -4,11 +4,18 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
+import pytest
 
-from tdint.analysis.run.run import StoryErrors, StoryPeaks
-from tdint.output.summaries.summary import json_bytes, overall_errors, overall_peaks
+from building_cases import ModalDamping, RayleighCoefficients, RayleighRatio, model, noise, ten_bilinear, ten_linear
+from tdint import prepare, run_case, spectrum
+from tdint.analysis.run.run import FailedRun, StoryErrors, StoryPeaks
+from tdint.analysis.spectra.first_mode import first_mode
+from tdint.model.building import assemble
+from tdint.output.summaries.run import MEANINGS, failure_summary, peak_errors, peaks, run_summary
+from tdint.output.summaries.summary import json_bytes
 
 
 def test_json_has_twelve_digits_null_and_the_order_of_its_keys():
@@ -29,10 +36,10 @@ def test_names_of_any_bytes_are_valid_json():
     assert json.loads(json_bytes({"file": name})) == {"file": name}
 
 
-def test_overall_peaks_name_story_and_pass_over_what_is_missing():
+def test_peaks_name_story_and_pass_over_what_is_missing():
     nan = math.nan
     three = np.array([1.0, 3.0, 2.0])
-    peaks = overall_peaks(
+    found = peaks(
         StoryPeaks(
             height=np.array([nan, 3.0, 3.0]),
             peak_drift=three,
@@ -45,7 +52,7 @@ def test_overall_peaks_name_story_and_pass_over_what_is_missing():
             peak_acceleration=np.array([4.0, 1.0, 2.0]),
         )
     )
-    assert peaks == {
+    assert found == {
         "roof_displacement_m": 0.15,
         "base_shear_N": 10.0,
         "drift_m": 3.0,
@@ -54,17 +61,29 @@ def test_overall_peaks_name_story_and_pass_over_what_is_missing():
         "drift_ratio_story": 3,
         "residual_drift_m": 0.5,
         "residual_drift_story": 3,
+        "residual_drift_ratio": 0.5 / 3.0,
+        "residual_drift_ratio_story": 3,
         "ductility": None,
         "ductility_story": None,
-        "floor_acceleration_m_s2": 4.0,
-        "floor_acceleration_floor": 1,
+        "floor_absolute_acceleration_m_s2": 4.0,
+        "floor_absolute_acceleration_floor": 1,
     }
 
 
 def test_the_error_of_a_largest_peak_is_that_of_any_story_that_may_have_it():
     nan = math.nan
     values = np.array([1.0, 3.0, 2.9])
-    stories = StoryPeaks(values, values, np.array([nan, 0.3, 0.1]), -values, values, np.full(3, nan), *[values] * 3)
+    stories = StoryPeaks(
+        height=np.array([nan, 10.0, 29.0]),
+        peak_drift=values,
+        peak_drift_ratio=np.array([nan, 0.3, 0.1]),
+        residual_drift=-values,
+        peak_shear=values,
+        ductility=np.full(3, nan),
+        peak_displacement=values,
+        peak_velocity=values,
+        peak_acceleration=values,
+    )
     errors = StoryErrors(
         peak_drift=np.array([1.5, 0.01, 0.2]),  # the third may be larger than the second, the first may not
         peak_drift_ratio=np.array([nan, 0.01, 0.1]),
@@ -75,12 +94,60 @@ def test_the_error_of_a_largest_peak_is_that_of_any_story_that_may_have_it():
         peak_velocity=values,
         peak_acceleration=np.full(3, nan),
     )
-    assert overall_errors(stories, errors) == {
-        "roof_displacement_m": 6.0,
-        "base_shear_N": 7.0,
-        "drift_m": 0.2,
-        "drift_ratio": 0.01,
-        "residual_drift_m": 2.5,
-        "ductility": None,
-        "floor_acceleration_m_s2": None,
+    assert peak_errors(stories, errors) == {
+        "roof_displacement_m_error": 6.0,
+        "base_shear_N_error": 7.0,
+        "drift_m_error": 0.2,
+        "drift_ratio_error": 0.01,
+        "residual_drift_m_error": 2.5,
+        "residual_drift_ratio_error": 0.0,
+        "ductility_error": None,
+        "floor_absolute_acceleration_m_s2_error": None,
     }
+
+
+@pytest.mark.parametrize(
+    "damping",
+    [None, RayleighRatio((0.05, 0.04), (1, 3)), RayleighCoefficients(0.1, 1e-3), ModalDamping((0.05, 0.02, 0.01))],
+)
+def test_every_number_of_a_summary_has_a_meaning(damping):
+    building = replace(ten_bilinear(damping), p_delta=True)
+    case = prepare(building, noise(samples=101).scaled(3.0), method="impulse4")
+    first = first_mode(case.building, case.record)
+    summary = run_summary(run_case(case, check=True), [], 1.0, first=first, settings={"dt_s": 0.01})
+    assert set(summary["meanings"]) <= set(MEANINGS)
+    assert summary["meanings"]["floor_absolute_acceleration_m_s2"]["unit"] == "m/s^2"
+    assert summary["record"]["scale"] == 3.0
+    assert json.loads(json_bytes(summary))["settings"] == {"dt_s": 0.01}
+
+
+def test_every_number_of_a_failure_has_a_meaning():
+    case = prepare(ten_linear(), noise(samples=101), method="central-difference")
+    with pytest.raises(FailedRun) as caught:
+        run_case(case, dt=0.05)
+    summary = failure_summary(caught.value, case.model, case.record, [], 1.0, first=first_mode(case.building, None))
+    assert summary["meanings"]["largest_stable_dt_s"]["unit"] == "s"
+    assert "sa_t1_m_s2" not in summary["building"]
+
+
+@pytest.mark.parametrize("damping", [None, RayleighRatio((0.05, 0.04), (1, 3)), ModalDamping((0.05,))])
+def test_the_first_mode_is_that_of_all_modes(damping):
+    for stories in (1, 2, 10):
+        one = ten_bilinear().stories[0]
+        damped = damping if stories > 2 or not isinstance(damping, RayleighRatio) else None
+        building = assemble(model([one] * stories, damping=damped, p_delta=True))
+        first = first_mode(building, noise(samples=101))
+        modes = building.modes()
+        assert first.period == pytest.approx(2.0 * np.pi / modes.omega[0], rel=1e-13)
+        ratio = modes.modal_damping(building.damping_matrix())[0, 0] / (2.0 * modes.omega[0])
+        assert first.damping == pytest.approx(ratio, rel=1e-9, abs=1e-15)
+        exact = spectrum(noise(samples=101), np.array([first.period]), 0.05).psa[0]
+        assert (first.sa, first.sa_damping) == (exact, 0.05)
+
+
+def test_the_first_mode_of_a_very_tall_building():
+    """n equal stories: omega = 2 sqrt(k/m) sin(pi / (4 n + 2))."""
+    n = 100_000
+    building = assemble(model([ten_linear(None).stories[0]] * n))
+    exact = 2.0 * np.sqrt(3.5e8 / 2e5) * np.sin(np.pi / (4 * n + 2))
+    assert building.first_mode() == (pytest.approx(exact, rel=1e-11), 0.0)

@@ -16,7 +16,7 @@ from tdint_cli.terminal.streams import emit
 
 if TYPE_CHECKING:
     from tdint.files import Writer
-    from tdint.output.tables.tables import Table
+    from tdint.output.tables.table import Table
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 

@@ -46,6 +46,8 @@ class Record:
     compared : tuple of str
         What its file states of itself (number of samples, peak, checksum) and was compared with the samples; empty if
         the file states nothing.
+    scale : float
+        What the acceleration has been multiplied by since it was read.
     """
 
     acceleration: NDArray[np.float64]
@@ -59,6 +61,7 @@ class Record:
     inputs: tuple[Input, ...] = ()
     processing: tuple[str, ...] = ()
     compared: tuple[str, ...] = ()
+    scale: float = 1.0
 
     def __post_init__(self) -> None:
         samples = np.ascontiguousarray(self.acceleration, dtype=np.float64)
@@ -79,4 +82,4 @@ class Record:
 
     def scaled(self, factor: float) -> Record:
         """The same record with its acceleration multiplied by `factor`."""
-        return replace(self, acceleration=self.acceleration * factor)
+        return replace(self, acceleration=self.acceleration * factor, scale=self.scale * factor)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copyreg
 import difflib
+from collections.abc import Callable
 from functools import cache
 
 from tdint.errors import UsageError
@@ -44,6 +46,14 @@ def parse(text: str) -> Integrator:
             raise UsageError(f"method {text!r}: {parameter.name} must lie in {parameter.range}, got {value!r}")
         values.append(value)
     return Integrator(method, tuple(values))
+
+
+def _reduce(integrator: Integrator) -> tuple[Callable[[str], Integrator], tuple[str]]:
+    """An integrator goes to another process as its specification: compiled functions do not travel."""
+    return parse, (integrator.label,)
+
+
+copyreg.pickle(Integrator, _reduce)
 
 
 def _given(text: str, method: Method, rest: str) -> dict[str, float]:

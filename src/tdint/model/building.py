@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ from tdint.kernels.layout import (
 from tdint.model.damping import add_damping
 from tdint.model.definition import Model
 from tdint.model.laws import CODES, LAWS
-from tdint.model.modes import Modes, solve_modes
+from tdint.model.modes import FreeVibration, Modes
 from tdint.units import STANDARD_GRAVITY
 
 Array = NDArray[np.float64]
@@ -46,6 +46,8 @@ class Building:
         Story heights, m; nan where there is none.
     yield_drift : ndarray, shape (n,)
         Drift at first yield, m; nan for stories that do not yield.
+    vibration : FreeVibration
+        The undamped vibration of the initial stiffness.
     """
 
     chain: Array
@@ -53,6 +55,7 @@ class Building:
     modal: Array
     heights: Array
     yield_drift: Array
+    vibration: FreeVibration
 
     @property
     def stories(self) -> int:
@@ -110,9 +113,20 @@ class Building:
         stories = _tridiagonal(self.chain[STORY_DAMPER, :-1], self.chain[LINK, :-1])
         return stories + np.diag(self.chain[FLOOR_DAMPER, :-1]) + self.modal[:, :-1].T @ self.modal[:, :-1]
 
+    def first_mode(self) -> tuple[float, float]:
+        """Circular frequency (rad/s) and damping ratio of the first mode, without power-law dashpots.
+
+        The damping ratio is that of the diagonal of the modal damping matrix.
+        """
+        omega, shape = self.vibration.first
+        drift = np.diff(shape, prepend=0.0)
+        work = np.sum(self.chain[STORY_DAMPER, :-1] * drift**2) + np.sum(self.chain[FLOOR_DAMPER, :-1] * shape**2)
+        work += np.sum((self.modal[:, :-1] @ shape) ** 2)
+        return omega, float(work / (2.0 * omega))
+
     def modes(self) -> Modes:
-        """Undamped modes of the initial stiffness."""
-        return solve_modes(self.mass, self.initial_stiffness, self.chain[LINK, :-1])
+        """Undamped modes of the initial stiffness; they are solved when they are first asked for."""
+        return self.vibration.modes
 
 
 def _tridiagonal(springs: Array, link: Array) -> Array:
@@ -157,9 +171,9 @@ def assemble(model: Model) -> Building:
         laws[STIFFNESS, i] = story.stiffness
         laws[FIRST_PARAMETER : FIRST_PARAMETER + len(values), i] = values
         yield_drift[i] = law.yield_drift(story.stiffness, values)
-    undamped = Building(chain, laws, np.zeros((0, n + 1)), heights, yield_drift)
-    modal = add_damping(chain, laws[STIFFNESS, :n], model, undamped.modes)
-    return replace(undamped, modal=modal)
+    vibration = FreeVibration(chain[MASS, :n], laws[STIFFNESS, :n] + chain[GEOMETRIC, :n], chain[LINK, :n])
+    modal = add_damping(chain, laws[STIFFNESS, :n], model, vibration)
+    return Building(chain, laws, modal, heights, yield_drift, vibration)
 
 
 def oscillators(omega: Array, damping: Array) -> Building:
@@ -179,4 +193,6 @@ def oscillators(omega: Array, damping: Array) -> Building:
     laws = np.zeros((FIRST_PARAMETER, k + 1))
     laws[CODE, :k] = CODES["linear"]
     laws[STIFFNESS, :k] = omega**2
-    return Building(chain, laws, np.zeros((0, k + 1)), np.full(k, math.nan), np.full(k, math.nan))
+    unknown = np.full(k, math.nan)
+    vibration = FreeVibration(chain[MASS, :k], laws[STIFFNESS, :k], chain[LINK, :k])
+    return Building(chain, laws, np.zeros((0, k + 1)), unknown, unknown, vibration)

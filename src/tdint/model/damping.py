@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
 from tdint.kernels.layout import FLOOR_DAMPER, MASS, STORY_DAMPER
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
-from tdint.model.modes import Modes
+from tdint.model.modes import FreeVibration, Modes
 
 Array = NDArray[np.float64]
 
 
-def add_damping(chain: Array, stiffness: Array, model: Model, modes: Callable[[], Modes]) -> Array:
+def add_damping(chain: Array, stiffness: Array, model: Model, vibration: FreeVibration) -> Array:
     """Add the model's damping to the dampers of `chain`; return the rows of its modal damping, shape (modes, n + 1).
 
     Rayleigh damping is C = a0 M + a1 K with the initial stiffness K without P-delta: a damper from each floor to the
@@ -24,9 +22,9 @@ def add_damping(chain: Array, stiffness: Array, model: Model, modes: Callable[[]
     n = chain.shape[1] - 1
     damping = model.damping
     if isinstance(damping, ModalDamping):
-        return modal_rows(modes(), chain[MASS, :n], np.array(damping.ratios))
+        return modal_rows(vibration.modes, chain[MASS, :n], np.array(damping.ratios))
     if isinstance(damping, RayleighRatio):
-        omega = modes().omega[[mode - 1 for mode in damping.modes]]
+        omega = vibration.modes.omega[[mode - 1 for mode in damping.modes]]
         damping = rayleigh(damping, float(omega[0]), float(omega[1]))
     if damping is not None:
         chain[FLOOR_DAMPER, :n] += damping.mass * chain[MASS, :n]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +15,11 @@ Array = NDArray[np.float64]
 
 CLASSICAL = 1e-12
 """Couplings of the modal damping matrix below this, over its diagonal, are rounding."""
+
+_MOST_ITERATIONS, _CONVERGED = (
+    200,
+    1e-15,
+)  # of the inverse iteration
 
 
 @dataclass(frozen=True)
@@ -69,9 +76,7 @@ def solve_modes(mass: Array, stiffness: Array, link: Array) -> Modes:
     ModelError
         A spring that is not positive (P-delta beyond the story's stiffness).
     """
-    weak = np.flatnonzero(stiffness <= 0.0)
-    if weak.size:
-        raise ModelError(f"story {weak[0] + 1}: P-delta exceeds the initial stiffness; the building cannot stand")
+    _check_springs(stiffness)
     root_mass = np.sqrt(mass)
     root_spring = np.sqrt(stiffness)
     # Springs over floors: d = B u, K = B^T diag(k) B; with y = M^(1/2) u the matrix is L^T L.
@@ -81,3 +86,54 @@ def solve_modes(mass: Array, stiffness: Array, link: Array) -> Modes:
     shapes = (right[::-1] / root_mass).T
     signs = np.where(shapes[-1] < 0.0, -1.0, 1.0)
     return Modes(omega, shapes * signs, mass)
+
+
+@dataclass(frozen=True)
+class FreeVibration:
+    """The undamped vibration of a chain, solved when it is first asked for and then kept.
+
+    Attributes
+    ----------
+    mass, stiffness, link : ndarray, shape (n,)
+        Masses (kg), springs to the floor below (N/m), and 1 for those that stand on it, 0 for those on the ground.
+    """
+
+    mass: Array
+    stiffness: Array
+    link: Array
+
+    @cached_property
+    def modes(self) -> Modes:
+        """All modes; errors are those of `solve_modes`."""
+        return solve_modes(self.mass, self.stiffness, self.link)
+
+    @cached_property
+    def first(self) -> tuple[float, Array]:
+        """Circular frequency (rad/s) and shape (phi^T M phi = 1) of the first mode; all stories stand on each other.
+
+        By inverse iteration with the flexibility of the chain, two sums over the stories each time: all digits, and no
+        matrix, however tall the building is.
+
+        Raises
+        ------
+        ModelError
+            A spring that is not positive.
+        """
+        _check_springs(self.stiffness)
+        shape, omega = np.cumsum(1.0 / self.stiffness), 0.0
+        for _ in range(_MOST_ITERATIONS):
+            force = self.mass * shape
+            shear = np.cumsum(force[::-1])[::-1]
+            displacement = np.cumsum(shear / self.stiffness)  # K displacement = force
+            square = float(np.sum(self.mass * displacement**2))
+            before, omega = omega, math.sqrt(float(displacement @ force) / square)
+            shape = displacement / math.sqrt(square)
+            if abs(omega - before) <= _CONVERGED * omega:
+                break
+        return omega, shape
+
+
+def _check_springs(stiffness: Array) -> None:
+    weak = np.flatnonzero(stiffness <= 0.0)
+    if weak.size:
+        raise ModelError(f"story {weak[0] + 1}: P-delta exceeds the initial stiffness; the building cannot stand")

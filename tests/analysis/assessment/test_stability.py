@@ -9,7 +9,8 @@ import pytest
 
 from tdint.analysis.assessment.stability import critical_step, stability
 from tdint.analysis.run.amplification import amplification
-from tdint.analysis.run.steps import Steps, integrate, workspace
+from tdint.analysis.run.steps import Steps
+from tdint.analysis.run.workspace import integrate, workspace
 from tdint.kernels.layout import ACCELERATION, FORCE_COLUMNS, STEPS_DONE, STORY_DAMPER, VELOCITY
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model.building import oscillators
@@ -164,7 +165,8 @@ def test_k_steps_are_the_kth_power_of_the_matrix(method, damping):
     powers = np.linalg.matrix_power(matrices, k)
     expected = np.einsum("jab,bj->aj", powers, space.state[memory, :-1])
     no_forces = np.zeros((0, FORCE_COLUMNS))
-    assert integrate(integrator, building, no_forces, np.zeros(1), Steps(h, k), space) == 0
+    coefficients = integrator.coefficients(building, no_forces, h)
+    assert integrate(integrator, coefficients, building, no_forces, np.zeros(1), Steps(h, k), space) == 0
     np.testing.assert_allclose(space.state[memory, :-1] / units, expected / units, rtol=0.0, atol=1e-11)
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from tdint.analysis.chart import compilation
 from tdint.analysis.chart.compilation import compile_methods
-from tdint.analysis.run.steps import compile_all
+from tdint.analysis.run.workspace import compile_all
 from tdint.kernels.compiling import cache_folder
 from tdint.methods.catalogue import parse
 

@@ -15,9 +15,9 @@ from tdint.analysis.chart.peers import solve_ivp as scipy_peer
 from tdint.analysis.chart.peers.opensees import openseespy_points
 from tdint.analysis.chart.peers.peers import with_peers
 from tdint.analysis.chart.peers.solve_ivp import solve_ivp_points
+from tdint.analysis.chart.problem import pose
 from tdint.analysis.chart.reference import Errors, Reference, find_reference
 from tdint.analysis.chart.work_precision import measure
-from tdint.analysis.run.case import pose
 from tdint.methods.catalogue import parse
 from tdint.model.definition import ModalDamping
 

@@ -13,6 +13,7 @@ from building_cases import Force, Law, model, noise, oscillator, story, ten_bili
 from references import drifts, exact_linear, smooth
 from tdint import run
 from tdint.analysis.chart import reference as references
+from tdint.analysis.chart.problem import FloorMotion, pose
 from tdint.analysis.chart.reference import Errors, errors, find_reference
 from tdint.analysis.chart.sizes import stretched
 from tdint.analysis.chart.work_precision import (
@@ -24,7 +25,6 @@ from tdint.analysis.chart.work_precision import (
     measure,
     suited,
 )
-from tdint.analysis.run.case import FloorMotion, pose
 from tdint.errors import AnalysisError, UsageError
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
@@ -278,16 +278,16 @@ def test_errors_and_peaks_are_those_of_a_run():
 
 @pytest.mark.parametrize("name", ["diverged", "not-converged"])
 def test_a_march_that_fails_stays_among_the_points(name, monkeypatch):
-    from tdint.analysis.run import march as marching
+    from tdint.analysis.run import prepared
     from tdint.kernels.layout import NOT_CONVERGED, NOT_FINITE
 
-    integrate = marching.integrate
+    integrate = prepared.integrate
     code = NOT_FINITE if name == "diverged" else NOT_CONVERGED
 
     def fail(integrator, *rest):
         return code if integrator.label == "houbolt" else integrate(integrator, *rest)
 
-    monkeypatch.setattr(marching, "integrate", fail)
+    monkeypatch.setattr(prepared, "integrate", fail)
     chart = measure(pose(forced()), integrators("houbolt", "impulse4"), [0.02], repeats=2, cached=False)
     assert [(point.outcome, point.errors is None) for point in chart.points] == [(name, True), ("done", False)]
     assert cheapest(chart.points, "displacement", 1.0).line == "impulse4"

@@ -19,7 +19,8 @@ from tdint import run
 from tdint.analysis.run.run import FailedRun
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model.definition import PowerDashpot
-from tdint.output.summaries.summary import failure_summary, json_bytes, run_summary
+from tdint.output.summaries.run import failure_summary, run_summary
+from tdint.output.summaries.summary import json_bytes
 from tdint.output.tables.tables import history_columns, story_table
 
 pytestmark = pytest.mark.long

@@ -19,14 +19,12 @@ from building_cases import (
     ten_bilinear,
     ten_linear,
 )
-from tdint import run
+from tdint import prepare, run
+from tdint.analysis.run.case import Case
 from tdint.analysis.run.error_estimate import checked, estimate, finer, within
-from tdint.analysis.run.march import Case
 from tdint.analysis.run.run import FailedRun, StoryErrors
 from tdint.analysis.run.steps import Steps
 from tdint.errors import UsageError
-from tdint.methods.catalogue import parse
-from tdint.model.building import assemble
 
 NAMES = [field.name for field in fields(StoryErrors)]
 
@@ -198,7 +196,7 @@ def broken(threshold):
 
     def fails(case, steps, history=False):
         if steps.h < threshold:
-            raise FailedRun("broken", "diverged", case.integrator, steps.h)
+            raise FailedRun("broken", "diverged", case.integrator.label, steps.h)
         return march(case, steps, history)
 
     return fails
@@ -271,7 +269,7 @@ def test_a_tolerance_is_a_part(tolerance):
 
 
 def test_the_parts_work_alone():
-    case = Case(ten_linear(), assemble(ten_linear()), noise(), parse("newmark-average"))
+    case = prepare(ten_linear(), noise(), method="newmark-average")
     steps = Steps(0.01, 800)
     response = checked(case, steps, case.march(steps))
     assert response.check.tolerance is None

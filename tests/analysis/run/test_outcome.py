@@ -7,7 +7,7 @@ import pytest
 
 from building_cases import Force, Law, model, noise, oscillator, story, ten_bilinear
 from tdint import run
-from tdint.analysis.run import steps as stepping
+from tdint.analysis.run import workspace
 from tdint.analysis.run.run import FailedRun
 from tdint.units import STANDARD_GRAVITY
 
@@ -106,9 +106,9 @@ def test_a_method_that_makes_energy_has_diverged():
         case = model([story(1.0, 1.0, height=height)], velocity=(1.0,))
         return run(case, method="wilson", dt=20.0 * np.pi, duration=100.0 * np.pi, allow_unstable=allow_unstable)
 
-    with pytest.raises(FailedRun, match=r"diverged .* passed the collapse drift on .* times the energy put in") as one:
+    with pytest.raises(FailedRun, match=r"diverged .* passed the collapse drift on .* times the input energy") as one:
         overshooting(15.0)
-    with pytest.raises(FailedRun, match=r"diverged .* the motion ends with .* times the energy that was put in") as two:
+    with pytest.raises(FailedRun, match=r"diverged .* the motion ends with .* times the input energy") as two:
         overshooting(None)
     for failure in (one, two):
         assert (failure.value.status, failure.value.story) == ("diverged", 1)
@@ -148,7 +148,7 @@ def test_halving_rescues_and_is_counted(method, monkeypatch):
     assert response.halvings > 0
     assert any(f"were halved, {response.halvings} times" in note for note in response.notes)
     assert np.all(response.stories.peak_drift > 0.0) and np.all(np.isfinite(response.stories.peak_drift))
-    monkeypatch.setattr(stepping, "HALVINGS", 0)
+    monkeypatch.setattr(workspace, "HALVINGS", 0)
     with pytest.raises(FailedRun) as failure:
         run(case, method=method, dt=1.0, duration=40.0)
     failed = failure.value

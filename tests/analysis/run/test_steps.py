@@ -9,12 +9,12 @@ import pytest
 
 from building_cases import Force, Law, model, noise, oscillator, story, ten_linear
 from tdint import run
+from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import FailedRun
-from tdint.analysis.run.steps import Steps, choose_steps, integrate, workspace
+from tdint.analysis.run.steps import Steps, choose_steps
 from tdint.errors import AnalysisError, UsageError
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
-from tdint.model.loads import force_table
 
 
 @pytest.mark.parametrize(
@@ -145,23 +145,18 @@ def test_the_bound_on_the_frequencies(n):
 
 def test_a_history_of_every_fourth_step_is_that_of_all_steps_thinned():
     record = noise(samples=51)
-    building, integrator = assemble(ten_linear()), parse("newmark-average")
+    prepared, integrator = PreparedBuilding.of(ten_linear()), parse("newmark-average")
     steps = Steps(record.dt / 4.0, 200, per_sample=4)
-    histories = []
-    for rows in (200, 50):
-        space = workspace(building, integrator, rows)
-        assert integrate(integrator, building, force_table(()), record.acceleration.copy(), steps, space) == 0
-        histories.append(space.history)
+    marches = [prepared.march(integrator, steps, record.acceleration.copy(), rows=rows) for rows in (200, 50)]
+    assert [marched.code for marched in marches] == [0, 0]
+    histories = [marched.space.history for marched in marches]
     np.testing.assert_array_equal(histories[1], histories[0][::4])
     assert histories[1].shape[0] == 51
 
 
 def test_a_history_whose_rows_do_not_divide_the_steps_is_refused():
-    building, integrator = assemble(ten_linear()), parse("newmark-average")
     with pytest.raises(ValueError, match="200 steps do not fit into a history of 30"):
-        integrate(
-            integrator, building, force_table(()), np.zeros(1), Steps(0.01, 200), workspace(building, integrator, 30)
-        )
+        PreparedBuilding.of(ten_linear()).march(parse("newmark-average"), Steps(0.01, 200), rows=30)
 
 
 @pytest.mark.parametrize("method", ["gauss4", "impulse4", "impulse", "newmark-average"])

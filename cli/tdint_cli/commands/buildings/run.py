@@ -15,10 +15,9 @@ from tdint_cli.startup import load_numba
 from tdint_cli.terminal.streams import emit, say
 
 if TYPE_CHECKING:
-    from tdint.analysis.run.run import FailedRun, Response
+    from tdint.analysis.run.run import Case, FailedRun, Response
     from tdint.files import Writer
-    from tdint.ground_motion.record import Input, Record
-    from tdint.model.definition import Model
+    from tdint.ground_motion.record import Input
 
 STORIES, HISTORY, PICTURE, SUMMARY = "stories.csv", "history.csv", "response.png", "summary.json"
 """The files of a run. The summary is written last: where it says `done`, all is there."""
@@ -85,7 +84,7 @@ def command(**given: Any) -> None:
 def _run(request: Request) -> None:
     began = time.perf_counter()
     load_numba()
-    from tdint.analysis.run.run import FailedRun, model_record, run
+    from tdint.analysis.run.run import FailedRun, model_record, prepare, run_case
     from tdint.model.config.read import load_model
     from tdint.output.summaries.summary import model_input
     from tdint.output.tables.tables import story_table
@@ -94,15 +93,13 @@ def _run(request: Request) -> None:
     model = with_motion(load_model(request.model), request)
     record = model_record(model)
     inputs = [model_input(model), *(record.inputs if record else ())]
+    case = prepare(model, record, method=request.method, allow_unstable=request.allow_unstable)
     try:
-        response = run(
-            model,
-            record,
-            method=request.method,
+        response = run_case(
+            case,
             dt=request.dt,
             duration=request.duration,
             history=request.history or request.plot,
-            allow_unstable=request.allow_unstable,
             check=request.check,
             tolerance=request.tolerance,
         )
@@ -110,11 +107,11 @@ def _run(request: Request) -> None:
         for note in failure.notes:
             say(f"note: {note}")
         if request.output:
-            _write(request, _failed_files(request, failure, model, record, inputs, began))
+            _write(request, _failed_files(request, failure, case, inputs, began))
         raise
     emit(story_table(response.stories, response.check.errors if response.check else None).csv())
     if request.output:
-        _write(request, _files(request, response, inputs, began))
+        _write(request, _files(request, response, case, inputs, began))
     say(_paragraph(response))
     for note in response.notes:
         say(f"note: {note}")
@@ -134,13 +131,17 @@ def _check(request: Request) -> None:
         check_outputs([folder / name for name in names], overwrite=request.overwrite, new_folder=True)
 
 
-def _files(request: Request, response: Response, inputs: list[Input], began: float) -> dict[str, Writer]:
+def _files(request: Request, response: Response, case: Case, inputs: list[Input], began: float) -> dict[str, Writer]:
     """The files of a run and what writes them."""
-    from tdint.output.summaries.summary import json_bytes, run_summary
+    from tdint.analysis.spectra.first_mode import first_mode
+    from tdint.output.summaries.run import run_summary
+    from tdint.output.summaries.summary import json_bytes
     from tdint.output.tables.tables import story_table, write_history
 
     table = story_table(response.stories, response.check.errors if response.check else None).csv()
-    summary = json_bytes(run_summary(response, inputs, time.perf_counter() - began))
+    wall_time = time.perf_counter() - began
+    first = first_mode(case.building, case.record)
+    summary = json_bytes(run_summary(response, inputs, wall_time, first=first, settings=_settings(request)))
     files: dict[str, Writer] = {STORIES: lambda stream: stream.write(table)}
     history = response.history
     if request.history and history is not None:
@@ -154,13 +155,30 @@ def _files(request: Request, response: Response, inputs: list[Input], began: flo
 
 
 def _failed_files(
-    request: Request, failure: FailedRun, model: Model, record: Record | None, inputs: list[Input], began: float
+    request: Request, failure: FailedRun, case: Case, inputs: list[Input], began: float
 ) -> dict[str, Writer]:
-    from tdint.output.summaries.summary import failure_summary, json_bytes
+    from tdint.analysis.spectra.first_mode import first_mode
+    from tdint.output.summaries.run import failure_summary
+    from tdint.output.summaries.summary import json_bytes
 
     wall_time = time.perf_counter() - began
-    summary = json_bytes(failure_summary(failure, model, record, inputs, wall_time))
+    first = first_mode(case.building, case.record)
+    settings = _settings(request)
+    content = failure_summary(failure, case.model, case.record, inputs, wall_time, first=first, settings=settings)
+    summary = json_bytes(content)
     return {SUMMARY: lambda stream: stream.write(summary)}
+
+
+def _settings(request: Request) -> dict[str, Any]:
+    """What the command line asked of the analysis; None where it is the model's."""
+    return {
+        "method": request.method,
+        "dt_s": request.dt,
+        "duration_s": request.duration,
+        "check": request.check,
+        "tolerance": request.tolerance,
+        "allow_unstable": request.allow_unstable,
+    }
 
 
 def _write(request: Request, files: dict[str, Writer]) -> None:
@@ -176,25 +194,25 @@ def _write(request: Request, files: dict[str, Writer]) -> None:
 
 def _paragraph(response: Response) -> str:
     """The run in a few sentences."""
-    from tdint.output.summaries.summary import overall_peaks
+    from tdint.analysis.run.demands import demands
 
     stories = len(response.model.stories)
     record = response.record
-    peaks = overall_peaks(response.stories)
+    found = demands(response.stories)
     motion = "no ground motion"
     if record is not None:
         motion = f"{' '.join(filter(None, (record.source, record.component)))} (PGA {record.pga:.3g} m/s^2)"
-    worst = f"drift {peaks['drift_m']:.4g} m in story {peaks['drift_story']}"
-    if peaks["drift_ratio"] is not None:
-        ratio = f"drift ratio {peaks['drift_ratio']:.4g} in story {peaks['drift_ratio_story']}"
+    worst = f"drift {found.drift.value:.4g} m in story {found.drift.place}"
+    if found.drift_ratio.place is not None:
+        ratio = f"drift ratio {found.drift_ratio.value:.4g} in story {found.drift_ratio.place}"
         # Where a story has no height, its drift is not among the ratios.
         worst = ratio if all(story.height for story in response.model.stories) else f"{ratio}, {worst}"
     lines = [
         f"{response.model.name}: {stories} {'story' if stories == 1 else 'stories'}, {motion}.",
         f"{response.method}: {response.steps} {'step' if response.steps == 1 else 'steps'} of {response.dt:.6g} s, "
         f"{1e6 * response.march_time / response.steps:.3g} us per step, energy error {response.energy.error:.1e}.",
-        f"Largest {worst}, roof displacement {peaks['roof_displacement_m']:.4g} m, "
-        f"base shear {peaks['base_shear_N']:.4g} N.",
+        f"Largest {worst}, roof displacement {found.roof_displacement.value:.4g} m, "
+        f"base shear {found.base_shear.value:.4g} N.",
     ]
     if (check := response.check) and check.drift_error is not None:
         runs = " and ".join(f"{dt:.6g}" for dt in check.dts)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from tdint.analysis.spectra.drift import DriftSpectrum
     from tdint.files import Writer
     from tdint.ground_motion.record import Record
-    from tdint.output.tables.tables import Table
+    from tdint.output.tables.table import Table
 
 _PERIODS = "0.2:10:200"
 _STORY_HEIGHT = 3.5

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tdint.ground_motion.processing import Processing
     from tdint.ground_motion.record import Record
     from tdint.output.tables.records import RecordInfo
-    from tdint.output.tables.tables import Table
+    from tdint.output.tables.table import Table
 
 _DAMPING = 0.05
 _PERIODS = 481
@@ -133,7 +133,7 @@ def _deliver(request: Request, outputs: Outputs, products: Sequence[Product]) ->
         return info_picture([info for product in products for info in product.infos], suffix)
 
     table = replace(products[0].table, rows=rows)
-    outputs.deliver(table, draw, lambda: table_summary("info", request.settings, records))
+    outputs.deliver(table, draw, lambda: table_summary("info", request.settings, records, table.meanings))
 
 
 def _work(request: Request, task: Task) -> Product:

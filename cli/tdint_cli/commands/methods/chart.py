@@ -19,12 +19,12 @@ from tdint_cli.terminal.progress import Progress, part_of, progress_bar
 from tdint_cli.terminal.streams import say
 
 if TYPE_CHECKING:
+    from tdint.analysis.chart.problem import Problem
     from tdint.analysis.chart.work_precision import Chart, Point
-    from tdint.analysis.run.case import Problem
     from tdint.files import Writer
     from tdint.ground_motion.record import Record
     from tdint.model.definition import Model
-    from tdint.output.tables.chart import Advice
+    from tdint.output.summaries.chart import Advice
 
 TARGETS = ("peak-drift", "drift", "displacement", "velocity", "acceleration")
 MOST_STORIES = 10_000
@@ -141,9 +141,9 @@ def command(**given: Any) -> None:
     cells. Other programs (--peers) are named program/method; their times are those of their analysis loops alone, the
     solves of scipy are evaluations of the rate.
 
-    error_displacement, error_drift, error_velocity and error_acceleration (absolute) are those of the whole history:
+    displacement_error, drift_error, velocity_error and absolute_acceleration_error are those of the whole history:
     root of the sum of squares over all floors or stories and all common times, relative to the reference. Common times
-    are the samples of the record, or the steps' ends where these are further apart. error_peak_drift is the largest
+    are the samples of the record, or the steps' ends where these are further apart. peak_drift_error is the largest
     relative error of a story's peak drift; stories whose peak is below a thousandth of the largest are left out.
 
     The reference is computed, not assumed: by the exact method in linear buildings without floor forces, otherwise by
@@ -209,8 +209,8 @@ def _charts(request: Request, model: Model, record: Record | None, progress: Pro
 
 
 def _chart(request: Request, model: Model, record: Record | None, progress: Progress) -> tuple[Chart, list[str]]:
+    from tdint.analysis.chart.problem import pose
     from tdint.analysis.chart.work_precision import DEFAULT_METHODS, measure, suited
-    from tdint.analysis.run.case import pose
 
     problem = pose(model, record, duration=request.duration, dts=request.steps or ())
     integrators = suited(problem, options.analysis.integrators(request.methods or DEFAULT_METHODS))
@@ -236,11 +236,11 @@ def _steps(request: Request, problem: Problem, methods: int) -> Sequence[float]:
 
 def _advice(request: Request, chart: Chart) -> list[Advice]:
     from tdint.analysis.chart.work_precision import cheapest
-    from tdint.output.tables.chart import PEER, Advice
+    from tdint.output.summaries.chart import Advice
+    from tdint.output.tables.chart import PEER
 
-    quantity = request.target.replace("-", "_")
     own = [point for point in chart.points if PEER not in point.line]
-    return [Advice(limit, cheapest(own, quantity, limit)) for limit in LIMITS]
+    return [Advice(limit, cheapest(own, request.target, limit)) for limit in LIMITS]
 
 
 def _peaks_at_start(request: Request, chart: Chart) -> bool:
@@ -254,7 +254,10 @@ def _deliver(
     request: Request, outputs: Outputs, charts: list[Chart], model: Model, record: Record | None,
     advice: list[Advice], notes: list[str],
 ) -> None:  # fmt: skip
-    from tdint.output.tables.chart import chart_summary, chart_table, sizes_table
+    from tdint.output.summaries.chart import chart_summary
+    from tdint.output.tables.chart import chart_table, sizes_table
+
+    table = sizes_table(charts) if request.stories else chart_table(charts[0])
 
     def draw(suffix: str) -> Writer:
         from tdint.output.figures.chart import chart_picture, sizes_picture
@@ -264,18 +267,19 @@ def _deliver(
         return chart_picture(charts[0], suffix, name=model.name, target=request.target, versus=request.versus)
 
     def summarize() -> dict[str, Any]:
-        return chart_summary(charts, model=model, record=record, target=request.target, advice=advice, notes=notes)
+        return chart_summary(
+            charts, model=model, record=record, target=request.target, advice=advice, notes=notes,
+            meanings=table.meanings,
+        )  # fmt: skip
 
-    outputs.deliver(sizes_table(charts) if request.stories else chart_table(charts[0]), draw, summarize)
+    outputs.deliver(table, draw, summarize)
 
 
 def _reference(request: Request, chart: Chart) -> str:
     """How the reference was computed and how well it is known."""
-    from tdint.output.tables.chart import error_of
-
     reference = chart.reference
     stories = f"{chart.stories} {'story' if chart.stories == 1 else 'stories'}"
-    gap = error_of(reference.gap, request.target)
+    gap = reference.gap.of(request.target)
     return (
         f"{stories}: the reference is {reference.method} with dt {reference.dt:.6g} s; {reference.confirmed_by} "
         f"differs from it by {gap:.1e} ({request.target})."
@@ -283,10 +287,8 @@ def _reference(request: Request, chart: Chart) -> str:
 
 
 def _recommend(request: Request, chart: Chart, advice: list[Advice]) -> None:
-    from tdint.output.tables.chart import error_of
-
     def cost(point: Point) -> str:
-        error = error_of(point.errors, request.target)
+        error = point.error(request.target)
         return f"{1e3 * point.fastest:.3g} ms, error {100.0 * error:.2g} %" if point.errors else point.outcome
 
     for one in advice:
@@ -301,8 +303,6 @@ def _recommend(request: Request, chart: Chart, advice: list[Advice]) -> None:
 
 def _notes(request: Request, charts: list[Chart], record: Record | None) -> list[str]:
     """What a person should know of the chart."""
-    from tdint.output.tables.chart import error_of
-
     notes = list(record.notes) if record else []
     points = [point for chart in charts for point in chart.points]
     if record and any(point.dt > charts[0].interval * 1.001 for point in points):
@@ -311,7 +311,7 @@ def _notes(request: Request, charts: list[Chart], record: Record | None) -> list
         steps = dict.fromkeys(f"{p.dt:.6g}" for p in points if (p.line, p.outcome) == (label, outcome))
         notes.append(f"{label}: {outcome} with dt {', '.join(steps)} s")
     for chart in charts:
-        gap = error_of(chart.reference.gap, request.target)
+        gap = chart.reference.gap.of(request.target)
         if _peaks_at_start(request, chart):
             notes.append("the largest drifts are those at the start, which no method misses: use --target drift")
         if not gap < min(LIMITS):

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.run.amplification import find_instability
-from tdint.analysis.run.steps import Steps, integrate, workspace
+from tdint.analysis.run.prepared import PreparedBuilding
+from tdint.analysis.run.steps import Steps
 from tdint.errors import AnalysisError, UsageError
-from tdint.kernels.layout import ACCELERATION, DISPLACEMENT, VELOCITY
+from tdint.kernels.layout import ACCELERATION
 from tdint.methods.exact import oscillator
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, assemble
@@ -99,10 +100,14 @@ class OrderProblem:
     load: str
     law: str
     frequency_ratio: float
-    building: Building
-    forces: Array
+    prepared: PreparedBuilding
     ground: Array
     exact: Array
+
+    @property
+    def building(self) -> Building:
+        """The oscillator as arrays."""
+        return self.prepared.building
 
 
 def order_problem(load: str = "harmonic", law: str = "linear", frequency_ratio: float = 0.5) -> OrderProblem:
@@ -132,7 +137,9 @@ def order_problem(load: str = "harmonic", law: str = "linear", frequency_ratio: 
     building = assemble(simple_model("oscillator", [story]))
     ground = _sampled_motion() if load == "record" else np.zeros(1)
     exact = _linear_record(ground) if load == "record" and law == "linear" else _by_dop853(load, law, ratio, ground)
-    return OrderProblem(load, law, ratio, building, force_table(applied), ground, exact)
+    displacement, velocity = _START
+    prepared = PreparedBuilding(building, force_table(applied), displacement, velocity)
+    return OrderProblem(load, law, ratio, prepared, ground, exact)
 
 
 def observed_order(integrator: Integrator, problem: OrderProblem, halvings: int = HALVINGS) -> ObservedOrder:
@@ -172,12 +179,11 @@ def _errors(integrator: Integrator, problem: OrderProblem, parts: int) -> list[f
 
 def _march(integrator: Integrator, problem: OrderProblem, parts: int, count: int) -> tuple[float, Array]:
     """The method's own acceleration at the end, and the history."""
-    space = workspace(problem.building, integrator, parts * count)
-    space.state[DISPLACEMENT, 0], space.state[VELOCITY, 0] = _START
     steps = Steps(COARSEST / parts, parts * count, per_sample=parts)
-    if integrate(integrator, problem.building, problem.forces, problem.ground, steps, space) < 0:
+    marched = problem.prepared.march(integrator, steps, problem.ground, rows=parts * count)
+    if marched.code < 0:
         raise AnalysisError(f"{integrator.label} failed with dt {steps.h:.6g} s")
-    return float(space.state[ACCELERATION, 0]), space.history
+    return float(marched.space.state[ACCELERATION, 0]), marched.space.history
 
 
 def _sampled_motion() -> Array:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.run.amplification import STABLE, spectral_radius
-from tdint.analysis.run.steps import Steps, integrate, workspace
-from tdint.kernels.layout import DISPLACEMENT, FORCE_COLUMNS, VELOCITY
+from tdint.analysis.run.prepared import PreparedBuilding
+from tdint.analysis.run.steps import Steps
 from tdint.methods.method import Integrator
 from tdint.model.building import oscillators
 
@@ -125,11 +125,12 @@ def _slope(values: Array, noise: Array) -> float:
 def _first_steps(integrator: Integrator, start: str, omega_h: Array, steps: int, damping: float) -> Array:
     """u and h v of the first steps of oscillators, shape (2, steps + 1, oscillators), h = 1 s; nan after a response
     that ran away."""
+    displacement, velocity = np.multiply(_TINY, STARTS[start])
     building = oscillators(omega_h, np.array([damping]))
+    prepared = PreparedBuilding(building, displacement=displacement, velocity=velocity)
+    marched = prepared.march(integrator, Steps(1.0, steps), rows=steps)
     n = building.stories
-    space = workspace(building, integrator, steps)
-    space.history[1:] = math.nan
-    space.state[DISPLACEMENT, :n], space.state[VELOCITY, :n] = np.multiply(_TINY, STARTS[start])[:, None]
-    forces = np.zeros((0, FORCE_COLUMNS))
-    integrate(integrator, building, forces, np.zeros(1), Steps(1.0, steps), space)
-    return np.array([space.history[:, 1 : 1 + n], space.history[:, 1 + n : 1 + 2 * n]]) / _TINY
+    history = marched.space.history
+    if marched.code < 0:
+        history[1:][~history[1:].any(axis=1)] = math.nan  # never written
+    return np.array([history[:, 1 : 1 + n], history[:, 1 + n : 1 + 2 * n]]) / _TINY

@@ -10,10 +10,10 @@ from functools import cache, partial
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import FailedRun, History, run
-from tdint.analysis.run.steps import Steps, integrate, workspace
+from tdint.analysis.run.steps import Steps
 from tdint.errors import AnalysisError
-from tdint.kernels.layout import DISPLACEMENT, VELOCITY
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
 from tdint.model.building import assemble
@@ -271,12 +271,11 @@ def _stepwise(hold: bool) -> Callable[[Example, float, Integrator], ExampleMotio
         state = np.array([example.model.initial.displacement, example.model.initial.velocity])
         for j in range(count + 1):
             forces = force_table(_forces(loads[j], loads[j] if hold else loads[j + 1], dt))
-            space = workspace(building, integrator, 1)
-            space.state[[DISPLACEMENT, VELOCITY], :n] = state
-            if integrate(integrator, building, forces, np.zeros(1), Steps(dt, 1), space) < 0:
+            marched = PreparedBuilding(building, forces, *state).march(integrator, Steps(dt, 1), rows=1)
+            if marched.code < 0:
                 raise AnalysisError(f"{integrator.label} ran away with dt {dt:.6g} s")
-            motion[:, j] = space.history[0, 1 : 1 + 3 * n].reshape(3, n)
-            state = space.history[1, 1 : 1 + 2 * n].reshape(2, n)
+            motion[:, j] = marched.space.history[0, 1 : 1 + 3 * n].reshape(3, n)
+            state = marched.space.history[1, 1 : 1 + 2 * n].reshape(2, n)
         return ExampleMotion(times[:-1], *motion)
 
     return solve

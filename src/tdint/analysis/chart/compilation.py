@@ -8,13 +8,13 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from tdint.analysis.run.steps import compile_all
+from tdint.analysis.run.workspace import compile_all
 from tdint.kernels.compiling import Kernel, cache_folder
 from tdint.methods.method import Integrator
 
 _CODE = """
 import sys
-from tdint.analysis.run.steps import compile_all
+from tdint.analysis.run.workspace import compile_all
 from tdint.methods.catalogue import parse
 for text in sys.argv[1:]:
     compile_all(parse(text))

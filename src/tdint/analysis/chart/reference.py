@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.run.case import FloorMotion, Problem
-from tdint.analysis.run.steps import Steps, compile_all
+from tdint.analysis.chart.problem import FloorMotion, Problem
+from tdint.analysis.run.steps import Steps
+from tdint.analysis.run.workspace import compile_all
 from tdint.errors import AnalysisError, OutputError
 from tdint.files import write_file
 from tdint.kernels.compiling import cache_folder
@@ -51,6 +52,10 @@ class Errors:
     velocity: float
     acceleration: float
     peak_drift: float
+
+    def of(self, quantity: str) -> float:
+        """One of the errors by its name, with a hyphen or an underscore in it."""
+        return float(getattr(self, quantity.replace("-", "_")))
 
     @property
     def worst(self) -> float:

@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 from tdint.analysis.chart.compilation import compile_methods
+from tdint.analysis.chart.problem import Problem, reached
 from tdint.analysis.chart.reference import Errors, Reference, errors, find_reference
-from tdint.analysis.run.case import Problem, reached
 from tdint.analysis.run.steps import Steps
 from tdint.errors import UsageError
 from tdint.methods.catalogue import parse
@@ -82,6 +82,10 @@ class Point:
     errors: Errors | None = None
     times: tuple[float, ...] = ()
     line: str = field(default="", kw_only=True)
+
+    def error(self, quantity: str) -> float:
+        """The error of one quantity, as `Errors.of` names it; nan for none."""
+        return math.nan if self.errors is None else self.errors.of(quantity)
 
     @property
     def time(self) -> float:
@@ -255,11 +259,6 @@ def line_of(integrator: Integrator) -> str:
     return name if parse(name) == integrator else integrator.label
 
 
-def error_of(point: Point, quantity: str) -> float:
-    """A point's error of one quantity (a field of `Errors`); nan for none."""
-    return math.nan if point.errors is None else float(getattr(point.errors, quantity))
-
-
 def cheapest(points: Sequence[Point], quantity: str, limit: float) -> Point | None:
     """The point with the least cost whose error is within a limit, as are those of the same line with smaller steps.
 
@@ -269,9 +268,9 @@ def cheapest(points: Sequence[Point], quantity: str, limit: float) -> Point | No
     good: list[Point] = []
     for line in dict.fromkeys(point.line for point in points):
         for point in reversed([point for point in points if point.line == line]):
-            if not error_of(point, quantity) <= limit:
+            if not point.error(quantity) <= limit:
                 break
             good.append(point)
     least = min((point.fastest for point in good), default=math.nan)
     alike = [point for point in good if point.fastest <= _SAME_COST * least]
-    return min(alike, key=lambda point: error_of(point, quantity), default=None)
+    return min(alike, key=lambda point: point.error(quantity), default=None)

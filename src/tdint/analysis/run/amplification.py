@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.run.steps import workspace
+from tdint.analysis.run.workspace import workspace
 from tdint.errors import AnalysisError
 from tdint.kernels.layout import (
     ACCELERATION,

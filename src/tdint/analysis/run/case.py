@@ -1,187 +1,290 @@
-"""A building under its load, ready to be marched by any method at any step that fits."""
+"""A building under a ground motion, integrated with one step, and how that ended: done, collapsed, diverged, not
+converged, or refused."""
 
 from __future__ import annotations
 
 import math
-import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.run.march import RESOLVED, Case
-from tdint.analysis.run.outcome import FailedRun
-from tdint.analysis.run.run import model_record
-from tdint.analysis.run.steps import Steps, choose_steps, compile_all, integrate, workspace
-from tdint.errors import AnalysisError, UsageError
+from tdint.analysis.run import observed
+from tdint.analysis.run.outcome import Collapse, Energy, FailedRun, Response
+from tdint.analysis.run.prepared import Marched, PreparedBuilding
+from tdint.analysis.run.steps import Steps, choose_steps
+from tdint.analysis.run.workspace import HALVINGS, Workspace
+from tdint.errors import UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels import layout
 from tdint.kernels.march import observing
 from tdint.methods.method import Integrator
-from tdint.model.building import Building, assemble
+from tdint.model.building import Building
 from tdint.model.definition import Model
-from tdint.model.loads import force_table
+from tdint.model.laws import LAWS
 
 Array = NDArray[np.float64]
 
+_LARGE_IMBALANCE = 0.01
+"""Energy error above which a run says so."""
+
+_MADE = 1.0
+"""Energy made by the method, over the input energy, from which a drift beyond the collapse drift is its doing."""
+
+_RUNAWAY = 100.0
+"""Energy made by the method, over the input energy, from which a run has diverged: ten times the amplitude."""
+
+_OVERFLOW = 1e300
+"""Residual from which a step that did not converge is one whose numbers ran away."""
+
+_CURE = "use a smaller step or another method"
+
 
 @dataclass(frozen=True)
-class FloorMotion:
-    """A motion at every `stride`-th sample and its peaks.
+class Case:
+    """A building, the ground motion that it is under, and the method that integrates it: a run but for its steps.
+
+    The building is prepared once: cases that differ in the motion, its scale or the method share it.
 
     Attributes
     ----------
-    displacement, velocity, acceleration : ndarray, shape (rows, n)
-        Of the floors: m and m/s relative to the ground, m/s^2 absolute, from equilibrium.
-    peak_drift : ndarray, shape (n,)
-        Largest absolute drift of each story, m.
-    """
-
-    stride: int
-    displacement: Array
-    velocity: Array
-    acceleration: Array
-    peak_drift: Array
-
-    @property
-    def drift(self) -> Array:
-        """Drifts of the stories, m, shape (rows, n)."""
-        return np.diff(self.displacement, axis=1, prepend=0.0)
-
-    def every(self, stride: int, rows: int) -> FloorMotion:
-        """The first `rows` rows of this motion `stride` samples apart."""
-        part = slice(0, (rows - 1) * stride + 1, stride)
-        return FloorMotion(
-            stride, self.displacement[part], self.velocity[part], self.acceleration[part], self.peak_drift
-        )
-
-
-@dataclass(frozen=True)
-class March:
-    """What a march costs, solves and s of wall time in the compiled loop, and its motion if it was kept."""
-
-    iterations: int
-    seconds: float
-    motion: FloorMotion | None
-
-
-@dataclass(frozen=True)
-class Problem:
-    """A building, its load, and the time over which it is integrated.
-
-    Attributes
-    ----------
-    interval : float
-        Time between two samples, s: those of the record, or without one those of the step that others divide.
-    samples : int
-        Intervals to be integrated.
+    model : Model
+        The building and its collapse drift; what it says of a record is not asked.
+    prepared : PreparedBuilding
+        The model's building, put together.
+    record : Record or None
+        The ground motion; None is ground at rest.
+    integrator : Integrator
+        The method.
+    allow_unstable : bool
+        Run a method beyond its limit, and take a motion on energy that the method made for a result.
     """
 
     model: Model
+    prepared: PreparedBuilding
     record: Record | None
-    interval: float
-    samples: int
+    integrator: Integrator
+    allow_unstable: bool = False
 
-    @cached_property
+    @property
     def building(self) -> Building:
         """The building as arrays."""
-        return assemble(self.model)
+        return self.prepared.building
 
     @cached_property
-    def ground(self) -> Array:
-        """Ground acceleration at the samples, m/s^2; a zero without a record."""
-        return np.zeros(1) if self.record is None else self.record.acceleration.copy()
+    def ground(self) -> Array | None:
+        """Ground acceleration at the samples, m/s^2; None for ground at rest."""
+        return None if self.record is None else self.record.acceleration.copy()
 
-    @cached_property
-    def forces(self) -> Array:
-        """Forces on floors, as `force_table` makes them."""
-        return force_table(self.model.excitation.forces)
+    def under(self, record: Record | None) -> Case:
+        """The same building and method under another ground motion."""
+        return replace(self, record=record)
 
-    @cached_property
-    def displacement(self) -> Array:
-        """At t = 0 relative to the ground, m, shape (n,)."""
-        return np.array(self.model.initial.displacement)
-
-    @cached_property
-    def velocity(self) -> Array:
-        """At t = 0 relative to the ground, m/s, shape (n,)."""
-        return np.array(self.model.initial.velocity)
-
-    def steps(self, dt: float) -> Steps:
-        """Time steps of about dt (s) over all samples; the last one may end after them.
+    def scaled(self, factor: float) -> Case:
+        """The same case with its ground motion times a factor, not zero; forces on floors stay as they are.
 
         Raises
         ------
         UsageError
-            A step that is neither a whole part nor a whole multiple of the interval.
+            There is no ground motion.
         """
-        if not (math.isfinite(dt) and dt > 0.0):
-            raise UsageError(f"dt must be a positive number of seconds, got {dt!r}")
-        try:
-            return choose_steps(dt, self.samples * self.interval, self.interval, 0.0)
-        except UsageError as error:
-            if self.record:
-                raise
-            raise UsageError(str(error).replace("record's sampling interval", "model's own step")) from None
+        if self.record is None:
+            raise UsageError("no ground motion to scale: give a record")
+        return self.under(self.record.scaled(factor))
 
-    def outcome(self, integrator: Integrator, steps: Steps) -> str:
-        """How `tdint run` ends with this method and these steps: its status."""
-        try:
-            return Case(self.model, self.building, self.record, integrator).march(steps).status
-        except FailedRun as failure:
-            return failure.status
+    def steps(self, dt: float | None = None, duration: float | None = None) -> Steps:
+        """Time steps for a wished dt and duration (s); by default those of the model's analysis, else the record's.
 
-    def march(self, integrator: Integrator, steps: Steps, *, keep: bool = False) -> March:
-        """Integrate; with `keep` the motion at the samples (or at the steps, if these are longer) is kept.
-
-        The time is that of the loop as `tdint run` without --history has it: with peaks and energies. It is of no use
-        with `keep`. There is no motion where the march does not reach its end.
+        Raises
+        ------
+        UsageError
+            A step that does not fit, or none where there is no record to take it from.
         """
-        rows = steps.count // steps.per_sample if keep else 0
-        space = workspace(self.building, integrator, rows, between=self.building.fastest * steps.h <= RESOLVED)
-        space.state[layout.DISPLACEMENT, :-1] = self.displacement
-        space.state[layout.VELOCITY, :-1] = self.velocity
-        compile_all(integrator)
-        begin = time.perf_counter()
-        code = integrate(integrator, self.building, self.forces, self.ground, steps, space)
-        seconds = time.perf_counter() - begin
-        motion = None
-        if keep and code == 0:
-            n = self.building.stories
-            u, v, a = (space.history[:, 1 + j * n : 1 + (j + 1) * n].copy() for j in range(3))
-            motion = FloorMotion(steps.stride, u, v, a, space.peaks[observing.PEAK_DRIFT])
-        return March(int(space.observed[observing.ITERATIONS]), seconds, motion)
+        dt = self.model.analysis.dt if dt is None else dt
+        duration = self.model.analysis.duration if duration is None else duration
+        for name, value in (("dt", dt), ("duration", duration)):
+            if value is not None and not (math.isfinite(value) and value > 0.0):
+                raise UsageError(f"{name} must be a positive number of seconds, got {value!r}")
+        record = self.record
+        return choose_steps(dt, duration, record.dt if record else None, record.duration if record else 0.0)
+
+    def march(self, steps: Steps, history: bool = False) -> Response:
+        """Integrate over the steps.
+
+        Raises
+        ------
+        FailedRun
+            The step is beyond the method's limit; the run diverged or did not converge.
+        """
+        if not self.allow_unstable:
+            self._refuse_unstable(steps.h)
+        marched = self._integrate(steps, history)
+        collapse = self._collapse(steps, marched)
+        if marched.code < 0:
+            if collapse is None:
+                raise self._failure(steps, marched.space, marched.code)
+            steps = replace(steps, count=round(collapse.time / steps.h))
+            marched = self._integrate(steps, history)
+        error = observed.energy(marched.space).error
+        if not -error < _RUNAWAY and not self.allow_unstable:
+            reason = f"the motion ends with {1.0 - error:.3g} times the input energy"
+            raise self._diverged(steps, marched.space, reason, _runaway_story(marched.space))
+        return self._response(steps, marched, collapse)
+
+    def _integrate(self, steps: Steps, history: bool = False) -> Marched:
+        return self.prepared.march(
+            self.integrator,
+            steps,
+            self.ground,
+            rows=steps.count if history else 0,
+            between=self.prepared.resolves(steps.h),
+        )
+
+    def _refuse_unstable(self, h: float) -> None:
+        """Refuse a step beyond the method's limit for the building's modes in its initial state."""
+        found = self.prepared.instability(self.integrator, h)
+        if found is None:
+            return
+        omega = self.building.modes().omega[found.index]
+        stable = found.largest_stable
+        cure = f"the largest stable step is {stable:.6g} s" if stable > 0.0 else "no smaller step is stable"
+        message = (
+            f"{self.integrator.label} is unstable at dt {h:.6g} s: mode {found.index + 1} (omega {omega:.6g} rad/s, "
+            f"omega dt {omega * h:.6g}) grows; {cure}, or use --allow-unstable"
+        )
+        raise FailedRun(message, "unstable-step", self.integrator.label, h, largest_stable_dt=stable)
+
+    def _failure(self, steps: Steps, space: Workspace, code: int) -> FailedRun:
+        residual = float(space.memo[layout.RESIDUAL])
+        if code == layout.NOT_FINITE or not residual < _OVERFLOW:
+            story = _runaway_story(space)
+            return self._diverged(steps, space, f"the drift of story {story} ran away", story)
+        reached = float(space.observed[observing.STEPS_REACHED]) * steps.h
+        story = int(space.memo[layout.WORST_STORY]) + 1
+        message = (
+            f"{self.integrator.label} with dt {steps.h:.6g} s did not converge after {reached:.6g} s, with the step "
+            f"halved {HALVINGS} times: story {story} is out of balance by {residual:.1e} of its forces; {_CURE}"
+        )
+        return FailedRun(
+            message, "not-converged", self.integrator.label, steps.h, time=reached, story=story, residual=residual,
+            notes=self._failure_notes(),
+        )  # fmt: skip
+
+    def _diverged(self, steps: Steps, space: Workspace, reason: str, story: int) -> FailedRun:
+        reached = float(space.observed[observing.STEPS_REACHED]) * steps.h
+        energy = _kinetic(self.building, space)
+        size = "" if energy is None else f", kinetic energy {energy:.3g} J"
+        message = (
+            f"{self.integrator.label} with dt {steps.h:.6g} s diverged after {reached:.6g} s: {reason}{size}; {_CURE}"
+        )
+        return FailedRun(
+            message, "diverged", self.integrator.label, steps.h, time=reached, story=story, energy=energy,
+            notes=self._failure_notes(),
+        )  # fmt: skip
+
+    def _failure_notes(self) -> tuple[str, ...]:
+        return (*(self.record.notes if self.record else ()), *self._stiffening_note())
+
+    def _collapse(self, steps: Steps, marched: Marched) -> Collapse | None:
+        """When the drift first exceeded the collapse drift, by bisection over marches of fewer steps: collapse is rare.
+
+        It is the building's own if the method has made less energy by then than the input energy. Else a run that came
+        to its end has diverged, and of one that failed it is not said.
+        """
+        if not self._excess(marched.space).any():
+            return None
+        code = marched.code
+        low, high = -1, int(marched.space.observed[observing.STEPS_REACHED])
+        while high - low > 1:
+            middle = (low + high) // 2
+            if self._excess(self._integrate(replace(steps, count=middle)).space).any():
+                high = middle
+            else:
+                low = middle
+        first = self._integrate(replace(steps, count=high))
+        story = int(np.argmax(self._excess(first.space))) + 1
+        made = -observed.energy(first.space).error
+        own = first.code == 0 and made < _MADE and high > 0
+        if own or (code == 0 and (high == 0 or self.allow_unstable)):
+            return Collapse(high * steps.h, story, ended=code < 0)
+        if code < 0:
+            return None
+        reason = f"the drift ratio of story {story} passed the collapse drift on {made:.3g} times the input energy"
+        raise self._diverged(replace(steps, count=high), first.space, reason, story)
+
+    def _excess(self, space: Workspace) -> Array:
+        """Drift ratio so far above the collapse drift, 0 for none."""
+        ratio = space.peaks[observing.PEAK_DRIFT] / self.building.heights
+        return np.asarray(np.maximum(np.nan_to_num(ratio - self.model.collapse_drift), 0.0))
+
+    def _response(self, steps: Steps, marched: Marched, collapse: Collapse | None) -> Response:
+        space = marched.space
+        energy = observed.energy(space)
+        return Response(
+            model=self.model,
+            record=self.record,
+            status="collapsed" if collapse else "done",
+            method=self.integrator.label,
+            dt=steps.h,
+            steps=steps.count,
+            iterations=int(space.observed[observing.ITERATIONS]),
+            halvings=int(space.observed[observing.HALVINGS]),
+            events=int(space.memo[layout.EVENTS]),
+            march_time=marched.seconds,
+            stories=observed.story_peaks(self.building, space),
+            energy=energy,
+            history=observed.history(self.building, space, steps.h) if space.history.size else None,
+            notes=self._notes(steps, energy, int(space.observed[observing.HALVINGS])),
+            collapse=collapse,
+        )
+
+    def _notes(self, steps: Steps, energy: Energy, halvings: int) -> tuple[str, ...]:
+        record = self.record
+        notes = list(record.notes) if record else []
+        if record and steps.stride > 1:
+            notes.append(
+                f"dt {steps.h:.6g} s is {steps.stride} sampling intervals: samples of the record in between are skipped"
+            )
+        if record and steps.count * steps.h > record.duration * (1.0 + 1e-9):
+            notes.append(f"the record ends at {record.duration:.6g} s; the ground is at rest after it")
+        if self.integrator.family.linear_only and self.model.excitation.forces:
+            notes.append("exact takes harmonic forces as linear between the steps")
+        notes += self._stiffening_note()
+        if halvings:
+            notes.append(f"steps that did not converge were halved, {halvings} times in all")
+        if abs(energy.error) > _LARGE_IMBALANCE:
+            change = "lost to" if energy.error > 0.0 else "made by"
+            notes.append(
+                f"the energy balance is off by {100.0 * abs(energy.error):.2g} % of the input energy, {change} the "
+                "method: use a smaller step or another method"
+            )
+        return tuple(notes)
+
+    def _stiffening_note(self) -> tuple[str, ...]:
+        if not self.integrator.family.limited_by_stiffening:
+            return ()
+        laws = [story.law for story in self.model.stories]
+        stories = [i for i, law in enumerate(laws, start=1) if LAWS[law.name].stiffens(law.parameters)]
+        if not stories:
+            return ()
+        return (
+            f"{self.integrator.method.name} is stable only for small steps where a story becomes stiffer than at rest, "
+            f"as story {stories[0]} can: check with a smaller step",
+        )
 
 
-def pose(
-    model: Model, record: Record | None = None, *, duration: float | None = None, dts: tuple[float, ...] = ()
-) -> Problem:
-    """The problem that a model is under a record, by default its own.
-
-    The interval is the record's; without a record the model's step, else the largest of `dts` (s). The duration (s) is
-    by default the model's, else the record's.
-
-    Raises
-    ------
-    UsageError
-        No duration, or no step, where there is no record to take it from; a step that does not fit.
-    AnalysisError
-        Nothing moves the building.
-    """
-    record = model_record(model) if record is None else record
-    duration = model.analysis.duration if duration is None else duration
-    if duration is not None and not (math.isfinite(duration) and duration > 0.0):
-        raise UsageError(f"duration must be a positive number of seconds, got {duration!r}")
-    own = record.dt if record else model.analysis.dt or max(dts, default=None)
-    whole = choose_steps(own, duration, record.dt if record else None, record.duration if record else 0.0)
-    problem = Problem(model, record, whole.h, whole.count)
-    causes = (problem.ground, problem.forces[:, 1:3], problem.displacement, problem.velocity)
-    if not any(np.any(cause) for cause in causes):
-        raise AnalysisError(f"{model.name}: nothing moves this building: no ground motion, no force, no initial state")
-    return problem
+def _runaway_story(space: Workspace) -> int:
+    """The story with the largest drift, from 1; the first one that is no number before all others."""
+    u = space.state[layout.DISPLACEMENT, :-1]
+    finite = np.isfinite(u)
+    if not finite.all():
+        return int(np.argmin(finite)) + 1
+    return int(np.argmax(np.abs(np.diff(u, prepend=0.0)))) + 1
 
 
-def reached(problem: Problem, all_steps: tuple[Steps, ...]) -> int:
-    """Samples that the longest of some marches reaches."""
-    return max((steps.count * steps.stride // steps.per_sample for steps in all_steps), default=problem.samples)
+def _kinetic(building: Building, space: Workspace) -> float | None:
+    """Kinetic energy of the present motion relative to the ground, J; None if it is no finite number."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        energy = float(0.5 * np.sum(building.mass * space.state[layout.VELOCITY, :-1] ** 2))
+    return energy if math.isfinite(energy) else None

@@ -21,9 +21,9 @@ from dataclasses import fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.run.march import Case
+from tdint.analysis.run.case import Case
 from tdint.analysis.run.outcome import Check, FailedRun, Response, StoryErrors
-from tdint.analysis.run.steps import Steps
+from tdint.analysis.run.steps import Steps, finer
 from tdint.errors import UsageError
 
 Array = NDArray[np.float64]
@@ -45,13 +45,6 @@ _ROUNDING = 1e-12
 
 _MOST_HALVINGS = 8
 """How often a tolerance may halve the step; the finest run then has a thousandth of the first step."""
-
-
-def finer(steps: Steps) -> Steps:
-    """Half the step over the same time; the record's own step where samples are skipped."""
-    if steps.stride > 1:
-        return Steps(steps.h / steps.stride, steps.count * steps.stride)
-    return Steps(steps.h / 2, 2 * steps.count, 2 * steps.per_sample)
 
 
 def checked(case: Case, steps: Steps, response: Response) -> Response:
@@ -121,7 +114,7 @@ def _not_reached(case: Case, steps: Steps, tolerance: float, check: Check) -> Fa
         f"{case.integrator.label} does not come within {100.0 * tolerance:g} %: with dt {steps.h:.6g} s {reached}; "
         "allow a larger tolerance or use a method of higher order, such as impulse4"
     )
-    return FailedRun(message, "not-within-tolerance", case.integrator, steps.h, story=check.drift_story)
+    return FailedRun(message, "not-within-tolerance", case.integrator.label, steps.h, story=check.drift_story)
 
 
 def _with_check(response: Response, finer_runs: list[Response | FailedRun]) -> Response:

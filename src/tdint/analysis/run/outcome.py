@@ -2,31 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import partial, reduce
+from operator import add
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import AnalysisError
-from tdint.ground_motion.record import Record
-from tdint.methods.method import Integrator
-from tdint.model.definition import Model
+
+if TYPE_CHECKING:
+    from tdint.ground_motion.record import Record
+    from tdint.model.definition import Model
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class StoryPeaks:
-    """Peaks of each story, or of the floor above it; arrays of shape (n,).
-
-    Drifts and displacements, and the shears of linear stories, are looked for between the steps too, on the cubic
-    Hermite interpolant, where the step resolves all modes (omega dt <= 2 for the fastest); velocities, accelerations
-    and other shears are those at the steps.
+class StoryValues:
+    """A number of each kind for each story, or for the floor above it; arrays of shape (n,).
 
     Attributes
     ----------
-    height : ndarray
-        Story height, m; nan where the model gives none.
     peak_drift, residual_drift : ndarray
         Largest absolute drift and drift at the end of the run, m.
     peak_drift_ratio : ndarray
@@ -41,7 +39,6 @@ class StoryPeaks:
         Of the floor above, absolute, m/s^2, from equilibrium.
     """
 
-    height: Array
     peak_drift: Array
     peak_drift_ratio: Array
     residual_drift: Array
@@ -53,17 +50,25 @@ class StoryPeaks:
 
 
 @dataclass(frozen=True)
-class StoryErrors:
-    """Estimated absolute errors of the peaks of the same names in `StoryPeaks`, in their units; nan where unknown."""
+class StoryPeaks(StoryValues):
+    """Peaks of a run.
 
-    peak_drift: Array
-    peak_drift_ratio: Array
-    residual_drift: Array
-    peak_shear: Array
-    ductility: Array
-    peak_displacement: Array
-    peak_velocity: Array
-    peak_acceleration: Array
+    Drifts and displacements, and the shears of linear stories, are looked for between the steps too, on the cubic
+    Hermite interpolant, where the step resolves all modes (omega dt <= 2 for the fastest); velocities, accelerations
+    and other shears are those at the steps.
+
+    Attributes
+    ----------
+    height : ndarray, shape (n,)
+        Story height, m; nan where the model gives none.
+    """
+
+    height: Array
+
+
+@dataclass(frozen=True)
+class StoryErrors(StoryValues):
+    """Estimated absolute errors of the peaks of the same names, in their units; nan where unknown."""
 
 
 @dataclass(frozen=True)
@@ -91,37 +96,66 @@ class Check:
     tolerance: float | None = None
 
 
+Amount = TypeVar("Amount")
+
+
 @dataclass(frozen=True)
-class Energy:
+class EnergyTerms(Generic[Amount]):
+    """Where energy comes from and goes to, J, relative to the ground, in the order of `tdint.kernels.march.observing`.
+
+    Attributes
+    ----------
+    input
+        Work of the load on the motion relative to the ground.
+    kinetic
+        Of the motion relative to the ground.
+    damping
+        Work of viscous damping.
+    recoverable
+        Stored in the stories, P-delta included.
+    dissipated
+        By the drift laws.
+    """
+
+    input: Amount
+    kinetic: Amount
+    damping: Amount
+    recoverable: Amount
+    dissipated: Amount
+
+
+ENERGY_TERMS = tuple(field.name for field in fields(EnergyTerms))
+"""Names of the terms: those of columns and keys, too."""
+
+
+@dataclass(frozen=True)
+class Energy(EnergyTerms[float]):
     """Energy balance of a run in terms of motion relative to the ground, J (Uang and Bertero 1990, relative energy).
 
-    start + input = kinetic + damping + recoverable + dissipated + imbalance.
+    start + input = the other terms + imbalance.
+
+    Attributes
+    ----------
+    start : float
+        Kinetic and stored energy at the start.
+    largest : float
+        The largest start + input on the way.
     """
 
     start: float
-    input: float
-    kinetic: float
-    damping: float
-    recoverable: float
-    dissipated: float
     largest: float
 
     @property
     def error(self) -> float:
-        """Imbalance over the largest energy put in; 0 for a run without energy."""
-        parts = self.kinetic + self.damping + self.recoverable + self.dissipated
-        return (self.start + self.input - parts) / self.largest if self.largest > 0.0 else 0.0
+        """Imbalance over the largest input energy; 0 for a run without energy."""
+        spent = reduce(add, [getattr(self, name) for name in ENERGY_TERMS[1:]])
+        return float((self.start + self.input - spent) / self.largest) if self.largest > 0.0 else 0.0
 
 
 @dataclass(frozen=True)
-class EnergyHistory:
-    """The parts of `Energy` at all steps, J, and the imbalance over the run's largest energy put in."""
+class EnergyHistory(EnergyTerms[Array]):
+    """The terms at all steps, J, and the imbalance over the run's largest input energy; shape (steps + 1,)."""
 
-    input: Array
-    kinetic: Array
-    damping: Array
-    recoverable: Array
-    dissipated: Array
     error: Array
 
 
@@ -232,7 +266,7 @@ class FailedRun(AnalysisError):
         self,
         message: str,
         status: str,
-        integrator: Integrator,
+        method: str,
         dt: float,
         *,
         time: float = 0.0,
@@ -244,7 +278,7 @@ class FailedRun(AnalysisError):
     ) -> None:
         super().__init__(message)
         self.status = status
-        self.method = integrator.label
+        self.method = method
         self.dt = dt
         self.time = time
         self.story = story
@@ -252,3 +286,7 @@ class FailedRun(AnalysisError):
         self.energy = energy
         self.largest_stable_dt = largest_stable_dt
         self.notes = notes
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        names = ("status", "method", "dt", "time", "story", "residual", "energy", "largest_stable_dt", "notes")
+        return partial(type(self), str(self), **{name: getattr(self, name) for name in names}), ()

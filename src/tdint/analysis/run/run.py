@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
-
+from tdint.analysis.run.case import Case
 from tdint.analysis.run.error_estimate import checked, within
-from tdint.analysis.run.march import Case
 from tdint.analysis.run.outcome import (
     Check,
     Collapse,
@@ -17,15 +15,15 @@ from tdint.analysis.run.outcome import (
     StoryErrors,
     StoryPeaks,
 )
-from tdint.analysis.run.steps import choose_steps
+from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.errors import UsageError
 from tdint.ground_motion.reading.read import read_record
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import parse
-from tdint.model.building import assemble
 from tdint.model.definition import Model
 
 __all__ = [
+    "Case",
     "Check",
     "Collapse",
     "Energy",
@@ -36,7 +34,9 @@ __all__ = [
     "StoryErrors",
     "StoryPeaks",
     "model_record",
+    "prepare",
     "run",
+    "run_case",
 ]
 
 
@@ -89,19 +89,38 @@ def run(
         The step is beyond the method's limit; the run diverged or did not converge; no step is within the tolerance
         (`FailedRun`).
     """
+    case = prepare(model, record, method=method, allow_unstable=allow_unstable)
+    return run_case(case, dt=dt, duration=duration, history=history, check=check, tolerance=tolerance)
+
+
+def prepare(
+    model: Model, record: Record | None = None, *, method: str | None = None, allow_unstable: bool = False
+) -> Case:
+    """Put a model together for any number of runs: `run_case(case)`, `run_case(case.scaled(2.0))`, ...
+
+    The building is assembled, and what a method needs of it found, once for all cases that are made of this one by
+    `Case.scaled` and `Case.under`. Parameters and errors are those of `run`.
+    """
     specification = method or model.analysis.method
     if specification is None:
         raise UsageError("no method: give --method or analysis.method in the model file; `tdint methods` lists them")
     integrator = parse(specification)
     if record is None:
         record = model_record(model)
-    dt = model.analysis.dt if dt is None else dt
-    duration = model.analysis.duration if duration is None else duration
-    for name, value in (("dt", dt), ("duration", duration)):
-        if value is not None and not (math.isfinite(value) and value > 0.0):
-            raise UsageError(f"{name} must be a positive number of seconds, got {value!r}")
-    steps = choose_steps(dt, duration, record.dt if record else None, record.duration if record else 0.0)
-    case = Case(model, assemble(model), record, integrator, allow_unstable)
+    return Case(model, PreparedBuilding.of(model), record, integrator, allow_unstable)
+
+
+def run_case(
+    case: Case,
+    *,
+    dt: float | None = None,
+    duration: float | None = None,
+    history: bool = False,
+    check: bool = False,
+    tolerance: float | None = None,
+) -> Response:
+    """Integrate a case in time. Parameters and errors are those of `run`."""
+    steps = case.steps(dt, duration)
     if tolerance is not None:
         return within(case, steps, tolerance, history)
     response = case.march(steps, history)

@@ -30,7 +30,7 @@ SHORTEST = 0.05
 """Shortest period above 0, in sampling intervals: below it there is nothing in a record."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Spectrum:
     """Elastic response spectrum of one record for one damping ratio.
 
@@ -128,7 +128,17 @@ def spectrum(
     if not np.all(positive):
         psa[~positive] = sa[~positive] = settings.interpolation.peak(record)
     return Spectrum(
-        record, damping, label, periods, sd, psv, psa, sv, sa, settings.maxima.name, settings.interpolation.name
+        record=record,
+        damping=damping,
+        method=label,
+        periods=periods,
+        sd=sd,
+        psv=psv,
+        psa=psa,
+        sv=sv,
+        sa=sa,
+        maxima=settings.maxima.name,
+        interpolation=settings.interpolation.name,
     )
 
 
@@ -197,7 +207,8 @@ def _integrated(record: Record, omega: Array, damping: float, method: str) -> tu
     """Largest values at the samples, all oscillators integrated side by side by a method of the catalogue."""
     # Late: they load every method, and most spectra need none.
     from tdint.analysis.run.amplification import find_instability
-    from tdint.analysis.run.steps import Steps, integrate, workspace
+    from tdint.analysis.run.prepared import PreparedBuilding
+    from tdint.analysis.run.steps import Steps
     from tdint.kernels.march import observing
     from tdint.model.building import oscillators
 
@@ -209,14 +220,12 @@ def _integrated(record: Record, omega: Array, damping: float, method: str) -> tu
             f"{integrator.label} is unstable at the record's step {record.dt:.6g} s for the period "
             f"{2.0 * math.pi / omega[found.index]:.6g} s; ask for longer periods or use another method"
         )
-    building = oscillators(omega, ratios)
-    space = workspace(building, integrator)
     steps = Steps(record.dt, record.acceleration.size - 1)
-    code = integrate(integrator, building, np.zeros((0, 4)), record.acceleration.copy(), steps, space)
-    if code < 0:
+    marched = PreparedBuilding(oscillators(omega, ratios)).march(integrator, steps, record.acceleration.copy())
+    if marched.code < 0:
         raise AnalysisError(f"{integrator.label} diverged at the record's step {record.dt:.6g} s; use another method")
     rows = [observing.PEAK_DISPLACEMENT, observing.PEAK_VELOCITY, observing.PEAK_ACCELERATION]
-    return integrator.label, space.peaks[rows]
+    return integrator.label, marched.space.peaks[rows]
 
 
 def parse_periods(text: str) -> Array:

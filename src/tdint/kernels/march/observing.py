@@ -38,26 +38,27 @@ PEAK_ROWS = 5
 # history: per stored time the ground acceleration, then for all floors displacement, velocity, absolute acceleration,
 # and for all stories the shear, then the energies
 HISTORY_FIELDS = 4
-HISTORY_ENERGIES = 5  # input, kinetic, damped, recoverable, dissipated
 
-# observed: numbers of the whole run
-ENERGY_START = 0  # kinetic and stored energy at the start, J
-ENERGY_INPUT = 1  # work of the load on the motion relative to the ground, J
-ENERGY_DAMPED = 2  # work of the viscous dampers, J
-ENERGY_KINETIC = 3  # at the end, of the motion relative to the ground, J
-ENERGY_RECOVERABLE = 4  # stored in the stories at the end, J
-ENERGY_DISSIPATED = 5  # by the drift laws, J
-ENERGY_LARGEST = 6  # largest ENERGY_START + ENERGY_INPUT on the way, J
-ITERATIONS = 7
-HALVINGS = 8
-STEPS_REACHED = 9
-_POWER_INPUT = 10  # powers and their rates at the last observed time
-_RATE_INPUT = 11  # without the ground's own rate
-_MOMENTUM = 12
-_POWER_DAMPED = 13
-_RATE_DAMPED = 14
-BETWEEN_STEPS = 15  # set to 1 before the march: look for peaks of drift and displacement between the steps, too
-OBSERVED_SIZE = 16
+# observed: numbers of the whole run, the energies first: so many, and a history has them at each stored time. Those at
+# the end of the run, J
+ENERGY_INPUT = 0  # work of the load on the motion relative to the ground
+ENERGY_KINETIC = 1  # of the motion relative to the ground
+ENERGY_DAMPED = 2  # work of the viscous dampers
+ENERGY_RECOVERABLE = 3  # stored in the stories
+ENERGY_DISSIPATED = 4  # by the drift laws
+ENERGY_TERMS = 5
+ENERGY_START = ENERGY_TERMS  # kinetic and stored energy at the start, J
+ENERGY_LARGEST = ENERGY_TERMS + 1  # largest ENERGY_START + ENERGY_INPUT on the way, J
+ITERATIONS = ENERGY_TERMS + 2
+HALVINGS = ENERGY_TERMS + 3
+STEPS_REACHED = ENERGY_TERMS + 4
+_POWER_INPUT = ENERGY_TERMS + 5  # powers and their rates at the last observed time
+_RATE_INPUT = ENERGY_TERMS + 6  # without the ground's own rate
+_MOMENTUM = ENERGY_TERMS + 7
+_POWER_DAMPED = ENERGY_TERMS + 8
+_RATE_DAMPED = ENERGY_TERMS + 9
+BETWEEN_STEPS = ENERGY_TERMS + 10  # set to 1 before the march: look for peaks of drift and displacement between, too
+OBSERVED_SIZE = ENERGY_TERMS + 11
 
 # rows of the observer's work
 ACCELERATION_ROW = 0
@@ -277,8 +278,5 @@ def store(chain, laws, ground, state, springs, work, observed, history, row):
         history[row, 1 + 3 * n + i] = springs[FORCE, i]
     take_stock(chain, laws, state, springs, observed)
     energies = 1 + HISTORY_FIELDS * n
-    history[row, energies] = observed[ENERGY_INPUT]
-    history[row, energies + 1] = observed[ENERGY_KINETIC]
-    history[row, energies + 2] = observed[ENERGY_DAMPED]
-    history[row, energies + 3] = observed[ENERGY_RECOVERABLE]
-    history[row, energies + 4] = observed[ENERGY_DISSIPATED]
+    for j in range(ENERGY_TERMS):
+        history[row, energies + j] = observed[j]

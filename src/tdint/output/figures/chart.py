@@ -13,7 +13,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from tdint.files import Writer
 from tdint.output.figures.point_labels import write_labels
 from tdint.output.figures.run import COLORS, DASHES, MARKERS, add_legend, add_title, picture
-from tdint.output.tables.chart import PEER, QUANTITIES, error_of
+from tdint.output.tables.chart import PEER, QUANTITIES
 
 if TYPE_CHECKING:
     from tdint.analysis.chart.work_precision import Chart, Point
@@ -71,7 +71,7 @@ class _Drawing:
     def __init__(self, chart: Chart, target: str) -> None:
         self.chart = chart
         self.target = target
-        self.gap = max(error_of(chart.reference.gap, target), _SMALLEST_GAP)
+        self.gap = max(chart.reference.gap.of(target), _SMALLEST_GAP)
         lines: dict[str, list[Point]] = {point.line: [] for point in chart.points}
         for point in chart.points:
             if point.errors is not None:
@@ -81,11 +81,11 @@ class _Drawing:
 
     def error(self, point: Point) -> float:
         """The error, or the gap where it is less."""
-        return max(error_of(point.errors, self.target), self.gap)
+        return max(point.error(self.target), self.gap)
 
     def known(self, points: Sequence[Point]) -> list[Point]:
         """Points whose error is above the gap."""
-        return [point for point in points if error_of(point.errors, self.target) > self.gap]
+        return [point for point in points if point.error(self.target) > self.gap]
 
     def place(self, point: Point) -> tuple[float, float]:
         """Error and time."""
@@ -105,7 +105,7 @@ class _Drawing:
 
     def below(self, points: Sequence[Point]) -> list[Point]:
         """The cheapest point below the gap, if there is one."""
-        below = [point for point in points if error_of(point.errors, self.target) <= self.gap]
+        below = [point for point in points if point.error(self.target) <= self.gap]
         return [min(below, key=lambda point: point.fastest)] if below else []
 
     def own(self) -> list[Point]:
@@ -172,7 +172,7 @@ def _frame(axes: Any) -> None:
 def _footnote(drawing: _Drawing) -> str:
     """What the ring marks, and what the errors are relative to."""
     chart, reference = drawing.chart, drawing.chart.reference
-    gap = error_of(reference.gap, drawing.target)
+    gap = reference.gap.of(drawing.target)
     whose = "record" if chart.recorded else "model"
     return (
         f"ringed: the {whose}'s own step, {chart.interval:.4g} s; reference: {reference.method}, dt "

@@ -162,7 +162,7 @@ def _draw_roof(axes: Any, response: Response) -> None:
 
 
 def _draw_energies(axes: Any, response: Response) -> None:
-    """Where the energy put in went: layers of dissipated, damped, stored and kinetic energy below the energy put in."""
+    """Where the input energy went: layers of dissipated, damped, stored and kinetic energy below it."""
     history = response.history
     assert history is not None
     energy = history.energy
@@ -183,7 +183,7 @@ def _draw_energies(axes: Any, response: Response) -> None:
             history.time, below, above, facecolor=gray, edgecolor="0.5", hatch=hatch, linewidth=0.0, label=label
         )
         below = above
-    axes.plot(history.time, factor * given, color=_INK, linewidth=1.2, label="put in")
+    axes.plot(history.time, factor * given, color=_INK, linewidth=1.2, label="input")
     axes.set_ylabel(f"energy ({unit})")
     axes.set_xlabel("time (s)")
     axes.set_xlim(history.time[0], history.time[-1])

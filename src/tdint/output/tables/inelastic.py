@@ -1,47 +1,18 @@
-"""Table of inelastic spectra, and what it needs of one."""
+"""Table of inelastic spectra."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from tdint.output.tables.tables import Cell, Table, component_names
+from tdint.output.tables import columns
+from tdint.output.tables.table import Table
+from tdint.output.tables.tables import record_table
 
 if TYPE_CHECKING:
     from tdint.analysis.spectra.inelastic import InelasticSpectrum
 
-INELASTIC_COLUMNS = (
-    "record",
-    "component",
-    "damping",
-    "hardening",
-    "target_ductility",
-    "period_s",
-    "yield_strength_ratio",
-    "ductility",
-    "residual_m",
-    "sd_m",
-    "yield_sd_m",
-    "yield_psa_m_s2",
-    "reduction_factor",
-)
-
 
 def inelastic_table(spectra: Sequence[InelasticSpectrum]) -> Table:
     """One row per record, component, damping ratio, ductility or strength, and period, in the order given."""
-    names = component_names([spectrum.record for spectrum in spectra])
-    rows: list[tuple[Cell, ...]] = []
-    for spectrum, name in zip(spectra, names, strict=True):
-        columns = (
-            spectrum.periods,
-            spectrum.yield_strength_ratio,
-            spectrum.ductility,
-            spectrum.residual,
-            spectrum.sd,
-            spectrum.yield_displacement,
-            spectrum.yield_acceleration,
-            spectrum.reduction_factor,
-        )
-        start = (spectrum.record.source, name, spectrum.damping, spectrum.hardening, spectrum.target)
-        rows.extend((*start, *values) for values in zip(*(column.tolist() for column in columns), strict=True))
-    return Table(INELASTIC_COLUMNS, rows)
+    return record_table(columns.INELASTIC, spectra)

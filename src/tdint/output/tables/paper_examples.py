@@ -6,41 +6,16 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from tdint.output.tables.tables import Cell, Table
+from tdint.output.tables import columns
+from tdint.output.tables.table import Table
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.paper_examples import ExampleRun
 
-EXAMPLE_COLUMNS = (
-    "example",
-    "method",
-    "variant",
-    "dt_s",
-    "error_displacement_m",
-    "error_velocity_m_s",
-    "error_acceleration_m_s2",
-    "rank",
-    "outcome",
-)
-
 
 def example_table(runs: Sequence[ExampleRun]) -> Table:
     """One row per example, step, method and variant; methods are ranked by the displacement's error, best first."""
-    rows: list[tuple[Cell, ...]] = [
-        (
-            one.example,
-            one.method,
-            one.variant or None,
-            one.dt,
-            one.error("displacement"),
-            one.error("velocity"),
-            one.error("acceleration"),
-            _rank(one, runs),
-            one.outcome,
-        )
-        for one in runs
-    ]
-    return Table(EXAMPLE_COLUMNS, rows)
+    return Table.of_results((*columns.EXAMPLE, columns.rank(lambda one: _rank(one, runs)), columns.OUTCOME), runs)
 
 
 def _rank(one: ExampleRun, runs: Sequence[ExampleRun]) -> int | None:

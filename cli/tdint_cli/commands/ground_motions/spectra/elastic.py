@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from tdint.analysis.spectra.elastic import Spectrum
     from tdint.files import Writer
     from tdint.ground_motion.record import Record
-    from tdint.output.tables.tables import Table
+    from tdint.output.tables.table import Table
     from tdint_cli.commands.ground_motions.spectra.request import SpectrumRequest
 
 PERIODS = "0.01:10:200"

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from tdint.analysis.spectra.inelastic import InelasticSpectrum
     from tdint.files import Writer
     from tdint.ground_motion.record import Record
-    from tdint.output.tables.tables import Table
+    from tdint.output.tables.table import Table
     from tdint_cli.commands.ground_motions.spectra.request import SpectrumRequest
 
 _MOST_DUCTILE = 1000.0

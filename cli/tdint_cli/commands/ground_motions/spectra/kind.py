@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from tdint.files import Writer
     from tdint.ground_motion.record import Record
-    from tdint.output.tables.tables import Table
+    from tdint.output.tables.table import Table
 
 
 @dataclass(frozen=True)

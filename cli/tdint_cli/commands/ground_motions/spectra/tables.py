@@ -30,6 +30,8 @@ class RecordTable:
     ----------
     csv : bytes
         The rows of all its components and damping ratios, after a header.
+    meanings : dict
+        What its columns mean, for the JSON file.
     records : tuple of dict
         What each component is, for the JSON file.
     notes : tuple of str
@@ -43,6 +45,7 @@ class RecordTable:
     """
 
     csv: bytes
+    meanings: dict[str, dict[str, str]]
     records: tuple[dict[str, Any], ...]
     notes: tuple[str, ...]
     interval: float
@@ -133,8 +136,10 @@ def _work(request: TablesRequest, kind: Kind, task: Task) -> RecordTable:
     records = [request.processing.apply(record) for file in (task.source, *task.others) for record in read(file)]
     results = kind.compute(request, records)
     lines = tuple(results.lines)
+    table = kind.table(request, lines)
     return RecordTable(
-        csv=kind.table(request, lines).csv(),
+        csv=table.csv(),
+        meanings=table.meanings,
         records=tuple(map(record_summary, results.records)),
         notes=(*notes_of_components(results.records, lambda record: record.notes), *results.notes),
         interval=max(record.dt for record in results.records),
@@ -158,7 +163,7 @@ def _write(request: TablesRequest, kind: Kind, table: Path, products: Sequence[R
     settings = request.settings(kind.default_periods)
     contents = [
         b"".join([products[0].csv, *(_without_header(product.csv) for product in products[1:])]),
-        json_bytes(table_summary(kind.command, settings, records)),
+        json_bytes(table_summary(kind.command, settings, records, products[0].meanings)),
     ]
     if request.plot:
         results = [result for product in products for result in product.results]

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.chart.peers import opensees_worker
+from tdint.analysis.chart.problem import FloorMotion, Problem
 from tdint.analysis.chart.reference import Reference, errors
 from tdint.analysis.chart.work_precision import DONE, Point, line_of
-from tdint.analysis.run.case import FloorMotion, Problem
 from tdint.analysis.run.steps import Steps
 from tdint.kernels.layout import (
     CODE,

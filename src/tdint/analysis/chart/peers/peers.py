@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from tdint.analysis.chart.peers.opensees import openseespy_points
 from tdint.analysis.chart.peers.solve_ivp import solve_ivp_points
+from tdint.analysis.chart.problem import Problem
 from tdint.analysis.chart.work_precision import Chart, Progress, silent
-from tdint.analysis.run.case import Problem
 
 
 def with_peers(

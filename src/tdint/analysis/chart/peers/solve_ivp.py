@@ -9,9 +9,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.analysis.chart.problem import FloorMotion, Problem
 from tdint.analysis.chart.reference import Reference, errors
 from tdint.analysis.chart.work_precision import DONE, Point
-from tdint.analysis.run.case import FloorMotion, Problem
 from tdint.kernels.layout import CODE, COSINE, FIRST_PARAMETER, FLOOR, GEOMETRIC, OMEGA, SINE, STIFFNESS
 from tdint.model.laws import CODES
 

@@ -1,0 +1,69 @@
+"""What a march left in its arrays, as results."""
+
+from __future__ import annotations
+
+from functools import reduce
+from operator import sub
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.analysis.run.outcome import ENERGY_TERMS, Energy, EnergyHistory, History, StoryPeaks
+from tdint.analysis.run.workspace import Workspace
+from tdint.kernels.layout import DRIFT
+from tdint.kernels.march import observing
+from tdint.model.building import Building
+
+Array = NDArray[np.float64]
+
+
+def story_peaks(building: Building, space: Workspace) -> StoryPeaks:
+    """The peaks of all stories."""
+    peaks = space.peaks
+    drift = peaks[observing.PEAK_DRIFT]
+    return StoryPeaks(
+        height=building.heights,
+        peak_drift=drift,
+        peak_drift_ratio=drift / building.heights,
+        residual_drift=space.springs[DRIFT, :-1].copy(),
+        peak_shear=peaks[observing.PEAK_SHEAR],
+        ductility=drift / building.yield_drift,
+        peak_displacement=peaks[observing.PEAK_DISPLACEMENT],
+        peak_velocity=peaks[observing.PEAK_VELOCITY],
+        peak_acceleration=peaks[observing.PEAK_ACCELERATION],
+    )
+
+
+def energy(space: Workspace) -> Energy:
+    """The energies at the end."""
+    observed = space.observed
+    terms = dict(zip(ENERGY_TERMS, observed[: observing.ENERGY_TERMS].tolist(), strict=True))
+    start, largest = float(observed[observing.ENERGY_START]), float(observed[observing.ENERGY_LARGEST])
+    return Energy(**terms, start=start, largest=largest)
+
+
+def history(building: Building, space: Workspace, h: float) -> History:
+    """The history of a march with steps h (s)."""
+    n = building.stories
+    table = space.history
+    fields = observing.HISTORY_FIELDS
+    displacement, velocity, acceleration, shear = (table[:, 1 + j * n : 1 + (j + 1) * n] for j in range(fields))
+    below = np.hstack([np.zeros((len(table), 1)), displacement[:, :-1]])
+    return History(
+        time=h * np.arange(len(table), dtype=np.float64),
+        ground_acceleration=table[:, 0],
+        displacement=displacement,
+        velocity=velocity,
+        acceleration=acceleration,
+        drift=displacement - below,
+        shear=shear,
+        energy=_energy_history(table[:, 1 + fields * n :], space.observed),
+    )
+
+
+def _energy_history(table: Array, observed: Array) -> EnergyHistory:
+    terms = list(table.T)
+    start, largest = observed[observing.ENERGY_START], observed[observing.ENERGY_LARGEST]
+    imbalance = reduce(sub, terms[1:], start + terms[0])
+    error = imbalance / largest if largest > 0.0 else np.zeros_like(imbalance)
+    return EnergyHistory(**dict(zip(ENERGY_TERMS, terms, strict=True)), error=error)

@@ -1,0 +1,142 @@
+"""A building put together once, under its forces and from its initial state, to be integrated any number of times."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.analysis.run.amplification import Instability, find_instability
+from tdint.analysis.run.steps import Steps
+from tdint.analysis.run.workspace import Workspace, check_suited, compile_all, integrate, workspace
+from tdint.kernels.layout import DISPLACEMENT, FORCE_COLUMNS, VELOCITY
+from tdint.methods.method import Integrator
+from tdint.model.building import Building, assemble
+from tdint.model.definition import Model
+from tdint.model.loads import force_table
+
+Array = NDArray[np.float64]
+
+_KEPT = 4  # sets of coefficients that are kept: a run, its two repetitions with smaller steps, one more
+_RESOLVED = 2.0  # omega dt of the fastest mode up to which peaks are looked for between the steps
+
+
+@dataclass(frozen=True)
+class Marched:
+    """What a march left: its arrays, 0 or the code of the step that failed, and the wall time of the time loop, s."""
+
+    space: Workspace
+    code: int
+    seconds: float
+
+
+@dataclass(frozen=True)
+class PreparedBuilding:
+    """A building as arrays, the forces on its floors and its state at t = 0; each march is given the ground's motion.
+
+    What follows from these alone is found once and kept: the modes, the method's coefficients for a step, whether a
+    step is stable. One of these serves any number of ground motions, of scales of them, and of threads.
+
+    Attributes
+    ----------
+    building : Building
+        The building.
+    forces : ndarray, shape (forces, FORCE_COLUMNS)
+        Forces on floors, as `force_table` makes them; none by default.
+    displacement, velocity : ndarray, shape (n,)
+        At t = 0 relative to the ground, m and m/s; at rest by default.
+    """
+
+    building: Building
+    forces: Array = field(default_factory=lambda: np.zeros((0, FORCE_COLUMNS)))
+    displacement: Array | float = 0.0
+    velocity: Array | float = 0.0
+    _coefficients: dict[tuple[str, float], Array] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _instability: dict[tuple[str, float], Instability | None] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+
+    @classmethod
+    def of(cls, model: Model) -> PreparedBuilding:
+        """The building of a model, its forces and its initial state.
+
+        Raises
+        ------
+        ModelError
+            P-delta larger than a story's stiffness.
+        """
+        return cls(
+            assemble(model),
+            force_table(model.excitation.forces),
+            np.array(model.initial.displacement),
+            np.array(model.initial.velocity),
+        )
+
+    def coefficients(self, integrator: Integrator, h: float) -> Array:
+        """Coefficients of the method's step for this building and the step h (s)."""
+        key = (integrator.label, h)
+        kept = self._coefficients.get(key)
+        if kept is None:
+            kept = integrator.coefficients(self.building, self.forces, h)
+            while len(self._coefficients) >= _KEPT:
+                self._coefficients.pop(next(iter(self._coefficients)), None)
+            self._coefficients[key] = kept
+        return kept
+
+    def instability(self, integrator: Integrator, h: float) -> Instability | None:
+        """The stiffest of the modes in the initial state that a step h (s) is too long for, None if it is stable.
+
+        Modes are solved for a method that has a limit, and once.
+        """
+        if integrator.stability_limit == math.inf:
+            return None
+        key = (integrator.label, h)
+        if key not in self._instability:
+            modes = self.building.modes()
+            damping = np.diagonal(modes.modal_damping(self.building.damping_matrix())) / (2.0 * modes.omega)
+            self._instability[key] = find_instability(integrator, modes.omega, damping, h)
+        return self._instability[key]
+
+    def resolves(self, h: float) -> bool:
+        """Whether a step h (s) follows all modes: the interpolant between its ends is as good as the ends are then."""
+        return self.building.fastest * h <= _RESOLVED
+
+    def march(
+        self,
+        integrator: Integrator,
+        steps: Steps,
+        ground: Array | None = None,
+        *,
+        rows: int = 0,
+        between: bool = False,
+    ) -> Marched:
+        """Integrate from the initial state over the steps.
+
+        Parameters
+        ----------
+        ground : ndarray, shape (samples,), optional
+            Ground acceleration at the samples, m/s^2; linear between them and zero after the last one. None is ground
+            at rest.
+        rows : int
+            Steps of the history that is kept, of which `steps` are a whole multiple; 0 for none.
+        between : bool
+            Look for peaks of drift and displacement between the steps, too.
+
+        Raises
+        ------
+        AnalysisError
+            The method does not integrate this building.
+        """
+        check_suited(integrator, self.building)
+        compile_all(integrator)
+        space = workspace(self.building, integrator, rows, between)
+        space.state[DISPLACEMENT, :-1] = self.displacement
+        space.state[VELOCITY, :-1] = self.velocity
+        motion = np.zeros(1) if ground is None else ground
+        coefficients = self.coefficients(integrator, steps.h)
+        begin = time.perf_counter()
+        code = integrate(integrator, coefficients, self.building, self.forces, motion, steps, space)
+        return Marched(space, code, time.perf_counter() - begin)

@@ -1,0 +1,304 @@
+"""The columns of every table, each declared here once: its name, where its value comes from, and what it means.
+
+A name ends with its unit (`tdint.output.tables.table.UNITS`); a quantity that is absolute says so, all others are
+relative to the ground or to the floor below. An estimated error of a column is called `<column>_error`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tdint.analysis.run.outcome import ENERGY_TERMS
+from tdint.output.tables.table import Column, cell_text, error_columns
+
+if TYPE_CHECKING:
+    from tdint.methods.method import Integrator
+
+
+def _counted(result: Any) -> Any:
+    return np.arange(1, result.peak_drift.size + 1)
+
+
+STORY = (
+    Column("story", _counted, "story, or the floor above it, from 1 at the ground"),
+    Column("height_m", "height", "story height"),
+    Column("peak_drift_m", "peak_drift", "largest absolute drift: displacement relative to the floor below"),
+    Column("peak_drift_ratio", "peak_drift_ratio", "peak drift over story height"),
+    Column("residual_drift_m", "residual_drift", "drift at the end of the run"),
+    Column("peak_shear_N", "peak_shear", "largest absolute restoring force of the story, without viscous forces"),
+    Column("ductility", "ductility", "peak drift over drift at first yield"),
+    Column("peak_displacement_m", "peak_displacement", "largest displacement of the floor, relative to the ground"),
+    Column("peak_velocity_m_s", "peak_velocity", "largest velocity of the floor, relative to the ground"),
+    Column("peak_absolute_acceleration_m_s2", "peak_acceleration", "largest absolute acceleration of the floor"),
+)
+STORY_ERROR = error_columns(STORY[2:])
+
+HISTORY_START = (
+    Column("time_s", "time", "time from the first sample"),
+    Column("ground_acceleration_m_s2", "ground_acceleration", "acceleration of the ground"),
+)
+HISTORY_FLOOR = (
+    Column("displacement_m", "displacement", "relative to the ground"),
+    Column("velocity_m_s", "velocity", "relative to the ground"),
+    Column("absolute_acceleration_m_s2", "acceleration", "absolute, from equilibrium"),
+)
+HISTORY_STORY = (
+    Column("drift_m", "drift", "relative to the floor below"),
+    Column("shear_N", "shear", "restoring force, without viscous forces"),
+)
+HISTORY_ENERGY = (
+    *(Column(f"energy_{term}_J", f"energy.{term}", f"{term} energy, relative to the ground") for term in ENERGY_TERMS),
+    Column("energy_error", "energy.error", "imbalance over the largest input energy of the run"),
+)
+
+OF_RECORD = (
+    Column("record", "record.source", "file of the record", text=True),
+    Column("component", "component", "component of the record", text=True),
+)
+"""The first columns of tables over records; their cells are found for all records together."""
+
+OF_MOTION = (
+    Column("record", "motion.source", "file of the first component", text=True),
+    Column("component", "motion.component", "both components", text=True),
+)
+
+CHOICES = (
+    Column("maxima", "maxima", "where the largest values were looked for", text=True),
+    Column("interpolation", "interpolation", "the ground motion between its samples", text=True),
+)
+"""Last columns of a spectrum, where they are asked for."""
+
+_DAMPING = Column("damping", "damping", "viscous damping ratio")
+
+SPECTRUM = (
+    _DAMPING,
+    Column("period_s", "periods", "natural period"),
+    Column("sd_m", "sd", "largest displacement relative to the ground"),
+    Column("psv_m_s", "psv", "pseudo-velocity, omega sd"),
+    Column("psa_m_s2", "psa", "pseudo-acceleration, omega^2 sd"),
+    Column("sv_m_s", "sv", "largest velocity relative to the ground"),
+    Column("sa_m_s2", "sa", "largest absolute acceleration"),
+)
+ROTATED_START = (_DAMPING, Column("period_s", "periods", "natural period"))
+ROTATED_END = (
+    Column(
+        "geometric_mean_psa_m_s2",
+        "geometric_mean",
+        "geometric mean of the pseudo-accelerations of both components",
+    ),
+    Column("rotd100_angle_deg", "angle", "direction of the largest, from the first component towards the second"),
+)
+
+
+def rotated(percentiles: Sequence[int]) -> tuple[Column, ...]:
+    """The columns of a spectrum over all directions with these percentiles."""
+
+    def percentile(place: int) -> Callable[[Any], Any]:
+        return lambda spectrum: spectrum.psa[place]
+
+    middle = (
+        Column(f"rotd{p:02d}_psa_m_s2", percentile(i), f"pseudo-acceleration, percentile {p} over all directions")
+        for i, p in enumerate(percentiles)
+    )
+    return (*ROTATED_START, *middle, *ROTATED_END)
+
+
+INELASTIC = (
+    _DAMPING,
+    Column("hardening", "hardening", "stiffness after yielding over the initial one"),
+    Column("target_ductility", "target", "ductility asked for"),
+    Column("period_s", "periods", "natural period of the initial stiffness"),
+    Column("yield_strength_ratio", "yield_strength_ratio", "yield force over weight"),
+    Column("ductility", "ductility", "largest over yield displacement"),
+    Column("residual_m", "residual", "displacement at rest after the record, with its sign"),
+    Column("sd_m", "sd", "largest displacement relative to the ground"),
+    Column("yield_sd_m", "yield_displacement", "displacement at first yield"),
+    Column("yield_psa_m_s2", "yield_acceleration", "yield force over mass"),
+    Column("reduction_factor", "reduction_factor", "largest elastic force over yield force"),
+)
+DRIFT_SPECTRUM = (
+    _DAMPING,
+    Column("period_s", "periods", "fundamental period"),
+    Column("height_m", "heights", "height of the building"),
+    Column("peak_drift_ratio", "peak_drift_ratio", "largest story drift over story height"),
+    Column("story", lambda spectrum: np.where(spectrum.story > 0, spectrum.story, None), "where that is, from 1"),
+    Column("roof_drift_ratio", "roof_drift_ratio", "largest roof displacement relative to the ground, over the height"),
+)
+CYCLIC = (
+    Column("story", "story", "story, from 1 at the ground"),
+    Column("step", lambda test: np.arange(test.path.drift.size), "point of the path; 0 is the start at rest"),
+    Column("cycle", "cycle_numbers", "cycle, from 1; 0 for the start"),
+    Column("drift_m", "path.drift", "imposed drift"),
+    Column("drift_ratio", lambda test: test.path.drift / test.height, "drift over story height"),
+    Column("shear_N", "path.shear", "restoring force of the law"),
+    Column("shear_with_p_delta_N", "shear_with_p_delta", "restoring force with the geometric stiffness"),
+    Column("tangent_stiffness_N_m", "path.tangent", "tangent stiffness of the law"),
+    Column("recoverable_energy_J", "path.recoverable", "energy that the law stores"),
+    Column("dissipated_energy_J", "path.dissipated", "energy dissipated so far"),
+)
+MODE = (
+    Column("mode", lambda modes: np.arange(1, modes.omega.size + 1), "mode, from 1 at the longest period"),
+    Column("period_s", lambda modes: 2.0 * math.pi / modes.omega, "natural period"),
+    Column("frequency_hz", lambda modes: modes.omega / (2.0 * math.pi), "natural frequency"),
+)
+MODE_END = (
+    Column("participation", "participation", "participation factor for unit roof displacement"),
+    Column("mass_ratio", "mass_ratio", "effective modal mass over the total mass"),
+    Column("cumulative_mass_ratio", lambda modes: np.cumsum(modes.mass_ratio), "sum of that up to this mode"),
+)
+
+
+def mode_damping(ratios: Any) -> Column:
+    """The column of the modes' damping ratios, shape (n,)."""
+    return Column("damping", lambda modes: ratios, "damping ratio; empty where damping couples the modes")
+
+
+METHOD = (
+    Column("name", "method.name", "name", text=True),
+    Column("family", "family.name", "methods that share one compiled step", text=True),
+    Column("parameters", lambda one: _parameters(one), "defaults and ranges", text=True),
+    Column("order", "order", "order of displacement and velocity for a smooth load"),
+    Column("implicit", "implicit", "whether a step solves for the restoring force at its end", text=True),
+    Column("stability_limit", "stability_limit", "largest stable omega dt without damping; inf for none"),
+    Column("rho_inf", "rho_inf", "spectral radius for omega dt to infinity"),
+    Column("source", "method.source", "who published it", text=True),
+)
+
+
+def _parameters(one: Integrator) -> str:
+    """`beta=0.25 in [0, 1]; theta=1.02 in [1, 10], computed`: a computed default follows from the ones before it."""
+    return "; ".join(
+        f"{parameter.name}={cell_text(value)} in {parameter.range}" + (", computed" * callable(parameter.default))
+        for parameter, value in zip(one.method.parameters, one.values, strict=True)
+    )
+
+
+_METHOD = Column("method", "method", "time-integration method with its parameters", text=True)
+_DT_OVER_T = Column("dt_over_t", "dt_over_t", "step over the undamped period of the oscillator")
+
+STABILITY = (
+    _METHOD,
+    _DAMPING,
+    _DT_OVER_T,
+    Column("spectral_radius", "spectral_radius", "largest modulus of the eigenvalues of the amplification matrix"),
+    Column("period_error", "period_error", "numerical over exact damped period, less 1"),
+    Column("numerical_damping", "numerical_damping", "damping ratio of the numerical oscillation less the exact one"),
+    Column("amplitude_decay", "amplitude_decay", "part of the amplitude that the method takes in one cycle"),
+)
+OVERSHOOT = (
+    _METHOD,
+    _DAMPING,
+    _DT_OVER_T,
+    Column("start", "start", "what the oscillator starts from", text=True),
+    Column("step", lambda motion: np.arange(motion.displacement.size), "step; 0 is the start"),
+    Column("displacement", "displacement", "over the amplitude of the exact motion"),
+    Column("velocity", "velocity", "over omega times that amplitude"),
+    Column("displacement_power", "displacement_power", "power of omega dt in the first step's displacement"),
+    Column("velocity_power", "velocity_power", "power of omega dt in the first step's velocity times dt"),
+)
+
+
+def _order(quantity: str) -> Column:
+    return Column(f"{quantity}_order", lambda one: one.order(quantity), f"observed order of the {quantity}")
+
+
+ORDER = (
+    _METHOD,
+    Column("load", "load", "load of the oscillator", text=True),
+    Column("law", "law", "drift law of the oscillator", text=True),
+    Column("frequency_ratio", "frequency_ratio", "frequency of the load over that of the oscillator"),
+    *map(_order, ("displacement", "velocity", "acceleration", "own_acceleration")),
+    Column(
+        "displacement_error",
+        lambda one: float(one.displacement[-1]),
+        "largest error with the smallest step, over the largest displacement",
+    ),
+)
+
+
+def _chart_error(quantity: str, meaning: str, name: str = "") -> Column:
+    return Column(
+        f"{name or quantity}_error",
+        lambda point: math.nan if point.errors is None else getattr(point.errors, quantity),
+        f"{meaning}, over that of the reference",
+    )
+
+
+CHART_STORIES = Column("stories", "stories", "stories of the building")
+CHART = (
+    _METHOD,
+    Column("dt_s", "dt", "time step"),
+    Column("steps", "steps", "time steps"),
+    Column("iterations", "iterations", "solves; of scipy evaluations of the rate"),
+    Column("time_s", "time", "median wall time of the compiled loop"),
+    Column("time_min_s", "fastest", "least wall time of the compiled loop"),
+    _chart_error("displacement", "error of the displacements relative to the ground (L2 of the history)"),
+    _chart_error("drift", "error of the drifts (L2 of the history)"),
+    _chart_error("peak_drift", "largest error of a story's peak drift"),
+    _chart_error(
+        "acceleration", "error of the absolute accelerations (L2 of the history)", name="absolute_acceleration"
+    ),
+    Column("outcome", "outcome", "how `tdint run` ends", text=True),
+    _chart_error("velocity", "error of the velocities relative to the ground (L2 of the history)"),
+)
+FAILURE = (
+    Column("problem", "problem", "problem", text=True),
+    _METHOD,
+    Column("dt_s", "dt", "time step"),
+    Column("energy_ratio_min", "energy_ratio_min", "least energy over the largest of the exact motion"),
+    Column("energy_ratio_max", "energy_ratio_max", "largest energy over the largest of the exact motion"),
+    Column("error", "error", "what error_of says"),
+    Column("outcome", "outcome", "how `tdint run` ends", text=True),
+    Column("verdict", "verdict", "pass, the fault found, or how the run failed", text=True),
+    Column("end_s", "time", "last time reached"),
+    Column("error_of", "error_of", "what the error is", text=True),
+)
+
+
+def _example_error(quantity: str, name: str) -> Column:
+    return Column(f"{name}_error", lambda run: run.error(quantity), f"largest error of the {quantity}, all floors")
+
+
+EXAMPLE = (
+    Column("example", "example", "example of the paper"),
+    _METHOD,
+    Column("variant", lambda run: run.variant or None, "what was done otherwise", text=True),
+    Column("dt_s", "dt", "time step"),
+    _example_error("displacement", "displacement_m"),
+    _example_error("velocity", "velocity_m_s"),
+    _example_error("acceleration", "acceleration_m_s2"),
+)
+OUTCOME = Column("outcome", "outcome", "how the run ended", text=True)
+
+
+def rank(of: Callable[[Any], int | None]) -> Column:
+    """The column of a method's rank among others."""
+    return Column("rank", of, "place by the displacement's error among the methods, from 1")
+
+
+INFO = (
+    Column("record", "record.source", "file of the record", text=True),
+    Column("component", "record.component", "component of the record", text=True),
+    Column("id", lambda info: info.record.id if info.record.id.strip(".") else "", "full id of the channel", text=True),
+    Column("start", "record.start", "time of the first sample, UTC", text=True),
+    Column("samples", "record.acceleration.size", "samples"),
+    Column("dt_s", "record.dt", "sampling interval"),
+    Column("duration_s", "record.duration", "time from the first to the last sample"),
+    Column("units", "record.units", "units of the file's samples and how they are known", text=True),
+    Column("pga_m_s2", "measures.pga", "peak ground acceleration"),
+    Column("pgv_m_s", "measures.pgv", "peak ground velocity"),
+    Column("pgd_m", "measures.pgd", "peak ground displacement"),
+    Column("arias_intensity_m_s", "measures.arias", "Arias intensity"),
+    Column("cav_m_s", "measures.cav", "cumulative absolute velocity"),
+    Column("d5_75_s", "measures.d5_75", "time between 5 and 75 % of the Arias intensity"),
+    Column("d5_95_s", "measures.d5_95", "time between 5 and 95 % of the Arias intensity"),
+    Column("housner_intensity_m", "housner_intensity", "Housner's spectrum intensity"),
+    Column("mean_m_s2", "measures.mean", "mean of the acceleration"),
+    Column("leading_zeros", "measures.leading_zeros", "samples at the start that are zero"),
+    Column("trailing_zeros", "measures.trailing_zeros", "samples at the end that are zero"),
+    Column("notes", lambda info: "; ".join((*info.record.notes, *info.measures.notes)), "remarks", text=True),
+)

@@ -1,0 +1,136 @@
+"""A table as CSV: UTF-8, LF ends, a header, 12 significant digits, true/false, an empty cell for no value; and what a
+column of it is."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from itertools import repeat
+from operator import attrgetter
+from typing import Any
+
+import numpy as np
+
+Cell = bool | int | float | str | None
+
+UNITS = {
+    "_m_s2": "m/s^2",
+    "_m_s": "m/s",
+    "_N_m": "N/m",
+    "_deg": "degree",
+    "_hz": "Hz",
+    "_m": "m",
+    "_s": "s",
+    "_N": "N",
+    "_J": "J",
+}
+"""Ends of names and the units that they stand for, the longest ends first."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table.
+
+    Attributes
+    ----------
+    name : str
+        As in the header.
+    value : str or callable
+        The attribute of a result (dots lead on) or the function of it that gives the cells: one for each row if it is
+        an array, else the same for all rows of the result.
+    meaning : str
+        What it is, for people.
+    text : bool
+        Whether the cells are words and not numbers.
+    """
+
+    name: str
+    value: str | Callable[[Any], Any]
+    meaning: str
+    text: bool = False
+
+    def of(self, result: Any) -> Any:
+        """The value for a result."""
+        return self.value(result) if callable(self.value) else attrgetter(self.value)(result)
+
+
+def unit_of(name: str) -> str:
+    """The unit in a column's or a key's name; 1 for a number without one."""
+    bare = name.removesuffix("_error")
+    return next((unit for end, unit in UNITS.items() if bare.endswith(end)), "1")
+
+
+def names(columns: Iterable[Column]) -> tuple[str, ...]:
+    """The names of some columns."""
+    return tuple(column.name for column in columns)
+
+
+def describe(columns: Iterable[Column]) -> dict[str, dict[str, str]]:
+    """Unit and meaning of each column, for a JSON file beside the table."""
+    return {
+        column.name: {"meaning": column.meaning} | ({} if column.text else {"unit": unit_of(column.name)})
+        for column in columns
+    }
+
+
+def rows_of(columns: Sequence[Column], result: Any) -> list[tuple[Cell, ...]]:
+    """The rows that a result has: as many as its arrays are long."""
+    values = [column.of(result) for column in columns]
+    sizes = {value.size for value in values if isinstance(value, np.ndarray)}
+    if not sizes:
+        return [tuple(values)]
+    (size,) = sizes
+    cells = (value.tolist() if isinstance(value, np.ndarray) else repeat(value, size) for value in values)
+    return list(zip(*cells, strict=True))
+
+
+def error_columns(columns: Iterable[Column]) -> tuple[Column, ...]:
+    """The columns of the estimated errors of others."""
+    return tuple(
+        Column(f"{column.name}_error", column.value, f"estimated absolute error of {column.name}") for column in columns
+    )
+
+
+@dataclass(frozen=True)
+class Table:
+    """Column names, rows of as many cells, and what the columns mean, as `describe` tells it."""
+
+    columns: tuple[str, ...]
+    rows: list[tuple[Cell, ...]]
+    meanings: dict[str, dict[str, str]] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, columns: Sequence[Column], rows: list[tuple[Cell, ...]]) -> Table:
+        """A table of declared columns."""
+        return cls(names(columns), rows, describe(columns))
+
+    @classmethod
+    def of_results(cls, columns: Sequence[Column], results: Iterable[Any]) -> Table:
+        """The rows of each result, in the order given."""
+        return cls.of(columns, [row for result in results for row in rows_of(columns, result)])
+
+    def csv(self, *, header: bool = True) -> bytes:
+        """The table as CSV, without its first line if `header` is False."""
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        if header:
+            writer.writerow(self.columns)
+        writer.writerows(map(cell_text, row) for row in self.rows)
+        # A file name that is not UTF-8 reaches Python with surrogates; it leaves with the bytes it had.
+        return text.getvalue().encode("utf-8", "surrogateescape")
+
+
+def cell_text(value: Cell) -> str:
+    """One cell as text: 12 significant digits, true/false, nothing for None and nan."""
+    match value:
+        case None:
+            return ""
+        case bool() | np.bool_():
+            return "true" if value else "false"
+        case float() | np.floating():
+            return "" if math.isnan(value) else format(value + 0.0, ".12g")  # + 0.0: zero has no sign
+        case _:
+            return str(value)

@@ -1,0 +1,165 @@
+"""A building is put together once for any number of runs, and all that an analysis takes or returns travels."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import fields, is_dataclass, replace
+
+import numpy as np
+import pytest
+
+from building_cases import Force, model, noise, ten_bilinear, ten_linear
+from tdint import prepare, run, run_case, spectrum
+from tdint.analysis.run import amplification, prepared
+from tdint.analysis.run.cyclic import cyclic_test
+from tdint.analysis.run.run import FailedRun
+from tdint.analysis.run.steps import Steps
+from tdint.errors import AnalysisError, ModelError, ModelFault, UsageError
+from tdint.methods.catalogue import catalogue, parse
+from tdint.model import modes
+from tdint.units import parse_drift
+
+SCALES = np.linspace(0.02, 2.0, 100)
+
+
+@pytest.fixture
+def counted(monkeypatch):
+    """How often a building was assembled, its modes solved, its step measured for stability."""
+    count = {"assemble": 0, "solve_modes": 0, "find_instability": 0}
+
+    def watch(home, name):
+        function = getattr(home, name)
+
+        def counting(*arguments):
+            count[name] += 1
+            return function(*arguments)
+
+        monkeypatch.setattr(home, name, counting)
+
+    watch(prepared, "assemble")
+    watch(modes, "solve_modes")
+    watch(prepared, "find_instability")
+    return count
+
+
+def test_a_hundred_scales_of_a_building_are_put_together_once(counted):
+    """Rayleigh damping through modes and a method with a limit both need the modes."""
+    case = prepare(ten_linear(), noise(samples=11), method="central-difference")
+    peaks = [run_case(case.scaled(factor), dt=0.005).stories.peak_drift for factor in SCALES]
+    assert counted == {"assemble": 1, "solve_modes": 1, "find_instability": 1}
+    expected = np.outer(SCALES / SCALES[-1], peaks[-1])
+    np.testing.assert_allclose(peaks, expected, rtol=1e-11, atol=1e-14 * np.max(peaks))
+
+
+def test_the_stability_of_a_method_without_a_limit_is_not_measured(counted):
+    run_case(prepare(ten_bilinear(None), noise(samples=11), method="newmark-average"), dt=0.01)
+    assert counted == {"assemble": 1, "solve_modes": 0, "find_instability": 0}
+
+
+def test_a_shared_building_gives_the_numbers_of_runs_of_their_own():
+    record = noise(samples=301, peak=6.0)
+    case = prepare(ten_bilinear(), record, method="impulse4")
+    for factor in (0.5, 2.0):
+        shared = run_case(case.scaled(factor), check=True)
+        alone = run(ten_bilinear(), record.scaled(factor), method="impulse4", check=True)
+        for field in fields(alone.stories):
+            np.testing.assert_array_equal(getattr(shared.stories, field.name), getattr(alone.stories, field.name))
+        assert shared.energy == alone.energy
+
+
+def test_forces_are_not_scaled_with_the_motion():
+    forced = model(ten_linear().stories, forces=[Force(10, 1e5, 0.0, 3.0)])
+    case = prepare(forced, noise(samples=11), method="newmark-average")
+    small = run_case(case.scaled(1e-14)).stories.peak_drift
+    np.testing.assert_allclose(small, run_case(case.under(None), dt=0.01, duration=0.1).stories.peak_drift, rtol=1e-6)
+
+
+def test_without_a_motion_there_is_nothing_to_scale():
+    with pytest.raises(UsageError, match="no ground motion to scale"):
+        prepare(ten_linear(), method="impulse4").scaled(2.0)
+
+
+def test_coefficients_are_kept_for_a_few_steps():
+    building = prepared.PreparedBuilding.of(ten_linear())
+    exact = parse("exact")
+    first = building.coefficients(exact, 0.01)
+    assert building.coefficients(exact, 0.01) is first
+    for j in range(2, 8):
+        building.coefficients(exact, 0.01 / j)
+    assert len(building._coefficients) <= 4
+    np.testing.assert_array_equal(building.coefficients(exact, 0.01), first)
+
+
+def test_a_method_for_linear_buildings_refuses_others():
+    with pytest.raises(AnalysisError, match="integrates linear buildings only"):
+        prepared.PreparedBuilding.of(ten_bilinear()).march(parse("exact"), Steps(0.01, 5))
+
+
+# What travels to other processes and back
+
+
+def same(one, other):
+    """Whether two results are alike, arrays compared entry by entry."""
+    if isinstance(one, np.ndarray):
+        return one.dtype == other.dtype and np.array_equal(one, other, equal_nan=one.dtype.kind == "f")
+    if isinstance(one, float):
+        return one == other or (np.isnan(one) and np.isnan(other))
+    if is_dataclass(one):
+        return type(one) is type(other) and all(
+            same(getattr(one, field.name), getattr(other, field.name)) for field in fields(one) if field.compare
+        )
+    if isinstance(one, tuple | list):
+        return len(one) == len(other) and all(map(same, one, other))
+    return bool(one == other)
+
+
+def travelled(thing):
+    return pickle.loads(pickle.dumps(thing))
+
+
+@pytest.mark.parametrize(
+    "text", [*catalogue(), "newmark:beta=1/6,gamma=0.55", "impulse4:rho_inf=0.3", "wilson:theta=1.4"]
+)
+def test_integrators_travel(text):
+    integrator = parse(text)
+    assert travelled(integrator) == integrator
+    assert travelled(integrator).family.step is integrator.family.step
+
+
+def test_cases_and_responses_travel():
+    case = prepare(ten_bilinear(), noise(samples=51), method="impulse4")
+    here = run_case(case, history=True, check=True)
+    there = run_case(travelled(case), history=True, check=True)
+    assert same(case.prepared, travelled(case).prepared)
+    assert same(replace(travelled(here), march_time=0.0), replace(there, march_time=0.0))
+    assert same(travelled(here), here)
+
+
+def test_spectra_and_cyclic_tests_travel():
+    one = spectrum(noise(samples=51), np.array([0.5, 1.0]))
+    assert same(travelled(one), one)
+    test = cyclic_test(ten_bilinear(), 1, [parse_drift("1%")])
+    assert same(travelled(test), test)
+
+
+def test_failures_travel():
+    with pytest.raises(FailedRun) as caught:
+        run(ten_linear(), noise(samples=51), method="central-difference", dt=0.05)
+    failure = caught.value
+    again = travelled(failure)
+    assert type(again) is FailedRun
+    assert (str(again), vars(again)) == (str(failure), vars(failure))
+    assert again.largest_stable_dt > 0.0
+    fault = ModelFault("a.yaml", 1, 2, "stories", "bad")
+    assert travelled(ModelError([fault])).faults == (fault,)
+    assert str(travelled(ModelError("all bad"))) == "all bad"
+
+
+def test_instabilities_are_found_by_the_modes_of_the_whole_building():
+    """The cached answer is that of the measured oscillators."""
+    building = prepared.PreparedBuilding.of(ten_linear())
+    found = building.instability(parse("central-difference"), 0.05)
+    vibration = building.building.modes()
+    ratios = vibration.damping_ratios(building.building.damping_matrix())
+    assert found == amplification.find_instability(parse("central-difference"), vibration.omega, ratios, 0.05)
+    assert building.instability(parse("newmark-average"), 0.05) is None
