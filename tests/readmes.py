@@ -1,7 +1,7 @@
 """The generated parts of all READMEs: python tests/readmes.py writes them anew, tests/documentation compares them.
 
 A part stands between its line `<!-- generated: NAME -->` and the line `<!-- end: NAME -->`. A session, the block after
-the line `<!-- session -->`, holds commands and what they print.
+the line `<!-- session -->`, holds commands and what they print; `--parts` leaves sessions as they are.
 """
 
 from __future__ import annotations
@@ -265,5 +265,6 @@ def played(text):
 
 
 if __name__ == "__main__":
+    anew = generated if sys.argv[1:] == ["--parts"] else lambda text: played(generated(text))
     for readme in files():
-        readme.write_text(played(generated(readme.read_text())))
+        readme.write_text(anew(readme.read_text()))

@@ -34,6 +34,7 @@ def test_every_command_stands_in_the_readme_of_the_command_line():
     assert all(f"### tdint {name}\n" in text for name in COMMANDS)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("path", [path for path in readmes.files() if readmes.sessions(path.read_text())], ids=named)
 def test_sessions_print_what_they_show(path):
     for session in readmes.sessions(path.read_text()):
