@@ -58,4 +58,7 @@ def test_the_ci_script_runs_the_readmes_test_command():
     commands = re.findall(r"^\$ (.*\.\[test\].*)$", readmes.README.read_text(), re.MULTILINE)
     assert len(commands) == 1
     assert commands[0].endswith("-m pytest")
-    assert "README.md" in (readmes.ROOT / ".ci" / "run").read_text()
+    script = readmes.ROOT / ".ci" / "run"
+    if not script.exists():
+        pytest.skip("the source archive does not hold .ci/run")
+    assert "README.md" in script.read_text()
