@@ -75,7 +75,7 @@ WORDS = {
     DISPLACEMENT: "displacement",
     POWERS["cr"]: "displacement",
 }
-UNSTABLE = ("newmark-linear", "fox-goodwin", "central-difference", "rk5", "wilson:theta=1.36")
+UNSTABLE = (*(method for method in POWERS if math.isfinite(parse(method).stability_limit)), "wilson:theta=1.36")
 
 
 def both(method, **more):
