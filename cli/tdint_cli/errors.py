@@ -90,6 +90,8 @@ class _Notes(logging.Handler):
 def _notes_of_the_library() -> Iterator[None]:
     logger, handler = logging.getLogger("tdint"), _Notes(logging.INFO)
     before, propagates = logger.level, logger.propagate
+    # The assumptions of a record come with it, from other processes, too, and are told by the command.
+    handler.addFilter(lambda record: record.name != "tdint.assumptions")
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)
     logger.propagate = False

@@ -31,35 +31,43 @@ ACCELERATION = {
     "gal": 0.01,
     "mm/s^2": 0.001,
     "g": STANDARD_GRAVITY,
+    "in/s^2": _INCH,
+    "ft/s^2": 12.0 * _INCH,
 }
+VELOCITY = {f"{unit}/s": factor for unit, factor in LENGTH.items()}
+GROUND_MOTION = {"acceleration": ACCELERATION, "velocity": VELOCITY, "displacement": LENGTH}
+"""Quantities that the samples of a record may be, and their units."""
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
 class Units:
-    """Units of acceleration as someone wrote them.
+    """Units of a ground motion as someone wrote them.
 
     Attributes
     ----------
     text : str
         As it was written.
     scale : float
-        Value of one sample, m/s^2.
+        Value of one sample in SI units.
     has_factor : bool
         Whether a number stood before the unit, so that even a count has a value.
+    quantity : str
+        A key of `GROUND_MOTION`.
     """
 
     text: str
     scale: float
     has_factor: bool
+    quantity: str = "acceleration"
 
 
 def parse_units(text: str) -> Units:
-    """Understand units of acceleration with an optional factor before them: `gal`, `cm/s^2`, `2.38e-6 m/s^2`.
+    """Understand units of a ground motion with an optional factor before them: `gal`, `cm/s^2`, `2.38e-6 m/s^2`.
 
     Case, blanks and the way of writing the square of the second (s^2, s2, s**2, s/s, sec^2) are free; `g` is the
-    standard gravity.
+    standard gravity. A velocity's or a displacement's unit (`cm/s`, `cm`) says that the samples are one.
 
     Raises
     ------
@@ -69,16 +77,16 @@ def parse_units(text: str) -> Units:
     words = text.strip()
     number = _NUMBER.match(words)
     factor = float(number[0]) if number else 1.0
-    name = words[number.end() :] if number else words
-    unit = _canonical(name)
-    if unit not in ACCELERATION:
-        near = get_close_matches(unit, ACCELERATION, n=1)
+    unit = _canonical(words[number.end() :] if number else words)
+    quantity = next((name for name, units in GROUND_MOTION.items() if unit in units), None)
+    if quantity is None:
+        near = get_close_matches(unit, ACCELERATION, n=1, cutoff=0.75)
         hint = f"; did you mean {near[0]}?" if near else ""
         allowed = ", ".join(ACCELERATION)
-        raise UsageError(f"units {text!r}: use one of {allowed}, with a factor before it for counts{hint}")
+        raise UsageError(f"units {words[:40]!r}: use one of {allowed}, with a factor before it for counts{hint}")
     if not (isfinite(factor) and factor > 0.0):
-        raise UsageError(f"units {text!r}: the factor must be a positive number")
-    return Units(words, factor * ACCELERATION[unit], number is not None)
+        raise UsageError(f"units {words[:40]!r}: the factor must be a positive number")
+    return Units(words, factor * GROUND_MOTION[quantity][unit], number is not None, quantity)
 
 
 @dataclass(frozen=True)
@@ -133,7 +141,7 @@ def parse_drift(text: str) -> DriftSize:
 
 
 def _canonical(name: str) -> str:
-    """The spelling that `tdint.units.ACCELERATION` uses, if there is one."""
+    """The spelling that `GROUND_MOTION` uses, if there is one."""
     plain = "".join(name.split()).lower().lstrip("*").replace("²", "^2").replace("sec", "s").replace("**", "^")
     plain = re.sub(r"/(s/s|s2|\(s\^2\))$", "/s^2", plain)
     return "gal" if plain == "gals" else plain

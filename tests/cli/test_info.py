@@ -25,7 +25,7 @@ def rows(text: str) -> list[dict[str, str]]:
 
 
 def errors(result) -> list[str]:
-    return [line for line in result.stderr.splitlines() if not line.startswith("note: ")]
+    return [line for line in result.stderr.splitlines() if not line.startswith(("note: ", "Warning: "))]
 
 
 def test_a_row_per_component_in_order(folder, tdint):
@@ -41,7 +41,8 @@ def test_a_row_per_component_in_order(folder, tdint):
     assert {(row["samples"], row["dt_s"], row["duration_s"]) for row in table} == {("300", "0.01", "2.99")}
     assert table[0]["start"] == ""
     assert table[0]["units"] == "m/s^2 (assumed)"
-    assert "samples are taken as m/s^2" in table[0]["notes"]
+    assert "m/s^2 is assumed" in table[0]["notes"]
+    assert "Warning: other.mseed: m/s^2 is assumed" in result.stderr
 
 
 def test_the_numbers_are_those_of_the_library(folder, tdint):

@@ -47,7 +47,7 @@ def test_the_table_is_on_stdout_and_the_words_on_stderr(folder, tdint):
     ):
         assert text in words
     assert "Largest drift ratio" in words and "roof displacement" in words and "base shear" in words
-    assert "note: no units given" in words
+    assert "Warning: motion.mseed: m/s^2 is assumed" in words
     assert files(folder) == ["forced.yaml", "motion.mseed", "other.mseed", "shaken.yaml"]
 
 

@@ -50,6 +50,11 @@ def say_table(rows: Sequence[Sequence[str]]) -> None:
         say("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
 
 
+def warn(text: str) -> None:
+    """Say something that changes what a number means; nothing silences it."""
+    say(f"Warning: {text}")
+
+
 def _discard_from_now_on() -> None:
     """Let standard output lead nowhere, so that what is left in its buffer raises nothing when Python ends."""
     nowhere = os.open(os.devnull, os.O_WRONLY)

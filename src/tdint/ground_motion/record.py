@@ -37,8 +37,14 @@ class Record:
     notes : tuple of str
         What the reader assumed or did, one sentence each, for a person to see.
     units : str
-        Units of the file's samples and how they are known: `g (file)`, `gal (given)`, `m/s^2 (assumed)`,
-        `counts (response removed)`; empty for a record that comes from no file.
+        Units of the file's samples; empty for a record that comes from no file.
+    units_from : str
+        How they are known: `format` (all its files have them), `file`, `given` (by the user), `assumed`, or
+        `inventory` (counts whose instrument's response was removed).
+    quantity : str
+        What the file's samples are: `acceleration`, or the `velocity` or `displacement` that was differentiated.
+    warnings : tuple of str
+        What the reader assumed that changes what the numbers mean: a person must see it.
     inputs : tuple of Input
         The files that it was read from: its own, and the inventory if there was one.
     processing : tuple of str
@@ -58,6 +64,9 @@ class Record:
     source: str
     notes: tuple[str, ...] = ()
     units: str = ""
+    units_from: str = ""
+    quantity: str = "acceleration"
+    warnings: tuple[str, ...] = ()
     inputs: tuple[Input, ...] = ()
     processing: tuple[str, ...] = ()
     compared: tuple[str, ...] = ()

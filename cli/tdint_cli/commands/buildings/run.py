@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +13,7 @@ from tdint_cli import options
 from tdint_cli.options.building import BuildingRequest, check_motion, with_motion
 from tdint_cli.options.values import Part
 from tdint_cli.startup import load_numba
-from tdint_cli.terminal.streams import emit, say
+from tdint_cli.terminal.streams import emit, say, warn
 
 if TYPE_CHECKING:
     from tdint.analysis.run.run import Case, FailedRun, Response
@@ -104,8 +105,7 @@ def _run(request: Request) -> None:
             tolerance=request.tolerance,
         )
     except FailedRun as failure:
-        for note in failure.notes:
-            say(f"note: {note}")
+        _remark(record, failure.notes)
         if request.output:
             _write(request, _failed_files(request, failure, case, inputs, began))
         raise
@@ -113,7 +113,14 @@ def _run(request: Request) -> None:
     if request.output:
         _write(request, _files(request, response, case, inputs, began))
     say(_paragraph(response))
-    for note in response.notes:
+    _remark(record, response.notes)
+
+
+def _remark(record: Record | None, notes: Sequence[str]) -> None:
+    if record:
+        for warning in record.warnings:
+            warn(f"{record.source}: {warning}")
+    for note in notes:
         say(f"note: {note}")
 
 

@@ -14,7 +14,7 @@ from tdint_cli.batch.sources import notes_of_components, records_of, refuse_inpu
 from tdint_cli.errors import Failures
 from tdint_cli.options.output import Outputs
 from tdint_cli.startup import load_numba
-from tdint_cli.terminal.streams import say
+from tdint_cli.terminal.streams import say, warn
 
 if TYPE_CHECKING:
     from tdint.files import Writer
@@ -63,12 +63,15 @@ class Product:
         What stands in the rows, kept only where it may be drawn.
     changes : tuple of str
         What was done to the record on request.
+    warnings : tuple of str
+        What changes what its numbers mean.
     """
 
     table: Table
     records: tuple[dict[str, Any], ...]
     infos: tuple[RecordInfo, ...]
     changes: tuple[str, ...]
+    warnings: tuple[str, ...]
 
 
 @options.command("info")
@@ -102,6 +105,7 @@ def _run(request: Request) -> None:
     outputs = Outputs.checked(request.output, request.plot, request.overwrite, summary=True)
     refuse_inputs(outputs.files, [*sources.files, request.inventory])
     notes = dict.fromkeys(sources.notes)  # a set in the order of arrival
+    warnings: dict[str, None] = {}
     failures: list[TdintError] = list(sources.failures)
     products: list[Product] = []
     tasks = [Task(file) for file in sources.files]
@@ -113,8 +117,11 @@ def _run(request: Request) -> None:
             else:
                 products.append(outcome)
                 notes |= dict.fromkeys(outcome.changes)
+                warnings |= dict.fromkeys(outcome.warnings)
     if products:
         _deliver(request, outputs, products)
+    for warning in warnings:
+        warn(warning)
     for note in notes:
         say(f"note: {note}")
     if failures:
@@ -152,6 +159,7 @@ def _work(request: Request, task: Task) -> Product:
         records=tuple(map(record_summary, records)),
         infos=tuple(infos) if request.plot else (),
         changes=notes_of_components(records, lambda record: record.processing),
+        warnings=notes_of_components(records, lambda record: record.warnings),
     )
 
 

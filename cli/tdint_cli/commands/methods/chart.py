@@ -16,7 +16,7 @@ from tdint_cli.options.output import Outputs
 from tdint_cli.options.values import ValueType
 from tdint_cli.startup import load_numba
 from tdint_cli.terminal.progress import Progress, part_of, progress_bar
-from tdint_cli.terminal.streams import say
+from tdint_cli.terminal.streams import say, warn
 
 if TYPE_CHECKING:
     from tdint.analysis.chart.problem import Problem
@@ -163,6 +163,9 @@ def _run(request: Request) -> None:
 
     model = with_motion(load_model(request.model), request)
     record = model_record(model)
+    if record:
+        for warning in record.warnings:
+            warn(f"{record.source}: {warning}")
     _ = march.compiled  # what is said of compiling is said before there is a bar
     with progress_bar(request.output is None) as progress:
         charts, left_out = _charts(request, model, record, progress)

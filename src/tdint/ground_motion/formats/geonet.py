@@ -67,6 +67,7 @@ def _component(lines: Lines) -> list[Series]:
         channel=code(_first(_COMPONENT, texts)).upper(),
         station=code(_first(_SITE, texts)),
         start=_start(integers),
+        units_from="format",
         peak=stated_peak(_first(_PEAK, texts), "mm/s^2", _units(texts)) if _first(_PEAK, texts) else None,
     )
     return [series]

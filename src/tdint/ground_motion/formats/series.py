@@ -69,6 +69,8 @@ class Series:
         Time of the first sample, UTC.
     peak : StatedPeak or None
         None if the header does not state it.
+    units_from : str
+        `format` where all files of the format have these units, else `file`.
     compared : tuple of str
         What the reader has compared with the header beside the peak.
     """
@@ -83,6 +85,7 @@ class Series:
     start: datetime | None = None
     peak: StatedPeak | None = None
     compared: tuple[str, ...] = (SAMPLES,)
+    units_from: str = "file"
 
     @property
     def id(self) -> str:
@@ -139,6 +142,7 @@ def _trace(one: Series, compared: tuple[str, ...], headonly: bool) -> Trace:
         header["starttime"] = UTCDateTime(one.start)
     if one.units is not None:
         header["tdint_units"] = one.units
+        header["tdint_units_from"] = one.units_from
     return Trace(header=header) if headonly else Trace(one.samples, header=header)
 
 
@@ -170,7 +174,7 @@ def acceleration_units(text: str) -> str | None:
         units = parse_units(tenth[1] if tenth else words)
     except UsageError:
         return None
-    if tenth and units.has_factor:
+    if units.quantity != "acceleration" or (tenth and units.has_factor):
         return None
     name = next((name for name, scale in ACCELERATION.items() if scale == units.scale), units.text)
     return f"0.1 {name}" if tenth else name

@@ -76,6 +76,7 @@ def read_smc(file: Any, headonly: bool = False, **_: Any) -> Stream:
         station=code(texts[2].replace("*", "")),
         start=_start(integers),
         peak=_peak(reals),
+        units_from="format",
     )
     if lines.at_numbers():
         raise RecordError(f"line {lines.number + 1} holds more values than its header announces")

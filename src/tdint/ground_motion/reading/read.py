@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from logging import getLogger
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.horizontals import Horizontals, find_horizontals
 from tdint.ground_motion.instrument import Instruments, read_instruments, remove_response
 from tdint.ground_motion.reading.plugins import Contents, has_known_format, read_contents
-from tdint.ground_motion.reading.scale import declared_units, to_acceleration, units_in_words
+from tdint.ground_motion.reading.scale import Motion, declared_units, to_acceleration
 from tdint.ground_motion.reading.segments import (
     Channel,
     check_equal_sampling,
@@ -23,6 +24,9 @@ from tdint.ground_motion.reading.segments import (
 from tdint.ground_motion.reading.source import digested, read_bytes
 from tdint.ground_motion.record import Record
 from tdint.units import Units, parse_units
+
+_LOGGER = getLogger("tdint.assumptions")
+"""For users of Python; the command line tells the warnings of `Record` itself."""
 
 
 def read_record(
@@ -40,8 +44,9 @@ def read_record(
         A file, or `-` for standard input. The format is found from the contents.
     units : str, optional
         Units of the samples: m/s^2, cm/s^2, gal, mm/s^2 or g; with a factor before them the value of one count
-        (`2.38e-6 m/s^2`). Needed where the file does not give them: floating-point samples are else taken as m/s^2,
-        with a note, and integers (counts of a recorder) are refused.
+        (`2.38e-6 m/s^2`). Needed where neither the format nor the file gives them. Only floating-point MiniSEED of an
+        accelerometer's channel is else taken as m/s^2, with a warning, unless its numbers speak against it. Units of a
+        velocity or displacement (`cm/s`, `cm`) say that the samples are one; they are differentiated.
     component : str, optional
         Needed if the file has several: the channel code (`HNE`), the full id (`CI.CLC..HNE`), or the code's last letter
         (`E`) if only one channel ends in it; upper and lower case are the same.
@@ -155,24 +160,28 @@ def _to_record(
 ) -> Record:
     label = _label(source, channel)
     if instruments is None:
-        acceleration, notes = to_acceleration(trace, contents.format, wanted, label)
-        units = units_in_words(trace, contents.format, wanted, label)
+        motion = to_acceleration(trace, contents.format, wanted, label)
     else:
         if declared_units(trace, contents.format, label):
             raise RecordError(f"{label}: the file gives its own units; leave the inventory out")
         acceleration, notes = remove_response(trace, instruments, label)
-        units = "counts (response removed)"
+        motion = Motion(acceleration, "counts", "inventory", notes=notes)
+    for warning in motion.warnings:
+        _LOGGER.warning("%s: %s", label, warning)
     dt = float(trace.stats.delta)
-    check_finite(acceleration, dt, label)
+    check_finite(motion.acceleration, dt, label)
     return Record(
-        acceleration=acceleration,
+        acceleration=motion.acceleration,
         dt=dt,
         start=_start(trace),
         id=channel.id,
         component=channel.code,
         source=source,
-        notes=(*contents.notes, *notes, *doubts(acceleration)),
-        units=units,
+        notes=(*contents.notes, *motion.notes, *doubts(motion.acceleration)),
+        warnings=motion.warnings,
+        units=motion.units,
+        units_from=motion.units_from,
+        quantity=motion.quantity,
         compared=contents.compared,
     )
 

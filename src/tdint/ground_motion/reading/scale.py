@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isclose
 from typing import Any
 
@@ -11,12 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError, UsageError
+from tdint.ground_motion.reading.assumption import assumed_units
 from tdint.units import Units, parse_units
 
 _CURES = (
     'give the value of one count as units ("2.38e-6 m/s^2") or the instrument\'s StationXML file as inventory, '
     "which removes its response"
 )
+_DIFFERENCES = "frequencies above a tenth of the sampling rate come out too small"
+"""By 6 % at a tenth for a velocity (sin x / x, x = 2 pi / 10), by 3 % for a displacement."""
+
+_FEWEST = {"velocity": 3, "displacement": 3}
+
 _SELF_SCALED = ("KNET", "KINEMETRICS_EVT")
 """Formats whose `stats.calib` turns counts into m/s^2, once the recorder's zero offset is taken off."""
 
@@ -25,17 +31,40 @@ _SAC_DISPLACEMENT, _SAC_VELOCITY, _SAC_TIME_SERIES = 6, 7, 1
 
 @dataclass(frozen=True)
 class Declared:
-    """What a file says about its own samples: an acceleration is (sample - mean, if `remove_mean`) x factor x units."""
+    """What a file says about its own samples: a motion is (sample - mean, if `remove_mean`) x factor x units.
+
+    `origin` is `format` where all files of the format have these units, else `file`.
+    """
 
     units: Units
+    origin: str = "file"
     factor: float = 1.0
     remove_mean: bool = False
 
 
-def to_acceleration(
-    trace: Any, format_name: str, wanted: Units | None, label: str
-) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+@dataclass(frozen=True)
+class Motion:
+    """A trace's samples as acceleration, and how its units are known; attributes as in `tdint.ground_motion.record`.
+
+    Attributes
+    ----------
+    acceleration : ndarray, shape (samples,)
+        m/s^2.
+    """
+
+    acceleration: NDArray[np.float64]
+    units: str
+    units_from: str
+    quantity: str = "acceleration"
+    notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+
+def to_acceleration(trace: Any, format_name: str, wanted: Units | None, label: str) -> Motion:
     """Convert a trace's samples to m/s^2, applying every factor exactly once.
+
+    A unit is stated by the format, by the file or by the user. Nothing else is leaned on but one convention, see
+    `assumed_units`.
 
     Parameters
     ----------
@@ -48,36 +77,27 @@ def to_acceleration(
     label : str
         File and channel, for messages.
 
-    Returns
-    -------
-    acceleration : ndarray, shape (samples,)
-        m/s^2.
-    notes : tuple of str
-        What was assumed or done.
-
     Raises
     ------
     RecordError
-        The samples are counts of unknown value, no acceleration, or the file contradicts the user.
+        The samples are of unknown value, or the file contradicts the user.
     """
-    declared = declared_units(trace, format_name, label)
+    declared = declared_units(trace, format_name, label, wanted)
     if declared:
         return _by_the_file(trace, declared, wanted, label)
-    if wanted is None and trace.stats.get("tdint_units") == "":
-        raise RecordError(f"{label}: the file does not tell the units of its samples; give them, such as g or cm/s^2")
     counts = trace.data.dtype.kind in "iu" or _ascii_unit(trace) in ("COUNTS", "COUNT")
     if counts and not (wanted and wanted.has_factor):
         raise RecordError(f"{label}: {_why_refused(trace, wanted)}")
-    notes = []
-    if wanted is None:
-        notes.append("no units given or in the file: the samples are taken as m/s^2")
     calibration = float(trace.stats.calib)
-    if calibration != 1.0:
-        notes.append(f"the header's calibration factor {calibration:g} is not applied: it has no unit")
-    return _times(trace.data, wanted.scale if wanted else 1.0), tuple(notes)
+    notes = [] if calibration == 1.0 else [f"the header's calibration factor {calibration:g} is not applied: no unit"]
+    if wanted:
+        return _motion(trace, _times(trace.data, wanted.scale), wanted, "given", notes)
+    units, warning = assumed_units(trace, format_name, label)
+    samples = _times(trace.data, units.scale)
+    return Motion(samples, units.text, "assumed", notes=tuple(notes), warnings=(warning,))
 
 
-def declared_units(trace: Any, format_name: str, label: str) -> Declared | None:
+def declared_units(trace: Any, format_name: str, label: str, wanted: Units | None = None) -> Declared | None:
     """What the file says about its samples' units, None if nothing.
 
     A reader of tdint's own tells them in `trace.stats.tdint_units`, as text for `parse_units` (empty where the user
@@ -86,40 +106,30 @@ def declared_units(trace: Any, format_name: str, label: str) -> Declared | None:
     Raises
     ------
     RecordError
-        The file says that its samples are no acceleration, or not evenly spaced.
+        The file says that its samples are no ground motion, or not evenly spaced.
     """
     stats = trace.stats
     own = stats.get("tdint_units")
     if own:
-        return Declared(parse_units(own))
+        return Declared(parse_units(own), stats.get("tdint_units_from", "file"))
     if format_name in _SELF_SCALED:
-        return Declared(Units("m/s^2", 1.0, False), float(stats.calib), remove_mean=True)
+        return Declared(Units("m/s^2", 1.0, False), "format", float(stats.calib), remove_mean=True)
     if "sac" in stats:
-        _refuse_other_sac(stats.sac, label)
+        _refuse_other_sac(stats.sac, label, wanted)
     unit = _ascii_unit(trace)
     if unit in ("", "COUNTS", "COUNT"):
         return None
     try:
         return Declared(parse_units(unit))
     except UsageError:
-        raise RecordError(f"{label}: the header gives the samples in {unit}, which is no acceleration") from None
+        raise RecordError(f"{label}: the header gives the samples in {unit[:40]}, which is no ground motion") from None
 
 
-def units_in_words(trace: Any, format_name: str, wanted: Units | None, label: str) -> str:
-    """Units of a trace's samples and how they are known; parameters are those of `to_acceleration`."""
-    declared = declared_units(trace, format_name, label)
-    if declared:
-        factor = "" if declared.factor == 1.0 else f"{declared.factor:.6g} "
-        return f"{factor}{declared.units.text} (file)"
-    return f"{wanted.text} (given)" if wanted else "m/s^2 (assumed)"
-
-
-def _by_the_file(
-    trace: Any, declared: Declared, wanted: Units | None, label: str
-) -> tuple[NDArray[np.float64], tuple[str, ...]]:
-    if wanted and not isclose(wanted.scale, declared.units.scale, rel_tol=1e-9):
+def _by_the_file(trace: Any, declared: Declared, wanted: Units | None, label: str) -> Motion:
+    units = declared.units
+    if wanted and not (isclose(wanted.scale, units.scale, rel_tol=1e-9) and wanted.quantity == units.quantity):
         raise RecordError(
-            f"{label}: the file itself gives its units ({declared.units.text}), {wanted.text} contradicts them; "
+            f"{label}: the file itself gives its units ({units.text}), {wanted.text} contradicts them; "
             "leave the units out"
         )
     samples, notes = trace.data, []
@@ -128,7 +138,35 @@ def _by_the_file(
         notes.append(note)
     if declared.factor != 1.0:
         notes.append(f"counts turned into m/s^2 with the file's calibration factor {declared.factor:.6g}")
-    return _times(samples, declared.factor * declared.units.scale), tuple(notes)
+        units = replace(units, text=f"{declared.factor:.6g} {units.text}")
+    scale = declared.factor * declared.units.scale
+    return _motion(trace, _times(samples, scale), units, declared.origin, notes)
+
+
+def _motion(trace: Any, samples: NDArray[np.float64], units: Units, origin: str, notes: list[str]) -> Motion:
+    """The acceleration of samples in SI units, differentiated where they are a velocity or a displacement."""
+    acceleration = samples
+    if units.quantity != "acceleration":
+        acceleration = differentiated(samples, float(trace.stats.delta), units.quantity)
+        notes = [*notes, f"the {units.quantity} of the file is differentiated: {_DIFFERENCES}"]
+    return Motion(acceleration, units.text, origin, units.quantity, tuple(notes))
+
+
+def differentiated(samples: NDArray[np.float64], dt: float, quantity: str) -> NDArray[np.float64]:
+    """Acceleration, m/s^2, from a `velocity` (m/s) or a `displacement` (m) by central differences.
+
+    The second difference serves a displacement. The ends take the value beside them.
+    """
+    if samples.size < _FEWEST[quantity]:
+        raise RecordError(f"{samples.size} samples of a {quantity} are too few to be differentiated")
+    inner = np.empty(samples.size)
+    with np.errstate(over="ignore", invalid="ignore"):  # What overflows is found among the samples.
+        if quantity == "velocity":
+            inner[1:-1] = (samples[2:] - samples[:-2]) / (2.0 * dt)
+        else:
+            inner[1:-1] = (samples[2:] - 2.0 * samples[1:-1] + samples[:-2]) / (dt * dt)
+    inner[0], inner[-1] = inner[1], inner[-2]
+    return inner
 
 
 def without_mean(samples: NDArray[Any]) -> tuple[NDArray[np.float64], str]:
@@ -157,10 +195,13 @@ def _ascii_unit(trace: Any) -> str:
     return "" if re.fullmatch(r"INTEGER|INT\d+|FLOAT\d*|DOUBLE|ASCII|UNKNOWN", unit) else unit
 
 
-def _refuse_other_sac(sac: Any, label: str) -> None:
+def _refuse_other_sac(sac: Any, label: str, wanted: Units | None) -> None:
     """Refuse what a SAC header declares to be something else than an evenly sampled acceleration (SAC manual, IDEP)."""
     other = {_SAC_DISPLACEMENT: "displacement", _SAC_VELOCITY: "velocity"}.get(sac.get("idep"))
-    if other:
-        raise RecordError(f"{label}: the SAC header says that the samples are a {other}, not an acceleration")
+    if other and not (wanted and wanted.quantity == other):
+        raise RecordError(
+            f"{label}: the SAC header says that the samples are a {other}, not an acceleration; with units "
+            f"of a {other} they are differentiated"
+        )
     if sac.get("iftype", _SAC_TIME_SERIES) != _SAC_TIME_SERIES or not sac.get("leven", True):
         raise RecordError(f"{label}: the SAC file is not an evenly sampled time series")

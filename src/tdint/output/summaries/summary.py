@@ -96,13 +96,16 @@ def motion_summary(record: Record) -> dict[str, Any]:
         "id": record.id,
         "component": record.component,
         "start": record.start,
+        "quantity": record.quantity,
         "units": record.units,
+        "units_from": record.units_from,
         "dt_s": record.dt,
         "samples": record.acceleration.size,
         "duration_s": record.duration,
         "pga_m_s2": record.pga,
         "scale": record.scale,
         "processing": list(record.processing),
+        "warnings": list(record.warnings),
         "compared_with_file": list(record.compared) or ["nothing: the file states no number that its samples tell too"],
     }
 

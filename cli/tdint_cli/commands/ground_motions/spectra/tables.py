@@ -16,7 +16,7 @@ from tdint_cli.commands.ground_motions.spectra.kind import Kind
 from tdint_cli.commands.ground_motions.spectra.request import TablesRequest
 from tdint_cli.errors import Failures
 from tdint_cli.startup import load_numba
-from tdint_cli.terminal.streams import emit, say
+from tdint_cli.terminal.streams import emit, say, warn
 
 if TYPE_CHECKING:
     from tdint.files import Writer
@@ -38,6 +38,8 @@ class RecordTable:
         What there is to say of it.
     interval : float
         Sampling interval, s.
+    warnings : tuple of str
+        What changes what its numbers mean.
     results : tuple
         Kept only for a picture of several records.
     picture : bytes or None
@@ -49,6 +51,7 @@ class RecordTable:
     records: tuple[dict[str, Any], ...]
     notes: tuple[str, ...]
     interval: float
+    warnings: tuple[str, ...]
     results: tuple[Any, ...] = ()
     picture: bytes | None = None
 
@@ -59,11 +62,13 @@ class _Messages:
 
     notes: dict[str, None] = field(default_factory=dict)  # a set in the order of arrival
     failures: list[TdintError] = field(default_factory=list)
+    warnings: dict[str, None] = field(default_factory=dict)
     longest_interval: float = 0.0
 
     def take(self, product: RecordTable) -> None:
         """Take up what is to be said of one record."""
         self.notes |= dict.fromkeys(product.notes)
+        self.warnings |= dict.fromkeys(product.warnings)
         self.longest_interval = max(self.longest_interval, product.interval)
 
 
@@ -101,6 +106,8 @@ def make_tables(request: TablesRequest, kind: Kind) -> None:
     if together:
         _write(request, kind, Path(request.output or ""), together)
     remark = kind.remark(request, messages.longest_interval)
+    for warning in messages.warnings:
+        warn(warning)
     for note in filter(None, (*messages.notes, remark)):
         say(f"note: {note}")
     if messages.failures:
@@ -143,6 +150,7 @@ def _work(request: TablesRequest, kind: Kind, task: Task) -> RecordTable:
         records=tuple(map(record_summary, results.records)),
         notes=(*notes_of_components(results.records, lambda record: record.notes), *results.notes),
         interval=max(record.dt for record in results.records),
+        warnings=notes_of_components(results.records, lambda record: record.warnings),
         results=() if task.table or not request.plot else lines,
         picture=_picture(request, kind, lines) if task.table and request.plot else None,
     )
