@@ -280,6 +280,14 @@ def rank(of: Callable[[Any], int | None]) -> Column:
     return Column("rank", of, "place by the displacement's error among the methods, from 1")
 
 
+def _units(info: Any) -> str:
+    return f"{info.record.units} ({info.record.units_from})"
+
+
+def _remarks(info: Any) -> str:
+    return "; ".join((*info.record.warnings, *info.record.notes, *info.measures.notes))
+
+
 INFO = (
     Column("record", "record.source", "file of the record", text=True),
     Column("component", "record.component", "component of the record", text=True),
@@ -288,7 +296,7 @@ INFO = (
     Column("samples", "record.acceleration.size", "samples"),
     Column("dt_s", "record.dt", "sampling interval"),
     Column("duration_s", "record.duration", "time from the first to the last sample"),
-    Column("units", "record.units", "units of the file's samples and how they are known", text=True),
+    Column("units", _units, "units of the file's samples and how they are known", text=True),
     Column("pga_m_s2", "measures.pga", "peak ground acceleration"),
     Column("pgv_m_s", "measures.pgv", "peak ground velocity"),
     Column("pgd_m", "measures.pgd", "peak ground displacement"),
@@ -300,5 +308,5 @@ INFO = (
     Column("mean_m_s2", "measures.mean", "mean of the acceleration"),
     Column("leading_zeros", "measures.leading_zeros", "samples at the start that are zero"),
     Column("trailing_zeros", "measures.trailing_zeros", "samples at the end that are zero"),
-    Column("notes", lambda info: "; ".join((*info.record.notes, *info.measures.notes)), "remarks", text=True),
+    Column("notes", _remarks, "remarks", text=True),
 )
