@@ -18,7 +18,7 @@ from tdint_cli.terminal.streams import emit, say, warn
 if TYPE_CHECKING:
     from tdint.analysis.run.run import Case, FailedRun, Response
     from tdint.files import Writer
-    from tdint.ground_motion.record import Input
+    from tdint.ground_motion.record import Input, Record
 
 STORIES, HISTORY, PICTURE, SUMMARY = "stories.csv", "history.csv", "response.png", "summary.json"
 """The files of a run. The summary is written last: where it says `done`, all is there."""
