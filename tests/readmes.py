@@ -24,6 +24,8 @@ from tdint.kernels.laws.law import LawParameter
 from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
 from tdint.model.laws import LAWS
+from tdint.output.tables import columns
+from tdint.output.tables.table import Column
 from tdint_cli.main import COMMANDS, GROUPS, cli
 
 ROOT = Path(__file__).parents[1]
@@ -159,7 +161,45 @@ def command_list():
     return "\n".join(rows) + "\n"
 
 
+def column_tables():
+    """The columns of every table, by command."""
+    history = [
+        Column(f"{prefix}{column.name}", column.value, column.meaning)
+        for prefix, group in (
+            ("", columns.HISTORY_START),
+            ("floor_1_", columns.HISTORY_FLOOR),
+            ("story_1_", columns.HISTORY_STORY),
+            ("", columns.HISTORY_ENERGY),
+        )
+        for column in group
+    ]
+    tables = {
+        "tdint run": columns.STORY,
+        "history.csv of tdint run": history,
+        "tdint modes": (*columns.MODE, columns.mode_damping(None), *columns.MODE_END),
+        "tdint law": columns.CYCLIC,
+        "tdint info": columns.INFO,
+        "tdint spectrum": (*columns.OF_RECORD, *columns.SPECTRUM, *columns.CHOICES),
+        "tdint spectrum --rotd 50,100": (*columns.OF_MOTION, *columns.rotated((50, 100)), *columns.CHOICES),
+        "tdint spectrum --ductility": (*columns.OF_RECORD, *columns.INELASTIC),
+        "tdint drift-spectrum": (*columns.OF_RECORD, *columns.DRIFT_SPECTRUM),
+        "tdint methods": columns.METHOD,
+        "tdint stability": columns.STABILITY,
+        "tdint overshoot": columns.OVERSHOOT,
+        "tdint order": columns.ORDER,
+        "tdint failures": columns.FAILURE,
+        "tdint examples": (*columns.EXAMPLE, columns.rank(lambda run: None), columns.OUTCOME),
+        "tdint chart": (columns.CHART_STORIES, *columns.CHART),
+    }
+    parts = []
+    for name, group in tables.items():
+        rows = [f"| `{column.name}` | {column.meaning} |" for column in group]
+        parts.append("\n".join([f"### Columns of {name}", "", "| column | meaning |", "|---|---|", *rows, ""]))
+    return "\n".join(parts)
+
+
 PARTS = {
+    "columns": column_tables,
     "commands": command_list,
     "help": help_text,
     "layers": layer_table,
