@@ -26,10 +26,10 @@ def _counted(result: Any) -> Any:
 STORY = (
     Column("story", _counted, "story, or the floor above it, from 1 at the ground"),
     Column("height_m", "height", "story height"),
-    Column("peak_drift_m", "peak_drift", "largest absolute drift: displacement relative to the floor below"),
+    Column("peak_drift_m", "peak_drift", "largest drift to either side: displacement relative to the floor below"),
     Column("peak_drift_ratio", "peak_drift_ratio", "peak drift over story height"),
     Column("residual_drift_m", "residual_drift", "drift at the end of the run"),
-    Column("peak_shear_N", "peak_shear", "largest absolute restoring force of the story, without viscous forces"),
+    Column("peak_shear_N", "peak_shear", "largest restoring force of the story to either side, without viscous forces"),
     Column("ductility", "ductility", "peak drift over drift at first yield"),
     Column("peak_displacement_m", "peak_displacement", "largest displacement of the floor, relative to the ground"),
     Column("peak_velocity_m_s", "peak_velocity", "largest velocity of the floor, relative to the ground"),
