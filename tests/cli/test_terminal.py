@@ -2,29 +2,37 @@
 
 from __future__ import annotations
 
+import io
+import os
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+
+from tdint.errors import OutputError
+from tdint_cli.terminal import streams
 
 START = "import sys\nfrom tdint_cli.main import main\nprint('ready', file=sys.stderr, flush=True)\nmain()"
 TDINT = f"{sys.executable} -c 'from tdint_cli.main import main; main()'"
 
 
-def shell(command: str) -> subprocess.CompletedProcess[str]:
+def shell(command: str, env: dict[str, str] | None = None) -> subprocess.CompletedProcess[str]:
     """Run a line of bash in which $TDINT is the command."""
     script = f'set -o pipefail; tdint() {{ {TDINT} "$@"; }}; {command}'
-    return subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=False)
+    return subprocess.run(
+        ["bash", "-c", script], capture_output=True, text=True, check=False, env={**os.environ, **(env or {})}
+    )
 
 
 def test_a_reader_that_goes_early_is_no_error(folder):
     done = shell("tdint spectrum motion.mseed --periods 0.1:10:20000 | head -n 2")
     assert done.returncode == 0, done.stderr
     assert len(done.stdout.splitlines()) == 2
-    assert all(line.startswith("note: ") for line in done.stderr.splitlines())
+    assert all(line.startswith(("note: ", "Warning: ")) for line in done.stderr.splitlines())
 
 
 def test_the_files_are_written_though_the_reader_has_gone(folder):
@@ -73,3 +81,38 @@ def test_ctrl_c_while_waiting_ends_with_130_and_no_file(folder):
     assert (process.returncode, out) == (130, "")
     assert err.strip() == "Interrupted"
     assert not list(folder.glob("all*")) and not list(folder.glob(".tdint*"))
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_size_limit_behind_standard_output(folder, unbuffered):
+    """Without a buffer `write` takes what still fits and tells so by a smaller number only."""
+    command = "ulimit -f 4; tdint spectrum motion.mseed --units m/s^2 --periods 0.1:10:400 > out.csv"
+    done = shell(command, env={"PYTHONUNBUFFERED": unbuffered})
+    assert done.returncode == 6
+    assert "Error: standard output: cannot be written: File too large" in done.stderr
+
+
+class _Trickle(io.RawIOBase):
+    """Takes a few bytes at a time, and no more than `limit`."""
+
+    def __init__(self, limit):
+        self.taken, self.limit = b"", limit
+
+    def write(self, data):
+        part = bytes(data[: min(7, self.limit - len(self.taken))])
+        self.taken += part
+        return len(part)
+
+
+def test_whatever_a_write_takes_all_goes_out_or_it_is_an_error(monkeypatch):
+    data = bytes(range(256))
+    for limit in (1000, 100):
+        stream = _Trickle(limit)
+        monkeypatch.setattr(sys, "stdout", SimpleNamespace(buffer=stream, flush=lambda: None, fileno=lambda: 1))
+        monkeypatch.setattr(streams, "_discard_from_now_on", lambda: None)
+        if limit > len(data):
+            streams.emit(data)
+            assert stream.taken == data
+        else:
+            with pytest.raises(OutputError, match="cannot be written"):
+                streams.emit(data)

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from tdint.errors import ModelError, RecordError
 from tdint.ground_motion.record import Record
+from tdint.model.config.read import load_model
 
 
 def record(samples):
@@ -42,3 +44,39 @@ def test_scaled_keeps_everything_else():
     assert half.acceleration.tolist() == [0.0, -0.5, 1.5]
     assert (half.dt, half.id, half.component, half.source) == (0.01, "XX.A..HNE", "HNE", "a.mseed")
     assert made.pga == 3.0
+
+
+@pytest.mark.parametrize(
+    ("samples", "message"),
+    [
+        ([0.0, np.nan], r"sample 1 \(counted from 0\) is nan"),
+        ([np.inf, 0.0], "sample 0 .* is inf"),
+        (np.ma.masked_array([0.0, 1.0, 2.0], [False, True, False]), "1 samples are masked"),
+        ([0.0, 1.0j], "must be real numbers, got complex128"),
+        (["a", "b"], "must be real numbers"),
+        ([True, False], "must be real numbers, got bool"),
+        ([[0.0, 1.0]], r"got shape \(1, 2\)"),
+        ([1.0], r"got shape \(1,\)"),
+        (None, "must be real numbers"),
+    ],
+)
+def test_what_is_no_row_of_numbers_is_refused(samples, message):
+    with pytest.raises(RecordError, match=message):
+        record(samples)
+
+
+@pytest.mark.parametrize("dt", [0.0, -0.01, np.nan, np.inf, None, "0.01", 0.01j, True])
+def test_a_sampling_interval_is_a_positive_number(dt):
+    with pytest.raises(RecordError, match="sampling interval must be a positive number"):
+        Record(acceleration=[0.0, 1.0], dt=dt, start="", id="", component="", source="")
+
+
+def test_a_scale_beyond_what_floats_hold():
+    with pytest.raises(RecordError, match="is inf"):
+        record(np.array([0.0, 1e300])).scaled(1e100)
+
+
+@pytest.mark.parametrize("source", [{"stories": []}, 3, None, ["a.yaml"]])
+def test_a_model_is_a_file_or_a_stream(source):
+    with pytest.raises(ModelError, match="a model is a file's name or a text stream, not"):
+        load_model(source)

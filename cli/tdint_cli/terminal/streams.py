@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 from collections.abc import Sequence
+from typing import BinaryIO
 
 from tdint.errors import OutputError
 
@@ -23,13 +25,29 @@ def emit(data: bytes) -> None:
         raise OutputError("standard output is closed")
     try:
         sys.stdout.flush()
-        sys.stdout.buffer.write(data)
+        _write_all(sys.stdout.buffer, data)
         sys.stdout.buffer.flush()
     except BrokenPipeError:
         _discard_from_now_on()
     except OSError as error:
         _discard_from_now_on()
         raise OutputError(f"standard output: cannot be written: {error.strerror or error}") from error
+
+
+def _write_all(stream: BinaryIO, data: bytes) -> None:
+    """Write until all is out: without a buffer (PYTHONUNBUFFERED) `write` may take a part and say so only by a number.
+
+    Raises
+    ------
+    OSError
+        Nothing more goes out.
+    """
+    rest = memoryview(data)
+    while rest:
+        written = stream.write(rest)
+        if not written:
+            raise OSError(errno.ENOSPC, "nothing more goes out")
+        rest = rest[written:]
 
 
 def say(text: str) -> None:

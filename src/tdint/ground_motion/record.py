@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from tdint.errors import RecordError
 
 
 @dataclass(frozen=True)
@@ -19,6 +23,11 @@ class Input:
 @dataclass(frozen=True)
 class Record:
     """One component of a ground motion.
+
+    Raises
+    ------
+    RecordError
+        The acceleration is no row of at least two finite real numbers, or the sampling interval is not positive.
 
     Attributes
     ----------
@@ -73,7 +82,11 @@ class Record:
     scale: float = 1.0
 
     def __post_init__(self) -> None:
-        samples = np.ascontiguousarray(self.acceleration, dtype=np.float64)
+        samples = _checked(self.acceleration, self.source)
+        dt = self.dt
+        if isinstance(dt, bool) or not isinstance(dt, int | float | np.number) or not 0.0 < float(dt) < math.inf:
+            raise RecordError(f"{self.source or 'record'}: the sampling interval must be a positive number, got {dt!r}")
+        object.__setattr__(self, "dt", float(dt))
         if samples is self.acceleration or samples.base is not None:
             samples = samples.copy()
         samples.flags.writeable = False
@@ -90,5 +103,38 @@ class Record:
         return float(np.max(np.abs(self.acceleration)))
 
     def scaled(self, factor: float) -> Record:
-        """The same record with its acceleration multiplied by `factor`."""
+        """The same record with its acceleration multiplied by `factor`.
+
+        Raises
+        ------
+        RecordError
+            The product is beyond what floats hold.
+        """
+        with np.errstate(over="ignore"):
+            return self._times(factor)
+
+    def _times(self, factor: float) -> Record:
         return replace(self, acceleration=self.acceleration * factor, scale=self.scale * factor)
+
+
+def _checked(acceleration: Any, source: str) -> NDArray[np.float64]:
+    """The samples as contiguous floats, the same array where it is that already.
+
+    Raises
+    ------
+    RecordError
+        They are no row of at least two finite real numbers.
+    """
+    whose = source or "record"
+    given = np.asanyarray(acceleration)
+    if np.any(np.ma.getmaskarray(given)):
+        raise RecordError(f"{whose}: {int(np.sum(np.ma.getmaskarray(given)))} samples are masked; fill or cut them")
+    if given.dtype.kind not in "iuf":
+        raise RecordError(f"{whose}: the acceleration must be real numbers, got {given.dtype.name}")
+    if given.ndim != 1 or given.size < 2:
+        raise RecordError(f"{whose}: the acceleration must be a row of two samples at least, got shape {given.shape}")
+    samples = np.ascontiguousarray(given, dtype=np.float64)
+    if not np.isfinite(samples).all():
+        first = int(np.argmin(np.isfinite(samples)))
+        raise RecordError(f"{whose}: sample {first} (counted from 0) is {samples[first]}, no finite number")
+    return samples

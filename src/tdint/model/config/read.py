@@ -109,13 +109,15 @@ def load_model(source: str | Path | TextIO) -> Model:
 
 
 def _read_source(source: str | Path | TextIO) -> _Source:
-    if source is sys.stdin or str(source) == "-":
+    if source is sys.stdin or (isinstance(source, str | Path) and str(source) == "-"):
         if sys.stdin is None:
             raise ModelError("-: standard input is closed; give a model file")
         return _Source("-", "model", Path(), _read_stream(getattr(sys.stdin, "buffer", sys.stdin), "-"))
     if isinstance(source, str | Path):
         path, label = Path(source), str(source) or "."
         return _Source(label, path.stem, path.parent, _read_file(path, label))
+    if not hasattr(source, "read"):
+        raise ModelError(f"a model is a file's name or a text stream, not {type(source).__name__}")
     name = getattr(source, "name", None)
     if isinstance(name, str) and not name.startswith("<"):
         return _Source(name, Path(name).stem, Path(name).parent, _read_stream(source, name))
