@@ -1,6 +1,7 @@
 """Reading the text formats of strong-motion networks: samples, interval, units, names and times."""
 
 import io
+import re
 
 import numpy as np
 import pytest
@@ -8,7 +9,9 @@ import pytest
 from ground_motion import format_files as files
 from ground_motion.format_files import motion
 from tdint.errors import RecordError
+from tdint.ground_motion.measures import measure
 from tdint.ground_motion.messages import quiet_import
+from tdint.ground_motion.processing import process
 from tdint.ground_motion.reading.plugins import read_contents
 from tdint.ground_motion.reading.read import read_record, read_records
 from tdint.units import STANDARD_GRAVITY
@@ -197,6 +200,49 @@ class TestCsmip:
         ]
         assert (traces[0].stats.delta, traces[0].stats.tdint_units) == (0.005, "g")
 
+    @pytest.mark.parametrize(
+        ("line", "code"),
+        [
+            ("360 DEG  (STA CHN:  8)     LOCATION: DECK: NEAR NORTH ABUTMENT", "360"),
+            (" 90 DEG     LOCATION: GROUND FLOOR", "90"),
+            ("EW       (STA CHN:  1)", "EW"),
+            ("UP", "UP"),
+            ("N65W DEGREES", "N65W"),
+        ],
+    )
+    def test_azimuths_beside_other_words(self, line, code):
+        trace = next(iter(contents(files.csmip_v2({line: 10.0})).traces))
+        assert trace.stats.channel == code
+
+    def test_the_file_s_own_peaks(self, tmp_path):
+        path = tmp_path / "a.v2"
+        path.write_text(files.csmip_v2({" 90 DEG": 150.5}))
+        record = read_record(path)
+        assert record.peaks == (pytest.approx(0.7525), pytest.approx(0.7525))
+        measures = measure(record)
+        assert (measures.pgv, measures.pgd) == record.peaks
+        assert "the peak velocity is that of the file's own velocity; integration from rest gives" in measures.notes[0]
+        assert measure(record.scaled(-2.0)).pgv == pytest.approx(1.505)
+        changed = process(record, baseline="constant")
+        assert changed.peaks == (None, None)
+        assert measure(changed).pgv != measures.pgv
+
+    def test_peaks_of_velocity_and_displacement_that_are_others(self):
+        text = files.csmip_v2({" 90 DEG": 150.5})
+        line = "PEAK ACCELERATION =  150.500    CM/SEC/SEC  AT   10.940   SEC.\n"
+        more = "PEAK   VELOCITY   =   {}      CM/SEC    AT    5.080   SEC.\n"
+        assert contents(text.replace(line, line + more.format("-75.250"))).notes == ()
+        refused(
+            text.replace(line, line + more.format("-82.912")), "peak velocity of 82.912 CM/SEC, what was read has 75.25"
+        )
+
+    def test_volume_1_at_equal_steps(self):
+        text = files.csmip_v1({"90 Deg": 0.125})
+        line = " 120 POINTS OF ACCEL DATA EQUALLY SPACED AT .005 SEC.  (UNITS: G)"
+        trace = only(re.sub(r"(?m)^ 120 Accelerogram points.*$", line, text))
+        np.testing.assert_array_equal(trace.data, motion(peak=0.125))
+        assert (trace.stats.delta, trace.stats.tdint_units) == (0.005, "g")
+
     def test_choosing_among_channels(self, tmp_path):
         path = tmp_path / "a.v2"
         path.write_text(files.csmip_v2({"  0 DEG": 10.0, " 90 DEG": 20.0, "90 DEG": 30.0}))
@@ -222,11 +268,15 @@ class TestCsmip:
         times = np.arange(4000) * 0.00425 + 0.008 * np.sin(np.arange(4000) / 600)
         found = contents(files.usc(motion(4000), times=times))
         (trace,) = found.traces
-        np.testing.assert_array_equal(trace.data, motion(4000))
-        assert trace.stats.delta == pytest.approx((round(times[-1], 3) - times[0]) / 3999, rel=1e-12)
+        assert trace.stats.delta == 0.001
+        printed = np.round(times, 3)
+        grid = np.round((printed - printed[0]) / 0.001).astype(int)
+        np.testing.assert_allclose(trace.data[grid], motion(4000), atol=1e-12)
+        between = np.interp(np.arange(trace.data.size) * 0.001, printed - printed[0], motion(4000))
+        np.testing.assert_allclose(trace.data, between, atol=1e-12)
         (note,) = found.notes
-        assert note.startswith("the samples are taken at equal steps of 0.00425")
-        assert "s off" in note
+        assert note.startswith("the times in the file are up to")
+        assert "linear between the file's own times, sampled at 0.001 s" in note
 
     def test_a_piece_missing_on_film(self):
         times = np.arange(120) * 0.005

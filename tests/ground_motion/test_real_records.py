@@ -8,10 +8,16 @@ import pytest
 from real_records import real_file
 from tdint.ground_motion.processing import process
 from tdint.ground_motion.reading.read import read_records
+from tdint.units import STANDARD_GRAVITY
 
 RECORDS = [
     ("0111a.smc", 0.005, (6001,), (1.044078,)),
-    ("017m30cc.y0a", 31.026 / 7339, (7340,), (3.985,)),
+    ("017m30cc.y0a", 0.001, (31027,), (3.985,)),
+    ("CHAN04.V2", 0.02, (1138,), (2.81104,)),
+    ("CHAN08.V2", 0.02, (1138,), (3.85971,)),
+    ("stgopuentealto1002271parte2.v1", 0.01, (6700,) * 3, (0.133, 0.128, 0.083)),
+    ("NEWPORT.RAW", 0.001, (59999,) * 3, (0.055, 0.015, 0.043)),
+    ("ce23583r_HESPERIA.RAW", 0.005, (12001,) * 3, (0.058, 0.042, 0.091)),
     ("20180212_211557_WPWS_20.V2A", 0.02, (5800,) * 3, (0.0416, 0.194, 0.0273)),
     ("AICH040010061330.EW2", 0.005, (28600,), (0.03896,)),
     ("AOM0051801241951.EW", 0.01, (9500,), (0.2907,)),
@@ -30,6 +36,10 @@ RECORDS = [
 ]
 
 
+IN_THOUSANDTHS = ("stgopuentealto1002271parte2.v1", "NEWPORT.RAW", "ce23583r_HESPERIA.RAW")
+"""Their headers state the peaks in thousandths of g."""
+
+
 @pytest.mark.parametrize(("name", "dt", "samples", "peaks"), RECORDS, ids=[record[0] for record in RECORDS])
 def test_samples_interval_and_peak(name, dt, samples, peaks):
     path = real_file(name)
@@ -41,6 +51,9 @@ def test_samples_interval_and_peak(name, dt, samples, peaks):
         # The published peaks of these are those after a high-pass filter as well.
         assert [record.pga for record in records] == pytest.approx(list(peaks), rel=5e-3)
         records = tuple(process(record, highpass=0.05) for record in records)
+    if name in IN_THOUSANDTHS:
+        assert [record.pga / STANDARD_GRAVITY for record in records] == pytest.approx(list(peaks), abs=5.1e-4)
+        return
     tolerance = 2e-3 if inventory else 3e-4
     assert [record.pga for record in records] == pytest.approx(list(peaks), rel=tolerance)
     assert not any("states a peak" in note for record in records for note in record.notes)

@@ -59,6 +59,14 @@ class TestAssumption:
             read_record(write(tmp_path / "a", trace(counts())))
 
 
+def test_units_that_cannot_be_right(tmp_path):
+    path = write(tmp_path / "a", trace(wave()))
+    with pytest.raises(
+        RecordError, match=r"the largest acceleration would be 3e\+20 m/s\^2; the units cannot be right"
+    ):
+        read_record(path, units="1e20 m/s^2")
+
+
 class TestOtherUnits:
     @pytest.mark.parametrize(
         ("text", "scale", "quantity"),

@@ -30,6 +30,9 @@ _FEW_ZEROS = 10
 _JUMP = 0.1
 """Part of the peak acceleration from which on the first sample is doubted."""
 
+_LEFT = 0.5
+"""Part of the peak displacement from which on the displacement at the end is doubted."""
+
 _DRIFT = 0.1
 """Part of the peak velocity from which on the velocity at the end is doubted."""
 
@@ -54,7 +57,8 @@ class Measures:
     Attributes
     ----------
     pga, pgv, pgd : float
-        Peak acceleration (m/s^2), velocity (m/s) and displacement (m) of the ground.
+        Peak acceleration (m/s^2), velocity (m/s) and displacement (m) of the ground; those of velocity and displacement
+        that the file itself has, else from rest at the first sample.
     arias : float
         Arias intensity, pi / (2 g) times the integral of the squared acceleration, m/s.
     cav : float
@@ -95,8 +99,8 @@ def _measure(record: Record) -> Measures:
     leading, trailing = zeros_at_ends(record.acceleration)
     return Measures(
         pga=record.pga,
-        pgv=motion.pgv,
-        pgd=motion.pgd,
+        pgv=motion.pgv if record.peaks[0] is None else record.peaks[0],
+        pgd=motion.pgd if record.peaks[1] is None else record.peaks[1],
         arias=math.pi / (2.0 * STANDARD_GRAVITY) * float(energy[-1]),
         cav=cumulative_absolute_velocity(record),
         d5_75=ends[1] - ends[0],
@@ -104,7 +108,7 @@ def _measure(record: Record) -> Measures:
         mean=float(np.mean(record.acceleration)),
         leading_zeros=leading,
         trailing_zeros=trailing,
-        notes=_doubts(record, motion, leading, trailing),
+        notes=(*_origin(record, motion), *_doubts(record, motion, leading, trailing)),
     )
 
 
@@ -190,6 +194,16 @@ def _displacement_between(a: Array, velocity: Array, displacement: Array, h: flo
     return _largest(displacement[i] + t * (velocity[i] + t * (0.5 * start[i] + t * slope[i] / 6.0)))
 
 
+def _origin(record: Record, motion: Motion) -> tuple[str, ...]:
+    """Sentences about peaks that the file itself has."""
+    both = (("velocity", record.peaks[0], motion.pgv, "m/s"), ("displacement", record.peaks[1], motion.pgd, "m"))
+    return tuple(
+        f"the peak {name} is that of the file's own {name}; integration from rest gives {integrated:.4g} {unit}"
+        for name, own, integrated, unit in both
+        if own is not None
+    )
+
+
 def _doubts(record: Record, motion: Motion, leading: int, trailing: int) -> tuple[str, ...]:
     """Sentences about zeros, a start within the motion and a drift of the baseline."""
     samples, size = record.acceleration, record.acceleration.size
@@ -202,7 +216,14 @@ def _doubts(record: Record, motion: Motion, leading: int, trailing: int) -> tupl
     if abs(first) > _JUMP * record.pga:
         share = abs(first) / record.pga
         notes.append(f"the first sample is {first:.3g} m/s^2, {share:.0%} of the peak: cut off before it?")
+    end = abs(float(motion.displacement[-1]))
     if abs(last) > _DRIFT * motion.pgv:
         share = abs(last) / motion.pgv
         notes.append(f"the velocity at the end is {last:.3g} m/s, {share:.0%} of its peak: a baseline that drifts?")
+    elif end > _LEFT * motion.pgd and record.peaks[1] is None:
+        share = end / motion.pgd
+        notes.append(
+            f"the displacement at the end is {end:.3g} m, {share:.0%} of its peak: a baseline that drifts, or ground "
+            "that stays displaced?"
+        )
     return tuple(notes)

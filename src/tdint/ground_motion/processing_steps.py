@@ -36,6 +36,7 @@ def _done(record: Record, samples: Array, note: str, *, dt: float | None = None,
         start=_shifted(record.start, later),
         notes=(*record.notes, note),
         processing=(*record.processing, note),
+        peaks=(None, None),
     )
 
 

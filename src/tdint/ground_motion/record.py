@@ -58,6 +58,9 @@ class Record:
         The files that it was read from: its own, and the inventory if there was one.
     processing : tuple of str
         What was done to it on request, one sentence a step; they stand among the notes, too.
+    peaks : tuple of two floats or None
+        Peak velocity (m/s) and displacement (m) that the file itself has beside the acceleration; None where it has
+        none, or the record was processed since.
     compared : tuple of str
         What its file states of itself (number of samples, peak, checksum) and was compared with the samples; empty if
         the file states nothing.
@@ -80,6 +83,7 @@ class Record:
     processing: tuple[str, ...] = ()
     compared: tuple[str, ...] = ()
     scale: float = 1.0
+    peaks: tuple[float | None, float | None] = (None, None)
 
     def __post_init__(self) -> None:
         samples = _checked(self.acceleration, self.source)
@@ -114,7 +118,8 @@ class Record:
             return self._times(factor)
 
     def _times(self, factor: float) -> Record:
-        return replace(self, acceleration=self.acceleration * factor, scale=self.scale * factor)
+        pgv, pgd = (None if peak is None else peak * abs(factor) for peak in self.peaks)
+        return replace(self, acceleration=self.acceleration * factor, scale=self.scale * factor, peaks=(pgv, pgd))
 
 
 def _checked(acceleration: Any, source: str) -> NDArray[np.float64]:

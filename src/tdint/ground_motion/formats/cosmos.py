@@ -8,6 +8,7 @@ after a line that tells their number, kind, units and Fortran format (COSMOS, St
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,7 @@ from tdint.ground_motion.formats.series import (
     code,
     first_match,
     moment,
+    motion_scale,
     read_parts,
     stated_peak,
 )
@@ -55,6 +57,8 @@ _SECOND, _STEP = 29, 61
 
 _UNITS = {"2": "g", "4": "cm/s^2", "7": "0.0254 m/s^2", "10": "gal", "11": "0.001 g", "12": "1e-6 g"}
 _COUNTS = "50"
+_OTHERS = ("velocity", "displacement")
+_OTHER_UNITS = {"5": "cm/s", "6": "cm", "8": "in/s", "9": "in"}
 
 _APPROXIMATE = 0.05
 """By how much the duration in words may be off, beside one second."""
@@ -87,16 +91,21 @@ def _channel(lines: Lines) -> list[Series]:
     integers = _header_values(_INTEGERS, lines)
     reals = _header_values(_REALS, lines)
     texts += [lines.take() for _ in range(int(_announced(_COMMENTS, lines)[1]))]
-    series = []
+    series: list[Series] = []
+    peaks: dict[str, float] = {}
     while (line := lines.peek()) is not None and (block := _BLOCK.match(line)):
         lines.take()
         samples = lines.numbers(int(block[1]), _width(line))
         if block[2].lower().startswith(("accel", "raw accel")):
             series.append(_series(samples, block, texts, integers, reals))
+        elif (kind := block[2].lower()) in _OTHERS and samples.size:
+            units = _OTHER_UNITS.get(block[5] or "") or block[4]
+            if scale := motion_scale(units, kind):
+                peaks[kind] = scale * float(np.max(np.abs(samples)))
     if line is None or not _END.match(line):
         raise RecordError(f"after line {lines.number} the line with the end of the data is missing")
     lines.take()
-    return series
+    return [replace(one, pgv=peaks.get("velocity"), pgd=peaks.get("displacement")) for one in series]
 
 
 def _announced(pattern: re.Pattern[str], lines: Lines) -> re.Match[str]:

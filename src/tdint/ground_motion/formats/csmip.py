@@ -12,6 +12,9 @@ from dataclasses import replace
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, recognizes
 from tdint.ground_motion.formats.series import (
@@ -20,20 +23,24 @@ from tdint.ground_motion.formats.series import (
     code,
     first_match,
     moment,
+    motion_scale,
     read_parts,
     required_units,
     stated_peak,
 )
 from tdint.ground_motion.formats.volume1 import REAL_WIDTH, REALS, read_pairs, text_header
+from tdint.ground_motion.soundness.statement import PEAK, Statement, compare, last_place
 
 if TYPE_CHECKING:
     from obspy import Stream
 
 _TITLE = re.compile(r"\s*(UN)?CORRECTED ACCELEROGRAM", re.IGNORECASE)
-_CHANNEL = re.compile(r"^\s*CHAN\w*\.?\s+(\w+)\s*:\s*(.*?)\s*(?:DEG\w*\s*)?$", re.IGNORECASE)
+_CHANNEL = re.compile(
+    r"^\s*CHAN\w*\.?\s+(\w+)\s*:\s*(.*?)\s*(?:\bDEG\w*\s*)?(?:\(STA\s+CHN.*|LOCATION.*)?$", re.IGNORECASE
+)
 _STATION = re.compile(r"^\s*STATION NO\.?\s*(\w+)", re.IGNORECASE)
 _START = re.compile(
-    r"\b(?:TRIGGER|START) TIME:\s*(\d+)/(\d+)/(\d+),\s*(\d+):(\d+):(\d+\.?\d*)\s*(UTC|GMT|PST|PDT)\b", re.IGNORECASE
+    r"\b(?:TRIGGER|START) TIME:\s*(\d+)/(\d+)/(\d+),?\s*(\d+):(\d+):(\d+\.?\d*)\s*(UTC|GMT|PST|PDT)\b", re.IGNORECASE
 )
 _ZONES = {"UTC": 0.0, "GMT": 0.0, "PST": -8.0, "PDT": -7.0}
 _ERA = 50
@@ -53,6 +60,10 @@ _PEAK = (
 )
 """In volume 1, and in volume 2, which tells the uncorrected one as well."""
 
+_QUANTITIES = {"VELOC": "velocity", "DISPL": "displacement"}
+_OTHER_PEAK = {
+    kind: re.compile(rf"\bPEAK\s+{name}\s*=\s*({NUMBER})\s*CM", re.IGNORECASE) for kind, name in _QUANTITIES.items()
+}
 _REALS_VOLUME_2 = 100
 _END = "/&"
 
@@ -91,6 +102,11 @@ def _volume_1(lines: Lines, texts: list[str]) -> Series:
     lines.numbers(REALS, REAL_WIDTH)
     line = lines.peek()
     equal = _EQUAL.match(line) if line is not None else None
+    if line and (block := _BLOCK.match(line)) and block[2].upper() == "ACCEL":
+        lines.take()
+        return Series(
+            lines.numbers(int(block[1]), _width(line)), float(block[3]), required_units(block[4]), **_codes(texts)
+        )
     if not (line and equal):
         return read_pairs(lines, texts, **_codes(texts))
     lines.take()
@@ -102,7 +118,7 @@ def _volume_1(lines: Lines, texts: list[str]) -> Series:
 
 
 def _volume_2(lines: Lines, texts: list[str]) -> Series:
-    """The acceleration; velocity and displacement are read to tell a damaged file."""
+    """The acceleration, and the peaks of velocity and displacement."""
     lines.numbers(_REALS_VOLUME_2, REAL_WIDTH)
     blocks = {}
     while (line := lines.peek()) is not None and (block := _BLOCK.match(line)):
@@ -113,7 +129,26 @@ def _volume_2(lines: Lines, texts: list[str]) -> Series:
         if kind not in blocks:
             raise RecordError(f"the file is cut off or damaged: after line {lines.number} there is no block of {kind}")
     block, samples = blocks["ACCEL"]
-    return Series(samples, float(block[3]), required_units(block[4]), **_codes(texts))
+    others = [_peak_of(kind, *blocks[kind], texts) if kind in blocks else None for kind in ("VELOC", "DISPL")]
+    return Series(samples, float(block[3]), required_units(block[4]), pgv=others[0], pgd=others[1], **_codes(texts))
+
+
+def _peak_of(kind: str, block: re.Match[str], samples: NDArray[np.float64], texts: list[str]) -> float | None:
+    """Peak of a block of velocity or displacement, SI units; None if its units are unknown.
+
+    Raises
+    ------
+    RecordError
+        The header states another one.
+    """
+    scale = motion_scale(block[4], _QUANTITIES[kind])
+    peak = float(np.max(np.abs(samples), initial=0.0))
+    stated = first_match(_OTHER_PEAK[kind], texts)
+    if stated:
+        rounding = last_place(stated[1]) + 1e-9 * peak
+        name = f"{PEAK} {_QUANTITIES[kind]}"
+        compare([Statement(name, abs(float(stated[1])), peak, rounding, block[4], measured=True)])
+    return peak * scale if scale else None
 
 
 def _width(line: str) -> int:

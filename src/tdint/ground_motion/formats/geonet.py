@@ -11,6 +11,8 @@ from datetime import datetime
 from math import inf, isclose
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import NUMBER, Lines, recognizes
 from tdint.ground_motion.formats.series import Series, code, first_match, moment, read_parts, stated_peak
@@ -33,6 +35,7 @@ _COUNTS = (33, 34, 35)
 """Places of the numbers of accelerations, velocities and displacements."""
 
 _STEP = 25
+_MILLI = 1e-3
 
 
 def is_geonet(file: Any, **_: Any) -> bool:
@@ -58,7 +61,7 @@ def _component(lines: Lines) -> list[Series]:
     integers = lines.numbers(_INTEGERS, _WIDTH).tolist()
     reals = lines.numbers(_REALS, _WIDTH).tolist()
     accelerations, *others = (lines.numbers(int(integers[place]), _WIDTH) for place in _COUNTS)
-    del others  # Read to tell a damaged file, not needed further.
+    pgv, pgd = (_MILLI * float(np.max(np.abs(samples))) if samples.size else None for samples in others)
     _check_step(reals[_STEP], texts)
     series = Series(
         accelerations,
@@ -68,6 +71,8 @@ def _component(lines: Lines) -> list[Series]:
         station=code(_first(_SITE, texts)),
         start=_start(integers),
         units_from="format",
+        pgv=pgv,
+        pgd=pgd,
         peak=stated_peak(_first(_PEAK, texts), "mm/s^2", _units(texts)) if _first(_PEAK, texts) else None,
     )
     return [series]

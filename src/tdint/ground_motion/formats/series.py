@@ -71,6 +71,8 @@ class Series:
         None if the header does not state it.
     units_from : str
         `format` where all files of the format have these units, else `file`.
+    pgv, pgd : float or None
+        Peaks of the velocity (m/s) and the displacement (m) that the file has beside the acceleration.
     compared : tuple of str
         What the reader has compared with the header beside the peak.
     """
@@ -86,6 +88,8 @@ class Series:
     peak: StatedPeak | None = None
     compared: tuple[str, ...] = (SAMPLES,)
     units_from: str = "file"
+    pgv: float | None = None
+    pgd: float | None = None
 
     @property
     def id(self) -> str:
@@ -137,6 +141,7 @@ def _trace(one: Series, compared: tuple[str, ...], headonly: bool) -> Trace:
         "delta": one.dt,
         "npts": one.samples.size,
         "tdint_compared": compared,
+        "tdint_peaks": (one.pgv, one.pgd),
     }
     if one.start is not None:
         header["starttime"] = UTCDateTime(one.start)
@@ -192,6 +197,15 @@ def required_units(text: str) -> str:
     if units is None:
         raise RecordError(f"its header gives the samples in {text.strip()!r}, which is no unit of acceleration")
     return units
+
+
+def motion_scale(text: str, quantity: str) -> float | None:
+    """Value in SI units of the unit of a velocity or a displacement; None if it is something else's."""
+    try:
+        units = parse_units(re.sub(r"/sec\b", "/s", text.strip(" .,;:()[]"), flags=re.IGNORECASE))
+    except UsageError:
+        return None
+    return units.scale if units.quantity == quantity else None
 
 
 def stated_peak(number: str, units: str, of_samples: str) -> StatedPeak | None:

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 from tdint.errors import RecordError
 
 _MOST_DECIMALS = 9
+_FINEST = 40
+"""Parts that an interval between printed times is divided into at most."""
+
 _SHORTEST, _LATEST = 1e-6, 1e9
 _SLIP = 0.02
 """Part of an interval by which a time may be off, beside its rounding."""
@@ -62,6 +65,11 @@ def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> SamplingInter
         f"the samples are not at equal steps of {dt:.6g} s: they are {intervals[place]:.6g} s apart "
         f"after {times[place]:g} s, and up to {np.max(off_grid):.3g} s off; resample the record to equal steps first"
     )
+
+
+def finest_step(times: NDArray[np.float64], mean: float) -> float:
+    """A step on which all of printed times lie, s: their last decimal, or a small part of their mean interval."""
+    return max(_rounding(times), mean / _FINEST)
 
 
 def _rounding(times: NDArray[np.float64]) -> float:

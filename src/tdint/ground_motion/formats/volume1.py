@@ -9,10 +9,12 @@ import re
 import warnings
 from typing import Unpack
 
+import numpy as np
+
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import COUNT, Lines
 from tdint.ground_motion.formats.series import Codes, Series, first_match, required_units
-from tdint.ground_motion.formats.steps import equal_steps
+from tdint.ground_motion.formats.steps import equal_steps, finest_step
 
 REAL_WIDTH = 10
 REALS = 50
@@ -38,8 +40,9 @@ def text_header(lines: Lines) -> list[str]:
 def read_pairs(lines: Lines, texts: list[str], **codes: Unpack[Codes]) -> Series:
     """Read the pairs of time and acceleration of a channel.
 
-    The samples are kept as they are, at the mean interval. What the times are off equal steps, as those of a film may
-    be, is warned about.
+    At equal steps the samples are kept as they are. Where the times are off equal steps by more than their rounding, as
+    those of a film may be, the motion is linear between the file's own times, and sampled so finely that it stays the
+    same: at the last decimal of the times, on which all of them lie.
 
     Raises
     ------
@@ -51,10 +54,14 @@ def read_pairs(lines: Lines, texts: list[str], **codes: Unpack[Codes]) -> Series
         raise RecordError("its header does not give the number of points")
     pairs = lines.numbers(2 * int(points[1]), _PAIR_WIDTH)
     steps = equal_steps(pairs[::2], _SLACK)
+    samples, dt = pairs[1::2].copy(), steps.dt
     if steps.departure:
+        times = pairs[::2] - pairs[0]
+        dt = finest_step(pairs[::2], steps.dt)
+        samples = np.interp(dt * np.arange(round(times[-1] / dt) + 1), times, samples)
         warnings.warn(
-            f"the samples are taken at equal steps of {steps.dt:.6g} s; the times in the file are up to "
-            f"{steps.departure:.2g} s off",
+            f"the times in the file are up to {steps.departure:.2g} s off equal steps of {steps.dt:.6g} s: the motion "
+            f"is linear between the file's own times, sampled at {dt:.6g} s",
             stacklevel=2,
         )
-    return Series(pairs[1::2].copy(), steps.dt, required_units(units[1]) if units else "", **codes)
+    return Series(samples, dt, required_units(units[1]) if units else "", **codes)

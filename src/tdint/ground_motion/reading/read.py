@@ -17,6 +17,7 @@ from tdint.ground_motion.reading.segments import (
     Channel,
     check_equal_sampling,
     check_finite,
+    check_possible,
     doubts,
     group_channels,
     join,
@@ -170,6 +171,7 @@ def _to_record(
         _LOGGER.warning("%s: %s", label, warning)
     dt = float(trace.stats.delta)
     check_finite(motion.acceleration, dt, label)
+    check_possible(motion.acceleration, label)
     return Record(
         acceleration=motion.acceleration,
         dt=dt,
@@ -183,6 +185,7 @@ def _to_record(
         units_from=motion.units_from,
         quantity=motion.quantity,
         compared=contents.compared,
+        peaks=trace.stats.get("tdint_peaks", (None, None)) if instruments is None else (None, None),
     )
 
 

@@ -16,6 +16,9 @@ from tdint.errors import RecordError
 _IMPLAUSIBLE = 100.0
 """Ten times gravity, m/s^2: four times the largest ground acceleration ever recorded."""
 
+_IMPOSSIBLE = 1e6
+"""m/s^2; from here on the units are wrong, whatever they are: squares and integrals would leave what floats hold."""
+
 _OFFSET = 0.02
 
 
@@ -99,6 +102,13 @@ def check_finite(samples: NDArray[Any], dt: float, label: str) -> None:
             f"{label}: {bad.size} of {samples.size} samples are not finite numbers, the first is sample {first} "
             f"(counted from 0) at {first * dt:g} s; repair or cut the record"
         )
+
+
+def check_possible(acceleration: NDArray[np.float64], label: str) -> None:
+    """Raise RecordError for an acceleration (m/s^2) that nothing on this planet has."""
+    peak = float(np.max(np.abs(acceleration)))
+    if peak > _IMPOSSIBLE:
+        raise RecordError(f"{label}: the largest acceleration would be {peak:.4g} m/s^2; the units cannot be right")
 
 
 def _check_clock(trace: Any, label: str) -> None:
