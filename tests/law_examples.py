@@ -12,6 +12,11 @@ def example(name, stiffness, strength):
     """The law with an initial stiffness (N/m) whose forces are about `strength` (N) where it bends."""
     values = []
     drift = strength / stiffness
+    if name == "trilinear-pinching":
+        return Law(name, (strength, 2.0 * strength, 15.0 * drift, 0.5, 0.3))
+    if name == "imk":
+        side = (strength, 4.0 * drift, 8.0 * drift, 1.2, 0.2, 40.0 * drift, 1.0)
+        return Law(name, (*side, *side, *4 * [50.0 * drift], 1.0, 0.4, 0.6))
     for parameter in LAWS[name].parameters:
         if parameter.many:
             values += [stiffness, -0.1 * stiffness / drift, 0.05 * stiffness / drift**2]

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from tdint.kernels import layout
+from tdint.kernels.laws.apart import spring_table
 from tdint.kernels.layout import FIRST_TRIAL
-from tdint.kernels.march.springs import commit, recoverable, restoring, start
+from tdint.kernels.march.springs import commit, dissipated, recoverable, restoring, start
 from tdint.model.laws import CODES
 
 K, FY, HARDENING = 1000.0, 20.0, 0.05
@@ -21,17 +22,13 @@ def law_table(name, *parameters):
     return table
 
 
-def springs():
-    return np.zeros((layout.SPRING_BLOCKS * layout.SPRING_ROWS, 2))
-
-
 def follow(laws, path):
     """Force along a path, and what is stored and dissipated at its end."""
-    state = springs()
+    state = spring_table(laws)
     start(laws, state, 0, 0.0)
     forces = []
     for drift in path:
         restoring(laws, state, 0, 0, FIRST_TRIAL, drift)
         commit(laws, state, 0, 0, FIRST_TRIAL)
         forces.append(state[layout.FORCE, 0])
-    return np.array(forces), recoverable(laws, state, 0), state[layout.DISSIPATED, 0]
+    return np.array(forces), recoverable(laws, state, 0), dissipated(laws, state, 0)

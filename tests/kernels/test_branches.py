@@ -7,14 +7,16 @@ import math
 import numpy as np
 import pytest
 
-from law_paths import CYCLE, FY, HARDENING, K, follow, law_table, springs
+from law_paths import CYCLE, FY, HARDENING, K, follow, law_table
 from tdint.kernels import layout
-from tdint.kernels.laws.walking import nothing, walker
+from tdint.kernels.laws.apart import spring_table
+from tdint.kernels.laws.walking import walker
 from tdint.kernels.layout import FIRST_TRIAL, SECOND_TRIAL
 from tdint.kernels.march.events import NONE, _crossing, turning
 from tdint.kernels.march.springs import restoring, start
 from tdint.model.laws import LAWS
 
+IMK_SIDE = (FY, 0.035, 0.1, 1.1, 0.2, 0.5, 1.0)
 LAW_CASES = {
     "linear": (),
     "polynomial": (K, 200.0, 5e4),
@@ -23,8 +25,10 @@ LAW_CASES = {
     "tanh": (FY,),
     "bouc-wen": (FY, HARDENING, 1.7, 0.6),
     "gap": (0.05, 4.0 * K),
+    "trilinear-pinching": (FY, 2.5 * FY, 0.2, 0.4, 0.3),
+    "imk": (*IMK_SIDE, *IMK_SIDE, *4 * [1.5], 1.0, 0.4, 0.6),
 }
-DISSIPATING = ("bilinear", "peak-oriented", "bouc-wen")
+DISSIPATING = ("bilinear", "peak-oriented", "bouc-wen", "trilinear-pinching", "imk")
 
 
 def test_every_law_has_a_case():
@@ -34,8 +38,9 @@ def test_every_law_has_a_case():
 @pytest.mark.parametrize("name", LAWS)
 def test_what_a_law_says_of_itself_is_what_its_functions_do(name):
     assert LAWS[name].kinked == (LAWS[name].functions().switch is not None)
-    state = springs()
-    start(law_table(name, *LAW_CASES[name]), state, 0, 0.0)
+    laws = law_table(name, *LAW_CASES[name])
+    state = spring_table(laws)
+    start(laws, state, 0, 0.0)
     assert math.isinf(state[layout.SLOPE, 0]) == LAWS[name].curved
 
 
@@ -58,7 +63,7 @@ def test_work_is_stored_or_dissipated(name):
 @pytest.mark.parametrize("name", LAW_CASES)
 def test_the_tangent_is_the_slope(name):
     laws = law_table(name, *LAW_CASES[name])
-    state = springs()
+    state = spring_table(laws)
     start(laws, state, 0, 0.01)
     for drift in (-0.05, 0.004, 0.015, 0.07):
         tangent = restoring(laws, state, 0, 0, FIRST_TRIAL, drift)
@@ -80,7 +85,7 @@ def test_bilinear_branch_by_branch_is_the_closed_form():
     laws = law_table("bilinear", FY, HARDENING)
     functions = LAWS["bilinear"].functions()
     walk = walker(functions.switch, functions.advance)
-    by_branches = springs()
+    by_branches = spring_table(laws)
     start(laws, by_branches, 0, 0.0)
     forces, _, dissipated = follow(laws, CYCLE)
     for drift, force in zip(CYCLE, forces, strict=True):
@@ -92,8 +97,8 @@ def test_bilinear_branch_by_branch_is_the_closed_form():
 
 def test_gap_branch_by_branch_is_the_closed_form():
     laws = law_table("gap", *LAW_CASES["gap"])
-    walk = walker(LAWS["gap"].functions().switch, nothing)
-    by_branches = springs()
+    walk = walker(LAWS["gap"].functions().switch)
+    by_branches = spring_table(laws)
     start(laws, by_branches, 0, 0.0)
     forces, _, _ = follow(laws, CYCLE)
     for drift, force in zip(CYCLE, forces, strict=True):

@@ -35,13 +35,15 @@ HIGH_DRIFT = 8  # the farthest point reached on either side
 HIGH_FORCE = 9
 LOW_DRIFT = 10
 LOW_FORCE = 11
-WORK = 12  # done on the story
+WORK = 12  # done on the story so far, J
 SPRING_ROWS = 13
 COMMITTED = 0
 FIRST_TRIAL = SPRING_ROWS
 SECOND_TRIAL = 2 * SPRING_ROWS
 THIRD_TRIAL = 3 * SPRING_ROWS
 SPRING_BLOCKS = 4
+ADDRESS = SPRING_BLOCKS * SPRING_ROWS  # of the story's own compiled function, where its law is not part of the loops
+FURTHER = ADDRESS + 1  # where a law needs more rows: again one block for the committed state, then the trial ones
 
 # state: the memory of the method
 DISPLACEMENT = 0

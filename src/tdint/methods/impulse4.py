@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 
 from tdint.kernels.compiling import called, inlined, kernel
+from tdint.kernels.laws.walking import copy_further
 from tdint.kernels.layout import (
     ABOVE,
     ACCELERATION,
@@ -26,8 +27,10 @@ from tdint.kernels.layout import (
     DRIFT,
     EVENTS,
     FIRST_TRIAL,
+    FORCE,
     GROUND_0,
     GROUND_1,
+    INVERSE_MASS,
     LINEAR,
     LINK,
     LOWER,
@@ -37,6 +40,7 @@ from tdint.kernels.layout import (
     SECOND_TRIAL,
     SLOPE,
     SPRING_ROWS,
+    THIRD_TRIAL,
     TIME,
     TURN,
     TURNED,
@@ -134,7 +138,7 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
                     piece *= fraction
                     ending = True
                 else:
-                    switch(laws, springs, story, 0, how)
+                    _change(chain, laws, state, springs, story, how)
                 continue
         if ending and _strays(chain, springs, work, story, how):
             _restore(state, springs, work, n)
@@ -147,12 +151,24 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
         piece = h - done
         if not ending or piece <= _AT_ONCE * h:
             break
-        switch(laws, springs, story, 0, how)
+        _change(chain, laws, state, springs, story, how)
         ending = False
     if ending:
-        switch(laws, springs, story, 0, how)
+        _change(chain, laws, state, springs, story, how)
     memo[EVENTS] += events
     return solves if finite(state, n) else NOT_FINITE
+
+
+@called
+def _change(chain, laws, state, springs, story, how):
+    """Change the branch of a story. If it fails, the force that it loses at once accelerates the floors."""
+    force = springs[FORCE, story]
+    switch(laws, springs, story, 0, how)
+    jump = springs[FORCE, story] - force
+    if jump != 0.0:
+        state[ACCELERATION, story] -= jump * chain[INVERSE_MASS, story]
+        if story > 0:
+            state[ACCELERATION, story - 1] += chain[LINK, story] * jump * chain[INVERSE_MASS, story - 1]
 
 
 @called
@@ -216,6 +232,7 @@ def _save(state, springs, work, n):
             work[SAVED + row, i] = state[row, i]
         for row in range(SPRING_ROWS):
             work[SAVED + 3 + row, i] = springs[row, i]
+        copy_further(springs, i, 0, THIRD_TRIAL)
 
 
 @called
@@ -225,6 +242,7 @@ def _restore(state, springs, work, n):
             state[row, i] = work[SAVED + row, i]
         for row in range(SPRING_ROWS):
             springs[row, i] = work[SAVED + 3 + row, i]
+        copy_further(springs, i, THIRD_TRIAL, 0)
 
 
 def coefficients(rho_inf: float) -> tuple[float, ...]:

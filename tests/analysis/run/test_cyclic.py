@@ -73,7 +73,11 @@ def test_a_closed_loop_encloses_what_it_dissipates(name):
     done = work(test.path)
     for cycle in test.cycles[1:]:
         end = 2000 * cycle.number
-        assert done[end] - done[end - 2000] == pytest.approx(cycle.dissipated, rel=1e-5, abs=1e-9 * FY * 0.04)
+        # A law that deteriorates does not come back to the same force, nor to the same stored energy.
+        stored = test.path.recoverable[end] - test.path.recoverable[end - 2000]
+        assert name == "imk" or abs(stored) < 1e-9 * FY * 0.04
+        lost = cycle.dissipated + stored
+        assert done[end] - done[end - 2000] == pytest.approx(lost, rel=1e-5, abs=1e-9 * FY * 0.04)
     if name in ELASTIC:
         assert np.all(test.path.dissipated == 0.0)
 

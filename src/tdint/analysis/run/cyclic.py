@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import AnalysisError, UsageError
-from tdint.kernels.layout import GEOMETRIC, SPRING_BLOCKS, SPRING_ROWS, STIFFNESS
+from tdint.kernels.laws.apart import spring_table
+from tdint.kernels.layout import GEOMETRIC, STIFFNESS
 from tdint.kernels.march.cyclic import DISSIPATION, RECOVERABLE, RESULT_COLUMNS, SHEAR, TANGENT, follow
 from tdint.model.building import Building, assemble
 from tdint.model.definition import Model
@@ -226,7 +227,7 @@ def follow_path(building: Building, story: int, drifts: Array) -> LawPath:
     AnalysisError
         The law has no finite force somewhere on the way.
     """
-    springs = np.zeros((SPRING_BLOCKS * SPRING_ROWS, building.stories + 1))
+    springs = spring_table(building.laws)
     result = np.empty((drifts.size, RESULT_COLUMNS))
     follow.compiled(building.laws, story - 1, drifts, springs, result)
     wrong = np.flatnonzero(~np.all(np.isfinite(result), axis=1))

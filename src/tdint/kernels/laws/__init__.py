@@ -5,7 +5,17 @@ A law's place in the tuple is its number in the compiled tables. The last one is
 
 from __future__ import annotations
 
-from tdint.kernels.laws import bilinear, bouc_wen, gap, linear, peak_oriented, polynomial, tanh
+from tdint.kernels.laws import (
+    bilinear,
+    bouc_wen,
+    gap,
+    imk,
+    linear,
+    peak_oriented,
+    polynomial,
+    tanh,
+    trilinear_pinching,
+)
 
 LAWS = (
     linear.LAW,
@@ -15,6 +25,8 @@ LAWS = (
     gap.LAW,
     tanh.LAW,
     polynomial.LAW,
+    trilinear_pinching.LAW,
+    imk.LAW,
 )
 
 LINEAR = LAWS.index(linear.LAW)

@@ -7,12 +7,14 @@ from typing import Any
 
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.laws import LAWS
+from tdint.kernels.laws.apart import HOOKS
+from tdint.kernels.laws.law import LawFunctions
 from tdint.kernels.layout import CODE
 
-FUNCTIONS = tuple(law.functions() for law in LAWS)
+FUNCTIONS = tuple(LawFunctions(**HOOKS) if law.apart else law.functions() for law in LAWS)
 
 # The first laws are put into each place that goes by the law; the others are compiled once, together, and called:
-# compiling the loops takes long enough.
+# compiling the loops takes long enough. The functions of laws that stand apart only call those at their address.
 _FREQUENT = 2
 
 # Laws that know their branch at any time

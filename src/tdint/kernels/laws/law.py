@@ -14,6 +14,10 @@ class LawParameter:
 
     `force` and `length` are the exponents of its dimension (a stiffness is force^1 length^-1); a parameter with
     `many` is a list whose j-th entry (from 1) has the dimension force^1 length^-j.
+
+    `default` stands for a parameter that is left out: a number, or the name of the one whose value it takes over; None
+    if it must be given. Parameters of the same `group` stand in a mapping of that name, which may be left out as a
+    whole if `without` says what each is then; a `shared` group may also be one number for all.
     """
 
     name: str
@@ -24,6 +28,15 @@ class LawParameter:
     low_allowed: bool = True
     high_allowed: bool = True
     many: bool = False
+    default: float | str | None = None
+    group: str = ""
+    without: float | None = None
+    shared: bool = False
+
+    @property
+    def path(self) -> str:
+        """The name with its group."""
+        return f"{self.group}.{self.name}" if self.group else self.name
 
 
 @dataclass(frozen=True)
@@ -38,20 +51,24 @@ class LawFunctions:
         state in block `past`; writes FORCE and what else the state of the law is to block `trial`.
     recoverable : function
         (laws, springs, i) -> energy stored in the committed state, J.
+    dissipated : function, optional
+        (laws, springs, i) -> energy dissipated until the committed state, J, where that is not the row DISSIPATED.
     settle : function, optional
-        (laws, springs, i, past, trial): adds up DISSIPATED in block `trial`. Without it the law dissipates nothing.
+        (laws, springs, i, past, trial): adds up DISSIPATED in block `trial`. Without it that stays as it is.
     keep : function, optional
         (laws, springs, i, past, trial): commits rows beyond the plain ones. A law that has it always knows its branch.
     enter : function, optional
         (laws, springs, i): branch of the committed state: SLOPE, UPPER, LOWER, where they are not k and without end.
     advance : function, optional
-        (laws, springs, i, block, step, mean_force): what else changes on the way along a branch.
+        (laws, springs, i, block, step, mean_force): what else changes on the way along a branch; without it the row
+        WORK adds up.
     switch : function, optional
         (laws, springs, i, block, event): the branch that follows when the present one ends by `event`.
     """
 
     force: Any
     recoverable: Any
+    dissipated: Any = None
     settle: Any = None
     keep: Any = None
     enter: Any = None
@@ -69,6 +86,11 @@ class DriftLaw:
         One line for people.
     functions : callable
         () -> LawFunctions. Only this imports numba.
+    apart : bool
+        Whether the law is compiled on its own, when a model has it, and called at its address; else it is part of
+        every loop.
+    further : int
+        Rows of `springs` that the law needs beyond the common ones (`tdint.kernels.layout.FURTHER`).
     parameters : tuple of LawParameter
         In the order of the rows of `laws` from FIRST_PARAMETER on (a `many` parameter comes last).
     curved : bool
@@ -81,6 +103,10 @@ class DriftLaw:
         The law's own initial stiffness from the parameter values; None where the story gives it.
     yield_drift : callable
         (initial stiffness, parameter values) -> drift at first yield, m; nan for a law that does not yield.
+    fault : callable
+        (initial stiffness, parameter values) -> what is wrong with them together; None if nothing is.
+    failed : callable
+        Row INTERNAL of stories with this law -> which of them carry nothing any more.
     """
 
     name: str
@@ -89,9 +115,13 @@ class DriftLaw:
     parameters: tuple[LawParameter, ...] = ()
     curved: bool = False
     kinked: bool = False
+    apart: bool = False
+    further: int = 0
     stiffens: Callable[[Sequence[float]], bool] = lambda values: False
     initial_stiffness: Callable[[Sequence[float]], float] | None = None
     yield_drift: Callable[[float, Sequence[float]], float] = lambda stiffness, values: math.nan
+    fault: Callable[[float, Sequence[float]], str | None] = lambda stiffness, values: None
+    failed: Callable[[Any], Any] = lambda kinds: kinds != kinds
 
 
 def yields_at_its_strength(stiffness: float, values: Sequence[float]) -> float:

@@ -10,7 +10,6 @@ import math
 
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
 from tdint.kernels.layout import (
-    DISSIPATED,
     DRIFT,
     FIRST_PARAMETER,
     FORCE,
@@ -50,19 +49,14 @@ def _functions() -> LawFunctions:
         )
         return k * (laws[FIRST_PARAMETER, i] / (k * farthest)) ** laws[FIRST_PARAMETER + 2, i]
 
-    @called
-    def elastic_energy(laws, springs, i, block):
-        """Energy that is given back on unloading from its state in `block`, J."""
-        force = springs[block + FORCE, i]
-        return 0.5 * force * force / unloading_stiffness(laws, springs, i, block, force)
-
     @inlined
     def recoverable(laws, springs, i):
-        return elastic_energy(laws, springs, i, 0)
+        force = springs[FORCE, i]
+        return 0.5 * force * force / unloading_stiffness(laws, springs, i, 0, force)
 
     @inlined
-    def settle(laws, springs, i, past, trial):
-        pass  # summed up on the way
+    def dissipated(laws, springs, i):
+        return springs[WORK, i] - recoverable(laws, springs, i)
 
     @inlined
     def keep(laws, springs, i, past, trial):
@@ -77,11 +71,6 @@ def _functions() -> LawFunctions:
         springs[LOW_DRIFT, i] = springs[LOWER, i] = -strength / k
         springs[HIGH_FORCE, i] = strength
         springs[LOW_FORCE, i] = -strength
-
-    @inlined
-    def advance(laws, springs, i, block, step, mean_force):
-        springs[block + WORK, i] += mean_force * step
-        springs[block + DISSIPATED, i] = springs[block + WORK, i] - elastic_energy(laws, springs, i, block)
 
     @called
     def switch(laws, springs, i, block, event):
@@ -121,13 +110,7 @@ def _functions() -> LawFunctions:
             springs[block + LOWER, i] = -math.inf
 
     return LawFunctions(
-        force=walker(switch, advance),
-        recoverable=recoverable,
-        settle=settle,
-        keep=keep,
-        enter=enter,
-        advance=advance,
-        switch=switch,
+        force=walker(switch), recoverable=recoverable, dissipated=dissipated, keep=keep, enter=enter, switch=switch
     )
 
 

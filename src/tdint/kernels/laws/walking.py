@@ -5,12 +5,43 @@ from __future__ import annotations
 from typing import Any
 
 from tdint.kernels.compiling import called, inlined
-from tdint.kernels.layout import ABOVE, BELOW, DRIFT, FORCE, LOWER, SLOPE, SPRING_ROWS, TURN, TURNED, UPPER
+from tdint.kernels.layout import (
+    ABOVE,
+    BELOW,
+    DRIFT,
+    FORCE,
+    FURTHER,
+    LOWER,
+    SLOPE,
+    SPRING_BLOCKS,
+    SPRING_ROWS,
+    TURN,
+    TURNED,
+    UPPER,
+    WORK,
+)
+
+_MOST = 16
+"""Branches that a straight way may go over; no law has as many."""
 
 
 @inlined
-def nothing(laws, springs, i, block, step, mean_force):
-    """An `advance` of a law of which only drift and force change on the way."""
+def add_work(laws, springs, i, block, step, mean_force):
+    """An `advance` of a law of which drift, force and the work done change on the way."""
+    springs[block + WORK, i] += mean_force * step
+
+
+@inlined
+def further(springs, block):
+    """First of the further rows that belong to a block."""
+    return FURTHER + block // SPRING_ROWS * ((springs.shape[0] - FURTHER) // SPRING_BLOCKS)
+
+
+@inlined
+def copy_further(springs, i, past, trial):
+    """Copy the further rows of story `i` between two blocks, where there are any."""
+    for row in range((springs.shape[0] - FURTHER) // SPRING_BLOCKS):
+        springs[further(springs, trial) + row, i] = springs[further(springs, past) + row, i]
 
 
 def advancing(own: Any) -> Any:
@@ -28,7 +59,7 @@ def advancing(own: Any) -> Any:
     return advance
 
 
-def walker(switch: Any, own: Any = nothing) -> Any:
+def walker(switch: Any, own: Any = add_work) -> Any:
     """A `DriftLaw.force` that goes straight from the state in `past` to `drift`, over as many branches as lie on the
     way."""
     advance = advancing(own)
@@ -37,9 +68,10 @@ def walker(switch: Any, own: Any = nothing) -> Any:
     def walk(laws, springs, i, past, trial, drift):
         for row in range(SPRING_ROWS):
             springs[trial + row, i] = springs[past + row, i]
+        copy_further(springs, i, past, trial)
         if springs[trial + TURN, i] * (drift - springs[trial + DRIFT, i]) < 0.0:
             switch(laws, springs, i, trial, TURNED)
-        for _ in range(8):
+        for _ in range(_MOST):
             if drift > springs[trial + UPPER, i]:
                 advance(laws, springs, i, trial, springs[trial + UPPER, i])
                 switch(laws, springs, i, trial, ABOVE)

@@ -11,10 +11,10 @@ import math
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.laws import CURVED
 from tdint.kernels.laws.choosing import case_of_3, case_of_5, case_of_6, chosen
-from tdint.kernels.laws.walking import advancing, nothing
+from tdint.kernels.laws.walking import add_work, advancing
 from tdint.kernels.layout import CODE, LOWER, SLOPE, STIFFNESS, TURN, UPPER
 
-advance = advancing(chosen("advance", case_of_6, nothing))
+advance = advancing(chosen("advance", case_of_6, add_work))
 """(laws, springs, i, block, drift): go to `drift` on the present linear branch of the state in `block`."""
 
 

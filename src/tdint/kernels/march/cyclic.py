@@ -5,8 +5,8 @@ from __future__ import annotations
 from numba.core import types
 
 from tdint.kernels.compiling import I8, TABLE, VECTOR, kernel
-from tdint.kernels.layout import COMMITTED, DISSIPATED, FIRST_TRIAL, FORCE
-from tdint.kernels.march.springs import commit, recoverable, restoring, start
+from tdint.kernels.layout import COMMITTED, FIRST_TRIAL, FORCE
+from tdint.kernels.march.springs import commit, dissipated, recoverable, restoring, start
 
 # Columns of the result
 SHEAR = 0
@@ -28,4 +28,4 @@ def follow(laws, i, drifts, springs, result):
         commit(laws, springs, i, COMMITTED, FIRST_TRIAL)
         result[s, SHEAR] = springs[FORCE, i]
         result[s, RECOVERABLE] = recoverable(laws, springs, i)
-        result[s, DISSIPATION] = springs[DISSIPATED, i]
+        result[s, DISSIPATION] = dissipated(laws, springs, i)

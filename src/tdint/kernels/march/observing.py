@@ -10,7 +10,6 @@ from tdint.kernels.laws import LINEAR
 from tdint.kernels.layout import (
     CODE,
     DISPLACEMENT,
-    DISSIPATED,
     DRIFT,
     FLOOR,
     FLOOR_DAMPER,
@@ -25,7 +24,7 @@ from tdint.kernels.layout import (
 )
 from tdint.kernels.march.chain import add_modal_force, force_rate, force_value, power_damper
 from tdint.kernels.march.events import NONE, turning
-from tdint.kernels.march.springs import recoverable
+from tdint.kernels.march.springs import dissipated, recoverable
 
 # peaks: largest absolute values, one row each
 PEAK_DRIFT = 0
@@ -255,15 +254,15 @@ def take_stock(chain, laws, state, springs, observed):
     """Kinetic, recoverable and dissipated energy of the present state, J."""
     kinetic = 0.0
     stored = 0.0
-    dissipated = 0.0
+    lost = 0.0
     for i in range(chain.shape[1] - 1):
         drift = springs[DRIFT, i]
         kinetic += 0.5 * chain[MASS, i] * state[VELOCITY, i] * state[VELOCITY, i]
         stored += recoverable(laws, springs, i) + 0.5 * chain[GEOMETRIC, i] * drift * drift
-        dissipated += springs[DISSIPATED, i]
+        lost += dissipated(laws, springs, i)
     observed[ENERGY_KINETIC] = kinetic
     observed[ENERGY_RECOVERABLE] = stored
-    observed[ENERGY_DISSIPATED] = dissipated
+    observed[ENERGY_DISSIPATED] = lost
 
 
 @called

@@ -17,6 +17,15 @@ recoverable = chosen("recoverable", case_of_3)
 
 
 @inlined
+def _dissipated(laws, springs, i):
+    return springs[DISSIPATED, i]
+
+
+dissipated = chosen("dissipated", case_of_3, _dissipated)
+"""(laws, springs, i) -> energy that the law has dissipated until its committed state, J."""
+
+
+@inlined
 def _elastic(laws, springs, i, past, trial):
     springs[trial + DISSIPATED, i] = springs[past + DISSIPATED, i]
 

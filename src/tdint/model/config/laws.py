@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
+from tdint.kernels.laws.law import LawParameter
 from tdint.model.config.fields import Bounds, Section, Value
 from tdint.model.config.units import ModelUnits
 from tdint.model.definition import Law
@@ -30,13 +31,14 @@ def _read_type(value: Value) -> tuple[DriftLaw | None, Section | None]:
     if not value.is_mapping:
         name = value.choice(LAWS, "law")
         if name and LAWS[name].parameters:
-            names = ", ".join(f"{parameter.name}: ..." for parameter in LAWS[name].parameters)
+            needed = (one.name for one in LAWS[name].parameters if one.default is None and one.without is None)
+            names = ", ".join(f"{one}: ..." for one in needed)
             value.fault(f"the {name} law needs its parameters; write {{type: {name}, {names}}}")
         return (LAWS[name] if name else None), None
     kind = value.peek("type")
     name = kind.choice(LAWS, "law") if kind else None
     laws = [LAWS[name]] if name else LAWS.values()
-    known = dict.fromkeys(["type", *(parameter.name for law in laws for parameter in law.parameters)])
+    known = dict.fromkeys(["type", *(one.group or one.name for law in laws for one in law.parameters)])
     section = value.section(list(known))
     if section:
         section.need("type", f"give one of {', '.join(LAWS)}")
@@ -45,15 +47,53 @@ def _read_type(value: Value) -> tuple[DriftLaw | None, Section | None]:
 
 def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple[float, ...]:
     """The parameters in SI in the order of the law, lists flattened."""
+    names = dict.fromkeys(one.group for one in law.parameters)
+    groups = {name: _read_group(section, law, name, unit) for name in names}
     values: list[float] = []
+    known: dict[str, float] = {}
     for parameter in law.parameters:
-        bounds = Bounds(parameter.low, parameter.high, parameter.low_allowed, parameter.high_allowed)
         if parameter.many:
             entry = section.need(parameter.name, f"give {_LIST}")
-            values += _read_list(entry, bounds, unit) if entry else (math.nan,)
+            values += _read_list(entry, _bounds(parameter), unit) if entry else (math.nan,)
         else:
-            values.append(section.number(parameter.name, bounds, unit.factor(parameter.force, parameter.length)))
+            values.append(_read_number(groups[parameter.group], parameter, unit, known))
+            known.setdefault(parameter.name, values[-1])
     return tuple(values)
+
+
+def _read_group(section: Section, law: DriftLaw, group: str, unit: ModelUnits) -> Section | float | None:
+    """Where the parameters of a group stand: the law's own section for those without one; a number in SI for all of
+    them; None where the group is left out."""
+    if not group:
+        return section
+    value = section.get(group)
+    members = [one for one in law.parameters if one.group == group]
+    if value is None or (members[0].shared and value.is_word("none")):
+        return None
+    names = [one.name for one in members]
+    if members[0].shared and not value.is_mapping:
+        what = f"{_bounds(members[0])} for all of {', '.join(names)}, a mapping of them, or none"
+        return value.number(_bounds(members[0]), unit.factor(members[0].force, members[0].length), what)
+    return value.section(names) or math.nan
+
+
+def _read_number(
+    group: Section | float | None, parameter: LawParameter, unit: ModelUnits, known: Mapping[str, float]
+) -> float:
+    """A parameter in SI, its default where it is left out."""
+    bounds, factor = _bounds(parameter), unit.factor(parameter.force, parameter.length)
+    default = known[parameter.default] if isinstance(parameter.default, str) else parameter.default
+    if isinstance(group, float):
+        return group
+    if group is None:
+        return parameter.without if parameter.without is not None else default if default is not None else math.nan
+    if default is not None and not group.has(parameter.name):
+        return default
+    return group.number(parameter.name, bounds, factor)
+
+
+def _bounds(parameter: LawParameter) -> Bounds:
+    return Bounds(parameter.low, parameter.high, parameter.low_allowed, parameter.high_allowed)
 
 
 def _read_list(value: Value, bounds: Bounds, unit: ModelUnits) -> tuple[float, ...]:
@@ -76,3 +116,12 @@ def _own_stiffness(value: Value, law: DriftLaw, parameters: Sequence[float], uni
         value.fault(f"the initial stiffness of the {law.name} law must be a positive number, got {shown}")
         return math.nan
     return stiffness
+
+
+def check_together(value: Value | None, law: Law, stiffness: float) -> None:
+    """Note what is wrong with a law's parameters and the initial stiffness (N/m) together."""
+    if value is None or math.isnan(stiffness) or any(math.isnan(one) for one in law.parameters):
+        return
+    fault = LAWS[law.name].fault(stiffness, law.parameters) if law.parameters else None
+    if fault:
+        value.fault(fault)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from tdint.model.config.fields import NOT_NEGATIVE, POSITIVE, Bounds, Section, Value
-from tdint.model.config.laws import LINEAR, read_law
+from tdint.model.config.laws import LINEAR, check_together, read_law
 from tdint.model.config.units import ModelUnits
 from tdint.model.definition import MAX_STORIES, Law, PowerDashpot, Story
 
@@ -50,6 +50,7 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
         dashpot=dashpot,
         power_dashpot=power_dashpot,
     )
+    check_together(section.get("law"), law, story.stiffness)
     repeat = section.get("repeat")
     return story, repeat.whole(1, MAX_STORIES) if repeat else 1
 

@@ -1,0 +1,411 @@
+"""The law of Ibarra, Medina and Krawinkler (2005), modified by Lignos and Krawinkler (2012): capping and deterioration.
+
+The backbone of each side rises to the yield point, on to the capping point, falls to a residual force, and ends at the
+ultimate drift. Reloading goes towards the last peak or the farthest point (peak-oriented), or first, with less force,
+to a point near zero drift (pinching). With the work done on the story the strength, the capping line, the reloading
+point and the unloading stiffness of a side deteriorate at each passage of zero force or at each turn, by
+
+    beta = ((work since the last passage of zero force) / (Lambda Fy - work before))^exponent
+
+A story whose beta exceeds 1, or whose drift exceeds the ultimate one, carries nothing from then on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
+from tdint.kernels.layout import (
+    DRIFT,
+    FIRST_PARAMETER,
+    FORCE,
+    HIGH_DRIFT,
+    HIGH_FORCE,
+    INTERNAL,
+    LOWER,
+    PLAIN_ROWS,
+    SLOPE,
+    SPRING_ROWS,
+    STIFFNESS,
+    TURN,
+    TURNED,
+    UPPER,
+    WORK,
+)
+
+# Parameters: those of the positive side, of the negative one, of both
+_YIELD_FORCE = FIRST_PARAMETER
+_PLASTIC_DRIFT = FIRST_PARAMETER + 1
+_POST_CAPPING_DRIFT = FIRST_PARAMETER + 2
+_CAPPING_RATIO = FIRST_PARAMETER + 3
+_RESIDUAL_RATIO = FIRST_PARAMETER + 4
+_ULTIMATE_DRIFT = FIRST_PARAMETER + 5
+_RATE = FIRST_PARAMETER + 6
+_SIDE = 7
+_OF_STRENGTH = FIRST_PARAMETER + 14
+_OF_CAPPING = FIRST_PARAMETER + 15
+_OF_RELOADING = FIRST_PARAMETER + 16
+_OF_UNLOADING = FIRST_PARAMETER + 17
+_EXPONENT = FIRST_PARAMETER + 18
+_PINCHING_FORCE = FIRST_PARAMETER + 19
+_PINCHING_DRIFT = FIRST_PARAMETER + 20
+
+# Rows of both sides: the positive one's, then two rows on the negative one's; drifts and forces positive on both
+_FAR_DRIFT = HIGH_DRIFT
+_FAR_FORCE = HIGH_FORCE
+
+# Further rows, from the block's first one
+_PEAK_DRIFT = 0  # the last turn point, of both sides
+_PEAK_FORCE = 1
+_STRENGTH = 4  # what is left of yield force and hardening, of both sides
+_CAPPING = 5  # what is left of the capping line at zero drift
+_UNLOADING_STIFFNESS = 8
+_WORK_AT_ZERO = 9  # at the last passage of zero force, J
+_PINCHED_DRIFT = 10  # the point at which the first part of the present reloading ends
+_PINCHED_FORCE = 11
+_FURTHER = 12
+
+# Kinds of branches, in INTERNAL; negative on the negative side, 0 before the first yielding
+_UNLOADING = 1.0
+_PINCHED = 2.0
+_TO_PEAK = 3.0
+_TO_FARTHEST = 4.0
+_PLASTIC = 5.0
+_SOFTENING = 6.0
+_RESIDUAL = 7.0
+_FAILED = 8.0  # not negative
+
+_HERE = 1e-12  # over a drift: what lies no farther ahead is reached
+
+
+def _functions() -> LawFunctions:
+    from tdint.kernels.compiling import called, inlined
+    from tdint.kernels.laws.walking import copy_further, further, walker
+
+    @inlined
+    def of(side, row):
+        """The row of a pair of rows that belongs to a side."""
+        return row if side > 0.0 else row + 2
+
+    @inlined
+    def given(laws, i, side, parameter):
+        """A parameter that each side has."""
+        return laws[parameter if side > 0.0 else parameter + _SIDE, i]
+
+    @inlined
+    def plastic_line(laws, springs, i, block, side):
+        """Force at zero drift and slope of the present hardening line of a side."""
+        k = laws[STIFFNESS, i]
+        initial = given(laws, i, side, _YIELD_FORCE)
+        left = springs[further(springs, block) + of(side, _STRENGTH), i]
+        slope = left * (given(laws, i, side, _CAPPING_RATIO) - 1.0) * initial / given(laws, i, side, _PLASTIC_DRIFT)
+        return left * initial * (1.0 - slope / k), slope
+
+    @inlined
+    def capping_line(laws, springs, i, block, side):
+        """The same of the capping line."""
+        initial = given(laws, i, side, _YIELD_FORCE)
+        cap = given(laws, i, side, _CAPPING_RATIO) * initial
+        slope = -cap / given(laws, i, side, _POST_CAPPING_DRIFT)
+        start = initial / laws[STIFFNESS, i] + given(laws, i, side, _PLASTIC_DRIFT)
+        return springs[further(springs, block) + of(side, _CAPPING), i] * (cap - slope * start), slope
+
+    @inlined
+    def residual(laws, i, side):
+        return given(laws, i, side, _RESIDUAL_RATIO) * given(laws, i, side, _YIELD_FORCE)
+
+    @inlined
+    def backbone(laws, springs, i, block, side, drift):
+        """Force of the present backbone at a drift beyond the yield drift."""
+        plastic, rise = plastic_line(laws, springs, i, block, side)
+        capping, fall = capping_line(laws, springs, i, block, side)
+        return max(min(plastic + rise * drift, capping + fall * drift), residual(laws, i, side))
+
+    @inlined
+    def beta(laws, i, capacity, work, before):
+        """Deterioration by an energy `work` after the energy `before`; 2 for more than 1."""
+        left = laws[capacity, i] * laws[_YIELD_FORCE, i] - before
+        if work <= 0.0 and left > 0.0:
+            return 0.0
+        if left <= 0.0 or work >= left:
+            return 2.0
+        part = work / left
+        exponent = laws[_EXPONENT, i]
+        return part if exponent == 1.0 else part**exponent
+
+    @called
+    def beta_of_turning(laws, springs, i, block):
+        """Deterioration of the unloading stiffness if the story turned here."""
+        first = further(springs, block)
+        force = springs[block + FORCE, i]
+        stored = 0.5 * force * force / springs[first + _UNLOADING_STIFFNESS, i]
+        before = springs[block + WORK, i] - stored
+        return beta(laws, i, _OF_UNLOADING, before - springs[first + _WORK_AT_ZERO, i], before)
+
+    @inlined
+    def fail(springs, i, block):
+        springs[block + INTERNAL, i] = _FAILED
+        springs[block + FORCE, i] = 0.0
+        springs[block + SLOPE, i] = 0.0
+        springs[block + TURN, i] = 0.0
+        springs[block + UPPER, i] = math.inf
+        springs[block + LOWER, i] = -math.inf
+
+    @called
+    def load(laws, springs, i, block, side, kind, slope, end):
+        """Put the story on a loading branch of a side that goes up to the drift `end`."""
+        ultimate = given(laws, i, side, _ULTIMATE_DRIFT)
+        if side * springs[block + DRIFT, i] >= ultimate * (1.0 - _HERE):
+            fail(springs, i, block)
+            return
+        end = min(end, ultimate)
+        springs[block + INTERNAL, i] = side * kind
+        springs[block + SLOPE, i] = slope
+        springs[block + TURN, i] = side
+        springs[block + UPPER, i] = end if side > 0.0 else math.inf
+        springs[block + LOWER, i] = -end if side < 0.0 else -math.inf
+
+    @called
+    def go_along_backbone(laws, springs, i, block, side):
+        drift = side * springs[block + DRIFT, i]
+        plastic, rise = plastic_line(laws, springs, i, block, side)
+        capping, fall = capping_line(laws, springs, i, block, side)
+        rest = residual(laws, i, side)
+        cap = (capping - plastic) / (rise - fall)
+        near = _HERE * drift
+        if drift < cap - near and plastic + rise * drift >= rest:
+            springs[block + FORCE, i] = side * (plastic + rise * drift)
+            load(laws, springs, i, block, side, _PLASTIC, rise, cap)
+        elif drift >= cap - near and drift < (rest - capping) / fall - near:
+            springs[block + FORCE, i] = side * (capping + fall * drift)
+            load(laws, springs, i, block, side, _SOFTENING, fall, (rest - capping) / fall)
+        else:
+            springs[block + FORCE, i] = side * rest
+            # A strength below the residual force may rise above it again before the capping point
+            again = (rest - plastic) / rise if rise > 0.0 else math.inf
+            end = again if drift < again - near and again < cap else math.inf
+            load(laws, springs, i, block, side, _RESIDUAL, 0.0, end)
+
+    @called
+    def go_to_farthest(laws, springs, i, block, side):
+        drift = side * springs[block + DRIFT, i]
+        far = springs[block + of(side, _FAR_DRIFT), i]
+        if drift < far * (1.0 - _HERE):
+            rise = springs[block + of(side, _FAR_FORCE), i] - side * springs[block + FORCE, i]
+            load(laws, springs, i, block, side, _TO_FARTHEST, rise / (far - drift), far)
+        else:
+            go_along_backbone(laws, springs, i, block, side)
+
+    @called
+    def aim(laws, springs, i, block, side):
+        """Load towards the last peak if the way there is the steeper one, else towards the farthest point."""
+        first = further(springs, block)
+        drift = side * springs[block + DRIFT, i]
+        force = side * springs[block + FORCE, i]
+        far = springs[block + of(side, _FAR_DRIFT), i]
+        far_force = springs[block + of(side, _FAR_FORCE), i]
+        peak = springs[first + of(side, _PEAK_DRIFT), i]
+        peak_force = springs[first + of(side, _PEAK_FORCE), i]
+        if drift < peak - _HERE * far and force < peak_force and peak_force < far_force:
+            slope = (peak_force - force) / (peak - drift)
+            if slope * (far - drift) > far_force - force:
+                load(laws, springs, i, block, side, _TO_PEAK, slope, peak)
+                return
+        go_to_farthest(laws, springs, i, block, side)
+
+    @called
+    def unload(laws, springs, i, block, side):
+        """Turn on a loading branch."""
+        first = further(springs, block)
+        drift = side * springs[block + DRIFT, i]
+        force = side * springs[block + FORCE, i]
+        springs[first + of(side, _PEAK_DRIFT), i] = drift
+        springs[first + of(side, _PEAK_FORCE), i] = force
+        if drift > springs[block + of(side, _FAR_DRIFT), i]:
+            springs[block + of(side, _FAR_DRIFT), i] = drift
+            springs[block + of(side, _FAR_FORCE), i] = force
+        lost = beta_of_turning(laws, springs, i, block)
+        if lost >= 1.0:
+            fail(springs, i, block)
+            return
+        slope = springs[first + _UNLOADING_STIFFNESS, i] * (1.0 - lost)
+        springs[first + _UNLOADING_STIFFNESS, i] = slope
+        zero = side * (drift - force / slope)
+        springs[block + INTERNAL, i] = side * _UNLOADING
+        springs[block + SLOPE, i] = slope
+        springs[block + TURN, i] = 0.0
+        springs[block + UPPER, i] = side * drift if side > 0.0 else zero
+        springs[block + LOWER, i] = zero if side > 0.0 else side * drift
+
+    @called
+    def deteriorate(laws, springs, i, block, side):
+        """Deterioration of a side that is loaded after a passage of zero force; whether the story has failed."""
+        first = further(springs, block)
+        before = springs[block + WORK, i]
+        work = before - springs[first + _WORK_AT_ZERO, i]
+        rate = given(laws, i, side, _RATE)
+        strength = beta(laws, i, _OF_STRENGTH, work, before)
+        capping = beta(laws, i, _OF_CAPPING, work, before)
+        reloading = beta(laws, i, _OF_RELOADING, work, before)
+        springs[first + _WORK_AT_ZERO, i] = before
+        springs[first + of(side, _STRENGTH), i] *= 1.0 - rate * strength
+        springs[first + of(side, _CAPPING), i] *= 1.0 - rate * capping
+        springs[block + of(side, _FAR_DRIFT), i] *= 1.0 + rate * reloading
+        return max(strength, capping, reloading) > 1.0
+
+    @called
+    def cross(laws, springs, i, block, side):
+        """Zero force is passed towards a side."""
+        first = further(springs, block)
+        springs[block + FORCE, i] = 0.0
+        if deteriorate(laws, springs, i, block, side):
+            fail(springs, i, block)
+            return
+        stiffness = springs[first + _UNLOADING_STIFFNESS, i]
+        zero = side * springs[block + DRIFT, i]
+        far = springs[block + of(side, _FAR_DRIFT), i]
+        if far <= zero * (1.0 + _HERE) and zero > 0.0:
+            # The other side unloaded so softly that it passed this side's farthest point: that is moved ahead.
+            far = zero + max(backbone(laws, springs, i, block, side, far), _HERE * laws[_YIELD_FORCE, i]) / stiffness
+            springs[block + of(side, _FAR_DRIFT), i] = far
+        far_force = backbone(laws, springs, i, block, side, far)
+        springs[block + of(side, _FAR_FORCE), i] = far_force
+        if laws[_PINCHING_FORCE, i] != 1.0 or laws[_PINCHING_DRIFT, i] != 1.0:
+            drift = (1.0 - laws[_PINCHING_DRIFT, i]) * (far - far_force / stiffness)
+            force = laws[_PINCHING_FORCE, i] * far_force * (drift - zero) / (far - zero)
+            springs[first + _PINCHED_DRIFT, i] = drift
+            springs[first + _PINCHED_FORCE, i] = force
+            if zero < drift - _HERE * far:
+                load(laws, springs, i, block, side, _PINCHED, force / (drift - zero), drift)
+                return
+        aim(laws, springs, i, block, side)
+
+    @called
+    def reload(laws, springs, i, block, side):
+        """Go on from the last peak, to which the story came back while it unloaded."""
+        first = further(springs, block)
+        drift = side * springs[block + DRIFT, i]
+        force = side * springs[block + FORCE, i]
+        far = springs[block + of(side, _FAR_DRIFT), i]
+        far_force = springs[block + of(side, _FAR_FORCE), i]
+        pinched = springs[first + _PINCHED_DRIFT, i]
+        pinched_force = springs[first + _PINCHED_FORCE, i]
+        if drift < pinched - _HERE * far and force < pinched_force and pinched < far and pinched_force < far_force:
+            slope = (pinched_force - force) / (pinched - drift)
+            if slope * (far - drift) < far_force - force:
+                load(laws, springs, i, block, side, _PINCHED, slope, pinched)
+                return
+        go_to_farthest(laws, springs, i, block, side)
+
+    @called
+    def switch(laws, springs, i, block, event):
+        kind = abs(springs[block + INTERNAL, i])
+        if event == TURNED:
+            side = springs[block + TURN, i]
+            if side * springs[block + FORCE, i] > 0.0:
+                unload(laws, springs, i, block, side)
+            else:
+                cross(laws, springs, i, block, -side)
+        elif kind == _UNLOADING:
+            if event * springs[block + INTERNAL, i] < 0.0:
+                cross(laws, springs, i, block, event)
+            else:
+                reload(laws, springs, i, block, event)
+        elif event * springs[block + DRIFT, i] >= given(laws, i, event, _ULTIMATE_DRIFT) * (1.0 - _HERE):
+            fail(springs, i, block)
+        elif kind == _PINCHED:
+            aim(laws, springs, i, block, event)
+        elif kind == _TO_PEAK:
+            go_to_farthest(laws, springs, i, block, event)
+        else:
+            go_along_backbone(laws, springs, i, block, event)
+
+    @inlined
+    def recoverable(laws, springs, i):
+        """What unloading gives back: on a loading branch with the stiffness that it would have."""
+        force = springs[FORCE, i]
+        energy = 0.5 * force * force / springs[further(springs, 0) + _UNLOADING_STIFFNESS, i]
+        if abs(springs[INTERNAL, i]) > _UNLOADING and force != 0.0:
+            energy /= 1.0 - min(beta_of_turning(laws, springs, i, 0), 0.9)
+        return energy
+
+    @inlined
+    def dissipated(laws, springs, i):
+        return springs[WORK, i] - recoverable(laws, springs, i)
+
+    @inlined
+    def keep(laws, springs, i, past, trial):
+        for row in range(PLAIN_ROWS, SPRING_ROWS):
+            springs[row, i] = springs[trial + row, i]
+        copy_further(springs, i, trial, 0)
+
+    @inlined
+    def enter(laws, springs, i):
+        k = laws[STIFFNESS, i]
+        first = further(springs, 0)
+        springs[first + _UNLOADING_STIFFNESS, i] = k
+        for side in (1.0, -1.0):
+            strength = given(laws, i, side, _YIELD_FORCE)
+            springs[of(side, _FAR_DRIFT), i] = springs[first + of(side, _PEAK_DRIFT), i] = strength / k
+            springs[of(side, _FAR_FORCE), i] = springs[first + of(side, _PEAK_FORCE), i] = strength
+            springs[first + of(side, _STRENGTH), i] = springs[first + of(side, _CAPPING), i] = 1.0
+        springs[UPPER, i] = given(laws, i, 1.0, _YIELD_FORCE) / k
+        springs[LOWER, i] = -given(laws, i, -1.0, _YIELD_FORCE) / k
+
+    return LawFunctions(
+        force=walker(switch), recoverable=recoverable, dissipated=dissipated, keep=keep, enter=enter, switch=switch
+    )
+
+
+def _fault(stiffness: float, values: Sequence[float]) -> str | None:
+    for side, group in ((values[:_SIDE], ""), (values[_SIDE : 2 * _SIDE], "negative.")):
+        strength, ultimate = side[0], side[5]
+        if ultimate <= strength / stiffness:
+            return (
+                f"{group}ultimate_drift must be beyond the yield drift {strength / stiffness:.6g} m, got "
+                f"{ultimate:.10g} m"
+            )
+        if side[4] > side[3]:
+            return f"{group}residual_ratio must not exceed capping_ratio {side[3]:.10g}, got {side[4]:.10g}"
+    return None
+
+
+_SIDES = (
+    LawParameter("yield_force", force=1, low=0.0, low_allowed=False),
+    LawParameter("plastic_drift", length=1, low=0.0, low_allowed=False),
+    LawParameter("post_capping_drift", length=1, low=0.0, low_allowed=False),
+    LawParameter("capping_ratio", low=1.0),
+    LawParameter("residual_ratio", low=0.0, high=1.0),
+    LawParameter("ultimate_drift", length=1, low=0.0, low_allowed=False),
+    LawParameter("rate", low=0.0, high=1.0, default=1.0),
+)
+
+
+def _capacity(name: str) -> LawParameter:
+    none = math.inf
+    return LawParameter(
+        name, length=1, low=0.0, low_allowed=False, default=none, group="deterioration", without=none, shared=True
+    )
+
+
+LAW = DriftLaw(
+    "imk",
+    "Ibarra-Medina-Krawinkler: capping, residual force, cyclic deterioration; peak-oriented or pinching",
+    _functions,
+    parameters=(
+        *_SIDES,
+        *(replace(one, default=one.name, group="negative") for one in _SIDES),
+        *(_capacity(name) for name in ("strength", "capping", "reloading", "unloading")),
+        LawParameter("exponent", low=0.0, low_allowed=False, default=1.0),
+        LawParameter("force", low=0.0, high=1.0, low_allowed=False, group="pinching", without=1.0),
+        LawParameter("drift", low=0.0, high=1.0, group="pinching", without=1.0),
+    ),
+    kinked=True,
+    apart=True,
+    further=_FURTHER,
+    yield_drift=yields_at_its_strength,
+    fault=_fault,
+    failed=lambda kinds: kinds == _FAILED,
+)

@@ -1,0 +1,235 @@
+"""The trilinear law with pinched reloading, for building types of regional studies.
+
+The backbone of each side rises to the yield point, on to the ultimate point, and stays there. Unloading goes down to
+zero force with k (dy / largest drift)^unloading; reloading towards the farthest point of the other side in two parts,
+of which the first, flatter one ends at the part `pinching` of the force (Lu, McKenna, Cheng, Xu, Zeng and Mahin 2020;
+pinching 1 is Clough's rule of 1966). No reloading is stiffer than unloading.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
+from tdint.kernels.layout import (
+    DRIFT,
+    FIRST_PARAMETER,
+    FORCE,
+    HIGH_DRIFT,
+    HIGH_FORCE,
+    INTERNAL,
+    LOW_DRIFT,
+    LOWER,
+    PLAIN_ROWS,
+    SLOPE,
+    SPRING_ROWS,
+    STIFFNESS,
+    TURN,
+    TURNED,
+    UPPER,
+    WORK,
+)
+
+# Parameters
+_YIELD_FORCE = FIRST_PARAMETER
+_ULTIMATE_FORCE = FIRST_PARAMETER + 1
+_ULTIMATE_DRIFT = FIRST_PARAMETER + 2
+_PINCHING = FIRST_PARAMETER + 3
+_UNLOADING = FIRST_PARAMETER + 4
+
+_ZERO = HIGH_FORCE  # the drift at the last passage of zero force; the forces of the farthest points are the backbone's
+
+# Kinds of branches, in INTERNAL; negative on the negative side, 0 before the first yielding
+_YIELDING = 1.0  # on the backbone
+_PINCHED = 2.0  # the first part of the reloading
+_RELOADING = 3.0  # the second one
+_GLIDING = 4.0  # with the unloading stiffness, down and up
+
+_HERE = 1e-12  # over a drift: what lies no farther ahead is reached
+
+
+def _functions() -> LawFunctions:
+    from tdint.kernels.compiling import called, inlined
+    from tdint.kernels.laws.walking import walker
+
+    @inlined
+    def hardening(laws, i):
+        """Slope of the backbone between the yield and the ultimate point, N/m."""
+        strength = laws[_YIELD_FORCE, i]
+        return (laws[_ULTIMATE_FORCE, i] - strength) / (laws[_ULTIMATE_DRIFT, i] - strength / laws[STIFFNESS, i])
+
+    @inlined
+    def backbone(laws, i, drift):
+        """Force of the backbone at a drift beyond the yield drift."""
+        strength = laws[_YIELD_FORCE, i]
+        if drift >= laws[_ULTIMATE_DRIFT, i]:
+            return laws[_ULTIMATE_FORCE, i]
+        return strength + hardening(laws, i) * (drift - strength / laws[STIFFNESS, i])
+
+    @inlined
+    def farthest(springs, i, block, side):
+        """The farthest drift on a side, the present one included; positive on either side."""
+        reached = springs[block + HIGH_DRIFT, i] if side > 0.0 else -springs[block + LOW_DRIFT, i]
+        if springs[block + INTERNAL, i] == side * _YIELDING:
+            reached = max(reached, side * springs[block + DRIFT, i])
+        return reached
+
+    @called
+    def unloading_stiffness(laws, springs, i, block, side):
+        k = laws[STIFFNESS, i]
+        return k * (laws[_YIELD_FORCE, i] / (k * farthest(springs, i, block, side))) ** laws[_UNLOADING, i]
+
+    @inlined
+    def lead(springs, i, block, side, kind, slope, end, turn):
+        """Put the story on a branch that ends at `end` ahead on that side, and does not hold backwards where it
+        turns."""
+        springs[block + INTERNAL, i] = side * kind
+        springs[block + SLOPE, i] = slope
+        springs[block + TURN, i] = turn
+        springs[block + UPPER, i] = end if side > 0.0 else math.inf
+        springs[block + LOWER, i] = -end if side < 0.0 else -math.inf
+
+    @inlined
+    def glide(laws, springs, i, block, side, slope, end):
+        """The line of the unloading stiffness through the present point, from zero force up to `end`."""
+        zero = springs[block + DRIFT, i] - springs[block + FORCE, i] / slope
+        lead(springs, i, block, side, _GLIDING, slope, end, 0.0)
+        if side > 0.0:
+            springs[block + LOWER, i] = zero
+        else:
+            springs[block + UPPER, i] = zero
+
+    @inlined
+    def end_of_pinching(laws, springs, i, block, side, target, force, slope):
+        """Drift at which the first part of the reloading ends, on that side."""
+        zero = side * springs[block + _ZERO, i]
+        pinching = laws[_PINCHING, i]
+        return zero + pinching * (target - (1.0 - pinching) * force / slope - zero)
+
+    @called
+    def load(laws, springs, i, block, side):
+        """Further on that side from a point of the reloading or of the backbone."""
+        drift = side * springs[block + DRIFT, i]
+        here = side * springs[block + FORCE, i]
+        target = farthest(springs, i, block, side)
+        if drift < target * (1.0 - _HERE):
+            force = backbone(laws, i, target)
+            slope = unloading_stiffness(laws, springs, i, block, side)
+            bend = end_of_pinching(laws, springs, i, block, side, target, force, slope)
+            if drift < bend - _HERE * target:
+                to_bend = (laws[_PINCHING, i] * force - here) / (bend - drift)
+                lead(springs, i, block, side, _PINCHED, to_bend, bend, side)
+            else:
+                lead(springs, i, block, side, _RELOADING, (force - here) / (target - drift), target, side)
+        else:
+            springs[block + FORCE, i] = side * backbone(laws, i, drift)
+            ultimate = laws[_ULTIMATE_DRIFT, i]
+            if drift < ultimate * (1.0 - _HERE):
+                lead(springs, i, block, side, _YIELDING, hardening(laws, i), ultimate, side)
+            else:
+                lead(springs, i, block, side, _YIELDING, 0.0, math.inf, side)
+
+    @called
+    def cross(laws, springs, i, block, side):
+        """Zero force is passed towards a side: load there, not stiffer than with its unloading stiffness."""
+        zero = side * springs[block + DRIFT, i]
+        springs[block + FORCE, i] = 0.0
+        springs[block + _ZERO, i] = springs[block + DRIFT, i]
+        target = farthest(springs, i, block, side)
+        force = backbone(laws, i, target)
+        slope = unloading_stiffness(laws, springs, i, block, side)
+        bend = end_of_pinching(laws, springs, i, block, side, target, force, slope)
+        part = laws[_PINCHING, i] * force
+        if bend > zero + _HERE * target and part <= slope * (bend - zero) and zero < target:
+            load(laws, springs, i, block, side)
+            return
+        # Up with the unloading stiffness to where that meets the second part, or behind that the backbone
+        meeting = math.inf
+        if target > bend:
+            second = (force - part) / (target - bend)
+            if slope > second:
+                meeting = (part - second * bend + slope * zero) / (slope - second)
+        if meeting > target or meeting < max(bend, zero):
+            rise = hardening(laws, i)
+            meeting = zero + laws[_ULTIMATE_FORCE, i] / slope
+            if slope > rise:
+                strength = laws[_YIELD_FORCE, i]
+                bent = (strength - rise * strength / laws[STIFFNESS, i] + slope * zero) / (slope - rise)
+                meeting = min(bent, meeting) if bent < laws[_ULTIMATE_DRIFT, i] else meeting
+        glide(laws, springs, i, block, side, slope, meeting)
+
+    @called
+    def switch(laws, springs, i, block, event):
+        kind = springs[block + INTERNAL, i]
+        if kind == 0.0:
+            load(laws, springs, i, block, event)
+        elif event == TURNED:
+            side = springs[block + TURN, i]
+            if side > 0.0:
+                springs[block + HIGH_DRIFT, i] = farthest(springs, i, block, side)
+            else:
+                springs[block + LOW_DRIFT, i] = -farthest(springs, i, block, side)
+            slope = unloading_stiffness(laws, springs, i, block, side)
+            glide(laws, springs, i, block, side, slope, side * springs[block + DRIFT, i])
+        elif abs(kind) == _GLIDING and event * kind < 0.0:
+            cross(laws, springs, i, block, event)
+        else:
+            load(laws, springs, i, block, event)
+
+    @inlined
+    def recoverable(laws, springs, i):
+        force = springs[FORCE, i]
+        side = 1.0 if force > 0.0 else -1.0
+        return 0.5 * force * force / unloading_stiffness(laws, springs, i, 0, side)
+
+    @inlined
+    def dissipated(laws, springs, i):
+        return springs[WORK, i] - recoverable(laws, springs, i)
+
+    @inlined
+    def keep(laws, springs, i, past, trial):
+        for row in range(PLAIN_ROWS, SPRING_ROWS):
+            springs[row, i] = springs[trial + row, i]
+
+    @inlined
+    def enter(laws, springs, i):
+        drift = laws[_YIELD_FORCE, i] / laws[STIFFNESS, i]
+        springs[HIGH_DRIFT, i] = springs[UPPER, i] = drift
+        springs[LOW_DRIFT, i] = springs[LOWER, i] = -drift
+
+    return LawFunctions(
+        force=walker(switch), recoverable=recoverable, dissipated=dissipated, keep=keep, enter=enter, switch=switch
+    )
+
+
+def _fault(stiffness: float, values: Sequence[float]) -> str | None:
+    strength, ultimate, drift = values[:3]
+    if ultimate < strength:
+        return f"ultimate_force must be at least yield_force, got {ultimate:.10g} N under {strength:.10g} N"
+    if drift <= strength / stiffness:
+        return f"ultimate_drift must be beyond the yield drift {strength / stiffness:.6g} m, got {drift:.10g} m"
+    if ultimate >= stiffness * drift:
+        return (
+            f"the ultimate point must lie below the line of the initial stiffness: ultimate_drift beyond "
+            f"{ultimate / stiffness:.6g} m, got {drift:.10g} m"
+        )
+    return None
+
+
+LAW = DriftLaw(
+    "trilinear-pinching",
+    "backbone to (dy, Fy), (ultimate_drift, Fu), flat beyond; unloads with k (dy / dmax)^unloading, reloads pinched",
+    _functions,
+    parameters=(
+        LawParameter("yield_force", force=1, low=0.0, low_allowed=False),
+        LawParameter("ultimate_force", force=1, low=0.0, low_allowed=False),
+        LawParameter("ultimate_drift", length=1, low=0.0, low_allowed=False),
+        LawParameter("pinching", low=0.0, high=1.0, low_allowed=False),
+        LawParameter("unloading", low=0.0, high=1.0, high_allowed=False),
+    ),
+    kinked=True,
+    apart=True,
+    yield_drift=yields_at_its_strength,
+    fault=_fault,
+)
