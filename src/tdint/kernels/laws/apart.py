@@ -29,7 +29,7 @@ _ENTER = 4
 _SWITCH = 5
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def _call(typing_context, address, hook, laws, springs, i, past, trial, x):
     """Call a compiled function of `_SIGNATURE` at an address that a float64 holds (exactly: addresses have 48 bits)."""
 
