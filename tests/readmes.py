@@ -20,7 +20,7 @@ from tempfile import TemporaryDirectory
 from click.testing import CliRunner
 
 from tdint.analysis.assessment.hard_problems import HardProblem, problems
-from tdint.kernels.laws.law import LawParameter
+from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
 from tdint.model.laws import LAWS
@@ -88,14 +88,22 @@ def _range(parameter: LawParameter):
     return f"{'[' if parameter.low_allowed else '('}{low:g}, {high:g}{']' if parameter.high_allowed else ')'}"
 
 
+def _key(law: DriftLaw, parameter: LawParameter):
+    """What a model file says of a parameter of a law, or of the group that it belongs to."""
+    if parameter.group:
+        members = ", ".join(f"`{one.name}`" for one in law.parameters if one.group == parameter.group)
+        about = ("a number for all of " if parameter.shared else "") + members + "; may be left out"
+        return f"`{parameter.group}` ({about})"
+    default = f"{parameter.default:g} where left out" if parameter.default is not None else ""
+    about = ", ".join(filter(None, (_dimension(parameter), _range(parameter), default)))
+    return f"`{parameter.name}`" + f" ({about})" * bool(about)
+
+
 def law_table():
     """The drift laws as a table: formulas, and keys with dimension and range."""
     rows = ["| law | restoring force | keys |", "|---|---|---|"]
     for law in LAWS.values():
-        keys = []
-        for parameter in law.parameters:
-            about = ", ".join(filter(None, (_dimension(parameter), _range(parameter))))
-            keys.append(f"`{parameter.name}`" + f" ({about})" * bool(about))
+        keys = dict.fromkeys(_key(law, parameter) for parameter in law.parameters)
         formula = law.formula.replace("|", "\\|")
         rows.append(f"| `{law.name}` | {formula} | {', '.join(keys)} |")
     return "\n".join(rows) + "\n"

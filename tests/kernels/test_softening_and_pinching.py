@@ -1,0 +1,343 @@
+"""The trilinear-pinching and the imk law: stated a second time, as curves instead of branches, and by hand."""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+from itertools import groupby, pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tdint.analysis.run.cyclic import follow_path
+from tdint.model.building import assemble
+from tdint.model.definition import Law
+from tdint.model.simple import simple_model, simple_story
+
+LOOPS = os.environ.get("TDINT_LAW_LOOPS")
+"""A folder with law_loops.csv: loops of other programs, in units of yield drift and force."""
+
+
+def imposed(law, drifts):
+    """A story with stiffness and yield force 1 along a path, from rest."""
+    building = assemble(simple_model("one", [simple_story(1.0, law, stiffness=1.0)]))
+    return follow_path(building, 1, np.asarray(drifts, float))
+
+
+def trilinear(ultimate=3.0, drift=20.0, pinching=0.5, unloading=0.3):
+    return Law("trilinear-pinching", (1.0, ultimate, drift, pinching, unloading))
+
+
+def side(strength=1.0, plastic=4.0, post_capping=8.0, cap=1.2, residual=0.2, ultimate=40.0, rate=1.0):
+    return (strength, plastic, post_capping, cap, residual, ultimate, rate)
+
+
+def imk(positive=None, negative=None, deterioration=math.inf, exponent=1.0, pinching=(1.0, 1.0)):
+    positive = side() if positive is None else positive
+    return Law("imk", (*positive, *(negative or positive), *4 * [deterioration], exponent, *pinching))
+
+
+def random_path(seed, largest, turns=40, points=15):
+    generator = np.random.default_rng(seed)
+    ends = [0.0, *generator.uniform(-largest, largest, turns)]
+    return np.concatenate([np.linspace(a, b, points)[1:] for a, b in pairwise(ends)])
+
+
+# ---- A second statement of each law
+
+
+class TrilinearCurves:
+    """The force is the smallest of three: reloading curve, backbone, unloading line through the turn point."""
+
+    def __init__(self, ultimate, drift, pinching, unloading):
+        self.ultimate, self.drift, self.pinching, self.unloading = ultimate, drift, pinching, unloading
+        self.x = self.f = self.zero = 0.0
+        self.far = {1: 1.0, -1: 1.0}
+
+    def backbone(self, x):
+        return float(np.interp(x, [0.0, 1.0, self.drift], [0.0, 1.0, self.ultimate]))
+
+    def slope(self, side):
+        return self.far[side] ** -self.unloading
+
+    def go(self, x):
+        side = 1 if x > self.x else -1
+        if self.f * side < 0.0:
+            zero = self.x - self.f / self.slope(-side)
+            if side * x <= side * zero:
+                self.f += self.slope(-side) * (x - self.x)
+                self.x = x
+                return
+            self.x, self.f, self.zero = zero, 0.0, zero
+        far, z, slope = self.far[side], side * self.zero, self.slope(side)
+        force = self.backbone(far)
+        bend = z + self.pinching * (far - (1.0 - self.pinching) * force / slope - z)
+        if side * x >= far:
+            new = self.backbone(side * x)
+        else:
+            points = [(z, 0.0), (bend, self.pinching * force), (far, force)]
+            line = np.interp(side * x, *zip(*points, strict=True))
+            new = min(line, side * self.f + slope * side * (x - self.x))
+        self.x, self.f = x, side * new
+        self.far[side] = max(far, side * x)
+
+
+class ImkCurves:
+    """Loading goes along a polygon that is drawn at each passage of zero force and at each return to the last peak."""
+
+    def __init__(self, positive, negative, deterioration, exponent, pinching):
+        self.sides = {1: dict(zip(["F", "p", "q", "c", "r", "u", "D"], positive, strict=True))}
+        self.sides[-1] = dict(zip(["F", "p", "q", "c", "r", "u", "D"], negative, strict=True))
+        for one in self.sides.values():
+            one |= {"rise": (one["c"] - 1.0) * one["F"] / one["p"], "fall": -one["c"] * one["F"] / one["q"]}
+            one |= {"rest": one["r"] * one["F"], "far": one["F"], "peak": (one["F"], one["F"])}
+            one["start"] = one["c"] * one["F"] - one["fall"] * (one["F"] + one["p"])
+        self.capacity, self.exponent, self.pinching = deterioration, exponent, pinching
+        self.x = self.f = self.work = self.at_zero = 0.0
+        self.slope, self.pinch = 1.0, None
+        self.loading = self.yielded = 0
+        self.polygon = []
+
+    def backbone(self, side, x):
+        one = self.sides[side]
+        return max(min(one["F"] + one["rise"] * (x - one["F"]), one["start"] + one["fall"] * x), one["rest"])
+
+    def beta(self, work, before):
+        return (max(work, 0.0) / (self.capacity - before)) ** self.exponent if self.capacity < math.inf else 0.0
+
+    def draw(self, side, here, *points):
+        """From here over some points and the farthest one along the backbone."""
+        one = self.sides[side]
+        far = one["far"]
+        cap = (one["start"] - one["F"] + one["rise"] * one["F"]) / (one["rise"] - one["fall"])
+        rest = (one["rest"] - one["start"]) / one["fall"]
+        bends = [x for x in (cap, rest, one["u"]) if x > far]
+        self.polygon = [here, *points, *((x, self.backbone(side, x)) for x in (far, *bends))]
+        self.loading = side
+
+    def aim(self, side, here):
+        """The last peak, if the way there is the steeper one."""
+        far, peak = self.sides[side]["far"], self.sides[side]["peak"]
+        force = self.backbone(side, far)
+        if here[0] < peak[0] and here[1] < peak[1] < force:
+            steep = (peak[1] - here[1]) / (peak[0] - here[0]) > (force - here[1]) / (far - here[0])
+            return (peak,) if steep else ()
+        return ()
+
+    def cross(self, side):
+        one = self.sides[side]
+        beta = self.beta(self.work - self.at_zero, self.work)
+        self.at_zero = self.work
+        left = 1.0 - beta * one["D"]
+        one["F"] *= left
+        one["rise"] *= left
+        one["start"] *= left
+        one["far"] *= 1.0 + beta * one["D"]
+        far, z = one["far"], side * self.x
+        force = self.backbone(side, far)
+        x = (1.0 - self.pinching[1]) * (far - force / self.slope)
+        self.pinch = (x, self.pinching[0] * force * (x - z) / (far - z)) if self.pinching != (1.0, 1.0) else None
+        first = (self.pinch,) if self.pinch and z < x else ()
+        self.draw(side, (z, 0.0), *first, *self.aim(side, first[0] if first else (z, 0.0)))
+
+    def again(self, side):
+        """Back at the last peak."""
+        one = self.sides[side]
+        peak, far = one["peak"], one["far"]
+        force = self.backbone(side, far)
+        points = ()
+        if self.pinch and peak[0] < self.pinch[0] < far and peak[1] < self.pinch[1] < force:
+            flat = (self.pinch[1] - peak[1]) / (self.pinch[0] - peak[0]) < (force - peak[1]) / (far - peak[0])
+            points = (self.pinch,) if flat else ()
+        self.draw(side, peak, *points)
+
+    def to(self, x, f):
+        self.work += 0.5 * (self.f + f) * (x - self.x)
+        self.x, self.f = x, f
+
+    def along_polygon(self, x):
+        side = self.loading
+        for a, b in [*self.polygon, (side * x, None)][1:]:
+            if side * self.x < a <= side * x:
+                self.to(side * a, side * (np.interp(a, *zip(*self.polygon, strict=True)) if b is None else b))
+
+    def go(self, x):
+        side = 1 if x > self.x else -1
+        if not self.yielded:
+            if side * x <= self.sides[side]["F"]:
+                self.to(x, x)
+                return
+            self.yielded = 1
+            self.to(side * self.sides[side]["F"], side * self.sides[side]["F"])
+            self.draw(side, (side * self.x, side * self.f))
+        if self.loading == -side:
+            one = self.sides[-side]
+            one["peak"] = (-side * self.x, -side * self.f)
+            one["far"] = max(one["far"], -side * self.x)
+            stored = 0.5 * self.f**2 / self.slope
+            self.slope *= 1.0 - self.beta(self.work - self.at_zero - stored, self.work - stored)
+            self.loading = 0
+        if self.loading == 0:
+            zero = self.x - self.f / self.slope
+            if self.f * side < 0.0:
+                if side * x <= side * zero:
+                    self.to(x, self.f + self.slope * (x - self.x))
+                    return
+                self.to(zero, 0.0)
+                self.cross(side)
+            else:
+                peak = self.sides[side]["peak"]
+                if side * x <= peak[0]:
+                    self.to(x, self.f + self.slope * (x - self.x))
+                    return
+                self.to(side * peak[0], side * peak[1])
+                self.again(side)
+        self.along_polygon(x)
+
+
+def curves(story, path):
+    forces = []
+    for x in path:
+        story.go(x)
+        forces.append(story.f)
+    return np.array(forces)
+
+
+@pytest.mark.parametrize("unloading", [0.0, 0.4])
+@pytest.mark.parametrize("pinching", [0.2, 0.7, 1.0])
+@pytest.mark.parametrize("largest", [0.9, 3.0, 30.0])
+def test_trilinear_pinching_by_curves(pinching, unloading, largest):
+    for seed in range(4):
+        path = random_path(seed, largest)
+        law = (2.5, 12.0, pinching, unloading)
+        assert imposed(trilinear(*law), path).shear == pytest.approx(curves(TrilinearCurves(*law), path), abs=1e-10)
+
+
+SIDES = {
+    "equal": (side(), side()),
+    "different": (side(), side(0.8, 3.0, 12.0, 1.1, 0.3, 50.0, 0.6)),
+}
+
+
+@pytest.mark.parametrize("sides", SIDES)
+@pytest.mark.parametrize("pinching", [(1.0, 1.0), (0.3, 0.5), (0.6, 0.2)])
+@pytest.mark.parametrize(("capacity", "exponent"), [(math.inf, 1.0), (150.0, 1.0), (100.0, 1.5)])
+def test_imk_by_curves(sides, pinching, capacity, exponent):
+    for seed in range(4):
+        path = random_path(seed, 9.0, turns=25)
+        story = ImkCurves(*SIDES[sides], capacity, exponent, pinching)
+        got = imposed(imk(*SIDES[sides], capacity, exponent, pinching), path)
+        assert got.shear == pytest.approx(curves(story, path), abs=1e-9)
+        assert got.recoverable[-1] + got.dissipated[-1] == pytest.approx(story.work, rel=1e-10)
+        assert np.min(np.diff(got.dissipated)) > -1e-10
+
+
+# ---- Relatives
+
+
+def test_without_pinching_and_before_its_ultimate_drift_the_trilinear_law_is_the_peak_oriented_one():
+    path = random_path(1, 15.0)
+    hardening = 2.0 / 19.0
+    clough = imposed(Law("peak-oriented", (1.0, hardening, 0.3)), path)
+    mine = imposed(trilinear(pinching=1.0), path)
+    assert mine.shear == pytest.approx(clough.shear, abs=1e-10)
+    assert mine.dissipated == pytest.approx(clough.dissipated, abs=1e-9)
+
+
+def test_before_its_capping_the_imk_law_in_growing_cycles_is_the_peak_oriented_one():
+    path = np.concatenate([size * np.sin(np.linspace(0.0, 2.0 * np.pi, 81)) for size in (2.0, 4.0, 7.0, 9.0)])
+    law = imk(side(plastic=20.0, cap=3.0))
+    clough = imposed(Law("peak-oriented", (1.0, 0.1, 0.0)), path)
+    assert imposed(law, path).shear == pytest.approx(clough.shear, abs=1e-10)
+    assert imposed(law, path).dissipated == pytest.approx(clough.dissipated, abs=1e-9)
+
+
+@pytest.mark.parametrize("pinching", [(1.0, 1.0), (0.3, 0.5)])
+def test_a_large_capacity_is_none(pinching):
+    path = random_path(3, 9.0)
+    without = imposed(imk(pinching=pinching), path).shear
+    errors = [
+        np.max(np.abs(imposed(imk(deterioration=d, pinching=pinching), path).shear - without)) for d in (1e6, 1e8)
+    ]
+    assert errors[0] < 1e-3
+    assert errors[1] < 0.02 * errors[0]
+
+
+# ---- By hand
+
+
+def test_the_backbone_of_the_imk_law():
+    """Yield at 1, capping at 5 with 1.2, down by 0.15 each, residual 0.2 from 5 + 1 / 0.15 on, nothing beyond 15."""
+    path = imposed(imk(side(ultimate=15.0)), [0.5, 1.0, 3.0, 5.0, 7.0, 11.0, 12.0, 14.9, 15.1, 14.0, -3.0])
+    assert path.shear == pytest.approx([0.5, 1.0, 1.1, 1.2, 0.9, 0.3, 0.2, 0.2, 0.0, 0.0, 0.0], abs=1e-12)
+    work = 0.5 + 4.4 + 0.7 / 0.15 + 0.2 * (10.0 - 1.0 / 0.15)
+    assert path.dissipated[-1] == pytest.approx(work, rel=1e-12)
+    assert path.recoverable[-1] == 0.0
+
+
+def test_a_story_whose_deterioration_exceeds_one_carries_nothing():
+    """To 3: work 0.5 + 2.1, of which 1.1^2 / 2 is given back: beta = 1.995 / (capacity - 1.995) on turning."""
+    spent = 0.5 + 2.1 - 0.5 * 1.1**2
+    path = [3.0, 2.9, 0.0, -4.0]
+    assert imposed(imk(deterioration=1.99 * spent), path).shear == pytest.approx([1.1, 0.0, 0.0, 0.0], abs=1e-12)
+    alive = imposed(imk(deterioration=4.0 * spent), path)
+    assert alive.shear[1] == pytest.approx(1.1 - 0.1 * (1.0 - 1.0 / 3.0), rel=1e-12)
+
+
+def test_deterioration_at_zero_force_by_hand():
+    """The same way, a capacity so large that the unloading stiffness stays about 1: all the work is lost at zero
+    force, and strength, capping line and farthest drift of the other side change by one beta."""
+    capacity = 100.0
+    spent = 0.5 + 2.1 - 0.5 * 1.1**2
+    stiffness = 1.0 - spent / (capacity - spent)
+    lost = 2.6 - 0.5 * 1.1**2 / stiffness
+    beta = lost / (capacity - lost)
+    far = 1.0 + beta
+    force = (1.0 - beta) * (1.0 + 0.05 * (far - (1.0 - beta)))
+    zero = 3.0 - 1.1 / stiffness
+    path = imposed(imk(deterioration=capacity), [3.0, zero, 0.5 * (zero - far), -far])
+    assert path.shear == pytest.approx([1.1, 0.0, -0.5 * force, -force], abs=1e-12)
+
+
+def test_a_turn_at_zero_residual_force_is_a_passage_of_zero():
+    """Beyond the end of the capping line there is no force; back, the other side is loaded at once."""
+    path = imposed(imk(side(residual=0.0)), [14.0, 13.5, -1.0, -1.5])
+    assert path.shear == pytest.approx([0.0, -0.5 / 15.0, -1.0, -1.025], abs=1e-12)
+
+
+def test_a_farthest_point_that_zero_force_passed_lies_ahead():
+    """A first turn that takes most of the unloading stiffness: zero force lies beyond the other side's yield point, and
+    the force grows again from there without a jump."""
+    law = imk(side(plastic=20.0), deterioration=19.6)
+    path = imposed(law, [*np.linspace(0.0, 10.0, 11), *np.linspace(10.0, -20.0, 3001)])
+    zero = np.flatnonzero(path.shear < 0.0)[0]
+    assert path.drift[zero] < -1.0
+    assert 0.3 < -np.min(path.shear) < 1.2
+    assert np.max(np.abs(np.diff(path.shear[11:]))) < 0.0101
+
+
+@pytest.mark.skipif(not LOOPS, reason="TDINT_LAW_LOOPS does not name a folder")
+def test_loops_of_another_program():
+    laws = {
+        "hysteretic_w1_high": trilinear(3.0, 1.0 + 2.0 / 0.0870354, 0.8, 0.1),
+        "hysteretic_urm_pre": trilinear(2.0, 1.0 + 1.0 / 0.111111, 0.2, 0.1),
+        "hysteretic_c1_high": trilinear(3.0, 1.0 + 2.0 / 0.0864933, 0.5, 0.4),
+        "imk_peak_no_deterioration": imk(deterioration=1e6),
+        "imk_peak_lambda50": imk(deterioration=50.0),
+        "imk_peak_lambda20": imk(deterioration=20.0),
+        "imk_pinching_no_deterioration": imk(deterioration=1e6, pinching=(0.3, 0.5)),
+        "imk_pinching_lambda50": imk(deterioration=50.0, pinching=(0.3, 0.5)),
+    }
+    rows = list(csv.DictReader((Path(LOOPS) / "law_loops.csv").read_text().splitlines()))
+    cases = {key: list(group) for key, group in groupby(rows, key=lambda row: (row["case"], row["path"]))}
+    assert {case for case, _ in cases} == set(laws)
+    for (case, _), group in cases.items():
+        drift, force, work = (
+            np.array([float(row[column]) for row in group])
+            for column in ("displacement_over_dy", "force_over_fy", "dissipated_over_fy_dy")
+        )
+        path = imposed(laws[case], drift)
+        assert np.max(np.abs(path.shear - force)) < 1e-6
+        assert np.max(np.abs(path.recoverable + path.dissipated - work)) < 1e-5
