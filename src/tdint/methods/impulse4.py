@@ -161,7 +161,15 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
 
 @called
 def _change(chain, laws, state, springs, story, how):
-    """Change the branch of a story. If it fails, the force that it loses at once accelerates the floors."""
+    """Change the branch of a story.
+
+    It is put at the end of its branch first, which the motion may miss by rounding: else a law might find the end still
+    ahead, over and over. If the story fails, the force that it loses at once accelerates the floors.
+    """
+    if how == ABOVE:
+        advance(laws, springs, story, 0, springs[UPPER, story])
+    elif how == BELOW:
+        advance(laws, springs, story, 0, springs[LOWER, story])
     force = springs[FORCE, story]
     switch(laws, springs, story, 0, how)
     jump = springs[FORCE, story] - force

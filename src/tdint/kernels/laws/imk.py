@@ -65,7 +65,8 @@ _UNLOADING_STIFFNESS = 8
 _WORK_AT_ZERO = 9  # at the last passage of zero force, J
 _PINCHED_DRIFT = 10  # the point at which the first part of the present reloading ends
 _PINCHED_FORCE = 11
-_FURTHER = 12
+_TURNED_AT = 12  # the drift at the last turn since the last passage of zero force
+_FURTHER = 13
 
 # Kinds of branches, in INTERNAL; negative on the negative side, 0 before the first yielding
 _UNLOADING = 1.0
@@ -78,6 +79,9 @@ _RESIDUAL = 7.0
 _FAILED = 8.0  # not negative
 
 _HERE = 1e-12  # over a drift: what lies no farther ahead is reached
+_AGAIN = (
+    1e-6  # over the farthest drift: a turn no farther from the last one is the same one, which a step missed a little
+)
 
 
 def _functions() -> LawFunctions:
@@ -227,6 +231,9 @@ def _functions() -> LawFunctions:
             springs[block + of(side, _FAR_DRIFT), i] = drift
             springs[block + of(side, _FAR_FORCE), i] = force
         lost = beta_of_turning(laws, springs, i, block)
+        if abs(side * drift - springs[first + _TURNED_AT, i]) <= _AGAIN * springs[block + of(side, _FAR_DRIFT), i]:
+            lost = 0.0
+        springs[first + _TURNED_AT, i] = side * drift
         if lost >= 1.0:
             fail(springs, i, block)
             return
@@ -260,6 +267,7 @@ def _functions() -> LawFunctions:
         """Zero force is passed towards a side."""
         first = further(springs, block)
         springs[block + FORCE, i] = 0.0
+        springs[first + _TURNED_AT, i] = math.inf
         if deteriorate(laws, springs, i, block, side):
             fail(springs, i, block)
             return
@@ -346,6 +354,7 @@ def _functions() -> LawFunctions:
         k = laws[STIFFNESS, i]
         first = further(springs, 0)
         springs[first + _UNLOADING_STIFFNESS, i] = k
+        springs[first + _TURNED_AT, i] = math.inf
         for side in (1.0, -1.0):
             strength = given(laws, i, side, _YIELD_FORCE)
             springs[of(side, _FAR_DRIFT), i] = springs[first + of(side, _PEAK_DRIFT), i] = strength / k

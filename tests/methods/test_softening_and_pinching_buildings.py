@@ -1,0 +1,61 @@
+"""Buildings of stories that pinch, soften and fail: order 4, energy, two routes, collapse at its time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from building_cases import Law, RayleighCoefficients, model, noise, story
+from references import orders
+from tdint import run
+
+DAMPING = RayleighCoefficients(mass=0.3, stiffness=2e-3)
+MASS = 2e5
+
+
+def building(name, seed, **more):
+    """Two to six stories of random properties, weaker and softer towards the roof."""
+    random = np.random.default_rng(seed)
+    n = int(random.integers(2, 7))
+    stories = []
+    for i in range(n):
+        stiffness = 6e7 * random.uniform(0.7, 1.3) * (1.0 - 0.5 * i / n) * n**0.5
+        strength = 2.45 * MASS * n * (1.0 - i * (i + 1) / (n * (n + 1))) * random.uniform(0.8, 1.2)
+        law = LAWS[name](random, strength, strength / stiffness)
+        stories.append(story(MASS, stiffness, law, height=3.2))
+    return model(stories, damping=DAMPING, **more)
+
+
+def trilinear(random, strength, dy):
+    ultimate, drift = strength * random.uniform(1.3, 3.0), dy * random.uniform(8.0, 25.0)
+    return Law("trilinear-pinching", (strength, ultimate, drift, random.uniform(0.2, 0.9), random.uniform(0.0, 0.4)))
+
+
+def imk(random, strength, dy):
+    side = (strength, dy * random.uniform(3.0, 6.0), dy * random.uniform(8.0, 20.0), 1.15, 0.15, 60.0 * dy, 1.0)
+    pinching = (0.3, 0.5) if random.random() < 0.5 else (1.0, 1.0)
+    return Law("imk", (*side, 0.9 * strength, *side[1:], *4 * [random.uniform(30.0, 100.0) * dy], 1.0, *pinching))
+
+
+def clough(random, strength, dy):
+    return Law("peak-oriented", (strength, 0.08, random.uniform(0.0, 0.4)))
+
+
+LAWS = {"trilinear-pinching": trilinear, "imk": imk, "peak-oriented": clough}
+
+
+@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("seed", range(3))
+def test_order_4_energy_and_average_acceleration(name, seed):
+    """The finest run of average acceleration goes another way through the laws: over whole steps, without events."""
+    case, record = building(name, seed), noise(samples=501, seed=seed, peak=6.0)
+    runs = [run(case, record, method="impulse4", dt=record.dt / parts, history=True) for parts in (1, 2, 4, 8, 32)]
+    u = [response.history.displacement[::parts] for response, parts in zip(runs, (1, 2, 4, 8, 32), strict=True)]
+    size = np.linalg.norm(u[-1])
+    errors = [np.linalg.norm(one - u[-1]) / size for one in u[:-1]]
+    assert runs[0].events > 40
+    assert runs[0].stories.ductility.max() > 2.0
+    assert np.all((orders(errors) > 3.5) & (orders(errors) < 4.4))
+    assert np.max(np.abs(runs[0].history.energy.error)) < 1e-4
+    average = run(case, record, method="newmark-average", dt=record.dt / 64, history=True)
+    assert np.linalg.norm(average.history.displacement[::64] - u[-1]) < 1e-4 * size
