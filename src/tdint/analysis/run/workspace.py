@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tdint.analysis.run.steps import Steps
 from tdint.errors import AnalysisError
+from tdint.kernels.laws.apart import spring_table
 from tdint.kernels.layout import (
     ALL_BRANCHES,
     BRANCHES,
@@ -18,8 +19,6 @@ from tdint.kernels.layout import (
     NO_BRANCHES,
     POWER_DAMPERS,
     SOME_BRANCHES,
-    SPRING_BLOCKS,
-    SPRING_ROWS,
 )
 from tdint.kernels.march.march import march
 from tdint.kernels.march.observing import (
@@ -71,7 +70,7 @@ def workspace(building: Building, integrator: Integrator, steps: int = 0, betwee
     observed[BETWEEN_STEPS] = between
     return Workspace(
         state=np.zeros((family.state_rows, n + 1)),
-        springs=np.zeros((SPRING_BLOCKS * SPRING_ROWS, n + 1)),
+        springs=spring_table(building.laws),
         work=np.zeros((family.work_rows(modes), max(n, 2 * modes) + 1)),
         memo=memo,
         watch=np.zeros((OBSERVER_ROWS, n + 1)),
