@@ -163,15 +163,18 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
 def _change(chain, laws, state, springs, story, how):
     """Change the branch of a story.
 
-    It is put at the end of its branch first, which the motion may miss by rounding: else a law might find the end still
-    ahead, over and over. If the story fails, the force that it loses at once accelerates the floors.
+    It does so at the end of its branch, which the motion may miss by rounding and by what the interpolant errs: from
+    beside it a law might find the same end still ahead, over and over. A force that changes at once, as that of a story
+    that fails, accelerates the floors.
     """
-    if how == ABOVE:
-        advance(laws, springs, story, 0, springs[UPPER, story])
-    elif how == BELOW:
-        advance(laws, springs, story, 0, springs[LOWER, story])
+    drift = springs[DRIFT, story]
     force = springs[FORCE, story]
-    switch(laws, springs, story, 0, how)
+    if how == TURNED:
+        switch(laws, springs, story, 0, how)
+    else:
+        advance(laws, springs, story, 0, springs[UPPER, story] if how == ABOVE else springs[LOWER, story])
+        switch(laws, springs, story, 0, how)
+        advance(laws, springs, story, 0, drift)
     jump = springs[FORCE, story] - force
     if jump != 0.0:
         state[ACCELERATION, story] -= jump * chain[INVERSE_MASS, story]
