@@ -3,28 +3,28 @@
 from __future__ import annotations
 
 import logging
+import signal
+import threading
 import traceback
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any
 
 import click
 
 from tdint.errors import TdintError
-from tdint_cli.terminal.streams import say
+from tdint_cli.settings import Settings
+from tdint_cli.terminal.streams import complain, note, warn
 
 BUG = 1
 OUT_OF_MEMORY = 5
-INTERRUPTED = 130  # what a shell reports for a program ended by Ctrl-C
+INTERRUPTED, TERMINATED = 130, 143
+"""What a shell reports for a program ended by Ctrl-C (SIGINT), or by SIGTERM."""
 
 
-@dataclass
-class Settings:
-    """What `--debug` sets, wherever it stands on the command line; every click context carries it."""
-
-    debug: bool = False
+class Terminated(BaseException):
+    """The process was asked to end (SIGTERM): raised wherever it is, so that no half-written file stays."""
 
 
 class Failures(TdintError):
@@ -38,22 +38,35 @@ class Failures(TdintError):
 def exit_code_of(command: Callable[[], Any], settings: Settings) -> int:
     """Run a command and tell its exit code; whatever it raises is reported."""
     try:
-        with _warnings_as_lines(), _notes_of_the_library():
+        with _termination_as_an_exception(), _warnings_as_lines(), _notes_of_the_library():
             code = command()
             return code if isinstance(code, int) else 0
     except click.ClickException as error:
-        error.show()
+        _show(error)
         return error.exit_code
     except (click.Abort, KeyboardInterrupt):
-        say("Interrupted")
+        complain("Interrupted")
         return INTERRUPTED
+    except Terminated:
+        complain("Terminated")
+        return TERMINATED
     except Exception as error:
         if settings.debug:
-            say(traceback.format_exc().rstrip())
+            complain(traceback.format_exc().rstrip())
         lines, code = _report(error)
         for line in lines:
-            say(f"Error: {line}")
+            complain(f"Error: {line}")
         return code
+
+
+def _show(error: click.ClickException) -> None:
+    """What click says of a command line, on one line; `tdint` without anything shows its help."""
+    if isinstance(error, getattr(click.exceptions, "NoArgsIsHelpError", ())):
+        error.show()
+        return
+    context = error.ctx if isinstance(error, click.UsageError) else None
+    hint = f" (see {context.command_path} --help)" if context else ""
+    complain(f"Error: {' '.join(error.format_message().split())}{hint}")
 
 
 def _report(error: Exception) -> tuple[list[str], int]:
@@ -68,11 +81,29 @@ def _report(error: Exception) -> tuple[list[str], int]:
 
 
 @contextmanager
+def _termination_as_an_exception() -> Iterator[None]:
+    """SIGTERM ends the command as Ctrl-C does; asking again changes nothing while it cleans up."""
+
+    def end(*_: Any) -> None:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        raise Terminated
+
+    if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
+        yield  # Elsewhere Python sets no handlers, and one that is there, or SIG_IGN, was meant.
+        return
+    signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+@contextmanager
 def _warnings_as_lines() -> Iterator[None]:
     """Show Python's warnings as one line without file and source."""
 
     def show(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
-        say(f"Warning: {' '.join(str(message).split())}")
+        warn(" ".join(str(message).split()))
 
     with warnings.catch_warnings():
         warnings.showwarning = show
@@ -83,7 +114,7 @@ class _Notes(logging.Handler):
     """Shows what the library logs as `note: ...`."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        say(f"{'Warning' if record.levelno >= logging.WARNING else 'note'}: {record.getMessage()}")
+        (warn if record.levelno >= logging.WARNING else note)(record.getMessage())
 
 
 @contextmanager

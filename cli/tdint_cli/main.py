@@ -15,8 +15,9 @@ from typing import Any, NoReturn
 
 import click
 
-from tdint_cli.errors import Settings, exit_code_of
+from tdint_cli.errors import exit_code_of
 from tdint_cli.options.headings import general, write_options
+from tdint_cli.settings import Settings
 
 GROUPS = {
     "Buildings": {
@@ -118,7 +119,7 @@ def cli() -> None:
     """Earthquake response of shear buildings, with a time-integration method of your choice.
 
     Data go to standard output or to -o, words to standard error. Exit codes: 0 done, 1 a bug, 2 usage, 3 model file,
-    4 record, 5 analysis, 6 output.
+    4 record, 5 analysis, 6 output, 130 interrupted, 143 terminated.
     """
 
 

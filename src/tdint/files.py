@@ -15,7 +15,7 @@ Writer = Callable[[BinaryIO], object]
 """Writes the content of one file to a stream."""
 
 
-def check_outputs(files: Iterable[Path], *, overwrite: bool, new_folder: bool = False) -> None:
+def check_outputs(files: Iterable[Path], *, overwrite: bool) -> None:
     """Make sure that files can be written, before the work whose results they shall hold.
 
     Parameters
@@ -24,14 +24,12 @@ def check_outputs(files: Iterable[Path], *, overwrite: bool, new_folder: bool = 
         All outputs of a command.
     overwrite : bool
         Whether existing files may be replaced.
-    new_folder : bool
-        Whether the files' folder may be missing; the folder above it may not.
 
     Raises
     ------
     OutputError
-        The first obstacle: an existing file, a folder in the way, a missing or read-only folder, two outputs of one
-        name.
+        The first obstacle: an existing file, a folder in the way, a read-only folder, two outputs of one name. Missing
+        folders are none: `write_files` makes them.
     """
     seen: set[str] = set()
     for file in files:
@@ -42,14 +40,12 @@ def check_outputs(files: Iterable[Path], *, overwrite: bool, new_folder: bool = 
             if real in seen:
                 raise OutputError(f"{file}: two outputs would have this name")
             seen.add(real)
-            _check_folder(file, file.parent, new_folder)
+            _check_folder(file)
             _check_free(file, overwrite)
 
 
-def write_files(
-    writers: Mapping[Path, Writer], *, overwrite: bool, new_folder: bool = False, stale: Iterable[Path] = ()
-) -> None:
-    """Write files so that each is there whole or not at all, in the order given.
+def write_files(writers: Mapping[Path, Writer], *, overwrite: bool, stale: Iterable[Path] = ()) -> None:
+    """Write files so that each is there whole or not at all, in the order given; missing folders are made.
 
     All are written under temporary names first; only then they take their places. Whatever goes wrong before, Ctrl-C
     too, leaves the folder as it was. A symbolic link is followed.
@@ -58,8 +54,8 @@ def write_files(
     ----------
     writers : mapping of Path to callable
         What writes each file to a binary stream.
-    overwrite, new_folder : bool
-        As in `check_outputs`; a missing folder is made.
+    overwrite : bool
+        Whether existing files may be replaced.
     stale : iterable of Path
         Files of an earlier run that do not belong to the new ones: removed, with `overwrite` only.
 
@@ -68,15 +64,12 @@ def write_files(
     OutputError
         A file cannot be written.
     """
-    check_outputs(writers, overwrite=overwrite, new_folder=new_folder)
+    check_outputs(writers, overwrite=overwrite)
     made: list[Path] = []
     temporaries: list[Path] = []
     try:
-        for folder in {file.parent: None for file in writers} if new_folder else ():
-            if not folder.exists():
-                with _in_words(folder):
-                    folder.mkdir()
-                made.append(folder)
+        for folder in {file.parent: None for file in writers}:
+            made += _made(folder)
         for file, writer in writers.items():
             temporary = Path(os.path.realpath(file)).with_name(f".tdint-{secrets.token_hex(8)}.tmp")
             temporaries.append(temporary)
@@ -88,7 +81,7 @@ def write_files(
         for temporary in temporaries:
             with suppress(OSError):
                 temporary.unlink()
-        for folder in made:
+        for folder in reversed(made):
             with suppress(OSError):  # Not empty: some file has taken its place.
                 folder.rmdir()
         raise
@@ -102,15 +95,31 @@ def write_file(file: Path, writer: Writer, *, overwrite: bool) -> None:
     write_files({file: writer}, overwrite=overwrite)
 
 
-def _check_folder(file: Path, folder: Path, may_be_new: bool) -> None:
-    if may_be_new and not folder.exists():
-        _check_folder(folder, folder.parent, False)
-    elif not folder.exists():
-        raise OutputError(f"{file}: there is no folder {folder}; make it first")
-    elif not folder.is_dir():
+def _check_folder(file: Path) -> None:
+    """Make sure that the file's folder, or what is there of the folders above it, can be written into."""
+    folder = file.parent
+    while not folder.exists() and folder != folder.parent:
+        folder = folder.parent
+    if not folder.is_dir():
         raise OutputError(f"{file}: {folder} is a file, not a folder")
-    elif not os.access(folder, os.W_OK | os.X_OK):
+    if not os.access(folder, os.W_OK | os.X_OK):
         raise OutputError(f"{file}: no permission to write in the folder {folder}")
+
+
+def _made(folder: Path) -> list[Path]:
+    """Make a folder and those above it that are missing; the new ones, the outermost first.
+
+    What another process makes meanwhile is not new; and it may stay, with what it holds.
+    """
+    if folder.exists():
+        return []
+    made = _made(folder.parent)
+    with _in_words(folder):
+        try:
+            folder.mkdir()
+        except FileExistsError:
+            return made
+    return [*made, folder]
 
 
 def _check_free(file: Path, overwrite: bool) -> None:

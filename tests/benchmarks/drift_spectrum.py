@@ -13,7 +13,7 @@ import numpy as np
 
 from tdint import read_record
 from tdint.analysis.spectra.drift import drift_spectrum
-from tdint.analysis.spectra.elastic import parse_periods
+from tdint.quantities import parse_grid
 
 REPEATS = 5
 RECORD = Path(__file__).parents[2] / "records" / "firm-soil.mseed"
@@ -29,7 +29,7 @@ def finer(record, parts):
 def main():
     """Print the table."""
     record = read_record(RECORD, component="HN1", units="m/s^2")
-    periods = parse_periods("0.2:10:200")
+    periods = parse_grid("0.2:10:200").values()
     some = periods[::10]
     print(f"{record.acceleration.size} samples, {periods.size} periods; errors at {some.size} of them")
     for name, kind in (

@@ -19,9 +19,9 @@ import numba
 import numpy as np
 
 from tdint import read_record
-from tdint.analysis.spectra.elastic import parse_periods
 from tdint.analysis.spectra.inelastic import constant_ductility, constant_strength
 from tdint.ground_motion.reading.read import read_records
+from tdint.quantities import parse_grid
 
 REPEATS = 3
 DUCTILITIES = [2.0, 4.0]
@@ -98,7 +98,7 @@ def overlooked(record, periods, ductilities):
 def main():
     """Print the tables."""
     record = read_record(RECORD, component="HN1", units="m/s^2")
-    periods = parse_periods("0.01:10:200")
+    periods = parse_grid("0.01:10:200").values()
     reference = exact_search(finer(record, 8), periods)
     print(f"{record.acceleration.size} samples, {periods.size} periods, ductilities {DUCTILITIES}")
     searches = {"tdint": exact_search, "plain search": plain_search}

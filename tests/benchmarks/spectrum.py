@@ -20,10 +20,11 @@ import numba
 import numpy as np
 
 from tdint import read_record, spectrum
-from tdint.analysis.spectra.elastic import DEFAULT_PERIODS, parse_periods
+from tdint.analysis.spectra.elastic import DEFAULT_PERIODS
 from tdint.analysis.spectra.rotated import rotated_spectrum
 from tdint.ground_motion.horizontals import find_horizontals
 from tdint.methods.exact import oscillator
+from tdint.quantities import parse_grid
 
 REPEATS = 15
 RECORD = Path(__file__).parents[2] / "records" / "firm-soil.mseed"
@@ -138,7 +139,7 @@ def show(times, errors, base):
 def main():
     """Print the tables."""
     first, second = (read_record(RECORD, component=name, units="m/s^2") for name in ("HN1", "HN2"))
-    periods = parse_periods(DEFAULT_PERIODS)
+    periods = parse_grid(DEFAULT_PERIODS).values()
     exact = spectrum(first, periods, DAMPING).psa
     times, results = fastest(
         {

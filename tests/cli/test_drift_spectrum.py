@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from tdint.analysis.spectra.drift import DEFAULT_STORY_HEIGHT, HeightPeriod, drift_spectrum
-from tdint.analysis.spectra.elastic import parse_periods
 from tdint.ground_motion.reading.read import read_record
+from tdint.quantities import parse_grid
 
 COLUMNS = "record,component,damping,period_s,height_m,peak_drift_ratio,story,roof_drift_ratio"
 PERIODS = ("--period", "0.5", "--period", "2")
@@ -36,7 +36,7 @@ def test_every_component_damping_and_period_in_order(folder, tdint):
 
 def test_the_defaults_are_those_of_the_library(folder, tdint):
     table = rows(tdint("drift-spectrum", "other.mseed").stdout)
-    periods = parse_periods("0.2:10:200")
+    periods = parse_grid("0.2:10:200").values()
     expected = drift_spectrum(
         read_record("other.mseed"), periods, 0.05, story_height=DEFAULT_STORY_HEIGHT, height_period=HeightPeriod()
     )
@@ -102,7 +102,7 @@ def test_a_bad_record_does_not_stop_the_good_ones(folder, tdint, make_record):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--periods", "0.1:1"], "periods must be first:last:count"),
+        (["--periods", "0.1:1"], "neither FIRST:LAST:COUNT"),
         (["--periods", "0.1:1:5", "--period", "1"], "--periods and --period are given"),
         (["--period", "0"], "--period"),
         (["--period", "100"], "a building of 4339 stories, 15186 m high, is asked for; 1 to 1000 are taken"),
@@ -113,7 +113,7 @@ def test_a_bad_record_does_not_stop_the_good_ones(folder, tdint, make_record):
         (["--beam", "--stories", "3"], "--beam has no stories"),
         (["--height-period", "0.07"], "must be two positive numbers, such as 0.0731,0.75, got '0.07'"),
         (["--damping", "1"], "--damping"),
-        (["--plot"], "--plot writes a file: add -o"),
+        (["--plot"], "--plot alone puts the picture beside the output: add -o"),
         (["-", "-"], "standard input (-) can be read only once"),
     ],
 )

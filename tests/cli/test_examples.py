@@ -102,7 +102,6 @@ def test_existing_files_are_kept_before_any_work(here, tdint):
         (["--dt", "nan"], 2, "Invalid value for '--dt'"),
         (["--method", "newmrk"], 2, "did you mean newmark?"),
         (["-o", ""], 2, "-o is empty"),
-        (["-o", "missing/out"], 6, "there is no folder missing"),
     ],
 )
 def test_what_is_refused(here, tdint, arguments, code, message):

@@ -80,7 +80,6 @@ def test_table_and_picture(here, tdint, suffix, start):
         (["--problem", "x"], 2, "unknown problem 'x' (known: "),
         (["--method", "newmrk"], 2, "did you mean newmark?"),
         (["--plot", "x.jpg"], 6, "not .jpg"),
-        (["-o", "missing/x.csv"], 6, "there is no folder missing"),
     ],
 )
 def test_what_is_refused(here, tdint, arguments, code, message):

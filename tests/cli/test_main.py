@@ -91,7 +91,10 @@ def test_version(tdint):
         (["run"], "Error: Missing argument 'MODEL.yaml'."),
         (["spectrum"], "Error: Missing argument 'RECORD...'."),
         (["run", "x.yaml", "--dt", "abc"], "'abc' is not a valid float"),
-        (["run", "x.yaml", "y.yaml"], "unexpected extra argument"),
+        (["modes", "x.yaml", "y.yaml"], "unexpected extra argument"),
+        (["run", "x.yaml", "a.mseed", "b.mseed"], "a run takes one record, got 2; call it once for each"),
+        (["run", "x.yaml", "a.mseed", "--record", "b.mseed"], "--record b.mseed and a.mseed are given"),
+        (["run", "x.yaml", "--scale", "1,2"], "--scale: this command takes one factor"),
     ],
 )
 def test_usage_errors(tdint, arguments, message):

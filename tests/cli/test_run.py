@@ -159,9 +159,8 @@ def test_options_of_a_record_need_one(folder, tdint, option):
     )
 
 
-@pytest.mark.parametrize("option", ["--history", "--plot"])
-def test_files_need_a_folder(folder, tdint, option):
-    check_error(tdint("run", "forced.yaml", option), 2, f"{option} writes a file: add -o DIR")
+def test_files_need_a_folder(folder, tdint):
+    check_error(tdint("run", "forced.yaml", "--history"), 2, "--history writes a file: add -o DIR")
 
 
 @pytest.mark.parametrize(
@@ -176,13 +175,12 @@ def test_files_need_a_folder(folder, tdint, option):
         (["forced.yaml", "--dt", "-1"], 2, "dt must be a positive number"),
         (["forced.yaml", "--duration", "nan"], 2, "duration must be a positive number"),
         (["shaken.yaml", "--dt", "0.003"], 2, "does not fit the record's sampling interval"),
-        (["shaken.yaml", "--scale", "0"], 2, "--scale must be a number other than zero"),
-        (["shaken.yaml", "--scale", "inf"], 2, "--scale must be a number other than zero"),
-        (["shaken.yaml", "--scale", "nan"], 2, "--scale must be a number other than zero"),
+        (["shaken.yaml", "--scale", "0"], 2, "must be a number other than zero"),
+        (["shaken.yaml", "--scale", "inf"], 2, "inf is not a finite number"),
+        (["shaken.yaml", "--scale", "nan"], 2, "nan is not a finite number"),
         (["-", "--record", "-"], 2, "standard input already holds the model"),
         (["forced.yaml", "--method", "central-difference", "--dt", "0.5"], 5, "largest stable step"),
         (["forced.yaml", "-o", ""], 2, "-o is empty; give a name"),
-        (["forced.yaml", "-o", "missing/out"], 6, "there is no folder missing; make it first"),
         (["forced.yaml", "-o", "forced.yaml"], 6, "forced.yaml is a file, not a folder"),
     ],
 )

@@ -9,8 +9,9 @@ import json
 import numpy as np
 import pytest
 
-from tdint.analysis.spectra.elastic import DEFAULT_PERIODS, parse_periods, spectrum
+from tdint.analysis.spectra.elastic import DEFAULT_PERIODS, spectrum
 from tdint.ground_motion.reading.read import read_record
+from tdint.quantities import parse_grid
 
 COLUMNS = "record,component,damping,period_s,sd_m,psv_m_s,psa_m_s2,sv_m_s,sa_m_s2"
 PERIODS = ("--period", "0.2", "--period", "1.0")
@@ -42,7 +43,7 @@ def test_every_component_damping_and_period_in_order(folder, tdint):
 
 def test_the_numbers_are_those_of_the_library_to_twelve_digits(folder, tdint):
     result = tdint("spectrum", "other.mseed")
-    expected = spectrum(read_record("other.mseed"), parse_periods(DEFAULT_PERIODS))
+    expected = spectrum(read_record("other.mseed"), parse_grid(DEFAULT_PERIODS).values())
     table = rows(result.stdout)
     assert {row["damping"] for row in table} == {"0.05"}
     for column, values in (
@@ -186,14 +187,14 @@ def test_a_clash_of_names_is_found_before_any_work(folder, tdint):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--periods", "0.1:1"], "periods must be first:last:count"),
+        (["--periods", "0.1:1"], "neither FIRST:LAST:COUNT"),
         (["--periods", "0.1:1:5", "--period", "1"], "--periods and --period are given"),
         (["--period", "-1"], "--period"),
-        (["--period", "inf"], "periods must be numbers of seconds"),
+        (["--period", "inf"], "inf is not a finite number"),
         (["--damping", "1"], "--damping"),
         (["--damping", "-0.1"], "--damping"),
-        (["--damping", "nan"], "nan is not a finite number"),
-        (["--plot"], "--plot writes a file: add -o"),
+        (["--damping", "nan"], "neither a ratio such as 0.05"),
+        (["--plot"], "--plot alone puts the picture beside the output: add -o"),
         (["--method", "newmrk"], "unknown method"),
         (["-", "-"], "standard input (-) can be read only once"),
         (["--units", "furlong"], "units 'furlong'"),

@@ -116,3 +116,53 @@ def test_whatever_a_write_takes_all_goes_out_or_it_is_an_error(monkeypatch):
         else:
             with pytest.raises(OutputError, match="cannot be written"):
                 streams.emit(data)
+
+
+HALF = """
+import sys, time
+from tdint.output.tables import tables
+
+def write_half(history, stream):
+    stream.write(b"time_s")
+    stream.flush()
+    print("half", file=sys.stderr, flush=True)
+    time.sleep(60)
+
+tables.write_history = write_half
+from tdint_cli.main import main
+main()
+"""
+
+
+def test_sigterm_while_writing_ends_with_143_and_no_file(folder):
+    command = [sys.executable, "-c", HALF, "run", "forced.yaml", "--history", "-o", "new/out"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stderr is not None
+    before = sorted(folder.iterdir())
+    while process.stderr.readline() not in ("half\n", ""):
+        pass
+    assert list((folder / "new" / "out").glob(".tdint*"))
+    process.terminate()
+    process.terminate()  # Asking twice changes nothing.
+    _, err = process.communicate(timeout=30)
+    assert (process.returncode, err.strip()) == (143, "Terminated")
+    assert sorted(folder.iterdir()) == before
+
+
+def test_sigterm_reaches_the_processes_of_a_batch(folder, make_record):
+    (folder / "many").mkdir()
+    make_record(folder / "many" / "0.mseed", "HNE", samples=60_000)
+    for i in range(1, 60):
+        (folder / "many" / f"{i}.mseed").hardlink_to(folder / "many" / "0.mseed")
+    work = ["spectrum", "many", "--jobs", "2", "-o", "out/", "--periods", "0.1:10:5000"]
+    process = subprocess.Popen([sys.executable, "-c", START, *work], stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 60.0
+    while len(list(folder.glob("out/*.csv"))) < 2:
+        assert time.monotonic() < deadline
+        assert process.poll() is None
+        time.sleep(0.02)
+    process.terminate()
+    _, err = process.communicate(timeout=30)  # Ends only when all have closed standard error.
+    assert process.returncode == 143
+    assert [line for line in err.splitlines() if line and "compiling" not in line] == ["ready", "Terminated"]
+    assert not list(folder.glob("out/.tdint*"))

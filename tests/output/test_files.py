@@ -115,20 +115,28 @@ def test_a_symbolic_link_is_followed(tmp_path):
     assert target.read_bytes() == b"new"
 
 
-def test_a_new_folder_is_made_and_unmade(tmp_path):
-    file = tmp_path / "new" / "a.csv"
-    with pytest.raises(KeyboardInterrupt):
-        write_files({file: fails(KeyboardInterrupt())}, overwrite=False, new_folder=True)
+def test_missing_folders_are_made_and_unmade(tmp_path):
+    file = tmp_path / "new" / "deep" / "a.csv"
+    check_outputs([file], overwrite=False)
     assert names(tmp_path) == []
-    write_files({file: writes(b"x")}, overwrite=False, new_folder=True)
+    with pytest.raises(KeyboardInterrupt):
+        write_files({file: fails(KeyboardInterrupt())}, overwrite=False)
+    assert names(tmp_path) == []
+    write_files({file: writes(b"x"), tmp_path / "new" / "b.csv": writes(b"y")}, overwrite=False)
     assert file.read_bytes() == b"x"
+    assert names(tmp_path / "new") == ["b.csv", "deep"]
 
 
-@pytest.mark.parametrize("new_folder", [False, True])
-def test_a_missing_folder_is_an_error(tmp_path, new_folder):
-    missing = tmp_path / "missing" / "deep" if new_folder else tmp_path / "missing"
-    with pytest.raises(OutputError, match=r"there is no folder .*missing; make it first"):
-        check_outputs([missing / "a.csv"], overwrite=False, new_folder=new_folder)
+def test_what_another_process_put_into_a_new_folder_stays(tmp_path):
+    folder = tmp_path / "new" / "deep"
+
+    def write(stream):
+        (tmp_path / "new" / "theirs").write_bytes(b"")
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_files({folder / "a.csv": write}, overwrite=False)
+    assert names(tmp_path / "new") == ["theirs"]
 
 
 def test_what_stands_in_the_way_is_named(tmp_path):
@@ -138,14 +146,13 @@ def test_what_stands_in_the_way_is_named(tmp_path):
     for path, message in (
         ("folder", "is a folder; give the name of a file"),
         ("file/a.csv", "file is a file, not a folder"),
+        ("file/new/a.csv", "file is a file, not a folder"),
         ("pipe", "is a device or a pipe, not a file"),
         ("x" * 300, "File name too long"),
         ("a\0b", "has no null character"),
     ):
         with pytest.raises(OutputError, match=message):
             check_outputs([tmp_path / path], overwrite=True)
-    with pytest.raises(OutputError, match="file is a file, not a folder"):
-        check_outputs([tmp_path / "file" / "a.csv"], overwrite=True, new_folder=True)
     with pytest.raises(OutputError, match="two outputs would have this name"):
         check_outputs([tmp_path / "a.csv", tmp_path / "folder" / ".." / "a.csv"], overwrite=True)
 

@@ -13,12 +13,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-import click
-
 from tdint.errors import AnalysisError, RecordError, TdintError
 from tdint_cli.batch.sources import STDIN
-from tdint_cli.errors import INTERRUPTED
-from tdint_cli.terminal.progress import is_terminal
+from tdint_cli.errors import INTERRUPTED, Terminated
+from tdint_cli.terminal.progress import counted
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor, Future
@@ -59,11 +57,7 @@ def outcomes(
     """
     with ExitStack() as stack:
         results = _outcomes(partial(_attempt, work), tasks, jobs, stack)
-        if len(tasks) > 1 and is_terminal(sys.stderr) and not (to_terminal and is_terminal(sys.stdout)):
-            bar = click.progressbar(results, length=len(tasks), label=label, show_pos=True, file=sys.stderr)
-            yield stack.enter_context(bar)
-        else:
-            yield results
+        yield stack.enter_context(counted(results, len(tasks), label, to_terminal=to_terminal))
 
 
 def _outcomes(
@@ -110,11 +104,21 @@ def _processes(count: int) -> Iterator[Executor]:
     from concurrent.futures import ProcessPoolExecutor
 
     context = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
-    executor = ProcessPoolExecutor(count, context, initializer=_ignore_interrupts)
+    executor = ProcessPoolExecutor(count, context, initializer=_leave_signals_to_the_first)
     try:
         yield executor
+    except Terminated:
+        for process in multiprocessing.active_children():
+            process.terminate()
+        raise
     finally:
         executor.shutdown(wait=True, cancel_futures=True)
+
+
+def _leave_signals_to_the_first() -> None:
+    """A process that shares the work ends at once at SIGTERM, which the first one sends."""
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    _ignore_interrupts()
 
 
 def _ignore_interrupts() -> None:

@@ -2,36 +2,71 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
 
 from tdint_cli.options import headings
-from tdint_cli.options.values import Number
+from tdint_cli.options.values import Name, Ratio
 
 if TYPE_CHECKING:
     from tdint.methods.method import Integrator
+
+Function = TypeVar("Function", bound=Callable[..., Any])
 
 DT_OVER_T = (1e-6, 1e6)
 """Steps over the period of an oscillator that may be asked for: beyond, rounding is all that is seen."""
 
 option = partial(headings.option, heading=headings.ANALYSIS)
 
-damping_ratio = Number(0.0, 1.0, max_open=True)
+
+def _methods() -> list[str]:
+    from tdint.methods.catalogue import catalogue
+
+    return list(catalogue())
+
+
+method_name = Name(_methods)
+damping_ratio = Ratio(0.0, 1.0, max_open=True)
 
 method = option(
     "--method",
+    type=method_name,
     metavar="SPEC",
     help="Time-integration method with its parameters, such as newmark:beta=0.25,gamma=0.5; `tdint methods` lists all.",
 )
-methods = option(
-    "--method",
-    "methods",
-    multiple=True,
-    metavar="SPEC",
-    help="Time-integration method with its parameters, such as newmark:beta=0.25,gamma=0.5, may be repeated; all "
-    "methods of `tdint methods` with their defaults if there is none.",
-)
+
+
+def methods(text: str) -> Callable[[Function], Function]:
+    """The option --method of commands that take several; `text` says which if there is none."""
+    return option(
+        "--method",
+        "methods",
+        type=method_name,
+        multiple=True,
+        callback=_specifications,
+        metavar="SPEC,...",
+        help=f"Time-integration methods with their parameters, such as newmark:beta=0.25,gamma=0.5; {text} if there is "
+        "none.",
+    )
+
+
+def _specifications(_: click.Context, __: click.Parameter, texts: tuple[str, ...]) -> tuple[str, ...]:
+    """Take lists apart at the commas between methods; `beta=...` behind a comma belongs to the method before it."""
+    found: list[str] = []
+    for text in texts:
+        start = len(found)
+        for part in text.split(","):
+            if len(found) > start and ":" in found[-1] and "=" in part and ":" not in part:
+                found[-1] += f",{part}"
+            else:
+                found.append(part.strip())
+    return tuple(found)
+
+
+all_methods = methods("all methods of `tdint methods` with their defaults")
 dt = option(
     "--dt",
     type=float,

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from tdint.errors import UsageError
+from tdint_cli.options.values import FileName
 
 if TYPE_CHECKING:
     from tdint.ground_motion.processing import Processing
     from tdint.model.definition import Model, RecordSource
 
 
-model = click.argument("model", metavar="MODEL.yaml")
+model = click.argument("model", metavar="MODEL.yaml", type=FileName())
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,7 @@ class BuildingRequest:
     units: str | None
     component: str | None
     inventory: str | None
-    scale: float | None
+    scale: tuple[float, ...] | None
     processing: Processing
     duration: float | None
 
@@ -37,10 +38,10 @@ def check_motion(request: BuildingRequest) -> None:
     Raises
     ------
     UsageError
-        A scale that is zero or no number; a model and a record that both are standard input.
+        Several scales; a model and a record that both are standard input.
     """
-    if request.scale is not None and not (request.scale and abs(request.scale) < float("inf")):
-        raise UsageError(f"--scale must be a number other than zero, got {request.scale}")
+    if request.scale and len(request.scale) > 1:
+        raise UsageError("--scale: this command takes one factor; call it once for each")
     if request.model == "-" and request.record == "-":
         raise UsageError("standard input already holds the model; give the record as a file")
 
@@ -60,16 +61,16 @@ def _motion(request: BuildingRequest, model: Model) -> RecordSource | None:
     from tdint.model.definition import RecordSource
 
     if request.record is not None:
-        scale = 1.0 if request.scale is None else request.scale
+        scale = request.scale[0] if request.scale else 1.0
         return RecordSource(
             request.record, request.units, request.component, scale, request.inventory, request.processing
         )
     source = model.excitation.record
-    given = {
-        name: value
-        for name in ("units", "component", "inventory", "scale")
-        if (value := getattr(request, name)) is not None
+    given: dict[str, Any] = {
+        name: value for name in ("units", "component", "inventory") if (value := getattr(request, name)) is not None
     }
+    if request.scale:
+        given["scale"] = request.scale[0]
     if source is None:
         if given or request.processing:
             name = f"--{next(iter(given))}" if given else "processing"

@@ -7,10 +7,11 @@ from typing import Any, TypeVar
 
 import click
 
-from tdint_cli.errors import Settings
+from tdint_cli.options.plot import with_named_pictures
+from tdint_cli.options.values import ListOf
+from tdint_cli.settings import Settings
 
 Function = TypeVar("Function", bound=Callable[..., Any])
-Decorator = Callable[[Function], Function]
 
 OWN, RECORD, SPECTRUM, ANALYSIS, OUTPUT, GENERAL = "Options", "Record", "Spectrum", "Analysis", "Output", "General"
 ORDER = (OWN, RECORD, SPECTRUM, ANALYSIS, OUTPUT, GENERAL)
@@ -25,9 +26,19 @@ class HeadedOption(click.Option):
         self.heading = heading
 
 
-def option(*names: str, heading: str = OWN, **settings: Any) -> Callable[[Function], Function]:
-    """As `click.option`, under a heading."""
+def option(*names: str, heading: str = OWN, many: bool = False, **settings: Any) -> Callable[[Function], Function]:
+    """As `click.option`, under a heading.
+
+    `many`: values with commas between them, and the option may be repeated; the command gets all of them, each once,
+    as a tuple, or None if there is none.
+    """
+    if many:
+        settings |= {"type": ListOf(settings["type"]), "multiple": True, "callback": _each_once}
     return click.option(*names, cls=HeadedOption, heading=heading, **settings)
+
+
+def _each_once(_: click.Context, __: click.Parameter, lists: tuple[tuple[Any, ...], ...]) -> tuple[Any, ...] | None:
+    return tuple(dict.fromkeys(value for values in lists for value in values)) or None
 
 
 class Command(click.Command):
@@ -36,6 +47,11 @@ class Command(click.Command):
     def __init__(self, name: str | None, **settings: Any) -> None:
         settings["params"] = [*(settings.get("params") or ()), *general()]
         super().__init__(name, **settings)
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """As click does, after `--plot` has got its value."""
+        plots = any("--plot" in parameter.opts for parameter in self.params)
+        return super().parse_args(ctx, with_named_pictures(args) if plots else args)
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the options, a section for each heading."""
@@ -63,18 +79,18 @@ def write_options(parameters: list[click.Parameter], ctx: click.Context, formatt
 def general() -> list[click.Parameter]:
     """The options that every command has."""
     return [
-        HeadedOption(
-            ["--debug"],
-            heading=GENERAL,
-            is_flag=True,
-            is_eager=True,
-            expose_value=False,
-            callback=_set_debug,
-            help="Show a traceback with an error.",
-        )
+        _setting(["-q", "--quiet"], "quiet", "Say nothing but warnings that change what a number means, and errors."),
+        _setting(["--debug"], "debug", "Show a traceback with an error."),
     ]
 
 
-def _set_debug(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
-    if wanted:
-        ctx.ensure_object(Settings).debug = True
+def _setting(names: list[str], field: str, text: str) -> HeadedOption:
+    """A flag that sets a field of the settings, before or after the command's name."""
+
+    def switch(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
+        if wanted:
+            setattr(ctx.ensure_object(Settings), field, True)
+
+    return HeadedOption(
+        names, heading=GENERAL, is_flag=True, is_eager=True, expose_value=False, callback=switch, help=text
+    )

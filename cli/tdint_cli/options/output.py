@@ -12,7 +12,9 @@ import click
 
 from tdint.errors import UsageError
 from tdint_cli.options import headings
-from tdint_cli.terminal.streams import emit
+from tdint_cli.options.plot import picture_file
+from tdint_cli.options.values import FileName
+from tdint_cli.terminal.drawing import emit_table
 
 if TYPE_CHECKING:
     from tdint.files import Writer
@@ -27,7 +29,8 @@ TABLE = "Write the table to this file instead of standard output."
 
 def output(metavar: str = "FILE", text: str = TABLE) -> Callable[[Function], Function]:
     """The option -o; what it names differs between the commands."""
-    return option("-o", "--output", metavar=metavar, callback=_refuse_empty, help=text)
+    kind = FileName(folder=metavar == "DIR")
+    return option("-o", "--output", type=kind, metavar=metavar, callback=_refuse_empty, help=text)
 
 
 def _refuse_empty(_: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
@@ -37,7 +40,12 @@ def _refuse_empty(_: click.Context, parameter: click.Parameter, value: str | Non
     return value
 
 
-picture = option("--plot", metavar="FILE", callback=_refuse_empty, help="Also draw to this file: .png, .pdf or .svg.")
+def plot(text: str) -> Callable[[Function], Function]:
+    """The option --plot; what it draws differs between the commands."""
+    return option("--plot", type=FileName(), metavar="[FILE]", callback=_refuse_empty, help=text)
+
+
+picture = plot("Also draw, to this file (.png, .pdf, .svg) or beside -o under its name.")
 overwrite = option("--overwrite", is_flag=True, help="Replace existing outputs.")
 jobs = headings.option(
     "--jobs",
@@ -70,19 +78,20 @@ class Outputs:
 
         Raises
         ------
+        UsageError
+            A picture without a name and without a table beside which it could lie.
         OutputError
             A file that cannot be written, or a picture of an unknown format.
         """
         from tdint.files import check_outputs
 
         table = Path(output) if output else None
+        picture = picture_file(plot, table)
         beside = table.with_suffix(".json") if table and summary else None
-        outputs = cls(table, Path(plot) if plot else None, beside, overwrite)
+        outputs = cls(table, picture, beside, overwrite)
         check_outputs(outputs.files, overwrite=overwrite)
         if outputs.picture:
-            from tdint.output.figures.run import picture_format
-
-            picture_format(outputs.picture.suffix)
+            check_picture(outputs.picture)
         return outputs
 
     def deliver(
@@ -91,10 +100,9 @@ class Outputs:
         """Write all; `draw` makes the picture's writer from its suffix, `summarize` what the summary holds."""
         from tdint.files import write_files
 
-        data = table.csv()
         files: dict[Path, Writer] = {}
         if self.table:
-            files[self.table] = lambda stream: stream.write(data)
+            files[self.table] = lambda stream: stream.write(table.csv())
         if self.picture:
             files[self.picture] = draw(self.picture.suffix)
         if self.summary and summarize:
@@ -103,6 +111,13 @@ class Outputs:
             summary = json_bytes(summarize())
             files[self.summary] = lambda stream: stream.write(summary)
         if not self.table:
-            emit(data)
+            emit_table(table)
         if files:
             write_files(files, overwrite=self.overwrite)
+
+
+def check_picture(file: Path) -> None:
+    """Raise OutputError for a picture of an unknown format."""
+    from tdint.output.figures.run import picture_format
+
+    picture_format(file.suffix)

@@ -11,20 +11,29 @@ from typing import Any, TypeVar, cast
 import click
 
 from tdint_cli.options import headings
-from tdint_cli.options.values import Number
+from tdint_cli.options.values import FileName, Name, Nonzero, Number
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 option = partial(headings.option, heading=headings.RECORD)
 
-records = click.argument("records", metavar="RECORD...", nargs=-1, required=True)
+
+def _units() -> list[str]:
+    from tdint.units import ACCELERATION
+
+    return list(ACCELERATION)
+
+
+records = click.argument("records", metavar="RECORD...", nargs=-1, required=True, type=FileName())
 record = option(
     "--record",
+    type=FileName(),
     metavar="FILE",
     help="Ground motion in place of the model's; the model's units, component, scale and inventory do not apply to it.",
 )
 units = option(
     "--units",
+    type=Name(_units),
     metavar="UNITS",
     help="Units of the record's samples: m/s^2, cm/s^2, gal, mm/s^2 or g; with a factor the value of one count "
     "('2.38e-6 m/s^2').",
@@ -36,10 +45,13 @@ component = option(
 )
 inventory = option(
     "--inventory",
+    type=FileName(),
     metavar="FILE",
     help="StationXML file by which the instrument's response is removed; not with --units.",
 )
-scale = option("--scale", type=float, metavar="FACTOR", help="Factor on the ground acceleration, not zero.")
+scale = option(
+    "--scale", type=Nonzero(), many=True, metavar="FACTOR", help="Factor on the ground acceleration, not zero."
+)
 
 _PROCESSING = (
     option(

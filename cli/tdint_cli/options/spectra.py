@@ -6,10 +6,9 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, TypeVar
 
-import click
-
 from tdint_cli.options import headings, output
 from tdint_cli.options.analysis import damping_ratio
+from tdint_cli.options.values import GridType, Number
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -18,12 +17,11 @@ option = partial(headings.option, heading=headings.SPECTRUM)
 damping = option(
     "--damping",
     type=damping_ratio,
-    multiple=True,
+    many=True,
     default=(0.05,),
-    metavar="RATIO",
-    help="Damping ratio, may be repeated; 0.05 by default.",
+    metavar="RATIO,...",
+    help="Damping ratios; 0.05 (or 5%) by default.",
 )
-plot = output.option("--plot", is_flag=True, help="Also draw each CSV file of -o, as PNG beside it.")
 tables = output.output(
     "FILE|DIR",
     "Write to this file instead of standard output; to one file per record in an existing folder or one that is named "
@@ -31,18 +29,24 @@ tables = output.output(
 )
 
 
+picture = output.plot(
+    "Also draw all records, to this file (.png, .pdf, .svg); alone, each CSV file of -o, as PNG beside it."
+)
+
+
 def periods(default: str, zero: str = "") -> Callable[[Function], Function]:
     """The options --periods and --period; `zero` says what a period of 0 gives, if it may be asked for."""
     several = option(
         "--periods",
+        type=GridType(),
         metavar="FIRST:LAST:COUNT",
         help=f"Periods in equal ratios, s; {default} by default, both ends included.",
     )
     single = option(
         "--period",
-        type=click.FloatRange(0.0, min_open=not zero),
-        multiple=True,
-        metavar="SECONDS",
-        help=f"A single period, may be repeated; in place of --periods.{zero}",
+        type=Number(0.0, min_open=not zero),
+        many=True,
+        metavar="SECONDS,...",
+        help=f"Single periods; in place of --periods.{zero}",
     )
     return lambda command: several(single(command))

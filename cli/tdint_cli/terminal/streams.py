@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import BinaryIO
 
 from tdint.errors import OutputError
+from tdint_cli.settings import is_quiet
 
 
 def emit(data: bytes) -> None:
@@ -51,7 +52,23 @@ def _write_all(stream: BinaryIO, data: bytes) -> None:
 
 
 def say(text: str) -> None:
-    """Write a line to standard error; without one there is nobody to tell."""
+    """Write a line to standard error, unless the command is asked to be quiet."""
+    if not is_quiet():
+        complain(text)
+
+
+def note(text: str) -> None:
+    """Say something that is good to know."""
+    say(f"note: {text}")
+
+
+def warn(text: str) -> None:
+    """Say something that changes what a number means; nothing silences it."""
+    complain(f"Warning: {text}")
+
+
+def complain(text: str) -> None:
+    """Write a line to standard error whatever was asked; without one there is nobody to tell."""
     if sys.stderr is None:
         return
     try:
@@ -66,11 +83,6 @@ def say_table(rows: Sequence[Sequence[str]]) -> None:
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         say("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
-
-
-def warn(text: str) -> None:
-    """Say something that changes what a number means; nothing silences it."""
-    say(f"Warning: {text}")
 
 
 def _discard_from_now_on() -> None:

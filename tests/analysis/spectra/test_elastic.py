@@ -10,7 +10,6 @@ import pytest
 from building_cases import noise, oscillator
 from references import exact_linear
 from tdint import run, spectrum
-from tdint.analysis.spectra.elastic import DEFAULT_PERIODS, parse_periods
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 
@@ -155,14 +154,3 @@ def test_the_choices_are_told():
 def test_a_period_far_below_the_sampling_interval_is_refused():
     with pytest.raises(AnalysisError, match=r"the period 0\.0004 s is less than 0\.05 sampling intervals of 0\.01 s"):
         spectrum(noise(samples=21), np.array([1.0, 4e-4]))
-
-
-def test_periods_from_text():
-    periods = parse_periods(DEFAULT_PERIODS)
-    assert periods[0] == 0.01
-    assert periods[-1] == 10.0
-    assert periods.size == 200
-    assert np.ptp(np.diff(np.log(periods))) < 1e-12
-    for text in ("", "1:2", "2:1:5", "0:1:5", "1:2:1", "a:b:c", "1:2:3:4", "1:inf:5", "1:2:1e3"):
-        with pytest.raises(UsageError, match="first:last:count"):
-            parse_periods(text)

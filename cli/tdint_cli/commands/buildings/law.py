@@ -10,12 +10,14 @@ import click
 
 from tdint_cli import options
 from tdint_cli.options.output import Outputs
+from tdint_cli.options.values import DriftSizeType, ListOf
 from tdint_cli.startup import load_numba
 from tdint_cli.terminal.streams import say, say_table
 
 if TYPE_CHECKING:
     from tdint.analysis.run.cyclic import Cycle, CyclicTest
     from tdint.files import Writer
+    from tdint.units import DriftSize
 
 
 @dataclass(frozen=True)
@@ -24,12 +26,19 @@ class Request:
 
     model: str
     story: int
-    drifts: tuple[str, ...]
+    drifts: tuple[DriftSize, ...]
     cycles: int
     points: int
     output: str | None
     plot: str | None
     overwrite: bool
+
+
+def _one_after_the_other(
+    _: click.Context, __: click.Parameter, lists: tuple[tuple[DriftSize, ...], ...]
+) -> tuple[DriftSize, ...]:
+    """All amplitudes in the order given; one may come again."""
+    return tuple(size for sizes in lists for size in sizes)
 
 
 @options.command("law")
@@ -44,11 +53,13 @@ class Request:
 @options.option(
     "--drift",
     "drifts",
+    type=ListOf(DriftSizeType()),
     multiple=True,
+    callback=_one_after_the_other,
     required=True,
-    metavar="DRIFT",
-    help="Amplitude: a drift ratio (0.02 or 2%), a length with its unit (20mm; m, cm, mm, in, ft), or a multiple of "
-    "the yield drift (4dy). May be repeated: one amplitude after the other.",
+    metavar="DRIFT,...",
+    help="Amplitudes, one after the other: drift ratios (0.02 or 2%), lengths with their unit (20mm; m, cm, mm, in, "
+    "ft), or multiples of the yield drift (4dy).",
 )
 @options.option(
     "--cycles",
@@ -85,16 +96,15 @@ def command(**given: Any) -> None:
 
 
 def _run(request: Request) -> None:
-    from tdint.units import parse_drift
-
     outputs = Outputs.checked(request.output, request.plot, request.overwrite)
-    sizes = [parse_drift(text) for text in request.drifts]
     load_numba()
     from tdint.analysis.run.cyclic import cyclic_test
     from tdint.model.config.read import load_model
     from tdint.output.tables.cyclic import cyclic_table
 
-    test = cyclic_test(load_model(request.model), request.story, sizes, cycles=request.cycles, points=request.points)
+    test = cyclic_test(
+        load_model(request.model), request.story, request.drifts, cycles=request.cycles, points=request.points
+    )
 
     def draw(suffix: str) -> Writer:
         from tdint.output.figures.cyclic import cyclic_picture

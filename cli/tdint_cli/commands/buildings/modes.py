@@ -17,11 +17,12 @@ def command(model: str) -> None:
     from tdint.model.building import assemble
     from tdint.model.config.read import load_model
     from tdint.output.tables.tables import mode_table
-    from tdint_cli.terminal.streams import emit, say
+    from tdint_cli.terminal.drawing import emit_table
+    from tdint_cli.terminal.streams import note
 
     building = assemble(load_model(model))
     modes = building.modes()
     damping = modes.damping_ratios(building.damping_matrix())
-    emit(mode_table(modes, damping).csv())
+    emit_table(mode_table(modes, damping))
     if damping is None:
-        say("note: the damping couples the modes; none of them has a damping ratio of its own")
+        note("the damping couples the modes; none of them has a damping ratio of its own")

@@ -8,12 +8,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import click
+
 from tdint.errors import UsageError
 from tdint_cli import options
+from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.options.building import BuildingRequest, check_motion, with_motion
-from tdint_cli.options.values import Part
+from tdint_cli.options.output import check_picture
+from tdint_cli.options.plot import picture_file
+from tdint_cli.options.values import FileName, Ratio
 from tdint_cli.startup import load_numba
-from tdint_cli.terminal.streams import emit, say, warn
+from tdint_cli.terminal.drawing import emit_table
+from tdint_cli.terminal.streams import note, say, warn
 
 if TYPE_CHECKING:
     from tdint.analysis.run.run import Case, FailedRun, Response
@@ -32,7 +38,7 @@ class Request(BuildingRequest):
     dt: float | None
     output: str | None
     history: bool
-    plot: bool
+    plot: str | None
     overwrite: bool
     allow_unstable: bool
     check: bool
@@ -41,6 +47,7 @@ class Request(BuildingRequest):
 
 @options.command("run")
 @options.building.model
+@click.argument("records", metavar="[RECORD]", nargs=-1, type=FileName())
 @options.record.record
 @options.record.units
 @options.record.component
@@ -50,12 +57,13 @@ class Request(BuildingRequest):
 @options.analysis.method
 @options.analysis.dt
 @options.analysis.duration
-@options.output.output("DIR", f"Write {STORIES} and {SUMMARY} into this folder; it is made if only itself is missing.")
+@options.output.output("DIR", f"Write {STORIES} and {SUMMARY} into this folder, which is made if it is missing.")
 @options.output.option(
     "--history", is_flag=True, help=f"Also write {HISTORY}: every floor and story and the energies at every step."
 )
-@options.output.option(
-    "--plot", is_flag=True, help=f"Also write {PICTURE}: roof displacement, energies, drifts, one hysteresis."
+@options.output.plot(
+    f"Also draw roof displacement, energies, drifts, one hysteresis: to this file (.png, .pdf, .svg), or alone as "
+    f"{PICTURE} into the folder of -o."
 )
 @options.output.overwrite
 @options.analysis.option(
@@ -65,21 +73,37 @@ class Request(BuildingRequest):
 )
 @options.analysis.option(
     "--tolerance",
-    type=Part(),
+    type=Ratio(0.0, 1.0, min_open=True, max_open=True),
     metavar="1%",
     help="Halve the step, up to eight times, until the estimated error of every peak drift is within this part of it; "
     "the columns of --check are there, too.",
 )
 @options.analysis.option("--allow-unstable", is_flag=True, help="Run a method beyond its largest stable step.")
-def command(**given: Any) -> None:
+def command(record: str | None, records: tuple[str, ...], **given: Any) -> None:
     """Response of a building in time: the peaks of each story.
 
-    MODEL.yaml is a model file, - is standard input. The table of stories goes to standard output as CSV, in SI units;
-    with -o it is written to a folder, too. The options from --units to --resample belong to --record if that is given,
-    and otherwise replace what the model says of its record; --method, --dt and --duration replace what it says of the
-    analysis. --overwrite replaces all files of an earlier run: those the new one does not write are removed.
+    MODEL.yaml is a model file and RECORD a ground motion, as with --record; one of them may be -, standard input. The
+    table of stories goes to standard output, as CSV in SI units; with -o it is written to a folder, too. The options
+    under Record belong to the record if one is given, and otherwise replace what the model says of its record;
+    --method, --dt and --duration replace what it says of the analysis. --overwrite replaces all files of an earlier
+    run: those the new one does not write are removed.
     """
-    _run(Request(**given))
+    _run(Request(**given, record=_one_record(record, records)))
+
+
+def _one_record(named: str | None, records: tuple[str, ...]) -> str | None:
+    """The record of `--record`, or the one behind the model.
+
+    Raises
+    ------
+    UsageError
+        There are several.
+    """
+    if named is not None and records:
+        raise UsageError(f"--record {named} and {records[0]} are given; leave one of them out")
+    if len(records) > 1:
+        raise UsageError(f"a run takes one record, got {len(records)}; call it once for each")
+    return records[0] if records else named
 
 
 def _run(request: Request) -> None:
@@ -100,70 +124,82 @@ def _run(request: Request) -> None:
             case,
             dt=request.dt,
             duration=request.duration,
-            history=request.history or request.plot,
+            history=request.history or bool(request.plot),
             check=request.check,
             tolerance=request.tolerance,
         )
     except FailedRun as failure:
         _remark(record, failure.notes)
-        if request.output:
-            _write(request, _failed_files(request, failure, case, inputs, began))
+        _write(request, _failed_files(request, failure, case, inputs, began))
         raise
-    emit(story_table(response.stories, response.check.errors if response.check else None).csv())
-    if request.output:
-        _write(request, _files(request, response, case, inputs, began))
+    emit_table(story_table(response.stories, response.check.errors if response.check else None))
+    _write(request, _files(request, response, case, inputs, began))
     say(_paragraph(response))
     _remark(record, response.notes)
 
 
 def _remark(record: Record | None, notes: Sequence[str]) -> None:
     if record:
-        for warning in record.warnings:
-            warn(f"{record.source}: {warning}")
-    for note in notes:
-        say(f"note: {note}")
+        for text in record.warnings:
+            warn(f"{record.source}: {text}")
+    for text in notes:
+        note(text)
 
 
 def _check(request: Request) -> None:
     """Refuse, before any work, what can be seen to fail."""
     from tdint.files import check_outputs
 
-    for name, wanted in (("--history", request.history), ("--plot", request.plot)):
-        if wanted and not request.output:
-            raise UsageError(f"{name} writes a file: add -o DIR")
+    if request.history and not request.output:
+        raise UsageError("--history writes a file: add -o DIR")
     check_motion(request)
-    if request.output:
-        folder = Path(request.output)
-        names = (STORIES, HISTORY, PICTURE, SUMMARY)
-        check_outputs([folder / name for name in names], overwrite=request.overwrite, new_folder=True)
+    picture = _picture(request)
+    if picture:
+        check_picture(picture)
+    outputs = [*_in_folder(request, (STORIES, HISTORY, PICTURE, SUMMARY)), *([picture] if picture else ())]
+    refuse_inputs(outputs, [request.model, request.record, request.inventory])
+    check_outputs(dict.fromkeys(outputs), overwrite=request.overwrite)
 
 
-def _files(request: Request, response: Response, case: Case, inputs: list[Input], began: float) -> dict[str, Writer]:
+def _in_folder(request: Request, names: Sequence[str]) -> list[Path]:
+    """Files in the folder of -o, none without one."""
+    return [Path(request.output) / name for name in names] if request.output else []
+
+
+def _picture(request: Request) -> Path | None:
+    """The file of the picture, if one is asked for."""
+    return picture_file(request.plot, Path(request.output) / PICTURE if request.output else None)
+
+
+def _files(request: Request, response: Response, case: Case, inputs: list[Input], began: float) -> dict[Path, Writer]:
     """The files of a run and what writes them."""
     from tdint.analysis.spectra.first_mode import first_mode
     from tdint.output.summaries.run import run_summary
     from tdint.output.summaries.summary import json_bytes
     from tdint.output.tables.tables import story_table, write_history
 
-    table = story_table(response.stories, response.check.errors if response.check else None).csv()
-    wall_time = time.perf_counter() - began
-    first = first_mode(case.building, case.record)
-    summary = json_bytes(run_summary(response, inputs, wall_time, first=first, settings=_settings(request)))
-    files: dict[str, Writer] = {STORIES: lambda stream: stream.write(table)}
+    files: dict[Path, Writer] = {}
+    if request.output:
+        table = story_table(response.stories, response.check.errors if response.check else None).csv()
+        files[Path(request.output) / STORIES] = lambda stream: stream.write(table)
     history = response.history
-    if request.history and history is not None:
-        files[HISTORY] = lambda stream: write_history(history, stream)
-    if request.plot:
+    if request.output and request.history and history is not None:
+        files[Path(request.output) / HISTORY] = lambda stream: write_history(history, stream)
+    if picture := _picture(request):
         from tdint.output.figures.run import run_picture
 
-        files[PICTURE] = run_picture(response, Path(PICTURE).suffix)
-    files[SUMMARY] = lambda stream: stream.write(summary)
+        files[picture] = run_picture(response, picture.suffix)
+    if request.output:
+        wall_time = time.perf_counter() - began
+        first = first_mode(case.building, case.record)
+        summary = json_bytes(run_summary(response, inputs, wall_time, first=first, settings=_settings(request)))
+        files[Path(request.output) / SUMMARY] = lambda stream: stream.write(summary)
     return files
 
 
 def _failed_files(
     request: Request, failure: FailedRun, case: Case, inputs: list[Input], began: float
-) -> dict[str, Writer]:
+) -> dict[Path, Writer]:
     from tdint.analysis.spectra.first_mode import first_mode
     from tdint.output.summaries.run import failure_summary
     from tdint.output.summaries.summary import json_bytes
@@ -173,7 +209,7 @@ def _failed_files(
     settings = _settings(request)
     content = failure_summary(failure, case.model, case.record, inputs, wall_time, first=first, settings=settings)
     summary = json_bytes(content)
-    return {SUMMARY: lambda stream: stream.write(summary)}
+    return {file: lambda stream: stream.write(summary) for file in _in_folder(request, (SUMMARY,))}
 
 
 def _settings(request: Request) -> dict[str, Any]:
@@ -188,15 +224,12 @@ def _settings(request: Request) -> dict[str, Any]:
     }
 
 
-def _write(request: Request, files: dict[str, Writer]) -> None:
+def _write(request: Request, files: dict[Path, Writer]) -> None:
     """Write the files of this run; with --overwrite the folder keeps none of an earlier one."""
     from tdint.files import write_files
 
-    assert request.output is not None
-    folder = Path(request.output)
-    others = [folder / name for name in (STORIES, HISTORY, PICTURE, SUMMARY) if name not in files]
-    writers = {folder / name: writer for name, writer in files.items()}
-    write_files(writers, overwrite=request.overwrite, new_folder=True, stale=others)
+    every = _in_folder(request, (STORIES, HISTORY, PICTURE, SUMMARY))
+    write_files(files, overwrite=request.overwrite, stale=[file for file in every if file not in files])
 
 
 def _paragraph(response: Response) -> str:

@@ -75,7 +75,7 @@ class DriftRequest(TablesRequest):
     help="A continuous shear beam instead of stories, and its drift at the base (Iwan's drift spectrum).",
 )
 @options.spectra.tables
-@options.spectra.plot
+@options.spectra.picture
 @options.output.jobs
 @options.output.overwrite
 def command(**given: Any) -> None:

@@ -14,7 +14,7 @@ from tdint_cli.batch.sources import notes_of_components, records_of, refuse_inpu
 from tdint_cli.errors import Failures
 from tdint_cli.options.output import Outputs
 from tdint_cli.startup import load_numba
-from tdint_cli.terminal.streams import say, warn
+from tdint_cli.terminal.streams import note, warn
 
 if TYPE_CHECKING:
     from tdint.files import Writer
@@ -120,10 +120,10 @@ def _run(request: Request) -> None:
                 warnings |= dict.fromkeys(outcome.warnings)
     if products:
         _deliver(request, outputs, products)
-    for warning in warnings:
-        warn(warning)
-    for note in notes:
-        say(f"note: {note}")
+    for text in warnings:
+        warn(text)
+    for text in notes:
+        note(text)
     if failures:
         raise Failures(failures)
 

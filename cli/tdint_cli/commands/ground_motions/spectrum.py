@@ -27,7 +27,7 @@ from tdint_cli.commands.ground_motions.spectra.tables import make_tables
 @inelastic.strength
 @inelastic.hardening
 @options.spectra.tables
-@options.spectra.plot
+@options.spectra.picture
 @options.output.jobs
 @options.output.overwrite
 def command(**given: Any) -> None:

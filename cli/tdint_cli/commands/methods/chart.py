@@ -13,10 +13,10 @@ from tdint_cli import options
 from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.options.building import BuildingRequest, check_motion, with_motion
 from tdint_cli.options.output import Outputs
-from tdint_cli.options.values import ValueType
+from tdint_cli.options.values import Number
 from tdint_cli.startup import load_numba
 from tdint_cli.terminal.progress import Progress, part_of, progress_bar
-from tdint_cli.terminal.streams import say, warn
+from tdint_cli.terminal.streams import note, say, warn
 
 if TYPE_CHECKING:
     from tdint.analysis.chart.problem import Problem
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 TARGETS = ("peak-drift", "drift", "displacement", "velocity", "acceleration")
 MOST_STORIES = 10_000
+MOST_SECONDS = 1e6
 LIMITS = (0.01, 0.001)
 """Errors for which a method and a step are recommended."""
 
@@ -50,41 +51,14 @@ class Request(BuildingRequest):
     overwrite: bool
 
 
-class Numbers(ValueType):
-    """Positive numbers separated by commas, each once."""
-
-    name = "numbers"
-
-    def __init__(self, kind: type[int] | type[float], most: float) -> None:
-        self.kind, self.most = kind, most
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
-        if isinstance(value, tuple):
-            return value
-        try:
-            numbers = tuple(dict.fromkeys(self.kind(text) for text in value.split(",")))
-        except ValueError:
-            what = "whole numbers" if self.kind is int else "numbers"
-            self.fail(f"{value!r} is not a list of {what} separated by commas", param, ctx)
-        if not all(0 < number <= self.most for number in numbers):
-            self.fail(f"{value!r}: each must be a positive number, at most {self.most:g}", param, ctx)
-        return numbers
-
-
 @options.command("chart")
 @options.building.model
-@options.option(
-    "--method",
-    "methods",
-    multiple=True,
-    metavar="SPEC",
-    help="Time-integration method with its parameters, may be repeated; by default nine of them, from impulse4 to "
-    "exact.",
-)
+@options.analysis.methods("nine of them, from impulse4 to exact,")
 @options.option(
     "--dt",
     "steps",
-    type=Numbers(float, 1e6),
+    type=Number(0.0, MOST_SECONDS, min_open=True),
+    many=True,
     metavar="SECONDS,...",
     help="Time steps: whole parts or whole multiples of the record's sampling interval, or without a record of the "
     "model's dt.",
@@ -97,7 +71,8 @@ class Numbers(ValueType):
 )
 @options.option(
     "--stories",
-    type=Numbers(int, MOST_STORIES),
+    type=click.IntRange(1, MOST_STORIES),
+    many=True,
     metavar="COUNT,...",
     help="Chart the building with these numbers of stories, its own ones repeated; with the interval itself as the "
     "step unless --dt or --halvings is given.",
@@ -176,8 +151,8 @@ def _run(request: Request) -> None:
         say(_reference(request, chart))
     if advice:
         _recommend(request, charts[0], advice)
-    for note in notes:
-        say(f"note: {note}")
+    for text in notes:
+        note(text)
 
 
 def _checked(request: Request) -> Outputs:
@@ -185,7 +160,7 @@ def _checked(request: Request) -> Outputs:
     if request.steps and request.halvings is not None:
         raise UsageError("--dt already gives the steps; leave out --halvings")
     if request.versus == "dt" and not request.plot:
-        raise UsageError("--versus dt is about the picture: add --plot FILE")
+        raise UsageError("--versus dt is about the picture: add --plot")
     if request.stories and request.versus == "dt":
         raise UsageError("--versus dt draws one building; leave out --stories")
     if request.stories and request.peers:

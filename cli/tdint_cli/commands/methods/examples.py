@@ -11,7 +11,8 @@ import click
 
 from tdint_cli import options
 from tdint_cli.options.values import Number
-from tdint_cli.terminal.streams import emit, say, say_table
+from tdint_cli.terminal.drawing import emit_table
+from tdint_cli.terminal.streams import say, say_table
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.paper_examples import Example, ExampleRun
@@ -27,32 +28,23 @@ class Request:
 
     numbers: tuple[str, ...]
     methods: tuple[str, ...]
-    dts: tuple[float, ...]
+    dts: tuple[float, ...] | None
     output: str | None
     overwrite: bool
 
 
 @options.command("examples")
 @click.argument("numbers", nargs=-1, type=click.Choice(["1", "2", "3"]), metavar="[1|2|3]...")
-@options.option(
-    "--method",
-    "methods",
-    multiple=True,
-    metavar="SPEC",
-    help="Time-integration method with its parameters, may be repeated; the paper's seven and impulse4 if there is "
-    "none.",
-)
+@options.analysis.methods("the paper's seven and impulse4")
 @options.option(
     "--dt",
     "dts",
-    multiple=True,
     type=Number(1e-3, 0.1),
-    metavar="SECONDS",
-    help="Time step, may be repeated; 0.02, 0.04 and 0.01 if there is none. The figures show the first one.",
+    many=True,
+    metavar="SECONDS,...",
+    help="Time steps; 0.02, 0.04 and 0.01 if there is none. The figures show the first one.",
 )
-@options.output.output(
-    "DIR", "Also write the tables and figures into this folder; it is made if only itself is missing."
-)
+@options.output.output("DIR", "Also write the tables and figures into this folder.")
 @options.output.overwrite
 def command(**given: Any) -> None:
     """The examples of the paper of 2022: errors of its methods, and its figures.
@@ -82,15 +74,15 @@ def _run(request: Request) -> None:
     folder = Path(request.output) if request.output else None
     if folder:
         outputs = [folder / name for example in wanted for name in _names(example)]
-        check_outputs(outputs, overwrite=request.overwrite, new_folder=True)
+        check_outputs(outputs, overwrite=request.overwrite)
     integrators = options.analysis.integrators(request.methods) if request.methods else default_integrators()
-    dts = tuple(dict.fromkeys(request.dts)) or DTS
+    dts = request.dts or DTS
     runs = {example: [run for dt in dts for run in run_example(example, dt, integrators)] for example in wanted}
     if folder:
         files = {folder / name: writer for example in wanted for name, writer in _files(example, runs[example]).items()}
         stale = [file for file in outputs if file not in files]
-        write_files(files, overwrite=request.overwrite, new_folder=True, stale=stale)
-    emit(example_table([run for example in wanted for run in runs[example]]).csv())
+        write_files(files, overwrite=request.overwrite, stale=stale)
+    emit_table(example_table([run for example in wanted for run in runs[example]]))
     usual = not request.methods and dts[0] == DTS[0]
     for example in wanted:
         _say_example(example, [run for run in runs[example] if run.dt == dts[0]], remark=usual)

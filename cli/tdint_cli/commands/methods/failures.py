@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from tdint_cli import options
 from tdint_cli.options.output import Outputs
+from tdint_cli.options.values import Name
 from tdint_cli.terminal.streams import say, say_table
 
 if TYPE_CHECKING:
@@ -20,20 +21,27 @@ class Request:
     """The command line of `tdint failures`."""
 
     methods: tuple[str, ...]
-    problems: tuple[str, ...]
+    problems: tuple[str, ...] | None
     output: str | None
     plot: str | None
     overwrite: bool
 
 
+def _problems() -> list[str]:
+    from tdint.analysis.assessment.hard_problems import problems
+
+    return list(problems())
+
+
 @options.command("failures")
-@options.analysis.methods
+@options.analysis.all_methods
 @options.option(
     "--problem",
     "problems",
-    multiple=True,
-    metavar="NAME",
-    help="Problem to take, may be repeated: hardening, softening, stiff-node, soft-node, stiff-pair, limit-2, "
+    type=Name(_problems),
+    many=True,
+    metavar="NAME,...",
+    help="Problems to take: hardening, softening, stiff-node, soft-node, stiff-pair, limit-2, "
     "limit-sqrt-6, limit-sqrt-12, sqrt-12, large-step, overshoot-displacement, overshoot-velocity; all if there is "
     "none.",
 )
@@ -62,7 +70,7 @@ def _run(request: Request) -> None:
 
     outputs = Outputs.checked(request.output, request.plot, request.overwrite)
     integrators = options.analysis.integrators(request.methods) if request.methods else usual_methods()
-    problems = find_problems(request.problems)
+    problems = find_problems(request.problems or ())
     trials = [trial for problem in problems for integrator in integrators for trial in attempt(integrator, problem)]
 
     def draw(suffix: str) -> Writer:

@@ -15,6 +15,6 @@ def command() -> None:
     """
     from tdint.methods.catalogue import catalogue, parse
     from tdint.output.tables.tables import method_table
-    from tdint_cli.terminal.streams import emit
+    from tdint_cli.terminal.drawing import emit_table
 
-    emit(method_table(map(parse, catalogue())).csv())
+    emit_table(method_table(map(parse, catalogue())))

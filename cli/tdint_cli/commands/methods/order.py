@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tdint.errors import AnalysisError, TdintError, UsageError
+from tdint.quantities import Grid
 from tdint_cli import options
 from tdint_cli.errors import Failures
 from tdint_cli.options.output import Outputs
-from tdint_cli.options.values import Grid, GridType
-from tdint_cli.terminal.streams import say
+from tdint_cli.options.values import GridType
+from tdint_cli.terminal.streams import note
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.order import ObservedOrder, OrderProblem
@@ -37,7 +38,7 @@ class Request:
 
 
 @options.command("order")
-@options.analysis.methods
+@options.analysis.all_methods
 @options.option(
     "--load",
     type=click.Choice(["free", "harmonic", "record"]),
@@ -114,7 +115,7 @@ def _suited(integrators: list[Integrator], problem: OrderProblem) -> list[Integr
         raise UsageError(f"{integrators[0].label} integrates linear buildings only; not with --law {problem.law}")
     for integrator in integrators:
         if integrator not in suited:
-            say(f"note: {integrator.label} is left out: it integrates linear buildings only")
+            note(f"{integrator.label} is left out: it integrates linear buildings only")
     return suited
 
 
@@ -137,4 +138,4 @@ def _measure(
 def _say_roundings(measured: list[ObservedOrder]) -> None:
     exact = dict.fromkeys(one.method for one in measured if math.isnan(one.order("displacement")))
     for method in exact:
-        say(f"note: {method} has no order here: its errors are rounding")
+        note(f"{method} has no order here: its errors are rounding")

@@ -35,7 +35,7 @@ class Request:
 
 
 @options.command("overshoot")
-@options.analysis.methods
+@options.analysis.all_methods
 @options.option(
     "--dt-over-t",
     type=Number(*options.analysis.DT_OVER_T),

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from tdint.quantities import Grid
 from tdint_cli import options
 from tdint_cli.options.output import Outputs
-from tdint_cli.options.values import Grid, GridType
+from tdint_cli.options.values import GridType
 from tdint_cli.terminal.streams import say_table
 
 if TYPE_CHECKING:
@@ -36,14 +37,14 @@ class Request:
 
 
 @options.command("stability")
-@options.analysis.methods
+@options.analysis.all_methods
 @options.option(
     "--damping",
     type=options.analysis.damping_ratio,
-    multiple=True,
+    many=True,
     default=(0.0,),
-    metavar="RATIO",
-    help="Damping ratio of the oscillator, may be repeated; 0 by default.",
+    metavar="RATIO,...",
+    help="Damping ratios of the oscillator; 0 by default.",
 )
 @options.option(
     "--dt-over-t",
@@ -80,7 +81,7 @@ def _run(request: Request) -> None:
     outputs = Outputs.checked(request.output, request.plot, request.overwrite)
     scanned = tuple(f"impulse:beta={beta}" for beta in _SCANNED) if request.beta_scan else ()
     integrators = options.analysis.integrators((*request.methods, *scanned))
-    dampings = list(dict.fromkeys(request.damping))
+    dampings = list(request.damping)
     steps = _steps(request)
     curves = [stability(integrator, steps, damping) for integrator in integrators for damping in dampings]
 

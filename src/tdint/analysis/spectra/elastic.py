@@ -22,8 +22,6 @@ Array = NDArray[np.float64]
 DEFAULT_PERIODS = "0.01:10:200"
 """Periods of a spectrum where none are asked for, s."""
 
-MOST_PERIODS = 1_000_000
-
 Choice = TypeVar("Choice")
 
 SHORTEST = 0.05
@@ -226,23 +224,3 @@ def _integrated(record: Record, omega: Array, damping: float, method: str) -> tu
         raise AnalysisError(f"{integrator.label} diverged at the record's step {record.dt:.6g} s; use another method")
     rows = [observing.PEAK_DISPLACEMENT, observing.PEAK_VELOCITY, observing.PEAK_ACCELERATION]
     return integrator.label, marched.space.peaks[rows]
-
-
-def parse_periods(text: str) -> Array:
-    """Periods from `first:last:count`, in equal ratios, both ends included; shape (count,).
-
-    Raises
-    ------
-    UsageError
-        The text has another form, or the numbers make no sense.
-    """
-    parts = text.split(":")
-    try:
-        first, last, count = float(parts[0]), float(parts[1]), int(parts[2])
-    except (ValueError, IndexError):
-        count, first, last = 0, math.nan, math.nan
-    if len(parts) != 3 or not (0.0 < first < last < math.inf) or not 2 <= count <= MOST_PERIODS:
-        raise UsageError(f"periods must be first:last:count in seconds, such as {DEFAULT_PERIODS}, got {text!r}")
-    result = np.geomspace(first, last, count)
-    result[0], result[-1] = first, last
-    return result

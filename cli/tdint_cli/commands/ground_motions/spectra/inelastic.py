@@ -9,7 +9,7 @@ from tdint.errors import UsageError
 from tdint_cli.commands.ground_motions.spectra.elastic import PERIODS, remark
 from tdint_cli.commands.ground_motions.spectra.kind import Kind, Results
 from tdint_cli.options.spectra import option
-from tdint_cli.options.values import Number, Numbers
+from tdint_cli.options.values import Number, Ratio
 
 if TYPE_CHECKING:
     from tdint.analysis.spectra.inelastic import InelasticSpectrum
@@ -22,20 +22,22 @@ _MOST_DUCTILE = 1000.0
 
 ductility = option(
     "--ductility",
-    type=Numbers(Number(1.0, _MOST_DUCTILE)),
-    metavar="MU[,MU...]",
+    type=Number(1.0, _MOST_DUCTILE),
+    many=True,
+    metavar="MU,...",
     help="Inelastic spectra instead: the yield strength for each of these ratios of largest to yield displacement (the "
     "largest strength if there are several).",
 )
 strength = option(
     "--strength",
-    type=Numbers(Number(0.0, min_open=True)),
-    metavar="RATIO[,RATIO...]",
+    type=Ratio(0.0, min_open=True),
+    many=True,
+    metavar="RATIO,...",
     help="Inelastic spectra instead: the response for each of these ratios of yield force to weight.",
 )
 hardening = option(
     "--hardening",
-    type=Number(0.0, 1.0, max_open=True),
+    type=Ratio(0.0, 1.0, max_open=True),
     metavar="RATIO",
     help="With --ductility or --strength: stiffness after yielding over the initial one; 0 by default (elastoplastic).",
 )

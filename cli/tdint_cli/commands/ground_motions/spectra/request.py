@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tdint.errors import UsageError
+from tdint.quantities import Grid, parse_grid
+from tdint_cli.options.plot import BESIDE
 from tdint_cli.startup import load_numba
 
 if TYPE_CHECKING:
@@ -30,10 +32,10 @@ class TablesRequest:
     inventory: str | None
     processing: Processing
     damping: tuple[float, ...]
-    periods: str | None
-    period: tuple[float, ...]
+    periods: Grid | None
+    period: tuple[float, ...] | None
     output: str | None
-    plot: bool
+    plot: str | None
     jobs: int
     overwrite: bool
 
@@ -43,10 +45,15 @@ class TablesRequest:
         output = self.output
         return output is not None and (output.endswith(("/", os.sep)) or Path(output).is_dir())
 
+    def check_plot(self) -> None:
+        """Raise UsageError for one picture of what goes into several tables."""
+        if self.is_folder and self.plot not in (None, BESIDE):
+            raise UsageError("--plot=FILE is one picture of all records; give -o a file, or --plot alone for one each")
+
     def settings(self, default_periods: str) -> dict[str, Any]:
         """All that the numbers depend on beside the records, for the JSON file."""
         settings = {name: value for name, value in asdict(self).items() if name not in _NOT_SETTINGS}
-        return settings | {"periods": list(self.period) or self.periods or default_periods}
+        return settings | {"periods": list(self.period or ()) or str(self.periods or default_periods)}
 
     def chosen_periods(self, default: str) -> NDArray[np.float64]:
         """The periods, s.
@@ -59,11 +66,9 @@ class TablesRequest:
         load_numba()
         import numpy as np
 
-        from tdint.analysis.spectra.elastic import parse_periods
-
         if self.periods is not None and self.period:
             raise UsageError("--periods and --period are given; leave one of them out")
-        return np.array(self.period) if self.period else parse_periods(self.periods or default)
+        return np.array(self.period) if self.period else (self.periods or parse_grid(default)).values()
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,6 @@ from tdint_cli.batch.sources import STDIN
 from tdint_cli.commands.ground_motions.spectra.elastic import PERIODS, remark
 from tdint_cli.commands.ground_motions.spectra.kind import Kind, Results
 from tdint_cli.options.spectra import option
-from tdint_cli.options.values import Numbers
 
 if TYPE_CHECKING:
     from tdint.analysis.spectra.rotated import RotatedSpectrum
@@ -23,8 +22,9 @@ if TYPE_CHECKING:
 
 rotd = option(
     "--rotd",
-    type=Numbers(click.IntRange(0, 100)),
-    metavar="P[,P...]",
+    type=click.IntRange(0, 100),
+    many=True,
+    metavar="P,...",
     help="Spectra of two horizontal components instead: these percentiles of the pseudo-acceleration over all "
     "directions, such as 0,50,100 (RotD00, RotD50, RotD100).",
 )

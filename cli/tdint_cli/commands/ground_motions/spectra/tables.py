@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tdint.errors import TdintError, UsageError
+from tdint.errors import TdintError
 from tdint_cli.batch.processes import Task, outcomes
 from tdint_cli.batch.sources import notes_of_components, records_of, refuse_inputs, tables_of
 from tdint_cli.commands.ground_motions.spectra.kind import Kind
 from tdint_cli.commands.ground_motions.spectra.request import TablesRequest
 from tdint_cli.errors import Failures
+from tdint_cli.options.output import Outputs, check_picture
+from tdint_cli.options.plot import SUFFIX, picture_file
 from tdint_cli.startup import load_numba
-from tdint_cli.terminal.streams import emit, say, warn
+from tdint_cli.terminal.drawing import reading_width, table_bytes
+from tdint_cli.terminal.streams import emit, note, warn
 
 if TYPE_CHECKING:
     from tdint.files import Writer
@@ -28,8 +31,8 @@ class RecordTable:
 
     Attributes
     ----------
-    csv : bytes
-        The rows of all its components and damping ratios, after a header.
+    text : bytes
+        The rows of all its components and damping ratios, after a header: CSV, or drawn for a terminal.
     meanings : dict
         What its columns mean, for the JSON file.
     records : tuple of dict
@@ -46,7 +49,7 @@ class RecordTable:
         The picture of this record, if it has one of its own.
     """
 
-    csv: bytes
+    text: bytes
     meanings: dict[str, dict[str, str]]
     records: tuple[dict[str, Any], ...]
     notes: tuple[str, ...]
@@ -81,16 +84,17 @@ def make_tables(request: TablesRequest, kind: Kind) -> None:
         Wrong arguments or outputs, before any work; Failures of records, after the others are done.
     """
     kind.check(request)
+    request.check_plot()
     _ = request.chosen_periods(kind.default_periods)  # What is wrong with them is told before any work.
-    if request.plot and request.output is None:
-        raise UsageError("--plot writes a file: add -o FILE or -o DIR")
     sources = records_of(request.records)
     tasks = _tasks(request, kind.gather(request, sources.files))
     messages = _Messages(dict.fromkeys(sources.notes), list(sources.failures))
     together: list[RecordTable] = []
+    to_terminal = request.output is None
+    width = reading_width() if to_terminal else None
     header = True
-    work = partial(_work, request, kind)
-    with outcomes(work, tasks, jobs=request.jobs, label="spectra", to_terminal=request.output is None) as results:
+    work = partial(_work, request, kind, width)
+    with outcomes(work, tasks, jobs=request.jobs, label="spectra", to_terminal=to_terminal) as results:
         for task, outcome in zip(tasks, results, strict=True):
             if isinstance(outcome, TdintError):
                 messages.failures.append(outcome)
@@ -98,18 +102,19 @@ def make_tables(request: TablesRequest, kind: Kind) -> None:
             messages.take(outcome)
             if task.table:
                 _write(request, kind, task.table, [outcome])
-            elif request.output:
-                together.append(outcome)
-            else:
-                emit(outcome.csv if header else _without_header(outcome.csv))
+                continue
+            if request.output or request.plot:
+                together.append(outcome if request.output else replace(outcome, text=b""))
+            if to_terminal:
+                emit(outcome.text if header or width else _without_header(outcome.text))
                 header = False
     if together:
-        _write(request, kind, Path(request.output or ""), together)
+        _write(request, kind, Path(request.output) if request.output else None, together)
     remark = kind.remark(request, messages.longest_interval)
-    for warning in messages.warnings:
-        warn(warning)
-    for note in filter(None, (*messages.notes, remark)):
-        say(f"note: {note}")
+    for text in messages.warnings:
+        warn(text)
+    for text in filter(None, (*messages.notes, remark)):
+        note(text)
     if messages.failures:
         raise Failures(messages.failures)
 
@@ -118,22 +123,24 @@ def _tasks(request: TablesRequest, records: Sequence[tuple[str, ...]]) -> list[T
     """What to do for the files of each record, after it is clear that its outputs can be written."""
     from tdint.files import check_outputs
 
-    firsts = [files[0] for files in records]
-    folder = Path(request.output) if request.output and request.is_folder else None
-    tables = tables_of(firsts, folder) if folder else [Path(request.output)] if request.output else []
-    outputs = [file for table in tables for file in _files_of(request, table)]
-    refuse_inputs(outputs, [*(file for files in records for file in files), request.inventory])
-    check_outputs(outputs, overwrite=request.overwrite, new_folder=request.is_folder)
-    own = tables if folder else [None] * len(records)
+    output = Path(request.output) if request.output else None
+    tables = tables_of([files[0] for files in records], output) if output and request.is_folder else [output]
+    own = tables if request.is_folder else [None] * len(records)
+    files = [file for table in tables for file in _outputs(request, table).files]
+    refuse_inputs(files, [*(file for files in records for file in files), request.inventory])
+    check_outputs(files, overwrite=request.overwrite)
     return [Task(files[0], table, files[1:]) for files, table in zip(records, own, strict=True)]
 
 
-def _files_of(request: TablesRequest, table: Path) -> list[Path]:
-    """The files that are written with a table."""
-    return [table, table.with_suffix(".json"), *([table.with_suffix(".png")] if request.plot else [])]
+def _outputs(request: TablesRequest, table: Path | None) -> Outputs:
+    """The files that are written with a table, or without one."""
+    picture = picture_file(request.plot, table) if table or not request.is_folder else None
+    if picture:
+        check_picture(picture)
+    return Outputs(table, picture, table.with_suffix(".json") if table else None, request.overwrite)
 
 
-def _work(request: TablesRequest, kind: Kind, task: Task) -> RecordTable:
+def _work(request: TablesRequest, kind: Kind, width: int | None, task: Task) -> RecordTable:
     """All that becomes of one record; it may run in another process."""
     load_numba()
     from tdint.ground_motion.reading.read import read_records
@@ -145,39 +152,42 @@ def _work(request: TablesRequest, kind: Kind, task: Task) -> RecordTable:
     lines = tuple(results.lines)
     table = kind.table(request, lines)
     return RecordTable(
-        csv=table.csv(),
+        text=table_bytes(table, width),
         meanings=table.meanings,
         records=tuple(map(record_summary, results.records)),
         notes=(*notes_of_components(results.records, lambda record: record.notes), *results.notes),
         interval=max(record.dt for record in results.records),
         warnings=notes_of_components(results.records, lambda record: record.warnings),
         results=() if task.table or not request.plot else lines,
-        picture=_picture(request, kind, lines) if task.table and request.plot else None,
+        picture=_picture(request, kind, lines, SUFFIX) if task.table and request.plot else None,
     )
 
 
-def _picture(request: TablesRequest, kind: Kind, results: Sequence[Any]) -> bytes:
+def _picture(request: TablesRequest, kind: Kind, results: Sequence[Any], suffix: str) -> bytes:
     stream = BytesIO()
-    kind.picture(request, results, ".png")(stream)
+    kind.picture(request, results, suffix)(stream)
     return stream.getvalue()
 
 
-def _write(request: TablesRequest, kind: Kind, table: Path, products: Sequence[RecordTable]) -> None:
-    """Write a table of the records of several files, or of one, with what goes beside it."""
+def _write(request: TablesRequest, kind: Kind, table: Path | None, products: Sequence[RecordTable]) -> None:
+    """Write a table of the records of several files, or of one, with what goes beside it; or a picture alone."""
     from tdint.files import write_files
     from tdint.output.summaries.summary import json_bytes, table_summary
 
-    records = [record for product in products for record in product.records]
-    settings = request.settings(kind.default_periods)
-    contents = [
-        b"".join([products[0].csv, *(_without_header(product.csv) for product in products[1:])]),
-        json_bytes(table_summary(kind.command, settings, records, products[0].meanings)),
-    ]
-    if request.plot:
+    outputs = _outputs(request, table)
+    contents: dict[Path, bytes] = {}
+    if outputs.table and outputs.summary:
+        records = [record for product in products for record in product.records]
+        summary = table_summary(kind.command, request.settings(kind.default_periods), records, products[0].meanings)
+        rows = [_without_header(product.text) for product in products[1:]]
+        contents[outputs.table] = b"".join([products[0].text, *rows])
+        contents[outputs.summary] = json_bytes(summary)
+    if outputs.picture:
         results = [result for product in products for result in product.results]
-        contents.append(products[0].picture or _picture(request, kind, results))
-    writers = {file: _writer(content) for file, content in zip(_files_of(request, table), contents, strict=True)}
-    write_files(writers, overwrite=request.overwrite, new_folder=request.is_folder)
+        contents[outputs.picture] = products[0].picture or _picture(request, kind, results, outputs.picture.suffix)
+    if contents:
+        writers = {file: _writer(content) for file, content in contents.items()}
+        write_files(writers, overwrite=request.overwrite)
 
 
 def _writer(content: bytes) -> Writer:

@@ -1,0 +1,30 @@
+"""What holds for a whole command line: set by `--debug` and `--quiet`, before or after the command's name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import click
+
+
+@dataclass
+class Settings:
+    """Settings that every click context carries.
+
+    Attributes
+    ----------
+    debug : bool
+        Show a traceback with an error.
+    quiet : bool
+        Say nothing but warnings and errors.
+    """
+
+    debug: bool = False
+    quiet: bool = False
+
+
+def is_quiet() -> bool:
+    """Whether the command that runs was asked to be quiet."""
+    context = click.get_current_context(silent=True)
+    settings = context.find_object(Settings) if context else None
+    return bool(settings and settings.quiet)

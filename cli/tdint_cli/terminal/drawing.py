@@ -1,0 +1,162 @@
+"""Tables as a person at a terminal reads them: columns under each other, a few digits, no wider than the screen."""
+
+from __future__ import annotations
+
+import math
+import shutil
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, TypeVar
+
+from tdint_cli.terminal.progress import is_terminal
+from tdint_cli.terminal.streams import emit
+
+if TYPE_CHECKING:
+    from tdint.output.tables.table import Table
+
+T = TypeVar("T")
+
+_DIGITS = 5
+_GAP = "  "
+_NARROWEST = 8
+"""Characters of a column's name on one line at least."""
+
+_FEW = 3
+"""So many rows are drawn as columns where they are too wide: every name with its values beside it."""
+
+
+def reading_width() -> int | None:
+    """Columns of the screen that standard output is, or None if it is none."""
+    return shutil.get_terminal_size().columns if is_terminal(sys.stdout) else None
+
+
+def table_bytes(table: Table, width: int | None) -> bytes:
+    """A table as it goes to standard output: drawn for a screen of this width, else CSV."""
+    if width is None:
+        return table.csv()
+    return draw(table.columns, table.rows, width).encode("utf-8", "replace")
+
+
+def emit_table(table: Table) -> None:
+    """Write a table to standard output: drawn where a person reads it, CSV into a pipe or a file."""
+    emit(table_bytes(table, reading_width()))
+
+
+def draw(columns: Sequence[str], rows: Sequence[Sequence[object]], width: int) -> str:
+    """A table as text, lines of at most `width` characters if that can be done.
+
+    Columns without any value are left out, a text that is the same in all rows stands above, names of columns stand on
+    several lines. What is too wide is drawn in blocks of columns, each with the columns before it that name the row; a
+    few rows that are too wide are drawn as columns instead.
+    """
+    cells = [[_cell(value) for value in row] for row in rows]
+    filled = [i for i in range(len(columns)) if not rows or any(row[i] for row in cells)]
+    numeric = {i for i in filled if all(value is None or isinstance(value, (int, float)) for value in _at(rows, i))}
+    common = [i for i in filled[:-1] if i not in numeric and len(rows) > 1 and len(set(_at(cells, i))) == 1]
+    drawn = [
+        (i not in numeric, _column(columns[i], _at(cells, i), right=i in numeric, limit=width // 2))
+        for i in filled
+        if i not in common
+    ]
+    whole = sum(len(column[0]) + len(_GAP) for _, column in drawn) - len(_GAP)
+    if whole > width and 0 < len(rows) <= _FEW:
+        return _turned([columns[i] for i in filled], [[row[i] for i in filled] for row in cells], width)
+    above = "".join(f"{columns[i]}: {cells[0][i]}\n" for i in common)
+    keys = _keys([(text, len(column[0])) for text, column in drawn], width)
+    blocks = _blocks([len(column[0]) for _, column in drawn], keys, width)
+    return above + "\n".join("\n".join(_lines([drawn[i][1] for i in block])) + "\n" for block in blocks)
+
+
+def _at(rows: Sequence[Sequence[T]], i: int) -> list[T]:
+    return [row[i] for row in rows]
+
+
+def _cell(value: object) -> str:
+    """A cell in few digits; nothing that could command a terminal."""
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return ""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float):
+        return format(value + 0.0, f".{_DIGITS}g")
+    return "".join(letter if letter.isprintable() else "?" for letter in str(value))
+
+
+def _column(name: str, cells: Sequence[str], *, right: bool, limit: int) -> list[str]:
+    """A column: its name on as many lines as it takes, a rule, its cells; all of one width."""
+    cells = [_shortened(cell, limit) for cell in cells]
+    head = _broken(name, max(map(len, cells), default=0))
+    wide = max(map(len, [*head, *cells]))
+    lines = [*head, "-" * wide, *cells]
+    return [line.rjust(wide) if right else line.ljust(wide) for line in lines]
+
+
+def _broken(name: str, room: int) -> list[str]:
+    """The name of a column on lines of `room` characters, broken at its underscores; a unit stays whole."""
+    room = max(room, _NARROWEST)
+    lines = [""]
+    for word in _words(name):
+        joined = f"{lines[-1]} {word}".strip()
+        if len(joined) <= room or not lines[-1]:
+            lines[-1] = joined
+        else:
+            lines.append(word)
+    return lines
+
+
+def _words(name: str) -> list[str]:
+    """The words of a column's name, its unit last."""
+    from tdint.output.tables.table import UNITS
+
+    bare = name.removesuffix("_error")
+    end = next((end for end in UNITS if bare.endswith(end)), "")
+    error = ["error"] if bare != name else []
+    return [*bare.removesuffix(end).split("_"), *error, *([UNITS[end]] if end else [])]
+
+
+def _shortened(text: str, room: int) -> str:
+    return text if len(text) <= room else text[: room - 3] + "..."
+
+
+def _keys(columns: Sequence[tuple[bool, int]], width: int) -> int:
+    """How many columns name the row: texts at the start that leave most of the screen, but one at least."""
+    used = 0
+    for count, (text, own) in enumerate(columns):
+        used += own + len(_GAP)
+        if not text or used > width // 3:
+            return max(1, count)
+    return 1
+
+
+def _blocks(widths: Sequence[int], keys: int, width: int) -> list[list[int]]:
+    """Columns that fit on the screen together; the first ones, which name the row, stand in every block."""
+    names = list(range(min(keys, len(widths))))
+    blocks = [list(names)]
+    for i in range(len(names), len(widths)):
+        used = sum(widths[k] + len(_GAP) for k in blocks[-1])
+        if used + widths[i] > width and len(blocks[-1]) > len(names):
+            blocks.append(list(names))
+        blocks[-1].append(i)
+    return blocks
+
+
+def _lines(columns: Sequence[list[str]]) -> list[str]:
+    """Columns side by side; their rules stand in one line, the names above it end there."""
+    rules = [next(i for i, line in enumerate(column) if line.strip("-") == "" and line) for column in columns]
+    deepest = max(rules)
+    padded = [[" " * len(column[0])] * (deepest - rule) + column for column, rule in zip(columns, rules, strict=True)]
+    return [_GAP.join(cells).rstrip() for cells in zip(*padded, strict=True)]
+
+
+def _turned(columns: Sequence[str], cells: Sequence[Sequence[str]], width: int) -> str:
+    """A line for each column: its name and its values."""
+    name = max(map(len, columns))
+    room = max(8, (width - name) // len(cells) - len(_GAP))
+    wides = [min(room, max(map(len, row))) if len(cells) > 1 else 0 for row in cells]
+    lines = []
+    for i, column in enumerate(columns):
+        values = [
+            _shortened(row[i], wide).ljust(wide) if wide else row[i] for row, wide in zip(cells, wides, strict=True)
+        ]
+        lines.append(_GAP.join([column.ljust(name), *values]).rstrip())
+    return "\n".join(lines) + "\n"

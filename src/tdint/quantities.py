@@ -1,0 +1,75 @@
+"""Numbers as people write them on a command line or in a file: ratios and grids."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from tdint.errors import UsageError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+MOST_POINTS = 1_000_000
+
+
+def parse_ratio(text: str) -> float:
+    """A ratio: a number such as `0.05`, or a percentage such as `5%`.
+
+    Raises
+    ------
+    UsageError
+        Neither of these, or not finite.
+    """
+    words = text.strip()
+    number = words.removesuffix("%")
+    try:
+        ratio = float(number) / (100.0 if number != words else 1.0)
+    except ValueError:
+        ratio = math.nan
+    if not math.isfinite(ratio):
+        raise UsageError(f"{text!r} is neither a ratio such as 0.05 nor a percentage such as 5%")
+    return ratio
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Numbers in equal ratios, both ends included; a single one if `count` is 1."""
+
+    first: float
+    last: float
+    count: int
+
+    def __str__(self) -> str:
+        return f"{self.first:.12g}:{self.last:.12g}:{self.count}"
+
+    def values(self) -> NDArray[np.float64]:
+        """The numbers, shape (count,)."""
+        import numpy as np
+
+        result = np.geomspace(self.first, self.last, self.count)
+        result[0], result[-1] = self.first, self.last
+        return result
+
+
+def parse_grid(text: str) -> Grid:
+    """A grid: `first:last:count`, such as `0.01:10:200`, or a single number.
+
+    Raises
+    ------
+    UsageError
+        The text has another form, a number is not positive, or the numbers make no grid.
+    """
+    first, *more = text.split(":")
+    try:
+        last, count = more or (first, "1")
+        grid = Grid(float(first), float(last), int(count))
+    except ValueError:
+        raise UsageError(f"{text!r} is neither FIRST:LAST:COUNT, such as 0.01:10:200, nor a number") from None
+    if not 0.0 < grid.first <= grid.last < math.inf:
+        raise UsageError(f"{text!r}: FIRST and LAST must be positive numbers, FIRST the smaller one")
+    if more and not (grid.first < grid.last and 2 <= grid.count <= MOST_POINTS):
+        raise UsageError(f"{text!r}: FIRST must be below LAST, COUNT between 2 and {MOST_POINTS}")
+    return grid

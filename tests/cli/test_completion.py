@@ -1,0 +1,61 @@
+"""Completion in the shell: commands, options, and the names that options take."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+from click.shell_completion import ShellComplete
+
+from tdint.methods.catalogue import catalogue
+from tdint_cli.main import COMMANDS, cli
+
+
+def completions(*words: str) -> list[str]:
+    *before, incomplete = words
+    return [item.value for item in ShellComplete(cli, {}, "tdint", "").get_completions(list(before), incomplete)]
+
+
+def test_commands():
+    assert completions("") == list(COMMANDS)
+    assert completions("s") == [name for name in COMMANDS if name.startswith("s")]
+
+
+@pytest.mark.parametrize(
+    ("words", "some"),
+    [
+        (["run", "x.yaml", "--met"], {"--method"}),
+        (["run", "x.yaml", "--method", "newm"], {"newmark", "newmark-average", "newmark-linear"}),
+        (["chart", "x.yaml", "--method", ""], set(catalogue())),
+        (["spectrum", "--units", "c"], {"cm/s^2"}),
+        (["order", "--law", ""], {"linear", "polynomial"}),
+        (["failures", "--problem", "hardening,soft"], {"hardening,softening", "hardening,soft-node"}),
+        (["spectrum", "--maxima", "p"], {"peer"}),
+    ],
+)
+def test_names(words, some):
+    assert set(completions(*words)) == some
+
+
+@pytest.mark.parametrize("words", [["run", "x"], ["spectrum", "x"], ["run", "m.yaml", "--record", "x"]])
+def test_files_are_left_to_the_shell(words):
+    *before, incomplete = words
+    (item,) = ShellComplete(cli, {}, "tdint", "").get_completions(before, incomplete)
+    assert (item.type, item.value) == ("file", "x")
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_the_shell_asks_without_loading_more_than_click(shell):
+    code = (
+        "import sys\nfrom tdint_cli.main import main\n"
+        "try:\n    main()\n"
+        "finally:\n    print([n for n in ('numpy', 'numba', 'obspy', 'yaml') if n in sys.modules], file=sys.stderr)"
+    )
+    word = "s" if shell == "fish" else "1"  # fish gives the word itself, the others its place
+    asked = {"_TDINT_COMPLETE": f"{shell}_complete", "COMP_WORDS": "tdint s", "COMP_CWORD": word}
+    done = subprocess.run([sys.executable, "-c", code], env={**os.environ, **asked}, capture_output=True, text=True)
+    assert done.stderr.splitlines()[-1] == "[]"
+    assert all(name in done.stdout for name in ("spectrum", "stability"))
+    assert "Traceback" not in done.stderr

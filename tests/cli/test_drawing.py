@@ -1,0 +1,83 @@
+"""Tables at a terminal: drawn for reading there, CSV everywhere else."""
+
+from __future__ import annotations
+
+import math
+import os
+import subprocess
+import sys
+from contextlib import suppress
+
+import pytest
+
+from tdint_cli.terminal.drawing import draw
+
+NUMBERS = [(1, 0.123456789, None), (2, -1234567.0, None), (10, 0.0, None)]
+
+
+def test_numbers_stand_under_each_other_in_few_digits_without_empty_columns():
+    text = draw(("story", "peak_drift_m", "ductility"), NUMBERS, 80)
+    assert text == (
+        "        peak drift\n"
+        "story            m\n"
+        "-----  -----------\n"
+        "    1      0.12346\n"
+        "    2  -1.2346e+06\n"
+        "   10            0\n"
+    )
+
+
+def test_a_text_that_is_the_same_everywhere_stands_above():
+    text = draw(("record", "period_s"), [("a.mseed", 1.0), ("a.mseed", 2.0)], 80)
+    assert text.splitlines()[0] == "record: a.mseed"
+    assert text.count("a.mseed") == 1
+
+
+@pytest.mark.parametrize("width", [20, 40, 80, 200])
+def test_no_line_is_wider_than_the_screen_and_no_number_is_lost(width):
+    columns = ["story", *(f"quantity_number_{i}" for i in range(12))]
+    rows = [(k, *(k + 0.001 * i for i in range(12))) for k in range(1, 6)]
+    text = draw(columns, rows, width)
+    assert max(map(len, text.splitlines())) <= width
+    for row in rows:
+        for value in row[1:]:
+            assert f"{value:.5g}" in text.split()
+    for block in text.split("\n\n"):
+        assert "story" in block
+
+
+def test_few_rows_that_are_too_wide_are_turned():
+    columns = [f"name_{i}" for i in range(30)]
+    lines = draw(columns, [tuple(range(30))], 80).splitlines()
+    assert lines == [f"name_{i}".ljust(7) + f"  {i}" for i in range(30)]
+
+
+def test_no_rows_leave_the_names():
+    assert draw(("a", "b"), [], 80).split() == ["a", "b", "-", "-"]
+
+
+def test_values_without_a_number_and_texts_that_could_command_a_terminal():
+    text = draw(("name", "x", "ok"), [("\x1b[2Jevil", math.nan, True), ("good", 1.0, False)], 80)
+    assert "\x1b" not in text
+    assert "?[2Jevil" in text
+    assert text.splitlines()[-1].split() == ["good", "1", "false"]
+
+
+def test_a_terminal_gets_a_drawing_and_a_pipe_the_table(folder, tdint):
+    import pty
+
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "-c", "from tdint_cli.main import main; main()", "modes", "forced.yaml"]
+    process = subprocess.Popen(command, stdout=theirs, stderr=theirs)
+    os.close(theirs)
+    shown = b""
+    with suppress(OSError):  # The end of a terminal is an error on Linux.
+        while piece := os.read(ours, 65536):
+            shown += piece
+    os.close(ours)
+    assert process.wait(timeout=60.0) == 0
+    piped = tdint("modes", "forced.yaml").stdout
+    assert piped.startswith("mode,period_s,frequency_hz,")
+    assert b"," not in shown
+    first = float(piped.splitlines()[1].split(",")[1])
+    assert f"{first:.5g}" in shown.decode().split()

@@ -1,0 +1,214 @@
+"""One grammar for all commands: lists, ratios, grids, --plot, folders, -q, headings, standard input."""
+
+from __future__ import annotations
+
+import csv
+import io
+from importlib import import_module
+
+import click
+import pytest
+
+from tdint_cli.main import COMMANDS, GROUPS, cli
+from tdint_cli.options import headings
+from tdint_cli.options.analysis import _specifications
+from tdint_cli.options.plot import BESIDE, with_named_pictures
+
+
+def rows(text: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def column(text: str, name: str) -> list[float]:
+    return list(dict.fromkeys(float(row[name]) for row in rows(text)))
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--damping", "2%,5%", "--period", "0.2,1"],
+        ["--damping", "0.02", "--damping", "5 %", "--period", "0.2", "--period", "1"],
+        ["--damping", "0.02,0.05,2%", "--period", "0.2,1,0.2"],
+    ],
+)
+def test_a_list_takes_commas_and_an_option_may_be_repeated(folder, tdint, arguments):
+    result = tdint("spectrum", "other.mseed", *arguments)
+    assert result.exit_code == 0, result.stderr
+    assert column(result.stdout, "damping") == [0.02, 0.05]
+    assert column(result.stdout, "period_s") == [0.2, 1.0]
+    assert len(rows(result.stdout)) == 4
+
+
+def test_every_list_takes_commas(folder, tdint):
+    law = tdint("law", "forced.yaml", "--drift", "1%,20mm", "--drift", "1%", "--points", "1")
+    assert law.exit_code == 0, law.stderr
+    assert len(rows(law.stdout)) == 1 + 3 * 4  # One amplitude after the other, the first one again at the end.
+    stable = tdint(
+        "stability", "--method", "newmark:beta=0.25,gamma=0.5,hht", "--dt-over-t", "0.1", "--damping", "0,5%"
+    )
+    assert column(stable.stdout, "damping") == [0.0, 0.05]
+    assert len({row["method"] for row in rows(stable.stdout)}) == 2
+    strong = tdint("spectrum", "other.mseed", "--period", "1", "--strength", "10%,0.2", "--hardening", "3%")
+    assert column(strong.stdout, "yield_strength_ratio") == [0.1, 0.2]
+    assert column(strong.stdout, "hardening") == [0.03]
+
+
+def test_a_comma_separates_methods_where_it_does_not_separate_parameters():
+    texts = ("newmark:beta=0.25,gamma=0.5,hht", "impulse4", "exact,bathe:gamma=0.5")
+    found = ("newmark:beta=0.25,gamma=0.5", "hht", "impulse4", "exact", "bathe:gamma=0.5")
+    assert _specifications(None, None, texts) == found
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--damping", "5"], "did you mean 5%?"),
+        (["--damping", "5%,abc"], "'abc' is neither a ratio such as 0.05 nor a percentage such as 5%"),
+        (["--damping", "0.05,"], "'' is neither a ratio"),
+        (["--damping", "nan"], "neither a ratio"),
+        (["--damping", "100%"], "1.0 is not in the range 0.0<=x<1.0"),
+        (["--period", "1,-1"], "-1.0 is not in the range x>=0"),
+        (["--period", "1,inf"], "inf is not a finite number"),
+        (["--periods", "1:2"], "neither FIRST:LAST:COUNT, such as 0.01:10:200, nor a number"),
+        (["--periods", "2:1:5"], "FIRST the smaller one"),
+        (["--strength", "0"], "is not in the range x>0"),
+        (["--hardening", "100%"], "is not in the range"),
+        (["--rotd", "50,101"], "101 is not in the range 0<=x<=100"),
+    ],
+)
+def test_a_wrong_value_is_told_with_what_would_be_right(folder, tdint, arguments, message):
+    result = tdint("spectrum", "other.mseed", *arguments)
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert message in result.stderr
+
+
+def test_a_grid_may_be_a_single_number(folder, tdint):
+    one = tdint("spectrum", "other.mseed", "--periods", "0.5")
+    assert one.stdout == tdint("spectrum", "other.mseed", "--period", "0.5").stdout
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("a --plot b", ["a", f"--plot={BESIDE}", "b"]),
+        ("a --plot", ["a", f"--plot={BESIDE}"]),
+        ("--plot b.png a", ["--plot=b.png", "a"]),
+        ("--plot B.SVG", ["--plot=B.SVG"]),
+        ("--plot x/y.pdf -o z", ["--plot=x/y.pdf", "-o", "z"]),
+        ("--plot x.jpg", ["--plot=x.jpg"]),
+        ("--plot=x a", ["--plot=x", "a"]),
+        ("--plot -o a.png", [f"--plot={BESIDE}", "-o", "a.png"]),
+        ("a -- --plot b.png", ["a", "--", "--plot", "b.png"]),
+    ],
+)
+def test_the_word_behind_plot_is_its_file_if_it_names_a_picture(line, expected):
+    assert with_named_pictures(line.split()) == expected
+
+
+def test_an_empty_word_behind_plot_is_a_name_that_is_missing(folder, tdint):
+    assert with_named_pictures(["--plot", "", "a"]) == ["--plot=", "a"]
+    result = tdint("info", "--plot", "", "other.mseed")
+    assert (result.exit_code, result.stderr) == (2, "Error: --plot is empty; give a name\n")
+
+
+def test_a_picture_lies_beside_the_output_or_where_it_is_named(folder, tdint):
+    assert tdint("info", "--plot", "other.mseed", "-o", "a/info.csv").exit_code == 0
+    assert sorted(path.name for path in (folder / "a").iterdir()) == ["info.csv", "info.json", "info.png"]
+    spectrum = ("spectrum", "--period", "1", "other.mseed", "motion.mseed")
+    assert tdint(*spectrum, "--plot", "b/all.svg").exit_code == 0
+    assert tdint(*spectrum, "--plot", "-o", "c/").exit_code == 0
+    assert tdint("run", "forced.yaml", "--plot", "-o", "d").exit_code == 0
+    assert tdint("run", "forced.yaml", "--plot=e/f.pdf").exit_code == 0
+    found = sorted(
+        str(path.relative_to(folder)) for path in folder.rglob("*") if path.suffix in (".png", ".svg", ".pdf")
+    )
+    assert found == ["a/info.png", "b/all.svg", "c/motion.png", "c/other.png", "d/response.png", "e/f.pdf"]
+    assert (folder / "b" / "all.svg").read_text().startswith("<?xml")
+    assert (folder / "e" / "f.pdf").read_bytes().startswith(b"%PDF")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (["info", "other.mseed", "--plot"], 2, "--plot alone puts the picture beside the output: add -o"),
+        (["spectrum", "other.mseed", "--plot"], 2, "--plot alone puts the picture beside the output: add -o"),
+        (["run", "forced.yaml", "--plot"], 2, "--plot alone puts the picture beside the output: add -o"),
+        (["spectrum", "other.mseed", "--plot=x.png", "-o", "out/"], 2, "--plot=FILE is one picture of all records"),
+        (["spectrum", "other.mseed", "--plot", "x.jpg"], 6, "a picture is written as .png, .pdf or .svg, not .jpg"),
+        (["run", "forced.yaml", "--plot=x"], 6, "a picture is written as .png, .pdf or .svg"),
+        (["info", "other.mseed", "--plot", "-o", "x.png"], 6, "two outputs would have this name"),
+    ],
+)
+def test_a_picture_that_cannot_be_is_refused_before_the_work(folder, tdint, arguments, code, message):
+    before = sorted(folder.iterdir())
+    result = tdint(*arguments)
+    assert (result.exit_code, result.stdout) == (code, "")
+    assert message in result.stderr
+    assert sorted(folder.iterdir()) == before
+
+
+def test_output_folders_are_made(folder, tdint):
+    assert tdint("modes", "forced.yaml").exit_code == 0
+    assert tdint("run", "forced.yaml", "-o", "new/deep/run").exit_code == 0
+    assert tdint("spectrum", "other.mseed", "--period", "1", "-o", "new/spectra/x.csv").exit_code == 0
+    assert tdint("stability", "--method", "hht", "--dt-over-t", "0.1", "-o", "more/s.csv").exit_code == 0
+    for file in ("new/deep/run/summary.json", "new/spectra/x.json", "more/s.csv"):
+        assert (folder / file).is_file()
+
+
+def test_a_record_behind_the_model_is_that_of_the_option(folder, tdint):
+    named = tdint("run", "shaken.yaml", "--record", "other.mseed")
+    behind = tdint("run", "shaken.yaml", "other.mseed")
+    assert (behind.exit_code, behind.stdout, named.exit_code) == (0, named.stdout, 0)
+    assert behind.stdout != tdint("run", "shaken.yaml").stdout
+
+
+def test_model_or_record_may_be_standard_input(folder, tdint):
+    expected = tdint("run", "shaken.yaml", "other.mseed").stdout
+    record = tdint("run", "shaken.yaml", "-", stdin=(folder / "other.mseed").read_bytes())
+    assert (record.exit_code, record.stdout) == (0, expected), record.stderr
+    model = tdint("run", "-", "other.mseed", stdin=(folder / "shaken.yaml").read_bytes())
+    assert (model.exit_code, model.stdout) == (0, expected), model.stderr
+    both = tdint("run", "-", "-", stdin=b"")
+    assert (both.exit_code, "standard input already holds the model" in both.stderr) == (2, True)
+
+
+@pytest.mark.parametrize("place", ["before", "after"])
+def test_quiet_silences_words_and_no_data(folder, tdint, place):
+    loud = tdint("run", "forced.yaml")
+    quiet = tdint(*(("-q", "run", "forced.yaml") if place == "before" else ("run", "forced.yaml", "--quiet")))
+    assert (quiet.exit_code, quiet.stdout, quiet.stderr) == (0, loud.stdout, "")
+    assert "Largest" in loud.stderr
+
+
+def test_quiet_silences_no_error(folder, tdint):
+    result = tdint("-q", "run", "missing.yaml")
+    assert (result.exit_code, result.stderr) == (3, tdint("run", "missing.yaml").stderr)
+
+
+def options_of(name: str) -> list[click.Option]:
+    command = import_module(f"tdint_cli.commands.{COMMANDS[name][0]}").command
+    return [parameter for parameter in command.params if isinstance(parameter, click.Option)]
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_options_stand_under_headings(name, tdint):
+    text = tdint(name, "--help").stdout
+    places = [text.index(f"\n{heading}:\n") for heading in headings.ORDER if f"\n{heading}:\n" in text]
+    assert places == sorted(places)
+    assert "\nGeneral:\n" in text
+    assert all(isinstance(option, headings.HeadedOption) for option in options_of(name))
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_what_several_commands_have_stands_under_the_same_heading(name):
+    shared = {"units": "Record", "inventory": "Record", "output": "Output", "plot": "Output", "overwrite": "Output"}
+    for option in options_of(name):
+        assert option.heading == shared.get(option.name, option.heading)
+
+
+def test_commands_stand_in_groups(tdint):
+    text = tdint("--help").stdout
+    places = [text.index(f"\n{heading}:\n") for heading in GROUPS]
+    assert places == sorted(places)
+    assert cli.list_commands(click.Context(cli)) == list(COMMANDS)
