@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from click.shell_completion import ShellComplete
@@ -59,3 +60,11 @@ def test_the_shell_asks_without_loading_more_than_click(shell):
     assert done.stderr.splitlines()[-1] == "[]"
     assert all(name in done.stdout for name in ("spectrum", "stability"))
     assert "Traceback" not in done.stderr
+
+
+def test_the_line_for_bash_switches_it_on():
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    script = 'eval "$(_TDINT_COMPLETE=bash_source tdint)"; complete -p tdint'
+    done = subprocess.run(["bash", "-c", script], env={**os.environ, "PATH": path}, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.endswith(" tdint\n")

@@ -19,9 +19,10 @@ from tdint_cli.options.plot import picture_file
 from tdint_cli.options.values import FileName, Ratio
 from tdint_cli.startup import load_numba
 from tdint_cli.terminal.drawing import emit_table
-from tdint_cli.terminal.streams import note, say, warn
+from tdint_cli.terminal.streams import complain, note, say, warn
 
 if TYPE_CHECKING:
+    from tdint.analysis.run.outcome import Collapse
     from tdint.analysis.run.run import Case, FailedRun, Response
     from tdint.files import Writer
     from tdint.ground_motion.record import Input, Record
@@ -135,6 +136,8 @@ def _run(request: Request) -> None:
     emit_table(story_table(response.stories, response.check.errors if response.check else None))
     _write(request, _files(request, response, case, inputs, began))
     say(_paragraph(response))
+    if response.collapse:
+        complain(_collapsed(response, response.collapse))  # It changes what the peaks mean.
     _remark(record, response.notes)
 
 
@@ -262,10 +265,13 @@ def _paragraph(response: Response) -> str:
             f"Largest estimated error of a peak drift: {100.0 * check.drift_error:.2g} % (story {check.drift_story}), "
             f"from runs with dt {runs} s."
         )
-    if collapse := response.collapse:
-        end = "; the run ends there, for the drift ran away" if collapse.ended else ""
-        lines.append(
-            f"Status {response.status}: the drift ratio of story {collapse.story} exceeds "
-            f"{response.model.collapse_drift:g} at {collapse.time:.6g} s{end}."
-        )
     return "\n".join(lines)
+
+
+def _collapsed(response: Response, collapse: Collapse) -> str:
+    """When and where the building collapsed."""
+    end = "; the run ends there, for the drift ran away" if collapse.ended else ""
+    return (
+        f"Status {response.status}: the drift ratio of story {collapse.story} exceeds "
+        f"{response.model.collapse_drift:g} at {collapse.time:.6g} s{end}."
+    )
