@@ -272,16 +272,3 @@ def two_columns(values=None, header="time_s,acceleration_m_s2", separator=",", d
     values = motion() if values is None else values
     rows = [f"{i * dt:.{decimals}f}{separator}{value:.3f}" for i, value in enumerate(values)]
     return text([header] if header else [], rows)
-
-
-SAMPLES = {
-    "AT2": (at2, free_at2),
-    "COSMOS": (cosmos,),
-    "CSMIP": (csmip_v1, csmip_v2, csmip_pairs),
-    "ESM": (esm,),
-    "GEONET": (geonet, lambda: geonet(volume=1)),
-    "SMC": (smc,),
-    "TEXT": (one_column, two_columns, lambda: two_columns(header=None, separator="  ")),
-    "USC": (usc,),
-}
-"""Functions that write files of each format."""

@@ -8,6 +8,7 @@ import pytest
 
 from ground_motion import format_files as files
 from ground_motion.format_files import motion
+from ground_motion.samples import SAMPLES
 from tdint.errors import RecordError
 from tdint.ground_motion.measures import measure
 from tdint.ground_motion.messages import quiet_import
@@ -33,11 +34,11 @@ def refused(text, message):
 
 
 class TestThroughObspy:
-    @pytest.mark.parametrize("name", files.SAMPLES)
+    @pytest.mark.parametrize("name", SAMPLES)
     def test_read_finds_the_format(self, name, tmp_path):
         with quiet_import():
             import obspy
-        for write in files.SAMPLES[name]:
+        for write in SAMPLES[name]:
             text = write().encode()
             (tmp_path / "record").write_bytes(text)
             for source in (str(tmp_path / "record"), tmp_path / "record", io.BytesIO(text)):
@@ -113,8 +114,20 @@ class TestAt2:
 
     @pytest.mark.parametrize("units", ["CM/S", "CM", "IN/SEC"])
     def test_velocity_and_displacement(self, units):
-        refused(files.at2(units=units), f"samples in {units}, which is no unit of acceleration")
-        refused(files.at2().replace("ACCELERATION", "VELOCITY"), "holds a velocity")
+        refused(files.at2(units=units), f"samples in '{units}', which is no unit of acceleration")
+        refused(files.at2().replace("ACCELERATION", "VELOCITY"), "samples in 'G', which is no unit of velocity")
+
+    def test_a_velocity_is_read_as_one(self, tmp_path):
+        (tmp_path / "a.VT2").write_text(files.at2(units="CM/S").replace("ACCELERATION", "VELOCITY"))
+        record = read_record(tmp_path / "a.VT2")
+        assert (record.quantity, record.units, record.units_from) == ("velocity", "cm/s", "file")
+        np.testing.assert_allclose(record.acceleration[1:-1], (motion()[2:] - motion()[:-2]), rtol=1e-12, atol=1e-12)
+        (tmp_path / "a.DT2").write_text(files.at2(units="CM").replace("ACCELERATION", "DISPLACEMENT"))
+        assert read_record(tmp_path / "a.DT2").quantity == "displacement"
+
+    def test_units_after_in(self):
+        text = files.at2().replace("ACCELERATION TIME SERIES IN UNITS OF G", "ACCELERATION IN G")
+        assert only(text).stats.tdint_units == "g"
 
     def test_other_numbers_of_values(self):
         refused(files.at2(npts=121), "cut off: 121 values are announced after line 4, there are 120")
@@ -165,7 +178,8 @@ class TestCosmos:
         assert [trace.id for trace in traces] == ["XX.FAR.101.HNE", "XX.FAR.102.HNE"]
 
     def test_refused(self):
-        refused(files.cosmos(kind="velocity"), "holds no acceleration")
+        refused(files.cosmos(kind="velocity"), "'cm/sec2', which is no unit of velocity")
+        assert only(files.cosmos(kind="velocity", units="cm/sec(05)")).stats.tdint_units == "cm/s"
         refused(files.cosmos(units="volts(51)"), "'volts', which is no unit of acceleration")
         refused(files.cosmos().replace("    10.000000", "  -999.000000"), "does not give the sampling interval")
         refused(files.cosmos(np.where(motion() == 1.5, -999.0, motion())), "1 samples are marked as unknown")
@@ -326,8 +340,8 @@ class TestSmc:
             read_record(tmp_path / "a.smc")
 
     def test_refused(self):
-        refused(files.smc(kind="3 VELOCITY"), "'3 velocity', not an acceleration")
-        refused(files.smc(kind="5 RESPONSE SPECTRA"), "not an acceleration")
+        assert only(files.smc(kind="3 VELOCITY")).stats.tdint_units == "cm/s"
+        refused(files.smc(kind="5 RESPONSE SPECTRA"), "no ground motion")
         refused(files.smc(rate=1.7e38), "does not give the sampling rate")
         refused(files.smc(npts=119), "more than the 119")
         refused(files.smc(npts=112), "more values than its header announces")
@@ -342,7 +356,9 @@ class TestEsm:
         assert str(trace.stats.starttime) == "2019-07-28T16:09:19.870000Z"
 
     def test_refused(self):
-        refused(files.esm(kind="VELOCITY"), "holds a velocity")
+        refused(files.esm(kind="VELOCITY"), "no unit of velocity")
+        assert only(files.esm(kind="VELOCITY", units="cm/s")).stats.tdint_units == "cm/s"
+        refused(files.esm(kind="SPECTRUM"), "holds 'spectrum', no ground motion")
         refused(files.esm(units="cm/s"), "'cm/s', which is no unit of acceleration")
         refused(files.esm(ndata=121), "121 values are announced")
         refused(files.esm(ndata=119), "after the 119 values that NDATA announces, line 138 is left")

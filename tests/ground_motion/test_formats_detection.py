@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ground_motion.files import obspy_data, trace, wave, write
-from ground_motion.format_files import SAMPLES
+from ground_motion.samples import SAMPLES
 from tdint.ground_motion.reading.plugins import plugins
 
 CHECKS = {plugin.name: plugin.is_format.load() for plugin in plugins() if plugin.is_own}

@@ -6,7 +6,8 @@ import pytest
 from ground_motion.format_files import motion, one_column, text, two_columns
 from ground_motion.test_formats import contents, only, refused
 from tdint.errors import RecordError
-from tdint.ground_motion.reading.read import read_record
+from tdint.ground_motion.reading.read import read_record, read_records
+from tdint.units import STANDARD_GRAVITY
 
 
 class TestOneColumn:
@@ -128,8 +129,8 @@ class TestOtherText:
         "other",
         [
             "period_s,psa_m_s2\n0.1,2\n0.2,3\n",
-            "time_s,velocity_m_s\n0.1,2\n0.2,3\n",
-            "0.1 2 3\n0.2 3 4\n",
+            "time_s,temperature\n0.1,2\n0.2,3\n",
+            "0.2 2 3\n0.1 3 4\n",
             "one\n0.1 2\n0.2 3\n",
             "0.1\n",
             "1,,2\n2,,3\n",
@@ -149,3 +150,63 @@ class TestOtherText:
 
     def test_a_file_of_its_own_has_no_notes(self):
         assert contents(one_column()).notes == ()
+
+
+class TestTables:
+    """Several columns: components, or velocity and displacement beside the acceleration."""
+
+    t = np.arange(60) * 0.02
+
+    def table(self, header, columns, separator=","):
+        rows = np.column_stack([self.t, *columns])
+        return text([header] if header else [], [separator.join(f"{value:.4f}" for value in row) for row in rows])
+
+    @pytest.fixture
+    def three(self):
+        return [motion(60, peak, 4) for peak in (1.0, -2.0, 0.5)]
+
+    def test_velocity_and_displacement_beside_an_acceleration(self, tmp_path, three):
+        (tmp_path / "a.csv").write_text(self.table("Time (s),Acc (g),Vel (cm/s),Disp (cm)", three))
+        record = read_record(tmp_path / "a.csv")
+        assert (record.pga, record.units) == (pytest.approx(STANDARD_GRAVITY), "g")
+        assert record.peaks == (pytest.approx(0.02), pytest.approx(0.005))
+        assert record.compared == ("sampling interval",)
+
+    def test_without_units_nothing_is_guessed(self, tmp_path, three):
+        (tmp_path / "a.csv").write_text(self.table("Time,Acc,Vel,Disp", three))
+        with pytest.raises(RecordError, match="does not tell the units"):
+            read_record(tmp_path / "a.csv")
+        record = read_record(tmp_path / "a.csv", units="gal")
+        assert (record.pga, record.peaks) == (pytest.approx(0.01), (None, None))
+
+    @pytest.mark.parametrize(
+        ("header", "separator", "names"),
+        [
+            ("t N V E", " ", ("N", "V", "E")),
+            ("Time\tNS\tUD\tEW", "\t", ("NS", "UD", "EW")),
+            ("time_s,HNE_gal,HNN_gal,HNZ_gal", ",", ("HNE", "HNN", "HNZ")),
+            ("time;acc_x;acc_y;acc_z", ";", ("X", "Y", "Z")),
+            ("# units = gal\ntime,090,360,UP", ",", ("090", "360", "UP")),
+            ("", "  ", ("2", "3", "4")),
+        ],
+    )
+    def test_components(self, tmp_path, three, header, separator, names):
+        for mark, encoding in ((b"", "utf-8"), (b"\xef\xbb\xbf", "utf-8"), (b"\xff\xfe", "utf-16-le")):
+            data = mark + self.table(header, three, separator).encode(encoding)
+            (tmp_path / "a.csv").write_bytes(data)
+            given = None if "gal" in header else "gal"
+            records = read_records(tmp_path / "a.csv", units=given)
+            assert tuple(record.component for record in records) == names
+            assert [record.pga for record in records] == pytest.approx([0.01, 0.02, 0.005])
+            assert read_record(tmp_path / "a.csv", units=given, component=names[1]).pga == pytest.approx(0.02)
+
+    def test_a_velocity_alone_is_differentiated(self, tmp_path):
+        (tmp_path / "a.csv").write_text(self.table("time_s,velocity_cm_s", [motion(60, 1.0, 4)]))
+        record = read_record(tmp_path / "a.csv")
+        assert (record.quantity, record.units) == ("velocity", "cm/s")
+        assert record.notes[0].startswith("the velocity of the file is differentiated")
+
+    def test_refused(self, three):
+        refused(self.table("time,N,E", three), "names 3 columns, the rows have 4")
+        refused(self.table("time,N (g),E (s),Z (g)", three), "'s', which is no unit of acceleration")
+        refused(self.table("time,N,E,Z", three) + "1.2,1,2\n", r"unknown format|is not 4 numbers")

@@ -13,6 +13,12 @@ from tdint.units import STANDARD_GRAVITY
 RECORDS = [
     ("0111a.smc", 0.005, (6001,), (1.044078,)),
     ("017m30cc.y0a", 0.001, (31027,), (3.985,)),
+    ("2-ECU.dat", 0.02, (6000,) * 3, (0.01196, 0.02931, 0.02811)),
+    ("20170720223109_0921.txt", 0.01, (28683,) * 3, (0.13200332, 0.12163827, 0.09840572)),
+    ("5526-1.V1", 0.005, (9472,) * 3, (0.058010061277, 0.063749697389, 0.12942032138)),
+    ("CUP50401.012", 0.004, (17500,) * 3, (0.0047, 0.01189, 0.01216)),
+    ("20190706031952.CJ.T001230.HNE.sac", 0.02, (15001,), (0.42545171,)),
+    ("20190706031952.CJ.T001230.HNZ.sac", 0.02, (15001,), (9.92604327,)),
     ("CHAN04.V2", 0.02, (1138,), (2.81104,)),
     ("CHAN08.V2", 0.02, (1138,), (3.85971,)),
     ("stgopuentealto1002271parte2.v1", 0.01, (6700,) * 3, (0.133, 0.128, 0.083)),
@@ -44,7 +50,8 @@ IN_THOUSANDTHS = ("stgopuentealto1002271parte2.v1", "NEWPORT.RAW", "ce23583r_HES
 def test_samples_interval_and_peak(name, dt, samples, peaks):
     path = real_file(name)
     inventory = real_file("CI.CLC.xml") if name.startswith("CI.CLC") else None
-    records = read_records(path, inventory=inventory)
+    units = "g" if name.endswith(".sac") else None
+    records = read_records(path, inventory=inventory, units=units)
     assert tuple(record.acceleration.size for record in records) == samples
     assert [record.dt for record in records] == pytest.approx([dt] * len(samples), rel=1e-9)
     if inventory:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, is_row_of_numbers, read_lines, recognizes
-from tdint.ground_motion.formats.series import Codes, Series, acceleration_units, code, to_stream
+from tdint.ground_motion.formats.series import Codes, Series, code, motion_units, required_units, to_stream
 
 if TYPE_CHECKING:
     from obspy import Stream
@@ -20,9 +20,14 @@ _COUNT_AND_STEP = (
     re.compile(rf"\bNPTS?\s*[=:]?\s*({COUNT})\s*[,;]?\s*DT\s*[=:]?\s*({NUMBER})", re.IGNORECASE),
     re.compile(rf"^\s*({COUNT})[\s,;]+({NUMBER})[\s,;]+NPTS?\s*[,;]?\s*DT\b", re.IGNORECASE),
 )
-_UNITS = re.compile(r"\bUNITS?\b[\s:=]*(?:(?:OF|ARE|IS|IN)[\s:=]+)*[(\[]?\s*([A-Z/][A-Z0-9/^*']*)", re.IGNORECASE)
+_UNITS = (
+    re.compile(r"\bUNITS?\b[\s:=]*(?:(?:OF|ARE|IS|IN)[\s:=]+)*[(\[]?\s*([A-Z/][A-Z0-9/^*']*)", re.IGNORECASE),
+    re.compile(
+        r"\b(?:ACCELERATION|VELOCITY|DISPLACEMENT)(?:\s+TIME\s+(?:HISTORY|SERIES))?\s+IN\s+(?!UNITS)([A-Z/][A-Z0-9/^*']*)",
+        re.IGNORECASE,
+    ),
+)
 _OTHER = re.compile(r"\b(VELOCITY|DISPLACEMENT)\s+TIME\s+(?:HISTORY|SERIES)", re.IGNORECASE)
-_OTHER_UNITS = re.compile(r"(?:[CM]?M|IN|FT)(?:/S(?:EC)?)?", re.IGNORECASE)
 _TITLE = re.compile(r"\s*PEER\b.*STRONG\s+MOTION\s+DATABASE|\s*PACIFIC ENGINEERING", re.IGNORECASE)
 _COMPONENT = re.compile(r"\s*([A-Z0-9]{1,6})\b", re.IGNORECASE)
 
@@ -68,14 +73,11 @@ def _count_and_step(line: str) -> tuple[int, float] | None:
 def _units(header: list[str]) -> str:
     """Units of the values as the header tells them, empty if it does not."""
     text = "\n".join(header)
-    if other := _OTHER.search(text):
-        raise RecordError(f"the file holds a {other[1].lower()}, not an acceleration")
-    for match in _UNITS.finditer(text):
-        units = acceleration_units(match[1])
-        if units:
-            return units
-        if _OTHER_UNITS.fullmatch(match[1]):
-            raise RecordError(f"its header gives the samples in {match[1]}, which is no unit of acceleration")
+    other = _OTHER.search(text)
+    quantity = other[1].lower() if other else "acceleration"
+    for match in (match for pattern in _UNITS for match in pattern.finditer(text)):
+        if motion_units(match[1]):
+            return required_units(match[1], quantity)
     return ""
 
 

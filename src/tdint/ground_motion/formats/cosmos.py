@@ -20,14 +20,15 @@ from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, recognizes
 from tdint.ground_motion.formats.series import (
     Codes,
     Series,
-    acceleration_units,
     code,
     first_match,
     moment,
     motion_scale,
+    motion_units,
     read_parts,
     stated_peak,
 )
+from tdint.units import parse_units
 
 if TYPE_CHECKING:
     from obspy import Stream
@@ -93,18 +94,22 @@ def _channel(lines: Lines) -> list[Series]:
     texts += [lines.take() for _ in range(int(_announced(_COMMENTS, lines)[1]))]
     series: list[Series] = []
     peaks: dict[str, float] = {}
+    others: list[tuple[NDArray[np.float64], re.Match[str]]] = []
     while (line := lines.peek()) is not None and (block := _BLOCK.match(line)):
         lines.take()
         samples = lines.numbers(int(block[1]), _width(line))
         if block[2].lower().startswith(("accel", "raw accel")):
             series.append(_series(samples, block, texts, integers, reals))
-        elif (kind := block[2].lower()) in _OTHERS and samples.size:
+        elif (kind := block[2].lower().split()[0]) in _OTHERS and samples.size:
             units = _OTHER_UNITS.get(block[5] or "") or block[4]
+            others.append((samples, block))
             if scale := motion_scale(units, kind):
                 peaks[kind] = scale * float(np.max(np.abs(samples)))
     if line is None or not _END.match(line):
         raise RecordError(f"after line {lines.number} the line with the end of the data is missing")
     lines.take()
+    if not series and others:  # A channel that has a velocity or a displacement only.
+        return [_series(*others[0], texts, integers, reals)]
     return [replace(one, pgv=peaks.get("velocity"), pgd=peaks.get("displacement")) for one in series]
 
 
@@ -139,10 +144,14 @@ def _series(
     dt = reals[_STEP] / 1000.0
     if block[3] and abs(samples.size * dt - int(block[3])) > 1.0 + _APPROXIMATE * int(block[3]):
         raise RecordError(f"{samples.size} samples at the header's {dt:g} s are not the {block[3]} s that it tells")
-    units = acceleration_units(block[4]) or _UNITS.get(block[5] or "")
+    kind = block[2].lower().split()[0]
+    quantity = kind if kind in _OTHERS else "acceleration"
+    units = motion_units(block[4]) or _UNITS.get(block[5] or "") or _OTHER_UNITS.get(block[5] or "")
+    if units and parse_units(units).quantity != quantity:
+        units = None
     counts = units is None and (block[5] == _COUNTS or block[4].strip().lower().startswith("count"))
     if units is None and not counts:
-        raise RecordError(f"its header gives the samples in {block[4].strip()!r}, which is no unit of acceleration")
+        raise RecordError(f"its header gives the samples in {block[4].strip()!r}, which is no unit of {quantity}")
     missing = 0 if counts else int(np.count_nonzero(samples == unknown))
     if missing:
         raise RecordError(f"{missing} samples are marked as unknown ({unknown:g})")

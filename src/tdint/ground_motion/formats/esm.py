@@ -18,7 +18,11 @@ if TYPE_CHECKING:
 
 _COUNT, _STEP, _UNITS = "NDATA", "SAMPLING_INTERVAL_S", "UNITS"
 _START = "DATE_TIME_FIRST_SAMPLE_YYYYMMDD_HHMMSS"
-_PEAK = re.compile(r"PGA_(.+)")
+_PEAKS = {
+    "acceleration": re.compile(r"PGA_(.+)"),
+    "velocity": re.compile(r"PGV_(.+)"),
+    "displacement": re.compile(r"PGD_(.+)"),
+}
 _TIME = re.compile(r"(\d{4})(\d{2})(\d{2})_(\d{2})(\d{2})(\d{2}(?:\.\d+)?)")
 
 
@@ -44,14 +48,14 @@ def read_esm(file: Any, headonly: bool = False, **_: Any) -> Stream:
     for line in lines.take_until(is_row_of_numbers, "value"):
         key, _colon, value = line.partition(":")
         header[key.strip()] = value.strip()
-    kind = header.get("DATA_TYPE", "ACCELERATION")
-    if kind != "ACCELERATION":
-        raise RecordError(f"the file holds a {kind.lower()}, not an acceleration")
+    quantity = header.get("DATA_TYPE", "ACCELERATION").lower()
+    if quantity not in _PEAKS:
+        raise RecordError(f"the file holds {quantity[:40]!r}, no ground motion")
     try:
         count, dt = int(header[_COUNT]), float(header[_STEP])
     except (KeyError, ValueError):
         raise RecordError(f"its header does not give {_COUNT} and {_STEP}") from None
-    units = required_units(header[_UNITS]) if header.get(_UNITS) else ""
+    units = required_units(header[_UNITS], quantity) if header.get(_UNITS) else ""
     series = Series(
         lines.numbers(count),
         dt,
@@ -61,7 +65,7 @@ def read_esm(file: Any, headonly: bool = False, **_: Any) -> Stream:
         location=header.get("LOCATION", ""),
         network=header.get("NETWORK", ""),
         start=_start(header.get(_START, "")),
-        peak=_peak(header, units),
+        peak=_peak(header, units, _PEAKS[quantity]),
     )
     if lines.peek() is not None:
         raise RecordError(f"after the {count} values that {_COUNT} announces, line {lines.number + 1} is left")
@@ -73,9 +77,9 @@ def _start(text: str) -> datetime | None:
     return moment(*map(float, match.groups())) if match else None
 
 
-def _peak(header: dict[str, str], units: str) -> StatedPeak | None:
+def _peak(header: dict[str, str], units: str, pattern: re.Pattern[str]) -> StatedPeak | None:
     for key, value in header.items():
-        match = _PEAK.fullmatch(key)
+        match = pattern.fullmatch(key)
         if match and re.fullmatch(NUMBER, value):
             return stated_peak(value, match[1], units)
     return None

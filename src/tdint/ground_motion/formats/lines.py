@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 
 from tdint.errors import RecordError
 
+_WIDE = (b"\xff\xfe", b"\xfe\xff")
+"""Byte-order marks of text in UTF-16, as spreadsheets save it."""
+
 _HEAD = 8192
 _LARGEST = 2**26
 _LONGEST_LINE = 2**22
@@ -134,6 +137,44 @@ class Lines:
             raise RecordError(f"more than the {count} values that are announced stand after line {first}")
         return self.checked(values, first)
 
+    def table(self, rows: int, columns: int) -> NDArray[np.float64]:
+        """So many rows of so many numbers; shape (columns, rows).
+
+        Raises
+        ------
+        RecordError
+            There are fewer, a row has more or fewer numbers, or the last one is cut off.
+        """
+        values = array("d")
+        first = self._next
+        while len(values) < rows * columns:
+            if self.peek() is None:
+                found = len(values) // columns
+                raise RecordError(
+                    f"the file is cut off: {rows} rows are announced after line {first}, there are {found}"
+                )
+            values.extend(self._row_of(columns))
+        return self.checked(values, first).reshape(-1, columns).T.copy()
+
+    def rest(self, columns: int) -> NDArray[np.float64]:
+        """All rows to the end of the file, each of so many numbers; shape (columns, rows)."""
+        values = array("d")
+        first = self._next
+        while self.peek() is not None:
+            values.extend(self._row_of(columns))
+        return self.checked(values, first).reshape(-1, columns).T.copy()
+
+    def expect_end(self) -> None:
+        """Raise RecordError if anything but blank lines is left."""
+        if self.peek() is not None:
+            raise RecordError(f"line {self._next + 1} stands after the last row that the header announces")
+
+    def _row_of(self, columns: int) -> list[float]:
+        row = self._row(None)
+        if len(row) != columns:
+            raise RecordError(f"line {self._next} holds {len(row)} numbers, not {columns}")
+        return row
+
     def _row(self, width: int | None) -> list[float]:
         line = self._take()
         try:
@@ -234,7 +275,7 @@ def recognizes(file: Any, check: Callable[[list[str]], object]) -> bool:
         data = _read(file, _HEAD)
         if position is not None:
             file.seek(position)
-        if b"\0" in data:
+        if b"\0" in data and data[:2] not in _WIDE:
             return False
         *lines, last = _decode(data).split("\n")
         # A last line that is cut off counts only if a long line of values begins in it.
@@ -263,7 +304,7 @@ def _read(file: Any, size: int) -> bytes:
 def _decode(data: bytes) -> str:
     """Text with LF ends; names of stations may be in any encoding, numbers are the same in all."""
     try:
-        text = data.decode("utf-8-sig")
+        text = data.decode("utf-16" if data[:2] in _WIDE else "utf-8-sig")
     except UnicodeDecodeError:
         text = data.decode("latin-1")
     # DOS marked the end of a text with Ctrl-Z.

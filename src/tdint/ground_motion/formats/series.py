@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError, UsageError
-from tdint.ground_motion.formats.lines import Lines, read_lines
+from tdint.ground_motion.formats.lines import NUMBER, Lines, read_lines
 from tdint.ground_motion.messages import quiet_import
 from tdint.ground_motion.soundness.statement import PEAK, SAMPLES, Statement, check_step, compare, last_place
-from tdint.units import ACCELERATION, parse_units
+from tdint.units import GROUND_MOTION, parse_units
 
 with quiet_import():
     from obspy import Stream, Trace, UTCDateTime
@@ -168,10 +168,10 @@ def _peak_statement(one: Series) -> list[Statement]:
     return [Statement(PEAK, abs(one.peak.value), peak, rounding, one.peak.units, one.channel, measured=True)]
 
 
-def acceleration_units(text: str) -> str | None:
-    """Units in tdint's spelling from those of a file's header; None if they are no acceleration's.
+def motion_units(text: str) -> str | None:
+    """Units of a ground motion in tdint's spelling from those of a file's header; None if they are none.
 
-    `CM/SEC/SEC` are cm/s^2, `G'S` g, and `G/10` is a tenth of g: `0.1 g`.
+    `CM/SEC/SEC` are cm/s^2, `G'S` g, `CM/SEC` cm/s, and `G/10` is a tenth of g: `0.1 g`.
     """
     words = text.strip().strip(".,;:()[]").removesuffix("'S").removesuffix("'s").strip()
     tenth = re.fullmatch(r"(.*\S)\s*/\s*10", words)
@@ -179,33 +179,38 @@ def acceleration_units(text: str) -> str | None:
         units = parse_units(tenth[1] if tenth else words)
     except UsageError:
         return None
-    if units.quantity != "acceleration" or (tenth and units.has_factor):
+    if tenth and (units.has_factor or units.quantity != "acceleration"):
         return None
-    name = next((name for name, scale in ACCELERATION.items() if scale == units.scale), units.text)
+    known = GROUND_MOTION[units.quantity]
+    name = next((name for name, scale in known.items() if scale == units.scale), units.text)
     return f"0.1 {name}" if tenth else name
 
 
-def required_units(text: str) -> str:
-    """The units of a block of samples that must be an acceleration's.
+def acceleration_units(text: str) -> str | None:
+    """Units of an acceleration, as `motion_units` understands them; None if they are something else's."""
+    units = motion_units(text)
+    return units if units and parse_units(units).quantity == "acceleration" else None
+
+
+def required_units(text: str, quantity: str = "acceleration") -> str:
+    """The units of a block of samples that must be those of this quantity.
 
     Raises
     ------
     RecordError
         They are something else's.
     """
-    units = acceleration_units(text)
-    if units is None:
-        raise RecordError(f"its header gives the samples in {text.strip()!r}, which is no unit of acceleration")
+    units = motion_units(text)
+    if units is None or parse_units(units).quantity != quantity:
+        raise RecordError(f"its header gives the samples in {text.strip()[:40]!r}, which is no unit of {quantity}")
     return units
 
 
 def motion_scale(text: str, quantity: str) -> float | None:
     """Value in SI units of the unit of a velocity or a displacement; None if it is something else's."""
-    try:
-        units = parse_units(re.sub(r"/sec\b", "/s", text.strip(" .,;:()[]"), flags=re.IGNORECASE))
-    except UsageError:
-        return None
-    return units.scale if units.quantity == quantity else None
+    known = motion_units(text)
+    units = parse_units(known) if known else None
+    return units.scale if units and units.quantity == quantity else None
 
 
 def stated_peak(number: str, units: str, of_samples: str) -> StatedPeak | None:
@@ -218,10 +223,13 @@ def stated_peak(number: str, units: str, of_samples: str) -> StatedPeak | None:
     units, of_samples : str
         Those of the peak, and of the samples (`Series.units`).
     """
-    known = acceleration_units(units)
-    if not (known and of_samples):
+    known = motion_units(units)
+    if not (known and of_samples and re.fullmatch(NUMBER, number)):
         return None
-    factor = parse_units(of_samples).scale / parse_units(known).scale
+    of_header, wanted = parse_units(known), parse_units(of_samples)
+    if of_header.quantity != wanted.quantity:
+        return None
+    factor = wanted.scale / of_header.scale
     return StatedPeak(float(number), last_place(number), known, factor)
 
 

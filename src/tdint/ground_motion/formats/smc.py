@@ -22,8 +22,8 @@ _INTEGER_WIDTH, _REAL_WIDTH, _VALUE_WIDTH = 10, 15, 10
 _KINDS = re.compile(
     r"\s*([0-6])\s+(?:UNKNOWN|(?:UN)?CORRECTED ACCELEROGRAM|VELOCITY|DISPLACEMENT|RESPONSE SPECTRA|FOURIER AMPLITUDE)"
 )
-_UNITS = {"0": "", "1": "cm/s^2", "2": "cm/s^2"}
-"""By the kind of series, where it is or may be an acceleration."""
+_UNITS = {"0": "", "1": "cm/s^2", "2": "cm/s^2", "3": "cm/s", "4": "cm"}
+"""By the kind of series, where it is or may be a ground motion."""
 
 _YEAR, _DAY, _HOUR, _MINUTE, _SECOND, _MILLISECOND = 1, 2, 3, 4, 5, 6
 _FROM_VERTICAL, _AZIMUTH, _COMMENTS, _SAMPLES = 12, 13, 15, 16
@@ -59,7 +59,7 @@ def read_smc(file: Any, headonly: bool = False, **_: Any) -> Stream:
     texts = [lines.take() for _ in range(_TEXTS)]
     kind = _KINDS.match(texts[0])
     if not kind or kind[1] not in _UNITS:
-        raise RecordError(f"the file holds {texts[0].strip().lower()!r}, not an acceleration")
+        raise RecordError(f"the file holds {texts[0].strip().lower()!r}, no ground motion")
     integers = lines.numbers(_INTEGERS, _INTEGER_WIDTH).tolist()
     reals = lines.numbers(_REALS, _REAL_WIDTH).tolist()
     if reals[_RATE] == reals[0] or not reals[_RATE] > 0.0:
@@ -75,7 +75,7 @@ def read_smc(file: Any, headonly: bool = False, **_: Any) -> Stream:
         channel=_component(integers),
         station=code(texts[2].replace("*", "")),
         start=_start(integers),
-        peak=_peak(reals),
+        peak=_peak(reals, _UNITS[kind[1]]),
         units_from="format",
     )
     if lines.at_numbers():
@@ -101,7 +101,7 @@ def _start(integers: list[float]) -> datetime | None:
     return moment(year, 1, 1, 0, 0, ((day - 1.0) * 24.0 + hour) * 3600.0 + minute * 60.0 + second + thousandths / 1e3)
 
 
-def _peak(reals: list[float]) -> StatedPeak | None:
+def _peak(reals: list[float], units: str) -> StatedPeak | None:
     """The larger of the stated maximum and minimum, None if they are not known."""
     known = [abs(reals[i]) for i in (_MAXIMUM, _MINIMUM) if reals[i] != reals[0]]
-    return StatedPeak(max(known), _ROUNDING * max(known), "cm/s^2") if len(known) == 2 else None
+    return StatedPeak(max(known), _ROUNDING * max(known), units) if len(known) == 2 else None

@@ -1,0 +1,1 @@
+"""Formats of single national networks, each a plugin as `tdint.ground_motion.formats` describes."""

@@ -1,0 +1,123 @@
+"""Standard acceleration files of the Mexican networks (ASA, version 2): up to twelve channels in columns.
+
+A header of lines `KEY : value` in Spanish, in which the values of channels are divided by slashes, then a line with the
+channels' directions between two rulers and the samples (Base mexicana de sismos fuertes, archivo estandar de
+aceleracion, 2.0).
+"""
+
+from __future__ import annotations
+
+import re
+import warnings
+from datetime import datetime
+from itertools import chain
+from typing import TYPE_CHECKING, Any
+
+from tdint.errors import RecordError
+from tdint.ground_motion.formats.lines import Lines, is_row_of_numbers, read_lines, recognizes, row_of_numbers
+from tdint.ground_motion.formats.series import Series, code, first_match, moment, required_units, stated_peak, to_stream
+
+if TYPE_CHECKING:
+    from obspy import Stream
+
+_TITLE = re.compile(r"\s*ARCHIVO EST[AÁ]NDAR DE ACELERACI[OÓ]N", re.IGNORECASE)
+_DATA = re.compile(r"\s*DATOS DE ACELERACI[OÓ]N", re.IGNORECASE)
+_RULER = re.compile(r"[-+]{20,}\s*")
+_STATION = re.compile(r"^\s*CLAVE DE LA ESTACI[OÓ]N\s*:\s*(\S+)", re.IGNORECASE)
+_UNITS = re.compile(r"^\s*UNIDADES DE LOS DATOS\s*:\s*([A-Z/^0-9]+)", re.IGNORECASE)
+_STEPS, _COUNTS, _PEAKS, _NAMES = (
+    re.compile(rf"^\s*{key}[^:]*C\d+-C\d+[^:]*:\s*(/.*)", re.IGNORECASE)
+    for key in (
+        r"INTERVALO DE MUESTREO",
+        r"NUM\. TOTAL DE MUESTRAS",
+        r"ACEL\. MAX\.\s*\(Gal\)",
+        r"ORIENTACI[OÓ]N",
+    )
+)
+_DATE = re.compile(r"^\s*FECHA DEL SISMO\s*\[GMT\]\s*:\s*(\d+)/(\d+)/(\d+)", re.IGNORECASE)
+_ORIGIN = re.compile(r"^\s*HORA EPICENTRO\s*\(GMT\)\s*:\s*(\d+):(\d+):(\d+(?:\.\d*)?)", re.IGNORECASE)
+_FIRST = re.compile(r"^\s*HORA DE LA PRIMERA MUESTRA\s*\(GMT\)\s*:\s*(\d+):(\d+):(\d+(?:\.\d*)?)", re.IGNORECASE)
+_GAL = "gal"
+
+
+def is_unam(file: Any, **_: Any) -> bool:
+    """Whether a file's first lines have this format's title."""
+    return recognizes(file, lambda lines: any(map(_TITLE.match, lines[:20])))
+
+
+def read_unam(file: Any, headonly: bool = False, **_: Any) -> Stream:
+    """Read the channels of an ASA file; see `tdint.ground_motion.formats`.
+
+    Raises
+    ------
+    RecordError
+        It is cut off, or what it holds is not what its header announces.
+    """
+    lines = read_lines(file)
+    texts = lines.take_until(_DATA.match, "line with the beginning of the data")
+    steps, counts, peaks, names = (_of_channels(pattern, texts) for pattern in (_STEPS, _COUNTS, _PEAKS, _NAMES))
+    if not names or not len(names) == len(steps) == len(counts) or len(set(counts)) > 1 or not counts[0].isdigit():
+        raise RecordError("its header does not give direction, interval and one number of samples for each channel")
+    for _line in range(2):
+        lines.take_until(_RULER.fullmatch, "ruler before the samples")
+        lines.take()
+    columns = lines.table(int(counts[0]), len(names))
+    _skip_repeated(lines, [float(column[-1]) for column in columns])
+    units = first_match(_UNITS, texts)
+    unit = required_units(units[1]) if units else ""
+    station = first_match(_STATION, texts)
+    series = [
+        Series(
+            column,
+            _number(step),
+            unit,
+            channel=_channel(name),
+            station=code(station[1]) if station else "",
+            start=_start(texts),
+            peak=stated_peak(peaks[place], _GAL, unit) if unit and len(peaks) == len(names) else None,
+        )
+        for place, (name, step, column) in enumerate(zip(names, steps, columns, strict=True))
+    ]
+    return to_stream(series, headonly=headonly)
+
+
+def _skip_repeated(lines: Lines, last: list[float]) -> None:
+    """Pass over rows beyond the announced ones that repeat the last one, with which some files end."""
+    repeated = 0
+    while (line := lines.peek()) is not None and is_row_of_numbers(line) and row_of_numbers(line) == last:
+        lines.take()
+        repeated += 1
+    lines.expect_end()
+    if repeated:
+        warnings.warn(f"{repeated} rows that repeat the last one stand beyond those announced: left out", stacklevel=2)
+
+
+def _of_channels(pattern: re.Pattern[str], texts: list[str]) -> list[str]:
+    """The values of all channels, from the lines for the first six and the others."""
+    found = (match[1].strip().lstrip("/").split("/") for match in filter(None, map(pattern.search, texts)))
+    return [value.strip() for value in chain.from_iterable(found) if value.strip()]
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise RecordError(f"its header gives a sampling interval of {text!r}") from None
+
+
+def _channel(direction: str) -> str:
+    """`N90E` as it is, `V` for the vertical."""
+    return code(direction.rpartition(";")[2]).upper()
+
+
+def _start(texts: list[str]) -> datetime | None:
+    """Time of the first sample; its date is that of the earthquake or, just after midnight, the next one."""
+    date, origin, first = (first_match(pattern, texts) for pattern in (_DATE, _ORIGIN, _FIRST))
+    if not (date and first):
+        return None
+    year, month, day = map(float, date.groups())
+    hour, minute, second = map(float, first.groups())
+    late = 0.0
+    if origin and int(origin[1]) - int(first[1]) > 12:
+        late = 24.0
+    return moment(year, month, day, hour, minute, second, -late)

@@ -1,0 +1,68 @@
+"""Formats of single networks: components, units, steps, and the peaks that their headers state."""
+
+import numpy as np
+import pytest
+
+from ground_motion import network_files as files
+from ground_motion.test_formats import contents, refused
+
+
+def ids(text):
+    return [trace.id for trace in contents(text).traces]
+
+
+@pytest.mark.parametrize(
+    ("write", "units", "dt", "names", "start"),
+    [
+        (files.afad, "cm/s^2", 0.01, [".0921..NS", ".0921..EW", ".0921..UD"], "2017-07-20T22:30:58.500000Z"),
+        (files.cwb, "cm/s^2", 0.02, [".ECU..U", ".ECU..N", ".ECU..E"], "2018-02-06T15:50:29.000000Z"),
+        (files.unam, "cm/s^2", 0.004, [".CUP5..V", ".CUP5..N90E", ".CUP5..N00E"], "2004-01-02T00:00:01.000000Z"),
+        (files.bhrc, "0.1 g", 0.005, [".Avin..50", ".Avin..V", ".Avin..140"], "1970-01-01T00:00:00.000000Z"),
+    ],
+)
+def test_components(write, units, dt, names, start):
+    found = contents(write())
+    expected = files.components(decimals=6 if write is files.bhrc else 3)
+    assert ids(write()) == names
+    for trace, samples in zip(found.traces, expected, strict=True):
+        np.testing.assert_array_equal(trace.data, samples)
+        assert (trace.stats.delta, trace.stats.tdint_units) == (pytest.approx(dt, rel=1e-12), units)
+        assert str(trace.stats.starttime) == start
+    assert "number of samples" in found.compared
+    assert ("peak" in found.compared) == (write is not files.bhrc)
+    assert found.notes == ()
+
+
+def test_other_counts():
+    for write in (files.afad, files.unam):
+        refused(write(count=121), "121 rows are announced after line .*, there are 120")
+        refused(write(count=119), "stands after the last row that the header announces")
+    refused(files.bhrc(count=121), "states a number of samples of 121, what was read has 120")
+    for length in (2.36, 2.42):
+        refused(files.cwb(length=length), r"states a number of samples of \d+, what was read has")
+
+
+def test_other_steps():
+    refused(files.cwb(rate=100), "states a sampling interval of 0.01 s, what was read has 0.02")
+    refused(files.bhrc(rate=100.0), "states a sampling interval of 0.01 s, what was read has 0.005 s")
+
+
+def test_other_peaks():
+    refused(files.afad(peaks=(1.5, 2.4, 0.5)), "EW: the file states a peak of 2.4 cm/s")
+    refused(
+        files.cwb().replace("   -2.250\n#AmplitudeMAX. E", "   -2.500\n#AmplitudeMAX. E"),
+        "N: the file states a peak of 2.5",
+    )
+    refused(files.unam().replace("/1.50/", "/1.40/"), "V: the file states a peak of 1.4 cm/s")
+
+
+def test_rows_that_repeat_the_last_one():
+    found = contents(files.unam(repeated=2))
+    assert {trace.data.size for trace in found.traces} == {120}
+    assert found.notes == ("2 rows that repeat the last one stand beyond those announced: left out",)
+
+
+def test_a_row_with_another_number_of_numbers():
+    lines = files.afad().splitlines()
+    lines[20] += " 0.1"
+    refused("\n".join(lines) + "\n", "holds 4 numbers, not 3")
