@@ -148,6 +148,11 @@ class TestOtherText:
         refused(one_column() * 100 + "end\n1\n", "'end' is not 1 numbers")
         refused(two_columns() + "1.2, nan\n", "unknown format|'1.2, nan' is not 2 numbers")
 
+    def test_a_last_zero_without_point_and_end_of_line(self):
+        rows = "".join(f"{value:.3f}\n" for value in motion(80))
+        assert only(f"# dt = 1, units = g\n0\n{rows}0").data[-1] == 0.0
+        refused(f"# dt = 1, units = g\n{rows}0", "cut off within its last number")
+
     def test_a_file_of_its_own_has_no_notes(self):
         assert contents(one_column()).notes == ()
 

@@ -64,7 +64,7 @@ class TestNoFile:
             read_record(tmp_path / "*.mseed")
 
     def test_too_large(self, tmp_path, monkeypatch):
-        monkeypatch.setattr("tdint.ground_motion.reading.source._LARGEST", 4096)
+        monkeypatch.setattr("tdint.ground_motion.reading.source.LARGEST", 4096)
         refused(write(tmp_path / "a", trace(wave())), "larger than")
 
     def test_empty_standard_input(self, monkeypatch):

@@ -204,6 +204,8 @@ class Lines:
             return
         last = _places(self._lines[-1])
         rows = self._lines[max(first, len(self._lines) - _ROWS) : -1]
+        if _ends_with_zero(self._lines[-1]) and any(map(_ends_with_zero, self._lines[first:-1])):
+            return  # Zeros are written without a point in this file.
         before = [places[-1] for places in map(_places, rows) if places] if len(rows) >= _FEW else last[:-1]
         if len(before) >= _FEW and len(set(before)) == 1 and last[-1] < before[0]:
             raise RecordError("the file is cut off within its last number")
@@ -313,6 +315,10 @@ def _decode(data: bytes) -> str:
 
 def _to_float(number: str) -> float:
     return float(number.replace("D", "E").replace("d", "e"))
+
+
+def _ends_with_zero(line: str) -> bool:
+    return line.split()[-1:] == ["0"]
 
 
 def _places(line: str) -> list[int]:

@@ -35,7 +35,7 @@ _DAMAGE = re.compile(
 )
 """Warnings of ObsPy's readers after which samples are missing or wrong. Others (an unusual header) become notes."""
 
-_ARCHIVES = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ": "xz", b"PK\x03\x04": "zip"}
+_ARCHIVES = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ": "xz"}
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from logging import getLogger
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.horizontals import Horizontals, find_horizontals
 from tdint.ground_motion.instrument import Instruments, read_instruments, remove_response
+from tdint.ground_motion.reading.archive import is_archive, members
 from tdint.ground_motion.reading.plugins import Contents, has_known_format, read_contents
 from tdint.ground_motion.reading.scale import Motion, declared_units, to_acceleration
 from tdint.ground_motion.reading.segments import (
@@ -104,7 +105,10 @@ def is_record(source: str | Path) -> bool:
     A file that has a known format may still be damaged.
     """
     try:
-        return has_known_format(read_bytes(source))
+        data = read_bytes(source)
+        if is_archive(data):  # Spreadsheets and others are zip files, too: the name tells.
+            return str(source).lower().endswith(".zip")
+        return has_known_format(data)
     except RecordError:
         return True
 
@@ -117,29 +121,61 @@ def _read(
     wanted = None if units is None else parse_units(units)
     name = str(source)
     data = read_bytes(source)
-    contents = read_contents(data, name)
-    channels = group_channels(contents.traces)
+    parts = _records_in(data, name) if is_archive(data) else [(name, data)]
+    found = [
+        _Component(part, read, channel) for part, read in _contents(parts) for channel in group_channels(read.traces)
+    ]
     if component is not None:
-        channels = [_choose(channels, component, name)]
-    elif single and len(channels) > 1:
-        raise RecordError(f"{name}: the file has several components, choose one: {_listed(channels)}")
-    traces = [join(channel, _label(name, channel)) for channel in channels]
-    check_equal_sampling([(trace.id, float(trace.stats.delta)) for trace in traces], name)
+        found = [_choose(found, component, name)]
+    elif single and len(found) > 1:
+        raise RecordError(f"{name}: the file has several components, choose one: {_listed(found)}")
+    traces = [join(one.channel, one.label) for one in found]
+    for part, _ in parts:
+        of_part = (trace for one, trace in zip(found, traces, strict=True) if one.source == part)
+        check_equal_sampling([(trace.id, float(trace.stats.delta)) for trace in of_part], part)
     instruments = None if inventory is None else read_instruments(inventory)
     inputs = (digested(data, source), *([instruments.input] if instruments else []))
     return tuple(
-        replace(_to_record(channel, trace, contents, wanted, instruments, name), inputs=inputs)
-        for channel, trace in zip(channels, traces, strict=True)
+        replace(_to_record(one, trace, wanted, instruments), inputs=inputs)
+        for one, trace in zip(found, traces, strict=True)
     )
 
 
-def _choose(channels: Sequence[Channel], component: str, source: str) -> Channel:
+@dataclass(frozen=True)
+class _Component:
+    """A channel of a file, or of a file in an archive."""
+
+    source: str
+    contents: Contents
+    channel: Channel
+
+    @property
+    def label(self) -> str:
+        """File and channel, for messages."""
+        return f"{self.source}: {self.channel.id}" if self.channel.id.strip(".") else self.source
+
+
+def _records_in(data: bytes, name: str) -> list[tuple[str, bytes]]:
+    """The files of known formats in an archive."""
+    files = members(data, name)
+    records = [(part, content) for part, content in files if has_known_format(content)]
+    if not records:
+        listed = ", ".join(part.removeprefix(f"{name}/") for part, _ in files[:10]) or "nothing"
+        raise RecordError(f"{name}: the archive holds no record of a known format; it holds {listed}")
+    return records
+
+
+def _contents(parts: Sequence[tuple[str, bytes]]) -> list[tuple[str, Contents]]:
+    return [(part, read_contents(content, part)) for part, content in parts]
+
+
+def _choose(channels: Sequence[_Component], component: str, source: str) -> _Component:
     """The channel with this code, else with this id, else the only one whose code ends in this letter."""
     wanted = component.strip().upper()
     ways = (
-        [channel for channel in channels if channel.code.upper() == wanted],
-        [channel for channel in channels if channel.id.upper() == wanted],
-        [channel for channel in channels if len(wanted) == 1 and channel.code.upper().endswith(wanted)],
+        [one for one in channels if one.channel.code.upper() == wanted],
+        [one for one in channels if one.channel.id.upper() == wanted],
+        [one for one in channels if len(wanted) == 1 and one.channel.code.upper().endswith(wanted)],
     )
     found = next((matches for matches in ways if matches), [])
     if len(found) == 1:
@@ -149,17 +185,15 @@ def _choose(channels: Sequence[Channel], component: str, source: str) -> Channel
     raise RecordError(f"{source}: there is no component {component!r}; there are {_listed(channels)}")
 
 
-def _listed(channels: Sequence[Channel]) -> str:
-    """Names by which each of the channels can be chosen."""
-    codes = [channel.code for channel in channels]
+def _listed(components: Sequence[_Component]) -> str:
+    """Names by which each of the components can be chosen."""
+    codes = [one.channel.code for one in components]
     unique = len(set(codes)) == len(codes) and all(codes)
-    return ", ".join(codes if unique else [channel.id for channel in channels])
+    return ", ".join(codes if unique else [one.channel.id for one in components])
 
 
-def _to_record(
-    channel: Channel, trace: Any, contents: Contents, wanted: Units | None, instruments: Instruments | None, source: str
-) -> Record:
-    label = _label(source, channel)
+def _to_record(one: _Component, trace: Any, wanted: Units | None, instruments: Instruments | None) -> Record:
+    channel, contents, label = one.channel, one.contents, one.label
     if instruments is None:
         motion = to_acceleration(trace, contents.format, wanted, label)
     else:
@@ -178,7 +212,7 @@ def _to_record(
         start=_start(trace),
         id=channel.id,
         component=channel.code,
-        source=source,
+        source=one.source,
         notes=(*contents.notes, *motion.notes, *doubts(motion.acceleration)),
         warnings=motion.warnings,
         units=motion.units,
@@ -193,7 +227,3 @@ def _start(trace: Any) -> str:
     """Time of the first sample; formats without one get the epoch from ObsPy, which no record begins at."""
     start = trace.stats.starttime
     return "" if start.timestamp == 0 else str(start)
-
-
-def _label(source: str, channel: Channel) -> str:
-    return f"{source}: {channel.id}" if channel.id.strip(".") else source

@@ -13,7 +13,7 @@ from tdint.ground_motion.record import Input
 STDIN = "-"
 """The name that stands for standard input."""
 
-_LARGEST = 2**30
+LARGEST = 2**30
 _PIECE = 2**20
 
 
@@ -49,7 +49,7 @@ def read_bytes(source: str | Path) -> bytes:
         raise RecordError(f"{source}: cannot be read: {error}") from error
     if not content:
         raise RecordError(f"{source}: the file is empty")
-    if len(content) > _LARGEST:
+    if len(content) > LARGEST:
         raise RecordError(f"{source}: the file is larger than 1 GiB; cut the event out of it first")
     return content
 
@@ -72,7 +72,7 @@ def _spool(source: str | Path) -> bytes:
 def _read_at_most(file: BinaryIO) -> bytes:
     """Read in pieces, up to one beyond the largest size: an endless device ends there, and memory grows as needed."""
     content = bytearray()
-    while len(content) <= _LARGEST and (piece := file.read(_PIECE)):
+    while len(content) <= LARGEST and (piece := file.read(_PIECE)):
         content += piece
     return bytes(content)
 

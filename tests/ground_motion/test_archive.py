@@ -1,0 +1,83 @@
+"""Zip files of records, read in memory and with limits."""
+
+import io
+import zipfile
+
+import numpy as np
+import pytest
+
+from ground_motion import format_files as files
+from ground_motion.files import trace, wave, write
+from tdint.errors import RecordError
+from tdint.ground_motion.reading import archive
+from tdint.ground_motion.reading.read import is_record, read_record, read_records
+
+
+def packed(members, compression=zipfile.ZIP_DEFLATED):
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", compression) as made:
+        for name, content in members.items():
+            made.writestr(name, content)
+    return stream.getvalue()
+
+
+@pytest.fixture
+def path(tmp_path):
+    mseed = write(tmp_path / "m", trace(wave(), channel="HNZ")).read_bytes()
+    inner = packed({"deep/b.csv": "time_s,HNE_gal\n" + "".join(f"{i * 0.02:.2f},{i}\n" for i in range(50))})
+    members = {"a.AT2": files.at2(), "z/m.mseed": mseed, "README.txt": "words\n", "inner.zip": inner, ".x": "1\n2\n"}
+    path = tmp_path / "event.zip"
+    path.write_bytes(packed(members))
+    return path
+
+
+def test_all_members_of_known_formats(path):
+    records = read_records(path)
+    assert [(record.source.removeprefix(str(path)), record.component) for record in records] == [
+        ("/a.AT2", "067"),
+        ("/z/m.mseed", "HNZ"),
+        ("/inner.zip/deep/b.csv", "HNE"),
+    ]
+    assert [record.dt for record in records] == [0.005, 0.01, 0.02]
+    np.testing.assert_array_equal(records[1].acceleration, wave())
+    assert all(record.inputs == records[0].inputs and record.inputs[0].file == str(path) for record in records)
+
+
+def test_one_member(path):
+    assert read_record(path, component="067").pga == pytest.approx(1.5 * 9.80665)
+    with pytest.raises(RecordError, match="choose one: 067, HNZ, HNE"):
+        read_record(path)
+    with pytest.raises(RecordError, match="no component 'X'"):
+        read_record(path, component="X")
+
+
+def test_without_records(tmp_path):
+    (tmp_path / "a.zip").write_bytes(packed({"a.txt": "words\n"}))
+    with pytest.raises(RecordError, match=r"holds no record of a known format; it holds a\.txt"):
+        read_records(tmp_path / "a.zip")
+
+
+def test_damage_is_found_by_the_archive_s_checksum(tmp_path, path):
+    data = bytearray(packed({"a.AT2": files.at2()}, zipfile.ZIP_STORED))
+    place = data.index(b"DT= .00500")
+    data[place + 6] = ord("9")
+    (tmp_path / "b.zip").write_bytes(data)
+    with pytest.raises(RecordError, match="Bad CRC"):
+        read_records(tmp_path / "b.zip")
+    for length in (10, 100, len(path.read_bytes()) - 30):
+        (tmp_path / "b.zip").write_bytes(path.read_bytes()[:length])
+        with pytest.raises(RecordError, match="damaged"):
+            read_records(tmp_path / "b.zip")
+
+
+def test_a_bomb_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(archive, "LARGEST", 2**20)
+    (tmp_path / "a.zip").write_bytes(packed({"a": bytes(2**19), "b": bytes(2**21)}))
+    with pytest.raises(RecordError, match="larger than 1 GiB uncompressed"):
+        read_records(tmp_path / "a.zip")
+
+
+def test_only_zip_files_stand_for_records_in_a_folder(tmp_path, path):
+    (tmp_path / "table.xlsx").write_bytes(path.read_bytes())
+    assert is_record(path)
+    assert not is_record(tmp_path / "table.xlsx")
