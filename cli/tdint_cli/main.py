@@ -24,6 +24,8 @@ GROUPS = {
         "run": ("buildings.run", "Response of a building in time: the peaks of each story."),
         "modes": ("buildings.modes", "Periods, damping ratios and modal masses of a building."),
         "law": ("buildings.law", "Cyclic test of one story: its force over imposed cycles of drift."),
+        "pushover": ("buildings.pushover", "Base shear of a building over its roof displacement, pushed slowly."),
+        "inventory": ("buildings.inventory", "Shear buildings by rules from a table of buildings."),
     },
     "Ground motions": {
         "info": ("ground_motions.info", "What ground-motion records are and how strong."),

@@ -147,7 +147,7 @@ def test_alias_bomb_is_just_an_unknown_key() -> None:
     found = faults("\n".join(lines))
     assert len(found) == 41
     assert found[0] == f"1:1: a0: unknown key; known: {KEYS}"
-    assert "1:1: stories: is missing; give a list with one entry per story" in found
+    assert "1:1: stories: is missing; give a list with one entry per story, or a building in its place" in found
 
 
 def refusal(source: str | Path) -> str:

@@ -13,11 +13,12 @@ from pathlib import Path
 from typing import BinaryIO, TextIO
 
 from tdint.errors import ModelError
+from tdint.model.config.building import read_building
 from tdint.model.config.damping import read_damping
 from tdint.model.config.excitation import read_excitation
 from tdint.model.config.fields import ANY, POSITIVE, Section, Value
 from tdint.model.config.stories import read_stories
-from tdint.model.config.units import read_units
+from tdint.model.config.units import ModelUnits, read_units
 from tdint.model.config.yaml_source import Faults, decode, parse
 from tdint.model.definition import (
     Analysis,
@@ -57,6 +58,7 @@ _KEYS = (
     "name",
     "units",
     "stories",
+    "building",
     "damping",
     "p_delta",
     "excitation",
@@ -154,14 +156,14 @@ def _read_model(section: Section, origin: _Source) -> Model:
     unit = read_units(section.get("units"))
     p_delta_value = section.get("p_delta")
     p_delta = p_delta_value.boolean() if p_delta_value else False
-    stories, count = read_stories(section.need("stories", "give a list with one entry per story"), unit, p_delta)
+    stories, count, damping = _read_stories(section, unit, p_delta)
     excitation = section.get("excitation")
     model = Model(
         name=section.text("name") or origin.name,
         source=origin.label,
         text=origin.data,
         stories=stories,
-        damping=read_damping(section.get("damping"), count),
+        damping=damping,
         p_delta=p_delta,
         excitation=read_excitation(excitation, unit, count, origin.folder),
         initial=_read_initial(section.get("initial"), unit.length, count),
@@ -172,6 +174,23 @@ def _read_model(section: Section, origin: _Source) -> Model:
     if origin.label == "-" and record and record.file == "-" and excitation:
         excitation.fault("standard input already holds the model; give the record as a file")
     return model
+
+
+def _read_stories(section: Section, unit: ModelUnits, p_delta: bool) -> tuple[tuple[Story, ...], int | None, Damping]:
+    """Stories, their number and the damping: as they are written out, or as rules derive them of a `building`."""
+    building, damping = section.get("building"), section.get("damping")
+    if building is None:
+        advice = "give a list with one entry per story, or a building in its place"
+        entries = section.get("stories") if section.mentions("building") else section.need("stories", advice)
+        stories, count = read_stories(entries, unit, p_delta)
+        return stories, count, read_damping(damping, count)
+    derived = read_building(building, unit)
+    if section.has("stories"):
+        building.fault("stands in place of `stories`; give one of the two")
+    if derived is None:
+        return (), None, None
+    count = len(derived.stories)
+    return derived.stories, count, read_damping(damping, count) if damping else derived.damping
 
 
 def _read_initial(value: Value | None, length: float, count: int | None) -> Initial:

@@ -140,6 +140,41 @@ CYCLIC = (
     Column("recoverable_energy_J", "path.recoverable", "energy that the law stores"),
     Column("dissipated_energy_J", "path.dissipated", "energy dissipated so far"),
 )
+INVENTORY = (
+    Column("id", "row.id", "id of the building", text=True),
+    Column("design_level", "building.design_level", "design level: pre, low, moderate, high", text=True),
+    Column("hazus_type", "building.type", "structure type with its class of height", text=True),
+    Column("period_rule_s", "building.rule_period", "fundamental period by the rules"),
+    Column("period_shear_beam_s", "building.period", "fundamental period of the shear building"),
+    Column("damping_ratio", "building.damping_ratio", "viscous damping ratio"),
+    Column("story", lambda one: np.arange(1, one.building.mass.size + 1), "story, from 1 at the ground"),
+    Column("mass_kg", "building.mass", "mass of the floor"),
+    Column("height_m", "building.height", "story height"),
+    Column("stiffness_N_m", "building.stiffness", "initial stiffness"),
+    Column("yield_force_N", "building.yield_force", "force at first yield"),
+    Column("ultimate_force_N", "building.ultimate_force", "largest force"),
+    Column("yield_drift_m", "building.yield_drift", "drift at first yield"),
+    Column("ultimate_drift_m", "building.ultimate_drift", "drift at which the largest force is reached"),
+    Column("pinching", "building.pinching", "part of the force at which the first part of reloading ends"),
+    Column("unloading_exponent", "building.unloading", "exponent of the unloading stiffness"),
+)
+
+
+def pushover(stories: int) -> tuple[Column, ...]:
+    """The columns of a pushover of a building with so many stories."""
+
+    def drift(i: int) -> Callable[[Any], Any]:
+        return lambda result: result.drift[:, i]
+
+    return (
+        Column("step", lambda result: np.arange(result.base_shear.size), "step; 0 is the start at rest"),
+        Column("roof_displacement_m", "roof_displacement", "relative to the ground"),
+        Column("roof_drift_ratio", "roof_drift_ratio", "roof displacement over the height of the building"),
+        Column("base_shear_N", "base_shear", "sum of the forces on the floors"),
+        *(Column(f"story_{i + 1}_drift_m", drift(i), "relative to the floor below") for i in range(stories)),
+    )
+
+
 MODE = (
     Column("mode", lambda modes: np.arange(1, modes.omega.size + 1), "mode, from 1 at the longest period"),
     Column("period_s", lambda modes: 2.0 * math.pi / modes.omega, "natural period"),

@@ -21,6 +21,7 @@ UNITS = {
     "_m_s": "m/s",
     "_N_m": "N/m",
     "_deg": "degree",
+    "_kg": "kg",
     "_hz": "Hz",
     "_m": "m",
     "_s": "s",

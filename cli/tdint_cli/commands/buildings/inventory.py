@@ -1,0 +1,127 @@
+"""`tdint inventory`: shear buildings by rules from a table of buildings."""
+
+from __future__ import annotations
+
+import re
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+import click
+
+from tdint_cli import options
+from tdint_cli.options.output import Outputs
+from tdint_cli.options.values import Part
+from tdint_cli.terminal.streams import emit, say
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tdint.files import Writer
+    from tdint.model.inventory.buildings import InventoryBuilding
+
+RULES = ("mdof-lu",)
+_FILE_NAME = re.compile(r"[\w][\w .+-]{0,120}")
+
+
+@options.command("inventory")
+@click.argument("buildings", metavar="BUILDINGS.csv")
+@options.option(
+    "--units",
+    type=click.Choice(["ft", "m"]),
+    required=True,
+    help="Unit of the file's lengths; plan areas are in its square. It must be said: ft in SimCenter's files.",
+)
+@options.option(
+    "--rules", type=click.Choice(RULES), default=RULES[0], help="Rules of the buildings; mdof-lu by default."
+)
+@options.option(
+    "--damping",
+    type=click.Choice(["full", "mass-only"]),
+    default="full",
+    help="full by default; mass-only leaves out the stiffness-proportional part, as programs do that lose it.",
+)
+@options.option(
+    "--stiffness-scatter",
+    type=Part(),
+    metavar="PART",
+    help="Standard deviation of a factor on each building's stiffness (0.1 or 10%); its strength stays.",
+)
+@options.option("--damping-scatter", type=Part(), metavar="PART", help="The same of a factor on its damping ratio.")
+@options.option("--seed", type=click.IntRange(min=0), default=0, metavar="N", help="Seed of the scatter; 0 by default.")
+@options.output.output()
+@options.output.option(
+    "--models",
+    metavar="DIR",
+    help="Also write a model file ID.yaml of each building, as `tdint run` takes it, into this folder; it is made if "
+    "only itself is missing.",
+)
+@options.output.overwrite
+def command(**given: Any) -> None:
+    """Shear buildings by rules from a table of buildings.
+
+    BUILDINGS.csv has a row per building and the columns id, NumberOfStories, YearBuilt, StructureType (W1 W2 S1-S5
+    C1-C3 PC1 PC2 RM1 RM2 URM MH) and PlanArea (of one floor); optional are height (of the whole building), seismicZone
+    (Z4 by default), DampingRatio and DesignLevel; other columns are not read; - is standard input. The rules mdof-lu
+    are those of Lu et al. (2014, 2020) with the building types of Hazus: trilinear stories that pinch. CSV in SI units,
+    one row per story.
+
+    Rows that cannot be used are told together, the others are done, and the exit code is 3.
+    """
+    _run(**given)
+
+
+def _run(
+    buildings: str, units: str, rules: str, damping: str, seed: int, output: str | None, models: str | None,
+    overwrite: bool, **scatter: float | None,
+) -> None:  # fmt: skip
+    from tdint.errors import ModelError
+    from tdint.files import write_files
+    from tdint.model.inventory.buildings import derive_all
+    from tdint.model.inventory.read import read_inventory
+    from tdint.output.tables import columns
+    from tdint.output.tables.table import Table
+    from tdint.units import LENGTH
+
+    outputs = Outputs.checked(output, None, overwrite)
+    rows, faults = read_inventory(buildings, LENGTH[units], mass_only=damping == "mass-only")
+    stiffness, ratio = (scatter[f"{name}_scatter"] or 0.0 for name in ("stiffness", "damping"))
+    derived = derive_all(rows, rules, stiffness=stiffness, damping=ratio, seed=seed)
+    table = Table.of_results(columns.INVENTORY, derived).csv()
+    files = _model_files(derived, rules, models) if models else {}
+    if files:
+        write_files(files, overwrite=overwrite, new_folder=True)
+    if outputs.table:
+        write_files({outputs.table: lambda stream: stream.write(table)}, overwrite=overwrite)
+    else:
+        emit(table)
+    say(f"{len(derived)} of {len(derived) + len({fault.line for fault in faults})} buildings by the rules {rules}.")
+    if faults:
+        raise ModelError(faults)
+
+
+def _model_files(derived: Sequence[InventoryBuilding], rules: str, folder: str) -> dict[Path, Writer]:
+    """What writes each model file.
+
+    Raises
+    ------
+    UsageError
+        An id that is no file name.
+    """
+    from tdint.errors import UsageError
+    from tdint.model.inventory.model_text import model_text
+
+    files: dict[Path, Writer] = {}
+    for one in derived:
+        name = one.row.id
+        if not _FILE_NAME.fullmatch(name):
+            raise UsageError(
+                f"the id {name!r} does not make a file name; --models needs ids of letters, digits, -, _ and ."
+            )
+        data = model_text(name, one.building, rules).encode()
+        files[Path(folder) / f"{name}.yaml"] = partial(_write, data)
+    return files
+
+
+def _write(data: bytes, stream: BinaryIO) -> None:
+    stream.write(data)

@@ -1,0 +1,88 @@
+"""`tdint pushover`: the base shear of a building over its roof displacement."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import click
+
+from tdint_cli import options
+from tdint_cli.options.output import Outputs
+from tdint_cli.startup import load_numba
+from tdint_cli.terminal.streams import say
+
+if TYPE_CHECKING:
+    from tdint.analysis.run.pushover import Pushover
+    from tdint.files import Writer
+
+PATTERNS = ("first-mode", "uniform", "triangular")
+
+
+@options.command("pushover")
+@options.building.model
+@options.option(
+    "--pattern",
+    type=click.Choice(PATTERNS),
+    default=PATTERNS[0],
+    help="Forces on the floors: the masses times the first mode (by default), times 1, or times the height.",
+)
+@options.option(
+    "--drift",
+    default="4%",
+    metavar="DRIFT",
+    help="How far the roof is pushed: a ratio of the building's height (0.04 or 4%, by default) or a length (200mm).",
+)
+@options.option(
+    "--points",
+    type=click.IntRange(1, 100_000),
+    default=200,
+    metavar="COUNT",
+    help="Steps of the roof displacement; 200 by default.",
+)
+@options.output.output()
+@options.output.picture
+@options.output.overwrite
+def command(
+    model: str, pattern: str, drift: str, points: int, output: str | None, plot: str | None, overwrite: bool
+) -> None:
+    """Base shear of a building over its roof displacement, pushed slowly.
+
+    MODEL.yaml is a model file, - is standard input. Forces of one pattern on the floors grow until the first story
+    gives way, and fall as it does: the roof's displacement is led, through peaks and down falling branches, with the
+    model's P-delta, without dashpots and damping. CSV in SI units, one row per step: displacement of the roof and its
+    ratio to the height, base shear, drifts of the stories.
+    """
+    from tdint.units import parse_drift
+
+    outputs = Outputs.checked(output, plot, overwrite)
+    size = parse_drift(drift)
+    load_numba()
+    from tdint.analysis.run.pushover import pushover
+    from tdint.model.config.read import load_model
+    from tdint.output.tables import columns
+    from tdint.output.tables.table import Table
+
+    result = pushover(load_model(model), size, pattern=pattern, points=points)
+
+    def draw(suffix: str) -> Writer:
+        from tdint.output.figures.pushover import pushover_picture
+
+        return pushover_picture(result, suffix)
+
+    outputs.deliver(Table.of_results(columns.pushover(result.drift.shape[1]), [result]), draw)
+    say(_words(result))
+
+
+def _words(result: Pushover) -> str:
+    """Peak and end in a sentence each."""
+    peak, last = result.peak, -1
+    text = (
+        f"{result.model.name}, {result.pattern} pattern: largest base shear {result.base_shear[peak]:.4g} N at a roof "
+    )
+    text += f"displacement of {result.roof_displacement[peak]:.4g} m"
+    if not math.isnan(result.height):
+        text += f" ({100.0 * result.roof_drift_ratio[peak]:.3g} % of the height)"
+    most = int(result.drift[last].argmax())
+    text += f".\nAt the end {result.base_shear[last]:.4g} N; story {most + 1} has the largest drift, "
+    return text + f"{result.drift[last, most]:.4g} m."

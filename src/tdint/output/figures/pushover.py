@@ -1,0 +1,80 @@
+"""Figure of a pushover: base shear over roof displacement, and the drifts of the stories on the way."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from tdint.files import Writer
+from tdint.output.figures.run import COLORS, DASHES, add_title, picture, scaled_unit
+
+if TYPE_CHECKING:
+    from tdint.analysis.run.pushover import Pushover
+
+_LIGHT = "0.55"
+
+
+def pushover_picture(result: Pushover, suffix: str) -> Writer:
+    """Picture of a pushover; `suffix` is .png, .pdf or .svg.
+
+    Returns
+    -------
+    callable
+        Draws and writes the picture to a binary stream.
+
+    Raises
+    ------
+    OutputError
+        Another suffix.
+    """
+    return picture(suffix, lambda: _draw(result))
+
+
+def _draw(result: Pushover) -> Figure:
+    figure = Figure(figsize=(8.4, 4.6), layout="constrained")
+    curve, profile = figure.subplots(1, 2, width_ratios=(1.7, 1.0))
+    _draw_curve(curve, result)
+    _draw_profile(profile, result)
+    add_title(figure, f"{result.model.name}\nPushover, {result.pattern} pattern")
+    return figure
+
+
+def _draw_curve(axes: Any, result: Pushover) -> None:
+    factor, unit = scaled_unit(float(np.max(np.abs(result.base_shear))), "N")
+    roof, shear = result.roof_displacement, result.base_shear * factor
+    axes.axhline(0.0, color=_LIGHT, linewidth=0.6)
+    axes.plot(roof, shear, color=COLORS[0])
+    peak = result.peak
+    axes.plot(roof[peak], shear[peak], "o", color=COLORS[0], label=f"largest base shear {shear[peak]:.4g} {unit}")
+    axes.legend(loc="best")
+    axes.set_xlim(0.0, roof[-1])
+    axes.set_xlabel("roof displacement (m)")
+    axes.set_ylabel(f"base shear ({unit})")
+    if not math.isnan(result.height):
+        height = result.height
+        percent = axes.secondary_xaxis(
+            "top", functions=(lambda x: 100.0 * x / height, lambda ratio: 0.01 * ratio * height)
+        )
+        percent.set_xlabel("roof drift ratio (%)")
+
+
+def _draw_profile(axes: Any, result: Pushover) -> None:
+    """Drifts of the stories at the largest base shear and at the end."""
+    stories = np.arange(result.drift.shape[1] + 1) + 0.5
+    heights = [story.height for story in result.model.stories]
+    ratio = all(height is not None for height in heights)
+    scale = 100.0 / np.array(heights, float) if ratio else np.ones(len(heights))
+    for row, style, text in ((result.peak, DASHES[1], "at the largest base shear"), (-1, DASHES[0], "at the end")):
+        drift = result.drift[row] * scale
+        axes.stairs(
+            drift, stories, orientation="horizontal", baseline=None, linestyle=style, color=COLORS[0], label=text
+        )
+    axes.axvline(0.0, color=_LIGHT, linewidth=0.6)
+    axes.legend(loc="best")
+    axes.set_ylim(stories[0], stories[-1])
+    axes.yaxis.get_major_locator().set_params(integer=True)
+    axes.set_ylabel("story")
+    axes.set_xlabel("drift ratio (%)" if ratio else "drift (m)")
