@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from tdint.errors import UsageError
 from tdint_cli import options
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.values import DriftSizeType, ListOf
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
     from tdint.units import DriftSize
 
 
+_POINTS = 200
+
+
 @dataclass(frozen=True)
 class Request:
     """The command line of `tdint law`."""
@@ -27,8 +31,10 @@ class Request:
     model: str
     story: int
     drifts: tuple[DriftSize, ...]
-    cycles: int
-    points: int
+    cycles: int | None
+    points: int | None
+    path: str | None
+    units: str | None
     output: str | None
     plot: str | None
     overwrite: bool
@@ -56,7 +62,6 @@ def _one_after_the_other(
     type=ListOf(DriftSizeType()),
     multiple=True,
     callback=_one_after_the_other,
-    required=True,
     metavar="DRIFT,...",
     help="Amplitudes, one after the other: drift ratios (0.02 or 2%), lengths with their unit (20mm; m, cm, mm, in, "
     "ft), or multiples of the yield drift (4dy).",
@@ -64,16 +69,25 @@ def _one_after_the_other(
 @options.option(
     "--cycles",
     type=click.IntRange(min=1),
-    default=1,
     metavar="COUNT",
     help="Cycles of each amplitude; 1 by default.",
 )
 @options.option(
     "--points",
     type=click.IntRange(min=1),
-    default=200,
     metavar="COUNT",
     help="Points of each quarter of a cycle; 200 by default.",
+)
+@options.option(
+    "--path",
+    metavar="FILE",
+    help="Any path of drifts in place of --drift, --cycles and --points: a CSV file with a column drift_m, - is "
+    "standard input.",
+)
+@options.option(
+    "--units",
+    type=click.Choice(["m", "dy"]),
+    help="What the numbers of --path are: m by default, or multiples of the yield drift (dy).",
 )
 @options.output.output()
 @options.output.picture
@@ -83,10 +97,10 @@ def command(**given: Any) -> None:
 
     MODEL.yaml is a model file, - is standard input. The story starts at rest; each cycle goes to the amplitude, to the
     same drift on the other side, and back to zero, as in a slow test in a laboratory: nothing else of the building and
-    no time takes part. CSV in SI units, one row per point: drift; the story's shear as `tdint run` reports it, without
-    dashpots, damping and P-delta; the same with the model's P-delta (without p_delta in the model, equal); the law's
-    tangent stiffness on the way to the point; the energy that it stores and has dissipated. drift_ratio is empty
-    without a height.
+    no time takes part. With --path it goes straight to each drift of a file, one row for each. CSV in SI units, one row
+    per point: drift; the story's shear as `tdint run` reports it, without dashpots, damping and P-delta; the same with
+    the model's P-delta (without p_delta in the model, equal); the law's tangent stiffness on the way to the point; the
+    energy that it stores and has dissipated. drift_ratio is empty without a height.
 
     For the last cycle of each amplitude standard error tells the forces at its ends, the slope between these (secant
     stiffness), the energy dissipated, and the equivalent viscous damping ratio, energy / (4 pi secant stiffness drift^2
@@ -97,14 +111,18 @@ def command(**given: Any) -> None:
 
 def _run(request: Request) -> None:
     outputs = Outputs.checked(request.output, request.plot, request.overwrite)
+    cycles = request.cycles or 1
+    drifts = _path(request)
     load_numba()
-    from tdint.analysis.run.cyclic import cyclic_test
+    from tdint.analysis.run.cyclic import cyclic_test, path_test
     from tdint.model.config.read import load_model
     from tdint.output.tables.cyclic import cyclic_table
 
-    test = cyclic_test(
-        load_model(request.model), request.story, request.drifts, cycles=request.cycles, points=request.points
-    )
+    model = load_model(request.model)
+    if drifts is None:
+        test = cyclic_test(model, request.story, request.drifts, cycles=cycles, points=request.points or _POINTS)
+    else:
+        test = path_test(model, request.story, drifts, in_yield_drifts=request.units == "dy")
 
     def draw(suffix: str) -> Writer:
         from tdint.output.figures.cyclic import cyclic_picture
@@ -113,7 +131,43 @@ def _run(request: Request) -> None:
 
     outputs.deliver(cyclic_table(test), draw)
     say(_paragraph(test))
-    say_table([_HEADER, *(_row(test, cycle) for cycle in test.cycles[request.cycles - 1 :: request.cycles])])
+    if drifts is None:
+        say_table([_HEADER, *(_row(test, cycle) for cycle in test.cycles[cycles - 1 :: cycles])])
+    else:
+        say(_ends(test))
+
+
+def _path(request: Request) -> list[float] | None:
+    """The drifts of --path; None if cycles are asked for.
+
+    Raises
+    ------
+    UsageError
+        Neither or both of them, or a file that cannot be read.
+    """
+    if request.path is None:
+        if not request.drifts:
+            raise UsageError("no drift: give --drift, or a path of drifts by --path")
+        if request.units is not None:
+            raise UsageError("--units belongs to --path; write the unit behind --drift, such as 20mm or 4dy")
+        return None
+    for name, given in (("--drift", request.drifts), ("--cycles", request.cycles), ("--points", request.points)):
+        if given:
+            raise UsageError(f"{name} and --path exclude each other: a path tells every drift")
+    if request.path == "-" and request.model == "-":
+        raise UsageError("standard input already holds the model; give the path as a file")
+    from tdint.analysis.run.drift_path import read_drift_path
+
+    return read_drift_path(request.path)
+
+
+def _ends(test: CyclicTest) -> str:
+    """Extremes of a path in a line."""
+    path = test.path
+    return (
+        f"{path.drift.size} drifts from {path.drift.min():.4g} to {path.drift.max():.4g} m, forces from "
+        f"{path.shear.min():.4g} to {path.shear.max():.4g} N, {path.dissipated[-1]:.4g} J dissipated."
+    )
 
 
 _HEADER = (

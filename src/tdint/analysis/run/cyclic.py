@@ -91,19 +91,19 @@ class CyclicTest:
         The building.
     story : int
         The story, counted from 1.
-    points : int
-        Points of a quarter of a cycle.
+    points : int or None
+        Points of a quarter of a cycle; None for a path that is not made of cycles.
     initial_stiffness, geometric_stiffness : float
         Of the law, and of P-delta (0 without, else negative), N/m.
     yield_drift : float
         Drift at first yield, m; nan for a law that does not yield.
     path : LawPath
-        From rest through all cycles; `cycle_numbers` tells the cycle of each point.
+        From rest through all cycles, of which `cycle_numbers` tells that of each point; or the path given.
     """
 
     model: Model
     story: int
-    points: int
+    points: int | None
     initial_stiffness: float
     geometric_stiffness: float
     yield_drift: float
@@ -121,8 +121,10 @@ class CyclicTest:
         return self.model.stories[self.story - 1].law.name
 
     @property
-    def cycle_numbers(self) -> NDArray[np.int64]:
-        """Cycle of each point, from 1; 0 for the start."""
+    def cycle_numbers(self) -> NDArray[np.int64] | None:
+        """Cycle of each point, from 1; 0 for the start. None for a path that is not made of cycles."""
+        if self.points is None:
+            return None
         return -(-np.arange(self.path.drift.size) // (4 * self.points))
 
     @property
@@ -133,6 +135,8 @@ class CyclicTest:
     @property
     def cycles(self) -> tuple[Cycle, ...]:
         """The cycles one by one."""
+        if self.points is None:
+            return ()
         length = 4 * self.points
         return tuple(self._cycle(first, length) for first in range(0, self.path.drift.size - 1, length))
 
@@ -173,14 +177,41 @@ def cyclic_test(
     AnalysisError
         The law has no finite force along the path.
     """
-    if not 1 <= story <= len(model.stories):
-        raise UsageError(f"story {story}: the model has {_stories(len(model.stories))}, counted from 1 at the bottom")
+    _check_story(model, story)
     if len(sizes) * cycles * 4 * points > MOST_POINTS:
         raise UsageError(f"{len(sizes) * cycles} cycles of {4 * points} points are more than {MOST_POINTS:,} points")
     # Damping has no part in a slow test, and may be impossible where P-delta takes all stiffness.
     building = assemble(replace(model, damping=None))
     amplitudes = [amplitude(size, building, story) for size in sizes]
-    path = follow_path(building, story, cyclic_path(amplitudes, cycles, points))
+    return _test(model, building, story, cyclic_path(amplitudes, cycles, points), points)
+
+
+def path_test(model: Model, story: int, drifts: Sequence[float], *, in_yield_drifts: bool = False) -> CyclicTest:
+    """Impose any path of drifts on the law of one story (from 1), straight from rest to the first and on to each next.
+
+    Parameters
+    ----------
+    drifts : sequence of float
+        The drifts, m, or multiples of the yield drift.
+
+    Raises
+    ------
+    UsageError
+        The story does not exist, its law does not yield, or there are too many drifts.
+    AnalysisError
+        The law has no finite force along the path.
+    """
+    _check_story(model, story)
+    if not 1 <= len(drifts) <= MOST_POINTS:
+        raise UsageError(f"a path has from 1 to {MOST_POINTS:,} drifts, got {len(drifts):,}")
+    building = assemble(replace(model, damping=None))
+    unit = float(building.yield_drift[story - 1]) if in_yield_drifts else 1.0
+    if math.isnan(unit):
+        raise UsageError(f"multiples of the yield drift: the law of story {story} does not yield; give drifts in m")
+    return _test(model, building, story, unit * np.asarray(drifts, float), None)
+
+
+def _test(model: Model, building: Building, story: int, drifts: Array, points: int | None) -> CyclicTest:
     return CyclicTest(
         model=model,
         story=story,
@@ -188,8 +219,13 @@ def cyclic_test(
         initial_stiffness=float(building.laws[STIFFNESS, story - 1]),
         geometric_stiffness=float(building.chain[GEOMETRIC, story - 1]),
         yield_drift=float(building.yield_drift[story - 1]),
-        path=path,
+        path=follow_path(building, story, drifts),
     )
+
+
+def _check_story(model: Model, story: int) -> None:
+    if not 1 <= story <= len(model.stories):
+        raise UsageError(f"story {story}: the model has {_stories(len(model.stories))}, counted from 1 at the bottom")
 
 
 def amplitude(size: DriftSize, building: Building, story: int) -> float:

@@ -46,7 +46,8 @@ def _draw(test: CyclicTest) -> Figure:
     loop, energy = figure.subplots(2, 1, height_ratios=(2.6, 1.0))
     _draw_loop(loop, test)
     _draw_energy(energy, test)
-    add_title(figure, f"{test.model.name}\nStory {test.story}, {test.law} law: cyclic test without dashpots")
+    kind = "cyclic test" if test.points else "path of drifts"
+    add_title(figure, f"{test.model.name}\nStory {test.story}, {test.law} law: {kind} without dashpots")
     return figure
 
 
@@ -84,13 +85,13 @@ def _mark_yielding(axes: Any, test: CyclicTest) -> None:
 
 
 def _draw_energy(axes: Any, test: CyclicTest) -> None:
-    cycle = np.arange(test.path.drift.size) / (4.0 * test.points)
+    cycle = np.arange(test.path.drift.size) / (4.0 * test.points if test.points else 1.0)
     factor, unit = scaled_unit(float(np.max(test.path.recoverable + test.path.dissipated)), "J")
     axes.plot(cycle, test.path.dissipated * factor, color=COLORS[0], label="dissipated")
     axes.plot(cycle, test.path.recoverable * factor, color=COLORS[1], linestyle=DASHES[1], label="recoverable")
     axes.legend(loc="upper left")
-    axes.set_xlim(0.0, cycle[-1])
+    axes.set_xlim(0.0, max(cycle[-1], 1.0))
     axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
-    axes.set_xlabel("cycle")
+    axes.set_xlabel("cycle" if test.points else "step")
     axes.set_ylabel(f"energy ({unit})")
     axes.xaxis.set_major_locator(MaxNLocator(9, steps=[1, 2, 5, 10]))

@@ -131,7 +131,7 @@ DRIFT_SPECTRUM = (
 CYCLIC = (
     Column("story", "story", "story, from 1 at the ground"),
     Column("step", lambda test: np.arange(test.path.drift.size), "point of the path; 0 is the start at rest"),
-    Column("cycle", "cycle_numbers", "cycle, from 1; 0 for the start"),
+    Column("cycle", "cycle_numbers", "cycle, from 1; 0 for the start; empty for a path given"),
     Column("drift_m", "path.drift", "imposed drift"),
     Column("drift_ratio", lambda test: test.path.drift / test.height, "drift over story height"),
     Column("shear_N", "path.shear", "restoring force of the law"),
