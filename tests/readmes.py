@@ -186,6 +186,8 @@ def column_tables():
         "history.csv of tdint run": history,
         "tdint modes": (*columns.MODE, columns.mode_damping(None), *columns.MODE_END),
         "tdint law": columns.CYCLIC,
+        "tdint pushover": columns.pushover(1),
+        "tdint inventory": columns.INVENTORY,
         "tdint info": columns.INFO,
         "tdint spectrum": (*columns.OF_RECORD, *columns.SPECTRUM, *columns.CHOICES),
         "tdint spectrum --rotd 50,100": (*columns.OF_MOTION, *columns.rotated((50, 100)), *columns.CHOICES),

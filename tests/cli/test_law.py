@@ -60,6 +60,25 @@ def test_a_linear_story_of_a_stream(folder, tdint):
     assert result.stderr.splitlines()[-1].split() == ["1", "0.01", "-", "-", "8", "-8", "800", "0", "0"]
 
 
+@pytest.mark.parametrize("units", ["m", "dy"])
+def test_any_path(folder, tdint, units):
+    """To 0.03 m, where the force is 69 N, back by 0.01 m along k = 8000 N/m, and on: one row for each."""
+    scale = 1.0 if units == "m" else 1.0 / 0.00625
+    drifts = [0.03, 0.02, 0.03, 0.0425]
+    text = "".join(f"{i},{drift * scale!r}\n" for i, drift in enumerate(drifts))
+    (folder / "path.csv").write_text("step,drift_m\n" + text)
+    result = tdint("law", "shaken.yaml", "--path", "path.csv", "--units", units, "--plot=x.png")
+    assert result.exit_code == 0
+    assert result.stdout.splitlines()[0] == COLUMNS
+    table = rows(result.stdout)
+    assert [float(row["drift_m"]) for row in table] == pytest.approx(drifts, rel=1e-11)
+    assert [float(row["shear_N"]) for row in table] == pytest.approx([69.0, -11.0, 69.0, 79.0], rel=1e-9)
+    assert [row["step"] for row in table] == ["0", "1", "2", "3"]
+    assert {row["cycle"] for row in table} == {""}
+    assert result.stderr.splitlines()[-1].startswith("4 drifts from 0.02 to 0.0425 m, forces from -11 to 79 N, ")
+    assert (folder / "x.png").exists()
+
+
 def test_p_delta(tdint):
     result = tdint("law", CONFIGS / "three-story-concrete.yaml", "--drift", "0.002", "--points", "1")
     row = rows(result.stdout)[1]
@@ -89,7 +108,15 @@ def test_pictures_of_any_size(folder, tdint, model, drift):
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (["shaken.yaml"], 2, "Missing option '--drift'"),
+        (["shaken.yaml"], 2, "no drift: give --drift, or a path of drifts by --path"),
+        (["shaken.yaml", "--drift", "1%", "--units", "dy"], 2, "--units belongs to --path"),
+        (["shaken.yaml", "--path", "path.csv", "--drift", "1%"], 2, "--drift and --path exclude each other"),
+        (["shaken.yaml", "--path", "path.csv", "--points", "4"], 2, "--points and --path exclude each other"),
+        (["shaken.yaml", "--path", "path.csv"], 2, "path.csv:3: drift_m must be a number, got 'x'"),
+        (["shaken.yaml", "--path", "forced.yaml"], 2, "forced.yaml: the first line names no column drift_m"),
+        (["shaken.yaml", "--path", "missing.csv"], 2, "missing.csv: no such file"),
+        (["-", "--path", "-"], 2, "standard input already holds the model"),
+        (["forced.yaml", "--path", "good.csv", "--units", "dy"], 2, "the law of story 1 does not yield"),
         (["shaken.yaml", "--drift", "2"], 2, "drift '2': a drift ratio is 1 at most"),
         (["shaken.yaml", "--drift", "1%", "--drift", "x"], 2, "drift 'x': write a drift ratio (0.02 or 2%)"),
         (["shaken.yaml", "--drift", "1%", "--story", "3"], 2, "story 3: the model has 2 stories"),
@@ -109,6 +136,8 @@ def test_what_is_refused(folder, tdint, arguments, code, message):
     (folder / "no-height.yaml").write_text((folder / "forced.yaml").read_text().replace(", height: 3", ""))
     law = "law: {type: polynomial, coefficients: [1, 0, 1e60]}"
     (folder / "cubic.yaml").write_text((folder / "forced.yaml").read_text().replace("stiffness: 800", law))
+    (folder / "path.csv").write_text("drift_m\n0.1\nx\n")
+    (folder / "good.csv").write_text("drift_m\n0.1\n")
     before = sorted(folder.iterdir())
     result = tdint("law", *arguments)
     assert (result.exit_code, result.stdout) == (code, "")

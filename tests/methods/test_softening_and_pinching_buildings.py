@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -59,3 +61,49 @@ def test_order_4_energy_and_average_acceleration(name, seed):
     assert np.max(np.abs(runs[0].history.energy.error)) < 1e-4
     average = run(case, record, method="newmark-average", dt=record.dt / 64, history=True)
     assert np.linalg.norm(average.history.displacement[::64] - u[-1]) < 1e-4 * size
+
+
+def failing(**more):
+    """One story that carries nothing beyond six yield drifts, kicked past them."""
+    side = (5.0, 0.4, 0.8, 1.1, 0.2, 0.3, 1.0)
+    law = Law("imk", (*side, *side, *4 * [np.inf], 1.0, 1.0, 1.0))
+    return model([story(1.0, 100.0, law, height=10.0)], velocity=(3.0,), **more)
+
+
+@pytest.mark.parametrize("method", ["impulse4", "newmark-average"])
+def test_a_story_that_fails_is_said(method):
+    """To yield 0.05 m in 0.0169 s, on against 5 N and more: it fails at 0.3 m with v^2 = 9 - 0.25 - 2 (1.25 + ...)."""
+    response = run(failing(), method=method, dt=0.01, duration=0.5, history=True)
+    rise = 0.5 / 0.4
+    work = 0.5 * 5.0 * 0.05 + 5.0 * 0.25 + 0.5 * rise * 0.25**2
+    speed = np.sqrt(9.0 - 2.0 * work)
+    assert response.status == "failed-story"
+    assert (response.collapse.story, response.collapse.failed, response.collapse.ended) == (1, True, False)
+    assert response.collapse.time == pytest.approx(
+        np.interp(0.3, response.history.drift[:, 0], response.history.time), abs=0.011
+    )
+    assert response.history.shear[-1, 0] == 0.0
+    assert response.history.velocity[-1, 0] == pytest.approx(speed, rel=1e-6 if method == "impulse4" else 0.02)
+    assert response.energy.recoverable == 0.0
+    assert response.energy.dissipated == pytest.approx(work, rel=1e-6 if method == "impulse4" else 0.02)
+    assert abs(response.energy.error) < (1e-6 if method == "impulse4" else 0.02)
+
+
+def test_what_comes_first_is_said():
+    """A drift ratio of 0.02 is passed before the story fails at 0.03."""
+    response = run(replace(failing(), collapse_drift=0.02), method="impulse4", dt=0.01, duration=0.5)
+    assert response.status == "collapsed"
+    assert not response.collapse.failed
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_time_of_a_collapse(seed):
+    """A falling branch under P-delta: at the record's step and at a 64th of it, within one interval of the record."""
+    record = noise(samples=1201, seed=seed, peak=14.0)
+    case = building("imk", seed, p_delta=True)
+    heavy = [story(one.mass, one.stiffness, one.law, height=1.6) for one in case.stories]
+    case = model(heavy, damping=DAMPING, p_delta=True)
+    coarse, fine = (run(case, record, method="impulse4", dt=record.dt / parts) for parts in (1, 64))
+    assert coarse.collapse.time == pytest.approx(fine.collapse.time, abs=1.001 * record.dt)
+    assert coarse.collapse.story == fine.collapse.story
+    assert abs(coarse.energy.error) < 1e-4

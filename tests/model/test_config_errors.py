@@ -12,7 +12,7 @@ from tdint.errors import ModelError, ModelFault
 from tdint.model.config import read as config
 from tdint.model.config.read import load_model
 
-KEYS = "name, units, stories, damping, p_delta, excitation, initial, analysis, collapse_drift"
+KEYS = "name, units, stories, building, damping, p_delta, excitation, initial, analysis, collapse_drift"
 STORY_KEYS = "mass, height, stiffness, law, dashpot, repeat"
 THREE = "stories: [{repeat: 3, mass: 1, stiffness: 1}]\n"
 RATIO = "must be a number of at least 0 and below 1"

@@ -11,7 +11,7 @@ import click
 
 from tdint_cli import options
 from tdint_cli.options.output import Outputs
-from tdint_cli.options.values import Part
+from tdint_cli.options.values import Ratio
 from tdint_cli.terminal.streams import emit, say
 
 if TYPE_CHECKING:
@@ -43,18 +43,19 @@ _FILE_NAME = re.compile(r"[\w][\w .+-]{0,120}")
 )
 @options.option(
     "--stiffness-scatter",
-    type=Part(),
+    type=Ratio(0.0, 0.5),
     metavar="PART",
     help="Standard deviation of a factor on each building's stiffness (0.1 or 10%); its strength stays.",
 )
-@options.option("--damping-scatter", type=Part(), metavar="PART", help="The same of a factor on its damping ratio.")
+@options.option(
+    "--damping-scatter", type=Ratio(0.0, 0.5), metavar="PART", help="The same of a factor on its damping ratio."
+)
 @options.option("--seed", type=click.IntRange(min=0), default=0, metavar="N", help="Seed of the scatter; 0 by default.")
 @options.output.output()
 @options.output.option(
     "--models",
     metavar="DIR",
-    help="Also write a model file ID.yaml of each building, as `tdint run` takes it, into this folder; it is made if "
-    "only itself is missing.",
+    help="Also write a model file ID.yaml of each building, as `tdint run` takes it, into this folder.",
 )
 @options.output.overwrite
 def command(**given: Any) -> None:
@@ -90,7 +91,7 @@ def _run(
     table = Table.of_results(columns.INVENTORY, derived).csv()
     files = _model_files(derived, rules, models) if models else {}
     if files:
-        write_files(files, overwrite=overwrite, new_folder=True)
+        write_files(files, overwrite=overwrite)
     if outputs.table:
         write_files({outputs.table: lambda stream: stream.write(table)}, overwrite=overwrite)
     else:

@@ -9,12 +9,14 @@ import click
 
 from tdint_cli import options
 from tdint_cli.options.output import Outputs
+from tdint_cli.options.values import DriftSizeType
 from tdint_cli.startup import load_numba
 from tdint_cli.terminal.streams import say
 
 if TYPE_CHECKING:
     from tdint.analysis.run.pushover import Pushover
     from tdint.files import Writer
+    from tdint.units import DriftSize
 
 PATTERNS = ("first-mode", "uniform", "triangular")
 
@@ -29,6 +31,7 @@ PATTERNS = ("first-mode", "uniform", "triangular")
 )
 @options.option(
     "--drift",
+    type=DriftSizeType(),
     default="4%",
     metavar="DRIFT",
     help="How far the roof is pushed: a ratio of the building's height (0.04 or 4%, by default) or a length (200mm).",
@@ -44,26 +47,23 @@ PATTERNS = ("first-mode", "uniform", "triangular")
 @options.output.picture
 @options.output.overwrite
 def command(
-    model: str, pattern: str, drift: str, points: int, output: str | None, plot: str | None, overwrite: bool
+    model: str, pattern: str, drift: DriftSize, points: int, output: str | None, plot: str | None, overwrite: bool
 ) -> None:
     """Base shear of a building over its roof displacement, pushed slowly.
 
     MODEL.yaml is a model file, - is standard input. Forces of one pattern on the floors grow until the first story
-    gives way, and fall as it does: the roof's displacement is led, through peaks and down falling branches, with the
-    model's P-delta, without dashpots and damping. CSV in SI units, one row per step: displacement of the roof and its
-    ratio to the height, base shear, drifts of the stories.
+    gives way, and fall as it does, to zero at the most: the roof's displacement is led, through peaks and down falling
+    branches, with the model's P-delta, without dashpots and damping. CSV in SI units, one row per step: displacement of
+    the roof and its ratio to the height, base shear, drifts of the stories.
     """
-    from tdint.units import parse_drift
-
     outputs = Outputs.checked(output, plot, overwrite)
-    size = parse_drift(drift)
     load_numba()
     from tdint.analysis.run.pushover import pushover
     from tdint.model.config.read import load_model
     from tdint.output.tables import columns
     from tdint.output.tables.table import Table
 
-    result = pushover(load_model(model), size, pattern=pattern, points=points)
+    result = pushover(load_model(model), drift, pattern=pattern, points=points)
 
     def draw(suffix: str) -> Writer:
         from tdint.output.figures.pushover import pushover_picture
@@ -85,4 +85,5 @@ def _words(result: Pushover) -> str:
         text += f" ({100.0 * result.roof_drift_ratio[peak]:.3g} % of the height)"
     most = int(result.drift[last].argmax())
     text += f".\nAt the end {result.base_shear[last]:.4g} N; story {most + 1} has the largest drift, "
-    return text + f"{result.drift[last, most]:.4g} m."
+    text += f"{result.drift[last, most]:.4g} m."
+    return text + (" It ends there: the building carries nothing any more." if result.falls else "")

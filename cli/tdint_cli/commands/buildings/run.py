@@ -271,7 +271,7 @@ def _paragraph(response: Response) -> str:
 def _collapsed(response: Response, collapse: Collapse) -> str:
     """When and where the building collapsed."""
     end = "; the run ends there, for the drift ran away" if collapse.ended else ""
-    return (
-        f"Status {response.status}: the drift ratio of story {collapse.story} exceeds "
-        f"{response.model.collapse_drift:g} at {collapse.time:.6g} s{end}."
-    )
+    what = f"the drift ratio of story {collapse.story} exceeds {response.model.collapse_drift:g} at"
+    if collapse.failed:
+        what = f"story {collapse.story} carries nothing any more from"
+    return f"Status {response.status}: {what} {collapse.time:.6g} s{end}."

@@ -37,7 +37,7 @@ COARSEST = 4
 HALVINGS = 6
 """How often it is halved by default."""
 
-DONE, COLLAPSED = "done", "collapsed"
+DONE, COLLAPSED, FAILED_STORY = "done", "collapsed", "failed-story"
 
 _SECONDS = 30.0  # for the marches of a chart by default, roughly
 _STORY_STEP = 6e-8  # s, of one step of one story, roughly
@@ -241,7 +241,7 @@ class _Bench:
         found = Point(
             integrator.label, steps.h, steps.count, self.problem.outcome(integrator, steps), line=line_of(integrator)
         )
-        if found.outcome not in (DONE, COLLAPSED):
+        if found.outcome not in (DONE, COLLAPSED, FAILED_STORY):
             return found
         march = self.problem.march(integrator, steps, keep=True)
         if march.motion is None:  # The building ran away.

@@ -187,31 +187,40 @@ class Case:
         return (*(self.record.notes if self.record else ()), *self._stiffening_note())
 
     def _collapse(self, steps: Steps, marched: Marched) -> Collapse | None:
-        """When the drift first exceeded the collapse drift, by bisection over marches of fewer steps: collapse is rare.
+        """When the drift first exceeded the collapse drift or a story failed, by bisection over marches of fewer steps:
+        collapse is rare.
 
         It is the building's own if the method has made less energy by then than the input energy. Else a run that came
         to its end has diverged, and of one that failed it is not said.
         """
-        if not self._excess(marched.space).any():
+        if not self._gone(marched.space):
             return None
         code = marched.code
         low, high = -1, int(marched.space.observed[observing.STEPS_REACHED])
         while high - low > 1:
             middle = (low + high) // 2
-            if self._excess(self._integrate(replace(steps, count=middle)).space).any():
+            if self._gone(self._integrate(replace(steps, count=middle)).space):
                 high = middle
             else:
                 low = middle
         first = self._integrate(replace(steps, count=high))
-        story = int(np.argmax(self._excess(first.space))) + 1
+        failed = observed.failed_stories(self.building, first.space)
+        story = int(np.argmax(failed if failed.any() else self._excess(first.space))) + 1
         made = -observed.energy(first.space).error
         own = first.code == 0 and made < _MADE and high > 0
         if own or (code == 0 and (high == 0 or self.allow_unstable)):
-            return Collapse(high * steps.h, story, ended=code < 0)
+            return Collapse(high * steps.h, story, ended=code < 0, failed=bool(failed.any()))
         if code < 0:
             return None
-        reason = f"the drift ratio of story {story} passed the collapse drift on {made:.3g} times the input energy"
+        what = f"the drift ratio of story {story} passed the collapse drift"
+        if failed.any():
+            what = f"story {story} failed"
+        reason = f"{what} on {made:.3g} times the input energy"
         raise self._diverged(replace(steps, count=high), first.space, reason, story)
+
+    def _gone(self, space: Workspace) -> bool:
+        """Whether a drift ratio has exceeded the collapse drift, or a story carries nothing any more."""
+        return bool(self._excess(space).any() or observed.failed_stories(self.building, space).any())
 
     def _excess(self, space: Workspace) -> Array:
         """Drift ratio so far above the collapse drift, 0 for none."""
@@ -224,7 +233,7 @@ class Case:
         return Response(
             model=self.model,
             record=self.record,
-            status="collapsed" if collapse else "done",
+            status=("failed-story" if collapse.failed else "collapsed") if collapse else "done",
             method=self.integrator.label,
             dt=steps.h,
             steps=steps.count,

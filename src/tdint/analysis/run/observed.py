@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from tdint.analysis.run.outcome import ENERGY_TERMS, Energy, EnergyHistory, History, StoryPeaks
 from tdint.analysis.run.workspace import Workspace
-from tdint.kernels.layout import DRIFT
+from tdint.kernels.layout import CODE, DRIFT, INTERNAL
 from tdint.kernels.march import observing
 from tdint.model.building import Building
+from tdint.model.laws import CODES, LAWS
 
 Array = NDArray[np.float64]
 
@@ -32,6 +33,16 @@ def story_peaks(building: Building, space: Workspace) -> StoryPeaks:
         peak_velocity=peaks[observing.PEAK_VELOCITY],
         peak_acceleration=peaks[observing.PEAK_ACCELERATION],
     )
+
+
+def failed_stories(building: Building, space: Workspace) -> NDArray[np.bool_]:
+    """Which stories carry nothing any more, by their laws, shape (n,)."""
+    codes, kinds = building.laws[CODE, :-1], space.springs[INTERNAL, :-1]
+    failed = np.zeros(building.stories, bool)
+    for name, law in LAWS.items():
+        own = codes == CODES[name]
+        failed[own] = law.failed(kinds[own])
+    return failed
 
 
 def energy(space: Workspace) -> Energy:

@@ -178,7 +178,7 @@ class History:
 
 @dataclass(frozen=True)
 class Collapse:
-    """When a drift ratio first exceeded the model's collapse drift.
+    """When a drift ratio first exceeded the model's collapse drift, or a story failed for good: what came first.
 
     Attributes
     ----------
@@ -188,11 +188,14 @@ class Collapse:
         The story, counted from 1.
     ended : bool
         Whether the run ends there, because the motion ran away after it.
+    failed : bool
+        Whether the story carries nothing from then on, by its law; else its drift ratio exceeded the limit.
     """
 
     time: float
     story: int
     ended: bool
+    failed: bool = False
 
 
 @dataclass(frozen=True)
@@ -202,7 +205,8 @@ class Response:
     Attributes
     ----------
     status : str
-        `done`, or `collapsed` where a drift ratio exceeded the model's collapse drift.
+        `done`; `collapsed` where a drift ratio exceeded the model's collapse drift, `failed-story` where a story had
+        lost all its force before.
     method : str
         The method with all its parameters.
     dt, steps : float, int
@@ -214,7 +218,7 @@ class Response:
     history : History or None
         Only if it was asked for.
     collapse : Collapse or None
-        When and where, if the status is `collapsed`.
+        When and where, if the status is `collapsed` or `failed-story`.
     check : Check or None
         Estimated errors, if they were asked for.
     notes : tuple of str

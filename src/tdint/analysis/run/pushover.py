@@ -71,6 +71,11 @@ class Pushover:
         return self.roof_displacement / self.height
 
     @property
+    def falls(self) -> bool:
+        """Whether the base shear falls to zero before the end."""
+        return bool(self.base_shear[-1] <= 0.0)
+
+    @property
     def peak(self) -> int:
         """The row of the largest base shear."""
         return int(np.argmax(self.base_shear))
@@ -108,7 +113,8 @@ def pushover(model: Model, size: DriftSize, *, pattern: str = "first-mode", poin
     pattern : str
         A key of `PATTERNS`.
     points : int
-        Rows after the start, at equal steps of the roof displacement.
+        Rows after the start, at equal steps of the roof displacement; they end where the base shear has fallen to zero:
+        beyond, the building would fall by itself.
 
     Raises
     ------
@@ -132,6 +138,8 @@ def pushover(model: Model, size: DriftSize, *, pattern: str = "first-mode", poin
         chain.push(target * row / points, target / points)
         drifts.append(chain.drift.copy())
         shears.append(chain.factor)
+        if chain.factor <= 0.0:
+            break
     return Pushover(model, pattern, forces, np.array(drifts), np.array(shears))
 
 

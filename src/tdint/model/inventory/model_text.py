@@ -9,7 +9,7 @@ from tdint.model.inventory.definition import DerivedBuilding
 
 
 def model_text(name: str, building: DerivedBuilding, rules: str) -> str:
-    """A model file in SI units with everything written out: name, stories from the ground up, damping."""
+    """A model file in SI units with everything written out: name, stories from the ground up, damping, method."""
     lines = [
         f"# A {building.design_level}-code {building.type} building by the rules {rules}, made by `tdint inventory`.",
         f"name: {json.dumps(name, ensure_ascii=False)}",
@@ -29,4 +29,4 @@ def model_text(name: str, building: DerivedBuilding, rules: str) -> str:
         form = f"ratio: {damping.ratios[0]!r}, modes: [{damping.modes[0]}, {damping.modes[1]}]"
     else:
         form = f"mass: {damping.mass!r}, stiffness: {damping.stiffness!r}"
-    return "\n".join([*lines, f"damping: {{rayleigh: {{{form}}}}}", ""])
+    return "\n".join([*lines, f"damping: {{rayleigh: {{{form}}}}}", "analysis: {method: impulse4}", ""])

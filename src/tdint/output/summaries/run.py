@@ -257,4 +257,4 @@ def _check(check: Check | None, stories: StoryPeaks) -> dict[str, Any] | None:
 def _collapse(collapse: Collapse | None) -> dict[str, Any] | None:
     if collapse is None:
         return None
-    return {"time_s": collapse.time, "story": collapse.story, "run_ended": collapse.ended}
+    return {"time_s": collapse.time, "story": collapse.story, "run_ended": collapse.ended, "failed": collapse.failed}

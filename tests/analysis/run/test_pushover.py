@@ -1,0 +1,112 @@
+"""Pushover: closed forms, and equilibrium of every story at every row."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from building_cases import LINEAR, Law, model, story
+from tdint import load_model
+from tdint.analysis.run.cyclic import follow_path
+from tdint.analysis.run.pushover import PATTERNS, pushover
+from tdint.errors import UsageError
+from tdint.kernels.layout import GEOMETRIC
+from tdint.model.building import assemble
+from tdint.units import STANDARD_GRAVITY, parse_drift
+
+CONFIGS = Path(__file__).parents[3] / "configs"
+
+
+def softening(strength, dy, ultimate=60.0, residual=0.1):
+    side = (strength, 4.0 * dy, 8.0 * dy, 1.1, residual, ultimate * dy, 1.0)
+    return Law("imk", (*side, *side, *4 * [50.0 * dy], 1.0, 0.4, 0.5))
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+def test_a_linear_building(pattern):
+    """Story shears are the sums of the forces above: roof displacement over base shear is the sum of share over k."""
+    masses, k = np.array([3.0, 2.0, 1.0]), np.array([900.0, 700.0, 400.0])
+    case = model([story(m, s, height=3.0) for m, s in zip(masses, k, strict=True)])
+    result = pushover(case, parse_drift("1%"), pattern=pattern, points=5)
+    shape = {"uniform": np.ones(3), "triangular": np.array([1.0, 2.0, 3.0])}
+    shape["first-mode"] = assemble(case).modes().shapes[:, 0]
+    forces = masses * shape[pattern] / np.sum(masses * shape[pattern])
+    share = np.cumsum(forces[::-1])[::-1]
+    assert result.forces == pytest.approx(forces, rel=1e-12)
+    assert result.roof_displacement == pytest.approx(0.09 * np.arange(6) / 5, rel=1e-10)
+    assert result.base_shear == pytest.approx(result.roof_displacement / np.sum(share / k), rel=1e-9)
+    assert result.roof_drift_ratio[-1] == pytest.approx(0.01, rel=1e-10)
+
+
+def test_one_story_is_its_backbone():
+    """k = Fy = 1, down from 5 on, the residual 0.1 from 5 + 8 / 1.1 on; with P-delta less 0.01 per unit of drift."""
+    heavy = 0.01 * 3.0 / STANDARD_GRAVITY
+    case = model([story(heavy, 1.0, softening(1.0, 1.0), height=3.0)], p_delta=True)
+    result = pushover(case, parse_drift("20m"), points=400)
+    x = result.roof_displacement
+    fall = 1.1 - 1.1 / 8.0 * (x - 5.0)
+    backbone = np.minimum(np.minimum(x, 1.0 + 0.025 * (x - 1.0)), np.maximum(fall, 0.1))
+    expected = backbone - 0.01 * x
+    assert result.falls
+    assert result.base_shear == pytest.approx(expected[: x.size], abs=1e-9)
+    assert x.size == np.flatnonzero(expected[1:] <= 0.0)[0] + 2
+    assert x[result.peak] == 5.0
+
+
+def test_a_story_that_fails_takes_the_building_along():
+    case = model([story(1.0, 100.0, softening(1.0, 0.01, ultimate=20.0)), story(1.0, 200.0)])
+    result = pushover(case, parse_drift("1m"), points=300)
+    assert result.falls
+    assert result.drift[-1, 0] == pytest.approx(0.2, abs=0.005)
+    assert result.drift[-1, 1] == pytest.approx(0.0, abs=1e-12)
+    assert result.base_shear[-2] > 0.05
+
+
+CASES = {
+    "frame": (load_model(CONFIGS / "collapse-prone-frame.yaml"), "4%"),
+    "hazus": (load_model(CONFIGS / "hazus-c1.yaml"), "3%"),
+    "mixed": (
+        model([
+            story(2e5, 4e7, Law("bouc-wen", (4e5, 0.02, 2.0, 0.6))),
+            story(2e5, 4e7, Law("tanh", (3.6e5,))),
+            story(2e5, 3e7, Law("bilinear", (2.5e5, 0.05))),
+            story(2e5, 3e7, Law("peak-oriented", (1.8e5, 0.05, 0.3))),
+            story(1e5, 2e7, LINEAR),
+        ], p_delta=True),
+        "2%",
+    ),
+    "equal stories": (model([story(1.0, 100.0, softening(1.0, 0.01))] * 3), "0.2m"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_every_story_carries_its_share_at_every_row(name):
+    """The laws followed once more, from row to row, over the drifts of the table."""
+    case, drift = CASES[name]
+    result = pushover(case, parse_drift(drift), pattern="uniform", points=60)
+    building = assemble(case)
+    share = np.cumsum(result.forces[::-1])[::-1]
+    for i in range(building.stories):
+        path = follow_path(building, i + 1, result.drift[:, i].copy())
+        carried = path.shear + building.chain[GEOMETRIC, i] * path.drift
+        assert carried == pytest.approx(share[i] * result.base_shear, abs=2e-5 * np.max(result.base_shear))
+    target = result.roof_displacement[-1]
+    rows = result.base_shear.size
+    assert result.roof_displacement == pytest.approx(target * np.arange(rows) / (rows - 1), rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("drift", "pattern", "message"),
+    [
+        ("4%", "uniform", "drift 4% is a drift ratio, and a story has no height"),
+        ("2dy", "uniform", "drift 2dy: the roof has no yield drift"),
+        ("1m", "triangular", "the triangular pattern needs the height of every story"),
+        ("1m", "modal", "unknown pattern 'modal'; known: first-mode, uniform, triangular"),
+    ],
+)
+def test_what_is_refused(drift, pattern, message):
+    with pytest.raises(UsageError) as caught:
+        pushover(model([story(1.0, 100.0, height=None)]), parse_drift(drift), pattern=pattern)
+    assert str(caught.value).startswith(message)

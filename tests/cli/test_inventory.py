@@ -1,0 +1,120 @@
+"""`tdint inventory` and `tdint pushover`: rows, files, words, exit codes."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+import pytest
+
+COLUMNS = (
+    "id,design_level,hazus_type,period_rule_s,period_shear_beam_s,damping_ratio,story,mass_kg,height_m,stiffness_N_m,"
+    "yield_force_N,ultimate_force_N,yield_drift_m,ultimate_drift_m,pinching,unloading_exponent"
+)
+CONFIGS = Path(__file__).parents[2] / "configs"
+BAD = "id,NumberOfStories,YearBuilt,StructureType,PlanArea\ngood,2,1990,C1,600\nbad,0,1990,C9,600\n"
+STARTS = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
+
+
+def rows(text: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def test_a_table_of_buildings_and_their_models(folder, tdint):
+    result = tdint("inventory", CONFIGS / "buildings.csv", "--units", "ft", "--models", "models")
+    assert (result.exit_code, result.stdout.splitlines()[0]) == (0, COLUMNS)
+    table = rows(result.stdout)
+    assert [row["story"] for row in table if row["id"] == "town-hall"] == ["1", "2", "3"]
+    assert {row["id"]: row["hazus_type"] for row in table}["tower"] == "S1H"
+    assert result.stderr == "4 of 4 buildings by the rules mdof-lu.\n"
+    assert sorted(path.name for path in Path("models").iterdir()) == [
+        "house.yaml", "school.yaml", "tower.yaml", "town-hall.yaml",
+    ]  # fmt: skip
+    period = next(row["period_shear_beam_s"] for row in table if row["id"] == "school")
+    assert rows(tdint("modes", "models/school.yaml").stdout)[0]["period_s"] == period
+    ran = tdint("run", "models/school.yaml", "--record", "motion.mseed", "--component", "HNE", "--units", "m/s^2")
+    assert ran.exit_code == 0
+    assert "energy error" in ran.stderr
+
+
+def test_bad_rows_cost_the_exit_code_alone(folder, tdint):
+    (folder / "b.csv").write_text(BAD)
+    result = tdint("inventory", "b.csv", "--units", "m", "-o", "models.csv")
+    assert (result.exit_code, result.stdout) == (3, "")
+    assert {row["id"] for row in rows((folder / "models.csv").read_text())} == {"good"}
+    words, *faults = result.stderr.splitlines()
+    assert words == "1 of 2 buildings by the rules mdof-lu."
+    assert [fault.split(": ")[1] for fault in faults] == ["b.csv:3:4", "b.csv:3:2"]
+
+
+def test_scatter_has_a_seed(folder, tdint):
+    command = ("inventory", CONFIGS / "buildings.csv", "--units", "ft", "--stiffness-scatter", "10%")
+    first, again, other = (tdint(*command, "--seed", seed).stdout for seed in (1, 1, 2))
+    assert first == again != other
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (["missing.csv", "--units", "m"], 3, "missing.csv: no such file"),
+        (["b.csv"], 2, "Missing option '--units'"),
+        (["b.csv", "--units", "cm"], 2, "Invalid value for '--units'"),
+        (["b.csv", "--units", "m", "--rules", "mine"], 2, "Invalid value for '--rules'"),
+        (["b.csv", "--units", "m", "--stiffness-scatter", "2"], 2, "Invalid value for '--stiffness-scatter'"),
+        (["odd.csv", "--units", "m", "--models", "x"], 2, "the id '../up' does not make a file name"),
+        (["b.csv", "--units", "m", "-o", "forced.yaml"], 6, "forced.yaml: exists already; give --overwrite"),
+        (["forced.yaml", "--units", "m"], 3, "forced.yaml:1: no column id"),
+    ],
+)
+def test_what_is_refused(folder, tdint, arguments, code, message):
+    (folder / "b.csv").write_text(BAD)
+    (folder / "odd.csv").write_text(BAD.replace("good", "../up"))
+    before = sorted(folder.iterdir())
+    result = tdint("inventory", *arguments)
+    assert (result.exit_code, result.stdout) == (code, "")
+    assert message in result.stderr
+    assert sorted(folder.iterdir()) == before
+
+
+def test_a_pushover(folder, tdint):
+    """Two equal stories of 8000 N/m, yield at 50 N: under equal forces the lower one yields at a base shear of 50 N."""
+    result = tdint("pushover", "shaken.yaml", "--pattern", "uniform", "--drift", "75mm", "--points", "8", "-o", "p.csv")
+    assert result.exit_code == 0
+    table = rows((folder / "p.csv").read_text())
+    assert list(table[0]) == [
+        "step", "roof_displacement_m", "roof_drift_ratio", "base_shear_N", "story_1_drift_m", "story_2_drift_m",
+    ]  # fmt: skip
+    assert [float(row["roof_displacement_m"]) for row in table] == pytest.approx([0.075 * i / 8 for i in range(9)])
+    first, last = table[1], table[-1]
+    assert float(first["base_shear_N"]) == pytest.approx(50.0, rel=1e-9)
+    assert float(first["story_2_drift_m"]) == pytest.approx(25.0 / 8000.0, rel=1e-9)
+    # The lower story has 50 + 800 (d - dy), the upper one half of that, elastic still
+    shear = (0.075 + 50.0 / 800.0 - 50.0 / 8000.0) / (1.0 / 800.0 + 0.5 / 8000.0)
+    assert float(last["base_shear_N"]) == pytest.approx(shear, rel=1e-9)
+    assert result.stderr.startswith("shaken, uniform pattern: largest base shear ")
+
+
+def test_the_picture_of_a_pushover(folder, tdint):
+    for suffix, start in STARTS.items():
+        name = f"x{suffix}"
+        result = tdint("pushover", CONFIGS / "collapse-prone-frame.yaml", "--points", "20", f"--plot={name}")
+        assert result.exit_code == 0
+        assert (folder / name).read_bytes().startswith(start)
+    assert "the building carries nothing any more" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (["shaken.yaml", "--drift", "2dy"], 2, "drift 2dy: the roof has no yield drift"),
+        (["shaken.yaml", "--drift", "x"], 2, "write a drift ratio"),
+        (["shaken.yaml", "--pattern", "modal"], 2, "Invalid value for '--pattern'"),
+        (["shaken.yaml", "--points", "0"], 2, "Invalid value for '--points'"),
+        (["missing.yaml"], 3, "missing.yaml: no such file"),
+    ],
+)
+def test_what_a_pushover_refuses(folder, tdint, arguments, code, message):
+    result = tdint("pushover", *arguments)
+    assert (result.exit_code, result.stdout) == (code, "")
+    assert message in result.stderr

@@ -1,0 +1,201 @@
+"""Buildings from an inventory: the rules against numbers worked out by hand, and what is wrong with rows."""
+
+from __future__ import annotations
+
+import io
+import math
+
+import numpy as np
+import pytest
+
+from tdint import load_model
+from tdint.errors import ModelError, UsageError
+from tdint.model.building import assemble
+from tdint.model.definition import RayleighCoefficients, RayleighRatio
+from tdint.model.inventory.buildings import derive_all
+from tdint.model.inventory.definition import BuildingFacts
+from tdint.model.inventory.hazus import LEVELS, hazus_types
+from tdint.model.inventory.mdof_lu import STRUCTURES, ZONES, derive, design_level, hazus_type
+from tdint.model.inventory.model_text import model_text
+from tdint.model.inventory.read import read_inventory
+from tdint.units import LENGTH
+
+WRONG = "type: C9, stories: 51, year: 1, area: 0"
+HEADER = "id,NumberOfStories,YearBuilt,StructureType,PlanArea"
+
+
+def test_a_one_story_building_by_hand():
+    """PC1, high code: 0.35 s per story, yield at 0.6 g, twice that in the end; 3000 m^2 carry 3000 t."""
+    row = hazus_types()["high", "PC1"]
+    made = derive(BuildingFacts("PC1", 1, 1978, 3000.0))
+    stiffness = 4.0 * math.pi**2 * (0.4053 + 0.405 + 0.1869) * 3e6 / row.period_per_story_s**2
+    strength = row.yield_acceleration_g * 3e6 * 9.8
+    drift = strength / stiffness * (1.0 + (row.overstrength - 1.0) / row.post_yield_ratio)
+    assert (made.design_level, made.type, made.height.tolist()) == ("high", "PC1", [3.6])
+    assert made.stiffness[0] == pytest.approx(stiffness, rel=1e-14)
+    assert made.yield_force[0] == pytest.approx(strength, rel=1e-14)
+    assert made.ultimate_force[0] == pytest.approx(row.overstrength * strength, rel=1e-14)
+    assert made.ultimate_drift[0] == pytest.approx(drift, rel=1e-14)
+    assert made.period == pytest.approx(2.0 * math.pi * math.sqrt(3e6 / stiffness), rel=1e-13)
+
+
+@pytest.mark.parametrize("stories", [1, 2, 5, 12, 50])
+def test_the_building_has_about_the_period_of_its_type(stories):
+    """lambda(n) is fitted to the first period of a chain of n equal masses and springs."""
+    made = derive(BuildingFacts("S1", stories, 1990, 800.0))
+    assert made.period == pytest.approx(made.rule_period, rel=2e-3)
+    shares = made.yield_force / made.yield_force[0]
+    load = np.arange(1, stories + 1)
+    assert shares == pytest.approx(np.cumsum(load[::-1])[::-1] / load.sum(), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("structure", "year", "zone", "level"),
+    [
+        ("C1", 1976, "Z4", "high"), ("C1", 1975, "Z4", "moderate"), ("C1", 1941, "Z4", "moderate"),
+        ("C1", 1940, "Z4", "pre"), ("W1", 1940, "Z4", "moderate"), ("W1", 1990, "Z4", "high"),
+        ("C1", 1990, "Z3", "moderate"), ("C1", 1940, "Z3", "pre"), ("W1", 1900, "Z3", "moderate"),
+        ("C1", 1976, "Z2B", "moderate"), ("C1", 1941, "Z2B", "low"), ("W1", 1900, "Z2B", "low"),
+        ("C1", 1941, "Z2A", "low"), ("C1", 1940, "Z2A", "pre"), ("C1", 1976, "Z1", "low"), ("C1", 1975, "Z1", "pre"),
+        ("W1", 2000, "Z0", "low"), ("C1", 2000, "Z0", "pre"),
+    ],
+)  # fmt: skip
+def test_design_levels(structure, year, zone, level):
+    assert design_level(structure, year, zone) == level
+
+
+def test_every_building_that_may_be_asked_for_has_its_row():
+    for structure in STRUCTURES:
+        for stories in (1, 2, 3, 4, 7, 8, 50):
+            kind = hazus_type(structure, stories)
+            for level in LEVELS:
+                row = hazus_types()[level, kind]
+                assert row.min_stories <= stories <= row.max_stories
+                # The law does not give back more than it took.
+                slope = (row.overstrength - 1.0) / row.post_yield_ratio
+                assert row.overstrength <= (1.0 + slope) ** (1.0 - row.unloading_exponent)
+    assert len(hazus_types()) == 144
+    assert {hazus_type("URM", n) for n in (2, 3)} == {"URML", "URMM"}
+
+
+def test_damping_over_the_first_and_the_third_mode():
+    assert derive(BuildingFacts("C1", 8, 1990, 100.0)).damping == RayleighRatio((0.07, 0.07), (1, 3))
+    assert derive(BuildingFacts("C1", 2, 1990, 100.0)).damping == RayleighRatio((0.07, 0.07), (1, 2))
+    one = derive(BuildingFacts("C1", 1, 1990, 100.0, damping_ratio=0.05))
+    omega = 2.0 * math.pi / one.period
+    assert isinstance(one.damping, RayleighCoefficients)
+    assert (one.damping.mass, one.damping.stiffness) == pytest.approx((0.05 * omega, 0.05 / omega), rel=1e-12)
+    lost = derive(BuildingFacts("C1", 8, 1990, 100.0, mass_only=True)).damping
+    assert isinstance(lost, RayleighCoefficients)
+    assert lost.stiffness == 0.0 < lost.mass
+
+
+def test_a_model_names_a_building_or_writes_it_out():
+    short = "building: {rules: mdof-lu, type: C1, stories: 4, year: 1985, area: 600, height: 16}\n"
+    made = derive(BuildingFacts("C1", 4, 1985, 600.0, height=16.0))
+    models = [load_model(io.StringIO(text)) for text in (short, model_text("a 'b' \"c\"", made, "mdof-lu"))]
+    assert models[1].name == "a 'b' \"c\""
+    assert models[0].stories == models[1].stories
+    assert models[0].damping == models[1].damping
+    periods = [2.0 * math.pi / assemble(model).modes().omega[0] for model in models]
+    assert periods == pytest.approx([made.period] * 2, rel=1e-13)
+    other = load_model(io.StringIO(short + "damping: {modal: 0.02}\nunits: {length: ft}"))
+    assert other.damping.ratios == (0.02,)
+    assert other.stories[0].mass == pytest.approx(made.mass[0] * LENGTH["ft"] ** 2, rel=1e-14)
+    assert other.stories[0].height == pytest.approx(4.0 * LENGTH["ft"], rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("building: {}", "building.type: is missing; give one of W1, W2, "),
+        ("building: 3", "building: must be a mapping with the keys rules, type, "),
+        (
+            "building: {rules: mine, type: C9, stories: 51, year: 1, area: 0}",
+            "building.rules: unknown set of rules 'mine'",
+        ),
+        (
+            "building: {rules: mine, type: C9, stories: 51, year: 1, area: 0}",
+            "building.stories: must be a whole number",
+        ),
+        (
+            "stories: [{mass: 1, stiffness: 1}]\nbuilding: {rules: mdof-lu, type: C1, stories: 1, year: 1985, area: 1}",
+            "building: stands in place of `stories`; give one of the two",
+        ),
+    ],
+)
+def test_faults_of_a_building(text, message):
+    with pytest.raises(ModelError) as caught:
+        load_model(io.StringIO(text))
+    assert message in str(caught.value)
+
+
+def inventory(tmp_path, *rows, header=HEADER, **more):
+    file = tmp_path / "b.csv"
+    file.write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
+    return read_inventory(str(file), 1.0, **more)
+
+
+def test_rows(tmp_path):
+    header = f"{HEADER},Latitude,seismiczone,height,DampingRatio,DesignLevel"
+    rows, faults = inventory(tmp_path, "a,3,1990,c1,600,37.8,z2a,12,0.03,", "", "b,1,1950,W1,90,,,,,HC", header=header)
+    assert not faults
+    assert [row.id for row in rows] == ["a", "b"]
+    assert rows[0].facts == BuildingFacts("C1", 3, 1990, 600.0, 12.0, "Z2A", None, 0.03)
+    assert rows[1].facts == BuildingFacts("W1", 1, 1950, 90.0, design_level="high")
+    feet, _ = read_inventory(str(tmp_path / "b.csv"), LENGTH["ft"])
+    assert feet[0].facts.area == pytest.approx(600.0 * 0.3048**2, rel=1e-14)
+    assert feet[0].facts.height == pytest.approx(12.0 * 0.3048, rel=1e-14)
+
+
+def test_bad_rows_are_told_together_and_the_others_done(tmp_path):
+    rows, faults = inventory(
+        tmp_path, "a,3,1990,C1,600", "b,2.5,1990,C1,0", ",1,1990,S9,5", "a,1,1990,C1,5", "c,1,,C1", "d,1,1990,C1,5,6"
+    )
+    assert [row.id for row in rows] == ["a"]
+    said = [str(fault).partition("b.csv:")[2] for fault in faults]
+    assert said == [
+        "3:2: NumberOfStories: must be a whole number from 1 to 50, got '2.5'",
+        "3:5: PlanArea: must be a positive number, got '0'",
+        "4:1: id: is missing",
+        f"4:4: StructureType: unknown 'S9'; known: {', '.join(STRUCTURES)}",
+        "5:1: id: 'a' is already on line 2; give each building its own",
+        "6:3: YearBuilt: is missing; give a whole number from 1000 to 2200",
+        "6:5: PlanArea: is missing; give a positive number",
+        "7:6: 6 cells under 5 columns",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("header", "message"),
+    [
+        (
+            "id,NumberOfStorys,YearBuilt,StructureType,PlanArea",
+            "no column NumberOfStories; did you mean it by",
+        ),
+        ("id,id,NumberOfStories,YearBuilt,StructureType,PlanArea", "b.csv:1: the column id is there twice"),
+        ("", "b.csv: is empty"),
+    ],
+)
+def test_files_that_are_no_inventory(tmp_path, header, message):
+    with pytest.raises(ModelError, match=message):
+        inventory(tmp_path, header=header)
+
+
+def test_scatter_is_drawn_for_each_building_by_its_id(tmp_path):
+    rows, _ = inventory(tmp_path, *(f"b{i},3,1990,C1,600" for i in range(400)))
+    plain = derive_all(rows[:1], "mdof-lu")[0].building
+    many = [one.building for one in derive_all(rows, "mdof-lu", stiffness=0.2, damping=0.1, seed=5)]
+    factors = np.array([made.stiffness[0] / plain.stiffness[0] for made in many])
+    assert np.mean(factors) == pytest.approx(1.0, abs=4.0 * 0.2 / 20.0)
+    assert np.std(factors) == pytest.approx(0.2, rel=0.15)
+    assert np.std([made.damping_ratio / 0.07 for made in many]) == pytest.approx(0.1, rel=0.15)
+    assert {made.yield_force[0] for made in many} == {plain.yield_force[0]}
+    alone = derive_all(rows[7:8], "mdof-lu", stiffness=0.2, damping=0.1, seed=5)[0].building
+    assert alone.stiffness[0] == many[7].stiffness[0]
+    with pytest.raises(UsageError, match="scatter of the stiffness"):
+        derive_all(rows, "mdof-lu", stiffness=0.6)
+
+
+def test_the_zones_are_those_of_the_levels():
+    assert all(design_level("C1", 1960, zone) in LEVELS for zone in ZONES)
