@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import BinaryIO, TextIO
 
 from tdint.errors import ModelError
-from tdint.model.config.building import read_building
 from tdint.model.config.damping import read_damping
 from tdint.model.config.excitation import read_excitation
 from tdint.model.config.fields import ANY, POSITIVE, Section, Value
@@ -184,6 +183,8 @@ def _read_stories(section: Section, unit: ModelUnits, p_delta: bool) -> tuple[tu
         entries = section.get("stories") if section.mentions("building") else section.need("stories", advice)
         stories, count = read_stories(entries, unit, p_delta)
         return stories, count, read_damping(damping, count)
+    from tdint.model.config.building import read_building  # needs numpy, which other models are read without
+
     derived = read_building(building, unit)
     if section.has("stories"):
         building.fault("stands in place of `stories`; give one of the two")
