@@ -6,7 +6,6 @@ and one line in GROUPS.
 
 from __future__ import annotations
 
-import difflib
 import sys
 from collections.abc import Sequence
 from functools import partial
@@ -15,6 +14,7 @@ from typing import Any, NoReturn
 
 import click
 
+from tdint.errors import did_you_mean
 from tdint_cli.errors import exit_code_of
 from tdint_cli.options.headings import general, write_options
 from tdint_cli.settings import Settings
@@ -73,9 +73,8 @@ class LazyGroup(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         name = args[0]
         if name not in COMMANDS and not name.startswith("-"):
-            near = difflib.get_close_matches(name, COMMANDS, n=1, cutoff=0.5)
-            hint = f"did you mean {near[0]!r}?" if near else f"the commands are {', '.join(COMMANDS)}"
-            raise click.UsageError(f"No such command {name!r}; {hint}", ctx)
+            hint = did_you_mean(name, COMMANDS) or f"; the commands are {', '.join(COMMANDS)}"
+            raise click.UsageError(f"No such command {name!r}{hint}", ctx)
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

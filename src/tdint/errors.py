@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 
@@ -62,3 +62,17 @@ class OutputError(TdintError):
     """An output that cannot be written."""
 
     exit_code = 6
+
+
+def nearest(name: str, known: Iterable[str], cutoff: float = 0.6) -> str | None:
+    """The known name that someone may have meant, whatever its case; None if none is as alike as `cutoff` (1: equal)."""
+    from difflib import get_close_matches
+
+    by_lower = {candidate.lower(): candidate for candidate in known}
+    return next((by_lower[match] for match in get_close_matches(name[:100].lower(), by_lower, n=1, cutoff=cutoff)), None)
+
+
+def did_you_mean(name: str, known: Iterable[str], cutoff: float = 0.6) -> str:
+    """The end of a message about an unknown name: the nearest one, or nothing."""
+    near = nearest(name, known, cutoff)
+    return f"; did you mean {near!r}?" if near else ""

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from difflib import get_close_matches
 from math import isfinite
 
-from tdint.errors import UsageError
+from tdint.errors import UsageError, did_you_mean
 
 STANDARD_GRAVITY = 9.80665
 """Standard gravity, m/s^2 (CGPM 1901)."""
@@ -80,8 +79,7 @@ def parse_units(text: str) -> Units:
     unit = _canonical(words[number.end() :] if number else words)
     quantity = next((name for name, units in GROUND_MOTION.items() if unit in units), None)
     if quantity is None:
-        near = get_close_matches(unit, ACCELERATION, n=1, cutoff=0.75)
-        hint = f"; did you mean {near[0]}?" if near else ""
+        hint = did_you_mean(unit, ACCELERATION, cutoff=0.75)
         allowed = ", ".join(ACCELERATION)
         raise UsageError(f"units {words[:40]!r}: use one of {allowed}, with a factor before it for counts{hint}")
     if not (isfinite(factor) and factor > 0.0):

@@ -100,7 +100,7 @@ def test_existing_files_are_kept_before_any_work(here, tdint):
         (["4"], 2, "Invalid value"),
         (["--dt", "1"], 2, "Invalid value for '--dt'"),
         (["--dt", "nan"], 2, "Invalid value for '--dt'"),
-        (["--method", "newmrk"], 2, "did you mean newmark?"),
+        (["--method", "newmrk"], 2, "did you mean 'newmark'?"),
         (["-o", ""], 2, "-o is empty"),
     ],
 )

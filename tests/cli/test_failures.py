@@ -76,9 +76,9 @@ def test_table_and_picture(here, tdint, suffix, start):
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (["--problem", "hardning"], 2, "unknown problem 'hardning'; did you mean hardening? (known: hardening, "),
+        (["--problem", "hardning"], 2, "unknown problem 'hardning'; did you mean 'hardening'? (known: hardening, "),
         (["--problem", "x"], 2, "unknown problem 'x' (known: "),
-        (["--method", "newmrk"], 2, "did you mean newmark?"),
+        (["--method", "newmrk"], 2, "did you mean 'newmark'?"),
         (["--plot", "x.jpg"], 6, "not .jpg"),
     ],
 )

@@ -95,7 +95,7 @@ def test_existing_files_are_kept_before_any_work(here, tdint, name, file):
         (["-o", "x.png", "--plot", "x.png"], 6, "x.png: two outputs would have this name"),
         (["-o", ""], 2, "-o is empty"),
         (["--plot", ""], 2, "--plot is empty"),
-        (["--method", "newmrk"], 2, "unknown method 'newmrk'; did you mean newmark? (known: impulse, "),
+        (["--method", "newmrk"], 2, "unknown method 'newmrk'; did you mean 'newmark'? (known: impulse, "),
         (["--method", "wilson:beta=1"], 2, "wilson has no parameter 'beta'; it has theta in [1, 10]"),
         (["--method", "hht:alpha=0.1"], 2, "alpha must lie in [-0.333333, 0], got 0.1"),
         (["--method", "newmark", "--method", "bathe:gamma=1"], 2, "gamma must lie in (0, 1), got 1.0"),

@@ -171,7 +171,7 @@ def test_files_need_a_folder(folder, tdint):
         (["shaken.yaml", "--component", "HNZ"], 4, "there is no component 'HNZ'"),
         (["shaken.yaml", "--units", "furlong"], 2, "units 'furlong'"),
         (["shaken.yaml", "--units", "gal", "--inventory", "x.xml"], 2, "units and an inventory"),
-        (["forced.yaml", "--method", "newmrk"], 2, "unknown method 'newmrk'; did you mean newmark?"),
+        (["forced.yaml", "--method", "newmrk"], 2, "unknown method 'newmrk'; did you mean 'newmark'?"),
         (["forced.yaml", "--dt", "-1"], 2, "dt must be a positive number"),
         (["forced.yaml", "--duration", "nan"], 2, "duration must be a positive number"),
         (["shaken.yaml", "--dt", "0.003"], 2, "does not fit the record's sampling interval"),

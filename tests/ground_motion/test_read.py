@@ -268,7 +268,7 @@ class TestUnits:
             parse_units(text)
 
     def test_nearest(self):
-        with pytest.raises(UsageError, match="did you mean gal"):
+        with pytest.raises(UsageError, match="did you mean 'gal'"):
             parse_units("gall")
 
     @pytest.mark.parametrize("text", ["0 gal", "-1 m/s^2", "1e999 g"])

@@ -9,13 +9,9 @@ from __future__ import annotations
 
 import hashlib
 import logging
-import os
 import platform
-import shutil
 import sys
-import time
 from collections.abc import Callable
-from contextlib import suppress
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
@@ -24,6 +20,8 @@ import llvmlite
 import numba
 import numpy as np
 from numba.core import event, types
+
+from tdint.cache import cache_subfolder, remove_unused
 
 LOG = logging.getLogger("tdint")
 
@@ -100,33 +98,10 @@ def cache_folder() -> Path | None:
     It lies in TDINT_CACHE_DIR, else in the user's cache folder. Folders of other versions that have not been used for
     thirty days are removed.
     """
-    home = _cache_home()
-    if home is None:
-        return None
-    folder = home / f"kernels-{_fingerprint()}"
-    try:
-        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-        os.utime(folder)
-    except OSError:
-        return None
-    if not os.access(folder, os.W_OK):
-        return None
-    _remove_old(home, folder)
+    folder = cache_subfolder(f"kernels-{_fingerprint()}")
+    if folder is not None:
+        remove_unused("kernels-*", _DAYS_KEPT, keep=folder)
     return folder
-
-
-def _cache_home() -> Path | None:
-    if chosen := os.environ.get("TDINT_CACHE_DIR"):
-        return Path(chosen)
-    try:
-        user = Path.home()
-    except RuntimeError:
-        return None
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA", user / "AppData" / "Local")) / "tdint" / "cache"
-    if sys.platform == "darwin":
-        return user / "Library" / "Caches" / "tdint"
-    return Path(os.environ.get("XDG_CACHE_HOME") or user / ".cache") / "tdint"
 
 
 def _fingerprint() -> str:
@@ -139,11 +114,3 @@ def _fingerprint() -> str:
     versions = (numba.__version__, llvmlite.__version__, np.__version__, sys.version, platform.machine(), str(package))
     digest.update(repr(versions).encode())
     return digest.hexdigest()[:16]
-
-
-def _remove_old(home: Path, current: Path) -> None:
-    limit = time.time() - _DAYS_KEPT * 86400
-    for folder in home.glob("kernels-*"):
-        with suppress(OSError):
-            if folder != current and folder.stat().st_mtime < limit:
-                shutil.rmtree(folder, ignore_errors=True)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import copyreg
-import difflib
 from collections.abc import Callable
 from functools import cache
 
-from tdint.errors import UsageError
+from tdint.errors import UsageError, did_you_mean
 from tdint.methods import bathe, exact, impulse, impulse4, model_based, multi_step, runge_kutta, single_step
 from tdint.methods.method import Integrator, Method, Parameter
 
@@ -31,8 +30,7 @@ def parse(text: str) -> Integrator:
     name, _, rest = text.strip().partition(":")
     method = catalogue().get(name)
     if method is None:
-        near = difflib.get_close_matches(name, catalogue(), n=1, cutoff=0.5)
-        hint = f"; did you mean {near[0]}?" if near else ""
+        hint = did_you_mean(name, catalogue())
         raise UsageError(f"unknown method {name!r}{hint} (known: {', '.join(catalogue())})")
     given = _given(text, method, rest) if rest or ":" in text else {}
     values: list[float] = []

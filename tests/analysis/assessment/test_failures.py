@@ -255,5 +255,5 @@ def test_every_trial_ends_with_a_verdict_and_its_numbers(name):
 def test_problems_by_name():
     assert [problem.name for problem in find_problems(["sqrt-12", "softening", "sqrt-12"])] == ["sqrt-12", "softening"]
     assert find_problems([]) == list(problems().values())
-    with pytest.raises(UsageError, match="unknown problem 'hardning'; did you mean hardening"):
+    with pytest.raises(UsageError, match="unknown problem 'hardning'; did you mean 'hardening'"):
         find_problems(["hardning"])

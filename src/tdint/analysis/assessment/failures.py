@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +10,7 @@ import numpy as np
 
 from tdint.analysis.assessment.hard_problems import HardProblem, problems
 from tdint.analysis.run.run import FailedRun, History, run
-from tdint.errors import UsageError
+from tdint.errors import UsageError, did_you_mean
 from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
 from tdint.model.building import assemble
@@ -85,9 +84,7 @@ def find_problems(names: Sequence[str]) -> list[HardProblem]:
     known = problems()
     for name in names:
         if name not in known:
-            near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-            hint = f"; did you mean {near[0]}?" if near else ""
-            raise UsageError(f"unknown problem {name!r}{hint} (known: {', '.join(known)})")
+            raise UsageError(f"unknown problem {name!r}{did_you_mean(name, known)} (known: {', '.join(known)})")
     return [known[name] for name in dict.fromkeys(names or known)]
 
 

@@ -20,19 +20,12 @@ import numpy as np
 
 from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, called, kernel
 from tdint.kernels.oscillators.between import TERMS, divide, largest_between, may_exceed, rise, terms
+from tdint.kernels.oscillators.recursion import A11, A12, A21, A22, B10, B11, B20, B21, RECURSION_ROWS
 
-# Rows of the table of oscillators
-A11 = 0  # u1 = A11 u0 + A12 v0 - B10 g0 - B11 g1
-A12 = 1
-B10 = 2
-B11 = 3
-A21 = 4  # v1 = A21 u0 + A22 v0 - B20 g0 - B21 g1
-A22 = 5
-B20 = 6
-B21 = 7
-BY_DISPLACEMENT = 8  # omega^2
-BY_VELOCITY = 9  # 2 xi omega
-COEFFICIENTS = 10
+# Rows of the table of oscillators behind those of the recursion
+BY_DISPLACEMENT = RECURSION_ROWS  # omega^2
+BY_VELOCITY = RECURSION_ROWS + 1  # 2 xi omega
+COEFFICIENTS = RECURSION_ROWS + 2
 
 # Rows of the table of peaks
 PEAK_DISPLACEMENT = 0

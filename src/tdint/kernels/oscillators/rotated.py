@@ -15,20 +15,8 @@ import numpy as np
 
 from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, called, inlined, kernel
 from tdint.kernels.oscillators.between import TERMS, divide, largest_between, may_exceed, rise, terms
-from tdint.kernels.oscillators.elastic import (
-    A11,
-    A12,
-    A21,
-    A22,
-    B10,
-    B11,
-    B20,
-    B21,
-    BY_DISPLACEMENT,
-    BY_VELOCITY,
-    COEFFICIENTS,
-    STRETCH,
-)
+from tdint.kernels.oscillators.elastic import BY_DISPLACEMENT, BY_VELOCITY, COEFFICIENTS, STRETCH
+from tdint.kernels.oscillators.recursion import A11, A12, A21, A22, B10, B11, B20, B21
 
 ANGLES = 180
 """Directions, one degree apart from the first motion towards the second."""
@@ -56,7 +44,9 @@ LANES = 16
 
 # Rows of the numbers of the lanes, behind those of the table of oscillators
 _STATE = COEFFICIENTS
-_TOPS = _STATE + 4
+_X, _V = _STATE, _STATE + 1  # displacement and velocity along the first axis,
+_Y, _W = _STATE + 2, _STATE + 3  # and along the second
+_TOPS = _STATE + 4  # largest displacements along the axes, then the square of the largest relative acceleration
 _ROWS = _TOPS + AXES + 1
 
 
@@ -119,13 +109,13 @@ def rotated_peaks(first, second, dt, parts, oscillators, directions, between, re
 def _advance(ground, s, lane):
     """March LANES oscillators over a block of steps; keep the largest values at their starts and ends."""
     for i in range(LANES):
-        a11, a12, b10, b11 = lane[i], lane[LANES + i], lane[2 * LANES + i], lane[3 * LANES + i]
-        a21, a22, b20, b21 = lane[4 * LANES + i], lane[5 * LANES + i], lane[6 * LANES + i], lane[7 * LANES + i]
-        by_u, by_v = lane[8 * LANES + i], lane[9 * LANES + i]
-        x, v, y, w = lane[10 * LANES + i], lane[11 * LANES + i], lane[12 * LANES + i], lane[13 * LANES + i]
-        t0, t1, t2 = lane[14 * LANES + i], lane[15 * LANES + i], lane[16 * LANES + i]
-        t3, t4, t5 = lane[17 * LANES + i], lane[18 * LANES + i], lane[19 * LANES + i]
-        bend = lane[20 * LANES + i]
+        a11, a12, b10, b11 = lane[A11 * LANES + i], lane[A12 * LANES + i], lane[B10 * LANES + i], lane[B11 * LANES + i]
+        a21, a22, b20, b21 = lane[A21 * LANES + i], lane[A22 * LANES + i], lane[B20 * LANES + i], lane[B21 * LANES + i]
+        by_u, by_v = lane[BY_DISPLACEMENT * LANES + i], lane[BY_VELOCITY * LANES + i]
+        x, v, y, w = lane[_X * LANES + i], lane[_V * LANES + i], lane[_Y * LANES + i], lane[_W * LANES + i]
+        t0, t1, t2 = lane[_TOPS * LANES + i], lane[(_TOPS + 1) * LANES + i], lane[(_TOPS + 2) * LANES + i]
+        t3, t4, t5 = lane[(_TOPS + 3) * LANES + i], lane[(_TOPS + 4) * LANES + i], lane[(_TOPS + 5) * LANES + i]
+        bend = lane[(_TOPS + _BEND) * LANES + i]
         for j in range(_BLOCK + 1):
             f0, g0 = ground[0, s + j], ground[1, s + j]
             cx, sx, cy, sy = _C * x, _S * x, _C * y, _S * y
@@ -146,10 +136,10 @@ def _advance(ground, s, lane):
                 y1 = a11 * y + (a12 * w - (b10 * g0 + b11 * g1))
                 w = a21 * y + (a22 * w - (b20 * g0 + b21 * g1))
                 y = y1
-        lane[10 * LANES + i], lane[11 * LANES + i], lane[12 * LANES + i], lane[13 * LANES + i] = x, v, y, w
-        lane[14 * LANES + i], lane[15 * LANES + i], lane[16 * LANES + i] = t0, t1, t2
-        lane[17 * LANES + i], lane[18 * LANES + i], lane[19 * LANES + i] = t3, t4, t5
-        lane[20 * LANES + i] = bend
+        lane[_X * LANES + i], lane[_V * LANES + i], lane[_Y * LANES + i], lane[_W * LANES + i] = x, v, y, w
+        lane[_TOPS * LANES + i], lane[(_TOPS + 1) * LANES + i], lane[(_TOPS + 2) * LANES + i] = t0, t1, t2
+        lane[(_TOPS + 3) * LANES + i], lane[(_TOPS + 4) * LANES + i], lane[(_TOPS + 5) * LANES + i] = t3, t4, t5
+        lane[(_TOPS + _BEND) * LANES + i] = bend
 
 
 @called

@@ -11,8 +11,8 @@ import re
 import unicodedata
 from collections.abc import Collection
 from dataclasses import dataclass
-from difflib import get_close_matches
 
+from tdint.errors import did_you_mean, nearest
 from tdint.model.config.yaml_source import Faults, ListNode, MappingNode, Node, ScalarNode
 from tdint.model.definition import MAX_STORIES
 
@@ -256,7 +256,7 @@ class Section:
             self._excused.update(known)
         else:
             faults.add(key, path, "unknown key" + _advice(key.text, known))
-            self._excused.update(_nearest(key.text, known))
+            self._excused.update(filter(None, [nearest(key.text, known)]))
 
 
 def quoted(text: str) -> str:
@@ -264,11 +264,5 @@ def quoted(text: str) -> str:
     return repr(text if len(text) <= 40 else text[:37] + "...")
 
 
-def _nearest(name: str, known: Collection[str]) -> list[str]:
-    by_lower = {candidate.lower(): candidate for candidate in known}
-    return [by_lower[match] for match in get_close_matches(name[:100].lower(), by_lower, n=1)]
-
-
 def _advice(name: str, known: Collection[str]) -> str:
-    nearest = _nearest(name, known)
-    return f"; did you mean {nearest[0]!r}?" if nearest else f"; known: {', '.join(known)}"
+    return did_you_mean(name, known) or f"; known: {', '.join(known)}"
