@@ -65,11 +65,13 @@ class OutputError(TdintError):
 
 
 def nearest(name: str, known: Iterable[str], cutoff: float = 0.6) -> str | None:
-    """The known name that someone may have meant, whatever its case; None if none is as alike as `cutoff` (1: equal)."""
+    """The known name that someone may have meant, whatever its case; None if none is as alike as `cutoff` (of 1)."""
     from difflib import get_close_matches
 
     by_lower = {candidate.lower(): candidate for candidate in known}
-    return next((by_lower[match] for match in get_close_matches(name[:100].lower(), by_lower, n=1, cutoff=cutoff)), None)
+    return next(
+        (by_lower[match] for match in get_close_matches(name[:100].lower(), by_lower, n=1, cutoff=cutoff)), None
+    )
 
 
 def did_you_mean(name: str, known: Iterable[str], cutoff: float = 0.6) -> str:

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from tdint import load_model, read_record, run
+from tdint.analysis.chart.quantities import QUANTITIES
 from tdint.analysis.chart.work_precision import DEFAULT_METHODS
 from tdint.methods.catalogue import parse
-from tdint.output.tables.chart import QUANTITIES
 from tdint_cli.commands.methods import chart
 
 COLUMNS = (

@@ -9,7 +9,8 @@ import json
 import numpy as np
 import pytest
 
-from tdint.analysis.spectra.drift import DEFAULT_STORY_HEIGHT, HeightPeriod, drift_spectrum
+from tdint.analysis.spectra.defaults import STORY_HEIGHT
+from tdint.analysis.spectra.drift import HeightPeriod, drift_spectrum
 from tdint.ground_motion.reading.read import read_record
 from tdint.quantities import parse_grid
 
@@ -38,7 +39,7 @@ def test_the_defaults_are_those_of_the_library(folder, tdint):
     table = rows(tdint("drift-spectrum", "other.mseed").stdout)
     periods = parse_grid("0.2:10:200").values()
     expected = drift_spectrum(
-        read_record("other.mseed"), periods, 0.05, story_height=DEFAULT_STORY_HEIGHT, height_period=HeightPeriod()
+        read_record("other.mseed"), periods, 0.05, story_height=STORY_HEIGHT, height_period=HeightPeriod()
     )
     for column, values in (
         ("period_s", periods), ("height_m", expected.heights), ("peak_drift_ratio", expected.peak_drift_ratio),

@@ -98,8 +98,10 @@ def test_collapse_and_drift_at_the_end_are_marked(tmp_path, shaken):
 
 def test_a_building_at_rest_is_drawn(tmp_path):
     still = replace(motion(), acceleration=np.zeros(50))
-    draw_run(run(load_model(CONFIGS / "ten-story.yaml"), still, history=True), tmp_path / "x.png")
-    draw_spectra([spectrum(still, np.array([1.0]))], tmp_path / "y.png")
+    draw_run(run(load_model(CONFIGS / "ten-story.yaml"), still, history=True), tmp_path / "x.svg")
+    draw_spectra([spectrum(still, np.array([1.0]))], tmp_path / "y.svg")
+    assert "roof displacement" in (tmp_path / "x.svg").read_text(encoding="utf-8")
+    assert "period (s)" in (tmp_path / "y.svg").read_text(encoding="utf-8")
 
 
 def test_many_spectra_are_drawn(tmp_path):

@@ -14,16 +14,14 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.spectra.inelastic import check_shortest
+from tdint.analysis.spectra.defaults import HEIGHT_PERIOD, STORY_HEIGHT
+from tdint.analysis.spectra.inelastic import SHORTEST
+from tdint.analysis.spectra.recursion import check_shortest, recursion_table
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels.oscillators import modes as drifts
-from tdint.methods.exact import oscillator
 
 Array = NDArray[np.float64]
-
-DEFAULT_STORY_HEIGHT = 3.5
-"""Height of a story where neither it nor the number of stories is given, m."""
 
 MOST_STORIES = 1000
 MOST_BEAM_MODES = 20_000
@@ -42,8 +40,8 @@ class HeightPeriod:
     frames), 0.0488 H^0.75 (all others).
     """
 
-    a: float = 0.0731
-    b: float = 0.75
+    a: float = HEIGHT_PERIOD[0]
+    b: float = HEIGHT_PERIOD[1]
 
     def height(self, period: Array) -> Array:
         """Height of buildings with these fundamental periods, m.
@@ -94,7 +92,7 @@ def drift_spectrum(
     damping: float = 0.05,
     *,
     stories: int | None = None,
-    story_height: float = DEFAULT_STORY_HEIGHT,
+    story_height: float = STORY_HEIGHT,
     height_period: HeightPeriod = HeightPeriod(),
     beam: bool = False,
 ) -> DriftSpectrum:
@@ -135,7 +133,7 @@ def drift_spectrum(
         raise UsageError("periods must be positive numbers of seconds")
     if not 0.0 <= damping < 1.0:
         raise UsageError(f"damping must be a ratio in [0, 1), got {damping!r}")
-    check_shortest(periods, record.dt)
+    check_shortest(periods, record.dt, SHORTEST)
     heights = height_period.height(periods)
     pairs = list(zip(periods.tolist(), heights.tolist(), strict=True))
     buildings: Sequence[_Building]
@@ -296,14 +294,7 @@ def _march(record: Record, buildings: Sequence[_Building], damping: float) -> Ar
 
 def _mode_table(omega: Array, h: Array, damping: float) -> Array:
     """Columns of the kernel's table of modes, for the steps h, shape (modes,)."""
-    steps = oscillator(omega * h, np.full_like(omega, damping))
-    table = np.empty((drifts.MODE_ROWS, omega.size))
-    for row, first in ((0, drifts.A11), (1, drifts.A21)):
-        table[first : first + 4] = steps[:, row].T
-    table[drifts.A12] *= h
-    table[drifts.A21] /= h
-    table[[drifts.B10, drifts.B11]] *= h * h
-    table[[drifts.B20, drifts.B21]] *= h
+    table = recursion_table(omega, h, damping, more=2)
     table[drifts.OMEGA] = omega
     table[drifts.DAMPING] = damping
     return table

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.spectra.oscillators import EXACT, MAXIMA, SAMPLES, Maxima, largest
+from tdint.analysis.spectra.recursion import check_shortest
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.interpolation import INTERPOLATIONS, LINEAR, Interpolation
 from tdint.ground_motion.record import Record
@@ -26,6 +27,8 @@ Choice = TypeVar("Choice")
 
 SHORTEST = 0.05
 """Shortest period above 0, in sampling intervals: below it there is nothing in a record."""
+
+OR_ZERO = ", or for 0: the peak ground acceleration"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,7 +122,7 @@ def spectrum(
     values = np.zeros((3, periods.size))
     label = settings.method or "exact"
     if np.any(positive):
-        check_shortest(record, periods)
+        check_shortest(periods, record.dt, SHORTEST, OR_ZERO)
         label, values[:, positive] = _largest(record, omega[positive], damping, settings)
     sd, sv, sa = values
     psv, psa = omega * sd, omega**2 * sd
@@ -181,16 +184,6 @@ def _named(table: dict[str, Choice], name: str, what: str) -> Choice:
     if name not in table:
         raise UsageError(f"{what} must be one of {', '.join(table)}, got {name!r}")
     return table[name]
-
-
-def check_shortest(record: Record, periods: Array) -> None:
-    """Raise AnalysisError for a period that is not 0 and far below the sampling interval."""
-    shortest = float(np.min(periods[periods > 0.0]))
-    if shortest < SHORTEST * record.dt:
-        raise AnalysisError(
-            f"the period {shortest:.6g} s is less than {SHORTEST:g} sampling intervals of {record.dt:.6g} s; ask for "
-            "longer ones, or for 0: the peak ground acceleration"
-        )
 
 
 def _largest(record: Record, omega: Array, damping: float, settings: SpectrumSettings) -> tuple[str, Array]:

@@ -10,15 +10,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.analysis.spectra.defaults import MOST_DUCTILE
+from tdint.analysis.spectra.recursion import check_shortest
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels.oscillators import bilinear as inelastic
 from tdint.units import STANDARD_GRAVITY
 
 Array = NDArray[np.float64]
-
-MOST_DUCTILE = 1000.0
-"""The largest ductility that may be asked for."""
 
 SHORTEST = 1e-3
 """The shortest period over the sampling interval: shorter ones take too many steps."""
@@ -30,7 +29,6 @@ _STEEP = 1.15  # ... until the ductility at its lower end is not beyond the targ
 _NEAR = 0.8  # of the target: a maximum of the ductility is looked at more closely from there on
 _SUMMIT = 1e-4  # of the strength: how closely
 _CLOSE = 1e-9  # of the target: where the search has found it
-_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
 
 @dataclass(frozen=True)
@@ -193,17 +191,8 @@ def _checked(record: Record, periods: Array, damping: float, hardening: float) -
         raise UsageError(f"damping must be a ratio in [0, 1), got {damping!r}")
     if not 0.0 <= hardening < 1.0:
         raise UsageError(f"hardening must be a ratio in [0, 1), got {hardening!r}")
-    check_shortest(periods, record.dt)
+    check_shortest(periods, record.dt, SHORTEST)
     return periods
-
-
-def check_shortest(periods: Array, dt: float) -> None:
-    """Raise AnalysisError for a period (s) that is shorter than SHORTEST times the sampling interval (s)."""
-    if periods.min() < SHORTEST * dt:
-        raise AnalysisError(
-            f"the period {periods.min():.6g} s is too short for the sampling interval of {dt:.6g} s: ask for periods "
-            f"from {SHORTEST * dt:.6g} s on"
-        )
 
 
 @dataclass(frozen=True)
@@ -300,42 +289,43 @@ def _narrowed(ductility: Callable[[float], float], target: float, low: Point, hi
             return low, high
 
 
+class _Reached(Exception):
+    """The point at which a search has reached the target."""
+
+    def __init__(self, point: Point) -> None:
+        super().__init__(point)
+        self.point = point
+
+
 def _summit(ductility: Callable[[float], float], target: float, low: float, high: float) -> Point:
-    """The maximum between two ratios, or a point that reaches the target: golden section."""
-    points = [(ratio, ductility(ratio)) for ratio in (high - _GOLDEN * (high - low), low + _GOLDEN * (high - low))]
-    while high - low > _SUMMIT * high and max(points[0][1], points[1][1]) < target:
-        if points[0][1] > points[1][1]:
-            high = points[1][0]
-            ratio = high - _GOLDEN * (high - low)
-            points = [(ratio, ductility(ratio)), points[0]]
-        else:
-            low = points[0][0]
-            ratio = low + _GOLDEN * (high - low)
-            points = [points[1], (ratio, ductility(ratio))]
-    return points[1] if points[1][1] >= target else max(points, key=lambda point: point[1])
+    """The maximum between two ratios, or a point that reaches the target: Brent's parabolas and golden section."""
+    from scipy.optimize import minimize_scalar
+
+    def depth(ratio: float) -> float:
+        value = ductility(ratio)
+        if value >= target:
+            raise _Reached((ratio, value))
+        return -value
+
+    try:
+        found = minimize_scalar(depth, bounds=(low, high), method="bounded", options={"xatol": _SUMMIT * high})
+    except _Reached as reached:
+        return reached.point
+    return float(found.x), -float(found.fun)
 
 
 def _solve(ductility: Callable[[float], float], target: float, low: Point, high: Point) -> float:
-    """The ratio with the target in a bracket.
+    """The ratio with the target in a bracket, by Brent's method on the logarithms, which lie nearly on a line."""
+    from scipy.optimize import brentq
 
-    The logarithms lie nearly on a line: false position with halved weights (Illinois), bisection every fourth time.
-    """
-    ends = [[math.log(ratio), math.log(max(value, 0.1) / target)] for ratio, value in (low, high)]
-    last = -1
-    x = ends[0][0]
-    if abs(ends[0][1]) <= _CLOSE:
+    known = {math.log(ratio): value for ratio, value in (low, high)}
+
+    def excess(x: float) -> float:
+        value = known[x] if x in known else ductility(math.exp(x))
+        log = math.log(max(value, 0.1) / target)
+        return 0.0 if abs(log) <= _CLOSE else log  # Zero ends the search.
+
+    ends = sorted(known)
+    if excess(ends[0]) == 0.0:
         return low[0]
-    for i in range(200):
-        (left, at_left), (right, at_right) = ends
-        x = (left * at_right - right * at_left) / (at_right - at_left)
-        if i % 4 == 3 or not left < x < right:
-            x = 0.5 * (left + right)
-        value = math.log(ductility(math.exp(x)) / target)
-        if abs(value) <= _CLOSE or not left < x < right:
-            break
-        side = 0 if value > 0.0 else 1
-        ends[side] = [x, value]
-        if side == last:
-            ends[1 - side][1] *= 0.5
-        last = side
-    return math.exp(x)
+    return math.exp(brentq(excess, *ends, xtol=1e-15, rtol=1e-15))

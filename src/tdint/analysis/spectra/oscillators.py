@@ -9,14 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.analysis.spectra.defaults import STEPS_PER_PERIOD
+from tdint.analysis.spectra.recursion import recursion_table
 from tdint.kernels.oscillators import elastic as spectra
-from tdint.methods.exact import oscillator
 
 Array = NDArray[np.float64]
 Parts = NDArray[np.int64]
-
-STEPS_PER_PERIOD = 10
-"""Steps per period of PEER's sampling; with fewer samples per period the motion between samples matters."""
 
 _LANES = 56  # oscillators marched together at most: their numbers stay in the processor's first cache
 _REGISTER = 8  # numbers that the processor handles at once
@@ -112,14 +110,7 @@ def _lanes(count: int) -> int:
 
 def _table(omega: Array, damping: float, h: Array) -> Array:
     """The kernel's table of oscillators for steps h (s), shape (COEFFICIENTS, k)."""
-    steps = oscillator(omega * h, np.full_like(omega, damping))
-    table = np.empty((spectra.COEFFICIENTS, omega.size))
-    for row, first in ((0, spectra.A11), (1, spectra.A21)):
-        table[first : first + 4] = steps[:, row].T
-    table[spectra.A12] *= h
-    table[spectra.A21] /= h
-    table[[spectra.B10, spectra.B11]] *= h * h
-    table[[spectra.B20, spectra.B21]] *= h
+    table = recursion_table(omega, h, damping, more=2)
     table[spectra.BY_DISPLACEMENT] = omega**2
     table[spectra.BY_VELOCITY] = 2.0 * damping * omega
     return table

@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.spectra.elastic import check_shortest, checked_periods, choose_settings
+from tdint.analysis.spectra.elastic import OR_ZERO, SHORTEST, checked_periods, choose_settings
 from tdint.analysis.spectra.oscillators import Maxima, groups
+from tdint.analysis.spectra.recursion import check_shortest
 from tdint.errors import UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.interpolation import Interpolation
@@ -89,7 +90,7 @@ def rotated_spectrum(
     positive = periods > 0.0
     psa = np.empty((periods.size, rotation.ANGLES))
     if np.any(positive):
-        check_shortest(motion.first, periods)
+        check_shortest(periods, motion.first.dt, SHORTEST, OR_ZERO)
         omega = 2.0 * math.pi / periods[positive]
         psa[positive] = omega[:, None] ** 2 * _displacements(
             motion, omega, damping, settings.maxima, settings.interpolation

@@ -17,6 +17,7 @@ import math
 import numpy as np
 
 from tdint.kernels.compiling import F8, I8, VECTOR, called, inlined, kernel
+from tdint.kernels.oscillators.bracket import narrowed
 
 # Rows of the state of an oscillator
 U = 0
@@ -113,16 +114,7 @@ def _root(series, terms, order, level, left, right):
         value = _derivative(series, terms, order, t) - level
         if value == 0.0 or not left < t < right:
             return t
-        if (value > 0.0) == (at_right > 0.0):
-            moved = right - t
-            right, at_right = t, value
-            at_left *= 0.5 if side > 0 else 1.0
-            side = 1
-        else:
-            moved = t - left
-            left, at_left = t, value
-            at_right *= 0.5 if side < 0 else 1.0
-            side = -1
+        left, at_left, right, at_right, side, moved = narrowed(left, at_left, right, at_right, side, t, value)
         if right - left <= 4e-16 * right or (moved <= 4e-16 * right and i % 4 != 3):
             break
     return left if side < 0 else right

@@ -12,19 +12,13 @@ import math
 import numpy as np
 
 from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, called, inlined, kernel
+from tdint.kernels.oscillators.bracket import narrowed
+from tdint.kernels.oscillators.recursion import A11, A12, A21, A22, B10, B11, B20, B21, RECURSION_ROWS
 
-# Rows of the table of modes
-A11 = 0  # q1 = A11 q0 + A12 r0 - B10 g0 - B11 g1
-A12 = 1
-B10 = 2
-B11 = 3
-A21 = 4  # r1 = A21 q0 + A22 r0 - B20 g0 - B21 g1
-A22 = 5
-B20 = 6
-B21 = 7
-OMEGA = 8
-DAMPING = 9
-MODE_ROWS = 10
+# Rows of the table of modes behind those of the recursion, whose u and v are a mode's coordinate q and its rate r
+OMEGA = RECURSION_ROWS
+DAMPING = RECURSION_ROWS + 1
+MODE_ROWS = RECURSION_ROWS + 2
 
 BLOCK = 4
 """The number of modes in the table is a multiple of this."""
@@ -135,8 +129,7 @@ def _summit(q, rate, row, modes, shapes, static, motion, h, c, size):
     right_speed = _rate(rate, row + 1, shapes, static, slope, c)
     if left_speed * right_speed >= 0.0:
         return size
-    # The rate changes its sign: false position with halved weights (Illinois).
-    left, right = 0.0, h
+    left, right = 0.0, h  # The rate changes its sign between.
     side = 0
     for _ in range(60):
         t = (left * right_speed - right * left_speed) / (right_speed - left_speed)
@@ -146,16 +139,9 @@ def _summit(q, rate, row, modes, shapes, static, motion, h, c, size):
         size = max(size, abs(value))
         if speed == 0.0 or right - left < 1e-7 * h:
             break
-        if speed * right_speed > 0.0:
-            moved = right - t
-            right, right_speed = t, speed
-            left_speed *= 0.5 if side > 0 else 1.0
-            side = 1
-        else:
-            moved = t - left
-            left, left_speed = t, speed
-            right_speed *= 0.5 if side < 0 else 1.0
-            side = -1
+        left, left_speed, right, right_speed, side, moved = narrowed(
+            left, left_speed, right, right_speed, side, t, speed
+        )
         if moved < 1e-7 * h:
             break
     return size

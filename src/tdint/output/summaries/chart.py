@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from tdint.analysis.chart.quantities import QUANTITIES
 from tdint.ground_motion.record import Record
 from tdint.model.definition import Model
 from tdint.output.summaries.summary import model_input, record_summary, schema, versions
-from tdint.output.tables.chart import QUANTITIES
 
 if TYPE_CHECKING:
     from tdint.analysis.chart.work_precision import Chart, Point

@@ -11,15 +11,6 @@ from tdint.output.tables.table import Table, rows_of
 if TYPE_CHECKING:
     from tdint.analysis.chart.work_precision import Chart
 
-QUANTITIES = {
-    "peak-drift": "largest error of a story's peak drift",
-    "drift": "error of the drifts (L2 of the history)",
-    "displacement": "error of the displacements (L2 of the history)",
-    "velocity": "error of the velocities (L2 of the history)",
-    "acceleration": "error of the accelerations (L2 of the history)",
-}
-"""What a chart may show, and what it is."""
-
 PEER = "/"
 """In the name of a line that is another program's: program/method."""
 

@@ -1,0 +1,24 @@
+"""Defaults and limits of spectra that the command line names, too. Nothing is loaded here."""
+
+from __future__ import annotations
+
+DAMPING = 0.05
+"""Damping ratio where none is asked for."""
+
+PERIODS = "0.01:10:200"
+"""Periods of a spectrum where none are asked for, s."""
+
+DRIFT_PERIODS = "0.2:10:200"
+"""Periods of a drift spectrum where none are asked for, s."""
+
+STEPS_PER_PERIOD = 10
+"""Steps per period of PEER's sampling; with fewer samples per period the motion between samples matters."""
+
+MOST_DUCTILE = 1000.0
+"""The largest ductility that may be asked for."""
+
+STORY_HEIGHT = 3.5
+"""Height of a story where neither it nor the number of stories is given, m."""
+
+HEIGHT_PERIOD = (0.0731, 0.75)
+"""a and b of T = a H^b (s, m) where no other relation is given."""
