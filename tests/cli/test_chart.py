@@ -86,7 +86,10 @@ def test_files(folder, tdint):
 
 def test_the_picture_names_what_it_shows(folder, tdint):
     for options, words in (
-        ((), ["largest error of a story's peak drift", "the record's own step, 0.01 s", "time of the march (s)"]),
+        (
+            (),
+            ["largest error of a story's peak drift", "the record's own step, 0.01 s", "time of the compiled loop (s)"],
+        ),
         (("--target", "drift"), ["error of the drifts (L2 of the history)"]),
         (("--versus", "dt"), ["time step (s)", "vertical line: the record's own step"]),
     ):

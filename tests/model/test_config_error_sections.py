@@ -286,7 +286,7 @@ def test_rayleigh_ratio_of_one_story() -> None:
             "{record: {file: '', units: gels, scale: 0, component: [], inventory: ~}}",
             [
                 "29: excitation.record.file: must be text, got ''",
-                "40: excitation.record.units: units 'gels': use one of m/s^2, cm/s^2, gal, mm/s^2, g, "
+                "40: excitation.record.units: units 'gels': use one of m/s^2, cm/s^2, gal, mm/s^2, g, in/s^2, ft/s^2, "
                 "with a factor before it for counts",
                 "53: excitation.record.scale: must not be zero; leave the record out for no ground motion",
                 "67: excitation.record.component: must be text, got a list",

@@ -1,4 +1,4 @@
-"""A building made taller or lower, for what methods cost over the number of stories."""
+"""A building with more or fewer stories, for what methods cost over the number of stories."""
 
 from __future__ import annotations
 

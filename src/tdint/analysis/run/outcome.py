@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import partial, reduce
 from operator import add
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,31 +101,19 @@ Amount = TypeVar("Amount")
 
 @dataclass(frozen=True)
 class EnergyTerms(Generic[Amount]):
-    """Where energy comes from and goes to, J, relative to the ground, in the order of `tdint.kernels.march.observing`.
+    """Where energy comes from and goes to, J: a field for each row of `tdint.kernels.march.observing`, in its order."""
 
-    Attributes
-    ----------
-    input
-        Work of the load on the motion relative to the ground.
-    kinetic
-        Of the motion relative to the ground.
-    damping
-        Work of viscous damping.
-    recoverable
-        Stored in the stories, P-delta included.
-    dissipated
-        By the drift laws.
-    """
-
-    input: Amount
-    kinetic: Amount
-    damping: Amount
-    recoverable: Amount
-    dissipated: Amount
+    input: Annotated[Amount, "work of the load on the motion relative to the ground"]
+    kinetic: Annotated[Amount, "kinetic energy of the motion relative to the ground"]
+    damping: Annotated[Amount, "work of viscous damping"]
+    recoverable: Annotated[Amount, "stored in the stories, P-delta included"]
+    dissipated: Annotated[Amount, "dissipated by the drift laws"]
 
 
-ENERGY_TERMS = tuple(field.name for field in fields(EnergyTerms))
-"""Names of the terms: those of columns and keys, too."""
+ENERGY_TERMS: dict[str, str] = {
+    name: hint.__metadata__[0] for name, hint in get_type_hints(EnergyTerms, include_extras=True).items()
+}
+"""What each term is, by its name: that of columns and keys, too."""
 
 
 @dataclass(frozen=True)
@@ -148,7 +136,7 @@ class Energy(EnergyTerms[float]):
     @property
     def error(self) -> float:
         """Imbalance over the largest input energy; 0 for a run without energy."""
-        spent = reduce(add, [getattr(self, name) for name in ENERGY_TERMS[1:]])
+        spent = reduce(add, [getattr(self, name) for name in ENERGY_TERMS if name != "input"])
         return float((self.start + self.input - spent) / self.largest) if self.largest > 0.0 else 0.0
 
 

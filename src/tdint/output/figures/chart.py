@@ -147,7 +147,7 @@ def _draw_times(drawing: _Drawing, name: str) -> Figure:
     _frame(axes)
     axes.set_xlim(right=min(axes.get_xlim()[1], _LARGEST_ERROR))
     axes.set_xlabel(f"{QUANTITIES[drawing.target]}\n{_footnote(drawing)}")
-    axes.set_ylabel("time of the march (s)")
+    axes.set_ylabel("time of the compiled loop (s)")
     add_legend(figure, axes, handles, list(drawing.lines), _NARROW)
     add_title(figure, _title(drawing, name, "time against accuracy, time steps (s) at the points"))
     shown = drawing.shown()
@@ -176,7 +176,7 @@ def _footnote(drawing: _Drawing) -> str:
     gap = reference.gap.of(drawing.target)
     whose = "record" if chart.recorded else "model"
     return (
-        f"ringed: the {whose}'s own step, {chart.interval:.4g} s; reference: {reference.method}, dt "
+        f"circle: the {whose}'s own step, {chart.interval:.4g} s; reference: {reference.method}, dt "
         f"{reference.dt:.3g} s,\nfrom which {reference.confirmed_by} differs by {gap:.1e}"
     )
 
@@ -200,7 +200,7 @@ def _draw_steps(drawing: _Drawing, name: str) -> Figure:
     axes.axvline(drawing.chart.interval, color="0.55", linewidth=0.8, zorder=1)
     _frame(axes)
     axes.set_ylim(top=min(axes.get_ylim()[1], _LARGEST_ERROR))
-    axes.set_xlabel(f"time step (s)\n{_footnote(drawing).replace('ringed', 'vertical line')}")
+    axes.set_xlabel(f"time step (s)\n{_footnote(drawing).replace('circle', 'vertical line')}")
     axes.set_ylabel(QUANTITIES[drawing.target])
     add_legend(figure, axes, handles, labels, _NARROW)
     add_title(figure, _title(drawing, name, "error over the time step"))
@@ -229,7 +229,8 @@ def _draw_sizes(charts: Sequence[Chart], name: str, target: str) -> Figure:
     _draw_proportion(cost, charts)
     add_legend(figure, cost, handles, lines, _NARROW)
     add_title(
-        figure, f"{name}, made taller\ncost and accuracy over the number of stories, dt {charts[0].interval:.4g} s"
+        figure,
+        f"{name}, with more stories\ncost and accuracy over the number of stories, dt {charts[0].interval:.4g} s",
     )
     return figure
 

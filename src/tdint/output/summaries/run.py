@@ -33,7 +33,6 @@ MEANINGS = {
     "time_s": "last time reached",
     "story": "story of the failure or collapse, from 1 at the ground",
     "residual": "forces out of balance over the story's forces",
-    "kinetic_J": "kinetic energy relative to the ground at the last time reached",
     "largest_stable_dt_s": "largest stable time step",
     "dt_s": "time step; of a record its sampling interval",
     "steps": "time steps",
@@ -53,10 +52,6 @@ MEANINGS = {
     "mass_1_s": "Rayleigh coefficient of the mass matrix",
     "stiffness_s": "Rayleigh coefficient of the initial stiffness matrix",
     "start_J": "kinetic and stored energy at the start, relative to the ground",
-    "input_J": "work of the load on the motion relative to the ground",
-    "damping_J": "work of viscous damping",
-    "recoverable_J": "stored in the stories at the end",
-    "dissipated_J": "dissipated by the drift laws",
     "error": "imbalance of the energies over the largest input energy",
     "roof_displacement_m": "largest displacement of the roof, relative to the ground",
     "base_shear_N": "largest restoring force of the first story, without viscous forces",
@@ -81,7 +76,9 @@ MEANINGS = {
     "pga_m_s2": "peak ground acceleration",
     "scale": "factor on the record's acceleration",
     "version": "version of this file's layout",
-} | {f"{key}_error": f"estimated absolute error of {key}" for key, _ in PEAKS.values()}
+}
+MEANINGS |= {f"{name}_J": f"{meaning}, at the end or the last time reached" for name, meaning in ENERGY_TERMS.items()}
+MEANINGS |= {f"{key}_error": f"estimated absolute error of {key}" for key, _ in PEAKS.values()}
 """What the number under a key is; its unit is in its name."""
 
 

@@ -51,7 +51,7 @@ HISTORY_STORY = (
     Column("shear_N", "shear", "restoring force, without viscous forces"),
 )
 HISTORY_ENERGY = (
-    *(Column(f"energy_{term}_J", f"energy.{term}", f"{term} energy, relative to the ground") for term in ENERGY_TERMS),
+    *(Column(f"energy_{name}_J", f"energy.{name}", meaning) for name, meaning in ENERGY_TERMS.items()),
     Column("energy_error", "energy.error", "imbalance over the largest input energy of the run"),
 )
 
