@@ -20,7 +20,7 @@ import numba
 import numpy as np
 
 from tdint import read_record, spectrum
-from tdint.analysis.spectra.elastic import DEFAULT_PERIODS
+from tdint.analysis.spectra.defaults import PERIODS
 from tdint.analysis.spectra.rotated import rotated_spectrum
 from tdint.ground_motion.horizontals import find_horizontals
 from tdint.methods.exact import oscillator
@@ -139,7 +139,7 @@ def show(times, errors, base):
 def main():
     """Print the tables."""
     first, second = (read_record(RECORD, component=name, units="m/s^2") for name in ("HN1", "HN2"))
-    periods = parse_grid(DEFAULT_PERIODS).values()
+    periods = parse_grid(PERIODS).values()
     exact = spectrum(first, periods, DAMPING).psa
     times, results = fastest(
         {

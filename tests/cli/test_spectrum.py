@@ -9,7 +9,8 @@ import json
 import numpy as np
 import pytest
 
-from tdint.analysis.spectra.elastic import DEFAULT_PERIODS, spectrum
+from tdint.analysis.spectra import defaults
+from tdint.analysis.spectra.elastic import spectrum
 from tdint.ground_motion.reading.read import read_record
 from tdint.quantities import parse_grid
 
@@ -43,7 +44,7 @@ def test_every_component_damping_and_period_in_order(folder, tdint):
 
 def test_the_numbers_are_those_of_the_library_to_twelve_digits(folder, tdint):
     result = tdint("spectrum", "other.mseed")
-    expected = spectrum(read_record("other.mseed"), parse_grid(DEFAULT_PERIODS).values())
+    expected = spectrum(read_record("other.mseed"), parse_grid(defaults.PERIODS).values())
     table = rows(result.stdout)
     assert {row["damping"] for row in table} == {"0.05"}
     for column, values in (
@@ -121,7 +122,7 @@ def test_period_zero_is_the_peak_ground_acceleration(folder, tdint):
 
 
 def test_the_default_periods_stand_in_the_help(tdint):
-    assert DEFAULT_PERIODS in tdint("spectrum", "-h").stdout
+    assert defaults.PERIODS in tdint("spectrum", "-h").stdout
 
 
 def test_a_record_on_standard_input(folder, tdint):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from tdint.analysis.spectra.defaults import DRIFT_PERIODS, HEIGHT_PERIOD, STORY_HEIGHT
 from tdint.errors import UsageError
 from tdint_cli import options
 from tdint_cli.commands.ground_motions.spectra.kind import Kind, Results
@@ -22,9 +23,7 @@ if TYPE_CHECKING:
     from tdint.ground_motion.record import Record
     from tdint.output.tables.table import Table
 
-_PERIODS = "0.2:10:200"
-_STORY_HEIGHT = 3.5
-_HEIGHT_PERIOD = "0.0731,0.75"
+_HEIGHT_PERIOD = ",".join(f"{number:g}" for number in HEIGHT_PERIOD)
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,7 @@ class DriftRequest(TablesRequest):
         """As those of all spectra, with the story height that is taken where none is given."""
         settings = super().settings(default_periods)
         if not self.beam and self.stories is None:
-            settings["story_height"] = self.story_height or _STORY_HEIGHT
+            settings["story_height"] = self.story_height or STORY_HEIGHT
         return settings
 
 
@@ -51,7 +50,7 @@ class DriftRequest(TablesRequest):
 @options.record.inventory
 @options.record.processing
 @options.spectra.damping
-@options.spectra.periods(_PERIODS)
+@options.spectra.periods(DRIFT_PERIODS)
 @options.spectra.option(
     "--stories", type=click.IntRange(1), metavar="N", help="Number of stories, the same at all periods and heights."
 )
@@ -60,7 +59,7 @@ class DriftRequest(TablesRequest):
     type=Number(0.0, min_open=True),
     metavar="METERS",
     help=f"Without --stories: as many stories as the building's height has of these, rounded, at least one; "
-    f"{_STORY_HEIGHT:g} by default.",
+    f"{STORY_HEIGHT:g} by default.",
 )
 @options.spectra.option(
     "--height-period",
@@ -103,9 +102,9 @@ def _check(request: DriftRequest) -> None:
     load_numba()
     from tdint.analysis.spectra.drift import number_of_stories, parse_height_period
 
-    heights = parse_height_period(request.height_period).height(request.chosen_periods(_PERIODS))
+    heights = parse_height_period(request.height_period).height(request.chosen_periods(DRIFT_PERIODS))
     if not request.beam:
-        number_of_stories(heights, request.stories, request.story_height or _STORY_HEIGHT)
+        number_of_stories(heights, request.stories, request.story_height or STORY_HEIGHT)
 
 
 def _compute(request: DriftRequest, records: Sequence[Record]) -> Results:
@@ -114,10 +113,10 @@ def _compute(request: DriftRequest, records: Sequence[Record]) -> Results:
     results = [
         drift_spectrum(
             record,
-            request.chosen_periods(_PERIODS),
+            request.chosen_periods(DRIFT_PERIODS),
             damping,
             stories=request.stories,
-            story_height=request.story_height or _STORY_HEIGHT,
+            story_height=request.story_height or STORY_HEIGHT,
             height_period=parse_height_period(request.height_period),
             beam=request.beam,
         )
@@ -139,4 +138,4 @@ def _picture(_: DriftRequest, results: Sequence[DriftSpectrum], suffix: str) -> 
     return drift_spectrum_picture(results, suffix)
 
 
-KIND = Kind("drift-spectrum", _PERIODS, _check, _compute, _table, _picture)
+KIND = Kind("drift-spectrum", DRIFT_PERIODS, _check, _compute, _table, _picture)

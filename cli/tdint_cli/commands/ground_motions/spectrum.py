@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from tdint.analysis.spectra.defaults import PERIODS
 from tdint_cli import options
 from tdint_cli.commands.ground_motions.spectra import elastic, inelastic, rotated
 from tdint_cli.commands.ground_motions.spectra.kind import Kind
@@ -18,7 +19,7 @@ from tdint_cli.commands.ground_motions.spectra.tables import make_tables
 @options.record.inventory
 @options.record.processing
 @options.spectra.damping
-@options.spectra.periods(elastic.PERIODS, zero=" 0 gives the peak ground acceleration.")
+@options.spectra.periods(PERIODS, zero=" 0 gives the peak ground acceleration.")
 @options.analysis.method
 @elastic.maxima
 @elastic.interpolation

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from tdint.analysis.chart.quantities import QUANTITIES
 from tdint.errors import UsageError
 from tdint_cli import options
 from tdint_cli.batch.sources import refuse_inputs
@@ -26,7 +27,8 @@ if TYPE_CHECKING:
     from tdint.model.definition import Model
     from tdint.output.summaries.chart import Advice
 
-TARGETS = ("peak-drift", "drift", "displacement", "velocity", "acceleration")
+
+TARGETS = tuple(QUANTITIES)
 MOST_STORIES = 10_000
 MOST_SECONDS = 1e6
 LIMITS = (0.01, 0.001)

@@ -20,9 +20,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-DEFAULT_PERIODS = "0.01:10:200"
-"""Periods of a spectrum where none are asked for, s."""
-
 Choice = TypeVar("Choice")
 
 SHORTEST = 0.05

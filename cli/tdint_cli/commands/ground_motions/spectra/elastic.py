@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from tdint.analysis.spectra.defaults import PERIODS, STEPS_PER_PERIOD
 from tdint_cli.commands.ground_motions.spectra.kind import Kind, Results
 from tdint_cli.options.spectra import option
 
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
     from tdint.output.tables.table import Table
     from tdint_cli.commands.ground_motions.spectra.request import SpectrumRequest
 
-PERIODS = "0.01:10:200"
-_SAMPLES_PER_PERIOD = 10
 
 maxima = option(
     "--maxima",
@@ -78,12 +77,12 @@ def picture(_: SpectrumRequest, lines: Sequence[Spectrum], suffix: str) -> Write
 def remark(request: SpectrumRequest, interval: float) -> str:
     """On periods at which the ground motion between the samples matters."""
     periods = request.chosen_periods(PERIODS)
-    limit = _SAMPLES_PER_PERIOD * interval
+    limit = STEPS_PER_PERIOD * interval
     if not any((periods > 0.0) & (periods < limit * (1.0 - 1e-9))):
         return ""
     manner = request.manner
     return (
-        f"below a period of {limit:.6g} s ({_SAMPLES_PER_PERIOD} sampling intervals) the ground motion between its "
+        f"below a period of {limit:.6g} s ({STEPS_PER_PERIOD} sampling intervals) the ground motion between its "
         f"samples matters: taken as {manner.interpolation.words}, maxima {manner.maxima.words}"
     )
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from tdint.errors import UsageError
-from tdint_cli.commands.ground_motions.spectra.elastic import PERIODS, remark
+from tdint_cli.commands.ground_motions.spectra.elastic import remark
 from tdint_cli.commands.ground_motions.spectra.kind import Kind, Results
 from tdint_cli.options.spectra import option
 from tdint_cli.options.values import Number, Ratio
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from tdint.output.tables.table import Table
     from tdint_cli.commands.ground_motions.spectra.request import SpectrumRequest
 
-_MOST_DUCTILE = 1000.0
+from tdint.analysis.spectra.defaults import MOST_DUCTILE, PERIODS
 
 ductility = option(
     "--ductility",
-    type=Number(1.0, _MOST_DUCTILE),
+    type=Number(1.0, MOST_DUCTILE),
     many=True,
     metavar="MU,...",
     help="Inelastic spectra instead: the yield strength for each of these ratios of largest to yield displacement (the "

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import click
 
+from tdint.analysis.spectra.defaults import PERIODS
 from tdint.errors import RecordError
 from tdint_cli.batch.sources import STDIN
-from tdint_cli.commands.ground_motions.spectra.elastic import PERIODS, remark
+from tdint_cli.commands.ground_motions.spectra.elastic import remark
 from tdint_cli.commands.ground_motions.spectra.kind import Kind, Results
 from tdint_cli.options.spectra import option
 
