@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.outcome import Check, FailedRun, Response, StoryErrors
+from tdint.analysis.run.outcome import ErrorEstimate, FailedRun, Response, StoryErrors
 from tdint.analysis.run.steps import Steps, finer
 from tdint.errors import UsageError
 
@@ -103,7 +103,7 @@ def within(case: Case, steps: Steps, tolerance: float, history: bool = False) ->
     raise failure
 
 
-def _not_reached(case: Case, steps: Steps, tolerance: float, check: Check) -> FailedRun:
+def _not_reached(case: Case, steps: Steps, tolerance: float, check: ErrorEstimate) -> FailedRun:
     reached = "no error could be estimated"
     if check.drift_error is not None:
         reached = (
@@ -132,7 +132,7 @@ def _with_check(response: Response, finer_runs: list[Response | FailedRun]) -> R
     relative = np.divide(errors.peak_drift, drift, out=np.zeros_like(drift), where=drift > 0.0)
     worst = int(np.argmax(relative))
     return replace(
-        response, check=Check(errors, tuple(other.dt for other in others), float(relative[worst]), worst + 1)
+        response, check=ErrorEstimate(errors, tuple(other.dt for other in others), float(relative[worst]), worst + 1)
     )
 
 
@@ -140,7 +140,7 @@ def _unknown(response: Response, reason: str) -> Response:
     nothing = np.full_like(response.stories.peak_drift, np.nan)
     errors = StoryErrors(*(nothing for _ in fields(StoryErrors)))
     notes = (*response.notes, f"no error is estimated: {reason}")
-    return replace(response, check=Check(errors, (), None, None), notes=notes)
+    return replace(response, check=ErrorEstimate(errors, (), None, None), notes=notes)
 
 
 def _errors(response: Response, others: list[Response]) -> StoryErrors:

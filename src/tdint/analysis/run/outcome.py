@@ -72,7 +72,7 @@ class StoryErrors(StoryValues):
 
 
 @dataclass(frozen=True)
-class Check:
+class ErrorEstimate:
     """What the repetition of a run with smaller steps says of it.
 
     Attributes
@@ -207,7 +207,7 @@ class Response:
         Only if it was asked for.
     collapse : Collapse or None
         When and where, if the status is `collapsed` or `failed-story`.
-    check : Check or None
+    check : ErrorEstimate or None
         Estimated errors, if they were asked for.
     notes : tuple of str
         What a person should know of the run.
@@ -228,7 +228,7 @@ class Response:
     history: History | None
     notes: tuple[str, ...]
     collapse: Collapse | None = None
-    check: Check | None = None
+    check: ErrorEstimate | None = None
 
 
 class FailedRun(AnalysisError):

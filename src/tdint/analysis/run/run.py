@@ -5,10 +5,10 @@ from __future__ import annotations
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.error_estimate import checked, within
 from tdint.analysis.run.outcome import (
-    Check,
     Collapse,
     Energy,
     EnergyHistory,
+    ErrorEstimate,
     FailedRun,
     History,
     Response,
@@ -24,10 +24,10 @@ from tdint.model.definition import Model
 
 __all__ = [
     "Case",
-    "Check",
     "Collapse",
     "Energy",
     "EnergyHistory",
+    "ErrorEstimate",
     "FailedRun",
     "History",
     "Response",

@@ -14,7 +14,7 @@ from tdint.output.summaries.summary import inputs_summary, motion_summary, schem
 from tdint.output.tables.table import unit_of
 
 if TYPE_CHECKING:
-    from tdint.analysis.run.outcome import Check, Collapse, Energy, FailedRun, Response, StoryErrors, StoryPeaks
+    from tdint.analysis.run.outcome import Collapse, Energy, ErrorEstimate, FailedRun, Response, StoryErrors, StoryPeaks
     from tdint.analysis.spectra.first_mode import FirstMode
 
 PEAKS = {
@@ -239,7 +239,7 @@ def _energy(energy: Energy) -> dict[str, float]:
     return {"start_J": energy.start, **terms, "error": energy.error}
 
 
-def _check(check: Check | None, stories: StoryPeaks) -> dict[str, Any] | None:
+def _check(check: ErrorEstimate | None, stories: StoryPeaks) -> dict[str, Any] | None:
     if check is None:
         return None
     return {
