@@ -30,7 +30,7 @@ def test_commands():
         (["run", "x.yaml", "--met"], {"--method"}),
         (["run", "x.yaml", "--method", "newm"], {"newmark", "newmark-average", "newmark-linear"}),
         (["chart", "x.yaml", "--method", ""], set(catalogue())),
-        (["spectrum", "--units", "c"], {"cm/s^2"}),
+        (["spectrum", "--units", "c"], {"cm/s^2", "cm/s", "cm"}),
         (["order", "--law", ""], {"linear", "polynomial"}),
         (["failures", "--problem", "hardening,soft"], {"hardening,softening", "hardening,soft-node"}),
         (["spectrum", "--maxima", "p"], {"peer"}),

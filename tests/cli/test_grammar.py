@@ -202,7 +202,7 @@ def test_options_stand_under_headings(name, tdint):
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_what_several_commands_have_stands_under_the_same_heading(name):
-    shared = {"units": "Record", "inventory": "Record", "output": "Output", "plot": "Output", "overwrite": "Output"}
+    shared = {"component": "Record", "inventory": "Record", "output": "Output", "plot": "Output", "overwrite": "Output"}
     for option in options_of(name):
         assert option.heading == shared.get(option.name, option.heading)
 

@@ -19,9 +19,9 @@ option = partial(headings.option, heading=headings.RECORD)
 
 
 def _units() -> list[str]:
-    from tdint.units import ACCELERATION
+    from tdint.units import GROUND_MOTION
 
-    return list(ACCELERATION)
+    return [unit for units in GROUND_MOTION.values() for unit in units]
 
 
 records = click.argument("records", metavar="RECORD...", nargs=-1, required=True, type=FileName())
@@ -35,8 +35,8 @@ units = option(
     "--units",
     type=Name(_units),
     metavar="UNITS",
-    help="Units of the record's samples: m/s^2, cm/s^2, gal, mm/s^2 or g; with a factor the value of one count "
-    "('2.38e-6 m/s^2').",
+    help="Units of the record's samples: m/s^2, cm/s^2, gal, mm/s^2, g, in/s^2 or ft/s^2; with a factor the value of "
+    "one count ('2.38e-6 m/s^2'); of a velocity or a displacement (cm/s, cm), which is then differentiated.",
 )
 component = option(
     "--component",

@@ -11,7 +11,7 @@ import click
 
 from tdint_cli import options
 from tdint_cli.options.output import Outputs
-from tdint_cli.options.values import Ratio
+from tdint_cli.options.values import FileName, Ratio
 from tdint_cli.terminal.streams import emit, say
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ _FILE_NAME = re.compile(r"[\w][\w .+-]{0,120}")
 
 
 @options.command("inventory")
-@click.argument("buildings", metavar="BUILDINGS.csv")
+@click.argument("buildings", metavar="BUILDINGS.csv", type=FileName())
 @options.option(
     "--units",
     type=click.Choice(["ft", "m"]),
@@ -54,6 +54,7 @@ _FILE_NAME = re.compile(r"[\w][\w .+-]{0,120}")
 @options.output.output()
 @options.output.option(
     "--models",
+    type=FileName(folder=True),
     metavar="DIR",
     help="Also write a model file ID.yaml of each building, as `tdint run` takes it, into this folder.",
 )

@@ -11,7 +11,7 @@ import click
 from tdint.errors import UsageError
 from tdint_cli import options
 from tdint_cli.options.output import Outputs
-from tdint_cli.options.values import DriftSizeType, ListOf
+from tdint_cli.options.values import DriftSizeType, FileName, ListOf
 from tdint_cli.startup import load_numba
 from tdint_cli.terminal.streams import say, say_table
 
@@ -80,6 +80,7 @@ def _one_after_the_other(
 )
 @options.option(
     "--path",
+    type=FileName(),
     metavar="FILE",
     help="Any path of drifts in place of --drift, --cycles and --points: a CSV file with a column drift_m, - is "
     "standard input.",

@@ -56,7 +56,7 @@ class Request(BuildingRequest):
 @options.command("chart")
 @options.building.model
 @options.analysis.methods("nine of them, from impulse4 to exact,")
-@options.option(
+@options.analysis.option(
     "--dt",
     "steps",
     type=Number(0.0, MOST_SECONDS, min_open=True),
@@ -65,13 +65,13 @@ class Request(BuildingRequest):
     help="Time steps: whole parts or whole multiples of the record's sampling interval, or without a record of the "
     "model's dt.",
 )
-@options.option(
+@options.analysis.option(
     "--halvings",
     type=click.IntRange(0, 16),
     metavar="COUNT",
     help="Without --dt: four times that interval, halved so many times; 6 by default, fewer for very large buildings.",
 )
-@options.option(
+@options.analysis.option(
     "--stories",
     type=click.IntRange(1, MOST_STORIES),
     many=True,

@@ -36,7 +36,7 @@ class Request:
 @options.command("examples")
 @click.argument("numbers", nargs=-1, type=click.Choice(["1", "2", "3"]), metavar="[1|2|3]...")
 @options.analysis.methods("the paper's seven and impulse4")
-@options.option(
+@options.analysis.option(
     "--dt",
     "dts",
     type=Number(1e-3, 0.1),

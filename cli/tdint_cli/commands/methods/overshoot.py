@@ -36,21 +36,21 @@ class Request:
 
 @options.command("overshoot")
 @options.analysis.all_methods
-@options.option(
+@options.analysis.option(
     "--dt-over-t",
     type=Number(*options.analysis.DT_OVER_T),
     default=10.0,
     metavar="RATIO",
     help="Step over the undamped period; 10 by default.",
 )
-@options.option(
+@options.analysis.option(
     "--steps",
     type=click.IntRange(1, _MOST_STEPS),
     default=10,
     metavar="COUNT",
     help="Steps to take; 10 by default.",
 )
-@options.option(
+@options.analysis.option(
     "--damping",
     type=options.analysis.damping_ratio,
     default=0.0,

@@ -38,7 +38,7 @@ class Request:
 
 @options.command("stability")
 @options.analysis.all_methods
-@options.option(
+@options.analysis.option(
     "--damping",
     type=options.analysis.damping_ratio,
     many=True,
@@ -46,7 +46,7 @@ class Request:
     metavar="RATIO,...",
     help="Damping ratios of the oscillator; 0 by default.",
 )
-@options.option(
+@options.analysis.option(
     "--dt-over-t",
     type=GridType(*options.analysis.DT_OVER_T),
     default=_STEPS,
