@@ -40,7 +40,7 @@ def test_exact_with_dashpots_that_couple_the_modes():
 
 
 @pytest.mark.parametrize("damping", DAMPINGS.values(), ids=DAMPINGS)
-@pytest.mark.parametrize("method", ["impulse", "impulse4"])
+@pytest.mark.parametrize("method", ["impulse", "impulse4", "moment4"])
 def test_the_impulse_methods_are_of_order_4(method, damping):
     errors = drift_errors(ten_linear(damping), method, 3)
     assert orders(errors).min() >= 3.9

@@ -58,7 +58,7 @@ def test_the_order_of_a_method_stays(name, exponent):
     assert orders(errors)[-1] > parse(name).order - (0.35 if name in LONG_MEMORY else 0.2)
 
 
-@pytest.mark.parametrize("name", ["impulse4", "newmark-average", "gauss4"])
+@pytest.mark.parametrize("name", ["impulse4", "moment4", "newmark-average", "gauss4"])
 def test_energy_balances_in_a_yielding_building_with_fluid_dampers(name):
     """Exponent 0.35, as of fluid viscous dampers; the dampers take up most of the input."""
     record = noise(peak=4.0)

@@ -22,7 +22,7 @@ AROUND = np.sqrt(12.0) * (1.0 + np.array([0.0, 1e-15, -1e-15, 1e-12, 1e-9, -1e-9
 
 
 @pytest.mark.parametrize("xi", [0.0, 0.05])
-@pytest.mark.parametrize("method", ["impulse", "impulse4"])
+@pytest.mark.parametrize("method", ["impulse", "impulse4", "moment4"])
 def test_the_step_is_pade_2_2(method, xi):
     omegas = np.concatenate([AROUND, np.geomspace(1e-3, 1e4, 60)])
     measured = amplification(parse(method), omegas, np.full_like(omegas, xi), 1.0)
@@ -33,7 +33,7 @@ def test_the_step_is_pade_2_2(method, xi):
         assert np.max(np.abs(balanced)) < 1e-12
 
 
-@pytest.mark.parametrize("method", ["impulse", "impulse4"])
+@pytest.mark.parametrize("method", ["impulse", "impulse4", "moment4"])
 def test_a_run_at_sqrt_12_is_finite_and_keeps_its_energy(method):
     dt = 0.01
     response = run(
@@ -44,7 +44,7 @@ def test_a_run_at_sqrt_12_is_finite_and_keeps_its_energy(method):
     assert energy == pytest.approx(np.full_like(energy, energy[0]), rel=1e-12)
 
 
-@pytest.mark.parametrize("method", ["impulse", "impulse4"])
+@pytest.mark.parametrize("method", ["impulse", "impulse4", "moment4"])
 def test_a_building_with_a_mode_there(method):
     record = noise()
     base = model([story(2e5, 3.5e8) for _ in range(4)], damping=RayleighRatio((0.05, 0.05), (1, 2)))

@@ -10,7 +10,14 @@ from step_checks import RAYLEIGH, building, superposed
 from tdint import run
 from tdint.methods.catalogue import catalogue
 
-METHODS = [*catalogue(), "bathe:gamma=0.5", "bathe:rho_inf=0.5", "kr-alpha:rho_inf=0", "impulse4:rho_inf=0.5"]
+METHODS = [
+    *catalogue(),
+    "bathe:gamma=0.5",
+    "bathe:rho_inf=0.5",
+    "kr-alpha:rho_inf=0",
+    "impulse4:rho_inf=0.5",
+    "moment4:rho_inf=0.5",
+]
 
 
 @pytest.mark.parametrize("damping", ["rayleigh", "modal"])

@@ -73,7 +73,11 @@ RESIDUAL = 4
 BRANCHES = 5  # which laws have branches, whose changes can be located
 EVENTS = 6  # changes of branch located so far
 POWER_DAMPERS = 7  # 1 if a story has a power-law dashpot
-MEMO_SIZE = 8
+OWN_WORK = 8  # 1 if the step tells what work it does
+WORK_INPUT = 9  # of the load in the last step, J
+WORK_DAMPED = 10  # of the viscous dampers in the last step, J
+STRAIGHTENED = 11  # 1 if the load of a step over several samples has their impulse and first moment
+MEMO_SIZE = 12
 
 # memo[BRANCHES]
 NO_BRANCHES = 0

@@ -7,10 +7,10 @@ from collections.abc import Callable
 from functools import cache
 
 from tdint.errors import UsageError, did_you_mean
-from tdint.methods import bathe, exact, impulse, impulse4, model_based, multi_step, runge_kutta, single_step
+from tdint.methods import bathe, exact, impulse, impulse4, model_based, moment4, multi_step, runge_kutta, single_step
 from tdint.methods.method import Integrator, Method, Parameter
 
-FAMILIES = (impulse, impulse4, single_step, multi_step, bathe, model_based, runge_kutta, exact)
+FAMILIES = (impulse, impulse4, moment4, single_step, multi_step, bathe, model_based, runge_kutta, exact)
 
 
 @cache

@@ -72,6 +72,13 @@ class Family:
         Whether the step holds for linear buildings alone.
     limited_by_stiffening : bool
         Whether the step is stable only up to some size where a story is stiffer than at rest.
+    own_work : bool
+        Whether the step tells the work of load and dampers in it; else it is found from the powers at its ends.
+    straightened : bool
+        Whether a step over several samples of a record is given their impulse and first moment, as a line; else the
+        line from its first to its last sample.
+    parabolic : bool
+        Whether the displacements follow parabolas within the step, along which the rates change as from end to end.
     prepare : callable, optional
         (building, forces, h) -> the step's coefficients, where they depend on the building.
     """
@@ -86,6 +93,9 @@ class Family:
     power_dampers: bool = True
     linear_only: bool = False
     limited_by_stiffening: bool = False
+    own_work: bool = False
+    straightened: bool = False
+    parabolic: bool = False
     prepare: Callable[[Building, NDArray[np.float64], float], NDArray[np.float64]] | None = None
 
 

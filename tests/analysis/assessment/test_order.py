@@ -27,6 +27,8 @@ MEMBERS = (
     "kr-alpha:rho_inf=0.5",
     "impulse4:rho_inf=0.5",
     "impulse4:rho_inf=0",
+    "moment4:rho_inf=0.5",
+    "moment4:rho_inf=0",
 )
 
 

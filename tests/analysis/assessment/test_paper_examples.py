@@ -77,22 +77,23 @@ PUBLISHED = {
     "wilson:theta=1.4": (3.26e-2, 8.42e-3, 2.11e-3),
     "impulse": (1.77e-2, 4.72e-3, 1.19e-3),
     "impulse4": (2.3e-4, 1.4e-5, 8.8e-7),
+    "moment4": (1.95e-5, 1.23e-6, 7.7e-8),
 }
 
 
 @pytest.mark.parametrize(("method", "errors"), PUBLISHED.items())
 def test_errors_of_example_1(method, errors):
-    digits = 0.02 if method == "impulse4" else 0.004
+    digits = 0.02 if method in ("impulse4", "moment4") else 0.004
     for dt, expected in zip((0.04, 0.02, 0.01), errors, strict=True):
         assert error(1, dt, method) == pytest.approx(expected, rel=digits)
 
 
 @pytest.mark.parametrize("number", FILES)
 def test_orders(number):
-    """impulse4 is of order 4, the others of order 2, rk5 of order 5: all see the load as they should."""
-    for method in ("impulse4", "rk5", *ORDER_2):
+    """impulse4 and moment4 are of order 4, the others of order 2, rk5 of order 5: all see the load as they should."""
+    for method in ("impulse4", "moment4", "rk5", *ORDER_2):
         measured = orders([error(number, dt, method) for dt in (0.04, 0.02, 0.01)])
-        expected = {"impulse4": 4.0, "rk5": 5.0}.get(method, 2.0)
+        expected = {"impulse4": 4.0, "moment4": 4.0, "rk5": 5.0}.get(method, 2.0)
         assert measured[-1] == pytest.approx(expected, abs=0.25)
 
 

@@ -60,6 +60,10 @@ ACCURACY = {
     "impulse4:rho_inf=0.8": ("0.022", "0.037"),
     "impulse4:rho_inf=0.5": ("0.025", "0.111"),
     "impulse4:rho_inf=0": ("0.057", "0.330"),
+    "moment4": ("0.021", "0"),
+    "moment4:rho_inf=0.8": ("0.022", "0.037"),
+    "moment4:rho_inf=0.5": ("0.025", "0.111"),
+    "moment4:rho_inf=0": ("0.057", "0.330"),
     "exact": ("0", "0"),
 }
 

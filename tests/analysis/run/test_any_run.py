@@ -28,7 +28,11 @@ pytestmark = pytest.mark.long
 RUNS = 1000
 BATCH = 100
 STIFFNESS = 1e6
-METHODS = [name for name in catalogue() if name != "exact"] + ["impulse4:rho_inf=0", "impulse4:rho_inf=0.5"]
+METHODS = [name for name in catalogue() if name != "exact"] + [
+    "impulse4:rho_inf=0",
+    "impulse4:rho_inf=0.5",
+    "moment4:rho_inf=0",
+]
 
 
 def law(generator, strength):

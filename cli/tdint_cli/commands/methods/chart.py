@@ -55,7 +55,7 @@ class Request(BuildingRequest):
 
 @options.command("chart")
 @options.building.model
-@options.analysis.methods("nine of them, from impulse4 to exact,")
+@options.analysis.methods("ten of them, from impulse4 to exact,")
 @options.analysis.option(
     "--dt",
     "steps",
@@ -283,10 +283,15 @@ def _recommend(request: Request, chart: Chart, advice: list[Advice]) -> None:
 
 def _notes(request: Request, charts: list[Chart], record: Record | None) -> list[str]:
     """What a person should know of the chart."""
+    from tdint.methods.catalogue import catalogue
+
     notes = list(record.notes) if record else []
     points = [point for chart in charts for point in chart.points]
-    if record and any(point.dt > charts[0].interval * 1.001 for point in points):
-        notes.append(f"steps over {charts[0].interval:.6g} s skip samples of the record")
+    coarse = dict.fromkeys(p.method.partition(":")[0] for p in points if p.dt > charts[0].interval * 1.001)
+    kept = [name for name in coarse if name in catalogue() and catalogue()[name].family.straightened]
+    if record and coarse:
+        but = f"; {', '.join(kept)} keeps their impulse and its first moment" if kept else ""
+        notes.append(f"steps over {charts[0].interval:.6g} s skip samples of the record{but}")
     for label, outcome in dict.fromkeys((point.line, point.outcome) for point in points if not point.errors):
         steps = dict.fromkeys(f"{p.dt:.6g}" for p in points if (p.line, p.outcome) == (label, outcome))
         notes.append(f"{label}: {outcome} with dt {', '.join(steps)} s")

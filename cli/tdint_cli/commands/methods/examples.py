@@ -35,7 +35,7 @@ class Request:
 
 @options.command("examples")
 @click.argument("numbers", nargs=-1, type=click.Choice(["1", "2", "3"]), metavar="[1|2|3]...")
-@options.analysis.methods("the paper's seven and impulse4")
+@options.analysis.methods("the paper's seven, impulse4 and moment4")
 @options.analysis.option(
     "--dt",
     "dts",
@@ -54,9 +54,9 @@ def command(**given: Any) -> None:
     velocity and acceleration over all floors and steps against rk5 with steps 8 times finer; the rank by displacement.
 
     The methods are the paper's: impulse, average and linear acceleration, central difference, Wilson, RK5, and chang
-    (2002) for the Chang (2007) that we did not find; impulse4 stands beside them. RK5 is also fed with the load's
-    samples, linear between the steps and held over each step, and the central difference started with u(-dt) = 0: what
-    probably stands behind the paper's ranking. The reasons go to standard error.
+    (2002) for the Chang (2007) that we did not find; impulse4 and moment4 stand beside them. RK5 is also fed with the
+    load's samples, linear between the steps and held over each step, and the central difference started with u(-dt) =
+    0: what probably stands behind the paper's ranking. The reasons go to standard error.
 
     With -o: example-1-errors.csv and so on, and figures named by the numbers of the paper's figures 7 and 8 (example 1:
     histories and errors), 10 to 12 and 14 to 16 (examples 2 and 3: displacement, velocity, acceleration, each with its

@@ -52,8 +52,9 @@ def command(**given: Any) -> None:
     """Which methods fail on hard problems with known answers, and how.
 
     Stories that harden and soften, stiff parts beside soft ones, steps at the limits of stability, large first steps.
-    Without --method also impulse4:rho_inf=0.5, impulse4:rho_inf=0 and wilson:theta=1.3, without newmark, which is
-    newmark-average. src/tdint/methods/README.md lists the problems, their sources, and what a method must keep to.
+    Without --method also impulse4 and moment4 with rho_inf=0.5 and rho_inf=0, and wilson:theta=1.3, without newmark,
+    which is newmark-average. src/tdint/methods/README.md lists the problems, their sources, and what a method must keep
+    to.
 
     CSV: least and largest energy over the largest of the exact motion (the initial one in free vibration); the error,
     and in the last column what it is; the outcome, which is the status of `tdint run` while the rest of the row is what

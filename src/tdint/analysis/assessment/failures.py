@@ -20,7 +20,8 @@ BLOWS_UP = "blows up"
 NO_CONVERGENCE = "does not converge"
 REFUSED = "refused"
 
-_MORE = {"impulse4": ("rho_inf=0.5", "rho_inf=0"), "wilson": ("theta=1.3",)}
+_DISSIPATIVE = ("rho_inf=0.5", "rho_inf=0")
+_MORE = {"impulse4": _DISSIPATIVE, "moment4": _DISSIPATIVE, "wilson": ("theta=1.3",)}
 """Members that show what their method's default does not: dissipation, and theta below its limit."""
 
 _ENDS = {"diverged": BLOWS_UP, "not-converged": NO_CONVERGENCE}

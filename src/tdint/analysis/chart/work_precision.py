@@ -20,6 +20,7 @@ USUAL = "newmark-average"
 
 DEFAULT_METHODS = (
     "impulse4",
+    "moment4",
     "impulse",
     USUAL,
     "newmark-linear",

@@ -252,9 +252,12 @@ class Case:
         record = self.record
         notes = list(record.notes) if record else []
         if record and steps.stride > 1:
-            notes.append(
-                f"dt {steps.h:.6g} s is {steps.stride} sampling intervals: samples of the record in between are skipped"
+            between = (
+                "of the samples in between their impulse and its first moment are kept"
+                if self.integrator.family.straightened
+                else "samples of the record in between are skipped"
             )
+            notes.append(f"dt {steps.h:.6g} s is {steps.stride} sampling intervals: {between}")
         if record and steps.count * steps.h > record.duration * (1.0 + 1e-9):
             notes.append(f"the record ends at {record.duration:.6g} s; the ground is at rest after it")
         if self.integrator.family.linear_only and self.model.excitation.forces:

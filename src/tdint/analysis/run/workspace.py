@@ -17,16 +17,21 @@ from tdint.kernels.layout import (
     LOAD_SIZE,
     MEMO_SIZE,
     NO_BRANCHES,
+    OWN_WORK,
     POWER_DAMPERS,
     SOME_BRANCHES,
+    STRAIGHTENED,
 )
 from tdint.kernels.march.march import march
 from tdint.kernels.march.observing import (
+    AT_STEPS_ONLY,
     BETWEEN_STEPS,
     ENERGY_TERMS,
     HISTORY_FIELDS,
+    INTERPOLATED,
     OBSERVED_SIZE,
     OBSERVER_ROWS,
+    ON_THE_PATH,
     PEAK_ROWS,
 )
 from tdint.methods.method import Integrator
@@ -57,7 +62,8 @@ def workspace(building: Building, integrator: Integrator, steps: int = 0, betwee
 
     A march of k times as many steps keeps every k-th.
 
-    With `between` the peaks of drift and displacement are looked for between the steps, too.
+    With `between` the peaks of drift and displacement are looked for between the steps, too; so they are where the
+    method knows its path there.
     """
     n = building.stories
     modes = building.modal.shape[0]
@@ -66,8 +72,10 @@ def workspace(building: Building, integrator: Integrator, steps: int = 0, betwee
     memo[LINEAR] = building.linear
     memo[BRANCHES] = _branches(building)
     memo[POWER_DAMPERS] = building.power_damped
+    memo[OWN_WORK] = family.own_work
+    memo[STRAIGHTENED] = family.straightened
     observed = np.zeros(OBSERVED_SIZE)
-    observed[BETWEEN_STEPS] = between
+    observed[BETWEEN_STEPS] = ON_THE_PATH if family.parabolic else INTERPOLATED if between else AT_STEPS_ONLY
     return Workspace(
         state=np.zeros((family.state_rows, n + 1)),
         springs=spring_table(building.laws),

@@ -20,6 +20,9 @@ _FREQUENT = 2
 # Laws that know their branch at any time
 KNOWING = tuple(float(code) for code, functions in enumerate(FUNCTIONS) if functions.keep is not None)
 
+# Laws with a memory
+DISSIPATING = tuple(float(code) for code, functions in enumerate(FUNCTIONS) if functions.settle is not None)
+
 
 def chosen(hook: str, case: Callable[[Any, int, Any, Any], Any], otherwise: Any = None) -> Any:
     """The compiled function that calls that of a story's own law; `otherwise` for laws without one.
@@ -44,6 +47,18 @@ def case_of_3(decorate: Any, code: int, own: Any, other: Any) -> Any:
         if laws[CODE, i] == code:
             return own(laws, springs, i)
         return other(laws, springs, i)
+
+    return choose
+
+
+def case_of_4(decorate: Any, code: int, own: Any, other: Any) -> Any:
+    """The same for functions of four arguments."""
+
+    @decorate
+    def choose(laws, springs, i, more):
+        if laws[CODE, i] == code:
+            return own(laws, springs, i, more)
+        return other(laws, springs, i, more)
 
     return choose
 

@@ -64,6 +64,9 @@ class LawFunctions:
         WORK adds up.
     switch : function, optional
         (laws, springs, i, block, event): the branch that follows when the present one ends by `event`.
+    points : function, optional
+        (laws, springs, i, way) -> Gauss points on a path of drift that is `way` long (m), for a curved law. Without it
+        many are taken.
     """
 
     force: Any
@@ -74,6 +77,7 @@ class LawFunctions:
     enter: Any = None
     advance: Any = None
     switch: Any = None
+    points: Any = None
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,15 @@ def _functions() -> LawFunctions:
             energy = energy * d + laws[row, i] / (row - FIRST_PARAMETER + 2)
         return energy * d * d
 
-    return LawFunctions(force=force, recoverable=recoverable)
+    @inlined
+    def points(laws, springs, i, way):
+        """Exact: of degree q in the drift, the force times s is of degree 2 q + 1 in time."""
+        degree = laws.shape[0] - FIRST_PARAMETER
+        while degree > 1 and laws[FIRST_PARAMETER + degree - 1, i] == 0.0:
+            degree -= 1
+        return degree + 1.0
+
+    return LawFunctions(force=force, recoverable=recoverable, points=points)
 
 
 LAW = DriftLaw(

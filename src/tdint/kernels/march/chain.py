@@ -54,6 +54,20 @@ def force_impulse(forces, j, t, h):
 
 
 @inlined
+def force_moment(forces, j, t, h):
+    """Twelve times the mean of s times floor force `j` over [t, t + h], s in [-1/2, 1/2], exact, N.
+
+    With the rate R at mid-step the part of the force that is odd there is R h / (2 x) sin(2 x s), x = omega h / 2.
+    """
+    x = 0.5 * forces[j, OMEGA] * h
+    if abs(x) > 0.1:
+        share = (math.sin(x) - x * math.cos(x)) / (x * x * x)
+    else:
+        share = 1.0 / 3.0 - x * x / 30.0 * (1.0 - x * x / 28.0 * (1.0 - x * x / 54.0))
+    return 3.0 * h * share * force_rate(forces, j, t + 0.5 * h)
+
+
+@inlined
 def floor_load(chain, forces, t, ground, work, row):
     """Load p = -m ag + floor forces at time t into a row of work, N."""
     for i in range(chain.shape[1] - 1):
@@ -82,6 +96,35 @@ def floor_impulse(chain, forces, t, h, ground_0, ground_1, work, row):
 def _add_impulses(forces, t, h, work, row):
     for j in range(forces.shape[0]):
         work[row, int(forces[j, FLOOR])] += force_impulse(forces, j, t, h)
+
+
+@inlined
+def mean_load(chain, forces, t, h, ground_0, ground_1, r, work, row):
+    """Mean of the load over [t, t + h] into a row of work, and its first moment, twelve times the mean of the load
+    times s in [-1/2, 1/2], into the next, N; the ground acceleration is linear.
+
+    With r > 0 the moment of a floor force is the one that makes a part so stiff that it has no mass follow the force
+    at the ends of the steps: p1 - p0 + 12 r ((p0 + p1) / 2 - mean), the first moment where the force is linear.
+    """
+    for i in range(chain.shape[1] - 1):
+        work[row, i] = -0.5 * chain[MASS, i] * (ground_0 + ground_1)
+        work[row + 1, i] = -chain[MASS, i] * (ground_1 - ground_0)
+    if forces.shape[0] > 0:
+        _add_means(forces, t, h, r, work, row)
+
+
+@called
+def _add_means(forces, t, h, r, work, row):
+    for j in range(forces.shape[0]):
+        floor = int(forces[j, FLOOR])
+        mean = force_impulse(forces, j, t, h) / h
+        work[row, floor] += mean
+        if r > 0.0:
+            before = force_value(forces, j, t)
+            after = force_value(forces, j, t + h)
+            work[row + 1, floor] += after - before + 12.0 * r * (0.5 * (before + after) - mean)
+        else:
+            work[row + 1, floor] += force_moment(forces, j, t, h)
 
 
 @inlined

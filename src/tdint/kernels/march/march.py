@@ -13,17 +13,16 @@ from tdint.kernels.layout import (
     LINK,
     NOT_FINITE,
     STEPS_DONE,
+    STRAIGHTENED,
     TIME,
 )
+from tdint.kernels.march.ground import ground_at, ground_between, straightened
 from tdint.kernels.march.observing import (
     ACCELERATION_ROW,
-    ENERGY_KINETIC,
-    ENERGY_LARGEST,
-    ENERGY_RECOVERABLE,
-    ENERGY_START,
     HALVINGS,
     ITERATIONS,
     STEPS_REACHED,
+    begin,
     observe,
     store,
     take_stock,
@@ -60,35 +59,17 @@ RUNAWAY = 1e6
 
 
 @inlined
-def _sample(ground, position):
-    return ground[position] if position < ground.size else 0.0
-
-
-@inlined
-def ground_at(ground, step, per_sample, stride):
-    """Ground acceleration at the start of a step: linear between the samples, zero after the last."""
-    if per_sample == 1:
-        return _sample(ground, step * stride)
-    sample = step // per_sample
-    part = (step - sample * per_sample) / per_sample
-    value = _sample(ground, sample)
-    return value + (_sample(ground, sample + 1) - value) * part
-
-
-@inlined
-def _start(chain, modal, laws, forces, ground, state, springs, watch, peaks, observed):
+def _start(chain, modal, laws, forces, ground, state, springs, memo, watch, peaks, observed):
     """Drift laws, acceleration and energy of the initial state."""
     n = chain.shape[1] - 1
     below = 0.0
     for i in range(n):
         start(laws, springs, i, state[DISPLACEMENT, i] - chain[LINK, i] * below)
         below = state[DISPLACEMENT, i]
-    observe(chain, modal, laws, forces, 0.0, 0.0, ground, 0.0, state, springs, watch, peaks, observed)
+    observe(chain, modal, laws, forces, 0.0, 0.0, ground, 0.0, state, springs, memo, watch, peaks, observed)
     for i in range(n):
         state[ACCELERATION, i] = watch[ACCELERATION_ROW, i]
-    take_stock(chain, laws, state, springs, observed)
-    observed[ENERGY_START] = observed[ENERGY_KINETIC] + observed[ENERGY_RECOVERABLE]
-    observed[ENERGY_LARGEST] = observed[ENERGY_START]
+    begin(chain, laws, state, springs, observed)
 
 
 @inlined
@@ -112,7 +93,7 @@ def march(
     """
     n = chain.shape[1] - 1
     ground_0 = ground_at(ground, 0, per_sample, stride)
-    _start(chain, modal, laws, forces, ground_0, state, springs, watch, peaks, observed)
+    _start(chain, modal, laws, forces, ground_0, state, springs, memo, watch, peaks, observed)
     if history.shape[0] > 0:
         store(chain, laws, ground_0, state, springs, watch, observed, history, 0)
     every = steps // max(history.shape[0] - 1, 1)
@@ -126,6 +107,11 @@ def march(
             load[TIME] = (s + done) * h
             load[GROUND_0] = ground_0 + done * (ground_1 - ground_0)
             load[GROUND_1] = ground_1 if done + piece == 1.0 else ground_0 + (done + piece) * (ground_1 - ground_0)
+            reached = load[GROUND_1]
+            if stride > 1 and memo[STRAIGHTENED] != 0.0:
+                end = (s + done + piece) * stride
+                load[GROUND_0], load[GROUND_1] = straightened(ground, (s + done) * stride, end)
+                reached = ground_between(ground, end)
             code = step(coefficients, chain, modal, laws, forces, piece * h, load, state, springs, work, memo)
             if code < 0:
                 if code == NOT_FINITE or piece <= smallest:
@@ -138,8 +124,8 @@ def march(
             observed[ITERATIONS] += code
             time = (s + done) * h
             observe(
-                chain, modal, laws, forces, time, piece * h, load[GROUND_1], slope,
-                state, springs, watch, peaks, observed,
+                chain, modal, laws, forces, time, piece * h, reached, slope,
+                state, springs, memo, watch, peaks, observed,
             )  # fmt: skip
         memo[STEPS_DONE] = memo[STEPS_DONE] + 1.0 if piece == 1.0 else 0.0
         observed[STEPS_REACHED] += 1.0

@@ -18,9 +18,12 @@ from tdint.kernels.layout import (
     INVERSE_MASS,
     LINK,
     MASS,
+    OWN_WORK,
     STIFFNESS,
     STORY_DAMPER,
     VELOCITY,
+    WORK_DAMPED,
+    WORK_INPUT,
 )
 from tdint.kernels.march.chain import add_modal_force, force_rate, force_value, power_damper
 from tdint.kernels.march.events import NONE, turning
@@ -44,7 +47,7 @@ ENERGY_INPUT = 0  # work of the load on the motion relative to the ground
 ENERGY_KINETIC = 1  # of the motion relative to the ground
 ENERGY_DAMPED = 2  # work of the viscous dampers
 ENERGY_RECOVERABLE = 3  # stored in the stories
-ENERGY_DISSIPATED = 4  # by the drift laws
+ENERGY_DISSIPATED = 4  # by the drift laws since the start
 ENERGY_TERMS = 5
 ENERGY_START = ENERGY_TERMS  # kinetic and stored energy at the start, J
 ENERGY_LARGEST = ENERGY_TERMS + 1  # largest ENERGY_START + ENERGY_INPUT on the way, J
@@ -56,8 +59,14 @@ _RATE_INPUT = ENERGY_TERMS + 6  # without the ground's own rate
 _MOMENTUM = ENERGY_TERMS + 7
 _POWER_DAMPED = ENERGY_TERMS + 8
 _RATE_DAMPED = ENERGY_TERMS + 9
-BETWEEN_STEPS = ENERGY_TERMS + 10  # set to 1 before the march: look for peaks of drift and displacement between, too
-OBSERVED_SIZE = ENERGY_TERMS + 11
+BETWEEN_STEPS = ENERGY_TERMS + 10  # set before the march: how peaks of drift and displacement are looked for
+_DISSIPATED_BEFORE = ENERGY_TERMS + 11  # by the drift laws on the way to the initial drifts, J
+OBSERVED_SIZE = ENERGY_TERMS + 12
+
+# observed[BETWEEN_STEPS]
+AT_STEPS_ONLY = 0
+INTERPOLATED = 1  # on the cubic Hermite interpolant
+ON_THE_PATH = 2  # on the parabola that the method itself takes
 
 # rows of the observer's work
 ACCELERATION_ROW = 0
@@ -74,7 +83,7 @@ _RESOLVED = 0.5
 
 
 @inlined
-def observe(chain, modal, laws, forces, t, h, ground, slope, state, springs, work, peaks, observed):
+def observe(chain, modal, laws, forces, t, h, ground, slope, state, springs, memo, work, peaks, observed):
     """Take in the state at time t, reached by a step h in which the ground acceleration has the given slope.
 
     The acceleration is that of equilibrium at t, whatever the method carries. Call with h = 0 at the start.
@@ -117,9 +126,9 @@ def observe(chain, modal, laws, forces, t, h, ground, slope, state, springs, wor
         rate += powers[1]
         damped += powers[2]
         damped_rate += powers[3]
-    _add_work(h, slope, power, rate, momentum, damped, 2.0 * damped_rate, observed)
-    if observed[BETWEEN_STEPS] != 0.0:
-        _look_between(chain, h, laws, state, springs, work, peaks)
+    _add_work(h, slope, power, rate, momentum, damped, 2.0 * damped_rate, memo, observed)
+    if observed[BETWEEN_STEPS] != AT_STEPS_ONLY:
+        _look_between(observed[BETWEEN_STEPS] == ON_THE_PATH, chain, h, laws, state, springs, work, peaks)
 
 
 @called
@@ -146,8 +155,9 @@ def _other_powers(modal, forces, t, state, work, n):
 
 
 @called
-def _look_between(chain, h, laws, state, springs, work, peaks):
-    """Peaks of drift and displacement within the step: where the rate changed its sign, on the Hermite interpolant.
+def _look_between(on_path, chain, h, laws, state, springs, work, peaks):
+    """Peaks of drift and displacement within the step: on the method's own path, or where the rate changed its sign, on
+    the Hermite interpolant.
 
     The shear of a linear story peaks with its drift; other shears are seen at the steps. Then the rows of old values
     are set for the next step.
@@ -163,14 +173,14 @@ def _look_between(chain, h, laws, state, springs, work, peaks):
         old_a = work[_OLD_A, i]
         drift = springs[DRIFT, i]
         rate = v - link * v_below
-        if rate * work[_OLD_RATE, i] < 0.0:
+        if on_path or rate * work[_OLD_RATE, i] < 0.0:
             accelerations = a - link * a_below + old_a - link * old_a_below
-            peak = _extremum(work[_OLD_DRIFT, i], work[_OLD_RATE, i], drift, rate, accelerations, h)
+            peak = _extremum(on_path, work[_OLD_DRIFT, i], work[_OLD_RATE, i], drift, rate, accelerations, h)
             _raise(peaks, PEAK_DRIFT, i, peak)
             if laws[CODE, i] == LINEAR:
                 _raise(peaks, PEAK_SHEAR, i, laws[STIFFNESS, i] * peak)
-        if v * work[_OLD_V, i] < 0.0:
-            peak = _extremum(work[_OLD_U, i], work[_OLD_V, i], u, v, a + old_a, h)
+        if on_path or v * work[_OLD_V, i] < 0.0:
+            peak = _extremum(on_path, work[_OLD_U, i], work[_OLD_V, i], u, v, a + old_a, h)
             _raise(peaks, PEAK_DISPLACEMENT, i, peak)
         v_below = v
         a_below = a
@@ -183,11 +193,19 @@ def _look_between(chain, h, laws, state, springs, work, peaks):
 
 
 @inlined
-def _extremum(x0, v0, x1, v1, accelerations, h):
-    """Extremum of the cubic Hermite interpolant between a rising and a falling end.
+def _extremum(on_path, x0, v0, x1, v1, accelerations, h):
+    """Extremum of the parabola through both ends along which the rate changes by v1 - v0; x1 if there is none between.
 
-    x1 where the rate does not change about as the mean of both accelerations says: there is no smooth peak between.
+    Otherwise that of the cubic Hermite interpolant between a rising and a falling end; x1 where the rate does not
+    change about as the mean of both accelerations says: there is no smooth peak between.
     """
+    if on_path:
+        rise = x1 - x0
+        bend = h * (v1 - v0)
+        if 2.0 * abs(rise) >= abs(bend):
+            return x1
+        t = 0.5 - rise / bend
+        return x0 + t * (rise + 0.5 * bend * (t - 1.0))
     if abs(v1 - v0 - 0.5 * h * accelerations) > _RESOLVED * (abs(v0) + abs(v1)):
         return x1
     middle = 3.0 * (x1 - x0) / h - v0 - v1  # the rate's Bezier points are v0, middle, v1
@@ -234,9 +252,14 @@ def _raise(peaks, row, i, value):
 
 
 @inlined
-def _add_work(h, slope, power, rate, momentum, damped, damped_rate, observed):
-    """Work of load and dampers by the corrected trapezoidal (Hermite) rule, order 4, from powers and their rates."""
-    if h > 0.0:
+def _add_work(h, slope, power, rate, momentum, damped, damped_rate, memo, observed):
+    """Work of load and dampers: as the step has it, if it tells; else by the corrected trapezoidal (Hermite) rule, of
+    order 4, from powers and their rates."""
+    if h > 0.0 and memo[OWN_WORK] != 0.0:
+        observed[ENERGY_INPUT] += memo[WORK_INPUT]
+        observed[ENERGY_DAMPED] += memo[WORK_DAMPED]
+        observed[ENERGY_LARGEST] = max(observed[ENERGY_LARGEST], observed[ENERGY_START] + observed[ENERGY_INPUT])
+    elif h > 0.0:
         ends = observed[_RATE_INPUT] - rate - slope * (observed[_MOMENTUM] - momentum)
         observed[ENERGY_INPUT] += 0.5 * h * (observed[_POWER_INPUT] + power) + h * h / 12.0 * ends
         ends = observed[_RATE_DAMPED] - damped_rate
@@ -247,6 +270,16 @@ def _add_work(h, slope, power, rate, momentum, damped, damped_rate, observed):
     observed[_MOMENTUM] = momentum
     observed[_POWER_DAMPED] = damped
     observed[_RATE_DAMPED] = damped_rate
+
+
+@inlined
+def begin(chain, laws, state, springs, observed):
+    """Energies of the initial state."""
+    take_stock(chain, laws, state, springs, observed)
+    observed[_DISSIPATED_BEFORE] = observed[ENERGY_DISSIPATED]
+    observed[ENERGY_DISSIPATED] = 0.0
+    observed[ENERGY_START] = observed[ENERGY_KINETIC] + observed[ENERGY_RECOVERABLE]
+    observed[ENERGY_LARGEST] = observed[ENERGY_START]
 
 
 @called
@@ -262,7 +295,7 @@ def take_stock(chain, laws, state, springs, observed):
         lost += dissipated(laws, springs, i)
     observed[ENERGY_KINETIC] = kinetic
     observed[ENERGY_RECOVERABLE] = stored
-    observed[ENERGY_DISSIPATED] = lost
+    observed[ENERGY_DISSIPATED] = lost - observed[_DISSIPATED_BEFORE]
 
 
 @called

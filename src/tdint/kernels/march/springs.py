@@ -67,6 +67,14 @@ def commit(laws, springs, i, past, trial):
 
 
 @inlined
+def adopt(laws, springs, i, trial):
+    """Make the trial state of story `i` the committed one; what it dissipated is settled."""
+    _keep(laws, springs, i, 0, trial)
+    for row in range(PLAIN_ROWS):
+        springs[row, i] = springs[trial + row, i]
+
+
+@inlined
 def resume(laws, springs, i):
     """Put story `i` on the branch that its committed state implies, after a step that does not follow branches."""
     if laws[CODE, i] not in KNOWING:

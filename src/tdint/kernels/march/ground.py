@@ -1,0 +1,56 @@
+"""The ground acceleration over a step, from the samples of a record: linear between them, zero after the last."""
+
+from __future__ import annotations
+
+from tdint.kernels.compiling import called, inlined
+
+
+@inlined
+def _sample(ground, position):
+    return ground[position] if position < ground.size else 0.0
+
+
+@inlined
+def ground_at(ground, step, per_sample, stride):
+    """Ground acceleration at the start of a step."""
+    if per_sample == 1:
+        return _sample(ground, step * stride)
+    sample = step // per_sample
+    part = (step - sample * per_sample) / per_sample
+    value = _sample(ground, sample)
+    return value + (_sample(ground, sample + 1) - value) * part
+
+
+@inlined
+def ground_between(ground, position):
+    """Ground acceleration at a position counted in samples."""
+    sample = int(position)
+    value = _sample(ground, sample)
+    return value + (_sample(ground, sample + 1) - value) * (position - sample)
+
+
+@called
+def straightened(ground, begin, end):
+    """Ends of the line that has the impulse and the first moment of the ground acceleration from position `begin` to
+    `end`, counted in samples.
+
+    It is the line of least squares. Within one sampling interval it is the record's own.
+    """
+    middle = 0.5 * (begin + end)
+    impulse = 0.0
+    moment = 0.0
+    left = begin
+    value = ground_between(ground, begin)
+    while left < end:
+        right = min(float(int(left) + 1), end)
+        following = ground_between(ground, right)
+        length = right - left
+        area = 0.5 * length * (value + following)
+        impulse += area
+        moment += (0.5 * (left + right) - middle) * area + length * length / 12.0 * (following - value)
+        left = right
+        value = following
+    whole = end - begin
+    mean = impulse / whole
+    half = 6.0 * moment / (whole * whole)
+    return mean - half, mean + half

@@ -1,0 +1,347 @@
+"""Motion of all floors over a step of moment4: impulse and first moment of the equation of motion.
+
+Unknowns are the floors' rise D0 = h U0 = u1 - u0 and bend D1 = h U1 of their parabolas; `tdint.methods.moment4` gives
+the equations. Times h^2 they read
+
+    M a0 + h C D0 + h^2 (F0 - P0) = 0                          impulse
+    M a1 + h C D1 + h^2 (F1 - P1) + h^2 r K D1 = 0             first moment
+    a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
+
+with the means F0 and moments F1 of `tdint.kernels.march.path`, and K the initial stiffness.
+"""
+
+from __future__ import annotations
+
+import math
+
+from tdint.kernels.compiling import called, inlined
+from tdint.kernels.layout import (
+    ACCELERATION,
+    ALL_BRANCHES,
+    BRANCHES,
+    DISPLACEMENT,
+    DRIFT,
+    FLOOR_DAMPER,
+    GEOMETRIC,
+    INVERSE_MASS,
+    LINEAR,
+    LINK,
+    MASS,
+    NOT_CONVERGED,
+    POWER_DAMPER,
+    POWER_DAMPERS,
+    RESIDUAL,
+    STIFFNESS,
+    STORY_DAMPER,
+    VELOCITY,
+    WORK_DAMPED,
+    WORK_INPUT,
+    WORST_STORY,
+)
+from tdint.kernels.march.branches import advance
+from tdint.kernels.march.chain import add_modal_force
+from tdint.kernels.march.dashpot_path import follow_dashpot
+from tdint.kernels.march.path import (
+    MEAN,
+    MEAN_BY_BEND,
+    MEAN_BY_RISE,
+    MOMENT,
+    MOMENT_BY_BEND,
+    MOMENT_BY_RISE,
+    PATH_ROWS,
+    arrive,
+    follow,
+    keep_to_branch,
+    stays,
+)
+from tdint.kernels.march.stepping import ITERATIONS, NOTHING, SAME_TANGENT, SMALL
+from tdint.kernels.march.tridiagonal import factor_blocks, link_blocks, solve_blocks_damped
+
+# Coefficients
+R = 0  # of dissipation
+BY_RISE = 1  # 12 / (1 + 6 r)
+
+# Rows of work
+LOAD = 0  # P0, then P1
+RISE = 2
+BEND = 3
+A0 = 4  # a0 and a1 as in the equations above
+A1 = 5
+_X = 6  # residuals, then corrections, of the rises, then the bends
+_CORRECTION = 8  # likewise
+_SIZE = 10  # of what the displacements round, as a force
+_LEFT = 11  # 1 if the story leaves its branch
+_PATH = 12
+_DASHPOT = _PATH + PATH_ROWS  # mean and moment of the power-law dashpot's force
+_FACTORED = _DASHPOT + 2  # tangents; the step stands in the last column
+_BLOCKS = _FACTORED + 4
+_COUPLING = _BLOCKS + 4
+_STORE = _COUPLING + 4
+
+CLOSE = 1e-13
+"""Out of balance over the sum of the sizes of the terms: the energy balance is to close."""
+
+_LEAST = 1e-3  # part of a correction that is tried
+
+
+def work_rows(modes: int) -> int:
+    """Rows of work that the step needs for a building with `modes` modally damped modes."""
+    return _STORE + 6 * modes + 1
+
+
+@inlined
+def move(coefficients, chain, modal, laws, h, state, springs, work, memo):
+    """Motion over the step; returns the number of solves, or NOT_CONVERGED.
+
+    Where all laws are linear on their branches, the first solve is that of the branches on which the stories are: in a
+    linear building the only one. Otherwise Newton's iteration with the complete tangents. A correction that does not
+    bring the equations closer to balance is halved.
+    """
+    n = chain.shape[1] - 1
+    straight = memo[BRANCHES] == ALL_BRANCHES
+    _guess(0.0 if straight else 1.0, h, state, work, n)
+    iterations = 0
+    part = 1.0
+    before = math.inf
+    last = False
+    while True:
+        stale = _stories(straight, coefficients, chain, laws, h, state, springs, work)
+        size = _residuals(coefficients, chain, modal, h, state, work)
+        if not straight:
+            if last or _in_balance(coefficients, chain, h, state, work, memo):
+                break
+            if size > before * (1.0 - 1e-4 * part) and part > _LEAST:
+                part *= 0.5
+                _step_back(part, work, n)
+                continue
+            if iterations == ITERATIONS or not size < math.inf:
+                return NOT_CONVERGED
+        if stale:
+            _factor(coefficients, chain, modal, laws, h, work)
+        solve_blocks_damped(work, _BLOCKS, _COUPLING, modal, h, 0.0, 0.0, h, _STORE, _X, _X + 1, n)
+        last = _correct(h, state, work, n)
+        iterations += 1
+        if memo[LINEAR] != 0.0:
+            break
+        before = size
+        part = 1.0
+        straight = False
+    return iterations
+
+
+@inlined
+def _guess(factor, h, state, work, n):
+    """Constant acceleration, that of the end of the step before, with factor 1; no motion with 0."""
+    for i in range(n):
+        work[BEND, i] = factor * h * h * state[ACCELERATION, i]
+        work[RISE, i] = factor * h * state[VELOCITY, i] + 0.5 * work[BEND, i]
+
+
+@inlined
+def _stories(straight, coefficients, chain, laws, h, state, springs, work):
+    """Means, moments and tangents of the stories, dampers included, for the present motion. With `straight` all stories
+    keep to their branches. True if the factorization does not fit the tangents."""
+    n = chain.shape[1] - 1
+    stale = work[_FACTORED, n] != h
+    rise_below = 0.0
+    bend_below = 0.0
+    size_below = 0.0
+    for i in range(n):
+        link = chain[LINK, i]
+        rise = work[RISE, i] - link * rise_below
+        bend = work[BEND, i] - link * bend_below
+        rise_below = work[RISE, i]
+        bend_below = work[BEND, i]
+        if straight or stays(springs, i, rise, bend):
+            work[_LEFT, i] = 0.0
+            keep_to_branch(springs, i, rise, bend, work, _PATH)
+        else:
+            work[_LEFT, i] = 1.0
+            follow(laws, springs, i, rise, bend, work, _PATH)
+        if chain[POWER_DAMPER, i] != 0.0:
+            follow_dashpot(chain, i, h, rise, bend, work, _PATH, _DASHPOT)
+        same = SAME_TANGENT * laws[STIFFNESS, i]
+        for row in range(4):
+            change = abs(work[_PATH + MEAN_BY_RISE + row, i] - work[_FACTORED + row, i])
+            stale = stale or change > same
+        geometric = chain[GEOMETRIC, i]
+        damper = chain[STORY_DAMPER, i] / h
+        drift = springs[DRIFT, i]
+        stiffness = coefficients[R] * (laws[STIFFNESS, i] + geometric)
+        work[_PATH + MEAN, i] += geometric * (drift + 0.5 * rise - bend / 12.0) + damper * rise
+        work[_PATH + MOMENT, i] += geometric * rise + (damper + stiffness) * bend
+        # A drift is a difference: what the displacements round is not out of balance.
+        size = abs(state[DISPLACEMENT, i]) + abs(rise_below)
+        work[_SIZE, i] = SMALL / CLOSE * laws[STIFFNESS, i] * (size + link * size_below)
+        size_below = size
+    return stale
+
+
+@inlined
+def _residuals(coefficients, chain, modal, h, state, work):
+    """Minus the residuals of both equations into their rows; returns their size."""
+    n = chain.shape[1] - 1
+    for i in range(n):
+        work[_X, i] = 0.0
+        work[_X + 1, i] = 0.0
+    add_modal_force(modal, work, RISE, -h, work, _X, n)
+    add_modal_force(modal, work, BEND, -h, work, _X + 1, n)
+    total = 0.0
+    for i in range(n):
+        link = chain[LINK, i + 1]
+        rise = work[RISE, i]
+        bend = work[BEND, i]
+        a1 = coefficients[BY_RISE] * (0.5 * bend - rise + h * state[VELOCITY, i])
+        a0 = bend - coefficients[R] * a1
+        work[A0, i] = a0
+        work[A1, i] = a1
+        floor = h * chain[FLOOR_DAMPER, i]
+        mean = work[_PATH + MEAN, i] - link * work[_PATH + MEAN, i + 1] - work[LOAD, i]
+        moment = work[_PATH + MOMENT, i] - link * work[_PATH + MOMENT, i + 1] - work[LOAD + 1, i]
+        work[_X, i] -= chain[MASS, i] * a0 + floor * rise + h * h * mean
+        work[_X + 1, i] -= chain[MASS, i] * a1 + floor * bend + h * h * moment
+        squares = work[_X, i] * work[_X, i] + work[_X + 1, i] * work[_X + 1, i] / 12.0
+        total += chain[INVERSE_MASS, i] * squares
+    return total
+
+
+@inlined
+def _in_balance(coefficients, chain, h, state, work, memo):
+    """Whether the residuals are small beside the terms of their equations."""
+    memo[RESIDUAL] = 0.0
+    small = True
+    for i in range(chain.shape[1] - 1):
+        link = chain[LINK, i + 1]
+        mass = chain[MASS, i]
+        rounding = work[_SIZE, i] + link * work[_SIZE, i + 1]
+        forces = abs(work[_PATH + MEAN, i]) + link * abs(work[_PATH + MEAN, i + 1]) + abs(work[LOAD, i])
+        inner = abs(work[BEND, i]) + coefficients[R] * abs(work[A1, i])
+        small = _balanced(memo, i, work[_X, i], mass * inner + h * h * (forces + rounding)) and small
+        forces = abs(work[_PATH + MOMENT, i]) + link * abs(work[_PATH + MOMENT, i + 1]) + abs(work[LOAD + 1, i])
+        inner = abs(work[BEND, i]) + abs(work[RISE, i]) + h * abs(state[VELOCITY, i])
+        inner *= coefficients[BY_RISE]
+        small = _balanced(memo, i, work[_X + 1, i], mass * inner + h * h * (forces + rounding)) and small
+    return small
+
+
+@inlined
+def _balanced(memo, i, residual, scale):
+    if abs(residual) <= CLOSE * scale + NOTHING:
+        return True
+    ratio = abs(residual) / scale
+    if not ratio <= memo[RESIDUAL]:
+        memo[RESIDUAL] = ratio
+        memo[WORST_STORY] = i
+    return False
+
+
+@inlined
+def _correct(h, state, work, n):
+    """Add the corrections. True if they are rounding."""
+    small = True
+    for i in range(n):
+        for row in range(2):
+            work[_CORRECTION + row, i] = work[_X + row, i]
+            work[RISE + row, i] += work[_X + row, i]
+        size = abs(state[DISPLACEMENT, i]) + abs(work[RISE, i]) + abs(work[BEND, i])
+        small = small and abs(work[_X, i]) + abs(work[_X + 1, i]) <= SMALL * size
+    return small
+
+
+@inlined
+def _step_back(part, work, n):
+    for i in range(n):
+        for row in range(2):
+            work[RISE + row, i] -= part * work[_CORRECTION + row, i]
+
+
+@called
+def _factor(coefficients, chain, modal, laws, h, work):
+    """Factor the Newton matrix for the present tangents."""
+    n = chain.shape[1] - 1
+    square = h * h
+    for i in range(n):
+        mass = chain[MASS, i]
+        floor = h * chain[FLOOR_DAMPER, i]
+        geometric = chain[GEOMETRIC, i]
+        damper = h * chain[STORY_DAMPER, i]
+        numerical = coefficients[R] * (laws[STIFFNESS, i] + geometric)
+        for row in range(4):
+            work[_FACTORED + row, i] = work[_PATH + MEAN_BY_RISE + row, i]
+        work[_COUPLING, i] = square * (work[_PATH + MEAN_BY_RISE, i] + 0.5 * geometric) + damper
+        work[_COUPLING + 1, i] = square * (work[_PATH + MEAN_BY_BEND, i] - geometric / 12.0)
+        work[_COUPLING + 2, i] = square * (work[_PATH + MOMENT_BY_RISE, i] + geometric)
+        work[_COUPLING + 3, i] = square * (work[_PATH + MOMENT_BY_BEND, i] + numerical) + damper
+        by_rise = mass * coefficients[BY_RISE]
+        work[_BLOCKS, i] = coefficients[R] * by_rise + floor + work[_COUPLING, i]
+        work[_BLOCKS + 1, i] = mass - 0.5 * coefficients[R] * by_rise + work[_COUPLING + 1, i]
+        work[_BLOCKS + 2, i] = work[_COUPLING + 2, i] - by_rise
+        work[_BLOCKS + 3, i] = 0.5 * by_rise + floor + work[_COUPLING + 3, i]
+    work[_FACTORED, n] = h
+    link_blocks(chain, work, _BLOCKS, _COUPLING, n)
+    factor_blocks(_BLOCKS, _COUPLING, work, modal, h, 0.0, 0.0, h, _STORE, n)
+
+
+@inlined
+def finish(coefficients, chain, modal, laws, h, state, springs, work, memo):
+    """Update the state, and the work done by the load and the dampers along the paths."""
+    n = chain.shape[1] - 1
+    given = 0.0
+    damped = 0.0
+    rise_below = 0.0
+    bend_below = 0.0
+    for i in range(n):
+        rise = work[RISE, i]
+        bend = work[BEND, i]
+        a1 = coefficients[BY_RISE] * (0.5 * bend - rise + h * state[VELOCITY, i])
+        a0 = bend - coefficients[R] * a1
+        given += rise * work[LOAD, i] + bend * work[LOAD + 1, i] / 12.0
+        damped += chain[FLOOR_DAMPER, i] / h * (rise * rise + bend * bend / 12.0)
+        state[DISPLACEMENT, i] += rise
+        state[VELOCITY, i] += a0 / h
+        state[ACCELERATION, i] = (a0 + 0.5 * a1) / (h * h)
+        rise -= chain[LINK, i] * rise_below
+        bend -= chain[LINK, i] * bend_below
+        rise_below = work[RISE, i]
+        bend_below = work[BEND, i]
+        damped += chain[STORY_DAMPER, i] / h * (rise * rise + bend * bend / 12.0)
+        if work[_LEFT, i] == 0.0:
+            advance(laws, springs, i, 0, springs[DRIFT, i] + rise)
+        else:
+            arrive(laws, springs, i, rise)
+    if modal.shape[0] > 0:
+        damped += _modal_work(modal, h, work, n)
+    if memo[POWER_DAMPERS] != 0.0:
+        damped += _dashpot_work(chain, work, n)
+    memo[WORK_INPUT] = given
+    memo[WORK_DAMPED] = damped
+
+
+@called
+def _modal_work(modal, h, work, n):
+    """Work of modal damping along the paths."""
+    total = 0.0
+    for j in range(modal.shape[0]):
+        rise = 0.0
+        bend = 0.0
+        for i in range(n):
+            rise += modal[j, i] * work[RISE, i]
+            bend += modal[j, i] * work[BEND, i]
+        total += (rise * rise + bend * bend / 12.0) / h
+    return total
+
+
+@called
+def _dashpot_work(chain, work, n):
+    """Work of the power-law dashpots along the paths."""
+    total = 0.0
+    rise_below = 0.0
+    bend_below = 0.0
+    for i in range(n):
+        rise = work[RISE, i] - chain[LINK, i] * rise_below
+        bend = work[BEND, i] - chain[LINK, i] * bend_below
+        rise_below = work[RISE, i]
+        bend_below = work[BEND, i]
+        if chain[POWER_DAMPER, i] != 0.0:
+            total += rise * work[_DASHPOT, i] + bend * work[_DASHPOT + 1, i] / 12.0
+    return total

@@ -1,0 +1,175 @@
+"""What moment4 keeps, how far it is off and what it costs: python tests/benchmarks/moment4.py [TABLE]...
+
+Tables: energy (the conservative problems of `tdint failures` at their own steps and four times these), random (free
+vibration of random buildings), yielding (ten stories at parts and multiples of the record's step), laws (errors and
+cost for every drift law), stiff (yielding stories with stiff parts). All if none is named.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from tdint import load_model, run
+from tdint.analysis.assessment.hard_problems import problems
+from tdint.analysis.run.prepared import PreparedBuilding
+from tdint.analysis.run.run import FailedRun, model_record
+from tdint.analysis.run.steps import choose_steps
+from tdint.methods.catalogue import parse
+from tdint.model.laws import LAWS
+
+sys.path.append(str(Path(__file__).parents[1]))
+from building_cases import story
+from law_examples import example
+from random_buildings import CONSERVATIVE, HYSTERETIC, random_building
+
+MODEL = load_model(Path(__file__).parents[2] / "configs" / "ten-story-bilinear.yaml")
+DT = 0.01
+FINE = 16
+METHODS = ("moment4", "impulse4", "gauss4", "newmark-average")
+REPEATS = 15
+
+
+def difference(u, exact):
+    """Relative L2 difference of two histories."""
+    rows = min(len(u), len(exact))
+    return np.linalg.norm(u[:rows] - exact[:rows]) / np.linalg.norm(exact[:rows])
+
+
+def energy():
+    """Energy of conservative motions."""
+    print("energy over that at the start, less 1: least, largest; largest rise in a step")
+    for name in ("hardening", "softening"):
+        problem = problems()[name]
+        for dt, steps in problem.steps:
+            for times in (1, 4):
+                for rho_inf in (1.0, 0.8, 0.5, 0.2, 0.0):
+                    method = f"moment4:rho_inf={rho_inf}"
+                    history = run(
+                        problem.model, method=method, dt=times * dt, duration=steps * dt, history=True
+                    ).history
+                    ratio = problem.energy(history) / problem.energy_scale
+                    rise = np.max(np.diff(ratio))
+                    span = f"{np.min(ratio) - 1.0:9.1e} {np.max(ratio) - 1.0:9.1e}"
+                    print(f"{name:10s} dt {times * dt:6.3f}  rho_inf {rho_inf:3.1f}  {span} {rise:9.1e}")
+
+
+def _study(laws, seed, cases=200):
+    generator = np.random.default_rng(seed)
+    drifts = {True: [0.0], False: [0.0]}
+    rises, balances, halved = [], [], 0
+    for _ in range(cases):
+        building, period = random_building(generator, laws)
+        step = period * generator.uniform(0.005, 0.2)
+        response = run(building, method="moment4", dt=step, duration=20.0 * period, history=True)
+        parts = response.history.energy
+        total = (parts.kinetic + parts.recoverable) / (parts.kinetic + parts.recoverable)[0]
+        drifts[any(one.law.name == "tanh" for one in building.stories)].append(np.max(np.abs(total - 1.0)))
+        rises.append(np.max(np.diff(total)))
+        balances.append(np.max(np.abs(parts.error)))
+        halved += response.halvings > 0
+    return drifts, max(rises), max(balances), halved
+
+
+def random():
+    """Free vibration of 200 random buildings of either kind."""
+    drifts, rise, _, halved = _study(CONSERVATIVE, 0)
+    print(f"conservative: drift {max(drifts[False]):.1e}, with tanh stories {max(drifts[True]):.1e}; {halved} halved")
+    _, rise, balance, halved = _study(HYSTERETIC, 1)
+    print(f"hysteretic: largest rise in a step {rise:.1e}, balance {balance:.1e}; {halved} with a halved step")
+
+
+def _errors(model, method, samples, reference):
+    """L2 error and largest error of a peak drift; samples per step."""
+    exact, peaks = reference
+    try:
+        response = run(model, method=method, dt=DT * samples, history=True)
+    except FailedRun as failure:
+        return f"{failure.status:>15s}"
+    parts, stride = max(round(1 / samples), 1), max(round(samples), 1)
+    error = difference(response.history.displacement[::parts], exact[::stride])
+    peak = np.max(np.abs(response.stories.peak_drift / peaks - 1.0))
+    return f"{error:.1e}/{peak:.1e}"
+
+
+def _reference(model, method="impulse4"):
+    fine = run(model, method=method, dt=DT / FINE, history=True)
+    return fine.history.displacement[::FINE], fine.stories.peak_drift
+
+
+def _table(model, methods, reference, all_samples):
+    print(f"{'':22s}" + "".join(f"{f'{one:g} samples':>18s}" for one in all_samples))
+    for method in methods:
+        cells = (_errors(model, method, samples, reference) for samples in all_samples)
+        print(f"{method:22s}" + "".join(f"{cell:>18s}" for cell in cells))
+
+
+def yielding():
+    """The ten stories of the configuration."""
+    print("L2 error / largest error of a peak drift, by samples of the record in a step")
+    _table(MODEL, METHODS, _reference(MODEL), (0.25, 0.5, 1, 2, 4, 8))
+
+
+class March:
+    """The fastest march of a building with a method."""
+
+    def __init__(self, model, method):
+        self.prepared, self.integrator = PreparedBuilding.of(model), parse(method)
+        self.seconds = np.inf
+
+    def repeat(self, record):
+        """March once more; processor time."""
+        steps = choose_steps(None, None, record.dt, record.duration)
+        begin = time.process_time()
+        self.prepared.march(self.integrator, steps, record.acceleration.copy(), between=True)
+        self.seconds = min(self.seconds, (time.process_time() - begin) / steps.count)
+
+
+def laws():
+    """Ten stories of every law, bending where those of the model yield."""
+    record = model_record(MODEL)
+    models = {
+        name: replace(
+            MODEL,
+            stories=tuple(
+                replace(one, law=example(name, one.stiffness, one.law.parameters[0])) for one in MODEL.stories
+            ),
+        )
+        for name in LAWS
+    }
+    methods = ("newmark-average", "impulse4", "moment4")
+    marches = {name: [March(model, method) for method in methods] for name, model in models.items()}
+    for _ in range(REPEATS):
+        for march in (march for group in marches.values() for march in group):
+            march.repeat(record)
+    print("processor time, us per step, and moment4's over impulse4's")
+    for name, group in marches.items():
+        times = "".join(f"{march.seconds * 1e6:8.2f}" for march in group)
+        print(f"{name:20s}{times}   {group[2].seconds / group[1].seconds:5.2f}")
+    for name, model in models.items():
+        print(f"\n{name}: L2 error / largest error of a peak drift")
+        _table(model, METHODS, _reference(model, "gauss4" if LAWS[name].curved else "impulse4"), (0.5, 1, 2, 4))
+
+
+def stiff():
+    """The ten stories with every third one 1000 times as stiff and elastic: the step does not resolve these."""
+    stories = tuple(
+        story(one.mass, 1e3 * one.stiffness, height=one.height) if i % 3 == 2 else one
+        for i, one in enumerate(MODEL.stories)
+    )
+    model = replace(MODEL, stories=stories)
+    print("L2 error / largest error of a peak drift")
+    dissipative = ("moment4:rho_inf=0.8", "moment4:rho_inf=0.5", "moment4:rho_inf=0", "impulse4:rho_inf=0.5")
+    _table(model, (*METHODS, *dissipative, "bathe"), _reference(model), (0.5, 1, 2, 4))
+
+
+TABLES = {one.__name__: one for one in (energy, random, yielding, laws, stiff)}
+
+if __name__ == "__main__":
+    for name in sys.argv[1:] or TABLES:
+        TABLES[name]()
+        print()

@@ -1,0 +1,178 @@
+"""Drift laws along a parabola of drift: integrals, tangents, and the work against what is stored and dissipated."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numba.core import types
+
+from law_examples import example
+from law_paths import FY, K, law_table
+from tdint.kernels.compiling import F8, TABLE, kernel
+from tdint.kernels.laws import LAWS as COMPILED
+from tdint.kernels.laws.apart import spring_table
+from tdint.kernels.layout import ADDRESS, COMMITTED, DISSIPATED, DRIFT, FIRST_TRIAL, FORCE, SPRING_ROWS
+from tdint.kernels.march import path
+from tdint.kernels.march.springs import commit, dissipated, recoverable, restoring, start
+
+pytestmark = pytest.mark.long
+
+LAWS = {law.name: law for law in COMPILED}
+DY = FY / K
+PATHS = 60
+TOLERANCE = {"tanh": 1e-9, "bouc-wen": 1e-5}
+"""Of the work, over Fy times the way, where the law is integrated by points; the others are integrated exactly."""
+
+INTEGRALS = {"tanh": 1e-6, "bouc-wen": 1e-4}
+"""Of the integrals, over the forces; else the error of Simpson's rule across kinks."""
+
+TANGENTS = {"bouc-wen": 1e-3}
+"""Over the stiffness: the points move with the path, and the law takes substeps; else the error of the differences."""
+
+
+@kernel(types.void(TABLE, TABLE, F8))
+def begin(laws, state, drift):
+    start(laws, state, 0, drift)
+
+
+@kernel(types.void(TABLE, TABLE, F8, F8, TABLE))
+def integrate(laws, state, rise, bend, out):
+    """Mean, moment and the four tangents into the first rows of `out`."""
+    path.follow(laws, state, 0, rise, bend, out, 0)
+
+
+@kernel(types.boolean(TABLE, F8, F8, TABLE))
+def integrate_on_branch(state, rise, bend, out):
+    if not path.stays(state, 0, rise, bend):
+        return False
+    path.keep_to_branch(state, 0, rise, bend, out, 0)
+    return True
+
+
+@kernel(types.void(TABLE, TABLE, F8, F8, TABLE))
+def go(laws, state, rise, bend, out):
+    path.follow(laws, state, 0, rise, bend, out, 0)
+    path.arrive(laws, state, 0, rise)
+
+
+@kernel(types.void(TABLE, TABLE, F8, F8, types.int64, TABLE))
+def walk(laws, state, rise, bend, parts, out):
+    """The integrals by Simpson's rule from point to point, each a drift that the law goes to straight."""
+    first = state[DRIFT, 0]
+    out[0, 0] = out[1, 0] = 0.0
+    for half in range(2 * parts + 1):
+        t = 0.5 * half / parts
+        drift = first + t * rise + 0.5 * bend * (t * t - t)
+        restoring(laws, state, 0, COMMITTED, FIRST_TRIAL, drift)
+        commit(laws, state, 0, COMMITTED, FIRST_TRIAL)
+        weight = (4.0 if half % 2 else 1.0 if half in (0, 2 * parts) else 2.0) / (6.0 * parts)
+        out[0, 0] += weight * state[FORCE, 0]
+        out[1, 0] += 12.0 * weight * (t - 0.5) * state[FORCE, 0]
+
+
+@kernel(types.UniTuple(F8, 2)(TABLE, TABLE))
+def energies(laws, state):
+    return recoverable(laws, state, 0), dissipated(laws, state, 0)
+
+
+def table(name):
+    return law_table(name, *example(name, K, FY).parameters)
+
+
+def random_paths(seed=3):
+    """Rises and bends of up to a few yield drifts; among them ones that turn, that do not move, that only bend."""
+    generator = np.random.default_rng(seed)
+    scale = DY * 10.0 ** generator.uniform(-2.0, 0.5, PATHS)
+    rises, bends = scale * generator.normal(size=(2, PATHS)) * [[1.0], [4.0]]
+    rises[0] = bends[0] = 0.0
+    rises[1] = bends[2] = 0.0
+    return list(zip(rises, bends, strict=True))
+
+
+def results(call, *arguments):
+    out = np.zeros((path.PATH_ROWS, 2))
+    call.compiled(*arguments, out)
+    return out[:6, 0].copy()
+
+
+@pytest.fixture(params=LAWS)
+def journey(request):
+    """A law, and the states and paths of one story of it that goes on from path to path."""
+    laws = table(request.param)
+    state = spring_table(laws)
+    begin.compiled(laws, state, 0.0)
+    visited = []
+    for rise, bend in random_paths():
+        if abs(state[DRIFT, 0] + rise) > 8.0 * DY:  # not ever farther
+            rise, bend = -rise, -bend
+        visited.append((state.copy(), rise, bend))
+        results(go, laws, state, rise, bend)
+    return request.param, laws, visited
+
+
+def test_the_work_is_what_is_stored_and_dissipated(journey):
+    name, laws, visited = journey
+    for state, rise, bend in visited:
+        before = energies.compiled(laws, state)
+        mean, moment, *_ = results(go, laws, state, rise, bend)
+        after = energies.compiled(laws, state)
+        work = rise * mean + bend * moment / 12.0
+        way = abs(rise) + abs(bend) + 1e-3 * DY
+        allowed = TOLERANCE.get(name, 1e-12) * 10.0 * FY * way + 1e-14 * sum(map(abs, after))
+        assert work == pytest.approx(sum(after) - sum(before), rel=1e-12, abs=allowed)
+
+
+def test_the_integrals_are_those_of_the_force(journey):
+    name, laws, visited = journey
+    for state, rise, bend in visited:
+        got = results(integrate, laws, state.copy(), rise, bend)
+        out = np.zeros((path.PATH_ROWS, 2))
+        walk.compiled(laws, state.copy(), rise, bend, 400, out)
+        size = abs(state[FORCE, 0]) + abs(got[0]) + K * (abs(rise) + abs(bend))
+        assert got[:2] == pytest.approx(out[:2, 0], abs=INTEGRALS.get(name, 1e-4) * size)
+
+
+def test_the_tangents_are_the_derivatives(journey):
+    """By central differences: all but the few that meet a kink are close."""
+    name, laws, visited = journey
+    off = []
+    for state, rise, bend in visited[3:]:
+        got = results(integrate, laws, state.copy(), rise, bend)[2:]
+        eps = 1e-5 * (abs(rise) + abs(bend))
+        numeric = []
+        for by_rise, by_bend in ((eps, 0.0), (0.0, eps)):
+            ends = [
+                results(integrate, laws, state.copy(), rise + sign * by_rise, bend + sign * by_bend)[:2]
+                for sign in (1.0, -1.0)
+            ]
+            numeric.append((ends[0] - ends[1]) / (2.0 * eps))
+        off.append(np.max(np.abs(np.array(numeric).T.ravel() - got)) / K)
+    assert np.quantile(off, 0.9) < TANGENTS.get(name, 2e-5)
+    assert max(off) < 0.05
+
+
+def test_a_story_on_its_branch_needs_no_walk(journey):
+    name, laws, visited = journey
+    kept = 0
+    for state, rise, bend in visited:
+        out = np.zeros((path.PATH_ROWS, 2))
+        if integrate_on_branch.compiled(state, rise, bend, out):
+            kept += 1
+            walked = results(integrate, laws, state.copy(), rise, bend)
+            scale = K * (abs(rise) + abs(bend)) + abs(state[FORCE, 0]) + K
+            assert out[:6, 0] == pytest.approx(walked, abs=1e-11 * scale)
+    assert (kept > 0) == (not LAWS[name].curved)
+    assert (kept == PATHS) == (name == "linear")
+
+
+def test_rows_beyond_the_committed_state_do_not_matter(journey):
+    """What other stories or steps left in the trial blocks."""
+    _, laws, visited = journey
+    for state, rise, bend in visited[::7]:
+        clean, dirty = state.copy(), state.copy()
+        clean[SPRING_ROWS:ADDRESS] = 0.0
+        dirty[SPRING_ROWS:ADDRESS] = 1e3
+        one, other = (results(go, laws, table, rise, bend) for table in (clean, dirty))
+        assert np.array_equal(one, other)
+        for row in (DRIFT, FORCE, DISSIPATED):
+            assert clean[row, 0] == dirty[row, 0]

@@ -1,0 +1,358 @@
+"""moment4: impulse4 in linear buildings, energy kept or lost but never made in any, and the load by its moments."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from building_cases import (
+    FIVE_PERCENT,
+    Force,
+    Law,
+    ModalDamping,
+    model,
+    noise,
+    oscillator,
+    story,
+    ten_bilinear,
+    ten_linear,
+)
+from random_buildings import CONSERVATIVE, HYSTERETIC, random_building
+from references import orders
+from step_checks import RAYLEIGH, SOFTENING, TOO_LARGE, SingleSteps, building
+from tdint import load_model, run
+from tdint.analysis.assessment.failures import attempt
+from tdint.analysis.assessment.hard_problems import problems
+from tdint.analysis.run.amplification import amplification, spectral_radius
+from tdint.kernels.march.branches import enter
+from tdint.kernels.march.chain import force_moment
+from tdint.kernels.march.ground import straightened
+from tdint.methods.catalogue import parse
+from tdint.model.definition import PowerDashpot
+from tdint.model.loads import force_table
+
+RHO = (1.0, 0.8, 0.5, 0.2, 0.0)
+OFFICE = load_model(Path(__file__).parents[2] / "configs" / "ten-story-bilinear.yaml")
+DT = 0.01
+
+
+def both(rho_inf):
+    return f"moment4:rho_inf={rho_inf}", f"impulse4:rho_inf={rho_inf}"
+
+
+def close(got, expected, tolerance=1e-12):
+    return np.max(np.abs(got - expected)) <= tolerance * np.max(np.abs(expected))
+
+
+# ---- Linear buildings
+
+
+@pytest.mark.parametrize("rho_inf", RHO)
+@pytest.mark.parametrize("xi", [0.0, 0.05])
+def test_the_amplification_matrix_is_impulse4s(rho_inf, xi):
+    omega = np.geomspace(1e-3, 1e6, 60)
+    mine, other = (amplification(parse(method), omega, np.full(60, xi), 1.0) for method in both(rho_inf))
+    scale = np.array([[np.ones(60), 1.0 / np.maximum(omega, 1.0)], [np.maximum(omega, 1.0), np.ones(60)]])
+    scale = np.moveaxis(scale, 2, 0)  # u over v is 1 / omega where the step resolves it
+    assert np.max(np.abs(mine - other) / scale) < 1e-10
+    radii = [spectral_radius(parse(method), omega, np.full(60, xi), 1.0) for method in both(rho_inf)]
+    assert np.max(radii[0]) <= 1.0 + 1e-12
+    assert radii[0] == pytest.approx(radii[1], abs=1e-9)
+
+
+@pytest.mark.parametrize("rho_inf", RHO)
+@pytest.mark.parametrize("case", ["free", "record"])
+@pytest.mark.parametrize("damping", [RAYLEIGH, ModalDamping((0.02, 0.05, 0.03, 0.08))], ids=["rayleigh", "modal"])
+def test_histories_of_linear_buildings_are_impulse4s(rho_inf, case, damping):
+    """Dashpots and P-delta beside Rayleigh damping; a floor force where the load is linear or rho_inf below 1."""
+    given = building(damping)
+    if rho_inf == 1.0:
+        given = replace(given, excitation=replace(given.excitation, forces=()))
+    record = noise(401) if case == "record" else None
+    times = {} if record else {"dt": 0.01, "duration": 4.0}
+    mine, other = (run(given, record, method=method, history=True, **times).history for method in both(rho_inf))
+    for quantity in ("displacement", "velocity", "acceleration", "shear"):
+        assert close(getattr(mine, quantity), getattr(other, quantity))
+
+
+def test_a_linear_building_takes_one_solve_a_step():
+    response = run(ten_linear(), noise(), method="moment4")
+    assert response.iterations == response.steps
+
+
+# ---- Conservative problems
+
+
+@pytest.mark.parametrize("rho_inf", RHO)
+@pytest.mark.parametrize("name", ["hardening", "softening", "stiff-pair", "limit-sqrt-12", "large-step"])
+def test_no_step_raises_the_energy(name, rho_inf):
+    problem = problems()[name]
+    for dt, steps in problem.steps:
+        response = run(problem.model, method=both(rho_inf)[0], dt=dt, duration=dt * steps, history=True)
+        energy = problem.energy(response.history) / problem.energy_scale
+        assert np.max(np.diff(energy)) <= (1e-6 if name == "softening" else 1e-11)
+        assert response.halvings == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "times", "kept"),
+    [("hardening", 1, 1e-9), ("hardening", 4, 1e-9), ("softening", 1, 1e-6), ("softening", 4, 1e-2)],
+)
+def test_energy_is_kept_at_any_step(name, times, kept):
+    problem = problems()[name]
+    for dt, steps in problem.steps:
+        response = run(problem.model, method="moment4", dt=times * dt, duration=dt * steps, history=True)
+        assert np.max(np.abs(problem.energy(response.history) / problem.energy_scale - 1.0)) <= kept
+
+
+@pytest.mark.parametrize("rho_inf", [1.0, 0.5, 0.0])
+@pytest.mark.parametrize("name", problems())
+def test_verdicts_are_impulse4s_but_for_nonlinear_laws(name, rho_inf):
+    mine, other = (attempt(parse(method), problems()[name]) for method in both(rho_inf))
+    if name not in ("hardening", "softening"):
+        assert [trial.verdict for trial in mine] == [trial.verdict for trial in other]
+    elif rho_inf == 1.0:
+        assert {trial.verdict for trial in mine} == {"pass"}
+
+
+def energies(given, method, h, duration):
+    """A free vibration's response and its kinetic and stored energy over that at the start."""
+    response = run(given, method=method, dt=h, duration=duration, history=True)
+    parts = response.history.energy
+    total = parts.kinetic + parts.recoverable
+    return response, total / total[0]
+
+
+def conservative(cases, seed):
+    """Drift of the energy, largest rise in a step, halvings and failures of random conservative buildings."""
+    generator = np.random.default_rng(seed)
+    halved = 0
+    for _ in range(cases):
+        given, period = random_building(generator, CONSERVATIVE)
+        response, energy = energies(given, "moment4", period * generator.uniform(0.005, 0.2), 20.0 * period)
+        by_points = any(one.law.name == "tanh" for one in given.stories)
+        assert np.max(np.abs(energy - 1.0)) < (1e-6 if by_points else 1e-8)
+        halved += response.halvings > 0
+    assert halved <= 0.05 * cases
+
+
+def hysteretic(cases, seed):
+    generator = np.random.default_rng(seed)
+    for _ in range(cases):
+        given, period = random_building(generator, HYSTERETIC)
+        response, energy = energies(given, "moment4", period * generator.uniform(0.005, 0.2), 20.0 * period)
+        assert np.max(np.diff(energy)) <= 1e-12
+        assert np.max(np.abs(response.history.energy.error)) <= 1e-10
+
+
+def test_random_conservative_buildings():
+    conservative(20, 11)
+
+
+def test_random_yielding_buildings():
+    hysteretic(20, 12)
+
+
+@pytest.mark.slow
+def test_many_random_buildings():
+    conservative(200, 0)
+    hysteretic(200, 1)
+
+
+# ---- The balance of energy
+
+
+def damped(given):
+    """The same stories with a power-law dashpot each."""
+    stories = [replace(one, power_dashpot=PowerDashpot(2e5, 0.35, 0.002)) for one in given.stories]
+    return replace(given, stories=tuple(stories))
+
+
+BALANCED = {
+    "linear": ten_linear(),
+    "modal": ten_linear(ModalDamping((0.05,) * 10)),
+    "yielding": ten_bilinear(),
+    "yielding, modal": ten_bilinear(ModalDamping((0.05,) * 10)),
+    "fluid dampers": damped(ten_bilinear(None)),
+    "p-delta": replace(ten_bilinear(), p_delta=True),
+    "pounding": model([story(2e5, 3.5e8, Law("gap", (0.004, 2e9))) for _ in range(5)], damping=FIVE_PERCENT),
+    "degrading": model(
+        [story(2e5, 3.5e8, Law("peak-oriented", (1e6, 0.05, 0.4))) for _ in range(5)], damping=FIVE_PERCENT
+    ),
+    "driven": model(
+        [story(2e5, 3.5e8, Law("polynomial", (3.5e8, 0.0, 1e12)), dashpot=1e5)], forces=[Force(1, 1e6, 5e5, 30.0)]
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BALANCED)
+def test_the_balance_closes_at_every_step(case):
+    record = noise(401)
+    for parts in (4, 1, 1 / 2, 1 / 8):
+        response = run(BALANCED[case], record, method="moment4", dt=record.dt / parts, history=True)
+        assert response.status == "done"
+        assert response.energy.damping > 0.0
+        assert np.max(np.abs(response.history.energy.error)) < 1e-10
+
+
+@pytest.mark.parametrize("case", ["linear", "yielding", "fluid dampers", "driven"])
+def test_what_the_dissipative_members_lose_is_lost_in_every_step(case):
+    record = noise(401)
+    for rho_inf in (0.8, 0.0):
+        response = run(BALANCED[case], record, method=both(rho_inf)[0], history=True)
+        assert np.min(np.diff(response.history.energy.error)) > -1e-13
+        assert 0.0 < response.energy.error < 0.1
+
+
+def test_the_loss_is_that_of_the_equations():
+    """h^2 r / 12 (A1 M A1 + U1 K U1) in each step of an oscillator, A1 and U1 from the motion itself."""
+    rho_inf, omega, h = 0.5, 3.0, 0.2
+    r = (1.0 - rho_inf) / (6.0 * (1.0 + rho_inf))
+    history = run(
+        oscillator(omega, displacement=(1.0,)), method=both(rho_inf)[0], dt=h, duration=4.0, history=True
+    ).history
+    u, v = history.displacement[:, 0], history.velocity[:, 0]
+    mean = np.diff(v) / h
+    a1 = 12.0 / h * (v[:-1] + 0.5 * h * mean - np.diff(u) / h)
+    u1 = h * (mean + r * a1)
+    energy = 0.5 * v**2 + 0.5 * omega**2 * u**2
+    assert -np.diff(energy) == pytest.approx(h * h * r / 12.0 * (a1**2 + omega**2 * u1**2), rel=1e-9)
+
+
+# ---- The load
+
+
+def test_the_moment_of_a_floor_force():
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    s = 0.5 * nodes
+    for omega, h in ((0.0, 0.1), (3.0, 0.02), (20.0, 0.009), (20.0, 0.011), (40.0, 0.3)):
+        forces = force_table([Force(1, 3.0, -2.0, omega)])
+        t = 0.7
+
+        angle = omega * (t + (s + 0.5) * h)
+        moment = 12.0 * s * (3.0 * np.cos(angle) - 2.0 * np.sin(angle))
+        assert force_moment(forces, 0, t, h) == pytest.approx(weights @ moment / 2.0, abs=1e-13)
+
+
+@pytest.mark.parametrize(("begin", "end"), [(0.0, 1.0), (3.25, 3.5), (2.0, 6.0), (1.5, 4.75), (6.0, 10.0), (9.0, 12.0)])
+def test_the_line_has_the_impulse_and_the_moment_of_the_samples(begin, end):
+    """Also beyond the last sample, where the ground is at rest."""
+    ground = np.random.default_rng(5).normal(size=9)
+    knots = np.union1d(np.arange(14.0), [begin, end])
+    knots = knots[(knots >= begin) & (knots <= end)]
+    values = np.interp(knots, np.arange(14.0), np.append(ground, np.zeros(5)))
+    # Simpson's rule is exact for the products of lines.
+    middle = 0.5 * (begin + end)
+    halves, halfway = 0.5 * (knots[1:] + knots[:-1]), 0.5 * (values[1:] + values[:-1])
+    lengths = np.diff(knots)
+    impulse = np.sum(lengths * halfway)
+    edges = (knots - middle) * values
+    moment = np.sum(lengths / 6.0 * (edges[:-1] + 4.0 * (halves - middle) * halfway + edges[1:]))
+    first, last = straightened(ground, begin, end)
+    whole = end - begin
+    assert 0.5 * whole * (first + last) == pytest.approx(impulse, abs=1e-14)
+    assert whole**2 / 12.0 * (last - first) == pytest.approx(moment, abs=1e-13)
+
+
+# ---- Ten yielding stories
+
+
+@cache
+def reference(samples=1):
+    """impulse4 at dt / 16, within 2e-10 of dt / 64."""
+    response = run(OFFICE, method="impulse4", dt=DT / 16, history=True)
+    return response.history.displacement[:: 16 * samples], response.stories.peak_drift
+
+
+def l2(u, exact):
+    exact = exact[: len(u)]
+    return np.linalg.norm(u[: len(exact)] - exact) / np.linalg.norm(exact)
+
+
+@pytest.mark.parametrize(("parts", "allowed"), [(1, 2e-5), (2, 2e-6), (4, 3e-7)])
+def test_ten_yielding_stories(parts, allowed):
+    response = run(OFFICE, method="moment4", dt=DT / parts, history=True)
+    exact, peaks = reference()
+    assert l2(response.history.displacement[::parts], exact) <= allowed
+    assert np.max(np.abs(response.stories.peak_drift / peaks - 1.0)) <= 10.0 * allowed
+    assert response.iterations <= 1.2 * response.steps
+    assert (response.halvings, response.events) == (0, 0)
+    assert np.max(np.abs(response.history.energy.error)) < 1e-12
+
+
+@pytest.mark.parametrize(("samples", "allowed"), [(2, 2e-4), (4, 4e-3), (8, 2e-2)])
+def test_ten_yielding_stories_over_several_samples(samples, allowed):
+    response = run(OFFICE, method="moment4", dt=DT * samples, history=True)
+    assert l2(response.history.displacement, reference(samples)[0]) <= allowed
+    assert any("impulse and its first moment are kept" in note for note in response.notes)
+    assert np.max(np.abs(response.history.energy.error)) < 1e-12
+
+
+def test_steps_over_several_samples_keep_order_4_in_a_linear_building():
+    """The error of a smooth motion sampled finely falls with the step over the samples as with the step itself."""
+    record = noise(1601, dt=0.005)
+    exact = run(ten_linear(), record, method="exact", history=True).history.displacement
+    errors = [
+        np.max(
+            np.abs(
+                run(ten_linear(), record, method="moment4", dt=k * record.dt, history=True).history.displacement
+                - exact[::k]
+            )
+        )
+        for k in (4, 2)
+    ]
+    assert orders(errors)[0] > 3.5
+    skipping = run(ten_linear(), record, method="impulse4", dt=4 * record.dt, history=True).history.displacement
+    assert np.max(np.abs(skipping - exact[::4])) > 5.0 * errors[0]
+
+
+def test_peaks_between_the_steps_are_those_of_the_path():
+    """An oscillator's amplitude, from steps of a tenth of its period that never meet it."""
+    omega = 2.0 * np.pi
+    start = (0.6, 0.8 * omega)
+    response = run(
+        oscillator(omega, displacement=start[:1], velocity=start[1:]), method="moment4", dt=0.1, duration=1.0
+    )
+    assert response.stories.peak_drift[0] == pytest.approx(1.0, abs=2e-3)
+    assert response.stories.peak_displacement[0] == response.stories.peak_drift[0]
+
+
+# ---- Yielding in closed form, and steps that fail
+
+
+def test_an_elastic_perfectly_plastic_oscillator_stops_where_energy_says():
+    """As for impulse4: the slip is v^2 / (2 Fy) with the velocity at first yield."""
+    omega, strength = 10.0, 5.0
+    given = model([story(1.0, omega**2, Law("bilinear", (strength, 0.0)))], velocity=(1.0,))
+    slip = (1.0 - (strength / omega) ** 2) / (2.0 * strength)
+    errors = []
+    for h in (0.02, 0.01, 0.005):
+        response = run(given, method="moment4", dt=h, duration=2.0, history=True)
+        assert abs(response.energy.error) < 1e-13
+        errors.append(abs(response.energy.dissipated / (strength * slip) - 1.0))
+    assert errors[-1] < 1e-5
+
+
+def test_a_step_that_fails_leaves_all_as_it_was():
+    steps = SingleSteps("moment4", SOFTENING)
+    for i in range(2):
+        enter(steps.building.laws, steps.space.springs, i)
+    assert steps.take(0.0, -1.0) > 0
+    before = steps.memory()
+    assert steps.take(TOO_LARGE, TOO_LARGE) < 0
+    assert np.array_equal(steps.memory(), before)
+
+
+def test_large_steps_of_a_yielding_building_converge():
+    """A tenth to a quarter of the fundamental period of a yielding building, where Newton's plain iteration cycles."""
+    given = replace(
+        ten_bilinear(None), initial=replace(ten_bilinear().initial, displacement=tuple(0.05 * np.arange(1, 11)))
+    )
+    for h in (0.1, 0.2):
+        response, energy = energies(given, "moment4", h, 8.0)
+        assert response.halvings <= 2
+        assert np.max(np.diff(energy)) <= 1e-12
