@@ -195,9 +195,19 @@ def test_results_and_failures_come_in_order():
     assert os.getpid() not in processes[1:-1]
 
 
-def test_a_process_that_dies_is_told():
-    with pytest.raises(AnalysisError, match=r"a process ended before its time .*; use fewer --jobs"):
-        run_batch(["a", "dies", "b"], 2)
+def test_a_process_that_dies_costs_its_own_record_only():
+    found = run_batch(["a", "dies", "b", "dies", "c", "d"], 2)
+    assert [item if isinstance(item, Exception) else item[0] for item in (found[0], *found[2::2], found[5])] == [
+        "aa", "bb", "cc", "dd",
+    ]  # fmt: skip
+    for lost in (found[1], found[3]):
+        assert isinstance(lost, AnalysisError)
+        assert str(lost).startswith("dies: the process that worked on it ended before its time")
+
+
+def test_what_a_process_raises_is_raised():
+    with pytest.raises(TypeError):
+        run_batch(["a", None, "b"], 2)
 
 
 def test_results_of_one_process_come_as_they_are_made():

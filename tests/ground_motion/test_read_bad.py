@@ -309,3 +309,16 @@ def test_changed_files_are_read_to_the_end(originals, tmp_path):
                 assert np.isfinite(record.acceleration).all()
         except RecordError as error:
             assert str(error).startswith(f"{path}: ")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes")
+def test_a_named_pipe_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    refused(tmp_path / "pipe", "is a named pipe")
+    reading, writing = os.pipe()
+    try:
+        os.write(writing, b"# dt = 1 s, units = g\n0\n1\n")
+        os.close(writing)
+        assert read_record(f"/dev/fd/{reading}").acceleration.size == 2
+    finally:
+        os.close(reading)

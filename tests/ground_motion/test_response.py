@@ -7,6 +7,7 @@ import pytest
 
 from ground_motion.files import START, counts, trace, wave, write
 from tdint.errors import RecordError
+from tdint.ground_motion.instrument import read_instruments
 from tdint.ground_motion.messages import quiet_import
 from tdint.ground_motion.reading.read import read_record, read_records
 
@@ -166,9 +167,15 @@ def test_no_station_xml(tmp_path, data):
 
 def test_entities_are_refused(tmp_path):
     path = tmp_path / "a.xml"
-    path.write_text('<!DOCTYPE a [<!ENTITY b SYSTEM "file:///etc/hostname">]><FDSNStationXML>&b;</FDSNStationXML>')
-    with pytest.raises(RecordError, match="document type definition"):
-        read_record(write(tmp_path / "a.mseed", trace(counts())), inventory=path)
+    text = '<!DOCTYPE a [<!ENTITY b SYSTEM "file:///etc/hostname">]><FDSNStationXML>&b;</FDSNStationXML>'
+    for encoding in ("utf-8", "utf-16", "utf-16-be", "utf-8-sig", "latin-1"):
+        declared = "" if encoding.startswith("utf") else f'<?xml version="1.0" encoding="{encoding}"?>'
+        path.write_bytes((declared + text).encode(encoding))
+        with pytest.raises(RecordError, match=r"document type definition|not well-formed"):
+            read_instruments(path)
+    path.write_bytes(b'<?xml version="1.0" encoding="utf-7"?><a/>')
+    with pytest.raises(RecordError, match="cannot be read as StationXML"):
+        read_instruments(path)
 
 
 def test_missing_inventory(tmp_path):

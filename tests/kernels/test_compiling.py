@@ -8,6 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import tdint
 
 PACKAGE = Path(tdint.__file__).parent
@@ -71,3 +73,27 @@ def test_folders_long_unused_are_removed(tmp_path):
     assert current.exists()
     assert other.exists()
     assert not old.exists()
+
+
+def test_a_folder_that_others_may_write_to_is_not_used(tmp_path):
+    """What lies in it is run."""
+    cache = tmp_path / "cache"
+    folder = Path(python(FOLDER, tmp_path, TDINT_CACHE_DIR=str(cache)).strip())
+    assert folder.parent == cache
+    for place, mode in ((folder, 0o777), (folder, 0o720), (cache, 0o777)):
+        before = place.stat().st_mode
+        place.chmod(mode)
+        assert python(FOLDER, tmp_path, TDINT_CACHE_DIR=str(cache)).strip() == "None"
+        place.chmod(before & 0o7777)
+    cache.chmod(0o1777)  # Sticky, as /tmp: nobody may rename what belongs to another.
+    assert python(FOLDER, tmp_path, TDINT_CACHE_DIR=str(cache)).strip() == str(folder)
+
+
+def test_a_folder_of_another_user_is_not_used(tmp_path):
+    cache = tmp_path / "cache"
+    folder = Path(python(FOLDER, tmp_path, TDINT_CACHE_DIR=str(cache)).strip())
+    try:
+        os.chown(folder, 12345, -1)
+    except (OSError, AttributeError):
+        pytest.skip("only root can give a folder away")
+    assert python(FOLDER, tmp_path, TDINT_CACHE_DIR=str(cache)).strip() == "None"

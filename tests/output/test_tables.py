@@ -187,3 +187,11 @@ def test_every_column_says_what_it_is_and_in_which_unit():
     assert table.meanings["sa_m_s2"] == {"meaning": "largest absolute acceleration", "unit": "m/s^2"}
     assert "unit" not in table.meanings["maxima"]
     assert all(one["meaning"] for one in table.meanings.values())
+
+
+def test_text_of_a_file_s_header_steers_no_terminal_and_is_no_formula():
+    for text, cell in (
+        ("HNE", "HNE"), ("-", "-"), ("-1.5", "-1.5"), ("+3", "+3"), ("=1+1", "'=1+1"), ("@SUM(A1)", "'@SUM(A1)"),
+        ("-cmd|' /C calc'!A0", "'-cmd|' /C calc'!A0"), ("a\x1b[2Jb", "a\\x1b[2Jb"), ("a\x9bb", "a\\x9bb"),
+    ):  # fmt: skip
+        assert cell_text(text) == cell

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import sys
 from collections.abc import Sequence
 from typing import BinaryIO
 
 from tdint.errors import OutputError
 from tdint_cli.settings import is_quiet
+
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
 
 
 def emit(data: bytes) -> None:
@@ -72,7 +75,7 @@ def complain(text: str) -> None:
     if sys.stderr is None:
         return
     try:
-        sys.stderr.write(text + "\n")
+        sys.stderr.write(_CONTROL.sub(_escaped, text) + "\n")
         sys.stderr.flush()
     except OSError:
         pass
@@ -83,6 +86,11 @@ def say_table(rows: Sequence[Sequence[str]]) -> None:
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         say("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+
+
+def _escaped(match: re.Match[str]) -> str:
+    """What would steer a terminal (a file's name or header may hold it), as text."""
+    return repr(match[0])[1:-1]
 
 
 def _discard_from_now_on() -> None:

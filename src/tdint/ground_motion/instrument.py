@@ -9,6 +9,7 @@ from importlib.metadata import distribution
 from io import BytesIO
 from pathlib import Path
 from typing import Any
+from xml.parsers import expat
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,9 +53,7 @@ def read_instruments(source: str | Path) -> Instruments:
         The file cannot be read, or is not StationXML.
     """
     data = read_bytes(source)
-    # An entity could name other files; StationXML needs none.
-    if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
-        raise RecordError(f"{source}: an inventory with a document type definition is not read")
+    _refuse_definitions(data, str(source))
     (read_format,) = distribution("obspy").entry_points.select(
         group="obspy.plugin.inventory.STATIONXML", name="readFormat"
     )
@@ -66,6 +65,21 @@ def read_instruments(source: str | Path) -> Instruments:
     except Exception as error:  # The XML parser and ObsPy's reader raise many kinds.
         reason = one_line(str(error))
         raise RecordError(f"{source}: cannot be read as StationXML: {reason}") from error
+
+
+def _refuse_definitions(data: bytes, source: str) -> None:
+    """Refuse an XML file with a document type definition, in whatever encoding: an entity could name other files."""
+
+    def refuse(*_: object) -> None:
+        raise RecordError(f"{source}: an inventory with a document type definition is not read")
+
+    parser = expat.ParserCreate()
+    parser.StartDoctypeDeclHandler = refuse
+    parser.EntityDeclHandler = refuse
+    try:
+        parser.Parse(data, True)
+    except (expat.ExpatError, ValueError, LookupError) as error:
+        raise RecordError(f"{source}: cannot be read as StationXML: {one_line(str(error))}") from error
 
 
 def remove_response(trace: Any, instruments: Instruments, label: str) -> tuple[NDArray[np.float64], tuple[str, ...]]:

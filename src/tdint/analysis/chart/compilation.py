@@ -47,7 +47,7 @@ def compile_methods(integrators: Sequence[Integrator], progress: Callable[[float
 
 def _start(integrators: Sequence[Integrator]) -> subprocess.Popen[bytes] | None:
     """A process that compiles into the cache; None where it cannot be started. What it fails at is compiled here."""
-    command = [sys.executable, "-c", _CODE, *(one.label for one in integrators)]
+    command = [sys.executable, "-P", "-c", _CODE, *(one.label for one in integrators)]
     quiet = subprocess.DEVNULL
     try:
         return subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet)

@@ -28,7 +28,7 @@ def members(data: bytes, source: str) -> list[tuple[str, bytes]]:
     Raises
     ------
     RecordError
-        The archive is damaged, encrypted, or larger than 1 GiB in all when uncompressed.
+        The archive is damaged, encrypted, or larger than 256 MiB in all when uncompressed.
     """
     budget = [LARGEST]
     return list(_members(data, source, budget, 1))
@@ -64,7 +64,7 @@ def _content(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, budget:
             content += piece
             budget[0] -= len(piece)
             if budget[0] < 0:
-                raise RecordError(f"{name}: the archive is larger than 1 GiB uncompressed; take out the motion first")
+                raise RecordError(f"{name}: the archive is larger than 256 MiB uncompressed; take out the motion first")
     return bytes(content)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import stat
 import sys
 from pathlib import Path
 from typing import BinaryIO
@@ -13,7 +14,9 @@ from tdint.ground_motion.record import Input
 STDIN = "-"
 """The name that stands for standard input."""
 
-LARGEST = 2**30
+LARGEST = 2**28
+"""Bytes; reading takes some six times as much memory."""
+
 _PIECE = 2**20
 
 
@@ -35,7 +38,7 @@ def read_bytes(source: str | Path) -> bytes:
     Raises
     ------
     RecordError
-        The file is missing, no file, not readable, empty, or larger than 1 GiB.
+        The file is missing, no file, not readable, empty, or larger than 256 MiB.
     """
     try:
         content = _spool(source)
@@ -50,7 +53,7 @@ def read_bytes(source: str | Path) -> bytes:
     if not content:
         raise RecordError(f"{source}: the file is empty")
     if len(content) > LARGEST:
-        raise RecordError(f"{source}: the file is larger than 1 GiB; cut the event out of it first")
+        raise RecordError(f"{source}: the file is larger than 256 MiB; cut the event out of it first")
     return content
 
 
@@ -61,6 +64,8 @@ def digested(data: bytes, source: str | Path) -> Input:
 
 def _spool(source: str | Path) -> bytes:
     if str(source) != STDIN:
+        if _is_named_pipe(source):
+            raise RecordError(f"{source}: is a named pipe, which may never end; read from it with - and <")
         with Path(source).open("rb") as file:
             return _read_at_most(file)
     stream = getattr(sys.stdin, "buffer", None)
@@ -75,6 +80,11 @@ def _read_at_most(file: BinaryIO) -> bytes:
     while len(content) <= LARGEST and (piece := file.read(_PIECE)):
         content += piece
     return bytes(content)
+
+
+def _is_named_pipe(source: str | Path) -> bool:
+    """Whether opening a file may wait for ever; pipes that a shell has opened (`<(command)`) are none of those."""
+    return stat.S_ISFIFO(Path(source).stat().st_mode) and not str(source).startswith(("/dev/fd/", "/proc/"))
 
 
 def _name_hint(name: str) -> str:

@@ -21,6 +21,7 @@ from tdint.ground_motion.soundness.steim import most_samples
 _FIXED_HEADER = 48
 _SHORTEST_RECORD = 128
 _LENGTH_EXPONENTS = range(7, 21)
+_FILLED = re.compile(rb"[^ \0]")
 _CONTROL = re.compile(rb"[ \d]{6}[VAST](?:\*| \d{3})")
 _TEXT, _STEIM = 0, {10: 1, 11: 2, 19: 1, 20: 2}
 _WIDTHS = {1: 2, 2: 3, 3: 4, 4: 4, 5: 8, 12: 3, 13: 2, 14: 2, 16: 2, 30: 2, 32: 2, 33: 2}
@@ -105,7 +106,10 @@ def _walk(data: bytes) -> Iterator[DataRecord]:
     while offset < len(data):
         header = data[offset : offset + _FIXED_HEADER]
         if not header.strip(b" \0"):
-            offset += _SHORTEST_RECORD
+            # On to the block that has something in it, in one step: a file may be blank for long.
+            filled = _FILLED.search(data, offset)
+            blank = (filled.start() if filled else len(data)) - offset
+            offset += max(blank // _SHORTEST_RECORD, 1) * _SHORTEST_RECORD
             continue
         number += 1
         if len(header) < _FIXED_HEADER:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import repeat
@@ -29,6 +30,10 @@ UNITS = {
     "_J": "J",
 }
 """Ends of names and the units that they stand for, the longest ends first."""
+
+
+_CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f]")
+_FORMULA = re.compile(r"[=@]|[-+][A-Za-z(]")
 
 
 @dataclass(frozen=True)
@@ -134,4 +139,13 @@ def cell_text(value: Cell) -> str:
         case float() | np.floating():
             return "" if math.isnan(value) else format(value + 0.0, ".12g")  # + 0.0: zero has no sign
         case _:
-            return str(value)
+            return _harmless(str(value))
+
+
+def _harmless(text: str) -> str:
+    """Text of a file's header or name, which may hold anything: nothing that steers a terminal, and no formula.
+
+    Spreadsheets run what begins with = or @, or with a sign before a letter; an apostrophe before it makes it text.
+    """
+    plain = _CONTROL.sub(lambda match: repr(match[0])[1:-1], text)
+    return f"'{plain}" if _FORMULA.match(plain) else plain

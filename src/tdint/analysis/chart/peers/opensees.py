@@ -127,7 +127,7 @@ def _ask(
     ]
     stream = io.BytesIO()
     np.savez(stream, runs=np.array(json.dumps(jobs)), **_arrays(problem, reference))
-    command = [sys.executable, "-m", opensees_worker.__name__]
+    command = [sys.executable, "-P", "-m", opensees_worker.__name__]
     try:
         done = subprocess.run(command, input=stream.getvalue(), capture_output=True, timeout=60.0 * _MINUTES)
     except (OSError, subprocess.TimeoutExpired):

@@ -1,0 +1,84 @@
+"""Processes that are ended from outside: no orphan, no temporary file, no half file, no hang, the right exit code."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+
+import pytest
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+
+JOBS = ("spectrum", "many", "--jobs", "2", "-o", "out/", "--periods", "0.1:10:8000")
+
+
+def tables(folder):
+    return sorted(path.name for path in (folder / "out").glob("*.csv")) if (folder / "out").is_dir() else []
+
+
+def temporary(folder):
+    return [path.name for path in folder.rglob(".*") if path.is_file()]
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130), (signal.SIGKILL, -9)])
+def test_a_command_with_workers_that_is_ended(folder, start, number, code):
+    command = start(*JOBS)
+    command.wait_for(lambda: len(command.children()) == 2 and len(tables(folder)) >= 1)
+    os.kill(command.process.pid, number)
+    ended, _, words = command.end()
+    assert ended == code, words
+    command.nobody_is_left()
+    if number != signal.SIGKILL:
+        assert not temporary(folder)
+    for name in tables(folder):
+        assert (folder / "out" / name).read_text().endswith("\n")
+
+
+def one_killed_worker(folder, start):
+    """A killed worker costs one record, which is named; the others are done."""
+    command = start(*JOBS, "--overwrite")
+    command.wait_for(lambda: len(command.children()) == 2)
+    os.kill(command.children()[0], signal.SIGKILL)
+    code, _, words = command.end()
+    lost = [line for line in words.splitlines() if "ended before its time" in line]
+    # It may have been between two records.
+    assert (code, len(lost)) in ((5, 1), (0, 0)), words
+    done = tables(folder)
+    assert len(done) >= 8 - len(lost)
+    assert not temporary(folder)
+    command.nobody_is_left()
+
+
+def test_a_killed_worker(folder, start):
+    one_killed_worker(folder, start)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("repeat", range(50))
+def test_a_killed_worker_again_and_again(folder, start, repeat):
+    one_killed_worker(folder, start)
+
+
+def test_all_workers_killed_at_once(folder, start):
+    command = start(*JOBS)
+    command.wait_for(lambda: len(command.children()) == 2)
+    for pid in command.children():
+        os.kill(pid, signal.SIGKILL)
+    code, _, words = command.end()
+    assert code in (0, 5)
+    assert len(tables(folder)) >= 6, words
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_a_run_that_is_ended_leaves_no_half_file(folder, start, number):
+    command = start("run", "model.yaml", "--history", "--plot", "-o", "out", "--dt", "2e-5")
+    command.wait_for(lambda: (folder / "out").is_dir() or command.process.poll() is not None)
+    if command.process.poll() is None:
+        os.kill(command.process.pid, number)
+    code = command.end()[0]
+    assert code in (0, 128 + number, -number)
+    if number == signal.SIGTERM:
+        assert not temporary(folder)
+        if code:
+            assert not (folder / "out" / "summary.json").exists()
