@@ -84,7 +84,12 @@ def _read_at_most(file: BinaryIO) -> bytes:
 
 def _is_named_pipe(source: str | Path) -> bool:
     """Whether opening a file may wait for ever; pipes that a shell has opened (`<(command)`) are none of those."""
-    return stat.S_ISFIFO(Path(source).stat().st_mode) and not str(source).startswith(("/dev/fd/", "/proc/"))
+    if str(source).startswith(("/dev/fd/", "/proc/")):
+        return False
+    try:
+        return stat.S_ISFIFO(Path(source).stat().st_mode)
+    except OSError:  # Opening it tells why.
+        return False
 
 
 def _name_hint(name: str) -> str:
