@@ -27,7 +27,7 @@ from tdint.kernels.layout import (
     DRIFT,
     EVENTS,
     FIRST_TRIAL,
-    FORCE,
+    FURTHER,
     GROUND_0,
     GROUND_1,
     INVERSE_MASS,
@@ -47,7 +47,7 @@ from tdint.kernels.layout import (
     UPPER,
     VELOCITY,
 )
-from tdint.kernels.march.branches import advance, switch
+from tdint.kernels.march.branches import advance, go_along, switch
 from tdint.kernels.march.chain import finite
 from tdint.kernels.march.events import NONE, first_event
 from tdint.kernels.march.impulse4 import FACTORS, SAVED, STORE, factor_rows, loads, newton, solve_linear
@@ -149,12 +149,12 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
             _arrive(True, chain, laws, state, springs, work)
         done += piece
         piece = h - done
-        if not ending or piece <= _AT_ONCE * h:
+        if not ending:
             break
         _change(chain, laws, state, springs, story, how)
+        if piece <= _AT_ONCE * h:
+            break
         ending = False
-    if ending:
-        _change(chain, laws, state, springs, story, how)
     memo[EVENTS] += events
     return solves if finite(state, n) else NOT_FINITE
 
@@ -172,9 +172,9 @@ def _change(chain, laws, state, springs, story, how):
     if how == TURNED:
         switch(laws, springs, story, 0, how)
     else:
-        advance(laws, springs, story, 0, springs[UPPER, story] if how == ABOVE else springs[LOWER, story])
+        go_along(laws, springs, story, 0, springs[UPPER, story] if how == ABOVE else springs[LOWER, story])
         switch(laws, springs, story, 0, how)
-        advance(laws, springs, story, 0, drift)
+        go_along(laws, springs, story, 0, drift)
     jump = springs[FORCE, story] - force
     if jump != 0.0:
         state[ACCELERATION, story] -= jump * chain[INVERSE_MASS, story]
@@ -243,7 +243,9 @@ def _save(state, springs, work, n):
             work[SAVED + row, i] = state[row, i]
         for row in range(SPRING_ROWS):
             work[SAVED + 3 + row, i] = springs[row, i]
-        copy_further(springs, i, 0, THIRD_TRIAL)
+    if springs.shape[0] > FURTHER:
+        for i in range(n):
+            copy_further(springs, i, 0, THIRD_TRIAL)
 
 
 @called
@@ -253,7 +255,9 @@ def _restore(state, springs, work, n):
             state[row, i] = work[SAVED + row, i]
         for row in range(SPRING_ROWS):
             springs[row, i] = work[SAVED + 3 + row, i]
-        copy_further(springs, i, THIRD_TRIAL, 0)
+    if springs.shape[0] > FURTHER:
+        for i in range(n):
+            copy_further(springs, i, THIRD_TRIAL, 0)
 
 
 def coefficients(rho_inf: float) -> tuple[float, ...]:

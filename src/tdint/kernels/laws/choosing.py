@@ -24,16 +24,18 @@ KNOWING = tuple(float(code) for code, functions in enumerate(FUNCTIONS) if funct
 DISSIPATING = tuple(float(code) for code, functions in enumerate(FUNCTIONS) if functions.settle is not None)
 
 
-def chosen(hook: str, case: Callable[[Any, int, Any, Any], Any], otherwise: Any = None) -> Any:
-    """The compiled function that calls that of a story's own law; `otherwise` for laws without one.
+def chosen(hook: str, case: Callable[[Any, int, Any, Any], Any], otherwise: Any = None, rarely: Any = None) -> Any:
+    """The compiled function that calls that of a story's own law; `otherwise` for laws without one, or, if it is given,
+    `rarely` for those of them that are not put into each place.
 
     `hook` is a name in `LawFunctions`. `case` links one law's function with the others': `case_of_3`, and so on by the
-    number of arguments.
+    number of arguments. No call is made for a frequent law, whether it has a function or not.
     """
     owns = [(code, getattr(functions, hook)) for code, functions in enumerate(FUNCTIONS)]
+    owns = [(code, own or (otherwise if code < _FREQUENT else None)) for code, own in owns]
     owns = [(code, own) for code, own in owns if own is not None]
     rare = min((code for code, _ in owns if code >= _FREQUENT), default=None)
-    function = otherwise
+    function = otherwise if rarely is None else called(rarely)
     for code, own in reversed(owns):
         function = own if function is None else case(called if code == rare else inlined, code, own, function)
     return function

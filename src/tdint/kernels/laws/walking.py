@@ -26,6 +26,10 @@ _MOST = 16
 
 
 @inlined
+def nothing(laws, springs, i, block, step, mean_force):
+    """An `advance` of a law of which drift and force alone change on the way."""
+
+
 def add_work(laws, springs, i, block, step, mean_force):
     """An `advance` of a law of which drift, force and the work done change on the way."""
     springs[block + WORK, i] += mean_force * step
@@ -59,10 +63,10 @@ def advancing(own: Any) -> Any:
     return advance
 
 
-def walker(switch: Any, own: Any = add_work) -> Any:
+def walker(switch: Any, own: Any = None) -> Any:
     """A `DriftLaw.force` that goes straight from the state in `past` to `drift`, over as many branches as lie on the
     way."""
-    advance = advancing(own)
+    advance = advancing(own or inlined(add_work))
 
     @called
     def walk(laws, springs, i, past, trial, drift):
