@@ -27,6 +27,7 @@ from tdint.kernels.layout import (
     DRIFT,
     EVENTS,
     FIRST_TRIAL,
+    FORCE,
     FURTHER,
     GROUND_0,
     GROUND_1,
