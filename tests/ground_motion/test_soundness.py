@@ -89,6 +89,20 @@ class TestMiniSeed:
         wrong[15:18] = b"HNF"
         refused(wrong, "record 2 of XX.ABC.00.HNE continues record 1 of XX.ABC.00.HNF")
 
+    @pytest.mark.parametrize("place", [11, 12])
+    def test_the_first_record_with_a_letter_more(self, data, place):
+        """The station's code is padded with blanks: ABC and ABC0 differ in one place."""
+        wrong = data.copy()
+        wrong[place] = ord("0")
+        refused(wrong, r"record 2 of XX\.ABC\.00\.HNE continues record 1 of XX\.ABC ?0\.00\.HNE")
+
+    def test_a_record_that_swallows_others(self, data):
+        wrong = data[: 4 * 512]
+        if len(wrong) < 4 * 512:
+            pytest.skip("too short")
+        wrong[54] = 11
+        refused(wrong, "its header states 2048 bytes, but another record begins after 512")
+
     def test_another_byte_order(self, data):
         wrong = data.copy()
         wrong[53] = 0

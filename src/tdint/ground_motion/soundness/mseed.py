@@ -43,6 +43,8 @@ class DataRecord:
         Its place in the file, from 1.
     id : str
         Network, station, location and channel joined by dots.
+    codes : bytes
+        The same as they stand in the header, padded to their places.
     samples, encoding, length, data : int
         Number of samples, code of their encoding, bytes of the record and of its header.
     rate : float
@@ -53,6 +55,7 @@ class DataRecord:
 
     number: int
     id: str
+    codes: bytes
     samples: int
     encoding: int
     length: int
@@ -182,12 +185,24 @@ def _data_record(data: bytes, offset: int, number: int) -> DataRecord:
             raise Damaged(f"{where}: its header states {rate:g} and {actual:g} samples a second")
     names = (part.decode("latin-1").strip(" \0") for part in (network, station, location, channel))
     start = ((day * 24.0 + hour) * 60.0 + minute) * 60.0 + second + 1e-4 * fraction
-    record = DataRecord(number, ".".join(names), samples, encoding, 2**exponent, begin, rate, start)
+    codes = station + location + channel + network
+    record = DataRecord(number, ".".join(names), codes, samples, encoding, 2**exponent, begin, rate, start)
     if offset + record.length > len(data):
         raise Damaged(f"its last record has {len(data) - offset} of {record.length} bytes")
+    if inner := _inner_record(data, record, offset):
+        raise Damaged(f"{where}: its header states {record.length} bytes, but another record begins after {inner}")
     ends = max(chain.values()) - offset + 8
     _check_room(record, data[offset : offset + record.length], ends, big == 1)
     return record
+
+
+def _inner_record(data: bytes, record: DataRecord, offset: int) -> int | None:
+    """Where in a record another one of the same channel begins: its length is wrong."""
+    for exponent in range(_LENGTH_EXPONENTS.start, record.length.bit_length() - 1):
+        place = offset + 2**exponent
+        if _begins_record(data[place : place + 8]) and data[place + 8 : place + 20] == record.codes:
+            return 1 << exponent
+    return None
 
 
 def _is_sequence(text: bytes) -> bool:
@@ -244,8 +259,8 @@ def _check_names(channels: dict[str, list[DataRecord]]) -> None:
     """No channel may go on, to the sample, where another one ends whose name differs in one letter."""
     for name, members in channels.items():
         for other, others in channels.items():
-            if len(name) != len(other) or sum(a != b for a, b in zip(name, other, strict=True)) != 1:
-                continue
             before, after = members[-1], others[0]
+            if sum(a != b for a, b in zip(before.codes, after.codes, strict=True)) != 1:
+                continue
             if before.rate and before.rate == after.rate and abs(after.start - before.end) < 0.5 / before.rate:
                 raise Damaged(f"record {after.number} of {other} continues record {before.number} of {name}")

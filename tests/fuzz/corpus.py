@@ -1,0 +1,93 @@
+"""Sound files of every format that is read, small, and what could tell a change of them."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ground_motion import network_files
+from ground_motion.files import counts, obspy_data, trace, wave, write
+from ground_motion.samples import SAMPLES
+from ground_motion.test_archive import packed
+
+COUNT, STEP, PEAK, ALL = "number of samples", "sampling interval", "peak", "checksum"
+
+_OWN = {
+    "AFAD": {COUNT, PEAK},
+    "AT2": {COUNT},
+    "BHRC": {COUNT, STEP},
+    "COSMOS": {COUNT, PEAK},
+    "CSMIP": {COUNT, PEAK},
+    "CWB": {COUNT, STEP, PEAK},
+    "ESM": {COUNT, PEAK},
+    "GEONET": {COUNT, STEP, PEAK},
+    "SMC": {COUNT, PEAK},
+    "TEXT": set(),
+    "UNAM": {COUNT, PEAK},
+    "USC": {COUNT},
+}
+"""What each of tdint's own formats states twice, so that a change of it alone can be told."""
+
+_RECORDERS = {
+    "KINEMETRICS_EVT": ("kinemetrics/tests/data/BI008_MEMA-04823.evt", None, {COUNT, ALL}),
+    "GCF": ("gcf/tests/data/20160603_1955n.gcf", "1e-6 m/s^2", {COUNT}),
+    "REFTEK130 C2": ("reftek/tests/data/104800000_000093F8", "1e-6 m/s^2", {COUNT}),
+    "REFTEK130 16": ("reftek/tests/data/065520000_013EE8A0.rt130", "1e-6 m/s^2", {COUNT}),
+    "KNET": ("nied/tests/data/test.knet", None, {COUNT, PEAK}),
+}
+
+
+@dataclass(frozen=True)
+class Sound:
+    """A file that is as it should be: its format, its bytes, the units it needs, and what could tell a change."""
+
+    name: str
+    data: bytes
+    units: str | None
+    tells: frozenset[str]
+
+
+def corpus() -> list[Sound]:
+    """All of them, in an order that does not change."""
+    found = [
+        Sound(name, make().encode(), _units(make()), frozenset(_OWN[name]))
+        for name, makes in sorted(SAMPLES.items())
+        for make in makes
+    ]
+    found += [Sound("ZIP", packed({"a.dat": network_files.cwb()}), None, frozenset({COUNT, STEP, PEAK}))]
+    found += _written()
+    for name, (file, units, tells) in _RECORDERS.items():
+        if path := obspy_data(file):
+            found.append(Sound(name, path.read_bytes(), units, frozenset(tells)))
+    return found
+
+
+def _units(text: str) -> str | None:
+    """A table without names tells no units."""
+    return "gal" if text[:1].isdigit() else None
+
+
+def _written() -> list[Sound]:
+    """Files that ObsPy writes."""
+    made = []
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "file"
+        for encoding in ("FLOAT32", "FLOAT64", "INT32", "STEIM1", "STEIM2"):
+            data = wave(700) if encoding.startswith("FLOAT") else counts(700)
+            data = data.astype(np.float32) if encoding == "FLOAT32" else data
+            write(path, trace(data), reclen=512, encoding=encoding)
+            units = None if encoding.startswith("FLOAT") else "1e-6 m/s^2"
+            made.append(Sound(f"MSEED {encoding}", path.read_bytes(), units, frozenset({COUNT})))
+        for name, data, units, tells in (
+            ("SAC", wave(300).astype(np.float32), "m/s^2", {COUNT, STEP, PEAK}),
+            ("GSE2", counts(300), "1e-6 m/s^2", {COUNT, ALL}),
+            ("SLIST", wave(100), "m/s^2", {COUNT}),
+            ("TSPAIR", wave(100), "m/s^2", {COUNT, STEP}),
+            ("SH_ASC", wave(100), "m/s^2", {COUNT}),
+        ):
+            write(path, trace(data), format=name)
+            made.append(Sound(name, path.read_bytes(), units, frozenset(tells)))
+    return made
