@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from law_paths import CYCLE, FY, HARDENING, K, follow, law_table, springs
+from law_paths import CYCLE, FY, HARDENING, K, follow, law_table
 from tdint.kernels import layout
+from tdint.kernels.laws.apart import spring_table
 from tdint.kernels.layout import FIRST_TRIAL
 from tdint.kernels.march.springs import commit, restoring, start
 
@@ -96,7 +97,7 @@ def test_the_force_does_not_depend_on_the_steps_along_a_straight_path(exponent):
 def test_the_force_is_a_continuous_function_of_the_drift(exponent):
     """Newton's iteration needs it: no jump where the number of substeps changes or w its sign."""
     laws = law(exponent, 0.9)
-    state = springs()
+    state = spring_table(laws)
     start(laws, state, 0, 0.0)
     restoring(laws, state, 0, 0, FIRST_TRIAL, 3.0 * DY)
     commit(laws, state, 0, 0, FIRST_TRIAL)
