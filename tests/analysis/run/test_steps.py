@@ -168,3 +168,12 @@ def test_a_wave_may_be_far_from_the_end_of_a_long_chain(method):
     assert response.status == "done"
     assert 0.0 < response.stories.peak_drift[0] < 0.1
     assert response.stories.peak_drift[-1] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("dt", "duration", "record_dt"),
+    [(1e-300, None, 0.01), (1e-13, None, 0.01), (None, 1e20, 0.01), (None, 1e308, 0.01), (0.01, 1e308, None)],
+)
+def test_out_of_all_proportion(dt, duration, record_dt):
+    with pytest.raises(UsageError, match=r"at most 1e\+09 are taken|out of all proportion"):
+        choose_steps(dt, duration, record_dt, 40.0)

@@ -20,6 +20,10 @@ class Steps:
     stride: int = 1
 
 
+MOST_STEPS = 1_000_000_000
+"""Steps that a run may have, some quarter of an hour for a few stories: a slip in dt does not run for years."""
+
+
 def choose_steps(dt: float | None, duration: float | None, record_dt: float | None, record_duration: float) -> Steps:
     """Time steps for a wished dt (s) and duration (s) under a record, or without one (`record_dt` None).
 
@@ -29,7 +33,7 @@ def choose_steps(dt: float | None, duration: float | None, record_dt: float | No
     Raises
     ------
     UsageError
-        No dt or duration where there is no record to take it from; a dt that does not fit the record.
+        No dt or duration where there is no record to take it from; a dt that does not fit the record; too many steps.
     """
     if record_dt is None:
         if dt is None:
@@ -37,6 +41,8 @@ def choose_steps(dt: float | None, duration: float | None, record_dt: float | No
         if duration is None:
             raise UsageError("no duration: without a record, give --duration or analysis.duration in the model file")
         return Steps(dt, _count(duration, dt))
+    if dt is not None and not record_dt / MOST_STEPS <= dt <= record_dt * MOST_STEPS:
+        raise UsageError(f"dt {dt:.6g} s is out of all proportion to the record's sampling interval {record_dt:.6g} s")
     duration = record_duration if duration is None else duration
     if dt is None:
         return Steps(record_dt, _count(duration, record_dt))
@@ -53,7 +59,13 @@ def choose_steps(dt: float | None, duration: float | None, record_dt: float | No
 
 
 def _count(duration: float, h: float) -> int:
-    return max(1, math.ceil(duration / h * (1.0 - _SAME)))
+    count = duration / h * (1.0 - _SAME)
+    if not count <= MOST_STEPS:
+        raise UsageError(
+            f"{count:.3g} steps of {h:.6g} s for a duration of {duration:.6g} s: at most {MOST_STEPS:.0e} are taken; "
+            "use a longer dt or a shorter duration"
+        )
+    return max(1, math.ceil(count))
 
 
 def _neighbours(dt: float, record_dt: float) -> tuple[float, float]:

@@ -140,11 +140,17 @@ def spectrum(
     )
 
 
+LONGEST_PERIOD = 1e6
+"""s; squares of longer ones leave what floats hold."""
+
+
 def checked_periods(periods: Array, damping: float) -> Array:
     """The periods as an array, shape (k,); UsageError if they or the damping ratio make no sense."""
     periods = np.atleast_1d(np.asarray(periods, dtype=np.float64))
     if periods.size == 0 or not np.all(np.isfinite(periods) & (periods >= 0.0)):
         raise UsageError("periods must be numbers of seconds, 0 or positive")
+    if np.max(periods) > LONGEST_PERIOD:
+        raise UsageError(f"a period of {np.max(periods):.3g} s is beyond {LONGEST_PERIOD:.0e} s: no structure has it")
     if not 0.0 <= damping < 1.0:
         raise UsageError(f"damping must be a ratio in [0, 1), got {damping!r}")
     return periods

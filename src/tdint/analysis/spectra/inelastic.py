@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.spectra.defaults import MOST_DUCTILE
+from tdint.analysis.spectra.elastic import checked_periods
 from tdint.analysis.spectra.recursion import check_shortest
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
@@ -187,8 +188,7 @@ def _checked(record: Record, periods: Array, damping: float, hardening: float) -
     periods = np.atleast_1d(np.asarray(periods, dtype=np.float64))
     if periods.size == 0 or not np.all(np.isfinite(periods) & (periods > 0.0)):
         raise UsageError("periods of inelastic spectra must be positive numbers of seconds")
-    if not 0.0 <= damping < 1.0:
-        raise UsageError(f"damping must be a ratio in [0, 1), got {damping!r}")
+    periods = checked_periods(periods, damping)
     if not 0.0 <= hardening < 1.0:
         raise UsageError(f"hardening must be a ratio in [0, 1), got {hardening!r}")
     check_shortest(periods, record.dt, SHORTEST)

@@ -295,5 +295,6 @@ def changed(records: Iterable[Record]) -> str:
 
 
 def record_name(source: str) -> str:
-    """What a picture calls a record."""
-    return "standard input" if source == "-" else Path(source).name
+    """What a picture calls a record; bytes of a file name that are no UTF-8 have no letters to be drawn with."""
+    name = "standard input" if source == "-" else Path(source).name
+    return name.encode("utf-8", "replace").decode("utf-8")
