@@ -16,8 +16,10 @@ import click
 
 from tdint.errors import did_you_mean
 from tdint_cli.errors import exit_code_of
+from tdint_cli.interruption import end_in_time
 from tdint_cli.options.headings import general, write_options
 from tdint_cli.settings import Settings
+from tdint_cli.startup import use_one_thread
 
 GROUPS = {
     "Buildings": {
@@ -47,9 +49,12 @@ GROUPS = {
         "examples": ("methods.examples", "The examples of the paper of 2022: errors of its methods, and its figures."),
         "chart": ("methods.chart", "Time against accuracy: what methods cost and how much they err on a building."),
     },
+    "Housekeeping": {
+        "compile": ("housekeeping.compile", "Compile time loops ahead of their first use."),
+    },
 }
 """The commands in the groups and the order of the help: of each its module in `commands` and the first sentence of its
-own help. Groups to come: Studies (campaigns of runs), Housekeeping."""
+own help. A group to come: Studies (campaigns of runs)."""
 
 COMMANDS = {name: entry for group in GROUPS.values() for name, entry in group.items()}
 """The commands of all groups."""
@@ -126,4 +131,6 @@ def cli() -> None:
 
 def main() -> None:
     """Entry point of the installed command."""
+    use_one_thread()
+    end_in_time()
     cli.main(prog_name="tdint")

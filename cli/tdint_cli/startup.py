@@ -1,20 +1,16 @@
-"""A quick start of numba, for a process that only runs tdint."""
+"""What a process that only runs tdint sets before it imports anything large."""
 
 from __future__ import annotations
 
-import sys
+import os
 
 
-def load_numba() -> None:
-    """Load numba without SciPy's linear algebra.
+def use_one_thread() -> None:
+    """Let linear algebra use one thread, unless the environment says how many.
 
-    When numba gets ready to compile or to load from its cache it looks for SciPy's BLAS, a fifth of the time that a
-    whole command takes. tdint's kernels have no use for it; elsewhere in the process SciPy is imported as ever.
+    Its matrices are small: the threads take longer to start than they save, and in a busy machine they wait for each
+    other.
     """
-    if "scipy.linalg" in sys.modules:
-        return
-    sys.modules["scipy.linalg"] = None  # type: ignore[assignment]
-    try:
-        import numba.np.arraymath  # noqa: F401
-    finally:
-        del sys.modules["scipy.linalg"]
+    for library in ("OPENBLAS", "OMP", "MKL", "VECLIB", "BLIS"):
+        name = "VECLIB_MAXIMUM_THREADS" if library == "VECLIB" else f"{library}_NUM_THREADS"
+        os.environ.setdefault(name, "1")

@@ -14,6 +14,8 @@ from tdint.errors import OutputError
 Writer = Callable[[BinaryIO], object]
 """Writes the content of one file to a stream."""
 
+_unfinished: set[Path] = set()  # of the whole process: for who ends it from another thread
+
 
 def check_outputs(files: Iterable[Path], *, overwrite: bool) -> None:
     """Make sure that files can be written, before the work whose results they shall hold.
@@ -73,6 +75,7 @@ def write_files(writers: Mapping[Path, Writer], *, overwrite: bool, stale: Itera
         for file, writer in writers.items():
             temporary = Path(os.path.realpath(file)).with_name(f".tdint-{secrets.token_hex(8)}.tmp")
             temporaries.append(temporary)
+            _unfinished.add(temporary)
             with _in_words(file), temporary.open("xb") as stream:
                 writer(stream)
         for file, temporary in zip(writers, temporaries, strict=True):
@@ -85,9 +88,18 @@ def write_files(writers: Mapping[Path, Writer], *, overwrite: bool, stale: Itera
             with suppress(OSError):  # Not empty: some file has taken its place.
                 folder.rmdir()
         raise
+    finally:
+        _unfinished.difference_update(temporaries)
     for file in stale if overwrite else ():
         with _in_words(file):
             file.unlink(missing_ok=True)
+
+
+def remove_unfinished() -> None:
+    """Remove the temporary files of this process, before it is ended where it stands."""
+    for temporary in list(_unfinished):
+        with suppress(OSError):
+            temporary.unlink()
 
 
 def write_file(file: Path, writer: Writer, *, overwrite: bool) -> None:

@@ -159,6 +159,7 @@ def _signals_held_back() -> Iterator[None]:
 def _work(function: Callable[[Any], Any], pipe: Connection, parent: int) -> None:
     """Do items until the pipe ends."""
     # Ctrl-C reaches all processes of a terminal: the first one speaks and ends the others by SIGTERM.
+    signal.set_wakeup_fd(-1)  # that of the first process, where they are forked
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     if hasattr(signal, "pthread_sigmask"):

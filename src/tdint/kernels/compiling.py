@@ -1,116 +1,105 @@
-"""How kernels are compiled and cached.
+"""The decorators of kernels.
 
-A kernel has one explicit signature and is compiled, or loaded from the cache, before it is first called. Functions that
-it calls are compiled into it. numba looks only at the file of the kernel itself when it decides whether a cached one is
-stale; here the cache folder is named by a hash of all kernel sources and versions, so a stale one cannot be found.
+A kernel has one explicit signature. In the process of a user the decorated functions stay plain Python, and a kernel is
+loaded from an object file when it is first called (`tdint.kernels.building`). If there is none a process of its own
+compiles it: there the same decorators are those of numba, and what a variant does without is left out.
 """
 
 from __future__ import annotations
 
-import hashlib
-import logging
-import platform
-import sys
+import os
 from collections.abc import Callable
-from functools import cache, cached_property
-from pathlib import Path
 from typing import Any
 
-import llvmlite
-import numba
-import numpy as np
-from numba.core import event, types
+from tdint.kernels.building.signature import F8, I8, Signature, Table
+from tdint.kernels.building.variant import EVERYTHING, Variant, parse
 
-from tdint.cache import cache_subfolder, remove_unused
+__all__ = [
+    "CUBE",
+    "F8",
+    "I8",
+    "TABLE",
+    "VARIANT",
+    "VECTOR",
+    "Kernel",
+    "called",
+    "called_at",
+    "inlined",
+    "kernel",
+    "local",
+    "local_table",
+]
 
-LOG = logging.getLogger("tdint")
+VECTOR = Table(1)
+TABLE = Table(2)
+CUBE = Table(3)
 
-F8 = types.float64
-I8 = types.int64
-VECTOR = types.Array(types.float64, 1, "C")
-TABLE = types.Array(types.float64, 2, "C")
+COMPILES = os.environ.get("TDINT_KERNELS") == "compile"
+"""Whether this process compiles kernels, as `tdint.kernels.building.process` starts it."""
 
-# Without reference counts (the arrays outlive the call; kernels allocate none) a step costs a third: counting is
-# atomic.
-_OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}, "nogil": True, "_nrt": False}
-_DAYS_KEPT = 30
+WHOLE = os.environ.get("TDINT_KERNELS") == "whole"
+"""Whether one variant serves all scenes: where many different buildings are integrated, less is compiled."""
 
+VARIANT = parse(os.environ["TDINT_KERNELS_VARIANT"]) if COMPILES else EVERYTHING
+"""What this process compiles for; everything in other processes, for there kernels are chosen at run time."""
 
-def inlined(function: Callable[..., Any]) -> Any:
-    """Mark a function of the inner loops: its code is put into each place that calls it."""
-    return numba.njit(inline="always", **_OPTIONS)(function)
-
-
-def called(function: Callable[..., Any]) -> Any:
-    """Mark a function that kernels call now and then: it is compiled once and called, which keeps compiling short."""
-    return numba.njit(**_OPTIONS)(function)
+_LAWS_AND_LOADS = ("laws", "modal", "forces", "dashpots")
 
 
 class Kernel:
-    """A function that is compiled for one signature, or loaded from the cache, when `compiled` is first asked for."""
+    """A function that is compiled for one signature, or loaded, when it is first asked for.
 
-    def __init__(self, function: Callable[..., Any], signature: Any, allocates: bool) -> None:
+    Parameters
+    ----------
+    parts : tuple of str
+        The parts of `Variant` that the kernel depends on.
+    """
+
+    def __init__(self, function: Callable[..., Any], signature: Signature, parts: tuple[str, ...]) -> None:
         self.function = function
         self.signature = signature
-        self.options = _OPTIONS | {"_nrt": allocates}
+        self.parts = parts
         self.__doc__ = function.__doc__
+        self._loaded: dict[Variant, Callable[..., Any]] = {}
 
-    @cached_property
-    def compiled(self) -> Any:
-        """The compiled function."""
-        folder = cache_folder()
-        before = numba.config.CACHE_DIR
-        numba.config.CACHE_DIR = str(folder or "")
-        try:
-            with event.install_listener("numba:compile", _Announcer()):
-                return numba.njit(self.signature, cache=folder is not None, **self.options)(self.function)
-        finally:
-            numba.config.CACHE_DIR = before
+    @property
+    def name(self) -> str:
+        """Where the kernel stands, as `package.module:function`."""
+        return f"{self.function.__module__}:{self.function.__qualname__}"
 
+    @property
+    def compiled(self) -> Callable[..., Any]:
+        """The kernel for all that there is."""
+        return self.variant(EVERYTHING)
 
-def kernel(signature: Any, allocates: bool = False) -> Callable[[Callable[..., Any]], Kernel]:
-    """Make a `Kernel` of a function; one that allocates arrays must say so."""
-    return lambda function: Kernel(function, signature, allocates)
+    def variant(self, wanted: Variant) -> Callable[..., Any]:
+        """The kernel for what a scene needs."""
+        wanted = self.needs(wanted)
+        if wanted not in self._loaded:
+            from tdint.kernels.building.obtaining import obtain
 
+            obtain([(self, wanted)])
+        return self._loaded[wanted]
 
-class _Announcer(event.Listener):  # type: ignore[misc]
-    """Says once per process that something is being compiled."""
+    def needs(self, wanted: Variant) -> Variant:
+        """What of a variant matters to this kernel."""
+        return EVERYTHING if WHOLE else wanted.only(self.parts)
 
-    def on_start(self, event: Any) -> None:
-        _announce()
+    def loaded(self, wanted: Variant) -> bool:
+        """Whether this process has the kernel."""
+        return self.needs(wanted) in self._loaded
 
-    def on_end(self, event: Any) -> None:
-        pass
-
-
-@cache
-def _announce() -> None:
-    where = cache_folder()
-    kept = f"kept in {where.parent}" if where else "not kept: no folder to write to"
-    LOG.info("compiling the time loops for this machine, once (%s)", kept)
+    def take(self, wanted: Variant, function: Callable[..., Any]) -> None:
+        """Take a compiled function for a variant."""
+        self._loaded[self.needs(wanted)] = function
 
 
-@cache
-def cache_folder() -> Path | None:
-    """The folder of compiled kernels for exactly these sources, versions and this processor; None if none can be
-    written.
-
-    It lies in TDINT_CACHE_DIR, else in the user's cache folder. Folders of other versions that have not been used for
-    thirty days are removed.
-    """
-    folder = cache_subfolder(f"kernels-{_fingerprint()}")
-    if folder is not None:
-        remove_unused("kernels-*", _DAYS_KEPT, keep=folder)
-    return folder
+def kernel(signature: Signature, parts: tuple[str, ...] = _LAWS_AND_LOADS) -> Callable[[Callable[..., Any]], Kernel]:
+    """Make a `Kernel` of a function."""
+    return lambda function: Kernel(function, signature, parts)
 
 
-def _fingerprint() -> str:
-    """Hash of all that a compiled kernel depends on: kernel sources, versions, processor."""
-    package = Path(__file__).parents[1]
-    digest = hashlib.sha256()
-    for source in sorted([*package.glob("kernels/**/*.py"), *package.glob("methods/**/*.py")]):
-        digest.update(source.relative_to(package).as_posix().encode())
-        digest.update(source.read_bytes())
-    versions = (numba.__version__, llvmlite.__version__, np.__version__, sys.version, platform.machine(), str(package))
-    digest.update(repr(versions).encode())
-    return digest.hexdigest()[:16]
+if COMPILES:
+    from tdint.kernels.building.compiler import called, called_at, inlined, local, local_table
+else:
+    from tdint.kernels.building.plain import called, called_at, inlined, local, local_table

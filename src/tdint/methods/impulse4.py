@@ -16,6 +16,8 @@ from __future__ import annotations
 import math
 
 from tdint.kernels.compiling import called, inlined, kernel
+from tdint.kernels.laws import LAWS
+from tdint.kernels.laws.choosing import COMPILED
 from tdint.kernels.laws.walking import copy_further
 from tdint.kernels.layout import (
     ABOVE,
@@ -49,7 +51,7 @@ from tdint.kernels.layout import (
     VELOCITY,
 )
 from tdint.kernels.march.branches import advance, go_along, switch
-from tdint.kernels.march.chain import finite
+from tdint.kernels.march.chain import DASHPOTS, finite
 from tdint.kernels.march.events import NONE, first_event
 from tdint.kernels.march.impulse4 import FACTORS, SAVED, STORE, factor_rows, loads, newton, solve_linear
 from tdint.kernels.march.impulse_momentum import (
@@ -62,6 +64,10 @@ from tdint.kernels.march.impulse_momentum import (
 from tdint.kernels.march.springs import commit, resume, settle
 from tdint.kernels.march.stepping import STEP
 from tdint.methods.method import Family, Method, Parameter
+
+# What the step is compiled for
+_CURVED = DASHPOTS or any(LAWS[code].curved for code in COMPILED)
+_BENDING = _CURVED or any(LAWS[code].kinked for code in COMPILED)
 
 _STRAYED = 0.1  # over the drift's change: a located event that is missed by more was not located
 _BACKWARD = 1e-6  # over the drifts: what a story may go back on a branch that holds for one direction
@@ -76,6 +82,8 @@ def work_rows(modes: int) -> int:
 @kernel(STEP)
 def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
     """One step from kink to kink of the laws that have any; where kinks pile up, and without any, straight on."""
+    if not _BENDING:
+        return _by_branches(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo)
     n = chain.shape[1] - 1
     if memo[BRANCHES] != NO_BRANCHES:
         code = _by_branches(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo)
@@ -116,7 +124,7 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
         factors = FACTORS if piece == h else FACTORS + STORE + 6 * modal.shape[0] + 1
         ground = load[GROUND_0] + slope * done
         loads(chain, forces, load[TIME] + done, piece, ground, ground + slope * piece, work)
-        if straight:
+        if not _CURVED or straight:
             solve_linear(coefficients, chain, modal, laws, piece, state, springs, work, factors)
             solves += 1
         else:
@@ -126,7 +134,7 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
                     _restore(state, springs, work, n)
                 return code
             solves += code
-        if not ending and memo[LINEAR] == 0.0:
+        if _BENDING and not ending and memo[LINEAR] == 0.0:
             fraction, story, how = first_event(chain, piece, state, springs, work, U1, V1)
             if fraction != NONE:
                 if events == 0:
@@ -141,10 +149,10 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
                 else:
                     _change(chain, laws, state, springs, story, how)
                 continue
-        if ending and _strays(chain, springs, work, story, how):
+        if _BENDING and ending and _strays(chain, springs, work, story, how):
             _restore(state, springs, work, n)
             return NOT_CONVERGED
-        if straight:
+        if not _CURVED or straight:
             _advance(chain, laws, state, springs, work)
         else:
             _arrive(True, chain, laws, state, springs, work)
@@ -152,7 +160,8 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
         piece = h - done
         if not ending:
             break
-        _change(chain, laws, state, springs, story, how)
+        if _BENDING:
+            _change(chain, laws, state, springs, story, how)
         if piece <= _AT_ONCE * h:
             break
         ending = False

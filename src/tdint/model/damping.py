@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.errors import ModelError
 from tdint.kernels.layout import FLOOR_DAMPER, MASS, STORY_DAMPER
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
 from tdint.model.modes import FreeVibration, Modes
 
 Array = NDArray[np.float64]
+
+_TABLES = 4  # of the size of the stories squared that solving for all modes takes
 
 
 def add_damping(chain: Array, stiffness: Array, model: Model, vibration: FreeVibration) -> Array:
@@ -22,14 +27,31 @@ def add_damping(chain: Array, stiffness: Array, model: Model, vibration: FreeVib
     n = chain.shape[1] - 1
     damping = model.damping
     if isinstance(damping, ModalDamping):
+        _check_memory(n)
         return modal_rows(vibration.modes, chain[MASS, :n], np.array(damping.ratios))
     if isinstance(damping, RayleighRatio):
-        omega = vibration.modes.omega[[mode - 1 for mode in damping.modes]]
-        damping = rayleigh(damping, float(omega[0]), float(omega[1]))
+        damping = rayleigh(damping, *(vibration.frequency(mode) for mode in damping.modes))
     if damping is not None:
         chain[FLOOR_DAMPER, :n] += damping.mass * chain[MASS, :n]
         chain[STORY_DAMPER, :n] += damping.stiffness * stiffness
     return np.zeros((0, n + 1))
+
+
+def _check_memory(stories: int) -> None:
+    """Refuse modal damping whose modes this machine cannot hold.
+
+    Raises
+    ------
+    ModelError
+        There are too many stories.
+    """
+    needed = _TABLES * 8 * stories**2
+    if not hasattr(os, "sysconf") or needed <= (has := os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")):
+        return
+    raise ModelError(
+        f"modal damping of {stories} stories takes {needed / 2**30:.0f} GiB of memory, and this machine has "
+        f"{has / 2**30:.0f}: give damping.rayleigh"
+    )
 
 
 def rayleigh(wanted: RayleighRatio, omega_1: float, omega_2: float) -> RayleighCoefficients:

@@ -16,6 +16,9 @@ Array = NDArray[np.float64]
 CLASSICAL = 1e-12
 """Couplings of the modal damping matrix below this, over its diagonal, are rounding."""
 
+_FEW = 100
+"""Stories up to which all modes are solved for where one is asked for."""
+
 _MOST_ITERATIONS, _CONVERGED = (
     200,
     1e-15,
@@ -107,6 +110,19 @@ class FreeVibration:
         """All modes; errors are those of `solve_modes`."""
         return solve_modes(self.mass, self.stiffness, self.link)
 
+    def frequency(self, number: int) -> float:
+        """Circular frequency of one mode, counted from 1, rad/s, without solving for the others.
+
+        Raises
+        ------
+        ModelError
+            A spring that is not positive.
+        """
+        if self.mass.size <= _FEW:
+            return float(self.modes.omega[number - 1])
+        _check_springs(self.stiffness)
+        return singular_value(np.sqrt(self.stiffness), np.sqrt(self.mass), self.link, number)
+
     @cached_property
     def first(self) -> tuple[float, Array]:
         """Circular frequency (rad/s) and shape (phi^T M phi = 1) of the first mode; all stories stand on each other.
@@ -131,6 +147,28 @@ class FreeVibration:
             if abs(omega - before) <= _CONVERGED * omega:
                 break
         return omega, shape
+
+
+def singular_value(root_spring: Array, root_mass: Array, link: Array, number: int) -> float:
+    """The circular frequency `number` of a chain, counted from the lowest, rad/s.
+
+    The frequencies are the singular values of the bidiagonal matrix of `solve_modes`, and with their negatives the
+    eigenvalues of the symmetric tridiagonal matrix with a zero diagonal and the entries of that matrix, in turn, beside
+    it (Golub and Kahan 1965). Bisection with Sturm's sequence of this matrix, which is not squared, keeps the relative
+    accuracy of the lowest ones (Demmel and Kahan 1990).
+    """
+    from scipy.linalg import eigh_tridiagonal
+
+    n = root_mass.size
+    beside = np.zeros(2 * n - 1)
+    beside[::2] = root_spring / root_mass
+    beside[1::2] = (root_spring * link)[1:] / root_mass[:-1]
+    place = n + number - 1
+    found = eigh_tridiagonal(
+        np.zeros(2 * n), beside, eigvals_only=True, select="i", select_range=(place, place), lapack_driver="stebz",
+        tol=np.finfo(float).tiny,
+    )  # fmt: skip
+    return float(found[0])
 
 
 def _check_springs(stiffness: Array) -> None:

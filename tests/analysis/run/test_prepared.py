@@ -8,15 +8,18 @@ from dataclasses import fields, is_dataclass, replace
 import numpy as np
 import pytest
 
-from building_cases import Force, model, noise, ten_bilinear, ten_linear
+from building_cases import Force, model, noise, story, ten_bilinear, ten_linear
 from tdint import prepare, run, run_case, spectrum
-from tdint.analysis.run import amplification, prepared
+from tdint.analysis.run import amplification, prepared, workspace
 from tdint.analysis.run.cyclic import cyclic_test
+from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import FailedRun
 from tdint.analysis.run.steps import Steps
 from tdint.errors import AnalysisError, ModelError, ModelFault, UsageError
+from tdint.kernels.building.variant import Variant
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model import modes
+from tdint.model.definition import ModalDamping
 from tdint.units import parse_drift
 
 SCALES = np.linspace(0.02, 2.0, 100)
@@ -163,3 +166,35 @@ def test_instabilities_are_found_by_the_modes_of_the_whole_building():
     ratios = vibration.damping_ratios(building.building.damping_matrix())
     assert found == amplification.find_instability(parse("central-difference"), vibration.omega, ratios, 0.05)
     assert building.instability(parse("newmark-average"), 0.05) is None
+
+
+@pytest.mark.parametrize("scene", [ten_linear, ten_bilinear])
+def test_a_march_in_pieces_is_the_march(scene, monkeypatch):
+    """Whoever runs it can be interrupted between the pieces, and nothing else is to be seen of them."""
+    case, steps = prepare(scene(), noise(samples=201, peak=30.0), method="impulse4"), Steps(0.01, 200)
+    whole = case.march(steps, history=True)
+    monkeypatch.setattr(workspace, "_FIRST_PIECE", 1)
+    monkeypatch.setattr(workspace, "_PIECE", 0.0)
+    pieces = case.march(steps, history=True)
+    np.testing.assert_array_equal(pieces.history.displacement, whole.history.displacement)
+    np.testing.assert_array_equal(pieces.history.energy.error, whole.history.energy.error)
+    np.testing.assert_array_equal(pieces.stories.peak_shear, whole.stories.peak_shear)
+    assert pieces.collapse == whole.collapse
+
+
+def test_a_collapse_is_noted_at_the_first_step_whose_peaks_are_beyond():
+    case = prepare(replace(ten_bilinear(), collapse_drift=0.004), noise(samples=401, peak=8.0), method="impulse4")
+    found = case.march(Steps(0.01, 400)).collapse
+    last = round(found.time / 0.01)
+    before, then = (case.march(Steps(0.01, count)).stories.peak_drift_ratio for count in (last - 1, last))
+    assert np.max(before) <= 0.004 < np.max(then)
+    assert found.story == int(np.argmax(then)) + 1
+
+
+def test_what_a_scene_needs_is_read_from_the_building():
+    plain = PreparedBuilding.of(ten_bilinear()).variant
+    assert plain == Variant(("linear", "bilinear"), modal=False, forces=False, dashpots=False)
+    forced = PreparedBuilding.of(
+        model([story(2e5, 3e8)], forces=[Force(1, 1e3, 0.0, 5.0)], damping=ModalDamping((0.05,)))
+    )
+    assert forced.variant == Variant(("linear",), modal=True, forces=True, dashpots=False)

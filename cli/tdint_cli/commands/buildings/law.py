@@ -12,7 +12,6 @@ from tdint.errors import UsageError
 from tdint_cli import options
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.values import DriftSizeType, FileName, ListOf
-from tdint_cli.startup import load_numba
 from tdint_cli.terminal.streams import say, say_table
 
 if TYPE_CHECKING:
@@ -114,7 +113,6 @@ def _run(request: Request) -> None:
     outputs = Outputs.checked(request.output, request.plot, request.overwrite)
     cycles = request.cycles or 1
     drifts = _path(request)
-    load_numba()
     from tdint.analysis.run.cyclic import cyclic_test, path_test
     from tdint.model.config.read import load_model
     from tdint.output.tables.cyclic import cyclic_table

@@ -10,7 +10,6 @@ import click
 from tdint_cli import options
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.values import DriftSizeType
-from tdint_cli.startup import load_numba
 from tdint_cli.terminal.streams import say
 
 if TYPE_CHECKING:
@@ -57,7 +56,6 @@ def command(
     the roof and its ratio to the height, base shear, drifts of the stories.
     """
     outputs = Outputs.checked(output, plot, overwrite)
-    load_numba()
     from tdint.analysis.run.pushover import pushover
     from tdint.model.config.read import load_model
     from tdint.output.tables import columns

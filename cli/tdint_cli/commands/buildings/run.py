@@ -17,7 +17,6 @@ from tdint_cli.options.building import BuildingRequest, check_motion, with_motio
 from tdint_cli.options.output import check_picture
 from tdint_cli.options.plot import picture_file
 from tdint_cli.options.values import FileName, Ratio
-from tdint_cli.startup import load_numba
 from tdint_cli.terminal.drawing import emit_table
 from tdint_cli.terminal.streams import complain, note, say, warn
 
@@ -109,7 +108,6 @@ def _one_record(named: str | None, records: tuple[str, ...]) -> str | None:
 
 def _run(request: Request) -> None:
     began = time.perf_counter()
-    load_numba()
     from tdint.analysis.run.run import FailedRun, model_record, prepare, run_case
     from tdint.model.config.read import load_model
     from tdint.output.summaries.summary import model_input

@@ -15,7 +15,6 @@ from tdint_cli.commands.ground_motions.spectra.kind import Kind, Results
 from tdint_cli.commands.ground_motions.spectra.request import TablesRequest
 from tdint_cli.commands.ground_motions.spectra.tables import make_tables
 from tdint_cli.options.values import Number
-from tdint_cli.startup import load_numba
 
 if TYPE_CHECKING:
     from tdint.analysis.spectra.drift import DriftSpectrum
@@ -99,7 +98,6 @@ def _check(request: DriftRequest) -> None:
         raise UsageError("--stories and --story-height are given; leave one of them out")
     if request.beam and (request.stories is not None or request.story_height is not None):
         raise UsageError("--beam has no stories: leave out --stories and --story-height")
-    load_numba()
     from tdint.analysis.spectra.drift import number_of_stories, parse_height_period
 
     heights = parse_height_period(request.height_period).height(request.chosen_periods(DRIFT_PERIODS))

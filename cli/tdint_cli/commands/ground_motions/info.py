@@ -13,7 +13,6 @@ from tdint_cli.batch.processes import Task, outcomes
 from tdint_cli.batch.sources import notes_of_components, records_of, refuse_inputs
 from tdint_cli.errors import Failures
 from tdint_cli.options.output import Outputs
-from tdint_cli.startup import load_numba
 from tdint_cli.terminal.streams import note, warn
 
 if TYPE_CHECKING:
@@ -145,7 +144,6 @@ def _deliver(request: Request, outputs: Outputs, products: Sequence[Product]) ->
 
 def _work(request: Request, task: Task) -> Product:
     """All components of a record; it may run in another process."""
-    load_numba()
     from tdint.ground_motion.measures import measure
     from tdint.ground_motion.reading.read import read_records
     from tdint.output.summaries.summary import record_summary

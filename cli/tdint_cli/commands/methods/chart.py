@@ -15,7 +15,6 @@ from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.options.building import BuildingRequest, check_motion, with_motion
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.values import Number
-from tdint_cli.startup import load_numba
 from tdint_cli.terminal.progress import Progress, part_of, progress_bar
 from tdint_cli.terminal.streams import note, say, warn
 
@@ -133,9 +132,7 @@ def command(**given: Any) -> None:
 
 def _run(request: Request) -> None:
     outputs = _checked(request)
-    load_numba()
     from tdint.analysis.run.run import model_record
-    from tdint.kernels.march.march import march
     from tdint.model.config.read import load_model
 
     model = with_motion(load_model(request.model), request)
@@ -143,7 +140,6 @@ def _run(request: Request) -> None:
     if record:
         for warning in record.warnings:
             warn(f"{record.source}: {warning}")
-    _ = march.compiled  # what is said of compiling is said before there is a bar
     with progress_bar(request.output is None) as progress:
         charts, left_out = _charts(request, model, record, progress)
     advice = _advice(request, charts[0]) if len(charts) == 1 and not _peaks_at_start(request, charts[0]) else []

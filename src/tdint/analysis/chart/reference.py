@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from tdint.analysis.chart.problem import FloorMotion, Problem
 from tdint.analysis.run.steps import Steps
-from tdint.analysis.run.workspace import compile_all
+from tdint.cache import cache_subfolder
 from tdint.errors import AnalysisError, OutputError
 from tdint.files import write_file
-from tdint.kernels.compiling import cache_folder
+from tdint.kernels.building.store import fingerprint
 from tdint.methods.catalogue import parse
 
 Array = NDArray[np.float64]
@@ -147,8 +147,7 @@ def _plan(problem: Problem) -> _Plan:
 
 def _solve(problem: Problem, samples: int) -> Reference:
     plan = _plan(problem)
-    for method in (plan.method, plan.other):
-        compile_all(parse(method))
+    problem.prepared.compile(parse(method) for method in (plan.method, plan.other))
     parts = 8
     while parts < 64 and 2 * parts * samples * problem.building.stories * _STORY_STEP < _FIRST_COST:
         parts *= 2
@@ -201,6 +200,11 @@ def _extrapolated(coarse: FloorMotion, fine: FloorMotion) -> FloorMotion:
 
 
 # ---- The cache: a file per problem, in the folder of the compiled kernels, which is that of the sources and versions.
+
+
+def cache_folder() -> Path | None:
+    """The folder for references made by exactly these kernels; None if none can be written."""
+    return cache_subfolder(f"kernels-{fingerprint()}")
 
 
 def _cache_file(problem: Problem, samples: int) -> Path | None:

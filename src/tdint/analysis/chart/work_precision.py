@@ -7,7 +7,6 @@ import statistics
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
-from tdint.analysis.chart.compilation import compile_methods
 from tdint.analysis.chart.problem import Problem, reached
 from tdint.analysis.chart.reference import Errors, Reference, errors, find_reference
 from tdint.analysis.run.steps import Steps
@@ -192,7 +191,7 @@ def measure(
     choices = sorted({problem.steps(dt) for dt in dts}, key=lambda steps: -steps.h)
     own = problem.steps(problem.interval)
     usual = (parse(USUAL), own)
-    compile_methods([*integrators, usual[0]], lambda part: progress("compiling", _COMPILED * part))
+    problem.prepared.compile([*integrators, usual[0]], lambda part: progress("compiling", _COMPILED * part))
     progress("reference", _COMPILED)
     reference = find_reference(problem, reached(problem, (*choices, own)), cached=cached)
     pairs = [(integrator, steps) for integrator in integrators for steps in choices]

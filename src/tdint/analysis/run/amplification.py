@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from tdint.analysis.run.workspace import workspace
 from tdint.errors import AnalysisError
+from tdint.kernels.building.variant import Variant
 from tdint.kernels.layout import (
     ACCELERATION,
     DISPLACEMENT,
@@ -28,6 +29,9 @@ from tdint.methods.method import Integrator
 from tdint.model.building import Building, oscillators
 
 Array = NDArray[np.float64]
+
+LINEAR_OSCILLATORS = Variant(laws=("linear",), modal=False, forces=False, dashpots=False)
+"""What the kernels need for them."""
 
 STABLE = 1e-9
 """A spectral radius above 1 by less than this counts as 1: rounding."""
@@ -65,7 +69,7 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
     k = building.stories
     forces = np.zeros((0, 4))
     coefficients = integrator.coefficients(building, forces, h)
-    step = integrator.family.step.compiled
+    step = integrator.family.step.variant(LINEAR_OSCILLATORS)
     space = workspace(building, integrator)
     result = np.empty((k, len(memory), len(memory)))
     for column, row in enumerate(memory):

@@ -129,7 +129,7 @@ class Case:
         error = observed.energy(marched.space).error
         if not -error < _RUNAWAY and not self.allow_unstable:
             reason = f"the motion ends with {1.0 - error:.3g} times the input energy"
-            raise self._diverged(steps, marched.space, reason, _runaway_story(marched.space))
+            raise self._diverged(steps, *self._reached(steps, marched.space), reason, _runaway_story(marched.space))
         return self._response(steps, marched, collapse)
 
     def _integrate(self, steps: Steps, history: bool = False) -> Marched:
@@ -139,6 +139,7 @@ class Case:
             self.ground,
             rows=steps.count if history else 0,
             between=self.prepared.resolves(steps.h),
+            collapse_drift=self.model.collapse_drift,
         )
 
     def _refuse_unstable(self, h: float) -> None:
@@ -159,7 +160,7 @@ class Case:
         residual = float(space.memo[layout.RESIDUAL])
         if code == layout.NOT_FINITE or not residual < _OVERFLOW:
             story = _runaway_story(space)
-            return self._diverged(steps, space, f"the drift of story {story} ran away", story)
+            return self._diverged(steps, *self._reached(steps, space), f"the drift of story {story} ran away", story)
         reached = float(space.observed[observing.STEPS_REACHED]) * steps.h
         story = int(space.memo[layout.WORST_STORY]) + 1
         message = (
@@ -171,9 +172,11 @@ class Case:
             notes=self._failure_notes(),
         )  # fmt: skip
 
-    def _diverged(self, steps: Steps, space: Workspace, reason: str, story: int) -> FailedRun:
-        reached = float(space.observed[observing.STEPS_REACHED]) * steps.h
-        energy = _kinetic(self.building, space)
+    def _reached(self, steps: Steps, space: Workspace) -> tuple[float, float | None]:
+        """The time up to which the run came, s, and the kinetic energy there, J."""
+        return float(space.observed[observing.STEPS_REACHED]) * steps.h, _kinetic(self.building, space)
+
+    def _diverged(self, steps: Steps, reached: float, energy: float | None, reason: str, story: int) -> FailedRun:
         size = "" if energy is None else f", kinetic energy {energy:.3g} J"
         message = (
             f"{self.integrator.label} with dt {steps.h:.6g} s diverged after {reached:.6g} s: {reason}{size}; {_CURE}"
@@ -187,45 +190,26 @@ class Case:
         return (*(self.record.notes if self.record else ()), *self._stiffening_note())
 
     def _collapse(self, steps: Steps, marched: Marched) -> Collapse | None:
-        """When the drift first exceeded the collapse drift or a story failed, by bisection over marches of fewer steps:
-        collapse is rare.
+        """When the drift first exceeded the collapse drift or a story failed, as the march noted it.
 
         It is the building's own if the method has made less energy by then than the input energy. Else a run that came
         to its end has diverged, and of one that failed it is not said.
         """
-        if not self._gone(marched.space):
+        noted = observed.collapse(marched.space)
+        if noted is None:
             return None
-        code = marched.code
-        low, high = -1, int(marched.space.observed[observing.STEPS_REACHED])
-        while high - low > 1:
-            middle = (low + high) // 2
-            if self._gone(self._integrate(replace(steps, count=middle)).space):
-                high = middle
-            else:
-                low = middle
-        first = self._integrate(replace(steps, count=high))
-        failed = observed.failed_stories(self.building, first.space)
-        story = int(np.argmax(failed if failed.any() else self._excess(first.space))) + 1
-        made = -observed.energy(first.space).error
-        own = first.code == 0 and made < _MADE and high > 0
-        if own or (code == 0 and (high == 0 or self.allow_unstable)):
-            return Collapse(high * steps.h, story, ended=code < 0, failed=bool(failed.any()))
+        code, time = marched.code, noted.steps * steps.h
+        made = -noted.energy.error
+        own = made < _MADE and noted.steps > 0
+        if own or (code == 0 and (noted.steps == 0 or self.allow_unstable)):
+            return Collapse(time, noted.story, ended=code < 0, failed=noted.failed)
         if code < 0:
             return None
-        what = f"the drift ratio of story {story} passed the collapse drift"
-        if failed.any():
-            what = f"story {story} failed"
+        what = f"the drift ratio of story {noted.story} passed the collapse drift"
+        if noted.failed:
+            what = f"story {noted.story} failed"
         reason = f"{what} on {made:.3g} times the input energy"
-        raise self._diverged(replace(steps, count=high), first.space, reason, story)
-
-    def _gone(self, space: Workspace) -> bool:
-        """Whether a drift ratio has exceeded the collapse drift, or a story carries nothing any more."""
-        return bool(self._excess(space).any() or observed.failed_stories(self.building, space).any())
-
-    def _excess(self, space: Workspace) -> Array:
-        """Drift ratio so far above the collapse drift, 0 for none."""
-        ratio = space.peaks[observing.PEAK_DRIFT] / self.building.heights
-        return np.asarray(np.maximum(np.nan_to_num(ratio - self.model.collapse_drift), 0.0))
+        raise self._diverged(steps, time, noted.energy.kinetic, reason, noted.story)
 
     def _response(self, steps: Steps, marched: Marched, collapse: Collapse | None) -> Response:
         space = marched.space

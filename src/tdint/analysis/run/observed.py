@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import reduce
 from operator import sub
 
@@ -10,10 +11,9 @@ from numpy.typing import NDArray
 
 from tdint.analysis.run.outcome import ENERGY_TERMS, Energy, EnergyHistory, History, StoryPeaks
 from tdint.analysis.run.workspace import Workspace
-from tdint.kernels.layout import CODE, DRIFT, INTERNAL
+from tdint.kernels.layout import DRIFT
 from tdint.kernels.march import observing
 from tdint.model.building import Building
-from tdint.model.laws import CODES, LAWS
 
 Array = NDArray[np.float64]
 
@@ -35,22 +35,39 @@ def story_peaks(building: Building, space: Workspace) -> StoryPeaks:
     )
 
 
-def failed_stories(building: Building, space: Workspace) -> NDArray[np.bool_]:
-    """Which stories carry nothing any more, by their laws, shape (n,)."""
-    codes, kinds = building.laws[CODE, :-1], space.springs[INTERNAL, :-1]
-    failed = np.zeros(building.stories, bool)
-    for name, law in LAWS.items():
-        own = codes == CODES[name]
-        failed[own] = law.failed(kinds[own])
-    return failed
-
-
 def energy(space: Workspace) -> Energy:
     """The energies at the end."""
-    observed = space.observed
-    terms = dict(zip(ENERGY_TERMS, observed[: observing.ENERGY_TERMS].tolist(), strict=True))
-    start, largest = float(observed[observing.ENERGY_START]), float(observed[observing.ENERGY_LARGEST])
+    return _energy(space.observed)
+
+
+def _energy(numbers: Array) -> Energy:
+    terms = dict(zip(ENERGY_TERMS, numbers[: observing.ENERGY_TERMS].tolist(), strict=True))
+    start, largest = float(numbers[observing.ENERGY_START]), float(numbers[observing.ENERGY_LARGEST])
     return Energy(**terms, start=start, largest=largest)
+
+
+@dataclass(frozen=True)
+class NotedCollapse:
+    """After how many steps a drift was first beyond the collapse drift or a story failed, which from 1, and the
+    energies then."""
+
+    steps: int
+    story: int
+    failed: bool
+    energy: Energy
+
+
+def collapse(space: Workspace) -> NotedCollapse | None:
+    """What a march noted of a collapse; None if there was none."""
+    observed = space.observed
+    if observed[observing.COLLAPSE_STEP] == observing.NO_COLLAPSE:
+        return None
+    return NotedCollapse(
+        int(observed[observing.COLLAPSE_STEP]),
+        int(observed[observing.COLLAPSE_STORY]) + 1,
+        bool(observed[observing.COLLAPSE_FAILED]),
+        _energy(observed[observing.COLLAPSE_ENERGIES :]),
+    )
 
 
 def history(building: Building, space: Workspace, h: float) -> History:

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.run.amplification import Instability, find_instability
 from tdint.analysis.run.steps import Steps
-from tdint.analysis.run.workspace import Workspace, check_suited, compile_all, integrate, workspace
+from tdint.analysis.run.workspace import Workspace, check_suited, integrate, kernels, variant, workspace
+from tdint.kernels.building.obtaining import obtain
+from tdint.kernels.building.variant import Variant
 from tdint.kernels.layout import DISPLACEMENT, FORCE_COLUMNS, VELOCITY
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, assemble
@@ -75,6 +79,21 @@ class PreparedBuilding:
             np.array(model.initial.velocity),
         )
 
+    @cached_property
+    def variant(self) -> Variant:
+        """What the kernels need for the building."""
+        return variant(self.building, self.forces)
+
+    def compile(self, integrators: Iterable[Integrator], progress: Callable[[float], None] = lambda part: None) -> None:
+        """Load what marches with these methods call, compiled if it is not yet: before a clock starts.
+
+        Parameters
+        ----------
+        progress : callable
+            Told how much is done, from 0 to 1.
+        """
+        obtain([one for integrator in integrators for one in kernels(integrator, self.variant)], progress)
+
     def coefficients(self, integrator: Integrator, h: float) -> Array:
         """Coefficients of the method's step for this building and the step h (s)."""
         key = (integrator.label, h)
@@ -112,6 +131,7 @@ class PreparedBuilding:
         *,
         rows: int = 0,
         between: bool = False,
+        collapse_drift: float = math.inf,
     ) -> Marched:
         """Integrate from the initial state over the steps.
 
@@ -124,6 +144,8 @@ class PreparedBuilding:
             Steps of the history that is kept, of which `steps` are a whole multiple; 0 for none.
         between : bool
             Look for peaks of drift and displacement between the steps, too.
+        collapse_drift : float
+            Drift ratio beyond which a story has collapsed: when one first is, is noted.
 
         Raises
         ------
@@ -131,12 +153,12 @@ class PreparedBuilding:
             The method does not integrate this building.
         """
         check_suited(integrator, self.building)
-        compile_all(integrator)
-        space = workspace(self.building, integrator, rows, between)
+        self.compile([integrator])
+        space = workspace(self.building, integrator, rows, between, collapse_drift)
         space.state[DISPLACEMENT, :-1] = self.displacement
         space.state[VELOCITY, :-1] = self.velocity
         motion = np.zeros(1) if ground is None else ground
         coefficients = self.coefficients(integrator, steps.h)
         begin = time.perf_counter()
-        code = integrate(integrator, coefficients, self.building, self.forces, motion, steps, space)
+        code = integrate(integrator, coefficients, self.building, self.forces, motion, steps, space, self.variant)
         return Marched(space, code, time.perf_counter() - begin)

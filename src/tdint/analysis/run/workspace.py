@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,10 +12,13 @@ from numpy.typing import NDArray
 
 from tdint.analysis.run.steps import Steps
 from tdint.errors import AnalysisError
+from tdint.kernels.building.variant import EVERYTHING, Variant
+from tdint.kernels.compiling import Kernel
 from tdint.kernels.laws.apart import spring_table
 from tdint.kernels.layout import (
     ALL_BRANCHES,
     BRANCHES,
+    CODE,
     LINEAR,
     LOAD_SIZE,
     MEMO_SIZE,
@@ -26,21 +32,28 @@ from tdint.kernels.march.march import march
 from tdint.kernels.march.observing import (
     AT_STEPS_ONLY,
     BETWEEN_STEPS,
+    COLLAPSE_STEP,
     ENERGY_TERMS,
     HISTORY_FIELDS,
     INTERPOLATED,
+    NO_COLLAPSE,
     OBSERVED_SIZE,
     OBSERVER_ROWS,
     ON_THE_PATH,
     PEAK_ROWS,
 )
+from tdint.kernels.march.stories import begin, take_stock
 from tdint.methods.method import Integrator
 from tdint.model.building import Building
+from tdint.model.laws import CODES, LAWS
 
 Array = NDArray[np.float64]
 
 HALVINGS = 8
 """How often a step that does not converge is halved before the run ends."""
+
+_PIECE = 0.1  # s
+_FIRST_PIECE = 100_000  # steps times stories, and as much for each modally damped mode
 
 
 @dataclass
@@ -53,11 +66,18 @@ class Workspace:
     memo: Array
     watch: Array
     peaks: Array
+    limits: Array
     observed: Array
     history: Array
 
 
-def workspace(building: Building, integrator: Integrator, steps: int = 0, between: bool = False) -> Workspace:
+def workspace(
+    building: Building,
+    integrator: Integrator,
+    steps: int = 0,
+    between: bool = False,
+    collapse_drift: float = math.inf,
+) -> Workspace:
     """Fresh arrays for one run; with room for a history of `steps` steps and the start if it is not 0.
 
     A march of k times as many steps keeps every k-th.
@@ -76,6 +96,7 @@ def workspace(building: Building, integrator: Integrator, steps: int = 0, betwee
     memo[STRAIGHTENED] = family.straightened
     observed = np.zeros(OBSERVED_SIZE)
     observed[BETWEEN_STEPS] = ON_THE_PATH if family.parabolic else INTERPOLATED if between else AT_STEPS_ONLY
+    observed[COLLAPSE_STEP] = NO_COLLAPSE
     return Workspace(
         state=np.zeros((family.state_rows, n + 1)),
         springs=spring_table(building.laws),
@@ -83,9 +104,18 @@ def workspace(building: Building, integrator: Integrator, steps: int = 0, betwee
         memo=memo,
         watch=np.zeros((OBSERVER_ROWS, n + 1)),
         peaks=np.zeros((PEAK_ROWS, n)),
+        limits=np.array([np.full(n, collapse_drift), building.heights, _failed(building)]),
         observed=observed,
         history=np.zeros((steps + 1 if steps else 0, 1 + HISTORY_FIELDS * n + ENERGY_TERMS)),
     )
+
+
+def _failed(building: Building) -> Array:
+    """What row INTERNAL is in the stories that have failed."""
+    failed = np.full(max(CODES.values()) + 1, math.nan)
+    for name, code in CODES.items():
+        failed[code] = LAWS[name].failed
+    return np.asarray(failed[building.laws[CODE, :-1].astype(int)])
 
 
 def _branches(building: Building) -> int:
@@ -94,9 +124,20 @@ def _branches(building: Building) -> int:
     return SOME_BRANCHES if building.kinked else NO_BRANCHES
 
 
-def compile_all(integrator: Integrator) -> None:
-    """Compile, or load from the cache, what `integrate` calls: before a clock starts."""
-    _ = march.compiled, integrator.family.step.compiled
+def variant(building: Building, forces: Array) -> Variant:
+    """What the kernels need for a building under forces."""
+    codes = np.unique(building.laws[CODE, :-1]).tolist()
+    return Variant(
+        laws=tuple(name for name, code in CODES.items() if code in codes or name == "linear"),
+        modal=len(building.modal) > 0,
+        forces=len(forces) > 0,
+        dashpots=building.power_damped,
+    )
+
+
+def kernels(integrator: Integrator, wanted: Variant) -> list[tuple[Kernel, Variant]]:
+    """The kernels that `integrate` calls."""
+    return [(kernel, wanted) for kernel in (march, begin, take_stock, integrator.family.step)]
 
 
 def integrate(
@@ -107,10 +148,12 @@ def integrate(
     ground: Array,
     steps: Steps,
     space: Workspace,
+    wanted: Variant = EVERYTHING,
 ) -> int:
     """March over the steps from the initial state in `space`; returns 0 or the code of the step that failed.
 
-    `coefficients` are those of the integrator for this building, these forces and this step.
+    `coefficients` are those of the integrator for this building, these forces and this step; `wanted` is what the
+    building and the forces need of the kernels, or more.
 
     Raises
     ------
@@ -119,10 +162,16 @@ def integrate(
     """
     if len(space.history) > 1 and steps.count % (len(space.history) - 1):
         raise ValueError(f"{steps.count} steps do not fit into a history of {len(space.history) - 1}")
-    return int(
-        march.compiled(
-            integrator.family.step.compiled,
+    return _in_pieces(
+        steps.count,
+        _FIRST_PIECE // (building.stories * (1 + len(building.modal))),
+        lambda first, last: march.variant(wanted)(
+            integrator.family.step.variant(wanted),
+            begin.variant(wanted),
+            take_stock.variant(wanted),
             steps.count,
+            first,
+            last,
             steps.per_sample,
             steps.stride,
             HALVINGS if integrator.family.halvable else 0,
@@ -140,10 +189,24 @@ def integrate(
             np.zeros(LOAD_SIZE),
             space.watch,
             space.peaks,
+            space.limits,
             space.observed,
             space.history,
-        )
+        ),
     )
+
+
+def _in_pieces(count: int, size: int, go_on: Callable[[int, int], int]) -> int:
+    """March over all steps in pieces that take about `_PIECE`, between which Python can be interrupted."""
+    done, size = 0, max(size, 1)
+    while True:
+        last = min(done + size, count)
+        started = time.perf_counter()
+        code = go_on(done, last)
+        if code < 0 or last == count:
+            return code
+        seconds = time.perf_counter() - started
+        done, size = last, max(1, min(2 * size, int(size * _PIECE / max(seconds, 1e-6))))
 
 
 def check_suited(integrator: Integrator, building: Building) -> None:

@@ -288,6 +288,7 @@ def _march(record: Record, buildings: Sequence[_Building], damping: float) -> Ar
             np.pad(building.shapes, ((0, padding), (0, 0))),
             building.static,
             result,
+            *drifts.scratch(ground.size, p, table.shape[1] + padding, building.shapes.shape[1]),
         )
     return results
 

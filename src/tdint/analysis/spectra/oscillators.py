@@ -81,7 +81,8 @@ def largest(ground: Array, dt: float, omega: Array, damping: float, maxima: Maxi
     for chosen, parts, table in groups(omega, damping, dt, maxima, _lanes):
         lanes = _lanes(chosen.size)
         found = np.empty((spectra.PEAKS, chosen.size))
-        spectra.peaks.compiled(ground, dt, parts, table, lanes, int(maxima.between), found)
+        scratch = spectra.scratch(ground.size, parts, lanes)
+        spectra.peaks.compiled(ground, dt, parts, table, lanes, int(maxima.between), found, *scratch)
         result[:, chosen] = found
     return result
 

@@ -120,7 +120,10 @@ def _displacements(
     result = np.empty((omega.size, rotation.ANGLES))
     for chosen, parts, table in groups(omega, damping, dt, maxima, _lanes):
         found = np.empty((chosen.size, rotation.ANGLES))
-        rotation.rotated_peaks.compiled(first, second, dt, parts, table, _directions(), int(maxima.between), found)
+        scratch = rotation.scratch(first.size, parts)
+        rotation.rotated_peaks.compiled(
+            first, second, dt, parts, table, _directions(), int(maxima.between), found, *scratch
+        )
         result[chosen] = found
     return result
 

@@ -11,12 +11,9 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
-from numba.core import cgutils, types
-from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from tdint.kernels.compiling import F8, I8, TABLE, Kernel, inlined
+from tdint.kernels.compiling import COMPILES, F8, I8, TABLE, Kernel, called_at, inlined
 from tdint.kernels.laws import LAWS
 from tdint.kernels.layout import ADDRESS, CODE, FURTHER, SPRING_BLOCKS
 
@@ -29,18 +26,19 @@ _ENTER = 4
 _SWITCH = 5
 
 
-@intrinsic
-def _call(typing_context, address, hook, laws, springs, i, past, trial, x):
-    """Call a compiled function of `_SIGNATURE` at an address that a float64 holds (exactly: addresses have 48 bits)."""
+if COMPILES:
+    _call_at = called_at(_SIGNATURE)
 
-    def generate(context, builder, _, arguments):
-        inner = ir.FunctionType(
-            context.get_value_type(_SIGNATURE.return_type), [context.get_value_type(one) for one in _SIGNATURE.args]
-        )
-        pointer = builder.inttoptr(builder.fptoui(arguments[0], cgutils.intp_t), inner.as_pointer())
-        return context.call_function_pointer(builder, pointer, arguments[1:])
+    @inlined
+    def _call(address, hook, laws, springs, i, past, trial, x):
+        """Call a kernel of `_SIGNATURE` at an address that a float64 holds (exactly: addresses have 48 bits)."""
+        return _call_at(int(address), hook, laws, springs, i, past, trial, x)
 
-    return F8(types.float64, *_SIGNATURE.args), generate
+else:
+
+    def _call(address, hook, laws, springs, i, past, trial, x):
+        """Where nothing is compiled no address is needed."""
+        return _kernel(int(laws[CODE, i])).function(hook, laws, springs, i, past, trial, x)
 
 
 @inlined
@@ -112,21 +110,32 @@ def _all_hooks(hook, laws, springs, i, past, trial, x):
 
 @cache
 def _kernel(code: int) -> Kernel:
-    """`_all_hooks` of one law. By globals, not by a closure: that could not be found again in the cache of numba, which
-    tells functions apart by their name."""
+    """`_all_hooks` of one law."""
     functions = LAWS[code].functions()
     names = globals() | {hook: getattr(functions, hook) for hook in HOOKS}
-    own = python_types.FunctionType(_all_hooks.__code__, names, f"law_{code}")
+    own = python_types.FunctionType(_all_hooks.__code__, names, LAWS[code].name)
     own.__qualname__ = own.__name__
     own.__module__ = __name__
-    return Kernel(own, _SIGNATURE, allocates=False)
+    return Kernel(own, _SIGNATURE, ())
+
+
+def __getattr__(name: str) -> Kernel:
+    """The kernel of the law called `name`, for the process that compiles it."""
+    for code, law in enumerate(LAWS):
+        if law.apart and law.name == name:
+            return _kernel(code)
+    raise AttributeError(name)
+
+
+def kernels_apart(laws: NDArray[np.float64] | None = None) -> list[Kernel]:
+    """The kernels of the laws that stand apart: those in a table of laws, or all."""
+    codes = range(len(LAWS)) if laws is None else np.unique(laws[CODE, :-1].astype(int)).tolist()
+    return [_kernel(code) for code in codes if LAWS[code].apart]
 
 
 @cache
 def _address(code: int) -> float:
-    compiled = _kernel(code).compiled
-    result = compiled.overloads[_SIGNATURE.args]
-    return float(result.library.get_pointer_to_function(result.fndesc.llvm_cfunc_wrapper_name))
+    return float(getattr(_kernel(code).compiled, "address", 0))
 
 
 def spring_table(laws: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from tdint.kernels.compiling import called, inlined
+from tdint.kernels.compiling import VARIANT, called, inlined
 from tdint.kernels.laws import LAWS
 from tdint.kernels.laws.apart import HOOKS
 from tdint.kernels.laws.law import LawFunctions
 from tdint.kernels.layout import CODE
 
 FUNCTIONS = tuple(LawFunctions(**HOOKS) if law.apart else law.functions() for law in LAWS)
+
+COMPILED = tuple(code for code, law in enumerate(LAWS) if not VARIANT.laws or law.name in VARIANT.laws)
+"""The laws that the kernels are compiled for."""
 
 # The first laws are put into each place that goes by the law; the others are compiled once, together, and called:
 # compiling the loops takes long enough. The functions of laws that stand apart only call those at their address.
@@ -31,11 +34,11 @@ def chosen(hook: str, case: Callable[[Any, int, Any, Any], Any], otherwise: Any 
     `hook` is a name in `LawFunctions`. `case` links one law's function with the others': `case_of_3`, and so on by the
     number of arguments. No call is made for a frequent law, whether it has a function or not.
     """
-    owns = [(code, getattr(functions, hook)) for code, functions in enumerate(FUNCTIONS)]
+    owns = [(code, getattr(FUNCTIONS[code], hook)) for code in COMPILED]
     owns = [(code, own or (otherwise if code < _FREQUENT else None)) for code, own in owns]
     owns = [(code, own) for code, own in owns if own is not None]
     rare = min((code for code, _ in owns if code >= _FREQUENT), default=None)
-    function = otherwise if rarely is None else called(rarely)
+    function = otherwise if rarely is None or max(COMPILED) < _FREQUENT else called(rarely)
     for code, own in reversed(owns):
         function = own if function is None else case(called if code == rare else inlined, code, own, function)
     return function

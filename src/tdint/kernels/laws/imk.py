@@ -416,5 +416,5 @@ LAW = DriftLaw(
     further=_FURTHER,
     yield_drift=yields_at_its_strength,
     fault=_fault,
-    failed=lambda kinds: kinds == _FAILED,
+    failed=_FAILED,
 )

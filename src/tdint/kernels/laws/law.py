@@ -109,8 +109,8 @@ class DriftLaw:
         (initial stiffness, parameter values) -> drift at first yield, m; nan for a law that does not yield.
     fault : callable
         (initial stiffness, parameter values) -> what is wrong with them together; None if nothing is.
-    failed : callable
-        Row INTERNAL of stories with this law -> which of them carry nothing any more.
+    failed : float
+        What row INTERNAL is, from then on, of a story that carries nothing any more; nan if that does not happen.
     """
 
     name: str
@@ -125,7 +125,7 @@ class DriftLaw:
     initial_stiffness: Callable[[Sequence[float]], float] | None = None
     yield_drift: Callable[[float, Sequence[float]], float] = lambda stiffness, values: math.nan
     fault: Callable[[float, Sequence[float]], str | None] = lambda stiffness, values: None
-    failed: Callable[[Any], Any] = lambda kinds: kinds != kinds
+    failed: float = math.nan
 
 
 def yields_at_its_strength(stiffness: float, values: Sequence[float]) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from tdint.kernels.compiling import called, inlined
+from tdint.kernels.compiling import VARIANT, called, inlined
 from tdint.kernels.layout import (
     ACCELERATION,
     COSINE,
@@ -24,6 +24,11 @@ from tdint.kernels.layout import (
     THRESHOLD,
     VELOCITY,
 )
+
+# What the kernels are compiled for: numba leaves out what stands behind a constant that is false.
+MODAL = VARIANT.modal
+FORCES = VARIANT.forces
+DASHPOTS = VARIANT.dashpots
 
 
 @inlined
@@ -72,7 +77,7 @@ def floor_load(chain, forces, t, ground, work, row):
     """Load p = -m ag + floor forces at time t into a row of work, N."""
     for i in range(chain.shape[1] - 1):
         work[row, i] = -chain[MASS, i] * ground
-    if forces.shape[0] > 0:
+    if FORCES and forces.shape[0] > 0:
         _add_forces(forces, t, work, row)
 
 
@@ -88,7 +93,7 @@ def floor_impulse(chain, forces, t, h, ground_0, ground_1, work, row):
     between."""
     for i in range(chain.shape[1] - 1):
         work[row, i] = -0.5 * h * chain[MASS, i] * (ground_0 + ground_1)
-    if forces.shape[0] > 0:
+    if FORCES and forces.shape[0] > 0:
         _add_impulses(forces, t, h, work, row)
 
 
@@ -130,7 +135,7 @@ def _add_means(forces, t, h, r, work, row):
 @inlined
 def add_modal_force(modal, table, x, factor, work, row, n):
     """Add factor * C_modal * x to a row of work, with C_modal = W^T W; row `x` of `table` is the velocity."""
-    if modal.shape[0] > 0:
+    if MODAL and modal.shape[0] > 0:
         _add_modal_force(modal, table, x, factor, work, row, n)
 
 
@@ -148,9 +153,9 @@ def _add_modal_force(modal, table, x, factor, work, row, n):
 @inlined
 def power_damper(chain, i, rate):
     """Force of the power-law dashpot of story `i` at a drift rate, N, and its slope, N s/m."""
-    if chain[POWER_DAMPER, i] == 0.0:
-        return 0.0, 0.0
-    return _power_damper(chain, i, rate)
+    if DASHPOTS and chain[POWER_DAMPER, i] != 0.0:
+        return _power_damper(chain, i, rate)
+    return 0.0, 0.0
 
 
 @called

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from numba.core import types
-
 from tdint.kernels.compiling import I8, TABLE, VECTOR, kernel
 from tdint.kernels.layout import COMMITTED, FIRST_TRIAL, FORCE
 from tdint.kernels.march.springs import commit, dissipated, recoverable, restoring, start
@@ -16,7 +14,7 @@ DISSIPATION = 3
 RESULT_COLUMNS = 4
 
 
-@kernel(types.void(TABLE, I8, VECTOR, TABLE, TABLE))
+@kernel(I8(TABLE, I8, VECTOR, TABLE, TABLE), parts=("laws",))
 def follow(laws, i, drifts, springs, result):
     """Bring story `i` from rest to the first drift and then from one to the next; one row of result for each.
 
@@ -29,3 +27,4 @@ def follow(laws, i, drifts, springs, result):
         result[s, SHEAR] = springs[FORCE, i]
         result[s, RECOVERABLE] = recoverable(laws, springs, i)
         result[s, DISSIPATION] = dissipated(laws, springs, i)
+    return 0

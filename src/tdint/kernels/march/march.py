@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from numba.core import types
-
-from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, inlined, kernel
+from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, called, inlined, kernel
 from tdint.kernels.layout import (
     ACCELERATION,
     DISPLACEMENT,
     GROUND_0,
     GROUND_1,
-    LINK,
     NOT_FINITE,
     STEPS_DONE,
     STRAIGHTENED,
@@ -19,20 +16,27 @@ from tdint.kernels.layout import (
 from tdint.kernels.march.ground import ground_at, ground_between, straightened
 from tdint.kernels.march.observing import (
     ACCELERATION_ROW,
+    COLLAPSE_STEP,
     HALVINGS,
     ITERATIONS,
+    NO_COLLAPSE,
     STEPS_REACHED,
-    begin,
+    begin_energies,
+    beyond_limits,
+    note_collapse,
     observe,
     store,
-    take_stock,
 )
-from tdint.kernels.march.springs import start
-from tdint.kernels.march.stepping import STEP
+from tdint.kernels.march.stepping import STEP, call_step
+from tdint.kernels.march.stories import BEGIN, TAKE_STOCK, call_begin, call_take_stock
 
 _MARCH = I8(
-    types.FunctionType(STEP),  # step
-    I8,  # steps
+    STEP,  # step
+    BEGIN,  # what brings the drift laws to the initial state
+    TAKE_STOCK,  # what sums up their energies
+    I8,  # steps of the whole run
+    I8,  # steps of it that are done
+    I8,  # steps until which to go on
     I8,  # steps per sample of the ground motion
     I8,  # samples per step; one of the two is 1
     I8,  # how often a step may be halved
@@ -50,6 +54,7 @@ _MARCH = I8(
     VECTOR,  # load, LOAD_SIZE numbers of scratch
     TABLE,  # work of the observer
     TABLE,  # peaks
+    TABLE,  # limits of the drifts
     VECTOR,  # observed
     TABLE,  # history: the start and each k-th step, k = steps / (rows - 1) a whole number; no rows for none
 )
@@ -59,17 +64,15 @@ RUNAWAY = 1e6
 
 
 @inlined
-def _start(chain, modal, laws, forces, ground, state, springs, memo, watch, peaks, observed):
+def _start(begin, take_stock, chain, modal, laws, forces, ground, state, springs, memo, watch, peaks, observed):
     """Drift laws, acceleration and energy of the initial state."""
     n = chain.shape[1] - 1
-    below = 0.0
-    for i in range(n):
-        start(laws, springs, i, state[DISPLACEMENT, i] - chain[LINK, i] * below)
-        below = state[DISPLACEMENT, i]
+    call_begin(begin, chain, laws, state, springs)
     observe(chain, modal, laws, forces, 0.0, 0.0, ground, 0.0, state, springs, memo, watch, peaks, observed)
     for i in range(n):
         state[ACCELERATION, i] = watch[ACCELERATION_ROW, i]
-    begin(chain, laws, state, springs, observed)
+    call_take_stock(take_stock, chain, laws, state, springs, observed)
+    begin_energies(observed)
 
 
 @inlined
@@ -80,25 +83,41 @@ def _ran_away(state, n):
     return not largest < RUNAWAY
 
 
-@kernel(_MARCH)
+@called
+def _watch(take_stock, chain, laws, state, springs, limits, peaks, steps, observed):
+    """Note a collapse that has not been noted yet."""
+    if observed[COLLAPSE_STEP] == NO_COLLAPSE and beyond_limits(limits, springs, peaks, chain.shape[1] - 1):
+        call_take_stock(take_stock, chain, laws, state, springs, observed)
+        note_collapse(limits, springs, peaks, steps, observed)
+
+
+@kernel(_MARCH, parts=())
 def march(
-    step, steps, per_sample, stride, halvings, h, ground, coefficients, chain, modal, laws, forces,
-    state, springs, work, memo, load, watch, peaks, observed, history,
+    step, begin, take_stock, steps, first, last, per_sample, stride, halvings,
+    h, ground, coefficients, chain, modal, laws, forces,
+    state, springs, work, memo, load, watch, peaks, limits, observed, history,
 ):  # fmt: skip
-    """Integrate from time 0 over `steps` steps of h; returns 0, or the code of the step that failed.
+    """Integrate over the steps `first` to `last` of a run of `steps` steps of h; returns 0, or the code of the step
+    that failed.
+
+    The run begins with `first` 0 and goes on from what the march before has left: in so many pieces that whoever runs
+    it can be interrupted.
 
     A step that does not converge is halved up to `halvings` times over; the rest of it goes on in the smaller pieces.
     A multi-step method, whose memory holds whole steps, starts anew in and after such a step.
     `observed[STEPS_REACHED]` counts the whole steps done.
     """
     n = chain.shape[1] - 1
-    ground_0 = ground_at(ground, 0, per_sample, stride)
-    _start(chain, modal, laws, forces, ground_0, state, springs, memo, watch, peaks, observed)
-    if history.shape[0] > 0:
-        store(chain, laws, ground_0, state, springs, watch, observed, history, 0)
+    ground_0 = ground_at(ground, first, per_sample, stride)
+    if first == 0:
+        _start(begin, take_stock, chain, modal, laws, forces, ground_0, state, springs, memo, watch, peaks, observed)
+        if beyond_limits(limits, springs, peaks, n):
+            note_collapse(limits, springs, peaks, 0, observed)
+        if history.shape[0] > 0:
+            store(chain, ground_0, state, springs, watch, observed, history, 0)
     every = steps // max(history.shape[0] - 1, 1)
     smallest = 0.5**halvings
-    for s in range(steps):
+    for s in range(first, last):
         ground_1 = ground_at(ground, s + 1, per_sample, stride)
         slope = (ground_1 - ground_0) / h
         done = 0.0  # of the step
@@ -112,9 +131,12 @@ def march(
                 end = (s + done + piece) * stride
                 load[GROUND_0], load[GROUND_1] = straightened(ground, (s + done) * stride, end)
                 reached = ground_between(ground, end)
-            code = step(coefficients, chain, modal, laws, forces, piece * h, load, state, springs, work, memo)
+            code = call_step(
+                step, coefficients, chain, modal, laws, forces, piece * h, load, state, springs, work, memo
+            )
             if code < 0:
                 if code == NOT_FINITE or piece <= smallest:
+                    _watch(take_stock, chain, laws, state, springs, limits, peaks, s, observed)
                     return code
                 piece *= 0.5
                 observed[HALVINGS] += 1.0
@@ -131,8 +153,12 @@ def march(
         observed[STEPS_REACHED] += 1.0
         if _ran_away(state, n):
             return NOT_FINITE
+        if observed[COLLAPSE_STEP] == NO_COLLAPSE and beyond_limits(limits, springs, peaks, n):
+            _watch(take_stock, chain, laws, state, springs, limits, peaks, s + 1, observed)
         if history.shape[0] > 0 and (s + 1) % every == 0:
-            store(chain, laws, ground_1, state, springs, watch, observed, history, (s + 1) // every)
+            call_take_stock(take_stock, chain, laws, state, springs, observed)
+            store(chain, ground_1, state, springs, watch, observed, history, (s + 1) // every)
         ground_0 = ground_1
-    take_stock(chain, laws, state, springs, observed)
+    if last == steps:
+        call_take_stock(take_stock, chain, laws, state, springs, observed)
     return 0

@@ -15,6 +15,7 @@ from tdint.kernels.layout import (
     FLOOR_DAMPER,
     FORCE,
     GEOMETRIC,
+    INTERNAL,
     INVERSE_MASS,
     LINK,
     MASS,
@@ -25,9 +26,8 @@ from tdint.kernels.layout import (
     WORK_DAMPED,
     WORK_INPUT,
 )
-from tdint.kernels.march.chain import add_modal_force, force_rate, force_value, power_damper
+from tdint.kernels.march.chain import FORCES, MODAL, add_modal_force, force_rate, force_value, power_damper
 from tdint.kernels.march.events import NONE, turning
-from tdint.kernels.march.springs import dissipated, recoverable
 
 # peaks: largest absolute values, one row each
 PEAK_DRIFT = 0
@@ -60,8 +60,19 @@ _MOMENTUM = ENERGY_TERMS + 7
 _POWER_DAMPED = ENERGY_TERMS + 8
 _RATE_DAMPED = ENERGY_TERMS + 9
 BETWEEN_STEPS = ENERGY_TERMS + 10  # set before the march: how peaks of drift and displacement are looked for
-_DISSIPATED_BEFORE = ENERGY_TERMS + 11  # by the drift laws on the way to the initial drifts, J
-OBSERVED_SIZE = ENERGY_TERMS + 12
+DISSIPATED_BEFORE = ENERGY_TERMS + 11  # by the drift laws on the way to the initial drifts, J
+COLLAPSE_STEP = ENERGY_TERMS + 12  # whole steps after which a story was first beyond a limit; NO_COLLAPSE for none
+COLLAPSE_STORY = ENERGY_TERMS + 13  # the first story that failed, else the one farthest beyond its limit then
+COLLAPSE_FAILED = ENERGY_TERMS + 14  # 1 if it failed
+COLLAPSE_ENERGIES = ENERGY_TERMS + 15  # the energies then, ENERGY_START and ENERGY_LARGEST after them
+OBSERVED_SIZE = COLLAPSE_ENERGIES + ENERGY_TERMS + 2
+
+NO_COLLAPSE = -1.0
+
+# limits: by story
+LIMIT = 0  # drift ratio beyond which it has collapsed
+HEIGHT = 1  # m; nan for a story without a limit
+FAILED = 2  # what INTERNAL is once the story carries nothing any more; nan where that does not happen
 
 # observed[BETWEEN_STEPS]
 AT_STEPS_ONLY = 0
@@ -90,7 +101,7 @@ def observe(chain, modal, laws, forces, t, h, ground, slope, state, springs, mem
     """
     n = chain.shape[1] - 1
     _story_forces(chain, state, springs, work, peaks)
-    if forces.shape[0] + modal.shape[0] > 0:
+    if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
         _other_forces(modal, forces, t, state, work, n)
     power = 0.0
     rate = 0.0
@@ -120,7 +131,7 @@ def observe(chain, modal, laws, forces, t, h, ground, slope, state, springs, mem
         damped_rate += floor * a + (story + 0.5 * (force + tangent * rate_of_drift)) * (a - link * a_below)
         v_below = v
         a_below = a
-    if forces.shape[0] + modal.shape[0] > 0:
+    if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
         powers = _other_powers(modal, forces, t, state, work, n)
         power += powers[0]
         rate += powers[1]
@@ -273,34 +284,17 @@ def _add_work(h, slope, power, rate, momentum, damped, damped_rate, memo, observ
 
 
 @inlined
-def begin(chain, laws, state, springs, observed):
-    """Energies of the initial state."""
-    take_stock(chain, laws, state, springs, observed)
-    observed[_DISSIPATED_BEFORE] = observed[ENERGY_DISSIPATED]
+def begin_energies(observed):
+    """Energies of the initial state, of which stock has been taken."""
+    observed[DISSIPATED_BEFORE] = observed[ENERGY_DISSIPATED]
     observed[ENERGY_DISSIPATED] = 0.0
     observed[ENERGY_START] = observed[ENERGY_KINETIC] + observed[ENERGY_RECOVERABLE]
     observed[ENERGY_LARGEST] = observed[ENERGY_START]
 
 
 @called
-def take_stock(chain, laws, state, springs, observed):
-    """Kinetic, recoverable and dissipated energy of the present state, J."""
-    kinetic = 0.0
-    stored = 0.0
-    lost = 0.0
-    for i in range(chain.shape[1] - 1):
-        drift = springs[DRIFT, i]
-        kinetic += 0.5 * chain[MASS, i] * state[VELOCITY, i] * state[VELOCITY, i]
-        stored += recoverable(laws, springs, i) + 0.5 * chain[GEOMETRIC, i] * drift * drift
-        lost += dissipated(laws, springs, i)
-    observed[ENERGY_KINETIC] = kinetic
-    observed[ENERGY_RECOVERABLE] = stored
-    observed[ENERGY_DISSIPATED] = lost - observed[_DISSIPATED_BEFORE]
-
-
-@called
-def store(chain, laws, ground, state, springs, work, observed, history, row):
-    """Write one row of the history."""
+def store(chain, ground, state, springs, work, observed, history, row):
+    """Write one row of the history; stock has been taken."""
     n = chain.shape[1] - 1
     history[row, 0] = ground
     for i in range(n):
@@ -308,7 +302,33 @@ def store(chain, laws, ground, state, springs, work, observed, history, row):
         history[row, 1 + n + i] = state[VELOCITY, i]
         history[row, 1 + 2 * n + i] = work[ACCELERATION_ROW, i] + ground
         history[row, 1 + 3 * n + i] = springs[FORCE, i]
-    take_stock(chain, laws, state, springs, observed)
     energies = 1 + HISTORY_FIELDS * n
     for j in range(ENERGY_TERMS):
         history[row, energies + j] = observed[j]
+
+
+@inlined
+def beyond_limits(limits, springs, peaks, n):
+    """Whether the peak drift of some story is beyond its limit, or a story has failed."""
+    beyond = False
+    for i in range(n):
+        beyond = beyond or peaks[PEAK_DRIFT, i] > limits[LIMIT, i] * limits[HEIGHT, i]
+        beyond = beyond or springs[INTERNAL, i] == limits[FAILED, i]
+    return beyond
+
+
+@called
+def note_collapse(limits, springs, peaks, steps, observed):
+    """Note which story is beyond its limits after so many whole steps; the energies have been summed up."""
+    farthest = 0.0
+    for i in range(limits.shape[1]):
+        excess = peaks[PEAK_DRIFT, i] / limits[HEIGHT, i] - limits[LIMIT, i]
+        if springs[INTERNAL, i] == limits[FAILED, i]:
+            excess = math.inf
+            observed[COLLAPSE_FAILED] = 1.0
+        if excess > farthest:
+            farthest = excess
+            observed[COLLAPSE_STEP] = steps
+            observed[COLLAPSE_STORY] = i
+    for j in range(ENERGY_TERMS + 2):
+        observed[COLLAPSE_ENERGIES + j] = observed[j]

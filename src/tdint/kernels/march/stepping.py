@@ -15,10 +15,13 @@
 
 from __future__ import annotations
 
-from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, inlined
+from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, called_at, inlined
 from tdint.kernels.layout import RESIDUAL, WORST_STORY
 
 STEP = I8(VECTOR, TABLE, TABLE, TABLE, TABLE, F8, VECTOR, TABLE, TABLE, TABLE, VECTOR)
+
+call_step = called_at(STEP)
+"""(step, its arguments): take a step by the kernel that a march was given."""
 
 # Newton's iteration, the same for all implicit steps
 ITERATIONS = 30

@@ -7,8 +7,10 @@ above a story, for which the same step is solvable.
 
 from __future__ import annotations
 
-from tdint.kernels.compiling import called, inlined
+from tdint.kernels.compiling import VARIANT, called, inlined
 from tdint.kernels.layout import FLOOR_DAMPER, GEOMETRIC, LINK, MASS, STORY_DAMPER
+
+_MODAL = VARIANT.modal
 
 
 @inlined
@@ -67,6 +69,13 @@ def factor_damped(work, diagonal, coupling, modal, scale, store, n):
     scale * (I + scale W T^-1 W^T)^-1, then one row of scratch.
     """
     factor(work, diagonal, coupling, n)
+    if _MODAL:
+        _store_damped(work, diagonal, coupling, modal, scale, store, n)
+
+
+@called
+def _store_damped(work, diagonal, coupling, modal, scale, store, n):
+    """What `factor_damped` keeps of the modes."""
     modes = modal.shape[0]
     small = store + modes
     for j in range(modes):
@@ -89,7 +98,7 @@ def factor_damped(work, diagonal, coupling, modal, scale, store, n):
 def solve_damped(work, diagonal, coupling, modal, store, x, n):
     """Solve with the factors of `factor_damped`; row `x` holds the right side and becomes the solution."""
     solve(work, diagonal, coupling, x, n)
-    if modal.shape[0] > 0:
+    if _MODAL and modal.shape[0] > 0:
         _correct_damped(work, modal, store, x, n)
 
 
@@ -194,6 +203,13 @@ def factor_blocks(blocks, coupling, work, modal, s00, s01, s10, s11, store, n):
         work[blocks + 1, i] = -q * inverse
         work[blocks + 2, i] = -r * inverse
         work[blocks + 3, i] = p * inverse
+    if _MODAL:
+        _store_blocks_damped(blocks, coupling, work, modal, s00, s01, s10, s11, store, n)
+
+
+@called
+def _store_blocks_damped(blocks, coupling, work, modal, s00, s01, s10, s11, store, n):
+    """What `factor_blocks` keeps of the modes."""
     modes = modal.shape[0]
     small = store + 4 * modes
     for j in range(2 * modes):
@@ -241,7 +257,7 @@ def solve_blocks(work, blocks, coupling, x, y, n):
 def solve_blocks_damped(work, blocks, coupling, modal, s00, s01, s10, s11, store, x, y, n):
     """Solve with the factors of `factor_blocks`; rows `x` and `y` hold the right side and become the solution."""
     solve_blocks(work, blocks, coupling, x, y, n)
-    if modal.shape[0] > 0:
+    if _MODAL and modal.shape[0] > 0:
         _correct_blocks_damped(work, modal, s00, s01, s10, s11, store, x, y, n)
 
 

@@ -14,9 +14,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from tdint.kernels.compiling import F8, I8, VECTOR, called, inlined, kernel
+from tdint.kernels.compiling import F8, I8, VECTOR, called, inlined, kernel, local
 from tdint.kernels.oscillators.bracket import narrowed
 
 # Rows of the state of an oscillator
@@ -296,7 +294,7 @@ def _come_to_rest(state, series, strength, hardening, k, c):
     return -state[OFFSET] / k if state[SIDE] == 0.0 else state[U]
 
 
-@kernel(I8(VECTOR, F8, F8, F8, F8, F8, VECTOR), allocates=True)
+@kernel(I8(VECTOR, F8, F8, F8, F8, F8, VECTOR), parts=())
 def bilinear_response(ground, dt, omega, xi, hardening, yield_displacement, results):
     """Response of one bilinear oscillator from rest to a ground motion.
 
@@ -318,7 +316,8 @@ def bilinear_response(ground, dt, omega, xi, hardening, yield_displacement, resu
     int
         The number of changes of branch, or NO_END.
     """
-    steps, series, state = np.empty(16), np.empty(_ORDER), np.zeros(STATE_ROWS)
+    steps, series, state = local(16), local(_ORDER), local(STATE_ROWS)
+    state[:] = 0.0
     parts = max(1, math.ceil(omega * dt))
     h = dt / parts
     k, c = omega * omega, 2.0 * xi * omega

@@ -17,8 +17,9 @@ Steps longer than that are divided by the caller, for each oscillator as it need
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, called, kernel
+from tdint.kernels.compiling import CUBE, F8, I8, TABLE, VECTOR, called, kernel, local, local_table
 from tdint.kernels.oscillators.between import TERMS, divide, largest_between, may_exceed, rise, terms
 from tdint.kernels.oscillators.recursion import A11, A12, A21, A22, B10, B11, B20, B21, RECURSION_ROWS
 
@@ -39,8 +40,20 @@ STRETCH = 32
 _BLOCK = 4  # steps that a lane does before the next lane's turn: its numbers stay in registers
 
 
-@kernel(I8(VECTOR, F8, I8, TABLE, I8, I8, TABLE), allocates=True)
-def peaks(samples, dt, parts, oscillators, lanes, between, result):
+def scratch(samples: int, parts: int, lanes: int) -> tuple[NDArray[np.float64], ...]:
+    """What `peaks` works on for so many samples, parts and lanes."""
+    steps = (samples - 1) * parts
+    whole = steps // STRETCH
+    return (
+        np.empty(steps + 1),
+        np.empty((lanes, whole + 1, 2)),
+        np.empty((lanes, whole, PEAKS)),
+        np.empty((whole, 2)),
+    )
+
+
+@kernel(I8(VECTOR, F8, I8, TABLE, I8, I8, TABLE, VECTOR, CUBE, CUBE, TABLE), parts=())
+def peaks(samples, dt, parts, oscillators, lanes, between, result, ground, starts, tops, shaking):
     """March oscillators from rest over a ground motion; largest absolute values.
 
     Displacement and velocity are relative, the acceleration is absolute, 2 xi omega v + omega^2 u.
@@ -51,24 +64,21 @@ def peaks(samples, dt, parts, oscillators, lanes, between, result):
     oscillators : shape (COEFFICIENTS, multiple of `lanes`); a group of `lanes` is marched together
     between : 1 for the largest values between the steps' ends, too (omega h must not exceed 1), 0 for those at the ends
     result : shape (PEAKS, k), filled for the first k oscillators; the others only fill up the last group
+    ground, starts, tops, shaking : of `scratch`
 
     Returns 0.
     """
     h = dt / parts
-    ground = np.empty((samples.size - 1) * parts + 1)
     divide(samples, parts, ground)
     steps = ground.size - 1
     whole = steps // STRETCH
     # Arrays of their own: the compiler must see that they do not overlap.
-    a11, a12, b10, b11 = np.empty(lanes), np.empty(lanes), np.empty(lanes), np.empty(lanes)
-    a21, a22, b20, b21 = np.empty(lanes), np.empty(lanes), np.empty(lanes), np.empty(lanes)
-    by_u, by_v = np.empty(lanes), np.empty(lanes)
-    us, vs = np.empty(lanes), np.empty(lanes)
-    top_u, top_v, top_a = np.empty(lanes), np.empty(lanes), np.empty(lanes)
-    starts = np.empty((lanes, whole + 1, 2))
-    tops = np.empty((lanes, whole, PEAKS))
-    shaking = np.empty((whole, 2))
-    best, series = np.empty(PEAKS), np.empty((3, TERMS))  # of q, q' and q''
+    a11, a12, b10, b11 = local(lanes), local(lanes), local(lanes), local(lanes)
+    a21, a22, b20, b21 = local(lanes), local(lanes), local(lanes), local(lanes)
+    by_u, by_v = local(lanes), local(lanes)
+    us, vs = local(lanes), local(lanes)
+    top_u, top_v, top_a = local(lanes), local(lanes), local(lanes)
+    best, series = local(PEAKS), local_table(3, TERMS)  # of q, q' and q''
     for c in range(whole):
         _measure_shaking(ground, h, c, shaking)
     for group in range(0, oscillators.shape[1], lanes):

@@ -10,8 +10,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, called, inlined, kernel
+from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, called, inlined, kernel, local
 from tdint.kernels.oscillators.bracket import narrowed
 from tdint.kernels.oscillators.recursion import A11, A12, A21, A22, B10, B11, B20, B21, RECURSION_ROWS
 
@@ -163,8 +164,25 @@ def _refine(q, rate, drift, modes, shapes, static, motion, h, rows, first, last,
     return value, column
 
 
-@kernel(I8(VECTOR, I8, F8, TABLE, TABLE, VECTOR, VECTOR), allocates=True)
-def largest_drifts(ground, parts, h, modes, shapes, static, results):
+def scratch(samples: int, parts: int, modes: int, columns: int) -> tuple[NDArray[np.float64], ...]:
+    """What `largest_drifts` works on for so many samples, parts, modes, and stories with the roof."""
+    chunks = -(-(samples - 1) * parts // _CHUNK)
+    rows = _CHUNK + 4
+    shapes = ((rows, modes), (rows, modes), (rows,), (rows, columns), (chunks, modes), (chunks, modes), (columns,))
+    return *(np.zeros(shape) for shape in shapes), np.zeros(columns), np.zeros((chunks, 2))
+
+
+@kernel(
+    I8(
+        VECTOR, I8, F8, TABLE, TABLE, VECTOR, VECTOR,
+        TABLE, TABLE, VECTOR, TABLE, TABLE, TABLE, VECTOR, VECTOR, TABLE,
+    ),
+    parts=(),
+)  # fmt: skip
+def largest_drifts(
+    ground, parts, h, modes, shapes, static, results,
+    q, rate, motion, drift, start_q, start_rate, top, bend, tops,
+):  # fmt: skip
     """Largest drift ratio of a building from rest, its story, and the largest roof drift ratio.
 
     Parameters
@@ -181,16 +199,15 @@ def largest_drifts(ground, parts, h, modes, shapes, static, results):
         Flexibility that the modes leave out, 1/m times s^2: it follows the ground without delay.
     results : shape (RESULTS,)
         Written.
+    q, rate, motion, drift, start_q, start_rate, top, bend, tops
+        Of `scratch`.
     """
     steps = (ground.size - 1) * parts
     count, columns = shapes.shape
     chunks = (steps + _CHUNK - 1) // _CHUNK
-    rows_kept = _CHUNK + 4
-    q, rate = np.zeros((rows_kept, count)), np.zeros((rows_kept, count))
-    motion, drift = np.zeros(rows_kept), np.zeros((rows_kept, columns))
-    start_q, start_rate = np.zeros((chunks, count)), np.zeros((chunks, count))
-    top, bend = np.empty(columns), np.empty(columns)
-    tops, bends = np.zeros((chunks, 2)), np.zeros(2)  # of the stories, of the roof
+    bends = local(2)  # of the stories, of the roof
+    bends[:] = 0.0
+    at_steps = at_steps_roof = 0.0
     for chunk in range(chunks):
         rows = min(_CHUNK, steps - chunk * _CHUNK) + 1
         for j in range(count):
@@ -202,9 +219,9 @@ def largest_drifts(ground, parts, h, modes, shapes, static, results):
             kind = 1 if c == columns - 1 else 0
             tops[chunk, kind] = max(tops[chunk, kind], top[c])
             bends[kind] = max(bends[kind], bend[c])
+        at_steps, at_steps_roof = max(at_steps, tops[chunk, 0]), max(at_steps_roof, tops[chunk, 1])
         for j in range(count):
             q[0, j], rate[0, j] = q[rows - 1, j], rate[rows - 1, j]
-    at_steps, at_steps_roof = tops[:, 0].max(), tops[:, 1].max()
     slack, slack_roof = _SLACK * bends[0], _SLACK * bends[1]
     story, roof = (-1.0, 0.0), (-1.0, 0.0)
     for chunk in range(chunks):

@@ -12,8 +12,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, called, inlined, kernel
+from tdint.kernels.compiling import CUBE, F8, I8, TABLE, VECTOR, called, inlined, kernel, local, local_table
 from tdint.kernels.oscillators.between import TERMS, divide, largest_between, may_exceed, rise, terms
 from tdint.kernels.oscillators.elastic import BY_DISPLACEMENT, BY_VELOCITY, COEFFICIENTS, STRETCH
 from tdint.kernels.oscillators.recursion import A11, A12, A21, A22, B10, B11, B20, B21
@@ -50,8 +51,15 @@ _TOPS = _STATE + 4  # largest displacements along the axes, then the square of t
 _ROWS = _TOPS + AXES + 1
 
 
-@kernel(I8(VECTOR, VECTOR, F8, I8, TABLE, TABLE, I8, TABLE), allocates=True)
-def rotated_peaks(first, second, dt, parts, oscillators, directions, between, result):
+def scratch(samples: int, parts: int) -> tuple[NDArray[np.float64], ...]:
+    """What `rotated_peaks` works on for so many samples and parts."""
+    steps = (samples - 1) * parts
+    whole = steps // STRETCH
+    return np.empty((2, steps + 1)), np.empty((LANES, whole + 1, 4)), np.empty((LANES, whole, AXES + 1))
+
+
+@kernel(I8(VECTOR, VECTOR, F8, I8, TABLE, TABLE, I8, TABLE, TABLE, CUBE, CUBE), parts=())
+def rotated_peaks(first, second, dt, parts, oscillators, directions, between, result, ground, starts, tops):
     """March oscillators from rest over two ground motions; largest absolute displacements in all directions.
 
     Parameters
@@ -61,22 +69,20 @@ def rotated_peaks(first, second, dt, parts, oscillators, directions, between, re
     directions : shape (2, ANGLES), cosine and sine of each
     between : 1 for the largest values between the steps' ends, too (omega h must not exceed 1), 0 for those at the ends
     result : shape (k, ANGLES), filled for the first k oscillators
+    ground, starts, tops : of `scratch`
 
     Returns 0.
     """
     h = dt / parts
-    ground = np.empty((2, (first.size - 1) * parts + 1))
     divide(first, parts, ground[0])
     divide(second, parts, ground[1])
     whole = (ground.shape[1] - 1) // STRETCH
-    lane = np.empty(_ROWS * LANES)
-    starts = np.empty((LANES, whole + 1, 4))
-    tops = np.empty((LANES, whole, AXES + 1))
-    best, work = np.empty(ANGLES), np.empty((_WORK, _SECTORS + 1))
+    lane = local(_ROWS * LANES)
+    best, work = local(ANGLES), local_table(_WORK, _SECTORS + 1)
     for k in range(_SECTORS + 1):
         work[_COSINES, k] = directions[0, k * _SECTOR % ANGLES]
         work[_SINES, k] = directions[1, k * _SECTOR % ANGLES]
-    series = np.empty((3, TERMS))
+    series = local_table(3, TERMS)
     for group in range(0, oscillators.shape[1], LANES):
         for k in range(COEFFICIENTS):
             for i in range(LANES):

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 from tdint.errors import UsageError
 from tdint.quantities import Grid, parse_grid
 from tdint_cli.options.plot import BESIDE
-from tdint_cli.startup import load_numba
 
 if TYPE_CHECKING:
     import numpy as np
@@ -63,7 +62,6 @@ class TablesRequest:
         UsageError
             They are given in two ways, or their text is wrong.
         """
-        load_numba()
         import numpy as np
 
         if self.periods is not None and self.period:
@@ -97,7 +95,6 @@ class SpectrumRequest(TablesRequest):
     @property
     def manner(self) -> SpectrumSettings:
         """How elastic spectra are made."""
-        load_numba()
         from tdint.analysis.spectra.elastic import choose_settings
 
         return choose_settings(self.method, self.maxima, self.interpolation)

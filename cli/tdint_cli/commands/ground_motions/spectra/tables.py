@@ -17,7 +17,6 @@ from tdint_cli.commands.ground_motions.spectra.request import TablesRequest
 from tdint_cli.errors import Failures
 from tdint_cli.options.output import Outputs, check_picture
 from tdint_cli.options.plot import SUFFIX, picture_file
-from tdint_cli.startup import load_numba
 from tdint_cli.terminal.drawing import reading_width, table_bytes
 from tdint_cli.terminal.streams import emit, note, warn
 
@@ -142,7 +141,6 @@ def _outputs(request: TablesRequest, table: Path | None) -> Outputs:
 
 def _work(request: TablesRequest, kind: Kind, width: int | None, task: Task) -> RecordTable:
     """All that becomes of one record; it may run in another process."""
-    load_numba()
     from tdint.ground_motion.reading.read import read_records
     from tdint.output.summaries.summary import record_summary
 

@@ -1,0 +1,50 @@
+"""Ctrl-C and SIGTERM end a command in time, whatever it is at.
+
+Python sees a signal between two of its own instructions only (`tdint_cli.errors` makes exceptions of both there). Where
+a library works on for longer, a thread that the system tells of the signal ends the process: without a temporary file,
+and without processes left behind.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from contextlib import suppress
+
+from tdint_cli.errors import INTERRUPTED, TERMINATED
+from tdint_cli.terminal.streams import complain
+
+_PATIENCE = 0.3
+"""How long the command may take to end on its own, s."""
+
+
+def end_in_time() -> None:
+    """Watch for both signals until this process ends."""
+    if threading.current_thread() is not threading.main_thread():
+        return
+    source, told = os.pipe()
+    os.set_blocking(told, False)
+    threading.Thread(target=_watch, args=(source,), daemon=True).start()
+    signal.set_wakeup_fd(told, warn_on_full_buffer=False)
+
+
+def _watch(source: int) -> None:
+    # A signal that is ignored is not told; the first one counts.
+    while data := os.read(source, 1):
+        if data[0] in (signal.SIGINT, signal.SIGTERM):
+            threading.Event().wait(_PATIENCE)
+            _end(data[0])
+
+
+def _end(number: int) -> None:
+    import multiprocessing
+
+    from tdint.files import remove_unfinished
+
+    with suppress(Exception):
+        for process in multiprocessing.active_children():
+            process.kill()
+        remove_unfinished()
+        complain("Interrupted" if number == signal.SIGINT else "Terminated")
+    os._exit(INTERRUPTED if number == signal.SIGINT else TERMINATED)

@@ -1,0 +1,31 @@
+"""Which kernels analyses call, to compile them ahead."""
+
+from __future__ import annotations
+
+from tdint.analysis.run.prepared import PreparedBuilding
+from tdint.analysis.run.workspace import kernels
+from tdint.kernels.building.variant import EVERYTHING, Variant
+from tdint.kernels.compiling import Kernel
+from tdint.kernels.laws.apart import kernels_apart
+from tdint.kernels.march.cyclic import follow
+from tdint.kernels.oscillators.bilinear import bilinear_response
+from tdint.kernels.oscillators.elastic import peaks
+from tdint.kernels.oscillators.modes import largest_drifts
+from tdint.kernels.oscillators.rotated import rotated_peaks
+from tdint.methods.catalogue import catalogue, parse
+from tdint.methods.method import Integrator
+from tdint.model.definition import Model
+
+
+def of_model(model: Model, integrator: Integrator) -> list[tuple[Kernel, Variant]]:
+    """What a run of a model calls, and a cyclic test of its stories."""
+    prepared = PreparedBuilding.of(model)
+    apart = kernels_apart(prepared.building.laws)
+    return [*kernels(integrator, prepared.variant), (follow, prepared.variant), *((one, EVERYTHING) for one in apart)]
+
+
+def of_everything() -> list[tuple[Kernel, Variant]]:
+    """All kernels, each for all scenes."""
+    steps = [one for name in catalogue() for one in kernels(parse(name), EVERYTHING)]
+    others = (follow, peaks, rotated_peaks, largest_drifts, bilinear_response, *kernels_apart())
+    return [*steps, *((kernel, EVERYTHING) for kernel in others)]

@@ -1,0 +1,48 @@
+"""A process that compiles one kernel: `python -P -m tdint.kernels.building.build MODULE:KERNEL [FILE]`.
+
+The object goes to standard output as `tdint.kernels.building.objects` packs it. FILE is that of a module that cannot be
+found by its name. The process ends when its standard input does, so that none is left behind.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import os
+import sys
+import threading
+
+
+def main() -> None:
+    """Compile the kernel named on the command line."""
+    threading.Thread(target=_end_with_the_parent, daemon=True).start()
+    # numba looks for SciPy's linear algebra, which kernels have no use for.
+    sys.modules["scipy.linalg"] = None  # type: ignore[assignment]
+    name, *file = sys.argv[1:]
+    module_name, _, attribute = name.partition(":")
+    if file:
+        specification = importlib.util.spec_from_file_location(module_name, file[0])
+        assert specification is not None and specification.loader is not None
+        module = importlib.util.module_from_spec(specification)
+        sys.modules[module_name] = module
+        specification.loader.exec_module(module)
+    else:
+        module = importlib.import_module(module_name)
+
+    from tdint.kernels.building.compiler import object_of
+    from tdint.kernels.building.objects import pack
+
+    kernel = getattr(module, attribute)
+    code, symbol = object_of(kernel.function, kernel.signature)
+    sys.stdout.buffer.write(pack(code, {"kernel": name, "symbol": symbol}))
+    sys.stdout.buffer.flush()
+
+
+def _end_with_the_parent() -> None:
+    while os.read(0, 1024):  # not sys.stdin, whose lock a thread must not hold when Python ends
+        pass
+    os._exit(1)
+
+
+if __name__ == "__main__":
+    main()

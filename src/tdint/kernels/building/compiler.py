@@ -1,0 +1,150 @@
+"""The decorators of a process that compiles: numba's; and the way from a kernel to an object file.
+
+Only the functions of `tdint.kernels.building.build` import this.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+import llvmlite.binding as llvm
+import numba
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.extending import intrinsic
+
+from tdint.kernels.building.signature import Argument, Scalar, Signature, Table
+
+# Without reference counts (the arrays outlive the call; kernels allocate none) a step costs a third: counting is
+# atomic.
+_OPTIONS = {
+    "error_model": "numpy",
+    "fastmath": {"contract"},
+    "nogil": True,
+    "_nrt": False,
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+}
+
+_MATH = {
+    *("acos", "acosh", "asin", "asinh", "atan", "atan2", "atanh", "cbrt", "ceil", "cos", "cosh", "erf", "erfc", "exp"),
+    *("exp2", "expm1", "floor", "fmod", "hypot", "ldexp", "log", "log10", "log1p", "log2", "pow", "rint", "sin"),
+    *("sincos", "sinh", "sqrt", "tan", "tanh", "trunc", "memcpy", "memmove", "memset"),
+}
+"""What an object may leave to the C library."""
+
+
+def inlined(function: Callable[..., Any]) -> Any:
+    """`tdint.kernels.building.plain.inlined`, compiled."""
+    return numba.njit(inline="always", **_OPTIONS)(function)
+
+
+def called(function: Callable[..., Any]) -> Any:
+    """`tdint.kernels.building.plain.called`, compiled."""
+    return numba.njit(**_OPTIONS)(function)
+
+
+def called_at(signature: Signature) -> Any:
+    """`tdint.kernels.building.plain.called_at`, compiled: the kernel is its address."""
+    returns, arguments = _type(signature.returns), tuple(map(_type, signature.arguments))
+
+    @intrinsic
+    def call(typing_context, address, given):
+        def generate(context, builder, _, values):
+            convention = context.call_conv
+            function_type = convention.get_function_type(returns, arguments)
+            function = builder.inttoptr(values[0], function_type.as_pointer())
+            parts = cgutils.unpack_tuple(builder, values[1], len(arguments))
+            parts = [
+                context.cast(builder, part, one, wanted)
+                for part, one, wanted in zip(parts, given, arguments, strict=True)
+            ]
+            _, result = convention.call_function(builder, function, returns, arguments, parts)
+            return result
+
+        return returns(address, given), generate
+
+    @numba.njit(**_OPTIONS)
+    def called(address, *given):
+        return call(address, given)
+
+    return called
+
+
+@intrinsic
+def local(typing_context, size):
+    """`tdint.kernels.building.plain.local`, compiled: on the stack."""
+    return _on_stack(1)(types.intp), lambda context, builder, _, sizes: _array(context, builder, sizes)
+
+
+@intrinsic
+def local_table(typing_context, rows, columns):
+    """`tdint.kernels.building.plain.local_table`, compiled: on the stack."""
+    return _on_stack(2)(types.intp, types.intp), lambda context, builder, _, sizes: _array(context, builder, sizes)
+
+
+def _on_stack(dimensions: int) -> Any:
+    return types.Array(types.float64, dimensions, "C")
+
+
+def _array(context: Any, builder: Any, sizes: Any) -> Any:
+    """An array in C order on the stack of the function."""
+    strides: list[Any] = []
+    count = context.get_constant(types.intp, 1)
+    for size in reversed(sizes):
+        strides.insert(0, builder.mul(count, context.get_constant(types.intp, 8)))
+        count = builder.mul(count, size)
+    array = context.make_array(_on_stack(len(sizes)))(context, builder)
+    context.populate_array(
+        array,
+        data=builder.alloca(ir.DoubleType(), count),
+        shape=cgutils.pack_array(builder, sizes),
+        strides=cgutils.pack_array(builder, strides),
+        itemsize=context.get_constant(types.intp, 8),
+        meminfo=None,
+    )
+    return array._getvalue()
+
+
+def object_of(function: Callable[..., Any], signature: Signature) -> tuple[bytes, str]:
+    """Compile a kernel: the object file, and the symbol of its entry.
+
+    Raises
+    ------
+    ValueError
+        The kernel calls something that is neither in the object nor of the C library: it allocates, or raises.
+    """
+    compiled = called(function)
+    compiled.compile(_type(signature.returns)(*map(_type, signature.arguments)))
+    (arguments,) = compiled.overloads
+    text = compiled.inspect_llvm(arguments)
+    if left := _left_open(text):
+        raise ValueError(f"{function.__name__} calls {', '.join(left)}: a kernel may neither allocate nor raise")
+    symbol = compiled.overloads[arguments].fndesc.llvm_func_name
+    target = numba.core.registry.cpu_target.target_context.codegen()._tm
+    return target.emit_object(llvm.parse_assembly(text)), symbol
+
+
+def _left_open(text: str) -> list[str]:
+    """Functions that LLVM text declares and uses, but for LLVM's own and the C library's."""
+    declared = re.findall(r'^declare .*?@("[^"]+"|[\w.$-]+)\(', text, re.MULTILINE)
+    return sorted(
+        name
+        for name in declared
+        if not name.strip('"').startswith("llvm.")
+        and name not in _MATH
+        and len(re.findall(f"@{re.escape(name)}(?![\\w.$-])", text)) > 1
+    )
+
+
+def _type(argument: Argument) -> Any:
+    """The type of an argument as numba knows it; a kernel is given by its address."""
+    match argument:
+        case Scalar():
+            return getattr(types, argument.name)
+        case Table():
+            return types.Array(types.float64, argument.dimensions, "C")
+        case Signature():
+            return types.int64

@@ -1,0 +1,94 @@
+"""From an object file to a function that can be called."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import llvmlite.binding as llvm
+import numpy as np
+
+from tdint.kernels.building.signature import Argument, Scalar, Signature, Table
+from tdint.kernels.building.target import machine
+
+_NUMBERS = {"float64": (ctypes.c_double, float), "int64": (ctypes.c_int64, int)}
+
+
+class Loaded:
+    """A kernel in memory, called with numbers, arrays and other loaded kernels.
+
+    numba's calling convention: where to put the result, where to put an exception (kernels raise none), then the
+    arguments, arrays in parts. Python's lock is released during the call.
+
+    Raises
+    ------
+    TypeError
+        When called with an array of another type or order than the signature says.
+    """
+
+    def __init__(self, code: bytes, symbol: str, signature: Signature) -> None:
+        self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine())
+        self._engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+        self._engine.finalize_object()
+        self.address = self._engine.get_function_address(symbol)
+        if not self.address:
+            raise ValueError(f"no {symbol} in the object")
+        result_type: Any = _NUMBERS[signature.returns.name][0]
+        types, self._parts = _parts(signature.arguments)
+        self._result_type = result_type
+        prototype = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.POINTER(result_type), ctypes.c_void_p, *types)
+        self._function = prototype(self.address)
+
+    def __call__(self, *arguments: Any) -> Any:
+        flat: list[Any] = []
+        for part, argument in zip(self._parts, arguments, strict=True):
+            part(argument, flat)
+        result = self._result_type()
+        exception = ctypes.c_void_p()
+        if self._function(result, ctypes.addressof(exception), *flat):
+            raise RuntimeError("a kernel raised an exception")
+        return result.value
+
+
+def _parts(arguments: Sequence[Argument]) -> tuple[list[Any], list[Callable[[Any, list[Any]], None]]]:
+    """C types of the flat arguments, and for each argument what puts its parts into a list."""
+    types: list[Any] = []
+    parts: list[Callable[[Any, list[Any]], None]] = []
+    for argument in arguments:
+        match argument:
+            case Table(dimensions):
+                # meminfo, parent, number of items, bytes of an item, data, shape, strides
+                types += [ctypes.c_void_p] * 2 + [ctypes.c_int64] * 2 + [ctypes.c_void_p]
+                types += [ctypes.c_int64] * (2 * dimensions)
+                parts.append(_table(dimensions))
+            case Scalar(name):
+                number, convert = _NUMBERS[name]
+                types.append(number)
+                parts.append(_number(convert))
+            case Signature():
+                types.append(ctypes.c_int64)
+                parts.append(_address)
+    return types, parts
+
+
+def _table(dimensions: int) -> Callable[[Any, list[Any]], None]:
+    number = np.dtype(np.float64)
+
+    def put(array: Any, flat: list[Any]) -> None:
+        if array.dtype != number or array.ndim != dimensions or not array.flags.carray:
+            raise TypeError(
+                f"a kernel takes an array of {dimensions} dimensions of float64 in C order that can be written; got "
+                f"{array.ndim} of {array.dtype}"
+            )
+        flat += (None, None, array.size, 8, array.__array_interface__["data"][0], *array.shape, *array.strides)
+
+    return put
+
+
+def _number(convert: Callable[[Any], Any]) -> Callable[[Any, list[Any]], None]:
+    return lambda value, flat: flat.append(convert(value))
+
+
+def _address(kernel: Any, flat: list[Any]) -> None:
+    flat.append(kernel.address)

@@ -1,0 +1,113 @@
+"""Kernels when they are needed: from an object file, or compiled into one."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tdint.kernels.building.variant import EVERYTHING, Variant
+
+if TYPE_CHECKING:
+    from tdint.kernels.compiling import Kernel
+
+LOG = logging.getLogger("tdint")
+
+_SECONDS = {1: 5.0, 2: 11.0, 3: 20.0}  # by the number of laws, 3 for all that are more
+
+
+def obtain(wanted: Sequence[tuple[Kernel, Variant]], progress: Callable[[float], None] = lambda done: None) -> None:
+    """Load kernels into this process; what no store has is compiled, in processes side by side, and kept.
+
+    TDINT_KERNELS=python takes the kernels as they are written, not compiled.
+
+    Parameters
+    ----------
+    progress : callable
+        Told how much is done, from 0 to 1.
+
+    Raises
+    ------
+    AnalysisError
+        A kernel cannot be compiled.
+    """
+    missing = [(kernel, kernel.needs(variant)) for kernel, variant in wanted if not kernel.loaded(variant)]
+    if os.environ.get("TDINT_KERNELS") == "python":
+        for kernel, variant in missing:
+            kernel.take(variant, _plain(kernel.function))
+        return
+    if not missing:
+        return
+    from tdint.kernels.building import store
+    from tdint.kernels.building.target import runnable
+
+    absent = []
+    for kernel, variant in dict.fromkeys(missing):
+        # One for everything does as well; `tdint compile --all` makes these.
+        for one in (variant, EVERYTHING):
+            found = store.find(kernel.name, one.text, runnable())
+            if found and _load(kernel, variant, *found):
+                break
+        else:
+            absent.append((kernel, variant))
+    if absent:
+        _compile(absent, progress)
+
+
+def _compile(wanted: Sequence[tuple[Kernel, Variant]], progress: Callable[[float], None]) -> None:
+    from tdint.kernels.building import store
+    from tdint.kernels.building.objects import unpack
+    from tdint.kernels.building.process import Compilation, run_all
+    from tdint.kernels.building.target import native
+
+    folder = store.writable()
+    kept = f"kept in {folder}" if folder else "not kept: no folder to write to"
+    count = len(wanted)
+    LOG.info(
+        "compiling %d time %s for this machine, once, about %d s: %s (%s)",
+        count, "loop" if count == 1 else "loops", duration(wanted), ", ".join(map(_shown, wanted)), kept,
+    )  # fmt: skip
+    for done, (one, data) in enumerate(run_all([Compilation(*pair, native()) for pair in wanted])):
+        progress(done / len(wanted))
+        code, about = unpack(data)
+        store.keep(data, one.kernel.name, one.variant.text, one.target)
+        if not _load(one.kernel, one.variant, code, about["symbol"]):
+            raise RuntimeError(f"{one.kernel.name}: the object cannot be loaded")
+
+
+def duration(wanted: Sequence[tuple[Kernel, Variant]]) -> int:
+    """Roughly how long it takes to compile, s, as measured on processors of 2024."""
+    from tdint.kernels.building.process import processors
+
+    each = [_SECONDS[min(len(variant.laws) or 3, 3) if "laws" in kernel.parts else 1] for kernel, variant in wanted]
+    return round(max(max(each), sum(each) / processors()))
+
+
+def _shown(wanted: tuple[Kernel, Variant]) -> str:
+    kernel, variant = wanted
+    laws = f" ({', '.join(variant.laws) or 'all laws'})" if "laws" in kernel.parts else ""
+    return kernel.name.partition(":")[0].rpartition(".")[2] + laws
+
+
+def _load(kernel: Kernel, variant: Variant, code: bytes, symbol: str) -> bool:
+    """Whether an object could be loaded."""
+    from tdint.kernels.building.loading import Loaded
+
+    try:
+        kernel.take(variant, Loaded(code, symbol, kernel.signature))
+    except (RuntimeError, ValueError):
+        return False
+    return True
+
+
+def _plain(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A kernel as it is written: dividing by zero gives what it gives in a compiled one."""
+
+    def call(*arguments: Any) -> Any:
+        with np.errstate(all="ignore"):
+            return function(*arguments)
+
+    return call

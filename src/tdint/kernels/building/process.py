@@ -1,0 +1,107 @@
+"""Processes that compile."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from typing import TYPE_CHECKING
+
+from tdint.errors import AnalysisError
+from tdint.kernels.building.target import Target
+from tdint.kernels.building.variant import Variant
+
+if TYPE_CHECKING:
+    from tdint.kernels.compiling import Kernel
+
+
+class Compilation:
+    """One kernel in one variant, compiled by a process of its own."""
+
+    def __init__(self, kernel: Kernel, variant: Variant, target: Target) -> None:
+        self.kernel = kernel
+        self.variant = variant
+        self.target = target
+        self._process: subprocess.Popen[bytes] | None = None
+        self._stopped = False
+
+    def run(self) -> bytes:
+        """The packed object.
+
+        Raises
+        ------
+        AnalysisError
+            No process can be started, or it failed.
+        """
+        if self._stopped:
+            return b""
+        with tempfile.TemporaryFile() as words:
+            try:
+                self._process = subprocess.Popen(
+                    self._command(),
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=words,
+                    env=self._environment(),
+                )
+            except OSError as error:
+                raise AnalysisError(
+                    f"{self.kernel.name} cannot be compiled: no process can be started ({error})"
+                ) from None
+            with self._process as process:
+                assert process.stdout is not None
+                data = process.stdout.read()
+                code = process.wait()
+            if code and not self._stopped:
+                words.seek(0)
+                text = words.read().decode(errors="replace").strip().splitlines()
+                reason = text[-1] if text else f"exit code {code}"
+                raise AnalysisError(f"{self.kernel.name} cannot be compiled: {reason}")
+        return data
+
+    def stop(self) -> None:
+        """End the process, if it runs."""
+        self._stopped = True
+        if self._process is not None:
+            self._process.kill()
+
+    def _command(self) -> list[str]:
+        module = sys.modules[self.kernel.function.__module__]
+        if module.__name__ == "__main__" or not getattr(module, "__file__", None):
+            raise AnalysisError(f"{self.kernel.name} cannot be compiled: put the kernel into a module of its own")
+        command = [sys.executable, "-P", "-m", "tdint.kernels.building.build", self.kernel.name]
+        if not module.__name__.startswith("tdint."):
+            command.append(str(module.__file__))
+        return command
+
+    def _environment(self) -> dict[str, str]:
+        return {
+            **os.environ,
+            "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
+            "TDINT_KERNELS": "compile",
+            "TDINT_KERNELS_VARIANT": self.variant.text,
+            "NUMBA_CPU_NAME": self.target.cpu,
+            "NUMBA_CPU_FEATURES": self.target.features,
+            "OPENBLAS_NUM_THREADS": "1",
+        }
+
+
+def processors() -> int:
+    """How many processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, bytes]]:
+    """Run as many processes side by side as there are processors; each one's object as it is done."""
+    with ThreadPoolExecutor(processors()) as pool:
+        try:
+            running = {pool.submit(one.run): one for one in compilations}
+            for future in as_completed(running):
+                yield running[future], future.result()
+        except BaseException:
+            for one in compilations:
+                one.stop()
+            raise

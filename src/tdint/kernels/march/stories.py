@@ -1,0 +1,44 @@
+"""What a march asks of the drift laws beside the steps: a beginning, and energies.
+
+The march is given these as kernels of their own, as it is given the step, so that it is compiled once for all laws.
+"""
+
+from __future__ import annotations
+
+from tdint.kernels.compiling import I8, TABLE, VECTOR, called_at, kernel
+from tdint.kernels.layout import DISPLACEMENT, DRIFT, GEOMETRIC, LINK, MASS, VELOCITY
+from tdint.kernels.march.observing import DISSIPATED_BEFORE, ENERGY_DISSIPATED, ENERGY_KINETIC, ENERGY_RECOVERABLE
+from tdint.kernels.march.springs import dissipated, recoverable, start
+
+BEGIN = I8(TABLE, TABLE, TABLE, TABLE)
+TAKE_STOCK = I8(TABLE, TABLE, TABLE, TABLE, VECTOR)
+
+call_begin = called_at(BEGIN)
+call_take_stock = called_at(TAKE_STOCK)
+
+
+@kernel(BEGIN, parts=("laws",))
+def begin(chain, laws, state, springs):
+    """Bring all stories from rest to their initial drifts."""
+    below = 0.0
+    for i in range(chain.shape[1] - 1):
+        start(laws, springs, i, state[DISPLACEMENT, i] - chain[LINK, i] * below)
+        below = state[DISPLACEMENT, i]
+    return 0
+
+
+@kernel(TAKE_STOCK, parts=("laws",))
+def take_stock(chain, laws, state, springs, observed):
+    """Kinetic, recoverable and dissipated energy of the present state, J."""
+    kinetic = 0.0
+    stored = 0.0
+    lost = 0.0
+    for i in range(chain.shape[1] - 1):
+        drift = springs[DRIFT, i]
+        kinetic += 0.5 * chain[MASS, i] * state[VELOCITY, i] * state[VELOCITY, i]
+        stored += recoverable(laws, springs, i) + 0.5 * chain[GEOMETRIC, i] * drift * drift
+        lost += dissipated(laws, springs, i)
+    observed[ENERGY_KINETIC] = kinetic
+    observed[ENERGY_RECOVERABLE] = stored
+    observed[ENERGY_DISSIPATED] = lost - observed[DISSIPATED_BEFORE]
+    return 0

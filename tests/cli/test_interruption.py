@@ -1,0 +1,47 @@
+"""Ctrl-C and SIGTERM while a library works and Python does not look."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+# A file is being written, and the writer is in LAPACK for a minute.
+STUCK = """
+import sys
+from pathlib import Path
+import numpy as np
+from tdint.files import write_file
+from tdint_cli.errors import exit_code_of
+from tdint_cli.interruption import end_in_time
+from tdint_cli.settings import Settings
+
+def write(stream):
+    stream.write(b"1,2")
+    matrix = np.random.default_rng(1).random((4000, 4000))
+    print("ready", flush=True)
+    np.linalg.svd(matrix)
+
+end_in_time()
+file = Path(sys.argv[1]) / "out.csv"
+sys.exit(exit_code_of(lambda: write_file(file, write, overwrite=False), Settings()))
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+@pytest.mark.parametrize(
+    ("number", "code", "word"), [(signal.SIGINT, 130, "Interrupted"), (signal.SIGTERM, 143, "Terminated")]
+)
+def test_a_signal_ends_the_command_inside_of_a_library(tmp_path, number, code, word):
+    command = [sys.executable, "-c", STUCK, str(tmp_path)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "ready\n"
+    time.sleep(0.1)  # into LAPACK
+    process.send_signal(number)
+    _, said = process.communicate(timeout=30)
+    assert process.returncode == code
+    assert said == f"{word}\n"
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,46 @@
+"""Single frequencies of tall buildings against their closed form, and what does not fit into memory."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from building_cases import model, story
+from tdint.errors import ModelError
+from tdint.model.building import assemble
+from tdint.model.definition import ModalDamping, RayleighRatio
+from tdint.model.modes import FreeVibration
+
+
+@pytest.mark.parametrize("stories", [101, 3000])
+def test_single_frequencies_of_a_uniform_building(stories):
+    """omega_j = 2 sqrt(k / m) sin((2 j - 1) pi / (2 (2 n + 1)))."""
+    mass, stiffness, link = np.full(stories, 2e5), np.full(stories, 3e8), np.ones(stories)
+    link[0] = 0.0
+    vibration = FreeVibration(mass, stiffness, link)
+    for mode in (1, 2, stories // 2, stories):
+        exact = 2.0 * math.sqrt(3e8 / 2e5) * math.sin((2 * mode - 1) * math.pi / (2 * (2 * stories + 1)))
+        assert vibration.frequency(mode) == pytest.approx(exact, rel=1e-12)
+
+
+def test_rayleigh_damping_of_a_tall_building_solves_for_its_modes_alone(monkeypatch):
+    def refuse(*_):
+        raise AssertionError("all modes are solved for")
+
+    monkeypatch.setattr("tdint.model.modes.solve_modes", refuse)
+    damping = RayleighRatio((0.05, 0.05), (1, 3))
+    building = assemble(model([story(2e5, 3e8)] * 2000, damping=damping))
+    omega, ratio = building.first_mode()
+    assert ratio == pytest.approx(0.05, rel=1e-10)
+    assert omega == pytest.approx(building.vibration.frequency(1), rel=1e-12)
+
+
+def test_modal_damping_that_memory_cannot_hold_is_refused(monkeypatch):
+    monkeypatch.setattr("os.sysconf", {"SC_PAGE_SIZE": 2**12, "SC_PHYS_PAGES": 2**22}.__getitem__)
+    with pytest.raises(
+        ModelError,
+        match=r"modal damping of 100000 stories takes 298 GiB of memory, and this machine has 16: give",
+    ):
+        assemble(model([story(2e5, 3e8)] * 100_000, damping=ModalDamping((0.05,))))
