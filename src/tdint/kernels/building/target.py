@@ -40,9 +40,8 @@ def native() -> Target:
     return Target(llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
 
 
-@cache
 def machine() -> Any:
-    """What loads objects on this machine."""
+    """What loads objects on this machine; an engine that is made of it owns it."""
     with suppress(RuntimeError):  # newer llvmlite does it on its own, and says so
         llvm.initialize()
     llvm.initialize_native_target()
