@@ -22,7 +22,7 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
-from tdint.cache import cache_home, remove_unused
+from tdint.cache import cache_home, cache_subfolder, remove_unused
 from tdint.kernels.building.objects import unpack
 from tdint.kernels.building.target import Target
 
@@ -67,9 +67,9 @@ def keep(data: bytes, name: str, variant: str, target: Target, folder: Path | No
     """
     if folder is not None:
         return _write(data, folder / _fingerprinted() / file_name(name, variant, target))
-    for home in _homes():
+    for goal in _goals():
         with suppress(OSError):
-            path = _write(data, home / _fingerprinted() / file_name(name, variant, target))
+            path = _write(data, goal / file_name(name, variant, target))
             remove_unused("kernels-*", _DAYS_KEPT, keep=path.parent)
             return path
     return None
@@ -77,13 +77,20 @@ def keep(data: bytes, name: str, variant: str, target: Target, folder: Path | No
 
 def writable() -> Path | None:
     """The folder that new objects go to, None if there is none."""
-    for home in _homes():
-        folder = home / _fingerprinted()
+    for goal in _goals():
         with suppress(OSError):
-            folder.mkdir(parents=True, exist_ok=True)
-            if os.access(folder, os.W_OK):
-                return folder
+            goal.mkdir(parents=True, exist_ok=True)
+            if os.access(goal, os.W_OK):
+                return goal
     return None
+
+
+def _goals() -> Iterator[Path]:
+    """Folders for new objects; one that others may write to is none."""
+    if not os.environ.get("TDINT_CACHE_DIR"):
+        yield _beside() / _fingerprinted()
+    if folder := cache_subfolder(_fingerprinted()):
+        yield folder
 
 
 def file_name(name: str, variant: str, target: Target) -> str:
@@ -121,9 +128,13 @@ def _shared() -> Path | None:
 def _homes() -> Iterator[Path]:
     """Where objects may be kept, the first that can be written before the others."""
     if not os.environ.get("TDINT_CACHE_DIR"):
-        yield _PACKAGE / "kernels" / "__pycache__"
+        yield _beside()
     if home := cache_home():
         yield home
+
+
+def _beside() -> Path:
+    return _PACKAGE / "kernels" / "__pycache__"
 
 
 def _fingerprinted() -> str:
