@@ -7,9 +7,6 @@ from dataclasses import dataclass
 
 from tdint.errors import UsageError
 
-MOST = 10**9
-"""Steps beyond which a run is refused: hours, and where it is wanted by mistake it would not end."""
-
 _SAME = 1e-9  # steps that differ by less than this part are the same
 
 
@@ -63,17 +60,10 @@ def choose_steps(dt: float | None, duration: float | None, record_dt: float | No
 
 def _count(duration: float, h: float) -> int:
     count = duration / h * (1.0 - _SAME)
-<<<<<<< HEAD
     if not count <= MOST_STEPS:
         raise UsageError(
             f"{count:.3g} steps of {h:.6g} s for a duration of {duration:.6g} s: at most {MOST_STEPS:.0e} are taken; "
             "use a longer dt or a shorter duration"
-=======
-    if not count <= MOST:
-        raise UsageError(
-            f"{duration:.6g} s with dt {h:.6g} s are {count:.3g} steps; the most is 10^9: give a longer step or a "
-            "shorter duration"
->>>>>>> cd7815b (Kernels are object files, compiled for what a scene needs and loaded without numba; tdint compile; signals end a command at once; single frequencies of tall buildings)
         )
     return max(1, math.ceil(count))
 
