@@ -103,6 +103,18 @@ class TestMiniSeed:
         wrong[54] = 11
         refused(wrong, "its header states 2048 bytes, but another record begins after 512")
 
+    def test_fewer_samples_in_the_last_record(self, data):
+        """No gap tells it, but the rest of the record is not empty; compressed samples miss the last one stated."""
+        last = len(data) - 512
+        (count,) = struct.unpack_from(">H", data, last + 30)
+        wrong = data.copy()
+        struct.pack_into(">H", wrong, last + 30, count - 10)
+        if data[52] in (10, 11):
+            refused(wrong, "integrity check|Xn|damaged")
+        else:
+            (note,) = read_contents(bytes(wrong), "file").notes
+            assert note.startswith(f"after the {count - 10} samples that the last record of XX.ABC.00.HNE states")
+
     def test_another_byte_order(self, data):
         wrong = data.copy()
         wrong[53] = 0

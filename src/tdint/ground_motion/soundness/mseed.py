@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import re
 import struct
+import warnings
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from tdint.errors import RecordError
@@ -51,6 +52,8 @@ class DataRecord:
         Samples per second; 0 for text.
     start : float
         Seconds from the beginning of the year.
+    rest : int
+        Bytes after the samples, where these have a fixed width, up to the last one that is not zero.
     """
 
     number: int
@@ -62,6 +65,7 @@ class DataRecord:
     data: int
     rate: float
     start: float
+    rest: int = 0
 
     @property
     def end(self) -> float:
@@ -96,6 +100,13 @@ def mseed_statements(records: list[DataRecord], traces: list[Any]) -> list[State
     for record in records:
         if record.encoding != _TEXT and record.rate:
             stated[record.id] += record.samples
+    for record in {record.id: record for record in records if record.samples}.values():
+        if record.rest:  # Of an earlier record a gap would tell.
+            warnings.warn(
+                f"after the {record.samples} samples that the last record of {record.id} states, {record.rest} bytes "
+                "follow in it that are not zero: are samples missing?",
+                stacklevel=2,
+            )
     found: Counter[str] = Counter()
     for trace in traces:
         if trace.data.dtype.kind in "iuf":
@@ -192,8 +203,10 @@ def _data_record(data: bytes, offset: int, number: int) -> DataRecord:
     if inner := _inner_record(data, record, offset):
         raise Damaged(f"{where}: its header states {record.length} bytes, but another record begins after {inner}")
     ends = max(chain.values()) - offset + 8
-    _check_room(record, data[offset : offset + record.length], ends, big == 1)
-    return record
+    content = data[offset : offset + record.length]
+    _check_room(record, content, ends, big == 1)
+    used = record.data + record.samples * _WIDTHS.get(record.encoding, record.length)
+    return replace(record, rest=len(content[used:].rstrip(b"\0")) if record.samples else 0)
 
 
 def _inner_record(data: bytes, record: DataRecord, offset: int) -> int | None:
