@@ -191,6 +191,7 @@ def measure(
     choices = sorted({problem.steps(dt) for dt in dts}, key=lambda steps: -steps.h)
     own = problem.steps(problem.interval)
     usual = (parse(USUAL), own)
+    progress("compiling", 0.0)
     problem.prepared.compile([*integrators, usual[0]], lambda part: progress("compiling", _COMPILED * part))
     progress("reference", _COMPILED)
     reference = find_reference(problem, reached(problem, (*choices, own)), cached=cached)
