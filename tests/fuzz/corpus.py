@@ -49,6 +49,12 @@ class Sound:
     units: str | None
     tells: frozenset[str]
 
+    @property
+    def ends(self) -> list[int]:
+        """Numbers of samples up to the end of each record but the last, of a file of MiniSEED."""
+        counts = [int.from_bytes(self.data[i + 30 : i + 32], "big") for i in range(0, len(self.data), 512)]
+        return np.cumsum(counts[:-1]).tolist()
+
 
 def corpus() -> list[Sound]:
     """All of them, in an order that does not change."""

@@ -7,11 +7,13 @@ from collections.abc import Iterator
 from io import BytesIO
 
 from tdint.errors import RecordError
+from tdint.ground_motion.messages import one_line
 from tdint.ground_motion.reading.source import LARGEST
 
 START = b"PK\x03\x04"
 _MOST_MEMBERS = 2000
 _DEEPEST = 2
+_LONGEST_NAME = 120
 _PIECE = 2**20
 
 
@@ -41,7 +43,7 @@ def _members(data: bytes, source: str, budget: list[int], depth: int) -> Iterato
             if len(files) > _MOST_MEMBERS:
                 raise RecordError(f"{source}: the archive holds {len(files)} files; take out those of the motion")
             for info in files:
-                name = f"{source}/{info.filename}"
+                name = f"{source}/{info.filename[:_LONGEST_NAME]}"
                 content = _content(archive, info, name, budget)
                 if is_archive(content) and depth < _DEEPEST:
                     yield from _members(content, name, budget, depth + 1)
@@ -50,9 +52,9 @@ def _members(data: bytes, source: str, budget: list[int], depth: int) -> Iterato
     except RecordError:
         raise
     except (zipfile.BadZipFile, NotImplementedError, EOFError, OSError, ValueError, RuntimeError) as error:
-        raise RecordError(f"{source}: the archive is damaged or cannot be read: {error}") from error
+        raise RecordError(f"{source}: the archive is damaged or cannot be read: {one_line(str(error))}") from error
     except Exception as error:  # zlib and lzma have errors of their own.
-        raise RecordError(f"{source}: the archive is damaged: {error}") from error
+        raise RecordError(f"{source}: the archive is damaged: {one_line(str(error))}") from error
 
 
 def _content(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, budget: list[int]) -> bytes:

@@ -160,7 +160,7 @@ def _records_in(data: bytes, name: str) -> list[tuple[str, bytes]]:
     files = members(data, name)
     records = [(part, content) for part, content in files if has_known_format(content)]
     if not records:
-        listed = ", ".join(part.removeprefix(f"{name}/") for part, _ in files[:10]) or "nothing"
+        listed = ", ".join(part.removeprefix(f"{name}/")[:60] for part, _ in files[:10]) or "nothing"
         raise RecordError(f"{name}: the archive holds no record of a known format; it holds {listed}")
     return records
 

@@ -51,6 +51,10 @@ def evt_statements(frames: int, traces: list[Any]) -> list[Statement]:
 # GCF: blocks of 1024 bytes (Guralp, SWA-RFC-GCFR, 2021). Their last sample is compared by ObsPy.
 
 _BLOCK = 1024
+_SAME_TIME = 1e-3
+_STATUS = 4
+"""Code of a block of words, which has no sampling rate."""
+
 _GCF_HEADER = struct.Struct(">IIIBBBB")
 
 
@@ -65,13 +69,25 @@ def look_at_gcf(data: bytes) -> int:
     if len(data) % _BLOCK:
         raise Damaged(f"{len(data)} bytes are no whole number of blocks of {_BLOCK} bytes")
     total = 0
+    spans: dict[tuple[int, int], tuple[float, float]] = {}
     for place in range(0, len(data), _BLOCK):
-        *_, rate, compression, records = _GCF_HEADER.unpack_from(data, place)
-        if not rate:  # Status in words, no samples.
+        system, stream, clock, _, rate, compression, records = _GCF_HEADER.unpack_from(data, place)
+        block = f"block {place // _BLOCK}"
+        if not rate:
+            if compression & 7 != _STATUS or not records:
+                raise Damaged(f"{block} is neither one of samples nor one of words")
             continue
         if compression & 7 not in (1, 2, 4) or 4 * records + 24 > _BLOCK:
-            raise Damaged(f"block {place // _BLOCK} announces no samples that it can have")
-        total += (compression & 7) * records
+            raise Damaged(f"{block} announces no samples that it can have")
+        count = (compression & 7) * records
+        total += count
+        start = (clock >> 17) * 86_400 + (clock & 0x1FFFF)
+        first, _ = spans.get((system, stream), (start, 0.0))
+        spans[system, stream] = first, start + count / rate
+    for name, (_, end) in spans.items():
+        for other, (start, _) in spans.items():
+            if name != other and abs(end - start) < _SAME_TIME:
+                raise Damaged("one stream of its blocks continues another one: the name in a block is wrong")
     return total
 
 
@@ -125,6 +141,8 @@ def _check_packet(packet: bytes, count: int, number: int) -> None:
         stated_bytes = _decimal(packet[12:14])
         if stated_bytes != _PACKET_HEADER + count * width:
             raise Damaged(f"{where}: its header states {count} samples and {stated_bytes} bytes")
+    elif count or packet[23] not in _PACKET_COMPRESSION:
+        raise Damaged(f"{where}: its header gives an unknown format of its samples")
 
 
 def reftek_statements(samples: Counter[int], traces: list[Any]) -> list[Statement]:
