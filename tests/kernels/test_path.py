@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numba.core import types
 
 from law_examples import example
 from law_paths import FY, K, law_table
-from tdint.kernels.compiling import F8, TABLE, kernel
+from path_kernels import begin, energies, go, integrate, integrate_on_branch, walk
 from tdint.kernels.laws import LAWS as COMPILED
 from tdint.kernels.laws.apart import spring_table
-from tdint.kernels.layout import ADDRESS, COMMITTED, DISSIPATED, DRIFT, FIRST_TRIAL, FORCE, SPRING_ROWS
-from tdint.kernels.march import path
-from tdint.kernels.march.springs import commit, dissipated, recoverable, restoring, start
+from tdint.kernels.layout import ADDRESS, DISSIPATED, DRIFT, FORCE, SPRING_ROWS
+from tdint.kernels.march.path import PATH_ROWS
 
 pytestmark = pytest.mark.long
 
@@ -30,51 +28,6 @@ TANGENTS = {"bouc-wen": 1e-3}
 """Over the stiffness: the points move with the path, and the law takes substeps; else the error of the differences."""
 
 
-@kernel(types.void(TABLE, TABLE, F8))
-def begin(laws, state, drift):
-    start(laws, state, 0, drift)
-
-
-@kernel(types.void(TABLE, TABLE, F8, F8, TABLE))
-def integrate(laws, state, rise, bend, out):
-    """Mean, moment and the four tangents into the first rows of `out`."""
-    path.follow(laws, state, 0, rise, bend, out, 0)
-
-
-@kernel(types.boolean(TABLE, F8, F8, TABLE))
-def integrate_on_branch(state, rise, bend, out):
-    if not path.stays(state, 0, rise, bend):
-        return False
-    path.keep_to_branch(state, 0, rise, bend, out, 0)
-    return True
-
-
-@kernel(types.void(TABLE, TABLE, F8, F8, TABLE))
-def go(laws, state, rise, bend, out):
-    path.follow(laws, state, 0, rise, bend, out, 0)
-    path.arrive(laws, state, 0, rise)
-
-
-@kernel(types.void(TABLE, TABLE, F8, F8, types.int64, TABLE))
-def walk(laws, state, rise, bend, parts, out):
-    """The integrals by Simpson's rule from point to point, each a drift that the law goes to straight."""
-    first = state[DRIFT, 0]
-    out[0, 0] = out[1, 0] = 0.0
-    for half in range(2 * parts + 1):
-        t = 0.5 * half / parts
-        drift = first + t * rise + 0.5 * bend * (t * t - t)
-        restoring(laws, state, 0, COMMITTED, FIRST_TRIAL, drift)
-        commit(laws, state, 0, COMMITTED, FIRST_TRIAL)
-        weight = (4.0 if half % 2 else 1.0 if half in (0, 2 * parts) else 2.0) / (6.0 * parts)
-        out[0, 0] += weight * state[FORCE, 0]
-        out[1, 0] += 12.0 * weight * (t - 0.5) * state[FORCE, 0]
-
-
-@kernel(types.UniTuple(F8, 2)(TABLE, TABLE))
-def energies(laws, state):
-    return recoverable(laws, state, 0), dissipated(laws, state, 0)
-
-
 def table(name):
     return law_table(name, *example(name, K, FY).parameters)
 
@@ -89,8 +42,14 @@ def random_paths(seed=3):
     return list(zip(rises, bends, strict=True))
 
 
+def stored_and_dissipated(laws, state):
+    out = np.zeros(2)
+    energies.compiled(laws, state, out)
+    return out
+
+
 def results(call, *arguments):
-    out = np.zeros((path.PATH_ROWS, 2))
+    out = np.zeros((PATH_ROWS, 2))
     call.compiled(*arguments, out)
     return out[:6, 0].copy()
 
@@ -113,9 +72,9 @@ def journey(request):
 def test_the_work_is_what_is_stored_and_dissipated(journey):
     name, laws, visited = journey
     for state, rise, bend in visited:
-        before = energies.compiled(laws, state)
+        before = stored_and_dissipated(laws, state)
         mean, moment, *_ = results(go, laws, state, rise, bend)
-        after = energies.compiled(laws, state)
+        after = stored_and_dissipated(laws, state)
         work = rise * mean + bend * moment / 12.0
         way = abs(rise) + abs(bend) + 1e-3 * DY
         allowed = TOLERANCE.get(name, 1e-12) * 10.0 * FY * way + 1e-14 * sum(map(abs, after))
@@ -126,7 +85,7 @@ def test_the_integrals_are_those_of_the_force(journey):
     name, laws, visited = journey
     for state, rise, bend in visited:
         got = results(integrate, laws, state.copy(), rise, bend)
-        out = np.zeros((path.PATH_ROWS, 2))
+        out = np.zeros((PATH_ROWS, 2))
         walk.compiled(laws, state.copy(), rise, bend, 400, out)
         size = abs(state[FORCE, 0]) + abs(got[0]) + K * (abs(rise) + abs(bend))
         assert got[:2] == pytest.approx(out[:2, 0], abs=INTEGRALS.get(name, 1e-4) * size)
@@ -155,7 +114,7 @@ def test_a_story_on_its_branch_needs_no_walk(journey):
     name, laws, visited = journey
     kept = 0
     for state, rise, bend in visited:
-        out = np.zeros((path.PATH_ROWS, 2))
+        out = np.zeros((PATH_ROWS, 2))
         if integrate_on_branch.compiled(state, rise, bend, out):
             kept += 1
             walked = results(integrate, laws, state.copy(), rise, bend)

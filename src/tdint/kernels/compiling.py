@@ -11,7 +11,7 @@ import os
 from collections.abc import Callable
 from typing import Any
 
-from tdint.kernels.building.signature import F8, I8, Signature, Table
+from tdint.kernels.building.signature import F8, I8, ArrayOf, Signature
 from tdint.kernels.building.variant import EVERYTHING, Variant, parse
 
 __all__ = [
@@ -30,9 +30,9 @@ __all__ = [
     "local_table",
 ]
 
-VECTOR = Table(1)
-TABLE = Table(2)
-CUBE = Table(3)
+VECTOR = ArrayOf(1)
+TABLE = ArrayOf(2)
+CUBE = ArrayOf(3)
 
 COMPILES = os.environ.get("TDINT_KERNELS") == "compile"
 """Whether this process compiles kernels, as `tdint.kernels.building.process` starts it."""

@@ -15,7 +15,7 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from tdint.kernels.building.signature import Argument, Scalar, Signature, Table
+from tdint.kernels.building.signature import Argument, ArrayOf, Scalar, Signature
 
 # Without reference counts (the arrays outlive the call; kernels allocate none) a step costs a third: counting is
 # atomic.
@@ -144,7 +144,7 @@ def _type(argument: Argument) -> Any:
     match argument:
         case Scalar():
             return getattr(types, argument.name)
-        case Table():
+        case ArrayOf():
             return types.Array(types.float64, argument.dimensions, "C")
         case Signature():
             return types.int64

@@ -9,7 +9,7 @@ from typing import Any
 import llvmlite.binding as llvm
 import numpy as np
 
-from tdint.kernels.building.signature import Argument, Scalar, Signature, Table
+from tdint.kernels.building.signature import Argument, ArrayOf, Scalar, Signature
 from tdint.kernels.building.target import machine
 
 _NUMBERS = {"float64": (ctypes.c_double, float), "int64": (ctypes.c_int64, int)}
@@ -57,7 +57,7 @@ def _parts(arguments: Sequence[Argument]) -> tuple[list[Any], list[Callable[[Any
     parts: list[Callable[[Any, list[Any]], None]] = []
     for argument in arguments:
         match argument:
-            case Table(dimensions):
+            case ArrayOf(dimensions):
                 # meminfo, parent, number of items, bytes of an item, data, shape, strides
                 types += [ctypes.c_void_p] * 2 + [ctypes.c_int64] * 2 + [ctypes.c_void_p]
                 types += [ctypes.c_int64] * (2 * dimensions)

@@ -24,13 +24,13 @@ class Scalar:
 
 
 @dataclass(frozen=True)
-class Table:
+class ArrayOf:
     """An array of floating-point numbers in C order."""
 
     dimensions: int
 
 
-Argument = Scalar | Table | Signature
+Argument = Scalar | ArrayOf | Signature
 
 F8 = Scalar("float64")
 I8 = Scalar("int64")

@@ -1,0 +1,63 @@
+"""Kernels of one story along a parabola of drift, for tests/kernels/test_path.py: a kernel stands in a module that the
+process that compiles it can load by itself."""
+
+from __future__ import annotations
+
+from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, kernel
+from tdint.kernels.layout import COMMITTED, DRIFT, FIRST_TRIAL, FORCE
+from tdint.kernels.march.path import arrive, follow, keep_to_branch, stays
+from tdint.kernels.march.springs import commit, dissipated, recoverable, restoring, start
+
+
+@kernel(I8(TABLE, TABLE, F8))
+def begin(laws, state, drift):
+    start(laws, state, 0, drift)
+    return 0
+
+
+@kernel(I8(TABLE, TABLE, F8, F8, TABLE))
+def integrate(laws, state, rise, bend, out):
+    """Mean, moment and the four tangents into the first rows of `out`."""
+    follow(laws, state, 0, rise, bend, out, 0)
+    return 0
+
+
+@kernel(I8(TABLE, F8, F8, TABLE))
+def integrate_on_branch(state, rise, bend, out):
+    """As `integrate` where the story stays on its branch: 1, else 0."""
+    if not stays(state, 0, rise, bend):
+        return 0
+    keep_to_branch(state, 0, rise, bend, out, 0)
+    return 1
+
+
+@kernel(I8(TABLE, TABLE, F8, F8, TABLE))
+def go(laws, state, rise, bend, out):
+    """As `integrate`, and the story goes there."""
+    follow(laws, state, 0, rise, bend, out, 0)
+    arrive(laws, state, 0, rise)
+    return 0
+
+
+@kernel(I8(TABLE, TABLE, F8, F8, I8, TABLE))
+def walk(laws, state, rise, bend, parts, out):
+    """The integrals by Simpson's rule from point to point, each a drift that the law goes to straight."""
+    first = state[DRIFT, 0]
+    out[0, 0] = out[1, 0] = 0.0
+    for half in range(2 * parts + 1):
+        t = 0.5 * half / parts
+        drift = first + t * rise + 0.5 * bend * (t * t - t)
+        restoring(laws, state, 0, COMMITTED, FIRST_TRIAL, drift)
+        commit(laws, state, 0, COMMITTED, FIRST_TRIAL)
+        weight = (4.0 if half % 2 else 1.0 if half in (0, 2 * parts) else 2.0) / (6.0 * parts)
+        out[0, 0] += weight * state[FORCE, 0]
+        out[1, 0] += 12.0 * weight * (t - 0.5) * state[FORCE, 0]
+    return 0
+
+
+@kernel(I8(TABLE, TABLE, VECTOR))
+def energies(laws, state, out):
+    """What is stored, and what has been dissipated, J."""
+    out[0] = recoverable(laws, state, 0)
+    out[1] = dissipated(laws, state, 0)
+    return 0
