@@ -7,7 +7,7 @@ import numpy as np
 from tdint.kernels import layout
 from tdint.kernels.laws.apart import spring_table
 from tdint.kernels.layout import FIRST_TRIAL
-from tdint.kernels.march.springs import commit, dissipated, recoverable, restoring, start
+from tdint.kernels.stories.springs import commit, dissipated, recoverable, restoring, start
 from tdint.model.laws import CODES
 
 K, FY, HARDENING = 1000.0, 20.0, 0.05

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, kernel
 from tdint.kernels.layout import COMMITTED, DRIFT, FIRST_TRIAL, FORCE
-from tdint.kernels.march.path import arrive, follow, keep_to_branch, stays
-from tdint.kernels.march.springs import commit, dissipated, recoverable, restoring, start
+from tdint.kernels.stories.path import arrive, follow, keep_to_branch, stays
+from tdint.kernels.stories.springs import commit, dissipated, recoverable, restoring, start
 
 
 @kernel(I8(TABLE, TABLE, F8))

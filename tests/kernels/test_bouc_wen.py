@@ -12,7 +12,7 @@ from law_paths import CYCLE, FY, HARDENING, K, follow, law_table
 from tdint.kernels import layout
 from tdint.kernels.laws.apart import spring_table
 from tdint.kernels.layout import FIRST_TRIAL
-from tdint.kernels.march.springs import commit, restoring, start
+from tdint.kernels.stories.springs import commit, restoring, start
 
 pytestmark = pytest.mark.long
 

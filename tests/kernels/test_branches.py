@@ -12,8 +12,8 @@ from tdint.kernels import layout
 from tdint.kernels.laws.apart import spring_table
 from tdint.kernels.laws.walking import walker
 from tdint.kernels.layout import FIRST_TRIAL, SECOND_TRIAL
-from tdint.kernels.march.events import NONE, _crossing, turning
-from tdint.kernels.march.springs import restoring, start
+from tdint.kernels.stories.events import NONE, _crossing, turning
+from tdint.kernels.stories.springs import restoring, start
 from tdint.model.laws import LAWS
 
 IMK_SIDE = (FY, 0.035, 0.1, 1.1, 0.2, 0.5, 1.0)

@@ -11,7 +11,7 @@ from path_kernels import begin, energies, go, integrate, integrate_on_branch, wa
 from tdint.kernels.laws import LAWS as COMPILED
 from tdint.kernels.laws.apart import spring_table
 from tdint.kernels.layout import ADDRESS, DISSIPATED, DRIFT, FORCE, SPRING_ROWS
-from tdint.kernels.march.path import PATH_ROWS
+from tdint.kernels.stories.path import PATH_ROWS
 
 pytestmark = pytest.mark.long
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tdint.analysis.run.cyclic import follow_path
+from tdint.analysis.static.cyclic import follow_path
 from tdint.model.building import assemble
 from tdint.model.definition import Law
 from tdint.model.simple import simple_model, simple_story

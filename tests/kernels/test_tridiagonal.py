@@ -1,11 +1,11 @@
-"""The direct solves of `tdint.kernels.march.tridiagonal` against dense matrices."""
+"""The direct solves of `tdint.kernels.equations.tridiagonal` against dense matrices."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from tdint.kernels.march.tridiagonal import factor_blocks, factor_damped, solve_blocks_damped, solve_damped
+from tdint.kernels.equations.tridiagonal import factor_blocks, factor_damped, solve_blocks_damped, solve_damped
 
 
 @pytest.mark.parametrize("modes", [0, 1, 3, 8])

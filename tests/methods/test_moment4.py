@@ -28,9 +28,9 @@ from tdint import load_model, run
 from tdint.analysis.assessment.failures import attempt
 from tdint.analysis.assessment.hard_problems import problems
 from tdint.analysis.run.amplification import amplification, spectral_radius
-from tdint.kernels.march.branches import enter
-from tdint.kernels.march.chain import force_moment
+from tdint.kernels.chain import force_moment
 from tdint.kernels.march.ground import straightened
+from tdint.kernels.stories.branches import enter
 from tdint.methods.catalogue import parse
 from tdint.model.definition import PowerDashpot
 from tdint.model.loads import force_table

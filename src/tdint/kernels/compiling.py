@@ -11,6 +11,7 @@ import os
 from collections.abc import Callable
 from typing import Any
 
+from tdint.kernels.building.compilable import Compilable
 from tdint.kernels.building.signature import F8, I8, ArrayOf, Signature
 from tdint.kernels.building.variant import EVERYTHING, Variant, parse
 
@@ -37,35 +38,14 @@ CUBE = ArrayOf(3)
 COMPILES = os.environ.get("TDINT_KERNELS") == "compile"
 """Whether this process compiles kernels, as `tdint.kernels.building.process` starts it."""
 
-WHOLE = os.environ.get("TDINT_KERNELS") == "whole"
-"""Whether one variant serves all scenes: where many different buildings are integrated, less is compiled."""
-
 VARIANT = parse(os.environ["TDINT_KERNELS_VARIANT"]) if COMPILES else EVERYTHING
 """What this process compiles for; everything in other processes, for there kernels are chosen at run time."""
 
 _LAWS_AND_LOADS = ("laws", "modal", "forces", "dashpots")
 
 
-class Kernel:
-    """A function that is compiled for one signature, or loaded, when it is first asked for.
-
-    Parameters
-    ----------
-    parts : tuple of str
-        The parts of `Variant` that the kernel depends on.
-    """
-
-    def __init__(self, function: Callable[..., Any], signature: Signature, parts: tuple[str, ...]) -> None:
-        self.function = function
-        self.signature = signature
-        self.parts = parts
-        self.__doc__ = function.__doc__
-        self._loaded: dict[Variant, Callable[..., Any]] = {}
-
-    @property
-    def name(self) -> str:
-        """Where the kernel stands, as `package.module:function`."""
-        return f"{self.function.__module__}:{self.function.__qualname__}"
+class Kernel(Compilable):
+    """A function that is compiled for one signature, or loaded, when it is first asked for."""
 
     @property
     def compiled(self) -> Callable[..., Any]:
@@ -80,18 +60,6 @@ class Kernel:
 
             obtain([(self, wanted)])
         return self._loaded[wanted]
-
-    def needs(self, wanted: Variant) -> Variant:
-        """What of a variant matters to this kernel."""
-        return EVERYTHING if WHOLE else wanted.only(self.parts)
-
-    def loaded(self, wanted: Variant) -> bool:
-        """Whether this process has the kernel."""
-        return self.needs(wanted) in self._loaded
-
-    def take(self, wanted: Variant, function: Callable[..., Any]) -> None:
-        """Take a compiled function for a variant."""
-        self._loaded[self.needs(wanted)] = function
 
 
 def kernel(signature: Signature, parts: tuple[str, ...] = _LAWS_AND_LOADS) -> Callable[[Callable[..., Any]], Kernel]:

@@ -12,6 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.kernels.chain import finite, force_value
 from tdint.kernels.compiling import kernel
 from tdint.kernels.layout import (
     DISPLACEMENT,
@@ -24,9 +25,8 @@ from tdint.kernels.layout import (
     TIME,
     VELOCITY,
 )
-from tdint.kernels.march.chain import finite, force_value
-from tdint.kernels.march.springs import commit, restoring
-from tdint.kernels.march.stepping import STEP
+from tdint.kernels.stepping import STEP
+from tdint.kernels.stories.springs import commit, restoring
 from tdint.methods.method import Family, Method
 from tdint.model.building import Building
 

@@ -13,7 +13,26 @@ from __future__ import annotations
 
 import math
 
+from tdint.kernels.chain import finite, floor_load
 from tdint.kernels.compiling import called, inlined, kernel
+from tdint.kernels.equations.impulse_momentum import (
+    A1,
+    DU,
+    DV,
+    FORCE_1,
+    FORCE_S,
+    IMPULSE,
+    LOAD,
+    MOMENTUM_ROWS,
+    SIZE,
+    U1,
+    V1,
+    correct,
+    guess,
+    in_balance,
+    residuals,
+)
+from tdint.kernels.equations.tridiagonal import assemble_blocks, factor_blocks
 from tdint.kernels.layout import (
     ACCELERATION,
     DISPLACEMENT,
@@ -33,27 +52,8 @@ from tdint.kernels.layout import (
     TIME,
     VELOCITY,
 )
-from tdint.kernels.march.chain import finite, floor_load
-from tdint.kernels.march.impulse_momentum import (
-    A1,
-    DU,
-    DV,
-    FORCE_1,
-    FORCE_S,
-    IMPULSE,
-    LOAD,
-    MOMENTUM_ROWS,
-    SIZE,
-    U1,
-    V1,
-    correct,
-    guess,
-    in_balance,
-    residuals,
-)
-from tdint.kernels.march.springs import commit, restoring
-from tdint.kernels.march.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, STEP
-from tdint.kernels.march.tridiagonal import assemble_blocks, factor_blocks
+from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, STEP
+from tdint.kernels.stories.springs import commit, restoring
 from tdint.methods.method import Family, Method, Parameter
 
 # Coefficients

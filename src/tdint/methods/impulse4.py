@@ -6,16 +6,25 @@
 
 I is the exact impulse of the load. S = h (w0 f0 + wc f(uc) + w1 f1) integrates the restoring force with a point inside
 the step, uc = u0 + gd (u1 - u0) + h (g0 v0 + g1 v1) at the fraction c; forces of power-law dashpots are integrated
-alike, with vc from the cubic Hermite interpolant (`tdint.kernels.march.impulse4`). In a linear building the step is the
-Pade approximation of the exponential with denominator of degree 2: (2,2) for rho_inf = 1, order 4; (1,2), that is
-Radau IIA, for rho_inf = 0; order 3 in between. The tests derive the coefficients again.
+alike, with vc from the cubic Hermite interpolant (`tdint.kernels.equations.impulse4`). In a linear building the step
+is the Pade approximation of the exponential with denominator of degree 2: (2,2) for rho_inf = 1, order 4; (1,2), that
+is Radau IIA, for rho_inf = 0; order 3 in between. The tests derive the coefficients again.
 """
 
 from __future__ import annotations
 
 import math
 
+from tdint.kernels.chain import DASHPOTS, finite
 from tdint.kernels.compiling import called, inlined, kernel
+from tdint.kernels.equations.impulse4 import FACTORS, SAVED, STORE, factor_rows, loads, newton, solve_linear
+from tdint.kernels.equations.impulse_momentum import (
+    A1,
+    DU,
+    DV,
+    U1,
+    V1,
+)
 from tdint.kernels.laws import LAWS
 from tdint.kernels.laws.choosing import COMPILED
 from tdint.kernels.laws.walking import copy_further
@@ -50,19 +59,10 @@ from tdint.kernels.layout import (
     UPPER,
     VELOCITY,
 )
-from tdint.kernels.march.branches import advance, go_along, switch
-from tdint.kernels.march.chain import DASHPOTS, finite
-from tdint.kernels.march.events import NONE, first_event
-from tdint.kernels.march.impulse4 import FACTORS, SAVED, STORE, factor_rows, loads, newton, solve_linear
-from tdint.kernels.march.impulse_momentum import (
-    A1,
-    DU,
-    DV,
-    U1,
-    V1,
-)
-from tdint.kernels.march.springs import commit, resume, settle
-from tdint.kernels.march.stepping import STEP
+from tdint.kernels.stepping import STEP
+from tdint.kernels.stories.branches import advance, go_along, switch
+from tdint.kernels.stories.events import NONE, first_event
+from tdint.kernels.stories.springs import commit, resume, settle
 from tdint.methods.method import Family, Method, Parameter
 
 # What the step is compiled for

@@ -54,7 +54,7 @@ class Family:
     name : str
         For people; the file is named alike.
     step : Kernel
-        The compiled step, with the signature of `tdint.kernels.march.stepping`.
+        The compiled step, with the signature of `tdint.kernels.stepping`.
     work_rows : callable
         Number of modally damped modes -> rows of work that the step needs.
     memory : tuple of int

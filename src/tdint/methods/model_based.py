@@ -26,7 +26,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from tdint.kernels.chain import add_modal_force, finite, floor_load, internal_forces
 from tdint.kernels.compiling import inlined, kernel
+from tdint.kernels.equations.tridiagonal import assemble_combination, factor, factor_combination, solve, solve_damped
 from tdint.kernels.layout import (
     ACCELERATION,
     DISPLACEMENT,
@@ -47,10 +49,8 @@ from tdint.kernels.layout import (
     TIME,
     VELOCITY,
 )
-from tdint.kernels.march.chain import add_modal_force, finite, floor_load, internal_forces
-from tdint.kernels.march.springs import commit, restoring
-from tdint.kernels.march.stepping import STEP
-from tdint.kernels.march.tridiagonal import assemble_combination, factor, factor_combination, solve, solve_damped
+from tdint.kernels.stepping import STEP
+from tdint.kernels.stories.springs import commit, restoring
 from tdint.methods.method import Family, Method, Parameter
 
 # Coefficients of the KR-alpha step

@@ -18,7 +18,7 @@ is U0 + U1 s, so that h (U0 impulse + U1 first moment / 12) is the balance of en
 With both integrals of the restoring force exact, the work along the path is the change of what an elastic story
 stores, at any step: for rho_inf = 1 energy is kept to rounding, and below it never made. What a story with a memory
 dissipates is the work along the path. Turning points and branch ends on a parabola are roots of quadratics, so a law
-that is linear branch by branch is integrated exactly, without a search for events (`tdint.kernels.march.path`). The
+that is linear branch by branch is integrated exactly, without a search for events (`tdint.kernels.stories.path`). The
 load enters by its impulse and first moment, which a record tells exactly over any number of samples. For rho_inf below
 1 a floor force has, in place of its moment, the one that makes stiff parts follow it at the ends of the steps.
 
@@ -31,7 +31,9 @@ from __future__ import annotations
 
 import math
 
+from tdint.kernels.chain import finite, mean_load
 from tdint.kernels.compiling import kernel
+from tdint.kernels.equations.moment4 import LOAD, R, finish, move, work_rows
 from tdint.kernels.layout import (
     DISPLACEMENT,
     GROUND_0,
@@ -40,9 +42,7 @@ from tdint.kernels.layout import (
     TIME,
     VELOCITY,
 )
-from tdint.kernels.march.chain import finite, mean_load
-from tdint.kernels.march.moment4 import LOAD, R, finish, move, work_rows
-from tdint.kernels.march.stepping import STEP
+from tdint.kernels.stepping import STEP
 from tdint.methods.method import Family, Method, Parameter
 
 

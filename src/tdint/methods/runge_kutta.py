@@ -14,7 +14,9 @@ import math
 import numpy as np
 from numpy.polynomial import Polynomial
 
+from tdint.kernels.chain import add_modal_force, finite, floor_load, internal_forces, power_damper
 from tdint.kernels.compiling import inlined, kernel
+from tdint.kernels.equations.tridiagonal import factor_blocks, link_blocks, solve_blocks_damped
 from tdint.kernels.layout import (
     ACCELERATION,
     DISPLACEMENT,
@@ -39,10 +41,8 @@ from tdint.kernels.layout import (
     TIME,
     VELOCITY,
 )
-from tdint.kernels.march.chain import add_modal_force, finite, floor_load, internal_forces, power_damper
-from tdint.kernels.march.springs import commit, restoring, settle
-from tdint.kernels.march.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, STEP, balanced
-from tdint.kernels.march.tridiagonal import factor_blocks, link_blocks, solve_blocks_damped
+from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, STEP, balanced
+from tdint.kernels.stories.springs import commit, restoring, settle
 from tdint.methods.method import Family, Method
 
 Table = tuple[tuple[float, ...], ...]

@@ -17,7 +17,9 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.kernels.chain import finite, floor_load
 from tdint.kernels.compiling import inlined, kernel
+from tdint.kernels.equations.newton import BALANCE_ROWS, LOAD, A, U, V, X, balance, factor_rows, forget
 from tdint.kernels.layout import (
     ACCELERATION,
     DISPLACEMENT,
@@ -30,10 +32,8 @@ from tdint.kernels.layout import (
     TIME,
     VELOCITY,
 )
-from tdint.kernels.march.chain import finite, floor_load
-from tdint.kernels.march.newton import BALANCE_ROWS, LOAD, A, U, V, X, balance, factor_rows, forget
-from tdint.kernels.march.springs import commit, restoring
-from tdint.kernels.march.stepping import STEP
+from tdint.kernels.stepping import STEP
+from tdint.kernels.stories.springs import commit, restoring
 from tdint.methods.method import Family, Method, Parameter
 
 # Coefficients

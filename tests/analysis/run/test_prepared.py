@@ -11,10 +11,10 @@ import pytest
 from building_cases import Force, model, noise, story, ten_bilinear, ten_linear
 from tdint import prepare, run, run_case, spectrum
 from tdint.analysis.run import amplification, prepared, workspace
-from tdint.analysis.run.cyclic import cyclic_test
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import FailedRun
 from tdint.analysis.run.steps import Steps
+from tdint.analysis.static.cyclic import cyclic_test
 from tdint.errors import AnalysisError, ModelError, ModelFault, UsageError
 from tdint.kernels.building.variant import Variant
 from tdint.methods.catalogue import catalogue, parse

@@ -15,7 +15,7 @@ from tdint_cli.options.values import DriftSizeType, FileName, ListOf
 from tdint_cli.terminal.streams import say, say_table
 
 if TYPE_CHECKING:
-    from tdint.analysis.run.cyclic import Cycle, CyclicTest
+    from tdint.analysis.static.cyclic import Cycle, CyclicTest
     from tdint.files import Writer
     from tdint.units import DriftSize
 
@@ -113,7 +113,7 @@ def _run(request: Request) -> None:
     outputs = Outputs.checked(request.output, request.plot, request.overwrite)
     cycles = request.cycles or 1
     drifts = _path(request)
-    from tdint.analysis.run.cyclic import cyclic_test, path_test
+    from tdint.analysis.static.cyclic import cyclic_test, path_test
     from tdint.model.config.read import load_model
     from tdint.output.tables.cyclic import cyclic_table
 
@@ -155,7 +155,7 @@ def _path(request: Request) -> list[float] | None:
             raise UsageError(f"{name} and --path exclude each other: a path tells every drift")
     if request.path == "-" and request.model == "-":
         raise UsageError("standard input already holds the model; give the path as a file")
-    from tdint.analysis.run.drift_path import read_drift_path
+    from tdint.analysis.static.drift_path import read_drift_path
 
     return read_drift_path(request.path)
 

@@ -13,7 +13,7 @@ from tdint_cli.options.values import DriftSizeType
 from tdint_cli.terminal.streams import say
 
 if TYPE_CHECKING:
-    from tdint.analysis.run.pushover import Pushover
+    from tdint.analysis.static.pushover import Pushover
     from tdint.files import Writer
     from tdint.units import DriftSize
 
@@ -56,7 +56,7 @@ def command(
     the roof and its ratio to the height, base shear, drifts of the stories.
     """
     outputs = Outputs.checked(output, plot, overwrite)
-    from tdint.analysis.run.pushover import pushover
+    from tdint.analysis.static.pushover import pushover
     from tdint.model.config.read import load_model
     from tdint.output.tables import columns
     from tdint.output.tables.table import Table

@@ -7,14 +7,14 @@ from pathlib import Path
 
 from tdint.errors import OutputError
 from tdint.kernels.building import store
+from tdint.kernels.building.compilable import Compilable
 from tdint.kernels.building.process import Compilation, run_all
 from tdint.kernels.building.target import Target, named
 from tdint.kernels.building.variant import Variant
-from tdint.kernels.compiling import Kernel
 
 
 def compile_ahead(
-    wanted: Iterable[tuple[Kernel, Variant]],
+    wanted: Iterable[tuple[Compilable, Variant]],
     targets: Iterable[str],
     folder: Path | None,
     progress: Callable[[float], None],
@@ -61,7 +61,7 @@ def compile_ahead(
     return written
 
 
-def _there(kernel: Kernel, variant: Variant, target: Target, folder: Path | None) -> bool:
+def _there(kernel: Compilable, variant: Variant, target: Target, folder: Path | None) -> bool:
     if folder is None:
         return store.find(kernel.name, variant.text, (target,)) is not None
     return store.find_in(folder, kernel.name, variant.text, (target,), check=False) is not None

@@ -12,14 +12,14 @@ import numpy as np
 from tdint.kernels.building.variant import EVERYTHING, Variant
 
 if TYPE_CHECKING:
-    from tdint.kernels.compiling import Kernel
+    from tdint.kernels.building.compilable import Compilable
 
 LOG = logging.getLogger("tdint")
 
 _SECONDS = {1: 5.0, 2: 11.0, 3: 20.0}  # by the number of laws, 3 for all that are more
 
 
-def obtain(wanted: Sequence[tuple[Kernel, Variant]], progress: Callable[[float], None] = lambda done: None) -> None:
+def obtain(wanted: Sequence[tuple[Compilable, Variant]], progress: Callable[[float], None] = lambda done: None) -> None:
     """Load kernels into this process; what no store has is compiled, in processes side by side, and kept.
 
     TDINT_KERNELS=python takes the kernels as they are written, not compiled.
@@ -57,7 +57,7 @@ def obtain(wanted: Sequence[tuple[Kernel, Variant]], progress: Callable[[float],
         _compile(absent, progress)
 
 
-def _compile(wanted: Sequence[tuple[Kernel, Variant]], progress: Callable[[float], None]) -> None:
+def _compile(wanted: Sequence[tuple[Compilable, Variant]], progress: Callable[[float], None]) -> None:
     from tdint.kernels.building import store
     from tdint.kernels.building.objects import unpack
     from tdint.kernels.building.process import Compilation, run_all
@@ -78,7 +78,7 @@ def _compile(wanted: Sequence[tuple[Kernel, Variant]], progress: Callable[[float
             raise RuntimeError(f"{one.kernel.name}: the object cannot be loaded")
 
 
-def duration(wanted: Sequence[tuple[Kernel, Variant]]) -> int:
+def duration(wanted: Sequence[tuple[Compilable, Variant]]) -> int:
     """Roughly how long it takes to compile, s, as measured on processors of 2024."""
     from tdint.kernels.building.process import processors
 
@@ -86,13 +86,13 @@ def duration(wanted: Sequence[tuple[Kernel, Variant]]) -> int:
     return round(max(max(each), sum(each) / processors()))
 
 
-def _shown(wanted: tuple[Kernel, Variant]) -> str:
+def _shown(wanted: tuple[Compilable, Variant]) -> str:
     kernel, variant = wanted
     laws = f" ({', '.join(variant.laws) or 'all laws'})" if "laws" in kernel.parts else ""
     return kernel.name.partition(":")[0].rpartition(".")[2] + laws
 
 
-def _load(kernel: Kernel, variant: Variant, code: bytes, symbol: str) -> bool:
+def _load(kernel: Compilable, variant: Variant, code: bytes, symbol: str) -> bool:
     """Whether an object could be loaded."""
     from tdint.kernels.building.loading import Loaded
 

@@ -15,13 +15,13 @@ from tdint.kernels.building.target import Target
 from tdint.kernels.building.variant import Variant
 
 if TYPE_CHECKING:
-    from tdint.kernels.compiling import Kernel
+    from tdint.kernels.building.compilable import Compilable
 
 
 class Compilation:
     """One kernel in one variant, compiled by a process of its own."""
 
-    def __init__(self, kernel: Kernel, variant: Variant, target: Target) -> None:
+    def __init__(self, kernel: Compilable, variant: Variant, target: Target) -> None:
         self.kernel = kernel
         self.variant = variant
         self.target = target

@@ -27,8 +27,8 @@ from tdint.kernels.march.observing import (
     observe,
     store,
 )
-from tdint.kernels.march.stepping import STEP, call_step
 from tdint.kernels.march.stories import BEGIN, TAKE_STOCK, call_begin, call_take_stock
+from tdint.kernels.stepping import STEP, call_step
 
 _MARCH = I8(
     STEP,  # step

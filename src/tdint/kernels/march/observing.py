@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 
+from tdint.kernels.chain import FORCES, MODAL, add_modal_force, force_rate, force_value, power_damper
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.laws import LINEAR
 from tdint.kernels.layout import (
@@ -26,8 +27,7 @@ from tdint.kernels.layout import (
     WORK_DAMPED,
     WORK_INPUT,
 )
-from tdint.kernels.march.chain import FORCES, MODAL, add_modal_force, force_rate, force_value, power_damper
-from tdint.kernels.march.events import NONE, turning
+from tdint.kernels.stories.events import NONE, turning
 
 # peaks: largest absolute values, one row each
 PEAK_DRIFT = 0

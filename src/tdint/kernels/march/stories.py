@@ -8,7 +8,7 @@ from __future__ import annotations
 from tdint.kernels.compiling import I8, TABLE, VECTOR, called_at, kernel
 from tdint.kernels.layout import DISPLACEMENT, DRIFT, GEOMETRIC, LINK, MASS, VELOCITY
 from tdint.kernels.march.observing import DISSIPATED_BEFORE, ENERGY_DISSIPATED, ENERGY_KINETIC, ENERGY_RECOVERABLE
-from tdint.kernels.march.springs import dissipated, recoverable, start
+from tdint.kernels.stories.springs import dissipated, recoverable, start
 
 BEGIN = I8(TABLE, TABLE, TABLE, TABLE)
 TAKE_STOCK = I8(TABLE, TABLE, TABLE, TABLE, VECTOR)

@@ -13,7 +13,7 @@ from tdint.files import Writer
 from tdint.output.figures.run import COLORS, DASHES, add_title, picture, scaled_unit
 
 if TYPE_CHECKING:
-    from tdint.analysis.run.cyclic import CyclicTest
+    from tdint.analysis.static.cyclic import CyclicTest
 
 _LIGHT = "0.55"
 
@@ -24,7 +24,7 @@ def cyclic_picture(test: CyclicTest, suffix: str) -> Writer:
     Parameters
     ----------
     test : CyclicTest
-        A result of `tdint.analysis.run.cyclic.cyclic_test`.
+        A result of `tdint.analysis.static.cyclic.cyclic_test`.
     suffix : str
         .png, .pdf or .svg.
 

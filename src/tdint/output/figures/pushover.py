@@ -12,7 +12,7 @@ from tdint.files import Writer
 from tdint.output.figures.run import COLORS, DASHES, add_title, picture, scaled_unit
 
 if TYPE_CHECKING:
-    from tdint.analysis.run.pushover import Pushover
+    from tdint.analysis.static.pushover import Pushover
 
 _LIGHT = "0.55"
 

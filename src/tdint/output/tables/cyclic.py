@@ -8,7 +8,7 @@ from tdint.output.tables import columns
 from tdint.output.tables.table import Table
 
 if TYPE_CHECKING:
-    from tdint.analysis.run.cyclic import CyclicTest
+    from tdint.analysis.static.cyclic import CyclicTest
 
 
 def cyclic_table(test: CyclicTest) -> Table:

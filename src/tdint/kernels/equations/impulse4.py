@@ -8,7 +8,25 @@ from __future__ import annotations
 
 import math
 
+from tdint.kernels.chain import floor_impulse, floor_load, power_damper
 from tdint.kernels.compiling import called, inlined
+from tdint.kernels.equations.impulse_momentum import (
+    DU,
+    DV,
+    FORCE_1,
+    FORCE_S,
+    IMPULSE,
+    LOAD,
+    MOMENTUM_ROWS,
+    SIZE,
+    U1,
+    V1,
+    correct,
+    guess,
+    in_balance,
+    residuals,
+)
+from tdint.kernels.equations.tridiagonal import assemble_blocks, factor_blocks
 from tdint.kernels.layout import (
     DISPLACEMENT,
     DRIFT,
@@ -26,26 +44,8 @@ from tdint.kernels.layout import (
     STORY_DAMPER,
     VELOCITY,
 )
-from tdint.kernels.march.chain import floor_impulse, floor_load, power_damper
-from tdint.kernels.march.impulse_momentum import (
-    DU,
-    DV,
-    FORCE_1,
-    FORCE_S,
-    IMPULSE,
-    LOAD,
-    MOMENTUM_ROWS,
-    SIZE,
-    U1,
-    V1,
-    correct,
-    guess,
-    in_balance,
-    residuals,
-)
-from tdint.kernels.march.springs import reach
-from tdint.kernels.march.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL
-from tdint.kernels.march.tridiagonal import assemble_blocks, factor_blocks
+from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL
+from tdint.kernels.stories.springs import reach
 
 # Coefficients
 THETA = 0

@@ -10,11 +10,11 @@ of the step, the story impulses S and the matrix of Newton's iteration.
 
 from __future__ import annotations
 
+from tdint.kernels.chain import add_modal_force
 from tdint.kernels.compiling import inlined
+from tdint.kernels.equations.tridiagonal import solve_blocks_damped
 from tdint.kernels.layout import ACCELERATION, FLOOR_DAMPER, INVERSE_MASS, LINK, MASS, RESIDUAL, VELOCITY
-from tdint.kernels.march.chain import add_modal_force
-from tdint.kernels.march.stepping import SMALL, balanced
-from tdint.kernels.march.tridiagonal import solve_blocks_damped
+from tdint.kernels.stepping import SMALL, balanced
 
 # Rows of work
 LOAD = 0

@@ -9,8 +9,8 @@ import pytest
 
 from building_cases import model, noise, story
 from law_examples import example
-from tdint.analysis.run.cyclic import cyclic_path, cyclic_test, follow_path
 from tdint.analysis.run.run import run
+from tdint.analysis.static.cyclic import cyclic_path, cyclic_test, follow_path
 from tdint.errors import AnalysisError, UsageError
 from tdint.model.building import assemble
 from tdint.model.definition import Law

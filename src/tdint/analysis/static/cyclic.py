@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels.laws.apart import spring_table
 from tdint.kernels.layout import GEOMETRIC, STIFFNESS
-from tdint.kernels.march.cyclic import DISSIPATION, RECOVERABLE, RESULT_COLUMNS, SHEAR, TANGENT, follow
+from tdint.kernels.stories.cyclic import DISSIPATION, RECOVERABLE, RESULT_COLUMNS, SHEAR, TANGENT, follow
 from tdint.model.building import Building, assemble
 from tdint.model.definition import Model
 from tdint.units import DriftSize

@@ -12,7 +12,9 @@ from __future__ import annotations
 
 import math
 
+from tdint.kernels.chain import add_modal_force, power_damper
 from tdint.kernels.compiling import inlined
+from tdint.kernels.equations.tridiagonal import factor_combination, solve_damped
 from tdint.kernels.layout import (
     FLOOR_DAMPER,
     FORCE,
@@ -26,10 +28,8 @@ from tdint.kernels.layout import (
     STIFFNESS,
     STORY_DAMPER,
 )
-from tdint.kernels.march.chain import add_modal_force, power_damper
-from tdint.kernels.march.springs import restoring
-from tdint.kernels.march.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, balanced
-from tdint.kernels.march.tridiagonal import factor_combination, solve_damped
+from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, balanced
+from tdint.kernels.stories.springs import restoring
 
 # Rows of work: the load and the first guess come in, the motion in equilibrium goes out
 LOAD = 0

@@ -9,8 +9,8 @@ import pytest
 
 from building_cases import LINEAR, Law, model, story
 from tdint import load_model
-from tdint.analysis.run.cyclic import follow_path
-from tdint.analysis.run.pushover import PATTERNS, pushover
+from tdint.analysis.static.cyclic import follow_path
+from tdint.analysis.static.pushover import PATTERNS, pushover
 from tdint.errors import UsageError
 from tdint.kernels.layout import GEOMETRIC
 from tdint.model.building import assemble

@@ -8,7 +8,7 @@ from __future__ import annotations
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.laws.choosing import KNOWING, case_of_3, case_of_5, case_of_6, chosen
 from tdint.kernels.layout import CODE, DISSIPATED, DRIFT, FIRST_TRIAL, PLAIN_ROWS
-from tdint.kernels.march.branches import enter
+from tdint.kernels.stories.branches import enter
 
 _force = chosen("force", case_of_6)
 

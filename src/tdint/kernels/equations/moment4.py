@@ -7,14 +7,16 @@ the equations. Times h^2 they read
     M a1 + h C D1 + h^2 (F1 - P1) + h^2 r K D1 = 0             first moment
     a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
 
-with the means F0 and moments F1 of `tdint.kernels.march.path`, and K the initial stiffness.
+with the means F0 and moments F1 of `tdint.kernels.stories.path`, and K the initial stiffness.
 """
 
 from __future__ import annotations
 
 import math
 
+from tdint.kernels.chain import add_modal_force
 from tdint.kernels.compiling import called, inlined
+from tdint.kernels.equations.tridiagonal import factor_blocks, link_blocks, solve_blocks_damped
 from tdint.kernels.layout import (
     ACCELERATION,
     ALL_BRANCHES,
@@ -38,10 +40,10 @@ from tdint.kernels.layout import (
     WORK_INPUT,
     WORST_STORY,
 )
-from tdint.kernels.march.branches import advance
-from tdint.kernels.march.chain import add_modal_force
-from tdint.kernels.march.dashpot_path import follow_dashpot
-from tdint.kernels.march.path import (
+from tdint.kernels.stepping import ITERATIONS, NOTHING, SAME_TANGENT, SMALL
+from tdint.kernels.stories.branches import advance
+from tdint.kernels.stories.dashpot_path import follow_dashpot
+from tdint.kernels.stories.path import (
     MEAN,
     MEAN_BY_BEND,
     MEAN_BY_RISE,
@@ -54,8 +56,6 @@ from tdint.kernels.march.path import (
     keep_to_branch,
     stays,
 )
-from tdint.kernels.march.stepping import ITERATIONS, NOTHING, SAME_TANGENT, SMALL
-from tdint.kernels.march.tridiagonal import factor_blocks, link_blocks, solve_blocks_damped
 
 # Coefficients
 R = 0  # of dissipation

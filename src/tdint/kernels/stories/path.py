@@ -36,8 +36,8 @@ from tdint.kernels.layout import (
     TURNED,
     UPPER,
 )
-from tdint.kernels.march.branches import advance, switch
-from tdint.kernels.march.springs import adopt, reach, restoring, settle
+from tdint.kernels.stories.branches import advance, switch
+from tdint.kernels.stories.springs import adopt, reach, restoring, settle
 
 # Rows from `out` on
 MEAN = 0

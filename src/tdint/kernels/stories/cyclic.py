@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tdint.kernels.compiling import I8, TABLE, VECTOR, kernel
 from tdint.kernels.layout import COMMITTED, FIRST_TRIAL, FORCE
-from tdint.kernels.march.springs import commit, dissipated, recoverable, restoring, start
+from tdint.kernels.stories.springs import commit, dissipated, recoverable, restoring, start
 
 # Columns of the result
 SHEAR = 0

@@ -7,9 +7,9 @@ Whatever the error, the dashpot takes energy: weights are positive, and at each 
 
 from __future__ import annotations
 
+from tdint.kernels.chain import power_damper
 from tdint.kernels.compiling import called, inlined
-from tdint.kernels.march.chain import power_damper
-from tdint.kernels.march.path import (
+from tdint.kernels.stories.path import (
     MEAN,
     MEAN_BY_BEND,
     MEAN_BY_RISE,

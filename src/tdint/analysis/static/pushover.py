@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.run.cyclic import follow_path
+from tdint.analysis.static.cyclic import follow_path
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels.layout import GEOMETRIC
 from tdint.model.building import Building, assemble

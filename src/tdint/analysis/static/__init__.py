@@ -1,0 +1,1 @@
+"""Imposed displacements: cyclic tests of a story, paths of drift, pushovers."""

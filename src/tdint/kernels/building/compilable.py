@@ -1,0 +1,47 @@
+"""What is compiled: a function with its signature, and the parts of a scene that it depends on."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from typing import Any
+
+from tdint.kernels.building.signature import Signature
+from tdint.kernels.building.variant import EVERYTHING, Variant
+
+WHOLE = os.environ.get("TDINT_KERNELS") == "whole"
+"""Whether one variant serves all scenes: where many different buildings are integrated, less is compiled."""
+
+
+class Compilable:
+    """A function, and what it is compiled for.
+
+    Parameters
+    ----------
+    parts : tuple of str
+        The parts of `Variant` that the kernel depends on.
+    """
+
+    def __init__(self, function: Callable[..., Any], signature: Signature, parts: tuple[str, ...]) -> None:
+        self.function = function
+        self.signature = signature
+        self.parts = parts
+        self.__doc__ = function.__doc__
+        self._loaded: dict[Variant, Callable[..., Any]] = {}
+
+    @property
+    def name(self) -> str:
+        """Where the kernel stands, as `package.module:function`."""
+        return f"{self.function.__module__}:{self.function.__qualname__}"
+
+    def needs(self, wanted: Variant) -> Variant:
+        """What of a variant matters to this kernel."""
+        return EVERYTHING if WHOLE else wanted.only(self.parts)
+
+    def loaded(self, wanted: Variant) -> bool:
+        """Whether this process has the kernel."""
+        return self.needs(wanted) in self._loaded
+
+    def take(self, wanted: Variant, function: Callable[..., Any]) -> None:
+        """Take a compiled function for a variant."""
+        self._loaded[self.needs(wanted)] = function

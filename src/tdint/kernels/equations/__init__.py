@@ -1,0 +1,1 @@
+"""The equations of a step, and how they are solved."""
