@@ -30,6 +30,9 @@ _WIDTHS = {1: 2, 2: 3, 3: 4, 4: 4, 5: 8, 12: 3, 13: 2, 14: 2, 16: 2, 30: 2, 32: 
 
 _HEADER = "6scc5s2s3s2sHHBBBxHHhhBBBBiHH"
 _ACTUAL_RATE, _DATA_ONLY = 100, 1000
+_MISSPELT = 3
+"""Letters in which two names may differ to be taken for the same one, damaged."""
+
 _RATE_SLACK = 0.01
 """Part by which blockette 100 may correct the nominal sampling rate."""
 
@@ -269,11 +272,11 @@ def _check_room(record: DataRecord, content: bytes, headers_end: int, big: bool)
 
 
 def _check_names(channels: dict[str, list[DataRecord]]) -> None:
-    """No channel may go on, to the sample, where another one ends whose name differs in one letter."""
+    """No channel may go on, to the sample, where another one ends whose name differs in a few letters."""
     for name, members in channels.items():
         for other, others in channels.items():
             before, after = members[-1], others[0]
-            if sum(a != b for a, b in zip(before.codes, after.codes, strict=True)) != 1:
+            if sum(a != b for a, b in zip(before.codes, after.codes, strict=True)) not in range(1, _MISSPELT + 1):
                 continue
             if before.rate and before.rate == after.rate and abs(after.start - before.end) < 0.5 / before.rate:
                 raise Damaged(f"record {after.number} of {other} continues record {before.number} of {name}")
