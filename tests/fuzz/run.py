@@ -67,7 +67,8 @@ def all_outcomes(count: int, seed: int, jobs: int, name: str) -> tuple[dict[str,
     batches = [batch for batch in cases(sounds, count, seed) if sounds[batch[0][0]].name.startswith(name)]
     table: dict[str, Counter[str]] = defaultdict(Counter)
     failures: list[str] = []
-    with multiprocessing.Pool(jobs, maxtasksperchild=20) as pool:
+    # A pool forks from a process with threads when it replaces one of its own, which may stand still for ever.
+    with multiprocessing.get_context("spawn").Pool(jobs, maxtasksperchild=20) as pool:
         waiting = [(batch, pool.apply_async(run_batch, (batch,))) for batch in batches]
         for batch, result in waiting:
             label = sounds[batch[0][0]].name
