@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-LAYERS = ("kernels", "ground_motion", "model", "methods", "analysis", "output")
+LAYERS = ("kernels", "ground_motion", "model", "methods", "analysis", "campaign", "output")
 
 
 @cache
