@@ -76,7 +76,7 @@ def parse_units(text: str) -> Units:
     words = text.strip()
     number = _NUMBER.match(words)
     factor = float(number[0]) if number else 1.0
-    unit = _canonical(words[number.end() :] if number else words)
+    unit = canonical(words[number.end() :] if number else words)
     quantity = next((name for name, units in GROUND_MOTION.items() if unit in units), None)
     if quantity is None:
         hint = did_you_mean(unit, ACCELERATION, cutoff=0.75)
@@ -138,7 +138,7 @@ def parse_drift(text: str) -> DriftSize:
     return DriftSize(words, value, kind)
 
 
-def _canonical(name: str) -> str:
+def canonical(name: str) -> str:
     """The spelling that `GROUND_MOTION` uses, if there is one."""
     plain = "".join(name.split()).lower().lstrip("*").replace("²", "^2").replace("sec", "s").replace("**", "^")
     plain = re.sub(r"/(s/s|s2|\(s\^2\))$", "/s^2", plain)

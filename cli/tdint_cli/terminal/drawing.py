@@ -106,12 +106,11 @@ def _broken(name: str, room: int) -> list[str]:
 
 def _words(name: str) -> list[str]:
     """The words of a column's name, its unit last."""
-    from tdint.output.tables.table import UNITS
+    from tdint.output_units import ENDS, end_of
 
-    bare = name.removesuffix("_error")
-    end = next((end for end in UNITS if bare.endswith(end)), "")
+    bare, end = name.removesuffix("_error"), end_of(name)
     error = ["error"] if bare != name else []
-    return [*bare.removesuffix(end).split("_"), *error, *([UNITS[end]] if end else [])]
+    return [*bare.removesuffix(end).split("_"), *error, *([ENDS[end]] if end else [])]
 
 
 def _shortened(text: str, room: int) -> str:

@@ -11,7 +11,7 @@ from tdint.analysis.run.outcome import ENERGY_TERMS
 from tdint.ground_motion.record import Input, Record
 from tdint.model.definition import Damping, ModalDamping, Model, RayleighCoefficients
 from tdint.output.summaries.summary import inputs_summary, motion_summary, schema, versions
-from tdint.output.tables.table import unit_of
+from tdint.output_units import unit_of
 
 if TYPE_CHECKING:
     from tdint.analysis.run.outcome import Collapse, Energy, ErrorEstimate, FailedRun, Response, StoryErrors, StoryPeaks

@@ -9,16 +9,15 @@ import math
 import platform
 from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tdint.ground_motion.record import Input, Record
 from tdint.model.definition import Model
-
-if TYPE_CHECKING:
-    pass
+from tdint.output.tables.table import described_in
+from tdint.output_units import SI, OutputUnits
 
 Array = NDArray[np.float64]
 
@@ -70,6 +69,35 @@ def table_summary(
 def schema(name: str) -> dict[str, str | int]:
     """Name and version of a JSON file's layout; the version grows when a key changes or goes."""
     return {"name": f"tdint {name}", "version": _SCHEMA}
+
+
+def in_units(content: dict[str, Any], units: OutputUnits) -> dict[str, Any]:
+    """A summary with its numbers in other units, under keys that say so.
+
+    What `columns` and `meanings` tell of names changes with them; `settings` stay as they were given.
+    """
+    if units == SI:
+        return content
+    result: dict[str, Any] = {}
+    for key, value in content.items():
+        if key == "settings":
+            result[key] = {**value, "output_units": str(units)}
+        elif key in ("columns", "meanings") and isinstance(value, Mapping):
+            result[key] = described_in(value, units)
+        else:
+            name, factor = units.column(key)
+            result[name] = _in_units(value, units, factor)
+    return result
+
+
+def _in_units(value: Any, units: OutputUnits, factor: float) -> Any:
+    if isinstance(value, dict):
+        return in_units(value, units)
+    if isinstance(value, list | tuple):
+        return [_in_units(item, units, factor) for item in value]
+    if factor == 1.0 or isinstance(value, bool) or not isinstance(value, int | float | np.number):
+        return value
+    return float(value) / factor
 
 
 def json_bytes(content: dict[str, Any]) -> bytes:

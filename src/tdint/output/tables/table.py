@@ -7,7 +7,7 @@ import csv
 import io
 import math
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import repeat
 from operator import attrgetter
@@ -15,22 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from tdint.output_units import SI, OutputUnits, unit_of
+
 Cell = bool | int | float | str | None
-
-UNITS = {
-    "_m_s2": "m/s^2",
-    "_m_s": "m/s",
-    "_N_m": "N/m",
-    "_deg": "degree",
-    "_kg": "kg",
-    "_hz": "Hz",
-    "_m": "m",
-    "_s": "s",
-    "_N": "N",
-    "_J": "J",
-}
-"""Ends of names and the units that they stand for, the longest ends first."""
-
 
 _CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f]")
 _FORMULA = re.compile(r"[=@]|[-+][A-Za-z(]")
@@ -63,12 +50,6 @@ class Column:
         return self.value(result) if callable(self.value) else attrgetter(self.value)(result)
 
 
-def unit_of(name: str) -> str:
-    """The unit in a column's or a key's name; 1 for a number without one."""
-    bare = name.removesuffix("_error")
-    return next((unit for end, unit in UNITS.items() if bare.endswith(end)), "1")
-
-
 def names(columns: Iterable[Column]) -> tuple[str, ...]:
     """The names of some columns."""
     return tuple(column.name for column in columns)
@@ -80,6 +61,23 @@ def describe(columns: Iterable[Column]) -> dict[str, dict[str, str]]:
         column.name: {"meaning": column.meaning} | ({} if column.text else {"unit": unit_of(column.name)})
         for column in columns
     }
+
+
+def described_in(meanings: Mapping[str, Mapping[str, str]], units: OutputUnits) -> dict[str, dict[str, str]]:
+    """What columns or keys mean (`describe`), under the names that they have in these units."""
+    result = {}
+    for name, said in meanings.items():
+        told = {"meaning": units.renamed(said["meaning"])} if "meaning" in said else {}
+        told |= {"unit": units.unit(said["unit"])[0]} if "unit" in said else {}
+        result[units.column(name)[0]] = {**said, **told}
+    return result
+
+
+def _converted(value: Cell, factor: float) -> Cell:
+    """A cell over a unit's value in SI; what is no number stays."""
+    if factor == 1.0 or isinstance(value, bool) or not isinstance(value, int | float | np.number):
+        return value
+    return float(value) / factor
 
 
 def rows_of(columns: Sequence[Column], result: Any) -> list[tuple[Cell, ...]]:
@@ -117,6 +115,15 @@ class Table:
     def of_results(cls, columns: Sequence[Column], results: Iterable[Any]) -> Table:
         """The rows of each result, in the order given."""
         return cls.of(columns, [row for result in results for row in rows_of(columns, result)])
+
+    def in_units(self, units: OutputUnits) -> Table:
+        """The same table in other units: columns renamed with them, numbers converted."""
+        if units == SI:
+            return self
+        found = [units.column(name) for name in self.columns]
+        factors = [factor for _, factor in found]
+        rows = [tuple(map(_converted, row, factors)) for row in self.rows]
+        return Table(tuple(name for name, _ in found), rows, described_in(self.meanings, units))
 
     def csv(self, *, header: bool = True) -> bytes:
         """The table as CSV, without its first line if `header` is False."""

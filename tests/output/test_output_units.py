@@ -1,0 +1,129 @@
+"""Output in other units than SI: names, numbers, meanings; and back."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tdint.errors import UsageError
+from tdint.output.summaries.summary import in_units
+from tdint.output.tables import columns
+from tdint.output.tables.table import Column, Table, describe
+from tdint.output_units import ENDS, SI, OutputUnits, parse_output_units
+from tdint.units import ACCELERATION, FORCE, LENGTH, MASS
+
+US = parse_output_units("kip,in,g")
+EVERY = (*columns.STORY, *columns.STORY_ERROR, *columns.HISTORY_ENERGY, *columns.SPECTRUM, *columns.CYCLIC)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "renamed", "expected"),
+    [  # exact by the definitions of inch (0.0254 m), pound (0.45359237 kg) and standard gravity
+        ("peak_drift_m", 0.0254, "peak_drift_in", 1.0),
+        ("peak_shear_N", 4448.2216152605, "peak_shear_kip", 1.0),
+        ("peak_absolute_acceleration_m_s2", 9.80665, "peak_absolute_acceleration_g", 1.0),
+        ("peak_velocity_m_s", 0.254, "peak_velocity_in_s", 10.0),
+        ("tangent_stiffness_N_m", 4448.2216152605 / 0.0254, "tangent_stiffness_kip_in", 1.0),
+        ("energy_input_J", 4448.2216152605 * 0.0254, "energy_input_kipin", 1.0),
+        ("peak_drift_m_error", 0.0254, "peak_drift_in_error", 1.0),
+        ("time_s", 3.0, "time_s", 3.0),
+        ("peak_drift_ratio", 0.02, "peak_drift_ratio", 0.02),
+        ("dt_over_t", 0.02, "dt_over_t", 0.02),
+        ("mass_kg", 5.0, "mass_kg", 5.0),  # no unit of mass was asked for
+    ],
+)
+def test_names_and_numbers(name: str, value: float, renamed: str, expected: float) -> None:
+    column, factor = US.column(name)
+    assert column == renamed
+    assert value / factor == pytest.approx(expected, rel=1e-13)
+
+
+def test_an_acceleration_without_a_unit_of_its_own_goes_by_the_length() -> None:
+    units = parse_output_units("kN, mm, t")
+    assert units.unit("m/s^2") == ("mm/s^2", 0.001)
+    assert units.column("pga_m_s2")[0] == "pga_mm_s2"
+    assert units.column("mass_kg") == ("mass_t", 1000.0)
+    assert units.unit("J") == ("kN*mm", 1.0)
+
+
+@given(
+    st.sampled_from(sorted(LENGTH)),
+    st.sampled_from(sorted(FORCE)),
+    st.sampled_from(sorted(MASS)),
+    st.sampled_from(["", *sorted(ACCELERATION)]),
+)
+def test_no_two_columns_get_one_name_and_the_way_back_is_the_inverse(
+    length: str, force: str, mass: str, acceleration: str
+) -> None:
+    units = parse_output_units(",".join(filter(None, (force, length, mass, acceleration))))
+    assert units == OutputUnits(length=length, force=force, mass=mass, acceleration=acceleration)
+    names = [units.column(f"x{end}")[0] for end in ENDS]
+    assert len(set(names)) == len(names)
+    assert units.unit("N")[1] / units.unit("m")[1] == pytest.approx(units.unit("N/m")[1], rel=1e-15)
+    assert units.unit("N")[1] * units.unit("m")[1] == pytest.approx(units.unit("J")[1], rel=1e-15)
+
+
+def test_a_table_there_and_back() -> None:
+    rng = np.random.default_rng(5)
+    table = Table.of(EVERY, [tuple(rng.standard_normal(len(EVERY))) for _ in range(4)])
+    there = table.in_units(US)
+    back = [
+        tuple(value * US.column(name)[1] for name, value in zip(table.columns, row, strict=True)) for row in there.rows
+    ]
+    np.testing.assert_allclose(back, table.rows, rtol=1e-14)
+    assert there.columns != table.columns and len(there.columns) == len(table.columns)
+    assert table.in_units(SI) is table
+    assert list(there.meanings) == list(dict.fromkeys(there.columns))
+    assert there.meanings["peak_drift_in_error"] == {
+        "meaning": "estimated absolute error of peak_drift_in", "unit": "in",
+    }  # fmt: skip
+
+
+def test_what_is_no_number_stays() -> None:
+    own = (Column("place_m", "x", "a word", text=True), Column("start_m", "x", "maybe"), Column("at_m", "x", "whole"))
+    table = Table.of(own, [("here", None, 254), ("there", math.nan, True)]).in_units(US)
+    assert table.rows[0] == ("here", None, pytest.approx(1e4))
+    assert table.rows[1][0] == "there" and math.isnan(float(table.rows[1][1] or 0)) and table.rows[1][2] is True
+
+
+def test_a_summary() -> None:
+    content = {
+        "schema": {"name": "tdint run", "version": 1},
+        "peaks": {"drift_m": 0.254, "drift_story": 1, "base_shear_N": None},
+        "record": {"pga_m_s2": 9.80665, "file": "a_m.csv"},
+        "dts_s": [0.1, 0.2],
+        "levels_m": [0.0254, 0.0508],
+        "settings": {"drift_m": 1.0},
+        "meanings": {"drift_m": {"meaning": "with drift_m_error", "unit": "m"}},
+    }
+    assert in_units(content, SI) is content
+    told = in_units(content, US)
+    assert told["peaks"] == {"drift_in": pytest.approx(10.0), "drift_story": 1, "base_shear_kip": None}
+    assert told["record"] == {"pga_g": pytest.approx(1.0), "file": "a_m.csv"}
+    assert told["levels_in"] == pytest.approx([1.0, 2.0]) and told["dts_s"] == [0.1, 0.2]
+    assert told["settings"] == {"drift_m": 1.0, "output_units": "kip,in,kg,g"}
+    assert told["meanings"] == {"drift_in": {"meaning": "with drift_in_error", "unit": "in"}}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("kips,in", "unknown unit 'kips'; did you mean 'kip'"),
+        ("in,ft", "two units of length, in and ft"),
+        ("", "unknown unit ''"),
+        ("s", "unknown unit 's'; known: m, cm,"),
+    ],
+)
+def test_units_that_are_none(text: str, message: str) -> None:
+    with pytest.raises(UsageError, match=message):
+        parse_output_units(text)
+
+
+def test_spelling_is_free_where_it_is_plain() -> None:
+    assert parse_output_units("KIP, IN, G") == US
+    assert parse_output_units("kN,m,cm/s2").acceleration == "cm/s^2"
+    assert describe(columns.STORY)["peak_shear_N"]["unit"] == "N"
