@@ -1,9 +1,9 @@
 """tdint: earthquake response of shear buildings with a time-integration method of your choice.
 
-These functions stand behind the commands: `read_record`, `read_horizontals`, `process`, `load_model`, `run`,
-`prepare` and `run_case` (many runs of one building), `spectrum`, `rotated_spectrum`, `constant_ductility`,
-`constant_strength` and `drift_spectrum`. They load on first use,
-so that importing tdint costs nothing.
+These functions stand behind the commands: `read_record`, `read_horizontals` (with a `TextLayout` for tables that do not
+tell what they are), `process`, `load_model`, `run`, `prepare` and `run_case` (many runs of one building), `spectrum`,
+`rotated_spectrum`, `constant_ductility`, `constant_strength` and `drift_spectrum`. They load on first use, so that
+importing tdint costs nothing.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from tdint.analysis.spectra.inelastic import constant_ductility as constant_ductility
     from tdint.analysis.spectra.inelastic import constant_strength as constant_strength
     from tdint.analysis.spectra.rotated import rotated_spectrum as rotated_spectrum
+    from tdint.ground_motion.formats.tables.layout import TextLayout as TextLayout
     from tdint.ground_motion.processing import process as process
     from tdint.ground_motion.reading.read import read_horizontals as read_horizontals
     from tdint.ground_motion.reading.read import read_record as read_record
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
+    "TextLayout": "tdint.ground_motion.formats.tables.layout",
     "process": "tdint.ground_motion.processing",
     "read_record": "tdint.ground_motion.reading.read",
     "load_model": "tdint.model.config.read",
@@ -42,6 +44,7 @@ _HOMES = {
     "rotated_spectrum": "tdint.analysis.spectra.rotated",
 }
 __all__ = [
+    "TextLayout",
     "__version__",
     "constant_ductility",
     "constant_strength",

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from tdint.errors import OutputError, RecordError, UsageError
 
 if TYPE_CHECKING:
+    from tdint.ground_motion.formats.tables.layout import TextLayout
     from tdint.ground_motion.record import Record
 
 STDIN = "-"
@@ -37,11 +38,11 @@ class Sources:
     failures: tuple[RecordError, ...]
 
 
-def records_of(arguments: Sequence[str]) -> Sources:
+def records_of(arguments: Sequence[str], layout: TextLayout | None = None) -> Sources:
     """Files as they are given; of a folder the records in it, by name.
 
     What a folder holds besides (hidden files, folders, files of unknown format) is left out. A file that cannot be read
-    stays, so that its failure is told.
+    stays, so that its failure is told. With a layout, text tables are records that would not be recognized without.
 
     Raises
     ------
@@ -58,7 +59,7 @@ def records_of(arguments: Sequence[str]) -> Sources:
             files.append(argument)
             continue
         try:
-            found, others = _contents(argument)
+            found, others = _contents(argument, layout)
         except RecordError as error:
             failures.append(error)
             continue
@@ -68,7 +69,7 @@ def records_of(arguments: Sequence[str]) -> Sources:
     return Sources(tuple(files), tuple(notes), tuple(failures))
 
 
-def _contents(folder: str) -> tuple[list[str], list[str]]:
+def _contents(folder: str, layout: TextLayout | None) -> tuple[list[str], list[str]]:
     """The records in a folder with its name before theirs, and the names of all else that is not hidden.
 
     Raises
@@ -76,6 +77,7 @@ def _contents(folder: str) -> tuple[list[str], list[str]]:
     RecordError
         The folder cannot be read, or has no record in it.
     """
+    from tdint.ground_motion.formats.tables.layout import AS_STATED
     from tdint.ground_motion.reading.read import is_record
 
     try:
@@ -87,7 +89,7 @@ def _contents(folder: str) -> tuple[list[str], list[str]]:
         file = os.path.join(folder, name)  # noqa: PTH118  Path would shorten what the user wrote
         if Path(file).is_dir():
             others.append(f"{name}/")
-        elif Path(file).is_file() and is_record(file):  # A pipe would never end.
+        elif Path(file).is_file() and is_record(file, layout or AS_STATED):  # A pipe would never end.
             records.append(file)
         else:
             others.append(name)

@@ -11,6 +11,7 @@ from tdint.errors import UsageError
 from tdint_cli.options.values import FileName
 
 if TYPE_CHECKING:
+    from tdint.ground_motion.formats.tables.layout import TextLayout
     from tdint.ground_motion.processing import Processing
     from tdint.model.definition import Model, RecordSource
 
@@ -27,6 +28,7 @@ class BuildingRequest:
     units: str | None
     component: str | None
     inventory: str | None
+    layout: TextLayout
     scale: tuple[float, ...] | None
     processing: Processing
     duration: float | None
@@ -63,7 +65,13 @@ def _motion(request: BuildingRequest, model: Model) -> RecordSource | None:
     if request.record is not None:
         scale = request.scale[0] if request.scale else 1.0
         return RecordSource(
-            request.record, request.units, request.component, scale, request.inventory, request.processing
+            file=request.record,
+            units=request.units,
+            component=request.component,
+            scale=scale,
+            inventory=request.inventory,
+            processing=request.processing,
+            layout=request.layout,
         )
     source = model.excitation.record
     given: dict[str, Any] = {
@@ -72,11 +80,16 @@ def _motion(request: BuildingRequest, model: Model) -> RecordSource | None:
     if request.scale:
         given["scale"] = request.scale[0]
     if source is None:
-        if given or request.processing:
-            name = f"--{next(iter(given))}" if given else "processing"
+        if given or request.layout or request.processing:
+            name = f"--{next(iter(given))}" if given else "the layout of a table" if request.layout else "processing"
             raise UsageError(f"{name} needs a record, the model has none: add --record FILE")
         return None
     if "units" in given or "inventory" in given:
         # Each of the two excludes the other: who names one on the command line does without the model's other one.
         source = replace(source, units=None, inventory=None)
-    return replace(source, **given, processing=request.processing.over(source.processing))
+    return replace(
+        source,
+        **given,
+        processing=request.processing.over(source.processing),
+        layout=request.layout.over(source.layout),
+    )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any, TypeVar, cast
 
@@ -29,7 +29,7 @@ record = option(
     "--record",
     type=FileName(),
     metavar="FILE",
-    help="Ground motion in place of the model's; the model's units, component, scale and inventory do not apply to it.",
+    help="Ground motion in place of the model's; nothing that the model says of its own applies to it.",
 )
 units = option(
     "--units",
@@ -51,6 +51,29 @@ inventory = option(
 )
 scale = option(
     "--scale", type=Nonzero(), many=True, metavar="FACTOR", help="Factor on the ground acceleration, not zero."
+)
+
+_LAYOUT = (
+    option(
+        "--step",
+        type=Number(0.0, min_open=True),
+        metavar="SECONDS",
+        help="Sampling interval of a text table that does not tell it; a file that does must agree.",
+    ),
+    option(
+        "--column",
+        many=True,
+        type=click.STRING,
+        metavar="N|NAME,...",
+        help="Columns of a text table, by number, counted from 1, or name; by default those whose names are those of "
+        "accelerations, else all but the time.",
+    ),
+    option(
+        "--skip-lines",
+        type=click.IntRange(0, 1_000_000),
+        metavar="N",
+        help="Pass over so many lines at the beginning of a text table.",
+    ),
 )
 
 _PROCESSING = (
@@ -102,7 +125,24 @@ def processing(command: Function) -> Function:
                 chosen[name] = parse(chosen[name])
         return command(**given, processing=Processing(**chosen))
 
-    decorated: Any = collected
-    for declared in reversed(_PROCESSING):
-        decorated = declared(decorated)
-    return cast(Function, decorated)
+    return cast(Function, _with(_PROCESSING, collected))
+
+
+def layout(command: Function) -> Function:
+    """The options that tell what a text table does not; the command gets them together, as `layout`."""
+
+    @functools.wraps(command)
+    def collected(**given: Any) -> Any:
+        from tdint.ground_motion.formats.tables.layout import TextLayout
+
+        chosen = {field.name: given.pop(field.name) for field in dataclasses.fields(TextLayout)}
+        return command(**given, layout=TextLayout(**chosen | {"column": chosen["column"] or ()}))
+
+    return cast(Function, _with(_LAYOUT, collected))
+
+
+def _with(options: Iterable[Callable[[Any], Any]], command: Function) -> Function:
+    """The command with options, in their order."""
+    for declared in reversed(tuple(options)):
+        command = declared(command)
+    return command

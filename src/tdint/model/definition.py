@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from tdint.ground_motion.formats.tables.layout import AS_STATED, TextLayout
 from tdint.ground_motion.processing import Processing
 
 MAX_STORIES = 100_000
@@ -143,6 +144,8 @@ class RecordSource:
         Path of the station metadata, resolved like `file`.
     processing : Processing
         What is done to the record, before it is scaled.
+    layout : TextLayout
+        What a text table does not tell itself.
     """
 
     file: str
@@ -151,6 +154,7 @@ class RecordSource:
     scale: float
     inventory: str | None
     processing: Processing = field(default_factory=Processing)
+    layout: TextLayout = AS_STATED
 
 
 @dataclass(frozen=True)

@@ -46,6 +46,7 @@ class DriftRequest(TablesRequest):
 @options.record.records
 @options.record.units
 @options.record.component
+@options.record.layout
 @options.record.inventory
 @options.record.processing
 @options.spectra.damping

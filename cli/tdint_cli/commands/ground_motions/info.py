@@ -17,6 +17,7 @@ from tdint_cli.terminal.streams import note, warn
 
 if TYPE_CHECKING:
     from tdint.files import Writer
+    from tdint.ground_motion.formats.tables.layout import TextLayout
     from tdint.ground_motion.processing import Processing
     from tdint.ground_motion.record import Record
     from tdint.output.tables.records import RecordInfo
@@ -35,6 +36,7 @@ class Request:
     units: str | None
     component: str | None
     inventory: str | None
+    layout: TextLayout
     processing: Processing
     output: str | None
     plot: str | None
@@ -44,7 +46,7 @@ class Request:
     @property
     def settings(self) -> dict[str, Any]:
         """How the records were read, for the JSON file."""
-        names = ("units", "component", "inventory", "processing")
+        names = ("units", "component", "inventory", "layout", "processing")
         return {name: value for name, value in asdict(self).items() if name in names}
 
 
@@ -77,6 +79,7 @@ class Product:
 @options.record.records
 @options.record.units
 @options.record.component
+@options.record.layout
 @options.record.inventory
 @options.record.processing
 @options.output.output(
@@ -100,7 +103,7 @@ def command(**given: Any) -> None:
 
 
 def _run(request: Request) -> None:
-    sources = records_of(request.records)
+    sources = records_of(request.records, request.layout)
     outputs = Outputs.checked(request.output, request.plot, request.overwrite, summary=True)
     refuse_inputs(outputs.files, [*sources.files, request.inventory])
     notes = dict.fromkeys(sources.notes)  # a set in the order of arrival
@@ -149,7 +152,13 @@ def _work(request: Request, task: Task) -> Product:
     from tdint.output.summaries.summary import record_summary
     from tdint.output.tables.records import RecordInfo, info_table
 
-    found = read_records(task.source, units=request.units, component=request.component, inventory=request.inventory)
+    found = read_records(
+        task.source,
+        units=request.units,
+        component=request.component,
+        inventory=request.inventory,
+        layout=request.layout,
+    )
     records = [request.processing.apply(record) for record in found]
     infos = [RecordInfo(record, measure(record), _housner_intensity(record)) for record in records]
     return Product(

@@ -16,6 +16,7 @@ from tdint_cli.commands.ground_motions.spectra.tables import make_tables
 @options.record.records
 @options.record.units
 @options.record.component
+@options.record.layout
 @options.record.inventory
 @options.record.processing
 @options.spectra.damping

@@ -99,6 +99,7 @@ class Request(BuildingRequest):
 @options.record.record
 @options.record.units
 @options.record.component
+@options.record.layout
 @options.record.inventory
 @options.record.scale
 @options.record.processing

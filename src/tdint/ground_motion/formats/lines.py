@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tdint.errors import RecordError
 
-_WIDE = (b"\xff\xfe", b"\xfe\xff")
+WIDE = (b"\xff\xfe", b"\xfe\xff")
 """Byte-order marks of text in UTF-16, as spreadsheets save it."""
 
 _HEAD = 8192
@@ -65,6 +65,18 @@ class Lines:
     def number(self) -> int:
         """The line read last, counted from 1."""
         return self._next
+
+    def skip(self, count: int) -> None:
+        """Pass over so many lines.
+
+        Raises
+        ------
+        RecordError
+            There are fewer.
+        """
+        if self._next + count > len(self._lines):
+            raise RecordError(f"there are {len(self._lines)} lines, fewer than the {count} to skip")
+        self._next += count
 
     def peek(self) -> str | None:
         """The beginning of the next line that is not blank, None at the end; what is before it is passed over."""
@@ -277,7 +289,7 @@ def recognizes(file: Any, check: Callable[[list[str]], object]) -> bool:
         data = _read(file, _HEAD)
         if position is not None:
             file.seek(position)
-        if b"\0" in data and data[:2] not in _WIDE:
+        if b"\0" in data and data[:2] not in WIDE:
             return False
         *lines, last = _decode(data).split("\n")
         # A last line that is cut off counts only if a long line of values begins in it.
@@ -306,7 +318,7 @@ def _read(file: Any, size: int) -> bytes:
 def _decode(data: bytes) -> str:
     """Text with LF ends; names of stations may be in any encoding, numbers are the same in all."""
     try:
-        text = data.decode("utf-16" if data[:2] in _WIDE else "utf-8-sig")
+        text = data.decode("utf-16" if data[:2] in WIDE else "utf-8-sig")
     except UnicodeDecodeError:
         text = data.decode("latin-1")
     # DOS marked the end of a text with Ctrl-Z.

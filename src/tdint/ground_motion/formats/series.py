@@ -75,6 +75,8 @@ class Series:
         Peaks of the velocity (m/s) and the displacement (m) that the file has beside the acceleration.
     compared : tuple of str
         What the reader has compared with the header beside the peak.
+    quantity : str
+        What the header calls the samples (`velocity`); empty if it does not tell.
     """
 
     samples: NDArray[Any]
@@ -90,6 +92,7 @@ class Series:
     units_from: str = "file"
     pgv: float | None = None
     pgd: float | None = None
+    quantity: str = ""
 
     @property
     def id(self) -> str:
@@ -142,6 +145,7 @@ def _trace(one: Series, compared: tuple[str, ...], headonly: bool) -> Trace:
         "npts": one.samples.size,
         "tdint_compared": compared,
         "tdint_peaks": (one.pgv, one.pgd),
+        "tdint_quantity": one.quantity,
     }
     if one.start is not None:
         header["starttime"] = UTCDateTime(one.start)

@@ -7,15 +7,16 @@ comments (`# dt = 0.01 s, units = g`), and of names of columns (`time_s,accelera
 One column needs its sampling interval declared; of several, the first must be a time in equal steps, unless the names
 of the columns have none. Columns without names are components called by their number (2 is the one after the time).
 Velocity and displacement beside an acceleration give its peaks; alone they are differentiated. Nothing is guessed:
-without declared units the user must give them.
+without declared units the user must give them. What a table does not tell of its step, its columns and the lines above
+it a user may say (`TextLayout`); the names of columns are any words then.
 """
 
 from __future__ import annotations
 
 import re
+import warnings
 from array import array
 from dataclasses import replace
-from datetime import UTC, datetime
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -23,45 +24,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError
-from tdint.ground_motion.formats.columns import MOTIONS, TIME, ColumnName, column_names
-from tdint.ground_motion.formats.lines import NUMBER, ROW, Lines, read_lines, recognizes
-from tdint.ground_motion.formats.series import Series, code, motion_scale, required_units, to_stream
+from tdint.ground_motion.formats.lines import ROW, Lines, read_lines, recognizes
+from tdint.ground_motion.formats.series import Series, code, motion_scale, motion_units, required_units, to_stream
 from tdint.ground_motion.formats.steps import equal_steps
+from tdint.ground_motion.formats.tables.columns import MOTIONS, OTHER, SECONDS, TIME, ColumnName, place_of
+from tdint.ground_motion.formats.tables.header import (
+    COLUMNS,
+    COMMENT,
+    TableHeader,
+    declared_in,
+    read_foreign_header,
+    read_header,
+)
+from tdint.ground_motion.formats.tables.layout import AS_STATED, SAME_STEP, TextLayout
 from tdint.ground_motion.soundness.statement import SAMPLES, STEP
+from tdint.units import parse_units
 
 if TYPE_CHECKING:
     from obspy import Stream
 
-_COMMENT = re.compile(r"\s*(?:[#%;!]|//)+\s*(.*)")
+Columns = list[NDArray[np.float64]]
+Names = tuple[ColumnName, ...]
+
 _OTHER_FORMAT = re.compile(r"#\s*DataSequence\s*:", re.IGNORECASE)
 """A comment that belongs to a format of its own (CWB)."""
 
-_DECLARATION = re.compile(r"\s*([a-z][a-z _]*?)\s*[=:]\s*(\S.*?)\s*", re.IGNORECASE)
-_QUANTITY = re.compile(rf"({NUMBER})\s*([a-z/]*)", re.IGNORECASE)
-
-_KEYS = {
-    "dt": ("dt", "delta", "time step", "timestep", "sampling interval", "sample interval"),
-    "rate": ("sampling rate", "sample rate", "sampling frequency", "fs"),
-    "units": ("units", "unit", "acceleration units"),
-    "samples": ("samples", "npts", "number of samples", "number of points"),
-    "start": ("start", "start time", "starttime"),
-    "component": ("component", "channel"),
-    "station": ("station",),
-    "network": ("network",),
-    "location": ("location",),
-}
-_COLUMNS = "columns"
-"""Key of the names of columns, as they stand in the header."""
-
-_MEANINGS = {name: meaning for meaning, names in _KEYS.items() for name in names}
-_SECONDS = {"": 1.0, "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3}
-_PER_SECOND = {"": 1.0, "hz": 1.0, "sps": 1.0, "/s": 1.0}
-
 _MOST = 50
 """Columns that a table may have."""
-
-_SAME = 1e-3
-"""Relative difference up to which two statements of the sampling interval agree."""
 
 
 def is_text(file: Any, **_: Any) -> bool:
@@ -69,7 +58,20 @@ def is_text(file: Any, **_: Any) -> bool:
     return recognizes(file, _matches)
 
 
-def read_text(file: Any, headonly: bool = False, **_: Any) -> Stream:
+def first_row(file: Any, layout: TextLayout) -> int | None:
+    """The line, counted from 1, where a table of numbers begins below the lines to skip; None if there is none."""
+    try:
+        lines = read_lines(file)
+        lines.skip(layout.skip_lines or 0)
+        lines.take_until(ROW.fullmatch, "row of numbers")
+        number = lines.number + 1
+        rows = [_numbers(lines.take()) for _ in range(2)]
+    except RecordError:
+        return None
+    return number if rows[0] and len(rows[0]) == len(rows[1]) <= _MOST else None
+
+
+def read_text(file: Any, headonly: bool = False, layout: TextLayout = AS_STATED, **_: Any) -> Stream:
     """Read a table; see above and `tdint.ground_motion.formats`.
 
     Raises
@@ -79,54 +81,87 @@ def read_text(file: Any, headonly: bool = False, **_: Any) -> Stream:
         values, or something else than numbers stands among them.
     """
     lines = read_lines(file)
-    header = _header(lines.take_until(ROW.fullmatch, "row of numbers"))
-    names = column_names(header.get(_COLUMNS, ""))
+    lines.skip(layout.skip_lines or 0)
+    above = lines.take_until(ROW.fullmatch, "row of numbers")
     columns = _columns(lines)
-    if names and len(names) != len(columns):
-        raise RecordError(f"its header names {len(names)} columns, the rows have {len(columns)}")
-    times = _times(columns, names)
-    dt = _step(times, header)
-    size = columns[0].size
-    if header.get("samples", str(size)) != str(size):
-        raise RecordError(f"its header announces {header['samples']} samples, there are {size}")
+    width, size = len(columns), columns[0].size
+    header = read_foreign_header(above, width, layout.skip_lines or 0) if layout else read_header(above, width)
+    chosen = [place_of(wanted, header.names, width) for wanted in layout.column]
+    times = _times(columns, header.names, chosen, layout)
+    stated = _stated_step(times, header)
+    dt = stated or layout.step
+    if dt is None:
+        raise RecordError(
+            "a column of numbers without its sampling interval; declare it in a first line `# dt = 0.01 s, units = g`, "
+            "or give it as step"
+        )
+    if header.declared.get("samples", str(size)) != str(size):
+        raise RecordError(f"its header announces {header.get('samples')} samples, there are {size}")
     common = Series(
         columns[0],
         dt,
         "",
-        channel=code(header.get("component", "")),
-        station=code(header.get("station", "")),
-        location=code(header.get("location", "")),
-        network=code(header.get("network", "")),
-        start=_start(header.get("start", "")),
-        compared=(*((SAMPLES,) if "samples" in header else ()), *((STEP,) if times is not None else ())),
+        channel=code(header.get("component")),
+        station=code(header.get("station")),
+        location=code(header.get("location")),
+        network=code(header.get("network")),
+        start=header.start,
+        compared=(*((SAMPLES,) if header.get("samples") else ()), *((STEP,) if times is not None else ())),
     )
-    return to_stream(_components(common, columns, names, header), headonly=headonly)
+    taken = chosen or _accelerations(header.names, range(_leading(columns, times, layout), width))
+    if layout.skip_lines:
+        warnings.warn(f"{layout.skip_lines} lines at its beginning are passed over, as asked", stacklevel=2)
+    if stated is None:
+        warnings.warn(f"the sampling interval of {dt:g} s is given, the file tells none", stacklevel=2)
+    return to_stream([_series(common, columns, header, place, taken) for place in taken], headonly=headonly)
 
 
-def _components(
-    common: Series, columns: list[NDArray[np.float64]], names: list[ColumnName], header: dict[str, str]
-) -> list[Series]:
-    """The accelerations among the columns; without any, the velocities or else the displacements."""
+def _accelerations(names: Names, places: range) -> list[int]:
+    """Places of the accelerations among the columns; without any, of the velocities or else the displacements."""
     if not names:
-        units = required_units(header["units"], "acceleration") if "units" in header else ""
-        if len(columns) <= 2:
-            return [replace(common, samples=columns[-1], units=units)]
-        numbered = enumerate(columns[1:], start=2)
-        return [replace(common, samples=column, units=units, channel=str(number)) for number, column in numbered]
-    quantity = next(kind for kind in MOTIONS if any(name.kind == kind for name in names))
-    series = []
-    for name, column in zip(names, columns, strict=True):
-        if name.kind != quantity:
-            continue
-        text = name.units or header.get("units", "")
-        units = required_units(text, quantity) if text else ""
-        pgv, pgd = (_peak_of(kind, name.component, names, columns) for kind in MOTIONS[1:])
-        one = replace(common, samples=column, units=units, channel=name.component or common.channel)
-        series.append(replace(one, pgv=pgv, pgd=pgd) if quantity == "acceleration" else one)
-    return series
+        return list(places)
+    for kind in MOTIONS:
+        if found := [place for place, name in enumerate(names) if name.kind == kind]:
+            return found
+    unknown = [place for place, name in enumerate(names) if name.kind != TIME]
+    if len(unknown) > 1:
+        raise RecordError(
+            f"the names of the columns do not tell the acceleration; choose a column: "
+            f"{', '.join(names[place].text[:40] for place in unknown)}"
+        )
+    return unknown
 
 
-def _peak_of(kind: str, component: str, names: list[ColumnName], columns: list[NDArray[np.float64]]) -> float | None:
+def _series(common: Series, columns: Columns, header: TableHeader, place: int, taken: list[int]) -> Series:
+    """The component in a column."""
+    names, declared = header.names, header.get("units")
+    one = replace(common, samples=columns[place])
+    if not names:
+        units = required_units(declared) if declared else ""
+        return replace(
+            one, units=units, channel=one.channel if len(taken) == 1 and len(columns) <= 2 else str(place + 1)
+        )
+    name = names[place]
+    text = name.units or declared
+    quantity = _quantity(name)
+    units = required_units(text, quantity) if text else ""
+    channel = name.component or (code(name.text[: len(name.plain)]) if name.kind == OTHER else common.channel)
+    one = replace(one, units=units, channel=channel, quantity=quantity if name.kind != OTHER else "")
+    if name.kind != "acceleration":
+        return one
+    pgv, pgd = (_peak_of(kind, name.component, names, columns) for kind in MOTIONS[1:])
+    return replace(one, pgv=pgv, pgd=pgd)
+
+
+def _quantity(name: ColumnName) -> str:
+    """What is in a column by its name or else by its units."""
+    if name.kind != OTHER:
+        return name.kind
+    units = motion_units(name.units) if name.units else None
+    return parse_units(units).quantity if units else "acceleration"
+
+
+def _peak_of(kind: str, component: str, names: Names, columns: Columns) -> float | None:
     """Peak, SI units, of the velocity or displacement of a component; None without one, or without its units."""
     for name, column in zip(names, columns, strict=True):
         if (name.kind, name.component) == (kind, component) and (scale := motion_scale(name.units, kind)):
@@ -134,95 +169,48 @@ def _peak_of(kind: str, component: str, names: list[ColumnName], columns: list[N
     return None
 
 
-def _times(columns: list[NDArray[np.float64]], names: list[ColumnName]) -> NDArray[np.float64] | None:
+def _times(columns: Columns, names: Names, chosen: list[int], layout: TextLayout) -> NDArray[np.float64] | None:
     """The times, s; None if there are none."""
-    if not names:
-        return columns[0] if len(columns) > 1 else None
-    return columns[0] * _SECONDS[names[0].units] if names[0].kind == TIME else None
+    if names:
+        return columns[0] * SECONDS[names[0].units] if names[0].kind == TIME else None
+    if len(columns) == 1 or 0 in chosen:
+        return None
+    first = columns[0]
+    if layout.step is not None and (not np.all(np.diff(first) > 0.0) or _counts(first, layout.step)):
+        return None
+    return first
+
+
+def _leading(columns: Columns, times: NDArray[np.float64] | None, layout: TextLayout) -> int:
+    """How many of the first columns are no motion where nothing has a name: one with the times or a count."""
+    return int(times is not None or (len(columns) > 1 and _counts(columns[0], layout.step)))
+
+
+def _counts(column: NDArray[np.float64], step: float | None) -> bool:
+    """Whether a column counts the samples, from 0 or 1, beside a given step that is not 1 s."""
+    return step not in (None, 1.0) and column[0] in (0.0, 1.0) and bool(np.all(np.diff(column) == 1.0))
 
 
 def _matches(lines: list[str]) -> bool:
     first = next(place for place, line in enumerate(lines) if ROW.fullmatch(line))
-    declared = [_declared(line) for line in lines[:first]]
-    rows = [_numbers(line) for line in lines[first:] if line.strip() and not _COMMENT.fullmatch(line)]
+    declared = [declared_in(line) for line in lines[:first]]
+    rows = [_numbers(line) for line in lines[first:] if line.strip() and not COMMENT.fullmatch(line)]
     width = len(rows[0])
     if any(map(_OTHER_FORMAT.match, lines[:first])):
         return False
     if None in declared or len(rows) < 2 or width > _MOST or any(len(row) != width for row in rows):
         return False
-    named = any(key == _COLUMNS for found in declared for key, _value in found or [])
+    named = any(key == COLUMNS for found in declared for key, _value in found or [])
     return named or width == 1 or (width > 1 and all(a[0] < b[0] for a, b in pairwise(rows)))
 
 
-# The header
-
-
-def _header(lines: list[str]) -> dict[str, str]:
-    """What a header declares, by the keys of _KEYS.
-
-    Raises
-    ------
-    RecordError
-        It contradicts itself.
-    """
-    header: dict[str, str] = {}
-    for line in lines:
-        for key, value in _declared(line) or []:
-            if header.setdefault(key, value) != value:
-                raise RecordError(f"its header gives {key} twice: {header[key]!r} and {value!r}")
-    return header
-
-
-def _declared(line: str) -> list[tuple[str, str]] | None:
-    """What a line of the header declares; None if it is neither blank nor of the kinds above."""
-    comment = _COMMENT.fullmatch(line)
-    content = comment[1] if comment else line
-    if names := column_names(content):
-        if names[0].kind == TIME and names[0].units not in _SECONDS:
-            return None
-        units = {name.units for name in names if name.kind == "acceleration" and name.units}
-        return [(_COLUMNS, content.strip()), *(("units", unit) for unit in units if len(units) == 1)]
-    parts = [part for part in re.split("[,;]", content) if part.strip()]
-    declarations = list(filter(None, map(_declaration, parts)))
-    return declarations if comment or len(declarations) == len(parts) else None
-
-
-def _declaration(text: str) -> tuple[str, str] | None:
-    """Meaning and value of `key = value` with a known key."""
-    match = _DECLARATION.fullmatch(text)
-    meaning = _MEANINGS.get(" ".join(match[1].lower().replace("_", " ").split())) if match else None
-    return (meaning, match[2]) if match and meaning else None
-
-
-def _quantity(text: str, units: dict[str, float], what: str) -> float:
-    """A positive number with one of these units."""
-    match = _QUANTITY.fullmatch(text)
-    factor = units.get(match[2].lower()) if match else None
-    if not match or factor is None or not float(match[1]) > 0.0:
-        known = ", ".join(filter(None, units))
-        raise RecordError(f"its header gives {what} as {text!r}; write a positive number, in {known}")
-    return float(match[1]) * factor
-
-
-def _start(text: str) -> datetime | None:
-    """A time as ISO 8601, UTC if it names no zone; None for another text."""
-    try:
-        start = datetime.fromisoformat(text)
-        return start.astimezone(UTC).replace(tzinfo=None) if start.tzinfo else start
-    except (ValueError, OverflowError):
-        return None
-
-
-# The columns
-
-
-def _columns(lines: Lines) -> list[NDArray[np.float64]]:
+def _columns(lines: Lines) -> Columns:
     """Columns of numbers, to the end of the file; comments may stand among them."""
     first, width = lines.number, 0
     values = array("d")
     while (line := lines.peek()) is not None:
         lines.take()
-        if _COMMENT.fullmatch(line):
+        if COMMENT.fullmatch(line):
             continue
         numbers = _numbers(line) if ROW.fullmatch(line) else []
         width = width or len(numbers)
@@ -243,19 +231,11 @@ def _numbers(line: str) -> list[float]:
         return []
 
 
-def _step(times: NDArray[np.float64] | None, header: dict[str, str]) -> float:
-    """The sampling interval, s: declared, or that of the times."""
-    stated = []
-    if "dt" in header:
-        stated.append(_quantity(header["dt"], _SECONDS, "dt"))
-    if "rate" in header:
-        stated.append(1.0 / _quantity(header["rate"], _PER_SECOND, "the sampling rate"))
+def _stated_step(times: NDArray[np.float64] | None, header: TableHeader) -> float | None:
+    """The sampling interval, s, that is declared, or that of the times; None without either."""
+    stated = header.intervals()
     if times is not None:
         stated.append(equal_steps(times).dt)
-    if not stated:
-        raise RecordError(
-            "a column of numbers without its sampling interval; declare it in a first line `# dt = 0.01 s, units = g`"
-        )
-    if max(stated) - min(stated) > _SAME * max(stated):
+    if stated and max(stated) - min(stated) > SAME_STEP * max(stated):
         raise RecordError(f"its sampling interval is stated as {' s and as '.join(f'{dt:g}' for dt in stated)} s")
-    return stated[0]
+    return stated[0] if stated else None

@@ -16,6 +16,8 @@ from io import BytesIO
 from typing import Any
 
 from tdint.errors import RecordError
+from tdint.ground_motion.formats.lines import WIDE
+from tdint.ground_motion.formats.tables.layout import AS_STATED, TextLayout
 from tdint.ground_motion.messages import caught_messages, one_line, quiet_import
 from tdint.ground_motion.soundness.check import compare_with_statements, look_at
 from tdint.ground_motion.soundness.statement import Damaged
@@ -35,6 +37,10 @@ _DAMAGE = re.compile(
 )
 """Warnings of ObsPy's readers after which samples are missing or wrong. Others (an unusual header) become notes."""
 
+TABLES = "TEXT"
+"""The format of which a user may say what the file does not."""
+
+_HEAD = 8192
 _ARCHIVES = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ": "xz"}
 
 
@@ -65,7 +71,7 @@ class Contents:
     compared: tuple[str, ...]
 
 
-def read_contents(data: bytes, source: str) -> Contents:
+def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> Contents:
     """Read all traces of a record.
 
     Parameters
@@ -74,6 +80,8 @@ def read_contents(data: bytes, source: str) -> Contents:
         The whole file.
     source : str
         The file's name, for messages only.
+    layout : TextLayout
+        What the user says of text tables.
 
     Returns
     -------
@@ -85,14 +93,18 @@ def read_contents(data: bytes, source: str) -> Contents:
     RecordError
         Not a known format, damaged, cut off, or without a numeric channel.
     """
-    plugin = _detect(data, source)
+    plugin = _detect(data, source, layout)
     try:
+        if plugin.name != TABLES:
+            layout.check_format(plugin.name)
         looked_at = look_at(plugin.name, data)
-        traces, messages = _read(plugin, data)
+        traces, messages = _read(plugin, data, layout)
         if damage := next(filter(_DAMAGE.search, messages), None):
             raise Damaged(damage)
         with caught_messages() as differences:
             compared = compare_with_statements(plugin.name, looked_at, traces)
+        for trace in traces:
+            layout.check_step(float(trace.stats.delta))
     except Damaged as error:
         raise RecordError(f"{source}: the file is damaged or cut off: {error}; fetch it again") from error
     except RecordError as error:
@@ -108,9 +120,9 @@ def read_contents(data: bytes, source: str) -> Contents:
     return Contents(plugin.name, numeric, notes, tuple(dict.fromkeys([*compared, *own])))
 
 
-def has_known_format(data: bytes) -> bool:
+def has_known_format(data: bytes, layout: TextLayout = AS_STATED) -> bool:
     """Whether the contents of a file are those of a format that is read."""
-    return _format_of(data) is not None
+    return _format_of(data, layout) is not None
 
 
 def plugins() -> Iterator[Plugin]:
@@ -135,17 +147,37 @@ def _named(entries: EntryPoints, names: tuple[str, ...] | list[str]) -> Iterator
             yield Plugin(name, functions["isFormat"], functions["readFormat"])
 
 
-def _detect(data: bytes, source: str) -> Plugin:
-    plugin = _format_of(data)
+def _detect(data: bytes, source: str, layout: TextLayout) -> Plugin:
+    plugin = _format_of(data, layout)
     if plugin is None:
         known = ", ".join(plugin.name for plugin in plugins())
-        raise RecordError(f"{source}: {_foreign(data) or f'unknown format; those that are read: {known}'}")
+        reason = _foreign(data) or f"unknown format{_hint(data, layout)}; those that are read: {known}"
+        raise RecordError(f"{source}: {reason}")
     return plugin
 
 
-def _format_of(data: bytes) -> Plugin | None:
+def _format_of(data: bytes, layout: TextLayout) -> Plugin | None:
     with caught_messages():
-        return next((plugin for plugin in plugins() if _accepts(plugin, data)), None)
+        found = next((plugin for plugin in plugins() if _accepts(plugin, data)), None)
+    if found is None and layout and _first_row(data, layout):
+        return next(plugin for plugin in plugins() if plugin.name == TABLES)
+    return found
+
+
+def _first_row(data: bytes, layout: TextLayout) -> int | None:
+    from tdint.ground_motion.formats.text import first_row
+
+    return None if b"\0" in data[:_HEAD] and not data.startswith(WIDE) else first_row(BytesIO(data), layout)
+
+
+def _hint(data: bytes, layout: TextLayout) -> str:
+    """What may help where a table stands in a text that tells nothing of it."""
+    if layout:
+        return f", and no table of numbers stands below its first {layout.skip_lines or 0} lines"
+    line = _first_row(data, layout)
+    if line is None:
+        return ""
+    return f" (a table of numbers begins in line {line}: step, column and skip lines tell what it is)"
 
 
 def _accepts(plugin: Plugin, data: bytes) -> bool:
@@ -165,12 +197,13 @@ def _foreign(data: bytes) -> str | None:
     return None
 
 
-def _read(plugin: Plugin, data: bytes) -> tuple[list[Any], list[str]]:
+def _read(plugin: Plugin, data: bytes, layout: TextLayout) -> tuple[list[Any], list[str]]:
     """The traces of a file, and what was said while they were read."""
     function = _load(plugin.read_format)
+    said = {"layout": layout} if plugin.name == TABLES else {}
     try:
         with caught_messages() as messages:
-            traces = list(function(BytesIO(data)))
+            traces = list(function(BytesIO(data), **said))
     except RecordError:  # A reader of tdint's own, which knows what is wrong.
         raise
     except Exception as error:  # Readers of corrupt bytes raise whatever their parsing runs into.

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from logging import getLogger
 from pathlib import Path
 from typing import Any
 
 from tdint.errors import RecordError, UsageError
+from tdint.ground_motion.formats.tables.layout import AS_STATED, TextLayout
 from tdint.ground_motion.horizontals import Horizontals, find_horizontals
 from tdint.ground_motion.instrument import Instruments, read_instruments, remove_response
 from tdint.ground_motion.reading.archive import is_archive, members
@@ -37,6 +39,7 @@ def read_record(
     units: str | None = None,
     component: str | None = None,
     inventory: str | Path | None = None,
+    layout: TextLayout = AS_STATED,
 ) -> Record:
     """Read one component of a ground motion.
 
@@ -45,15 +48,17 @@ def read_record(
     source : str or Path
         A file, or `-` for standard input. The format is found from the contents.
     units : str, optional
-        Units of the samples: m/s^2, cm/s^2, gal, mm/s^2 or g; with a factor before them the value of one count
-        (`2.38e-6 m/s^2`). Needed where neither the format nor the file gives them. Only floating-point MiniSEED of an
-        accelerometer's channel is else taken as m/s^2, with a warning, unless its numbers speak against it. Units of a
-        velocity or displacement (`cm/s`, `cm`) say that the samples are one; they are differentiated.
+        Units of the samples: m/s^2, cm/s^2, gal, mm/s^2, g, in/s^2 or ft/s^2; with a factor before them the value of
+        one count (`2.38e-6 m/s^2`). Needed where neither the format nor the file gives them. Only floating-point
+        MiniSEED of an accelerometer's channel is else taken as m/s^2, with a warning, unless its numbers speak against
+        it. Units of a velocity or displacement (`cm/s`, `cm`) say that the samples are one; they are differentiated.
     component : str, optional
         Needed if the file has several: the channel code (`HNE`), the full id (`CI.CLC..HNE`), or the code's last letter
         (`E`) if only one channel ends in it; upper and lower case are the same.
     inventory : str or Path, optional
         StationXML file by which the instrument's response is removed; not together with `units`.
+    layout : TextLayout, optional
+        Step, columns and lines to skip of text tables that do not tell them.
 
     Returns
     -------
@@ -68,7 +73,7 @@ def read_record(
         The file cannot be read, is damaged, has gaps, overlaps or samples that are not finite, counts of unknown
         value, no such component, or several and none is named.
     """
-    (record,) = _read(source, units, component, inventory, single=True)
+    (record,) = _read(source, units, component, inventory, layout, single=True)
     return record
 
 
@@ -78,28 +83,31 @@ def read_records(
     units: str | None = None,
     component: str | None = None,
     inventory: str | Path | None = None,
+    layout: TextLayout = AS_STATED,
 ) -> tuple[Record, ...]:
     """Read all components of a ground motion, or the named one, in the order of the file.
 
     Parameters and errors are those of `read_record`; that the components differ in their sampling interval is
     a RecordError, too. Channels without numbers (a recorder's log) are left out.
     """
-    return _read(source, units, component, inventory, single=False)
+    return _read(source, units, component, inventory, layout, single=False)
 
 
 def read_horizontals(
-    *sources: str | Path, units: str | None = None, inventory: str | Path | None = None
+    *sources: str | Path,
+    units: str | None = None,
+    inventory: str | Path | None = None,
+    layout: TextLayout = AS_STATED,
 ) -> Horizontals:
     """Read the two horizontal components of a motion from its file, or from its files.
 
     Parameters, and errors beside those of `find_horizontals`, are those of `read_records`.
     """
-    return find_horizontals(
-        [one for source in sources for one in read_records(source, units=units, inventory=inventory)]
-    )
+    read = partial(read_records, units=units, inventory=inventory, layout=layout)
+    return find_horizontals([one for source in sources for one in read(source)])
 
 
-def is_record(source: str | Path) -> bool:
+def is_record(source: str | Path, layout: TextLayout = AS_STATED) -> bool:
     """Whether a file has one of the known formats; True as well for one that cannot be read, which reading will tell.
 
     A file that has a known format may still be damaged.
@@ -108,23 +116,28 @@ def is_record(source: str | Path) -> bool:
         data = read_bytes(source)
         if is_archive(data):  # Spreadsheets and others are zip files, too: the name tells.
             return str(source).lower().endswith(".zip")
-        return has_known_format(data)
+        return has_known_format(data, layout)
     except RecordError:
         return True
 
 
 def _read(
-    source: str | Path, units: str | None, component: str | None, inventory: str | Path | None, *, single: bool
+    source: str | Path,
+    units: str | None,
+    component: str | None,
+    inventory: str | Path | None,
+    layout: TextLayout,
+    *,
+    single: bool,
 ) -> tuple[Record, ...]:
     if units is not None and inventory is not None:
         raise UsageError("units and an inventory are given; the inventory gives the units, leave one of them out")
     wanted = None if units is None else parse_units(units)
     name = str(source)
     data = read_bytes(source)
-    parts = _records_in(data, name) if is_archive(data) else [(name, data)]
-    found = [
-        _Component(part, read, channel) for part, read in _contents(parts) for channel in group_channels(read.traces)
-    ]
+    parts = _records_in(data, name, layout) if is_archive(data) else [(name, data)]
+    contents = [(part, read_contents(content, part, layout)) for part, content in parts]
+    found = [_Component(part, read, channel) for part, read in contents for channel in group_channels(read.traces)]
     if component is not None:
         found = [_choose(found, component, name)]
     elif single and len(found) > 1:
@@ -155,18 +168,14 @@ class _Component:
         return f"{self.source}: {self.channel.id}" if self.channel.id.strip(".") else self.source
 
 
-def _records_in(data: bytes, name: str) -> list[tuple[str, bytes]]:
+def _records_in(data: bytes, name: str, layout: TextLayout) -> list[tuple[str, bytes]]:
     """The files of known formats in an archive."""
     files = members(data, name)
-    records = [(part, content) for part, content in files if has_known_format(content)]
+    records = [(part, content) for part, content in files if has_known_format(content, layout)]
     if not records:
         listed = ", ".join(part.removeprefix(f"{name}/")[:60] for part, _ in files[:10]) or "nothing"
         raise RecordError(f"{name}: the archive holds no record of a known format; it holds {listed}")
     return records
-
-
-def _contents(parts: Sequence[tuple[str, bytes]]) -> list[tuple[str, Contents]]:
-    return [(part, read_contents(content, part)) for part, content in parts]
 
 
 def _choose(channels: Sequence[_Component], component: str, source: str) -> _Component:

@@ -83,6 +83,12 @@ def to_acceleration(trace: Any, format_name: str, wanted: Units | None, label: s
         The samples are of unknown value, or the file contradicts the user.
     """
     declared = declared_units(trace, format_name, label, wanted)
+    named = trace.stats.get("tdint_quantity")
+    if wanted and named and named != wanted.quantity:
+        raise RecordError(
+            f"{label}: the file calls the samples a {named}, {wanted.text} is a unit of {wanted.quantity}; "
+            f"give one of {named}"
+        )
     if declared:
         return _by_the_file(trace, declared, wanted, label)
     counts = trace.data.dtype.kind in "iu" or _ascii_unit(trace) in ("COUNTS", "COUNT")

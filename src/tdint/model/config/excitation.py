@@ -8,12 +8,13 @@ from pathlib import Path
 
 from tdint.errors import UsageError
 from tdint.model.config.fields import ANY, NOT_NEGATIVE, Section, Value
+from tdint.model.config.layout import LAYOUT_KEYS, read_layout
 from tdint.model.config.processing import PROCESSING_KEYS, read_processing
 from tdint.model.config.units import ModelUnits
 from tdint.model.definition import Excitation, Force, RecordSource
 from tdint.units import parse_units
 
-_RECORD_KEYS = ("file", "units", "component", "scale", "inventory", *PROCESSING_KEYS)
+_RECORD_KEYS = ("file", "units", "component", "scale", "inventory", *LAYOUT_KEYS, *PROCESSING_KEYS)
 _FORCE_KEYS = ("floor", "amplitude", "omega", "phase")
 
 
@@ -47,6 +48,7 @@ def _read_record(value: Value, folder: Path) -> RecordSource | None:
         scale=_read_scale(section),
         inventory=_resolve(inventory, folder) if inventory else None,
         processing=read_processing(section),
+        layout=read_layout(section),
     )
 
 

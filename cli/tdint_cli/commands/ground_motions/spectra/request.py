@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tdint.analysis.spectra.elastic import SpectrumSettings
+    from tdint.ground_motion.formats.tables.layout import TextLayout
     from tdint.ground_motion.processing import Processing
 
 _NOT_SETTINGS = ("records", "output", "plot", "jobs", "overwrite", "period")
@@ -29,6 +30,7 @@ class TablesRequest:
     units: str | None
     component: str | None
     inventory: str | None
+    layout: TextLayout
     processing: Processing
     damping: tuple[float, ...]
     periods: Grid | None

@@ -59,7 +59,7 @@ def _is_single(request: SpectrumRequest, file: str) -> bool:
     from tdint.ground_motion.reading.read import read_records
 
     try:
-        records = read_records(file, units=request.units, inventory=request.inventory)
+        records = read_records(file, units=request.units, inventory=request.inventory, layout=request.layout)
     except RecordError:
         return False  # It will be told when its turn comes.
     return sum(not is_vertical(record.component) for record in records) == 1

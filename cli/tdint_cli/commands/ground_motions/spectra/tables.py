@@ -85,7 +85,7 @@ def make_tables(request: TablesRequest, kind: Kind) -> None:
     kind.check(request)
     request.check_plot()
     _ = request.chosen_periods(kind.default_periods)  # What is wrong with them is told before any work.
-    sources = records_of(request.records)
+    sources = records_of(request.records, request.layout)
     tasks = _tasks(request, kind.gather(request, sources.files))
     messages = _Messages(dict.fromkeys(sources.notes), list(sources.failures))
     together: list[RecordTable] = []
@@ -144,7 +144,13 @@ def _work(request: TablesRequest, kind: Kind, width: int | None, task: Task) -> 
     from tdint.ground_motion.reading.read import read_records
     from tdint.output.summaries.summary import record_summary
 
-    read = partial(read_records, units=request.units, component=request.component, inventory=request.inventory)
+    read = partial(
+        read_records,
+        units=request.units,
+        component=request.component,
+        inventory=request.inventory,
+        layout=request.layout,
+    )
     records = [request.processing.apply(record) for file in (task.source, *task.others) for record in read(file)]
     results = kind.compute(request, records)
     lines = tuple(results.lines)

@@ -1,0 +1,88 @@
+"""What a user says of a text table, on the command line and in model files."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from cli.test_info import errors, rows
+from tdint.units import STANDARD_GRAVITY
+
+SAYS = ("--skip-lines", "2", "--step", "0.01", "--units", "g")
+MODEL = """\
+stories: [{mass: 10, height: 3, stiffness: 8000}]
+damping: {modal: 0.05}
+excitation: {record: {file: tables/a.txt, units: g, step: 0.01, column: Floor, skip_lines: 2}}
+analysis: {method: exact}
+"""
+
+
+@pytest.fixture
+def tables(folder):
+    """Two tables of two columns below two lines of words and their names, and a file that is none."""
+    (folder / "tables").mkdir()
+    t = np.arange(200) * 0.01
+    for name, peak in (("a", 0.1), ("b", 0.2)):
+        values = peak * np.sin(9.0 * t)
+        lines = [f"{one:.5f} {3.0 * one:.5f}" for one in values]
+        (folder / "tables" / f"{name}.txt").write_text("\n".join(["Test 7", "at noon", "Table Floor", *lines, ""]))
+    (folder / "tables" / "words.txt").write_text("nothing here\n")
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("column", "names", "factor"), [((), ["Table", "Floor"], 1.0), (("--column", "floor"), ["Floor"], 3.0)]
+)
+def test_info_of_a_folder(tables, tdint, column, names, factor):
+    result = tdint("info", "tables", *SAYS, *(column or ("--column", "1,2")), "-o", "info.csv")
+    assert result.exit_code == 0, result.stderr
+    found = rows((tables / "info.csv").read_text())
+    assert [row["component"] for row in found] == names * 2
+    assert float(found[0]["pga_m_s2"]) == pytest.approx(0.1 * factor * STANDARD_GRAVITY, rel=1e-3)
+    assert "words.txt" in result.stderr
+    said = json.loads((tables / "info.json").read_text())["settings"]["layout"]
+    assert said == {"step": 0.01, "column": ["floor"] if column else ["1", "2"], "skip_lines": 2}
+
+
+def test_spectra_of_a_folder(tables, tdint):
+    for command in (("spectrum", "--period", "0.5"), ("drift-spectrum", "--period", "0.5", "--stories", "1")):
+        result = tdint(command[0], "tables", *command[1:], *SAYS, "--column", "2")
+        assert (result.exit_code, len(rows(result.stdout))) == (0, 2), result.stderr
+    rotated = tdint("spectrum", "tables/a.txt", "--period", "0.5", "--rotd", "50", *SAYS, "--column", "1,2")
+    assert rotated.exit_code == 0, rotated.stderr
+
+
+def test_run_by_the_model_and_by_options(tables, tdint):
+    (tables / "m.yaml").write_text(MODEL)
+    (tables / "bare.yaml").write_text(MODEL.replace(", column: Floor, skip_lines: 2", ""))
+    by_model = tdint("run", "m.yaml")
+    assert by_model.exit_code == 0, by_model.stderr
+    assert tdint("run", "bare.yaml", "--column", "floor", "--skip-lines", "2").stdout == by_model.stdout
+    assert tdint("run", "bare.yaml", "tables/a.txt", *SAYS, "--column", "2").stdout == by_model.stdout
+    assert tdint("run", "m.yaml", "--column", "1").stdout != by_model.stdout
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "message"),
+    [
+        (("motion.mseed", "--step", "0.02"), 4, "own sampling interval is 0.01 s, step 0.02 s contradicts it"),
+        (("motion.mseed", "--column", "2"), 4, "column 2 is given, but the file is MSEED"),
+        (("motion.mseed", "--step", "0"), 2, "--step"),
+        (("tables/a.txt", "--skip-lines", "-1"), 2, "--skip-lines"),
+        (("tables/a.txt", "--column", ""), 2, "column"),
+        (("tables/a.txt",), 4, "a table of numbers begins in line 4: step, column and skip lines"),
+    ],
+)
+def test_refused(tables, tdint, options, code, message):
+    result = tdint("info", *options)
+    assert (result.exit_code, result.stdout) == (code, "")
+    (line,) = errors(result)
+    assert message in line
+
+
+def test_a_table_needs_a_record(folder, tdint):
+    result = tdint("run", "forced.yaml", "--step", "0.01")
+    assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
+    assert "needs a record" in result.stderr

@@ -1,0 +1,202 @@
+"""Text tables that do not tell what they are: their user does, and never against what the file tells."""
+
+import io
+
+import numpy as np
+import pytest
+
+from ground_motion.format_files import motion, one_column, text, two_columns
+from ground_motion.samples import SAMPLES
+from tdint.errors import ModelError, RecordError, UsageError
+from tdint.ground_motion.formats.tables.layout import AS_STATED, TextLayout
+from tdint.ground_motion.reading.read import is_record, read_record, read_records
+from tdint.model.config.read import load_model
+from tdint.units import STANDARD_GRAVITY
+
+COLUMNS = [motion(60, peak, 4) for peak in (1.0, -2.0, 0.5)]
+WORDS = ["Messung 7", "am 3. Mai"]
+
+
+def table(above, *columns, separator=","):
+    rows = [separator.join(f"{value:.4f}" for value in row) for row in zip(*columns, strict=True)]
+    return text(above, rows)
+
+
+def times(dt=0.02, samples=60):
+    return np.arange(samples) * dt
+
+
+@pytest.fixture
+def file(tmp_path):
+    return tmp_path / "a.txt"
+
+
+def read(file, content, units=None, **layout):
+    file.write_bytes(content.encode() if isinstance(content, str) else content)
+    return read_records(file, units=units, layout=TextLayout(**layout))
+
+
+class TestStep:
+    def test_of_a_bare_column(self, file):
+        (record,) = read(file, one_column(header=None), "gal", step=0.005)
+        assert (record.dt, record.pga) == (0.005, 0.015)
+        assert record.notes[0] == "the sampling interval of 0.005 s is given, the file tells none"
+
+    def test_of_columns_without_a_time(self, file):
+        records = read(file, table([], *COLUMNS, separator="  "), "gal", step=0.02)
+        assert [(record.component, record.dt) for record in records] == [("1", 0.02), ("2", 0.02), ("3", 0.02)]
+        np.testing.assert_allclose(records[2].acceleration, 0.01 * COLUMNS[2], rtol=1e-15)
+
+    def test_beside_a_count_of_the_samples(self, file):
+        counted = table([], np.arange(1, 61), *COLUMNS[:2], separator=" ")
+        assert [record.component for record in read(file, counted, "gal", step=0.02)] == ["2", "3"]
+        with pytest.raises(RecordError, match=r"interval is 1 s, step 0.02 s contradicts it"):
+            read(file, table(["time,N,E"], np.arange(1, 61), *COLUMNS[:2]), "gal", step=0.02)
+
+    @pytest.mark.parametrize(
+        "content", [one_column(), two_columns(header=None), table(["t,N (g)"], times(0.01), COLUMNS[0])]
+    )
+    def test_never_against_the_file(self, file, content):
+        units = None if "g" in content else "g"
+        assert read(file, content, units, step=0.01)[0].dt == 0.01
+        with pytest.raises(RecordError, match=r"own sampling interval is 0.01 s, step 0.02 s contradicts it"):
+            read(file, content, units, step=0.02)
+
+    @pytest.mark.parametrize("name", sorted(SAMPLES))
+    def test_is_compared_in_every_format(self, file, name):
+        content = SAMPLES[name][0]()
+        units = "gal" if content[:1].isdigit() else None
+        dt = read(file, content, units)[0].dt
+        assert read(file, content, units, step=dt)[0].dt == dt
+        with pytest.raises(RecordError, match="contradicts it; leave step out"):
+            read(file, content, units, step=2.0 * dt)
+
+
+class TestColumn:
+    names = "Time (s), Sensor A, Sensor B (g), Vel (cm/s), Temp (C)"
+    content = table([names], times(), *COLUMNS, np.full(60, 20.0))
+
+    @pytest.mark.parametrize("wanted", ["3", "Sensor B (g)", "sensor b", "SENSOR B (G)"])
+    def test_by_number_and_name(self, file, wanted):
+        (record,) = read(file, self.content, column=wanted)
+        assert (record.component, record.units, record.units_from) == ("Sensor-B", "g", "file")
+        assert record.pga == pytest.approx(2.0 * STANDARD_GRAVITY)
+
+    def test_several(self, file):
+        found = read(file, self.content, "g", column=("2", "sensor b"))
+        assert [record.component for record in found] == ["Sensor-A", "Sensor-B"]
+
+    def test_a_velocity_is_differentiated(self, file):
+        (record,) = read(file, self.content, column="vel")
+        assert record.quantity == "velocity"
+        t = times()
+        speed = np.gradient(COLUMNS[2], t[1]) * 0.01
+        np.testing.assert_allclose(record.acceleration[1:-1], speed[1:-1], atol=1e-12)
+
+    @pytest.mark.parametrize(
+        ("wanted", "units", "message"),
+        [
+            ("6", None, "there is no column 6; the table has 5"),
+            ("0", None, "there is no column 0"),
+            ("9" * 400, None, "there is no column 9{40}; the table has 5"),
+            ("1", None, r"column 1 is the time \(Time \(s\)\)"),
+            ("sensor", None, "no column 'sensor'; there are Time"),
+            ("5", None, "'c', which is no unit of"),
+            ("3", "gal", r"gives its units \(g\), gal contradicts"),
+            ("2", None, "does not tell the units"),
+            ("4", "g", r"gives its units \(cm/s\), g contradicts|calls the samples a velocity, g is a unit of acc"),
+        ],
+    )
+    def test_refused(self, file, wanted, units, message):
+        with pytest.raises(RecordError, match=message):
+            read(file, self.content, units, column=wanted)
+
+    def test_the_kind_of_a_name_and_of_the_users_units(self, file):
+        for name, units in (("Vel", "g"), ("Acc", "cm/s"), ("Disp", "cm/s")):
+            with pytest.raises(RecordError, match="the file calls the samples a"):
+                read(file, table([f"Time,{name}"], times(), COLUMNS[0]), units)
+
+    def test_equal_names_and_none(self, file):
+        with pytest.raises(RecordError, match="columns 2 and 3 are called 'a'; give the number"):
+            read(file, table(["t,a,a"], times(), *COLUMNS[:2]), "g", column="a")
+        with pytest.raises(RecordError, match="the table has no names of columns; give its number"):
+            read(file, table([], times(), *COLUMNS[:2]), "g", column="a")
+        with pytest.raises(RecordError, match="do not tell the acceleration; choose a column: P1, P2"):
+            read(file, table(["s;P1;P2"], times(), *COLUMNS[:2], separator=";"), "g", step=0.02, skip_lines=0)
+
+    def test_names_in_a_comment(self, file):
+        (record,) = read(file, table(["# recorded at night", "# t p7 p8"], times(), *COLUMNS[:2]), "gal", column="p8")
+        assert (record.component, record.dt, record.pga) == ("p8", 0.02, pytest.approx(0.02))
+
+
+class TestSkippedLines:
+    def test_what_they_hold_is_not_looked_at(self, file):
+        for above in (WORDS, ["dt = 7 s", "1 2 3 4"], ["\xe9", "# units = g"]):
+            (record,) = read(file, text(above, one_column(header=None)), "gal", skip_lines=2, step=0.01)
+            assert (record.dt, record.pga) == (0.01, 0.015)
+            assert "2 lines at its beginning are passed over, as asked" in record.notes
+
+    @pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])
+    def test_above_names_with_a_byte_order_mark(self, file, mark):
+        content = text(WORDS, ["Zeit (s);Kanal 1;Kanal 2"], table([], times(), *COLUMNS[:2], separator=";"))
+        (record,) = read(file, mark + content.replace(".", ",").encode(), "gal", skip_lines=2, column="Kanal 2")
+        assert (record.component, record.dt, record.pga) == ("Kanal-2", 0.02, pytest.approx(0.02))
+
+    def test_too_few_or_too_many(self, file):
+        content = text(WORDS, two_columns(header=None, separator=" "))
+        with pytest.raises(RecordError, match=r"line 2: 'am 3. Mai' is neither a declaration .* with skip lines 2"):
+            read(file, content, "g", step=0.01)
+        with pytest.raises(RecordError, match=r"unknown format, and no table of numbers stands below its first 500"):
+            read(file, content, "g", skip_lines=500)
+        with pytest.raises(RecordError, match=r"a table of numbers begins in line 3: step, column and skip lines"):
+            read(file, content, "g")
+
+
+def test_other_formats_have_no_columns(file):
+    for name in sorted(set(SAMPLES) - {"TEXT"}):
+        for given in ({"column": "2"}, {"skip_lines": 1}):
+            with pytest.raises(RecordError, match=f"is given, but the file is {name}, which tells itself"):
+                read(file, SAMPLES[name][0](), **given)
+
+
+def test_in_a_folder_and_of_one_component(file):
+    file.write_text(text(WORDS, one_column(header=None)))
+    assert not is_record(file)
+    assert is_record(file, TextLayout(skip_lines=2))
+    assert not is_record(file, TextLayout(skip_lines=200))
+    assert read_record(file, units="gal", layout=TextLayout(0.01, (), 2)).pga == 0.015
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *(("step", value) for value in (0.0, float("nan"), "1")),
+        *(("column", value) for value in ("", ("1", " "), 1.5)),
+        *(("skip_lines", value) for value in (-1, 1.0, True)),
+    ],
+)
+def test_layouts_that_make_no_sense(name, value):
+    with pytest.raises(UsageError):
+        TextLayout(**{name: value})
+
+
+class TestModelFile:
+    MODEL = "stories: [{mass: 1, stiffness: 1}]\nexcitation: {record: {file: r.txt, %s}}\n"
+
+    def layout(self, entries):
+        return load_model(io.StringIO(self.MODEL % entries)).excitation.record.layout
+
+    def test_keys(self):
+        assert self.layout("step: 0.01, column: Sensor B, skip_lines: 3") == TextLayout(0.01, ("Sensor B",), 3)
+        assert self.layout("column: 2") == TextLayout(column="2")
+        assert self.layout("scale: 2") == AS_STATED
+
+    @pytest.mark.parametrize(
+        "wrong", ["step: 0", "step: a", "step: [1]", "column: [2]", "column: ''", "skip_lines: -1", "skip_lines: 1.5"]
+    )
+    def test_faults(self, wrong):
+        with pytest.raises(ModelError, match=rf":2:\d+: excitation.record.{wrong.partition(':')[0]}: "):
+            self.layout(wrong)
+
+    def test_the_command_line_is_over_the_model(self):
+        assert TextLayout(column="3").over(TextLayout(0.01, "2", 4)) == TextLayout(0.01, "3", 4)
