@@ -32,7 +32,7 @@ _LARGE_IMBALANCE = 0.01
 _MADE = 1.0
 """Energy made by the method, over the input energy, from which a drift beyond the collapse drift is its doing."""
 
-_RUNAWAY = 100.0
+RUNAWAY = 100.0
 """Energy made by the method, over the input energy, from which a run has diverged: ten times the amplitude."""
 
 _OVERFLOW = 1e300
@@ -120,14 +120,14 @@ class Case:
         if not self.allow_unstable:
             self._refuse_unstable(steps.h)
         marched = self._integrate(steps, history)
-        collapse = self._collapse(steps, marched)
+        collapse = self.judge(steps, marched.code, marched.space.observed)
         if marched.code < 0:
             if collapse is None:
                 raise self._failure(steps, marched.space, marched.code)
             steps = replace(steps, count=round(collapse.time / steps.h))
             marched = self._integrate(steps, history)
         error = observed.energy(marched.space).error
-        if not -error < _RUNAWAY and not self.allow_unstable:
+        if not -error < RUNAWAY and not self.allow_unstable:
             reason = f"the motion ends with {1.0 - error:.3g} times the input energy"
             raise self._diverged(steps, *self._reached(steps, marched.space), reason, _runaway_story(marched.space))
         return self._response(steps, marched, collapse)
@@ -189,16 +189,22 @@ class Case:
     def _failure_notes(self) -> tuple[str, ...]:
         return (*(self.record.notes if self.record else ()), *self._stiffening_note())
 
-    def _collapse(self, steps: Steps, marched: Marched) -> Collapse | None:
-        """When the drift first exceeded the collapse drift or a story failed, as the march noted it.
+    def judge(self, steps: Steps, code: int, numbers: Array) -> Collapse | None:
+        """When the drift first exceeded the collapse drift or a story failed, as a march noted it that ended with a
+        code and left these `numbers` (`Workspace.observed`).
 
         It is the building's own if the method has made less energy by then than the input energy. Else a run that came
         to its end has diverged, and of one that failed it is not said.
+
+        Raises
+        ------
+        FailedRun
+            The run came to its end, but on energy that the method made.
         """
-        noted = observed.collapse(marched.space)
+        noted = observed.collapse(numbers)
         if noted is None:
             return None
-        code, time = marched.code, noted.steps * steps.h
+        time = noted.steps * steps.h
         made = -noted.energy.error
         own = made < _MADE and noted.steps > 0
         if own or (code == 0 and (noted.steps == 0 or self.allow_unstable)):

@@ -7,6 +7,7 @@ from tdint.analysis.run.workspace import kernels
 from tdint.kernels.building.variant import EVERYTHING, Variant
 from tdint.kernels.compiling import Kernel
 from tdint.kernels.laws.apart import kernels_apart
+from tdint.kernels.march.many import many
 from tdint.kernels.oscillators.bilinear import bilinear_response
 from tdint.kernels.oscillators.elastic import peaks
 from tdint.kernels.oscillators.modes import largest_drifts
@@ -27,5 +28,5 @@ def of_model(model: Model, integrator: Integrator) -> list[tuple[Kernel, Variant
 def of_everything() -> list[tuple[Kernel, Variant]]:
     """All kernels, each for all scenes."""
     steps = [one for name in catalogue() for one in kernels(parse(name), EVERYTHING)]
-    others = (follow, peaks, rotated_peaks, largest_drifts, bilinear_response, *kernels_apart())
+    others = (many, follow, peaks, rotated_peaks, largest_drifts, bilinear_response, *kernels_apart())
     return [*steps, *((kernel, EVERYTHING) for kernel in others)]

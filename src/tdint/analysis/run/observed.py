@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import reduce
-from operator import sub
+from operator import add, sub
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,13 +20,17 @@ Array = NDArray[np.float64]
 
 def story_peaks(building: Building, space: Workspace) -> StoryPeaks:
     """The peaks of all stories."""
-    peaks = space.peaks
+    return peaks_of(building, space.peaks, space.springs[DRIFT, :-1].copy())
+
+
+def peaks_of(building: Building, peaks: Array, residual_drift: Array) -> StoryPeaks:
+    """The peaks of all stories from the rows of `Workspace.peaks` and the drifts at the end."""
     drift = peaks[observing.PEAK_DRIFT]
     return StoryPeaks(
         height=building.heights,
         peak_drift=drift,
         peak_drift_ratio=drift / building.heights,
-        residual_drift=space.springs[DRIFT, :-1].copy(),
+        residual_drift=residual_drift,
         peak_shear=peaks[observing.PEAK_SHEAR],
         ductility=drift / building.yield_drift,
         peak_displacement=peaks[observing.PEAK_DISPLACEMENT],
@@ -38,6 +42,15 @@ def story_peaks(building: Building, space: Workspace) -> StoryPeaks:
 def energy(space: Workspace) -> Energy:
     """The energies at the end."""
     return _energy(space.observed)
+
+
+def energy_errors(observed: Array) -> Array:
+    """`Energy.error` at the end of each run, from rows of `Workspace.observed`; shape (runs,)."""
+    terms = dict(zip(ENERGY_TERMS, observed.T[: observing.ENERGY_TERMS], strict=True))
+    spent = reduce(add, [term for name, term in terms.items() if name != "input"])
+    largest = observed[:, observing.ENERGY_LARGEST]
+    imbalance = observed[:, observing.ENERGY_START] + terms["input"] - spent
+    return np.asarray(np.divide(imbalance, largest, out=np.zeros_like(largest), where=largest > 0.0))
 
 
 def _energy(numbers: Array) -> Energy:
@@ -57,9 +70,8 @@ class NotedCollapse:
     energy: Energy
 
 
-def collapse(space: Workspace) -> NotedCollapse | None:
-    """What a march noted of a collapse; None if there was none."""
-    observed = space.observed
+def collapse(observed: Array) -> NotedCollapse | None:
+    """What a march noted of a collapse among its numbers (`Workspace.observed`); None if there was none."""
     if observed[observing.COLLAPSE_STEP] == observing.NO_COLLAPSE:
         return None
     return NotedCollapse(

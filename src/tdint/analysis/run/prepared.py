@@ -13,10 +13,14 @@ from numpy.typing import NDArray
 
 from tdint.analysis.run.amplification import Instability, find_instability
 from tdint.analysis.run.steps import Steps
-from tdint.analysis.run.workspace import Workspace, check_suited, integrate, kernels, variant, workspace
+from tdint.analysis.run.workspace import HALVINGS, Workspace, check_suited, integrate, kernels, variant, workspace
 from tdint.kernels.building.obtaining import obtain
 from tdint.kernels.building.variant import Variant
-from tdint.kernels.layout import DISPLACEMENT, FORCE_COLUMNS, VELOCITY
+from tdint.kernels.layout import DISPLACEMENT, FORCE_COLUMNS, LOAD_SIZE, VELOCITY
+from tdint.kernels.march.many import END_COLUMNS, GROUND_SIZE, many
+from tdint.kernels.march.march import march
+from tdint.kernels.march.observing import OBSERVED_SIZE, PEAK_ROWS
+from tdint.kernels.march.stories import begin, take_stock
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, assemble
 from tdint.model.definition import Model
@@ -35,6 +39,45 @@ class Marched:
     space: Workspace
     code: int
     seconds: float
+
+
+@dataclass(frozen=True)
+class MarchedRuns:
+    """What many marches left; arrays over the runs first.
+
+    Attributes
+    ----------
+    peaks : ndarray, shape (runs, PEAK_ROWS, n)
+        As `Workspace.peaks`.
+    drifts : ndarray, shape (runs, n)
+        At the end, m.
+    observed : ndarray, shape (runs, OBSERVED_SIZE)
+        As `Workspace.observed`.
+    ends : ndarray, shape (runs, END_COLUMNS)
+        The columns of `tdint.kernels.march.many`: code, steps taken, whether at rest.
+    """
+
+    peaks: Array
+    drifts: Array
+    observed: Array
+    ends: Array
+
+
+@dataclass(frozen=True)
+class Rest:
+    """How long many marches go on after their steps with the ground at rest; not at all by default.
+
+    Attributes
+    ----------
+    window, windows : int
+        Steps of a window, and the most windows.
+    quiet : float
+        Largest velocity of a floor in a window, over the largest displacement of the run, at which it ends, 1/s.
+    """
+
+    window: int = 1
+    windows: int = 0
+    quiet: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -162,3 +205,53 @@ class PreparedBuilding:
         begin = time.perf_counter()
         code = integrate(integrator, coefficients, self.building, self.forces, motion, steps, space, self.variant)
         return Marched(space, code, time.perf_counter() - begin)
+
+    def march_many(
+        self,
+        integrator: Integrator,
+        h: float,
+        samples: Array,
+        runs: Array,
+        *,
+        collapse_drift: float = math.inf,
+        rest: Rest | None = None,
+    ) -> MarchedRuns:
+        """Integrate many runs of one step h (s) in one compiled call; each is the one that `march` makes.
+
+        Parameters
+        ----------
+        samples : ndarray
+            Ground accelerations of all runs, one after the other, m/s^2.
+        runs : ndarray, shape (runs, RUN_COLUMNS)
+            The columns of `tdint.kernels.march.many`: where in `samples` a run's motion is, its factor, its steps.
+
+        Raises
+        ------
+        AnalysisError
+            The method does not integrate this building.
+        """
+        check_suited(integrator, self.building)
+        self.compile([integrator])
+        rest = rest or Rest()
+        count, n = len(runs), self.building.stories
+        space = workspace(self.building, integrator, between=self.resolves(h), collapse_drift=collapse_drift)
+        state = np.zeros_like(space.state)
+        state[DISPLACEMENT, :-1] = self.displacement
+        state[VELOCITY, :-1] = self.velocity
+        marched = MarchedRuns(
+            peaks=np.zeros((count, PEAK_ROWS, n)),
+            drifts=np.zeros((count, n)),
+            observed=np.zeros((count, OBSERVED_SIZE)),
+            ends=np.zeros((count, END_COLUMNS)),
+        )
+        many.compiled(
+            *(kernel.variant(self.variant) for kernel in (march, integrator.family.step, begin, take_stock)),
+            HALVINGS if integrator.family.halvable else 0, h, samples, runs, self.coefficients(integrator, h),
+            self.building.chain, self.building.modal, self.building.laws, self.forces,
+            state, space.springs, space.memo, space.observed,
+            space.state, space.springs.copy(), space.work, space.memo.copy(),
+            np.zeros(LOAD_SIZE), np.zeros(int(np.max(runs[:, GROUND_SIZE]))), space.watch, space.limits,
+            np.zeros(n), space.history, rest.window, rest.windows, rest.quiet,
+            marched.peaks, marched.drifts, marched.observed, marched.ends,
+        )  # fmt: skip
+        return marched

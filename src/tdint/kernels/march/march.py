@@ -30,7 +30,7 @@ from tdint.kernels.march.observing import (
 from tdint.kernels.march.stories import BEGIN, TAKE_STOCK, call_begin, call_take_stock
 from tdint.kernels.stepping import STEP, call_step
 
-_MARCH = I8(
+MARCH = I8(
     STEP,  # step
     BEGIN,  # what brings the drift laws to the initial state
     TAKE_STOCK,  # what sums up their energies
@@ -91,7 +91,7 @@ def _watch(take_stock, chain, laws, state, springs, limits, peaks, steps, observ
         note_collapse(limits, springs, peaks, steps, observed)
 
 
-@kernel(_MARCH, parts=())
+@kernel(MARCH, parts=())
 def march(
     step, begin, take_stock, steps, first, last, per_sample, stride, halvings,
     h, ground, coefficients, chain, modal, laws, forces,

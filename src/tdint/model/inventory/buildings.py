@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -47,8 +48,16 @@ def derive_all(
     for name, deviation in (("stiffness", stiffness), ("damping", damping)):
         if not 0.0 <= deviation <= _MOST_SCATTER:
             raise UsageError(f"the scatter of the {name} must be from 0 to {_MOST_SCATTER:g}, got {deviation:g}")
-    derive = RULES[rules]
-    return [InventoryBuilding(row, derive(row.facts, _scatter(row.id, stiffness, damping, seed))) for row in rows]
+    one = partial(derive_row, rules=rules, stiffness=stiffness, damping=damping, seed=seed)
+    return [InventoryBuilding(row, one(row)) for row in rows]
+
+
+def derive_row(
+    row: InventoryRow, rules: str, *, stiffness: float = 0.0, damping: float = 0.0, seed: int = 0
+) -> DerivedBuilding:
+    """The building of one row; parameters are those of `derive_all`, which checks them."""
+    scatter = _scatter(row.id, stiffness, damping, seed) if stiffness or damping else None
+    return RULES[rules](row.facts, scatter)
 
 
 def _scatter(name: str, stiffness: float, damping: float, seed: int) -> Scatter:

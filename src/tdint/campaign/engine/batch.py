@@ -1,0 +1,246 @@
+"""All runs of one building in one compiled call, and what becomes of each of them.
+
+What comes to its end without a collapse is taken from the arrays as it is. All else is judged by
+`tdint.analysis.run.case.Case`, as a single run is; and what fails there is repeated with half of the step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.analysis.run import observed
+from tdint.analysis.run.case import RUNAWAY, Case
+from tdint.analysis.run.outcome import Collapse, FailedRun, Response, StoryPeaks
+from tdint.analysis.run.prepared import MarchedRuns, Rest
+from tdint.analysis.run.steps import Steps, finer
+from tdint.campaign.engine.rows import (
+    Extremes,
+    Intensity,
+    RunRow,
+    StoryRow,
+    row_of_failure,
+    row_of_response,
+    run_key,
+    story_rows,
+)
+from tdint.campaign.engine.runs import Motions, Run
+from tdint.campaign.engine.settings import AT_REST, REPEATS, REST_PERIODS, RunSettings
+from tdint.campaign.engine.subject import Subject
+from tdint.kernels.march import many as lanes
+from tdint.kernels.march import observing
+
+Array = NDArray[np.float64]
+
+_REPEATED = ("not-converged", "diverged")
+
+
+@dataclass
+class Rows:
+    """The rows of some runs; those of stories only if they are asked for."""
+
+    runs: list[RunRow] = field(default_factory=list)
+    stories: list[StoryRow] = field(default_factory=list)
+
+    def extend(self, others: Rows) -> None:
+        """Take in other rows."""
+        self.runs += others.runs
+        self.stories += others.stories
+
+
+@dataclass(frozen=True)
+class _Job:
+    """A run with its steps and how often it was repeated."""
+
+    run: Run
+    steps: Steps
+    repeats: int = 0
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Runs of one building.
+
+    Attributes
+    ----------
+    number : int
+        The building's number in the campaign.
+    subject : Subject
+        The building and its method.
+    motions : Motions
+        The ground motions, those of `spectral` among them.
+    spectral : mapping of int to float or None
+        Sa(T1) of each motion at the scale 1, m/s^2.
+    """
+
+    number: int
+    subject: Subject
+    motions: Motions
+    spectral: dict[int, float | None]
+    settings: RunSettings
+
+    def results(self, runs: Sequence[Run]) -> Rows:
+        """Integrate the runs.
+
+        Raises
+        ------
+        UsageError
+            A step that does not fit a record.
+        AnalysisError
+            The method does not integrate this building.
+        """
+        results = Rows()
+        steps = {motion: self._steps(motion) for motion in dict.fromkeys(run.motion for run in runs)}
+        jobs = [_Job(run, steps[run.motion]) for run in runs]
+        while jobs:
+            failed: list[_Job] = []
+            for h in dict.fromkeys(job.steps.h for job in jobs):
+                failed += self._at_step([job for job in jobs if job.steps.h == h], results)
+            jobs = failed
+        return results
+
+    def _steps(self, motion: int) -> Steps:
+        return self._case(Run(motion, 1.0)).steps(self.settings.dt, self.settings.duration)
+
+    def _case(self, run: Run) -> Case:
+        record = self.motions.records[run.motion]
+        scaled = record if run.scale == 1.0 else record.scaled(run.scale)
+        return Case(self.subject.model, self.subject.prepared, scaled, self.subject.integrator)
+
+    def _at_step(self, jobs: list[_Job], results: Rows) -> list[_Job]:
+        """Integrate runs of one step; the rows of those that are done join the results, the others are returned with a
+        finer step."""
+        if self.subject.prepared.instability(self.subject.integrator, jobs[0].steps.h):
+            for job in jobs:
+                self._take_failure(job, "unstable-step", results)
+            return []
+        marched = self._march(jobs)
+        doubtful = _doubtful(marched)
+        self._take(jobs, marched, np.flatnonzero(~doubtful), results)
+        again = []
+        for i in np.flatnonzero(doubtful).tolist():
+            job = jobs[i]
+            try:
+                self._judge(job, marched, i, results)
+            except FailedRun as failure:
+                if failure.status not in _REPEATED or job.repeats == REPEATS:
+                    self._take_failure(job, failure.status, results)
+                else:
+                    again.append(_Job(job.run, finer(job.steps), job.repeats + 1))
+        return again
+
+    def _judge(self, job: _Job, marched: MarchedRuns, i: int, results: Rows) -> None:
+        """What a run is that collapsed, or did not come to its end.
+
+        Raises
+        ------
+        FailedRun
+            It failed.
+        """
+        code, taken = int(marched.ends[i, lanes.CODE]), int(marched.ends[i, lanes.STEPS_TAKEN])
+        numbers = marched.observed[i]
+        if code == 0 and -observed.energy_errors(marched.observed[i : i + 1])[0] < RUNAWAY:
+            collapse = self._case(job.run).judge(job.steps, code, numbers)
+            self._take([job], marched, np.array([i]), results, collapse)
+            return
+        # As far as the call came, and the step in which it failed.
+        most = max(taken, int(numbers[observing.STEPS_REACHED]) + 1)
+        response = self._case(job.run).march(replace(job.steps, count=max(most, job.steps.count)))
+        self._take_response(job, response, results)
+
+    def _march(self, jobs: list[_Job]) -> MarchedRuns:
+        h = jobs[0].steps.h
+        return self.subject.prepared.march_many(
+            self.subject.integrator, h, self.motions.samples, self._table(jobs),
+            collapse_drift=self.subject.model.collapse_drift, rest=self._rest(h),
+        )  # fmt: skip
+
+    def _table(self, jobs: list[_Job]) -> Array:
+        """The runs as the compiled call takes them."""
+        motions = self.motions
+        return np.array(
+            [
+                [
+                    motions.starts[job.run.motion], motions.records[job.run.motion].acceleration.size, job.run.scale,
+                    job.steps.count, job.steps.per_sample, job.steps.stride,
+                ]
+                for job in jobs
+            ],
+            dtype=np.float64,
+        )  # fmt: skip
+
+    def _rest(self, h: float) -> Rest:
+        if not self.settings.until_rest:
+            return Rest()
+        period = self.subject.period
+        return Rest(math.ceil(period / h), round(REST_PERIODS), AT_REST * 2.0 * math.pi / period)
+
+    def _take(
+        self, jobs: list[_Job], marched: MarchedRuns, places: NDArray[np.intp], results: Rows,
+        collapse: Collapse | None = None,
+    ) -> None:  # fmt: skip
+        """Rows of runs that came to their end: those at `places` of the arrays, jobs likewise or just these."""
+        if not places.size:
+            return
+        chosen = jobs if len(jobs) == places.size else [jobs[i] for i in places.tolist()]
+        for row in self._rows(chosen, marched, places, collapse):
+            results.runs.append(row)
+        if self.settings.stories:
+            for job, i in zip(chosen, places.tolist(), strict=True):
+                results.stories += story_rows(self.number, job.run, self._story_peaks(marched, i))
+
+    def _rows(
+        self, jobs: list[_Job], marched: MarchedRuns, places: NDArray[np.intp], collapse: Collapse | None
+    ) -> Iterator[RunRow]:
+        heights = self.subject.prepared.building.heights
+        peaks, residual = marched.peaks[places], np.abs(marched.drifts[places])
+        drifts = peaks[:, observing.PEAK_DRIFT]
+        drift, ratio = Extremes.of(drifts), Extremes.of(drifts / heights)
+        acceleration = Extremes.of(peaks[:, observing.PEAK_ACCELERATION])
+        columns = (
+            ratio.value, np.where(ratio.place > 0, ratio.place, drift.place), drift.value,
+            Extremes.of(residual / heights).value, acceleration.value, acceleration.place,
+            peaks[:, observing.PEAK_DISPLACEMENT, -1], peaks[:, observing.PEAK_SHEAR, 0],
+            observed.energy_errors(marched.observed[places]), marched.ends[places, lanes.STEPS_TAKEN].astype(int),
+        )  # fmt: skip
+        status, time, story = "done", None, None
+        if collapse:
+            status = "failed-story" if collapse.failed else "collapsed"
+            time, story = collapse.time, collapse.story
+        cells = zip(*(column.tolist() for column in columns), strict=True)
+        for job, i, row in zip(jobs, places.tolist(), cells, strict=True):
+            measures = self._measures(job.run)
+            rest = int(marched.ends[i, lanes.AT_REST])
+            start = (self.number, *run_key(job.run), job.steps.h, status, time, story)
+            yield RunRow._make((*start, *row, measures.pga, measures.sa_t1, rest, job.repeats))
+
+    def _story_peaks(self, marched: MarchedRuns, i: int) -> StoryPeaks:
+        building = self.subject.prepared.building
+        return observed.peaks_of(building, marched.peaks[i], marched.drifts[i])
+
+    def _take_response(self, job: _Job, response: Response, results: Rows) -> None:
+        results.runs.append(row_of_response(self.number, job.run, response, self._measures(job.run), job.repeats))
+        if self.settings.stories:
+            results.stories += story_rows(self.number, job.run, response.stories)
+
+    def _take_failure(self, job: _Job, status: str, results: Rows) -> None:
+        results.runs.append(
+            row_of_failure(self.number, job.run, job.steps.h, status, self._measures(job.run), job.repeats)
+        )
+
+    def _measures(self, run: Run) -> Intensity:
+        spectral, factor = self.spectral[run.motion], abs(run.scale)
+        pga = self.motions.records[run.motion].pga
+        return Intensity(pga * factor, None if spectral is None else spectral * factor)
+
+
+def _doubtful(marched: MarchedRuns) -> NDArray[np.bool_]:
+    """Runs that did not come to their end, collapsed, or went on with energy that the method made."""
+    numbers = marched.observed
+    made = ~(-observed.energy_errors(numbers) < RUNAWAY)
+    collapsed = numbers[:, observing.COLLAPSE_STEP] != observing.NO_COLLAPSE
+    return np.asarray((marched.ends[:, lanes.CODE] < 0) | collapsed | made)

@@ -1,0 +1,93 @@
+"""A chunk of runs: what one thread, or a worker far away, does without asking for anything more."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from tdint.analysis.spectra.elastic import spectrum
+from tdint.analysis.spectra.first_mode import SA_DAMPING
+from tdint.campaign.engine.batch import Batch, Rows
+from tdint.campaign.engine.runs import Motions, Run
+from tdint.campaign.engine.settings import RunSettings
+from tdint.campaign.engine.subject import Subject
+from tdint.errors import AnalysisError
+from tdint.ground_motion.record import Record
+
+
+class Source(Protocol):
+    """What makes a building: the building itself, or a row of an inventory with its rules."""
+
+    def subject(self) -> Subject:
+        """The building."""
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Some runs, with all that they need.
+
+    Attributes
+    ----------
+    number : int
+        Of the chunk in its campaign.
+    buildings : tuple of (int, Source, tuple of Run)
+        Of each building its number, what makes it, and its runs.
+    records : mapping of int to Record
+        The ground motions by their numbers.
+    """
+
+    number: int
+    buildings: tuple[tuple[int, Source, tuple[Run, ...]], ...]
+    records: Mapping[int, Record]
+    settings: RunSettings
+
+
+@dataclass(frozen=True)
+class Done:
+    """A chunk that is done: its rows, and how long it took, s."""
+
+    number: int
+    results: Rows
+    seconds: float
+
+
+def do(chunk: Chunk) -> Done:
+    """Integrate the runs of a chunk. Errors are those of `Batch.results`."""
+    began = time.perf_counter()
+    motions = Motions.of(chunk.records)
+    made = [(number, source.subject(), runs) for number, source, runs in chunk.buildings]
+    spectral = _spectral(chunk.records, [(subject, runs) for _, subject, runs in made])
+    results = Rows()
+    for (number, subject, runs), sa in zip(made, spectral, strict=True):
+        results.extend(Batch(number, subject, motions, sa, chunk.settings).results(runs))
+    return Done(chunk.number, results, time.perf_counter() - began)
+
+
+def _spectral(
+    records: Mapping[int, Record], wanted: list[tuple[Subject, tuple[Run, ...]]]
+) -> list[dict[int, float | None]]:
+    """Sa(T1) of each building's motions: of one motion the periods of all buildings at once."""
+    found: list[dict[int, float | None]] = [{} for _ in wanted]
+    users: dict[int, list[int]] = {}
+    for place, (_, runs) in enumerate(wanted):
+        for motion in dict.fromkeys(run.motion for run in runs):
+            users.setdefault(motion, []).append(place)
+    for motion, places in users.items():
+        values = spectral_accelerations(records[motion], [wanted[place][0].period for place in places])
+        for place, value in zip(places, values, strict=True):
+            found[place][motion] = value
+    return found
+
+
+def spectral_accelerations(record: Record, periods: list[float]) -> list[float | None]:
+    """Sa of a record at some periods, m/s^2, 5 % damping; None for a period that is too short for it."""
+    try:
+        return list(spectrum(record, np.array(periods), SA_DAMPING).psa.tolist())
+    except AnalysisError:
+        if len(periods) == 1:
+            return [None]
+    return [value for period in periods for value in spectral_accelerations(record, [period])]

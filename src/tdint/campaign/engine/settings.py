@@ -1,0 +1,35 @@
+"""How the runs of a campaign are integrated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+REPEATS = 3
+"""How often a run that failed is repeated, each time with half of the step before."""
+
+REST_PERIODS = 100.0
+"""How long a run goes on with the ground at rest, in first periods of the building."""
+
+AT_REST = 1e-3
+"""Amplitude of what is left of the motion, over the largest displacement, from which a building is at rest."""
+
+
+@dataclass(frozen=True)
+class RunSettings:
+    """What is the same for all runs of a campaign.
+
+    Attributes
+    ----------
+    dt, duration : float or None
+        Time step and duration, s; None: those of the building's model, else those of the record.
+    until_rest : bool
+        Go on after that with the ground at rest, by whole first periods of the building, until the velocities in one
+        of them are those of an amplitude below `AT_REST` times the largest displacement; for `REST_PERIODS` at most.
+    stories : bool
+        Keep the peaks of every story, too.
+    """
+
+    dt: float | None = None
+    duration: float | None = None
+    until_rest: bool = False
+    stories: bool = False

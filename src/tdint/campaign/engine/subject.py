@@ -1,0 +1,46 @@
+"""A building of a campaign, put together once for all its runs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+from tdint.analysis.run.prepared import PreparedBuilding
+from tdint.methods.catalogue import parse
+from tdint.methods.method import Integrator
+from tdint.model.definition import Model
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A building and the method that integrates it; what follows from both is found once and kept.
+
+    Attributes
+    ----------
+    model : Model
+        The building; what it says of a record is not asked.
+    method : str
+        The method with its parameters.
+    """
+
+    model: Model
+    method: str
+
+    @cached_property
+    def prepared(self) -> PreparedBuilding:
+        """The building as arrays."""
+        return PreparedBuilding.of(self.model)
+
+    @cached_property
+    def integrator(self) -> Integrator:
+        """The method."""
+        return parse(self.method)
+
+    @cached_property
+    def period(self) -> float:
+        """First period of the initial stiffness, s."""
+        return 2.0 * math.pi / self.prepared.building.first_mode()[0]
+
+    def __reduce__(self) -> tuple[type[Subject], tuple[Model, str]]:
+        return Subject, (self.model, self.method)  # what was kept is found again where it goes

@@ -1,0 +1,129 @@
+"""Runs of one building in one compiled call are the runs that `tdint.run_case` makes one by one, to the last digit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import tdint
+from tdint.analysis.run.demands import demands
+from tdint.analysis.run.run import FailedRun
+from tdint.campaign.engine.batch import Batch
+from tdint.campaign.engine.rows import RunRow
+from tdint.campaign.engine.runs import Motions, Run
+from tdint.campaign.engine.settings import REPEATS, RunSettings
+from tdint.campaign.engine.subject import Subject
+from tdint.ground_motion.record import Record
+
+RECORDS = {
+    number: tdint.read_record(f"records/{name}.mseed", component=component, units="m/s^2")
+    for number, (name, component) in enumerate([("firm-soil", "HN1"), ("near-fault", "HN2")])
+}
+SCALES = (0.5, -1.0, 4.0, 12.0)
+RUNS = [Run(motion, scale) for motion in RECORDS for scale in SCALES]
+
+
+def batch(model: str, method: str, **settings: bool | float) -> Batch:
+    subject = Subject(tdint.load_model(f"configs/{model}.yaml"), method)
+    return Batch(0, subject, Motions.of(RECORDS), dict.fromkeys(RECORDS), RunSettings(**settings))
+
+
+def single(of: Batch, run: Run, **wishes: float) -> tdint.analysis.run.run.Response:
+    case = tdint.prepare(of.subject.model, RECORDS[run.motion].scaled(run.scale), method=of.subject.method)
+    return tdint.run_case(case, **wishes)
+
+
+def rows_by_run(rows: list[RunRow]) -> dict[Run, RunRow]:
+    found = {Run(row.motion, row.scale, row.sample): row for row in rows}
+    assert len(found) == len(rows)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("model", "method"), [("ten-story-bilinear", "impulse4"), ("collapse-prone-frame", "newmark-average")]
+)
+def test_rows_are_those_of_single_runs(model: str, method: str) -> None:
+    """Runs to the end, collapses, and collapses from which the motion runs away."""
+    of = batch(model, method, stories=True)
+    results = of.results(RUNS)
+    rows = rows_by_run(results.runs)
+    assert set(rows) == set(RUNS)
+    for run in RUNS:
+        response, row = single(of, run), rows[run]
+        found = demands(response.stories)
+        assert (row.status, row.steps, row.energy_error) == (response.status, response.steps, response.energy.error)
+        assert (row.peak_drift_ratio, row.peak_drift_story) == found.drift_ratio
+        assert (row.peak_acceleration, row.peak_acceleration_floor) == found.acceleration
+        assert (row.peak_drift, row.residual_drift_ratio) == (found.drift.value, found.residual_drift_ratio.value)
+        assert (row.peak_roof_displacement, row.peak_base_shear) == (found.roof_displacement[0], found.base_shear[0])
+        assert row.pga == RECORDS[run.motion].pga * abs(run.scale)
+        if response.collapse:
+            assert (row.collapse_time, row.collapse_story) == (response.collapse.time, response.collapse.story)
+        stories = [one for one in results.stories if (one.motion, one.scale) == (run.motion, run.scale)]
+        assert [one.story for one in stories] == list(range(1, len(of.subject.model.stories) + 1))
+        for name in ("peak_drift", "residual_drift", "peak_shear", "peak_velocity", "peak_acceleration"):
+            np.testing.assert_array_equal([getattr(one, name) for one in stories], getattr(response.stories, name))
+    if model == "collapse-prone-frame":
+        assert {"done", "collapsed"} <= {row.status for row in rows.values()}
+
+
+def test_a_run_does_not_depend_on_the_others() -> None:
+    of = batch("ten-story-bilinear", "impulse4")
+    together = rows_by_run(of.results(RUNS).runs)
+    backwards = rows_by_run(of.results(RUNS[::-1]).runs)
+    assert together == backwards == rows_by_run([of.results([run]).runs[0] for run in RUNS])
+
+
+def test_until_rest_is_a_longer_run_that_ends_at_rest() -> None:
+    """The residual drift is that of the same run with its duration given; twice as long, it changes by no more than
+    the amplitude that is left."""
+    of = batch("ten-story-bilinear", "impulse4", until_rest=True)
+    rows = rows_by_run(of.results(RUNS[:3]).runs)
+    plain = rows_by_run(batch("ten-story-bilinear", "impulse4").results(RUNS[:3]).runs)
+    for run, row in rows.items():
+        assert row.at_rest == 1 and row.steps > plain[run].steps
+        same = demands(single(of, run, duration=row.steps * row.dt).stories)
+        assert row.residual_drift_ratio == same.residual_drift_ratio.value
+        assert row.peak_drift_ratio == same.drift_ratio.value
+        later = demands(single(of, run, duration=2.0 * row.steps * row.dt).stories)
+        assert abs(later.residual_drift.value - same.residual_drift.value) < 2e-3 * same.roof_displacement.value
+
+
+def test_an_undamped_building_never_rests() -> None:
+    """It swings on for as long as is waited for, and the row says so."""
+    model = tdint.load_model("configs/ten-story-bilinear.yaml")
+    subject = Subject(replace(model, damping=None), "impulse4")
+    of = Batch(0, subject, Motions.of(RECORDS), dict.fromkeys(RECORDS), RunSettings(until_rest=True, dt=0.01))
+    (row,) = of.results([Run(0, 0.01)]).runs
+    assert row.status == "done" and row.at_rest == 0
+    assert row.steps * row.dt > 100.0 * subject.period
+
+
+def test_what_fails_is_repeated_with_finer_steps() -> None:
+    """A run that fails with the step asked for has the peaks of the coarsest finer step with which it does not."""
+    noise = Record(5.0 * np.random.default_rng(1).standard_normal(400), 0.1, "", "", "", "noise")
+    model = tdint.load_model("configs/hardening.yaml")
+    subject = Subject(model, "newmark-linear")
+    of = Batch(0, subject, Motions.of({0: noise}), {0: None}, RunSettings(dt=0.1, duration=noise.duration))
+    (row,) = of.results([Run(0, 3.0)]).runs
+    case = tdint.prepare(model, noise.scaled(3.0), method="newmark-linear")
+    for repeats in range(REPEATS + 1):
+        dt = 0.1 / 2**repeats
+        try:
+            response = tdint.run_case(case, dt=dt, duration=noise.duration)
+        except FailedRun as failure:
+            assert row.repeats > repeats or (row.status, row.repeats) == (failure.status, REPEATS)
+        else:
+            assert (row.dt, row.repeats, row.status) == (dt, repeats, response.status)
+            assert row.peak_drift == demands(response.stories).drift.value
+            break
+    assert row.repeats > 0
+
+
+def test_an_unstable_step_is_a_row_with_its_status() -> None:
+    of = batch("ten-story-bilinear", "central-difference", dt=0.5)
+    (row,) = of.results([Run(0, 1.0)]).runs
+    assert (row.status, row.dt, row.peak_drift, row.steps) == ("unstable-step", 0.5, None, None)
+    assert row.pga == RECORDS[0].pga
