@@ -93,22 +93,31 @@ def butterworth(record: Record, kind: str, corner: float, corners: int) -> Recor
 
     The motion is zero outside its samples. `kind` is highpass or lowpass, `corner` in Hz.
     """
-    if not corner * record.dt < 0.5 - _NARROWEST:
-        nyquist = 0.5 / record.dt
-        raise RecordError(
-            f"{_label(record)}: {kind} {corner:g} Hz is not below the Nyquist frequency, {nyquist:.6g} Hz"
-        )
-    if corner * record.dt < _NARROWEST:
-        raise RecordError(f"{_label(record)}: {kind} {corner:g} Hz is too low for samples {record.dt:g} s apart")
-    from scipy.signal import butter, sosfilt, zpk2sos  # 0.8 s, for filters only
-
-    zeros, poles, gain = butter(corners, corner, kind, fs=1.0 / record.dt, output="zpk")
-    sections = zpk2sos(zeros, poles, gain)
-    settling = math.ceil(math.log(_SETTLED) / math.log(float(np.max(np.abs(poles)))))
-    forwards = sosfilt(sections, np.pad(record.acceleration, (0, settling)))
-    samples = sosfilt(sections, forwards[::-1])[::-1][: record.acceleration.size]
+    samples = zero_phase(record.acceleration, record.dt, kind, corner, corners, _label(record))
     note = f"{kind} {corner:g} Hz: Butterworth filter of order {corners}, forwards and backwards"
     return _done(record, samples, note)
+
+
+def zero_phase(samples: Array, dt: float, kind: str, corner: float, corners: int, label: str) -> Array:
+    """The samples (along the first axis, dt seconds apart) after the filter of `butterworth`; `label` names them.
+
+    Raises
+    ------
+    RecordError
+        The corner is out of the reach of such samples.
+    """
+    if not corner * dt < 0.5 - _NARROWEST:
+        raise RecordError(f"{label}: {kind} {corner:g} Hz is not below the Nyquist frequency, {0.5 / dt:.6g} Hz")
+    if corner * dt < _NARROWEST:
+        raise RecordError(f"{label}: {kind} {corner:g} Hz is too low for samples {dt:g} s apart")
+    from scipy.signal import butter, sosfilt, zpk2sos  # 0.8 s, for filters only
+
+    zeros, poles, gain = butter(corners, corner, kind, fs=1.0 / dt, output="zpk")
+    sections = zpk2sos(zeros, poles, gain)
+    settling = math.ceil(math.log(_SETTLED) / math.log(float(np.max(np.abs(poles)))))
+    after = [(0, settling), *[(0, 0)] * (samples.ndim - 1)]
+    forwards = sosfilt(sections, np.pad(samples, after), axis=0)
+    return np.asarray(sosfilt(sections, forwards[::-1], axis=0)[::-1][: len(samples)])
 
 
 def resample(record: Record, dt: float) -> Record:

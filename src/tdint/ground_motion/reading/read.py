@@ -15,7 +15,7 @@ from tdint.ground_motion.horizontals import Horizontals, find_horizontals
 from tdint.ground_motion.instrument import Instruments, read_instruments, remove_response
 from tdint.ground_motion.reading.archive import is_archive, members
 from tdint.ground_motion.reading.plugins import Contents, has_known_format, read_contents
-from tdint.ground_motion.reading.scale import Motion, declared_units, to_acceleration
+from tdint.ground_motion.reading.scale import Motion, declared_units, to_acceleration, to_motion
 from tdint.ground_motion.reading.segments import (
     Channel,
     check_equal_sampling,
@@ -26,7 +26,8 @@ from tdint.ground_motion.reading.segments import (
     join,
 )
 from tdint.ground_motion.reading.source import digested, read_bytes
-from tdint.ground_motion.record import Record
+from tdint.ground_motion.record import Input, Record
+from tdint.ground_motion.signal import Signal
 from tdint.units import Units, parse_units
 
 _LOGGER = getLogger("tdint.assumptions")
@@ -133,6 +134,40 @@ def _read(
     if units is not None and inventory is not None:
         raise UsageError("units and an inventory are given; the inventory gives the units, leave one of them out")
     wanted = None if units is None else parse_units(units)
+    found, input_file = _components(source, component, single=single)
+    instruments = None if inventory is None else read_instruments(inventory)
+    inputs = (input_file, *([instruments.input] if instruments else []))
+    return tuple(replace(_to_record(one, trace, wanted, instruments), inputs=inputs) for one, trace in found)
+
+
+def read_signal(source: str | Path, *, units: str | None = None, component: str | None = None) -> Signal:
+    """Read one component as it is, in SI units: a velocity or a displacement is not differentiated.
+
+    Parameters and errors are those of `read_record`.
+    """
+    wanted = None if units is None else parse_units(units)
+    ((one, trace),), input_file = _components(source, component, single=True)
+    motion = to_motion(trace, one.contents.format, wanted, one.label)
+    dt = float(trace.stats.delta)
+    check_finite(motion.samples, dt, one.label)
+    start = _start(trace)
+    return Signal(
+        samples=motion.samples,
+        dt=dt,
+        quantity=motion.quantity,
+        label=one.label,
+        start=float(trace.stats.starttime.timestamp) if start else None,
+        clock="UTC" if start else "",
+        notes=(*one.contents.notes, *motion.notes),
+        warnings=motion.warnings,
+        input=input_file,
+    )
+
+
+def _components(
+    source: str | Path, component: str | None, *, single: bool
+) -> tuple[list[tuple[_Component, Any]], Input]:
+    """The components of a file, or the one of this name, each with its trace; and the file."""
     name = str(source)
     data = read_bytes(source)
     parts = _records_in(data, name, layout) if is_archive(data) else [(name, data)]
@@ -146,12 +181,7 @@ def _read(
     for part, _ in parts:
         of_part = (trace for one, trace in zip(found, traces, strict=True) if one.source == part)
         check_equal_sampling([(trace.id, float(trace.stats.delta)) for trace in of_part], part)
-    instruments = None if inventory is None else read_instruments(inventory)
-    inputs = (digested(data, source), *([instruments.input] if instruments else []))
-    return tuple(
-        replace(_to_record(one, trace, wanted, instruments), inputs=inputs)
-        for one, trace in zip(found, traces, strict=True)
-    )
+    return list(zip(found, traces, strict=True)), digested(data, source)
 
 
 @dataclass(frozen=True)
@@ -213,16 +243,16 @@ def _to_record(one: _Component, trace: Any, wanted: Units | None, instruments: I
     for warning in motion.warnings:
         _LOGGER.warning("%s: %s", label, warning)
     dt = float(trace.stats.delta)
-    check_finite(motion.acceleration, dt, label)
-    check_possible(motion.acceleration, label)
+    check_finite(motion.samples, dt, label)
+    check_possible(motion.samples, label)
     return Record(
-        acceleration=motion.acceleration,
+        acceleration=motion.samples,
         dt=dt,
         start=_start(trace),
         id=channel.id,
         component=channel.code,
         source=one.source,
-        notes=(*contents.notes, *motion.notes, *doubts(motion.acceleration)),
+        notes=(*contents.notes, *motion.notes, *doubts(motion.samples)),
         warnings=motion.warnings,
         units=motion.units,
         units_from=motion.units_from,

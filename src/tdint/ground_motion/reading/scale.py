@@ -44,15 +44,15 @@ class Declared:
 
 @dataclass(frozen=True)
 class Motion:
-    """A trace's samples as acceleration, and how its units are known; attributes as in `tdint.ground_motion.record`.
+    """A trace's samples in SI units, and how these are known; attributes as in `tdint.ground_motion.record`.
 
     Attributes
     ----------
-    acceleration : ndarray, shape (samples,)
-        m/s^2.
+    samples : ndarray, shape (samples,)
+        What `quantity` says in m, m/s or m/s^2; the acceleration of that where `to_acceleration` made it.
     """
 
-    acceleration: NDArray[np.float64]
+    samples: NDArray[np.float64]
     units: str
     units_from: str
     quantity: str = "acceleration"
@@ -61,7 +61,17 @@ class Motion:
 
 
 def to_acceleration(trace: Any, format_name: str, wanted: Units | None, label: str) -> Motion:
-    """Convert a trace's samples to m/s^2, applying every factor exactly once.
+    """Convert a trace's samples to m/s^2: as `to_motion`, and differentiated where they are no acceleration."""
+    motion = to_motion(trace, format_name, wanted, label)
+    if motion.quantity == "acceleration":
+        return motion
+    note = f"the {motion.quantity} of the file is differentiated: {_DIFFERENCES}"
+    samples = differentiated(motion.samples, float(trace.stats.delta), motion.quantity)
+    return replace(motion, samples=samples, notes=(*motion.notes, note))
+
+
+def to_motion(trace: Any, format_name: str, wanted: Units | None, label: str) -> Motion:
+    """Convert a trace's samples to SI units, applying every factor exactly once.
 
     A unit is stated by the format, by the file or by the user. Nothing else is leaned on but one convention, see
     `assumed_units`.
@@ -97,7 +107,7 @@ def to_acceleration(trace: Any, format_name: str, wanted: Units | None, label: s
     calibration = float(trace.stats.calib)
     notes = [] if calibration == 1.0 else [f"the header's calibration factor {calibration:g} is not applied: no unit"]
     if wanted:
-        return _motion(trace, _times(trace.data, wanted.scale), wanted, "given", notes)
+        return _motion(_times(trace.data, wanted.scale), wanted, "given", notes)
     units, warning = assumed_units(trace, format_name, label)
     samples = _times(trace.data, units.scale)
     return Motion(samples, units.text, "assumed", notes=tuple(notes), warnings=(warning,))
@@ -146,16 +156,11 @@ def _by_the_file(trace: Any, declared: Declared, wanted: Units | None, label: st
         notes.append(f"counts turned into m/s^2 with the file's calibration factor {declared.factor:.6g}")
         units = replace(units, text=f"{declared.factor:.6g} {units.text}")
     scale = declared.factor * declared.units.scale
-    return _motion(trace, _times(samples, scale), units, declared.origin, notes)
+    return _motion(_times(samples, scale), units, declared.origin, notes)
 
 
-def _motion(trace: Any, samples: NDArray[np.float64], units: Units, origin: str, notes: list[str]) -> Motion:
-    """The acceleration of samples in SI units, differentiated where they are a velocity or a displacement."""
-    acceleration = samples
-    if units.quantity != "acceleration":
-        acceleration = differentiated(samples, float(trace.stats.delta), units.quantity)
-        notes = [*notes, f"the {units.quantity} of the file is differentiated: {_DIFFERENCES}"]
-    return Motion(acceleration, units.text, origin, units.quantity, tuple(notes))
+def _motion(samples: NDArray[np.float64], units: Units, origin: str, notes: list[str]) -> Motion:
+    return Motion(samples, units.text, origin, units.quantity, tuple(notes))
 
 
 def differentiated(samples: NDArray[np.float64], dt: float, quantity: str) -> NDArray[np.float64]:

@@ -34,7 +34,7 @@ def read_excitation(value: Value | None, unit: ModelUnits, count: int | None, fo
 def _read_record(value: Value, folder: Path) -> RecordSource | None:
     if not value.is_list and not value.is_mapping:
         file = value.text()
-        return RecordSource(_resolve(file, folder), None, None, 1.0, None) if file else None
+        return RecordSource(resolve(file, folder), None, None, 1.0, None) if file else None
     section = value.section(_RECORD_KEYS, "a file or a mapping with the key file")
     if section is None:
         return None
@@ -42,11 +42,11 @@ def _read_record(value: Value, folder: Path) -> RecordSource | None:
     units = section.get("units")
     inventory = section.text("inventory")
     return RecordSource(
-        file=_resolve(section.text("file") or "", folder),
+        file=resolve(section.text("file") or "", folder),
         units=_read_units(units) if units else None,
         component=section.text("component"),
         scale=_read_scale(section),
-        inventory=_resolve(inventory, folder) if inventory else None,
+        inventory=resolve(inventory, folder) if inventory else None,
         processing=read_processing(section),
         layout=read_layout(section),
     )
@@ -63,7 +63,7 @@ def _read_units(value: Value) -> str | None:
     return text
 
 
-def _resolve(file: str, folder: Path) -> str:
+def resolve(file: str, folder: Path) -> str:
     """The path as seen from the working directory, without `folder/..` where that means the same; `-` stays."""
     if file == "-":
         return file

@@ -69,7 +69,7 @@ _DEFAULT_COLLAPSE_DRIFT = 0.10
 
 
 @dataclass(frozen=True)
-class _Source:
+class SourceText:
     """A model file as read: how messages call it, its default name, the folder its paths start from, its content."""
 
     label: str
@@ -99,7 +99,7 @@ def load_model(source: str | Path | TextIO) -> Model:
         Its keys count list entries from 1 as they stand in the file: `stories[2]` is the second entry of `stories`,
         whatever `repeat` the first one has.
     """
-    origin = _read_source(source)
+    origin = read_source(source)
     faults = Faults(origin.label)
     root = Value(parse(decode(origin.data, faults), faults), "", faults)
     section = root.section(_KEYS)
@@ -109,20 +109,20 @@ def load_model(source: str | Path | TextIO) -> Model:
     return model
 
 
-def _read_source(source: str | Path | TextIO) -> _Source:
+def read_source(source: str | Path | TextIO) -> SourceText:
     if source is sys.stdin or (isinstance(source, str | Path) and str(source) == "-"):
         if sys.stdin is None:
             raise ModelError("-: standard input is closed; give a model file")
-        return _Source("-", "model", Path(), _read_stream(getattr(sys.stdin, "buffer", sys.stdin), "-"))
+        return SourceText("-", "model", Path(), _read_stream(getattr(sys.stdin, "buffer", sys.stdin), "-"))
     if isinstance(source, str | Path):
         path, label = Path(source), str(source) or "."
-        return _Source(label, path.stem, path.parent, _read_file(path, label))
+        return SourceText(label, path.stem, path.parent, _read_file(path, label))
     if not hasattr(source, "read"):
         raise ModelError(f"a model is a file's name or a text stream, not {type(source).__name__}")
     name = getattr(source, "name", None)
     if isinstance(name, str) and not name.startswith("<"):
-        return _Source(name, Path(name).stem, Path(name).parent, _read_stream(source, name))
-    return _Source("<stream>", "model", Path(), _read_stream(source, "<stream>"))
+        return SourceText(name, Path(name).stem, Path(name).parent, _read_stream(source, name))
+    return SourceText("<stream>", "model", Path(), _read_stream(source, "<stream>"))
 
 
 def _read_file(path: Path, label: str) -> bytes:
@@ -150,7 +150,7 @@ def _read_stream(stream: TextIO | BinaryIO, label: str) -> bytes:
     return content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content
 
 
-def _read_model(section: Section, origin: _Source) -> Model:
+def _read_model(section: Section, origin: SourceText) -> Model:
     """The model; faults are noted, and leave nan or None behind."""
     unit = read_units(section.get("units"))
     p_delta_value = section.get("p_delta")

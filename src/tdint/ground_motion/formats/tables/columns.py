@@ -134,7 +134,7 @@ def _parts(text: str) -> list[str]:
 
 def _columns(parts: list[str]) -> list[ColumnName]:
     """What each name says; nothing if one of them is empty."""
-    words = [_name_and_units(part) for part in parts]
+    words = [name_and_units(part) for part in parts]
     if not words or any(not name for name, _ in words):
         return []
     kinds = [_classified(name, units, place == 0 and len(words) > 1) for place, (name, units) in enumerate(words)]
@@ -160,7 +160,7 @@ def _beside_acceleration(column: ColumnName) -> ColumnName:
     return replace(column, kind=kind, component="") if kind else column
 
 
-def _name_and_units(text: str) -> tuple[str, str]:
+def name_and_units(text: str) -> tuple[str, str]:
     """`Time (s)` and `time_s` as time and s, `acceleration_m_s2` as acceleration and m/s^2."""
     name = text.strip().strip("\"'").lower()
     match = _UNITS_IN_BRACKETS.fullmatch(name) or _UNITS_AT_END.fullmatch(name)

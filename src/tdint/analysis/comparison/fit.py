@@ -1,0 +1,307 @@
+"""The stiffnesses and damping ratios with which a model comes closest to a recorded event.
+
+Least squares on the floors' histories have many minima: a mode that is off by a few percent loses step with the
+recording. So the floors' smoothed Fourier spectra are fitted first, in logarithms, which lead from far away; from
+there the histories are fitted (Levenberg 1944, Marquardt 1963, by trust regions: Branch, Coleman and Li 1999).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from tdint.analysis.comparison.compare import (
+    best_shift,
+    case_under,
+    compared_floors,
+    computed_floors,
+    is_linear,
+    respond,
+)
+from tdint.analysis.comparison.event import Event
+from tdint.errors import AnalysisError, UsageError
+from tdint.model.definition import Damping, ModalDamping, Model, RayleighCoefficients, RayleighRatio
+from tdint.model.laws import LAWS
+from tdint.model.recorded.definition import AUTO
+
+Array = NDArray[np.float64]
+
+FITTED = ("stiffness", "damping")
+
+_FACTOR = 10.0  # by which a stiffness may change, either way
+_RATIOS = (1e-4, 0.5)
+_SMALLEST = 1e-4  # relative step of a numerical derivative
+_SCAN = np.geomspace(0.4, 2.5, 41)  # common factors of the stiffnesses to start from
+_STARTS, _CANDIDATES = 3, 2
+_BANDWIDTH = 0.1  # of the smoothing, in the logarithm of frequency, either side
+_FREQUENCIES = 120
+_LOWEST_CYCLES = 5  # periods of the lowest frequency of a spectrum that the recording holds
+_UNTOLD = 0.1  # relative standard error from which a value is not told by the recording
+_FAILED = 10.0  # rms difference of a run without result
+
+
+@dataclass(frozen=True)
+class FittedValue:
+    """A value before and after the fit.
+
+    Attributes
+    ----------
+    name : str
+        `stiffness` (N/m), `damping_ratio`, or a Rayleigh coefficient: `mass_coefficient` (1/s),
+        `stiffness_coefficient` (s).
+    place : int or None
+        The story or mode, from 1; None for a value that is common to all.
+    start, value : float
+        Before and after.
+    standard_error : float
+        Of the value, if what remains of the difference were independent from sample to sample; inf where the recording
+        does not tell the value.
+    """
+
+    name: str
+    place: int | None
+    start: float
+    value: float
+    standard_error: float
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A model fitted to an event: its values, the runs that it took, and what there is to say of it."""
+
+    model: Model
+    values: tuple[FittedValue, ...]
+    runs: int
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Free:
+    """A value that may change: its bounds, and the model with another one."""
+
+    name: str
+    place: int | None
+    start: float
+    bounds: tuple[float, float]
+    put: Callable[[Model, float], Model]
+
+
+def fit(
+    model: Model, event: Event, what: Sequence[str], *, progress: Callable[[int], None] = lambda runs: None
+) -> Fit:
+    """Fit a model to an event.
+
+    Parameters
+    ----------
+    what : sequence of str
+        What may change, of `FITTED`: the stiffness of each story (yield forces stay), the values of `damping` as the
+        model has them.
+    progress : callable
+        Told the number of runs so far.
+
+    Raises
+    ------
+    UsageError
+        Nothing or something unknown to fit, or a model that has no such values of its own.
+    AnalysisError
+        No run with such values has a result.
+    """
+    free = _free_values(model, what)
+    problem = _Problem(model, event, free, progress)
+    bounds = np.log([value.bounds for value in free]).T
+    start = np.clip(np.log([value.start for value in free]), *bounds)
+    candidates = []
+    for first in _starts(problem, start, bounds, "stiffness" in what):
+        found = least_squares(
+            problem.spectral, first, bounds=bounds, diff_step=_SMALLEST, xtol=1e-4, ftol=1e-4, max_nfev=15
+        )
+        candidates.append((found.cost, found.x))
+    best = None
+    for _, first in sorted(candidates, key=lambda one: float(one[0]))[:_CANDIDATES]:
+        problem.settle_shift(first)
+        found = least_squares(problem.temporal, first, bounds=bounds, diff_step=_SMALLEST, xtol=1e-8, ftol=1e-8)
+        if best is None or found.cost < best.cost:
+            best = found
+    assert best is not None
+    if not best.cost < 0.5 * _FAILED:
+        raise AnalysisError("the fit found no values with which the model has a result; start from other ones")
+    errors = _standard_errors(best)
+    values = tuple(
+        FittedValue(one.name, one.place, one.start, math.exp(x), math.exp(x) * error)
+        for one, x, error in zip(free, best.x, errors, strict=True)
+    )
+    notes = [
+        f"{_called(one)} is hardly told by the recording: its standard error is "
+        + (f"{100.0 * error:.0f} %" if math.isfinite(error) else "beyond measure")
+        for one, error in zip(values, errors, strict=True)
+        if error > _UNTOLD
+    ]
+    return Fit(problem.model(best.x), values, problem.runs, tuple(notes))
+
+
+class _Problem:
+    """Differences between an event and the model with other values, given by their logarithms."""
+
+    def __init__(self, model: Model, event: Event, free: Sequence[_Free], progress: Callable[[int], None]) -> None:
+        self._start, self._event, self._free, self._progress = model, event, free, progress
+        self._method = "exact" if is_linear(model) else None
+        wanted = event.recording.shift
+        self._shift = 0.0 if wanted == AUTO else float(wanted)
+        self._auto = wanted == AUTO
+        self.runs = 0
+
+    def model(self, logarithms: Array) -> Model:
+        """The model with these values."""
+        model = self._start
+        for one, logarithm in zip(self._free, logarithms, strict=True):
+            model = one.put(model, math.exp(logarithm))
+        return model
+
+    def computed(self, logarithms: Array) -> list[Array] | None:
+        """The floors' motions; None if the run has no result."""
+        self.runs += 1
+        self._progress(self.runs)
+        try:
+            case = case_under(self.model(logarithms), self._event, self._method)
+            return computed_floors(respond(case, None, self._event.recording.band), self._event)
+        except AnalysisError:
+            return None
+
+    def settle_shift(self, logarithms: Array) -> None:
+        """Find the shift of the recordings, if it is to be found."""
+        computed = self.computed(logarithms) if self._auto else None
+        if computed is not None:
+            self._shift = best_shift(self._event, computed)
+
+    def temporal(self, logarithms: Array) -> Array:
+        """Differences of the histories over the recording's rms; their squares sum to the mean over the floors."""
+        computed = self.computed(logarithms)
+        if computed is None:
+            return np.full(self._event.count, _FAILED / math.sqrt(self._event.count))
+        floors = compared_floors(self._event, computed, self._shift)
+        size = [math.sqrt(len(floors)) * (float(np.linalg.norm(one.recorded)) or 1.0) for one in floors]
+        return np.concatenate([(one.computed - one.recorded) / of for one, of in zip(floors, size, strict=True)])
+
+    def spectral(self, logarithms: Array) -> Array:
+        """Differences of the logarithms of the smoothed Fourier spectra."""
+        computed = self.computed(logarithms)
+        if computed is None:
+            return np.full(len(self._event.floors) * _FREQUENCIES, _FAILED)
+        floors = compared_floors(self._event, computed, self._shift)
+        dt, band = self._event.base.dt, self._event.recording.band
+        return np.concatenate(
+            [_smoothed(one.computed, dt, band) - _smoothed(one.recorded, dt, band) for one in floors]
+        )
+
+
+def _starts(problem: _Problem, start: Array, bounds: Array, stiffness: bool) -> list[Array]:
+    """Values to begin with: those given and, where stiffnesses are fitted, the best common factors on them."""
+    if not stiffness:
+        return [start]
+    stiff = np.array([one.name == "stiffness" for one in problem._free])
+    points = [np.clip(start + np.where(stiff, math.log(factor), 0.0), *bounds) for factor in _SCAN]
+    costs = np.array([float(np.sum(problem.spectral(point) ** 2)) for point in points])
+    lowest = [i for i in range(costs.size) if costs[i] == costs[max(0, i - 1) : i + 2].min()]
+    return [start, *(points[i] for i in sorted(lowest, key=lambda i: float(costs[i]))[:_STARTS])]
+
+
+def _smoothed(samples: Array, dt: float, band: tuple[float, float] | None) -> Array:
+    """Logarithm of the smoothed Fourier amplitude at frequencies in equal ratios, shape (_FREQUENCIES,)."""
+    low, high = band or (0.0, math.inf)
+    low, high = max(low, _LOWEST_CYCLES / (samples.size * dt)), min(high, 0.4 / dt)
+    power = np.abs(np.fft.rfft(samples)) ** 2
+    frequency = np.fft.rfftfreq(samples.size, dt)
+    total = np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * np.diff(frequency))])
+    centers = np.geomspace(low, high, _FREQUENCIES)
+    above, below = centers * math.exp(_BANDWIDTH), centers * math.exp(-_BANDWIDTH)
+    mean = (np.interp(above, frequency, total) - np.interp(below, frequency, total)) / (above - below)
+    return 0.5 * np.log(np.maximum(mean, np.finfo(float).tiny))
+
+
+def _standard_errors(found: object) -> Array:
+    """Relative standard errors from the Jacobian at the minimum, shape (values,); inf where it tells nothing."""
+    jacobian: Array = found.jac  # type: ignore[attr-defined]
+    rows, count = jacobian.shape
+    _, singular, directions = np.linalg.svd(jacobian, full_matrices=False)
+    told = singular > 1e-10 * singular[0]
+    variance = 2.0 * float(found.cost) / max(1, rows - count)  # type: ignore[attr-defined]
+    with np.errstate(divide="ignore"):
+        weights = np.where(told, variance / singular**2, 0.0)
+    errors = np.sqrt(np.sum(directions**2 * weights[:, None], axis=0))
+    return np.where(np.sum(directions[~told] ** 2, axis=0) > 1e-6, math.inf, errors)
+
+
+def _free_values(model: Model, what: Sequence[str]) -> list[_Free]:
+    unknown = [name for name in what if name not in FITTED]
+    if unknown or not what:
+        raise UsageError(f"fit {', '.join(FITTED)}, got {', '.join(map(repr, unknown)) or 'nothing'}")
+    free: list[_Free] = []
+    if "stiffness" in what:
+        free += [_stiffness(model, i) for i in range(len(model.stories))]
+    if "damping" in what:
+        free += _damping(model.damping)
+    return free
+
+
+def _stiffness(model: Model, i: int) -> _Free:
+    story = model.stories[i]
+    if LAWS[story.law.name].initial_stiffness is not None:
+        raise UsageError(
+            f"{model.name}: the stiffness of story {i + 1} follows from its {story.law.name} law; it cannot be fitted"
+        )
+
+    def put(model: Model, value: float) -> Model:
+        stories = list(model.stories)
+        stories[i] = replace(stories[i], stiffness=value)
+        return replace(model, stories=tuple(stories))
+
+    start = story.stiffness
+    return _Free("stiffness", i + 1, start, (start / _FACTOR, start * _FACTOR), put)
+
+
+def _damping(damping: Damping) -> list[_Free]:
+    """The values of the damping as the model has them; zeros (modes without damping) stay."""
+    if damping is None:
+        raise UsageError("the model has no damping to be fitted; write one, such as damping: {modal: 0.02}")
+    if isinstance(damping, RayleighCoefficients):
+        names = ("mass", "stiffness")
+        return [
+            _Free(f"{name}_coefficient", None, value, (value * 1e-3, value * 1e3), _set(name))
+            for name in names
+            if (value := getattr(damping, name)) > 0.0
+        ]
+    modes = damping.modes if isinstance(damping, RayleighRatio) else range(1, len(damping.ratios) + 1)
+    if isinstance(damping, ModalDamping) and len(damping.ratios) == 1:
+        return [_Free("damping_ratio", None, max(damping.ratios[0], _RATIOS[0]), _RATIOS, _set_ratio(0))]
+    return [
+        _Free("damping_ratio", mode, ratio, _RATIOS, _set_ratio(i))
+        for i, (mode, ratio) in enumerate(zip(modes, damping.ratios, strict=True))
+        if ratio > 0.0
+    ]
+
+
+def _set(name: str) -> Callable[[Model, float], Model]:
+    return lambda model, value: replace(model, damping=replace(model.damping, **{name: value}))  # type: ignore[type-var]
+
+
+def _set_ratio(i: int) -> Callable[[Model, float], Model]:
+    def put(model: Model, value: float) -> Model:
+        assert isinstance(model.damping, ModalDamping | RayleighRatio)
+        ratios = list(model.damping.ratios)
+        ratios[i] = value
+        return replace(model, damping=replace(model.damping, ratios=tuple(ratios)))
+
+    return put
+
+
+def _called(value: FittedValue) -> str:
+    name = value.name.replace("_", " ")
+    return name if value.place is None else f"the {name} of {_KIND.get(value.name, 'mode')} {value.place}"
+
+
+_KIND = {"stiffness": "story"}

@@ -1,0 +1,114 @@
+"""What one sensor recorded: samples of an acceleration, a velocity or a displacement, brought to other times."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.ground_motion.processing import CORNERS
+from tdint.ground_motion.processing_steps import zero_phase
+from tdint.ground_motion.record import Input
+from tdint.ground_motion.resampling import resampled
+
+Array = NDArray[np.float64]
+
+_SAME = 1e-9
+"""Relative difference up to which two sampling intervals are one."""
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One channel as it was recorded, in SI units.
+
+    Attributes
+    ----------
+    samples : ndarray, shape (samples,)
+        m, m/s or m/s^2.
+    dt : float
+        Sampling interval, s.
+    quantity : str
+        `acceleration`, `velocity` or `displacement`.
+    label : str
+        File and channel, for messages.
+    start : float or None
+        Time of the first sample, s, on the `clock`; None if the file does not tell.
+    clock : str
+        `UTC`, or `table` for the times of a table; empty without a start.
+    notes, warnings : tuple of str
+        What the reader assumed or did.
+    input : Input
+        The file that it was read from.
+    """
+
+    samples: Array
+    dt: float
+    quantity: str
+    label: str
+    start: float | None
+    clock: str
+    notes: tuple[str, ...]
+    warnings: tuple[str, ...]
+    input: Input
+
+    def with_samples(self, samples: Array, quantity: str | None = None) -> Signal:
+        """The same channel with other samples, of another quantity if one is named."""
+        return replace(self, samples=samples, quantity=quantity or self.quantity)
+
+    def centered(self) -> Signal:
+        """Without the sensor's offset, the median of the samples."""
+        return self.with_samples(self.samples - np.median(self.samples))
+
+    def times(self, factor: float) -> Signal:
+        """Multiplied by a factor."""
+        return self.with_samples(factor * self.samples)
+
+
+def in_band(samples: Array, dt: float, band: tuple[float, float] | None, label: str) -> Array:
+    """Samples (along the first axis) between two frequencies, Hz, by filters without shift of phase; as they are
+    without a band.
+
+    Raises
+    ------
+    RecordError
+        The band is out of the reach of such samples; `label` names them.
+    """
+    if band is None:
+        return samples
+    lower = zero_phase(samples, dt, "highpass", band[0], CORNERS, label)
+    return zero_phase(lower, dt, "lowpass", band[1], CORNERS, label)
+
+
+def at_times(samples: Array, dt: float, first: float, interval: float, count: int) -> Array:
+    """The band-limited motion through samples dt (s) apart, at the times 0, interval, ..., (count - 1) interval.
+
+    Parameters
+    ----------
+    first : float
+        Time of the first sample, s.
+
+    Returns
+    -------
+    ndarray, shape (count,)
+        nan before the first sample and after the last one.
+    """
+    if not math.isclose(dt, interval, rel_tol=_SAME):
+        samples, _ = resampled(samples, dt, interval)
+    whole = math.floor(first / interval + 0.5)
+    rest = first / interval - whole
+    if abs(rest) > _SAME * max(1, count):
+        samples = _delayed(samples, rest)
+    result = np.full(count, np.nan)
+    begin, end = max(0, whole), min(count, whole + samples.size)
+    if begin < end:
+        result[begin:end] = samples[begin - whole : end - whole]
+    return result
+
+
+def _delayed(samples: Array, part: float) -> Array:
+    """The band-limited motion a part of the sampling interval later; it is zero outside its samples."""
+    size = 2 * samples.size
+    phase = np.exp(-2j * math.pi * part * np.fft.rfftfreq(size))
+    return np.fft.irfft(np.fft.rfft(samples, size) * phase, size)[: samples.size]

@@ -1,0 +1,157 @@
+"""Files of recordings: YAML to a checked `Recording`, with every fault at its line and column."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from tdint.errors import UsageError
+from tdint.model.config.excitation import resolve
+from tdint.model.config.fields import ANY, NOT_NEGATIVE, POSITIVE, Section, Value
+from tdint.model.config.read import read_source
+from tdint.model.config.yaml_source import Faults, MappingNode, ScalarNode, decode, parse
+from tdint.model.recorded.definition import AUTO, QUANTITIES, Recording, Sensor
+from tdint.units import GROUND_MOTION, parse_units
+
+_KEYS = ("name", "base", "floors", "band", "window", "shift")
+_SENSOR_KEYS = ("file", "component", "column", "units", "quantity", "sign")
+_SENSOR = "a file or a mapping with the key file"
+ROOF = "roof"
+
+
+def load_recording(source: str | Path, stories: int) -> Recording:
+    """Read a file of recordings made in a building with so many stories.
+
+    Parameters
+    ----------
+    source : str or Path
+        The YAML file; `-` is standard input. Relative paths in it start from its folder.
+
+    Raises
+    ------
+    ModelError
+        The file cannot be read, is not YAML or has faults; all faults are reported in one error, in file order.
+    """
+    origin = read_source(source)
+    faults = Faults(origin.label)
+    section = Value(parse(decode(origin.data, faults), faults), "", faults).section(_KEYS)
+    recording = None
+    if section:
+        base = section.need("base", "give the file that the ground's motion was recorded in, or a list of them")
+        floors = section.need("floors", "give the floors and the files that their motions were recorded in")
+        recording = Recording(
+            name=section.text("name") or origin.name,
+            source=origin.label,
+            text=origin.data,
+            base=_read_base(base, origin.folder) if base else (),
+            floors=_read_floors(floors, stories, origin.folder) if floors else (),
+            band=_read_pair(section, "band", "two frequencies (Hz), the lower one first", lowest_open=True),
+            window=_read_pair(section, "window", "two times (s), the earlier one first", lowest_open=False),
+            shift=_read_shift(section.get("shift")),
+        )
+    faults.raise_if_any()
+    assert recording is not None
+    return recording
+
+
+def _read_base(value: Value, folder: Path) -> tuple[Sensor, ...]:
+    """One sensor or a list of them."""
+    if not value.is_list:
+        return tuple(filter(None, [_read_sensor(value, folder)]))
+    items = value.items("a list of files") or ()
+    if not items:
+        value.fault("must name at least one file")
+    return tuple(filter(None, [_read_sensor(item, folder) for item in items]))
+
+
+def _read_floors(value: Value, stories: int, folder: Path) -> tuple[tuple[int, Sensor], ...]:
+    """The sensors by floor, from the ground up."""
+    node = value.node
+    if not isinstance(node, MappingNode):
+        value.section((), f"a mapping from floors (1 to {stories}, or {ROOF}) to their files")
+        return ()
+    names = [key.text for key, _ in node.entries if isinstance(key, ScalarNode)]
+    section = value.section(names)
+    assert section is not None
+    if not node.entries:
+        value.fault("must name at least one floor")
+    found: dict[int, Sensor] = {}
+    for name in dict.fromkeys(names):
+        entry = section.get(name)
+        if entry is None:
+            continue
+        floor = stories if name == ROOF else int(name) if name.isascii() and name.isdecimal() and len(name) < 9 else 0
+        if not 1 <= floor <= stories:
+            entry.fault(f"must be a floor from 1 to {stories} (the number of stories), or {ROOF}")
+        elif floor in found:
+            entry.fault(f"floor {floor} is given twice")
+        if sensor := _read_sensor(entry, folder):
+            found[floor] = sensor
+    return tuple(sorted(found.items()))
+
+
+def _read_sensor(value: Value, folder: Path) -> Sensor | None:
+    if not value.is_list and not value.is_mapping:
+        file = value.text()
+        return Sensor(resolve(file, folder)) if file else None
+    section = value.section(_SENSOR_KEYS, _SENSOR)
+    if section is None:
+        return None
+    section.need("file", "give the file of the recording")
+    column = section.get("column")
+    if column and section.has("component"):
+        column.fault("is for a table, component for a record; leave one of them out")
+    quantity = section.get("quantity")
+    sign = section.get("sign")
+    sensor = Sensor(
+        file=resolve(section.text("file") or "", folder),
+        component=section.text("component"),
+        column=column.text() if column else None,
+        units=section.text("units"),
+        quantity=quantity.choice(QUANTITIES, "quantity") if quantity else None,
+        sign=_read_sign(sign) if sign else 1,
+    )
+    _check_units(section.get("units"), sensor)
+    return sensor
+
+
+def _read_sign(value: Value) -> int:
+    number = value.number(ANY)
+    if not math.isnan(number) and abs(number) != 1.0:
+        value.fault("must be 1 or -1")
+    return -1 if number < 0.0 else 1
+
+
+def _check_units(value: Value | None, sensor: Sensor) -> None:
+    """Note units that are unknown, or those of another quantity."""
+    if value is None or sensor.units is None:
+        return
+    try:
+        units = parse_units(sensor.units)
+    except UsageError as error:
+        value.fault(str(error))
+        return
+    if sensor.quantity and units.quantity != sensor.quantity:
+        fitting = ", ".join(GROUND_MOTION[sensor.quantity])
+        value.fault(f"are those of a {units.quantity}, not of a {sensor.quantity}; give one of {fitting}")
+
+
+def _read_pair(section: Section, name: str, what: str, *, lowest_open: bool) -> tuple[float, float] | None:
+    """Two growing numbers; None if they are left out or faulty."""
+    value = section.get(name)
+    items = value.items(f"a list of {what}") if value else None
+    if value is None or items is None:
+        return None
+    if len(items) != 2:
+        value.fault(f"must be a list of {what}, got {len(items)}")
+        return None
+    low, high = items[0].number(POSITIVE if lowest_open else NOT_NEGATIVE), items[1].number(POSITIVE)
+    if low >= high:
+        value.fault(f"must be {what}")
+    return low, high
+
+
+def _read_shift(value: Value | None) -> float | str:
+    if value is None:
+        return 0.0
+    return AUTO if value.is_word(AUTO) else value.number(ANY, what=f"{AUTO} or a number of seconds")
