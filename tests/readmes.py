@@ -187,6 +187,9 @@ def column_tables():
         "tdint modes": (*columns.MODE, columns.mode_damping(None), *columns.MODE_END),
         "tdint law": columns.CYCLIC,
         "tdint pushover": columns.pushover(1),
+        "tdint compare": (*columns.COMPARISON, columns.of_event("")),
+        "spectra.csv of tdint compare": (*columns.COMPARISON_SPECTRA, columns.of_event("")),
+        "fit.csv of tdint compare": columns.FITTED,
         "tdint inventory": columns.INVENTORY,
         "tdint info": columns.INFO,
         "tdint spectrum": (*columns.OF_RECORD, *columns.SPECTRUM, *columns.CHOICES),
@@ -258,7 +261,8 @@ def checkout():
         folder = Path(name)
         for part in ("configs", "records"):
             (folder / part).symlink_to(ROOT / part)
-        (folder / "workshop.yaml").write_text(block("workshop"))
+        for shown in ("workshop", "recorded"):
+            (folder / f"{shown}.yaml").write_text(block(shown))
         path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
         yield folder, {**os.environ, "PATH": path}
 

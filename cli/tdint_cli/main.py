@@ -27,6 +27,7 @@ GROUPS = {
         "modes": ("buildings.modes", "Periods, damping ratios and modal masses of a building."),
         "law": ("buildings.law", "Cyclic test of one story: its force over imposed cycles of drift."),
         "pushover": ("buildings.pushover", "Base shear of a building over its roof displacement, pushed slowly."),
+        "compare": ("buildings.compare", "A building's result beside what was recorded in it."),
         "inventory": ("buildings.inventory", "Shear buildings by rules from a table of buildings."),
     },
     "Ground motions": {

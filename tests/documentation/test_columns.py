@@ -13,12 +13,16 @@ from tdint_cli.main import cli
 TEXT = (readmes.ROOT / "cli" / "README.md").read_text()
 OTHER_STORY = re.compile(r"story_(?!1_)\d+_")
 RECORD = "records/firm-soil.mseed --period 1"
+RECORDED = "{folder}/frame.yaml --recorded {folder}/recorded.yaml --blind {folder}/recorded.yaml --fit damping"
 COMMANDS = {
     "tdint run": "configs/ten-story.yaml --duration 1",
     "history.csv of tdint run": "configs/hardening.yaml --duration 0.1 --history",
     "tdint modes": "configs/ten-story.yaml",
     "tdint law": "configs/ten-story-bilinear.yaml --drift 1%",
     "tdint pushover": "configs/hazus-c1.yaml --drift 0.1%",
+    "tdint compare": RECORDED,
+    "spectra.csv of tdint compare": RECORDED,
+    "fit.csv of tdint compare": RECORDED,
     "tdint inventory": "configs/buildings.csv --units m",
     "tdint info": "records/firm-soil.mseed",
     "tdint spectrum": f"{RECORD} --maxima exact --interpolation linear",
@@ -47,12 +51,16 @@ def test_every_list_is_compared():
 @pytest.mark.parametrize("name", COMMANDS)
 def test_columns(name, monkeypatch, tmp_path):
     monkeypatch.chdir(readmes.ROOT)
-    arguments = f"{name.partition('tdint ')[2]} {COMMANDS[name]}".split()
-    history = name.startswith("history")
-    if history:
+    motion = f"{{file: {readmes.ROOT / 'records' / 'firm-soil.mseed'}, component: HN1}}"
+    (tmp_path / "recorded.yaml").write_text(f"base: {motion}\nfloors: {{1: {motion}}}\n")
+    (tmp_path / "frame.yaml").write_text("{stories: [{mass: 1, stiffness: 400}], damping: {modal: 0.05}}")
+    file, _, command = name.rpartition("tdint ")
+    arguments = f"{command} {COMMANDS[name].format(folder=tmp_path)}".split()
+    if file:
         arguments += ["-o", str(tmp_path / "out")]
     result = CliRunner().invoke(cli, arguments)
     assert result.exit_code == 0, result.output
-    header = ((tmp_path / "out" / "history.csv").read_text() if history else result.stdout).partition("\n")[0]
+    text = (tmp_path / "out" / file.split()[0]).read_text() if file else result.stdout
+    header = text.partition("\n")[0]
     # The columns of a story are listed for the first one.
     assert [column for column in header.split(",") if not OTHER_STORY.match(column)] == listed(name)

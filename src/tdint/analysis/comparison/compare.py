@@ -206,13 +206,13 @@ def computed_floors(response: Response, event: Event) -> list[Array]:
         )
     motions = {"acceleration": history.acceleration, "displacement": history.displacement}
     chosen = [motions[one.quantity][::every, one.floor - 1] for one in event.floors]
-    return list(event.filtered(np.column_stack(chosen)).T)
+    return list(event.filtered(np.column_stack(chosen).astype(np.float64)).T)
 
 
 def compared_floors(event: Event, computed: Sequence[Array], shift: float) -> tuple[FloorComparison, ...]:
     """The floors where and when both motions are known."""
     result = []
-    time = np.arange(event.count) * event.base.dt
+    time = np.arange(event.count, dtype=np.float64) * event.base.dt
     for floor, motion in zip(event.floors, computed, strict=True):
         recorded = floor.at(event.base.dt, event.count, shift)
         part = event.window(recorded, floor.signal.label)

@@ -122,7 +122,8 @@ class Event:
         return self.filtered(self.base.acceleration)
 
     def filtered(self, samples: Array) -> Array:
-        """What was computed at the base's times (along the first axis), as the recordings are: in the band, centered."""
+        """What was computed at the base's times (along the first axis), made what the recordings are: centered, in the
+        band."""
         centered = samples - np.median(samples, axis=0)
         return in_band(centered, self.base.dt, self.recording.band, self.base.source)
 
@@ -157,8 +158,8 @@ def _read(sensor: Sensor) -> Signal:
         signal = read_column(sensor.file, sensor.column, sensor.units)
     if sensor.quantity and signal.quantity != sensor.quantity:
         raise RecordError(
-            f"{signal.label}: its units are those of a {signal.quantity}, but its quantity is to be {sensor.quantity}; "
-            "correct the quantity, or give its units"
+            f"{signal.label}: its units say {signal.quantity}, its quantity says {sensor.quantity}; correct the "
+            "quantity, or give its units"
         )
     return signal.times(sensor.sign)
 

@@ -33,6 +33,8 @@ Array = NDArray[np.float64]
 
 FITTED = ("stiffness", "damping")
 
+_STIFFNESS = "stiffness_N_m"
+
 _FACTOR = 10.0  # by which a stiffness may change, either way
 _RATIOS = (1e-4, 0.5)
 _SMALLEST = 1e-4  # relative step of a numerical derivative
@@ -52,8 +54,8 @@ class FittedValue:
     Attributes
     ----------
     name : str
-        `stiffness` (N/m), `damping_ratio`, or a Rayleigh coefficient: `mass_coefficient` (1/s),
-        `stiffness_coefficient` (s).
+        `stiffness_N_m`, `damping_ratio`, or a Rayleigh coefficient: `mass_coefficient_1_s`,
+        `stiffness_coefficient_s`.
     place : int or None
         The story or mode, from 1; None for a value that is common to all.
     start, value : float
@@ -91,9 +93,7 @@ class _Free:
     put: Callable[[Model, float], Model]
 
 
-def fit(
-    model: Model, event: Event, what: Sequence[str], *, progress: Callable[[int], None] = lambda runs: None
-) -> Fit:
+def fit(model: Model, event: Event, what: Sequence[str], *, progress: Callable[[int], None] = lambda runs: None) -> Fit:
     """Fit a model to an event.
 
     Parameters
@@ -148,7 +148,7 @@ class _Problem:
     """Differences between an event and the model with other values, given by their logarithms."""
 
     def __init__(self, model: Model, event: Event, free: Sequence[_Free], progress: Callable[[int], None]) -> None:
-        self._start, self._event, self._free, self._progress = model, event, free, progress
+        self._start, self._event, self.free, self._progress = model, event, free, progress
         self._method = "exact" if is_linear(model) else None
         wanted = event.recording.shift
         self._shift = 0.0 if wanted == AUTO else float(wanted)
@@ -158,7 +158,7 @@ class _Problem:
     def model(self, logarithms: Array) -> Model:
         """The model with these values."""
         model = self._start
-        for one, logarithm in zip(self._free, logarithms, strict=True):
+        for one, logarithm in zip(self.free, logarithms, strict=True):
             model = one.put(model, math.exp(logarithm))
         return model
 
@@ -194,16 +194,14 @@ class _Problem:
             return np.full(len(self._event.floors) * _FREQUENCIES, _FAILED)
         floors = compared_floors(self._event, computed, self._shift)
         dt, band = self._event.base.dt, self._event.recording.band
-        return np.concatenate(
-            [_smoothed(one.computed, dt, band) - _smoothed(one.recorded, dt, band) for one in floors]
-        )
+        return np.concatenate([_smoothed(one.computed, dt, band) - _smoothed(one.recorded, dt, band) for one in floors])
 
 
 def _starts(problem: _Problem, start: Array, bounds: Array, stiffness: bool) -> list[Array]:
     """Values to begin with: those given and, where stiffnesses are fitted, the best common factors on them."""
     if not stiffness:
         return [start]
-    stiff = np.array([one.name == "stiffness" for one in problem._free])
+    stiff = np.array([one.name == _STIFFNESS for one in problem.free])
     points = [np.clip(start + np.where(stiff, math.log(factor), 0.0), *bounds) for factor in _SCAN]
     costs = np.array([float(np.sum(problem.spectral(point) ** 2)) for point in points])
     lowest = [i for i in range(costs.size) if costs[i] == costs[max(0, i - 1) : i + 2].min()]
@@ -220,7 +218,7 @@ def _smoothed(samples: Array, dt: float, band: tuple[float, float] | None) -> Ar
     centers = np.geomspace(low, high, _FREQUENCIES)
     above, below = centers * math.exp(_BANDWIDTH), centers * math.exp(-_BANDWIDTH)
     mean = (np.interp(above, frequency, total) - np.interp(below, frequency, total)) / (above - below)
-    return 0.5 * np.log(np.maximum(mean, np.finfo(float).tiny))
+    return np.asarray(0.5 * np.log(np.maximum(mean, np.finfo(float).tiny)))
 
 
 def _standard_errors(found: object) -> Array:
@@ -261,7 +259,7 @@ def _stiffness(model: Model, i: int) -> _Free:
         return replace(model, stories=tuple(stories))
 
     start = story.stiffness
-    return _Free("stiffness", i + 1, start, (start / _FACTOR, start * _FACTOR), put)
+    return _Free(_STIFFNESS, i + 1, start, (start / _FACTOR, start * _FACTOR), put)
 
 
 def _damping(damping: Damping) -> list[_Free]:
@@ -269,10 +267,10 @@ def _damping(damping: Damping) -> list[_Free]:
     if damping is None:
         raise UsageError("the model has no damping to be fitted; write one, such as damping: {modal: 0.02}")
     if isinstance(damping, RayleighCoefficients):
-        names = ("mass", "stiffness")
+        names = {"mass": "mass_coefficient_1_s", "stiffness": "stiffness_coefficient_s"}
         return [
-            _Free(f"{name}_coefficient", None, value, (value * 1e-3, value * 1e3), _set(name))
-            for name in names
+            _Free(called, None, value, (value * 1e-3, value * 1e3), _set(name))
+            for name, called in names.items()
             if (value := getattr(damping, name)) > 0.0
         ]
     modes = damping.modes if isinstance(damping, RayleighRatio) else range(1, len(damping.ratios) + 1)
@@ -294,14 +292,12 @@ def _set_ratio(i: int) -> Callable[[Model, float], Model]:
         assert isinstance(model.damping, ModalDamping | RayleighRatio)
         ratios = list(model.damping.ratios)
         ratios[i] = value
-        return replace(model, damping=replace(model.damping, ratios=tuple(ratios)))
+        return replace(model, damping=replace(model.damping, ratios=tuple(ratios)))  # type: ignore[arg-type]
 
     return put
 
 
 def _called(value: FittedValue) -> str:
-    name = value.name.replace("_", " ")
-    return name if value.place is None else f"the {name} of {_KIND.get(value.name, 'mode')} {value.place}"
-
-
-_KIND = {"stiffness": "story"}
+    if value.place is None:
+        return value.name
+    return f"{value.name} of {'story' if value.name == _STIFFNESS else 'mode'} {value.place}"

@@ -71,3 +71,8 @@ class Recording:
     band: tuple[float, float] | None
     window: tuple[float, float] | None
     shift: float | str
+
+    @property
+    def sensors(self) -> tuple[Sensor, ...]:
+        """All sensors, those of the base first."""
+        return (*self.base, *(sensor for _, sensor in self.floors))

@@ -133,7 +133,7 @@ def _check_units(value: Value | None, sensor: Sensor) -> None:
         return
     if sensor.quantity and units.quantity != sensor.quantity:
         fitting = ", ".join(GROUND_MOTION[sensor.quantity])
-        value.fault(f"are those of a {units.quantity}, not of a {sensor.quantity}; give one of {fitting}")
+        value.fault(f"say {units.quantity}, the quantity says {sensor.quantity}; give one of {fitting}")
 
 
 def _read_pair(section: Section, name: str, what: str, *, lowest_open: bool) -> tuple[float, float] | None:

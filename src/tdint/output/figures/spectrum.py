@@ -94,7 +94,7 @@ def draw_over_periods(
         axes.set_ylabel(label)
         axes.set_ylim(bottom=0.0)
     both[1].set_xlabel("period (s)")
-    _log_periods(both[1], results)
+    log_periods(both[1], np.concatenate([result.periods for result in results]))
     add_legend(figure, both[0], lines[::2], list(labels))  # a single line has its name in the title
     return figure
 
@@ -125,8 +125,9 @@ def _shown(periods: Array) -> NDArray[np.intp]:
     return positive if positive.size else order
 
 
-def _log_periods(axes: Any, results: Sequence[OverPeriods]) -> None:
-    shown = np.concatenate([result.periods[_shown(result.periods)] for result in results])
+def log_periods(axes: Any, periods: Array) -> None:
+    """A logarithmic axis over the positive ones of these periods (s)."""
+    shown = periods[_shown(periods)]
     low, high = float(np.min(shown)), float(np.max(shown))
     if not low > 0.0:
         return

@@ -28,7 +28,12 @@ _PACKAGES = ("tdint", "numpy", "scipy", "numba", "obspy")
 
 def model_input(model: Model) -> Input:
     """The input that a model file was, with the content that was read."""
-    return Input(model.source, hashlib.sha256(model.text).hexdigest())
+    return input_of(model.source, model.text)
+
+
+def input_of(source: str, text: bytes) -> Input:
+    """The input that a file with this content was."""
+    return Input(source, hashlib.sha256(text).hexdigest())
 
 
 def record_summary(record: Record) -> dict[str, Any]:

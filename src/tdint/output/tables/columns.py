@@ -345,3 +345,31 @@ INFO = (
     Column("trailing_zeros", "measures.trailing_zeros", "samples at the end that are zero"),
     Column("notes", _remarks, "remarks", text=True),
 )
+
+COMPARISON = (
+    Column("floor", "floor", "floor, from 1 at the bottom"),
+    Column("quantity", "quantity", "absolute acceleration, or displacement relative to the base", text=True),
+    Column("correlation", "correlation", "Pearson's coefficient of the computed and the recorded motion"),
+    Column("peak_ratio", "peak_ratio", "largest absolute value computed over that recorded"),
+    Column("rms_difference", "rms_difference", "root mean square of the difference over that of the recording"),
+)
+COMPARISON_SPECTRA = (
+    Column("floor", "floor", "floor, from 1 at the bottom"),
+    Column("period_s", "periods", "natural period"),
+    Column("computed_sa_m_s2", "computed", "largest absolute acceleration on the computed motion of the floor"),
+    Column("recorded_sa_m_s2", "recorded", "largest absolute acceleration on the recorded motion of the floor"),
+)
+FITTED = (
+    Column("parameter", "name", "what was fitted, with its unit", text=True),
+    Column("place", "place", "its story or mode, from 1; empty where it holds for all"),
+    Column("start", "start", "value of the model file"),
+    Column("fitted", "value", "value with which the model comes closest to the recording"),
+    Column(
+        "standard_error", "standard_error", "of the fitted value, for differences that are independent; inf: untold"
+    ),
+)
+
+
+def of_event(name: str) -> Column:
+    """The column that tells events apart, the last one."""
+    return Column("recorded", lambda _: name, "file of the recordings", text=True)

@@ -1,0 +1,286 @@
+"""`tdint compare`: a building's result beside what was recorded in it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tdint.errors import AnalysisError, UsageError
+from tdint_cli import options
+from tdint_cli.batch.sources import refuse_inputs
+from tdint_cli.options.output import check_picture
+from tdint_cli.options.plot import picture_file
+from tdint_cli.options.values import FileName, GridType
+from tdint_cli.terminal.drawing import emit_table
+from tdint_cli.terminal.streams import note, say, warn
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tdint.analysis.comparison.compare import Comparison
+    from tdint.analysis.comparison.event import Event
+    from tdint.analysis.comparison.fit import Fit
+    from tdint.files import Writer
+    from tdint.model.definition import Model
+    from tdint.quantities import Grid
+
+PERIODS = "0.04:4:100"
+"""Of the spectra, s, where none are asked for."""
+
+_FEW = 8  # fitted values that are said; all are written
+
+
+class Requirement(click.ParamType):  # type: ignore[type-arg]
+    """NAME=NUMBER: what the comparison of every floor must come to."""
+
+    name = "requirement"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[str, float]:
+        """The name and the number."""
+        if isinstance(value, tuple):
+            return value
+        from tdint.analysis.comparison.requirements import parse_requirement
+
+        try:
+            return parse_requirement(value)
+        except UsageError as error:
+            self.fail(str(error), param, ctx)
+
+
+@dataclass(frozen=True)
+class Request:
+    """The command line of `tdint compare`."""
+
+    model: str
+    recorded: str
+    fit: tuple[str, ...] | None
+    blind: tuple[str, ...] | None
+    require: tuple[tuple[str, float], ...] | None
+    method: str | None
+    dt: float | None
+    damping: float
+    periods: Grid | None
+    output: str | None
+    plot: str | None
+    overwrite: bool
+
+    def file(self, name: str) -> Path | None:
+        """The file of this name: in the folder of -o, or beside the table that -o names (`NAME.csv`: `NAME-name`)."""
+        if self.output is None:
+            return None
+        output = Path(self.output)
+        if output.suffix.lower() != ".csv":
+            return output / name
+        return output if name == TABLE else output.with_name(f"{output.stem}-{name}")
+
+    @property
+    def picture(self) -> Path | None:
+        """The file of the picture, if one is asked for."""
+        return picture_file(self.plot, self.file(TABLE))
+
+    @property
+    def outputs(self) -> list[Path]:
+        """All files that are written."""
+        names = (TABLE, SPECTRA, *((FIT,) if self.fit else ()), SUMMARY)
+        return [file for file in (*map(self.file, names), self.picture) if file]
+
+
+TABLE, SPECTRA, FIT, SUMMARY = "comparison.csv", "spectra.csv", "fit.csv", "summary.json"
+"""The files of a comparison."""
+
+
+@options.command("compare")
+@options.building.model
+@options.option(
+    "--recorded",
+    type=FileName(),
+    required=True,
+    metavar="FILE",
+    help="What was recorded in the building, and where: a YAML file with the keys base, floors, band, window, shift.",
+)
+@options.option(
+    "--fit",
+    type=click.Choice(["stiffness", "damping"]),
+    many=True,
+    metavar="stiffness,damping",
+    help="First fit the stiffnesses of the stories, or the damping, to the recording.",
+)
+@options.option(
+    "--blind",
+    type=FileName(),
+    many=True,
+    metavar="FILE,...",
+    help="Compare other recordings, too, with the fitted values; adds the column recorded.",
+)
+@options.option(
+    "--require",
+    type=Requirement(),
+    many=True,
+    metavar="NAME=NUMBER,...",
+    help="End with exit code 5 unless every floor has a correlation of at least this, a peak_ratio between this and "
+    "its inverse, or an rms_difference of at most this.",
+)
+@options.analysis.method
+@options.analysis.option(
+    "--dt",
+    type=float,
+    metavar="SECONDS",
+    help="Time step: the recording's sampling interval or a whole part of it; by default short enough that the "
+    "method's error is not seen.",
+)
+@options.spectra.option(
+    "--damping",
+    type=options.analysis.damping_ratio,
+    default=0.05,
+    metavar="RATIO",
+    help="Damping ratio of the floors' spectra; 0.05 (or 5%) by default.",
+)
+@options.spectra.option(
+    "--periods",
+    type=GridType(),
+    metavar="FIRST:LAST:COUNT",
+    help=f"Periods of the floors' spectra in equal ratios, s; {PERIODS} by default.",
+)
+@options.output.output(
+    "DIR|FILE.csv",
+    f"Write {TABLE}, {SPECTRA} and {SUMMARY} into this folder, with --fit {FIT}, too; or the table to this file and "
+    "the others beside it, their names behind its name.",
+)
+@options.output.picture
+@options.output.overwrite
+def command(**given: Any) -> None:
+    """A building's result beside what was recorded in it.
+
+    MODEL.yaml is a model file; the mean of the base's recordings drives it, in place of the record that it names. Each
+    recording loses its offset (the median), and the same filters without shift of phase, forwards and backwards, take
+    recording and result to the band. CSV, a row per floor: correlation, largest value computed over that recorded, rms
+    of the difference over that of the recording. With -o also the spectra of the floors' absolute accelerations.
+    """
+    _run(Request(**given))
+
+
+def _run(request: Request) -> None:
+    from tdint.analysis.comparison.compare import compare
+    from tdint.analysis.comparison.event import Event
+    from tdint.analysis.comparison.fit import fit
+    from tdint.model.config.read import load_model
+    from tdint.model.recorded.read import load_recording
+    from tdint.output.tables.comparison import comparison_table
+
+    _check(request)
+    model = load_model(request.model)
+    files = [request.recorded, *(request.blind or ())]
+    recordings = [load_recording(file, len(model.stories)) for file in files]
+    refuse_inputs(request.outputs, [sensor.file for one in recordings for sensor in one.sensors])
+    events = [Event.of(recording) for recording in recordings]
+    fitted = fit(model, events[0], request.fit) if request.fit else None
+    best = fitted.model if fitted else model
+    comparisons = [compare(best, event, method=request.method, dt=request.dt) for event in events]
+    if not request.output:
+        emit_table(comparison_table(comparisons))
+    _write(request, model, comparisons, fitted)
+    _remark(comparisons, fitted)
+    _judge(request, comparisons)
+
+
+def _check(request: Request) -> None:
+    """Refuse, before any work, what can be seen to fail."""
+    from tdint.files import check_outputs
+
+    if request.blind and not request.fit:
+        raise UsageError("--blind compares recordings with fitted values; add --fit, or compare them one by one")
+    if request.model == "-" and request.recorded == "-":
+        raise UsageError("standard input already holds the model; give the recordings as a file")
+    if request.picture:
+        check_picture(request.picture)
+    refuse_inputs(request.outputs, [request.model, request.recorded, *(request.blind or ())])
+    check_outputs(request.outputs, overwrite=request.overwrite)
+
+
+def _write(request: Request, model: Model, comparisons: Sequence[Comparison], fitted: Fit | None) -> None:
+    from tdint.files import write_files
+    from tdint.output.summaries.comparison import comparison_summary
+    from tdint.output.summaries.summary import json_bytes
+    from tdint.output.tables.comparison import comparison_spectra_table, comparison_table, fitted_table
+
+    periods = _periods(request, comparisons[0].event)
+    files: dict[Path, Writer] = {}
+
+    def add(name: str, content: bytes) -> None:
+        if file := request.file(name):
+            files[file] = lambda stream: stream.write(content)
+
+    if request.output:
+        add(TABLE, comparison_table(comparisons).csv())
+        add(SPECTRA, comparison_spectra_table(comparisons, periods, request.damping).csv())
+        if fitted:
+            add(FIT, fitted_table(fitted.values).csv())
+    if request.picture:
+        from tdint.output.figures.comparison import comparison_picture
+
+        files[request.picture] = comparison_picture(comparisons, periods, request.damping, request.picture.suffix)
+    add(SUMMARY, json_bytes(comparison_summary(model, comparisons, fitted, _settings(request))))
+    if files:
+        write_files(files, overwrite=request.overwrite)
+
+
+def _periods(request: Request, event: Event) -> NDArray[np.float64]:
+    """Those asked for; by default those of `PERIODS` that the recording's interval and its band leave."""
+    from tdint.quantities import parse_grid
+
+    if request.periods:
+        return request.periods.values()
+    band = event.recording.band or (0.0, float("inf"))
+    periods = parse_grid(PERIODS).values()
+    chosen = periods[(periods * band[1] >= 1.0) & (periods * band[0] <= 1.0) & (periods >= 2.0 * event.base.dt)]
+    return chosen if chosen.size else periods[-1:]
+
+
+def _settings(request: Request) -> dict[str, Any]:
+    return {
+        "method": request.method,
+        "dt_s": request.dt,
+        "fit": list(request.fit or ()),
+        "blind": list(request.blind or ()),
+        "require": dict(request.require or ()),
+        "damping": request.damping,
+        "periods": str(request.periods) if request.periods else None,
+    }
+
+
+def _remark(comparisons: Sequence[Comparison], fitted: Fit | None) -> None:
+    """What was done, in a few sentences; then warnings and notes."""
+    for one in comparisons:
+        event, run = one.event, one.response
+        band = event.recording.band
+        say(
+            f"{run.model.name} beside {event.recording.source}: {event.count} samples of {event.base.dt:.6g} s, "
+            + (f"{band[0]:g} to {band[1]:g} Hz, " if band else "unfiltered, ")
+            + f"PGA {event.base.pga:.3g} m/s^2; {run.method}, dt {run.dt:.6g} s"
+            + (f"; recordings shifted by {one.shift:.6g} s." if one.shift else ".")
+        )
+        for text in event.warnings:
+            warn(text)
+    if fitted:
+        changes = [f"{one.name}{f' {one.place}' if one.place else ''} {one.value:.5g}" for one in fitted.values]
+        more = f" and {len(changes) - _FEW} more" if len(changes) > _FEW else ""
+        source = comparisons[0].event.recording.source
+        say(f"Fitted to {source} in {fitted.runs} runs: {', '.join(changes[:_FEW])}{more}.")
+    for text in dict.fromkeys(text for one in comparisons for text in (*one.event.notes, *one.response.notes)):
+        note(text)
+    for text in fitted.notes if fitted else ():
+        note(text)
+
+
+def _judge(request: Request, comparisons: Sequence[Comparison]) -> None:
+    """Raise AnalysisError for what does not come up to the requirements; all is written before."""
+    from tdint.analysis.comparison.requirements import unmet
+
+    faults = [fault for one in comparisons for fault in unmet(one, request.require or ())]
+    if faults:
+        raise AnalysisError("; ".join(faults))

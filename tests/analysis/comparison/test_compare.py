@@ -1,0 +1,251 @@
+"""Results beside recordings: a recording made of a result agrees with it, and what is done to one side is found."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from tdint.analysis.comparison.compare import compare
+from tdint.analysis.comparison.event import Event
+from tdint.analysis.comparison.fit import fit
+from tdint.analysis.run.run import prepare, run_case
+from tdint.errors import AnalysisError, RecordError, UsageError
+from tdint.ground_motion.reading.scale import differentiated
+from tdint.ground_motion.record import Record
+from tdint.model.config.read import load_model
+from tdint.model.definition import ModalDamping
+from tdint.model.recorded.read import load_recording
+
+DT, SIZE = 0.02, 1500
+MODEL = """\
+stories:
+  - {mass: 1.0, stiffness: 900}
+  - {mass: 1.2, stiffness: 700}
+  - {mass: 0.8, stiffness: 500}
+damping: {modal: [0.02, 0.03, 0.04]}
+"""
+FLOORS = """\
+base: {file: event.csv, column: base_m_s2}
+floors:
+  1: {file: event.csv, column: floor_1_m_s2}
+  roof: {file: event.csv, column: floor_3_m_s2}
+"""
+
+
+def noise(seed, size=SIZE):
+    """A motion that fills the band, m/s^2, and rests at both ends."""
+    return np.random.default_rng(seed).normal(size=size) * np.sin(np.linspace(0.0, math.pi, size)) ** 2
+
+
+@pytest.fixture
+def made(tmp_path):
+    """A model, its exact response to a noise whose median is 0, what writes it as a table, what reads recordings."""
+    (tmp_path / "model.yaml").write_text(MODEL)
+    model = load_model(tmp_path / "model.yaml")
+    base = noise(1) - np.median(noise(1))
+    record = Record(base, DT, "", "", "", "noise")
+    history = run_case(prepare(model, record, method="exact"), history=True).history
+    motions = {f"floor_{i + 1}": history.acceleration[:, i] for i in range(3)}
+    displacements = {f"floor_{i + 1}": history.displacement[:, i] for i in range(3)}
+
+    def write(name="event.csv", dt=DT, start=0.0, **columns):
+        time = start + dt * np.arange(len(next(iter(columns.values()))))
+        names = ",".join(["time_s", *columns])
+        rows = np.column_stack([time, *columns.values()])
+        np.savetxt(tmp_path / name, rows, "%.12g", ",", header=names, comments="")
+
+    def event(text=FLOORS):
+        (tmp_path / "recorded.yaml").write_text(text)
+        return Event.of(load_recording(tmp_path / "recorded.yaml", 3))
+
+    def usual(**changed):
+        columns = {"base_m_s2": base} | {f"{name}_m_s2": values for name, values in motions.items()}
+        return write(**(columns | changed))
+
+    return SimpleNamespace(
+        model=model, base=base, motions=motions, displacements=displacements, write=write, event=event, usual=usual
+    )
+
+
+@pytest.mark.parametrize("band", ["", "band: [0.5, 20]\n"])
+def test_a_result_agrees_with_itself(made, band):
+    """To the rounding of the file, whatever offset a sensor has."""
+    made.usual(floor_1_m_s2=made.motions["floor_1"] + 0.3)
+    for floor in compare(made.model, made.event(FLOORS + band)).floors:
+        assert floor.quantity == "acceleration"
+        assert floor.rms_difference < 1e-9
+        assert floor.peak_ratio == pytest.approx(1.0, abs=1e-9)
+        assert floor.correlation == pytest.approx(1.0, abs=1e-12)
+
+
+def test_noise_lowers_the_correlation_by_what_it_adds(made):
+    """Independent noise, a part e of the motion's rms: correlation 1 / sqrt(1 + e^2), difference e / sqrt(1 + e^2)."""
+    part = 0.5
+    clean = made.motions["floor_3"]
+    added = np.random.default_rng(5).normal(size=SIZE)
+    added *= part * np.std(clean) / np.std(added)
+    made.usual(floor_3_m_s2=clean + added)
+    roof = compare(made.model, made.event()).floors[-1]
+    sampling = 3.0 / math.sqrt(SIZE)
+    assert roof.correlation == pytest.approx(1.0 / math.sqrt(1.0 + part**2), abs=part * sampling)
+    assert roof.rms_difference == pytest.approx(part / math.sqrt(1.0 + part**2), abs=part * sampling)
+
+
+def test_two_sensors_of_the_base_are_averaged_and_a_sensor_may_be_turned(made):
+    """The difference of the two is a torsion that the mean does not see."""
+    made.usual()
+    plain = compare(made.model, made.event())
+    torsion = noise(9)
+    made.usual(
+        west_m_s2=made.base + torsion, east_m_s2=made.base - torsion, roof_cm_s2=-100.0 * made.motions["floor_3"]
+    )
+    text = FLOORS.replace(
+        "base: {file: event.csv, column: base_m_s2}",
+        "base: [{file: event.csv, column: west_m_s2}, {file: event.csv, column: east_m_s2}]",
+    ).replace("roof: {file: event.csv, column: floor_3_m_s2}", "3: {file: event.csv, column: roof_cm_s2, sign: -1}")
+    mean = compare(made.model, made.event(text))
+    for one, other in zip(mean.floors, plain.floors, strict=True):
+        assert one.rms_difference == pytest.approx(other.rms_difference, abs=1e-9)
+        np.testing.assert_allclose(one.computed, other.computed, atol=1e-9)
+    assert any("mean of 2 sensors" in note for note in mean.event.notes)
+
+
+def test_displacements_are_relative_to_the_base(made):
+    """Of a linear building without offsets; in mm, beside an acceleration."""
+    made.usual(floor_1_mm=1e3 * made.displacements["floor_1"])
+    text = FLOORS.replace("column: floor_1_m_s2}", "column: floor_1_mm, quantity: displacement}") + "band: [0.3, 20]\n"
+    floors = compare(made.model, made.event(text)).floors
+    assert [floor.quantity for floor in floors] == ["displacement", "acceleration"]
+    assert floors[0].rms_difference < 1e-9
+    assert floors[0].peak_ratio == pytest.approx(1.0, abs=1e-9)
+
+
+def test_a_displacement_of_the_base_is_differentiated(made):
+    smooth = np.cumsum(np.cumsum(noise(3))) * 1e-4
+    made.usual(base_m=smooth, base_m_s2=differentiated(smooth, DT, "displacement"))
+    by_acceleration = compare(made.model, made.event())
+    by_displacement = compare(made.model, made.event(FLOORS.replace("base_m_s2", "base_m")))
+    for one, other in zip(by_displacement.floors, by_acceleration.floors, strict=True):
+        np.testing.assert_allclose(one.computed, other.computed, atol=1e-6 * np.max(np.abs(other.computed)))
+
+
+def test_a_shift_of_the_clocks_is_found(made):
+    """Of a recording twice as dense, a part of a sample late."""
+    late = 0.137
+    made.usual()
+    before = compare(made.model, made.event(FLOORS + "band: [0.5, 8]\n"))
+    time = DT * np.arange(2 * SIZE) / 2.0
+    spectrum = np.fft.rfft(made.motions["floor_3"], 4 * SIZE)
+    dense = np.fft.irfft(np.concatenate([spectrum, np.zeros(2 * SIZE)]), 8 * SIZE)[: 2 * SIZE] * 2.0
+    made.write("roof.csv", DT / 2.0, late, roof_m_s2=dense)
+    assert time.size == dense.size
+    text = (
+        "base: {file: event.csv, column: base_m_s2}\nfloors: {3: {file: roof.csv, column: roof_m_s2}}\nband: [0.5, 8]\n"
+    )
+    found = compare(made.model, made.event(text + "shift: auto\n"))
+    assert found.shift == pytest.approx(-late, abs=1e-3)
+    assert found.floors[0].correlation == pytest.approx(before.floors[-1].correlation, abs=1e-3)
+    given = compare(made.model, made.event(text + f"shift: {-late}\n"))
+    assert given.floors[0].correlation == pytest.approx(found.floors[0].correlation, abs=1e-5)
+    assert compare(made.model, made.event(text)).floors[0].correlation < 0.9
+
+
+def test_the_window_is_what_is_compared(made):
+    made.usual()
+    (first, _) = compare(made.model, made.event(FLOORS + "window: [4, 12.5]\n")).floors
+    assert (first.time[0], first.time[-1]) == pytest.approx((4.0, 12.5))
+    assert first.time.size == 426
+    with pytest.raises(RecordError, match=r"fewer than 10 samples in the window from 29\.9 to 40 s"):
+        compare(made.model, made.event(FLOORS + "window: [29.9, 40]\n"))
+
+
+def test_spectra_of_both(made):
+    """Those of the floor's acceleration alone, and of a displacement the same once differentiated."""
+    made.usual(floor_1_m=made.displacements["floor_1"])
+    band = "band: [0.3, 5]\n"
+    periods = np.array([0.25, 0.5, 1.0])
+    by_acceleration = compare(made.model, made.event(FLOORS + band)).spectra(periods, 0.05)[0]
+    text = FLOORS.replace("column: floor_1_m_s2", "column: floor_1_m") + band
+    by_displacement = compare(made.model, made.event(text)).spectra(periods, 0.05)[0]
+    np.testing.assert_allclose(by_acceleration.computed, by_acceleration.recorded, rtol=1e-9)
+    # Second differences lose 1/12 (omega dt)^2 of a frequency: 3 % at 5 Hz.
+    np.testing.assert_allclose(by_displacement.computed, by_acceleration.computed, rtol=4e-2)
+
+
+def test_stiffness_and_damping_are_fitted_from_30_percent_off(made):
+    """With a tenth of noise on the floors; each story is off to another side."""
+    generator = np.random.default_rng(11)
+    noisy = {
+        f"{name}_m_s2": values + 0.1 * np.std(values) * generator.normal(size=SIZE)
+        for name, values in made.motions.items()
+    }
+    made.usual(**noisy)
+    event = made.event(FLOORS + "  2: {file: event.csv, column: floor_2_m_s2}\nband: [0.3, 15]\n")
+    stories = [
+        replace(story, stiffness=story.stiffness * factor)
+        for story, factor in zip(made.model.stories, (1.3, 0.7, 1.3), strict=True)
+    ]
+    off = replace(made.model, stories=tuple(stories), damping=ModalDamping((0.05, 0.05, 0.05)))
+    found = fit(off, event, ["stiffness", "damping"])
+    values = [one.value for one in found.values]
+    assert [one.place for one in found.values] == [1, 2, 3, 1, 2, 3]
+    assert values[:3] == pytest.approx([900.0, 700.0, 500.0], rel=0.01)
+    assert values[3:] == pytest.approx([0.02, 0.03, 0.04], rel=0.15)
+    assert not found.notes
+    assert all(floor.correlation > 0.99 for floor in compare(found.model, event).floors)
+
+
+def test_what_a_recording_does_not_tell_is_said(made):
+    """The damping of a mode far above the band, under noise."""
+    roof = made.motions["floor_3"]
+    made.usual(floor_3_m_s2=roof + 0.2 * np.std(roof) * np.random.default_rng(2).normal(size=SIZE))
+    event = made.event(FLOORS + "band: [0.5, 3]\n")
+    found = fit(made.model, event, ["damping"])
+    assert any("damping_ratio of mode 3 is hardly told" in note for note in found.notes)
+
+
+def test_what_cannot_be_fitted_is_refused(made):
+    made.usual()
+    event = made.event()
+    with pytest.raises(UsageError, match="no damping to be fitted"):
+        fit(replace(made.model, damping=None), event, ["damping"])
+    with pytest.raises(UsageError, match="fit stiffness, damping, got 'mass'"):
+        fit(made.model, event, ["mass"])
+
+
+def test_files_that_do_not_fit(made):
+    made.usual()
+    with pytest.raises(RecordError, match="units say acceleration, its quantity says displacement"):
+        made.event(FLOORS.replace("column: floor_1_m_s2", "column: floor_1_m_s2, quantity: displacement"))
+    with pytest.raises(RecordError, match="there is no column 'floor_9_m_s2'; did you mean"):
+        made.event(FLOORS.replace("floor_1_m_s2", "floor_9_m_s2"))
+    made.write("other.csv", start=100.0, roof=made.base)
+    text = FLOORS.replace("file: event.csv, column: floor_3_m_s2", "file: other.csv, column: roof")
+    with pytest.raises(RecordError, match="does not end with its units"):
+        made.event(text)
+    with pytest.raises(RecordError, match="recorded at another time"):
+        made.event(text.replace("column: roof", "column: roof, units: g"))
+    with pytest.raises(RecordError, match="is not below the Nyquist frequency, 25 Hz"):
+        made.event(FLOORS + "band: [0.5, 25]\n")
+
+
+def test_the_step_is_no_longer_than_the_interval(made):
+    made.usual()
+    event = made.event()
+    with pytest.raises(UsageError, match="longer than the recording's sampling interval"):
+        compare(made.model, event, dt=2 * DT)
+    coarse = compare(made.model, event, method="newmark-average", dt=DT).floors[-1]
+    fine = compare(made.model, event, method="newmark-average").floors[-1]
+    assert fine.rms_difference < 0.3 * coarse.rms_difference
+
+
+def test_a_building_that_collapses_has_nothing_to_compare(made):
+    made.usual(base_m_s2=1e3 * made.base)
+    law = replace(made.model.stories[0].law, name="bilinear", parameters=(1.0, -0.3))
+    stories = (replace(made.model.stories[0], law=law, height=3.0), *made.model.stories[1:])
+    with pytest.raises(AnalysisError):
+        compare(replace(made.model, stories=stories), made.event(), method="impulse4")

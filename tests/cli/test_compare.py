@@ -1,0 +1,161 @@
+"""`tdint compare` on a recording that is made of noise on a result."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+
+import numpy as np
+import pytest
+
+MODEL = """\
+name: frame
+stories:
+  - {mass: 1.0, stiffness: 900}
+  - {mass: 1.0, stiffness: 700}
+damping: {modal: [0.02, 0.03]}
+excitation: {record: {file: base.txt}}
+"""
+RECORDED = """\
+base: {file: recorded.csv, column: ground_acceleration_m_s2}
+floors:
+  1: {file: recorded.csv, column: floor_1_displacement_m, quantity: displacement}
+  roof: {file: recorded.csv, column: floor_2_absolute_acceleration_m_s2, quantity: acceleration}
+band: [0.4, 15]
+"""
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """A folder with a model, a base motion, and a history of the model with noise on the roof's acceleration."""
+    from click.testing import CliRunner
+
+    from tdint_cli.main import cli
+
+    folder = tmp_path_factory.mktemp("recorded")
+    generator = np.random.default_rng(4)
+    base = generator.normal(size=1000) * np.hanning(1000)
+    np.savetxt(folder / "base.txt", base, header="dt = 0.02 s, units = m/s^2")
+    (folder / "model.yaml").write_text(MODEL)
+    (folder / "recorded.yaml").write_text(RECORDED)
+    arguments = ["run", folder / "model.yaml", "--method", "exact", "--history", "-o", folder / "out"]
+    assert CliRunner().invoke(cli, [str(one) for one in arguments]).exit_code == 0
+    with (folder / "out" / "history.csv").open() as file:
+        names = next(csv.reader(file))
+        table = np.loadtxt(file, delimiter=",")
+    roof = names.index("floor_2_absolute_acceleration_m_s2")
+    table[:, roof] += 0.5 + 0.2 * np.std(table[:, roof]) * generator.normal(size=1000)
+    np.savetxt(folder / "recorded.csv", table, "%.12g", ",", header=",".join(names), comments="")
+    return folder
+
+
+def rows(text):
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def test_table_files_and_requirements(recorded, tdint, tmp_path):
+    out = tmp_path / "deep" / "out"
+    files = (recorded / "model.yaml", "--recorded", recorded / "recorded.yaml")
+    result = tdint("compare", *files, "-o", out, "--plot", "--require", "correlation=0.95,peak_ratio=0.8")
+    assert result.exit_code == 0, result.stderr
+    assert sorted(file.name for file in out.iterdir()) == [
+        "comparison.csv",
+        "comparison.png",
+        "spectra.csv",
+        "summary.json",
+    ]
+    first, roof = rows((out / "comparison.csv").read_text())
+    assert list(first) == ["floor", "quantity", "correlation", "peak_ratio", "rms_difference"]
+    assert (first["quantity"], roof["floor"], roof["quantity"]) == ("displacement", "2", "acceleration")
+    assert float(first["correlation"]) > 0.999 > float(roof["correlation"]) > 0.95
+    spectra = rows((out / "spectra.csv").read_text())
+    assert list(spectra[0]) == ["floor", "period_s", "computed_sa_m_s2", "recorded_sa_m_s2"]
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["schema"] == {"name": "tdint compare", "version": 1}
+    assert summary["events"][0]["floors"][1]["correlation"] == pytest.approx(float(roof["correlation"]))
+    names = [recorded / name for name in ("model.yaml", "recorded.yaml", "recorded.csv")]
+    assert [one["file"] for one in summary["inputs"]] == list(map(str, names))
+    again = tdint("compare", *files, "--require", "correlation=0.999")
+    assert again.exit_code == 5
+    assert "floor 2: correlation is 0.9" in again.stderr
+    assert "required is at least 0.999" in again.stderr
+    assert again.stdout == (out / "comparison.csv").read_text()
+
+
+def test_fitted_and_blind(recorded, tdint, tmp_path):
+    """Fitted to the roof alone; the first floor is blind. The table's name makes those of the other files."""
+    text = (recorded / "recorded.yaml").read_text()
+    for name, floor in (("fitted", "  1:"), ("blind", "  roof:")):
+        lines = [line for line in text.splitlines() if not line.startswith(floor)]
+        (recorded / f"{name}.yaml").write_text("\n".join(lines))
+    off = (recorded / "model.yaml").read_text().replace("900", "1100").replace("700", "600")
+    (recorded / "off.yaml").write_text(off)
+    result = tdint(
+        "compare", recorded / "off.yaml", "--recorded", recorded / "fitted.yaml", "--fit", "stiffness", "--blind",
+        recorded / "blind.yaml", "-o", tmp_path / "table.csv",
+    )  # fmt: skip
+    assert result.exit_code == 0, result.stderr
+    roof, first = rows((tmp_path / "table.csv").read_text())
+    assert (roof["floor"], roof["recorded"]) == ("2", str(recorded / "fitted.yaml"))
+    assert (first["floor"], first["recorded"]) == ("1", str(recorded / "blind.yaml"))
+    assert float(first["correlation"]) > 0.99
+    fitted = rows((tmp_path / "table-fit.csv").read_text())
+    assert [(one["parameter"], one["place"]) for one in fitted] == [("stiffness_N_m", "1"), ("stiffness_N_m", "2")]
+    assert [float(one["start"]) for one in fitted] == [1100.0, 600.0]
+    assert [float(one["fitted"]) for one in fitted] == pytest.approx([900.0, 700.0], rel=0.01)
+    assert {file.name for file in tmp_path.iterdir()} == {
+        "table.csv",
+        "table-spectra.csv",
+        "table-fit.csv",
+        "table-summary.json",
+    }
+
+
+def test_every_fault_of_the_file_in_one_go(recorded, tdint):
+    (recorded / "bad.yaml").write_text(
+        "bas: x\n"
+        "base: {file: a, column: b, component: c, quantity: displacment}\n"
+        "floors:\n"
+        "  2: {file: a, sign: 2}\n"
+        "  roof: {fil: a}\n"
+        "  7: {file: b, units: cm, quantity: acceleration}\n"
+        "band: [25, 0.5]\n"
+        "window: [2]\n"
+        "shift: soon\n"
+    )
+    result = tdint("compare", recorded / "model.yaml", "--recorded", recorded / "bad.yaml")
+    assert result.exit_code == 3
+    faults = [line.partition("bad.yaml:")[2] for line in result.stderr.splitlines()]
+    assert faults == [
+        "1:1: bas: unknown key; did you mean 'base'?",
+        "2:25: base.column: is for a table, component for a record; leave one of them out",
+        "2:52: base.quantity: unknown quantity 'displacment'; did you mean 'displacement'?",
+        "4:22: floors.2.sign: must be 1 or -1",
+        "5:9: floors.roof: floor 2 is given twice",
+        "5:10: floors.roof.fil: unknown key; did you mean 'file'?",
+        "6:6: floors.7: must be a floor from 1 to 2 (the number of stories), or roof",
+        "6:23: floors.7.units: say displacement, the quantity says acceleration; give one of m/s^2, cm/s^2, gal, "
+        "mm/s^2, g, in/s^2, ft/s^2",
+        "7:7: band: must be two frequencies (Hz), the lower one first",
+        "8:9: window: must be a list of two times (s), the earlier one first, got 1",
+        "9:8: shift: must be auto or a number of seconds, got 'soon'",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (["--blind", "other.yaml"], 2, "--blind compares recordings with fitted values; add --fit"),
+        (["--require", "corelation=1"], 2, "did you mean 'correlation'?"),
+        (["--require", "correlation=much"], 2, "correlation must be a positive number"),
+        (["--plot"], 2, "--plot alone puts the picture beside the output"),
+        (["-o", "{folder}/recorded.csv"], 6, "recorded.csv"),
+        (["--dt", "0.04"], 2, "longer than the recording's sampling interval"),
+    ],
+)
+def test_wrong_use(recorded, tdint, arguments, code, message):
+    filled = [argument.format(folder=recorded) for argument in arguments]
+    result = tdint("compare", recorded / "model.yaml", "--recorded", recorded / "recorded.yaml", *filled)
+    assert result.exit_code == code, result.stderr
+    assert message in result.stderr
