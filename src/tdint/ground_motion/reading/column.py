@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError, UsageError, did_you_mean
-from tdint.ground_motion.formats.tables.columns import name_and_units
 from tdint.ground_motion.formats.steps import equal_steps
+from tdint.ground_motion.formats.tables.columns import name_and_units
 from tdint.ground_motion.reading.source import digested, read_bytes
 from tdint.ground_motion.signal import Signal
 from tdint.units import Units, parse_units

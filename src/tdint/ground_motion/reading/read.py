@@ -134,7 +134,7 @@ def _read(
     if units is not None and inventory is not None:
         raise UsageError("units and an inventory are given; the inventory gives the units, leave one of them out")
     wanted = None if units is None else parse_units(units)
-    found, input_file = _components(source, component, single=single)
+    found, input_file = _components(source, component, layout, single=single)
     instruments = None if inventory is None else read_instruments(inventory)
     inputs = (input_file, *([instruments.input] if instruments else []))
     return tuple(replace(_to_record(one, trace, wanted, instruments), inputs=inputs) for one, trace in found)
@@ -146,7 +146,7 @@ def read_signal(source: str | Path, *, units: str | None = None, component: str 
     Parameters and errors are those of `read_record`.
     """
     wanted = None if units is None else parse_units(units)
-    ((one, trace),), input_file = _components(source, component, single=True)
+    ((one, trace),), input_file = _components(source, component, AS_STATED, single=True)
     motion = to_motion(trace, one.contents.format, wanted, one.label)
     dt = float(trace.stats.delta)
     check_finite(motion.samples, dt, one.label)
@@ -165,7 +165,7 @@ def read_signal(source: str | Path, *, units: str | None = None, component: str 
 
 
 def _components(
-    source: str | Path, component: str | None, *, single: bool
+    source: str | Path, component: str | None, layout: TextLayout, *, single: bool
 ) -> tuple[list[tuple[_Component, Any]], Input]:
     """The components of a file, or the one of this name, each with its trace; and the file."""
     name = str(source)
