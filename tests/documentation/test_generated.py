@@ -57,7 +57,7 @@ def test_the_comparison_of_sessions_sees_differences():
 def test_the_ci_script_runs_the_readmes_test_command():
     commands = re.findall(r"^\$ (.*\.\[test\].*)$", readmes.README.read_text(), re.MULTILINE)
     assert len(commands) == 1
-    assert commands[0].endswith("-m pytest")
+    assert commands[0].endswith("-m pytest -n auto")
     script = readmes.ROOT / ".ci" / "run"
     if not script.exists():
         pytest.skip("the source archive does not hold .ci/run")
