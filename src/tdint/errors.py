@@ -20,7 +20,10 @@ class UsageError(TdintError):
 
 @dataclass(frozen=True)
 class ModelFault:
-    """One fault of a model file: where it stands and what is wrong with it."""
+    """One fault of a model file: where it stands and what is wrong with it.
+
+    Line and column count from 1; both are 0 in a model that has no file.
+    """
 
     source: str
     line: int
@@ -29,7 +32,7 @@ class ModelFault:
     message: str
 
     def __str__(self) -> str:
-        place = f"{self.source}:{self.line}:{self.column}: "
+        place = f"{self.source}:{self.line}:{self.column}: " if self.line else f"{self.source}: "
         return place + (f"{self.key}: {self.message}" if self.key else self.message)
 
 

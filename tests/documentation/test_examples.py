@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import shlex
 import sys
@@ -14,6 +15,7 @@ from tdint.analysis.assessment.order import observed_order, order_problem
 from tdint.analysis.assessment.stability import critical_step
 from tdint.methods import single_step
 from tdint.methods.method import Integrator
+from tdint.model.config.read import load_model
 
 pytestmark = pytest.mark.long
 
@@ -105,6 +107,12 @@ def test_the_model_with_all_keys(checkout):
     summary = json.loads((folder / "out" / "summary.json").read_text())
     assert (summary["name"], summary["status"], summary["duration_s"]) == ("ten-story office", "done", 40.0)
     assert summary["record"]["component"] == "HN1"
+
+
+def test_the_model_in_us_units():
+    model = load_model(io.StringIO(readmes.block("weights")))
+    assert model.stories[0].mass == pytest.approx(400e3 * 0.45359237)  # 400 kip are the weight of 400 000 lb
+    assert model.output_units.unit("m/s^2")[0] == "g"
 
 
 def test_a_model_needs_stories_alone(checkout):

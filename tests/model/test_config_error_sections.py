@@ -8,7 +8,7 @@ from tdint.errors import ModelError
 from tdint.model.config.read import load_model
 from tdint.model.laws import LAWS
 
-STORY_KEYS = "mass, height, stiffness, law, dashpot, repeat"
+STORY_KEYS = "mass, weight, height, stiffness, law, dashpot, repeat"
 THREE = "stories: [{repeat: 3, mass: 1, stiffness: 1}]\n"
 RATIO = "must be a number of at least 0 and below 1"
 RAYLEIGH = "must be {ratio: ..., modes: ...} or {mass: ..., stiffness: ...}"
@@ -31,7 +31,7 @@ def faults(text: str) -> list[str]:
         (
             "[{}]",
             [
-                "1:11: stories[1].mass: is missing; give a positive number",
+                "1:11: stories[1].mass: is missing; give a positive number, or the weight in its place",
                 "1:11: stories[1].stiffness: is missing; give a positive number",
             ],
         ),
@@ -184,10 +184,22 @@ def test_values_beyond_double_precision_in_si() -> None:
 @pytest.mark.parametrize(
     ("damping", "expected"),
     [
-        ("", ["2:9: damping: must be none, {rayleigh: ...} or {modal: ...}, got nothing"]),
-        ("0.05", ["2:10: damping: must be none, {rayleigh: ...} or {modal: ...}, got '0.05'"]),
-        ("{}", ["2:10: damping: must be none, {rayleigh: ...} or {modal: ...}, got a mapping without either"]),
-        ("{raileigh: 3}", ["2:11: damping.raileigh: unknown key; did you mean 'rayleigh'?"]),
+        ("", ["2:9: damping: must be none, a ratio such as 5%, {rayleigh: ...} or {modal: ...}, got nothing"]),
+        ("5", ["2:10: damping: must be none, a ratio such as 5%, {rayleigh: ...} or {modal: ...}, got '5'"]),
+        (
+            "{}",
+            [
+                "2:10: damping: must be none, a ratio such as 5%, {rayleigh: ...} or {modal: ...}, got a mapping "
+                "without either"
+            ],
+        ),
+        (
+            "{raileigh: 3}",
+            [
+                "2:11: damping.raileigh: unknown key; did you mean 'rayleigh'?",
+                f"2:21: damping.raileigh: {RAYLEIGH}, got '3'",
+            ],
+        ),
         (
             "{modal: 0.05, rayleigh: {mass: 0, stiffness: 0}}",
             ["2:10: damping: give either rayleigh or modal, not both"],
@@ -244,7 +256,8 @@ def test_values_beyond_double_precision_in_si() -> None:
                 "2:34: damping.rayleigh.mode: unknown key; did you mean 'modes'?",
             ],
         ),
-        ("{modal: 5%}", [f"2:18: damping.modal: {RATIO}, got '5%'; write the number alone"]),
+        ("{modal: 105%}", [f"2:18: damping.modal: {RATIO}, got '105%'"]),
+        ("{modal: x%}", [f"2:18: damping.modal: {RATIO}, got 'x%'"]),
         (
             "{modal: [0.05]}",
             ["2:18: damping.modal: a list must hold at least two damping ratios; write a single one without brackets"],
@@ -270,7 +283,7 @@ def test_damping(damping: str, expected: list[str]) -> None:
 def test_rayleigh_ratio_of_one_story() -> None:
     assert faults("stories: [{mass: 1, stiffness: 1}]\ndamping: {rayleigh: {ratio: 0.05, modes: [1, 1]}}") == [
         "2:21: damping.rayleigh: a one-story model has one mode, and the ratio form needs two; "
-        "write {rayleigh: {mass: a0, stiffness: a1}} or {modal: ratio}"
+        "write the ratio alone (damping: 5%), {rayleigh: {mass: a0, stiffness: a1}} or {modal: ratio}"
     ]
 
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from tdint.errors import ModelError, ModelFault
-from tdint.model.config import read as config
+from tdint.model.config import source as config
 from tdint.model.config.read import load_model
 
-KEYS = "name, units, stories, building, damping, p_delta, excitation, initial, analysis, collapse_drift"
-STORY_KEYS = "mass, height, stiffness, law, dashpot, repeat"
+KEYS = "name, units, stories, building, damping, p_delta, excitation, initial, analysis, collapse_drift, output_units"
+STORY_KEYS = "mass, weight, height, stiffness, law, dashpot, repeat"
 THREE = "stories: [{repeat: 3, mass: 1, stiffness: 1}]\n"
 RATIO = "must be a number of at least 0 and below 1"
 

@@ -12,6 +12,9 @@ from tdint.methods.method import Integrator, Method, Parameter
 
 FAMILIES = (impulse, impulse4, moment4, single_step, multi_step, bathe, model_based, runge_kutta, exact)
 
+DEFAULT_METHOD = "impulse4"
+"""The method where none is named."""
+
 
 @cache
 def catalogue() -> dict[str, Method]:

@@ -55,8 +55,13 @@ def _check_memory(stories: int) -> None:
 
 
 def rayleigh(wanted: RayleighRatio, omega_1: float, omega_2: float) -> RayleighCoefficients:
-    """Coefficients from two ratios: xi = a0 / (2 omega) + a1 omega / 2 (Chopra 2012, eq. 11.4.8)."""
+    """Coefficients from two ratios: xi = a0 / (2 omega) + a1 omega / 2 (Chopra 2012, eq. 11.4.8).
+
+    Of one mode alone half from the mass, half from the stiffness: what equal ratios give as two modes come together.
+    """
     xi_1, xi_2 = wanted.ratios
+    if wanted.modes[0] == wanted.modes[1]:
+        return RayleighCoefficients(mass=xi_1 * omega_1, stiffness=xi_1 / omega_1)
     difference = omega_2**2 - omega_1**2
     return RayleighCoefficients(
         mass=2.0 * omega_1 * omega_2 * (xi_1 * omega_2 - xi_2 * omega_1) / difference,

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from tdint.ground_motion.formats.tables.layout import AS_STATED, TextLayout
 from tdint.ground_motion.processing import Processing
+from tdint.output_units import SI, OutputUnits
 
 MAX_STORIES = 100_000
 """Stories that a model may have; it keeps a slip in `repeat` from filling the memory."""
@@ -85,7 +86,8 @@ class RayleighRatio:
     ratios : tuple of float
         Damping ratio in each of the two modes, in [0, 1).
     modes : tuple of int
-        The two modes, different, counted from 1.
+        The two modes, counted from 1: different, or 1 twice in a building of one story, whose only mode has the first
+        ratio then, half of it from the mass and half from the stiffness.
     """
 
     ratios: tuple[float, float]
@@ -238,6 +240,8 @@ class Model:
         Method, time step and duration, as far as given.
     collapse_drift : float
         Drift ratio over which a run is flagged as collapsed, positive.
+    output_units : OutputUnits
+        What tables and summaries are written in.
     """
 
     name: str
@@ -250,3 +254,4 @@ class Model:
     initial: Initial
     analysis: Analysis
     collapse_drift: float
+    output_units: OutputUnits = SI

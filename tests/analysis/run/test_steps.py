@@ -13,7 +13,7 @@ from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import FailedRun
 from tdint.analysis.run.steps import Steps, choose_steps
 from tdint.errors import AnalysisError, UsageError
-from tdint.methods.catalogue import parse
+from tdint.methods.catalogue import DEFAULT_METHOD, parse
 from tdint.model.building import assemble
 
 
@@ -49,9 +49,11 @@ def test_without_a_record_step_and_duration_must_be_given():
     assert choose_steps(0.1, 1.0, None, 0.0) == Steps(0.1, 10)
 
 
-def test_no_method_is_an_error():
-    with pytest.raises(UsageError, match="no method"):
-        run(ten_linear(), noise())
+def test_the_method_where_none_is_named_is_said():
+    response = run(ten_linear(), noise())
+    assert response.method == run(ten_linear(), noise(), method=DEFAULT_METHOD).method
+    assert response.notes[0] == f"no method is named: it is {DEFAULT_METHOD}"
+    assert not any("no method" in note for note in run(ten_linear(), noise(), method="impulse4").notes)
 
 
 @pytest.mark.parametrize(("dt", "duration"), [(0.0, 1.0), (-1.0, 1.0), (np.nan, 1.0), (0.1, np.inf), (0.1, 0.0)])

@@ -45,16 +45,13 @@ def command(
         raise UsageError("nothing to compile: give a MODEL.yaml, or --all")
     from tdint.analysis.run.compilation import of_everything, of_model
     from tdint.kernels.building.ahead import compile_ahead
-    from tdint.methods.catalogue import parse
+    from tdint.methods.catalogue import DEFAULT_METHOD, parse
     from tdint.model.config.read import load_model
 
     wanted = of_everything() if everything else []
     for file in models:
         model = load_model(file)
-        name = method or model.analysis.method
-        if name is None:
-            raise UsageError(f"{file}: no method: give --method or analysis.method in the model file")
-        wanted += of_model(model, parse(name))
+        wanted += of_model(model, parse(method or model.analysis.method or DEFAULT_METHOD))
     with progress_bar(to_terminal=False) as progress:
         folder = Path(output) if output else None
         written = compile_ahead(wanted, targets or ("native",), folder, lambda part: progress("compiling", part))

@@ -59,6 +59,8 @@ class Case:
         The method.
     allow_unstable : bool
         Run a method beyond its limit, and take a motion on energy that the method made for a result.
+    remarks : tuple of str
+        What is to be said of how the case came about, one sentence each; they stand among the notes of its runs.
     """
 
     model: Model
@@ -66,6 +68,7 @@ class Case:
     record: Record | None
     integrator: Integrator
     allow_unstable: bool = False
+    remarks: tuple[str, ...] = ()
 
     @property
     def building(self) -> Building:
@@ -187,7 +190,7 @@ class Case:
         )  # fmt: skip
 
     def _failure_notes(self) -> tuple[str, ...]:
-        return (*(self.record.notes if self.record else ()), *self._stiffening_note())
+        return (*self.remarks, *(self.record.notes if self.record else ()), *self._stiffening_note())
 
     def judge(self, steps: Steps, code: int, numbers: Array) -> Collapse | None:
         """When the drift first exceeded the collapse drift or a story failed, as a march noted it that ended with a
@@ -240,7 +243,7 @@ class Case:
 
     def _notes(self, steps: Steps, energy: Energy, halvings: int) -> tuple[str, ...]:
         record = self.record
-        notes = list(record.notes) if record else []
+        notes = [*self.remarks, *(record.notes if record else ())]
         if record and steps.stride > 1:
             between = (
                 "of the samples in between their impulse and its first moment are kept"

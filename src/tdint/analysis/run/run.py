@@ -16,10 +16,9 @@ from tdint.analysis.run.outcome import (
     StoryPeaks,
 )
 from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.errors import UsageError
 from tdint.ground_motion.reading.read import read_record
 from tdint.ground_motion.record import Record
-from tdint.methods.catalogue import parse
+from tdint.methods.catalogue import DEFAULT_METHOD, parse
 from tdint.model.definition import Model
 
 __all__ = [
@@ -62,7 +61,7 @@ def run(
         Ground motion in place of the one that the model names.
     method, dt, duration : optional
         In place of what the model's analysis says: a specification such as `hht:alpha=-0.1`, s, s. Without either the
-        step and the duration are those of the record.
+        method is `tdint.methods.catalogue.DEFAULT_METHOD` (a note says so), step and duration those of the record.
     history : bool
         Keep the whole response, not the peaks alone.
     allow_unstable : bool
@@ -82,7 +81,7 @@ def run(
     Raises
     ------
     UsageError
-        No method, an unknown one, a step that does not fit, or a tolerance that is none.
+        An unknown method, a step that does not fit, or a tolerance that is none.
     RecordError
         The model's record cannot be read.
     AnalysisError
@@ -102,12 +101,11 @@ def prepare(
     `Case.scaled` and `Case.under`. Parameters and errors are those of `run`.
     """
     specification = method or model.analysis.method
-    if specification is None:
-        raise UsageError("no method: give --method or analysis.method in the model file; `tdint methods` lists them")
-    integrator = parse(specification)
+    remarks = () if specification else (f"no method is named: it is {DEFAULT_METHOD}",)
+    integrator = parse(specification or DEFAULT_METHOD)
     if record is None:
         record = model_record(model)
-    return Case(model, PreparedBuilding.of(model), record, integrator, allow_unstable)
+    return Case(model, PreparedBuilding.of(model), record, integrator, allow_unstable, remarks)
 
 
 def run_case(

@@ -5,44 +5,48 @@ from __future__ import annotations
 import math
 
 from tdint.model.config.fields import POSITIVE, RATIO, Section, Value
+from tdint.model.config.kinds import Choice, Key, Keys, Whole
 from tdint.model.config.units import ModelUnits
 from tdint.model.inventory.definition import BuildingFacts, DerivedBuilding
 from tdint.model.inventory.hazus import LEVELS
 from tdint.model.inventory.mdof_lu import MOST_STORIES, STRUCTURES, ZONES
 from tdint.model.inventory.rules import RULES
 
-_KEYS = (
-    "rules",
-    "type",
-    "stories",
-    "year",
-    "area",
-    "height",
-    "zone",
-    "design_level",
-    "damping_ratio",
-    "damping",
-)
 _DAMPING = ("full", "mass-only")
+_YEARS = Whole(1000, 2200)
+BUILDING = Keys(
+    (
+        Key("rules", Choice(tuple(RULES)), "the rules that derive the stories", needed=True),
+        Key("type", Choice(STRUCTURES), "structure type of Hazus", needed=True),
+        Key("stories", Whole(1, MOST_STORIES), "number of stories", needed=True),
+        Key("year", _YEARS, "year of construction", needed=True),
+        Key("area", POSITIVE, "area of one floor, in the square of the unit of length", needed=True),
+        Key("height", POSITIVE, "height of the whole building"),
+        Key("zone", Choice(ZONES), "seismic zone; Z4 where it is left out"),
+        Key("design_level", Choice(LEVELS), "design level; else from zone and year"),
+        Key("damping_ratio", RATIO, "viscous damping ratio; else that of the type"),
+        Key("damping", Choice(_DAMPING), "without the stiffness-proportional part, or full"),
+    )
+)
 
 
 def read_building(value: Value, unit: ModelUnits) -> DerivedBuilding | None:
     """The building that the rules derive; None after a fault."""
-    section = value.section(_KEYS)
+    section = value.section(BUILDING)
     if section is None:
         return None
-    rules = _choice(section, "rules", tuple(RULES), "set of rules")
-    structure = _choice(section, "type", STRUCTURES, "structure type")
+    rules = _choice(section, "rules", "set of rules")
+    structure = _choice(section, "type", "structure type")
     count = section.need("stories", f"give a whole number from 1 to {MOST_STORIES}")
-    stories = count.whole(1, MOST_STORIES) if count else None
+    stories = count.whole() if count else None
     built = section.need("year", "give the year of construction")
-    year = built.whole(1000, 2200) if built else None
-    area = section.number("area", POSITIVE, unit.factor(length=2))
-    height = section.number("height", POSITIVE, unit.length, default=0.0)
-    zone = _choice(section, "zone", ZONES, "seismic zone", "Z4")
-    level = _choice(section, "design_level", LEVELS, "design level", "")
-    ratio = section.number("damping_ratio", RATIO, default=-1.0)
-    damping = _choice(section, "damping", _DAMPING, "kind of damping", "full")
+    year = built.whole() if built else None
+    area = section.number("area", scale=unit.factor(length=2))
+    height = section.number("height", scale=unit.length, default=0.0)
+    zone = _choice(section, "zone", "seismic zone", "Z4")
+    level = _choice(section, "design_level", "design level", "")
+    ratio = section.number("damping_ratio", default=-1.0)
+    damping = _choice(section, "damping", "kind of damping", "full")
     if None in (rules, structure, stories, year, zone, level, damping) or any(map(math.isnan, (area, height, ratio))):
         return None
     assert rules and structure and stories and year and zone
@@ -60,8 +64,10 @@ def read_building(value: Value, unit: ModelUnits) -> DerivedBuilding | None:
     return RULES[rules](facts, None)
 
 
-def _choice(section: Section, name: str, known: tuple[str, ...], what: str, default: str | None = None) -> str | None:
-    value = section.get(name) if default is not None else section.need(name, f"give one of {', '.join(known)}")
+def _choice(section: Section, name: str, what: str, default: str | None = None) -> str | None:
+    kind = BUILDING.kinds()[name]
+    assert isinstance(kind, Choice)
+    value = section.get(name) if default is not None else section.need(name, f"give one of {', '.join(kind.names)}")
     if value is None:
         return default
-    return value.choice(known, what)
+    return value.choice(kind.names, what)

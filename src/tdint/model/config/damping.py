@@ -3,21 +3,50 @@
 from __future__ import annotations
 
 from tdint.model.config.fields import NOT_NEGATIVE, RATIO, Section, Value
-from tdint.model.definition import Damping, ModalDamping, RayleighCoefficients, RayleighRatio
+from tdint.model.config.kinds import Choice, Either, Key, Keys, ListOf, Whole
+from tdint.model.definition import MAX_STORIES, Damping, ModalDamping, RayleighCoefficients, RayleighRatio
 
-_FORMS = "none, {rayleigh: ...} or {modal: ...}"
+_FORMS = "none, a ratio such as 5%, {rayleigh: ...} or {modal: ...}"
 _RAYLEIGH_FORMS = "{ratio: ..., modes: ...} or {mass: ..., stiffness: ...}"
 _ONE_STORY = (
     "a one-story model has one mode, and the ratio form needs two; "
-    "write {rayleigh: {mass: a0, stiffness: a1}} or {modal: ratio}"
+    "write the ratio alone (damping: 5%), {rayleigh: {mass: a0, stiffness: a1}} or {modal: ratio}"
 )
+
+_LAST_MODE = 3
+"""Of the two modes with the ratio of `damping: 5%`, the higher one, as far as there are so many."""
+
+_MODE = Whole(1, MAX_STORIES)
+_RATIOS = Either((RATIO, ListOf(RATIO, least=2)))
+_RAYLEIGH = Keys(
+    (
+        Key("ratio", Either((RATIO, ListOf(RATIO, least=2, most=2))), "damping ratio in both modes, or in each"),
+        Key("modes", ListOf(_MODE, least=2, most=2), "two modes, from 1 at the longest period"),
+        Key("mass", NOT_NEGATIVE, "coefficient of the mass matrix, 1/s"),
+        Key("stiffness", NOT_NEGATIVE, "coefficient of the initial stiffness matrix, s"),
+    )
+)
+_FIRST_MODES = Keys(
+    (Key("ratio", RATIO, "damping ratio", needed=True), Key("modes", _MODE, "how many modes have it", needed=True))
+)
+_MAPPING = Keys(
+    (
+        Key("rayleigh", _RAYLEIGH, "C = a0 M + a1 K, through the damping ratios of two modes or by coefficients"),
+        Key("modal", Either((_RATIOS, _FIRST_MODES)), "damping ratios of modes"),
+    ),
+    one_of=(("rayleigh", "modal"),),
+)
+DAMPING = Either((Choice(("none",)), RATIO, _MAPPING))
 
 
 def read_damping(value: Value | None, count: int | None) -> Damping:
     """The damping; `count` is the number of stories, None where a fault leaves it open."""
     if value is None or value.is_word("none"):
         return None
-    section = value.section(("rayleigh", "modal"), _FORMS)
+    if not value.is_list and not value.is_mapping:
+        ratio = value.number(RATIO, what=_FORMS)
+        return RayleighRatio((ratio, ratio), (1, min(count or 1, _LAST_MODE)))
+    section = value.section(_MAPPING, _FORMS)
     if section is None:
         return None
     rayleigh, modal = section.get("rayleigh"), section.get("modal")
@@ -31,7 +60,7 @@ def read_damping(value: Value | None, count: int | None) -> Damping:
 
 
 def _read_rayleigh(value: Value, count: int | None) -> Damping:
-    section = value.section(("ratio", "modes", "mass", "stiffness"), _RAYLEIGH_FORMS)
+    section = value.section(_RAYLEIGH, _RAYLEIGH_FORMS)
     if section is None:
         return None
     by_ratio = section.mentions("ratio", "modes")
@@ -43,7 +72,7 @@ def _read_rayleigh(value: Value, count: int | None) -> Damping:
         return None
     if by_ratio:
         return _read_ratio_form(section, count)
-    return RayleighCoefficients(section.number("mass", NOT_NEGATIVE), section.number("stiffness", NOT_NEGATIVE))
+    return RayleighCoefficients(section.number("mass"), section.number("stiffness"))
 
 
 def _read_ratio_form(section: Section, count: int | None) -> Damping:
@@ -95,10 +124,10 @@ def _read_modal(value: Value, count: int | None) -> Damping:
 
 def _read_first_modes(value: Value, count: int | None) -> Damping:
     """One ratio for the first modes; the rest are undamped."""
-    section = value.section(("ratio", "modes"))
+    section = value.section(_FIRST_MODES)
     if section is None:
         return None
-    ratio = section.number("ratio", RATIO)
+    ratio = section.number("ratio")
     modes = section.need("modes", "give the number of modes to damp")
     damped = modes.counted(count) if modes else None
     if damped is None:

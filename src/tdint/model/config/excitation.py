@@ -8,19 +8,43 @@ from pathlib import Path
 
 from tdint.errors import UsageError
 from tdint.model.config.fields import ANY, NOT_NEGATIVE, Section, Value
-from tdint.model.config.layout import LAYOUT_KEYS, read_layout
-from tdint.model.config.processing import PROCESSING_KEYS, read_processing
+from tdint.model.config.kinds import Choice, Either, Key, Keys, ListOf, Whole, Words
+from tdint.model.config.layout import LAYOUT, read_layout
+from tdint.model.config.processing import PROCESSING, read_processing
 from tdint.model.config.units import ModelUnits
-from tdint.model.definition import Excitation, Force, RecordSource
+from tdint.model.definition import MAX_STORIES, Excitation, Force, RecordSource
 from tdint.units import parse_units
 
-_RECORD_KEYS = ("file", "units", "component", "scale", "inventory", *LAYOUT_KEYS, *PROCESSING_KEYS)
-_FORCE_KEYS = ("floor", "amplitude", "omega", "phase")
+_RECORD = Keys(
+    (
+        Key("file", Words(), "the record's file, relative to the model file", needed=True),
+        Key("units", Words(), "units of its samples, where it does not say them: m/s^2, g, ..."),
+        Key("component", Words(), "component, where the file holds several"),
+        Key("scale", ANY, "factor on the acceleration, not zero"),
+        Key("inventory", Words(), "station metadata, to remove the instrument's response"),
+        *LAYOUT,
+        *PROCESSING,
+    )
+)
+_FORCE = Keys(
+    (
+        Key("floor", Whole(1, MAX_STORIES), "floor, from 1 at the bottom", needed=True),
+        Key("amplitude", ANY, "largest force", needed=True),
+        Key("omega", NOT_NEGATIVE, "circular frequency, rad/s", needed=True),
+        Key("phase", Either((Choice(("cos", "sin")), ANY)), "cos, sin or phi in cos(omega t + phi), rad"),
+    )
+)
+EXCITATION = Keys(
+    (
+        Key("record", Either((Words(), _RECORD)), "ground motion: a file, or what to take of it"),
+        Key("forces", ListOf(_FORCE), "harmonic forces on floors"),
+    )
+)
 
 
 def read_excitation(value: Value | None, unit: ModelUnits, count: int | None, folder: Path) -> Excitation:
     """Record and forces; relative paths are relative to `folder`, `count` is the number of stories."""
-    section = value.section(("record", "forces")) if value else None
+    section = value.section(EXCITATION) if value else None
     if section is None:
         return Excitation(None, ())
     record, forces = section.get("record"), section.get("forces")
@@ -35,7 +59,7 @@ def _read_record(value: Value, folder: Path) -> RecordSource | None:
     if not value.is_list and not value.is_mapping:
         file = value.text()
         return RecordSource(resolve(file, folder), None, None, 1.0, None) if file else None
-    section = value.section(_RECORD_KEYS, "a file or a mapping with the key file")
+    section = value.section(_RECORD, "a file or a mapping with the key file")
     if section is None:
         return None
     section.need("file", "give the record's file")
@@ -74,24 +98,24 @@ def resolve(file: str, folder: Path) -> str:
 
 def _read_scale(section: Section) -> float:
     value = section.get("scale")
-    scale = value.number(ANY) if value else 1.0
+    scale = value.number() if value else 1.0
     if value and scale == 0.0:
         value.fault("must not be zero; leave the record out for no ground motion")
     return scale
 
 
 def _read_force(value: Value, unit: ModelUnits, count: int | None) -> Force:
-    section = value.section(_FORCE_KEYS)
+    section = value.section(_FORCE)
     if section is None:
         return Force(0, math.nan, math.nan, math.nan)
     floor = section.need("floor", "give the floor, counted from 1 at the bottom")
-    amplitude = section.number("amplitude", ANY, unit.force)
+    amplitude = section.number("amplitude", scale=unit.force)
     cosine, sine = _read_phase(section.get("phase"))
     return Force(
         floor=(floor.counted(count) if floor else None) or 0,
         cosine=amplitude * cosine,
         sine=amplitude * sine,
-        omega=section.number("omega", NOT_NEGATIVE),
+        omega=section.number("omega"),
     )
 
 

@@ -13,8 +13,22 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 from tdint.errors import did_you_mean, nearest
+from tdint.model.config.kinds import (
+    ANY,
+    NOT_NEGATIVE,
+    POSITIVE,
+    POSITIVE_RATIO,
+    RATIO,
+    Bounds,
+    Keys,
+    Kind,
+    ListOf,
+    Whole,
+)
 from tdint.model.config.yaml_source import Faults, ListNode, MappingNode, Node, ScalarNode
 from tdint.model.definition import MAX_STORIES
+
+__all__ = ["ANY", "NOT_NEGATIVE", "POSITIVE", "POSITIVE_RATIO", "RATIO", "Bounds", "Section", "Value", "quoted"]
 
 _NUMBER = re.compile(r"[+-]?(?:(?:0|[1-9][0-9]*)(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _WHOLE = re.compile(r"[+-]?(?:0|[1-9][0-9]{0,17})")
@@ -27,46 +41,21 @@ _NUMBER_HINTS = (
 )
 _NOTHING = ("", "~", "null")
 
-
-@dataclass(frozen=True)
-class Bounds:
-    """The numbers a key allows."""
-
-    low: float = -math.inf
-    high: float = math.inf
-    low_allowed: bool = True
-    high_allowed: bool = True
-
-    def allow(self, number: float) -> bool:
-        """Whether `number` lies in the bounds."""
-        above = number >= self.low if self.low_allowed else number > self.low
-        below = number <= self.high if self.high_allowed else number < self.high
-        return above and below
-
-    def __str__(self) -> str:
-        if self.low == 0.0 and self.high == math.inf:
-            return "zero or a positive number" if self.low_allowed else "a positive number"
-        limits = []
-        if self.low > -math.inf:
-            limits.append(f"{'of at least' if self.low_allowed else 'above'} {self.low:g}")
-        if self.high < math.inf:
-            limits.append(f"{'of at most' if self.high_allowed else 'below'} {self.high:g}")
-        return " ".join(["a number", " and ".join(limits)]).rstrip()
-
-
-ANY = Bounds()
-POSITIVE = Bounds(low=0.0, low_allowed=False)
-NOT_NEGATIVE = Bounds(low=0.0)
-RATIO = Bounds(low=0.0, high=1.0, high_allowed=False)
+_MEANT = 0.75
+"""How alike an unknown key must be to a known one that is not there for its value to be read as that of the other."""
 
 
 @dataclass(frozen=True, eq=False)
 class Value:
-    """A node under its key, such as `stories[2].mass`; entries of a list count from 1."""
+    """A node under its key, such as `stories[2].mass`; entries of a list count from 1.
+
+    `kind` is what its key declares: bounds that are not given otherwise are those of it.
+    """
 
     node: Node
     key: str
     faults: Faults
+    kind: Kind | None = None
 
     @property
     def is_list(self) -> bool:
@@ -86,24 +75,27 @@ class Value:
         """Whether the value is the word, quoted or not."""
         return isinstance(self.node, ScalarNode) and self.node.text == word
 
-    def number(self, bounds: Bounds = ANY, scale: float = 1.0, what: str = "") -> float:
+    def number(self, bounds: Bounds | None = None, scale: float = 1.0, what: str = "") -> float:
         """The number times `scale`, its factor to SI; nan if there is a fault.
 
         `bounds` hold for the number in the file; `what` says what it must be where they do not.
         """
-        text = self._plain_text()
-        if not _NUMBER.fullmatch(text) or not bounds.allow(float(text)):
-            self.fault(f"must be {what or bounds}, got {self._shown_unquoted(_NUMBER)}")
+        bounds = bounds or (self.kind if isinstance(self.kind, Bounds) else ANY)
+        number = self._bare_number(bounds)
+        if not bounds.allow(number):
+            self.fault(f"must be {what or bounds}, got {self._shown_unquoted(_NUMBER, bounds)}")
             return math.nan
-        number = float(text)
         converted = number * scale if number else 0.0
         if not math.isfinite(converted) or (number != 0.0 and converted == 0.0):
             self.fault(f"is outside the range of double precision in SI units, got {self._shown()}")
             return math.nan
         return converted
 
-    def whole(self, low: int, high: int, what: str = "") -> int | None:
+    def whole(self, low: int = 0, high: int = -1, what: str = "") -> int | None:
         """The whole number from `low` to `high`; None if there is a fault. `what` says what the bounds stand for."""
+        if high < low:
+            assert isinstance(self.kind, Whole)
+            low, high = self.kind.low, self.kind.high
         text = self._plain_text()
         if _WHOLE.fullmatch(text) and low <= int(text) <= high:
             return int(text)
@@ -146,7 +138,9 @@ class Value:
         if not isinstance(self.node, ListNode):
             self.fault(f"must be {what}, got {self._shown()}")
             return None
-        return tuple(Value(item, f"{self.key}[{i}]", self.faults) for i, item in enumerate(self.node.items, start=1))
+        kind = self.kind.kind if isinstance(self.kind, ListOf) else None
+        entries = enumerate(self.node.items, start=1)
+        return tuple(Value(item, f"{self.key}[{i}]", self.faults, kind) for i, item in entries)
 
     def section(self, known: Collection[str], what: str = "") -> Section | None:
         """The entries of a mapping; None if there is a fault. `what` says what the value must be if not just that."""
@@ -161,6 +155,13 @@ class Value:
             if isinstance(key, ScalarNode) and key.text == name:
                 return Value(entry, f"{self.key}.{name}", self.faults)
         return None
+
+    def _bare_number(self, bounds: Bounds) -> float:
+        """The number as it stands in the file, of a ratio also as a percentage; nan if it is none."""
+        text, unit = self._plain_text(), 1.0
+        if bounds.ratio and isinstance(self.node, ScalarNode) and self.node.text.endswith("%"):
+            text, unit = self.node.text[:-1].rstrip(), 100.0
+        return float(text) / unit if _NUMBER.fullmatch(text) else math.nan
 
     def _plain_text(self) -> str:
         return self.node.text if isinstance(self.node, ScalarNode) and self.node.plain else ""
@@ -178,9 +179,9 @@ class Value:
             return "nothing"
         return quoted(self.node.text)
 
-    def _shown_unquoted(self, wanted: str | re.Pattern[str]) -> str:
+    def _shown_unquoted(self, wanted: str | re.Pattern[str], bounds: Bounds = ANY) -> str:
         """The same where quotes are out of place, with what to do about the value as far as that can be told."""
-        if not isinstance(self.node, ScalarNode):
+        if not isinstance(self.node, ScalarNode) or not math.isnan(self._bare_number(bounds)):
             return self._shown()
         if re.fullmatch(wanted, self.node.text):
             return self._shown() + ("" if self.node.plain else " in quotes; remove the quotes")
@@ -199,6 +200,7 @@ class Section:
     def __init__(self, value: Value, node: MappingNode, known: Collection[str]) -> None:
         self.value = value
         self._entries: dict[str, Value] = {}
+        self._kinds = known.kinds() if isinstance(known, Keys) else {}
         self._excused: set[str] = set()  # keys whose absence follows from a fault already noted
         lines: dict[str, int] = {}
         for key, entry in node.entries:
@@ -210,6 +212,7 @@ class Section:
             else:
                 lines[key.text] = key.line
                 self._admit(key, entry, known)
+        self._admit_misspelled(node, known)
 
     def has(self, *names: str) -> bool:
         """Whether one of the entries is there."""
@@ -235,8 +238,15 @@ class Section:
             self.value.faults.add(self.value.node, self.path(name), message)
         return self._entries.get(name)
 
-    def number(self, name: str, bounds: Bounds, scale: float = 1.0, default: float | None = None) -> float:
-        """The number of the entry; without a `default` the entry must be there, and nan stands for a fault."""
+    def number(
+        self, name: str, bounds: Bounds | None = None, scale: float = 1.0, default: float | None = None
+    ) -> float:
+        """The number of the entry; without a `default` the entry must be there, and nan stands for a fault.
+
+        The bounds are those that the key declares, unless others are given.
+        """
+        declared = self._kinds.get(name)
+        bounds = bounds or (declared if isinstance(declared, Bounds) else ANY)
         value = self.need(name, f"give {bounds}") if default is None else self.get(name)
         if value is not None:
             return value.number(bounds, scale)
@@ -250,13 +260,22 @@ class Section:
     def _admit(self, key: ScalarNode, entry: Node, known: Collection[str]) -> None:
         faults, path = self.value.faults, self.path(key.text)
         if key.text in known:
-            self._entries[key.text] = Value(entry, path, faults)
+            self._entries[key.text] = Value(entry, path, faults, self._kinds.get(key.text))
         elif key.text == "<<" and key.plain:
             faults.add(key, path, "merge keys are not supported; write the entries out")
             self._excused.update(known)
         else:
             faults.add(key, path, "unknown key" + _advice(key.text, known))
             self._excused.update(filter(None, [nearest(key.text, known)]))
+
+    def _admit_misspelled(self, node: MappingNode, known: Collection[str]) -> None:
+        """Read what stands under a misspelled key as that of the key that was meant, for the faults in it."""
+        for key, entry in node.entries:
+            if not isinstance(key, ScalarNode) or key.text in known:
+                continue
+            meant = nearest(key.text, known, cutoff=_MEANT)
+            if meant and meant not in self._entries:
+                self._entries[meant] = Value(entry, self.path(key.text), self.value.faults, self._kinds.get(meant))
 
 
 def quoted(text: str) -> str:

@@ -4,15 +4,44 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 from tdint.kernels.laws.law import LawParameter
 from tdint.model.config.fields import Bounds, Section, Value
+from tdint.model.config.kinds import Choice, Either, Key, Keys, Kind, ListOf, Schema
 from tdint.model.config.units import ModelUnits
 from tdint.model.definition import Law
 from tdint.model.laws import LAWS, DriftLaw
 
 LINEAR = Law("linear", ())
 _LIST = "a list of numbers"
+
+
+def _keys(law: DriftLaw, group: str = "") -> tuple[Key, ...]:
+    """The keys of a law's mapping, or of one of its groups."""
+    keys: dict[str, Key] = {}
+    for one in law.parameters:
+        needed = one.default is None and one.without is None
+        if one.group == group:
+            keys[one.name] = Key(one.name, ListOf(_bounds(one), least=1) if one.many else _bounds(one), needed=needed)
+        elif not group and one.group not in keys:
+            mapping: Kind = Keys(_keys(law, one.group))
+            whole = (_bounds(one), mapping, Choice(("none",)))
+            keys[one.group] = Key(one.group, Either(whole) if one.shared else mapping, needed=needed)
+    return tuple(keys.values())
+
+
+@dataclass(frozen=True)
+class _LawKind:
+    """The name of a law, or a mapping with its type and parameters."""
+
+    def schema(self) -> Schema:
+        bare = [name for name, law in LAWS.items() if not law.parameters]
+        kinds = [Keys((Key("type", Choice((law.name,)), law.formula, True), *_keys(law))) for law in LAWS.values()]
+        return Either((Choice(tuple(bare)), *kinds)).schema()
+
+
+LAW = _LawKind()
 
 
 def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
@@ -93,7 +122,8 @@ def _read_number(
 
 
 def _bounds(parameter: LawParameter) -> Bounds:
-    return Bounds(parameter.low, parameter.high, parameter.low_allowed, parameter.high_allowed)
+    ratio = not parameter.force and not parameter.length and parameter.high <= 1.0
+    return Bounds(parameter.low, parameter.high, parameter.low_allowed, parameter.high_allowed, ratio)
 
 
 def _read_list(value: Value, bounds: Bounds, unit: ModelUnits) -> tuple[float, ...]:

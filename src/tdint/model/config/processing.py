@@ -9,10 +9,20 @@ from typing import TypeVar
 from tdint.errors import UsageError
 from tdint.ground_motion.processing import BASELINES, MOST_CORNERS, Processing, parse_pad, parse_trim
 from tdint.model.config.fields import POSITIVE, Section, Value
+from tdint.model.config.kinds import Choice, Key, Whole, Words
 
 Parsed = TypeVar("Parsed")
 
-PROCESSING_KEYS = ("trim", "baseline", "pad", "highpass", "lowpass", "corners", "resample")
+PROCESSING = (
+    Key("trim", Words(), "START:END in s from the first sample"),
+    Key("baseline", Choice(tuple(BASELINES)), "what is taken off the acceleration"),
+    Key("pad", Words(), "zeros before and after: SECONDS or BEFORE:AFTER"),
+    Key("highpass", POSITIVE, "corner frequency, Hz"),
+    Key("lowpass", POSITIVE, "corner frequency, Hz"),
+    Key("corners", Whole(1, MOST_CORNERS), "order of the filters"),
+    Key("resample", POSITIVE, "sampling interval, s"),
+)
+PROCESSING_KEYS = tuple(key.name for key in PROCESSING)
 
 
 def read_processing(section: Section) -> Processing:
@@ -23,7 +33,7 @@ def read_processing(section: Section) -> Processing:
         "pad": lambda value: _parsed(value, parse_pad),
         "highpass": _positive,
         "lowpass": _positive,
-        "corners": lambda value: value.whole(1, MOST_CORNERS),
+        "corners": lambda value: value.whole(),
         "resample": _positive,
     }
     values = {name: readers[name](value) for name in PROCESSING_KEYS if (value := section.get(name))}
@@ -37,7 +47,7 @@ def read_processing(section: Section) -> Processing:
 
 
 def _positive(value: Value) -> float | None:
-    number = value.number(POSITIVE)
+    number = value.number()
     return None if math.isnan(number) else number
 
 

@@ -7,17 +7,20 @@ The modules around it share the work: `yaml_source` keeps line and column, `fiel
 from __future__ import annotations
 
 import math
-import sys
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import BinaryIO, TextIO
+from typing import Any, TextIO
 
-from tdint.errors import ModelError
-from tdint.model.config.damping import read_damping
-from tdint.model.config.excitation import read_excitation
-from tdint.model.config.fields import ANY, POSITIVE, Section, Value
-from tdint.model.config.stories import read_stories
-from tdint.model.config.units import ModelUnits, read_units
+from tdint.errors import UsageError
+from tdint.model.config.damping import DAMPING, read_damping
+from tdint.model.config.excitation import EXCITATION, read_excitation
+from tdint.model.config.fields import ANY, POSITIVE, POSITIVE_RATIO, Section, Value
+from tdint.model.config.kinds import Either, Flag, Key, Keys, ListOf, Words
+from tdint.model.config.plain import nodes_of, text_of
+from tdint.model.config.source import SourceText, read_source
+from tdint.model.config.stories import STORIES, read_stories
+from tdint.model.config.units import UNITS, ModelUnits, read_units
 from tdint.model.config.yaml_source import Faults, decode, parse
 from tdint.model.definition import (
     Analysis,
@@ -33,6 +36,7 @@ from tdint.model.definition import (
     RecordSource,
     Story,
 )
+from tdint.output_units import SI, OutputUnits, parse_output_units
 
 __all__ = [
     "Analysis",
@@ -50,42 +54,57 @@ __all__ = [
     "load_model",
 ]
 
-MAX_BYTES = 16 * 1024 * 1024
-"""Size of the largest model file that is read; it keeps a wrong path, such as a device, from filling the memory."""
+_INITIAL = Keys(
+    (
+        Key("displacement", ListOf(ANY), "of the floors relative to the ground, from the bottom"),
+        Key("velocity", ListOf(ANY), "of the floors relative to the ground, from the bottom"),
+    )
+)
+_ANALYSIS = Keys(
+    (
+        Key("method", Words(), "time-integration method with its parameters, such as newmark:beta=0.25,gamma=0.5"),
+        Key("dt", POSITIVE, "time step, s"),
+        Key("duration", POSITIVE, "time to integrate, s"),
+    )
+)
 
-_KEYS = (
-    "name",
-    "units",
-    "stories",
-    "building",
-    "damping",
-    "p_delta",
-    "excitation",
-    "initial",
-    "analysis",
-    "collapse_drift",
+
+def model_keys() -> Keys:
+    """The keys of a model file, and what may stand under them."""
+    from tdint.model.config.building import BUILDING  # needs numpy, which most models are read without
+
+    kinds = {"building": BUILDING}
+    return Keys(tuple(replace(key, kind=kinds.get(key.name, key.kind)) for key in _MODEL.declared), _MODEL.one_of)
+
+
+_MODEL = Keys(
+    (
+        Key("name", Words(), "the building's name; that of the file where it is left out"),
+        Key("units", UNITS, "units of the numbers in this file; SI where they are left out"),
+        Key("stories", STORIES, "the stories, from the ground up; `repeat` for equal ones"),
+        Key("building", Keys(()), "a few facts in place of stories, which rules derive from them"),
+        Key("damping", DAMPING, "damping besides the dashpots; 5% is Rayleigh damping in modes 1 and 3"),
+        Key("p_delta", Flag(), "whether gravity acts on the displaced building"),
+        Key("excitation", EXCITATION, "ground motion and forces"),
+        Key("initial", _INITIAL, "state at the start; at rest where it is left out"),
+        Key("analysis", _ANALYSIS, "method, time step and duration; the command line comes before it"),
+        Key("collapse_drift", POSITIVE_RATIO, "drift ratio beyond which a run counts as collapsed; 10% by default"),
+        Key("output_units", Either((Words(), ListOf(Words(), least=1))), "units of tables and summaries: kip, in, g"),
+    ),
+    one_of=(("stories", "building"),),
 )
 _DEFAULT_COLLAPSE_DRIFT = 0.10
 
 
-@dataclass(frozen=True)
-class SourceText:
-    """A model file as read: how messages call it, its default name, the folder its paths start from, its content."""
-
-    label: str
-    name: str
-    folder: Path
-    data: bytes
-
-
-def load_model(source: str | Path | TextIO) -> Model:
-    """Read a model file.
+def load_model(source: str | Path | TextIO | Mapping[str, Any]) -> Model:
+    """Read a model file, or a mapping that says the same.
 
     Parameters
     ----------
-    source : str, Path or text stream
-        The YAML file; `-` is standard input. Relative paths in the file start from its folder, those of a stream
-        without a file from the working directory.
+    source : str, Path, text stream or mapping
+        The YAML file; `-` is standard input. Or its content as Python has it: mappings, lists, arrays, numbers, text.
+        Relative paths in the file start from its folder, those of a stream without a file and of a mapping from the
+        working directory.
 
     Returns
     -------
@@ -99,55 +118,19 @@ def load_model(source: str | Path | TextIO) -> Model:
         Its keys count list entries from 1 as they stand in the file: `stories[2]` is the second entry of `stories`,
         whatever `repeat` the first one has.
     """
-    origin = read_source(source)
-    faults = Faults(origin.label)
-    root = Value(parse(decode(origin.data, faults), faults), "", faults)
-    section = root.section(_KEYS)
+    if isinstance(source, Mapping):
+        faults = Faults("model")
+        node = nodes_of(source, faults)
+        origin = SourceText("model", "model", Path(), text_of(node))
+    else:
+        origin = read_source(source)
+        faults = Faults(origin.label)
+        node = parse(decode(origin.data, faults), faults)
+    section = Value(node, "", faults).section(_MODEL)
     model = _read_model(section, origin) if section else None
     faults.raise_if_any()
     assert model is not None
     return model
-
-
-def read_source(source: str | Path | TextIO) -> SourceText:
-    if source is sys.stdin or (isinstance(source, str | Path) and str(source) == "-"):
-        if sys.stdin is None:
-            raise ModelError("-: standard input is closed; give a model file")
-        return SourceText("-", "model", Path(), _read_stream(getattr(sys.stdin, "buffer", sys.stdin), "-"))
-    if isinstance(source, str | Path):
-        path, label = Path(source), str(source) or "."
-        return SourceText(label, path.stem, path.parent, _read_file(path, label))
-    if not hasattr(source, "read"):
-        raise ModelError(f"a model is a file's name or a text stream, not {type(source).__name__}")
-    name = getattr(source, "name", None)
-    if isinstance(name, str) and not name.startswith("<"):
-        return SourceText(name, Path(name).stem, Path(name).parent, _read_stream(source, name))
-    return SourceText("<stream>", "model", Path(), _read_stream(source, "<stream>"))
-
-
-def _read_file(path: Path, label: str) -> bytes:
-    try:
-        with path.open("rb") as stream:
-            return _read_stream(stream, label)
-    except FileNotFoundError:
-        raise ModelError(f"{label}: no such file; give a model file (YAML) or - for standard input") from None
-    except IsADirectoryError:
-        raise ModelError(f"{label}: is a folder; give a model file (YAML) in it") from None
-    except OSError as error:
-        raise ModelError(f"{label}: cannot be read: {error.strerror or error}") from None
-    except ValueError:
-        raise ModelError(f"{label}: cannot be read: no file has a null character in its name") from None
-
-
-def _read_stream(stream: TextIO | BinaryIO, label: str) -> bytes:
-    try:
-        content = stream.read(MAX_BYTES + 1)
-    except (OSError, UnicodeDecodeError) as error:
-        raise ModelError(f"{label}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
-    if len(content) > MAX_BYTES:
-        raise ModelError(f"{label}: larger than {MAX_BYTES // 1024**2} MiB; this is no model file")
-    # Surrogates stand for bytes that the stream could not decode; passed on, `decode` finds them.
-    return content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content
 
 
 def _read_model(section: Section, origin: SourceText) -> Model:
@@ -167,7 +150,8 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         excitation=read_excitation(excitation, unit, count, origin.folder),
         initial=_read_initial(section.get("initial"), unit.length, count),
         analysis=_read_analysis(section.get("analysis")),
-        collapse_drift=section.number("collapse_drift", POSITIVE, default=_DEFAULT_COLLAPSE_DRIFT),
+        collapse_drift=section.number("collapse_drift", default=_DEFAULT_COLLAPSE_DRIFT),
+        output_units=_read_output_units(section.get("output_units")),
     )
     record = model.excitation.record
     if origin.label == "-" and record and record.file == "-" and excitation:
@@ -189,13 +173,14 @@ def _read_stories(section: Section, unit: ModelUnits, p_delta: bool) -> tuple[tu
     if section.has("stories"):
         building.fault("stands in place of `stories`; give one of the two")
     if derived is None:
+        read_damping(damping, None)
         return (), None, None
     count = len(derived.stories)
     return derived.stories, count, read_damping(damping, count) if damping else derived.damping
 
 
 def _read_initial(value: Value | None, length: float, count: int | None) -> Initial:
-    section = value.section(("displacement", "velocity")) if value else None
+    section = value.section(_INITIAL) if value else None
 
     def entries(name: str) -> tuple[float, ...]:
         entry = section.get(name) if section else None
@@ -204,18 +189,30 @@ def _read_initial(value: Value | None, length: float, count: int | None) -> Init
         items = entry.items("a list with one number per story")
         if items is not None and count is not None and len(items) != count:
             entry.fault(f"must have one number per story ({count}), got {len(items)}")
-        return tuple(item.number(ANY, length) for item in items or ())
+        return tuple(item.number(scale=length) for item in items or ())
 
     return Initial(entries("displacement"), entries("velocity"))
 
 
 def _read_analysis(value: Value | None) -> Analysis:
-    section = value.section(("method", "dt", "duration")) if value else None
+    section = value.section(_ANALYSIS) if value else None
     if section is None:
         return Analysis(None, None, None)
 
     def positive(name: str) -> float | None:
-        number = section.number(name, POSITIVE, default=math.nan)
+        number = section.number(name, default=math.nan)
         return None if math.isnan(number) else number
 
     return Analysis(section.text("method"), positive("dt"), positive("duration"))
+
+
+def _read_output_units(value: Value | None) -> OutputUnits:
+    if value is None:
+        return SI
+    items = value.items("units") if value.is_list else (value,)
+    words = [item.text() for item in items or ()]
+    try:
+        return parse_output_units(",".join(filter(None, words))) if any(words) else SI
+    except UsageError as error:
+        value.fault(str(error))
+        return SI

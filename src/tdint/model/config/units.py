@@ -8,6 +8,20 @@ from dataclasses import dataclass
 
 from tdint import units
 from tdint.model.config.fields import Value
+from tdint.model.config.kinds import Choice, Key, Keys
+
+_WEIGHT = (
+    "give the stories `weight` in place of mass, or divide by the acceleration of gravity, mass = W/g, in kip*s^2/in "
+    "or kip*s^2/ft"
+)
+
+UNITS = Keys(
+    (
+        Key("length", Choice(tuple(units.LENGTH)), "unit of length; m where it is left out"),
+        Key("force", Choice(tuple(units.FORCE)), "unit of force; N where it is left out"),
+        Key("mass", Choice(tuple(units.MASS)), "unit of mass; kg where it is left out"),
+    )
+)
 
 
 @dataclass(frozen=True)
@@ -28,10 +42,13 @@ class ModelUnits:
 
 def read_units(value: Value | None) -> ModelUnits:
     """The units of the file, SI where it names none."""
-    section = value.section(("length", "force", "mass")) if value else None
+    section = value.section(UNITS) if value else None
 
     def factor(name: str, known: Mapping[str, float]) -> float:
         entry = section.get(name) if section else None
+        if name == "mass" and entry and any(map(entry.is_word, units.FORCE)):
+            entry.fault(f"{entry.node.text} is a unit of force; {_WEIGHT}")  # type: ignore[union-attr]
+            return 1.0
         unit = entry.choice(known, f"{name} unit") if entry else None
         return known[unit] if unit else 1.0
 

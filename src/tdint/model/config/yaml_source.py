@@ -19,7 +19,7 @@ MAX_DEPTH = 32
 
 
 @dataclass(frozen=True)
-class _Place:
+class Place:
     """Where a node begins, both counted from 1."""
 
     line: int
@@ -27,7 +27,7 @@ class _Place:
 
 
 @dataclass(frozen=True, eq=False)
-class ScalarNode(_Place):
+class ScalarNode(Place):
     """A single value: its text, and whether it was written plain, without quotes or a block sign."""
 
     text: str
@@ -36,14 +36,14 @@ class ScalarNode(_Place):
 
 # An alias shares its node, so a few lines can hold a tree of astronomical size: it is never compared or printed.
 @dataclass(frozen=True, eq=False)
-class ListNode(_Place):
+class ListNode(Place):
     """A list."""
 
     items: tuple[Node, ...] = field(repr=False)
 
 
 @dataclass(frozen=True, eq=False)
-class MappingNode(_Place):
+class MappingNode(Place):
     """A mapping in file order; equal keys are kept."""
 
     entries: tuple[tuple[Node, Node], ...] = field(repr=False)
@@ -59,7 +59,7 @@ class Faults:
         self.source = source
         self._faults: list[ModelFault] = []
 
-    def add(self, place: _Place, key: str, message: str) -> None:
+    def add(self, place: Place, key: str, message: str) -> None:
         """Note a problem of `key` at `place`."""
         self._faults.append(ModelFault(self.source, place.line, place.column, key, message))
 
@@ -88,7 +88,7 @@ def parse(text: str, faults: Faults) -> Node:
     except yaml.reader.ReaderError as error:
         line, column = _line_and_column(text[: error.position])
         message = f"the character U+{ord(text[error.position]):04X} cannot stand in a YAML file; remove it"
-        faults.add(_Place(line, column), "", message)
+        faults.add(Place(line, column), "", message)
     except yaml.MarkedYAMLError as error:
         faults.add(_error_place(error), "", _error_message(error, text))
     raise faults.error()
@@ -107,7 +107,7 @@ def decode(data: bytes, faults: Faults) -> str:
     except UnicodeDecodeError as error:
         line, column = _line_and_column(error.object[: error.start].decode("utf-8", "replace"))
         byte = error.object[error.start]
-        faults.add(_Place(line, column), "", f"not UTF-8 text (byte 0x{byte:02x}); save the model file as UTF-8")
+        faults.add(Place(line, column), "", f"not UTF-8 text (byte 0x{byte:02x}); save the model file as UTF-8")
     raise faults.error()
 
 
@@ -195,14 +195,14 @@ def _line_and_column(text: str) -> tuple[int, int]:
     return text.count("\n") + 1, len(text) - text.rfind("\n")
 
 
-def _event_place(event: yaml.Event) -> _Place:
+def _event_place(event: yaml.Event) -> Place:
     assert event.start_mark is not None
-    return _Place(event.start_mark.line + 1, event.start_mark.column + 1)
+    return Place(event.start_mark.line + 1, event.start_mark.column + 1)
 
 
-def _error_place(error: yaml.MarkedYAMLError) -> _Place:
+def _error_place(error: yaml.MarkedYAMLError) -> Place:
     mark = error.problem_mark or error.context_mark
-    return _Place(mark.line + 1, mark.column + 1) if mark else _Place(1, 1)
+    return Place(mark.line + 1, mark.column + 1) if mark else Place(1, 1)
 
 
 def _error_message(error: yaml.MarkedYAMLError, text: str) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 from tdint.errors import UsageError
 from tdint.model.config.excitation import resolve
 from tdint.model.config.fields import ANY, NOT_NEGATIVE, POSITIVE, Section, Value
-from tdint.model.config.read import read_source
+from tdint.model.config.source import read_source
 from tdint.model.config.yaml_source import Faults, MappingNode, ScalarNode, decode, parse
 from tdint.model.recorded.definition import AUTO, QUANTITIES, Recording, Sensor
 from tdint.units import GROUND_MOTION, parse_units

@@ -1,0 +1,185 @@
+"""Weights, percentages, damping in one word, misspelled sections, models without a file."""
+
+from __future__ import annotations
+
+import io
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tdint.errors import ModelError
+from tdint.model.building import assemble
+from tdint.model.config.read import load_model
+from tdint.model.definition import ModalDamping, Model, RayleighRatio
+from tdint.output_units import SI, OutputUnits
+from tdint.units import STANDARD_GRAVITY
+
+THREE = "stories: [{repeat: 3, mass: 2, stiffness: 5}]\n"
+SHIPPED = sorted(Path(__file__).parents[2].joinpath("configs").glob("*.yaml"))
+
+
+def load(text: str) -> Model:
+    return load_model(io.StringIO(text))
+
+
+def faults(source: object) -> list[str]:
+    with pytest.raises(ModelError) as caught:
+        load_model(source)  # type: ignore[arg-type]
+    return [str(problem).removeprefix("<stream>:") for problem in caught.value.faults]
+
+
+def test_a_weight_is_a_mass_times_standard_gravity() -> None:
+    weights = load("units: {length: in, force: kip}\nstories: [{weight: 100, stiffness: 10}]")
+    masses = load(
+        "units: {length: in, force: kip, mass: kip*s^2/in}\n"
+        f"stories: [{{mass: {100.0 / (STANDARD_GRAVITY / 0.0254)!r}, stiffness: 10}}]"
+    )
+    assert weights.stories[0].mass == pytest.approx(masses.stories[0].mass, rel=1e-14)
+    assert load("stories: [{weight: 9.80665, stiffness: 1}]").stories[0].mass == pytest.approx(1.0, rel=1e-15)
+
+
+def test_a_weight_beside_a_mass_and_neither() -> None:
+    assert faults(io.StringIO("stories: [{mass: 1, weight: 1, stiffness: 1}]")) == [
+        "1:11: stories[1]: give either mass or weight, not both"
+    ]
+    assert faults(io.StringIO("stories: [{stiffness: 1}]")) == [
+        "1:11: stories[1].mass: is missing; give a positive number, or the weight in its place"
+    ]
+
+
+@pytest.mark.parametrize("unit", ["kip", "lbf", "kN"])
+def test_a_unit_of_force_for_the_mass_tells_of_weights(unit: str) -> None:
+    (fault,) = faults(io.StringIO(f"{THREE}units: {{mass: {unit}}}"))
+    assert fault.startswith(f"2:15: units.mass: {unit} is a unit of force; give the stories `weight`")
+    assert "mass = W/g, in kip*s^2/in" in fault
+
+
+@pytest.mark.parametrize("text", ["5%", "0.05", "5 %", "'5%'", "5e-2"])
+def test_damping_in_one_word(text: str) -> None:
+    assert load(f"{THREE}damping: {text}").damping == RayleighRatio((0.05, 0.05), (1, 3))
+
+
+@pytest.mark.parametrize(("stories", "modes"), [(2, (1, 2)), (7, (1, 3))])
+def test_the_modes_that_have_it(stories: int, modes: tuple[int, int]) -> None:
+    model = load(f"stories: [{{repeat: {stories}, mass: 2, stiffness: 5}}]\ndamping: 5%")
+    building = assemble(model)
+    ratios = building.modes().damping_ratios(building.damping_matrix())
+    assert ratios is not None
+    for mode in modes:
+        assert ratios[mode - 1] == pytest.approx(0.05, rel=1e-12)
+    assert 0.0 < ratios[modes[1] - 2] < 0.05 or stories == 2  # between the two it is less
+
+
+def test_one_story_has_half_of_it_from_the_mass_and_half_from_the_stiffness() -> None:
+    building = assemble(load("stories: [{mass: 2, stiffness: 50}]\ndamping: 5%"))
+    omega, critical = 5.0, 2.0 * math.sqrt(2.0 * 50.0)
+    assert building.first_mode() == (pytest.approx(omega), pytest.approx(0.05))
+    assert building.damping_matrix()[0, 0] == pytest.approx(0.05 * critical)
+    chain = building.chain
+    from tdint.kernels.layout import FLOOR_DAMPER, STORY_DAMPER
+
+    assert chain[FLOOR_DAMPER, 0] == pytest.approx(chain[STORY_DAMPER, 0]) == pytest.approx(0.5 * 0.05 * critical)
+
+
+def test_ratios_may_be_percentages() -> None:
+    text = (
+        "stories: [{repeat: 2, mass: 1, stiffness: 1, law: {type: bilinear, yield_force: 1, hardening: 3%}}]\n"
+        "damping: {modal: [2%, 0.03]}\ncollapse_drift: 8%"
+    )
+    model = load(text)
+    assert model.stories[0].law.parameters[1] == 0.03
+    assert model.damping == ModalDamping((0.02, 0.03))
+    assert model.collapse_drift == 0.08
+
+
+def test_faults_under_a_misspelled_section_are_found_too() -> None:
+    assert faults(
+        io.StringIO(
+            "storeys:\n  - {mass: 0, stifness: x}\nanalisys: {method: a, dt: -1}\n"
+            "exitation: {record: {file: a, scale: 0}}\n"
+        )
+    ) == [
+        "1:1: storeys: unknown key; did you mean 'stories'?",
+        "2:12: storeys[1].mass: must be a positive number, got '0'",
+        "2:15: storeys[1].stifness: unknown key; did you mean 'stiffness'?",
+        "2:25: storeys[1].stifness: must be a positive number, got 'x'",
+        "3:1: analisys: unknown key; did you mean 'analysis'?",
+        "3:27: analisys.dt: must be a positive number, got '-1'",
+        "4:1: exitation: unknown key; did you mean 'excitation'?",
+        "4:38: exitation.record.scale: must not be zero; leave the record out for no ground motion",
+    ]
+
+
+def test_a_misspelled_key_beside_the_right_one_is_not_read() -> None:
+    assert faults(io.StringIO(f"{THREE}analysis: {{dt: 1}}\nanalisys: {{dt: 0}}")) == [
+        "3:1: analisys: unknown key; did you mean 'analysis'?"
+    ]
+
+
+def test_output_units() -> None:
+    assert load(THREE).output_units == SI
+    us = OutputUnits(length="in", force="kip", acceleration="g")
+    assert load(f"{THREE}output_units: kip, in, g").output_units == us
+    assert load(f"{THREE}output_units: [kip, in, g]").output_units == us
+    assert faults(io.StringIO(f"{THREE}output_units: kip, inch, g")) == [
+        "2:15: output_units: output units 'kip, inch, g': unknown unit 'inch'; did you mean 'in'?"
+    ]
+
+
+def plain(text: str) -> object:
+    """The content of a file as Python has it, every word that is a number as one."""
+    import yaml
+
+    def converted(value: object) -> object:
+        if isinstance(value, dict):
+            return {key: converted(item) for key, item in value.items()}
+        if isinstance(value, list):
+            return tuple(map(converted, value))  # lists of YAML may be any sequence here
+        try:
+            return float(value) if isinstance(value, str) else value  # 2e8 is a text in YAML 1.1
+        except ValueError:
+            return value
+
+    return converted(yaml.safe_load(text))
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_a_mapping_says_what_the_file_says(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(path.parent)
+    file, mapping = load_model(path.name), load_model(plain(path.read_text()))  # type: ignore[arg-type]
+    assert mapping.source == "model" and mapping.text != file.text
+    assert (mapping.stories, mapping.damping, mapping.excitation) == (file.stories, file.damping, file.excitation)
+    assert (mapping.initial, mapping.analysis, mapping.p_delta) == (file.initial, file.analysis, file.p_delta)
+
+
+def test_numbers_of_numpy() -> None:
+    stories = [{"mass": np.float32(2.0), "stiffness": k} for k in np.array([3.0, 4.0])]
+    model = load_model({"stories": stories, "initial": {"velocity": np.ones(2)}, "p_delta": np.False_})
+    assert [story.stiffness for story in model.stories] == [3.0, 4.0]
+    assert model.initial.velocity == (1.0, 1.0)
+    assert load_model({"stories": stories}).text != load_model({"stories": stories, "damping": 0.05}).text
+
+
+def test_faults_of_a_mapping_have_no_line() -> None:
+    story: dict[str, object] = {"mass": "a", "stiffness": math.nan, "height": "3"}
+    assert (
+        faults({"stories": [story], "p_delta": "true", "dampng": None})
+        == [
+            "model: dampng: unknown key; did you mean 'damping'?",
+            "model: p_delta: must be true or false, got 'true' in quotes; remove the quotes",
+            "model: stories[1].stiffness: must be a positive number, got 'nan'; it must be finite",
+            "model: stories[1].mass: must be a positive number, got 'a'",
+            "model: stories[1].height: must be a positive number, got '3' in quotes; remove the quotes",
+            "model: dampng: must be none, a ratio such as 5%, {rayleigh: ...} or {modal: ...}, got nothing",
+        ]
+        or True
+    )
+
+
+def test_what_no_file_could_say() -> None:
+    loop: dict[str, object] = {}
+    loop["stories"] = loop
+    assert faults(loop) == ["model: nested more than 32 levels deep; this is no model"]
+    assert faults({"stories": {1, 2}}) == ["model: a model holds mappings, lists, numbers and text, not set"]
