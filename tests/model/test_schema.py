@@ -14,7 +14,7 @@ import yaml
 
 from json_schema import valid
 from tdint.errors import ModelError
-from tdint.model.config.kinds import Bounds, Choice, Either, Keys, Kind, ListOf, Whole
+from tdint.model.config.kinds import Bounds, Choice, Either, EntriesOf, Keys, ValueKind, Whole
 from tdint.model.config.read import load_model, model_keys
 from tdint.model.config.schema import model_schema
 
@@ -73,7 +73,7 @@ def refused(model: object) -> bool:
     return False
 
 
-def wrong(kind: Kind) -> list[object]:
+def wrong(kind: ValueKind) -> list[object]:
     """Values that a kind does not allow, made from what it declares."""
     if isinstance(kind, Bounds):
         outside = [kind.low - 1.0, kind.high + 1.0, kind.low * (not kind.low_allowed), kind.high]
@@ -82,7 +82,7 @@ def wrong(kind: Kind) -> list[object]:
         return [kind.low - 1, kind.high + 1, kind.low + 0.5, "a"]
     if isinstance(kind, Choice):
         return ["no such name", {}]
-    if isinstance(kind, ListOf):
+    if isinstance(kind, EntriesOf):
         return [{}, 3, *([[]] if kind.least else []), *([one] for one in wrong(kind.kind))]
     if isinstance(kind, Keys):
         return ["text", [1], {"no such key": 1}]
@@ -100,7 +100,7 @@ def spoiled(model: dict[str, Any], keys: Keys) -> list[dict[str, Any]]:
         inner = [kind for kind in kinds if isinstance(kind, Keys)]
         if inner and isinstance(model[key.name], dict):
             found += [{**model, key.name: value} for value in spoiled(model[key.name], inner[0])]
-        if isinstance(key.kind, ListOf) and isinstance(key.kind.kind, Keys):
+        if isinstance(key.kind, EntriesOf) and isinstance(key.kind.kind, Keys):
             first, *rest = model[key.name]
             found += [{**model, key.name: [value, *rest]} for value in spoiled(first, key.kind.kind)]
         if key.needed:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tdint.model.config.fields import NOT_NEGATIVE, RATIO, Section, Value
-from tdint.model.config.kinds import Choice, Either, Key, Keys, ListOf, Whole
+from tdint.model.config.kinds import Choice, Either, EntriesOf, Key, Keys, Whole
 from tdint.model.definition import MAX_STORIES, Damping, ModalDamping, RayleighCoefficients, RayleighRatio
 
 _FORMS = "none, a ratio such as 5%, {rayleigh: ...} or {modal: ...}"
@@ -17,11 +17,11 @@ _LAST_MODE = 3
 """Of the two modes with the ratio of `damping: 5%`, the higher one, as far as there are so many."""
 
 _MODE = Whole(1, MAX_STORIES)
-_RATIOS = Either((RATIO, ListOf(RATIO, least=2)))
+_RATIOS = Either((RATIO, EntriesOf(RATIO, least=2)))
 _RAYLEIGH = Keys(
     (
-        Key("ratio", Either((RATIO, ListOf(RATIO, least=2, most=2))), "damping ratio in both modes, or in each"),
-        Key("modes", ListOf(_MODE, least=2, most=2), "two modes, from 1 at the longest period"),
+        Key("ratio", Either((RATIO, EntriesOf(RATIO, least=2, most=2))), "damping ratio in both modes, or in each"),
+        Key("modes", EntriesOf(_MODE, least=2, most=2), "two modes, from 1 at the longest period"),
         Key("mass", NOT_NEGATIVE, "coefficient of the mass matrix, 1/s"),
         Key("stiffness", NOT_NEGATIVE, "coefficient of the initial stiffness matrix, s"),
     )

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from tdint.errors import UsageError
 from tdint.model.config.fields import ANY, NOT_NEGATIVE, Section, Value
-from tdint.model.config.kinds import Choice, Either, Key, Keys, ListOf, Whole, Words
+from tdint.model.config.kinds import Choice, Either, EntriesOf, Key, Keys, Whole, Words
 from tdint.model.config.layout import LAYOUT, read_layout
 from tdint.model.config.processing import PROCESSING, read_processing
 from tdint.model.config.units import ModelUnits
@@ -37,7 +37,7 @@ _FORCE = Keys(
 EXCITATION = Keys(
     (
         Key("record", Either((Words(), _RECORD)), "ground motion: a file, or what to take of it"),
-        Key("forces", ListOf(_FORCE), "harmonic forces on floors"),
+        Key("forces", EntriesOf(_FORCE), "harmonic forces on floors"),
     )
 )
 

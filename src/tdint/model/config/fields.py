@@ -20,9 +20,9 @@ from tdint.model.config.kinds import (
     POSITIVE_RATIO,
     RATIO,
     Bounds,
+    EntriesOf,
     Keys,
-    Kind,
-    ListOf,
+    ValueKind,
     Whole,
 )
 from tdint.model.config.yaml_source import Faults, ListNode, MappingNode, Node, ScalarNode
@@ -55,7 +55,7 @@ class Value:
     node: Node
     key: str
     faults: Faults
-    kind: Kind | None = None
+    kind: ValueKind | None = None
 
     @property
     def is_list(self) -> bool:
@@ -138,7 +138,7 @@ class Value:
         if not isinstance(self.node, ListNode):
             self.fault(f"must be {what}, got {self._shown()}")
             return None
-        kind = self.kind.kind if isinstance(self.kind, ListOf) else None
+        kind = self.kind.kind if isinstance(self.kind, EntriesOf) else None
         entries = enumerate(self.node.items, start=1)
         return tuple(Value(item, f"{self.key}[{i}]", self.faults, kind) for i, item in entries)
 

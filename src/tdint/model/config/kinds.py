@@ -13,7 +13,7 @@ Schema = dict[str, Any]
 _PERCENTAGE = r"^[0-9.]+([eE][+-]?[0-9]+)?%$"
 
 
-class Kind(Protocol):
+class ValueKind(Protocol):
     """What the value of a key is."""
 
     def schema(self) -> Schema:
@@ -101,10 +101,10 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class ListOf:
+class EntriesOf:
     """A list whose entries are of one kind."""
 
-    kind: Kind
+    kind: ValueKind
     least: int = 0
     most: int | None = None
 
@@ -118,7 +118,7 @@ class ListOf:
 class Either:
     """One of several kinds."""
 
-    kinds: tuple[Kind, ...]
+    kinds: tuple[ValueKind, ...]
 
     def schema(self) -> Schema:
         return {"anyOf": [kind.schema() for kind in self.kinds]}
@@ -129,7 +129,7 @@ class Key:
     """A key of a mapping: its name, what stands under it, what it means, and whether it must be there."""
 
     name: str
-    kind: Kind
+    kind: ValueKind
     meaning: str = ""
     needed: bool = False
 
@@ -158,7 +158,7 @@ class Keys(Sequence[str]):
     def __iter__(self) -> Iterator[str]:
         return (key.name for key in self.declared)
 
-    def kinds(self) -> Mapping[str, Kind]:
+    def kinds(self) -> Mapping[str, ValueKind]:
         """The kind of each key."""
         return {key.name: key.kind for key in self.declared}
 

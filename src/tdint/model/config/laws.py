@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from tdint.kernels.laws.law import LawParameter
 from tdint.model.config.fields import Bounds, Section, Value
-from tdint.model.config.kinds import Choice, Either, Key, Keys, Kind, ListOf, Schema
+from tdint.model.config.kinds import Choice, Either, EntriesOf, Key, Keys, Schema, ValueKind
 from tdint.model.config.units import ModelUnits
 from tdint.model.definition import Law
 from tdint.model.laws import LAWS, DriftLaw
@@ -23,9 +23,11 @@ def _keys(law: DriftLaw, group: str = "") -> tuple[Key, ...]:
     for one in law.parameters:
         needed = one.default is None and one.without is None
         if one.group == group:
-            keys[one.name] = Key(one.name, ListOf(_bounds(one), least=1) if one.many else _bounds(one), needed=needed)
+            keys[one.name] = Key(
+                one.name, EntriesOf(_bounds(one), least=1) if one.many else _bounds(one), needed=needed
+            )
         elif not group and one.group not in keys:
-            mapping: Kind = Keys(_keys(law, one.group))
+            mapping: ValueKind = Keys(_keys(law, one.group))
             whole = (_bounds(one), mapping, Choice(("none",)))
             keys[one.group] = Key(one.group, Either(whole) if one.shared else mapping, needed=needed)
     return tuple(keys.values())

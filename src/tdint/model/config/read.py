@@ -16,7 +16,7 @@ from tdint.errors import UsageError
 from tdint.model.config.damping import DAMPING, read_damping
 from tdint.model.config.excitation import EXCITATION, read_excitation
 from tdint.model.config.fields import ANY, POSITIVE, POSITIVE_RATIO, Section, Value
-from tdint.model.config.kinds import Either, Flag, Key, Keys, ListOf, Words
+from tdint.model.config.kinds import Either, EntriesOf, Flag, Key, Keys, Words
 from tdint.model.config.plain import nodes_of, text_of
 from tdint.model.config.source import SourceText, read_source
 from tdint.model.config.stories import STORIES, read_stories
@@ -56,8 +56,8 @@ __all__ = [
 
 _INITIAL = Keys(
     (
-        Key("displacement", ListOf(ANY), "of the floors relative to the ground, from the bottom"),
-        Key("velocity", ListOf(ANY), "of the floors relative to the ground, from the bottom"),
+        Key("displacement", EntriesOf(ANY), "of the floors relative to the ground, from the bottom"),
+        Key("velocity", EntriesOf(ANY), "of the floors relative to the ground, from the bottom"),
     )
 )
 _ANALYSIS = Keys(
@@ -89,7 +89,9 @@ _MODEL = Keys(
         Key("initial", _INITIAL, "state at the start; at rest where it is left out"),
         Key("analysis", _ANALYSIS, "method, time step and duration; the command line comes before it"),
         Key("collapse_drift", POSITIVE_RATIO, "drift ratio beyond which a run counts as collapsed; 10% by default"),
-        Key("output_units", Either((Words(), ListOf(Words(), least=1))), "units of tables and summaries: kip, in, g"),
+        Key(
+            "output_units", Either((Words(), EntriesOf(Words(), least=1))), "units of tables and summaries: kip, in, g"
+        ),
     ),
     one_of=(("stories", "building"),),
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from tdint.model.config.fields import NOT_NEGATIVE, POSITIVE, Bounds, Section, Value
-from tdint.model.config.kinds import Either, Key, Keys, ListOf, Whole
+from tdint.model.config.kinds import Either, EntriesOf, Key, Keys, Whole
 from tdint.model.config.laws import LAW, LINEAR, check_together, read_law
 from tdint.model.config.units import ModelUnits
 from tdint.model.definition import MAX_STORIES, Law, PowerDashpot, Story
@@ -31,7 +31,7 @@ _STORY = Keys(
     ),
     one_of=(("mass", "weight"),),
 )
-STORIES = ListOf(_STORY, least=1)
+STORIES = EntriesOf(_STORY, least=1)
 _AGREEMENT = 1e-9
 
 
