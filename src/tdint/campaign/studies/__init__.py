@@ -1,0 +1,1 @@
+"""Studies of many motions: measures of intensity, scaling, incremental dynamic analysis, fragility."""

@@ -1,0 +1,1 @@
+"""Fragility functions: tables of observations, and lognormal distributions fitted to them."""

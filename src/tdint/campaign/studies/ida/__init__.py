@@ -1,0 +1,1 @@
+"""Incremental dynamic analysis: levels, runs, what is kept of them, capacities, fractiles."""
