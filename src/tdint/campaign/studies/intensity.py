@@ -93,7 +93,9 @@ class PeakVelocity:
         angles = np.arange(_DIRECTIONS) * (math.pi / _DIRECTIONS)
         first, second = motion.first, motion.second
         peaks = [
-            integrate(Record(math.cos(a) * first.acceleration + math.sin(a) * second.acceleration, first.dt, "", "", "", "")).pgv
+            integrate(
+                Record(math.cos(a) * first.acceleration + math.sin(a) * second.acceleration, first.dt, "", "", "", "")
+            ).pgv
             for a in angles.tolist()
         ]
         return _positive(float(np.percentile(peaks, percentile)), self.name, motion)
@@ -149,7 +151,7 @@ def pseudo_accelerations(motion: GroundMotion, periods: Array, damping: float, p
     if percentile is None:
         both = [spectrum(record, periods, damping).psa for record in (motion.first, motion.second)]
         return np.asarray(np.sqrt(both[0] * both[1]))
-    return rotated_spectrum(motion, periods, damping, [percentile]).psa[0]
+    return np.asarray(rotated_spectrum(motion, periods, damping, [percentile]).psa[0])
 
 
 def _check_period(period: float) -> None:

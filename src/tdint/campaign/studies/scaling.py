@@ -1,4 +1,4 @@
-"""Factors that scale a suite of ground motions: to a value, to a target spectrum, by the rules of ASCE 7 and FEMA P-695.
+"""Factors that scale a suite of ground motions: to a value, to a target spectrum, by ASCE 7 and FEMA P-695.
 
 One factor for both components of a pair.
 """

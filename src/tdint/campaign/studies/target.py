@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import math
 import re
-import sys
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.campaign.studies.csv_table import CsvTable, read_table
 from tdint.errors import ModelError, UsageError
 from tdint.units import ACCELERATION
 
@@ -20,8 +16,7 @@ Array = NDArray[np.float64]
 
 _PERIOD = ("period_s", "period", "t")
 _ENDS = {"_m_s2": "m/s^2", "_cm_s2": "cm/s^2", "_gal": "gal", "_g": "g"}
-_VALUE = re.compile(r"(?:(?:rotd\d+|geometric_mean)_)?(?:psa|sa)", re.IGNORECASE)
-_MOST_BYTES = 64 * 1024 * 1024
+_VALUE = re.compile(r"(?:(?:rotd\d+|geometric_mean)_)?(?:psa|sa)")
 
 
 @dataclass(frozen=True)
@@ -70,67 +65,39 @@ def read_target(source: str) -> TargetSpectrum:
     ModelError
         It cannot be read, lacks a column, or holds what is no spectrum.
     """
-    rows = list(csv.reader(io.StringIO(_text(source))))
-    if not rows:
-        raise ModelError(f"{source}: is empty; its first line must name the columns period_s and sa_g or sa_m_s2")
-    header = [cell.strip() for cell in rows[0]]
-    period, value, factor = _places(source, header)
-    points: list[tuple[float, float]] = []
-    for number, row in enumerate(rows[1:], start=2):
-        if not any(cell.strip() for cell in row):
-            continue
-        x, y = (_number(source, number, header, row, place) for place in (period, value))
-        if x < 0.0 or y <= 0.0:
-            raise ModelError(f"{source}:{number}: periods must be 0 or positive and accelerations positive")
-        if points and not x > points[-1][0]:
-            raise ModelError(
-                f"{source}:{number}: period {x:g} does not follow {points[-1][0]:g}; a target is one spectrum with "
-                "rising periods"
-            )
-        points.append((x, y * factor))
-    points = [point for point in points if point[0] > 0.0]
-    if len(points) < 2:
+    table = read_table(source, "a target spectrum is a CSV file with the columns period_s and sa_g or sa_m_s2")
+    period = next((name for name in table.header if name in _PERIOD), "period_s")
+    value, factor = _acceleration(table)
+    periods, psa = np.array(table.numbers(period)), factor * np.array(table.numbers(value, positive=True))
+    falls = np.flatnonzero(np.diff(periods, prepend=-1.0) <= 0.0)
+    if falls.size or periods[0] < 0.0:
+        place = int(falls[0]) if falls.size else 0
+        raise ModelError(
+            f"{source}:{table.rows[place][0]}: period {periods[place]:g} s: the periods of one spectrum must rise, "
+            "from 0 or more"
+        )
+    positive = periods > 0.0
+    if np.sum(positive) < 2:
         raise ModelError(f"{source}: a spectrum needs two periods at least")
-    periods, psa = np.array(points).T
-    return TargetSpectrum(source, periods, psa)
+    return TargetSpectrum(source, periods[positive], psa[positive])
 
 
-def _text(source: str) -> str:
-    try:
-        data = sys.stdin.buffer.read(_MOST_BYTES) if source == "-" else Path(source).read_bytes()
-        return data.decode("utf-8-sig")
-    except FileNotFoundError:
-        raise ModelError(f"{source}: no such file; give a CSV file with the columns period_s and sa_g") from None
-    except UnicodeDecodeError:
-        raise ModelError(f"{source}: not UTF-8 text") from None
-    except (OSError, ValueError) as error:
-        raise ModelError(f"{source}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
-
-
-def _places(source: str, header: list[str]) -> tuple[int, int, float]:
-    """The places of period and acceleration, and the factor of the latter to m/s^2."""
-    period = next((i for i, name in enumerate(header) if name.lower() in _PERIOD), None)
-    values = [(i, name, end) for i, name in enumerate(header) for end in _ENDS if _names(name, end)]
-    pseudo = [found for found in values if "psa" in found[1].lower()]
-    values = pseudo or values
-    if period is None or not values:
-        missing = "period_s" if period is None else "sa_g or sa_m_s2: an acceleration with its unit"
-        raise ModelError(f"{source}:1: no column {missing}; there are {', '.join(header)[:120]}")
+def _acceleration(table: CsvTable) -> tuple[str, float]:
+    """The column of accelerations, and its factor to m/s^2; pseudo-accelerations before others."""
+    values = [(name, end) for name in table.header for end in _ENDS if _names(name, end)]
+    values = [(name, end) for name, end in values if "psa" in name] or values
+    if not values:
+        raise ModelError(
+            f"{table.source}:1: no column sa_g or sa_m_s2, an acceleration with its unit; there are "
+            f"{', '.join(table.header)[:200]}"
+        )
     if len(values) > 1:
-        raise ModelError(f"{source}:1: several spectra, {', '.join(name for _, name, _ in values)}; leave one of them")
-    return period, values[0][0], ACCELERATION[_ENDS[values[0][2]]]
+        raise ModelError(
+            f"{table.source}:1: several spectra, {', '.join(name for name, _ in values)}; leave one of them"
+        )
+    ((name, end),) = values
+    return name, ACCELERATION[_ENDS[end]]
 
 
 def _names(name: str, end: str) -> bool:
-    return name.lower().endswith(end) and bool(_VALUE.fullmatch(name[: -len(end)]))
-
-
-def _number(source: str, line: int, header: list[str], row: list[str], place: int) -> float:
-    text = row[place].strip() if place < len(row) else ""
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
-        raise ModelError(f"{source}:{line}: {header[place]} must be a number, got {text[:40]!r}")
-    return number
+    return name.endswith(end) and bool(_VALUE.fullmatch(name[: -len(end)]))

@@ -118,7 +118,9 @@ class Fragility:
         return replace(self, threshold=threshold, im=im, unit=unit)
 
 
-def fit_stripes(im: Sequence[float] | Array, exceeding: Sequence[int] | Array, records: Sequence[int] | Array) -> Fragility:
+def fit_stripes(
+    im: Sequence[float] | Array, exceeding: Sequence[int] | Array, records: Sequence[int] | Array
+) -> Fragility:
     """The lognormal distribution of the largest likelihood, of numbers of exceedances at levels of intensity.
 
     Parameters
@@ -186,10 +188,8 @@ def fit_capacities(capacity: Sequence[float] | Array, censored: Sequence[bool] |
     known = x.size - int(np.sum(above))
     if known < 2:
         raise AnalysisError(
-            f"{known or 'no'} of {x.size} {'capacity is' if x.size == 1 else 'capacities is' if known == 1 else 'capacities are'} "
-            "known, the others are censored: two at least are needed"
-            if x.size != known
-            else f"{x.size} capacities tell no dispersion: two at least are needed"
+            f"of {x.size} capacities {known or 'none'} is known, the others are censored: "
+            "median and dispersion need two"
         )
     logarithms = np.log(x)
     if not above.any():
@@ -247,9 +247,15 @@ def fit_cloud(
         jacobian = np.array([[-1.0, -mean, math.log(threshold)], [0.0, -1.0 / g1, 0.0]]) / g1
         results.append(
             Fragility(
-                CLOUD, math.exp(mean), 1.0 / g1, jacobian @ covariance @ jacobian.T, records=x.size,
-                censored=int(np.sum(above)), threshold=float(threshold), cloud=points,
-            )  # fmt: skip
+                CLOUD,
+                math.exp(mean),
+                1.0 / g1,
+                jacobian @ covariance @ jacobian.T,
+                records=x.size,
+                censored=int(np.sum(above)),
+                threshold=float(threshold),
+                cloud=points,
+            )
         )
     return results
 
@@ -262,7 +268,9 @@ def _line(x: Array, y: Array, above: NDArray[np.bool_]) -> tuple[float, float, f
     sigma = float(np.sqrt(np.mean((y[~above] - intercept - slope * x[~above]) ** 2)))
     if not sigma > 1e-12 * float(np.ptp(y)):
         raise AnalysisError("all demands lie on one line: the dispersion cannot be told")
-    observed = Observations(np.column_stack([-np.ones(x.size), -x, y]), np.zeros(x.size, bool), above, np.ones(x.size), 2)
+    observed = Observations(
+        np.column_stack([-np.ones(x.size), -x, y]), np.zeros(x.size, bool), above, np.ones(x.size), 2
+    )
     found = maximize(observed, np.array([intercept, slope, 1.0]) / sigma)
     if found is None or not found[0][1] > 0.0:
         raise AnalysisError("demands do not grow with intensity: no line with a positive slope fits the cloud")

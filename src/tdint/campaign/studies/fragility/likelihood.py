@@ -1,8 +1,8 @@
 """The maximum of a likelihood of normal observations, some of which are known only to lie below or above a value.
 
 Each observation i has z_i = x_i . p, linear in the parameters, which makes the logarithm of the likelihood concave
-(Pratt 1981; Olsen 1978): Newton's iteration finds its one maximum. A value that is known adds ln p_s - z^2 / 2, with p_s
-the parameter that is 1 / sigma; one known to be below adds ln Phi(z), one above ln Phi(-z).
+(Pratt 1981; Olsen 1978): Newton's iteration finds its one maximum. A value that is known adds ln p_s - z^2 / 2, with
+p_s the parameter that is 1 / sigma; one known to be below adds ln Phi(z), one above ln Phi(-z).
 """
 
 from __future__ import annotations
@@ -100,14 +100,18 @@ def maximize(observations: Observations, start: Array) -> tuple[Array, Array] | 
         step = np.linalg.solve(-hessian, gradient)
         decrement = float(gradient @ step)
         if decrement <= _CONVERGED * max(1.0, abs(value)):
-            return parameters, np.linalg.inv(-hessian)
+            return parameters, _inverse(-hessian)
         length = 1.0
         while not (moved := observations.logarithm(parameters + length * step)) >= value:
             length *= 0.5
             if length < 1e-12:  # No rise that floats can show: at the maximum, up to rounding.
-                return (parameters, np.linalg.inv(-hessian)) if decrement < 1e-12 * max(1.0, abs(value)) else None
+                return (parameters, _inverse(-hessian)) if decrement < 1e-12 * max(1.0, abs(value)) else None
         parameters, value = parameters + length * step, moved
     return None
+
+
+def _inverse(matrix: Array) -> Array:
+    return np.asarray(np.linalg.inv(matrix), float)
 
 
 def _is_flat(hessian: Array) -> bool:

@@ -71,7 +71,7 @@ class IdaCurve:
 
     @cached_property
     def collapse(self) -> Capacity:
-        """The capacity against collapse: the geometric mean of the last level that stands and the first that does not."""
+        """The capacity against collapse: the geometric mean of the last level that stands and the first that falls."""
         low, high = last_stable(self.runs), first_collapse(self.runs)
         lower = math.nan if low is None else low.im
         if high is None:

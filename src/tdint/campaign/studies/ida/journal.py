@@ -76,9 +76,7 @@ def _append(stream: Any, file: Path, content: dict[str, Any]) -> None:
         raise OutputError(f"{file}: cannot be written: {error.strerror or error}") from error
 
 
-def _understood(
-    data: bytes, file: Path, fingerprint: Fingerprint
-) -> tuple[dict[str, tuple[IdaRun, ...]], int, str]:
+def _understood(data: bytes, file: Path, fingerprint: Fingerprint) -> tuple[dict[str, tuple[IdaRun, ...]], int, str]:
     """The runs in a journal, how many bytes of it are whole, and the version that began it."""
     whole = data.rpartition(b"\n")[0]
     if not whole:
@@ -121,6 +119,8 @@ def _lock(descriptor: int, file: Path) -> None:
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
-        raise OutputError(f"{file.parent}: another process writes this study; wait for it or give another folder") from None
+        raise OutputError(
+            f"{file.parent}: another process writes this study; wait for it or give another folder"
+        ) from None
     except OSError:  # A file system without locks.
         return

@@ -1,4 +1,4 @@
-"""A building under a scaled ground motion at one level of intensity, repeated with a finer step where that is needed."""
+"""A building under a scaled ground motion at one level of intensity, repeated with a finer step where it must be."""
 
 from __future__ import annotations
 
