@@ -24,7 +24,7 @@ from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
 from tdint.model.laws import LAWS
-from tdint.output.tables import columns
+from tdint.output.tables import columns, study_columns
 from tdint.output.tables.table import Column
 from tdint_cli.main import COMMANDS, GROUPS, cli
 
@@ -196,6 +196,10 @@ def column_tables():
         "tdint spectrum --rotd 50,100": (*columns.OF_MOTION, *columns.rotated((50, 100)), *columns.CHOICES),
         "tdint spectrum --ductility": (*columns.OF_RECORD, *columns.INELASTIC),
         "tdint drift-spectrum": (*columns.OF_RECORD, *columns.DRIFT_SPECTRUM),
+        "tdint scale": study_columns.FACTORS,
+        "tdint ida": study_columns.CAPACITIES,
+        "ida.csv of tdint ida": study_columns.IDA,
+        "tdint fragility": (*study_columns.FRAGILITY, study_columns.FRAGILITY_TOTAL),
         "tdint methods": columns.METHOD,
         "tdint stability": columns.STABILITY,
         "tdint overshoot": columns.OVERSHOOT,

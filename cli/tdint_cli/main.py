@@ -38,6 +38,11 @@ GROUPS = {
             "Drift spectra: the largest story drifts of shear buildings.",
         ),
     },
+    "Studies": {
+        "scale": ("studies.scale", "Factors that scale ground motions to a value or to a target spectrum."),
+        "ida": ("studies.ida", "Incremental dynamic analysis: drift over intensity, up to collapse."),
+        "fragility": ("studies.fragility", "Fragility functions: the probability of exceedance over intensity."),
+    },
     "Methods": {
         "methods": ("methods.methods", "The time-integration methods: parameters, order, stability, source."),
         "stability": (
@@ -55,7 +60,7 @@ GROUPS = {
     },
 }
 """The commands in the groups and the order of the help: of each its module in `commands` and the first sentence of its
-own help. A group to come: Studies (campaigns of runs)."""
+own help."""
 
 COMMANDS = {name: entry for group in GROUPS.values() for name, entry in group.items()}
 """The commands of all groups."""

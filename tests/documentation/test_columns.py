@@ -14,6 +14,7 @@ TEXT = (readmes.ROOT / "cli" / "README.md").read_text()
 OTHER_STORY = re.compile(r"story_(?!1_)\d+_")
 RECORD = "records/firm-soil.mseed --period 1"
 RECORDED = "{folder}/frame.yaml --recorded {folder}/recorded.yaml --blind {folder}/recorded.yaml --fit damping"
+FRAME = "configs/collapse-prone-frame.yaml"
 COMMANDS = {
     "tdint run": "configs/ten-story.yaml --duration 1",
     "history.csv of tdint run": "configs/hardening.yaml --duration 0.1 --history",
@@ -29,6 +30,10 @@ COMMANDS = {
     "tdint spectrum --rotd 50,100": f"{RECORD} --maxima exact --interpolation linear",
     "tdint spectrum --ductility": f"2 {RECORD}",
     "tdint drift-spectrum": RECORD,
+    "tdint scale": "records/firm-soil.mseed --pga 0.4g",
+    "tdint ida": f"{FRAME} records/firm-soil.mseed --component HN1 --max-im 1.2m/s^2",
+    "ida.csv of tdint ida": f"{FRAME} records/firm-soil.mseed --component HN1 --max-im 1.2m/s^2",
+    "tdint fragility": "configs/stripes.csv --beta-model 0.2",
     "tdint methods": "",
     "tdint stability": "--method impulse4 --dt-over-t 0.1",
     "tdint overshoot": "--method impulse4",

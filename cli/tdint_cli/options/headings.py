@@ -13,8 +13,9 @@ from tdint_cli.settings import Settings
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-OWN, RECORD, SPECTRUM, ANALYSIS, OUTPUT, GENERAL = "Options", "Record", "Spectrum", "Analysis", "Output", "General"
-ORDER = (OWN, RECORD, SPECTRUM, ANALYSIS, OUTPUT, GENERAL)
+OWN, RECORD, SPECTRUM, INTENSITY = "Options", "Record", "Spectrum", "Intensity"
+ANALYSIS, OUTPUT, GENERAL = "Analysis", "Output", "General"
+ORDER = (OWN, RECORD, SPECTRUM, INTENSITY, ANALYSIS, OUTPUT, GENERAL)
 """The headings in the order of the help; `OWN` is for what is peculiar to one command."""
 
 

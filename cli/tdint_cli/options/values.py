@@ -11,7 +11,7 @@ from click.shell_completion import CompletionItem
 
 from tdint.errors import UsageError
 from tdint.quantities import Grid, parse_grid, parse_ratio
-from tdint.units import DriftSize, parse_drift
+from tdint.units import DriftSize, Units, parse_drift, parse_units
 
 if TYPE_CHECKING:
     ValueType = click.ParamType[Any]
@@ -99,6 +99,52 @@ class GridType(ValueType):
         return grid
 
 
+class RangeType(GridType):
+    """FIRST:LAST, at so many numbers in equal ratios, or FIRST:LAST:COUNT."""
+
+    name = "range"
+
+    def __init__(self, count: int) -> None:
+        super().__init__()
+        self.count = count
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Grid:
+        if isinstance(value, str):
+            if ":" not in value:
+                self.fail(f"{value!r} is no range; write FIRST:LAST, such as 0.2:2", param, ctx)
+            value = f"{value}:{self.count}" if value.count(":") == 1 else value
+        return super().convert(value, param, ctx)
+
+
+class SpanType(ValueType):
+    """LOW:HIGH, two numbers or ratios; without one of them 0 or infinity."""
+
+    name = "span"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, float]:
+        if isinstance(value, tuple):
+            return value
+        try:
+            low, high = (text.strip() for text in value.split(":"))
+            span = (parse_ratio(low) if low else 0.0, parse_ratio(high) if high else math.inf)
+        except (ValueError, UsageError):
+            self.fail(f"{value!r} is not LOW:HIGH, such as 0.001:0.1", param, ctx)
+        if not 0.0 <= span[0] < span[1]:
+            self.fail(f"{value!r}: LOW must be below HIGH, and not negative", param, ctx)
+        return span
+
+
+class PeriodType(ValueType):
+    """A period in s, or T1 for None: the first one of the building."""
+
+    name = "period"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float | None:
+        if isinstance(value, str) and value.strip().upper() == "T1":
+            return None
+        return float(Number(0.0, min_open=True).convert(value, param, ctx))
+
+
 class DriftSizeType(ValueType):
     """A drift: a ratio, a length with its unit, or a multiple of the yield drift."""
 
@@ -106,6 +152,27 @@ class DriftSizeType(ValueType):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> DriftSize:
         return parse_drift(value) if isinstance(value, str) else value
+
+
+class IntensityType(ValueType):
+    """A peak or a pseudo-acceleration with its unit: 0.6g, '5.9 m/s^2', 40cm/s."""
+
+    name = "intensity"
+
+    def __init__(self, *quantities: str) -> None:
+        self.quantities = quantities
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Units:
+        if isinstance(value, Units):
+            return value
+        example = "40cm/s" if self.quantities == ("velocity",) else "0.6g or '5.9 m/s^2'"
+        try:
+            units = parse_units(value)
+        except UsageError:
+            units = None
+        if units is None or not units.has_factor or units.quantity not in self.quantities:
+            self.fail(f"{value!r}: write a number with its unit, such as {example}", param, ctx)
+        return units
 
 
 class Name(ValueType):

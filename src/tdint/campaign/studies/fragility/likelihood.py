@@ -17,8 +17,11 @@ from scipy.special import log_ndtr
 Array = NDArray[np.float64]
 
 _ITERATIONS = 200
-_CONVERGED = 1e-20
-"""Of Newton's decrement, twice the distance of the likelihood's logarithm from its maximum."""
+_CONVERGED = 1e-13
+"""Of Newton's decrement, twice the distance of the likelihood's logarithm from its maximum; the next is its square."""
+
+_SHORTEST = 1e-12
+"""Part of a step below which there is no rise: the maximum is where 1 / sigma is not positive."""
 
 _FLATTEST = 1e-12
 """Least curvature over the largest, scaled to equal diagonals: below it there is no one maximum."""
@@ -99,13 +102,13 @@ def maximize(observations: Observations, start: Array) -> tuple[Array, Array] | 
             return None
         step = np.linalg.solve(-hessian, gradient)
         decrement = float(gradient @ step)
-        if decrement <= _CONVERGED * max(1.0, abs(value)):
-            return parameters, _inverse(-hessian)
+        if decrement <= _CONVERGED * max(1.0, abs(value)):  # The last step: beyond it floats show no rise.
+            return parameters + step, _inverse(-hessian)
         length = 1.0
-        while not (moved := observations.logarithm(parameters + length * step)) >= value:
+        while not (moved := observations.logarithm(parameters + length * step)) > value:
             length *= 0.5
-            if length < 1e-12:  # No rise that floats can show: at the maximum, up to rounding.
-                return (parameters, _inverse(-hessian)) if decrement < 1e-12 * max(1.0, abs(value)) else None
+            if length < _SHORTEST:
+                return None
         parameters, value = parameters + length * step, moved
     return None
 

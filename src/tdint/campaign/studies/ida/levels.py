@@ -24,7 +24,7 @@ _PROBES = (1.25, 1.5)
 """Levels above the first collapse at which the building may stand again, over its level."""
 
 _NEAR = 0.01
-"""Levels that differ by less than this part are the same."""
+"""Levels that differ by less than this part, of themselves or of their bracket, are the same."""
 
 _PLACES = (0.5, 0.25, 0.75, 0.375, 0.625)
 """Where between two levels, in the logarithm, a run is tried; the next one where the run before had no result."""
@@ -106,8 +106,9 @@ class Levels:
         collapse = first_collapse(runs)
         if collapse is None:
             return None
-        levels = (probe * collapse.im for probe in _PROBES)
-        return next((level for level in levels if level <= self.most and not _tried(level, runs)), None)
+        levels = (probe * collapse.im for probe in _PROBES if probe * collapse.im <= self.most)
+        untried = (level for level in levels if all(abs(run.im - level) > _NEAR * level for run in runs))
+        return next(untried, None)
 
 
 def first_collapse(runs: Sequence[IdaRun]) -> IdaRun | None:
@@ -128,10 +129,8 @@ def last_stable(runs: Sequence[IdaRun]) -> IdaRun | None:
 
 
 def _between(low: float, high: float, runs: Sequence[IdaRun]) -> float | None:
-    """A level between two others at which nothing was tried yet."""
+    """A level between two neighbours that was not tried without a result."""
+    tried = [run.im for run in runs if low < run.im < high]
+    near = _NEAR * math.log(high / low)
     levels = (low * (high / low) ** place for place in _PLACES)
-    return next((level for level in levels if not _tried(level, runs)), None)
-
-
-def _tried(level: float, runs: Sequence[IdaRun]) -> bool:
-    return any(abs(run.im - level) <= _NEAR * level for run in runs)
+    return next((level for level in levels if all(abs(math.log(im / level)) > near for im in tried)), None)

@@ -1,0 +1,1 @@
+"""Commands of many motions and many runs: scaling, incremental dynamic analysis, fragility, campaigns."""

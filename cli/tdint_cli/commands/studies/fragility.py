@@ -1,0 +1,119 @@
+"""`tdint fragility`: lognormal fragility functions fitted to a table of observations."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tdint.errors import UsageError
+from tdint_cli import options
+from tdint_cli.batch.sources import refuse_inputs
+from tdint_cli.errors import Failures
+from tdint_cli.options.output import Outputs
+from tdint_cli.options.values import FileName, Number, SpanType
+from tdint_cli.terminal.streams import complain, say, warn
+
+if TYPE_CHECKING:
+    from tdint.campaign.studies.fragility.fits import Fragility
+    from tdint.files import Writer
+
+_FITS = ("stripes", "ida", "cloud")
+_IM = {"sa": "sa_t1_m_s2", "pga": "pga_m_s2"}
+
+
+@options.command("fragility")
+@click.argument("table", metavar="TABLE.csv|DIR", type=FileName())
+@options.option(
+    "--fit",
+    type=click.Choice(_FITS),
+    help="stripes: maximum likelihood of numbers of exceedances; ida: moments of capacities, maximum likelihood if "
+    "some are censored; cloud: a line through ln EDP over ln IM. By default what the table's columns are for.",
+)
+@options.studies.threshold(
+    help="Drift ratios, or other demands, whose exceedance is meant; by default those of the table."
+)
+@options.option(
+    "--edp-range",
+    type=SpanType(),
+    metavar="LOW:HIGH",
+    help="Of a cloud: demands below LOW are left out, those above HIGH known only to be above it. One may be left out.",
+)
+@options.option(
+    "--im", type=click.Choice(list(_IM)), help="Intensity of a campaign's runs; sa, at the first period, by default."
+)
+@options.option(
+    "--beta-model",
+    type=Number(0.0),
+    default=0.0,
+    metavar="BETA",
+    help="Standard deviation (of the logarithm) of what is not known of the model: adds the column beta_total, the "
+    "root of the sum of squares.",
+)
+@options.output.output()
+@options.output.plot(
+    "Also draw functions, observations and confidence bands, to this file (.png, .pdf, .svg) or beside -o under its "
+    "name."
+)
+@options.output.overwrite
+def command(**given: Any) -> None:
+    """Fragility functions: the probability of exceedance over intensity.
+
+    TABLE.csv has the columns im,collapses,records (stripes), capacity[,censored] (ida) or im,edp[,censored] (cloud),
+    and if it likes threshold, im_name, unit; - is standard input. DIR is a folder of `tdint ida` or `tdint campaign`.
+    CSV: median theta and dispersion beta of a lognormal distribution for each threshold, with the standard errors of ln
+    theta and beta from the information matrix. The picture has 95 % confidence bands by the delta method.
+    """
+    _fragility(**given)
+
+
+def _fragility(
+    table: str, fit: str | None, threshold: tuple[float, ...] | None, edp_range: tuple[float, float] | None,
+    im: str | None, beta_model: float, output: str | None, plot: str | None, overwrite: bool,
+) -> None:  # fmt: skip
+    from tdint.campaign.studies.fragility.tables import FragilityRequest, fit_table
+    from tdint.output.tables.studies import fragility_table
+
+    if edp_range is not None and fit not in (None, "cloud"):
+        raise UsageError("--edp-range is for --fit cloud")
+    outputs = Outputs.checked(output, plot, overwrite)
+    refuse_inputs(outputs.files, [table])
+    request = FragilityRequest(
+        fit=fit,
+        thresholds=threshold or (),
+        edp_range=edp_range or (0.0, math.inf),
+        beta_model=beta_model,
+        measure=_IM[im] if im else None,
+    )
+    result = fit_table(table, request)
+    for text in result.warnings:
+        warn(text)
+    if not result.functions:
+        raise Failures(list(result.failures))
+
+    def draw(suffix: str) -> Writer:
+        from tdint.output.figures.studies.fragility import fragility_picture
+
+        return fragility_picture(result.functions, suffix)
+
+    outputs.deliver(fragility_table(result.functions, total=beta_model > 0.0), draw)
+    for function in result.functions:
+        say(_words(function))
+    for error in result.failures:
+        complain(f"Warning: {error}")
+
+
+def _words(function: Fragility) -> str:
+    """Median and dispersion with their 95 % intervals."""
+    name = f"{function.im or 'im'}"
+    what = "" if math.isnan(function.threshold) else f"Threshold {function.threshold:g}: "
+    factor = math.exp(1.96 * function.theta_error)
+    unit = f" {function.unit}" if function.unit else ""
+    text = (
+        f"{what}{function.fit}, median {name} {function.theta:.4g}{unit} (95 %: {function.theta / factor:.4g} to "
+        f"{function.theta * factor:.4g}), beta {function.beta:.3f} +- {1.96 * function.beta_error:.3f}"
+    )
+    if function.beta_model:
+        text += f", total beta {function.beta_total:.3f}"
+    return text + (f"; {function.censored} of {function.records} censored." if function.censored else ".")

@@ -1,0 +1,307 @@
+"""`tdint ida`: incremental dynamic analysis of a building under many records."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tdint.errors import OutputError, UsageError
+from tdint_cli import options
+from tdint_cli.batch.sources import refuse_inputs
+from tdint_cli.options.output import check_picture
+from tdint_cli.options.plot import picture_file
+from tdint_cli.options.studies import read_suite
+from tdint_cli.options.values import IntensityType, PeriodType, Ratio
+from tdint_cli.terminal.drawing import emit_table
+from tdint_cli.terminal.progress import progress_bar
+from tdint_cli.terminal.streams import note, say, warn
+
+if TYPE_CHECKING:
+    from tdint.campaign.studies.ida.study import IdaSettings, IdaStudy
+    from tdint.campaign.studies.intensity import IntensityMeasure
+    from tdint.files import Writer
+    from tdint.ground_motion.processing import Processing
+    from tdint.model.definition import Model
+    from tdint.quantities import Grid
+    from tdint.units import Units
+
+RUNS, CAPACITIES, SUMMARY = "ida.csv", "capacities.csv", "ida.json"
+_MEASURES = ("sa", "pga", "pgv", "sa-avg")
+_OFF_BALANCE = 0.01
+
+
+@dataclass(frozen=True)
+class IdaRequest:
+    """The command line of `tdint ida`."""
+
+    model: str
+    records: tuple[str, ...]
+    units: str | None
+    component: str | None
+    inventory: str | None
+    processing: Processing
+    im: str
+    period: float | None
+    damping: float
+    average: Grid | None
+    precision: float
+    collapse_drift: float | None
+    threshold: tuple[float, ...] | None
+    max_im: Units | None
+    method: str | None
+    dt: float | None
+    duration: float | None
+    jobs: int
+    output: str | None
+    plot: str | None
+    overwrite: bool
+
+    @property
+    def picture(self) -> Path | None:
+        """The file of the picture, if one is asked for."""
+        return picture_file(self.plot, Path(self.output) / RUNS if self.output else None)
+
+
+@options.command("ida")
+@options.building.model
+@options.record.records
+@options.record.units
+@options.record.component
+@options.record.inventory
+@options.record.processing
+@options.studies.option(
+    "--im",
+    type=click.Choice(_MEASURES),
+    default=_MEASURES[0],
+    help="Intensity measure: Sa at a period (by default), PGA, PGV, or Sa_avg, the geometric mean of Sa about a "
+    "period.",
+)
+@options.studies.option(
+    "--period",
+    type=PeriodType(),
+    metavar="T1|SECONDS",
+    help="Period of sa and sa-avg; by default T1, the first one of the building.",
+)
+@options.studies.damping
+@options.studies.average
+@options.studies.option(
+    "--max-im",
+    type=IntensityType("acceleration", "velocity"),
+    metavar="VALUE",
+    help="The largest intensity, with its unit (3g): capacities above it are censored.",
+)
+@options.analysis.option(
+    "--precision",
+    type=Ratio(0.0, 0.5, min_open=True),
+    default=0.05,
+    metavar="5%",
+    help="Bracket of the capacity against collapse; 5% by default.",
+)
+@options.analysis.option(
+    "--collapse-drift",
+    type=Ratio(0.0, min_open=True),
+    metavar="10%",
+    help="Drift ratio over which the building has collapsed; by default the model's.",
+)
+@options.studies.threshold(help="Drift ratios whose capacities are told beside that of collapse; 1%,2%,4% by default.")
+@options.analysis.method
+@options.analysis.dt
+@options.analysis.duration
+@options.output.output(
+    "DIR",
+    f"Write {RUNS}, {CAPACITIES} and {SUMMARY} into this folder, and go on there with what an interrupted call of the "
+    "same kind left.",
+)
+@options.output.plot(
+    "Also draw all curves with fractiles and capacities, to this file (.png, .pdf, .svg), or alone as ida.png into the "
+    "folder of -o."
+)
+@options.output.overwrite
+@options.studies.threads
+def command(**given: Any) -> None:
+    """Incremental dynamic analysis: drift over intensity, up to collapse.
+
+    MODEL.yaml is a model file, RECORD a file, or a folder for all records in it; all horizontal components are taken,
+    each for itself, unless --component names one. Every record is scaled up by 1.5 until the building collapses, its
+    capacity bracketed, the curve filled where the drift changes by more than 20 %, and two levels tried above the
+    collapse, where a building may stand again (resurrection). A run that does not converge or diverges is repeated with
+    half the step, up to three times, and counts neither as standing nor as collapse if that does not help.
+
+    CSV of the capacities on standard output, or with -o a folder: one row per record and drift threshold, the collapse
+    drift last. The same call again goes on where it was interrupted; --overwrite begins anew.
+    """
+    _ida(IdaRequest(**given))
+
+
+def _ida(request: IdaRequest) -> None:
+    from tdint.campaign.studies.ida.study import IdaSettings, ida
+    from tdint.campaign.studies.suite import RecordChoice
+    from tdint.model.config.read import load_model
+    from tdint.output.tables.studies import capacity_table
+    from tdint_cli.errors import Failures
+
+    folder = _folder(request)
+    model = load_model(request.model)
+    measure = _measure(request, model)
+    settings = IdaSettings(
+        precision=request.precision,
+        collapse_drift=request.collapse_drift,
+        max_im=_largest(request, measure),
+        dt=request.dt,
+        duration=request.duration,
+        **({"thresholds": request.threshold} if request.threshold else {}),
+    )
+    choice = RecordChoice(request.units, request.component, request.inventory, request.processing)
+    suite, failures = read_suite(request.records, choice, pairs=False)
+    with progress_bar(request.output is None) as tell:
+        study = ida(
+            model,
+            suite.records,
+            measure,
+            settings,
+            method=request.method,
+            jobs=request.jobs,
+            folder=folder,
+            progress=lambda done, of: tell(f"records {done}/{of}", done / of),
+        )
+    if folder is None:
+        emit_table(capacity_table(study))
+    _write(request, study, settings)
+    _report(study)
+    if failures:
+        raise Failures(failures)
+
+
+def _folder(request: IdaRequest) -> Path | None:
+    """The folder of the study, ready to be written; what is there is another study's unless it has its journal.
+
+    Raises
+    ------
+    OutputError
+        Files are in the way.
+    """
+    from tdint.campaign.studies.ida.study import JOURNAL
+    from tdint.files import check_outputs
+
+    folder = Path(request.output) if request.output else None
+    picture = request.picture
+    if picture:
+        check_picture(picture)
+    begun = folder is not None and (folder / JOURNAL).is_file() and not request.overwrite
+    files = [folder / name for name in (RUNS, CAPACITIES, SUMMARY, JOURNAL)] if folder else []
+    outputs = [*files, *([picture] if picture else [])]
+    refuse_inputs(outputs, [request.model, *request.records, request.inventory])
+    check_outputs(dict.fromkeys(outputs), overwrite=request.overwrite or begun)
+    if folder and request.overwrite:
+        try:
+            (folder / JOURNAL).unlink(missing_ok=True)
+        except OSError as error:
+            raise OutputError(f"{folder / JOURNAL}: cannot be removed: {error.strerror or error}") from error
+    return folder
+
+
+def _measure(request: IdaRequest, model: Model) -> IntensityMeasure:
+    """The intensity measure that is asked for.
+
+    Raises
+    ------
+    UsageError
+        Options that have no part in it.
+    """
+    from tdint.analysis.spectra.first_mode import first_mode
+    from tdint.campaign.studies import intensity
+    from tdint.model.building import assemble
+
+    if request.average is not None and request.im != "sa-avg":
+        raise UsageError("--average is for --im sa-avg")
+    if request.period is not None and not request.im.startswith("sa"):
+        raise UsageError(f"--period is for --im sa and sa-avg, not {request.im}")
+    if not request.im.startswith("sa"):
+        return intensity.PeakVelocity() if request.im == "pgv" else intensity.pga()
+    period = request.period or first_mode(assemble(model), None).period
+    if request.im == "sa":
+        return intensity.sa(period, request.damping)
+    return intensity.sa_average(period, request.damping, request.average or intensity.AVERAGE)
+
+
+def _largest(request: IdaRequest, measure: IntensityMeasure) -> float:
+    """The largest intensity in the measure's unit, inf if none is asked for."""
+    import math
+
+    if request.max_im is None:
+        return math.inf
+    if (request.max_im.quantity == "velocity") != (measure.unit == "m/s"):
+        raise UsageError(f"--max-im {request.max_im.text}: {measure.name} is in {measure.unit}")
+    return request.max_im.scale
+
+
+def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings) -> None:
+    from tdint.files import write_files
+    from tdint.output.summaries.summary import inputs_summary, json_bytes, model_input, record_summary, table_summary
+    from tdint.output.tables.studies import capacity_table, ida_table
+
+    files: dict[Path, Writer] = {}
+    if request.output:
+        tables = {RUNS: ida_table(study), CAPACITIES: capacity_table(study)}
+        for name, table in tables.items():
+            text = table.csv()
+            files[Path(request.output) / name] = lambda stream, text=text: stream.write(text)  # type: ignore[misc]
+        said = {
+            "model": inputs_summary([model_input(study.model)])[0],
+            "method": study.method,
+            "intensity_measure": asdict(study.measure),
+            **asdict(settings),
+            "collapse_drift": study.model.collapse_drift,
+        }
+        records = [record_summary(curve.record) for curve in study.curves]
+        meanings = {**tables[RUNS].meanings, **tables[CAPACITIES].meanings}
+        summary = json_bytes(table_summary("ida", said, records, meanings))
+        files[Path(request.output) / SUMMARY] = lambda stream: stream.write(summary)
+    if picture := request.picture:
+        from tdint.output.figures.studies.ida import ida_picture
+
+        files[picture] = ida_picture(study, picture.suffix)
+    write_files(files, overwrite=request.overwrite or bool(request.output))
+
+
+def _report(study: IdaStudy) -> None:
+    """What came out, and what changes what the numbers mean."""
+    runs = [run for curve in study.curves for run in curve.runs]
+    if study.resumed == len(study.curves):
+        note("nothing to do: all records were done")
+    elif study.resumed:
+        note(f"{study.resumed} of {len(study.curves)} records were done before")
+    if study.version:
+        note(f"tdint {study.version} began this study")
+    say(_words(study, len(runs)))
+    finer = sum(run.finer > 0 and (run.stable or run.collapsed) for run in runs)
+    if finer:
+        note(f"{finer} runs were repeated with a finer step, for they had no result with the first one")
+    again = sum(curve.resurrection for curve in study.curves)
+    if again:
+        note(f"the building stands again above its first collapse under {again} of {len(study.curves)} records")
+    lost = sum(not (run.stable or run.collapsed) for run in runs)
+    if lost:
+        warn(f"{lost} of {len(runs)} runs have no result, also with a finer step; they count neither way")
+    off = sum(abs(run.energy_error) > _OFF_BALANCE for run in runs if run.stable)
+    if off:
+        warn(f"the energy balance of {off} of {len(runs)} runs is off by more than 1 %: use a smaller step")
+
+
+def _words(study: IdaStudy, runs: int) -> str:
+    import numpy as np
+
+    from tdint.campaign.studies.ida.curve import fractiles
+
+    count, measure = len(study.curves), study.measure
+    low, middle, high = fractiles(study.curves, np.array([study.model.collapse_drift]))[:, 0].tolist()
+    text = f"{study.model.name}: {count} record{'s' * (count > 1)}, {runs} runs with {study.method}.\n"
+    censored = sum(curve.collapse.censored for curve in study.curves)
+    known = f"{measure.name} = {middle:.4g} {measure.unit}" if middle == middle else "above the largest intensity"
+    text += f"Median capacity against collapse: {known}"
+    if count > 1 and low == low and high == high:
+        text += f", 16 and 84 %: {low:.4g} and {high:.4g}"
+    return text + (f"; {censored} of {count} censored." if censored else ".")

@@ -1,0 +1,287 @@
+"""`tdint scale`: factors on ground motions, to a value of a measure or to a target spectrum."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tdint.errors import UsageError
+from tdint_cli import options
+from tdint_cli.batch.sources import refuse_inputs
+from tdint_cli.options.output import Outputs
+from tdint_cli.options.studies import PAIRS, read_suite
+from tdint_cli.options.values import FileName, IntensityType, Number, RangeType
+from tdint_cli.terminal.streams import say
+
+if TYPE_CHECKING:
+    from tdint.campaign.studies.intensity import GroundMotion, IntensityMeasure
+    from tdint.campaign.studies.scaling import Scaling
+    from tdint.files import Writer
+    from tdint.ground_motion.processing import Processing
+    from tdint.quantities import Grid
+    from tdint.units import Units
+
+_VALUES = ("sa", "sa_avg", "pga", "pgv")
+_RULES = ("mean", "asce7")
+_ACCELERATION = IntensityType("acceleration")
+
+
+@dataclass(frozen=True)
+class ScaleRequest:
+    """The command line of `tdint scale`."""
+
+    records: tuple[str, ...]
+    units: str | None
+    component: str | None
+    inventory: str | None
+    processing: Processing
+    target: str | None
+    range: Grid | None
+    rule: str | None
+    sa: Units | None
+    sa_avg: Units | None
+    pga: Units | None
+    pgv: Units | None
+    at: float | None
+    p695: bool
+    pairs: str | None
+    damping: float
+    average: Grid | None
+    output: str | None
+    plot: str | None
+    overwrite: bool
+
+    @property
+    def value(self) -> tuple[str, float] | None:
+        """The measure that a value is given of, and the value in SI units."""
+        given = [(name, value.scale) for name in _VALUES if (value := getattr(self, name)) is not None]
+        if len(given) > 1:
+            names = " and ".join(f"--{name.replace('_', '-')}" for name, _ in given)
+            raise UsageError(f"{names} are given; a motion is scaled to one value")
+        return given[0] if given else None
+
+    def check(self) -> None:
+        """Refuse what makes no sense together.
+
+        Raises
+        ------
+        UsageError
+            What to scale to is not said, or said twice; an option that has no part in it.
+        """
+        value = self.value
+        aims = [name for name, given in (("--target", self.target), ("--p695", self.p695 or None)) if given]
+        if value and not self.p695:
+            aims.append(f"--{value[0].replace('_', '-')}")
+        if len(aims) != 1:
+            what = f"{' and '.join(aims)} are given" if aims else "nothing to scale to"
+            raise UsageError(f"{what}: give one of --target, --sa with --at, --sa-avg with --at, --pga, --pgv, --p695")
+        if self.target is None and (self.range or self.rule):
+            raise UsageError(f"--{'range' if self.range else 'rule'} is for --target")
+        if self.p695 and value and value[0] != "sa":
+            raise UsageError("--p695 is scaled on by --sa with --at")
+        needs_period = value is not None and value[0].startswith("sa")
+        takes_period = needs_period or (self.rule == "asce7" and self.range is None)
+        if needs_period and self.at is None:
+            raise UsageError(f"--{value[0].replace('_', '-') if value else ''} needs a period: add --at SECONDS")
+        if self.at is not None and not takes_period:
+            raise UsageError("--at is for --sa, --sa-avg, and for --rule asce7 without --range")
+        if self.rule == "asce7" and self.range is None and self.at is None:
+            raise UsageError("--rule asce7 compares over 0.2 T to 2 T: give the period T by --at, or --range")
+        if (self.p695 or self.rule == "asce7") and self.pairs is not None:
+            raise UsageError(f"--pairs: {'--p695' if self.p695 else '--rule asce7'} says itself what stands for a pair")
+        if self.average is not None and not (value and value[0] == "sa_avg"):
+            raise UsageError("--average is for --sa-avg")
+
+    @property
+    def in_pairs(self) -> bool:
+        """Whether the motions are pairs."""
+        return self.pairs is not None or self.p695 or self.rule == "asce7"
+
+
+@options.command("scale")
+@options.record.records
+@options.record.units
+@options.record.component
+@options.record.inventory
+@options.record.processing
+@options.option(
+    "--target",
+    type=FileName(),
+    metavar="FILE",
+    help="Scale to this spectrum: CSV with the columns period_s and sa_g or sa_m_s2.",
+)
+@options.option(
+    "--range",
+    type=RangeType(100),
+    metavar="FIRST:LAST",
+    help="Periods over which the target is met, s, at 100 in equal ratios (or FIRST:LAST:COUNT); by default all of the "
+    "target, with --rule asce7 and --at T 0.2 T to 2 T.",
+)
+@options.option(
+    "--rule",
+    type=click.Choice(_RULES),
+    help="mean (by default): least squares of ln Sa, each motion for itself. asce7: 11 pairs at least; the average of "
+    "the maximum-direction spectra is nowhere below 90 % of the target (ASCE 7-16, 16.2.3.2).",
+)
+@options.option("--sa", type=_ACCELERATION, metavar="VALUE", help="Scale to this Sa at the period --at: 0.6g.")
+@options.option("--sa-avg", type=_ACCELERATION, metavar="VALUE", help="Scale to this Sa_avg about the period --at.")
+@options.option("--at", type=Number(0.0, min_open=True), metavar="SECONDS", help="Period of --sa and --sa-avg.")
+@options.option("--pga", type=_ACCELERATION, metavar="VALUE", help="Scale to this peak ground acceleration: 0.4g.")
+@options.option("--pgv", type=IntensityType("velocity"), metavar="VALUE", help="Scale to this peak velocity: 40cm/s.")
+@options.option(
+    "--p695",
+    is_flag=True,
+    help="Normalize pairs by their peak velocities (FEMA P-695, A.8); with --sa and --at scale the set on, to this "
+    "median Sa of all components.",
+)
+@options.studies.option(
+    "--pairs",
+    type=click.Choice(PAIRS),
+    help="Take the two horizontal components of a motion together, with one factor, by this measure of both.",
+)
+@options.studies.damping
+@options.studies.average
+@options.output.output()
+@options.output.plot(
+    "Also draw the scaled spectra with median, fractiles and target, to this file (.png, .pdf, .svg) or beside -o "
+    "under its name."
+)
+@options.output.overwrite
+def command(**given: Any) -> None:
+    """Factors that scale ground motions to a value or to a target spectrum.
+
+    RECORD is a file, or a folder for all records in it; horizontal components are taken one by one unless --component
+    names one, or together with --pairs: those of a file, or of files that are named alike. CSV: one factor for each
+    component, the same for both of a pair. A campaign takes the table as `factors`. With -o a JSON file beside the
+    table says what the records are and how the factors came about.
+
+    A record that fails does not keep the others from being done, unless the factors depend on the whole set (--p695,
+    --rule asce7).
+    """
+    _scale(ScaleRequest(**given))
+
+
+def _scale(request: ScaleRequest) -> None:
+    from tdint.campaign.studies.suite import RecordChoice
+    from tdint.output.summaries.summary import record_summary, table_summary
+    from tdint.output.tables.studies import factor_table
+    from tdint_cli.errors import Failures
+
+    request.check()
+    outputs = Outputs.checked(request.output, request.plot, request.overwrite, summary=True)
+    refuse_inputs(outputs.files, [*request.records, request.target, request.inventory])
+    aim = _aim(request)
+    choice = RecordChoice(request.units, request.component, request.inventory, request.processing)
+    suite, failures = read_suite(request.records, choice, pairs=request.in_pairs)
+    if failures and (request.p695 or request.rule == "asce7"):
+        raise Failures(failures)
+    scaling = aim(suite.motions)
+    table = factor_table(scaling)
+
+    def draw(suffix: str) -> Writer:
+        from tdint.output.figures.studies.suite import suite_picture
+
+        return suite_picture(scaling, suffix)
+
+    def summarize() -> dict[str, Any]:
+        records = [record_summary(record) for record in suite.records]
+        return table_summary("scale", _settings(request, scaling), records, table.meanings)
+
+    outputs.deliver(table, draw, summarize)
+    say(_words(scaling))
+    if failures:
+        raise Failures(failures)
+
+
+def _aim(request: ScaleRequest) -> Any:
+    """What scales a suite as the command line asks; the target is read and compared with the periods before."""
+    from tdint.campaign.studies import scaling
+
+    value = request.value
+    if request.p695:
+        return lambda motions: scaling.scale_p695(
+            motions, request.at, value[1] if value else None, damping=request.damping
+        )
+    if request.target is None:
+        assert value is not None
+        name, number = value
+        measure = _measure(request, name)
+        return lambda motions: scaling.scale_to_value(motions, measure, number, request.pairs or PAIRS[0])
+    from tdint.campaign.studies.target import read_target
+    from tdint.quantities import Grid
+
+    target = read_target(request.target)
+    if request.range is not None:
+        grid = request.range
+    elif request.at is not None:
+        grid = Grid(0.2 * request.at, 2.0 * request.at, 100)
+    else:
+        grid = Grid(float(target.periods[0]), float(target.periods[-1]), 100)
+    periods = grid.values()
+    target.at(periods)
+    if request.rule == "asce7":
+        return lambda motions: scaling.scale_asce7(motions, target, periods, damping=request.damping)
+    pair = request.pairs or PAIRS[0]
+    return lambda motions: scaling.scale_to_target(motions, target, periods, damping=request.damping, pair=pair)
+
+
+def _measure(request: ScaleRequest, name: str) -> IntensityMeasure:
+    from tdint.campaign.studies import intensity
+
+    if name == "pga":
+        return intensity.pga()
+    if name == "pgv":
+        return intensity.PeakVelocity()
+    assert request.at is not None
+    if name == "sa":
+        return intensity.sa(request.at, request.damping)
+    return intensity.sa_average(request.at, request.damping, request.average or intensity.AVERAGE)
+
+
+def _settings(request: ScaleRequest, scaling: Scaling) -> dict[str, Any]:
+    """What the factors depend on beside the records."""
+    periods = scaling.periods
+    return {
+        "rule": scaling.rule,
+        "measure": scaling.measure.name if scaling.measure else None,
+        "value": scaling.value,
+        "unit": scaling.measure.unit if scaling.measure else None,
+        "target": request.target,
+        "periods_s": None if periods is None else [float(periods[0]), float(periods[-1]), int(periods.size)],
+        "damping": scaling.damping,
+        "pairs": scaling.pair if request.in_pairs else None,
+        "least_average_over_target": scaling.least[0] if scaling.least else None,
+    }
+
+
+def _words(scaling: Scaling) -> str:
+    """What was scaled to what, and the factors."""
+    import numpy as np
+
+    factors = scaling.factors
+    count = len(factors)
+    what = "record" if _single(scaling.motions[0]) else "pair"
+    text = f"{count} {what}{'s' * (count > 1)}"
+    if scaling.rule == "p695":
+        text += " normalized by peak velocity"
+    if scaling.measure is not None:
+        of = "median " if scaling.rule == "p695" else ""
+        text += f" scaled to {of}{scaling.measure.name} = {scaling.value:.4g} {scaling.measure.unit}"
+    if scaling.target is not None and scaling.periods is not None:
+        text += f" scaled to {scaling.target.source} over {scaling.periods[0]:.4g} to {scaling.periods[-1]:.4g} s"
+    text += f": factors {np.min(factors):.4g} to {np.max(factors):.4g}, median {np.median(factors):.4g}."
+    if scaling.least is not None:
+        part, period = scaling.least
+        text += (
+            f"\nThe average of the maximum-direction spectra is {100.0 * part:.3g} % of the target at the least, at "
+            f"{period:.4g} s."
+        )
+    return text
+
+
+def _single(motion: GroundMotion) -> bool:
+    from tdint.ground_motion.record import Record
+
+    return isinstance(motion, Record)

@@ -1,0 +1,79 @@
+"""Options of studies: the intensity measure, pairs of components, threads."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING
+
+import click
+
+from tdint.errors import TdintError, UsageError
+from tdint_cli.batch.sources import records_of
+from tdint_cli.options import headings
+from tdint_cli.options.analysis import damping_ratio
+from tdint_cli.options.values import GridType, Ratio
+from tdint_cli.terminal.streams import note, warn
+
+if TYPE_CHECKING:
+    from tdint.campaign.studies.suite import RecordChoice, Suite
+
+option = partial(headings.option, heading=headings.INTENSITY)
+
+PAIRS = ("geometric-mean", "rotd50", "rotd100")
+
+damping = option(
+    "--damping", type=damping_ratio, default=0.05, metavar="RATIO", help="Damping ratio of Sa; 0.05 (or 5%) by default."
+)
+average = option(
+    "--average",
+    type=GridType(),
+    metavar="FIRST:LAST:COUNT",
+    help="The periods of Sa_avg, as multiples of the period, in equal ratios; 0.2:3:50 by default.",
+)
+threshold = partial(
+    headings.option,
+    "--threshold",
+    type=Ratio(0.0, min_open=True),
+    many=True,
+    metavar="DRIFT,...",
+    heading=headings.ANALYSIS,
+)
+threads = headings.option(
+    "--jobs",
+    heading=headings.GENERAL,
+    type=click.IntRange(1, 1024),
+    default=lambda: os.cpu_count() or 1,
+    metavar="N",
+    help="Threads that share the records; as many as processors by default. The output does not depend on it.",
+)
+
+
+def read_suite(records: Sequence[str], choice: RecordChoice, *, pairs: bool) -> tuple[Suite, list[TdintError]]:
+    """The ground motions of a command line, and what could not be read; what there is to say of them is said.
+
+    Raises
+    ------
+    UsageError
+        Standard input is given more than once; a component is named of pairs.
+    TdintError
+        Nothing could be read.
+    """
+    from tdint.campaign.studies.suite import read_components, read_pairs
+    from tdint_cli.errors import Failures
+
+    if pairs and choice.component is not None:
+        raise UsageError("--component names single components; leave it out with pairs")
+    sources = records_of(records)
+    for text in sources.notes:
+        note(text)
+    suite = (read_pairs if pairs else read_components)(sources.files, choice)
+    failures: list[TdintError] = [*sources.failures, *suite.failures]
+    if not suite.motions:
+        raise Failures(failures)
+    for text in suite.notes:
+        note(text)
+    for text in dict.fromkeys(f"{record.source}: {text}" for record in suite.records for text in record.warnings):
+        warn(text)
+    return suite, failures

@@ -1,0 +1,1 @@
+"""Pictures of studies: suites of spectra, curves of incremental dynamic analyses, fragility functions."""

@@ -1,0 +1,67 @@
+"""What the pictures of studies share: gray of single records, axes in g, plain numbers, names of intensity measures."""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from typing import Any
+
+from matplotlib.ticker import FuncFormatter, LogLocator
+
+from tdint.units import STANDARD_GRAVITY
+
+GRAY = "0.72"
+"""Of what is one record among many."""
+
+_WORDS = {"sa": "Sa", "sa-avg": "Sa_avg", "pga": "PGA", "pgv": "PGV"}
+
+
+def measure_words(name: str) -> str:
+    """An intensity measure as a paper writes it: Sa(1.095 s) of `sa(1.09504)`."""
+    kind, _, rest = name.partition("(")
+    period = rest.removesuffix(")")
+    with suppress(ValueError):
+        period = f"{float(period):.4g} s"
+    return _WORDS.get(kind, kind) + (f"({period})" if period else "")
+
+
+def measure_label(name: str, unit: str) -> str:
+    """An axis of intensity: its measure, and its unit as far as known."""
+    text = measure_words(name) or "intensity measure"
+    return f"{text} ({unit.replace('^2', '²')})" if unit else text
+
+
+def add_gravity_axis(axes: Any, *, horizontal: bool = False) -> None:
+    """A second axis on the other side of one in m/s^2, in g."""
+    both = (lambda value: value / STANDARD_GRAVITY, lambda value: value * STANDARD_GRAVITY)
+    second = (
+        axes.secondary_xaxis("top", functions=both) if horizontal else axes.secondary_yaxis("right", functions=both)
+    )
+    axis = second.xaxis if horizontal else second.yaxis
+    axis.set_major_formatter(FuncFormatter(_plain))
+    if (axes.get_xscale() if horizontal else axes.get_yscale()) == "log":
+        _number_minor(axis)
+    axis.set_label_text("(g)")
+
+
+def plain_logarithmic(axes: Any) -> None:
+    """Both axes logarithmic, with numbers as they are read aloud: 0.2, not a power of ten."""
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter(FuncFormatter(_plain))
+        _number_minor(axis)
+
+
+def _number_minor(axis: Any) -> None:
+    axis.set_minor_locator(LogLocator(subs=tuple(range(2, 10)), numticks=50))
+    axis.set_minor_formatter(FuncFormatter(lambda value, _: _plain(value, _) if _leads(value, "25") else ""))
+
+
+def _plain(value: float, _: Any) -> str:
+    return f"{value:g}"
+
+
+def _leads(value: float, digits: str) -> bool:
+    """Whether the first digit of a positive number is one of `digits`."""
+    return value > 0.0 and f"{value / 10.0 ** math.floor(math.log10(value) + 1e-9):.0f}" in digits

@@ -1,0 +1,119 @@
+"""Figure of a scaled suite: each spectrum in gray, median and fractiles, and what it was scaled to."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from tdint.campaign.studies.intensity import GEOMETRIC_MEAN, SpectralIntensity
+from tdint.campaign.studies.scaling import LEAST_PART, Scaling
+from tdint.campaign.studies.suite import components
+from tdint.files import Writer
+from tdint.ground_motion.record import Record
+from tdint.output.figures.run import COLORS, DASHES, add_title, changed, picture, record_name
+from tdint.output.figures.studies.axes import GRAY, add_gravity_axis, measure_words, plain_logarithmic
+
+Array = NDArray[np.float64]
+
+_PERIODS = (0.05, 5.0, 120)
+_SHORTEST = 0.06  # sampling intervals; below there is nothing in a record
+_FEW = 3  # motions: fewer have no fractiles
+FRACTILES = (16, 50, 84)
+_PAIR = {GEOMETRIC_MEAN: "geometric mean of both components", "rotd50": "RotD50", "rotd100": "RotD100"}
+
+
+def suite_picture(scaling: Scaling, suffix: str) -> Writer:
+    """Picture of a scaled suite.
+
+    Parameters, return value and errors are those of `tdint.output.figures.run.run_picture`.
+    """
+    return picture(suffix, lambda: _draw(scaling))
+
+
+def _draw(scaling: Scaling) -> Figure:
+    figure = Figure(figsize=(7.2, 5.2), layout="constrained")
+    axes = figure.subplots()
+    periods = _periods(scaling)
+    spectra = scaling.spectra(periods)
+    axes.plot(periods, spectra.T, color=GRAY, linewidth=0.7, zorder=1)
+    several = len(scaling.motions) > 1
+    pairs = not isinstance(scaling.motions[0], Record)
+    what = "pair" if pairs else "record"
+    axes.plot([], [], color=GRAY, linewidth=0.7, label=f"{len(scaling.motions)} {what}{'s' * several}")
+    if several:
+        axes.plot(periods, np.median(spectra, axis=0), color=COLORS[0], linewidth=2.0, label="median", zorder=4)
+    if len(scaling.motions) >= _FEW:
+        for row in np.percentile(spectra, (FRACTILES[0], FRACTILES[-1]), axis=0):
+            line = axes.plot(periods, row, color=COLORS[0], linestyle=DASHES[1], zorder=3)[0]
+        line.set_label("16 % and 84 %")
+    _draw_aim(axes, scaling, periods, spectra)
+    plain_logarithmic(axes)
+    axes.set_xlim(periods[0], periods[-1])
+    axes.set_xlabel("period (s)")
+    axes.set_ylabel("pseudo-acceleration Sa (m/s²)")
+    add_gravity_axis(axes)
+    axes.legend(loc="lower left")
+    add_title(figure, _title(scaling, what))
+    return figure
+
+
+def _draw_aim(axes: Any, scaling: Scaling, periods: Array, spectra: Array) -> None:
+    """What the suite was scaled to: a point, or a spectrum over its range."""
+    red = COLORS[1]
+    if scaling.target is not None and scaling.periods is not None:
+        target = scaling.target
+        axes.axvspan(scaling.periods[0], scaling.periods[-1], color="0.95", zorder=0)
+        axes.plot(target.periods, target.psa, color=red, linewidth=2.2, label="target", zorder=5)
+        if scaling.rule == "asce7":
+            axes.plot(
+                target.periods, LEAST_PART * target.psa, color=red, linestyle=DASHES[2], zorder=5, label="90 % of it"
+            )
+            axes.plot(
+                periods, np.mean(spectra, axis=0), color=COLORS[2], linewidth=2.0, linestyle=DASHES[3], zorder=5,
+                label="average",
+            )  # fmt: skip
+    periods_aimed = _aimed(scaling)
+    if len(periods_aimed) == 1 and periods_aimed[0] > 0.0 and scaling.value is not None:
+        label = f"Sa({periods_aimed[0]:.4g} s) = {scaling.value:.4g} m/s²"
+        axes.plot(periods_aimed[0], scaling.value, "o", color=red, markersize=7, zorder=6, label=label)
+    elif len(periods_aimed) > 1:
+        label = f"Sa_avg = {scaling.value:.4g} m/s²"
+        axes.axvspan(periods_aimed[0], periods_aimed[-1], color="0.95", zorder=0)
+        axes.plot([periods_aimed[0], periods_aimed[-1]], [scaling.value] * 2, color=red, zorder=5, label=label)
+
+
+def _aimed(scaling: Scaling) -> tuple[float, ...]:
+    """Periods of the measure that was scaled to."""
+    return scaling.measure.periods if isinstance(scaling.measure, SpectralIntensity) else ()
+
+
+def _periods(scaling: Scaling) -> Array:
+    """Periods that show the suite, and what it was scaled to."""
+    low, high, count = _PERIODS
+    for periods in (scaling.periods, _aimed(scaling)):
+        if periods is not None and len(periods) and periods[0] > 0.0:
+            low, high = min(low, 0.8 * float(periods[0])), max(high, 1.25 * float(periods[-1]))
+    intervals = [record.dt for motion in scaling.motions for record in components(motion)]
+    return np.geomspace(max(low, _SHORTEST * max(intervals)), high, int(count))
+
+
+def _title(scaling: Scaling, what: str) -> str:
+    target = record_name(scaling.target.source) if scaling.target else ""
+    value = ""
+    if scaling.measure is not None:
+        unit = scaling.measure.unit.replace("^2", "²")
+        value = f"{measure_words(scaling.measure.name)} = {scaling.value:.4g} {unit}"
+    ways = {
+        "value": f"scaled to {value}",
+        "mean": f"scaled to {target}, least squares of ln Sa",
+        "asce7": f"scaled to {target} by ASCE 7",
+        "p695": "normalized by FEMA P-695" + (f", scaled to median {value}" if value else ""),
+    }
+    records = [record for motion in scaling.motions for record in components(motion)]
+    count = len(scaling.motions)
+    names = f"{count} {what}s" if count > 1 else f"{record_name(records[0].source)} {scaling.motions[0].component}"
+    measure = f", {_PAIR[scaling.pair]}" if what == "pair" else ""
+    return f"{names}{changed(records)}, {ways[scaling.rule]}\n{100.0 * scaling.damping:g} % damping{measure}"

@@ -1,0 +1,207 @@
+"""Fits of fragility functions: published numbers, a second route to each maximum, what cannot be fitted."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+from scipy.stats import binom, norm
+
+from tdint.campaign.studies.fragility.fits import empirical, fit_capacities, fit_cloud, fit_stripes
+from tdint.errors import AnalysisError, UsageError
+
+# Public data of Baker (2015), https://www.jackwbaker.com/fragility.html
+LEVELS = [0.2, 0.3, 0.4, 0.6, 0.7, 0.8, 0.9, 1.0]
+COLLAPSES = [0, 0, 0, 4, 6, 13, 12, 16]
+HUNDREDTHS = (
+    *(49, 62, 63, 63, 65, 70, 71, 72, 77, 79, 80, 84, 91, 92, 93, 97, 104, 104, 105, 108, 108, 109),
+    *(112, 113, 122, 132, 133, 134, 140, 140, 147, 172, 176, 215, 231, 242, 250),
+)
+CAPACITIES = np.array(HUNDREDTHS) / 100.0
+
+
+def test_stripes_of_baker():
+    found = fit_stripes(LEVELS, COLLAPSES, [40] * 8)
+    assert (round(found.theta, 5), round(found.beta, 5)) == (1.07612, 0.42924)
+    assert (found.fit, found.records, found.censored) == ("stripes", 40, 0)
+
+
+def test_capacities_of_baker():
+    found = fit_capacities(CAPACITIES)
+    assert (round(found.theta, 5), round(found.beta, 5)) == (1.06923, 0.40807)
+    assert found.theta_error == pytest.approx(found.beta / math.sqrt(37))
+    assert found.beta_error == pytest.approx(found.beta / math.sqrt(74))
+
+
+def test_capacities_of_baker_truncated():
+    found = fit_capacities(np.minimum(CAPACITIES, 1.3), CAPACITIES > 1.3)
+    assert (round(found.theta, 5), round(found.beta, 5)) == (1.05822, 0.38214)
+    assert (found.records, found.censored) == (37, 12)
+
+
+def information(negative, at, h=1e-4):
+    """The inverse of the observed information by central differences of the logarithm of the likelihood."""
+    steps = h * np.eye(len(at))
+    hessian = [
+        [
+            (negative(at + a + b) - negative(at + a - b) - negative(at - a + b) + negative(at - a - b)) / (4 * h * h)
+            for b in steps
+        ]
+        for a in steps
+    ]
+    return np.linalg.inv(np.array(hessian))
+
+
+def stripes_likelihood(p):
+    return -np.sum(binom.logpmf(COLLAPSES, 40, norm.cdf((np.log(LEVELS) - p[0]) / p[1])))
+
+
+def truncated_likelihood(p):
+    z = (np.log(np.minimum(CAPACITIES, 1.3)) - p[0]) / p[1]
+    return -np.sum(np.where(CAPACITIES > 1.3, norm.logsf(z), norm.logpdf(z) - math.log(p[1])))
+
+
+@pytest.mark.parametrize(
+    ("likelihood", "found"),
+    [
+        (stripes_likelihood, fit_stripes(LEVELS, COLLAPSES, [40] * 8)),
+        (truncated_likelihood, fit_capacities(np.minimum(CAPACITIES, 1.3), CAPACITIES > 1.3)),
+    ],
+    ids=["stripes", "truncated"],
+)
+def test_maximum_and_information_by_a_second_route(likelihood, found):
+    best = minimize(likelihood, [0.0, 0.5], method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-12})
+    assert best.x == pytest.approx([math.log(found.theta), found.beta], abs=1e-6)
+    assert found.covariance == pytest.approx(information(likelihood, best.x), rel=1e-4)
+
+
+def cloud(censored_above=math.inf, count=60):
+    random = np.random.default_rng(7)
+    im = np.exp(random.normal(0.0, 0.7, count))
+    edp = 0.01 * im**1.2 * np.exp(random.normal(0.0, 0.35, count))
+    return im, np.minimum(edp, censored_above), edp >= censored_above
+
+
+def test_a_cloud_without_censoring_is_least_squares():
+    im, edp, _ = cloud()
+    slope, intercept = np.polyfit(np.log(im), np.log(edp), 1)
+    sigma = np.sqrt(np.mean((np.log(edp) - intercept - slope * np.log(im)) ** 2))
+    for found in fit_cloud(im, edp, [0.01, 0.03]):
+        assert math.log(found.theta) == pytest.approx((math.log(found.threshold) - intercept) / slope, rel=1e-9)
+        assert found.beta == pytest.approx(sigma / slope, rel=1e-9)
+
+
+def test_a_censored_cloud_by_a_second_route():
+    im, edp, above = cloud(0.02)
+    assert 5 < above.sum() < 40
+    x, y = np.log(im), np.log(edp)
+
+    def likelihood(p):
+        z = (y - p[0] - p[1] * x) / p[2]
+        return -np.sum(np.where(above, norm.logsf(z), norm.logpdf(z) - math.log(p[2])))
+
+    best = minimize(
+        likelihood, [-4.6, 1.0, 0.4], method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-12, "maxiter": 4000}
+    )
+    (found,) = fit_cloud(im, edp, [0.015], above)
+    b0, b1, sigma = best.x
+    assert math.log(found.theta) == pytest.approx((math.log(0.015) - b0) / b1, abs=1e-6)
+    assert found.beta == pytest.approx(sigma / b1, abs=1e-6)
+    jacobian = np.array([[-1 / b1, -(math.log(0.015) - b0) / b1**2, 0.0], [0.0, -sigma / b1**2, 1 / b1]])
+    assert found.covariance == pytest.approx(jacobian @ information(likelihood, best.x) @ jacobian.T, rel=1e-3)
+
+
+def test_a_change_of_unit_changes_theta_alone():
+    one, other = (fit_stripes(np.array(LEVELS) * unit, COLLAPSES, [40] * 8) for unit in (1.0, 9.80665))
+    assert other.theta == pytest.approx(9.80665 * one.theta, rel=1e-10)
+    assert (other.beta, other.theta_error) == pytest.approx((one.beta, one.theta_error), rel=1e-8)
+
+
+def test_standard_errors_are_those_of_repetition():
+    """Of 400 samples of 60 capacities the scatter of the estimates is their stated error, to its own scatter (7 %)."""
+    random = np.random.default_rng(3)
+    found = []
+    for _ in range(400):
+        x = np.exp(0.4 * random.standard_normal(60))
+        found.append(fit_capacities(np.minimum(x, 1.2), x > 1.2))
+    for values, errors in (
+        ([math.log(one.theta) for one in found], [one.theta_error for one in found]),
+        ([one.beta for one in found], [one.beta_error for one in found]),
+    ):
+        assert np.std(values) == pytest.approx(np.mean(errors), rel=0.12)
+
+
+def test_band_and_total():
+    found = fit_capacities(CAPACITIES)
+    im = np.array([0.5, found.theta, 2.0])
+    low, high = found.band(im)
+    assert np.all((low > 0.0) & (low < found.probability(im)) & (found.probability(im) < high) & (high < 1.0))
+    # At the median only the error of theta counts: Phi(+-1.96 / sqrt n).
+    assert (low[1], high[1]) == pytest.approx(tuple(norm.cdf([-1.959964 / math.sqrt(37), 1.959964 / math.sqrt(37)])))
+    from dataclasses import replace
+
+    assert replace(found, beta_model=0.3).beta_total == pytest.approx(math.sqrt(found.beta**2 + 0.09))
+
+
+def test_empirical_points_are_the_middles_of_steps():
+    points = empirical(np.array([1.0, 3.0, 2.0]), np.zeros(3, bool))
+    assert (points.im.tolist(), points.part.tolist()) == ([1.0, 2.0, 3.0], pytest.approx([1 / 6, 1 / 2, 5 / 6]))
+    # Of two that are left behind a censored one each step is half of what is left: 2/3, then 1/3.
+    points = empirical(np.array([1.0, 2.0, 3.0]), np.array([True, False, False]))
+    assert points.part == pytest.approx([0.25, 0.75])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (([0.5, 1.0], [0, 0], [10, 10]), "no record exceeds at any level"),
+        (([0.5, 1.0], [10, 10], [10, 10]), "every record exceeds"),
+        (([0.5, 1.0, 2.0], [0, 0, 10], [10, 10, 10]), "add levels between them"),
+        (([0.5, 1.0, 2.0], [0, 4, 10], [10, 10, 10]), "add levels between them"),
+        (([0.5, 1.0, 2.0], [9, 5, 1], [10, 10, 10]), "more frequent with intensity"),
+    ],
+)
+def test_stripes_that_tell_nothing(arguments, message):
+    with pytest.raises(AnalysisError, match=message):
+        fit_stripes(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("capacity", "censored", "message"),
+    [
+        ([1.0], None, "median and dispersion need two"),
+        ([1.0, 2.0, 2.0], [False, True, True], "need two"),
+        ([1.0, 2.0], [True, True], "of 2 capacities none is known"),
+        ([1.0, 1.0, 1.0], None, "all capacities are equal"),
+    ],
+)
+def test_capacities_that_tell_nothing(capacity, censored, message):
+    with pytest.raises(AnalysisError, match=message):
+        fit_capacities(capacity, censored)
+
+
+def test_clouds_that_tell_nothing():
+    with pytest.raises(AnalysisError, match="do not grow"):
+        fit_cloud([1.0, 2.0, 3.0, 4.0], [4.0, 3.1, 2.0, 1.0], [2.0])
+    with pytest.raises(AnalysisError, match="three different"):
+        fit_cloud([1.0, 1.0, 2.0], [1.0, 2.0, 3.0], [2.0])
+    with pytest.raises(AnalysisError, match="on one line"):
+        fit_cloud([1.0, 2.0, 4.0], [1.0, 2.0, 4.0], [2.0])
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: fit_stripes([0.0, 1.0], [0, 1], [2, 2]),
+        lambda: fit_stripes([0.5, 1.0], [0, 3], [2, 2]),
+        lambda: fit_stripes([0.5, 1.0], [0], [2, 2]),
+        lambda: fit_capacities([1.0, -1.0]),
+        lambda: fit_capacities([1.0, math.nan]),
+        lambda: fit_cloud([1.0, 2.0, 3.0], [1.0, 2.0, 3.0], [0.0]),
+    ],
+)
+def test_numbers_that_make_no_sense(call):
+    with pytest.raises(UsageError):
+        call()

@@ -1,0 +1,298 @@
+"""Incremental dynamic analysis: closed forms, brackets, censoring, runs without a result, what is kept."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from building_cases import model, story
+from tdint import load_model, spectrum
+from tdint.analysis.run.case import Case
+from tdint.analysis.run.outcome import FailedRun
+from tdint.campaign.studies.ida.curve import IdaCurve, fractiles
+from tdint.campaign.studies.ida.levels import Levels, below_collapse
+from tdint.campaign.studies.ida.runs import IdaRun
+from tdint.campaign.studies.ida.study import JOURNAL, IdaSettings, ida
+from tdint.campaign.studies.intensity import pga, sa
+from tdint.errors import ModelError, OutputError, UsageError
+from tdint.ground_motion.record import Record
+
+FRAME = Path(__file__).parents[2] / "configs" / "collapse-prone-frame.yaml"
+
+
+def motion(seed=0, size=600, dt=0.02):
+    """A pulse in noise: strong enough for any building once it is scaled."""
+    random = np.random.default_rng(seed)
+    t = np.arange(size) * dt
+    noise = np.convolve(random.standard_normal(size), np.hanning(9), mode="same")
+    return Record(
+        np.exp(-((t - 5.0) ** 2)) * np.sin(5.0 * t + seed) + 0.2 * noise * np.hanning(size),
+        dt,
+        "",
+        "",
+        "HN1",
+        f"{seed}.m",
+    )
+
+
+@pytest.fixture(scope="module")
+def frame():
+    return load_model(FRAME)
+
+
+@pytest.fixture(scope="module")
+def study(frame):
+    return ida(frame, [motion(seed) for seed in range(4)], jobs=2)
+
+
+def curve(*runs, collapse_drift=0.1):
+    """A curve of runs given as (im, drift ratio), inf for collapse and nan for no result."""
+    made = [
+        IdaRun(im, im, "collapsed" if math.isinf(d) else "not-converged" if math.isnan(d) else "done", min(d, 0.11))
+        for im, d in runs
+    ]
+    return IdaCurve(motion(), tuple(made), collapse_drift)
+
+
+def test_a_linear_building_has_a_straight_line():
+    """One story: the drift ratio is Sa / (omega^2 h) at every level, with the spectrum's exact Sa."""
+    omega, height = 2.0 * math.pi / 0.8, 3.0
+    building = model([story(1.0, omega**2, dashpot=2.0 * 0.05 * omega, height=height)], method="exact")
+    found = ida(building, [motion(1)])
+    (one,) = found.curves
+    assert found.measure.name == "sa(0.8)"
+    assert len(one.stable) > 15
+    for run in one.stable:
+        # The run finds its peaks on a cubic between steps of T/40, the spectrum where they are.
+        assert run.drift_ratio == pytest.approx(run.im / (omega**2 * height), rel=1e-5)
+        assert run.scale * spectrum(one.record, np.array([0.8]), 0.05).psa[0] == pytest.approx(run.im, rel=1e-12)
+    capacity = 0.1 * omega**2 * height
+    assert one.collapse.lower <= capacity * (1 + 1e-5)
+    assert one.collapse.upper >= capacity * (1 - 1e-5)
+    assert one.capacity(0.02).capacity == pytest.approx(0.02 * omega**2 * height, rel=1e-5)
+    assert not one.resurrection
+
+
+def test_every_bracket_is_as_narrow_as_asked_for(study):
+    for one in study.curves:
+        assert 1.0 < one.collapse.upper / one.collapse.lower <= 1.05
+        assert one.collapse.lower == one.stable[-1].im
+        assert one.collapse.upper == min(run.im for run in one.runs if run.collapsed)
+        assert sum(run.im > one.collapse.upper for run in one.runs) >= 2
+
+
+def test_curves_are_filled(study):
+    """Neighbours differ by less than 20 % in drift, unless their levels are closer than the bracket."""
+    for one in study.curves:
+        for low, high in pairwise(one.stable):
+            ratio = max(low.drift_ratio, high.drift_ratio) / min(low.drift_ratio, high.drift_ratio)
+            assert ratio <= 1.2 or high.im <= 1.05 * low.im
+        assert one.stable[0].drift_ratio < 0.01
+
+
+def test_threads_change_nothing(frame, study):
+    again = ida(frame, [motion(seed) for seed in range(4)], jobs=1)
+    assert [one.runs for one in again.curves] == [one.runs for one in study.curves]
+
+
+def test_a_narrower_bracket(frame, study):
+    (fine,) = ida(frame, [motion(0)], settings=IdaSettings(precision=0.01)).curves
+    assert fine.collapse.upper / fine.collapse.lower <= 1.01
+    coarse = study.curves[0].collapse
+    assert coarse.lower <= fine.collapse.lower
+    assert fine.collapse.upper <= coarse.upper
+
+
+def test_the_largest_intensity_censors(frame):
+    found = ida(frame, [motion(0)], pga(), IdaSettings(max_im=0.8, thresholds=(0.001, 0.05)))
+    (one,) = found.curves
+    assert one.collapse.censored
+    assert max(run.im for run in one.runs) == one.collapse.capacity == 0.8
+    assert math.isnan(one.collapse.upper)
+    assert [one.capacity(t).censored for t in found.thresholds] == [False, True, True]
+    assert np.isnan(fractiles(found.curves, np.array([0.09]))).all()
+
+
+def test_crossings_are_straight_on_logarithmic_axes():
+    one = curve((1.0, 0.01), (2.0, 0.04), (3.0, math.inf))
+    assert one.capacity(0.02).capacity == pytest.approx(math.sqrt(2.0))
+    assert (one.capacity(0.02).lower, one.capacity(0.02).upper) == (1.0, 2.0)
+    assert one.capacity(0.005).capacity == pytest.approx(0.5)
+
+
+def test_no_crossing_leads_to_a_building_that_ran_away():
+    one = curve((1.0, 0.01), (2.0, 0.04), (2.2, math.inf))
+    found = one.capacity(0.08)
+    assert (found.capacity, found.lower, found.upper) == (pytest.approx(math.sqrt(4.4)), 2.0, 2.2)
+
+
+def test_the_first_crossing_counts():
+    one = curve((1.0, 0.01), (2.0, 0.03), (3.0, 0.015), (4.0, 0.04), (5.0, math.inf))
+    assert one.capacity(0.02).upper == 2.0
+
+
+def test_resurrection():
+    assert not curve((1.0, 0.01), (2.0, math.inf), (3.0, math.inf)).resurrection
+    again = curve((1.0, 0.01), (2.0, math.inf), (3.0, 0.05))
+    assert again.resurrection
+    assert (again.collapse.lower, again.collapse.upper) == (1.0, 2.0)
+
+
+def test_a_run_without_a_result_is_no_collapse():
+    one = curve((1.0, 0.01), (2.0, math.nan), (3.0, 0.02), (4.0, math.nan))
+    assert one.collapse.censored
+    assert (one.collapse.capacity, one.capacity(0.015).upper) == (3.0, 3.0)
+
+
+def drive(levels, building, most=200):
+    """The runs of a building that is a function from level to status and drift."""
+    runs = []
+    while (level := levels.next(runs)) is not None:
+        runs.append(IdaRun(level, level, *building(level)))
+        assert len(runs) < most
+    return runs
+
+
+def test_levels_find_a_collapse_below_the_first_one_found():
+    """A building that collapses in a narrow range too, below where it stands again: the fill comes upon it."""
+
+    def building(im):
+        if im > 6.0 or 1.45 < im < 1.9:
+            return "collapsed", 0.1
+        return "done", 0.002 * im ** (3.0 if im > 1.2 else 1.0)
+
+    found = IdaCurve(motion(), tuple(drive(Levels(0.3), building)), 0.1)
+    assert found.resurrection
+    assert 1.4 < found.collapse.lower <= 1.45 <= found.collapse.upper <= 1.5
+
+
+def test_levels_go_around_runs_without_a_result():
+    lost = []
+
+    def building(im):
+        if 2.0 < im < 2.08:
+            lost.append(im)
+            return "not-converged", math.nan
+        return ("collapsed", 0.1) if im >= 2.08 else ("done", 0.01 * im)
+
+    runs = drive(Levels(0.3), building)
+    assert lost
+    stable = max(run.im for run in runs if run.stable)
+    assert stable <= 2.0
+    assert len(runs) < 60
+
+
+def test_levels_go_down_from_a_start_that_is_too_high():
+    runs = drive(Levels(8.0), lambda im: ("collapsed", 0.1) if im > 1.0 else ("done", 0.05 * im))
+    stable = [run.im for run in below_collapse(runs)]
+    assert 0.95 <= stable[-1] <= 1.0
+
+
+def test_a_building_that_never_stands_has_no_capacity():
+    runs = drive(Levels(1.0), lambda im: ("failed-story", 0.1))
+    found = IdaCurve(motion(), tuple(runs), 0.1)
+    assert not found.stable
+    assert math.isnan(found.collapse.capacity)
+
+
+def test_runs_are_repeated_with_a_finer_step(frame, monkeypatch):
+    """What does not converge with a coarse step and does with a finer one counts; else it is a run without a result."""
+    original, tried = Case.march, []
+
+    def march(self, steps, history=False):
+        tried.append((self.record.scale, steps.h))
+        if steps.h > 0.006 and 1.0 < self.record.pga < 1.3:
+            raise FailedRun("no", "not-converged", "m", steps.h)
+        if 2.0 < self.record.pga < 2.2:
+            raise FailedRun("no", "diverged", "m", steps.h)
+        return original(self, steps, history)
+
+    monkeypatch.setattr(Case, "march", march)
+    (one,) = ida(frame, [motion(0)], pga()).curves
+    mended = [run for run in one.runs if 1.0 < run.im < 1.3]
+    assert mended
+    assert all(run.stable and run.finer == 2 for run in mended)
+    assert all(run.status == "diverged" and math.isnan(run.drift_ratio) for run in one.runs if 2.0 < run.im < 2.2)
+    steps = {h for scale, h in tried if any(scale == run.scale for run in mended)}
+    assert steps == {0.02, 0.01, 0.005}
+
+
+def test_fractiles_of_one_and_of_three():
+    drifts = np.array([0.02])
+    curves = [curve((im, 0.02), (2.0 * im, math.inf)) for im in (1.0, 2.0, 8.0)]
+    assert fractiles(curves[:1], drifts)[:, 0] == pytest.approx([1.0, 1.0, 1.0])
+    low, middle, high = fractiles(curves, drifts)[:, 0]
+    assert (low, middle, high) == pytest.approx((2.0**0.32, 2.0, 2.0 * 4.0**0.68))
+
+
+def test_an_interrupted_study_goes_on(tmp_path, frame, study):
+    records = [motion(seed) for seed in range(4)]
+    assert ida(frame, records[:4], folder=tmp_path).resumed == 0
+    file = tmp_path / JOURNAL
+    lines = file.read_bytes().splitlines(keepends=True)
+    assert len(lines) == 5
+    file.write_bytes(b"".join(lines[:3]) + lines[3][:100])  # killed while it wrote the third
+    told = []
+    again = ida(frame, records, folder=tmp_path, progress=lambda done, of: told.append((done, of)))
+    assert (again.resumed, told) == (2, [(2, 4), (3, 4), (4, 4)])
+    assert [one.runs for one in again.curves] == [one.runs for one in study.curves]
+    assert ida(frame, records, folder=tmp_path).resumed == 4
+
+
+def test_another_study_is_not_mixed_in(tmp_path, frame):
+    ida(frame, [motion(0)], pga(), IdaSettings(max_im=0.5), folder=tmp_path)
+    with pytest.raises(UsageError, match=r"another study \(max im: 0\.5 there, 0\.6 here; records: 0\.m HN1\)"):
+        ida(frame, [motion(0).scaled(2.0)], pga(), IdaSettings(max_im=0.6), folder=tmp_path)
+    (tmp_path / JOURNAL).write_text("something else\n")
+    with pytest.raises(OutputError, match="no journal"):
+        ida(frame, [motion(0)], pga(), IdaSettings(max_im=0.5), folder=tmp_path)
+
+
+def test_another_version_is_told(tmp_path, frame):
+    ida(frame, [motion(0)], pga(), IdaSettings(max_im=0.5), folder=tmp_path)
+    file = tmp_path / JOURNAL
+    first, rest = file.read_text().split("\n", 1)
+    begun = json.loads(first)
+    begun["study"]["tdint"] = "0.0.1"
+    file.write_text(json.dumps(begun) + "\n" + rest)
+    assert ida(frame, [motion(0)], pga(), IdaSettings(max_im=0.5), folder=tmp_path).version == "0.0.1"
+
+
+def test_a_folder_that_another_process_writes(tmp_path, frame):
+    fcntl = pytest.importorskip("fcntl")
+    with (tmp_path / JOURNAL).open("wb") as stream:
+        fcntl.flock(stream.fileno(), fcntl.LOCK_EX)
+        with pytest.raises(OutputError, match="another process"):
+            ida(frame, [motion(0)], pga(), IdaSettings(max_im=0.5), folder=tmp_path)
+
+
+def test_what_makes_no_sense(frame):
+    records = [motion(0)]
+    for settings, message in (
+        (IdaSettings(precision=0.0), "precision"),
+        (IdaSettings(thresholds=(0.2,)), "at most the collapse drift, 0.1"),
+        (IdaSettings(max_im=0.0), "largest intensity"),
+    ):
+        with pytest.raises(UsageError, match=message):
+            ida(frame, records, settings=settings)
+    with pytest.raises(UsageError, match="given twice"):
+        ida(frame, [*records, *records])
+    with pytest.raises(UsageError, match="no record"):
+        ida(frame, [])
+    stories = (*frame.stories[:-1], replace(frame.stories[-1], height=None))
+    with pytest.raises(ModelError, match="give story 4 a height"):
+        ida(replace(frame, stories=stories, p_delta=False), records)
+
+
+def test_a_larger_collapse_drift_is_not_smaller_a_capacity(frame, study):
+    """And the measure at another period changes the intensities alone: the factors of the capacities stay."""
+    (wide,) = ida(frame, [motion(0)], settings=IdaSettings(collapse_drift=0.2)).curves
+    assert wide.collapse.upper >= study.curves[0].collapse.lower
+    (other,) = ida(frame, [motion(0)], sa(0.3)).curves
+    assert [run.scale for run in other.runs] == pytest.approx([run.scale for run in study.curves[0].runs], rel=1e-9)

@@ -1,0 +1,279 @@
+"""Intensity measures and the scaling of suites, against computations that are made here."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tdint import read_record
+from tdint.campaign.studies.intensity import PeakVelocity, pga, pseudo_accelerations, sa, sa_average
+from tdint.campaign.studies.scaling import scale_asce7, scale_p695, scale_to_target, scale_to_value
+from tdint.campaign.studies.suite import read_components, read_pairs
+from tdint.campaign.studies.target import TargetSpectrum, read_target
+from tdint.errors import ModelError, RecordError, UsageError
+from tdint.ground_motion.horizontals import Horizontals
+from tdint.ground_motion.record import Record
+from tdint.quantities import Grid
+
+ROOT = Path(__file__).parents[2]
+FILES = [str(ROOT / "records" / f"{name}.mseed") for name in ("firm-soil", "near-fault", "soft-soil")]
+PERIODS = np.array([0.3, 1.0])
+
+
+def oscillator_peak(acceleration, dt, period, damping):
+    """Pseudo-acceleration by the closed form of a damped oscillator under one linear piece after the other."""
+    w, n = 2.0 * math.pi / period, 4
+    wd = w * math.sqrt(1.0 - damping**2)
+    h = dt / n
+    fine = np.interp(np.arange((acceleration.size - 1) * n + 1) / n, np.arange(acceleration.size), acceleration)
+    e, c, s = math.exp(-damping * w * h), math.cos(wd * h), math.sin(wd * h)
+    u = v = peak = 0.0
+    for a0, a1 in pairwise(fine.tolist()):
+        slope = (a1 - a0) / h
+        # Particular solution p + q t of u'' + 2 z w u' + w^2 u = -(a0 + slope t).
+        q = -slope / w**2
+        p = (-a0 - 2.0 * damping * w * q) / w**2
+        b1 = u - p
+        b2 = (v - q + damping * w * b1) / wd
+        u, v = (
+            p + q * h + e * (b1 * c + b2 * s),
+            q + e * ((-damping * w * b1 + wd * b2) * c + (-damping * w * b2 - wd * b1) * s),
+        )
+        peak = max(peak, abs(u))
+    return w * w * peak
+
+
+def short(seed, size=300, dt=0.02):
+    random = np.random.default_rng(seed)
+    shape = np.hanning(size) * random.standard_normal(size).cumsum()
+    return shape - np.hanning(size) * shape.sum() / np.hanning(size).sum(), dt
+
+
+def record(seed, component="HN1"):
+    samples, dt = short(seed)
+    return Record(samples, dt, "", "", component, f"{seed // 2}.mseed")
+
+
+def pairs(count):
+    return [Horizontals(record(2 * i, "HN1"), record(2 * i + 1, "HN2")) for i in range(count)]
+
+
+def rotated(pair, percentile, value):
+    """A percentile over 180 directions of a value of a motion, by its definition."""
+    angles = np.radians(np.arange(180.0))
+    both = pair.first.acceleration, pair.second.acceleration
+    return np.percentile(
+        [value(math.cos(a) * both[0] + math.sin(a) * both[1], pair.first.dt) for a in angles], percentile
+    )
+
+
+def peak_velocity(acceleration, dt):
+    fine = np.interp(np.arange((acceleration.size - 1) * 20 + 1) / 20, np.arange(acceleration.size), acceleration)
+    return np.max(np.abs(np.cumsum(0.5 * (fine[1:] + fine[:-1])) * dt / 20))
+
+
+def test_measures_of_a_component():
+    one = record(1)
+    assert pga().of(one) == np.max(np.abs(one.acceleration))
+    assert sa(1.0).of(one) == pytest.approx(oscillator_peak(one.acceleration, one.dt, 1.0, 0.05), rel=2e-4)
+    assert PeakVelocity().of(one) == pytest.approx(peak_velocity(one.acceleration, one.dt), rel=1e-3)
+    grid = Grid(0.5, 2.0, 3)
+    values = [sa(period, 0.02).of(one) for period in (0.4, 0.8, 1.6)]
+    assert sa_average(0.8, 0.02, grid).of(one) == pytest.approx(np.prod(values) ** (1 / 3), rel=1e-12)
+
+
+@pytest.mark.parametrize("measure", [pga(), PeakVelocity(), sa(0.7), sa_average(0.7)])
+def test_measures_grow_with_the_motion(measure):
+    one = record(3)
+    assert measure.of(one.scaled(-2.5)) == pytest.approx(2.5 * measure.of(one), rel=1e-12)
+
+
+def test_measures_of_a_pair():
+    (pair,) = pairs(1)
+    one, other = pair.first, pair.second
+    for measure in (pga(), PeakVelocity(), sa(0.7)):
+        assert measure.of(pair) == pytest.approx(math.sqrt(measure.of(one) * measure.of(other)), rel=1e-12)
+    for name, percentile in (("rotd50", 50), ("rotd100", 100)):
+        peak = rotated(pair, percentile, lambda a, dt: np.max(np.abs(a)))
+        assert pga().of(pair, name) == pytest.approx(peak, rel=1e-9)
+        assert PeakVelocity().of(pair, name) == pytest.approx(rotated(pair, percentile, peak_velocity), rel=1e-3)
+
+
+def test_measures_that_are_none():
+    still = Record(np.zeros(10), 0.01, "", "", "HN1", "still.mseed")
+    for measure in (pga(), PeakVelocity(), sa(1.0)):
+        with pytest.raises(RecordError, match=r"still\.mseed HN1: its .* is 0"):
+            measure.of(still)
+    with pytest.raises(UsageError, match="did you mean 'rotd50'"):
+        pga().of(pairs(1)[0], "rotd5")
+    with pytest.raises(UsageError, match="period"):
+        sa(0.0)
+
+
+def test_suites():
+    suite = read_components(FILES)
+    assert [record.component for record in suite.records] == ["HN1", "HN2"] * 3
+    both = read_pairs([*FILES, "none.mseed"])
+    assert (len(both.motions), len(both.records)) == (3, 6)
+    assert "none.mseed" in str(both.failures[0])
+
+
+def test_scaling_to_a_value_of_the_shipped_records():
+    suite = read_components(FILES)
+    scaling = scale_to_value(suite.motions, sa(1.0), 3.0)
+    for one, factor in zip(suite.records, scaling.factors, strict=True):
+        assert sa(1.0).of(one.scaled(float(factor))) == pytest.approx(3.0, rel=1e-12)
+
+
+TARGET = TargetSpectrum("target.csv", np.array([0.1, 0.6, 2.5]), np.array([5.0, 5.0, 1.2]))
+
+
+def test_a_target_is_straight_on_logarithmic_axes():
+    assert TARGET.at(np.array([0.3, 0.6])) == pytest.approx([5.0, 5.0])
+    middle = TARGET.at(np.array([math.sqrt(0.6 * 2.5)]))
+    assert middle == pytest.approx([math.sqrt(5.0 * 1.2)])
+    with pytest.raises(UsageError, match=r"target\.csv: has periods from 0\.1 to 2\.5 s"):
+        TARGET.at(np.array([0.05, 1.0]))
+
+
+def test_scaling_to_a_target_is_least_squares():
+    motions = [record(1), record(2)]
+    grid = np.geomspace(0.2, 2.0, 12)
+    found = scale_to_target(motions, TARGET, grid).factors
+    for one, factor in zip(motions, found, strict=True):
+        spectrum = pseudo_accelerations(one, grid, 0.05)
+        misfit = [
+            np.sum((np.log(TARGET.at(grid)) - np.log(f * spectrum)) ** 2)
+            for f in (0.999 * factor, factor, 1.001 * factor)
+        ]
+        assert misfit[1] < min(misfit[0], misfit[2])
+
+
+def independent_maximum_direction(pair, period):
+    """Largest pseudo-acceleration over all directions of the two displacement histories, by a convolution."""
+    n, dt = pair.first.acceleration.size, pair.first.dt
+    w, z, m = 2.0 * math.pi / period, 0.05, 8
+    wd = w * math.sqrt(1.0 - z * z)
+    fine_dt = dt / m
+    t = np.arange((n - 1) * m + 1) * fine_dt
+    kernel = np.exp(-z * w * t) * np.sin(wd * t) / wd
+    histories = []
+    for one in (pair.first, pair.second):
+        fine = np.interp(t, np.arange(n) * dt, one.acceleration)
+        size = 2 * t.size
+        histories.append(np.fft.irfft(np.fft.rfft(kernel, size) * np.fft.rfft(fine, size), size)[: t.size] * fine_dt)
+    return w * w * np.max(np.hypot(*histories))
+
+
+def shipped_pairs(count):
+    """The pairs of the shipped records, turned, as many as a rule needs."""
+    shipped = read_pairs(FILES).motions
+    result = []
+    for i in range(count):
+        pair, angle = shipped[i % 3], math.radians(17.0 * (i // 3))
+        c, s = math.cos(angle), math.sin(angle)
+        one, other = pair.first.acceleration[:2500], pair.second.acceleration[:2500]
+        result.append(
+            Horizontals(
+                Record((1.0 + 0.2 * i) * (c * one - s * other), 0.01, "", "", "HN1", f"{i}.mseed"),
+                Record((1.0 + 0.2 * i) * (s * one + c * other), 0.01, "", "", "HN2", f"{i}.mseed"),
+            )
+        )
+    return result
+
+
+def test_asce7_on_the_shipped_records():
+    """The average of the maximum-direction spectra, computed apart, is nowhere below 90 % of the target."""
+    motions = shipped_pairs(11)
+    target = read_target(str(ROOT / "configs" / "design-spectrum.csv"))
+    grid = np.geomspace(0.2, 2.0, 7)
+    scaling = scale_asce7(motions, target, grid)
+    spectra = np.array([[independent_maximum_direction(pair, period) for period in grid] for pair in motions])
+    aim = np.exp(np.interp(np.log(grid), np.log(target.periods), np.log(target.psa)))
+    fitted = np.exp(np.mean(np.log(aim / spectra), axis=1))
+    average = np.mean(fitted[:, None] * spectra, axis=0) / aim
+    expected = fitted * max(1.0, 0.9 / average.min())
+    assert scaling.factors == pytest.approx(expected, rel=2e-3)
+    least = np.min(np.mean(scaling.factors[:, None] * spectra, axis=0) / aim)
+    assert least >= 0.9 * (1.0 - 2e-3)
+    assert scaling.least == (pytest.approx(least, rel=2e-3), grid[np.argmin(average)])
+
+
+def test_asce7_raises_a_set_that_is_too_low():
+    """A target with a peak that no motion has: the average touches 90 % of it, at the peak."""
+    grid = np.geomspace(0.2, 2.0, 9)
+    peaked = TargetSpectrum("peak.csv", np.array([0.1, 0.6, 0.63, 0.66, 2.5]), np.array([1.0, 1.0, 30.0, 1.0, 1.0]))
+    scaling = scale_asce7(pairs(11), peaked, grid)
+    average = np.mean(scaling.spectra(grid), axis=0) / peaked.at(grid)
+    assert average.min() == pytest.approx(0.9, rel=1e-12)
+    assert scaling.least == (pytest.approx(0.9), grid[np.argmin(average)])
+
+
+def test_p695_on_the_shipped_records():
+    motions = shipped_pairs(5)
+    velocities = [
+        math.sqrt(peak_velocity(pair.first.acceleration, 0.01) * peak_velocity(pair.second.acceleration, 0.01))
+        for pair in motions
+    ]
+    normalized = scale_p695(motions).factors
+    assert normalized == pytest.approx(np.median(velocities) / velocities, rel=1e-4)
+    assert np.sort(normalized)[2] == pytest.approx(1.0)
+    scaled = scale_p695(motions, 1.0, 5.0).factors
+    assert scaled / normalized == pytest.approx(np.full(5, scaled[0] / normalized[0]), rel=1e-12)
+    values = [
+        factor * pseudo_accelerations(one, np.array([1.0]), 0.05)[0]
+        for pair, factor in zip(motions, scaled, strict=True)
+        for one in (pair.first, pair.second)
+    ]
+    assert np.median(values) == pytest.approx(5.0, rel=1e-12)
+
+
+def test_rules_that_ask_for_more():
+    with pytest.raises(UsageError, match=r"11 pairs of components at least .* got 3"):
+        scale_asce7(pairs(3), TARGET, PERIODS)
+    with pytest.raises(UsageError, match="asce7 is for pairs"):
+        scale_asce7([record(i) for i in range(11)], TARGET, PERIODS)
+    with pytest.raises(UsageError, match="p695 is for pairs"):
+        scale_p695([record(1)])
+    with pytest.raises(UsageError, match="both or none"):
+        scale_p695(pairs(1), 1.0)
+    with pytest.raises(UsageError, match="must be positive"):
+        scale_to_value([record(1)], pga(), -1.0)
+
+
+def test_targets_that_are_read(tmp_path):
+    file = tmp_path / "target.csv"
+    file.write_text("Period,Sa_g\n0,0.4\n0.5,1\n\n2,0.5\n")
+    found = read_target(str(file))
+    assert found.periods.tolist() == [0.5, 2.0]
+    assert found.psa == pytest.approx([9.80665, 0.5 * 9.80665])
+    spectrum = read_record(FILES[0], component="HN1", units="m/s^2")
+    file.write_text(f"record,damping,period_s,sd_m,psa_m_s2,sa_m_s2\n{spectrum.source},0.05,1,1,2,3\na,0.05,2,1,4,3\n")
+    assert read_target(str(file)).psa.tolist() == [2.0, 4.0]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "is empty"),
+        ("period_s,sa_g\n", "no rows below its header"),
+        ("period_s,sa\n1,2\n", "1: no column sa_g or sa_m_s2"),
+        ("sa_g\n1\n", "1: no column period_s"),
+        ("period_s,sa_g,psa_g\n1,2,x\n2,1,1\n", "2: psa_g must be a positive number, got 'x'"),
+        ("period_s,sa_g,sa_m_s2\n1,2,3\n", "several spectra, sa_g, sa_m_s2"),
+        ("period_s,sa_g\n1,2\n0.5,2\n", r"3: period 0\.5 s: the periods of one spectrum must rise"),
+        ("period_s,sa_g\n-1,2\n0.5,2\n", "2: period -1 s"),
+        ("period_s,sa_g\n0,2\n0.5,2\n", "two periods at least"),
+        ("period_s,sa_g\n1,0\n2,1\n", "2: sa_g must be a positive number, got '0'"),
+        ("period_s,sa_g\n1,0,3\n", "2: 3 cells under 2 columns"),
+    ],
+)
+def test_targets_that_are_refused(tmp_path, text, message):
+    file = tmp_path / "t.csv"
+    file.write_text(text)
+    with pytest.raises(ModelError, match=message):
+        read_target(str(file))
