@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -46,7 +46,8 @@ class _CurveRows:
 
 def ida_table(study: IdaStudy) -> Table:
     """A row for each run of each record, from the lowest level."""
-    return Table.of(columns.IDA, [row for one in _curves(study) for row in rows_of(columns.IDA, one)])
+    table = Table.of(columns.IDA, [row for one in _curves(study) for row in rows_of(columns.IDA, one)])
+    return _with_unit(table, study.measure.unit)
 
 
 def capacity_table(study: IdaStudy) -> Table:
@@ -56,12 +57,18 @@ def capacity_table(study: IdaStudy) -> Table:
         for one in _curves(study)
         for capacity in map(one.curve.capacity, study.thresholds)
     ]
-    return Table.of(columns.CAPACITIES, rows)
+    return _with_unit(Table.of(columns.CAPACITIES, rows), study.measure.unit)
 
 
 def fragility_table(functions: Sequence[Fragility], *, total: bool = False) -> Table:
     """A row for each function; with `total` a column of the standard deviation with that of the model."""
     return Table.of_results((*columns.FRAGILITY, *(columns.FRAGILITY_TOTAL,) * total), functions)
+
+
+def _with_unit(table: Table, unit: str) -> Table:
+    """The table with the unit of its intensities among its meanings: their columns' names do not tell it."""
+    told = {name: {**table.meanings[name], "unit": unit} for name in columns.INTENSITIES if name in table.meanings}
+    return replace(table, meanings=table.meanings | told)
 
 
 def _curves(study: IdaStudy) -> Iterator[_CurveRows]:

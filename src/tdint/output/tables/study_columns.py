@@ -39,6 +39,9 @@ IDA = (
         "largest drift at the end of the run over story height",
     ),
 )
+INTENSITIES = ("im", "capacity", "lower", "upper")
+"""Columns in the unit that the column `unit` tells."""
+
 CAPACITIES = (
     *_RECORD,
     Column("threshold", "capacity.threshold", "drift ratio; the collapse drift, the largest one, stands for collapse"),

@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 
 STRIPES, IDA, CLOUD = "stripes", "ida", "cloud"
 FITS = (STRIPES, IDA, CLOUD)
+_EQUAL = 1e-9  # dispersions below this are rounding
 _TWO_SIDED = 1.959963984540054  # 95 % of a normal distribution lie within so many standard deviations
 
 
@@ -194,7 +195,7 @@ def fit_capacities(capacity: Sequence[float] | Array, censored: Sequence[bool] |
     logarithms = np.log(x)
     if not above.any():
         beta = float(np.std(logarithms, ddof=1))
-        if not beta > 0.0:
+        if not beta > _EQUAL:
             raise AnalysisError("all capacities are equal: the dispersion cannot be told")
         covariance = np.diag([beta**2 / x.size, beta**2 / (2.0 * x.size)])
         found: tuple[float, float, Array] | None = (math.exp(float(np.mean(logarithms))), beta, covariance)

@@ -1,0 +1,311 @@
+"""`tdint scale`, `ida` and `fragility`: what they write, how they go on, what they refuse."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from tdint.campaign.studies.ida.study import JOURNAL
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+FRAME = CONFIGS / "collapse-prone-frame.yaml"
+UNITS = ("--units", "m/s^2")
+FEW = (*UNITS, "--max-im", "1.2m/s^2", "--threshold", "0.2%")
+
+
+def rows(text):
+    return list(csv.DictReader(text.splitlines()))
+
+
+@pytest.fixture
+def studied(folder, tdint):
+    """The folder with an incremental dynamic analysis in `out`."""
+    result = tdint("ida", "shaken.yaml", "motion.mseed", "other.mseed", *UNITS, "-o", "out", "--plot", "--jobs", 2)
+    assert result.exit_code == 0, result.output
+    return folder
+
+
+# ---- scale
+
+
+def test_factors_to_a_value(folder, tdint):
+    result = tdint("scale", "motion.mseed", "other.mseed", *UNITS, "--pga", "0.6g", "-o", "f/factors.csv", "--plot")
+    assert (result.exit_code, result.stdout) == (0, "")
+    found = rows((folder / "f" / "factors.csv").read_text())
+    assert [(row["record"], row["component"]) for row in found] == [
+        ("motion.mseed", "HNE"),
+        ("motion.mseed", "HNN"),
+        ("other.mseed", "HNE"),
+    ]
+    infos = rows(tdint("info", "motion.mseed", "other.mseed", *UNITS).stdout)
+    for row, info in zip(found, infos, strict=True):
+        assert float(row["factor"]) * float(info["pga_m_s2"]) == pytest.approx(0.6 * 9.80665)
+    summary = json.loads((folder / "f" / "factors.json").read_text())
+    assert summary["settings"]["measure"] == "pga"
+    assert len(summary["records"]) == 3
+    assert (folder / "f" / "factors.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_pair_has_one_factor(folder, tdint):
+    result = tdint("scale", "motion.mseed", *UNITS, "--sa", "2m/s^2", "--at", 0.5, "--pairs", "rotd50")
+    one, other = rows(result.stdout)
+    assert one["factor"] == other["factor"]
+    assert "1 pair scaled to sa(0.5) = 2 m/s^2" in result.stderr
+
+
+def test_a_record_that_fails_does_not_keep_the_others(folder, tdint):
+    result = tdint("scale", "motion.mseed", "none.mseed", *UNITS, "--pgv", "10cm/s")
+    assert result.exit_code == 4
+    assert len(rows(result.stdout)) == 2
+    assert "none.mseed" in result.stderr
+
+
+def test_a_set_is_not_scaled_without_all_of_it(folder, tdint):
+    result = tdint("scale", "motion.mseed", "none.mseed", *UNITS, "--p695")
+    assert (result.exit_code, result.stdout) == (4, "")
+    result = tdint("scale", "motion.mseed", "other.mseed", *UNITS, "--p695")
+    assert (result.exit_code, result.stdout) == (4, "")
+    assert "single horizontal component" in result.stderr
+
+
+TARGET = ("--target", CONFIGS / "design-spectrum.csv")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((), "nothing to scale to: give one of --target"),
+        (("--sa", "0.5g"), "--sa needs a period: add --at"),
+        (("--sa", "0.5", "--at", 1), "'0.5': write a number with its unit, such as 0.6g"),
+        (("--sa", "5cm/s", "--at", 1), "write a number with its unit, such as 0.6g"),
+        (("--pgv", "0.4g"), "such as 40cm/s"),
+        (("--pga", "0.4g", "--pgv", "40cm/s"), "--pga and --pgv are given"),
+        (("--pga", "0.4g", *TARGET), "--target and --pga are given"),
+        (("--pga", "0.4g", "--at", 1), "--at is for --sa"),
+        (("--pga", "0.4g", "--rule", "mean"), "--rule is for --target"),
+        (("--pga", "0.4g", "--average", "0.2:3:9"), "--average is for --sa-avg"),
+        (("--p695", "--pga", "0.4g"), "--p695 is scaled on by --sa"),
+        (("--p695", "--pairs", "rotd50"), "--pairs: --p695 says itself"),
+        ((*TARGET, "--range", "2"), "'2' is no range; write FIRST:LAST"),
+        ((*TARGET, "--range", "0.2:9"), "has periods from 0.02 to 5 s; asked for are 0.2 to 9 s"),
+        ((*TARGET, "--rule", "asce7"), "give the period T by --at, or --range"),
+        ((*TARGET, "--rule", "asce7", "--at", 0.5), "11 pairs of components at least (16.2.2), got 1"),
+        ((*TARGET, "--rule", "asce7", "--at", 0.5, "--component", "HNE"), "--component names single components"),
+    ],
+)
+def test_scaling_that_is_refused(folder, tdint, arguments, message):
+    result = tdint("scale", "motion.mseed", *UNITS, *arguments)
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert message in result.stderr
+    assert result.stderr.startswith("Error: ")
+
+
+# ---- ida
+
+
+def test_a_study_and_its_files(studied):
+    assert {path.name for path in (studied / "out").iterdir()} == {
+        *("ida.csv", "capacities.csv", "ida.json", "ida.png"),
+        JOURNAL,
+    }
+    runs, capacities = (rows((studied / "out" / f"{name}.csv").read_text()) for name in ("ida", "capacities"))
+    names = list(dict.fromkeys((row["record"], row["component"]) for row in runs))
+    assert names == [("motion.mseed", "HNE"), ("motion.mseed", "HNN"), ("other.mseed", "HNE")]
+    for name in names:
+        own = [row for row in runs if (row["record"], row["component"]) == name]
+        assert [int(row["level"]) for row in own] == list(range(1, len(own) + 1))
+        stable = [float(row["im"]) for row in own if row["status"] == "done"]
+        collapsed = [float(row["im"]) for row in own if row["status"] == "collapsed"]
+        found = [row for row in capacities if (row["record"], row["component"]) == name]
+        assert [row["threshold"] for row in found] == ["0.01", "0.02", "0.04", "0.1"]
+        assert float(found[-1]["upper"]) == min(collapsed)
+        assert float(found[-1]["lower"]) == max(im for im in stable if im < min(collapsed))
+        assert float(found[-1]["upper"]) / float(found[-1]["lower"]) <= 1.05 + 1e-9
+        assert {row["censored"] for row in found} == {"false"}
+    summary = json.loads((studied / "out" / "ida.json").read_text())
+    assert summary["settings"]["collapse_drift"] == 0.1
+    assert summary["columns"]["capacity"]["unit"] == "m/s^2"
+
+
+def test_the_same_call_again_has_nothing_to_do(studied, tdint):
+    before = {path: path.read_bytes() for path in (studied / "out").iterdir()}
+    result = tdint("ida", "shaken.yaml", "motion.mseed", "other.mseed", *UNITS, "-o", "out")
+    assert result.exit_code == 0
+    assert "nothing to do: all records were done" in result.stderr
+    assert {path: path.read_bytes() for path in (studied / "out").iterdir()} == before
+
+
+def test_an_interrupted_study_gives_the_same_bytes(studied, tdint):
+    out = studied / "out"
+    before = {name: (out / name).read_bytes() for name in ("ida.csv", "capacities.csv", "ida.json")}
+    lines = (out / JOURNAL).read_bytes().splitlines(keepends=True)
+    for name in before:
+        (out / name).unlink()
+    (out / JOURNAL).write_bytes(b"".join(lines[:2]) + lines[2][:-9])
+    result = tdint("ida", "shaken.yaml", "motion.mseed", "other.mseed", *UNITS, "-o", "out")
+    assert "1 of 3 records were done before" in result.stderr
+    assert {name: (out / name).read_bytes() for name in before} == before
+
+
+def test_another_study_needs_another_folder_or_overwrite(studied, tdint):
+    arguments = ("ida", "shaken.yaml", "motion.mseed", *UNITS, "--precision", "20%", "-o", "out")
+    result = tdint(*arguments)
+    assert result.exit_code == 2
+    assert "precision: 0.05 there, 0.2 here; records: other.mseed HNE" in result.stderr
+    assert tdint(*arguments, "--overwrite").exit_code == 0
+    assert len(rows((studied / "out" / "capacities.csv").read_text())) == 8
+
+
+def test_files_in_the_way(folder, tdint):
+    (folder / "out").mkdir()
+    (folder / "out" / "ida.csv").write_text("mine")
+    result = tdint("ida", "shaken.yaml", "motion.mseed", *UNITS, "-o", "out")
+    assert result.exit_code == 6
+    assert "exists already" in result.stderr
+    assert [path.name for path in (folder / "out").iterdir()] == ["ida.csv"]
+
+
+def test_a_bad_record_is_named_and_the_others_are_done(folder, tdint):
+    result = tdint("ida", FRAME, "motion.mseed", "none.mseed", "--component", "HNE", *FEW)
+    assert result.exit_code == 4
+    (low, collapse) = rows(result.stdout)
+    assert (low["censored"], collapse["censored"], collapse["capacity"]) == ("false", "true", "1.2")
+    assert "none.mseed" in result.stderr
+    assert "1 of 1 censored" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (("--im", "pga", "--period", 1), 2, "--period is for --im sa and sa-avg, not pga"),
+        (("--average", "0.2:3:5"), 2, "--average is for --im sa-avg"),
+        (("--max-im", "3"), 2, "'3': write a number with its unit"),
+        (("--max-im", "30cm/s"), 2, "--max-im 30cm/s: sa("),
+        (("--im", "pgv", "--max-im", "3g"), 2, "--max-im 3g: pgv is in m/s"),
+        (("--threshold", "20%"), 2, "threshold 0.2: a drift ratio above 0 and at most the collapse drift, 0.1"),
+        (("--period", "T2"), 2, "'T2' is not a valid float"),
+        (("--method", "central-difference", "--dt", "1"), 5, "unstable"),
+        (("--plot",), 2, "--plot alone"),
+    ],
+)
+def test_studies_that_are_refused(folder, tdint, arguments, code, message):
+    result = tdint("ida", "shaken.yaml", "other.mseed", *UNITS, *arguments)
+    assert (result.exit_code, result.stdout) == (code, "")
+    assert message in result.stderr
+
+
+def test_a_model_without_heights(folder, tdint):
+    result = tdint("ida", CONFIGS / "stiff-soft-node.yaml", "other.mseed", *UNITS)
+    assert result.exit_code == 3
+    assert "give story 1 a height" in result.stderr
+
+
+@pytest.mark.parametrize("im", ["pga", "pgv", "sa-avg"])
+def test_every_measure(folder, tdint, im):
+    result = tdint("ida", FRAME, "other.mseed", *UNITS, "--im", im, "--precision", "50%", "--threshold", "5%")
+    assert result.exit_code == 0, result.output
+    assert rows(result.stdout)[0]["im_name"].startswith(im)
+
+
+# ---- fragility
+
+
+def test_a_table_of_stripes(folder, tdint):
+    result = tdint("fragility", CONFIGS / "stripes.csv", "--beta-model", 0.2, "-o", "f.csv", "--plot=f.svg")
+    assert result.exit_code == 0, result.output
+    (row,) = rows((folder / "f.csv").read_text())
+    assert (row["fit"], row["theta"][:7], row["beta"][:7]) == ("stripes", "1.07611", "0.42923")
+    assert float(row["beta_total"]) ** 2 == pytest.approx(float(row["beta"]) ** 2 + 0.04)
+    assert (row["threshold"], row["im"], row["records"]) == ("", "", "40")
+    assert "95 % confidence" in (folder / "f.svg").read_text()
+
+
+def test_a_folder_of_a_study(folder, tdint, make_record):
+    for samples in (60, 120):
+        make_record(folder / f"{samples}.mseed", "HNE", samples=samples)
+    records = ("motion.mseed", "60.mseed", "120.mseed")
+    assert tdint("ida", "shaken.yaml", *records, "--component", "HNE", *UNITS, "-o", "out").exit_code == 0
+    result = tdint("fragility", "out")
+    found = rows(result.stdout)
+    assert [row["threshold"] for row in found] == ["0.01", "0.02", "0.04", "0.1"]
+    assert {(row["fit"], row["records"], row["unit"]) for row in found} == {("ida", "3", "m/s^2")}
+    (one,) = rows(tdint("fragility", "out", "--threshold", "2%").stdout)
+    assert one == found[1]
+    (cloud,) = rows(tdint("fragility", "out", "--fit", "cloud", "--threshold", "2%").stdout)
+    assert float(cloud["theta"]) == pytest.approx(float(one["theta"]), rel=0.5)
+
+
+def test_runs_of_a_campaign(folder, tdint):
+    """Stripes where the runs stand at common levels; a run without a result counts neither way, and is told."""
+    header = "building,record,status,peak_drift_ratio,sa_t1_m_s2"
+    lines = [
+        f"a,{record},{status},{drift},{level}"
+        for level, drifts in ((1.0, (0.01, 0.01, 0.02)), (2.0, (0.01, 0.05, 0.02)), (3.0, (0.04, 0.05, 0.02)))
+        for record, drift in enumerate(drifts)
+        for status in ("collapsed" if drift == 0.05 else "done",)
+    ]
+    (folder / "runs.csv").write_text("\n".join([header, *lines, "a,9,not-converged,,1.0"]) + "\n")
+    result = tdint("fragility", ".", "--threshold", "3%")
+    (row,) = rows(result.stdout)
+    assert (row["fit"], row["im"], row["unit"], row["records"]) == ("stripes", "sa(T1)", "m/s^2", "3")
+    assert "1 of 10 runs have no result and are left out" in result.stderr
+    (folder / "stripes.csv").write_text("im,collapses,records\n1,0,3\n2,1,3\n3,2,3\n")
+    (same,) = rows(tdint("fragility", "stripes.csv").stdout)
+    assert (same["theta"], same["beta"]) == (row["theta"], row["beta"])
+
+
+def test_what_cannot_be_fitted_is_told_beside_what_can(folder, tdint):
+    (folder / "c.csv").write_text(
+        "threshold,capacity,censored,im_name,unit\n"
+        "0.01,1,false,pga,m/s^2\n0.01,2,false,pga,m/s^2\n0.1,3,true,pga,m/s^2\n0.1,,true,pga,m/s^2\n"
+    )
+    result = tdint("fragility", "c.csv")
+    assert result.exit_code == 0
+    assert [row["threshold"] for row in rows(result.stdout)] == ["0.01"]
+    assert "Warning: threshold 0.1: of 1 capacities none is known" in result.stderr
+    assert "1 rows without a capacity left out" in result.stderr
+    result = tdint("fragility", "c.csv", "--threshold", "10%")
+    assert (result.exit_code, result.stdout) == (5, "")
+
+
+@pytest.mark.parametrize(
+    ("text", "arguments", "code", "message"),
+    [
+        ("im,collapses,records\n1,0,3\nx,1,3\n", (), 3, "t.csv:3: im must be a number, got 'x'"),
+        ("im,collapses,records\n1,0,3\n2,4,3\n", (), 3, "t.csv:3: collapses must be from 0 to the number of records"),
+        ("im,collapses,records\n0,0,3\n2,3,3\n", (), 3, "t.csv:2: im must be positive, got '0'"),
+        ("im,collapses,records\n1,0,3\n2,0,3\n", (), 5, "no record exceeds at any level"),
+        ("im,collapse,records\n1,0,3\n", (), 3, "t.csv:1: a table has the columns im,collapses,records (stripes)"),
+        ("capacity,censored\n1,perhaps\n", (), 3, "t.csv:2: censored must be true or false, got 'perhaps'"),
+        ("capacity\n1\n-2\n", (), 3, "t.csv:3: capacity must be a positive number, got '-2'"),
+        ("capacity\n1\n2\n", ("--fit", "cloud"), 2, "this table is for --fit ida, not cloud"),
+        ("capacity\n1\n2\n", ("--threshold", "1%,2%"), 2, "has no column threshold: one --threshold at most"),
+        ("threshold,capacity\n0.1,1\n0.1,2\n", ("--threshold", "2%"), 2, "has no threshold 0.02; there are 0.1"),
+        ("capacity,im_name\n1,pga\n2,pgv\n", (), 3, "several im_name: pga, pgv"),
+        ("im,edp\n1,2\n2,3\n3,4\n", (), 2, "which demands are exceeded? Give --threshold"),
+        ("im,edp\n1,2\n2,3\n3,5\n", ("--threshold", "3", "--edp-range", "3:2"), 2, "LOW must be below HIGH"),
+        ("im,edp\n1,2\n", ("--fit", "stripes", "--edp-range", "2:"), 2, "--edp-range is for --fit cloud"),
+        ("", (), 3, "t.csv: is empty"),
+        ("im,im,edp\n1,2,3\n", (), 3, "t.csv:1: the column im is there twice"),
+    ],
+)
+def test_tables_that_are_refused(folder, tdint, text, arguments, code, message):
+    (folder / "t.csv").write_text(text)
+    result = tdint("fragility", "t.csv", *arguments)
+    assert (result.exit_code, result.stdout) == (code, "")
+    assert message in result.stderr
+
+
+def test_a_folder_without_tables(folder, tdint):
+    result = tdint("fragility", ".")
+    assert result.exit_code == 3
+    assert "this folder has no capacities.csv and no runs.csv" in result.stderr
+
+
+def test_standard_input(folder, tdint):
+    result = tdint("fragility", "-", stdin=b"capacity\n1\n2\n3\n")
+    assert result.exit_code == 0
+    assert rows(result.stdout)[0]["records"] == "3"
