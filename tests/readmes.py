@@ -184,6 +184,7 @@ def column_tables():
     tables = {
         "tdint run": columns.STORY,
         "history.csv of tdint run": history,
+        "tdint check": columns.OVERVIEW,
         "tdint modes": (*columns.MODE, columns.mode_damping(None), *columns.MODE_END),
         "tdint law": columns.CYCLIC,
         "tdint pushover": columns.pushover(1),

@@ -23,6 +23,8 @@ from tdint_cli.startup import use_one_thread
 
 GROUPS = {
     "Buildings": {
+        "init": ("buildings.init", "A first model of a building, with comments, that runs as it is."),
+        "check": ("buildings.check", "What is wrong with model files, all at once, or what they are."),
         "run": ("buildings.run", "Response of a building in time: the peaks of each story."),
         "modes": ("buildings.modes", "Periods, damping ratios and modal masses of a building."),
         "law": ("buildings.law", "Cyclic test of one story: its force over imposed cycles of drift."),

@@ -67,6 +67,11 @@ class Value:
         """Whether the value is a mapping."""
         return isinstance(self.node, MappingNode)
 
+    @property
+    def word(self) -> str:
+        """The text of a single value, as it stands; empty for anything else and for nothing."""
+        return self.node.text if isinstance(self.node, ScalarNode) and not self._is_nothing() else ""
+
     def fault(self, message: str) -> None:
         """Note what is wrong with this value."""
         self.faults.add(self.node, self.key, message)

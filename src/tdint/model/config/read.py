@@ -7,7 +7,7 @@ The modules around it share the work: `yaml_source` keeps line and column, `fiel
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TextIO
@@ -118,6 +118,20 @@ def load_model(source: str | Path | TextIO | Mapping[str, Any]) -> Model:
         Its keys count list entries from 1 as they stand in the file: `stories[2]` is the second entry of `stories`,
         whatever `repeat` the first one has.
     """
+    return load_judged(source, {})
+
+
+def load_judged(
+    source: str | Path | TextIO | Mapping[str, Any], judges: Mapping[str, Callable[[str, Path], object]]
+) -> Model:
+    """Read a model as `load_model` does, and let others judge words in it that mean nothing here.
+
+    Parameters
+    ----------
+    judges : mapping of str to callable
+        By the path of a key (`analysis.method`): takes the text under it and the folder that the file's paths start
+        from, and raises UsageError if it is wrong, which becomes a fault at its place.
+    """
     if isinstance(source, Mapping):
         faults = Faults("model")
         node = nodes_of(source, faults)
@@ -126,11 +140,26 @@ def load_model(source: str | Path | TextIO | Mapping[str, Any]) -> Model:
         origin = read_source(source)
         faults = Faults(origin.label)
         node = parse(decode(origin.data, faults), faults)
-    section = Value(node, "", faults).section(_MODEL)
+    root = Value(node, "", faults)
+    section = root.section(_MODEL)
     model = _read_model(section, origin) if section else None
+    for path, judge in judges.items():
+        _let_judge(root, path, judge, origin.folder)
     faults.raise_if_any()
     assert model is not None
     return model
+
+
+def _let_judge(root: Value, path: str, judge: Callable[[str, Path], object], folder: Path) -> None:
+    value: Value | None = root
+    for name in path.split("."):
+        value = value.peek(name) if value else None
+    if value is None or value.is_list or value.is_mapping or not (text := value.word):
+        return
+    try:
+        judge(text, folder)
+    except UsageError as error:
+        Value(value.node, path, value.faults).fault(str(error))
 
 
 def _read_model(section: Section, origin: SourceText) -> Model:

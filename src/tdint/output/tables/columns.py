@@ -175,6 +175,19 @@ def pushover(stories: int) -> tuple[Column, ...]:
     )
 
 
+OVERVIEW = (
+    Column("model", "model.source", "the model file", text=True),
+    Column("name", "model.name", "the building's name", text=True),
+    Column("stories", "stories", "number of stories"),
+    Column("height_m", "height", "height of the building; empty where a story has none"),
+    Column("mass_kg", "mass", "mass of all floors"),
+    Column("t1_s", "period", "fundamental period of the initial stiffness, P-delta included"),
+    Column("t1_damping", "damping", "viscous damping ratio of the first mode, without power-law dashpots"),
+    Column("laws", "laws", "drift laws, with the number of stories of each where there are several", text=True),
+    Column("method", "method", "time-integration method with its parameters", text=True),
+    Column("record", "record", "file of the ground motion", text=True),
+)
+
 MODE = (
     Column("mode", lambda modes: np.arange(1, modes.omega.size + 1), "mode, from 1 at the longest period"),
     Column("period_s", lambda modes: 2.0 * math.pi / modes.omega, "natural period"),

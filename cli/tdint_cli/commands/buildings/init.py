@@ -1,0 +1,146 @@
+"""`tdint init`: a first model file that runs as it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tdint.errors import UsageError
+from tdint_cli import options
+from tdint_cli.options.values import FileName, Name
+from tdint_cli.terminal.streams import emit, say
+
+if TYPE_CHECKING:
+    from tdint.files import Writer
+
+FILE = "building.yaml"
+_DT, _DURATION = 0.01, 20.0
+_STORIES, _PERIOD_OF_A_STORY = 5, 0.1
+
+
+def _structures() -> list[str]:
+    from tdint.model.inventory.mdof_lu import STRUCTURES
+
+    return list(STRUCTURES)
+
+
+@dataclass(frozen=True)
+class Request:
+    """The command line of `tdint init`."""
+
+    file: str
+    stories: int
+    period: float | None
+    structure: str | None
+    year: int | None
+    area: float | None
+    units: str
+    overwrite: bool
+
+
+@options.command("init")
+@click.argument("file", metavar="[FILE]", default=FILE, type=FileName())
+@options.option(
+    "--stories", type=click.IntRange(1, 200), default=_STORIES, metavar="COUNT", help=f"Stories; {_STORIES} by default."
+)
+@options.option(
+    "--period",
+    type=click.FloatRange(0.0, 100.0, min_open=True),
+    metavar="SECONDS",
+    help="Fundamental period of equal floors on bilinear stories; 0.1 s for each story by default.",
+)
+@options.option(
+    "--type",
+    "structure",
+    type=Name(_structures),
+    metavar="NAME",
+    help="A building of this Hazus type instead, by rules: W1, S1, C1, RM1, URM, ...; with --year and --area.",
+)
+@options.option("--year", type=click.IntRange(1000, 2200), metavar="YEAR", help="Its year of construction.")
+@options.option(
+    "--area",
+    type=click.FloatRange(0.0, min_open=True),
+    metavar="AREA",
+    help="The area of one floor, in m^2, of --units us in ft^2.",
+)
+@options.option(
+    "--units",
+    type=click.Choice(["si", "us"]),
+    default="si",
+    help="Units of the file and of its output: kN, m, t, or kip, in and weights; si by default.",
+)
+@options.output.overwrite
+def command(**given: Any) -> None:
+    """A first model of a building, with comments, that runs as it is.
+
+    FILE (building.yaml if there is none) gets the model; beside it lies an artificial ground motion, FILE without its
+    suffix and with -motion.txt, so that `tdint run FILE` shows something until you have a record. FILE may be -,
+    standard output: that model vibrates freely, without a record.
+    """
+    _run(Request(**given))
+
+
+def _run(request: Request) -> None:
+    _check(request)
+    if request.file == "-":
+        emit(_model("building", request, None).encode())
+        return
+    from tdint.files import write_files
+    from tdint.ground_motion.pulse import VelocityPulse, pulse_text
+
+    file = Path(request.file)
+    motion = file.with_name(f"{file.stem}-motion.txt")
+    unit = "g" if request.units == "us" else "m/s^2"
+    texts = {
+        file: _model(file.stem, request, motion.name),
+        motion: pulse_text(VelocityPulse(), dt=_DT, duration=_DURATION, unit=unit),
+    }
+
+    def writer(text: str) -> Writer:
+        return lambda stream: stream.write(text.encode())
+
+    write_files({path: writer(text) for path, text in texts.items()}, overwrite=request.overwrite)
+    say(f"{file} is a model that runs as it is, under the artificial motion {motion}. Next:")
+    say(f"  tdint check {file}\n  tdint run {file} -o out --plot")
+
+
+def _check(request: Request) -> None:
+    """Refuse what does not go together.
+
+    Raises
+    ------
+    UsageError
+        A period beside a type, a type without its facts, or facts without a type.
+    """
+    if request.structure is None:
+        if request.year is not None or request.area is not None:
+            raise UsageError("--year and --area belong to a --type, such as C1")
+        return
+    structures = _structures()
+    if request.structure not in structures:
+        raise UsageError(f"unknown type {request.structure!r}; known: {', '.join(structures)}")
+    if request.period is not None:
+        raise UsageError("--period and --type exclude each other: the rules of the type give the period")
+    if request.year is None or request.area is None:
+        raise UsageError("--type needs --year and --area, such as --type C1 --year 1985 --area 600")
+
+
+def _model(name: str, request: Request, motion: str | None) -> str:
+    from tdint.model.first_model import story_model, type_model
+
+    if request.structure is None:
+        period = request.period or _PERIOD_OF_A_STORY * request.stories
+        return story_model(name, stories=request.stories, period=period, system=request.units, motion=motion)
+    assert request.year is not None and request.area is not None
+    return type_model(
+        name,
+        structure=request.structure,
+        stories=request.stories,
+        year=request.year,
+        area=request.area,
+        system=request.units,
+        motion=motion,
+    )

@@ -1,0 +1,87 @@
+"""What a model is, without running it: for a look before the first run, and to find what is wrong with it."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+from tdint.errors import ModelError, UsageError
+from tdint.methods.catalogue import DEFAULT_METHOD, parse
+from tdint.model.building import assemble
+from tdint.model.config.read import load_judged
+from tdint.model.definition import Model
+
+
+@dataclass(frozen=True)
+class Overview:
+    """A model in a line.
+
+    Attributes
+    ----------
+    model : Model
+        The model.
+    mass, height : float
+        Of the whole building, kg, m; nan where a story has no height.
+    period, damping : float
+        Of the first mode: s, viscous damping ratio without power-law dashpots.
+    """
+
+    model: Model
+    mass: float
+    height: float
+    period: float
+    damping: float
+
+    @property
+    def stories(self) -> int:
+        """Number of stories."""
+        return len(self.model.stories)
+
+    @property
+    def laws(self) -> str:
+        """The drift laws from the ground up, with the number of stories that have each where there are several."""
+        counted = Counter(story.law.name for story in self.model.stories)
+        return ", ".join(counted if len(counted) == 1 else (f"{count} {name}" for name, count in counted.items()))
+
+    @property
+    def method(self) -> str:
+        """The method that runs it where the command line names none."""
+        return parse(self.model.analysis.method or DEFAULT_METHOD).label
+
+    @property
+    def record(self) -> str | None:
+        """The file of its ground motion."""
+        record = self.model.excitation.record
+        return record.file if record else None
+
+
+def overview(source: str | Path) -> Overview:
+    """Read a model and look at it.
+
+    Raises
+    ------
+    ModelError
+        All that is wrong with the file: what `load_model` refuses, an unknown method, a record that is not there, a
+        building that cannot stand.
+    """
+    model = load_judged(source, {"analysis.method": _known_method, **dict.fromkeys(_RECORD, _there)})
+    try:
+        building = assemble(model)
+        omega, damping = building.first_mode()
+    except ModelError as error:
+        raise ModelError(f"{model.source}: {error}") from None
+    return Overview(model, float(building.mass.sum()), float(building.heights.sum()), 2.0 * math.pi / omega, damping)
+
+
+_RECORD = ("excitation.record", "excitation.record.file", "excitation.record.inventory")
+
+
+def _known_method(text: str, _: Path) -> None:
+    parse(text)
+
+
+def _there(text: str, folder: Path) -> None:
+    if text != "-" and not (folder / text).is_file():
+        raise UsageError(f"there is no file {folder / text}")

@@ -1,0 +1,175 @@
+"""`tdint init` and `tdint check`: a first model that runs, and what is wrong with others."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import Result
+
+import readmes
+from tdint.ground_motion.pulse import VelocityPulse
+from tdint.ground_motion.reading.read import read_record
+from tdint.model.building import assemble
+from tdint.model.config.read import load_model
+from tdint.model.config.schema import model_schema
+
+Run = Callable[..., Result]
+
+
+def rows(text: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(text.splitlines()))
+
+
+def test_the_first_commands_of_the_readme_run_in_an_empty_folder(tmp_path: Path) -> None:
+    commands = [line.partition("#")[0].strip() for line in readmes.block("first").splitlines()]
+    assert len(commands) <= 5 and all(command.startswith("tdint ") for command in commands)
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    for command in commands:
+        done = subprocess.run(
+            command.split(), cwd=tmp_path, env={**os.environ, "PATH": path}, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, f"{command}: {done.stderr}"
+    assert {file.name for file in (tmp_path / "out").iterdir()} == {"stories.csv", "summary.json", "response.png"}
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["status"] == "done" and summary["building"]["stories"] == 5
+
+
+def test_the_model_of_the_readme_is_sound(folder: Path, tdint: Run) -> None:
+    (folder / "workshop.yaml").write_text(readmes.block("workshop"))
+    (row,) = rows(tdint("check", "workshop.yaml").stdout)
+    assert (row["stories"], float(row["mass_kg"]), float(row["t1_damping"])) == ("2", 105e3, pytest.approx(0.05))
+
+
+@pytest.mark.parametrize("units", ["si", "us"])
+@pytest.mark.parametrize(("stories", "period"), [(1, 0.3), (2, 0.5), (5, 0.8), (40, 4.0)])
+def test_the_period_is_the_one_asked_for(folder: Path, tdint: Run, stories: int, period: float, units: str) -> None:
+    done = tdint("init", "new/own.yaml", "--stories", stories, "--period", period, "--units", units)
+    assert done.exit_code == 0, done.stderr
+    (row,) = rows(tdint("check", "new/own.yaml").stdout)
+    assert float(row["t1_s"]) == pytest.approx(period, rel=1e-8)
+    assert (row["stories"], row["laws"], row["record"]) == (str(stories), "bilinear", "new/own-motion.txt")
+    assert float(row["t1_damping"]) == pytest.approx(0.05)
+    # The first mode is a straight line, and all stories yield together in it.
+    building = assemble(load_model("new/own.yaml"))
+    _, shape = building.vibration.first
+    np.testing.assert_allclose(shape / shape[0], np.arange(1.0, stories + 1.0), rtol=1e-6)
+    np.testing.assert_allclose(building.yield_drift, building.yield_drift[0], rtol=1e-5)
+
+
+def test_both_systems_of_units_make_about_the_same_building(folder: Path, tdint: Run) -> None:
+    for units in ("si", "us"):
+        assert tdint("init", f"{units}.yaml", "--units", units, "--stories", 3).exit_code == 0
+    si, us = (load_model(f"{units}.yaml") for units in ("si", "us"))
+    assert us.stories[0].mass == pytest.approx(600e3 * 0.45359237)  # 600 kip
+    assert us.stories[0].height == pytest.approx(3.6576)  # 12 ft
+    assert si.stories[0].mass == 300e3
+    motions = [read_record(f"{units}-motion.txt") for units in ("si", "us")]
+    np.testing.assert_allclose(motions[0].acceleration, motions[1].acceleration, atol=1e-6)
+
+
+def test_the_motion_is_the_pulse_it_says(folder: Path, tdint: Run) -> None:
+    assert tdint("init").exit_code == 0
+    record = read_record("building-motion.txt")
+    pulse = VelocityPulse()
+    assert (record.dt, record.duration, record.units_from) == (0.01, 20.0, "file")
+    velocity = 0.01 * np.cumsum(record.acceleration)  # the trapezoidal rule, for it starts from zero
+    assert np.max(np.abs(velocity)) < pulse.velocity
+    # Neither a velocity nor, with the phase pi/2, a displacement stays: v is odd about the middle of the pulse.
+    assert abs(velocity[-1]) < 1e-5
+    assert abs(0.01 * velocity.sum()) < 1e-4
+    t = np.linspace(0.0, pulse.duration, 20001)
+    exact = pulse.acceleration(t)
+    v = np.concatenate([[0.0], np.cumsum(0.5 * (exact[1:] + exact[:-1])) * (t[1] - t[0])])
+    middle = t - 0.5 * pulse.duration
+    omega = 2.0 * np.pi / pulse.period
+    shape = 0.5 * pulse.velocity * (1.0 + np.cos(omega * middle / pulse.cycles)) * np.cos(omega * middle + pulse.phase)
+    np.testing.assert_allclose(v, shape, atol=1e-6)
+
+
+def test_a_model_of_a_type(folder: Path, tdint: Run) -> None:
+    done = tdint("init", "c1.yaml", "--type", "C1", "--year", 1985, "--area", 600, "--stories", 8)
+    assert done.exit_code == 0, done.stderr
+    us = tdint(
+        "init", "us.yaml", "--type", "C1", "--year", 1985, "--area", 600 / 0.3048**2, "--stories", 8, "--units", "us"
+    )
+    assert us.exit_code == 0, us.stderr
+    shipped = load_model(readmes.ROOT / "configs" / "hazus-c1.yaml")
+    assert load_model("c1.yaml").stories == shipped.stories
+    assert load_model("us.yaml").stories[0].mass == pytest.approx(shipped.stories[0].mass, rel=1e-5)
+
+
+def test_standard_output_gets_a_model_that_vibrates_freely(folder: Path, tdint: Run) -> None:
+    text = tdint("init", "-", "--stories", 3).stdout
+    done = tdint("check", "-", stdin=text.encode())
+    assert done.exit_code == 0, done.stderr
+    assert rows(done.stdout)[0]["record"] == ""
+    assert not (folder / "building.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (("init", "--type", "C9", "--year", 1985, "--area", 1), 2, "unknown type 'C9'; known: W1"),
+        (("init", "--type", "C1", "--year", 1985), 2, "--type needs --year and --area"),
+        (("init", "--type", "C1", "--period", 1, "--year", 1985, "--area", 1), 2, "exclude each other"),
+        (("init", "--year", 1985), 2, "--year and --area belong to a --type"),
+        (("init", "--period", 0), 2, "--period"),
+        (("init", "forced.yaml"), 6, "forced.yaml: exists already"),
+        (("check",), 2, "nothing to check"),
+        (("check", "--schema", "forced.yaml"), 2, "--schema takes no model"),
+        (("check", "none.yaml"), 3, "none.yaml: no such file"),
+    ],
+)
+def test_what_is_refused(folder: Path, tdint: Run, arguments: tuple[Any, ...], code: int, message: str) -> None:
+    done = tdint(*arguments)
+    assert (done.exit_code, done.stdout) == (code, "")
+    assert message in done.stderr
+    assert not (folder / "building.yaml").exists() and not (folder / "forced-motion.txt").exists()
+
+
+def test_all_faults_of_all_files(folder: Path, tdint: Run) -> None:
+    (folder / "bad.yaml").write_text(
+        "storeys: [{mass: -1, stiffness: 1}]\nanalysis: {method: newmrk}\n"
+        "excitation: {record: {file: motoin.mseed, inventory: motion.mseed}}\n"
+    )
+    (folder / "weak.yaml").write_text("p_delta: true\nstories: [{mass: 1, stiffness: 1, height: 1}]\n")
+    done = tdint("check", "bad.yaml", "forced.yaml", "weak.yaml", "shaken.yaml")
+    assert done.exit_code == 3
+    assert done.stderr.splitlines()[0] == "Error: bad.yaml:1:1: storeys: unknown key; did you mean 'stories'?"
+    assert done.stderr.splitlines()[1:] == [
+        "Error: bad.yaml:1:18: storeys[1].mass: must be a positive number, got '-1'",
+        "Error: bad.yaml:2:20: analysis.method: unknown method 'newmrk'; did you mean 'newmark'? "
+        + done.stderr.splitlines()[2].partition("'newmark'? ")[2],
+        "Error: bad.yaml:3:29: excitation.record.file: there is no file motoin.mseed",
+        "Error: weak.yaml: story 1: P-delta exceeds the initial stiffness; the building cannot stand",
+    ]
+    sound = rows(done.stdout)
+    assert [row["model"] for row in sound] == ["forced.yaml", "shaken.yaml"]
+    assert [row["laws"] for row in sound] == ["linear", "bilinear"]
+    assert [float(row["mass_kg"]) for row in sound] == [18.0, 20.0]
+    assert sound[0]["method"].startswith("impulse4") and sound[0]["record"] == ""
+    assert sound[1]["record"] == "motion.mseed"
+
+
+def test_laws_are_counted_where_they_differ(folder: Path, tdint: Run) -> None:
+    (folder / "two.yaml").write_text(
+        "stories:\n  - {mass: 1, stiffness: 1}\n"
+        "  - {repeat: 2, mass: 1, stiffness: 1, law: {type: tanh, strength: 1}}\n"
+    )
+    (row,) = rows(tdint("check", "two.yaml").stdout)
+    assert (row["laws"], row["height_m"]) == ("1 linear, 2 tanh", "")
+
+
+def test_the_schema(folder: Path, tdint: Run) -> None:
+    done = tdint("check", "--schema")
+    assert done.exit_code == 0
+    assert json.loads(done.stdout) == model_schema()
