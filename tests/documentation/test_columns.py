@@ -18,6 +18,7 @@ FRAME = "configs/collapse-prone-frame.yaml"
 COMMANDS = {
     "tdint run": "configs/ten-story.yaml --duration 1",
     "history.csv of tdint run": "configs/hardening.yaml --duration 0.1 --history",
+    "tdint check": "configs/ten-story.yaml",
     "tdint modes": "configs/ten-story.yaml",
     "tdint law": "configs/ten-story-bilinear.yaml --drift 1%",
     "tdint pushover": "configs/hazus-c1.yaml --drift 0.1%",
