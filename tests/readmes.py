@@ -184,6 +184,7 @@ def column_tables():
     tables = {
         "tdint run": columns.STORY,
         "history.csv of tdint run": history,
+        "floor-spectra.csv of tdint run": (columns.FLOOR, *columns.SPECTRUM),
         "tdint check": columns.OVERVIEW,
         "tdint modes": (*columns.MODE, columns.mode_damping(None), *columns.MODE_END),
         "tdint law": columns.CYCLIC,
@@ -194,6 +195,7 @@ def column_tables():
         "tdint inventory": columns.INVENTORY,
         "tdint info": columns.INFO,
         "tdint spectrum": (*columns.OF_RECORD, *columns.SPECTRUM, *columns.CHOICES),
+        "tdint spectrum --against": (*columns.OF_RECORD, *columns.difference("psa_m_s2")),
         "tdint spectrum --rotd 50,100": (*columns.OF_MOTION, *columns.rotated((50, 100)), *columns.CHOICES),
         "tdint spectrum --ductility": (*columns.OF_RECORD, *columns.INELASTIC),
         "tdint drift-spectrum": (*columns.OF_RECORD, *columns.DRIFT_SPECTRUM),

@@ -18,6 +18,7 @@ FRAME = "configs/collapse-prone-frame.yaml"
 COMMANDS = {
     "tdint run": "configs/ten-story.yaml --duration 1",
     "history.csv of tdint run": "configs/hardening.yaml --duration 0.1 --history",
+    "floor-spectra.csv of tdint run": "configs/hardening.yaml --duration 1 --floor-spectra roof --period 1",
     "tdint check": "configs/ten-story.yaml",
     "tdint modes": "configs/ten-story.yaml",
     "tdint law": "configs/ten-story-bilinear.yaml --drift 1%",
@@ -28,6 +29,7 @@ COMMANDS = {
     "tdint inventory": "configs/buildings.csv --units m",
     "tdint info": "records/firm-soil.mseed",
     "tdint spectrum": f"{RECORD} --maxima exact --interpolation linear",
+    "tdint spectrum --against": f"{{folder}}/published.csv {RECORD}",
     "tdint spectrum --rotd 50,100": f"{RECORD} --maxima exact --interpolation linear",
     "tdint spectrum --ductility": f"2 {RECORD}",
     "tdint drift-spectrum": RECORD,
@@ -60,6 +62,7 @@ def test_columns(name, monkeypatch, tmp_path):
     motion = f"{{file: {readmes.ROOT / 'records' / 'firm-soil.mseed'}, component: HN1}}"
     (tmp_path / "recorded.yaml").write_text(f"base: {motion}\nfloors: {{1: {motion}}}\n")
     (tmp_path / "frame.yaml").write_text("{stories: [{mass: 1, stiffness: 400}], damping: {modal: 0.05}}")
+    (tmp_path / "published.csv").write_text("period_s,psa_g\n1,0.1\n2,0.1\n")
     file, _, command = name.rpartition("tdint ")
     arguments = f"{command} {COMMANDS[name].format(folder=tmp_path)}".split()
     if file:

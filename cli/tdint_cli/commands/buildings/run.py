@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +14,7 @@ from tdint.errors import UsageError
 from tdint_cli import options
 from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.options.building import BuildingRequest, check_motion, with_motion
+from tdint_cli.options.floors import MOTIONS, SPECTRA, FloorRequest
 from tdint_cli.options.output import check_picture
 from tdint_cli.options.plot import picture_file
 from tdint_cli.options.values import FileName, Ratio
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from tdint.ground_motion.record import Input, Record
 
 STORIES, HISTORY, PICTURE, SUMMARY = "stories.csv", "history.csv", "response.png", "summary.json"
+ALL_FILES = (STORIES, HISTORY, SPECTRA, MOTIONS, PICTURE, SUMMARY)
 """The files of a run. The summary is written last: where it says `done`, all is there."""
 
 
@@ -43,6 +45,7 @@ class Request(BuildingRequest):
     allow_unstable: bool
     check: bool
     tolerance: float | None
+    of_floors: FloorRequest
 
 
 @options.command("run")
@@ -55,6 +58,9 @@ class Request(BuildingRequest):
 @options.record.inventory
 @options.record.scale
 @options.record.processing
+@options.floors.floor_spectra
+@options.floors.damping
+@options.floors.periods
 @options.analysis.method
 @options.analysis.dt
 @options.analysis.duration
@@ -62,6 +68,7 @@ class Request(BuildingRequest):
 @options.output.option(
     "--history", is_flag=True, help=f"Also write {HISTORY}: every floor and story and the energies at every step."
 )
+@options.floors.export_floors
 @options.output.plot(
     f"Also draw roof displacement, energies, drifts, one hysteresis: to this file (.png, .pdf, .svg), or alone as "
     f"{PICTURE} into the folder of -o."
@@ -89,7 +96,9 @@ def command(record: str | None, records: tuple[str, ...], **given: Any) -> None:
     --method, --dt and --duration replace what it says of the analysis. --overwrite replaces all files of an earlier
     run: those the new one does not write are removed.
     """
-    _run(Request(**given, record=_one_record(record, records)))
+    names = {"floors": "floor_spectra", "export": "export_floors"}
+    wanted = {field.name: given.pop(names.get(field.name, field.name)) for field in fields(FloorRequest)}
+    _run(Request(**given, record=_one_record(record, records), of_floors=FloorRequest(**wanted)))
 
 
 def _one_record(named: str | None, records: tuple[str, ...]) -> str | None:
@@ -116,6 +125,7 @@ def _run(request: Request) -> None:
 
     _check(request)
     model = with_motion(load_model(request.model), request)
+    request.of_floors.chosen_floors(len(model.stories))
     record = model_record(model)
     inputs = [model_input(model), *(record.inputs if record else ())]
     case = prepare(model, record, method=request.method, allow_unstable=request.allow_unstable)
@@ -124,7 +134,7 @@ def _run(request: Request) -> None:
             case,
             dt=request.dt,
             duration=request.duration,
-            history=request.history or bool(request.plot),
+            history=request.history or bool(request.plot or request.of_floors),
             check=request.check,
             tolerance=request.tolerance,
         )
@@ -154,11 +164,12 @@ def _check(request: Request) -> None:
 
     if request.history and not request.output:
         raise UsageError("--history writes a file: add -o DIR")
+    request.of_floors.check(request.output)
     check_motion(request)
     picture = _picture(request)
     if picture:
         check_picture(picture)
-    outputs = [*_in_folder(request, (STORIES, HISTORY, PICTURE, SUMMARY)), *([picture] if picture else ())]
+    outputs = [*_in_folder(request, ALL_FILES), *([picture] if picture else ())]
     refuse_inputs(outputs, [request.model, request.record, request.inventory])
     check_outputs(dict.fromkeys(outputs), overwrite=request.overwrite)
 
@@ -187,6 +198,11 @@ def _files(request: Request, response: Response, case: Case, inputs: list[Input]
     history = response.history
     if request.output and request.history and history is not None:
         files[Path(request.output) / HISTORY] = lambda stream: write_history(history, stream)
+    if request.output:
+        of_floors, notes = request.of_floors.files(response, Path(request.output))
+        files |= of_floors
+        for text in notes:
+            note(text)
     if picture := _picture(request):
         from tdint.output.figures.run import run_picture
 
@@ -223,6 +239,7 @@ def _settings(request: Request) -> dict[str, Any]:
         "check": request.check,
         "tolerance": request.tolerance,
         "allow_unstable": request.allow_unstable,
+        "floor_spectra": list(request.of_floors.floors or ()),
     }
 
 
@@ -230,7 +247,7 @@ def _write(request: Request, files: dict[Path, Writer]) -> None:
     """Write the files of this run; with --overwrite the folder keeps none of an earlier one."""
     from tdint.files import write_files
 
-    every = _in_folder(request, (STORIES, HISTORY, PICTURE, SUMMARY))
+    every = _in_folder(request, ALL_FILES)
     write_files(files, overwrite=request.overwrite, stale=[file for file in every if file not in files])
 
 

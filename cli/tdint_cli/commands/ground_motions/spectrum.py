@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from tdint.analysis.spectra.defaults import PERIODS
+from tdint.errors import UsageError
 from tdint_cli import options
-from tdint_cli.commands.ground_motions.spectra import elastic, inelastic, rotated
+from tdint_cli.commands.ground_motions.spectra import against, elastic, inelastic, rotated
 from tdint_cli.commands.ground_motions.spectra.kind import Kind
 from tdint_cli.commands.ground_motions.spectra.request import SpectrumRequest
 from tdint_cli.commands.ground_motions.spectra.tables import make_tables
@@ -28,6 +29,9 @@ from tdint_cli.commands.ground_motions.spectra.tables import make_tables
 @inelastic.ductility
 @inelastic.strength
 @inelastic.hardening
+@against.against
+@against.column
+@against.interpolation
 @options.spectra.tables
 @options.spectra.picture
 @options.output.jobs
@@ -49,6 +53,8 @@ def command(**given: Any) -> None:
     directions, 180 of them, the geometric mean of both components, and the direction of the largest, in degrees from
     the first named component towards the second. They stand in one file, or in two that are named alike (K-NET, PEER,
     channel codes) or given as the only ones.
+
+    --against makes another table, of one column of a published spectrum and what is computed at its periods.
     """
     request = SpectrumRequest(**given)
     make_tables(request, _kind(request))
@@ -56,6 +62,11 @@ def command(**given: Any) -> None:
 
 def _kind(request: SpectrumRequest) -> Kind:
     """The kind of spectra that is asked for."""
+    if request.against:
+        return against.KIND
+    for name in ("against_column", "against_interpolation"):
+        if getattr(request, name):
+            raise UsageError(f"--{name.replace('_', '-')} is for a published spectrum; add --against FILE")
     if request.ductility or request.strength:
         return inelastic.KIND
     return rotated.KIND if request.rotd else elastic.KIND

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
-from tdint.errors import RecordError, UsageError, did_you_mean
+from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.formats.steps import equal_steps
 from tdint.ground_motion.formats.tables.columns import name_and_units
-from tdint.ground_motion.reading.source import digested, read_bytes
+from tdint.ground_motion.reading.named_table import SECONDS, read_named_table
 from tdint.ground_motion.signal import Signal
 from tdint.units import Units, parse_units
 
 _TIMES = ("t", "time", "times")
-_SECONDS = {"": 1.0, "s": 1.0, "sec": 1.0, "ms": 1e-3}
 
 
 def read_column(source: str | Path, column: str, units: str | None = None) -> Signal:
@@ -37,35 +32,27 @@ def read_column(source: str | Path, column: str, units: str | None = None) -> Si
         The file cannot be read, has no times in equal steps, no such column, a cell that is no finite number, or a
         column of unknown units.
     """
-    data = read_bytes(source)
-    text = data.decode("utf-8-sig", "replace")
-    header, _, body = text.partition("\n")
-    mark = next((mark for mark in ("\t", ";", ",") if mark in header), ",")
-    names = [name.strip().strip("\"'") for name in header.split(mark)]
-    time, time_units = name_and_units(names[0])
-    if time not in _TIMES or time_units not in _SECONDS:
-        raise RecordError(f"{source}: the first column must be the time (time_s), its name is {names[0][:40]!r}")
-    if names.count(column) != 1:
-        how = "there are several columns" if column in names else "there is no column"
-        hint = did_you_mean(column, names) or f"; there are {', '.join(names[1:13])[:200]}"
-        raise RecordError(f"{source}: {how} {column!r}{hint}")
-    place = names.index(column)
+    table = read_named_table(source)
+    time, time_units = name_and_units(table.names[0])
+    if time not in _TIMES or time_units not in ("", *SECONDS):
+        raise RecordError(f"{source}: the first column must be the time (time_s), its name is {table.names[0][:40]!r}")
+    times = SECONDS[time_units or "s"] * table.numbers(0)
+    place = table.place(column)
     found = parse_units(units) if units else _units_of(column, str(source))
-    times, values = _numbers(body, mark, place, len(names), str(source))
     try:
-        step = equal_steps(times * _SECONDS[time_units])
+        step = equal_steps(times)
     except RecordError as error:
         raise RecordError(f"{source}: {error}") from None
     return Signal(
-        samples=found.scale * values,
+        samples=found.scale * table.numbers(place),
         dt=step.dt,
         quantity=found.quantity,
         label=f"{source}: {column}",
-        start=float(times[0]) * _SECONDS[time_units],
+        start=float(times[0]),
         clock="table",
         notes=(),
         warnings=(),
-        input=digested(data, source),
+        input=table.input,
     )
 
 
@@ -77,29 +64,3 @@ def _units_of(column: str, source: str) -> Units:
         raise RecordError(
             f"{source}: the name of the column {column!r} does not end with its units (_m_s2, _m); give units"
         ) from None
-
-
-def _numbers(
-    body: str, mark: str, place: int, width: int, source: str
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Times and values of the column."""
-    point = "," if mark in (";", "\t") else "."
-    found: list[tuple[float, float]] = []
-    for number, line in enumerate(io.StringIO(body), start=2):
-        if not line.strip():
-            continue
-        cells = line.rstrip("\r\n").split(mark)
-        try:
-            if len(cells) != width:
-                raise ValueError
-            pair = (float(cells[0].replace(point, ".")), float(cells[place].replace(point, ".")))
-        except ValueError:
-            shown = repr(cells[place][:40]) if len(cells) == width else f"{len(cells)} cells in place of {width}"
-            raise RecordError(f"{source}: line {number}: {shown} is no number") from None
-        if not all(map(np.isfinite, pair)):
-            raise RecordError(f"{source}: line {number}: {cells[place][:40]!r} is no finite number")
-        found.append(pair)
-    if len(found) < 2:
-        raise RecordError(f"{source}: the table has fewer than two rows")
-    table = np.array(found)
-    return table[:, 0].copy(), table[:, 1].copy()

@@ -83,6 +83,19 @@ SPECTRUM = (
     Column("sv_m_s", "sv", "largest velocity relative to the ground"),
     Column("sa_m_s2", "sa", "largest absolute acceleration"),
 )
+
+
+def difference(published: str) -> tuple[Column, ...]:
+    """The columns of spectra beside a published one, of this column of `SPECTRUM`."""
+    own = next(column for column in SPECTRUM if column.name == published)
+    return (
+        *SPECTRUM[:2],
+        Column(own.name, "computed", own.meaning),
+        Column(f"published_{own.name}", "expected", f"published: {own.meaning}"),
+        Column("relative_difference", "relative_difference", "computed over published value, less 1"),
+    )
+
+
 ROTATED_START = (_DAMPING, Column("period_s", "periods", "natural period"))
 ROTATED_END = (
     Column(
@@ -359,15 +372,17 @@ INFO = (
     Column("notes", _remarks, "remarks", text=True),
 )
 
+FLOOR = Column("floor", "floor", "floor, from 1 at the bottom")
+
 COMPARISON = (
-    Column("floor", "floor", "floor, from 1 at the bottom"),
+    FLOOR,
     Column("quantity", "quantity", "absolute acceleration, or displacement relative to the base", text=True),
     Column("correlation", "correlation", "Pearson's coefficient of the computed and the recorded motion"),
     Column("peak_ratio", "peak_ratio", "largest absolute value computed over that recorded"),
     Column("rms_difference", "rms_difference", "root mean square of the difference over that of the recording"),
 )
 COMPARISON_SPECTRA = (
-    Column("floor", "floor", "floor, from 1 at the bottom"),
+    FLOOR,
     Column("period_s", "periods", "natural period"),
     Column("computed_sa_m_s2", "computed", "largest absolute acceleration on the computed motion of the floor"),
     Column("recorded_sa_m_s2", "recorded", "largest absolute acceleration on the recorded motion of the floor"),

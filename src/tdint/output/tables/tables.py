@@ -15,6 +15,7 @@ from tdint.output.tables.table import Cell, Column, Table, rows_of
 if TYPE_CHECKING:
     from tdint.analysis.run.outcome import History, StoryErrors, StoryPeaks
     from tdint.analysis.spectra.elastic import Spectrum
+    from tdint.analysis.spectra.published import SpectrumDifference
     from tdint.analysis.spectra.rotated import RotatedSpectrum
     from tdint.ground_motion.record import Record
     from tdint.methods.method import Integrator
@@ -49,6 +50,13 @@ def spectrum_table(spectra: Sequence[Spectrum], stated: Sequence[str] = ()) -> T
     `stated`: which of the choices `maxima` and `interpolation` have columns of their own, at the end.
     """
     return record_table((*columns.SPECTRUM, *_choices(stated)), spectra)
+
+
+def difference_table(lines: Sequence[SpectrumDifference]) -> Table:
+    """One row per record, component, damping ratio and period: computed and published values and their difference."""
+    from tdint.analysis.spectra.published import QUANTITIES
+
+    return record_table(columns.difference(QUANTITIES[lines[0].published.quantity][1]), lines)
 
 
 def rotated_table(spectra: Sequence[RotatedSpectrum], stated: Sequence[str] = ()) -> Table:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tdint.analysis.spectra.elastic import SpectrumSettings
+    from tdint.analysis.spectra.published import PublishedSpectrum
     from tdint.ground_motion.formats.tables.layout import TextLayout
     from tdint.ground_motion.processing import Processing
 
@@ -82,6 +83,9 @@ class SpectrumRequest(TablesRequest):
     ductility: tuple[float, ...] | None
     strength: tuple[float, ...] | None
     hardening: float | None
+    against: str | None
+    against_column: str | None
+    against_interpolation: str | None
 
     def settings(self, default_periods: str) -> dict[str, Any]:
         """As those of all tables, with what is chosen where nothing is given."""
@@ -92,7 +96,15 @@ class SpectrumRequest(TablesRequest):
             "hardening": self.hardening or 0.0 if yields else None,
             "maxima": manner.maxima.name,
             "interpolation": manner.interpolation.name,
+            "against_sha256": self.published(self.damping[0]).input.sha256 if self.against else None,
         }
+
+    def published(self, damping: float) -> PublishedSpectrum:
+        """The published spectrum for a damping ratio."""
+        from tdint.analysis.spectra.published import read_published
+
+        assert self.against is not None
+        return read_published(self.against, damping, self.against_column)
 
     @property
     def manner(self) -> SpectrumSettings:

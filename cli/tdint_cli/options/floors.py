@@ -1,0 +1,99 @@
+"""Options of `tdint run` for the motions of floors, and the files that they ask for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from tdint.analysis.spectra.defaults import PERIODS
+from tdint.errors import UsageError
+from tdint_cli.options import output, spectra
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tdint.analysis.run.run import Response
+    from tdint.files import Writer
+    from tdint.quantities import Grid
+
+SPECTRA, MOTIONS = "floor-spectra.csv", "floors.mseed"
+"""The files of floors, in the folder of -o."""
+
+floor_spectra = spectra.option(
+    "--floor-spectra",
+    type=click.STRING,
+    many=True,
+    metavar="FLOOR,...",
+    help=f"Also write {SPECTRA}: elastic response spectra of the absolute accelerations of these floors (from 1, or "
+    "roof), exact for motions that are linear between the steps.",
+)
+damping = spectra.damping
+periods = spectra.periods(PERIODS, zero=" 0 gives the largest acceleration of the floor at the steps.")
+export_floors = output.option(
+    "--export-floors",
+    type=click.Choice(["mseed"]),
+    help=f"Also write {MOTIONS}: the absolute accelerations of all floors, m/s^2, as MiniSEED; stations F01, F02, ...",
+)
+
+
+@dataclass(frozen=True)
+class FloorRequest:
+    """What a command line asks of the floors."""
+
+    floors: tuple[str, ...] | None
+    export: str | None
+    damping: tuple[float, ...]
+    periods: Grid | None
+    period: tuple[float, ...] | None
+
+    def __bool__(self) -> bool:
+        return bool(self.floors or self.export)
+
+    def check(self, folder: str | None) -> None:
+        """Raise UsageError for files without a folder, and periods without spectra."""
+        if self and not folder:
+            raise UsageError(f"{'--floor-spectra' if self.floors else '--export-floors'} writes a file: add -o DIR")
+        if not self.floors and (self.periods or self.period):
+            raise UsageError("--periods and --period are those of --floor-spectra; add it, or leave them out")
+        if self.periods and self.period:
+            raise UsageError("--periods and --period are given; leave one of them out")
+
+    def chosen_floors(self, stories: int) -> tuple[int, ...]:
+        """The floors whose spectra are asked for; UsageError if the building has no such floor."""
+        from tdint.analysis.spectra.floors import floor_numbers
+
+        return floor_numbers(self.floors or (), stories)
+
+    def chosen_periods(self) -> NDArray[np.float64]:
+        """The periods, s."""
+        import numpy as np
+
+        from tdint.quantities import parse_grid
+
+        return np.array(self.period) if self.period else (self.periods or parse_grid(PERIODS)).values()
+
+    def files(self, response: Response, folder: Path) -> tuple[dict[Path, Writer], Sequence[str]]:
+        """The files in a folder and what writes them; and notes on them."""
+        stories = len(response.model.stories)
+        files: dict[Path, Writer] = {}
+        notes: Sequence[str] = ()
+        if self.floors:
+            from tdint.analysis.spectra.floors import floor_spectra as spectra_of
+            from tdint.output.tables.floors import floor_spectrum_table
+
+            found = spectra_of(response, self.chosen_floors(stories), self.chosen_periods(), self.damping)
+            table = floor_spectrum_table(found).csv()
+            files[folder / SPECTRA] = lambda stream: stream.write(table)
+        if self.export:
+            from tdint.analysis.spectra.floors import floor_motion
+            from tdint.ground_motion.export import to_mseed
+
+            exported = to_mseed([floor_motion(response, floor) for floor in range(1, stories + 1)])
+            files[folder / MOTIONS] = lambda stream: stream.write(exported.content)
+            notes = exported.notes
+        return files, notes

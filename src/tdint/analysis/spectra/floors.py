@@ -1,0 +1,94 @@
+"""Motions of the floors of a run as records, and their spectra: what equipment on a floor goes through."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from tdint.analysis.run.outcome import Response
+from tdint.analysis.spectra.elastic import Array, Spectrum, spectrum
+from tdint.errors import UsageError
+from tdint.ground_motion.record import Record
+
+ROOF = "roof"
+_CHANNEL = "HNX"
+
+
+@dataclass(frozen=True)
+class FloorSpectrum:
+    """The elastic response spectrum of the absolute acceleration of a floor, counted from 1 at the bottom."""
+
+    floor: int
+    spectrum: Spectrum
+
+
+def floor_numbers(names: Sequence[str], stories: int) -> tuple[int, ...]:
+    """The floors of these names, from 1 at the bottom, each once: numbers, or `roof`.
+
+    Raises
+    ------
+    UsageError
+        The building has no such floor.
+    """
+    found = []
+    for name in names:
+        floor = stories if name == ROOF else int(name) if name.isascii() and name.isdecimal() and len(name) < 9 else 0
+        if not 1 <= floor <= stories:
+            raise UsageError(
+                f"floor {name!r}: the building has the floors 1 to {stories}, the last of them is the {ROOF}"
+            )
+        found.append(floor)
+    return tuple(dict.fromkeys(found))
+
+
+def floor_motion(response: Response, floor: int) -> Record:
+    """The absolute acceleration of a floor at the steps of a run, as a record.
+
+    Its station says the floor (F01, ..., F10 of ten), its channel is that of the ground motion if it has three letters.
+
+    Raises
+    ------
+    ValueError
+        The run kept no history.
+    """
+    history = response.history
+    if history is None:
+        raise ValueError("the motion of a floor needs the run's history: run(..., history=True)")
+    ground = response.record
+    channel = ground.component if ground and len(ground.component) == 3 and ground.component.isalnum() else _CHANNEL
+    station = f"F{floor:0{max(2, len(str(len(response.model.stories))))}d}"
+    return Record(
+        acceleration=history.acceleration[:, floor - 1],
+        dt=response.dt,
+        start=ground.start if ground else "",
+        id=f".{station}..{channel}",
+        component=channel,
+        source=f"floor {floor} of {response.model.name}",
+    )
+
+
+def floor_spectra(
+    response: Response, floors: Sequence[int], periods: Array, damping: Sequence[float] = (0.05,)
+) -> tuple[FloorSpectrum, ...]:
+    """Elastic response spectra of floors: exact for motions that are linear between the steps of the run.
+
+    Parameters
+    ----------
+    response : Response
+        With its history.
+    floors : sequence of int
+        From 1 at the bottom.
+    periods : ndarray, shape (k,)
+        s; 0 gives the largest absolute acceleration of the floor at the steps.
+    damping : sequence of float
+        Damping ratios.
+
+    Raises
+    ------
+    UsageError, AnalysisError
+        As `spectrum`.
+    """
+    motions = [(floor, floor_motion(response, floor)) for floor in floors]
+    return tuple(
+        FloorSpectrum(floor, spectrum(motion, periods, ratio)) for floor, motion in motions for ratio in damping
+    )

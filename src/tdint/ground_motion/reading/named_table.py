@@ -1,0 +1,91 @@
+"""Tables of any content whose columns are asked for by name: CSV with names in its first line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.errors import RecordError, did_you_mean
+from tdint.ground_motion.reading.source import digested, read_bytes
+from tdint.ground_motion.record import Input
+
+SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3}
+"""Units of times and periods in the name of a column, and their values in s."""
+
+_FEWEST = 2
+
+
+@dataclass(frozen=True)
+class NamedTable:
+    """The cells of a table as text.
+
+    Attributes
+    ----------
+    source : str
+        The file as the user named it.
+    names : tuple of str
+        Those of the columns, as in the first line.
+    rows : tuple of (int, tuple of str)
+        The number of each line, from 1, and its cells.
+    comma : bool
+        Whether a comma is the decimal point.
+    input : Input
+        The file with its SHA-256.
+    """
+
+    source: str
+    names: tuple[str, ...]
+    rows: tuple[tuple[int, tuple[str, ...]], ...]
+    comma: bool
+    input: Input
+
+    def place(self, name: str) -> int:
+        """The place of a column; RecordError if there is none or several of this name."""
+        if self.names.count(name) == 1:
+            return self.names.index(name)
+        how = "there are several columns" if name in self.names else "there is no column"
+        hint = did_you_mean(name, self.names) or f"; there are {', '.join(self.names[:12])[:200]}"
+        raise RecordError(f"{self.source}: {how} {name!r}{hint}")
+
+    def numbers(self, place: int) -> NDArray[np.float64]:
+        """The numbers of a column, shape (rows,); RecordError for a cell that is none or not finite."""
+        found = np.empty(len(self.rows))
+        for i, (line, cells) in enumerate(self.rows):
+            try:
+                found[i] = float(cells[place].replace(",", ".") if self.comma else cells[place])
+            except ValueError:
+                found[i] = np.nan
+            if not isfinite(found[i]):
+                shown = cells[place].strip()[:40]
+                name = self.names[place][:40]
+                raise RecordError(f"{self.source}: line {line}: {name}: {shown!r} is no finite number")
+        return found
+
+
+def read_named_table(source: str | Path) -> NamedTable:
+    """Read a table. Commas, semicolons or tabs divide columns; beside the latter two a comma is a decimal point.
+
+    Raises
+    ------
+    RecordError
+        The file cannot be read, its rows have other numbers of cells than the first line, or there are next to none.
+    """
+    data = read_bytes(source)
+    lines = data.decode("utf-8-sig", "replace").splitlines()
+    mark = next((mark for mark in ("\t", ";", ",") if mark in lines[0]), ",")
+    names = tuple(name.strip().strip("\"'") for name in lines[0].split(mark))
+    rows = []
+    for number, line in enumerate(lines[1:], start=2):
+        if not line.strip():
+            continue
+        cells = tuple(line.split(mark))
+        if len(cells) != len(names):
+            raise RecordError(f"{source}: line {number}: {len(cells)} cells, its first line names {len(names)} columns")
+        rows.append((number, cells))
+    if len(rows) < _FEWEST:
+        raise RecordError(f"{source}: the table has fewer than {_FEWEST} rows")
+    return NamedTable(str(source), names, tuple(rows), mark in (";", "\t"), digested(data, source))

@@ -1,0 +1,51 @@
+"""Figure of computed spectra beside a published one, and their difference."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from matplotlib.figure import Figure
+
+from tdint.files import Writer
+from tdint.output.figures.run import add_title, picture, record_name
+from tdint.output.figures.spectrum import Panel, draw_over_periods, line_labels, over_periods_title
+
+if TYPE_CHECKING:
+    from tdint.analysis.spectra.published import SpectrumDifference
+
+_NAMES = {
+    "sd": "displacement SD (m)",
+    "psv": "pseudo-velocity PSV (m/s)",
+    "psa": "pseudo-acceleration PSA (m/s²)",
+    "sv": "velocity SV (m/s)",
+    "sa": "absolute acceleration SA (m/s²)",
+}
+
+
+def difference_picture(lines: Sequence[SpectrumDifference], suffix: str) -> Writer:
+    """Picture of spectra, the published values as points, and of the differences below.
+
+    Parameters, return value and errors are those of `tdint.output.figures.run.run_picture`.
+    """
+    return picture(suffix, lambda: _draw(lines))
+
+
+def _draw(lines: Sequence[SpectrumDifference]) -> Figure:
+    panels: list[Panel[SpectrumDifference]] = [
+        (_NAMES[lines[0].published.quantity], lambda line: line.computed),
+        ("computed over published, less 1 (%)", lambda line: 100.0 * line.relative_difference),
+    ]
+    figure = draw_over_periods(lines, panels, line_labels(lines))
+    upper, lower = figure.axes
+    for line in {id(line.published): line for line in lines}.values():
+        upper.plot(line.periods, line.expected, "o", color="0.25", markersize=3.0, markerfacecolor="none", zorder=3)
+    upper.plot([], [], "o", color="0.25", markersize=3.0, markerfacecolor="none", label="published")
+    upper.legend(loc="best")
+    lower.autoscale(axis="y")
+    lower.axhline(0.0, color="0.55", linewidth=0.8, zorder=1.5)
+    title = over_periods_title(
+        "Spectrum", "Spectra", lines, f"beside {record_name(lines[0].published.source)} (points)"
+    )
+    add_title(figure, title)
+    return figure

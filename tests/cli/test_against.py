@@ -1,0 +1,118 @@
+"""`tdint spectrum --against`: the difference to a published spectrum, by period and by units of its columns."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from pathlib import Path
+
+import pytest
+
+OPTIONS = ("spectrum", "other.mseed", "--units", "m/s^2")
+PERIODS = "0.1,0.2,0.4,0.8"
+
+
+def rows(text):
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+@pytest.fixture
+def spectra(folder, tdint):
+    """Rows of the computed spectrum with two damping ratios, also as the file own.csv."""
+    result = tdint(*OPTIONS, "--period", PERIODS, "--damping", "2%,5%", "-o", "own.csv")
+    assert result.exit_code == 0, result.stderr
+    return rows(Path("own.csv").read_text())
+
+
+def publish(text):
+    Path("published.csv").write_text(text)
+    return ("--against", "published.csv")
+
+
+def test_a_spectrum_differs_from_itself_by_nothing(spectra, tdint):
+    """To the twelve digits of a table; its column `damping` tells the ratios apart."""
+    result = tdint(*OPTIONS, "--against", "own.csv", "--against-column", "psa_m_s2", "--damping", "5%,2%")
+    found = rows(result.stdout)
+    assert list(found[0]) == [
+        "record", "component", "damping", "period_s", "psa_m_s2", "published_psa_m_s2", "relative_difference",
+    ]  # fmt: skip
+    assert [row["damping"] for row in found[::4]] == ["0.05", "0.02"]
+    assert max(abs(float(row["relative_difference"])) for row in found) < 1e-11
+
+
+@pytest.mark.parametrize(
+    ("header", "name", "factor"),
+    [
+        ("T (s),PSA (g)", "psa_m_s2", 1.0 / 9.80665),
+        ("period_s,psa_cm_s2", "psa_m_s2", 100.0),
+        ("Period (ms),SD (cm)", "sd_m", 100.0),
+        ("period_s,psv_mm_s", "psv_m_s", 1000.0),
+    ],
+)
+def test_units_are_those_of_the_columns_name(spectra, tdint, header, name, factor):
+    """The file says a tenth more than the truth, and the longest period first."""
+    of_time = 1000.0 if "ms" in header.partition(",")[0] else 1.0
+    lines = [f"{of_time * float(row['period_s'])},{1.1 * factor * float(row[name])}" for row in spectra[7:3:-1]]
+    found = rows(tdint(*OPTIONS, *publish("\n".join([header, *lines]))).stdout)
+    assert [float(row["period_s"]) for row in found] == pytest.approx([0.1, 0.2, 0.4, 0.8])
+    for row, own in zip(found, spectra[4:], strict=True):
+        assert float(row[name]) == pytest.approx(float(own[name]), rel=1e-11)
+        assert float(row["relative_difference"]) == pytest.approx(1.0 / 1.1 - 1.0, abs=1e-9)
+
+
+def test_interpolation_only_if_said(spectra, tdint):
+    """A power of the period is straight in logarithms."""
+    published = publish("period_s,sd_m\n0.1,0.01\n0.4,0.16\n")
+    refused = tdint(*OPTIONS, *published, "--period", "0.2")
+    assert refused.exit_code == 2
+    assert "has no period 0.2 s" in refused.stderr
+    said = (*OPTIONS, *published, "--against-interpolation", "log-log", "--period")
+    (row,) = rows(tdint(*said, "0.2").stdout)
+    assert float(row["published_sd_m"]) == pytest.approx(0.04, rel=1e-11)
+    beyond = tdint(*said, "0.2,0.5")
+    assert beyond.exit_code == 2
+    assert "goes from 0.1 to 0.4 s, without 0.5 s" in beyond.stderr
+
+
+def test_picture_summary_and_what_is_said(spectra, tdint):
+    values = [1.1, 0.9, 1.0, 1.0]
+    lines = [f"{row['period_s']},{x * float(row['psa_m_s2'])}" for row, x in zip(spectra[4:], values, strict=True)]
+    result = tdint(*OPTIONS, *publish("\n".join(["period_s,psa_m_s2", *lines])), "-o", "difference.csv", "--plot")
+    assert result.exit_code == 0, result.stderr
+    assert "largest difference of psa to published.csv +11.1 % at 0.2 s" in result.stderr
+    assert Path("difference.png").stat().st_size > 10_000
+    settings = json.loads(Path("difference.json").read_text())["settings"]
+    assert settings["against"] == "published.csv"
+    assert len(settings["against_sha256"]) == 64
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "code", "message"),
+    [
+        ("period_s,psa_g\n1,1\n", (), 4, "the table has fewer than 2 rows"),
+        ("period,psa_g\n1,1\n2,1\n", (), 4, "the name of the column 'period' must say its unit"),
+        ("f_hz,psa_g\n1,1\n2,1\n", (), 4, "has no column of periods"),
+        ("period_s,psa\n1,1\n2,1\n", (), 4, "must end with its units (psa_g)"),
+        ("period_s,psa_cm\n1,1\n2,1\n", (), 4, "has units of a displacement"),
+        ("period_s,values_g\n1,1\n2,1\n", (), 4, "has no column of a spectrum"),
+        ("period_s,psa_g,sd_cm\n1,1,1\n2,1,1\n", (), 2, "--against-column: psa_g, sd_cm"),
+        ("period_s,psa_g\n1,1\n1,1\n", (), 4, "has the period 1 s twice"),
+        ("period_s,psa_g\n1,one\n2,1\n", (), 4, "line 2: psa_g: 'one' is no finite number"),
+        ("period_s,psa_g\n1,1,2\n2,1\n", (), 4, "line 2: 3 cells, its first line names 2 columns"),
+        ("period_s,damping,psa_g\n1,0.1,1\n2,0.1,1\n", (), 4, "has no damping ratio 0.05; it has 0.1"),
+        ("period_s,psa_g\n1,1\n2,1\n", ("--ductility", "2"), 2, "--ductility has no published spectrum"),
+        ("period_s,psa_g\n1,1\n2,1\n", ("--against-column", "psa"), 4, "did you mean 'psa_g'?"),
+    ],
+)
+def test_what_is_refused(folder, tdint, text, options, code, message):
+    result = tdint(*OPTIONS, *publish(text), *options)
+    assert result.exit_code == code, result.stderr
+    assert message in result.stderr
+    assert result.stdout == ""
+
+
+def test_its_options_need_it(folder, tdint):
+    result = tdint(*OPTIONS, "--against-column", "psa_g")
+    assert result.exit_code == 2
+    assert "--against-column is for a published spectrum; add --against FILE" in result.stderr

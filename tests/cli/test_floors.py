@@ -1,0 +1,93 @@
+"""Floor spectra and floor motions of a run: as exact as those of a record, and the same by two routes."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tdint.ground_motion.export import to_mseed
+from tdint.ground_motion.reading.read import read_record
+from tdint.ground_motion.record import Record
+
+
+def rows(text):
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def written(name):
+    return rows((Path("out") / name).read_text())
+
+
+@pytest.fixture
+def run(folder, tdint):
+    """What runs shaken.yaml into the folder `out`."""
+
+    def command(*arguments):
+        return tdint("run", "shaken.yaml", "-o", "out", *arguments)
+
+    return command
+
+
+def test_floor_spectra_are_those_of_the_exported_motion(run, tdint):
+    """By the file, to 1e-9: the table's digits."""
+    result = run(
+        "--floor-spectra", "1,roof", "--damping", "2%,5%", "--period", "0,0.05,0.5", "--export-floors", "mseed"
+    )
+    assert result.exit_code == 0, result.stderr
+    ours = written("floor-spectra.csv")
+    cases = [("1", "0.02"), ("1", "0.05"), ("2", "0.02"), ("2", "0.05")]
+    assert [(row["floor"], row["damping"]) for row in ours[::3]] == cases
+    options = ("--damping", "2%,5%", "--period", "0,0.05,0.5", "--units", "m/s^2")
+    theirs = rows(tdint("spectrum", "out/floors.mseed", *options).stdout)
+    assert len(theirs) == len(ours) == 12
+    for one, other in zip(ours, theirs, strict=True):
+        for name in ("damping", "period_s", "sd_m", "psv_m_s", "psa_m_s2", "sv_m_s", "sa_m_s2"):
+            assert math.isclose(float(one[name]), float(other[name]), rel_tol=1e-9, abs_tol=1e-12)
+
+
+def test_a_rigid_oscillator_feels_the_floors_peak(run):
+    run("--floor-spectra", "1,2", "--period", "0")
+    felt = [row["sa_m_s2"] for row in written("floor-spectra.csv")]
+    assert felt == [row["peak_absolute_acceleration_m_s2"] for row in written("stories.csv")]
+
+
+def test_stations_say_the_floors(run, tdint):
+    assert run("--export-floors", "mseed").exit_code == 0
+    found = rows(tdint("info", "out/floors.mseed", "--units", "m/s^2").stdout)
+    assert [row["id"] for row in found] == [".F01..HNE", ".F02..HNE"]
+    peaks = [row["peak_absolute_acceleration_m_s2"] for row in written("stories.csv")]
+    assert [row["pga_m_s2"] for row in found] == peaks
+
+
+def test_a_sampling_interval_that_miniseed_has_not_is_said(tmp_path):
+    samples = np.sin(np.arange(50.0))
+    for dt, told in ((0.01, False), (1.0 / 120.0, False), (0.0123456789, True)):
+        exported = to_mseed([Record(samples, dt, "", ".F01..HNX", "HNX", "floor 1")])
+        assert bool(exported.notes) is told
+        (tmp_path / "floor.mseed").write_bytes(exported.content)
+        record = read_record(tmp_path / "floor.mseed", units="m/s^2")
+        np.testing.assert_array_equal(record.acceleration, samples)
+        assert record.dt == pytest.approx(dt, rel=1e-7 if told else 1e-12)
+        assert record.start == ""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--floor-spectra", "3", "-o", "out"], "floor '3': the building has the floors 1 to 2"),
+        (["--floor-spectra", "top", "-o", "out"], "the last of them is the roof"),
+        (["--floor-spectra", "roof"], "--floor-spectra writes a file: add -o DIR"),
+        (["--export-floors", "mseed"], "--export-floors writes a file: add -o DIR"),
+        (["--period", "1"], "--periods and --period are those of --floor-spectra"),
+    ],
+)
+def test_wrong_use(folder, tdint, arguments, message):
+    result = tdint("run", "shaken.yaml", *arguments)
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert not (folder / "out").exists()
