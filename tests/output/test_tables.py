@@ -20,7 +20,7 @@ from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import catalogue, parse
 from tdint.output.tables import columns, tables
 from tdint.output.tables.table import Column, Table, cell_text, unit_of
-from tdint.output.tables.tables import component_names
+from tdint.ground_motion.record import component_names
 
 
 def read(data: bytes) -> list[list[str]]:

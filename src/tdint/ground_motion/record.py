@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -143,3 +145,10 @@ def _checked(acceleration: Any, source: str) -> NDArray[np.float64]:
         first = int(np.argmin(np.isfinite(samples)))
         raise RecordError(f"{whose}: sample {first} (counted from 0) is {samples[first]}, no finite number")
     return samples
+
+
+def component_names(records: Sequence[Record]) -> list[str]:
+    """The component of each record; its full id where others of the same file have the same component."""
+    components = {(record.source, record.id, record.component) for record in records}
+    count = Counter((source, component) for source, _, component in components)
+    return [record.component if count[record.source, record.component] == 1 else record.id for record in records]

@@ -51,7 +51,7 @@ class Done:
     """A chunk that is done: its rows, and how long it took, s."""
 
     number: int
-    results: Rows
+    rows: Rows
     seconds: float
 
 
@@ -61,10 +61,10 @@ def do(chunk: Chunk) -> Done:
     motions = Motions.of(chunk.records)
     made = [(number, source.subject(), runs) for number, source, runs in chunk.buildings]
     spectral = _spectral(chunk.records, [(subject, runs) for _, subject, runs in made])
-    results = Rows()
+    rows = Rows()
     for (number, subject, runs), sa in zip(made, spectral, strict=True):
-        results.extend(Batch(number, subject, motions, sa, chunk.settings).results(runs))
-    return Done(chunk.number, results, time.perf_counter() - began)
+        rows.extend(Batch(number, subject, motions, sa, chunk.settings).results(runs))
+    return Done(chunk.number, rows, time.perf_counter() - began)
 
 
 def _spectral(

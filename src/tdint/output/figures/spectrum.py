@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tdint.files import Writer
 from tdint.ground_motion.record import Record
 from tdint.output.figures.run import COLORS, DASHES, MARKERS, add_legend, add_title, changed, picture, record_name
-from tdint.output.tables.tables import component_names
+from tdint.ground_motion.record import component_names
 
 if TYPE_CHECKING:
     from tdint.analysis.spectra.elastic import Spectrum

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.ground_motion.record import component_names
 from tdint.output.tables import columns
 from tdint.output.tables.table import Cell, Column, Table, rows_of
 
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from tdint.analysis.spectra.elastic import Spectrum
     from tdint.analysis.spectra.published import SpectrumDifference
     from tdint.analysis.spectra.rotated import RotatedSpectrum
-    from tdint.ground_motion.record import Record
     from tdint.methods.method import Integrator
     from tdint.model.modes import Modes
 
@@ -68,13 +67,6 @@ def rotated_table(spectra: Sequence[RotatedSpectrum], stated: Sequence[str] = ()
 def _choices(stated: Sequence[str]) -> list[Column]:
     choices = {column.name: column for column in columns.CHOICES}
     return [choices[name] for name in stated]
-
-
-def component_names(records: Sequence[Record]) -> list[str]:
-    """The component of each record; its full id where others of the same file have the same component."""
-    components = {(record.source, record.id, record.component) for record in records}
-    count = Counter((source, component) for source, _, component in components)
-    return [record.component if count[record.source, record.component] == 1 else record.id for record in records]
 
 
 def method_table(integrators: Iterable[Integrator]) -> Table:

@@ -1,0 +1,194 @@
+"""The buildings of a campaign: model files, or the rows of an inventory, each made when its runs begin."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Protocol
+
+from tdint.campaign.engine.chunk import Source
+from tdint.campaign.engine.subject import Subject
+from tdint.model.definition import Analysis, Excitation, Initial, Model
+from tdint.model.inventory.buildings import derive_row
+from tdint.model.inventory.read import InventoryRow
+
+
+class Buildings(Protocol):
+    """Buildings by their numbers from 0."""
+
+    def __len__(self) -> int: ...
+
+    def name(self, number: int) -> str:
+        """The building's name in tables."""
+
+    def stories(self, number: int) -> int:
+        """How many stories it has."""
+
+    def method(self, number: int) -> str:
+        """The method that integrates it, with its parameters."""
+
+    def digest(self, number: int) -> str:
+        """SHA-256 of all that its response depends on, the ground motion apart."""
+
+    def source(self, number: int) -> Source:
+        """What makes it."""
+
+    def wishes(self, number: int) -> tuple[float | None, float | None]:
+        """The time step and the duration that its model asks for, s."""
+
+
+@dataclass(frozen=True)
+class GivenBuilding:
+    """A building of a model file, the same for all its runs."""
+
+    made: Subject
+
+    def subject(self) -> Subject:
+        """The building."""
+        return self.made
+
+
+@dataclass(frozen=True)
+class GivenBuildings:
+    """Buildings of model files.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Their names, each its own.
+    sources : tuple of GivenBuilding
+        The buildings.
+    """
+
+    names: tuple[str, ...]
+    sources: tuple[GivenBuilding, ...]
+
+    @classmethod
+    def of(cls, subjects: Sequence[Subject]) -> GivenBuildings:
+        """Under their models' names; those that share one, under their files'."""
+        names = [subject.model.name for subject in subjects]
+        unique = [
+            name if names.count(name) == 1 else subject.model.source
+            for name, subject in zip(names, subjects, strict=True)
+        ]
+        return cls(tuple(unique), tuple(GivenBuilding(subject) for subject in subjects))
+
+    def __len__(self) -> int:
+        return len(self.sources)
+
+    def name(self, number: int) -> str:
+        return self.names[number]
+
+    def stories(self, number: int) -> int:
+        return len(self.sources[number].made.model.stories)
+
+    def method(self, number: int) -> str:
+        return self.sources[number].made.integrator.label
+
+    def digest(self, number: int) -> str:
+        subject = self.sources[number].made
+        return digest_of(subject.model, subject.integrator.label)
+
+    def source(self, number: int) -> Source:
+        return self.sources[number]
+
+    def wishes(self, number: int) -> tuple[float | None, float | None]:
+        analysis = self.sources[number].made.model.analysis
+        return analysis.dt, analysis.duration
+
+
+def digest_of(model: Model, method: str) -> str:
+    """SHA-256 of what a model says of its building and its steps, and of the method."""
+    content = asdict(model)
+    for name in ("name", "source", "text"):
+        del content[name]
+    del content["excitation"]["record"]
+    return hashlib.sha256(json.dumps([content, method], sort_keys=True).encode()).hexdigest()
+
+
+@dataclass(frozen=True)
+class Rules:
+    """How the buildings of an inventory follow from their rows, and what is the same for all.
+
+    Attributes
+    ----------
+    name : str
+        The set of rules.
+    stiffness, damping, seed : float, float, int
+        Scatter, as `tdint.model.inventory.buildings.derive_all` has it.
+    method : str
+        The method that integrates them.
+    collapse_drift : float
+        Drift ratio over which a run is flagged as collapsed.
+    p_delta : bool
+        Whether gravity acts on the displaced building.
+    """
+
+    name: str
+    stiffness: float
+    damping: float
+    seed: int
+    method: str
+    collapse_drift: float
+    p_delta: bool = False
+
+
+@dataclass(frozen=True)
+class RowBuilding:
+    """A building of an inventory, made anew for its runs."""
+
+    row: InventoryRow
+    rules: Rules
+
+    def subject(self) -> Subject:
+        """The building by the rules."""
+        rules = self.rules
+        derived = derive_row(
+            self.row, rules.name, stiffness=rules.stiffness, damping=rules.damping, seed=rules.seed
+        )
+        rest = (0.0,) * self.row.facts.stories
+        model = Model(
+            name=self.row.id,
+            source="",
+            text=b"",
+            stories=derived.stories,
+            damping=derived.damping,
+            p_delta=rules.p_delta,
+            excitation=Excitation(None, ()),
+            initial=Initial(rest, rest),
+            analysis=Analysis(None, None, None),
+            collapse_drift=rules.collapse_drift,
+        )
+        return Subject(model, rules.method)
+
+
+@dataclass(frozen=True)
+class InventoryBuildings:
+    """Buildings of an inventory."""
+
+    rows: Sequence[InventoryRow] = field(repr=False)
+    rules: Rules
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def name(self, number: int) -> str:
+        return self.rows[number].id
+
+    def stories(self, number: int) -> int:
+        return self.rows[number].facts.stories
+
+    def method(self, number: int) -> str:
+        return self.rules.method
+
+    def digest(self, number: int) -> str:
+        row = self.rows[number]
+        return hashlib.sha256(repr((row.id, row.facts, self.rules)).encode()).hexdigest()
+
+    def source(self, number: int) -> Source:
+        return RowBuilding(self.rows[number], self.rules)
+
+    def wishes(self, number: int) -> tuple[float | None, float | None]:
+        return None, None

@@ -1,0 +1,166 @@
+"""All runs of a campaign in their order, cut into chunks; which run is which does not depend on who does them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.campaign.buildings import Buildings
+from tdint.campaign.engine.chunk import Chunk, Source
+from tdint.campaign.engine.runs import Run
+from tdint.campaign.engine.settings import RunSettings
+from tdint.campaign.levels import Levels
+from tdint.campaign.motions import Assignment, Draw, SuiteMotion
+from tdint.errors import RecordError, UsageError
+
+_SECONDS_PER_STEP = 0.15e-6
+"""Roughly, for each story; it decides on the size of chunks alone."""
+
+_SECONDS_PER_BUILDING = 2e-4
+_CHUNKS = 64
+_SHORTEST, _LONGEST = 0.02, 2.0
+"""Seconds of a chunk: a small campaign is cut into `_CHUNKS`, so that all processors have their share."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A campaign, read and put together.
+
+    Attributes
+    ----------
+    name : str
+        Of the campaign.
+    buildings : Buildings
+        The buildings.
+    motions : tuple of SuiteMotion
+        All ground motions.
+    assignment : Assignment
+        Which of them each building gets.
+    levels : Levels
+        The factors on them.
+    settings : RunSettings
+        How all runs are integrated.
+    failures : tuple of RecordError
+        Records that could not be read.
+    notes : tuple of str
+        What a person should know.
+    """
+
+    name: str
+    buildings: Buildings
+    motions: tuple[SuiteMotion, ...]
+    assignment: Assignment
+    levels: Levels
+    settings: RunSettings
+    failures: tuple[RecordError, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def runs(self) -> int:
+        """How many runs there are."""
+        return int(self._ends[-1])
+
+    @property
+    def chunks(self) -> int:
+        """How many chunks they are cut into."""
+        return len(self._cuts) - 1
+
+    def size(self, chunk: int) -> int:
+        """How many runs a chunk has."""
+        return int(self._cuts[chunk + 1] - self._cuts[chunk])
+
+    def chunk(self, number: int) -> Chunk:
+        """A chunk with all that its runs need. Errors are those of intensity measures that a motion does not have."""
+        first, last = int(self._cuts[number]), int(self._cuts[number + 1])
+        at = int(np.searchsorted(self._ends, first, side="right"))
+        chosen: list[tuple[int, slice]] = []
+        while first < last:
+            start, end = int(self._starts[at]), int(self._ends[at])
+            until = min(last, end)
+            chosen.append((at, slice(first - start, until - start)))
+            first, at = until, at + 1
+        buildings = self._with_runs(chosen)
+        used = sorted({run.motion for _, _, runs in buildings for run in runs})
+        return Chunk(number, buildings, {motion: self.motions[motion].record for motion in used}, self.settings)
+
+    def check_steps(self) -> None:
+        """Raise UsageError for a step that fits none of the records; those of all records are tried on one building."""
+        from tdint.analysis.run.steps import choose_steps
+
+        settings = self.settings
+        analyses = {(None, None)}
+        if settings.dt is None or settings.duration is None:
+            analyses = {self.buildings.wishes(number) for number in range(min(len(self.buildings), _CHUNKS))}
+        for dt, duration in sorted(analyses, key=str):
+            for motion in {one.record.dt: one for one in self.motions}.values():
+                record = motion.record
+                try:
+                    choose_steps(settings.dt or dt, settings.duration or duration, record.dt, record.duration)
+                except UsageError as error:
+                    raise UsageError(f"{motion.name} {motion.component}: {error}") from None
+
+    @cached_property
+    def _counts(self) -> NDArray[np.int64]:
+        """Runs of each building."""
+        return np.array(
+            [sum(self.levels.count(draw.motion) for draw in self.assignment.draws(b)) for b in range(len(self.buildings))],
+            dtype=np.int64,
+        )
+
+    @cached_property
+    def _ends(self) -> NDArray[np.int64]:
+        return np.cumsum(self._counts)
+
+    @cached_property
+    def _starts(self) -> NDArray[np.int64]:
+        return self._ends - self._counts
+
+    @cached_property
+    def _cuts(self) -> NDArray[np.int64]:
+        """The first run of each chunk, and the number of all runs."""
+        steps = np.mean([motion.record.acceleration.size for motion in self.motions])
+        stories = np.array([self.buildings.stories(number) for number in range(len(self.buildings))])
+        counts = np.maximum(self._counts, 1)
+        each = stories * steps * _SECONDS_PER_STEP + _SECONDS_PER_BUILDING / counts
+        costs = np.cumsum(each * counts)
+        length = min(max(costs[-1] / _CHUNKS, _SHORTEST), _LONGEST)
+        targets = np.arange(length, costs[-1], length)
+        at = np.searchsorted(costs, targets)
+        into = targets - (costs[at] - each[at] * counts[at])
+        cuts = self._starts[at] + np.ceil(into / each[at]).astype(np.int64)
+        return np.unique(np.concatenate([[0], np.minimum(cuts, self.runs), [self.runs]]))
+
+    def _with_runs(self, chosen: Sequence[tuple[int, slice]]) -> tuple[tuple[int, Source, tuple[Run, ...]], ...]:
+        """Buildings with some of their runs."""
+        sources = [self.buildings.source(number) for number, _ in chosen]
+        draws = [self.assignment.draws(number) for number, _ in chosen]
+        factors = self._factors(sources, draws)
+        found = []
+        for place, (number, part) in enumerate(chosen):
+            runs = [
+                Run(draw.motion, scale, draw.sample)
+                for draw in draws[place]
+                for scale in factors[place, draw.motion]
+            ]
+            found.append((number, sources[place], tuple(runs[part])))
+        return tuple(found)
+
+    def _factors(
+        self, sources: Sequence[Source], draws: Sequence[Sequence[Draw]]
+    ) -> dict[tuple[int, int], tuple[float, ...]]:
+        """The factors by the place of a building and the number of a motion."""
+        users: dict[int, list[int]] = {}
+        for place, of_building in enumerate(draws):
+            for motion in dict.fromkeys(draw.motion for draw in of_building):
+                users.setdefault(motion, []).append(place)
+        return {
+            (place, motion): values
+            for motion, places in users.items()
+            for place, values in zip(
+                places, self.levels.factors([sources[place] for place in places], motion), strict=True
+            )
+        }

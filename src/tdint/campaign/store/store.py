@@ -1,0 +1,259 @@
+"""The store of a campaign: one SQLite file, written by one process, a chunk at a time."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from tdint import __version__
+from tdint.campaign.engine.chunk import Done
+from tdint.campaign.plan import Plan
+from tdint.campaign.store.fingerprint import differences, fingerprint, settings_of
+from tdint.campaign.store.schema import INSERT_RUN, INSERT_STORY, RUN_COLUMNS, STORY_COLUMNS, TABLES, VERSION
+from tdint.errors import OutputError, UsageError
+from tdint.ground_motion.measures import measure
+
+FILE = "campaign.sqlite"
+
+_SETTING = "setting "
+
+
+class Store:
+    """An open store.
+
+    Attributes
+    ----------
+    connection : sqlite3.Connection
+        For who reads what is not read here.
+    name : str
+        The file, for messages.
+    """
+
+    def __init__(self, connection: sqlite3.Connection, name: str) -> None:
+        self.connection = connection
+        self.name = name
+
+    def close(self) -> None:
+        """Bring all into the one file, and close it."""
+        with in_words(self.name):
+            self.connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+            self.connection.close()
+
+    def meta(self, key: str) -> str:
+        """A value of the table meta."""
+        return str(self.connection.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()[0])
+
+    def settings(self) -> dict[str, str]:
+        """What is the same for all runs."""
+        rows = self.connection.execute("SELECT key, value FROM meta WHERE key LIKE 'setting %' ORDER BY key")
+        return {key.removeprefix(_SETTING): value for key, value in rows}
+
+    def digests(self, table: str) -> dict[str, str]:
+        """SHA-256 of the buildings or the records by their names."""
+        name = "name" if table == "buildings" else "name || ' ' || component"
+        return dict(self.connection.execute(f"SELECT {name}, sha256 FROM {table} ORDER BY id"))
+
+    def done(self) -> set[int]:
+        """The chunks that are done."""
+        return {number for (number,) in self.connection.execute("SELECT id FROM chunks")}
+
+    def seconds(self) -> float:
+        """How long the chunks took that are done, s, each on one processor."""
+        return float(self.connection.execute("SELECT total(seconds) FROM chunks").fetchone()[0])
+
+    def statuses(self) -> dict[str, int]:
+        """How many runs ended how."""
+        rows = self.connection.execute("SELECT status, count(*) FROM run_rows GROUP BY status ORDER BY status")
+        return dict(rows)
+
+    def count(self, condition: str) -> int:
+        """How many runs meet a condition on the columns of run_rows."""
+        return int(self.connection.execute(f"SELECT count(*) FROM run_rows WHERE {condition}").fetchone()[0])
+
+    def add(self, done: Done) -> None:
+        """Write the rows of a chunk and that it is done: both or neither.
+
+        Raises
+        ------
+        OutputError
+            The disk is full, the file is damaged, somebody else writes.
+        """
+        with in_words(self.name), transaction(self.connection):
+            self.connection.executemany(INSERT_RUN, done.rows.runs)
+            self.connection.executemany(INSERT_STORY, done.rows.stories)
+            values = (done.number, "done", len(done.rows.runs), done.seconds)
+            self.connection.execute("INSERT INTO chunks VALUES(?, ?, ?, ?)", values)
+
+    def runs(self) -> Iterator[tuple[Any, ...]]:
+        """All runs: the columns of `RUN_COLUMNS`, in the order of their key."""
+        yield from self.connection.execute(f"SELECT {', '.join(RUN_COLUMNS)} FROM run_rows ORDER BY 1, 2, 3, 4")
+
+    def stories(self) -> Iterator[tuple[Any, ...]]:
+        """The stories of all runs: the columns of `STORY_COLUMNS`, in the order of their key."""
+        columns = ", ".join(STORY_COLUMNS)
+        yield from self.connection.execute(f"SELECT {columns} FROM story_rows ORDER BY 1, 2, 3, 4, 5")
+
+    def buildings(self) -> Mapping[int, tuple[str, str]]:
+        """Name and method of each building by its number."""
+        rows = self.connection.execute("SELECT id, name, method FROM buildings")
+        return {number: (name, method) for number, name, method in rows}
+
+    def records(self) -> Mapping[int, tuple[str, str, int]]:
+        """Name, component and direction of each motion by its number."""
+        rows = self.connection.execute("SELECT id, name, component, direction FROM records")
+        return {number: (name, component, direction) for number, name, component, direction in rows}
+
+
+def open_store(folder: Path | None, plan: Plan) -> tuple[Store, list[str]]:
+    """The store of a campaign in a folder, made where there is none; in memory without a folder.
+
+    Returns
+    -------
+    Store, list of str
+        The store, and what to say of it.
+
+    Raises
+    ------
+    UsageError
+        The folder holds another campaign: what differs, one line each.
+    OutputError
+        It cannot be written.
+    """
+    name = ":memory:" if folder is None else str(folder / FILE)
+    with in_words(name):
+        store = Store(connect(name), name)
+        if _is_empty(store):
+            _create(store, plan)
+            return store, []
+    try:
+        return store, check_same(store, plan)
+    except UsageError:
+        store.connection.close()
+        raise
+
+
+def open_existing(folder: Path) -> Store:
+    """The store in a folder, to be read.
+
+    Raises
+    ------
+    UsageError
+        There is none.
+    """
+    file = folder / FILE
+    if not file.is_file():
+        raise UsageError(f"{folder}: holds no campaign ({FILE}); give the folder of -o of `tdint campaign`")
+    with in_words(str(file)):
+        store = Store(connect(str(file)), str(file))
+        if _is_empty(store):
+            raise UsageError(f"{folder}: the campaign in it has not begun; call `tdint campaign` again")
+    return store
+
+
+def connect(name: str) -> sqlite3.Connection:
+    """A connection that writes safely and fast: a log ahead of the file, which a killed process leaves whole."""
+    connection = sqlite3.connect(name, isolation_level=None, timeout=30.0)
+    connection.execute("PRAGMA journal_mode=WAL")
+    connection.execute("PRAGMA synchronous=NORMAL")
+    return connection
+
+
+def check_same(store: Store, plan: Plan) -> list[str]:
+    """Whether a store holds this campaign.
+
+    Returns
+    -------
+    list of str
+        What to say of it.
+
+    Raises
+    ------
+    UsageError
+        It holds another one: what differs, one line each.
+    """
+    settings, buildings, records = settings_of(plan), _building_digests(plan), _record_digests(plan)
+    if fingerprint(settings, buildings.values(), records.values()) != store.meta("fingerprint"):
+        found = [
+            *differences(store.settings(), settings, kind="setting"),
+            *differences(store.digests("buildings"), buildings, kind="building"),
+            *differences(store.digests("records"), records, kind="record"),
+        ] or ["the order of buildings or records: differs"]
+        lines = "\n".join(found)
+        raise UsageError(f"{store.name}: holds another campaign; give another folder with -o\n{lines}")
+    version = store.meta("version")
+    return [] if version == __version__ else [f"{store.name}: begun with tdint {version}, this is {__version__}"]
+
+
+def _building_digests(plan: Plan) -> dict[str, str]:
+    return {plan.buildings.name(number): plan.buildings.digest(number) for number in range(len(plan.buildings))}
+
+
+def _record_digests(plan: Plan) -> dict[str, str]:
+    digests: dict[str, str] = {}
+    for number, motion in enumerate(plan.motions, start=1):
+        name = f"{motion.name} {motion.component}"
+        digests[name if name not in digests else f"{name} ({number})"] = motion.digest
+    return digests
+
+
+def _is_empty(store: Store) -> bool:
+    found = store.connection.execute("SELECT count(*) FROM sqlite_master WHERE name = 'meta'").fetchone()
+    return int(found[0]) == 0
+
+
+def _create(store: Store, plan: Plan) -> None:
+    """Make the tables and say in them which campaign it is, all or nothing."""
+    settings, digests = settings_of(plan), [plan.buildings.digest(number) for number in range(len(plan.buildings))]
+    whole = fingerprint(settings, digests, [motion.digest for motion in plan.motions])
+    about = {
+        "schema": VERSION, "version": __version__, "name": plan.name, "fingerprint": whole,
+        "runs": str(plan.runs), "chunks": str(plan.chunks),
+    } | {f"{_SETTING}{name}": value for name, value in settings.items()}  # fmt: skip
+    buildings = plan.buildings
+    with transaction(store.connection):
+        for statement in TABLES:
+            store.connection.execute(statement)
+        store.connection.executemany("INSERT INTO meta VALUES(?, ?)", about.items())
+        store.connection.executemany(
+            "INSERT INTO buildings VALUES(?, ?, ?, ?, ?)",
+            (
+                (number, buildings.name(number), buildings.method(number), buildings.stories(number), digest)
+                for number, digest in enumerate(digests)
+            ),
+        )
+        store.connection.executemany(
+            "INSERT INTO records VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?)",
+            (
+                (
+                    number, motion.name, motion.component, motion.direction, motion.record.dt,
+                    motion.record.acceleration.size, motion.record.pga, measure(motion.record).pgv, motion.digest,
+                )
+                for number, motion in enumerate(plan.motions)
+            ),
+        )  # fmt: skip
+
+
+@contextmanager
+def transaction(connection: sqlite3.Connection) -> Iterator[None]:
+    """All statements or none."""
+    connection.execute("BEGIN IMMEDIATE")
+    try:
+        yield
+    except BaseException:
+        if connection.in_transaction:
+            connection.execute("ROLLBACK")
+        raise
+    connection.execute("COMMIT")
+
+
+@contextmanager
+def in_words(name: str) -> Iterator[None]:
+    """Turn what SQLite says about a file into an OutputError."""
+    try:
+        yield
+    except sqlite3.Error as error:
+        hint = "; is it the file of a campaign?" if "not a database" in str(error) else ""
+        raise OutputError(f"{name}: cannot be used: {error}{hint}") from error

@@ -1,0 +1,144 @@
+"""The tables of a campaign, written from its store row by row: however many there are, few are held at a time."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable, Iterable, Iterator
+from itertools import islice
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+from tdint.output.tables.columns import STORY
+from tdint.output.tables.table import Cell, Column, Table, cell_text, names
+
+if TYPE_CHECKING:
+    from tdint.campaign.store.store import Store
+
+OF_BUILDING = (
+    Column("building", "building", "name of the building", text=True),
+    Column("record", "record", "file of the record", text=True),
+    Column("component", "component", "component of the record", text=True),
+    Column("scale", "scale", "factor on the ground acceleration"),
+)
+RUNS = (
+    *OF_BUILDING,
+    Column("sample", "sample", "number of the draw from a grid of ground motions, from 1; 0 where nothing is drawn"),
+    Column("method", "method", "time-integration method with its parameters", text=True),
+    Column("dt_s", "dt_s", "time step, after repetitions with finer ones"),
+    Column("status", "status", "how the run ended", text=True),
+    Column("collapse_time_s", "collapse_time_s", "time of the collapse"),
+    Column("collapse_story", "collapse_story", "story that collapsed first"),
+    Column("peak_drift_ratio", "peak_drift_ratio", "largest peak drift over story height"),
+    Column("peak_drift_story", "peak_drift_story", "story that has it; without heights that of the largest drift"),
+    Column("peak_drift_m", "peak_drift_m", "largest peak drift, of any story"),
+    Column("residual_drift_ratio", "residual_drift_ratio", "largest drift over story height at the end of the run"),
+    Column("peak_absolute_acceleration_m_s2", "peak_acceleration", "largest absolute acceleration of a floor"),
+    Column("peak_acceleration_floor", "peak_acceleration_floor", "floor that has it"),
+    Column("peak_roof_displacement_m", "peak_roof_displacement_m", "largest displacement of the roof"),
+    Column("peak_base_shear_N", "peak_base_shear_N", "largest restoring force of the first story"),
+    Column("energy_error", "energy_error", "imbalance over the largest input energy"),
+    Column("steps", "steps", "time steps"),
+    Column("pga_m_s2", "pga_m_s2", "peak ground acceleration, scaled"),
+    Column("sa_t1_m_s2", "sa_t1_m_s2", "pseudo-acceleration at the building's first period, 5 % damping, scaled"),
+)
+"""Of runs.csv."""
+
+STORIES = (*OF_BUILDING, *STORY)
+"""Of stories.csv of a campaign."""
+
+STATUS = (
+    Column("status", "status", "how runs ended; left: not done yet", text=True),
+    Column("runs", "runs", "how many"),
+)
+
+_ROWS_AT_ONCE = 2048
+
+
+def run_rows(store: Store) -> Iterator[list[Any]]:
+    """The rows of runs.csv, in the order of buildings, records, scales and draws."""
+    buildings, records = store.buildings(), store.records()
+    building_names = {number: cell_text(name) for number, (name, _) in buildings.items()}
+    for building, record, scale, sample, *rest in store.runs():
+        name, component, _ = records[record]
+        head = [building_names[building], cell_text(name), cell_text(component), scale, sample, buildings[building][1]]
+        yield head + rest[: len(RUNS) - len(head)]
+
+
+def story_rows(store: Store) -> Iterator[list[Any]]:
+    """The rows of stories.csv, in the order of runs.csv and from the ground up."""
+    buildings, records = store.buildings(), store.records()
+    drawn = store.count("sample > 0") > 0
+    for building, record, scale, sample, *rest in store.stories():
+        name, component, _ = records[record]
+        head = [cell_text(buildings[building][0]), cell_text(name), cell_text(component), scale]
+        yield [*head, *((sample,) if drawn else ()), *rest]
+
+
+def write_runs(store: Store, stream: BinaryIO) -> None:
+    """Write runs.csv."""
+    write_rows(names(RUNS), run_rows(store), stream)
+
+
+def write_stories(store: Store, stream: BinaryIO) -> None:
+    """Write stories.csv; with a column `sample` where motions were drawn, for two draws may be the same motion."""
+    columns = list(names(STORIES))
+    if store.count("sample > 0"):
+        columns.insert(len(OF_BUILDING), "sample")
+    write_rows(columns, story_rows(store), stream)
+
+
+def write_rows(columns: Iterable[str], rows: Iterable[list[Any]], stream: BinaryIO) -> None:
+    """Write rows whose texts are as they shall be (`cell_text`), a few thousand at a time."""
+    waiting = iter([list(columns)])
+    source = iter(rows)
+    while True:
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerows(waiting)
+        stream.write(text.getvalue().encode("utf-8", "surrogateescape"))
+        batch = list(islice(source, _ROWS_AT_ONCE))
+        if not batch:
+            return
+        waiting = iter([[number_text(cell) for cell in row] for row in batch])
+
+
+def number_text(cell: Any) -> str:
+    """`cell_text` of a number, a text that has gone through it, or nothing; it is called for every cell of millions."""
+    if type(cell) is float:
+        return format(cell + 0.0, ".12g") if cell == cell else ""
+    return "" if cell is None else str(cell)
+
+
+def runs_table(store: Store) -> Table:
+    """runs.csv as a table, for a small campaign."""
+    rows: list[tuple[Cell, ...]] = [tuple(row) for row in run_rows(store)]
+    return Table.of(RUNS, rows)
+
+
+def status_table(statuses: dict[str, int], left: int) -> Table:
+    """How many runs ended how, and how many are left."""
+    return Table.of(STATUS, [*statuses.items(), ("left", left)])
+
+
+def parquet_writer(store: Store) -> Callable[[BinaryIO], None] | None:
+    """What writes runs.parquet; None without pyarrow."""
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError:
+        return None
+    kinds = {
+        **dict.fromkeys(("building", "record", "component", "method", "status"), pyarrow.string()),
+        **dict.fromkeys(
+            ("sample", "collapse_story", "peak_drift_story", "peak_acceleration_floor", "steps"), pyarrow.int64()
+        ),
+    }
+    schema = pyarrow.schema([(name, kinds.get(name, pyarrow.float64())) for name in names(RUNS)])
+
+    def write(stream: BinaryIO) -> None:
+        source = run_rows(store)
+        with parquet.ParquetWriter(stream, schema) as writer:
+            while batch := list(islice(source, 64 * _ROWS_AT_ONCE)):
+                writer.write_table(pyarrow.Table.from_pylist([dict(zip(schema.names, row, strict=True)) for row in batch], schema))
+
+    return write
