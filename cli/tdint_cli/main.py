@@ -41,6 +41,7 @@ GROUPS = {
         ),
     },
     "Studies": {
+        "campaign": ("studies.campaign", "Runs of many buildings under many records at many levels."),
         "scale": ("studies.scale", "Factors that scale ground motions to a value or to a target spectrum."),
         "ida": ("studies.ida", "Incremental dynamic analysis: drift over intensity, up to collapse."),
         "fragility": ("studies.fragility", "Fragility functions: the probability of exceedance over intensity."),

@@ -16,11 +16,10 @@ from hypothesis import strategies as st
 from tdint.analysis.run.outcome import ENERGY_TERMS
 from tdint.analysis.run.run import EnergyHistory, History, StoryPeaks
 from tdint.analysis.spectra.elastic import Spectrum
-from tdint.ground_motion.record import Record
+from tdint.ground_motion.record import Record, component_names
 from tdint.methods.catalogue import catalogue, parse
 from tdint.output.tables import columns, tables
 from tdint.output.tables.table import Column, Table, cell_text, unit_of
-from tdint.ground_motion.record import component_names
 
 
 def read(data: bytes) -> list[list[str]]:

@@ -145,9 +145,7 @@ class RowBuilding:
     def subject(self) -> Subject:
         """The building by the rules."""
         rules = self.rules
-        derived = derive_row(
-            self.row, rules.name, stiffness=rules.stiffness, damping=rules.damping, seed=rules.seed
-        )
+        derived = derive_row(self.row, rules.name, stiffness=rules.stiffness, damping=rules.damping, seed=rules.seed)
         rest = (0.0,) * self.row.facts.stories
         model = Model(
             name=self.row.id,

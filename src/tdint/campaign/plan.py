@@ -15,13 +15,14 @@ from tdint.campaign.engine.runs import Run
 from tdint.campaign.engine.settings import RunSettings
 from tdint.campaign.levels import Levels
 from tdint.campaign.motions import Assignment, Draw, SuiteMotion
-from tdint.errors import RecordError, UsageError
+from tdint.errors import TdintError, UsageError
 
 _SECONDS_PER_STEP = 0.15e-6
 """Roughly, for each story; it decides on the size of chunks alone."""
 
 _SECONDS_PER_BUILDING = 2e-4
 _CHUNKS = 64
+_LOOKED_AT = 1000
 _SHORTEST, _LONGEST = 0.02, 2.0
 """Seconds of a chunk: a small campaign is cut into `_CHUNKS`, so that all processors have their share."""
 
@@ -44,8 +45,8 @@ class Plan:
         The factors on them.
     settings : RunSettings
         How all runs are integrated.
-    failures : tuple of RecordError
-        Records that could not be read.
+    failures : tuple of TdintError
+        Records and rows of an inventory that could not be read; the others are taken.
     notes : tuple of str
         What a person should know.
     """
@@ -56,7 +57,7 @@ class Plan:
     assignment: Assignment
     levels: Levels
     settings: RunSettings
-    failures: tuple[RecordError, ...] = ()
+    failures: tuple[TdintError, ...] = ()
     notes: tuple[str, ...] = ()
 
     @property
@@ -88,13 +89,11 @@ class Plan:
         return Chunk(number, buildings, {motion: self.motions[motion].record for motion in used}, self.settings)
 
     def check_steps(self) -> None:
-        """Raise UsageError for a step that fits none of the records; those of all records are tried on one building."""
+        """Raise UsageError for a step that does not fit a record; of an inventory all buildings are alike in that."""
         from tdint.analysis.run.steps import choose_steps
 
         settings = self.settings
-        analyses = {(None, None)}
-        if settings.dt is None or settings.duration is None:
-            analyses = {self.buildings.wishes(number) for number in range(min(len(self.buildings), _CHUNKS))}
+        analyses = {self.buildings.wishes(number) for number in range(min(len(self.buildings), _LOOKED_AT))}
         for dt, duration in sorted(analyses, key=str):
             for motion in {one.record.dt: one for one in self.motions}.values():
                 record = motion.record
@@ -107,7 +106,10 @@ class Plan:
     def _counts(self) -> NDArray[np.int64]:
         """Runs of each building."""
         return np.array(
-            [sum(self.levels.count(draw.motion) for draw in self.assignment.draws(b)) for b in range(len(self.buildings))],
+            [
+                sum(self.levels.count(draw.motion) for draw in self.assignment.draws(b))
+                for b in range(len(self.buildings))
+            ],
             dtype=np.int64,
         )
 
@@ -142,9 +144,7 @@ class Plan:
         found = []
         for place, (number, part) in enumerate(chosen):
             runs = [
-                Run(draw.motion, scale, draw.sample)
-                for draw in draws[place]
-                for scale in factors[place, draw.motion]
+                Run(draw.motion, scale, draw.sample) for draw in draws[place] for scale in factors[place, draw.motion]
             ]
             found.append((number, sources[place], tuple(runs[part])))
         return tuple(found)

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from itertools import accumulate
 
 from tdint.analysis.run.workspace import kernels
-from tdint.campaign.engine.chunk import Done, do
+from tdint.campaign.engine.chunk import Done, do, spectral_accelerations
+from tdint.campaign.engine.cluster import Cluster, on_cluster
 from tdint.campaign.engine.threads import on_threads
 from tdint.campaign.plan import Plan
 from tdint.campaign.store.store import Store
@@ -93,7 +94,7 @@ def carry_out(
         left = left[: sum(total < limit for total in totals) + 1]
     advance = Advance(before, before + sum(plan.size(number) for number in left), before, 0.0)
     if left:
-        compile_for(plan, left)
+        compile_for(plan)
         began = time.perf_counter()
     for done in engine(plan, left):
         store.add(done)
@@ -109,13 +110,19 @@ def threads(jobs: int) -> Engine:
     return lambda plan, numbers: on_threads(lambda number: do(plan.chunk(number)), numbers, jobs)
 
 
-def compile_for(plan: Plan, chunks: Sequence[int]) -> None:
+def cluster(of: Cluster) -> Engine:
+    """The workers of a Dask cluster."""
+    return lambda plan, numbers: on_cluster(of, plan.chunk, numbers)
+
+
+def compile_for(plan: Plan) -> None:
     """Load the time loops of the buildings, compiled if they are not yet: before threads ask for them all at once."""
     wanted = {(many, EVERYTHING): None}
     for number in range(min(len(plan.buildings), _LOOKED_AT)):
         subject = plan.buildings.source(number).subject()
         wanted |= dict.fromkeys(kernels(subject.integrator, subject.prepared.variant))
     obtain(list(wanted))
+    spectral_accelerations(plan.motions[0].record, [1.0])
 
 
 _LOOKED_AT = 1000

@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
 from tdint.model.definition import Model
+
+
+@lru_cache(maxsize=64)
+def integrator_of(method: str) -> Integrator:
+    """The method of a specification, read once for all buildings that share it."""
+    return parse(method)
 
 
 @dataclass(frozen=True)
@@ -35,12 +41,12 @@ class Subject:
     @cached_property
     def integrator(self) -> Integrator:
         """The method."""
-        return parse(self.method)
+        return integrator_of(self.method)
 
     @cached_property
     def period(self) -> float:
         """First period of the initial stiffness, s."""
-        return 2.0 * math.pi / self.prepared.building.first_mode()[0]
+        return 2.0 * math.pi / self.prepared.building.vibration.frequency(1)
 
     def __reduce__(self) -> tuple[type[Subject], tuple[Model, str]]:
         return Subject, (self.model, self.method)  # what was kept is found again where it goes

@@ -33,8 +33,8 @@ def refuse_network(folder: Path, mounts: Path = _MOUNTS) -> None:
     kind = _file_system(folder, mounts)
     if kind in _NETWORK:
         raise OutputError(
-            f"{folder}: lies on a network file system ({kind}), on which the store is not safe; write to a disk of this "
-            "machine (such as /tmp), each shard to its own, and put them together with `tdint campaign merge`"
+            f"{folder}: lies on a network file system ({kind}), on which the store is not safe; write to a disk of "
+            "this machine (such as /tmp), each shard to its own, and put them together with `tdint campaign merge`"
         )
 
 

@@ -1,5 +1,5 @@
-"""The tables of a store. Numbers stand for buildings and records; the views `runs` and `stories` show their names, under
-the columns of the CSV files."""
+"""The tables of a store. Numbers stand for buildings and records; the views `runs` and `stories` show their names,
+under the columns of the CSV files."""
 
 from __future__ import annotations
 

@@ -28,6 +28,7 @@ class Compilable:
         self.parts = parts
         self.__doc__ = function.__doc__
         self._loaded: dict[Variant, Callable[..., Any]] = {}
+        self._needs: dict[Variant, Variant] = {}  # found once: it is asked for at each call
 
     @property
     def name(self) -> str:
@@ -36,7 +37,10 @@ class Compilable:
 
     def needs(self, wanted: Variant) -> Variant:
         """What of a variant matters to this kernel."""
-        return EVERYTHING if WHOLE else wanted.only(self.parts)
+        found = self._needs.get(wanted)
+        if found is None:
+            found = self._needs[wanted] = EVERYTHING if WHOLE else wanted.only(self.parts)
+        return found
 
     def loaded(self, wanted: Variant) -> bool:
         """Whether this process has the kernel."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import threading
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,10 @@ if TYPE_CHECKING:
 LOG = logging.getLogger("tdint")
 
 _SECONDS = {1: 5.0, 2: 11.0, 3: 20.0}  # by the number of laws, 3 for all that are more
+
+
+_ONE_AT_A_TIME = threading.Lock()
+"""LLVM loads objects into a process, and may not be asked to by two threads at once."""
 
 
 def obtain(wanted: Sequence[tuple[Compilable, Variant]], progress: Callable[[float], None] = lambda done: None) -> None:
@@ -34,6 +39,13 @@ def obtain(wanted: Sequence[tuple[Compilable, Variant]], progress: Callable[[flo
     AnalysisError
         A kernel cannot be compiled.
     """
+    if all(kernel.loaded(variant) for kernel, variant in wanted):
+        return
+    with _ONE_AT_A_TIME:
+        _obtain(wanted, progress)
+
+
+def _obtain(wanted: Sequence[tuple[Compilable, Variant]], progress: Callable[[float], None]) -> None:
     missing = [(kernel, kernel.needs(variant)) for kernel, variant in wanted if not kernel.loaded(variant)]
     if os.environ.get("TDINT_KERNELS") == "python":
         for kernel, variant in missing:

@@ -23,8 +23,8 @@ class SourceText:
     data: bytes
 
 
-def read_source(source: str | Path | TextIO) -> SourceText:
-    """The content of a model file; `-` is standard input.
+def read_source(source: str | Path | TextIO, kind: str = "model file") -> SourceText:
+    """The content of a file of some kind; `-` is standard input.
 
     Raises
     ------
@@ -33,39 +33,39 @@ def read_source(source: str | Path | TextIO) -> SourceText:
     """
     if source is sys.stdin or (isinstance(source, str | Path) and str(source) == "-"):
         if sys.stdin is None:
-            raise ModelError("-: standard input is closed; give a model file")
-        return SourceText("-", "model", Path(), _read_stream(getattr(sys.stdin, "buffer", sys.stdin), "-"))
+            raise ModelError(f"-: standard input is closed; give a {kind}")
+        return SourceText("-", kind.partition(" ")[0], Path(), _read_stream(getattr(sys.stdin, "buffer", sys.stdin), "-", kind))
     if isinstance(source, str | Path):
         path, label = Path(source), str(source) or "."
-        return SourceText(label, path.stem, path.parent, _read_file(path, label))
+        return SourceText(label, path.stem, path.parent, _read_file(path, label, kind))
     if not hasattr(source, "read"):
         raise ModelError(f"a model is a file's name or a text stream, not {type(source).__name__}")
     name = getattr(source, "name", None)
     if isinstance(name, str) and not name.startswith("<"):
-        return SourceText(name, Path(name).stem, Path(name).parent, _read_stream(source, name))
-    return SourceText("<stream>", "model", Path(), _read_stream(source, "<stream>"))
+        return SourceText(name, Path(name).stem, Path(name).parent, _read_stream(source, name, kind))
+    return SourceText("<stream>", kind.partition(" ")[0], Path(), _read_stream(source, "<stream>", kind))
 
 
-def _read_file(path: Path, label: str) -> bytes:
+def _read_file(path: Path, label: str, kind: str) -> bytes:
     try:
         with path.open("rb") as stream:
-            return _read_stream(stream, label)
+            return _read_stream(stream, label, kind)
     except FileNotFoundError:
-        raise ModelError(f"{label}: no such file; give a model file (YAML) or - for standard input") from None
+        raise ModelError(f"{label}: no such file; give a {kind} (YAML) or - for standard input") from None
     except IsADirectoryError:
-        raise ModelError(f"{label}: is a folder; give a model file (YAML) in it") from None
+        raise ModelError(f"{label}: is a folder; give a {kind} (YAML) in it") from None
     except OSError as error:
         raise ModelError(f"{label}: cannot be read: {error.strerror or error}") from None
     except ValueError:
         raise ModelError(f"{label}: cannot be read: no file has a null character in its name") from None
 
 
-def _read_stream(stream: TextIO | BinaryIO, label: str) -> bytes:
+def _read_stream(stream: TextIO | BinaryIO, label: str, kind: str) -> bytes:
     try:
         content = stream.read(MAX_BYTES + 1)
     except (OSError, UnicodeDecodeError) as error:
         raise ModelError(f"{label}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
     if len(content) > MAX_BYTES:
-        raise ModelError(f"{label}: larger than {MAX_BYTES // 1024**2} MiB; this is no model file")
+        raise ModelError(f"{label}: larger than {MAX_BYTES // 1024**2} MiB; this is no {kind}")
     # Surrogates stand for bytes that the stream could not decode; passed on, `decode` finds them.
     return content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content

@@ -53,10 +53,13 @@ Node = ScalarNode | ListNode | MappingNode
 
 
 class Faults:
-    """The problems of one model file, collected so that they are reported together."""
+    """The problems of one file, collected so that they are reported together; `kind` is what the file is, `needs` what
+    it must hold."""
 
-    def __init__(self, source: str) -> None:
+    def __init__(self, source: str, kind: str = "model file", needs: str = "`stories`") -> None:
         self.source = source
+        self.kind = kind
+        self.needs = needs
         self._faults: list[ModelFault] = []
 
     def add(self, place: Place, key: str, message: str) -> None:
@@ -107,7 +110,7 @@ def decode(data: bytes, faults: Faults) -> str:
     except UnicodeDecodeError as error:
         line, column = _line_and_column(error.object[: error.start].decode("utf-8", "replace"))
         byte = error.object[error.start]
-        faults.add(Place(line, column), "", f"not UTF-8 text (byte 0x{byte:02x}); save the model file as UTF-8")
+        faults.add(Place(line, column), "", f"not UTF-8 text (byte 0x{byte:02x}); save the {faults.kind} as UTF-8")
     raise faults.error()
 
 
@@ -124,12 +127,12 @@ class _Composer:
         self._next()  # the start of the stream
         start = self._next()
         if isinstance(start, yaml.StreamEndEvent):
-            raise self._refusal(start, "the model file is empty; it needs at least `stories`")
+            raise self._refusal(start, f"the {self._faults.kind} is empty; it needs at least {self._faults.needs}")
         root = self._node(self._next(), 0)
         self._next()  # the end of the document
         following = self._next()
         if not isinstance(following, yaml.StreamEndEvent):
-            raise self._refusal(following, "a second YAML document begins here; a model file holds one")
+            raise self._refusal(following, f"a second YAML document begins here; a {self._faults.kind} holds one")
         return root
 
     def _next(self) -> yaml.Event:
@@ -150,7 +153,7 @@ class _Composer:
         if isinstance(event, yaml.AliasEvent):
             return self._aliased(event)
         if depth > MAX_DEPTH:
-            raise self._refusal(event, f"nested more than {MAX_DEPTH} levels deep; this is no model file")
+            raise self._refusal(event, f"nested more than {MAX_DEPTH} levels deep; this is no {self._faults.kind}")
         assert isinstance(event, yaml.ScalarEvent | yaml.CollectionStartEvent)
         if event.tag is not None:
             message = f"the tag {_short(event.tag)} is not allowed; write the value without it"

@@ -12,7 +12,7 @@ from tdint.model.definition import Law, RayleighCoefficients, RayleighRatio, Sto
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class BuildingFacts:
     """What an inventory says of one building.
 

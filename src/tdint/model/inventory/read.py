@@ -18,7 +18,7 @@ from tdint.model.inventory.hazus import LEVELS
 from tdint.model.inventory.mdof_lu import MOST_STORIES, STRUCTURES, ZONES
 
 NEEDED = ("id", "NumberOfStories", "YearBuilt", "StructureType", "PlanArea")
-OPTIONAL = ("height", "seismicZone", "DampingRatio", "DesignLevel")
+OPTIONAL = ("height", "seismicZone", "DampingRatio", "DesignLevel", "Latitude", "Longitude")
 _DESIGN_LEVELS = (
     {level: level for level in LEVELS}
     | {f"{level}-code": level for level in LEVELS}
@@ -28,12 +28,14 @@ _YEARS = (1000, 2200)
 _MOST_BYTES = 256 * 1024 * 1024
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class InventoryRow:
-    """A building of an inventory: its id and what is said of it."""
+    """A building of an inventory: its id, what is said of it, and where it is (degrees), None if that is not said."""
 
     id: str
     facts: BuildingFacts
+    latitude: float | None = None
+    longitude: float | None = None
 
 
 def read_inventory(
@@ -149,7 +151,9 @@ class _Row:
             damping_ratio=self._number("DampingRatio", RATIO) if given("DampingRatio") else None,
             mass_only=mass_only,
         )
-        return InventoryRow(name, facts) if len(self._faults) == self._before else None
+        latitude = self._number("Latitude", Bounds(-90.0, 90.0)) if given("Latitude") else None
+        longitude = self._number("Longitude", Bounds(-360.0, 360.0)) if given("Longitude") else None
+        return InventoryRow(name, facts, latitude, longitude) if len(self._faults) == self._before else None
 
     def _cell(self, name: str) -> str:
         place = self._places.get(name)

@@ -12,9 +12,8 @@ from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
 from tdint.files import Writer
-from tdint.ground_motion.record import Record
+from tdint.ground_motion.record import Record, component_names
 from tdint.output.figures.run import COLORS, DASHES, MARKERS, add_legend, add_title, changed, picture, record_name
-from tdint.ground_motion.record import component_names
 
 if TYPE_CHECKING:
     from tdint.analysis.spectra.elastic import Spectrum

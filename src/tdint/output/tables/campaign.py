@@ -139,6 +139,8 @@ def parquet_writer(store: Store) -> Callable[[BinaryIO], None] | None:
         source = run_rows(store)
         with parquet.ParquetWriter(stream, schema) as writer:
             while batch := list(islice(source, 64 * _ROWS_AT_ONCE)):
-                writer.write_table(pyarrow.Table.from_pylist([dict(zip(schema.names, row, strict=True)) for row in batch], schema))
+                writer.write_table(
+                    pyarrow.Table.from_pylist([dict(zip(schema.names, row, strict=True)) for row in batch], schema)
+                )
 
     return write

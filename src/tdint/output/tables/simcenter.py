@@ -48,7 +48,9 @@ def _sizes(store: Store) -> tuple[int, int]:
     """The most stories of a building, and the most directions."""
     (stories,) = store.connection.execute("SELECT max(story) FROM story_rows").fetchone()
     if stories is None:
-        raise UsageError("SimCenter's names are those of stories: ask for them in the campaign file, outputs: {stories: true}")
+        raise UsageError(
+            "SimCenter's names are those of stories: ask for them in the campaign file, outputs: {stories: true}"
+        )
     (directions,) = store.connection.execute("SELECT max(direction) FROM records").fetchone()
     return int(stories), int(directions)
 

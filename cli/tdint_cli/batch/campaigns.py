@@ -1,0 +1,149 @@
+"""A campaign on the command line: its folder, its progress, what is written at its end and said of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tdint.errors import OutputError
+from tdint_cli.errors import Failures
+from tdint_cli.terminal.progress import progress_bar
+from tdint_cli.terminal.streams import note, say, warn
+
+if TYPE_CHECKING:
+    from tdint.campaign.plan import Plan
+    from tdint.campaign.run import Advance, Engine, Shard
+    from tdint.campaign.store.store import Store
+    from tdint.files import Writer
+
+RUNS, STORIES, PARQUET, SIMCENTER, SUMMARY = "runs.csv", "stories.csv", "runs.parquet", "simcenter.csv", "summary.json"
+"""What is made of a store, each file whole."""
+
+_FAILED = ("diverged", "not-converged", "unstable-step")
+
+
+def carry_out(
+    plan: Plan, engine: Engine, folder: Path, *, shard: Shard | None = None, limit: int | None = None
+) -> None:
+    """Do what is left of a campaign and write its tables.
+
+    Raises
+    ------
+    UsageError
+        The folder holds another campaign.
+    OutputError
+        It cannot be written, or another process is at it.
+    Failures
+        Records that could not be read, when all else is done.
+    """
+    from tdint.campaign.store.place import locked, refuse_network
+    from tdint.campaign.store.store import open_store
+
+    make_folder(folder)
+    refuse_network(folder)
+    with locked(folder):
+        store, remarks = open_store(folder, plan)
+        for text in (*plan.notes, *remarks):
+            note(text)
+        advance = advance_with_bar(plan, store, engine, shard=shard, limit=limit)
+        finish(store, folder)
+        _say(store, advance)
+        store.close()
+    if plan.failures:
+        raise Failures(list(plan.failures))
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder and those above it.
+
+    Raises
+    ------
+    OutputError
+        It cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot be made: {error.strerror or error}") from None
+
+
+def advance_with_bar(
+    plan: Plan, store: Store, engine: Engine, *, shard: Shard | None = None, limit: int | None = None
+) -> Advance:
+    """Do what is left, with a bar that tells the rate."""
+    from tdint.campaign.run import carry_out
+
+    with progress_bar(to_terminal=False) as progress:
+
+        def tell(advance: Advance) -> None:
+            progress(f"{advance.done}/{advance.runs} runs, {_rate(advance)}", advance.done / advance.runs)
+
+        return carry_out(plan, store, engine, shard=shard, limit=limit, tell=tell)
+
+
+def _rate(advance: Advance) -> str:
+    return f"{3600.0 * advance.rate:.3g} an hour"
+
+
+def finish(store: Store, folder: Path) -> None:
+    """Write what stands beside a store: runs.csv, stories.csv if there are stories, summary.json."""
+    _write(folder, store, {RUNS: _runs(store)})
+
+
+def export(store: Store, folder: Path, *, simcenter: bool) -> None:
+    """Write all tables of a store anew; runs.parquet if pyarrow is there."""
+    from tdint.output.tables.campaign import parquet_writer
+    from tdint.output.tables.simcenter import write_simcenter
+
+    writers = {RUNS: _runs(store)}
+    if parquet := parquet_writer(store):
+        writers[PARQUET] = parquet
+    if simcenter:
+        writers[SIMCENTER] = lambda stream: write_simcenter(store, stream)
+    _write(folder, store, writers)
+
+
+def _runs(store: Store) -> Writer:
+    from tdint.output.tables.campaign import write_runs
+
+    return lambda stream: write_runs(store, stream)
+
+
+def _write(folder: Path, store: Store, writers: dict[str, Writer]) -> None:
+    from tdint.files import write_files
+    from tdint.output.summaries.campaign import campaign_summary
+    from tdint.output.summaries.summary import json_bytes
+    from tdint.output.tables.campaign import write_stories
+
+    if store.meta("setting stories") == "true":
+        writers = writers | {STORIES: lambda stream: write_stories(store, stream)}
+    summary = json_bytes(campaign_summary(store))
+    writers = writers | {SUMMARY: lambda stream: stream.write(summary)}
+    write_files({folder / name: writer for name, writer in writers.items()}, overwrite=True)
+
+
+def _say(store: Store, advance: Advance) -> None:
+    """What was done, and what of it a person must look at."""
+    new = advance.done - advance.before
+    if not new:
+        say(f"All {advance.done} runs were done before; nothing to do.")
+    else:
+        before = f", {advance.before} before" if advance.before else ""
+        say(f"{new} runs in {advance.seconds:.3g} s ({_rate(advance)}){before}.")
+    tell_outcomes(store)
+
+
+def tell_outcomes(store: Store) -> None:
+    """How many runs failed, collapsed, were repeated or are not at rest."""
+    statuses = store.statuses()
+    failed = {name: statuses[name] for name in _FAILED if name in statuses}
+    if failed:
+        listed = ", ".join(f"{count} {name}" for name, count in failed.items())
+        warn(f"{sum(failed.values())} runs have no result: {listed}; their rows have empty cells")
+    fell = {name: statuses[name] for name in ("collapsed", "failed-story") if name in statuses}
+    if fell:
+        say(", ".join(f"{count} runs {name}" for name, count in fell.items()) + ".")
+    if repeated := store.count("repeats > 0"):
+        note(f"{repeated} runs were repeated with finer steps (column dt_s)")
+    if moving := store.count("at_rest = 0"):
+        warn(f"{moving} runs were still moving when their time was over: their residual drifts are not at rest")

@@ -1,0 +1,185 @@
+"""`tdint campaign`: many buildings under many records at many levels, kept on disk as they are done."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tdint.errors import UsageError
+from tdint_cli import options
+from tdint_cli.batch.campaigns import carry_out, export, finish
+from tdint_cli.options.values import FileName
+from tdint_cli.terminal.drawing import emit_table
+from tdint_cli.terminal.streams import note, say
+
+if TYPE_CHECKING:
+    from tdint.campaign.engine.cluster import Cluster
+    from tdint.campaign.run import Engine, Shard
+
+
+@dataclass(frozen=True)
+class CampaignRequest:
+    """The command line of `tdint campaign`."""
+
+    words: tuple[str, ...]
+    output: str | None
+    jobs: int | None
+    shard: str | None
+    limit: int | None
+    dask: str | None
+    tls_ca: str | None
+    tls_cert: str | None
+    tls_key: str | None
+    simcenter: bool
+
+    def refuse(self, *names: str) -> None:
+        """Raise UsageError for options that the action does not take."""
+        for name in names:
+            if getattr(self, name) not in (None, False):
+                raise UsageError(f"--{name.replace('_', '-')} is not for `tdint campaign {self.words[0]}`")
+
+
+_OF_RUNS = ("jobs", "shard", "limit", "dask", "tls_ca", "tls_cert", "tls_key")
+
+
+@options.command("campaign")
+@click.argument("words", metavar="CAMPAIGN.yaml|status|merge|export DIR...", nargs=-1, required=True, type=FileName())
+@options.output.output("DIR", "The folder of the campaign: campaign.sqlite, runs.csv, summary.json, stories.csv.")
+@options.option(
+    "--jobs", type=click.IntRange(1, 1024), metavar="N",
+    help="Threads; one for each processor by default. The output does not depend on it.",
+)  # fmt: skip
+@options.option(
+    "--shard", metavar="K/N", help="Do the K-th of N parts alone, each into a folder of its own; then merge them."
+)
+@options.option("--limit", type=click.IntRange(1), metavar="N", help="Stop after about N runs; call again to go on.")
+@options.option(
+    "--dask", metavar="ADDRESS",
+    help="Have the workers of this Dask scheduler do the runs: tcp://127.0.0.1:8786 on this machine, else tls://.",
+)  # fmt: skip
+@options.option("--tls-ca", type=FileName(), metavar="FILE", help="Certificate of the authority, for tls:// (PEM).")
+@options.option("--tls-cert", type=FileName(), metavar="FILE", help="Our certificate (PEM).")
+@options.option("--tls-key", type=FileName(), metavar="FILE", help="Its key (PEM).")
+@options.output.option(
+    "--simcenter",
+    is_flag=True,
+    help="With export: also simcenter.csv, the demands under SimCenter's names (1-PFA-1-1).",
+)
+def command(**given: Any) -> None:
+    """Runs of many buildings under many records at many levels.
+
+    `tdint campaign CAMPAIGN.yaml -o DIR` does all runs that the file asks for and writes a row of each to DIR/runs.csv.
+    Whatever ends it, the same call goes on where it stopped. `status DIR` tells how far it is, `export DIR` writes the
+    tables anew, `merge DIR... -o DIR` puts parts together that were done with --shard.
+
+    A run that fails is repeated with finer steps; if it still does, its row has the status and no peaks. Records that
+    cannot be read are told, the others are done, and the exit code is 4.
+    """
+    request = CampaignRequest(**given)
+    _ACTIONS.get(request.words[0], _run)(request)
+
+
+def _run(request: CampaignRequest) -> None:
+    if len(request.words) > 1:
+        raise UsageError(f"a campaign is one file, got {len(request.words)}: {' '.join(request.words)}")
+    request.refuse("simcenter")
+    if request.output is None:
+        raise UsageError("a campaign is kept in a folder: give -o DIR")
+    shard, engine = _shard(request.shard), _engine(request)
+    from tdint.campaign.file.plan import make_plan
+    from tdint.campaign.file.read import load_campaign
+
+    plan = make_plan(load_campaign(request.words[0]))
+    carry_out(plan, engine, Path(request.output), shard=shard, limit=request.limit)
+
+
+def _status(request: CampaignRequest) -> None:
+    request.refuse(*_OF_RUNS, "simcenter", "output")
+    from tdint.campaign.store.store import open_existing
+    from tdint.output.tables.campaign import status_table
+
+    store = open_existing(_folder(request))
+    statuses, every = store.statuses(), int(store.meta("runs"))
+    done = sum(statuses.values())
+    emit_table(status_table(statuses, every - done))
+    say(f"{store.meta('name')}: {done} of {every} runs are done, in {store.seconds():.3g} s of processor time.")
+    store.close()
+
+
+def _export(request: CampaignRequest) -> None:
+    request.refuse(*_OF_RUNS, "output")
+    from tdint.campaign.store.store import open_existing
+
+    folder = _folder(request)
+    store = open_existing(folder)
+    export(store, folder, simcenter=request.simcenter)
+    store.close()
+
+
+def _merge(request: CampaignRequest) -> None:
+    request.refuse(*_OF_RUNS, "simcenter")
+    folders = [Path(word) for word in request.words[1:]]
+    if not folders or request.output is None:
+        raise UsageError("give the folders to merge and -o DIR: tdint campaign merge out-*/ -o all/")
+    from tdint.campaign.store.merge import merge
+    from tdint.campaign.store.place import locked
+    from tdint_cli.batch.campaigns import make_folder
+
+    target = Path(request.output)
+    make_folder(target)
+    with locked(target):
+        store = merge(folders, target)
+        finish(store, target)
+    every = int(store.meta("runs"))
+    done = sum(store.statuses().values())
+    if done < every:
+        note(f"{every - done} of {every} runs are in none of them; `tdint campaign FILE -o {target}` does the rest")
+    store.close()
+
+
+def _folder(request: CampaignRequest) -> Path:
+    if len(request.words) != 2:
+        raise UsageError(f"give one folder: tdint campaign {request.words[0]} DIR")
+    return Path(request.words[1])
+
+
+def _shard(text: str | None) -> Shard | None:
+    if text is None:
+        return None
+    from tdint.campaign.run import Shard
+
+    first, slash, last = text.partition("/")
+    if slash and first.isdecimal() and last.isdecimal() and 1 <= int(first) <= int(last):
+        return Shard(int(first), int(last))
+    raise UsageError(f"--shard is K/N with K from 1 to N, such as 2/8, got {text!r}")
+
+
+def _engine(request: CampaignRequest) -> Engine:
+    from tdint.campaign.run import cluster, threads
+
+    far = _cluster(request)
+    if far is not None:
+        if request.jobs is not None:
+            raise UsageError("--jobs is for threads of this machine; leave it out with --dask")
+        return cluster(far)
+    from tdint.campaign.engine.threads import processors
+
+    return threads(request.jobs or processors())
+
+
+def _cluster(request: CampaignRequest) -> Cluster | None:
+    from tdint.campaign.engine.cluster import Cluster
+
+    if request.dask is None:
+        request_tls = request.tls_ca or request.tls_cert or request.tls_key
+        if request_tls:
+            raise UsageError("--tls-ca, --tls-cert and --tls-key are for --dask")
+        return None
+    return Cluster(request.dask, request.tls_ca, request.tls_cert, request.tls_key)
+
+
+_ACTIONS: dict[str, Callable[[CampaignRequest], None]] = {"status": _status, "export": _export, "merge": _merge}

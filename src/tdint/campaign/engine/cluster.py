@@ -1,0 +1,148 @@
+"""Chunks on other machines, by Dask: each goes out with all that it needs, and comes back as rows.
+
+Dask unpickles what reaches its port: whoever reaches it runs programs there. Beyond this machine certificates are asked
+for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from ipaddress import ip_address
+from typing import Any
+from urllib.parse import urlsplit
+
+from tdint.campaign.engine.chunk import Chunk, Done, do
+from tdint.errors import AnalysisError, TdintError, UsageError
+
+_AHEAD = 3
+"""Chunks for each thread of the workers, those they are at among them."""
+
+_PATIENCE = "10s"
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """A scheduler, and the certificates by which both sides know each other.
+
+    Attributes
+    ----------
+    address : str
+        tcp://HOST:PORT or tls://HOST:PORT.
+    ca, cert, key : str or None
+        PEM files: the authority's certificate, our own and its key.
+
+    Raises
+    ------
+    UsageError
+        No such address; no certificates where they are needed.
+    """
+
+    address: str
+    ca: str | None = None
+    cert: str | None = None
+    key: str | None = None
+
+    def __post_init__(self) -> None:
+        parts = _parts(self.address)
+        given = [self.ca, self.cert, self.key]
+        if parts.scheme == "tls":
+            if None in given:
+                raise UsageError(f"{self.address}: give --tls-ca, --tls-cert and --tls-key, all three")
+        elif any(given):
+            raise UsageError(f"{self.address}: certificates are for an address that begins with tls://")
+        elif not is_loopback(parts.hostname or ""):
+            raise UsageError(
+                f"{self.address}: beyond this machine the connection must be encrypted, for whoever reaches the port "
+                "runs programs; start scheduler and workers with --tls-ca-file, --tls-cert and --tls-key, and give a "
+                "tls:// address with --tls-ca, --tls-cert and --tls-key"
+            )
+
+
+def _parts(address: str) -> Any:
+    try:
+        parts = urlsplit(address)
+        port = parts.port
+    except ValueError:
+        parts, port = None, None
+    if parts is None or parts.scheme not in ("tcp", "tls") or not parts.hostname or port is None:
+        raise UsageError(f"{address!r} is no address of a scheduler; write tcp://HOST:PORT or tls://HOST:PORT")
+    return parts
+
+
+def is_loopback(host: str) -> bool:
+    """Whether a host is this machine."""
+    if host == "localhost":
+        return True
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def on_cluster(cluster: Cluster, chunk: Callable[[int], Chunk], numbers: Sequence[int]) -> Iterator[Done]:
+    """Each chunk, in the order in which they are done. Those of a worker that is lost are done by others.
+
+    Raises
+    ------
+    UsageError
+        Dask is not installed, or there is no scheduler at the address.
+    AnalysisError
+        Workers are lost with one chunk again and again; and what chunks raise.
+    """
+    client = _connect(cluster)
+    try:
+        yield from _done(client, chunk, iter(numbers))
+    finally:
+        client.close()
+
+
+def _connect(cluster: Cluster) -> Any:
+    try:
+        from distributed import Client, Security
+    except ImportError:
+        raise UsageError("--dask needs Dask: pip install 'tdint[dask]', here and for the workers") from None
+    security = Security(
+        tls_ca_file=cluster.ca, tls_client_cert=cluster.cert, tls_client_key=cluster.key, require_encryption=True
+    )
+    try:
+        client = Client(
+            cluster.address, security=security if cluster.ca else None, timeout=_PATIENCE, set_as_default=False
+        )
+    except (OSError, ValueError, TypeError) as error:
+        text = " ".join(str(error).split()) or type(error).__name__
+        raise UsageError(f"{cluster.address}: no scheduler answers: {text}") from None
+    return client
+
+
+def _done(client: Any, chunk: Callable[[int], Chunk], numbers: Iterator[int]) -> Iterator[Done]:
+    from distributed import KilledWorker, as_completed
+
+    running = as_completed()
+    under_way = 0
+
+    def width() -> int:
+        threads: dict[str, int] = client.nthreads()
+        return _AHEAD * max(1, sum(threads.values()))
+
+    def go_on() -> int:
+        number = next(numbers, None)
+        if number is None:
+            return 0
+        running.add(client.submit(do, chunk(number), pure=False, retries=0))
+        return 1
+
+    while under_way < width() and go_on():
+        under_way += 1
+    for future in running:
+        try:
+            done: Done = future.result()
+        except KilledWorker as error:
+            raise AnalysisError(f"workers were lost again and again with the same runs: {error}") from None
+        except TdintError:
+            raise
+        future.release()
+        yield done
+        under_way -= 1
+        while under_way < width() and go_on():
+            under_way += 1

@@ -1,0 +1,218 @@
+"""Ground motions at the points of a grid, drawn for each building among the points near it.
+
+As in the regional workflow of SimCenter (nearest neighbors): EventGrid.csv names a file for each point (GP_file,
+Longitude, Latitude), that file the ground motions there (TH_file and, if they differ, their factor), and NAME.json
+holds one of these: name, dT, data_x and, of a pair, data_y.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from tdint.campaign.file.definition import GridFile
+from tdint.campaign.motions import Draw, SuiteMotion
+from tdint.errors import ModelError, RecordError
+from tdint.ground_motion.horizontals import Horizontals
+from tdint.ground_motion.record import Record
+from tdint.model.inventory.read import InventoryRow
+from tdint.units import parse_units
+
+Array = NDArray[np.float64]
+
+EARTH_RADIUS = 6371.0088
+"""Mean radius of the earth, km (IUGG)."""
+
+_COMPONENTS = {"data_x": "x", "data_y": "y"}
+
+
+@dataclass(frozen=True)
+class GridDraws:
+    """Which motions each building draws.
+
+    Attributes
+    ----------
+    ids : sequence of str
+        Of the buildings.
+    places : ndarray, shape (buildings, 3)
+        Where they are, as unit vectors from the center of the earth.
+    points : ndarray, shape (points, 3)
+        The same of the grid's points that have motions.
+    motions : tuple of tuples of tuples of int
+        Of each point its ground motions: of each the numbers of its components.
+    neighbors, samples, seed : int
+        Points among which is drawn, draws, and what is drawn from, with the building's id.
+    """
+
+    ids: Sequence[str] = field(repr=False)
+    places: Array = field(repr=False)
+    points: Array = field(repr=False)
+    motions: tuple[tuple[tuple[int, ...], ...], ...] = field(repr=False)
+    neighbors: int
+    samples: int
+    seed: int
+
+    def draws(self, building: int) -> Sequence[Draw]:
+        """Points by their weights, with replacement; then one of the point's ground motions, each as likely."""
+        random = np.random.default_rng([self.seed, *self.ids[building].encode()])
+        near, weights = self.weights(building)
+        points = random.choice(near, size=self.samples, p=weights)
+        found = []
+        for sample, point in enumerate(points.tolist(), start=1):
+            choices = self.motions[point]
+            chosen = choices[int(random.integers(len(choices)))]
+            found += [Draw(motion, sample) for motion in chosen]
+        return sorted(found)
+
+    def weights(self, building: int) -> tuple[NDArray[np.int64], Array]:
+        """The points near a building, and how likely each is: by 1 / distance^2."""
+        count = min(self.neighbors, len(self.points))
+        distances, near = self._tree.query(self.places[building], k=np.arange(1, count + 1))
+        at = distances == 0.0
+        weights = at.astype(float) if at.any() else (distances[0] / distances) ** 2
+        return near.astype(np.int64), weights / weights.sum()
+
+    def description(self) -> dict[str, object]:
+        return {"neighbors": self.neighbors, "samples": self.samples, "draw_seed": self.seed}
+
+    @cached_property
+    def _tree(self) -> Any:
+        return cKDTree(self.points)
+
+
+def read_grid(
+    grid: GridFile, rows: Sequence[InventoryRow]
+) -> tuple[tuple[SuiteMotion, ...], GridDraws, list[RecordError]]:
+    """The ground motions of a grid and what buildings draw; motions that cannot be read are left out and returned.
+
+    Raises
+    ------
+    ModelError
+        The grid cannot be read, or a building has no place.
+    RecordError
+        No point has a motion.
+    """
+    lost = [row.id for row in rows if row.latitude is None or row.longitude is None]
+    if lost:
+        raise ModelError(
+            f"the inventory has no Latitude and Longitude of {', '.join(lost[:5])}{' ...' * (len(lost) > 5)}"
+        )
+    factor = parse_units(grid.units)
+    if factor.quantity != "acceleration":
+        raise RecordError(
+            f"{grid.file}: the motions of a grid are accelerations, their units are given as {grid.units}"
+        )
+    folder = Path(grid.file).parent
+    motions: list[SuiteMotion] = []
+    numbers: dict[tuple[str, float], tuple[int, ...]] = {}
+    failures: list[RecordError] = []
+    points, of_points = [], []
+    for line, row in table(grid.file, ("GP_file", "Longitude", "Latitude")):
+        name = str(folder / row["GP_file"])
+        found = []
+        for place, entry in table(name, ("TH_file",)):
+            key = entry["TH_file"], _number(name, place, entry.get("factor") or "1")
+            if key not in numbers:
+                numbers[key] = _add(motions, folder, *key, factor.scale, failures)
+            found.append(numbers[key])
+        if any(found):
+            points.append((_number(grid.file, line, row["Longitude"]), _number(grid.file, line, row["Latitude"])))
+            of_points.append(tuple(one for one in found if one))
+    if not points:
+        raise RecordError("\n".join(map(str, failures)) or f"{grid.file}: no point has a ground motion")
+    places = [(row.longitude or 0.0, row.latitude or 0.0) for row in rows]
+    draws = GridDraws(
+        [row.id for row in rows], unit_vectors(np.array(places)), unit_vectors(np.array(points)), tuple(of_points),
+        grid.neighbors, grid.samples, grid.seed,
+    )  # fmt: skip
+    return tuple(motions), draws, failures
+
+
+def unit_vectors(degrees: Array) -> Array:
+    """Directions from the center of the earth to places given as longitude and latitude; shape (k, 3)."""
+    longitude, latitude = np.radians(degrees).T
+    return np.column_stack(
+        [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)]
+    )
+
+
+def _add(
+    motions: list[SuiteMotion], folder: Path, name: str, factor: float, unit: float, failures: list[RecordError]
+) -> tuple[int, ...]:
+    """Add the components of a ground motion; their numbers, none if it cannot be read."""
+    try:
+        records = _read_motion(folder, name, factor * unit)
+    except RecordError as error:
+        failures.append(error)
+        return ()
+    whole = records[0] if len(records) == 1 else Horizontals(records[0], records[1])
+    first = len(motions)
+    for direction, record in enumerate(records, start=1):
+        label = name if factor == 1.0 else f"{name} x {factor:.12g}"
+        motions.append(SuiteMotion(record, label, record.component, whole, direction))
+    return tuple(range(first, len(motions)))
+
+
+def _read_motion(folder: Path, name: str, scale: float) -> list[Record]:
+    file = folder / (name if name.endswith(".json") else f"{name}.json")
+    try:
+        content = json.loads(file.read_bytes())
+    except OSError as error:
+        raise RecordError(f"{file}: cannot be read: {error.strerror or error}") from None
+    except ValueError as error:
+        raise RecordError(f"{file}: not JSON: {error}") from None
+    if not isinstance(content, Mapping) or "dT" not in content or "data_x" not in content:
+        raise RecordError(f"{file}: needs dT and data_x")
+    found = []
+    for key, component in _COMPONENTS.items():
+        if key in content:
+            try:
+                samples = np.array(content[key], dtype=np.float64) * scale
+            except (TypeError, ValueError):
+                raise RecordError(f"{file}: {key} is no list of numbers") from None
+            found.append(Record(samples, content["dT"], "", "", component, str(file)))
+    if len(found) == 2 and found[0].acceleration.size != found[1].acceleration.size:
+        raise RecordError(f"{file}: data_x and data_y have different lengths")
+    return found
+
+
+def table(file: str, needed: tuple[str, ...]) -> list[tuple[int, dict[str, str]]]:
+    """The rows of a CSV file with their lines; upper and lower case of columns are as SimCenter writes them.
+
+    Raises
+    ------
+    ModelError
+        It cannot be read, or lacks a column.
+    """
+    try:
+        with Path(file).open(newline="", encoding="utf-8-sig") as stream:
+            reader = csv.DictReader(stream, skipinitialspace=True)
+            if missing := [name for name in needed if name not in (reader.fieldnames or ())]:
+                raise ModelError(f"{file}:1: no column {', '.join(missing)}")
+            return [
+                (reader.line_num, {key: (value or "").strip() for key, value in row.items() if key}) for row in reader
+            ]
+    except OSError as error:
+        raise ModelError(f"{file}: cannot be read: {error.strerror or error}") from None
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ModelError(f"{file}: no CSV file in UTF-8: {error}") from None
+
+
+def _number(file: str, line: int, text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise ModelError(f"{file}:{line}: must be a number, got {text!r}")
+    return number
