@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from tdint.errors import OutputError
 from tdint_cli.errors import Failures
+from tdint_cli.terminal.drawing import emit_table
 from tdint_cli.terminal.progress import progress_bar
 from tdint_cli.terminal.streams import note, say, warn
 
@@ -23,9 +24,15 @@ _FAILED = ("diverged", "not-converged", "unstable-step")
 
 
 def carry_out(
-    plan: Plan, engine: Engine, folder: Path, *, shard: Shard | None = None, limit: int | None = None
+    plan: Plan,
+    engine: Engine,
+    folder: Path,
+    *,
+    shard: Shard | None = None,
+    limit: int | None = None,
+    show: bool = False,
 ) -> None:
-    """Do what is left of a campaign and write its tables.
+    """Do what is left of a campaign and write its tables; `show` the runs on standard output, too.
 
     Raises
     ------
@@ -38,6 +45,7 @@ def carry_out(
     """
     from tdint.campaign.store.place import locked, refuse_network
     from tdint.campaign.store.store import open_store
+    from tdint.output.tables.campaign import runs_table
 
     make_folder(folder)
     refuse_network(folder)
@@ -47,6 +55,8 @@ def carry_out(
             note(text)
         advance = advance_with_bar(plan, store, engine, shard=shard, limit=limit)
         finish(store, folder)
+        if show:
+            emit_table(runs_table(store))
         _say(store, advance)
         store.close()
     if plan.failures:
@@ -65,6 +75,27 @@ def make_folder(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"{folder}: cannot be made: {error.strerror or error}") from None
+
+
+def forget(folder: Path) -> None:
+    """Remove a campaign from a folder, with the tables that were made of it.
+
+    Raises
+    ------
+    OutputError
+        Another process is at it, or it cannot be removed.
+    """
+    from tdint.campaign.store.place import locked
+    from tdint.campaign.store.store import FILE
+
+    if not folder.is_dir():
+        return
+    with locked(folder):
+        for name in (FILE, f"{FILE}-wal", f"{FILE}-shm", RUNS, STORIES, PARQUET, SIMCENTER, SUMMARY):
+            try:
+                (folder / name).unlink(missing_ok=True)
+            except OSError as error:
+                raise OutputError(f"{folder / name}: cannot be removed: {error.strerror or error}") from None
 
 
 def advance_with_bar(

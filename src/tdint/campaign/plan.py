@@ -23,7 +23,7 @@ _SECONDS_PER_STEP = 0.15e-6
 _SECONDS_PER_BUILDING = 2e-4
 _CHUNKS = 64
 _LOOKED_AT = 1000
-_SHORTEST, _LONGEST = 0.02, 2.0
+_SHORTEST, _LONGEST = 0.002, 2.0
 """Seconds of a chunk: a small campaign is cut into `_CHUNKS`, so that all processors have their share."""
 
 
@@ -95,7 +95,7 @@ class Plan:
         settings = self.settings
         analyses = {self.buildings.wishes(number) for number in range(min(len(self.buildings), _LOOKED_AT))}
         for dt, duration in sorted(analyses, key=str):
-            for motion in {one.record.dt: one for one in self.motions}.values():
+            for motion in {one.record.dt: one for one in reversed(self.motions)}.values():
                 record = motion.record
                 try:
                     choose_steps(settings.dt or dt, settings.duration or duration, record.dt, record.duration)

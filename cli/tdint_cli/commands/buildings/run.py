@@ -46,11 +46,26 @@ class Request(BuildingRequest):
     check: bool
     tolerance: float | None
     of_floors: FloorRequest
+    jobs: int | None
+
+    def refuse_of_one(self) -> None:
+        """Raise UsageError for options of a single run.
+
+        Raises
+        ------
+        UsageError
+            One of them is given.
+        """
+        for name in ("history", "plot", "check", "tolerance", "allow_unstable"):
+            if getattr(self, name):
+                raise UsageError(f"--{name.replace('_', '-')} is for one record and one scale; call it once for each")
+        if self.of_floors:
+            raise UsageError("--floor-spectra and --export-floors are for one record and one scale")
 
 
 @options.command("run")
 @options.building.model
-@click.argument("records", metavar="[RECORD]", nargs=-1, type=FileName())
+@click.argument("records", metavar="[RECORD]...", nargs=-1, type=FileName())
 @options.record.record
 @options.record.units
 @options.record.component
@@ -87,6 +102,12 @@ class Request(BuildingRequest):
     "the columns of --check are there, too.",
 )
 @options.analysis.option("--allow-unstable", is_flag=True, help="Run a method beyond its largest stable step.")
+@options.option(
+    "--jobs",
+    type=click.IntRange(1, 1024),
+    metavar="N",
+    help="Threads for several records or scales; one for each processor by default. The output does not depend on it.",
+)
 def command(record: str | None, records: tuple[str, ...], **given: Any) -> None:
     """Response of a building in time: the peaks of each story.
 
@@ -95,25 +116,33 @@ def command(record: str | None, records: tuple[str, ...], **given: Any) -> None:
     under Record belong to the record if one is given, and otherwise replace what the model says of its record;
     --method, --dt and --duration replace what it says of the analysis. --overwrite replaces all files of an earlier
     run: those the new one does not write are removed.
+
+    With several records, a folder of records, or several scales (--scale 0.5,1,2) the table has a row for each run
+    instead, of all horizontal components without --component. With -o it is a small campaign: runs.csv and
+    campaign.sqlite, which `tdint campaign status`, `export` and `merge` take; a call that was ended goes on.
     """
+    if record is not None and records:
+        raise UsageError(f"--record {record} and {records[0]} are given; leave one of them out")
+    named = (record,) if record is not None else records
     names = {"floors": "floor_spectra", "export": "export_floors"}
     wanted = {field.name: given.pop(names.get(field.name, field.name)) for field in fields(FloorRequest)}
-    _run(Request(**given, record=_one_record(record, records), of_floors=FloorRequest(**wanted)))
+    request = Request(**given, record=named[0] if named else None, of_floors=FloorRequest(**wanted))
+    if len(named) > 1 or len(request.scale or ()) > 1 or (named and Path(named[0]).is_dir()):
+        _run_many(request, named)
+    else:
+        _run(request)
 
 
-def _one_record(named: str | None, records: tuple[str, ...]) -> str | None:
-    """The record of `--record`, or the one behind the model.
+def _run_many(request: Request, records: tuple[str, ...]) -> None:
+    from tdint_cli.commands.buildings.many_runs import run_many
 
-    Raises
-    ------
-    UsageError
-        There are several.
-    """
-    if named is not None and records:
-        raise UsageError(f"--record {named} and {records[0]} are given; leave one of them out")
-    if len(records) > 1:
-        raise UsageError(f"a run takes one record, got {len(records)}; call it once for each")
-    return records[0] if records else named
+    request.refuse_of_one()
+    if "-" in (request.model, *records):
+        raise UsageError("several records or scales take files, not standard input")
+    run_many(
+        request, records, method=request.method, dt=request.dt, output=request.output, overwrite=request.overwrite,
+        jobs=request.jobs,
+    )  # fmt: skip
 
 
 def _run(request: Request) -> None:

@@ -27,7 +27,7 @@ from tdint.campaign.levels import GivenFactors, IntensityLevels, Levels, Scales
 from tdint.campaign.motions import Assignment, EveryMotion, SuiteMotion, suite_motions
 from tdint.campaign.plan import Plan
 from tdint.campaign.studies.suite import read_components, read_pairs
-from tdint.errors import ModelError, ModelFault, RecordError, UsageError
+from tdint.errors import ModelError, ModelFault, RecordError, TdintError, UsageError
 from tdint.ground_motion.reading.folders import records_of
 from tdint.methods.catalogue import DEFAULT_METHOD
 from tdint.model.config.read import load_model
@@ -41,7 +41,7 @@ _COLLAPSE_DRIFT = 0.10
 class _Said:
     """What went wrong with records or rows while the others are taken, and what a person should know."""
 
-    failures: list[RecordError] = field(default_factory=list)
+    failures: list[TdintError] = field(default_factory=list)
     faults: list[ModelFault] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
@@ -160,7 +160,7 @@ def _motions(
     return motions, EveryMotion(len(motions))
 
 
-def read_motions(wanted: RecordFiles, failures: list[RecordError], notes: list[str]) -> tuple[SuiteMotion, ...]:
+def read_motions(wanted: RecordFiles, failures: list[TdintError], notes: list[str]) -> tuple[SuiteMotion, ...]:
     """The records of files and folders; what cannot be read is added to `failures`."""
     sources = records_of(wanted.files)
     suite = (read_pairs if wanted.pairs else read_components)(sources.files, wanted.choice)

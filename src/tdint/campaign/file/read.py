@@ -14,7 +14,7 @@ from tdint.campaign.studies.suite import RecordChoice
 from tdint.errors import UsageError
 from tdint.methods.catalogue import parse as parse_method
 from tdint.model.config.fields import Section, Value
-from tdint.model.config.kinds import Flag, Key, Keys, POSITIVE, POSITIVE_RATIO, RATIO, Words
+from tdint.model.config.kinds import POSITIVE, POSITIVE_RATIO, RATIO, Flag, Key, Keys, Words
 from tdint.model.config.source import read_source
 from tdint.model.config.yaml_source import Faults, decode, parse
 

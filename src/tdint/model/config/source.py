@@ -34,7 +34,9 @@ def read_source(source: str | Path | TextIO, kind: str = "model file") -> Source
     if source is sys.stdin or (isinstance(source, str | Path) and str(source) == "-"):
         if sys.stdin is None:
             raise ModelError(f"-: standard input is closed; give a {kind}")
-        return SourceText("-", kind.partition(" ")[0], Path(), _read_stream(getattr(sys.stdin, "buffer", sys.stdin), "-", kind))
+        return SourceText(
+            "-", kind.partition(" ")[0], Path(), _read_stream(getattr(sys.stdin, "buffer", sys.stdin), "-", kind)
+        )
     if isinstance(source, str | Path):
         path, label = Path(source), str(source) or "."
         return SourceText(label, path.stem, path.parent, _read_file(path, label, kind))

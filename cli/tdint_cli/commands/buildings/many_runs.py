@@ -1,0 +1,109 @@
+"""`tdint run` with several records or scales: a small campaign, a row for each run."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tdint.errors import RecordError, UsageError
+from tdint_cli.batch.campaigns import advance_with_bar, carry_out, forget, tell_outcomes
+from tdint_cli.errors import Failures
+from tdint_cli.options.building import BuildingRequest, with_motion
+from tdint_cli.terminal.drawing import emit_table
+from tdint_cli.terminal.streams import note, say
+
+if TYPE_CHECKING:
+    from tdint.campaign.motions import SuiteMotion
+    from tdint.campaign.plan import Plan
+    from tdint.errors import TdintError
+    from tdint.model.definition import Model
+
+
+def run_many(
+    request: BuildingRequest,
+    records: tuple[str, ...],
+    *,
+    method: str | None,
+    dt: float | None,
+    output: str | None,
+    overwrite: bool,
+    jobs: int | None,
+) -> None:
+    """Do the runs of a building under some records (those of the model without any) at some scales; the table goes to
+    standard output, and with `output` everything is kept in that folder as `tdint campaign` keeps it."""
+    from tdint.campaign.engine.threads import processors
+    from tdint.campaign.run import threads
+    from tdint.campaign.store.store import open_store
+    from tdint.model.config.read import load_model
+    from tdint.output.tables.campaign import runs_table
+
+    plan = _plan(request, records, load_model(request.model), method, dt)
+    engine = threads(jobs or processors())
+    if output is None:
+        store, _ = open_store(None, plan)
+        for text in plan.notes:
+            note(text)
+        advance = advance_with_bar(plan, store, engine)
+        emit_table(runs_table(store))
+        say(f"{advance.done} runs.")
+        tell_outcomes(store)
+        store.close()
+        if plan.failures:
+            raise Failures(list(plan.failures))
+        return
+    if overwrite:
+        forget(Path(output))
+    carry_out(plan, engine, Path(output), show=True)
+
+
+def _plan(
+    request: BuildingRequest, records: tuple[str, ...], model: Model, method: str | None, dt: float | None
+) -> Plan:
+    from tdint.campaign.buildings import GivenBuildings
+    from tdint.campaign.engine.settings import RunSettings
+    from tdint.campaign.file.plan import subject_of
+    from tdint.campaign.levels import Scales
+    from tdint.campaign.motions import EveryMotion
+    from tdint.campaign.plan import Plan
+
+    notes: list[str] = []
+    failures: list[TdintError] = []
+    motions = _motions(request, records, model, failures, notes)
+    if not motions:
+        raise RecordError("\n".join(map(str, failures)))
+    plan = Plan(
+        name=model.name,
+        buildings=GivenBuildings.of([subject_of(model, method, notes)]),
+        motions=motions,
+        assignment=EveryMotion(len(motions)),
+        levels=Scales(request.scale or (1.0,)),
+        settings=RunSettings(dt, request.duration),
+        failures=tuple(failures),
+        notes=tuple(notes),
+    )
+    plan.check_steps()
+    return plan
+
+
+def _motions(
+    request: BuildingRequest, records: tuple[str, ...], model: Model, failures: list[TdintError], notes: list[str]
+) -> tuple[SuiteMotion, ...]:
+    from tdint.analysis.run.run import model_record
+    from tdint.campaign.file.definition import RecordFiles
+    from tdint.campaign.file.plan import read_motions
+    from tdint.campaign.motions import suite_motions
+    from tdint.campaign.studies.suite import RecordChoice
+
+    if records:
+        choice = RecordChoice(
+            units=request.units,
+            component=request.component,
+            inventory=request.inventory,
+            processing=request.processing,
+        )
+        return read_motions(RecordFiles(records, choice), failures, notes)
+    record = model_record(with_motion(model, replace(request, scale=(1.0,))))
+    if record is None:
+        raise UsageError("--scale needs a record, the model has none: add a RECORD")
+    return suite_motions([record])

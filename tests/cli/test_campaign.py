@@ -1,0 +1,363 @@
+"""`tdint campaign` and `tdint run` with several records or scales: files, words, exit codes."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import sqlite3
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import Result
+
+from tdint.campaign.store.place import locked
+from tdint.campaign.store.store import FILE
+
+Run = Callable[..., Result]
+
+COLUMNS = (
+    "building,record,component,scale,sample,method,dt_s,status,collapse_time_s,collapse_story,peak_drift_ratio,"
+    "peak_drift_story,peak_drift_m,residual_drift_ratio,peak_absolute_acceleration_m_s2,peak_acceleration_floor,"
+    "peak_roof_displacement_m,peak_base_shear_N,energy_error,steps,pga_m_s2,sa_t1_m_s2"
+)
+STUDY = """\
+name: study
+buildings: {models: [shaken.yaml, stiff.yaml]}
+records: {files: [motion.mseed, other.mseed], units: m/s^2}
+intensity: {scales: [0.25, 1, 2.5]}
+analysis: {method: newmark-average}
+outputs: {stories: true}
+"""
+STIFF = """\
+name: stiff
+stories:
+  - {mass: 10, height: 3, stiffness: 80000}
+damping: {rayleigh: {mass: 0.5, stiffness: 0.001}}
+"""
+RUNS = 2 * 3 * 3  # buildings, components (two of motion, one of other), scales
+
+
+@pytest.fixture
+def study(folder: Path, make_record: Callable[..., None]) -> Path:
+    """The working directory with study.yaml: two buildings, three components, three scales; in more than one chunk."""
+    make_record(folder / "motion.mseed", "HNE", "HNN", samples=6000)
+    make_record(folder / "other.mseed", "HNE", peak=1.0, samples=6000)
+    (folder / "study.yaml").write_text(STUDY)
+    (folder / "stiff.yaml").write_text(STIFF)
+    return folder
+
+
+def rows(file: str | Path) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(Path(file).read_text())))
+
+
+def change(file: str, *changes: tuple[str, str]) -> None:
+    text = Path(file).read_text()
+    for before, after in changes:
+        assert before in text
+        text = text.replace(before, after)
+    Path(file).write_text(text)
+
+
+def test_a_row_for_each_run(study: Path, tdint: Run) -> None:
+    """The numbers are those of `tdint run`; buildings, records and scales come in their order."""
+    result = tdint("campaign", "study.yaml", "-o", "out")
+    assert (result.exit_code, result.stdout) == (0, "")
+    assert f"{RUNS} runs in " in result.stderr
+    assert sorted(path.name for path in Path("out").iterdir()) == [
+        ".campaign.lock", FILE, "runs.csv", "stories.csv", "summary.json",
+    ]  # fmt: skip
+    assert Path("out/runs.csv").read_text().splitlines()[0] == COLUMNS
+    table = rows("out/runs.csv")
+    assert [(row["building"], row["record"], row["component"], row["scale"]) for row in table] == [
+        (building, record, component, scale)
+        for building in ("shaken", "stiff")
+        for record, component in (("motion.mseed", "HNE"), ("motion.mseed", "HNN"), ("other.mseed", "HNE"))
+        for scale in ("0.25", "1", "2.5")
+    ]
+    assert {(row["method"], row["dt_s"], row["status"], row["steps"], row["sample"]) for row in table} == {
+        ("newmark-average", "0.01", "done", "5999", "0")
+    }
+    tdint("run", "shaken.yaml", "--component", "HNN", "--scale", "2.5", "--units", "m/s^2", "-o", "one")
+    one, stories = json.loads(Path("one/summary.json").read_text()), rows("one/stories.csv")
+    row = table[5]
+    assert np.isclose(float(row["sa_t1_m_s2"]), one["model"]["sa_t1_m_s2"], rtol=1e-11)
+    assert float(row["peak_drift_ratio"]) == max(float(story["peak_drift_ratio"]) for story in stories)
+    kept = [story for story in rows("out/stories.csv") if list(story.values())[:4] == list(row.values())[:4]]
+    assert [{name: story[name] for name in stories[0]} for story in kept] == stories
+
+
+def test_the_same_bytes_whoever_does_the_runs(study: Path, tdint: Run) -> None:
+    """One thread, three, and three shards merged in any order."""
+    names = ("runs.csv", "stories.csv")
+    tdint("campaign", "study.yaml", "-o", "one", "--jobs", "1")
+    wanted = [(Path("one") / name).read_bytes() for name in names]
+    tdint("campaign", "study.yaml", "-o", "three", "--jobs", "3")
+    for shard in ("1/3", "2/3", "3/3"):
+        assert tdint("campaign", "study.yaml", "-o", f"part-{shard[0]}", "--shard", shard).exit_code == 0
+    parts = ["part-3", "part-1", "part-2"]
+    assert sum(len(rows(f"{part}/runs.csv")) for part in parts) == RUNS
+    result = tdint("campaign", "merge", *parts[:2], "-o", "half")
+    assert (result.exit_code, "runs are in none of them" in result.stderr) == (0, True)
+    assert tdint("campaign", "merge", *parts, "part-3", "-o", "all").exit_code == 0
+    assert tdint("campaign", "study.yaml", "-o", "half").exit_code == 0  # does what the two parts left
+    for place in ("three", "all", "half"):
+        assert [(Path(place) / name).read_bytes() for name in names] == wanted, place
+
+
+def test_a_campaign_goes_on_where_it_stopped(study: Path, tdint: Run) -> None:
+    tdint("campaign", "study.yaml", "-o", "whole")
+    assert tdint("campaign", "study.yaml", "-o", "out", "--limit", "4").exit_code == 0
+    done = len(rows("out/runs.csv"))
+    assert 4 <= done < RUNS
+    status = tdint("campaign", "status", "out")
+    assert status.stdout == f"status,runs\ndone,{done}\nleft,{RUNS - done}\n"
+    assert f"{done} of {RUNS} runs are done" in status.stderr
+    rest = tdint("campaign", "study.yaml", "-o", "out")
+    assert f"{RUNS - done} runs in " in rest.stderr and f"{done} before" in rest.stderr
+    assert Path("out/runs.csv").read_bytes() == Path("whole/runs.csv").read_bytes()
+    again = tdint("campaign", "study.yaml", "-o", "out")
+    assert (again.exit_code, f"All {RUNS} runs were done before" in again.stderr) == (0, True)
+
+
+def test_a_folder_holds_one_campaign(study: Path, tdint: Run, make_record: Callable[..., None]) -> None:
+    """What differs is told: settings, buildings, records; a new name of the file or another folder is nothing."""
+    tdint("campaign", "study.yaml", "-o", "out")
+    kept = Path("out/runs.csv").read_bytes()
+    change("study.yaml", ("0.25, 1,", "0.5, 1,"), ("newmark-average", "impulse4"))
+    change("shaken.yaml", ("8000", "9000"))
+    make_record(study / "other.mseed", "HNE", peak=1.5, samples=6000)
+    result = tdint("campaign", "study.yaml", "-o", "out")
+    assert (result.exit_code, Path("out/runs.csv").read_bytes()) == (2, kept)
+    for line in (
+        "holds another campaign; give another folder with -o",
+        "setting scales: [0.25, 1.0, 2.5] in the store, [0.5, 1.0, 2.5] in this campaign",
+        "building shaken: differs",
+        "record other.mseed HNE: differs",
+    ):
+        assert line in result.stderr
+    assert "motion.mseed" not in result.stderr
+    change("study.yaml", ("name: study", "name: other"))
+    tdint("campaign", "study.yaml", "-o", "new")
+    clash = tdint("campaign", "merge", "out", "new", "-o", "all")
+    assert (clash.exit_code, "of different campaigns" in clash.stderr) == (2, True)
+    assert not Path("all", FILE).exists()
+
+
+def test_another_version_of_tdint_goes_on_and_is_noted(study: Path, tdint: Run) -> None:
+    tdint("campaign", "study.yaml", "-o", "out", "--limit", "1")
+    connection = sqlite3.connect(f"out/{FILE}")
+    with connection:
+        connection.execute("UPDATE meta SET value = '0.0' WHERE key = 'version'")
+    connection.close()
+    result = tdint("campaign", "study.yaml", "-o", "out")
+    assert (result.exit_code, "begun with tdint 0.0" in result.stderr) == (0, True)
+
+
+def test_all_faults_of_a_file_are_told_at_once(study: Path, tdint: Run) -> None:
+    Path("bad.yaml").write_text(
+        "buildings: {models: [shaken.yaml], units: {length: ft}}\n"
+        "records: {file: [motion.mseed], pairs: maybe, component: HNE}\n"
+        "intensity: {measure: sa, period: -1, levels: [0.1, 0.2 m, 0.3 g]}\n"
+        "analysis: {method: newmarck, dt: 0}\n"
+        "outputs: {stories: yes}\n"
+    )
+    result = tdint("campaign", "bad.yaml", "-o", "out")
+    assert (result.exit_code, result.stdout, Path("out").exists()) == (3, "", False)
+    found = [line.removeprefix("Error: bad.yaml:").split(": ", 2)[:2] for line in result.stderr.splitlines()]
+    assert [place for place, _ in found] == sorted((place for place, _ in found), key=lambda text: text.split(":"))
+    assert [key for _, key in found] == [
+        "buildings.units", "records.file", "records.pairs", "intensity.period", "intensity.levels[1]",
+        "intensity.levels[2]", "analysis.method", "analysis.dt", "outputs.stories",
+    ]  # fmt: skip
+    assert "did you mean 'files'?" in result.stderr and "newmark" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("", "the campaign file is empty; it needs at least `buildings` and `records`"),
+        ("buildings: {models: []}\nrecords: {files: [motion.mseed]}\n", "is empty; give at least one model file"),
+        ("buildings: {models: [a.yaml]}\n", "records: is missing; give `files` or a `grid`"),
+        ("buildings: {inventory: a.csv}\nrecords: {files: [b]}\n", "buildings.units: is missing"),
+        ("buildings: {models: [nowhere.yaml]}\nrecords: {files: [motion.mseed]}\n", "nowhere.yaml: no such file"),
+    ],
+)
+def test_files_that_say_too_little(study: Path, tdint: Run, content: str, said: str) -> None:
+    Path("bad.yaml").write_text(content)
+    result = tdint("campaign", "bad.yaml", "-o", "out")
+    assert (result.exit_code, said in result.stderr) == (3, True), result.stderr
+
+
+def test_records_that_cannot_be_read_are_named_and_the_others_done(study: Path, tdint: Run) -> None:
+    Path("broken.mseed").write_bytes(b"no record at all")
+    change("study.yaml", ("other.mseed]", "broken.mseed, nowhere.mseed, other.mseed]"))
+    result = tdint("campaign", "study.yaml", "-o", "out")
+    assert (result.exit_code, len(rows("out/runs.csv"))) == (4, RUNS)
+    errors = [line for line in result.stderr.splitlines() if line.startswith("Error: ")]
+    assert len(errors) == 2 and "broken.mseed" in errors[0] and "nowhere.mseed" in errors[1]
+    change("study.yaml", ("motion.mseed, broken.mseed, nowhere.mseed, other.mseed]", "nowhere.mseed]"))
+    nothing = tdint("campaign", "study.yaml", "-o", "empty")
+    assert (nothing.exit_code, Path("empty").exists()) == (4, False)
+
+
+def test_failed_runs_are_rows_with_their_status(study: Path, tdint: Run) -> None:
+    change("study.yaml", ("method: newmark-average", "method: central-difference"))
+    change("stiff.yaml", ("80000", "80000000"))
+    result = tdint("campaign", "study.yaml", "-o", "out")
+    assert (result.exit_code, "9 runs have no result: 9 unstable-step" in result.stderr) == (0, True)
+    table = rows("out/runs.csv")
+    assert [row["status"] for row in table] == 9 * ["done"] + 9 * ["unstable-step"]
+    assert all(row["peak_drift_m"] == "" and row["steps"] == "" and row["pga_m_s2"] for row in table[9:])
+
+
+def test_a_step_that_fits_no_record_is_refused_before_anything_is_made(study: Path, tdint: Run) -> None:
+    change("study.yaml", ("method: newmark-average", "dt: 0.007"))
+    result = tdint("campaign", "study.yaml", "-o", "out")
+    assert (result.exit_code, Path("out").exists()) == (2, False)
+    assert "motion.mseed HNE: dt 0.007 s does not fit" in result.stderr
+
+
+def test_one_writer_at_a_time(study: Path, tdint: Run) -> None:
+    Path("out").mkdir()
+    with locked(Path("out")):
+        result = tdint("campaign", "study.yaml", "-o", "out")
+    assert (result.exit_code, "another tdint is at work on it" in result.stderr) == (6, True)
+    assert not Path("out", FILE).exists()
+
+
+def test_a_file_that_is_no_store_is_not_touched(study: Path, tdint: Run) -> None:
+    Path("out").mkdir()
+    Path("out", FILE).write_bytes(b"x" * 5000)
+    for arguments in (["study.yaml", "-o", "out"], ["status", "out"]):
+        result = tdint("campaign", *arguments)
+        assert (result.exit_code, "file is not a database" in result.stderr) == (6, True)
+    assert Path("out", FILE).read_bytes() == b"x" * 5000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["study.yaml"], "give -o DIR"),
+        (["study.yaml", "shaken.yaml", "-o", "out"], "a campaign is one file, got 2"),
+        (["study.yaml", "-o", "out", "--shard", "4/3"], "--shard is K/N"),
+        (["study.yaml", "-o", "out", "--simcenter"], "--simcenter is not for"),
+        (["status"], "give one folder"),
+        (["status", "nowhere"], "holds no campaign"),
+        (["export", "nowhere", "--jobs", "2"], "--jobs is not for `tdint campaign export`"),
+        (["merge", "-o", "all"], "give the folders to merge"),
+        (["study.yaml", "-o", "out", "--dask", "tcp://far.example:8786"], "the connection must be encrypted"),
+        (["study.yaml", "-o", "out", "--dask", "tls://far.example:8786"], "give --tls-ca, --tls-cert and --tls-key"),
+        (["study.yaml", "-o", "out", "--dask", "far.example"], "is no address of a scheduler"),
+        (["study.yaml", "-o", "out", "--tls-ca", "ca.pem"], "are for --dask"),
+    ],
+)
+def test_usage(study: Path, tdint: Run, arguments: list[str], said: str) -> None:
+    result = tdint("campaign", *arguments)
+    assert (result.exit_code, said in result.stderr) == (2, True), result.stderr
+    assert not Path("out").exists()
+
+
+def test_levels_of_an_intensity_measure(study: Path, tdint: Run) -> None:
+    """Sa(T1) of each building takes the levels; of a pair both components have one factor, and the geometric mean of
+    their PGA takes them."""
+    change("study.yaml", ("scales: [0.25, 1, 2.5]", "measure: sa, period: T1, levels: [0.1 g, 250 cm/s^2]"))
+    assert tdint("campaign", "study.yaml", "-o", "sa").exit_code == 0
+    table = rows("sa/runs.csv")
+    found = np.array([float(row["sa_t1_m_s2"]) for row in table]).reshape(-1, 2)
+    np.testing.assert_allclose(np.sort(found, axis=1), np.tile([0.980665, 2.5], (6, 1)), rtol=1e-11)
+    change(
+        "study.yaml", ("measure: sa, period: T1, levels: [0.1 g, 250 cm/s^2]", "measure: pga, levels: [2 m/s^2]"),
+        ("other.mseed], ", "], pairs: true, "), ("motion.mseed, ", "motion.mseed"),
+    )  # fmt: skip
+    assert tdint("campaign", "study.yaml", "-o", "pga").exit_code == 0
+    table = rows("pga/runs.csv")[:2]
+    assert table[0]["scale"] == table[1]["scale"]
+    assert np.isclose(np.prod([float(row["pga_m_s2"]) for row in table]), 4.0, rtol=1e-11)
+
+
+def test_factors_of_a_file(study: Path, tdint: Run) -> None:
+    Path("factors.csv").write_text(
+        "record,component,factor\nmotion.mseed,HNE,2\nmotion.mseed,,0.5\nother.mseed,HNE,3\nother.mseed,HNE,4\n"
+    )
+    change("study.yaml", ("scales: [0.25, 1, 2.5]", "factors: factors.csv"))
+    assert tdint("campaign", "study.yaml", "-o", "out").exit_code == 0
+    assert [row["scale"] for row in rows("out/runs.csv")] == 2 * ["2", "0.5", "3", "4"]
+    Path("factors.csv").write_text("record,component,factor\nmotion.mseed,,zwei\n")
+    result = tdint("campaign", "study.yaml", "-o", "new")
+    assert (result.exit_code, "factors.csv:2: factor: must be a number" in result.stderr) == (3, True)
+
+
+def test_exports_are_written_anew(study: Path, tdint: Run) -> None:
+    """SimCenter's names: floor 0 is the ground, and both directions of a pair stand in one row."""
+    change("study.yaml", ("files: [motion.mseed, other.mseed]", "files: [motion.mseed], pairs: true"))
+    tdint("campaign", "study.yaml", "-o", "out")
+    kept = Path("out/runs.csv").read_bytes()
+    Path("out/runs.csv").unlink()
+    assert tdint("campaign", "export", "out", "--simcenter").exit_code == 0
+    assert Path("out/runs.csv").read_bytes() == kept
+    table = rows("out/simcenter.csv")
+    assert [(row["building"], row["scale"]) for row in table] == [
+        (building, scale) for building in ("shaken", "stiff") for scale in ("0.25", "1", "2.5")
+    ]
+    first = table[0]
+    assert list(first)[4:] == [
+        name.replace("DIR", direction)
+        for direction in "12"
+        for name in ("1-PFA-0-DIR", "1-PFA-1-DIR", "1-PFA-2-DIR", "1-PID-1-DIR", "1-PID-2-DIR", "1-PRD-1-DIR",
+                     "1-PFD-1-DIR", "1-PFD-2-DIR")
+    ]  # fmt: skip
+    runs, stories = rows("out/runs.csv"), rows("out/stories.csv")
+    for direction, component in (("1", "HNN"), ("2", "HNE")):
+        run = next(row for row in runs if row["component"] == component)
+        peaks = [row for row in stories if row["component"] == component and row["scale"] == "0.25"][:2]
+        assert first[f"1-PFA-0-{direction}"] == run["pga_m_s2"]
+        assert [first[f"1-PID-{i}-{direction}"] for i in (1, 2)] == [row["peak_drift_ratio"] for row in peaks]
+        assert [first[f"1-PFD-{i}-{direction}"] for i in (1, 2)] == [row["peak_displacement_m"] for row in peaks]
+        assert float(first[f"1-PRD-1-{direction}"]) == float(peaks[1]["peak_displacement_m"]) / 6.0
+    assert table[3]["1-PID-2-1"] == table[3]["1-PFD-2-2"] == ""  # a building of one story
+
+
+def test_names_of_simcenter_need_the_stories(study: Path, tdint: Run) -> None:
+    change("study.yaml", ("outputs: {stories: true}\n", ""))
+    tdint("campaign", "study.yaml", "-o", "out")
+    result = tdint("campaign", "export", "out", "--simcenter")
+    assert (result.exit_code, "outputs: {stories: true}" in result.stderr) == (2, True)
+    assert not Path("out/simcenter.csv").exists()
+
+
+def test_the_store_can_be_asked_in_sql(study: Path, tdint: Run) -> None:
+    """The view `runs` has the columns and the rows of runs.csv."""
+    tdint("campaign", "study.yaml", "-o", "out")
+    connection = sqlite3.connect(f"out/{FILE}")
+    found = connection.execute("SELECT * FROM runs WHERE building = 'stiff'")
+    assert [column[0] for column in found.description] == COLUMNS.split(",")
+    wanted = [row for row in rows("out/runs.csv") if row["building"] == "stiff"]
+    assert [(row[1], row[2], f"{row[10]:.12g}") for row in found] == [
+        (row["record"], row["component"], row["peak_drift_ratio"]) for row in wanted
+    ]
+    connection.close()
+
+
+def test_run_with_several_records_or_scales(study: Path, tdint: Run) -> None:
+    """A small campaign: to standard output nothing is kept, into a folder it is one that goes on."""
+    shown = tdint("run", "shaken.yaml", "motion.mseed", "other.mseed", "--units", "m/s^2", "--scale", "0.25,2.5")
+    assert (shown.exit_code, shown.stdout.splitlines()[0]) == (0, COLUMNS)
+    kept = tdint(
+        "run", "shaken.yaml", "motion.mseed", "other.mseed", "--units", "m/s^2", "--scale", "2.5,0.25", "-o", "out"
+    )
+    assert kept.stdout == shown.stdout == Path("out/runs.csv").read_text()
+    tdint("campaign", "study.yaml", "-o", "whole")
+    wanted = [row for row in rows("whole/runs.csv") if row["building"] == "shaken" and row["scale"] != "1"]
+    assert rows("out/runs.csv") == wanted
+    of_model = tdint("run", "shaken.yaml", "--scale", "1,2", "--units", "m/s^2")
+    assert [row["component"] for row in csv.DictReader(io.StringIO(of_model.stdout))] == ["HNE", "HNE"]
+    other = tdint("run", "shaken.yaml", "--scale", "1,3", "--units", "m/s^2", "-o", "out")
+    assert other.exit_code == 2
+    assert tdint("run", "shaken.yaml", "--scale", "1,3", "--units", "m/s^2", "-o", "out", "--overwrite").exit_code == 0
+    assert len(rows("out/runs.csv")) == 2
+    refused = tdint("run", "shaken.yaml", "--scale", "1,3", "--history", "-o", "new")
+    assert (refused.exit_code, "--history is for one record and one scale" in refused.stderr) == (2, True)
