@@ -101,6 +101,7 @@ def _motions(
             component=request.component,
             inventory=request.inventory,
             processing=request.processing,
+            layout=request.layout,
         )
         return read_motions(RecordFiles(records, choice), failures, notes)
     record = model_record(with_motion(model, replace(request, scale=(1.0,))))

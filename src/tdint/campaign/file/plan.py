@@ -162,7 +162,7 @@ def _motions(
 
 def read_motions(wanted: RecordFiles, failures: list[TdintError], notes: list[str]) -> tuple[SuiteMotion, ...]:
     """The records of files and folders; what cannot be read is added to `failures`."""
-    sources = records_of(wanted.files)
+    sources = records_of(wanted.files, wanted.choice.layout)
     suite = (read_pairs if wanted.pairs else read_components)(sources.files, wanted.choice)
     failures += [*sources.failures, *suite.failures]
     notes += [*sources.notes, *suite.notes]

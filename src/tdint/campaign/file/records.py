@@ -11,6 +11,7 @@ from tdint.campaign.studies.suite import RecordChoice
 from tdint.errors import UsageError
 from tdint.model.config.fields import Section, Value
 from tdint.model.config.kinds import EntriesOf, Flag, Key, Keys, Whole, Words
+from tdint.model.config.layout import LAYOUT, read_layout
 from tdint.model.config.processing import PROCESSING, read_processing
 from tdint.units import parse_units
 
@@ -19,6 +20,7 @@ _FILES = (
     Key("component", Words(), "component, where files hold several; all horizontal ones without it"),
     Key("pairs", Flag(), "take the two horizontals of a motion together: they share their factors"),
     Key("inventory", Words(), "station metadata, to remove the instrument's response"),
+    *LAYOUT,
     *PROCESSING,
 )
 _GRID = (
@@ -59,6 +61,7 @@ def read_records_section(value: Value, folder: Path) -> RecordFiles | GridFile |
         component=section.text("component"),
         inventory=resolved(inventory, folder) if inventory else None,
         processing=read_processing(section),
+        layout=read_layout(section),
     )
     return RecordFiles(tuple(resolved(text, folder) for item in items or () if (text := item.text())), choice, both)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from tdint.campaign.studies.intensity import GroundMotion
 from tdint.errors import RecordError
+from tdint.ground_motion.formats.tables.layout import AS_STATED, TextLayout
 from tdint.ground_motion.horizontals import Horizontals, find_horizontals, is_vertical, motion_name
 from tdint.ground_motion.processing import Processing
 from tdint.ground_motion.reading.read import read_records
@@ -23,6 +24,7 @@ class RecordChoice:
     component: str | None = None
     inventory: str | None = None
     processing: Processing = field(default_factory=Processing)
+    layout: TextLayout = AS_STATED
 
 
 @dataclass(frozen=True)
@@ -100,5 +102,7 @@ def read_pairs(files: Sequence[str], choice: RecordChoice | None = None) -> Suit
 
 
 def _read(file: str, choice: RecordChoice) -> list[Record]:
-    found = read_records(file, units=choice.units, component=choice.component, inventory=choice.inventory)
+    found = read_records(
+        file, units=choice.units, component=choice.component, inventory=choice.inventory, layout=choice.layout
+    )
     return [choice.processing.apply(record) for record in found]

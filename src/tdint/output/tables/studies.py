@@ -14,9 +14,9 @@ from tdint.campaign.studies.ida.study import IdaStudy
 from tdint.campaign.studies.intensity import IntensityMeasure
 from tdint.campaign.studies.scaling import Scaling
 from tdint.campaign.studies.suite import components
+from tdint.ground_motion.record import component_names
 from tdint.output.tables import study_columns as columns
 from tdint.output.tables.table import Table, rows_of
-from tdint.output.tables.tables import component_names
 
 
 def factor_table(scaling: Scaling) -> Table:
