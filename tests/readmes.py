@@ -24,7 +24,7 @@ from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
 from tdint.model.laws import LAWS
-from tdint.output.tables import columns, study_columns
+from tdint.output.tables import campaign_columns, columns, study_columns
 from tdint.output.tables.table import Column
 from tdint_cli.main import COMMANDS, GROUPS, cli
 
@@ -199,6 +199,9 @@ def column_tables():
         "tdint spectrum --rotd 50,100": (*columns.OF_MOTION, *columns.rotated((50, 100)), *columns.CHOICES),
         "tdint spectrum --ductility": (*columns.OF_RECORD, *columns.INELASTIC),
         "tdint drift-spectrum": (*columns.OF_RECORD, *columns.DRIFT_SPECTRUM),
+        "runs.csv of tdint campaign, and tdint run with several records or scales": campaign_columns.RUNS,
+        "stories.csv of tdint campaign": campaign_columns.STORIES,
+        "tdint campaign status": campaign_columns.STATUS,
         "tdint scale": study_columns.FACTORS,
         "tdint ida": study_columns.CAPACITIES,
         "ida.csv of tdint ida": study_columns.IDA,

@@ -14,7 +14,7 @@ from tdint.campaign.studies.suite import RecordChoice
 from tdint.errors import UsageError
 from tdint.methods.catalogue import parse as parse_method
 from tdint.model.config.fields import Section, Value
-from tdint.model.config.kinds import POSITIVE, POSITIVE_RATIO, RATIO, Flag, Key, Keys, Words
+from tdint.model.config.kinds import POSITIVE, POSITIVE_RATIO, RATIO, Flag, Key, Keys, Schema, Words
 from tdint.model.config.source import read_source
 from tdint.model.config.yaml_source import Faults, decode, parse
 
@@ -41,6 +41,13 @@ CAMPAIGN = Keys(
     )
 )
 """The keys of a campaign file, and what may stand under them."""
+
+
+def campaign_schema() -> Schema:
+    """The JSON schema (draft 7) of campaign files, for editors."""
+    about = "Runs of buildings under ground motions for tdint"
+    draft = "http://json-schema.org/draft-07/schema#"
+    return {"$schema": draft, "title": "tdint campaign", "description": about, **CAMPAIGN.schema()}
 
 
 def load_campaign(source: str | Path) -> CampaignFile:
