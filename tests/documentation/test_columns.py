@@ -33,6 +33,9 @@ COMMANDS = {
     "tdint spectrum --rotd 50,100": f"{RECORD} --maxima exact --interpolation linear",
     "tdint spectrum --ductility": f"2 {RECORD}",
     "tdint drift-spectrum": RECORD,
+    "tdint run --scale 1,2": "configs/ten-story.yaml --duration 1",
+    "runs.csv of tdint campaign": "{folder}/campaign.yaml",
+    "stories.csv of tdint campaign": "{folder}/campaign.yaml",
     "tdint scale": "records/firm-soil.mseed --pga 0.4g",
     "tdint ida": f"{FRAME} records/firm-soil.mseed --component HN1 --max-im 1.2m/s^2",
     "ida.csv of tdint ida": f"{FRAME} records/firm-soil.mseed --component HN1 --max-im 1.2m/s^2",
@@ -63,6 +66,10 @@ def test_columns(name, monkeypatch, tmp_path):
     (tmp_path / "recorded.yaml").write_text(f"base: {motion}\nfloors: {{1: {motion}}}\n")
     (tmp_path / "frame.yaml").write_text("{stories: [{mass: 1, stiffness: 400}], damping: {modal: 0.05}}")
     (tmp_path / "published.csv").write_text("period_s,psa_g\n1,0.1\n2,0.1\n")
+    (tmp_path / "campaign.yaml").write_text(
+        f"buildings: {{models: [frame.yaml]}}\nrecords: {{files: [{readmes.ROOT / 'records' / 'firm-soil.mseed'}]}}\n"
+        "analysis: {method: newmark-average}\noutputs: {stories: true}\n"
+    )
     file, _, command = name.rpartition("tdint ")
     arguments = f"{command} {COMMANDS[name].format(folder=tmp_path)}".split()
     if file:
