@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import os
 import secrets
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -13,6 +14,9 @@ from tdint.errors import OutputError
 
 Writer = Callable[[BinaryIO], object]
 """Writes the content of one file to a stream."""
+
+_PACKED = 4
+"""Level of gzip: of a history 5 % larger than the usual 9, in a third of the time."""
 
 _unfinished: set[Path] = set()  # of the whole process: for who ends it from another thread
 
@@ -77,7 +81,7 @@ def write_files(writers: Mapping[Path, Writer], *, overwrite: bool, stale: Itera
             temporaries.append(temporary)
             _unfinished.add(temporary)
             with _in_words(file), temporary.open("xb") as stream:
-                writer(stream)
+                _write(file, writer, stream)
         for file, temporary in zip(writers, temporaries, strict=True):
             _move(temporary, file, overwrite)
     except BaseException:
@@ -93,6 +97,15 @@ def write_files(writers: Mapping[Path, Writer], *, overwrite: bool, stale: Itera
     for file in stale if overwrite else ():
         with _in_words(file):
             file.unlink(missing_ok=True)
+
+
+def _write(file: Path, writer: Writer, stream: BinaryIO) -> None:
+    """Write the content of a file, packed if its name ends in .gz: the same bytes at any time, under any name."""
+    if file.suffix.lower() != ".gz":
+        writer(stream)
+        return
+    with gzip.GzipFile(filename="", mode="wb", compresslevel=_PACKED, fileobj=stream, mtime=0) as packed:
+        writer(packed)  # type: ignore[arg-type]
 
 
 def remove_unfinished() -> None:

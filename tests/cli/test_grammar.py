@@ -12,7 +12,7 @@ import pytest
 from tdint_cli.main import COMMANDS, GROUPS, cli
 from tdint_cli.options import headings
 from tdint_cli.options.analysis import _specifications
-from tdint_cli.options.plot import BESIDE, with_named_pictures
+from tdint_cli.options.plot import BESIDE, with_named_files
 
 
 def rows(text: str) -> list[dict[str, str]]:
@@ -99,14 +99,16 @@ def test_a_grid_may_be_a_single_number(folder, tdint):
         ("--plot=x a", ["--plot=x", "a"]),
         ("--plot -o a.png", [f"--plot={BESIDE}", "-o", "a.png"]),
         ("a -- --plot b.png", ["a", "--", "--plot", "b.png"]),
+        ("--history a.csv.gz --plot", ["--history=a.csv.gz", f"--plot={BESIDE}"]),
+        ("--history b.png", [f"--history={BESIDE}", "b.png"]),
     ],
 )
 def test_the_word_behind_plot_is_its_file_if_it_names_a_picture(line, expected):
-    assert with_named_pictures(line.split()) == expected
+    assert with_named_files(line.split()) == expected
 
 
 def test_an_empty_word_behind_plot_is_a_name_that_is_missing(folder, tdint):
-    assert with_named_pictures(["--plot", "", "a"]) == ["--plot=", "a"]
+    assert with_named_files(["--plot", "", "a"]) == ["--plot=", "a"]
     result = tdint("info", "--plot", "", "other.mseed")
     assert (result.exit_code, result.stderr) == (2, "Error: --plot is empty; give a name\n")
 

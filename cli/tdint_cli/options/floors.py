@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from tdint.analysis.run.run import Response
     from tdint.files import Writer
+    from tdint.output_units import OutputUnits
     from tdint.quantities import Grid
 
 SPECTRA, MOTIONS = "floor-spectra.csv", "floors.mseed"
@@ -77,8 +78,8 @@ class FloorRequest:
 
         return np.array(self.period) if self.period else (self.periods or parse_grid(PERIODS)).values()
 
-    def files(self, response: Response, folder: Path) -> tuple[dict[Path, Writer], Sequence[str]]:
-        """The files in a folder and what writes them; and notes on them."""
+    def files(self, response: Response, folder: Path, units: OutputUnits) -> tuple[dict[Path, Writer], Sequence[str]]:
+        """The files in a folder and what writes them, tables in these units; and notes on them."""
         stories = len(response.model.stories)
         files: dict[Path, Writer] = {}
         notes: Sequence[str] = ()
@@ -87,7 +88,7 @@ class FloorRequest:
             from tdint.output.tables.floors import floor_spectrum_table
 
             found = spectra_of(response, self.chosen_floors(stories), self.chosen_periods(), self.damping)
-            table = floor_spectrum_table(found).csv()
+            table = floor_spectrum_table(found).in_units(units).csv()
             files[folder / SPECTRA] = lambda stream: stream.write(table)
         if self.export:
             from tdint.analysis.spectra.floors import floor_motion

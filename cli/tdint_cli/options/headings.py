@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 import click
 
-from tdint_cli.options.plot import with_named_pictures
+from tdint_cli.options.plot import with_named_files
 from tdint_cli.options.values import ListOf
 from tdint_cli.settings import Settings
 
@@ -50,9 +50,9 @@ class Command(click.Command):
         super().__init__(name, **settings)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """As click does, after `--plot` has got its value."""
-        plots = any("--plot" in parameter.opts for parameter in self.params)
-        return super().parse_args(ctx, with_named_pictures(args) if plots else args)
+        """As click does, after `--plot` and the like have got their values."""
+        own = {name for parameter in self.params for name in parameter.opts}
+        return super().parse_args(ctx, with_named_files(args, own))
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the options, a section for each heading."""

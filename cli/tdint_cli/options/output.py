@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -12,13 +12,14 @@ import click
 
 from tdint.errors import UsageError
 from tdint_cli.options import headings
-from tdint_cli.options.plot import picture_file
-from tdint_cli.options.values import FileName
+from tdint_cli.options.plot import beside, picture_file
+from tdint_cli.options.values import FileName, OutputUnitsType
 from tdint_cli.terminal.drawing import emit_table
 
 if TYPE_CHECKING:
     from tdint.files import Writer
     from tdint.output.tables.table import Table
+    from tdint.output_units import OutputUnits
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -30,10 +31,10 @@ TABLE = "Write the table to this file instead of standard output."
 def output(metavar: str = "FILE", text: str = TABLE) -> Callable[[Function], Function]:
     """The option -o; what it names differs between the commands."""
     kind = FileName(folder=metavar == "DIR")
-    return option("-o", "--output", type=kind, metavar=metavar, callback=_refuse_empty, help=text)
+    return option("-o", "--output", type=kind, metavar=metavar, callback=refuse_empty, help=text)
 
 
-def _refuse_empty(_: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
+def refuse_empty(_: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
     """An empty name is a shell variable that was not set, not the working directory."""
     if value == "":
         raise UsageError(f"{parameter.opts[0]} is empty; give a name")
@@ -42,10 +43,17 @@ def _refuse_empty(_: click.Context, parameter: click.Parameter, value: str | Non
 
 def plot(text: str) -> Callable[[Function], Function]:
     """The option --plot; what it draws differs between the commands."""
-    return option("--plot", type=FileName(), metavar="[FILE]", callback=_refuse_empty, help=text)
+    return option("--plot", type=FileName(), metavar="[FILE]", callback=refuse_empty, help=text)
 
 
 picture = plot("Also draw, to this file (.png, .pdf, .svg) or beside -o under its name.")
+units = option(
+    "--output-units",
+    type=OutputUnitsType(),
+    metavar="UNIT,...",
+    help="Units of tables and summaries in place of the model's output_units or SI, one each of force, length, mass, "
+    "acceleration: kip,in,g.",
+)
 overwrite = option("--overwrite", is_flag=True, help="Replace existing outputs.")
 jobs = headings.option(
     "--jobs",
@@ -59,12 +67,15 @@ jobs = headings.option(
 
 @dataclass(frozen=True)
 class Outputs:
-    """Where a command's table goes (standard output if None) and, if asked for, its picture and its summary."""
+    """Where a command's table goes (standard output if None) and, if asked for, its picture and its summary; in which
+    units, or None where nobody said.
+    """
 
     table: Path | None
     picture: Path | None
     summary: Path | None
     overwrite: bool
+    units: OutputUnits | None = None
 
     @property
     def files(self) -> list[Path]:
@@ -72,7 +83,15 @@ class Outputs:
         return [file for file in (self.table, self.picture, self.summary) if file]
 
     @classmethod
-    def checked(cls, output: str | None, plot: str | None, overwrite: bool, *, summary: bool = False) -> Outputs:
+    def checked(
+        cls,
+        output: str | None,
+        plot: str | None,
+        overwrite: bool,
+        *,
+        summary: bool = False,
+        units: OutputUnits | None = None,
+    ) -> Outputs:
         """The outputs of a command line, after what can be seen to fail was refused; the summary is a JSON file beside
         the table.
 
@@ -87,28 +106,37 @@ class Outputs:
 
         table = Path(output) if output else None
         picture = picture_file(plot, table)
-        beside = table.with_suffix(".json") if table and summary else None
-        outputs = cls(table, picture, beside, overwrite)
+        outputs = cls(table, picture, beside(table, ".json") if table and summary else None, overwrite, units)
         check_outputs(outputs.files, overwrite=overwrite)
         if outputs.picture:
             check_picture(outputs.picture)
         return outputs
 
+    def else_in(self, units: OutputUnits) -> Outputs:
+        """The same, in these units if the command line names none."""
+        return self if self.units else replace(self, units=units)
+
     def deliver(
-        self, table: Table, draw: Callable[[str], Writer], summarize: Callable[[], dict[str, Any]] | None = None
+        self,
+        table: Table,
+        draw: Callable[[str], Writer] | None = None,
+        summarize: Callable[[], dict[str, Any]] | None = None,
     ) -> None:
         """Write all; `draw` makes the picture's writer from its suffix, `summarize` what the summary holds."""
         from tdint.files import write_files
+        from tdint.output_units import SI
 
+        units = self.units or SI
+        table = table.in_units(units)
         files: dict[Path, Writer] = {}
         if self.table:
             files[self.table] = lambda stream: stream.write(table.csv())
-        if self.picture:
+        if self.picture and draw:
             files[self.picture] = draw(self.picture.suffix)
         if self.summary and summarize:
-            from tdint.output.summaries.summary import json_bytes
+            from tdint.output.summaries.summary import in_units, json_bytes
 
-            summary = json_bytes(summarize())
+            summary = json_bytes(in_units(summarize(), units))
             files[self.summary] = lambda stream: stream.write(summary)
         if not self.table:
             emit_table(table)

@@ -10,8 +10,9 @@ import click
 from click.shell_completion import CompletionItem
 
 from tdint.errors import UsageError
+from tdint.output_units import OutputUnits, parse_output_units
 from tdint.quantities import Grid, parse_grid, parse_ratio
-from tdint.units import DriftSize, Units, parse_drift, parse_units
+from tdint.units import ACCELERATION, FORCE, LENGTH, MASS, DriftSize, Units, parse_drift, parse_units
 
 if TYPE_CHECKING:
     ValueType = click.ParamType[Any]
@@ -77,6 +78,21 @@ class ListOf(ValueType):
         head, comma, last = incomplete.rpartition(",")
         items = self.one.shell_complete(ctx, param, last)
         return [CompletionItem(head + comma + item.value, type=item.type, help=item.help) for item in items]
+
+
+class OutputUnitsType(ValueType):
+    """Units of the output, with commas between them."""
+
+    name = "units"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> OutputUnits:
+        return parse_output_units(value) if isinstance(value, str) else value
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Complete what stands after the last comma."""
+        head, comma, last = incomplete.rpartition(",")
+        names = (*FORCE, *LENGTH, *MASS, *ACCELERATION)
+        return [CompletionItem(f"{head}{comma}{name}") for name in names if name.startswith(last)]
 
 
 class GridType(ValueType):

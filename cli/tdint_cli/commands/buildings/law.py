@@ -17,6 +17,7 @@ from tdint_cli.terminal.streams import say, say_table
 if TYPE_CHECKING:
     from tdint.analysis.static.cyclic import Cycle, CyclicTest
     from tdint.files import Writer
+    from tdint.output_units import OutputUnits
     from tdint.units import DriftSize
 
 
@@ -36,6 +37,7 @@ class Request:
     units: str | None
     output: str | None
     plot: str | None
+    output_units: OutputUnits | None
     overwrite: bool
 
 
@@ -91,13 +93,14 @@ def _one_after_the_other(
 )
 @options.output.output()
 @options.output.picture
+@options.output.units
 @options.output.overwrite
 def command(**given: Any) -> None:
     """Cyclic test of one story: its force over imposed cycles of drift.
 
     MODEL.yaml is a model file, - is standard input. The story starts at rest; each cycle goes to the amplitude, to the
     same drift on the other side, and back to zero, as in a slow test in a laboratory: nothing else of the building and
-    no time takes part. With --path it goes straight to each drift of a file, one row for each. CSV in SI units, one row
+    no time takes part. With --path it goes straight to each drift of a file, one row for each. CSV, one row
     per point: drift; the story's shear as `tdint run` reports it, without dashpots, damping and P-delta; the same with
     the model's P-delta (without p_delta in the model, equal); the law's tangent stiffness on the way to the point; the
     energy that it stores and has dissipated. drift_ratio is empty without a height.
@@ -110,7 +113,7 @@ def command(**given: Any) -> None:
 
 
 def _run(request: Request) -> None:
-    outputs = Outputs.checked(request.output, request.plot, request.overwrite)
+    outputs = Outputs.checked(request.output, request.plot, request.overwrite, units=request.output_units)
     cycles = request.cycles or 1
     drifts = _path(request)
     from tdint.analysis.static.cyclic import cyclic_test, path_test
@@ -128,12 +131,14 @@ def _run(request: Request) -> None:
 
         return cyclic_picture(test, suffix)
 
+    outputs = outputs.else_in(model.output_units)
+    units = outputs.units or model.output_units
     outputs.deliver(cyclic_table(test), draw)
-    say(_paragraph(test))
+    say(_paragraph(test, units))
     if drifts is None:
-        say_table([_HEADER, *(_row(test, cycle) for cycle in test.cycles[cycles - 1 :: cycles])])
+        say_table([_header(units), *(_row(test, cycle, units) for cycle in test.cycles[cycles - 1 :: cycles])])
     else:
-        say(_ends(test))
+        say(_ends(test, units))
 
 
 def _path(request: Request) -> list[float] | None:
@@ -160,44 +165,47 @@ def _path(request: Request) -> list[float] | None:
     return read_drift_path(request.path)
 
 
-def _ends(test: CyclicTest) -> str:
+def _ends(test: CyclicTest, units: OutputUnits) -> str:
     """Extremes of a path in a line."""
     path = test.path
     return (
-        f"{path.drift.size} drifts from {path.drift.min():.4g} to {path.drift.max():.4g} m, forces from "
-        f"{path.shear.min():.4g} to {path.shear.max():.4g} N, {path.dissipated[-1]:.4g} J dissipated."
+        f"{path.drift.size} drifts from {units.of(path.drift.min(), 'm'):.4g} to {units.text(path.drift.max(), 'm')}, "
+        f"forces from {units.of(path.shear.min(), 'N'):.4g} to {units.text(path.shear.max(), 'N')}, "
+        f"{units.text(path.dissipated[-1], 'J')} dissipated."
     )
 
 
-_HEADER = (
-    "cycle", "drift (m)", "ratio", "ductility", "force + (N)", "force - (N)", "secant (N/m)", "dissipated (J)",
-    "damping ratio",
-)  # fmt: skip
+def _header(units: OutputUnits) -> tuple[str, ...]:
+    length, force, slope, energy = (units.unit(si)[0] for si in ("m", "N", "N/m", "J"))
+    return (
+        "cycle", f"drift ({length})", "ratio", "ductility", f"force + ({force})", f"force - ({force})",
+        f"secant ({slope})", f"dissipated ({energy})", "damping ratio",
+    )  # fmt: skip
 
 
-def _paragraph(test: CyclicTest) -> str:
+def _paragraph(test: CyclicTest, units: OutputUnits) -> str:
     """The law and what the model says of it, in a sentence or two."""
     from tdint.model.laws import LAWS
 
     text = f"{test.model.name}, story {test.story}, {test.law} law: {LAWS[test.law].formula}\n"
-    text += f"Initial stiffness {test.initial_stiffness:.4g} N/m"
+    text += f"Initial stiffness {units.text(test.initial_stiffness, 'N/m')}"
     if not math.isnan(test.yield_drift):
-        text += f", yield drift {test.yield_drift:.4g} m"
+        text += f", yield drift {units.text(test.yield_drift, 'm')}"
     if not math.isnan(test.yield_drift / test.height):
         text += f" (drift ratio {test.yield_drift / test.height:.4g})"
     if test.geometric_stiffness:
-        text += f", geometric stiffness of P-delta {test.geometric_stiffness:.4g} N/m"
+        text += f", geometric stiffness of P-delta {units.text(test.geometric_stiffness, 'N/m')}"
     return text + "."
 
 
-def _row(test: CyclicTest, cycle: Cycle) -> tuple[str, ...]:
+def _row(test: CyclicTest, cycle: Cycle, units: OutputUnits) -> tuple[str, ...]:
     numbers = (
-        cycle.amplitude,
+        units.of(cycle.amplitude, "m"),
         cycle.amplitude / test.height,
         cycle.amplitude / test.yield_drift,
-        *cycle.shear,
-        cycle.secant_stiffness,
-        cycle.dissipated,
+        *(units.of(shear, "N") for shear in cycle.shear),
+        units.of(cycle.secant_stiffness, "N/m"),
+        units.of(cycle.dissipated, "J"),
         cycle.damping_ratio,
     )
     return (str(cycle.number), *("-" if math.isnan(number) else f"{number:.4g}" for number in numbers))

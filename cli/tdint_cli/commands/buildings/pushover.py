@@ -15,6 +15,7 @@ from tdint_cli.terminal.streams import say
 if TYPE_CHECKING:
     from tdint.analysis.static.pushover import Pushover
     from tdint.files import Writer
+    from tdint.output_units import OutputUnits
     from tdint.units import DriftSize
 
 PATTERNS = ("first-mode", "uniform", "triangular")
@@ -44,24 +45,34 @@ PATTERNS = ("first-mode", "uniform", "triangular")
 )
 @options.output.output()
 @options.output.picture
+@options.output.units
 @options.output.overwrite
 def command(
-    model: str, pattern: str, drift: DriftSize, points: int, output: str | None, plot: str | None, overwrite: bool
+    model: str,
+    pattern: str,
+    drift: DriftSize,
+    points: int,
+    output: str | None,
+    plot: str | None,
+    output_units: OutputUnits | None,
+    overwrite: bool,
 ) -> None:
     """Base shear of a building over its roof displacement, pushed slowly.
 
     MODEL.yaml is a model file, - is standard input. Forces of one pattern on the floors grow until the first story
     gives way, and fall as it does, to zero at the most: the roof's displacement is led, through peaks and down falling
-    branches, with the model's P-delta, without dashpots and damping. CSV in SI units, one row per step: displacement of
+    branches, with the model's P-delta, without dashpots and damping. CSV, one row per step: displacement of
     the roof and its ratio to the height, base shear, drifts of the stories.
     """
-    outputs = Outputs.checked(output, plot, overwrite)
+    outputs = Outputs.checked(output, plot, overwrite, units=output_units)
     from tdint.analysis.static.pushover import pushover
     from tdint.model.config.read import load_model
     from tdint.output.tables import columns
     from tdint.output.tables.table import Table
 
-    result = pushover(load_model(model), drift, pattern=pattern, points=points)
+    loaded = load_model(model)
+    result = pushover(loaded, drift, pattern=pattern, points=points)
+    outputs = outputs.else_in(loaded.output_units)
 
     def draw(suffix: str) -> Writer:
         from tdint.output.figures.pushover import pushover_picture
@@ -69,19 +80,18 @@ def command(
         return pushover_picture(result, suffix)
 
     outputs.deliver(Table.of_results(columns.pushover(result.drift.shape[1]), [result]), draw)
-    say(_words(result))
+    say(_words(result, outputs.units or loaded.output_units))
 
 
-def _words(result: Pushover) -> str:
+def _words(result: Pushover, units: OutputUnits) -> str:
     """Peak and end in a sentence each."""
     peak, last = result.peak, -1
-    text = (
-        f"{result.model.name}, {result.pattern} pattern: largest base shear {result.base_shear[peak]:.4g} N at a roof "
-    )
-    text += f"displacement of {result.roof_displacement[peak]:.4g} m"
+    text = f"{result.model.name}, {result.pattern} pattern: largest base shear "
+    text += f"{units.text(result.base_shear[peak], 'N')} at a roof displacement of "
+    text += units.text(result.roof_displacement[peak], "m")
     if not math.isnan(result.height):
         text += f" ({100.0 * result.roof_drift_ratio[peak]:.3g} % of the height)"
     most = int(result.drift[last].argmax())
-    text += f".\nAt the end {result.base_shear[last]:.4g} N; story {most + 1} has the largest drift, "
-    text += f"{result.drift[last, most]:.4g} m."
+    text += f".\nAt the end {units.text(result.base_shear[last], 'N')}; story {most + 1} has the largest drift, "
+    text += f"{units.text(result.drift[last, most], 'm')}."
     return text + (" It ends there: the building carries nothing any more." if result.falls else "")

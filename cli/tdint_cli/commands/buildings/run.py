@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +16,7 @@ from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.options.building import BuildingRequest, check_motion, with_motion
 from tdint_cli.options.floors import MOTIONS, SPECTRA, FloorRequest
 from tdint_cli.options.output import check_picture
-from tdint_cli.options.plot import picture_file
+from tdint_cli.options.plot import BESIDE, picture_file
 from tdint_cli.options.values import FileName, Ratio
 from tdint_cli.terminal.drawing import emit_table
 from tdint_cli.terminal.streams import complain, note, say, warn
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from tdint.analysis.run.run import Case, FailedRun, Response
     from tdint.files import Writer
     from tdint.ground_motion.record import Input, Record
+    from tdint.output.tables.table import Table
+    from tdint.output_units import OutputUnits
 
 STORIES, HISTORY, PICTURE, SUMMARY = "stories.csv", "history.csv", "response.png", "summary.json"
 ALL_FILES = (STORIES, HISTORY, SPECTRA, MOTIONS, PICTURE, SUMMARY)
@@ -39,7 +41,9 @@ class Request(BuildingRequest):
     method: str | None
     dt: float | None
     output: str | None
-    history: bool
+    output_units: OutputUnits | None
+    history: str | None
+    every: int
     plot: str | None
     overwrite: bool
     allow_unstable: bool
@@ -81,13 +85,26 @@ class Request(BuildingRequest):
 @options.analysis.duration
 @options.output.output("DIR", f"Write {STORIES} and {SUMMARY} into this folder, which is made if it is missing.")
 @options.output.option(
-    "--history", is_flag=True, help=f"Also write {HISTORY}: every floor and story and the energies at every step."
+    "--history",
+    type=FileName(),
+    metavar="[FILE]",
+    callback=options.output.refuse_empty,
+    help=f"Also write every floor and story and the energies at every step: to this file (.csv, .csv.gz), or alone as "
+    f"{HISTORY} into the folder of -o.",
+)
+@options.output.option(
+    "--every",
+    type=click.IntRange(1),
+    default=1,
+    metavar="COUNT",
+    help="Every so many steps of --history, from the first one; every step by default.",
 )
 @options.floors.export_floors
 @options.output.plot(
     f"Also draw roof displacement, energies, drifts, one hysteresis: to this file (.png, .pdf, .svg), or alone as "
     f"{PICTURE} into the folder of -o."
 )
+@options.output.units
 @options.output.overwrite
 @options.analysis.option(
     "--check",
@@ -112,7 +129,7 @@ def command(record: str | None, records: tuple[str, ...], **given: Any) -> None:
     """Response of a building in time: the peaks of each story.
 
     MODEL.yaml is a model file and RECORD a ground motion, as with --record; one of them may be -, standard input. The
-    table of stories goes to standard output, as CSV in SI units; with -o it is written to a folder, too. The options
+    table of stories goes to standard output, as CSV; with -o it is written to a folder, too. The options
     under Record belong to the record if one is given, and otherwise replace what the model says of its record;
     --method, --dt and --duration replace what it says of the analysis. --overwrite replaces all files of an earlier
     run: those the new one does not write are removed.
@@ -150,10 +167,10 @@ def _run(request: Request) -> None:
     from tdint.analysis.run.run import FailedRun, model_record, prepare, run_case
     from tdint.model.config.read import load_model
     from tdint.output.summaries.summary import model_input
-    from tdint.output.tables.tables import story_table
 
     _check(request)
     model = with_motion(load_model(request.model), request)
+    request = replace(request, output_units=request.output_units or model.output_units)
     request.of_floors.chosen_floors(len(model.stories))
     record = model_record(model)
     inputs = [model_input(model), *(record.inputs if record else ())]
@@ -163,7 +180,7 @@ def _run(request: Request) -> None:
             case,
             dt=request.dt,
             duration=request.duration,
-            history=request.history or bool(request.plot or request.of_floors),
+            history=bool(request.history or request.plot or request.of_floors),
             check=request.check,
             tolerance=request.tolerance,
         )
@@ -171,9 +188,9 @@ def _run(request: Request) -> None:
         _remark(record, failure.notes)
         _write(request, _failed_files(request, failure, case, inputs, began))
         raise
-    emit_table(story_table(response.stories, response.check.errors if response.check else None))
+    emit_table(_stories(request, response))
     _write(request, _files(request, response, case, inputs, began))
-    say(_paragraph(response))
+    say(_paragraph(response, _units(request)))
     if response.collapse:
         complain(_collapsed(response, response.collapse))  # It changes what the peaks mean.
     _remark(record, response.notes)
@@ -191,14 +208,17 @@ def _check(request: Request) -> None:
     """Refuse, before any work, what can be seen to fail."""
     from tdint.files import check_outputs
 
-    if request.history and not request.output:
-        raise UsageError("--history writes a file: add -o DIR")
+    history = _history(request)
     request.of_floors.check(request.output)
     check_motion(request)
     picture = _picture(request)
     if picture:
         check_picture(picture)
-    outputs = [*_in_folder(request, ALL_FILES), *([picture] if picture else ())]
+    outputs = [
+        *_in_folder(request, ALL_FILES),
+        *([picture] if picture else ()),
+        *([history] if history else ()),
+    ]
     refuse_inputs(outputs, [request.model, request.record, request.inventory])
     check_outputs(dict.fromkeys(outputs), overwrite=request.overwrite)
 
@@ -213,22 +233,59 @@ def _picture(request: Request) -> Path | None:
     return picture_file(request.plot, Path(request.output) / PICTURE if request.output else None)
 
 
+def _history(request: Request) -> Path | None:
+    """The file of the history, if one is asked for.
+
+    Raises
+    ------
+    UsageError
+        It has no name and there is no folder, its name says another format, or steps of it are asked for without it.
+    """
+    if request.history is None:
+        if request.every > 1:
+            raise UsageError("--every belongs to --history")
+        return None
+    if request.history != BESIDE:
+        file = Path(request.history)
+        if not file.name.lower().endswith((".csv", ".csv.gz")):
+            raise UsageError(f"--history {file}: a history is a table; name it .csv or .csv.gz")
+        return file
+    if request.output is None:
+        raise UsageError("--history alone writes into the folder of -o: add -o DIR, or name it: --history=FILE.csv")
+    return Path(request.output) / HISTORY
+
+
+def _units(request: Request) -> OutputUnits:
+    from tdint.output_units import SI
+
+    return request.output_units or SI
+
+
+def _stories(request: Request, response: Response) -> Table:
+    """The table of stories, in the units asked for."""
+    from tdint.output.tables.tables import story_table
+
+    table = story_table(response.stories, response.check.errors if response.check else None)
+    return table.in_units(_units(request))
+
+
 def _files(request: Request, response: Response, case: Case, inputs: list[Input], began: float) -> dict[Path, Writer]:
     """The files of a run and what writes them."""
     from tdint.analysis.spectra.first_mode import first_mode
     from tdint.output.summaries.run import run_summary
-    from tdint.output.summaries.summary import json_bytes
-    from tdint.output.tables.tables import story_table, write_history
+    from tdint.output.summaries.summary import in_units, json_bytes
+    from tdint.output.tables.tables import write_history
 
+    units = _units(request)
     files: dict[Path, Writer] = {}
     if request.output:
-        table = story_table(response.stories, response.check.errors if response.check else None).csv()
+        table = _stories(request, response).csv()
         files[Path(request.output) / STORIES] = lambda stream: stream.write(table)
     history = response.history
-    if request.output and request.history and history is not None:
-        files[Path(request.output) / HISTORY] = lambda stream: write_history(history, stream)
+    if (file := _history(request)) and history is not None:
+        files[file] = lambda stream: write_history(history.every(request.every), stream, units)
     if request.output:
-        of_floors, notes = request.of_floors.files(response, Path(request.output))
+        of_floors, notes = request.of_floors.files(response, Path(request.output), units)
         files |= of_floors
         for text in notes:
             note(text)
@@ -239,7 +296,8 @@ def _files(request: Request, response: Response, case: Case, inputs: list[Input]
     if request.output:
         wall_time = time.perf_counter() - began
         first = first_mode(case.building, case.record)
-        summary = json_bytes(run_summary(response, inputs, wall_time, first=first, settings=_settings(request)))
+        content = run_summary(response, inputs, wall_time, first=first, settings=_settings(request))
+        summary = json_bytes(in_units(content, units))
         files[Path(request.output) / SUMMARY] = lambda stream: stream.write(summary)
     return files
 
@@ -249,13 +307,13 @@ def _failed_files(
 ) -> dict[Path, Writer]:
     from tdint.analysis.spectra.first_mode import first_mode
     from tdint.output.summaries.run import failure_summary
-    from tdint.output.summaries.summary import json_bytes
+    from tdint.output.summaries.summary import in_units, json_bytes
 
     wall_time = time.perf_counter() - began
     first = first_mode(case.building, case.record)
     settings = _settings(request)
     content = failure_summary(failure, case.model, case.record, inputs, wall_time, first=first, settings=settings)
-    summary = json_bytes(content)
+    summary = json_bytes(in_units(content, _units(request)))
     return {file: lambda stream: stream.write(summary) for file in _in_folder(request, (SUMMARY,))}
 
 
@@ -280,7 +338,7 @@ def _write(request: Request, files: dict[Path, Writer]) -> None:
     write_files(files, overwrite=request.overwrite, stale=[file for file in every if file not in files])
 
 
-def _paragraph(response: Response) -> str:
+def _paragraph(response: Response, units: OutputUnits) -> str:
     """The run in a few sentences."""
     from tdint.analysis.run.demands import demands
 
@@ -289,8 +347,9 @@ def _paragraph(response: Response) -> str:
     found = demands(response.stories)
     motion = "no ground motion"
     if record is not None:
-        motion = f"{' '.join(filter(None, (record.source, record.component)))} (PGA {record.pga:.3g} m/s^2)"
-    worst = f"drift {found.drift.value:.4g} m in story {found.drift.place}"
+        name = " ".join(filter(None, (record.source, record.component)))
+        motion = f"{name} (PGA {units.of(record.pga, 'm/s^2'):.3g} {units.unit('m/s^2')[0]})"
+    worst = f"drift {units.text(found.drift.value, 'm')} in story {found.drift.place}"
     if found.drift_ratio.place is not None:
         ratio = f"drift ratio {found.drift_ratio.value:.4g} in story {found.drift_ratio.place}"
         # Where a story has no height, its drift is not among the ratios.
@@ -299,8 +358,8 @@ def _paragraph(response: Response) -> str:
         f"{response.model.name}: {stories} {'story' if stories == 1 else 'stories'}, {motion}.",
         f"{response.method}: {response.steps} {'step' if response.steps == 1 else 'steps'} of {response.dt:.6g} s, "
         f"{1e6 * response.march_time / response.steps:.3g} us per step, energy error {response.energy.error:.1e}.",
-        f"Largest {worst}, roof displacement {found.roof_displacement.value:.4g} m, "
-        f"base shear {found.base_shear.value:.4g} N.",
+        f"Largest {worst}, roof displacement {units.text(found.roof_displacement.value, 'm')}, "
+        f"base shear {units.text(found.base_shear.value, 'N')}.",
     ]
     if (check := response.check) and check.drift_error is not None:
         runs = " and ".join(f"{dt:.6g}" for dt in check.dts)

@@ -76,6 +76,7 @@ class DriftRequest(TablesRequest):
 @options.spectra.tables
 @options.spectra.picture
 @options.output.jobs
+@options.output.units
 @options.output.overwrite
 def command(**given: Any) -> None:
     """Drift spectra: the largest story drifts of shear buildings.

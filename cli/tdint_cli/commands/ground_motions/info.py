@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from tdint.ground_motion.record import Record
     from tdint.output.tables.records import RecordInfo
     from tdint.output.tables.table import Table
+    from tdint.output_units import OutputUnits
 
 _DAMPING = 0.05
 _PERIODS = 481
@@ -42,6 +43,7 @@ class Request:
     plot: str | None
     jobs: int
     overwrite: bool
+    output_units: OutputUnits | None
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -88,6 +90,7 @@ class Product:
 )
 @options.output.picture
 @options.output.jobs
+@options.output.units
 @options.output.overwrite
 def command(**given: Any) -> None:
     """What ground-motion records are and how strong.
@@ -104,7 +107,7 @@ def command(**given: Any) -> None:
 
 def _run(request: Request) -> None:
     sources = records_of(request.records, request.layout)
-    outputs = Outputs.checked(request.output, request.plot, request.overwrite, summary=True)
+    outputs = Outputs.checked(request.output, request.plot, request.overwrite, summary=True, units=request.output_units)
     refuse_inputs(outputs.files, [*sources.files, request.inventory])
     notes = dict.fromkeys(sources.notes)  # a set in the order of arrival
     warnings: dict[str, None] = {}

@@ -35,6 +35,7 @@ from tdint_cli.commands.ground_motions.spectra.tables import make_tables
 @options.spectra.tables
 @options.spectra.picture
 @options.output.jobs
+@options.output.units
 @options.output.overwrite
 def command(**given: Any) -> None:
     """Response spectra of ground-motion records, elastic and inelastic.

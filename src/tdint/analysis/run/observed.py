@@ -88,14 +88,15 @@ def history(building: Building, space: Workspace, h: float) -> History:
     table = space.history
     fields = observing.HISTORY_FIELDS
     displacement, velocity, acceleration, shear = (table[:, 1 + j * n : 1 + (j + 1) * n] for j in range(fields))
-    below = np.hstack([np.zeros((len(table), 1)), displacement[:, :-1]])
+    drift = displacement.copy()
+    drift[:, 1:] -= displacement[:, :-1]
     return History(
         time=h * np.arange(len(table), dtype=np.float64),
         ground_acceleration=table[:, 0],
         displacement=displacement,
         velocity=velocity,
         acceleration=acceleration,
-        drift=displacement - below,
+        drift=drift,
         shear=shear,
         energy=_energy_history(table[:, 1 + fields * n :], space.observed),
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import partial, reduce
 from operator import add
 from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar, get_type_hints
@@ -162,6 +162,14 @@ class History:
     drift: Array
     shear: Array
     energy: EnergyHistory
+
+    def every(self, steps: int) -> History:
+        """Every so many steps, from the first one; nothing is copied."""
+        energy = EnergyHistory(
+            **{field.name: getattr(self.energy, field.name)[::steps] for field in fields(self.energy)}
+        )
+        own = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "energy"}
+        return History(**{name: values[::steps] for name, values in own.items()}, energy=energy)
 
 
 @dataclass(frozen=True)

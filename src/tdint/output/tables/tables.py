@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from tdint.ground_motion.record import component_names
 from tdint.output.tables import columns
 from tdint.output.tables.table import Cell, Column, Table, rows_of
+from tdint.output_units import SI, OutputUnits
 
 if TYPE_CHECKING:
     from tdint.analysis.run.outcome import History, StoryErrors, StoryPeaks
@@ -91,10 +92,11 @@ def history_columns(stories: int) -> tuple[str, ...]:
     )
 
 
-def write_history(history: History, stream: BinaryIO) -> None:
+def write_history(history: History, stream: BinaryIO, units: OutputUnits = SI) -> None:
     """Write a history as CSV, one row per step; some thousand rows are held as text at a time."""
-    header = history_columns(history.displacement.shape[1])
-    stream.write((",".join(header) + "\n").encode())
+    header = [units.column(name) for name in history_columns(history.displacement.shape[1])]
+    stream.write((",".join(name for name, _ in header) + "\n").encode())
+    factors = None if units == SI else np.array([factor for _, factor in header])
     line = ",".join(["%.12g"] * len(header)) + "\n"
     start, floors, springs, energies = (
         [column.of(history) for column in group]
@@ -112,5 +114,7 @@ def write_history(history: History, stream: BinaryIO) -> None:
                 *(values[part] for values in energies),
             ]
         )
+        if factors is not None:
+            table /= factors
         text = "".join([line % tuple(row) for row in (table + 0.0).tolist()])
         stream.write(text.replace("nan", "").encode())

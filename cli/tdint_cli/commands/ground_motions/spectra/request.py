@@ -19,8 +19,9 @@ if TYPE_CHECKING:
     from tdint.analysis.spectra.published import PublishedSpectrum
     from tdint.ground_motion.formats.tables.layout import TextLayout
     from tdint.ground_motion.processing import Processing
+    from tdint.output_units import OutputUnits
 
-_NOT_SETTINGS = ("records", "output", "plot", "jobs", "overwrite", "period")
+_NOT_SETTINGS = ("records", "output", "plot", "jobs", "overwrite", "period", "output_units")
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,7 @@ class TablesRequest:
     plot: str | None
     jobs: int
     overwrite: bool
+    output_units: OutputUnits | None
 
     @property
     def is_folder(self) -> bool:

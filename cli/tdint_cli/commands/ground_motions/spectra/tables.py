@@ -10,13 +10,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tdint.errors import TdintError
+from tdint.output_units import SI
 from tdint_cli.batch.processes import Task, outcomes
 from tdint_cli.batch.sources import notes_of_components, records_of, refuse_inputs, tables_of
 from tdint_cli.commands.ground_motions.spectra.kind import Kind
 from tdint_cli.commands.ground_motions.spectra.request import TablesRequest
 from tdint_cli.errors import Failures
 from tdint_cli.options.output import Outputs, check_picture
-from tdint_cli.options.plot import SUFFIX, picture_file
+from tdint_cli.options.plot import SUFFIX, beside, picture_file
 from tdint_cli.terminal.drawing import reading_width, table_bytes
 from tdint_cli.terminal.streams import emit, note, warn
 
@@ -136,7 +137,7 @@ def _outputs(request: TablesRequest, table: Path | None) -> Outputs:
     picture = picture_file(request.plot, table) if table or not request.is_folder else None
     if picture:
         check_picture(picture)
-    return Outputs(table, picture, table.with_suffix(".json") if table else None, request.overwrite)
+    return Outputs(table, picture, beside(table, ".json") if table else None, request.overwrite)
 
 
 def _work(request: TablesRequest, kind: Kind, width: int | None, task: Task) -> RecordTable:
@@ -154,7 +155,7 @@ def _work(request: TablesRequest, kind: Kind, width: int | None, task: Task) -> 
     records = [request.processing.apply(record) for file in (task.source, *task.others) for record in read(file)]
     results = kind.compute(request, records)
     lines = tuple(results.lines)
-    table = kind.table(request, lines)
+    table = kind.table(request, lines).in_units(request.output_units or SI)
     return RecordTable(
         text=table_bytes(table, width),
         meanings=table.meanings,
@@ -176,7 +177,7 @@ def _picture(request: TablesRequest, kind: Kind, results: Sequence[Any], suffix:
 def _write(request: TablesRequest, kind: Kind, table: Path | None, products: Sequence[RecordTable]) -> None:
     """Write a table of the records of several files, or of one, with what goes beside it; or a picture alone."""
     from tdint.files import write_files
-    from tdint.output.summaries.summary import json_bytes, table_summary
+    from tdint.output.summaries.summary import in_units, json_bytes, table_summary
 
     outputs = _outputs(request, table)
     contents: dict[Path, bytes] = {}
@@ -185,7 +186,9 @@ def _write(request: TablesRequest, kind: Kind, table: Path | None, products: Seq
         summary = table_summary(kind.command, request.settings(kind.default_periods), records, products[0].meanings)
         rows = [_without_header(product.text) for product in products[1:]]
         contents[outputs.table] = b"".join([products[0].text, *rows])
-        contents[outputs.summary] = json_bytes(summary)
+        # The columns of the table are those of the products, in the units asked for already.
+        own = {"columns": summary["columns"]}
+        contents[outputs.summary] = json_bytes(in_units(summary, request.output_units or SI) | own)
     if outputs.picture:
         results = [result for product in products for result in product.results]
         contents[outputs.picture] = products[0].picture or _picture(request, kind, results, outputs.picture.suffix)
