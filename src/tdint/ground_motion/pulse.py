@@ -32,7 +32,7 @@ class VelocityPulse:
         rad; pi/2 leaves the ground where it was.
     """
 
-    velocity: float = 0.6
+    velocity: float = 0.4
     period: float = 1.2
     cycles: float = 3.0
     phase: float = 0.5 * math.pi

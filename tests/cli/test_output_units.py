@@ -1,0 +1,162 @@
+"""`--output-units`: every table, summary and sentence in other units, and back; histories packed and thinned."""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import io
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import Result
+
+from tdint.output_units import parse_output_units
+
+Run = Callable[..., Result]
+US = parse_output_units("kip,in,g")
+
+
+def table(text: str) -> tuple[list[str], list[list[str]]]:
+    header, *rows = csv.reader(io.StringIO(text))
+    return header, rows
+
+
+def check_round_trip(si: str, us: str) -> None:
+    """The table in US units, times the units' values, is the one in SI to the digits of both; names say the units."""
+    (names, rows), (renamed, others) = table(si), table(us)
+    found = [US.column(name) for name in names]
+    assert renamed == [name for name, _ in found] and renamed != names
+    for row, other in zip(rows, others, strict=True):
+        for cell, converted, (_, factor) in zip(row, other, found, strict=True):
+            if factor == 1.0 or not cell:
+                assert converted == cell
+            else:
+                assert float(converted) * factor == pytest.approx(float(cell), rel=2e-11, abs=1e-300)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("run", "shaken.yaml", "--check"),
+        ("law", "shaken.yaml", "--drift", "1%,2%", "--points", 3),
+        ("pushover", "shaken.yaml", "--points", 5),
+        ("spectrum", "motion.mseed", "--component", "HNE", "--period", "0.2,1", "--damping", "2%,5%"),
+        ("spectrum", "motion.mseed", "--component", "HNE", "--period", "0.5", "--ductility", 2),
+        ("spectrum", "motion.mseed", "--period", "0.5", "--rotd", "50,100"),
+        ("drift-spectrum", "motion.mseed", "--component", "HNE", "--period", "0.5"),
+        ("info", "motion.mseed"),
+    ],
+    ids=lambda arguments: "-".join(str(word) for word in arguments if str(word).isalpha()),
+)
+def test_a_table_and_back(folder: Path, tdint: Run, arguments: tuple[Any, ...]) -> None:
+    si, us = tdint(*arguments), tdint(*arguments, "--output-units", "kip,in,g")
+    assert (si.exit_code, us.exit_code) == (0, 0), us.stderr
+    check_round_trip(si.stdout, us.stdout)
+
+
+def test_the_files_of_a_run_and_back(folder: Path, tdint: Run) -> None:
+    run = ("run", "shaken.yaml", "--history", "--floor-spectra", "roof", "--period", 0.5)
+    assert tdint(*run, "-o", "si").exit_code == 0
+    done = tdint(*run, "-o", "us", "--output-units", "kip,in,g")
+    assert done.exit_code == 0, done.stderr
+    for name in ("stories.csv", "history.csv", "floor-spectra.csv"):
+        check_round_trip(*((folder / units / name).read_text() for units in ("si", "us")))
+    si, us = (json.loads((folder / units / "summary.json").read_text()) for units in ("si", "us"))
+    assert us["peaks"]["base_shear_kip"] == pytest.approx(si["peaks"]["base_shear_N"] / 4448.2216152605, rel=1e-11)
+    assert us["record"]["pga_g"] == pytest.approx(si["record"]["pga_m_s2"] / 9.80665, rel=1e-11)
+    assert us["meanings"]["base_shear_kip"]["unit"] == "kip" and us["settings"]["output_units"] == "kip,in,kg,g"
+    assert set(us["meanings"]) == {US.column(name)[0] for name in si["meanings"]}
+    assert " kip." in done.stderr and " in, base shear" in done.stderr and " g)" in done.stderr
+
+
+def test_a_model_names_its_units_and_the_command_line_comes_before_it(folder: Path, tdint: Run) -> None:
+    with (folder / "forced.yaml").open("a") as stream:
+        stream.write("output_units: [kN, mm]\n")
+    assert "peak_shear_kN" in tdint("run", "forced.yaml").stdout
+    assert "peak_absolute_acceleration_mm_s2" in tdint("run", "forced.yaml").stdout
+    assert "shear_kN" in tdint("law", "forced.yaml", "--drift", "1%").stdout
+    assert "base_shear_kN" in tdint("pushover", "forced.yaml").stdout
+    assert "peak_shear_kip" in tdint("run", "forced.yaml", "--output-units", "kip,in,g").stdout
+
+
+def test_the_columns_beside_a_spectrum(folder: Path, tdint: Run) -> None:
+    spectrum = (
+        "spectrum",
+        "motion.mseed",
+        "--component",
+        "HNE",
+        "--period",
+        1,
+        "-o",
+        "s.csv",
+        "--output-units",
+        "cm,g",
+    )
+    assert tdint(*spectrum).exit_code == 0
+    told = json.loads((folder / "s.json").read_text())
+    header, _ = table((folder / "s.csv").read_text())
+    assert list(told["columns"]) == header
+    assert told["columns"]["psa_g"]["unit"] == "g" and told["columns"]["sd_cm"]["unit"] == "cm"
+    assert "pga_g" in told["records"][0]
+
+
+def test_units_that_are_none(folder: Path, tdint: Run) -> None:
+    done = tdint("run", "forced.yaml", "--output-units", "kips,in")
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert "unknown unit 'kips'; did you mean 'kip'?" in done.stderr
+
+
+def test_a_history_under_any_name_packed_and_thinned(folder: Path, tdint: Run) -> None:
+    run = ("run", "forced.yaml")
+    assert tdint(*run, "--history", "-o", "out").exit_code == 0
+    whole = (folder / "out" / "history.csv").read_text().splitlines(keepends=True)
+    assert len(whole) == 102
+    done = tdint(*run, "--history", "new/h.csv.gz", "--every", 7)
+    assert done.exit_code == 0, done.stderr
+    packed = (folder / "new" / "h.csv.gz").read_bytes()
+    assert gzip.decompress(packed).decode() == "".join([whole[0], *whole[1::7]])
+    assert tdint(*run, "--history=new/h.csv.gz", "--every", 7, "--overwrite").exit_code == 0
+    assert (folder / "new" / "h.csv.gz").read_bytes() == packed  # the same bytes, whenever they are written
+    assert tdint(*run, "--history=plain.csv").exit_code == 0
+    assert (folder / "plain.csv").read_text() == "".join(whole)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--history",), "--history alone writes into the folder of -o: add -o DIR, or name it: --history=FILE.csv"),
+        (("--history=h.txt",), "--history h.txt: a history is a table; name it .csv or .csv.gz"),
+        (("--history=",), "--history is empty; give a name"),
+        (("--every", 2), "--every belongs to --history"),
+        (("--history=h.csv", "--every", 0), "--every"),
+    ],
+)
+def test_a_history_that_cannot_be(folder: Path, tdint: Run, arguments: tuple[Any, ...], message: str) -> None:
+    done = tdint("run", "forced.yaml", *arguments)
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert message in done.stderr
+
+
+def test_any_table_is_packed_by_its_name(folder: Path, tdint: Run) -> None:
+    modes = tdint("modes", "shaken.yaml").stdout
+    assert tdint("modes", "shaken.yaml", "-o", "m.csv.gz").exit_code == 0
+    assert gzip.decompress((folder / "m.csv.gz").read_bytes()).decode() == modes
+    spectrum = ("spectrum", "motion.mseed", "--component", "HNE", "--period", "1,2")
+    assert tdint(*spectrum, "-o", "a/s.csv.gz", "--plot").exit_code == 0
+    assert sorted(path.name for path in (folder / "a").iterdir()) == ["s.csv.gz", "s.json", "s.png"]
+    assert gzip.decompress((folder / "a" / "s.csv.gz").read_bytes()).decode() == tdint(*spectrum).stdout
+
+
+def test_every_so_many_steps_are_views(folder: Path) -> None:
+    from tdint import load_model, run
+
+    history = run(load_model("forced.yaml"), history=True).history
+    assert history is not None
+    thin = history.every(10)
+    np.testing.assert_array_equal(thin.time, history.time[::10])
+    assert thin.energy.error.shape == (11,) and thin.drift.shape == (11, 2)
+    assert np.shares_memory(thin.displacement, history.displacement)
