@@ -160,7 +160,7 @@ def test_options_of_a_record_need_one(folder, tdint, option):
 
 
 def test_files_need_a_folder(folder, tdint):
-    check_error(tdint("run", "forced.yaml", "--history"), 2, "--history writes a file: add -o DIR")
+    check_error(tdint("run", "forced.yaml", "--history"), 2, "--history alone writes into the folder of -o: add -o DIR")
 
 
 @pytest.mark.parametrize(
