@@ -336,7 +336,7 @@ def test_the_energies_are_in_the_history(folder, tdint):
 
 @pytest.mark.parametrize(("error", "code"), [(KeyboardInterrupt, 130), (MemoryError, 5), (ZeroDivisionError, 1)])
 def test_whatever_ends_the_writing_leaves_no_file(folder, tdint, monkeypatch, error, code):
-    def half_a_history(_, stream):
+    def half_a_history(_, stream, units):
         stream.write(b"half a li")
         raise error
 

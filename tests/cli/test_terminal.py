@@ -122,7 +122,7 @@ HALF = """
 import sys, time
 from tdint.output.tables import tables
 
-def write_half(history, stream):
+def write_half(history, stream, units):
     stream.write(b"time_s")
     stream.flush()
     print("half", file=sys.stderr, flush=True)
