@@ -13,7 +13,7 @@ import pytest
 
 import tdint
 from tdint.kernels.building import store
-from tdint.kernels.building.compiler import object_of
+from tdint.kernels.building.compiler import called, object_of, specialized
 from tdint.kernels.building.loading import Loaded
 from tdint.kernels.building.objects import pack, unpack
 from tdint.kernels.building.target import Target
@@ -179,6 +179,16 @@ def test_a_kernel_that_allocates_is_refused():
 
     with pytest.raises(Exception, match=r"NRT|allocate"):
         object_of(allocates, F8(VECTOR))
+
+
+@pytest.mark.parametrize(("decorate", "times"), [(called, 1), (specialized, 2)])
+def test_constants_make_another_function_only_where_that_is_wanted(decorate, times):
+    @decorate
+    def power(x, n):
+        return x**n
+
+    object_of(lambda x: power(x, 2) + power(x, 3), F8(F8))
+    assert len(power.overloads) == times
 
 
 def test_a_variant_is_read_as_it_is_written():

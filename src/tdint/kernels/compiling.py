@@ -29,6 +29,7 @@ __all__ = [
     "kernel",
     "local",
     "local_table",
+    "specialized",
 ]
 
 VECTOR = ArrayOf(1)
@@ -68,6 +69,6 @@ def kernel(signature: Signature, parts: tuple[str, ...] = _LAWS_AND_LOADS) -> Ca
 
 
 if COMPILES:
-    from tdint.kernels.building.compiler import called, called_at, inlined, local, local_table
+    from tdint.kernels.building.compiler import called, called_at, inlined, local, local_table, specialized
 else:
-    from tdint.kernels.building.plain import called, called_at, inlined, local, local_table
+    from tdint.kernels.building.plain import called, called_at, inlined, local, local_table, specialized

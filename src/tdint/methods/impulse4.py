@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 
-from tdint.kernels.chain import DASHPOTS, finite
+from tdint.kernels.chain import finite
 from tdint.kernels.compiling import called, inlined, kernel
 from tdint.kernels.equations.impulse4 import FACTORS, SAVED, STORE, factor_rows, loads, newton, solve_linear
 from tdint.kernels.equations.impulse_momentum import (
@@ -25,8 +25,7 @@ from tdint.kernels.equations.impulse_momentum import (
     U1,
     V1,
 )
-from tdint.kernels.laws import LAWS
-from tdint.kernels.laws.choosing import COMPILED
+from tdint.kernels.laws.choosing import BENDING, CURVING
 from tdint.kernels.laws.walking import copy_further
 from tdint.kernels.layout import (
     ABOVE,
@@ -65,10 +64,6 @@ from tdint.kernels.stories.events import NONE, first_event
 from tdint.kernels.stories.springs import commit, resume, settle
 from tdint.methods.method import Family, Method, Parameter
 
-# What the step is compiled for
-_CURVED = DASHPOTS or any(LAWS[code].curved for code in COMPILED)
-_BENDING = _CURVED or any(LAWS[code].kinked for code in COMPILED)
-
 _STRAYED = 0.1  # over the drift's change: a located event that is missed by more was not located
 _BACKWARD = 1e-6  # over the drifts: what a story may go back on a branch that holds for one direction
 _AT_ONCE = 1e-9  # an event within this part of the step from here happens here
@@ -82,7 +77,7 @@ def work_rows(modes: int) -> int:
 @kernel(STEP)
 def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
     """One step from kink to kink of the laws that have any; where kinks pile up, and without any, straight on."""
-    if not _BENDING:
+    if not BENDING:
         return _by_branches(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo)
     n = chain.shape[1] - 1
     if memo[BRANCHES] != NO_BRANCHES:
@@ -124,7 +119,7 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
         factors = FACTORS if piece == h else FACTORS + STORE + 6 * modal.shape[0] + 1
         ground = load[GROUND_0] + slope * done
         loads(chain, forces, load[TIME] + done, piece, ground, ground + slope * piece, work)
-        if not _CURVED or straight:
+        if not CURVING or straight:
             solve_linear(coefficients, chain, modal, laws, piece, state, springs, work, factors)
             solves += 1
         else:
@@ -134,7 +129,7 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
                     _restore(state, springs, work, n)
                 return code
             solves += code
-        if _BENDING and not ending and memo[LINEAR] == 0.0:
+        if BENDING and not ending and memo[LINEAR] == 0.0:
             fraction, story, how = first_event(chain, piece, state, springs, work, U1, V1)
             if fraction != NONE:
                 if events == 0:
@@ -149,10 +144,10 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
                 else:
                     _change(chain, laws, state, springs, story, how)
                 continue
-        if _BENDING and ending and _strays(chain, springs, work, story, how):
+        if BENDING and ending and _strays(chain, springs, work, story, how):
             _restore(state, springs, work, n)
             return NOT_CONVERGED
-        if not _CURVED or straight:
+        if not CURVING or straight:
             _advance(chain, laws, state, springs, work)
         else:
             _arrive(True, chain, laws, state, springs, work)
@@ -160,7 +155,7 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
         piece = h - done
         if not ending:
             break
-        if _BENDING:
+        if BENDING:
             _change(chain, laws, state, springs, story, how)
         if piece <= _AT_ONCE * h:
             break

@@ -41,9 +41,17 @@ def inlined(function: Callable[..., Any]) -> Any:
     return numba.njit(inline="always", **_OPTIONS)(function)
 
 
-def called(function: Callable[..., Any]) -> Any:
-    """`tdint.kernels.building.plain.called`, compiled."""
+def specialized(function: Callable[..., Any]) -> Any:
+    """`tdint.kernels.building.plain.specialized`, compiled: numba takes a constant argument for a type of its own."""
     return numba.njit(**_OPTIONS)(function)
+
+
+def called(function: Callable[..., Any]) -> Any:
+    """`tdint.kernels.building.plain.called`, compiled: constants are told to it as any other number."""
+    once = specialized(function)
+    template = once.get_call_template
+    once.get_call_template = lambda arguments, named: template(tuple(map(types.unliteral, arguments)), named)
+    return once
 
 
 def called_at(signature: Signature) -> Any:
@@ -116,7 +124,7 @@ def object_of(function: Callable[..., Any], signature: Signature) -> tuple[bytes
     ValueError
         The kernel calls something that is neither in the object nor of the C library: it allocates, or raises.
     """
-    compiled = called(function)
+    compiled = specialized(function)
     compiled.compile(_type(signature.returns)(*map(_type, signature.arguments)))
     (arguments,) = compiled.overloads
     text = compiled.inspect_llvm(arguments)

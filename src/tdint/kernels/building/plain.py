@@ -20,6 +20,11 @@ def called(function: Callable[..., Any]) -> Any:
     return function
 
 
+def specialized(function: Callable[..., Any]) -> Any:
+    """Mark a function that is `called`, but compiled anew for each constant argument: a block of springs, a truth."""
+    return function
+
+
 def called_at(signature: Signature) -> Any:
     """A function (kernel, its arguments) that calls a kernel given to another one."""
     return lambda kernel, *arguments: kernel(*arguments)

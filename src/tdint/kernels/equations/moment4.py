@@ -14,9 +14,10 @@ from __future__ import annotations
 
 import math
 
-from tdint.kernels.chain import add_modal_force
+from tdint.kernels.chain import DASHPOTS, MODAL, add_modal_force
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.equations.tridiagonal import factor_blocks, link_blocks, solve_blocks_damped
+from tdint.kernels.laws.choosing import BENDING
 from tdint.kernels.layout import (
     ACCELERATION,
     ALL_BRANCHES,
@@ -107,7 +108,7 @@ def move(coefficients, chain, modal, laws, h, state, springs, work, memo):
     while True:
         stale = _stories(straight, coefficients, chain, laws, h, state, springs, work)
         size = _residuals(coefficients, chain, modal, h, state, work)
-        if not straight:
+        if BENDING and not straight:
             if last or _in_balance(coefficients, chain, h, state, work, memo):
                 break
             if size > before * (1.0 - 1e-4 * part) and part > _LEAST:
@@ -121,7 +122,7 @@ def move(coefficients, chain, modal, laws, h, state, springs, work, memo):
         solve_blocks_damped(work, _BLOCKS, _COUPLING, modal, h, 0.0, 0.0, h, _STORE, _X, _X + 1, n)
         last = _correct(h, state, work, n)
         iterations += 1
-        if memo[LINEAR] != 0.0:
+        if not BENDING or memo[LINEAR] != 0.0:
             break
         before = size
         part = 1.0
@@ -152,13 +153,13 @@ def _stories(straight, coefficients, chain, laws, h, state, springs, work):
         bend = work[BEND, i] - link * bend_below
         rise_below = work[RISE, i]
         bend_below = work[BEND, i]
-        if straight or stays(springs, i, rise, bend):
+        if not BENDING or straight or stays(springs, i, rise, bend):
             work[_LEFT, i] = 0.0
             keep_to_branch(springs, i, rise, bend, work, _PATH)
         else:
             work[_LEFT, i] = 1.0
             follow(laws, springs, i, rise, bend, work, _PATH)
-        if chain[POWER_DAMPER, i] != 0.0:
+        if DASHPOTS and chain[POWER_DAMPER, i] != 0.0:
             follow_dashpot(chain, i, h, rise, bend, work, _PATH, _DASHPOT)
         same = SAME_TANGENT * laws[STIFFNESS, i]
         for row in range(4):
@@ -305,13 +306,13 @@ def finish(coefficients, chain, modal, laws, h, state, springs, work, memo):
         rise_below = work[RISE, i]
         bend_below = work[BEND, i]
         damped += chain[STORY_DAMPER, i] / h * (rise * rise + bend * bend / 12.0)
-        if work[_LEFT, i] == 0.0:
+        if not BENDING or work[_LEFT, i] == 0.0:
             advance(laws, springs, i, 0, springs[DRIFT, i] + rise)
         else:
             arrive(laws, springs, i, rise)
-    if modal.shape[0] > 0:
+    if MODAL and modal.shape[0] > 0:
         damped += _modal_work(modal, h, work, n)
-    if memo[POWER_DAMPERS] != 0.0:
+    if DASHPOTS and memo[POWER_DAMPERS] != 0.0:
         damped += _dashpot_work(chain, work, n)
     memo[WORK_INPUT] = given
     memo[WORK_DAMPED] = damped

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from tdint.kernels.compiling import VARIANT, called, inlined
+from tdint.kernels.compiling import VARIANT, called, inlined, specialized
 from tdint.kernels.laws import LAWS
 from tdint.kernels.laws.apart import HOOKS
 from tdint.kernels.laws.law import LawFunctions
@@ -15,6 +15,15 @@ FUNCTIONS = tuple(LawFunctions(**HOOKS) if law.apart else law.functions() for la
 
 COMPILED = tuple(code for code, law in enumerate(LAWS) if not VARIANT.laws or law.name in VARIANT.laws)
 """The laws that the kernels are compiled for."""
+
+CURVES = any(LAWS[code].curved for code in COMPILED)
+"""Whether a law may be curved."""
+
+CURVING = VARIANT.dashpots or CURVES
+"""Whether a story may have a force that is not linear branch by branch."""
+
+BENDING = CURVING or any(LAWS[code].kinked for code in COMPILED)
+"""Whether a story may have a force that is not linear in its motion."""
 
 # The first laws are put into each place that goes by the law; the others are compiled once, together, and called:
 # compiling the loops takes long enough. The functions of laws that stand apart only call those at their address.
@@ -40,7 +49,7 @@ def chosen(hook: str, case: Callable[[Any, int, Any, Any], Any], otherwise: Any 
     rare = min((code for code, _ in owns if code >= _FREQUENT), default=None)
     function = otherwise if rarely is None or max(COMPILED) < _FREQUENT else called(rarely)
     for code, own in reversed(owns):
-        function = own if function is None else case(called if code == rare else inlined, code, own, function)
+        function = own if function is None else case(specialized if code == rare else inlined, code, own, function)
     return function
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from tdint.kernels.compiling import called, inlined
+from tdint.kernels.compiling import inlined, specialized
 from tdint.kernels.layout import (
     ABOVE,
     BELOW,
@@ -68,7 +68,7 @@ def walker(switch: Any, own: Any = None) -> Any:
     way."""
     advance = advancing(own or inlined(add_work))
 
-    @called
+    @specialized
     def walk(laws, springs, i, past, trial, drift):
         for row in range(SPRING_ROWS):
             springs[trial + row, i] = springs[past + row, i]

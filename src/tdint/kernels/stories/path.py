@@ -18,7 +18,7 @@ import math
 import numpy as np
 
 from tdint.kernels.compiling import called, inlined
-from tdint.kernels.laws.choosing import DISSIPATING, case_of_4, chosen
+from tdint.kernels.laws.choosing import CURVES, DISSIPATING, case_of_4, chosen
 from tdint.kernels.laws.walking import copy_further
 from tdint.kernels.layout import (
     ABOVE,
@@ -120,7 +120,7 @@ def keep_to_branch(springs, i, rise, bend, work, out):
 def follow(laws, springs, i, rise, bend, work, out):
     """The results of any story into the rows from `out` on; its state on the way is left to `arrive`."""
     _clear(work, out, i)
-    if springs[SLOPE, i] < math.inf:
+    if not CURVES or springs[SLOPE, i] < math.inf:
         _over_branches(laws, springs, i, rise, bend, work, out)
     elif laws[CODE, i] in DISSIPATING:
         _with_memory(laws, springs, i, rise, bend, work, out)
@@ -131,7 +131,7 @@ def follow(laws, springs, i, rise, bend, work, out):
 @called
 def arrive(laws, springs, i, rise):
     """Commit the end of the path that `follow` followed last."""
-    if springs[SLOPE, i] < math.inf:
+    if not CURVES or springs[SLOPE, i] < math.inf:
         _copy(springs, i, FIRST_TRIAL, 0)
         return
     past = FIRST_TRIAL if laws[CODE, i] in DISSIPATING else 0
