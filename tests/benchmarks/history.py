@@ -8,6 +8,7 @@ import io
 import sys
 import time
 import tracemalloc
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -61,7 +62,7 @@ def main():
     print(f"every 10 steps: {fastest(lambda: write_history(history.every(10), io.BytesIO())):.2f} s")
     for level in (1, 4, 6, 9):
         text = packed(history, level)
-        print(f"packed with level {level}: {fastest(lambda l=level: packed(history, l)):.2f} s, {len(text)} bytes")
+        print(f"packed with level {level}: {fastest(partial(packed, history, level)):.2f} s, {len(text)} bytes")
     print(f"the table {size / 1e6:.1f} MB, at most allocated by the run {peak / 1e6:.1f} MB", end="")
     print(f", by the writing {(writing - before) / 1e6:.1f} MB more")
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_ROWS_AT_ONCE = 4096
+_ROWS_AT_ONCE = 512
 
 
 def story_table(stories: StoryPeaks, errors: StoryErrors | None = None) -> Table:
@@ -93,7 +93,7 @@ def history_columns(stories: int) -> tuple[str, ...]:
 
 
 def write_history(history: History, stream: BinaryIO, units: OutputUnits = SI) -> None:
-    """Write a history as CSV, one row per step; some thousand rows are held as text at a time."""
+    """Write a history as CSV, one row per step; some hundred rows are held as text at a time."""
     header = [units.column(name) for name in history_columns(history.displacement.shape[1])]
     stream.write((",".join(name for name, _ in header) + "\n").encode())
     factors = None if units == SI else np.array([factor for _, factor in header])
