@@ -13,8 +13,8 @@ import pytest
 
 from building_cases import model, story
 from tdint import load_model, spectrum
-from tdint.analysis.run.case import Case
-from tdint.analysis.run.outcome import FailedRun
+from tdint.campaign.engine.batch import Batch
+from tdint.campaign.engine.rows import Intensity, row_of_failure
 from tdint.campaign.studies.ida.curve import IdaCurve, fractiles
 from tdint.campaign.studies.ida.levels import Levels, below_collapse
 from tdint.campaign.studies.ida.runs import IdaRun
@@ -201,26 +201,44 @@ def test_a_building_that_never_stands_has_no_capacity():
     assert math.isnan(found.collapse.capacity)
 
 
-def test_runs_are_repeated_with_a_finer_step(frame, monkeypatch):
-    """What does not converge with a coarse step and does with a finer one counts; else it is a run without a result."""
-    original, tried = Case.march, []
+def test_what_the_engine_says_of_repeated_runs(frame, monkeypatch):
+    """A run that has a result with a finer step counts; one that has none counts neither way."""
+    original = Batch.results
 
-    def march(self, steps, history=False):
-        tried.append((self.record.scale, steps.h))
-        if steps.h > 0.006 and 1.0 < self.record.pga < 1.3:
-            raise FailedRun("no", "not-converged", "m", steps.h)
-        if 2.0 < self.record.pga < 2.2:
-            raise FailedRun("no", "diverged", "m", steps.h)
-        return original(self, steps, history)
+    def results(self, runs):
+        rows = original(self, runs)
+        pga = rows.runs[0].pga
+        if 1.0 < pga < 1.3:
+            rows.runs[0] = rows.runs[0]._replace(repeats=2)
+        if 2.0 < pga < 2.2:
+            rows.runs[0] = row_of_failure(0, runs[0], 0.0025, "diverged", Intensity(pga, None), 3)
+        return rows
 
-    monkeypatch.setattr(Case, "march", march)
+    monkeypatch.setattr(Batch, "results", results)
     (one,) = ida(frame, [motion(0)], pga()).curves
-    mended = [run for run in one.runs if 1.0 < run.im < 1.3]
+    mended, lost = ([run for run in one.runs if low < run.im < high] for low, high in ((1.0, 1.3), (2.0, 2.2)))
     assert mended
     assert all(run.stable and run.finer == 2 for run in mended)
-    assert all(run.status == "diverged" and math.isnan(run.drift_ratio) for run in one.runs if 2.0 < run.im < 2.2)
-    steps = {h for scale, h in tried if any(scale == run.scale for run in mended)}
-    assert steps == {0.02, 0.01, 0.005}
+    assert lost
+    assert all(run.status == "diverged" and math.isnan(run.drift_ratio) for run in lost)
+    assert one.collapse.lower > 2.2
+
+
+def test_until_rest(frame):
+    """Behind the record the building comes to rest: another drift remains, as behind a record with zeros at its end."""
+    settings = IdaSettings(max_im=1.5, thresholds=())
+    short = replace(motion(0), acceleration=motion(0).acceleration[:260])
+    cut, rested = (
+        ida(frame, [short], pga(), replace(settings, until_rest=rest)).curves[0].runs[-1] for rest in (False, True)
+    )
+    assert cut.im == rested.im
+    assert rested.drift_ratio >= cut.drift_ratio
+    longer = replace(short, acceleration=np.concatenate([short.acceleration, np.zeros(6000)]))
+    (at_rest,) = ida(frame, [longer], pga(), settings).curves
+    same = min(at_rest.runs, key=lambda run: abs(run.scale - rested.scale))
+    assert same.scale == pytest.approx(rested.scale)
+    assert rested.residual_drift_ratio == pytest.approx(same.residual_drift_ratio, abs=2e-3 * rested.drift_ratio)
+    assert abs(cut.residual_drift_ratio - same.residual_drift_ratio) > 0.05 * rested.drift_ratio
 
 
 def test_fractiles_of_one_and_of_three():

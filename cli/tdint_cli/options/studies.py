@@ -65,7 +65,7 @@ def read_suite(records: Sequence[str], choice: RecordChoice, *, pairs: bool) -> 
 
     if pairs and choice.component is not None:
         raise UsageError("--component names single components; leave it out with pairs")
-    sources = records_of(records)
+    sources = records_of(records, choice.layout)
     for text in sources.notes:
         note(text)
     suite = (read_pairs if pairs else read_components)(sources.files, choice)

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from tdint.campaign.studies.ida.study import IdaSettings, IdaStudy
     from tdint.campaign.studies.intensity import IntensityMeasure
     from tdint.files import Writer
+    from tdint.ground_motion.formats.tables.layout import TextLayout
     from tdint.ground_motion.processing import Processing
     from tdint.model.definition import Model
     from tdint.quantities import Grid
@@ -42,6 +43,7 @@ class IdaRequest:
     units: str | None
     component: str | None
     inventory: str | None
+    layout: TextLayout
     processing: Processing
     im: str
     period: float | None
@@ -54,6 +56,7 @@ class IdaRequest:
     method: str | None
     dt: float | None
     duration: float | None
+    until_rest: bool
     jobs: int
     output: str | None
     plot: str | None
@@ -70,6 +73,7 @@ class IdaRequest:
 @options.record.records
 @options.record.units
 @options.record.component
+@options.record.layout
 @options.record.inventory
 @options.record.processing
 @options.studies.option(
@@ -110,6 +114,11 @@ class IdaRequest:
 @options.analysis.method
 @options.analysis.dt
 @options.analysis.duration
+@options.analysis.option(
+    "--until-rest",
+    is_flag=True,
+    help="Let each run go on with the ground at rest until the building is: residual drifts are at rest then.",
+)
 @options.output.output(
     "DIR",
     f"Write {RUNS}, {CAPACITIES} and {SUMMARY} into this folder, and go on there with what an interrupted call of the "
@@ -152,9 +161,10 @@ def _ida(request: IdaRequest) -> None:
         max_im=_largest(request, measure),
         dt=request.dt,
         duration=request.duration,
+        until_rest=request.until_rest,
         **({"thresholds": request.threshold} if request.threshold else {}),
     )
-    choice = RecordChoice(request.units, request.component, request.inventory, request.processing)
+    choice = RecordChoice(request.units, request.component, request.inventory, request.processing, request.layout)
     suite, failures = read_suite(request.records, choice, pairs=False)
     with progress_bar(request.output is None) as tell:
         study = ida(

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from tdint.campaign.studies.intensity import GroundMotion, IntensityMeasure
     from tdint.campaign.studies.scaling import Scaling
     from tdint.files import Writer
+    from tdint.ground_motion.formats.tables.layout import TextLayout
     from tdint.ground_motion.processing import Processing
     from tdint.quantities import Grid
     from tdint.units import Units
@@ -36,6 +37,7 @@ class ScaleRequest:
     units: str | None
     component: str | None
     inventory: str | None
+    layout: TextLayout
     processing: Processing
     target: str | None
     range: Grid | None
@@ -104,6 +106,7 @@ class ScaleRequest:
 @options.record.records
 @options.record.units
 @options.record.component
+@options.record.layout
 @options.record.inventory
 @options.record.processing
 @options.option(
@@ -173,7 +176,7 @@ def _scale(request: ScaleRequest) -> None:
     outputs = Outputs.checked(request.output, request.plot, request.overwrite, summary=True)
     refuse_inputs(outputs.files, [*request.records, request.target, request.inventory])
     aim = _aim(request)
-    choice = RecordChoice(request.units, request.component, request.inventory, request.processing)
+    choice = RecordChoice(request.units, request.component, request.inventory, request.processing, request.layout)
     suite, failures = read_suite(request.records, choice, pairs=request.in_pairs)
     if failures and (request.p695 or request.rule == "asce7"):
         raise Failures(failures)

@@ -6,18 +6,14 @@ import math
 from dataclasses import dataclass
 
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.demands import demands
-from tdint.analysis.run.outcome import FailedRun, Response
-from tdint.analysis.run.steps import Steps, finer
+from tdint.campaign.engine.batch import Batch
+from tdint.campaign.engine.runs import Run
 
 DONE = "done"
 COLLAPSED = ("collapsed", "failed-story")
 """Statuses of a run that count as collapse; every other but `done` says nothing of the building."""
 
-_FINER = 3
-"""How often a run without a result is repeated, each time with half the step."""
-
-_REPEATED = ("not-converged", "diverged")
+_UNSTABLE = "unstable-step"
 
 
 @dataclass(frozen=True)
@@ -60,35 +56,29 @@ class IdaRun:
         return self.status in COLLAPSED
 
 
-def run_level(case: Case, steps: Steps, im: float, scale: float) -> IdaRun:
-    """Run a case with its ground motion times `scale`; a run that has no result is repeated with half the step.
+def run_level(batch: Batch, im: float, scale: float) -> IdaRun:
+    """Run the only motion of a batch times `scale`; a run that has no result is repeated with half the step.
 
     Raises
     ------
     FailedRun
         The step is beyond the method's limit.
     """
-    scaled = case.scaled(scale)
-    for halvings in range(_FINER + 1):
-        try:
-            return _of(scaled.march(steps), im, scale, halvings)
-        except FailedRun as failure:
-            if failure.status not in _REPEATED:
-                raise
-            status = failure.status
-            steps = finer(steps)
-    return IdaRun(im, scale, status, finer=_FINER)
-
-
-def _of(response: Response, im: float, scale: float, halvings: int) -> IdaRun:
-    found = demands(response.stories)
+    (row,) = batch.results([Run(0, scale)]).runs
+    if row.status == _UNSTABLE:  # No level mends that; said as a single run says it.
+        case = Case(batch.subject.model, batch.subject.prepared, batch.motions.records[0], batch.subject.integrator)
+        case.march(case.steps(batch.settings.dt, batch.settings.duration))
     return IdaRun(
         im=im,
         scale=scale,
-        status=response.status,
-        drift_ratio=found.drift_ratio.value,
-        acceleration=found.acceleration.value,
-        residual_drift_ratio=found.residual_drift_ratio.value,
-        finer=halvings,
-        energy_error=response.energy.error,
+        status=row.status,
+        drift_ratio=_number(row.peak_drift_ratio),
+        acceleration=_number(row.peak_acceleration),
+        residual_drift_ratio=_number(row.residual_drift_ratio),
+        finer=row.repeats,
+        energy_error=_number(row.energy_error),
     )
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else float(value)

@@ -13,8 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from tdint.analysis.run.case import Case
-from tdint.analysis.run.run import prepare
+from tdint.campaign.engine.batch import Batch
+from tdint.campaign.engine.runs import Motions
+from tdint.campaign.engine.settings import RunSettings
+from tdint.campaign.engine.subject import Subject
 from tdint.campaign.studies.ida.curve import IdaCurve
 from tdint.campaign.studies.ida.journal import Fingerprint, Keep, journal
 from tdint.campaign.studies.ida.levels import Levels
@@ -22,6 +24,7 @@ from tdint.campaign.studies.ida.runs import IdaRun, run_level
 from tdint.campaign.studies.intensity import IntensityMeasure, SpectralIntensity, sa
 from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.record import Record
+from tdint.methods.catalogue import DEFAULT_METHOD
 from tdint.model.building import Building
 from tdint.model.definition import Model
 
@@ -56,6 +59,8 @@ class IdaSettings:
         The largest intensity, in the measure's unit: capacities above it are censored.
     dt, duration : float or None
         Step and duration of the runs, s; by default the model's, else those of the record.
+    until_rest : bool
+        Go on after that with the ground at rest until the building is: residual drifts are at rest then.
     """
 
     precision: float = PRECISION
@@ -64,6 +69,7 @@ class IdaSettings:
     max_im: float = math.inf
     dt: float | None = None
     duration: float | None = None
+    until_rest: bool = False
 
 
 @dataclass(frozen=True)
@@ -139,19 +145,19 @@ def ida(
         The folder cannot be written.
     """
     settings = settings or IdaSettings()
-    case, settings = _prepared(model, settings, method)
-    chosen = measure or sa(2.0 * math.pi / case.building.first_mode()[0])
+    subject, settings = _prepared(model, settings, method)
+    chosen = measure or sa(subject.period)
     names = _names(records)
-    units = {name: _Work.of(case, record, chosen, settings) for name, record in zip(names, records, strict=True)}
-    identity = _fingerprint(case, chosen, settings, dict(zip(names, records, strict=True)))
-    case.prepared.compile([case.integrator])
+    units = {name: _Work.of(subject, record, chosen, settings) for name, record in zip(names, records, strict=True)}
+    identity = _fingerprint(subject, chosen, settings, dict(zip(names, records, strict=True)))
+    subject.prepared.compile([subject.integrator])
     keeper: Any = journal(folder / JOURNAL, identity) if folder else nullcontext(({}, lambda name, runs: None, ""))
     with keeper as (kept, keep, version):
         found = _done(units, {name: runs for name, runs in kept.items() if name in units}, keep, jobs, progress)
-    collapse_drift = case.model.collapse_drift
+    collapse_drift = subject.model.collapse_drift
     curves = [IdaCurve(record, found[name], collapse_drift) for name, record in zip(names, records, strict=True)]
     thresholds = (*sorted(set(settings.thresholds) - {collapse_drift}), collapse_drift)
-    return IdaStudy(case.model, chosen, case.integrator.label, thresholds, tuple(curves), len(kept), version)
+    return IdaStudy(subject.model, chosen, subject.integrator.label, thresholds, tuple(curves), len(kept), version)
 
 
 JOURNAL = "ida.jsonl"
@@ -160,30 +166,29 @@ JOURNAL = "ida.jsonl"
 
 @dataclass(frozen=True)
 class _Work:
-    """The runs of a record: the case, the intensity of the record as it is, and what decides on the levels."""
+    """The runs of a record: what does them, the intensity of the record as it is, and what decides on the levels."""
 
-    case: Case
+    batch: Batch
     intensity: float
     levels: Levels
-    settings: IdaSettings
 
     @classmethod
-    def of(cls, case: Case, record: Record, measure: IntensityMeasure, settings: IdaSettings) -> _Work:
+    def of(cls, subject: Subject, record: Record, measure: IntensityMeasure, settings: IdaSettings) -> _Work:
         intensity = measure.of(record)
         levels = Levels(
-            start=intensity * _elastic_scale(case.building, record, case.model.collapse_drift),
+            start=intensity * _elastic_scale(subject.prepared.building, record, subject.model.collapse_drift),
             precision=settings.precision,
             lowest_drift=min(settings.thresholds, default=math.inf),
             most=settings.max_im,
         )
-        return cls(case.under(record), intensity, levels, settings)
+        how = RunSettings(settings.dt, settings.duration, settings.until_rest)
+        return cls(Batch(0, subject, Motions.of({0: record}), {0: None}, how), intensity, levels)
 
     def runs(self) -> tuple[IdaRun, ...]:
         """All runs of the record, from the lowest level."""
-        steps = self.case.steps(self.settings.dt, self.settings.duration)
         runs: list[IdaRun] = []
         while (level := self.levels.next(runs)) is not None:
-            runs.append(run_level(self.case, steps, level, level / self.intensity))
+            runs.append(run_level(self.batch, level, level / self.intensity))
         return tuple(sorted(runs, key=lambda run: run.im))
 
 
@@ -206,7 +211,7 @@ def _done(
     return found
 
 
-def _prepared(model: Model, settings: IdaSettings, method: str | None) -> tuple[Case, IdaSettings]:
+def _prepared(model: Model, settings: IdaSettings, method: str | None) -> tuple[Subject, IdaSettings]:
     """The building, put together, and settings that make sense."""
     collapse_drift = settings.collapse_drift or model.collapse_drift
     if not 0.0 < settings.precision <= 0.5:
@@ -223,8 +228,8 @@ def _prepared(model: Model, settings: IdaSettings, method: str | None) -> tuple[
         raise ModelError(
             f"{model.source}: an incremental dynamic analysis needs drift ratios: give story {without[0]} a height"
         )
-    case = prepare(replace(model, collapse_drift=collapse_drift), method=method)
-    return case, replace(settings, collapse_drift=collapse_drift)
+    subject = Subject(replace(model, collapse_drift=collapse_drift), method or model.analysis.method or DEFAULT_METHOD)
+    return subject, replace(settings, collapse_drift=collapse_drift)
 
 
 def _elastic_scale(building: Building, record: Record, collapse_drift: float) -> float:
@@ -249,7 +254,7 @@ def _names(records: Sequence[Record]) -> list[str]:
 
 
 def _fingerprint(
-    case: Case, measure: IntensityMeasure, settings: IdaSettings, records: dict[str, Record]
+    subject: Subject, measure: IntensityMeasure, settings: IdaSettings, records: dict[str, Record]
 ) -> Fingerprint:
     """What the runs depend on."""
     from tdint import __version__
@@ -257,19 +262,25 @@ def _fingerprint(
     spectral = measure if isinstance(measure, SpectralIntensity) else None
     return {
         "tdint": __version__,
-        "model": hashlib.sha256(case.model.text).hexdigest(),
+        "model": hashlib.sha256(repr(_building(subject.model)).encode()).hexdigest(),
         "measure": measure.name,
         "periods": list(spectral.periods) if spectral else [],
         "damping": spectral.damping if spectral else None,
-        "method": case.integrator.label,
+        "method": subject.integrator.label,
         "dt": settings.dt,
         "duration": settings.duration,
+        "until rest": settings.until_rest,
         "precision": settings.precision,
         "collapse drift": settings.collapse_drift,
         "thresholds": sorted(settings.thresholds),
         "max im": settings.max_im,
         "records": {name: _hash(record) for name, record in records.items()},
     }
+
+
+def _building(model: Model) -> tuple[Any, ...]:
+    """What the runs depend on of a model."""
+    return model.stories, model.damping, model.p_delta, model.initial, model.excitation.forces, model.analysis
 
 
 def _hash(record: Record) -> str:

@@ -8,12 +8,18 @@ from typing import Any
 
 from matplotlib.ticker import FuncFormatter, LogLocator
 
+from tdint.output.figures.run import COLORS
 from tdint.units import STANDARD_GRAVITY
 
 GRAY = "0.72"
 """Of what is one record among many."""
 
 _WORDS = {"sa": "Sa", "sa-avg": "Sa_avg", "pga": "PGA", "pgv": "PGV"}
+
+
+def single_look(several: bool) -> dict[str, Any]:
+    """How a line of a single record is drawn: light among several, plain alone."""
+    return {"color": GRAY, "linewidth": 0.8} if several else {"color": COLORS[0], "linewidth": 1.6}
 
 
 def measure_words(name: str) -> str:

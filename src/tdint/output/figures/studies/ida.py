@@ -14,7 +14,7 @@ from tdint.campaign.studies.ida.study import IdaStudy
 from tdint.campaign.studies.intensity import PeakVelocity
 from tdint.files import Writer
 from tdint.output.figures.run import COLORS, DASHES, add_title, changed, picture, record_name
-from tdint.output.figures.studies.axes import GRAY, add_gravity_axis, measure_label
+from tdint.output.figures.studies.axes import add_gravity_axis, measure_label, single_look
 
 Array = NDArray[np.float64]
 
@@ -37,13 +37,14 @@ def _draw(study: IdaStudy) -> Figure:
     figure = Figure(figsize=(7.2, 5.2), layout="constrained")
     axes = figure.subplots()
     limit = _largest_drift(study)
+    several = len(study.curves) > 1
+    look = single_look(several)
+    axes.plot([], [], label=f"{len(study.curves)} record{'s' * several}", **look)
     for curve in study.curves:
-        _draw_curve(axes, curve, limit)
+        _draw_curve(axes, curve, limit, look)
     _draw_fractiles(axes, study, limit)
     _draw_capacities(axes, study, limit)
     _draw_lost(axes, study, limit)
-    several = len(study.curves) > 1
-    axes.plot([], [], color=GRAY, linewidth=0.8, label=f"{len(study.curves)} record{'s' * several}")
     axes.set_xlim(0.0, 100.0 * _BEYOND * limit)
     axes.set_ylim(0.0, _ROOM * (max(map(_highest, study.curves)) or 1.0))
     axes.set_xlabel("largest drift ratio (%)")
@@ -73,21 +74,21 @@ def _largest_drift(study: IdaStudy) -> float:
     return largest
 
 
-def _draw_curve(axes: Any, curve: IdaCurve, limit: float) -> None:
+def _draw_curve(axes: Any, curve: IdaCurve, limit: float, look: dict[str, Any]) -> None:
     """From the origin through the runs that stand; flat from the capacity on."""
     drift = [0.0, *(run.drift_ratio for run in curve.stable)]
     im = [0.0, *(run.im for run in curve.stable)]
     if not curve.collapse.censored and curve.stable:
         drift += [drift[-1], _BEYOND * limit]
         im += [curve.collapse.capacity] * 2
-    axes.plot(100.0 * np.array(drift), im, color=GRAY, linewidth=0.8, zorder=1)
+    axes.plot(100.0 * np.array(drift), im, zorder=1, **look)
 
 
 def _draw_fractiles(axes: Any, study: IdaStudy, limit: float) -> None:
     if len(study.curves) < _FEW:
         return
     drifts = np.linspace(0.0, limit, _POINTS)[1:]
-    for part, row in zip(_PARTS, fractiles(study.curves, drifts, _PARTS), strict=True):
+    for part, row in reversed(list(zip(_PARTS, fractiles(study.curves, drifts, _PARTS), strict=True))):
         if not np.isfinite(row).any():
             continue
         style = {"linewidth": 2.2} if part == 0.5 else {"linestyle": DASHES[1], "linewidth": 1.4}

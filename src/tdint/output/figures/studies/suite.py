@@ -9,12 +9,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from tdint.campaign.studies.intensity import GEOMETRIC_MEAN, SpectralIntensity
-from tdint.campaign.studies.scaling import LEAST_PART, Scaling
+from tdint.campaign.studies.scaling import LEAST_PART, Scaling, suite_spectra
 from tdint.campaign.studies.suite import components
 from tdint.files import Writer
 from tdint.ground_motion.record import Record
 from tdint.output.figures.run import COLORS, DASHES, add_title, changed, picture, record_name
-from tdint.output.figures.studies.axes import GRAY, add_gravity_axis, measure_words, plain_logarithmic
+from tdint.output.figures.studies.axes import add_gravity_axis, measure_words, plain_logarithmic, single_look
 
 Array = NDArray[np.float64]
 
@@ -37,15 +37,14 @@ def _draw(scaling: Scaling) -> Figure:
     figure = Figure(figsize=(7.2, 5.2), layout="constrained")
     axes = figure.subplots()
     periods = _periods(scaling)
-    spectra = scaling.spectra(periods)
-    axes.plot(periods, spectra.T, color=GRAY, linewidth=0.7, zorder=1)
-    several = len(scaling.motions) > 1
-    pairs = not isinstance(scaling.motions[0], Record)
-    what = "pair" if pairs else "record"
-    axes.plot([], [], color=GRAY, linewidth=0.7, label=f"{len(scaling.motions)} {what}{'s' * several}")
+    spectra, what = _spectra(scaling, periods)
+    several = len(spectra) > 1
+    look = single_look(several)
+    axes.plot(periods, spectra.T, zorder=1, **look)
+    axes.plot([], [], label=f"{len(spectra)} {what}{'s' * several}", **look)
     if several:
         axes.plot(periods, np.median(spectra, axis=0), color=COLORS[0], linewidth=2.0, label="median", zorder=4)
-    if len(scaling.motions) >= _FEW:
+    if len(spectra) >= _FEW:
         for row in np.percentile(spectra, (FRACTILES[0], FRACTILES[-1]), axis=0):
             line = axes.plot(periods, row, color=COLORS[0], linestyle=DASHES[1], zorder=3)[0]
         line.set_label("16 % and 84 %")
@@ -56,8 +55,21 @@ def _draw(scaling: Scaling) -> Figure:
     axes.set_ylabel("pseudo-acceleration Sa (m/s²)")
     add_gravity_axis(axes)
     axes.legend(loc="lower left")
-    add_title(figure, _title(scaling, what))
+    add_title(figure, _title(scaling))
     return figure
+
+
+def _spectra(scaling: Scaling, periods: Array) -> tuple[Array, str]:
+    """What is drawn, and what one of them is: the median of FEMA P-695 is that of all components."""
+    if isinstance(scaling.motions[0], Record):
+        return scaling.spectra(periods), "record"
+    if scaling.rule != "p695":
+        return scaling.spectra(periods), "pair"
+    parts = [
+        factor * suite_spectra(components(motion), periods, scaling.damping, scaling.pair)
+        for motion, factor in zip(scaling.motions, scaling.factors, strict=True)
+    ]
+    return np.concatenate(parts), "component"
 
 
 def _draw_aim(axes: Any, scaling: Scaling, periods: Array, spectra: Array) -> None:
@@ -100,7 +112,7 @@ def _periods(scaling: Scaling) -> Array:
     return np.geomspace(max(low, _SHORTEST * max(intervals)), high, int(count))
 
 
-def _title(scaling: Scaling, what: str) -> str:
+def _title(scaling: Scaling) -> str:
     target = record_name(scaling.target.source) if scaling.target else ""
     value = ""
     if scaling.measure is not None:
@@ -114,6 +126,7 @@ def _title(scaling: Scaling, what: str) -> str:
     }
     records = [record for motion in scaling.motions for record in components(motion)]
     count = len(scaling.motions)
+    what = "record" if isinstance(scaling.motions[0], Record) else "pair"
     names = f"{count} {what}s" if count > 1 else f"{record_name(records[0].source)} {scaling.motions[0].component}"
-    measure = f", {_PAIR[scaling.pair]}" if what == "pair" else ""
+    measure = f", {_PAIR[scaling.pair]}" if what == "pair" and scaling.rule != "p695" else ""
     return f"{names}{changed(records)}, {ways[scaling.rule]}\n{100.0 * scaling.damping:g} % damping{measure}"

@@ -1,0 +1,66 @@
+"""Incremental dynamic analysis of the frame of configs/collapse-prone-frame.yaml under many motions.
+
+The motions are the shipped records, turned, shifted and scaled: no two are alike. Told are the time, the widest bracket
+of a capacity, and how the runs ended.
+
+    python tests/benchmarks/ida.py [--records 22] [--jobs 2] [--plot FILE]
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import time
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from tdint import load_model, read_horizontals
+from tdint.campaign.studies.ida.study import ida
+from tdint.files import write_file
+from tdint.ground_motion.record import Record
+
+ROOT = Path(__file__).parents[2]
+NAMES = ("firm-soil", "near-fault", "soft-soil")
+
+
+def motions(count):
+    """Components of the shipped records in many directions, each with another start and another strength."""
+    shipped = [read_horizontals(ROOT / "records" / f"{name}.mseed", units="m/s^2") for name in NAMES]
+    result = []
+    for i in range(count):
+        pair, angle = shipped[i % len(shipped)], math.radians(23.0 * i)
+        turned = math.cos(angle) * pair.first.acceleration + math.sin(angle) * pair.second.acceleration
+        shifted = np.concatenate([np.zeros(7 * i), turned]) * (0.7 + 0.03 * i)
+        result.append(Record(shifted, pair.first.dt, "", "", f"{(23 * i) % 360:03d}", f"{NAMES[i % 3]}-{i}"))
+    return result
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--records", type=int, default=22)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--plot", type=Path)
+    given = parser.parse_args()
+    model, records = load_model(ROOT / "configs" / "collapse-prone-frame.yaml"), motions(given.records)
+    ida(model, records[:1])  # loads what was compiled
+    wall, processor = time.perf_counter(), time.process_time()
+    study = ida(model, records, jobs=given.jobs)
+    wall, processor = time.perf_counter() - wall, time.process_time() - processor
+    runs = [run for curve in study.curves for run in curve.runs]
+    widest = max(curve.collapse.upper / curve.collapse.lower for curve in study.curves) - 1.0
+    print(f"{len(records)} records, {len(runs)} runs: {wall:.2f} s, {processor:.2f} s of processor time")
+    print(f"widest bracket {100.0 * widest:.2f} %, {sum(curve.resurrection for curve in study.curves)} stand again")
+    print("ends:", ", ".join(f"{status} {count}" for status, count in Counter(run.status for run in runs).items()))
+    print(f"repeated with a finer step: {sum(run.finer > 0 for run in runs)}")
+    off = max(abs(run.energy_error) for run in runs if run.stable)
+    print(f"largest energy error of a run that stands: {off:.1e}")
+    if given.plot:
+        from tdint.output.figures.studies.ida import ida_picture
+
+        write_file(given.plot, ida_picture(study, given.plot.suffix), overwrite=True)
+
+
+if __name__ == "__main__":
+    main()
