@@ -2,8 +2,8 @@
 
 These functions stand behind the commands: `read_record`, `read_horizontals` (with a `TextLayout` for tables that do not
 tell what they are), `process`, `load_model`, `run`, `prepare` and `run_case` (many runs of one building), `spectrum`,
-`rotated_spectrum`, `constant_ductility`, `constant_strength` and `drift_spectrum`. They load on first use, so that
-importing tdint costs nothing.
+`rotated_spectrum`, `constant_ductility`, `constant_strength` and `drift_spectrum`, `ida`, `fit_capacities`,
+`fit_stripes` and `fit_cloud`. They load on first use, so that importing tdint costs nothing.
 """
 
 from __future__ import annotations
@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from tdint.analysis.spectra.inelastic import constant_strength as constant_strength
     from tdint.analysis.spectra.rotated import rotated_spectrum as rotated_spectrum
     from tdint.ground_motion.formats.tables.layout import TextLayout as TextLayout
+    from tdint.campaign.studies.fragility.fits import fit_capacities as fit_capacities
+    from tdint.campaign.studies.fragility.fits import fit_cloud as fit_cloud
+    from tdint.campaign.studies.fragility.fits import fit_stripes as fit_stripes
+    from tdint.campaign.studies.ida.study import ida as ida
     from tdint.ground_motion.processing import process as process
     from tdint.ground_motion.reading.read import read_horizontals as read_horizontals
     from tdint.ground_motion.reading.read import read_record as read_record
@@ -39,6 +43,10 @@ _HOMES = {
     "spectrum": "tdint.analysis.spectra.elastic",
     "constant_ductility": "tdint.analysis.spectra.inelastic",
     "constant_strength": "tdint.analysis.spectra.inelastic",
+    "fit_capacities": "tdint.campaign.studies.fragility.fits",
+    "fit_cloud": "tdint.campaign.studies.fragility.fits",
+    "fit_stripes": "tdint.campaign.studies.fragility.fits",
+    "ida": "tdint.campaign.studies.ida.study",
     "drift_spectrum": "tdint.analysis.spectra.drift",
     "read_horizontals": "tdint.ground_motion.reading.read",
     "rotated_spectrum": "tdint.analysis.spectra.rotated",
@@ -49,6 +57,10 @@ __all__ = [
     "constant_ductility",
     "constant_strength",
     "drift_spectrum",
+    "fit_capacities",
+    "fit_cloud",
+    "fit_stripes",
+    "ida",
     "load_model",
     "prepare",
     "process",

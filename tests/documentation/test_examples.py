@@ -99,6 +99,15 @@ def test_the_python_example(checkout):
     assert 0.001 < float(output.split()[0]) < 0.1
 
 
+def test_the_study_in_python(checkout):
+    _, run = checkout
+    output, _ = run(shlex.join([sys.executable, "-c", readmes.block("studies")]))
+    *curves, fragility = [line.split() for line in output.splitlines()]
+    assert [name for name, *_ in curves] == ["HN1", "HN2"]
+    assert all(1.0 < float(upper) / float(lower) <= 1.05 for _, _, lower, upper, _ in curves)
+    assert 0.0 < float(fragility[-1]) < 1.0
+
+
 def test_the_model_with_all_keys(checkout):
     folder, run = checkout
     (folder / "models").mkdir()

@@ -1,0 +1,129 @@
+"""Pictures of studies: one record and many, nothing collapsed, nothing known; names that look like formulas."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from building_cases import model, story
+from tdint.campaign.studies.fragility.fits import fit_capacities, fit_cloud, fit_stripes
+from tdint.campaign.studies.ida.curve import IdaCurve
+from tdint.campaign.studies.ida.runs import IdaRun
+from tdint.campaign.studies.ida.study import IdaStudy
+from tdint.campaign.studies.intensity import PeakVelocity, pga, sa, sa_average
+from tdint.campaign.studies.scaling import Scaling, scale_p695, scale_to_target, scale_to_value
+from tdint.campaign.studies.target import TargetSpectrum
+from tdint.files import write_file
+from tdint.ground_motion.horizontals import Horizontals
+from tdint.ground_motion.record import Record
+from tdint.output.figures.studies.fragility import fragility_picture
+from tdint.output.figures.studies.ida import ida_picture
+from tdint.output.figures.studies.suite import suite_picture
+
+STATUS = {math.inf: "collapsed", -math.inf: "not-converged"}
+
+
+def drawn(tmp_path, picture):
+    """The text of a picture as SVG."""
+    file = tmp_path / "x.svg"
+    write_file(file, picture, overwrite=True)
+    return file.read_text(encoding="utf-8")
+
+
+def record(seed=0, source="a.mseed"):
+    t = np.arange(400) * 0.02
+    return Record(np.sin((3.0 + seed) * t) * np.exp(-t), 0.02, "", "", "HN1", source)
+
+
+def curve(seed, *runs):
+    made = tuple(IdaRun(im, im, STATUS.get(drift, "done"), 0.11 if math.isinf(drift) else drift) for im, drift in runs)
+    return IdaCurve(record(seed, f"{seed}.mseed"), made, 0.1)
+
+
+def study(*curves, measure=None):
+    return IdaStudy(model([story(1.0, 100.0)]), measure or sa(0.5), "impulse4", (0.02, 0.1), curves)
+
+
+COLLAPSING = ((1.0, 0.01), (2.0, 0.03), (2.1, math.inf))
+
+
+@pytest.mark.parametrize(
+    ("curves", "there", "missing"),
+    [
+        ([COLLAPSING], ["1 record<", "capacity against collapse"], ["median", "16 %"]),
+        ([COLLAPSING] * 44, ["44 records", "median", "16 % and 84 %"], ["does not collapse"]),
+        ([((1.0, 0.01), (2.0, 0.03))] * 3, ["does not collapse up to here", "median"], ["capacity against"]),
+        ([(*COLLAPSING, (2.6, 0.04))] * 2, ["stands again above it"], ["capacity against collapse"]),
+        ([((1.0, 0.01), (1.5, -math.inf))], ["run without a result"], ["capacity against"]),
+        ([((1.0, math.inf),)], ["1 record<"], ["capacity against"]),
+        ([((1.0, 0.0), (2.0, 0.0))], ["1 record<"], ["capacity against collapse"]),
+    ],
+)
+def test_incremental_dynamic_analyses(tmp_path, curves, there, missing):
+    text = drawn(tmp_path, ida_picture(study(*(curve(i, *runs) for i, runs in enumerate(curves))), ".svg"))
+    assert all(words in text for words in there)
+    assert not any(words in text for words in missing)
+
+
+@pytest.mark.parametrize(
+    ("measure", "label"),
+    [(sa(0.51234567), "Sa(0.5123 s) (m/s²)"), (pga(), "PGA (m/s²)"), (PeakVelocity(), "PGV (m/s)")],
+)
+def test_axes_tell_measure_and_unit(tmp_path, measure, label):
+    text = drawn(tmp_path, ida_picture(study(curve(0, *COLLAPSING), measure=measure), ".svg"))
+    assert label in text
+    assert (">(g)<" in text) == (measure.unit == "m/s^2")
+
+
+TARGET = TargetSpectrum("a $target$_x.csv", np.array([0.1, 3.0]), np.array([5.0, 1.0]))
+PAIR = Horizontals(record(0), record(1))
+
+
+@pytest.mark.parametrize(
+    ("scaling", "there"),
+    [
+        (scale_to_value([record()], sa(1.0), 2.0), ["1 record<", "Sa(1 s) = 2 m/s²"]),
+        (scale_to_value([record(), record(2)], sa_average(1.0), 2.0), ["2 records", "median", "Sa_avg = 2 m/s²"]),
+        (scale_to_value([PAIR], PeakVelocity(), 0.3, "rotd50"), ["1 pair<", "RotD50", "PGV = 0.3 m/s"]),
+        (
+            scale_to_target([record(i) for i in range(44)], TARGET, np.geomspace(0.2, 2.0, 5)),
+            ["44 records", "16 % and 84 %", "target", "a $target$_x.csv"],
+        ),
+        (scale_p695([PAIR] * 3, 1.0, 2.0), ["6 components", "FEMA P-695, scaled to median Sa(1 s) = 2 m/s²"]),
+        (
+            Scaling((PAIR,) * 11, np.ones(11), "asce7", "rotd100", 0.05, target=TARGET, periods=np.array([0.2, 2.0])),
+            ["11 pairs", "90 % of it", "average", "by ASCE 7"],
+        ),
+    ],
+    ids=["value", "average", "pair", "target", "p695", "asce7"],
+)
+def test_suites(tmp_path, scaling, there):
+    text = drawn(tmp_path, suite_picture(scaling, ".svg"))
+    assert all(words in text for words in there)
+
+
+CLOUD = ([1.0, 2.0, 3.0, 4.0], [0.01, 0.02, 0.02, 0.05], [0.02, 0.04])
+
+
+@pytest.mark.parametrize(
+    ("functions", "there"),
+    [
+        ([fit_capacities([1.0, 2.0])], ["2 records", "method of moments", "intensity measure", "95 % confidence"]),
+        ([fit_capacities([1.0, 2.0, 2.0], [False, False, True]).named(0.1, "pga", "m/s^2")], ["1 censored", "PGA"]),
+        ([fit_stripes([1.0, 2.0, 3.0], [0, 1, 2], [3] * 3).named(t) for t in np.arange(1, 9) / 100.0], ["0.08: "]),
+        (fit_cloud(*CLOUD), ["slope", "probability of exceedance", "4 runs"]),
+        (fit_cloud(*CLOUD, [False] * 3 + [True]), ["above the limit", "1 censored"]),
+    ],
+    ids=["two", "censored", "many", "cloud", "censored-cloud"],
+)
+def test_fragility_functions(tmp_path, functions, there):
+    text = drawn(tmp_path, fragility_picture(functions, ".svg"))
+    assert all(words in text for words in there)
+
+
+def test_formats(tmp_path):
+    for suffix, start in ((".png", b"\x89PNG"), (".pdf", b"%PDF")):
+        write_file(tmp_path / f"x{suffix}", fragility_picture([fit_capacities([1.0, 2.0])], suffix), overwrite=False)
+        assert (tmp_path / f"x{suffix}").read_bytes().startswith(start)
