@@ -66,9 +66,9 @@ def test_commands_and_options_exist(path):
     every = {option for name in COMMANDS for option in options(name)}
     for line in code(path.read_text()):
         for name, rest in re.findall(r"(?:^|[\s/])tdint ([a-z][a-z-]*)([^|#>]*)", line):
-            assert set(re.findall(r"(?<!\S)--[a-z][a-z-]*", rest)) <= options(name), line
+            assert set(re.findall(r"(?<!\S)--[a-z][a-z0-9-]*", rest)) <= options(name), line
         if "tdint" not in line and not re.match(r"\$|python|pytest", line):
-            assert set(re.findall(r"(?<!\S)--[a-z][a-z-]*", line)) <= every, line
+            assert set(re.findall(r"(?<!\S)--[a-z][a-z0-9-]*", line)) <= every, line
 
 
 @pytest.mark.parametrize("path", readmes.files()[1:], ids=named)
