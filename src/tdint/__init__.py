@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from tdint.analysis.spectra.inelastic import constant_ductility as constant_ductility
     from tdint.analysis.spectra.inelastic import constant_strength as constant_strength
     from tdint.analysis.spectra.rotated import rotated_spectrum as rotated_spectrum
-    from tdint.ground_motion.formats.tables.layout import TextLayout as TextLayout
     from tdint.campaign.studies.fragility.fits import fit_capacities as fit_capacities
     from tdint.campaign.studies.fragility.fits import fit_cloud as fit_cloud
     from tdint.campaign.studies.fragility.fits import fit_stripes as fit_stripes
     from tdint.campaign.studies.ida.study import ida as ida
+    from tdint.ground_motion.formats.tables.layout import TextLayout as TextLayout
     from tdint.ground_motion.processing import process as process
     from tdint.ground_motion.reading.read import read_horizontals as read_horizontals
     from tdint.ground_motion.reading.read import read_record as read_record
