@@ -118,7 +118,7 @@ def _connect(cluster: Cluster) -> Any:
 def _done(client: Any, chunk: Callable[[int], Chunk], numbers: Iterator[int]) -> Iterator[Done]:
     from distributed import KilledWorker, as_completed
 
-    running = as_completed()
+    running = as_completed(loop=client.loop)
     under_way = 0
 
     def width() -> int:

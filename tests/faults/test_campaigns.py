@@ -1,0 +1,222 @@
+"""Campaigns that are killed, and campaigns whose workers are."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tdint.campaign.store.store import FILE
+
+pytestmark = pytest.mark.slow
+
+STUDY = """\
+buildings: {models: [model.yaml, soft.yaml]}
+records: {files: [r0.csv]}
+intensity: {scales: [%s]}
+analysis: {method: newmark-average, dt: 0.001}
+outputs: {stories: true}
+"""
+SCALES = ", ".join(f"{0.1 * i:.1f}" for i in range(1, 61))
+
+# Forked from a process that has loaded all: a kill meets the campaign, not the start of Python.
+KILLER = """\
+import os, random, shutil, signal, sys, time
+from pathlib import Path
+from tdint.campaign.file.plan import make_plan
+from tdint.campaign.file.read import load_campaign
+from tdint.campaign.run import compile_for, threads
+from tdint_cli.batch.campaigns import carry_out
+from tdint_cli.settings import Settings
+import click, tdint.output.tables.campaign, tdint.output.summaries.campaign
+
+def campaign(folder):
+    with click.Context(click.Command("campaign"), obj=Settings(quiet=True)):
+        carry_out(make_plan(load_campaign("study.yaml")), threads(2), Path(folder))
+
+compile_for(make_plan(load_campaign("study.yaml")))
+random.seed(int(sys.argv[1]))
+kills = rounds = 0
+while kills < 100:
+    child = os.fork()
+    if child == 0:
+        campaign("out")
+        os._exit(0)
+    time.sleep(random.uniform(0.0, 0.4))
+    if os.waitpid(child, os.WNOHANG) == (0, 0):
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        kills += 1
+    elif kills < 100:  # it is done: once more from the start
+        assert Path("out/runs.csv").read_bytes() == Path("whole/runs.csv").read_bytes()
+        shutil.rmtree("out")
+        rounds += 1
+print(kills, rounds)
+"""
+
+
+@pytest.fixture
+def study(folder):
+    (folder / "study.yaml").write_text(STUDY % SCALES)
+    (folder / "soft.yaml").write_text((folder / "model.yaml").read_text().replace("8000", "900"))
+    return folder
+
+
+def test_a_hundred_kills_leave_nothing_out_and_nothing_twice(study, start):
+    assert start("campaign", "study.yaml", "-o", "whole").end(300.0)[0] == 0
+    killer = subprocess.run(
+        [sys.executable, "-c", KILLER, "17"], cwd=study, capture_output=True, text=True, timeout=600
+    )
+    assert (killer.returncode, killer.stdout.split()[:1]) == (0, ["100"]), killer.stderr
+    assert start("campaign", "study.yaml", "-o", "out").end(300.0)[0] == 0
+    for name in ("runs.csv", "stories.csv"):
+        assert (study / "out" / name).read_bytes() == (study / "whole" / name).read_bytes()
+    assert sorted(path.name for path in (study / "out").iterdir() if path.suffix == ".tmp") == []
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_campaign_in_time_and_it_goes_on(study, start, number):
+    (study / "study.yaml").write_text(STUDY.replace("0.001", "0.00005") % SCALES)
+    command = start("campaign", "study.yaml", "-o", "out")
+    command.wait_for((study / "out" / FILE).exists)
+    time.sleep(0.5)
+    os.kill(command.process.pid, number)
+    began = time.monotonic()
+    code, _, said = command.end(30.0)
+    assert code == {signal.SIGINT: 130, signal.SIGTERM: 143}[number], said
+    assert time.monotonic() - began < 20.0
+    assert not (study / "out" / "runs.csv").exists()
+    assert start("campaign", "status", "out").end()[0] == 0
+
+
+class Cluster:
+    """A scheduler and workers of Dask as processes of their own."""
+
+    def __init__(self, folder: Path, security: list[str]) -> None:
+        self.folder, self.security = folder, security
+        self.file = folder / "scheduler.json"
+        self.log = (folder / "cluster.log").open("w")
+        scheme = "tls" if security else "tcp"
+        self.processes = [self._start("scheduler", "--host", f"{scheme}://127.0.0.1", "--port", "0")]
+        self.wait_for(self.file.exists)
+
+    def _start(self, *arguments: str) -> subprocess.Popen[bytes]:
+        return subprocess.Popen(
+            [sys.executable, "-m", "dask", *arguments, "--scheduler-file", str(self.file), "--no-dashboard",
+             *self.security],
+            cwd=self.folder, stdout=self.log, stderr=self.log, start_new_session=True,
+        )  # fmt: skip
+
+    def add_worker(self) -> None:
+        self.processes.append(self._start("worker", "--nthreads", "1", "--no-nanny", "--host", "127.0.0.1"))
+
+    @property
+    def address(self) -> str:
+        return str(json.loads(self.file.read_text())["address"])
+
+    def wait_for(self, happened, seconds: float = 90.0) -> None:
+        end = time.monotonic() + seconds
+        while not happened():
+            assert time.monotonic() < end, (self.folder / "cluster.log").read_text()
+            time.sleep(0.02)
+
+    def end(self) -> None:
+        for process in self.processes:
+            process.kill()
+            process.wait()
+        self.log.close()
+
+
+@pytest.fixture
+def cluster(study):
+    pytest.importorskip("distributed", reason="Dask is not installed")
+    started: list[Cluster] = []
+
+    def begin(security: list[str] | None = None) -> Cluster:
+        started.append(Cluster(study, security or []))
+        return started[-1]
+
+    yield begin
+    for one in started:
+        one.end()
+
+
+def chunks_done(folder: Path) -> int:
+    import sqlite3
+
+    if not (folder / FILE).exists():
+        return 0
+    connection = sqlite3.connect(f"file:{folder / FILE}?mode=ro", uri=True)
+    try:
+        return int(connection.execute("SELECT count(*) FROM chunks").fetchone()[0])
+    except sqlite3.OperationalError:  # not made yet
+        return 0
+    finally:
+        connection.close()
+
+
+def test_a_cluster_does_the_same_though_a_worker_is_killed(study, start, cluster):
+    (study / "study.yaml").write_text(STUDY.replace("0.001", "0.0001") % SCALES)
+    far = cluster()
+    far.add_worker()
+    far.add_worker()
+    command = start("campaign", "study.yaml", "-o", "far", "--dask", far.address)
+    command.wait_for(lambda: chunks_done(study / "far") >= 3, 120.0)
+    os.kill(far.processes[1].pid, signal.SIGKILL)
+    assert chunks_done(study / "far") < 60  # there is work left
+    code, _, said = command.end(300.0)
+    assert code == 0, said
+    assert start("campaign", "study.yaml", "-o", "whole").end(300.0)[0] == 0
+    for name in ("runs.csv", "stories.csv"):
+        assert (study / "far" / name).read_bytes() == (study / "whole" / name).read_bytes()
+
+
+def test_a_scheduler_that_does_not_answer(study, start):
+    pytest.importorskip("distributed", reason="Dask is not installed")
+    code, _, said = start("campaign", "study.yaml", "-o", "out", "--dask", "tcp://127.0.0.1:9").end(120.0)
+    assert (code, "tcp://127.0.0.1:9: no scheduler answers" in said) == (2, True), said
+
+
+def certificate(folder: Path, name: str, signed_by: str | None) -> None:
+    """NAME.pem and NAME-key.pem, of an authority or signed by one."""
+    subject = ["-subj", f"/CN={name}", "-keyout", f"{name}-key.pem", "-nodes", "-newkey", "rsa:2048"]
+    if signed_by is None:
+        commands = [["req", "-x509", "-days", "2", *subject, "-out", f"{name}.pem"]]
+    else:
+        request = ["req", *subject, "-out", f"{name}.csr"]
+        sign = ["x509", "-req", "-days", "2", "-in", f"{name}.csr", "-CA", f"{signed_by}.pem", "-CAkey",
+                f"{signed_by}-key.pem", "-CAcreateserial", "-out", f"{name}.pem"]  # fmt: skip
+        commands = [request, sign]
+    for command in commands:
+        subprocess.run(["openssl", *command], cwd=folder, check=True, capture_output=True)
+
+
+def test_certificates_are_asked_for_and_checked(study, start, cluster):
+    if shutil.which("openssl") is None:
+        pytest.skip("no openssl to make certificates with")
+    certificate(study, "authority", None)
+    certificate(study, "ours", "authority")
+    certificate(study, "stranger", None)
+    far = cluster(["--tls-ca-file", "authority.pem", "--tls-cert", "ours.pem", "--tls-key", "ours-key.pem"])
+    far.add_worker()
+    assert far.address.startswith("tls://")
+
+    def campaign(name: str, folder: str):
+        options = ["--tls-ca", "authority.pem", "--tls-cert", f"{name}.pem", "--tls-key", f"{name}-key.pem"]
+        return start("campaign", "study.yaml", "-o", folder, "--limit", "20", "--dask", far.address, *options).end(
+            120.0
+        )
+
+    code, _, said = campaign("ours", "far")
+    assert code == 0, said
+    assert start("campaign", "study.yaml", "-o", "near", "--limit", "20").end(120.0)[0] == 0
+    assert (study / "far" / "runs.csv").read_bytes() == (study / "near" / "runs.csv").read_bytes()
+    code, _, said = campaign("stranger", "refused")
+    assert (code, "no scheduler answers" in said) == (2, True), said
