@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 RUNS, STORIES, PARQUET, SIMCENTER, SUMMARY = "runs.csv", "stories.csv", "runs.parquet", "simcenter.csv", "summary.json"
 """What is made of a store, each file whole."""
 
-_FAILED = ("diverged", "not-converged", "unstable-step")
+_FAILED = ("diverged", "not-converged", "unstable-step", "not-within-tolerance")
 
 
 def carry_out(

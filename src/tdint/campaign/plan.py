@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tdint.campaign.buildings import Buildings
-from tdint.campaign.engine.chunk import Chunk, Source
+from tdint.campaign.engine.chunk import Chunk, Portion, Source
 from tdint.campaign.engine.runs import Run
 from tdint.campaign.engine.settings import RunSettings
+from tdint.campaign.engine.tolerance import halvings_within
 from tdint.campaign.levels import Levels
 from tdint.campaign.motions import Assignment, Draw, SuiteMotion
 from tdint.errors import TdintError, UsageError
@@ -23,6 +25,7 @@ _SECONDS_PER_STEP = 0.15e-6
 _SECONDS_PER_BUILDING = 2e-4
 _CHUNKS = 64
 _LOOKED_AT = 1000
+_KEPT = 1000  # buildings whose steps are remembered
 _SHORTEST, _LONGEST = 0.002, 2.0
 """Seconds of a chunk: a small campaign is cut into `_CHUNKS`, so that all processors have their share."""
 
@@ -59,6 +62,8 @@ class Plan:
     settings: RunSettings
     failures: tuple[TdintError, ...] = ()
     notes: tuple[str, ...] = ()
+    _chosen: dict[int, int | None] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _choosing: Lock = field(default_factory=Lock, init=False, repr=False, compare=False)
 
     @property
     def runs(self) -> int:
@@ -84,9 +89,9 @@ class Plan:
             until = min(last, end)
             chosen.append((at, slice(first - start, until - start)))
             first, at = until, at + 1
-        buildings = self._with_runs(chosen)
-        used = sorted({run.motion for _, _, runs in buildings for run in runs})
-        return Chunk(number, buildings, {motion: self.motions[motion].record for motion in used}, self.settings)
+        portions = self._with_runs(chosen)
+        used = sorted({run.motion for portion in portions for run in portion.runs})
+        return Chunk(number, portions, {motion: self.motions[motion].record for motion in used}, self.settings)
 
     def check_steps(self) -> None:
         """Raise UsageError for a step that does not fit a record; of an inventory all buildings are alike in that."""
@@ -136,7 +141,7 @@ class Plan:
         cuts = self._starts[at] + np.ceil(into / each[at]).astype(np.int64)
         return np.unique(np.concatenate([[0], np.minimum(cuts, self.runs), [self.runs]]))
 
-    def _with_runs(self, chosen: Sequence[tuple[int, slice]]) -> tuple[tuple[int, Source, tuple[Run, ...]], ...]:
+    def _with_runs(self, chosen: Sequence[tuple[int, slice]]) -> tuple[Portion, ...]:
         """Buildings with some of their runs."""
         sources = [self.buildings.source(number) for number, _ in chosen]
         draws = [self.assignment.draws(number) for number, _ in chosen]
@@ -146,8 +151,23 @@ class Plan:
             runs = [
                 Run(draw.motion, scale, draw.sample) for draw in draws[place] for scale in factors[place, draw.motion]
             ]
-            found.append((number, sources[place], tuple(runs[part])))
+            halvings = self._halvings(number, sources[place], runs)
+            found.append(Portion(number, sources[place], tuple(runs[part]), halvings))
         return tuple(found)
+
+    def _halvings(self, number: int, source: Source, runs: Sequence[Run]) -> int | None:
+        """How often the steps of a building are halved for the tolerance: found once, whatever chunks its runs are
+        in."""
+        tolerance = self.settings.tolerance
+        if tolerance is None:
+            return 0
+        with self._choosing:
+            if number not in self._chosen:
+                while len(self._chosen) >= _KEPT:
+                    self._chosen.pop(next(iter(self._chosen)))
+                records = {run.motion: self.motions[run.motion].record for run in runs}
+                self._chosen[number] = halvings_within(source.subject(), records, runs, self.settings, tolerance)
+            return self._chosen[number]
 
     def _factors(
         self, sources: Sequence[Source], draws: Sequence[Sequence[Draw]]

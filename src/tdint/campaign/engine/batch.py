@@ -83,8 +83,8 @@ class Batch:
     spectral: dict[int, float | None]
     settings: RunSettings
 
-    def results(self, runs: Sequence[Run]) -> Rows:
-        """Integrate the runs.
+    def results(self, runs: Sequence[Run], halvings: int | None = 0) -> Rows:
+        """Integrate the runs, their steps halved so often for a tolerance; None: no step is within it.
 
         Raises
         ------
@@ -95,7 +95,13 @@ class Batch:
         """
         results = Rows()
         steps = {motion: self._steps(motion) for motion in dict.fromkeys(run.motion for run in runs)}
+        for _ in range(halvings or 0):
+            steps = {motion: finer(before) for motion, before in steps.items()}
         jobs = [_Job(run, steps[run.motion]) for run in runs]
+        if halvings is None:
+            for job in jobs:
+                self._take_failure(job, "not-within-tolerance", results)
+            return results
         while jobs:
             failed: list[_Job] = []
             for h in dict.fromkeys(job.steps.h for job in jobs):

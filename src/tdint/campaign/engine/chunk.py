@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -26,6 +26,27 @@ class Source(Protocol):
         """The building."""
 
 
+class Portion(NamedTuple):
+    """Runs of one building.
+
+    Attributes
+    ----------
+    number : int
+        Of the building in its campaign.
+    source : Source
+        What makes it.
+    runs : tuple of Run
+        The runs.
+    halvings : int or None
+        How often their steps are halved for a tolerance; None if no step is within it.
+    """
+
+    number: int
+    source: Source
+    runs: tuple[Run, ...]
+    halvings: int | None = 0
+
+
 @dataclass(frozen=True)
 class Chunk:
     """Some runs, with all that they need.
@@ -34,14 +55,14 @@ class Chunk:
     ----------
     number : int
         Of the chunk in its campaign.
-    buildings : tuple of (int, Source, tuple of Run)
-        Of each building its number, what makes it, and its runs.
+    portions : tuple of Portion
+        The buildings with their runs.
     records : mapping of int to Record
         The ground motions by their numbers.
     """
 
     number: int
-    buildings: tuple[tuple[int, Source, tuple[Run, ...]], ...]
+    portions: tuple[Portion, ...]
     records: Mapping[int, Record]
     settings: RunSettings
 
@@ -59,11 +80,12 @@ def do(chunk: Chunk) -> Done:
     """Integrate the runs of a chunk. Errors are those of `Batch.results`."""
     began = time.perf_counter()
     motions = Motions.of(chunk.records)
-    made = [(number, source.subject(), runs) for number, source, runs in chunk.buildings]
-    spectral = _spectral(chunk.records, [(subject, runs) for _, subject, runs in made])
+    subjects = [portion.source.subject() for portion in chunk.portions]
+    spectral = _spectral(chunk.records, [(s, p.runs) for s, p in zip(subjects, chunk.portions, strict=True)])
     rows = Rows()
-    for (number, subject, runs), sa in zip(made, spectral, strict=True):
-        rows.extend(Batch(number, subject, motions, sa, chunk.settings).results(runs))
+    for portion, subject, sa in zip(chunk.portions, subjects, spectral, strict=True):
+        batch = Batch(portion.number, subject, motions, sa, chunk.settings)
+        rows.extend(batch.results(portion.runs, portion.halvings))
     return Done(chunk.number, rows, time.perf_counter() - began)
 
 

@@ -27,9 +27,12 @@ class RunSettings:
         of them are those of an amplitude below `AT_REST` times the largest displacement; for `REST_PERIODS` at most.
     stories : bool
         Keep the peaks of every story, too.
+    tolerance : float or None
+        The steps of a building are halved until the estimated errors of its peak drifts are within this part of them.
     """
 
     dt: float | None = None
     duration: float | None = None
     until_rest: bool = False
     stories: bool = False
+    tolerance: float | None = None

@@ -70,7 +70,7 @@ def make_plan(campaign: CampaignFile) -> Plan:
         motions=motions,
         assignment=assignment,
         levels=_levels(campaign, motions),
-        settings=RunSettings(analysis.dt, analysis.duration, analysis.until_rest, campaign.stories),
+        settings=RunSettings(analysis.dt, analysis.duration, analysis.until_rest, campaign.stories, analysis.tolerance),
         failures=(*said.failures, *([ModelError(said.faults)] if said.faults else ())),
         notes=tuple(said.notes),
     )
