@@ -5,11 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+_LONGEST, _HEAD, _TAIL = 1000, 700, 250
+"""Characters of a line of a message, and what is kept of the beginning and the end of a longer one."""
+
 
 class TdintError(Exception):
-    """Base of all errors that a user can cause and mend. `exit_code` is the command's exit code."""
+    """Base of all errors that a user can cause and mend. `exit_code` is the command's exit code.
+
+    A message may quote what the user wrote; of lines that grow too long by it the middle is left out.
+    """
 
     exit_code = 1
+
+    def __init__(self, message: str = "") -> None:
+        super().__init__(abridged(message))
 
 
 class UsageError(TdintError):
@@ -65,6 +74,15 @@ class OutputError(TdintError):
     """An output that cannot be written."""
 
     exit_code = 6
+
+
+def abridged(text: str) -> str:
+    """Text whose long lines have lost their middle."""
+    if len(text) <= _LONGEST:
+        return text
+    return "\n".join(
+        line if len(line) <= _LONGEST else f"{line[:_HEAD]} ... {line[-_TAIL:]}" for line in text.split("\n")
+    )
 
 
 def nearest(name: str, known: Iterable[str], cutoff: float = 0.6) -> str | None:

@@ -73,6 +73,8 @@ def parse_units(text: str) -> Units:
     UsageError
         The unit is unknown, or the factor is not a positive number.
     """
+    if not isinstance(text, str):
+        raise UsageError(f"units are a text such as 'm/s^2', got {text!r}")
     words = text.strip()
     number = _NUMBER.match(words)
     factor = float(number[0]) if number else 1.0

@@ -1,10 +1,10 @@
-"""Damage files of every format by the hundred thousand, and count what becomes of them.
+"""Damage records, model files, command lines and calls by the hundred thousand, and count what becomes of them.
 
-    python tests/fuzz/run.py --cases 100000 [--seed 0] [--jobs 2] [--format MSEED]
+    python tests/fuzz/run.py [--of records|models|commands|api] [--cases 100000] [--seed 0] [--jobs 2] [--name MSEED]
     python tests/fuzz/run.py --bits                # every single bit of the headers of MiniSEED and SAC
 
-Each case is a sound file and a seed; a failure is printed with both, so that `--format NAME --only SEED` repeats it. A
-case that ends its process (a crash) or does not come back is a failure, too.
+Each case is a name and a seed; a failure is printed with both, so that `--of KIND --name NAME --only SEED` repeats it.
+A case that ends its process (a crash) or does not come back is a failure, too.
 """
 
 from __future__ import annotations
@@ -15,45 +15,48 @@ import multiprocessing
 import resource
 import signal
 import sys
+import warnings
 from collections import Counter, defaultdict
-from collections.abc import Iterator
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from fuzz.corpus import Sound, corpus
-from fuzz.mutators import mutated
+from fuzz.corpus import corpus
+from fuzz.kinds import KINDS
 from fuzz.oracle import LONGEST, OUTCOMES, Failure, outcome, read
+from fuzz.sandbox import sandbox
 
 FAILED = "FAILED"
 _BATCH = 250
 _MEMORY = 6 * 2**30
 
-
-def cases(sounds: list[Sound], count: int, seed: int) -> Iterator[list[tuple[int, int]]]:
-    """Places in the corpus and seeds, in batches of one file each."""
-    each = -(-count // len(sounds))
-    for place in range(len(sounds)):
-        for start in range(0, each, _BATCH):
-            yield [(place, seed + start + i) for i in range(min(_BATCH, each - start))]
+Case = tuple[str, int]
 
 
-def run_batch(batch: list[tuple[int, int]]) -> list[tuple[int, int, str, str]]:
+def batches(names: list[str], count: int, seed: int) -> list[list[Case]]:
+    """Names and seeds, in batches; a name that stands twice gets twice as many seeds."""
+    share = Counter(names)
+    each = -(-count // len(names))
+    cases = [(name, seed + i) for name in share for i in range(share[name] * each)]
+    return [cases[start : start + _BATCH] for start in range(0, len(cases), _BATCH)]
+
+
+def run_batch(kind: str, batch: list[Case]) -> list[tuple[str, int, str, str]]:
     """Outcome and, of a failure, the reason for each case."""
     resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
     logging.getLogger("tdint").setLevel(logging.CRITICAL)
     signal.signal(signal.SIGALRM, _too_long)
-    sound = corpus()[batch[0][0]]
-    before = read(sound.data, sound.units)
     found = []
-    for place, seed in batch:
-        signal.alarm(int(2 * LONGEST))
-        try:
-            found.append((place, seed, outcome(sound, before, mutated(sound.data, seed)), ""))
-        except Failure as failure:
-            found.append((place, seed, FAILED, str(failure)))
-        finally:
-            signal.alarm(0)
+    with sandbox(), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for name, seed in batch:
+            signal.alarm(int(2 * LONGEST))
+            try:
+                found.append((name, seed, KINDS[kind].outcome(name, seed), ""))
+            except Failure as failure:
+                found.append((name, seed, FAILED, str(failure)))
+            finally:
+                signal.alarm(0)
     return found
 
 
@@ -61,39 +64,42 @@ def _too_long(*_: object) -> None:
     raise Failure(f"took over {2 * LONGEST:.0f} s")
 
 
-def all_outcomes(count: int, seed: int, jobs: int, name: str) -> tuple[dict[str, Counter[str]], list[str]]:
-    """Counts of outcomes by format, and a line for every failure."""
-    sounds = corpus()
-    batches = [batch for batch in cases(sounds, count, seed) if sounds[batch[0][0]].name.startswith(name)]
+def all_outcomes(
+    kind: str, names: list[str], count: int, seed: int, jobs: int
+) -> tuple[dict[str, Counter[str]], list[str]]:
+    """Counts of outcomes by name, and a line for every failure."""
     table: dict[str, Counter[str]] = defaultdict(Counter)
     failures: list[str] = []
     # A pool forks from a process with threads when it replaces one of its own, which may stand still for ever.
     with multiprocessing.get_context("spawn").Pool(jobs, maxtasksperchild=20) as pool:
-        waiting = [(batch, pool.apply_async(run_batch, (batch,))) for batch in batches]
+        waiting = [(batch, pool.apply_async(run_batch, (kind, batch))) for batch in batches(names, count, seed)]
         for batch, result in waiting:
-            label = sounds[batch[0][0]].name
             try:
                 found = result.get(timeout=_BATCH * 4.0)
             except Exception as error:  # A process that crashed never answers.
-                failures.append(f"{label}: seeds {batch[0][1]} to {batch[-1][1]}: {type(error).__name__} {error}")
-                table[label][FAILED] += 1
+                label = f"{batch[0]} to {batch[-1]}"
+                failures.append(f"{label}: {type(error).__name__} {error}")
+                table[batch[0][0]][FAILED] += 1
                 continue
-            for _, number, what, why in found:
-                table[label][what] += 1
+            for name, number, what, why in found:
+                table[name][what] += 1
                 if why:
-                    failures.append(f"{label} (file {batch[0][0]}), seed {number}: {why}")
+                    failures.append(f"{name}: seed {number}: {why}")
+                    print(failures[-1][:300], file=sys.stderr, flush=True)
     return table, failures
 
 
-def print_table(table: dict[str, Counter[str]]) -> None:
-    columns = (*OUTCOMES, FAILED)
-    print("| format | cases | " + " | ".join(columns) + " |")
+def print_table(table: dict[str, Counter[str]], outcomes: tuple[str, ...] = OUTCOMES) -> None:
+    columns = (*outcomes, FAILED)
+    print("| of | cases | " + " | ".join(columns) + " |")
     print("|---|" + "---:|" * (len(columns) + 1))
     total: Counter[str] = Counter()
-    for name, counter in sorted(table.items()):
+    together: dict[str, Counter[str]] = defaultdict(Counter)
+    for name, counter in table.items():
+        together[name.lstrip("0123456789 ")] += counter
         total += counter
+    for name, counter in [*sorted(together.items()), ("all", total)]:
         print(f"| {name} | {sum(counter.values())} | " + " | ".join(str(counter[column]) for column in columns) + " |")
-    print(f"| all | {sum(total.values())} | " + " | ".join(str(total[column]) for column in columns) + " |")
 
 
 def flipped_bits(name: str, length: int) -> tuple[dict[int, Counter[str]], list[str]]:
@@ -120,29 +126,31 @@ BITS = {"MSEED FLOAT64": 64, "MSEED STEIM2": 64, "SAC": 632}
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--of", choices=KINDS, default="records")
     parser.add_argument("--cases", type=int, default=100_000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--format", default="")
+    parser.add_argument("--name", default="")
     parser.add_argument("--only", type=int)
     parser.add_argument("--bits", action="store_true")
     given = parser.parse_args()
     logging.getLogger("tdint").setLevel(logging.CRITICAL)
     failures: list[str] = []
-    if given.only is not None:
-        for sound in (one for one in corpus() if one.name.startswith(given.format)):
-            data = mutated(sound.data, given.only)
-            Path("fuzzed").write_bytes(data)
-            print(sound.name, outcome(sound, read(sound.data, sound.units), data))
-    elif given.bits:
+    if given.bits:
         for name, length in BITS.items():
             table, found = flipped_bits(name, length)
             failures += found
             print(name)
             print_table({f"byte {place:3d}": counter for place, counter in table.items()})
     else:
-        counts, failures = all_outcomes(given.cases, given.seed, given.jobs, given.format)
-        print_table(counts)
+        names = [name for name in KINDS[given.of].names() if given.name in name]
+        if given.only is not None:
+            print(
+                *(row for name in dict.fromkeys(names) for row in run_batch(given.of, [(name, given.only)])), sep="\n"
+            )
+        else:
+            counts, failures = all_outcomes(given.of, names, given.cases, given.seed, given.jobs)
+            print_table(counts, KINDS[given.of].outcomes)
     for line in failures:
         print(line[:300])
     return 1 if failures else 0

@@ -1,27 +1,24 @@
-"""A few damaged files of every format; `python tests/fuzz/run.py` does the same by the hundred thousand."""
+"""A few damaged inputs of every kind; `python tests/fuzz/run.py` does the same by the hundred thousand."""
 
 from __future__ import annotations
 
-import random
 from collections import Counter
-from io import StringIO
-from pathlib import Path
 
-import numpy as np
 import pytest
 
+from fuzz import api, command_lines, model_files
 from fuzz.corpus import corpus
 from fuzz.mutators import mutated
 from fuzz.oracle import REFUSED, SAME, Failure, outcome, read
+from fuzz.printed import check
 from fuzz.run import BITS, flipped_bits
-from tdint.errors import ModelError, TdintError
+from fuzz.sandbox import MODELS, run, sandbox
 from tdint.ground_motion.reading import plugins
-from tdint.ground_motion.record import Record
-from tdint.model.config.read import load_model
 
 SOUNDS = corpus()
 EACH = 40
-CONFIGS = Path(__file__).parents[2] / "configs"
+SLOW = {"order", "failures", "chart", "campaign", "ida", "scale", "fragility", "compare"}
+"""Commands whose seeds `run.py` alone tries."""
 
 
 @pytest.mark.parametrize("place", range(len(SOUNDS)), ids=[sound.name for sound in SOUNDS])
@@ -39,29 +36,63 @@ def test_every_bit_of_a_header(name):
     assert not failures
 
 
-@pytest.mark.parametrize("name", ["ten-story", "fluid-dampers", "three-story-concrete", "hardening"])
-def test_damaged_model_files(name):
-    data = (CONFIGS / f"{name}.yaml").read_bytes()
-    for seed in range(100):
-        text = mutated(data, seed).decode("utf-8", "surrogateescape")
-        try:
-            load_model(StringIO(text))
-        except ModelError as error:
-            assert all(len(line) < 2000 for line in str(error).splitlines())
+@pytest.fixture(scope="module")
+def work():
+    """The working directory is a sandbox."""
+    with sandbox():
+        yield
 
 
-def test_arguments_of_records():
-    strange = [0, -1, 1e-308, 1e308, float("nan"), float("inf"), None, "1", True, 1j, [], [0.0], [[1.0, 2.0]], {}, b"1"]
-    source = random.Random(0)
-    for _ in range(400):
-        samples, dt = source.choice([[0.0, 1.0], np.arange(5), *strange]), source.choice([0.01, *strange])
-        try:
-            record = Record(samples, dt, "", "", "", "")
-        except TdintError as error:
-            assert len(str(error)) < 2000
-        else:
-            assert np.isfinite(record.acceleration).all()
-            assert 0.0 < record.dt < np.inf
+@pytest.mark.parametrize("name", MODELS)
+def test_damaged_model_files(work, name):
+    text = MODELS[name]
+    assert model_files.outcome(text, text) == model_files.SAME
+    found = Counter(model_files.outcome(text, model_files.damaged(text, seed)) for seed in range(EACH))
+    assert found[model_files.REFUSED] > 0
+    assert found[model_files.RUNS] > 0
+
+
+@pytest.mark.parametrize("name", sorted(set(command_lines.names()) - SLOW))
+def test_command_lines(work, name):
+    for seed in range(EACH // 4):
+        run(command_lines.command_line(name, seed))
+
+
+@pytest.mark.parametrize("name", api.CALLS)
+@pytest.mark.filterwarnings("ignore")
+def test_calls(work, name):
+    found = Counter(api.outcome(name, seed) for seed in range(EACH))
+    assert min(found[one] for one in api.OUTCOMES) > 0
+
+
+@pytest.mark.parametrize(
+    ("code", "stdout", "stderr", "files", "message"),
+    [
+        (1, b"", "Error: a bug", {}, "exit code 1"),
+        (0, b"a,b\n1,inf\n", "", {}, "inf in"),
+        (0, b"a,b\n1,nan\n", "", {}, "nan in"),
+        (0, b"a,b\n1\n", "", {}, "1 cells below 2"),
+        (0, b"a,b\n1,2", "", {}, "is cut off"),
+        (0, b"a\n\x1b[31m\n", "", {}, "control character"),
+        (0, b"a\n=cmd()\n", "", {}, "the formula"),
+        (0, b"", "note: the peak is inf m", {}, "inf on standard error"),
+        (0, b"", "Warning: overflow encountered in divide", {}, "encountered in"),
+        (2, b"", "Error: \x1b[31m", {}, "control character"),
+        (2, b"", "Error: " + "x" * 3000, {}, "a line of 3007"),
+        (4, b"", "", {}, "without a line that tells why"),
+        (0, b"", "", {"out/.tdint-1.tmp": b"x"}, "temporary file"),
+        (0, b"", "", {"out/t.csv": b""}, "is empty"),
+        (0, b"", "", {"out/t.json": b'{"a": NaN}'}, "NaN is no JSON"),
+    ],
+)
+def test_the_oracle_sees_what_must_not_be_printed(code, stdout, stderr, files, message):
+    with pytest.raises(Failure, match=message):
+        check(code, stdout, stderr, files)
+
+
+def test_the_oracle_passes_what_may_be_printed():
+    assert check(0, b"a,b\n-1.5,inf.txt\n", "note: inf.txt is read", {"out/t.csv": b"a\n1\n"}) == "done"
+    assert check(2, b"", "Error: nan is not a finite number", {}) == "usage"
 
 
 def test_the_oracle_sees_what_is_not_compared(monkeypatch):

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from typing import BinaryIO
 
-from tdint.errors import OutputError
+from tdint.errors import OutputError, abridged
 from tdint_cli.settings import is_quiet
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
@@ -75,7 +75,7 @@ def complain(text: str) -> None:
     if sys.stderr is None:
         return
     try:
-        sys.stderr.write(_CONTROL.sub(_escaped, text) + "\n")
+        sys.stderr.write(_CONTROL.sub(_escaped, abridged(text)) + "\n")
         sys.stderr.flush()
     except OSError:
         pass

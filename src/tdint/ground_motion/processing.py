@@ -166,6 +166,11 @@ def _problems(wanted: Processing) -> Iterator[str]:
             yield f"{name} must be a positive number, got {value}"
     if wanted.baseline is not None and wanted.baseline not in BASELINES:
         yield f"baseline must be {' or '.join(BASELINES)}, got {wanted.baseline!r}"
+    for name in ("trim", "pad"):
+        pair = getattr(wanted, name)
+        if pair is not None and not (isinstance(pair, tuple | list) and len(pair) == 2):
+            yield f"{name} must be a pair of numbers, got {pair!r}"
+            return
     if wanted.trim is not None:
         start = 0.0 if wanted.trim[0] is None else wanted.trim[0]
         end = math.inf if wanted.trim[1] is None else wanted.trim[1]
@@ -173,7 +178,7 @@ def _problems(wanted: Processing) -> Iterator[str]:
             yield "trim must be START:END in seconds from the first sample with START below END"
     if wanted.pad is not None and not (min(wanted.pad) >= 0.0 < sum(wanted.pad) < math.inf):
         yield f"pad must be a positive number of seconds, got {wanted.pad[0]:g}:{wanted.pad[1]:g}"
-    if wanted.corners is not None and not 1 <= wanted.corners <= MOST_CORNERS:
+    if wanted.corners is not None and wanted.corners not in range(1, MOST_CORNERS + 1):
         yield f"corners must be a whole number from 1 to {MOST_CORNERS}, got {wanted.corners}"
     if wanted.corners is not None and wanted.highpass is None and wanted.lowpass is None:
         yield "corners are those of a filter: give highpass or lowpass, too"

@@ -30,6 +30,8 @@ def parse(text: str) -> Integrator:
     UsageError
         Unknown method or parameter, a value that is no number or out of range. No other method ever takes its place.
     """
+    if not isinstance(text, str):
+        raise UsageError(f"a method is a text such as 'impulse4', got {text!r}")
     name, _, rest = text.strip().partition(":")
     method = catalogue().get(name)
     if method is None:

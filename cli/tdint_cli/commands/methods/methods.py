@@ -10,8 +10,8 @@ def command() -> None:
     """The time-integration methods: parameters, order, stability, source.
 
     CSV on standard output: name, family, parameters with their defaults and ranges; then, at the defaults, the order
-    for a smooth load, whether the method is implicit, the largest stable omega dt without damping (inf: none) and the
-    spectral radius for omega dt to infinity.
+    for a smooth load, whether the method is implicit, the largest stable omega dt without damping (none: stable at
+    any step) and the spectral radius for omega dt to infinity.
     """
     from tdint.methods.catalogue import catalogue, parse
     from tdint.output.tables.tables import method_table

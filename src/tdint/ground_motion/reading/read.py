@@ -174,6 +174,8 @@ def _components(
     contents = [(part, read_contents(content, part, layout)) for part, content in parts]
     found = [_Component(part, read, channel) for part, read in contents for channel in group_channels(read.traces)]
     if component is not None:
+        if not isinstance(component, str):
+            raise UsageError(f"a component is a text such as 'HNE', got {component!r}")
         found = [_choose(found, component, name)]
     elif single and len(found) > 1:
         raise RecordError(f"{name}: the file has several components, choose one: {_listed(found)}")

@@ -39,6 +39,9 @@ _NUMBER_HINTS = (
     (re.compile(r"[+-]?\.?(?:nan|inf|infinity)", re.IGNORECASE), "; it must be finite"),
     (re.compile(r"[+-]?[0-9][0-9.]*\s*[A-Za-z%].*"), "; write the number alone"),
 )
+_SMALLEST, _LARGEST = 1e-60, 1e60
+"""Sizes of numbers in SI units: products and squares of them stay within what floats hold."""
+
 _NOTHING = ("", "~", "null")
 
 _MEANT = 0.75
@@ -91,8 +94,9 @@ class Value:
             self.fault(f"must be {what or bounds}, got {self._shown_unquoted(_NUMBER, bounds)}")
             return math.nan
         converted = number * scale if number else 0.0
-        if not math.isfinite(converted) or (number != 0.0 and converted == 0.0):
-            self.fault(f"is outside the range of double precision in SI units, got {self._shown()}")
+        if number != 0.0 and not _SMALLEST <= abs(converted) <= _LARGEST:
+            limits = f"{_SMALLEST:g} and {_LARGEST:g} in SI units"
+            self.fault(f"is out of all proportion: its size must lie between {limits}, got {self._shown()}")
             return math.nan
         return converted
 

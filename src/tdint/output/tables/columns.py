@@ -218,13 +218,22 @@ def mode_damping(ratios: Any) -> Column:
     return Column("damping", lambda modes: ratios, "damping ratio; empty where damping couples the modes")
 
 
+def _power(value: float) -> float:
+    """A power; nan for that of nothing, minus infinity."""
+    return value if math.isfinite(value) else math.nan
+
+
 METHOD = (
     Column("name", "method.name", "name", text=True),
     Column("family", "family.name", "methods that share one compiled step", text=True),
     Column("parameters", lambda one: _parameters(one), "defaults and ranges", text=True),
     Column("order", "order", "order of displacement and velocity for a smooth load"),
     Column("implicit", "implicit", "whether a step solves for the restoring force at its end", text=True),
-    Column("stability_limit", "stability_limit", "largest stable omega dt without damping; inf for none"),
+    Column(
+        "stability_limit",
+        lambda one: "none" if math.isinf(one.stability_limit) else one.stability_limit,
+        "largest stable omega dt without damping; none for stable at any step",
+    ),
     Column("rho_inf", "rho_inf", "spectral radius for omega dt to infinity"),
     Column("source", "method.source", "who published it", text=True),
 )
@@ -258,8 +267,16 @@ OVERSHOOT = (
     Column("step", lambda motion: np.arange(motion.displacement.size), "step; 0 is the start"),
     Column("displacement", "displacement", "over the amplitude of the exact motion"),
     Column("velocity", "velocity", "over omega times that amplitude"),
-    Column("displacement_power", "displacement_power", "power of omega dt in the first step's displacement"),
-    Column("velocity_power", "velocity_power", "power of omega dt in the first step's velocity times dt"),
+    Column(
+        "displacement_power",
+        lambda one: _power(one.displacement_power),
+        "power of omega dt in the first step's displacement; empty where the step leaves nothing of it",
+    ),
+    Column(
+        "velocity_power",
+        lambda one: _power(one.velocity_power),
+        "power of omega dt in the first step's velocity times dt; empty where the step leaves nothing of it",
+    ),
 )
 
 

@@ -1,0 +1,215 @@
+"""Command lines from a seed: a sound one of a command, with options added, their values sound or strange.
+
+Which options and arguments a command has is asked of the command itself, so that a new one is tried as soon as it is in
+GROUPS of `tdint_cli.main`; what it needs to be cheap and sound stands in SOUND.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Sequence
+
+import click
+
+from fuzz.sandbox import MODELS, OUTPUT, STRANGE_NAMES
+from tdint_cli.main import COMMANDS, cli
+from tdint_cli.options import values
+
+RECORDS = (
+    "a.txt",
+    "n.mseed",
+    "s.sac",
+    "counts.mseed",
+    "table.csv",
+    "many",
+    "nan.txt",
+    "cut.mseed",
+    "none",
+    *STRANGE_NAMES,
+)
+_MODELS = tuple(MODELS)
+_CHEAP = ("--method", "newmark-average")
+
+SOUND: dict[str, list[tuple[str, ...]]] = {
+    "run": [("linear.yaml",), ("bilinear.yaml",), ("forced.yaml",), ("modal.yaml",), ("linear.yaml", "a.txt")],
+    "modes": [(model,) for model in _MODELS],
+    "law": [("linear.yaml", "--amplitude", "1%"), ("bilinear.yaml", "--amplitude", "2dy"), ("bilinear.yaml",)],
+    "pushover": [("bilinear.yaml",), ("linear.yaml",)],
+    "inventory": [("buildings.csv", "--units", "m"), ("buildings.csv", "--units", "ft")],
+    "info": [("a.txt",), ("n.mseed", "--units", "m/s^2"), ("many",)],
+    "spectrum": [("a.txt", "--period", "0.2,1"), ("n.mseed", "--period", "0.5", "--units", "m/s^2")],
+    "drift-spectrum": [("a.txt", "--period", "0.2,1"), ("many", "--period", "0.5")],
+    "methods": [()],
+    "stability": [_CHEAP],
+    "overshoot": [(*_CHEAP, "--steps", "3")],
+    "order": [(*_CHEAP, "--load", "free")],
+    "failures": [(*_CHEAP, "--problem", "large-step")],
+    "chart": [("linear.yaml", *_CHEAP, "--halvings", "0", "--repeat", "1", "--duration", "0.1", "--no-cache")],
+}
+"""Sound and cheap command lines; a command that is not here is tried with what its arguments are called."""
+
+LEFT_OUT = {"compile", "examples"}
+"""Commands that take too long for thousands of cases."""
+
+WEIGHTS = {"run": 20, "info": 12, "spectrum": 12, "drift-spectrum": 8, "order": 1, "failures": 1, "chart": 1}
+"""How often a command is tried; 5 where it is not here."""
+
+_NUMBERS = ("0.02", "0.5", "1", "2", "0.1", "0.25", "10")
+_STRANGE_NUMBERS = (
+    "0", "-1", "nan", "inf", "-inf", "1e308", "1e-308", "5e-324", "1e-9", "1e9", "1e400", "", " ", "abc", "0x1",
+    "1_000", "5%", "1e300%", "0,1", "\uff15", "1:2", "--", "1" * 400, "\x1b[31m1", "-0",
+)  # fmt: skip
+_COUNTS = ("1", "2", "3", "5")
+_STRANGE_COUNTS = ("0", "-1", "1.5", "99999999999999999999", "1000000", "abc", "", "1e3")
+_GRIDS = (
+    "0.1:1:3",
+    "0.2:0.2:1",
+    "0.5",
+    "1:0.1:5",
+    "0.1:1:0",
+    "0:1:5",
+    "0.1:1:100000000",
+    "a:b:c",
+    "1e-308:1e308:4",
+    "::",
+)
+_DRIFTS = ("1%", "20mm", "2dy", "0.001", "0.01,0.02", "1e308", "-1", "nan", "0", "1e-300", "5in", "200%", "1e5dy")
+_UNITS = (
+    "g",
+    "m/s^2",
+    "gal",
+    "cm/s",
+    "in",
+    "2e-6 m/s^2",
+    "1e300 g",
+    "0 g",
+    "-1 g",
+    "1e-300 m/s^2",
+    "furlong",
+    "g\x1b[31m",
+)
+_METHODS = (
+    "newmark-average", "impulse4", "exact", "newmark-average,exact", "newmark:beta=nan", "newmark:beta=1e308,gamma=0.5",
+    "impulse:beta=1e-9", "newmark-average:x=1", "wilson:theta=1e300", "neumark", ":", "", "generalized-alpha:rho_inf=2",
+)  # fmt: skip
+_TEXTS = (
+    "",
+    "HNE",
+    "N",
+    "1",
+    "2",
+    "\x1b[0m",
+    "caf\xe9",
+    "0:1",
+    "0.05:",
+    ":",
+    "1e308:",
+    "-1:2",
+    "5:1",
+    "0.1,0.9",
+    "1e308",
+    "1" * 3000,
+)
+_OUTPUTS = (
+    f"{OUTPUT}/t.csv",
+    f"{OUTPUT}/new/t.csv",
+    OUTPUT,
+    f"{OUTPUT}/",
+    "a.txt",
+    "/dev/null",
+    "",
+    "x\x00y",
+    "/nowhere/t.csv",
+)
+_PICTURES = ("--plot",)
+
+
+def names() -> list[str]:
+    """The commands, each as often as its weight says."""
+    return [name for name in COMMANDS if name not in LEFT_OUT for _ in range(WEIGHTS.get(name, 5))]
+
+
+def command_line(name: str, seed: int) -> list[str]:
+    """The arguments of `tdint` for a command, the same for the same seed."""
+    source = random.Random(f"{name} {seed}")
+    context = click.Context(cli)
+    command = cli.get_command(context, name)
+    assert command is not None
+    arguments = [name, *_sound(command, name, source)]
+    options = [one for one in command.get_params(context) if isinstance(one, click.Option) and one.name != "debug"]
+    for _ in range(source.choice((0, 1, 1, 2, 3))):
+        arguments += _option(source.choice(options), source)
+    if source.random() < 0.1:
+        _damage(arguments, source)
+    return arguments
+
+
+def _sound(command: click.Command, name: str, source: random.Random) -> tuple[str, ...]:
+    if name in SOUND:
+        return source.choice(SOUND[name])
+    called = [str(one.metavar or one.name) for one in command.params if isinstance(one, click.Argument)]
+    return tuple("linear.yaml" if "model" in one.lower() else "a.txt" for one in called)
+
+
+def _damage(arguments: list[str], source: random.Random) -> None:
+    """One argument lost, doubled, or another one in its place."""
+    place = source.randrange(1, len(arguments)) if len(arguments) > 1 else 0
+    kind = source.randrange(4)
+    if kind == 0 and place:
+        del arguments[place]
+    elif kind == 1:
+        arguments.insert(place, arguments[place])
+    elif kind == 2:
+        arguments[place] = source.choice((*RECORDS, *_MODELS, *_STRANGE_NUMBERS))
+    else:
+        arguments.insert(place, source.choice(("--no-such", "-x", "--", "-", "--help", "--plot=", "--method", "--dt=")))
+
+
+def _option(option: click.Option, source: random.Random) -> list[str]:
+    name = source.choice([*option.opts, *option.secondary_opts])
+    if option.is_flag or option.count:
+        return [name]
+    if name == "--plot":  # A picture takes a second.
+        return [name, f"{OUTPUT}/p.png"] if source.random() < 0.05 else ["--plot=none.gif"]
+    value = _value(option, source)
+    return [f"{name}={value}"] if name.startswith("--") and source.random() < 0.5 else [name, value]
+
+
+def _value(option: click.Option, source: random.Random) -> str:
+    kind = option.type
+    if isinstance(kind, values.ListOf):
+        count = source.choice((1, 1, 2, 3))
+        return ",".join(_one(option.name or "", kind.one, source) for _ in range(count))
+    return _one(option.name or "", kind, source)
+
+
+def _one(name: str, kind: click.ParamType, source: random.Random) -> str:
+    by_name = _BY_NAME.get(name.rstrip("s"))
+    if by_name:
+        return source.choice(by_name)
+    for type_, sound, strange in _BY_TYPE:
+        if isinstance(kind, type_):
+            return source.choice(sound if source.random() < 0.6 else strange)
+    if isinstance(kind, click.Choice):
+        return str(source.choice([*kind.choices, "none", ""]))
+    return source.choice(_TEXTS)
+
+
+_BY_NAME = {
+    "method": _METHODS,
+    "unit": _UNITS,
+    "output": _OUTPUTS,
+    "record": RECORDS,
+    "job": ("1", "1", "0", "-1", "x"),  # Processes take a second to start.
+    "stories": ("1", "2", "3", "0", "1e9", "-1", "100"),
+    "model": (OUTPUT, "", "/nowhere"),
+}
+_BY_TYPE: tuple[tuple[type, Sequence[str], Sequence[str]], ...] = (
+    (values.GridType, _GRIDS[:3], _GRIDS),
+    (values.DriftSizeType, _DRIFTS[:5], _DRIFTS),
+    (values.FileName, ("a.txt", "linear.yaml"), (*RECORDS, "", "x\x00y", "/dev/null")),
+    (click.types.IntRange, _COUNTS, _STRANGE_COUNTS),
+    (click.types.IntParamType, _COUNTS, _STRANGE_COUNTS),
+    (click.types.FloatRange, _NUMBERS, _STRANGE_NUMBERS),
+    (click.types.FloatParamType, _NUMBERS, _STRANGE_NUMBERS),
+)

@@ -1,0 +1,57 @@
+"""What is tried: damaged records, model files, command lines, calls of the Python interface.
+
+Each kind has names, and an outcome for a name and a seed; it raises Failure for what must not happen.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from fuzz import api, command_lines, model_files, oracle
+from fuzz.corpus import corpus
+from fuzz.mutators import mutated
+from fuzz.printed import CODES
+from fuzz.sandbox import run
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of input: the names of what is tried, how a case ends, and what it may end with."""
+
+    names: Callable[[], list[str]]
+    outcome: Callable[[str, int], str]
+    outcomes: tuple[str, ...]
+
+
+@functools.cache
+def _sounds() -> tuple[dict[str, oracle.Sound], dict[str, tuple[oracle.Record, ...]]]:
+    sounds = {f"{place} {one.name}": one for place, one in enumerate(corpus())}
+    return sounds, {name: oracle.read(one.data, one.units) for name, one in sounds.items()}
+
+
+def _record(name: str, seed: int) -> str:
+    sounds, before = _sounds()
+    return oracle.outcome(sounds[name], before[name], mutated(sounds[name].data, seed))
+
+
+@functools.cache
+def _models() -> dict[str, str]:
+    return model_files.sound_models()
+
+
+KINDS = {
+    "records": Kind(lambda: list(_sounds()[0]), _record, oracle.OUTCOMES),
+    "models": Kind(
+        lambda: list(_models()),
+        lambda name, seed: model_files.outcome(_models()[name], model_files.damaged(_models()[name], seed)),
+        model_files.OUTCOMES,
+    ),
+    "commands": Kind(
+        command_lines.names,
+        lambda name, seed: run(command_lines.command_line(name, seed)),
+        tuple(CODES.values()),
+    ),
+    "api": Kind(lambda: list(api.CALLS), api.outcome, api.OUTCOMES),
+}

@@ -1,0 +1,118 @@
+"""Model files from a seed: sound ones with their numbers, words, bytes and lines damaged; what becomes of them.
+
+A file is refused, every fault with its place; or it is a sound model, which runs for a tenth of a second under a record
+and prints nothing that it must not (`fuzz.printed`).
+"""
+
+from __future__ import annotations
+
+import functools
+import io
+import math
+import random
+import re
+from pathlib import Path
+
+from fuzz.mutators import mutated
+from fuzz.oracle import LARGEST_MESSAGE, Failure
+from fuzz.sandbox import MODELS, run
+from tdint.errors import ModelError
+from tdint.model.config.read import Model, load_model
+
+REFUSED, SAME, FAILS = "refused", "unchanged", "changed, does not run"
+RUNS = "changed, runs"
+OUTCOMES = (REFUSED, SAME, FAILS, RUNS)
+
+_CONFIGS = Path(__file__).parents[2] / "configs"
+_WORD = re.compile(r"[^\s,:{}\[\]#]+")
+_STRANGE = (
+    "0", "-1", "1e308", "1e-308", "5e-324", "1e999", "nan", ".inf", "012", "1_0", "0,5", "5%", "'1'", "true", "null",
+    "none", "[]", "{}", "[1, 2]", "*x", "&x", "!!int 3", "1e9", "99999999999999999999", "linear", "bilinear", "tanh",
+    "cos", "kip", "in", "\x1b[31m", "\u202e", "\U0001f600", "-0", "1e-9", "1e5", "3", "0.5",
+)  # fmt: skip
+_KEYS = (
+    "mass", "stiffness", "height", "repeat", "law", "type", "dashpot", "name", "units", "p_delta", "record", "file",
+    "forces", "floor", "omega", "initial", "modal", "rayleigh", "ratio", "modes", "hardening", "yield_force",
+)  # fmt: skip
+
+
+def sound_models(*, few: bool = False) -> dict[str, str]:
+    """Names and texts: those of the sandbox and, unless few are enough, of `configs` that run in a moment."""
+    texts = dict(MODELS)
+    if not few:
+        small = ("fluid-dampers", "hardening", "three-story-concrete", "collapse-prone-frame", "ten-story-bilinear")
+        texts |= {f"{name}.yaml": (_CONFIGS / f"{name}.yaml").read_text() for name in small}
+    return texts
+
+
+def damaged(text: str, seed: int) -> str:
+    """The text after one to three changes, the same for the same seed."""
+    source = random.Random(seed)
+    for _ in range(source.choice((1, 1, 2, 3))):
+        kind = source.randrange(4)
+        if kind == 0:
+            text = mutated(text.encode("utf-8", "surrogateescape"), source.randrange(2**31)).decode("utf-8", "replace")
+            continue
+        places = list(_WORD.finditer(text))
+        if not places:
+            break
+        match = source.choice(places)
+        word = {
+            1: source.choice(_STRANGE),
+            2: source.choice(_KEYS),
+            3: source.choice((match[0] * 2, match[0][:-1], "", source.choice(places)[0])),
+        }[kind]
+        text = text[: match.start()] + word + text[match.end() :]
+    return text
+
+
+def outcome(original: str, text: str) -> str:
+    """What becomes of a damaged model file, within a sandbox; raises Failure."""
+    try:
+        model = load_model(io.StringIO(text))
+    except ModelError as error:
+        _check_faults(error, text)
+        return REFUSED
+    except Exception as error:
+        raise Failure(f"{type(error).__name__}: {error}") from error
+    _check_sound(model)
+    if _same(model, _loaded(original)):
+        return SAME
+    Path("fuzzed.yaml").write_text(text, "utf-8", "surrogateescape", "")
+    said = run(["run", "fuzzed.yaml", "--record", "a.txt", "--duration", "0.1", "-o", "out/run"])
+    run(["modes", "fuzzed.yaml"])
+    return RUNS if said == "done" else FAILS
+
+
+@functools.cache
+def _loaded(text: str) -> Model:
+    return load_model(io.StringIO(text))
+
+
+def _check_faults(error: ModelError, text: str) -> None:
+    lines = len(text.splitlines())
+    if not error.faults:
+        raise Failure(f"refused without a fault: {error}")
+    for fault in error.faults:
+        if not (1 <= fault.line <= lines + 1 and fault.column >= 1 and fault.message and "\n" not in str(fault)):
+            raise Failure(f"a fault without its place: {fault}")
+        if len(str(fault)) > LARGEST_MESSAGE:
+            raise Failure(f"a message of {len(str(fault))} characters")
+
+
+def _check_sound(model: Model) -> None:
+    numbers = [model.collapse_drift, *model.initial.displacement, *model.initial.velocity]
+    for story in model.stories[:10]:
+        numbers += [story.mass, story.stiffness, story.dashpot if isinstance(story.dashpot, float) else 0.0]
+        if not (story.mass > 0.0 and story.stiffness > 0.0):
+            raise Failure(f"a story without mass or stiffness: {story}")
+    for force in model.excitation.forces:
+        numbers += [force.cosine, force.sine, force.omega]
+    if not all(map(math.isfinite, numbers)):
+        raise Failure(f"numbers that are not finite: {model}"[:500])
+
+
+def _same(model: Model, other: Model) -> bool:
+    """Whether two models differ in nothing but their texts and names."""
+    fields = ("stories", "damping", "p_delta", "excitation", "initial", "analysis", "collapse_drift")
+    return all(getattr(model, name) == getattr(other, name) for name in fields)

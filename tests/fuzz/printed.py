@@ -1,0 +1,110 @@
+"""What a command may print and write: the oracle over its exit code, its streams and its files.
+
+    check(code, stdout, stderr, files)        raises Failure
+
+It knows no command, so that it serves any.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+from collections.abc import Mapping
+
+from fuzz.oracle import LARGEST_MESSAGE, Failure
+
+CODES = {0: "done", 2: "usage", 3: "model file", 4: "record", 5: "analysis", 6: "output"}
+"""Exit codes that a command may have, in words; 1 is a bug."""
+
+_CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
+_NO_NUMBER = re.compile(r"[-+]?(nan|inf|infinity)%?", re.IGNORECASE)
+_NO_NUMBER_IN_WORDS = re.compile(r"(?<![\w./:'-])[-+]?(nan|inf)(?![\w./:'])", re.IGNORECASE)
+_LEAKS = re.compile(r"Traceback|encountered in|Warning: .*deprecat|object at 0x", re.IGNORECASE)
+_FORMULA = re.compile(r"[=@]|[-+](?!\.?\d)")
+_MOST_LINES = 400
+
+
+def check(code: int, stdout: bytes, stderr: str, files: Mapping[str, bytes]) -> str:
+    """The exit code in words; raises Failure for what must not be printed or written.
+
+    Parameters
+    ----------
+    code : int
+        Exit code.
+    stdout, stderr : bytes, str
+        What was printed.
+    files : mapping
+        Names and contents of the files that were written.
+    """
+    if code not in CODES:
+        raise Failure(f"exit code {code}: {stderr[-300:]!r}")
+    _check_words(code, stderr)
+    if code == 0:
+        _check_table("standard output", _text("standard output", stdout))
+    for name, content in files.items():
+        _check_file(name, content)
+    return CODES[code]
+
+
+def _check_words(code: int, stderr: str) -> None:
+    lines = stderr.splitlines()
+    for line in stderr.split("\n"):
+        if found := _CONTROL.search(line):
+            raise Failure(f"the control character {found[0]!r} on standard error: {line[:200]!r}")
+        if len(line) > LARGEST_MESSAGE:
+            raise Failure(f"a line of {len(line)} characters on standard error")
+        if _LEAKS.search(line):
+            raise Failure(f"on standard error: {line[:300]!r}")
+        if code == 0 and (found := _NO_NUMBER_IN_WORDS.search(line)):
+            raise Failure(f"{found[0]} on standard error of exit code 0: {line[:300]!r}")
+    if len(lines) > _MOST_LINES:
+        raise Failure(f"{len(lines)} lines on standard error")
+    if code != 0 and not any(line.startswith("Error: ") for line in lines):
+        raise Failure(f"exit code {code} without a line that tells why: {stderr[:200]!r}")
+    if code == 0 and any(line.startswith("Error: ") for line in lines):
+        raise Failure(f"exit code 0 with an error: {stderr[:200]!r}")
+
+
+def _check_file(name: str, content: bytes) -> None:
+    if name.endswith(".tmp"):
+        raise Failure(f"the temporary file {name} is left")
+    if not content:
+        raise Failure(f"{name} is empty")
+    if name.endswith(".json"):
+        try:
+            json.loads(content, parse_constant=_no_constant)
+        except ValueError as error:
+            raise Failure(f"{name}: {error}") from error
+    elif name.endswith(".csv"):
+        _check_table(name, _text(name, content))
+
+
+def _check_table(name: str, text: str) -> None:
+    """CSV, or the words of a help: no control character; in a table as many cells in every row, each sound."""
+    for line in text.split("\n"):
+        if found := _CONTROL.search(line):
+            raise Failure(f"{name}: the control character {found[0]!r}: {line[:200]!r}")
+    if text.startswith(("Usage:", "tdint ")):
+        return
+    if text and not text.endswith("\n"):
+        raise Failure(f"{name}: the last line is cut off: {text[-100:]!r}")
+    rows = list(csv.reader(io.StringIO(text)))
+    for row in rows:
+        if len(row) != len(rows[0]):
+            raise Failure(f"{name}: {len(row)} cells below {len(rows[0])} names: {row}"[:300])
+        for cell in row:
+            if _NO_NUMBER.fullmatch(cell.strip()):
+                raise Failure(f"{name}: {cell} in {row}"[:300])
+            if _FORMULA.match(cell):
+                raise Failure(f"{name}: the formula {cell[:60]!r}")
+
+
+def _text(name: str, content: bytes) -> str:
+    """The content as UTF-8; names of files that are none keep their bytes."""
+    return content.decode("utf-8", "backslashreplace")
+
+
+def _no_constant(name: str) -> float:
+    raise ValueError(f"{name} is no JSON")

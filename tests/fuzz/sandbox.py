@@ -1,0 +1,117 @@
+"""A folder of small models and records, sound and strange, and `tdint` in this process."""
+
+from __future__ import annotations
+
+import inspect
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from click.testing import CliRunner
+
+from fuzz import printed
+from ground_motion.files import counts, trace, wave, write
+from tdint_cli.main import cli
+
+MODELS = {
+    "linear.yaml": """\
+name: linear
+stories: [{repeat: 2, mass: 10, height: 3, stiffness: 8000}]
+damping: {rayleigh: {ratio: 0.05, modes: [1, 2]}}
+excitation: {record: {file: a.txt, units: m/s^2}}
+analysis: {method: newmark-average, duration: 0.3}
+""",
+    "bilinear.yaml": """\
+name: bilinear
+units: {length: cm, force: kN, mass: t}
+stories:
+  - {mass: 10, height: 300, stiffness: 8, law: {type: bilinear, yield_force: 5, hardening: 0.1}, dashpot: 0.01}
+  - {repeat: 2, mass: 8, height: 300, stiffness: 8, law: {type: bilinear, yield_force: 4, hardening: 0.1}}
+damping: {rayleigh: {mass: 0.1, stiffness: 0.001}}
+p_delta: true
+excitation: {record: {file: n.mseed, units: m/s^2, component: HNE, scale: 2, baseline: constant}}
+analysis: {method: impulse4, dt: 0.01, duration: 0.3}
+collapse_drift: 0.05
+""",
+    "forced.yaml": """\
+stories: [{mass: 10, stiffness: 800, dashpot: 5}, {mass: 8, stiffness: 600}]
+excitation: {forces: [{floor: 2, amplitude: 5, omega: 6, phase: sin}]}
+initial: {displacement: [0.1, 0], velocity: [0, 1]}
+analysis: {method: newmark-average, dt: 0.02, duration: 0.3}
+""",
+    "modal.yaml": """\
+stories: [{repeat: 3, mass: 10, height: 3, stiffness: 8000}]
+damping: {modal: [0.05, 0.02]}
+excitation: {record: {file: table.csv, column: 3, step: 0.01, skip_lines: 1}}
+analysis: {method: exact, duration: 0.3}
+""",
+}
+BUILDINGS = "name,type,stories,year,area\nschool,C1,3,1985,600\nshop,S1,2,1970,400\n"
+STRANGE_NAMES = (
+    "=cmd().txt",
+    "esc\x1b[31m.txt",
+    "two\nlines.txt",
+    "-dash.txt",
+    "\u202e.txt",
+    "caf\udce9.txt",
+    "inf.txt",
+)
+"""Names of sound records that a table or a terminal must not be given as they are."""
+
+OUTPUT = "out"
+
+
+@contextmanager
+def sandbox() -> Iterator[Path]:
+    """A new working directory with the files above; gone afterwards."""
+    before = Path.cwd()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        _fill(folder)
+        os.chdir(folder)
+        try:
+            yield folder
+        finally:
+            os.chdir(before)
+
+
+def _fill(folder: Path) -> None:
+    for name, text in MODELS.items():
+        (folder / name).write_text(text)
+    (folder / "buildings.csv").write_text(BUILDINGS)
+    samples = wave(60)
+    rows = "\n".join(f"{value:.6f}" for value in samples)
+    table = f"# dt = 0.01 s, units = m/s^2\n{rows}\n"
+    for name in ("a.txt", *STRANGE_NAMES):
+        (folder / name).write_text(table)
+    lines = [f"{0.01 * i:.2f},{v:.5f},{2 * v:.5f}" for i, v in enumerate(samples)]
+    (folder / "table.csv").write_text("\n".join(["Test", "Zeit (s),A (g),B (gal)", *lines, ""]))
+    (folder / "nan.txt").write_text(table.replace("\n", "\nnan\n", 3))
+    (folder / "cut.mseed").write_bytes(b"000001D TD")
+    write(folder / "n.mseed", trace(samples, channel="HNE"), trace(samples[::-1], channel="HNN"))
+    write(folder / "counts.mseed", trace(counts(60), channel="HNZ"))
+    write(folder / "s.sac", trace(samples.astype(np.float32)), format="SAC")
+    many = folder / "many"
+    many.mkdir()
+    (many / "b.txt").write_text(table)
+    (many / "notes.md").write_text("no record\n")
+
+
+def run(arguments: Sequence[str], stdin: bytes | None = None) -> str:
+    """Run `tdint ARGUMENTS` here and judge what it prints and writes into `out`; its exit code in words.
+
+    Raises
+    ------
+    Failure
+        Of `fuzz.printed`.
+    """
+    shutil.rmtree(OUTPUT, ignore_errors=True)
+    Path(OUTPUT).mkdir()
+    apart = {"mix_stderr": False} if "mix_stderr" in inspect.signature(CliRunner).parameters else {}
+    result = CliRunner(**apart).invoke(cli, list(arguments), input=stdin, prog_name="tdint")
+    files = {str(path): path.read_bytes() for path in Path(OUTPUT).rglob("*") if path.is_file()}
+    return printed.check(result.exit_code, result.stdout_bytes, result.stderr, files)
