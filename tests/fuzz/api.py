@@ -162,7 +162,7 @@ CALLS: dict[str, Callable[[random.Random], Any]] = {
     ),
     "load_model": lambda source: tdint.load_model(
         source.choice(
-            (io.StringIO(MODELS["linear.yaml"]), "linear.yaml", "none", "", "\0", {}, [], 1, None, b"x", io.BytesIO(b"a"))
+            (io.StringIO(MODELS["linear.yaml"]), "linear.yaml", "none", "", "\0", {}, [], 1, None, b"x", io.BytesIO())
         )
     ),
     "run": _run,
