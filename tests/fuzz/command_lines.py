@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import click
 
-from fuzz.sandbox import MODELS, OUTPUT, STRANGE_NAMES
+from fuzz.sandbox import MODELS, OLD, OUTPUT, STRANGE_NAMES
 from tdint_cli.main import COMMANDS, cli
 from tdint_cli.options import values
 
@@ -115,7 +115,7 @@ _OUTPUTS = (
     f"{OUTPUT}/new/t.csv",
     OUTPUT,
     f"{OUTPUT}/",
-    "a.txt",
+    f"{OUTPUT}/{OLD}",
     "/dev/null",
     "",
     "x\x00y",

@@ -62,7 +62,8 @@ STRANGE_NAMES = (
 )
 """Names of sound records that a table or a terminal must not be given as they are."""
 
-OUTPUT = "out"
+OUTPUT, OLD = "out", "old.csv"
+"""The folder of a command's outputs, empty at its start but for this file."""
 
 
 @contextmanager
@@ -111,6 +112,7 @@ def run(arguments: Sequence[str], stdin: bytes | None = None) -> str:
     """
     shutil.rmtree(OUTPUT, ignore_errors=True)
     Path(OUTPUT).mkdir()
+    Path(OUTPUT, OLD).write_text("a\n1\n")
     apart = {"mix_stderr": False} if "mix_stderr" in inspect.signature(CliRunner).parameters else {}
     result = CliRunner(**apart).invoke(cli, list(arguments), input=stdin, prog_name="tdint")
     files = {str(path): path.read_bytes() for path in Path(OUTPUT).rglob("*") if path.is_file()}

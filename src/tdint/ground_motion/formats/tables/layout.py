@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 from math import isclose, isfinite
+from numbers import Integral, Real
 from typing import Any
 
 from tdint.errors import RecordError, UsageError
@@ -47,7 +48,9 @@ class TextLayout:
             raise UsageError(f"column: give the number or the name of a column, got {given!r}")
         object.__setattr__(self, "column", tuple(str(name).strip() for name in columns))
         skipped: Any = self.skip_lines
-        if skipped is not None and not (type(skipped) is int and 0 <= skipped <= MOST_LINES):
+        if skipped is not None and not (
+            isinstance(skipped, Integral) and not isinstance(skipped, bool) and 0 <= int(skipped) <= MOST_LINES
+        ):
             raise UsageError(f"skip lines: must be a whole number from 0 to {MOST_LINES}, got {skipped!r}")
 
     def __bool__(self) -> bool:
@@ -76,7 +79,7 @@ class TextLayout:
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+    return isinstance(value, Real) and not isinstance(value, bool)
 
 
 AS_STATED = TextLayout()
