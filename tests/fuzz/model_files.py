@@ -78,9 +78,9 @@ def outcome(original: str, text: str) -> str:
     _check_sound(model)
     if _same(model, _loaded(original)):
         return SAME
-    Path("fuzzed.yaml").write_text(text, "utf-8", "surrogateescape", "")
-    said = run(["run", "fuzzed.yaml", "--record", "a.txt", "--duration", "0.1", "-o", "out/run"])
-    run(["modes", "fuzzed.yaml"])
+    content = text.encode("utf-8", "surrogateescape")
+    said = run(["run", "-", "--record", "a.txt", "--duration", "0.1", "-o", "out/run"], content)
+    run(["modes", "-"], content)
     return RUNS if said == "done" else FAILS
 
 
