@@ -136,7 +136,7 @@ def command_line(name: str, seed: int) -> list[str]:
     command = cli.get_command(context, name)
     assert command is not None
     arguments = [name, *_sound(command, name, source)]
-    options = [one for one in command.get_params(context) if isinstance(one, click.Option) and one.name != "debug"]
+    options = [one for one in command.params if isinstance(one, click.Option) and one.name != "debug"]
     for _ in range(source.choice((0, 1, 1, 2, 3))):
         arguments += _option(source.choice(options), source)
     if source.random() < 0.1:
