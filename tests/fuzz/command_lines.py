@@ -118,7 +118,6 @@ _OUTPUTS = (
     f"{OUTPUT}/{OLD}",
     "/dev/null",
     "",
-    "x\x00y",
     "/nowhere/t.csv",
 )
 _PICTURES = ("--plot",)
@@ -207,7 +206,7 @@ _BY_NAME = {
 _BY_TYPE: tuple[tuple[type, Sequence[str], Sequence[str]], ...] = (
     (values.GridType, _GRIDS[:3], _GRIDS),
     (values.DriftSizeType, _DRIFTS[:5], _DRIFTS),
-    (values.FileName, ("a.txt", "linear.yaml"), (*RECORDS, "", "x\x00y", "/dev/null")),
+    (values.FileName, ("a.txt", "linear.yaml"), (*RECORDS, "", "/dev/null")),
     (click.types.IntRange, _COUNTS, _STRANGE_COUNTS),
     (click.types.IntParamType, _COUNTS, _STRANGE_COUNTS),
     (click.types.FloatRange, _NUMBERS, _STRANGE_NUMBERS),

@@ -212,11 +212,6 @@ class FileName(ValueType):
     def __init__(self, *, folder: bool = False) -> None:
         self.kind = "dir" if folder else "file"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        if "\0" in str(value):
-            self.fail("a file name has no null character", param, ctx)
-        return value
-
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         """Leave it to the shell."""
         return [CompletionItem(incomplete, type=self.kind)]
