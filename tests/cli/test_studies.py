@@ -257,6 +257,13 @@ def test_runs_of_a_campaign(folder, tdint):
     assert (same["theta"], same["beta"]) == (row["theta"], row["beta"])
 
 
+def test_runs_of_several_buildings_are_no_fragility(folder, tdint):
+    (folder / "runs.csv").write_text("building,status,peak_drift_ratio,im\na,done,0.1,1\nb,done,0.2,1\n")
+    result = tdint("fragility", ".", "--threshold", "3%")
+    assert result.exit_code == 3
+    assert "runs.csv: several building: a, b; leave one of them" in result.stderr
+
+
 def test_what_cannot_be_fitted_is_told_beside_what_can(folder, tdint):
     (folder / "c.csv").write_text(
         "threshold,capacity,censored,im_name,unit\n"

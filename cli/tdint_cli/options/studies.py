@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING
@@ -44,7 +43,6 @@ threads = headings.option(
     "--jobs",
     heading=headings.GENERAL,
     type=click.IntRange(1, 1024),
-    default=lambda: os.cpu_count() or 1,
     metavar="N",
     help="Threads that share the records; as many as processors by default. The output does not depend on it.",
 )

@@ -57,7 +57,7 @@ class IdaRequest:
     dt: float | None
     duration: float | None
     until_rest: bool
-    jobs: int
+    jobs: int | None
     output: str | None
     plot: str | None
     overwrite: bool
@@ -146,6 +146,7 @@ def command(**given: Any) -> None:
 
 
 def _ida(request: IdaRequest) -> None:
+    from tdint.campaign.engine.threads import processors
     from tdint.campaign.studies.ida.study import IdaSettings, ida
     from tdint.campaign.studies.suite import RecordChoice
     from tdint.model.config.read import load_model
@@ -173,7 +174,7 @@ def _ida(request: IdaRequest) -> None:
             measure,
             settings,
             method=request.method,
-            jobs=request.jobs,
+            jobs=request.jobs or processors(),
             folder=folder,
             progress=lambda done, of: tell(f"records {done}/{of}", done / of),
         )

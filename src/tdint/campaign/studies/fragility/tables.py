@@ -144,6 +144,7 @@ def _fit_cloud(table: CsvTable, request: FragilityRequest) -> FragilityResult:
 
 def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     """Stripes or a cloud of the runs of a study; a run without a result counts neither as standing nor as collapse."""
+    table.only("building")
     status = np.array(table.texts("status"))
     drift = np.array(table.numbers("peak_drift_ratio", empty=True))
     column = request.measure or next((name for name in _MEASURES if name in table.header), "sa_t1_m_s2")
