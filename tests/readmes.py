@@ -24,7 +24,8 @@ from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
 from tdint.model.laws import LAWS
-from tdint.output.tables import campaign_columns, columns, study_columns
+from tdint.output.tables import campaign_columns, columns
+from tdint.output.tables.studies import columns as study_columns
 from tdint.output.tables.table import Column
 from tdint_cli.main import COMMANDS, GROUPS, cli
 

@@ -55,5 +55,5 @@ def test_a_column_is_declared_in_one_place():
     """Columns are made where all are declared; the machinery alone makes those of errors from them."""
     makers = {path for _, path, node in nodes(ast.Call) if getattr(node.func, "id", "") == "Column"}
     assert makers == {
-        f"src/tdint/output/tables/{name}.py" for name in ("columns", "campaign_columns", "study_columns", "table")
+        f"src/tdint/output/tables/{name}.py" for name in ("columns", "campaign_columns", "studies/columns", "table")
     }

@@ -15,7 +15,7 @@ from tdint.campaign.studies.intensity import IntensityMeasure
 from tdint.campaign.studies.scaling import Scaling
 from tdint.campaign.studies.suite import components
 from tdint.ground_motion.record import component_names
-from tdint.output.tables import study_columns as columns
+from tdint.output.tables.studies import columns
 from tdint.output.tables.table import Table, rows_of
 
 

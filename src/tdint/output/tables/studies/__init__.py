@@ -1,0 +1,1 @@
+"""Tables of studies: factors, incremental dynamic analyses, fragility functions."""
