@@ -17,14 +17,21 @@ class Settings:
         Show a traceback with an error.
     quiet : bool
         Say nothing but warnings and errors.
+    bar : bool
+        A progress bar is shown.
     """
 
     debug: bool = False
     quiet: bool = False
+    bar: bool = False
+
+
+def current() -> Settings:
+    """Settings of the command that runs."""
+    context = click.get_current_context(silent=True)
+    return (context and context.find_object(Settings)) or Settings()
 
 
 def is_quiet() -> bool:
     """Whether the command that runs was asked to be quiet."""
-    context = click.get_current_context(silent=True)
-    settings = context.find_object(Settings) if context else None
-    return bool(settings and settings.quiet)
+    return current().quiet

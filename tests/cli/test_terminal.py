@@ -11,10 +11,13 @@ import time
 from pathlib import Path
 from types import SimpleNamespace
 
+import click
 import pytest
 
 from tdint.errors import OutputError
+from tdint_cli.settings import Settings
 from tdint_cli.terminal import streams
+from tdint_cli.terminal.progress import progress_bar
 
 START = "import sys\nfrom tdint_cli.main import main\nprint('ready', file=sys.stderr, flush=True)\nmain()"
 TDINT = f"{sys.executable} -c 'from tdint_cli.main import main; main()'"
@@ -166,3 +169,26 @@ def test_sigterm_reaches_the_processes_of_a_batch(folder, make_record):
     assert process.returncode == 143
     assert [line for line in err.splitlines() if line and "compiling" not in line] == ["ready", "Terminated"]
     assert not list(folder.glob("out/.tdint*"))
+
+
+class Screen(io.StringIO):
+    """Standard error at a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_word_in_the_middle_of_a_progress_bar_has_a_line_of_its_own(monkeypatch):
+    screen = Screen()
+    monkeypatch.setattr(sys, "stderr", screen)
+    with click.Context(click.Command("some"), obj=Settings()):
+        with progress_bar(to_terminal=False) as progress:
+            progress("compiling", 0.25)
+            streams.note("two time loops")
+            progress("measuring", 0.5)
+        streams.note("done")
+    # What a terminal shows of a line is what stands after the last return to its start.
+    shown = [line.rpartition("\r")[2].removeprefix("\x1b[K") for line in screen.getvalue().split("\n")]
+    assert "note: two time loops" in shown
+    assert "50%" in shown[shown.index("note: two time loops") + 1]
+    assert shown[-2:] == ["note: done", ""]

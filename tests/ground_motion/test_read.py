@@ -1,6 +1,7 @@
 """Reading sound files: formats, components, units."""
 
 import io
+import subprocess
 import sys
 
 import numpy as np
@@ -89,6 +90,23 @@ class TestFormats:
     def test_every_plugin_is_of_obspy_or_of_this_project(self):
         for plugin in plugins():
             assert plugin.is_format.value.startswith(("obspy.io.", "tdint."))
+
+    def test_the_distributions_are_asked_once_and_only_the_plugin_of_the_format_is_loaded(self, tmp_path):
+        write(tmp_path / "a", trace(wave()))
+        code = """
+import importlib.metadata, sys
+asked = []
+original = importlib.metadata.distribution
+importlib.metadata.distribution = lambda name: asked.append(name) or original(name)
+from tdint.ground_motion.reading.read import read_record
+for _ in range(2):
+    read_record(sys.argv[1])
+loaded = {name.split(".")[2] for name in sys.modules if name.startswith("obspy.io.")}
+print(asked.count("obspy"), asked.count("tdint"), sorted(loaded))
+print([name for name in sys.modules if name.startswith("tdint.ground_motion.formats.networks")])
+"""
+        result = subprocess.run([sys.executable, "-c", code, tmp_path / "a"], capture_output=True, text=True)
+        assert result.stdout.splitlines() == ["1 1 ['mseed']", "[]"], result.stderr
 
     def test_text_channels_are_left_out(self, tmp_path):
         log = trace(np.frombuffer(b"door opened" * 3, dtype="S1"), channel="LOG")

@@ -12,29 +12,24 @@ import numpy as np
 import pytest
 
 import tdint
+from small_kernel import scaled
+from tdint import load_model
+from tdint.analysis.run.compilation import of_model
+from tdint.errors import OutputError
 from tdint.kernels.building import store
+from tdint.kernels.building.ahead import compile_ahead
 from tdint.kernels.building.compiler import called, object_of, specialized
 from tdint.kernels.building.loading import Loaded
 from tdint.kernels.building.objects import pack, unpack
-from tdint.kernels.building.target import Target
+from tdint.kernels.building.obtaining import obtain
+from tdint.kernels.building.target import Target, named, native, runnable
 from tdint.kernels.building.variant import EVERYTHING, Variant, parse
 from tdint.kernels.compiling import F8, I8, TABLE, VECTOR
+from tdint.methods.catalogue import parse as parse_method
 
 PACKAGE = Path(tdint.__file__).parent
 FINGERPRINT = "from tdint.kernels.building.store import fingerprint; print(fingerprint())"
-# A kernel of a line, with a function of its own and one of another file in it: fast to compile.
-KERNEL = """
-from tdint.kernels.compiling import F8, VECTOR, inlined, kernel
-from tdint.kernels.march.march import ground_at
-
-@inlined
-def twice(x):
-    return 2.0 * x
-
-@kernel(F8(VECTOR, F8), parts=())
-def scaled(ground, x):
-    return twice(x) * ground_at(ground, 1, 1, 1)
-"""
+SMALL = Path(__file__).parents[1] / "small_kernel.py"
 CALL = """
 import logging, sys
 import numpy as np
@@ -46,24 +41,35 @@ print("numba" in sys.modules)
 """
 
 
-def python(code, folder, **environment):
-    """What a program prints; kernels in it may be found in `folder`."""
+def started(code, folder, **environment):
+    """A program; kernels in it may be found in `folder`."""
     environment = {"TDINT_KERNELS": "", **environment}
-    result = subprocess.run(
+    return subprocess.Popen(
         [sys.executable, "-c", code],
         env={**os.environ, "PYTHONPATH": str(folder), **environment},
-        capture_output=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
         text=True,
         cwd=folder,
     )
-    assert result.returncode == 0, result.stderr
-    return result.stdout
+
+
+def printed(process):
+    """What a program printed."""
+    output, errors = process.communicate()
+    assert process.returncode == 0, errors
+    return output
+
+
+def python(code, folder, **environment):
+    """What a program prints; kernels in it may be found in `folder`."""
+    return printed(started(code, folder, **environment))
 
 
 @pytest.fixture
 def small(tmp_path):
     """A folder with a module of one small kernel."""
-    (tmp_path / "small.py").write_text(KERNEL)
+    shutil.copy(SMALL, tmp_path / "small.py")
     return tmp_path
 
 
@@ -94,6 +100,59 @@ def test_a_kernel_is_compiled_once_and_then_loaded_without_the_compiler(small):
     shared = {"TDINT_KERNELS_DIR": str(small / "cache"), "TDINT_CACHE_DIR": str(small / "other")}
     assert python(CALL, small, **shared).splitlines() == ["24.0", "24.0", "False"]
     assert not (small / "other").exists()
+
+
+def test_two_processes_that_compile_at_once_and_one_that_finds_a_cut_off_object(small):
+    cache = {"TDINT_CACHE_DIR": str(small / "cache")}
+    both = [started(CALL, small, **cache) for _ in range(2)]
+    for process in both:
+        assert printed(process).splitlines()[-3:] == ["24.0", "24.0", "False"]
+    (file,) = (one for one in (small / "cache").rglob("*") if one.is_file())
+    whole = file.read_bytes()
+    file.write_bytes(whole[:-100])
+    assert python(CALL, small, **cache).splitlines()[1:] == ["24.0", "24.0", "False"]
+    unpack(file.read_bytes())
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limits of processes")
+def test_where_no_more_can_be_written_the_kernel_runs_from_memory(small):
+    """A disk that is full when the object is written, and not before: no file may grow beyond 100 bytes."""
+    limit = "import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))\n"
+    output = python(limit + CALL, small, TDINT_CACHE_DIR=str(small / "cache"), PYTHONDONTWRITEBYTECODE="1")
+    first, second, *rest = output.splitlines()
+    assert "(kept in " in first
+    assert second.endswith("cannot be written: what was compiled serves this run only")
+    assert rest == ["24.0", "24.0", "False"]
+    assert not [one for one in (small / "cache").rglob("*") if one.is_file()]
+
+
+def test_kernels_compiled_ahead_for_several_processors(small, monkeypatch):
+    folder, done = small / "ahead", []
+    wanted = [(scaled, EVERYTHING), (scaled, Variant(("linear",)))]  # the same: the kernel does not go by the laws
+    files = compile_ahead(wanted, ["native", "x86-64-v2"], folder, done.append)
+    names = [store.file_name(scaled.name, EVERYTHING.text, named(target)) for target in ("native", "x86-64-v2")]
+    assert sorted(file.name for file in files) == sorted(names)
+    assert done == [0.5, 1.0]
+    assert compile_ahead(wanted, ["native"], folder, done.append) == []
+    monkeypatch.setenv("TDINT_KERNELS_DIR", str(folder))
+    if named("x86-64-v2") in runnable():
+        (folder / files[0].parent.name / names[0]).unlink()
+    obtain([(scaled, EVERYTHING)])  # the object for other processors does as well
+    assert scaled.compiled(np.array([1.0, 3.0]), 4.0) == 24.0
+    assert store.find_in(folder, scaled.name, EVERYTHING.text, (native(),), check=False) is None
+    with pytest.raises(OutputError, match="cannot be written"):
+        compile_ahead(wanted, ["native"], small / "small.py", done.append)
+
+
+def test_what_a_run_needs_is_compiled_and_no_more():
+    configs = Path(__file__).parents[2] / "configs"
+    variants = {}
+    for name in ("ten-story", "ten-story-bilinear"):
+        wanted = of_model(load_model(configs / f"{name}.yaml"), parse_method("moment4"))
+        variants[name] = {kernel.name.rpartition(".")[2]: variant.text for kernel, variant in wanted}
+    for name, variant in (("ten-story", "linear"), ("ten-story-bilinear", "bilinear")):
+        assert variants[name].keys() >= {"moment4:step", "march:march", "cyclic:follow"}
+        assert set(variants[name].values()) == {variant}
 
 
 @pytest.mark.parametrize("harm", ["cut off", "changed", "open to others", "of another", "a folder", "nothing"])

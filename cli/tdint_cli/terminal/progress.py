@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import click
 
-from tdint_cli.settings import is_quiet
+from tdint_cli.settings import current, is_quiet
 
 _PARTS = 1000
 
@@ -34,7 +34,12 @@ def progress_bar(to_terminal: bool) -> Iterator[Progress]:
             bar.label = f"{what:<12}"
             bar.update(max(0, round(part * _PARTS) - bar.pos))
 
-        yield tell
+        settings = current()
+        settings.bar = True
+        try:
+            yield tell
+        finally:
+            settings.bar = False
 
 
 @contextmanager

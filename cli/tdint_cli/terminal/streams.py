@@ -10,8 +10,9 @@ from collections.abc import Sequence
 from typing import BinaryIO
 
 from tdint.errors import OutputError, abridged
-from tdint_cli.settings import is_quiet
+from tdint_cli.settings import current, is_quiet
 
+_EMPTY_LINE = "\r\x1b[K"  # in place of the line on which the terminal's cursor is
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
 
 
@@ -75,7 +76,8 @@ def complain(text: str) -> None:
     if sys.stderr is None:
         return
     try:
-        sys.stderr.write(_CONTROL.sub(_escaped, abridged(text)) + "\n")
+        over_the_bar = _EMPTY_LINE if current().bar else ""
+        sys.stderr.write(f"{over_the_bar}{_CONTROL.sub(_escaped, abridged(text))}\n")
         sys.stderr.flush()
     except OSError:
         pass

@@ -11,6 +11,7 @@ import re
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import EntryPoint, EntryPoints, PackageNotFoundError, distribution
 from io import BytesIO
 from typing import Any
@@ -125,19 +126,19 @@ def has_known_format(data: bytes, layout: TextLayout = AS_STATED) -> bool:
     return _format_of(data, layout) is not None
 
 
-def plugins() -> Iterator[Plugin]:
-    """The formats that may be read, in the order in which a file is offered to them.
+@cache
+def plugins() -> tuple[Plugin, ...]:
+    """The formats that may be read, in the order in which a file is offered to them; asked for once.
 
     ObsPy's most frequent formats, whose checks are strict, come before those of tdint.
     """
     theirs = distribution("obspy").entry_points
-    yield from _named(theirs, _FIRST)
     try:
         ours = distribution("tdint").entry_points
     except PackageNotFoundError:  # Run from a source tree that is not installed.
         ours = EntryPoints()
-    yield from _named(ours, sorted(ours.select(group=_GROUP).names))
-    yield from _named(theirs, _REST)
+    own = sorted(ours.select(group=_GROUP).names)
+    return (*_named(theirs, _FIRST), *_named(ours, own), *_named(theirs, _REST))
 
 
 def _named(entries: EntryPoints, names: tuple[str, ...] | list[str]) -> Iterator[Plugin]:

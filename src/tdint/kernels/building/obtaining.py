@@ -85,7 +85,8 @@ def _compile(wanted: Sequence[tuple[Compilable, Variant]], progress: Callable[[f
     for done, (one, data) in enumerate(run_all([Compilation(*pair, native()) for pair in wanted])):
         progress(done / len(wanted))
         code, about = unpack(data)
-        store.keep(data, one.kernel.name, one.variant.text, one.target)
+        if store.keep(data, one.kernel.name, one.variant.text, one.target) is None and folder:
+            LOG.info("%s cannot be written: what was compiled serves this run only", folder)
         if not _load(one.kernel, one.variant, code, about["symbol"]):
             raise RuntimeError(f"{one.kernel.name}: the object cannot be loaded")
 

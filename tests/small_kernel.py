@@ -1,0 +1,15 @@
+"""A kernel of a line that is compiled in no time, with a function of its own and one of another file in it."""
+
+from tdint.kernels.compiling import F8, VECTOR, inlined, kernel
+from tdint.kernels.march.march import ground_at
+
+
+@inlined
+def twice(x):
+    return 2.0 * x
+
+
+@kernel(F8(VECTOR, F8), parts=())
+def scaled(ground, x):
+    """2 x times the second sample of the ground."""
+    return twice(x) * ground_at(ground, 1, 1, 1)
