@@ -13,6 +13,7 @@ import llvmlite.binding as llvm
 import numba
 from llvmlite import ir
 from numba.core import cgutils, types
+from numba.core.types.misc import unliteral
 from numba.extending import intrinsic
 
 from tdint.kernels.building.signature import Argument, ArrayOf, Scalar, Signature
@@ -50,7 +51,7 @@ def called(function: Callable[..., Any]) -> Any:
     """`tdint.kernels.building.plain.called`, compiled: constants are told to it as any other number."""
     once = specialized(function)
     template = once.get_call_template
-    once.get_call_template = lambda arguments, named: template(tuple(map(types.unliteral, arguments)), named)
+    once.get_call_template = lambda arguments, named: template(tuple(map(unliteral, arguments)), named)
     return once
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 LOG = logging.getLogger("tdint")
 
-_SECONDS = {1: 5.0, 2: 11.0, 3: 20.0}  # by the number of laws, 3 for all that are more
+_SECONDS = {1: 5.0, 2: 9.0, 3: 15.0}  # by the number of laws, 3 for all that are more
 
 
 _ONE_AT_A_TIME = threading.Lock()
