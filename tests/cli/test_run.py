@@ -168,6 +168,7 @@ def test_files_need_a_folder(folder, tdint):
     [
         (["missing.yaml"], 3, "missing.yaml: no such file"),
         (["shaken.yaml", "--record", "missing.mseed"], 4, "missing.mseed: there is no such file"),
+        (["shaken.yaml", "m" * 300], 4, "File name too long"),
         (["shaken.yaml", "--component", "HNZ"], 4, "there is no component 'HNZ'"),
         (["shaken.yaml", "--units", "furlong"], 2, "units 'furlong'"),
         (["shaken.yaml", "--units", "gal", "--inventory", "x.xml"], 2, "units and an inventory"),

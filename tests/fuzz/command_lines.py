@@ -197,6 +197,7 @@ def _one(name: str, kind: click.ParamType, source: random.Random) -> str:
 _BY_NAME = {
     "method": _METHODS,
     "unit": _UNITS,
+    "dt": ("0.01", "0.005", "0.02", "0.03", "0.0099", "0", "-1", "nan", "1e-300", "1e308"),  # Small ones take long.
     "output": _OUTPUTS,
     "record": RECORDS,
     "job": ("1", "1", "0", "-1", "x"),  # Processes take a second to start.

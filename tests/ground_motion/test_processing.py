@@ -241,6 +241,7 @@ def test_there_and_back():
         ({"resample": 20.0}, "resampled at 20 s it would have less than two samples"),
         ({"resample": 1e-9}, "would have more than 50000000 samples"),
         ({"pad": 1e9}, "pad would add 200000000000 samples"),
+        ({"pad": 8e307}, "pad would add 2000000000000000000 samples"),
     ],
 )
 def test_steps_that_do_not_fit_the_record(wanted, message):

@@ -81,7 +81,7 @@ def remove_baseline(record: Record, kind: str) -> Record:
 
 def pad(record: Record, *seconds: float) -> Record:
     """Zeros for so many seconds before and after, to whole samples."""
-    before, after = (math.ceil(part / record.dt - _ROUNDING) for part in seconds)
+    before, after = (math.ceil(min(part / record.dt, 1e18) - _ROUNDING) for part in seconds)
     if before + after > MOST_SAMPLES:
         raise RecordError(f"{_label(record)}: pad would add {before + after} samples; take fewer seconds")
     note = f"padded with zeros, {before * record.dt:.6g} s before and {after * record.dt:.6g} s after"

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tdint.errors import UsageError
+from tdint.files import is_folder
 from tdint_cli import options
 from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.options.building import BuildingRequest, check_motion, with_motion
@@ -144,7 +145,7 @@ def command(record: str | None, records: tuple[str, ...], **given: Any) -> None:
     names = {"floors": "floor_spectra", "export": "export_floors"}
     wanted = {field.name: given.pop(names.get(field.name, field.name)) for field in fields(FloorRequest)}
     request = Request(**given, record=named[0] if named else None, of_floors=FloorRequest(**wanted))
-    if len(named) > 1 or len(request.scale or ()) > 1 or (named and Path(named[0]).is_dir()):
+    if len(named) > 1 or len(request.scale or ()) > 1 or (named and is_folder(named[0])):
         _run_many(request, named)
     else:
         _run(request)

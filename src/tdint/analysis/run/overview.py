@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tdint.errors import ModelError, UsageError
+from tdint.files import is_file
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
 from tdint.model.building import assemble
 from tdint.model.config.read import load_judged
@@ -83,5 +84,5 @@ def _known_method(text: str, _: Path) -> None:
 
 
 def _there(text: str, folder: Path) -> None:
-    if text != "-" and not (folder / text).is_file():
+    if text != "-" and not is_file(folder / text):
         raise UsageError(f"there is no file {folder / text}")

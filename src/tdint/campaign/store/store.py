@@ -228,12 +228,17 @@ def _create(store: Store, plan: Plan) -> None:
             "INSERT INTO records VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?)",
             (
                 (
-                    number, motion.name, motion.component, motion.direction, motion.record.dt,
+                    number, _text(motion.name), _text(motion.component), motion.direction, motion.record.dt,
                     motion.record.acceleration.size, motion.record.pga, measure(motion.record).pgv, motion.digest,
                 )
                 for number, motion in enumerate(plan.motions)
             ),
         )  # fmt: skip
+
+
+def _text(name: str) -> str:
+    """A name as a database takes it: bytes of a file's name that are no UTF-8 are written out."""
+    return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
 @contextmanager

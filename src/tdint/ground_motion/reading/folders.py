@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tdint.errors import RecordError, UsageError
+from tdint.files import is_folder
 
 if TYPE_CHECKING:
     from tdint.ground_motion.formats.tables.layout import TextLayout
@@ -53,7 +54,7 @@ def records_of(arguments: Sequence[str], layout: TextLayout | None = None) -> So
     notes: list[str] = []
     failures: list[RecordError] = []
     for argument in arguments:
-        if argument == STDIN or not Path(argument).is_dir():
+        if argument == STDIN or not is_folder(argument):
             files.append(argument)
             continue
         try:

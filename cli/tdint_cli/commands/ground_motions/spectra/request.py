@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tdint.errors import UsageError
@@ -46,8 +45,10 @@ class TablesRequest:
     @property
     def is_folder(self) -> bool:
         """Whether -o names a folder: one that exists, or by a separator at its end."""
+        from tdint.files import is_folder
+
         output = self.output
-        return output is not None and (output.endswith(("/", os.sep)) or Path(output).is_dir())
+        return output is not None and (output.endswith(("/", os.sep)) or is_folder(output))
 
     def check_plot(self) -> None:
         """Raise UsageError for one picture of what goes into several tables."""

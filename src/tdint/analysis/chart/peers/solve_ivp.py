@@ -137,7 +137,8 @@ def _solve(
     u, v = found.y[:n].T, found.y[n : 2 * n].T
     quiet = _rate(problem, law, math.inf)
     a = np.array([quiet(t, state)[n : 2 * n] for t, state in zip(times, found.y.T, strict=True)])
-    ground = np.interp(times, times[: problem.ground.size], problem.ground, right=0.0)
+    size = min(times.size, problem.ground.size)  # A duration may end before the record does, or after.
+    ground = np.interp(times, times[:size], problem.ground[:size], right=0.0)
     peaks = np.max(np.abs(np.diff(u, axis=1, prepend=0.0)), axis=0)
     motion = FloorMotion(1, u, v, a + ground[:, None], peaks)
     return Point(name, math.nan, None, DONE, int(found.nfev), errors(motion, true), (taken,), line=line)
