@@ -106,7 +106,7 @@ def _status(request: CampaignRequest) -> None:
     statuses, every = store.statuses(), int(store.meta("runs"))
     done = sum(statuses.values())
     emit_table(status_table(statuses, every - done))
-    say(f"{store.meta('name')}: {done} of {every} runs are done, in {store.seconds():.3g} s of processor time.")
+    say(f"{store.meta('name')}: {done} of {every} runs are done.")
     store.close()
 
 
