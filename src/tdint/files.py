@@ -16,7 +16,7 @@ Writer = Callable[[BinaryIO], object]
 """Writes the content of one file to a stream."""
 
 _PACKED = 4
-"""Level of gzip: a history is 2 % larger than with the usual 9, and packed in a third of the time."""
+"""Level of gzip: a history is a few percent larger than with the usual 9, and written in a third of the time."""
 
 _unfinished: set[Path] = set()  # of the whole process: for who ends it from another thread
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_ROWS_AT_ONCE = 512
+_ROWS_AT_ONCE = 256
 
 
 def story_table(stories: StoryPeaks, errors: StoryErrors | None = None) -> Table:
@@ -116,5 +116,6 @@ def write_history(history: History, stream: BinaryIO, units: OutputUnits = SI) -
         )
         if factors is not None:
             table /= factors
-        text = "".join([line % tuple(row) for row in (table + 0.0).tolist()])
-        stream.write(text.replace("nan", "").encode())
+        table += 0.0  # zero has no sign
+        text = line * len(table) % tuple(table.ravel().tolist())
+        stream.write((text.replace("nan", "") if np.isnan(table).any() else text).encode("ascii"))
