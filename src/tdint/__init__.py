@@ -1,9 +1,24 @@
 """tdint: earthquake response of shear buildings with a time-integration method of your choice.
 
-These functions stand behind the commands: `read_record`, `read_horizontals` (with a `TextLayout` for tables that do not
-tell what they are), `process`, `load_model`, `run`, `prepare` and `run_case` (many runs of one building), `spectrum`,
-`rotated_spectrum`, `constant_ductility`, `constant_strength` and `drift_spectrum`, `ida`, `fit_capacities`,
-`fit_stripes` and `fit_cloud`. They load on first use, so that importing tdint costs nothing.
+A tour; everything is in SI units, `help(tdint.run)` and the like tell shapes, units and sources:
+
+    model = tdint.load_model("office.yaml")              # or a mapping that says the same
+    record = tdint.read_record("station.mseed", component="HNE", units="m/s^2")
+    record = tdint.make_record(samples, dt=0.01, units="g")      # or of an ObsPy Trace or Stream
+    record = tdint.process(record, baseline="linear", highpass=0.1)
+    tdint.modes(model)                                   # periods, damping ratios, masses
+    response = tdint.run(model, record, history=True, check=True)
+    response.stories.peak_drift_ratio                    # an array over the stories
+    pandas.DataFrame(response.to_dict("kip,in,g"))       # the columns of the command's table, in other units
+    case = tdint.prepare(model, record)                  # put together once for many runs:
+    tdint.run_case(case.scaled(2.0))
+    tdint.cyclic_test(model, 1, ["1%", "2%"])            # the law of a story, as in a laboratory
+    tdint.pushover(model, "2%")
+
+Spectra of records: `spectrum`, `rotated_spectrum` (of `read_horizontals`), `constant_ductility`, `constant_strength`,
+`drift_spectrum`, `floor_spectra` of a response. Methods: `stability`. Text tables that do not tell what they are take a
+`TextLayout`. In a notebook results show themselves as tables; `to_dict` of each gives its columns. All of it loads on
+first use, so that importing tdint costs nothing.
 """
 
 from __future__ import annotations
@@ -12,27 +27,41 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from tdint.analysis.assessment.stability import stability as stability
     from tdint.analysis.run.run import prepare as prepare
     from tdint.analysis.run.run import run as run
     from tdint.analysis.run.run import run_case as run_case
     from tdint.analysis.spectra.drift import drift_spectrum as drift_spectrum
     from tdint.analysis.spectra.elastic import spectrum as spectrum
+    from tdint.analysis.spectra.floors import floor_spectra as floor_spectra
     from tdint.analysis.spectra.inelastic import constant_ductility as constant_ductility
     from tdint.analysis.spectra.inelastic import constant_strength as constant_strength
     from tdint.analysis.spectra.rotated import rotated_spectrum as rotated_spectrum
+    from tdint.analysis.static.cyclic import cyclic_test as cyclic_test
+    from tdint.analysis.static.pushover import pushover as pushover
     from tdint.campaign.studies.fragility.fits import fit_capacities as fit_capacities
     from tdint.campaign.studies.fragility.fits import fit_cloud as fit_cloud
     from tdint.campaign.studies.fragility.fits import fit_stripes as fit_stripes
     from tdint.campaign.studies.ida.study import ida as ida
     from tdint.ground_motion.formats.tables.layout import TextLayout as TextLayout
     from tdint.ground_motion.processing import process as process
+    from tdint.ground_motion.reading.read import make_record as make_record
     from tdint.ground_motion.reading.read import read_horizontals as read_horizontals
     from tdint.ground_motion.reading.read import read_record as read_record
+    from tdint.model.building import modes as modes
     from tdint.model.config.read import load_model as load_model
+    from tdint.output.tables.frames import to_dict as to_dict
 
 __version__ = "0.1.0"
 
 _HOMES = {
+    "make_record": "tdint.ground_motion.reading.read",
+    "modes": "tdint.model.building",
+    "cyclic_test": "tdint.analysis.static.cyclic",
+    "pushover": "tdint.analysis.static.pushover",
+    "stability": "tdint.analysis.assessment.stability",
+    "floor_spectra": "tdint.analysis.spectra.floors",
+    "to_dict": "tdint.output.tables.frames",
     "TextLayout": "tdint.ground_motion.formats.tables.layout",
     "process": "tdint.ground_motion.processing",
     "read_record": "tdint.ground_motion.reading.read",
@@ -56,20 +85,27 @@ __all__ = [
     "__version__",
     "constant_ductility",
     "constant_strength",
+    "cyclic_test",
     "drift_spectrum",
     "fit_capacities",
     "fit_cloud",
     "fit_stripes",
+    "floor_spectra",
     "ida",
     "load_model",
+    "make_record",
+    "modes",
     "prepare",
     "process",
+    "pushover",
     "read_horizontals",
     "read_record",
     "rotated_spectrum",
     "run",
     "run_case",
     "spectrum",
+    "stability",
+    "to_dict",
 ]
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
+import doctest
 import io
 import json
+import re
 import shlex
 import sys
 
@@ -94,10 +96,15 @@ def test_the_drift_spectra(checkout):
     assert (folder / "drifts.png").exists()
 
 
-def test_the_python_example(checkout):
-    _, run = checkout
-    output, _ = run(shlex.join([sys.executable, "-c", readmes.block("python")]))
-    assert 0.001 < float(output.split()[0]) < 0.1
+def test_the_notebook(monkeypatch):
+    monkeypatch.chdir(readmes.ROOT)
+    text = (readmes.ROOT / "src" / "README.md").read_text()
+    page = "".join(re.findall(r"^```pycon\n(.*?)^```", text, re.DOTALL | re.MULTILINE))
+    cells = doctest.DocTestParser().get_doctest(page, {}, "src/README.md", None, None)
+    assert len(cells.examples) > 20
+    said = []
+    result = doctest.DocTestRunner(verbose=False).run(cells, out=said.append)
+    assert result.failed == 0, "".join(said)
 
 
 def test_the_study_in_python(checkout):

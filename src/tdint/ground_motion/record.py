@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError
+from tdint.tabular import Tabular
 
 
 @dataclass(frozen=True)
@@ -22,8 +23,8 @@ class Input:
     sha256: str
 
 
-@dataclass(frozen=True)
-class Record:
+@dataclass(frozen=True, repr=False)
+class Record(Tabular):
     """One component of a ground motion.
 
     Raises
@@ -86,6 +87,10 @@ class Record:
     compared: tuple[str, ...] = ()
     scale: float = 1.0
     peaks: tuple[float | None, float | None] = (None, None)
+
+    def _headline(self) -> str:
+        name = " ".join(filter(None, (self.source, self.component)))
+        return f"{name}: {self.acceleration.size} samples, dt {self.dt:.6g} s, PGA {self.pga:.4g} m/s^2"
 
     def __post_init__(self) -> None:
         samples = _checked(self.acceleration, self.source)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -174,6 +174,19 @@ def assemble(model: Model) -> Building:
     vibration = FreeVibration(chain[MASS, :n], laws[STIFFNESS, :n] + chain[GEOMETRIC, :n], chain[LINK, :n])
     modal = add_damping(chain, laws[STIFFNESS, :n], model, vibration)
     return Building(chain, laws, modal, heights, yield_drift, vibration)
+
+
+def modes(model: Model) -> Modes:
+    """The undamped modes of a model's initial stiffness, with their damping ratios.
+
+    Raises
+    ------
+    ModelError
+        P-delta larger than a story's stiffness.
+    """
+    building = assemble(model)
+    found = building.modes()
+    return replace(found, damping=found.damping_ratios(building.damping_matrix()))
 
 
 def oscillators(omega: Array, damping: Array) -> Building:

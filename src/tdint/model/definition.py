@@ -214,7 +214,7 @@ class Analysis:
     duration: float | None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Model:
     """A model file, checked and in SI units.
 
@@ -255,3 +255,7 @@ class Model:
     analysis: Analysis
     collapse_drift: float
     output_units: OutputUnits = SI
+
+    def __repr__(self) -> str:
+        count = len(self.stories)
+        return f"<Model {self.name!r}: {count} {'story' if count == 1 else 'stories'}>"

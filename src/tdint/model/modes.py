@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import ModelError
+from tdint.tabular import Tabular
 
 Array = NDArray[np.float64]
 
@@ -25,8 +26,8 @@ _MOST_ITERATIONS, _CONVERGED = (
 )  # of the inverse iteration
 
 
-@dataclass(frozen=True)
-class Modes:
+@dataclass(frozen=True, repr=False)
+class Modes(Tabular):
     """Modes by rising frequency.
 
     Attributes
@@ -37,11 +38,17 @@ class Modes:
         Mode shapes as columns, phi^T M phi = 1, roof displacement not negative.
     mass : ndarray, shape (n,)
         Masses of the floors, kg.
+    damping : ndarray, shape (n,), or None
+        Damping ratios, where they were asked for (`tdint.model.building.modes`) and the damping couples no modes.
     """
 
     omega: Array
     shapes: Array
     mass: Array
+    damping: Array | None = None
+
+    def _headline(self) -> str:
+        return f"of {self.omega.size} floors, T1 {2.0 * math.pi / self.omega[0]:.4g} s"
 
     @property
     def participation(self) -> Array:

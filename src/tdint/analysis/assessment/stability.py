@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.run.amplification import STABLE, amplification
+from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
+from tdint.tabular import Tabular
 
 Array = NDArray[np.float64]
 
@@ -22,8 +24,8 @@ LARGEST = 1e4
 _ROUNDING = 1e-15  # over (omega dt)^2: how far rounding alone lifts a spectral radius above 1
 
 
-@dataclass(frozen=True)
-class StabilityCurve:
+@dataclass(frozen=True, repr=False)
+class StabilityCurve(Tabular):
     """What one step does to an undriven oscillator; arrays of shape (k,).
 
     Period error, numerical damping and amplitude decay are nan where the principal roots are real, and for steps longer
@@ -54,9 +56,13 @@ class StabilityCurve:
     numerical_damping: Array
     amplitude_decay: Array
 
+    def _headline(self) -> str:
+        return f"of {self.method}, damping {self.damping:g}, {self.dt_over_t.size} steps"
 
-def stability(integrator: Integrator, dt_over_t: Array, damping: float = 0.0) -> StabilityCurve:
-    """Measure a method at rising dt/T, shape (k,), for a damping ratio in [0, 1)."""
+
+def stability(integrator: Integrator | str, dt_over_t: Array, damping: float = 0.0) -> StabilityCurve:
+    """Measure a method (or the one of this name) at rising dt/T, shape (k,), for a damping ratio in [0, 1)."""
+    integrator = parse(integrator) if isinstance(integrator, str) else integrator
     dt_over_t = np.asarray(dt_over_t, dtype=np.float64)
     lead = np.geomspace(_SMALLEST, dt_over_t[0], _LEAD)[:-1] if dt_over_t[0] > _SMALLEST else np.empty(0)
     ratios = np.concatenate([lead, dt_over_t])

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import AnalysisError
+from tdint.tabular import Tabular
 
 if TYPE_CHECKING:
     from tdint.ground_motion.record import Record
@@ -49,8 +50,8 @@ class StoryValues:
     peak_acceleration: Array
 
 
-@dataclass(frozen=True)
-class StoryPeaks(StoryValues):
+@dataclass(frozen=True, repr=False)
+class StoryPeaks(Tabular, StoryValues):
     """Peaks of a run.
 
     Drifts and displacements, and the shears of linear stories, are looked for between the steps too, on the cubic
@@ -64,6 +65,9 @@ class StoryPeaks(StoryValues):
     """
 
     height: Array
+
+    def _headline(self) -> str:
+        return f"of {self.peak_drift.size} stories, largest drift {np.max(self.peak_drift):.4g} m"
 
 
 @dataclass(frozen=True)
@@ -147,8 +151,8 @@ class EnergyHistory(EnergyTerms[Array]):
     error: Array
 
 
-@dataclass(frozen=True)
-class History:
+@dataclass(frozen=True, repr=False)
+class History(Tabular):
     """Response at all steps: `time` (s) and `ground_acceleration` (m/s^2), shape (steps + 1,); the rest (steps + 1, n).
 
     Displacement (m) and velocity (m/s) relative to the ground, acceleration absolute (m/s^2), drift (m), shear (N).
@@ -162,6 +166,9 @@ class History:
     drift: Array
     shear: Array
     energy: EnergyHistory
+
+    def _headline(self) -> str:
+        return f"of {self.displacement.shape[1]} stories, {len(self.time) - 1} steps to {self.time[-1]:.6g} s"
 
     def every(self, steps: int) -> History:
         """Every so many steps, from the first one; nothing is copied."""
@@ -194,8 +201,8 @@ class Collapse:
     failed: bool = False
 
 
-@dataclass(frozen=True)
-class Response:
+@dataclass(frozen=True, repr=False)
+class Response(Tabular):
     """Result of a run.
 
     Attributes
@@ -237,6 +244,13 @@ class Response:
     notes: tuple[str, ...]
     collapse: Collapse | None = None
     check: ErrorEstimate | None = None
+
+    def _headline(self) -> str:
+        story = int(np.argmax(self.stories.peak_drift))
+        return (
+            f"of {self.model.name!r}: {self.status}, {self.method}, {self.steps} steps of {self.dt:.6g} s, "
+            f"largest drift {self.stories.peak_drift[story]:.4g} m in story {story + 1}"
+        )
 
 
 class FailedRun(AnalysisError):

@@ -20,6 +20,7 @@ from tdint.analysis.spectra.recursion import check_shortest, recursion_table
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels.oscillators import modes as drifts
+from tdint.tabular import Tabular
 
 Array = NDArray[np.float64]
 
@@ -58,8 +59,8 @@ class HeightPeriod:
         return height
 
 
-@dataclass(frozen=True)
-class DriftSpectrum:
+@dataclass(frozen=True, repr=False)
+class DriftSpectrum(Tabular):
     """Drift spectrum of one record for one damping ratio.
 
     Attributes
@@ -84,6 +85,10 @@ class DriftSpectrum:
     peak_drift_ratio: Array
     story: NDArray[np.int64]
     roof_drift_ratio: Array
+
+    def _headline(self) -> str:
+        name = " ".join(filter(None, (self.record.source, self.record.component)))
+        return f"of {name or 'a record'}, damping {self.damping:g}, {self.periods.size} periods"
 
 
 def drift_spectrum(

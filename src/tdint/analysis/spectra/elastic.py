@@ -14,6 +14,7 @@ from tdint.analysis.spectra.recursion import check_shortest
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.interpolation import INTERPOLATIONS, LINEAR, Interpolation
 from tdint.ground_motion.record import Record
+from tdint.tabular import Tabular
 
 if TYPE_CHECKING:
     from tdint.methods.method import Integrator
@@ -28,8 +29,8 @@ SHORTEST = 0.05
 OR_ZERO = ", or for 0: the peak ground acceleration"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Spectrum:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Spectrum(Tabular):
     """Elastic response spectrum of one record for one damping ratio.
 
     Attributes
@@ -59,6 +60,10 @@ class Spectrum:
     sa: Array
     maxima: str = EXACT.name
     interpolation: str = LINEAR.name
+
+    def _headline(self) -> str:
+        name = " ".join(filter(None, (self.record.source, self.record.component)))
+        return f"of {name or 'a record'}, damping {self.damping:g}, {self.periods.size} periods"
 
 
 @dataclass(frozen=True)

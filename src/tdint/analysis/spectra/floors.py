@@ -9,17 +9,21 @@ from tdint.analysis.run.outcome import Response
 from tdint.analysis.spectra.elastic import Array, Spectrum, spectrum
 from tdint.errors import UsageError
 from tdint.ground_motion.record import Record
+from tdint.tabular import Tabular
 
 ROOF = "roof"
 _CHANNEL = "HNX"
 
 
-@dataclass(frozen=True)
-class FloorSpectrum:
+@dataclass(frozen=True, repr=False)
+class FloorSpectrum(Tabular):
     """The elastic response spectrum of the absolute acceleration of a floor, counted from 1 at the bottom."""
 
     floor: int
     spectrum: Spectrum
+
+    def _headline(self) -> str:
+        return f"of floor {self.floor}, damping {self.spectrum.damping:g}, {self.spectrum.periods.size} periods"
 
 
 def floor_numbers(names: Sequence[str], stories: int) -> tuple[int, ...]:

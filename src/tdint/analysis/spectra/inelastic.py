@@ -16,6 +16,7 @@ from tdint.analysis.spectra.recursion import check_shortest
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels.oscillators import bilinear as inelastic
+from tdint.tabular import Tabular
 from tdint.units import STANDARD_GRAVITY
 
 Array = NDArray[np.float64]
@@ -33,8 +34,8 @@ _SUMMIT = 1e-4  # of the strength: how closely
 _CLOSE = 1e-9  # of the target: where the search has found it
 
 
-@dataclass(frozen=True)
-class InelasticSpectrum:
+@dataclass(frozen=True, repr=False)
+class InelasticSpectrum(Tabular):
     """Response of bilinear oscillators to one record, for one damping ratio and one ductility or strength.
 
     Attributes
@@ -65,6 +66,10 @@ class InelasticSpectrum:
     sd: Array
     elastic_sd: Array
     residual: Array
+
+    def _headline(self) -> str:
+        name = " ".join(filter(None, (self.record.source, self.record.component)))
+        return f"of {name or 'a record'}, damping {self.damping:g}, {self.periods.size} periods"
 
     @property
     def ductility(self) -> Array:

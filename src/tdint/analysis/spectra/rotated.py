@@ -16,12 +16,13 @@ from tdint.errors import UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.interpolation import Interpolation
 from tdint.kernels.oscillators import rotated as rotation
+from tdint.tabular import Tabular
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class RotatedSpectrum:
+@dataclass(frozen=True, repr=False)
+class RotatedSpectrum(Tabular):
     """Pseudo-acceleration spectra of two horizontal components over all directions, for one damping ratio.
 
     Attributes
@@ -51,6 +52,9 @@ class RotatedSpectrum:
     angle: Array
     maxima: str
     interpolation: str
+
+    def _headline(self) -> str:
+        return f"of {self.motion.source}, damping {self.damping:g}, {self.periods.size} periods"
 
 
 def rotated_spectrum(

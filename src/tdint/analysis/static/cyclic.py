@@ -15,7 +15,8 @@ from tdint.kernels.layout import GEOMETRIC, STIFFNESS
 from tdint.kernels.stories.cyclic import DISSIPATION, RECOVERABLE, RESULT_COLUMNS, SHEAR, TANGENT, follow
 from tdint.model.building import Building, assemble
 from tdint.model.definition import Model
-from tdint.units import DriftSize
+from tdint.tabular import Tabular
+from tdint.units import DriftSize, parse_drift
 
 Array = NDArray[np.float64]
 
@@ -81,8 +82,8 @@ class Cycle:
         return self.dissipated / (4.0 * math.pi * strain) if strain > 0.0 else math.nan
 
 
-@dataclass(frozen=True)
-class CyclicTest:
+@dataclass(frozen=True, repr=False)
+class CyclicTest(Tabular):
     """Result of a cyclic test.
 
     Attributes
@@ -108,6 +109,9 @@ class CyclicTest:
     geometric_stiffness: float
     yield_drift: float
     path: LawPath
+
+    def _headline(self) -> str:
+        return f"of {self.model.name!r}, story {self.story}, {self.law} law, {self.path.drift.size} points"
 
     @property
     def height(self) -> float:
@@ -154,7 +158,7 @@ class CyclicTest:
 
 
 def cyclic_test(
-    model: Model, story: int, sizes: Sequence[DriftSize], *, cycles: int = 1, points: int = 200
+    model: Model, story: int, sizes: Sequence[DriftSize | str], *, cycles: int = 1, points: int = 200
 ) -> CyclicTest:
     """Impose cycles of drift on the law of one story, as in a slow test in a laboratory.
 
@@ -165,8 +169,8 @@ def cyclic_test(
     ----------
     story : int
         Counted from 1.
-    sizes : sequence of DriftSize
-        Amplitudes.
+    sizes : sequence of DriftSize or str
+        Amplitudes, such as `0.02`, `2%`, `20mm` or `4dy`.
     cycles, points : int
         Cycles of each amplitude; points of a quarter of a cycle.
 
@@ -182,7 +186,8 @@ def cyclic_test(
         raise UsageError(f"{len(sizes) * cycles} cycles of {4 * points} points are more than {MOST_POINTS:,} points")
     # Damping has no part in a slow test, and may be impossible where P-delta takes all stiffness.
     building = assemble(replace(model, damping=None))
-    amplitudes = [amplitude(size, building, story) for size in sizes]
+    written = [parse_drift(size) if isinstance(size, str) else size for size in sizes]
+    amplitudes = [amplitude(size, building, story) for size in written]
     return _test(model, building, story, cyclic_path(amplitudes, cycles, points), points)
 
 

@@ -20,7 +20,8 @@ from tdint.errors import AnalysisError, UsageError
 from tdint.kernels.layout import GEOMETRIC
 from tdint.model.building import Building, assemble
 from tdint.model.definition import Model
-from tdint.units import DriftSize
+from tdint.tabular import Tabular
+from tdint.units import DriftSize, parse_drift
 
 Array = NDArray[np.float64]
 
@@ -31,8 +32,8 @@ _PARTS = 8  # steps of the leading story in a step of the roof
 _MOST_PARTS = 4000
 
 
-@dataclass(frozen=True)
-class Pushover:
+@dataclass(frozen=True, repr=False)
+class Pushover(Tabular):
     """Result of a pushover; row 0 is the start at rest.
 
     Attributes
@@ -54,6 +55,9 @@ class Pushover:
     forces: Array
     drift: Array
     base_shear: Array
+
+    def _headline(self) -> str:
+        return f"of {self.model.name!r}, {self.pattern} pattern, largest base shear {np.max(self.base_shear):.4g} N"
 
     @property
     def roof_displacement(self) -> Array:
@@ -103,12 +107,12 @@ PATTERNS: Mapping[str, Callable[[Building], Array]] = {
 """Forces on the floors, up to a factor: the masses times first mode, 1, or height above the ground."""
 
 
-def pushover(model: Model, size: DriftSize, *, pattern: str = "first-mode", points: int = 200) -> Pushover:
+def pushover(model: Model, size: DriftSize | str, *, pattern: str = "first-mode", points: int = 200) -> Pushover:
     """Push a building until its roof has moved by a displacement.
 
     Parameters
     ----------
-    size : DriftSize
+    size : DriftSize or str
         Displacement of the roof, as a length or over the building's height.
     pattern : str
         A key of `PATTERNS`.
@@ -128,7 +132,7 @@ def pushover(model: Model, size: DriftSize, *, pattern: str = "first-mode", poin
     if not 1 <= points <= MOST_POINTS:
         raise UsageError(f"points must be from 1 to {MOST_POINTS}, got {points}")
     building = assemble(replace(model, damping=None))
-    target = _target(size, building)
+    target = _target(parse_drift(size) if isinstance(size, str) else size, building)
     forces = PATTERNS[pattern](building)
     forces /= forces.sum()
     chain = _Chain(building, forces)

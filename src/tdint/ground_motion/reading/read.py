@@ -13,6 +13,7 @@ from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.formats.tables.layout import AS_STATED, TextLayout
 from tdint.ground_motion.horizontals import Horizontals, find_horizontals
 from tdint.ground_motion.instrument import Instruments, read_instruments, remove_response
+from tdint.ground_motion.messages import quiet_import
 from tdint.ground_motion.reading.archive import is_archive, members
 from tdint.ground_motion.reading.plugins import Contents, has_known_format, read_contents
 from tdint.ground_motion.reading.scale import Motion, declared_units, to_acceleration, to_motion
@@ -92,6 +93,70 @@ def read_records(
     a RecordError, too. Channels without numbers (a recorder's log) are left out.
     """
     return _read(source, units, component, inventory, layout, single=False)
+
+
+def make_record(
+    data: Any,
+    *,
+    dt: float | None = None,
+    units: str | None = None,
+    component: str | None = None,
+    name: str = "",
+) -> Record:
+    """Make a record of what is in memory: an ObsPy Trace or Stream, or an array of samples.
+
+    Parameters
+    ----------
+    data : obspy.Trace, obspy.Stream or array, shape (samples,)
+        The samples; of a stream with several components `component` names one.
+    dt : float, optional
+        Sampling interval, s: needed for an array; a trace has its own.
+    units : str, optional
+        As for `read_record`; needed for an array, and for a trace whose format and header do not tell them.
+    component : str, optional
+        As for `read_record`; of an array its name.
+    name : str, optional
+        What tables and messages call it; `trace`, `stream` or `array` where it is left out.
+
+    Raises
+    ------
+    UsageError
+        Unknown units; a sampling interval or units that are missing or given twice.
+    RecordError
+        As for `read_record`.
+    """
+    wanted = None if units is None else parse_units(units)
+    traces = [data] if hasattr(data, "stats") else list(getattr(data, "traces", ()))
+    if traces:
+        if dt is not None:
+            raise UsageError("a trace has its own sampling interval; leave dt out")
+        label = name or ("stream" if hasattr(data, "traces") else "trace")
+    elif hasattr(data, "traces"):
+        raise RecordError(f"{name or 'stream'}: the stream has no traces")
+    else:
+        if dt is None or wanted is None:
+            raise UsageError("samples in an array tell neither their interval nor their units; give dt and units")
+        label = name or "array"
+        checked = Record(data, dt, start="", id="", component=component or "", source=label)
+        traces = [_trace(checked, component or "")]
+        component = None
+    found = [
+        _Component(label, Contents(str(traces[0].stats.get("_format", "")), [], (), ()), channel)
+        for channel in group_channels(traces)
+    ]
+    if component is not None:
+        found = [_choose(found, component, label)]
+    elif len(found) > 1:
+        raise RecordError(f"{label}: there are several components, choose one: {_listed(found)}")
+    return _to_record(found[0], join(found[0].channel, found[0].label), wanted, None)
+
+
+def _trace(record: Record, component: str) -> Any:
+    """A trace of a record's samples as they are."""
+    with quiet_import():
+        from obspy import Trace
+
+    return Trace(record.acceleration.copy(), {"delta": record.dt, "channel": component})
 
 
 def read_horizontals(

@@ -1,0 +1,166 @@
+"""Results as columns by name, short lines and tables for notebooks; records of what is in memory."""
+
+from __future__ import annotations
+
+import csv
+import io
+import pickle
+
+import numpy as np
+import pytest
+
+import tdint
+from tdint.errors import RecordError, UsageError
+from tdint.output.tables.tables import history_columns, mode_table, spectrum_table, story_table, write_history
+from tdint.units import STANDARD_GRAVITY
+
+STORY = {
+    "mass": 10.0,
+    "height": 3.0,
+    "stiffness": 8000.0,
+    "law": {"type": "bilinear", "yield_force": 50, "hardening": 0},
+}
+MODEL = {"name": "<small>", "stories": [{**STORY, "repeat": 2}], "damping": 0.05}
+WAVE = np.sin(9.0 * np.arange(300) * 0.01)
+
+
+@pytest.fixture(scope="module")
+def response():
+    record = tdint.make_record(3.0 * WAVE, dt=0.01, units="m/s^2")
+    return tdint.run(tdint.load_model(MODEL), record, method="newmark-average", history=True, check=True)
+
+
+def same_as_table(columns, table):
+    """Whether columns by name are those of a table."""
+    assert tuple(columns) == table.columns
+    for name, cells in zip(table.columns, zip(*table.rows, strict=True), strict=True):
+        if isinstance(columns[name], list):
+            assert tuple(columns[name]) == cells
+        else:
+            np.testing.assert_array_equal(
+                columns[name], [np.nan if cell is None else cell for cell in cells], err_msg=name
+            )
+
+
+def test_columns_are_those_of_the_tables(response):
+    same_as_table(response.to_dict(), story_table(response.stories, response.check.errors))
+    same_as_table(response.stories.to_dict(), story_table(response.stories))
+    spectrum = tdint.spectrum(response.record, np.array([0.5, 1.0]))
+    same_as_table(spectrum.to_dict(), spectrum_table([spectrum]))
+    modes = tdint.modes(response.model)
+    same_as_table(modes.to_dict(), mode_table(modes, modes.damping))
+    assert modes.damping == pytest.approx([0.05, 0.05])
+
+
+def test_a_history_is_the_file_that_the_command_writes(response):
+    stream = io.BytesIO()
+    write_history(response.history, stream)
+    header, *rows = csv.reader(io.StringIO(stream.getvalue().decode()))
+    columns = response.history.to_dict()
+    assert list(columns) == header == list(history_columns(2))
+    written = np.array([[float(cell) for cell in row] for row in rows])
+    np.testing.assert_allclose(np.column_stack(list(columns.values())), written, rtol=1e-11, atol=1e-300)
+
+
+def test_other_units(response):
+    si, us = response.to_dict(), response.to_dict("kip,in,g")
+    assert us["peak_drift_in"] * 0.0254 == pytest.approx(si["peak_drift_m"])
+    assert us["peak_absolute_acceleration_g"] * STANDARD_GRAVITY == pytest.approx(si["peak_absolute_acceleration_m_s2"])
+    assert us["story"].tolist() == [1, 2] and us["story"].dtype.kind == "i"
+    with pytest.raises(UsageError, match="unknown unit 'kips'"):
+        response.to_dict("kips")
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda run: run,
+        lambda run: run.stories,
+        lambda run: run.history,
+        lambda run: run.record,
+        lambda run: tdint.modes(run.model),
+        lambda run: tdint.spectrum(run.record, np.array([0.5, 1.0])),
+        lambda run: tdint.drift_spectrum(run.record, np.array([0.5, 1.0])),
+        lambda run: tdint.constant_ductility(run.record, np.array([0.5]), [2.0])[0],
+        lambda run: tdint.floor_spectra(run, [1, 2], np.array([0.5]), [0.05])[0],
+        lambda run: tdint.cyclic_test(run.model, 1, ["1%"], points=3),
+        lambda run: tdint.pushover(run.model, "1%", points=4),
+        lambda run: tdint.stability("newmark-average", np.array([0.1, 0.2])),
+    ],
+)
+def test_every_result_shows_itself(response, make):
+    result = make(response)
+    assert len(repr(result)) < 200 and "\n" not in repr(result) and repr(result).startswith("<")
+    columns = result.to_dict()
+    assert len({len(values) for values in columns.values()}) == 1
+    html = result._repr_html_()
+    assert html.count("<th>") == len(columns)
+    assert html.count("<tr>") == 1 + min(20, len(next(iter(columns.values()))))
+    assert "<small>" not in html  # names are escaped
+    assert repr(pickle.loads(pickle.dumps(result))) == repr(result)
+
+
+def test_what_has_no_table():
+    with pytest.raises(UsageError, match="int has no table"):
+        tdint.to_dict(3)
+
+
+def test_records_of_what_is_in_memory():
+    from tdint.ground_motion.messages import quiet_import
+
+    with quiet_import():
+        from obspy import Stream, Trace
+
+    array = tdint.make_record(WAVE, dt=0.01, units="g", component="X", name="wave")
+    np.testing.assert_allclose(array.acceleration, WAVE * STANDARD_GRAVITY, rtol=1e-15)
+    assert (array.dt, array.source, array.component, array.units_from) == (0.01, "wave", "X", "given")
+    traces = [Trace(WAVE * (i + 1), {"delta": 0.01, "channel": name}) for i, name in enumerate(("HNE", "HNN"))]
+    for data, component in ((traces[1], None), (Stream(traces), "HNN"), (Stream(traces), "N")):
+        record = tdint.make_record(data, units="cm/s^2", component=component)
+        np.testing.assert_allclose(record.acceleration, 0.02 * WAVE, rtol=1e-14)
+        assert record.component == "HNN"
+    # A velocity is differentiated: of sin(w t) w cos(w t), to the second order of the differences.
+    t = np.arange(301) * 0.001
+    moving = tdint.make_record(np.sin(9.0 * t), dt=0.001, units="cm/s")
+    np.testing.assert_allclose(
+        moving.acceleration[1:-1], 0.09 * np.cos(9.0 * t)[1:-1], atol=0.09 * 9.0**2 * 1e-6 / 6 * 1.01
+    )
+    assert moving.quantity == "velocity"
+    assert np.array_equal(traces[0].data, WAVE)  # what was given is as it was
+
+
+@pytest.mark.parametrize(
+    ("given", "error", "message"),
+    [
+        ({"data": WAVE, "units": "g"}, UsageError, "give dt and units"),
+        ({"data": WAVE, "dt": 0.01}, UsageError, "give dt and units"),
+        ({"data": WAVE, "dt": 0.01, "units": "gs"}, UsageError, "units 'gs'"),
+        ({"data": WAVE, "dt": -1.0, "units": "g"}, RecordError, "sampling interval must be a positive number"),
+        ({"data": WAVE * np.nan, "dt": 1.0, "units": "g"}, RecordError, "array: sample 0 .* is nan"),
+        ({"data": np.ma.masked_less(WAVE, 0.0), "dt": 1.0, "units": "g"}, RecordError, "samples are masked"),
+        ({"data": WAVE * 1j, "dt": 1.0, "units": "g"}, RecordError, "must be real numbers"),
+        ({"data": WAVE[:1], "dt": 1.0, "units": "g"}, RecordError, "two samples at least"),
+    ],
+)
+def test_records_that_cannot_be(given, error, message):
+    with pytest.raises(error, match=message):
+        tdint.make_record(**given)
+
+
+def test_streams_that_say_too_little():
+    from tdint.ground_motion.messages import quiet_import
+
+    with quiet_import():
+        from obspy import Stream, Trace
+
+    two = Stream([Trace(WAVE, {"delta": 0.01, "channel": name}) for name in ("HNE", "HNN")])
+    with pytest.raises(RecordError, match="several components, choose one: HNE, HNN"):
+        tdint.make_record(two, units="g")
+    with pytest.raises(RecordError, match="no component 'Z'"):
+        tdint.make_record(two, units="g", component="Z")
+    with pytest.raises(RecordError):
+        tdint.make_record(two[0])  # no units
+    with pytest.raises(UsageError, match="leave dt out"):
+        tdint.make_record(two[0], units="g", dt=0.01)
+    with pytest.raises(RecordError, match="the stream has no traces"):
+        tdint.make_record(Stream(), units="g")
