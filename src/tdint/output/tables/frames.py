@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import singledispatch
+from functools import partial, singledispatch
 from html import escape
 from typing import Any
 
@@ -28,12 +28,6 @@ from tdint.output_units import SI, parse_output_units
 
 _ROWS = 20
 _DIGITS = 5
-
-_OF_RECORD = (columns.OF_RECORD[0], Column("component", "record.component", "component of the record", text=True))
-_RECORD = (
-    Column("time_s", lambda record: record.dt * np.arange(record.acceleration.size), "time from the first sample"),
-    Column("acceleration_m_s2", "acceleration", "acceleration of the ground"),
-)
 
 
 def to_dict(result: Any, units: str = "") -> dict[str, Any]:
@@ -93,14 +87,22 @@ def _of(own: Sequence[Column], result: Any) -> dict[str, Any]:
     return {column.name: column.of(result) for column in own}
 
 
+def _of_record(own: Sequence[Column], result: Any) -> dict[str, Any]:
+    return {"record": result.record.source, "component": result.record.component} | _of(own, result)
+
+
+def _of_samples(record: Record) -> dict[str, Any]:
+    return {"time_s": record.dt * np.arange(record.acceleration.size), "acceleration_m_s2": record.acceleration}
+
+
 _values.register(StoryPeaks, lambda result: _of(columns.STORY, result))
-_values.register(Spectrum, lambda result: _of((*_OF_RECORD, *columns.SPECTRUM), result))
-_values.register(InelasticSpectrum, lambda result: _of((*_OF_RECORD, *columns.INELASTIC), result))
-_values.register(DriftSpectrum, lambda result: _of((*_OF_RECORD, *columns.DRIFT_SPECTRUM), result))
+_values.register(Spectrum, partial(_of_record, columns.SPECTRUM))
+_values.register(InelasticSpectrum, partial(_of_record, columns.INELASTIC))
+_values.register(DriftSpectrum, partial(_of_record, columns.DRIFT_SPECTRUM))
 _values.register(CyclicTest, lambda result: _of(columns.CYCLIC, result))
 _values.register(Pushover, lambda result: _of(columns.pushover(result.drift.shape[1]), result))
 _values.register(StabilityCurve, lambda result: _of(columns.STABILITY, result))
-_values.register(Record, lambda result: _of(_RECORD, result))
+_values.register(Record, _of_samples)
 
 
 @_values.register
