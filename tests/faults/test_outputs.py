@@ -8,7 +8,10 @@ from pathlib import Path
 
 import pytest
 
-pytestmark = pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+pytestmark = [
+    pytest.mark.long,  # the system's doing, whatever the Python
+    pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full"),
+]
 
 TDINT = f"{sys.executable} -P -c 'from tdint_cli.main import main; main()'"
 COMMANDS = ["spectrum r0.csv --periods 0.1:10:2000", "info r0.csv", "run model.yaml", "methods"]

@@ -8,7 +8,10 @@ import sys
 
 import pytest
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+pytestmark = [
+    pytest.mark.long,  # the system's doing, whatever the Python
+    pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc"),
+]
 
 JOBS = ("spectrum", "many", "--jobs", "2", "-o", "out/", "--periods", "0.1:10:8000")
 
