@@ -21,6 +21,7 @@ from tdint.campaign.studies.ida.runs import IdaRun
 from tdint.campaign.studies.ida.study import JOURNAL, IdaSettings, ida
 from tdint.campaign.studies.intensity import pga, sa
 from tdint.errors import ModelError, OutputError, UsageError
+from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.record import Record
 
 FRAME = Path(__file__).parents[2] / "configs" / "collapse-prone-frame.yaml"
@@ -247,6 +248,17 @@ def test_fractiles_of_one_and_of_three():
     assert fractiles(curves[:1], drifts)[:, 0] == pytest.approx([1.0, 1.0, 1.0])
     low, middle, high = fractiles(curves, drifts)[:, 0]
     assert (low, middle, high) == pytest.approx((2.0**0.32, 2.0, 2.0 * 4.0**0.68))
+
+
+def test_a_pair_is_run_by_its_components_at_levels_of_both(frame):
+    one, other = motion(0), replace(motion(1), component="HN2")
+    pair = Horizontals(one, other)
+    single, both = (ida(frame, motions, pga(), pair="rotd100") for motions in ([one, other], [pair]))
+    assert (single.im_name, both.im_name) == ("pga", "rotd100-pga")
+    for apart, together in zip(single.curves, both.curves, strict=True):
+        ratio = pga().of(pair, "rotd100") / apart.record.pga
+        assert together.collapse.capacity == pytest.approx(ratio * apart.collapse.capacity, rel=0.05)
+        assert all(run.im == pytest.approx(run.scale * pga().of(pair, "rotd100")) for run in together.runs)
 
 
 def test_an_interrupted_study_goes_on(tmp_path, frame, study):

@@ -210,6 +210,15 @@ def test_every_measure(folder, tdint, im):
     assert rows(result.stdout)[0]["im_name"].startswith(im)
 
 
+def test_pairs(folder, tdint):
+    result = tdint("ida", FRAME, "motion.mseed", *FEW, "--pairs", "rotd50")
+    assert result.exit_code == 0, result.output
+    assert {(row["component"], row["im_name"]) for row in rows(result.stdout)} == {
+        ("HNE", "rotd50-sa(1.09504)"),
+        ("HNN", "rotd50-sa(1.09504)"),
+    }
+
+
 # ---- fragility
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -75,6 +76,11 @@ def test_axes_tell_measure_and_unit(tmp_path, measure, label):
     text = drawn(tmp_path, ida_picture(study(curve(0, *COLLAPSING), measure=measure), ".svg"))
     assert label in text
     assert (">(g)<" in text) == (measure.unit == "m/s^2")
+
+
+def test_axes_of_pairs(tmp_path):
+    of_pair = replace(study(curve(0, *COLLAPSING)), pair="rotd50")
+    assert "RotD50 Sa(0.5 s) (m/s²)" in drawn(tmp_path, ida_picture(of_pair, ".svg"))
 
 
 TARGET = TargetSpectrum("a $target$_x.csv", np.array([0.1, 3.0]), np.array([5.0, 1.0]))

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -18,9 +18,17 @@ from tdint_cli.terminal.streams import note, warn
 if TYPE_CHECKING:
     from tdint.campaign.studies.suite import RecordChoice, Suite
 
+Function = TypeVar("Function", bound=Callable[..., Any])
+
 option = partial(headings.option, heading=headings.INTENSITY)
 
 PAIRS = ("geometric-mean", "rotd50", "rotd100")
+
+
+def pairs(text: str) -> Callable[[Function], Function]:
+    """The option --pairs; what it does differs between the commands."""
+    return option("--pairs", type=click.Choice(PAIRS), help=text)
+
 
 damping = option(
     "--damping", type=damping_ratio, default=0.05, metavar="RATIO", help="Damping ratio of Sa; 0.05 (or 5%) by default."

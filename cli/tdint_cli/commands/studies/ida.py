@@ -13,7 +13,7 @@ from tdint_cli import options
 from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.options.output import check_picture
 from tdint_cli.options.plot import picture_file
-from tdint_cli.options.studies import read_suite
+from tdint_cli.options.studies import PAIRS, read_suite
 from tdint_cli.options.values import IntensityType, PeriodType, Ratio
 from tdint_cli.terminal.drawing import emit_table
 from tdint_cli.terminal.progress import progress_bar
@@ -47,6 +47,7 @@ class IdaRequest:
     processing: Processing
     im: str
     period: float | None
+    pairs: str | None
     damping: float
     average: Grid | None
     precision: float
@@ -88,6 +89,9 @@ class IdaRequest:
     type=PeriodType(),
     metavar="T1|SECONDS",
     help="Period of sa and sa-avg; by default T1, the first one of the building.",
+)
+@options.studies.pairs(
+    "Take the two horizontal components of a motion together: both are run, at levels of this measure."
 )
 @options.studies.damping
 @options.studies.average
@@ -166,14 +170,15 @@ def _ida(request: IdaRequest) -> None:
         **({"thresholds": request.threshold} if request.threshold else {}),
     )
     choice = RecordChoice(request.units, request.component, request.inventory, request.processing, request.layout)
-    suite, failures = read_suite(request.records, choice, pairs=False)
+    suite, failures = read_suite(request.records, choice, pairs=request.pairs is not None)
     with progress_bar(request.output is None) as tell:
         study = ida(
             model,
-            suite.records,
+            suite.motions,
             measure,
             settings,
             method=request.method,
+            pair=request.pairs or PAIRS[0],
             jobs=request.jobs or processors(),
             folder=folder,
             progress=lambda done, of: tell(f"records {done}/{of}", done / of),
@@ -264,6 +269,7 @@ def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings) -> None:
             "model": inputs_summary([model_input(study.model)])[0],
             "method": study.method,
             "intensity_measure": asdict(study.measure),
+            "pairs": study.pair,
             **asdict(settings),
             "collapse_drift": study.model.collapse_drift,
         }
@@ -307,11 +313,11 @@ def _words(study: IdaStudy, runs: int) -> str:
 
     from tdint.campaign.studies.ida.curve import fractiles
 
-    count, measure = len(study.curves), study.measure
+    count, unit = len(study.curves), study.measure.unit
     low, middle, high = fractiles(study.curves, np.array([study.model.collapse_drift]))[:, 0].tolist()
     text = f"{study.model.name}: {count} record{'s' * (count > 1)}, {runs} runs with {study.method}.\n"
     censored = sum(curve.collapse.censored for curve in study.curves)
-    known = f"{measure.name} = {middle:.4g} {measure.unit}" if middle == middle else "above the largest intensity"
+    known = f"{study.im_name} = {middle:.4g} {unit}" if middle == middle else "above the largest intensity"
     text += f"Median capacity against collapse: {known}"
     if count > 1 and low == low and high == high:
         text += f", 16 and 84 %: {low:.4g} and {high:.4g}"

@@ -139,10 +139,8 @@ class ScaleRequest:
     help="Normalize pairs by their peak velocities (FEMA P-695, A.8); with --sa and --at scale the set on, to this "
     "median Sa of all components.",
 )
-@options.studies.option(
-    "--pairs",
-    type=click.Choice(PAIRS),
-    help="Take the two horizontal components of a motion together, with one factor, by this measure of both.",
+@options.studies.pairs(
+    "Take the two horizontal components of a motion together, with one factor, by this measure of both."
 )
 @options.studies.damping
 @options.studies.average

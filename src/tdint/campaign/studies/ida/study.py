@@ -21,7 +21,8 @@ from tdint.campaign.studies.ida.curve import IdaCurve
 from tdint.campaign.studies.ida.journal import Fingerprint, Keep, journal
 from tdint.campaign.studies.ida.levels import Levels
 from tdint.campaign.studies.ida.runs import IdaRun, run_level
-from tdint.campaign.studies.intensity import IntensityMeasure, SpectralIntensity, sa
+from tdint.campaign.studies.intensity import GEOMETRIC_MEAN, GroundMotion, IntensityMeasure, SpectralIntensity, sa
+from tdint.campaign.studies.suite import components
 from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import DEFAULT_METHOD
@@ -88,6 +89,8 @@ class IdaStudy:
         Drift ratios whose capacities are asked for, rising, the collapse drift last.
     curves : tuple of IdaCurve
         One for each record, in the order given.
+    pair : str or None
+        What of a pair of components the levels are levels of: a name of `PAIRS`; None for those of each component.
     resumed : int
         Records whose runs were there already.
     version : str
@@ -99,17 +102,24 @@ class IdaStudy:
     method: str
     thresholds: tuple[float, ...]
     curves: tuple[IdaCurve, ...]
+    pair: str | None = None
     resumed: int = 0
     version: str = ""
+
+    @property
+    def im_name(self) -> str:
+        """The intensity measure, with what stands for a pair before it."""
+        return self.measure.name if self.pair is None else f"{self.pair}-{self.measure.name}"
 
 
 def ida(
     model: Model,
-    records: Sequence[Record],
+    motions: Sequence[GroundMotion],
     measure: IntensityMeasure | None = None,
     settings: IdaSettings | None = None,
     *,
     method: str | None = None,
+    pair: str = GEOMETRIC_MEAN,
     jobs: int = 1,
     folder: Path | None = None,
     progress: Progress = lambda done, of: None,
@@ -120,12 +130,15 @@ def ida(
     ----------
     model : Model
         All stories have heights.
-    records : sequence of Record
-        Ground motions, none twice.
+    motions : sequence of Record or of Horizontals
+        Ground motions, none twice. Of a pair both components are run, each for itself, at levels of the pair's
+        intensity.
     measure : IntensityMeasure, optional
         Sa at the building's first period with 5 % damping by default.
     method : str, optional
         In place of the model's.
+    pair : str
+        What the intensity of a pair is: a name of `PAIRS`.
     jobs : int
         Threads; the result does not depend on it.
     folder : Path, optional
@@ -147,9 +160,15 @@ def ida(
     settings = settings or IdaSettings()
     subject, settings = _prepared(model, settings, method)
     chosen = measure or sa(subject.period)
+    parts = [(motion, record) for motion in motions for record in components(motion)]
+    records = [record for _, record in parts]
     names = _names(records)
-    units = {name: _Work.of(subject, record, chosen, settings) for name, record in zip(names, records, strict=True)}
-    identity = _fingerprint(subject, chosen, settings, dict(zip(names, records, strict=True)))
+    units = {
+        name: _Work.of(subject, record, chosen.of(motion, pair), settings)
+        for name, (motion, record) in zip(names, parts, strict=True)
+    }
+    paired = pair if len(parts) > len(motions) else None
+    identity = {**_fingerprint(subject, chosen, settings, dict(zip(names, records, strict=True))), "pairs": paired}
     subject.prepared.compile([subject.integrator])
     keeper: Any = journal(folder / JOURNAL, identity) if folder else nullcontext(({}, lambda name, runs: None, ""))
     with keeper as (kept, keep, version):
@@ -157,7 +176,9 @@ def ida(
     collapse_drift = subject.model.collapse_drift
     curves = [IdaCurve(record, found[name], collapse_drift) for name, record in zip(names, records, strict=True)]
     thresholds = (*sorted(set(settings.thresholds) - {collapse_drift}), collapse_drift)
-    return IdaStudy(subject.model, chosen, subject.integrator.label, thresholds, tuple(curves), len(kept), version)
+    return IdaStudy(
+        subject.model, chosen, subject.integrator.label, thresholds, tuple(curves), paired, len(kept), version
+    )
 
 
 JOURNAL = "ida.jsonl"
@@ -173,8 +194,7 @@ class _Work:
     levels: Levels
 
     @classmethod
-    def of(cls, subject: Subject, record: Record, measure: IntensityMeasure, settings: IdaSettings) -> _Work:
-        intensity = measure.of(record)
+    def of(cls, subject: Subject, record: Record, intensity: float, settings: IdaSettings) -> _Work:
         levels = Levels(
             start=intensity * _elastic_scale(subject.prepared.building, record, subject.model.collapse_drift),
             precision=settings.precision,

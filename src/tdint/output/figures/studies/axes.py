@@ -8,12 +8,14 @@ from typing import Any
 
 from matplotlib.ticker import FuncFormatter, LogLocator
 
+from tdint.campaign.studies.intensity import GEOMETRIC_MEAN, PAIRS
 from tdint.output.figures.run import COLORS
 from tdint.units import STANDARD_GRAVITY
 
 GRAY = "0.72"
 """Of what is one record among many."""
 
+_PAIRS = {GEOMETRIC_MEAN: "geometric mean ", "rotd50": "RotD50 ", "rotd100": "RotD100 "}
 _WORDS = {"sa": "Sa", "sa-avg": "Sa_avg", "pga": "PGA", "pgv": "PGV"}
 
 
@@ -24,11 +26,12 @@ def single_look(several: bool) -> dict[str, Any]:
 
 def measure_words(name: str) -> str:
     """An intensity measure as a paper writes it: Sa(1.095 s) of `sa(1.09504)`."""
-    kind, _, rest = name.partition("(")
+    pair = next((pair for pair in PAIRS if name.startswith(f"{pair}-")), "")
+    kind, _, rest = name.removeprefix(f"{pair}-").partition("(")
     period = rest.removesuffix(")")
     with suppress(ValueError):
         period = f"{float(period):.4g} s"
-    return _WORDS.get(kind, kind) + (f"({period})" if period else "")
+    return _PAIRS.get(pair, "") + _WORDS.get(kind, kind) + (f"({period})" if period else "")
 
 
 def measure_label(name: str, unit: str) -> str:

@@ -48,7 +48,7 @@ def _draw(study: IdaStudy) -> Figure:
     axes.set_xlim(0.0, 100.0 * _BEYOND * limit)
     axes.set_ylim(0.0, _ROOM * (max(map(_highest, study.curves)) or 1.0))
     axes.set_xlabel("largest drift ratio (%)")
-    axes.set_ylabel(measure_label(study.measure.name, study.measure.unit))
+    axes.set_ylabel(measure_label(study.im_name, study.measure.unit))
     if study.measure.unit == "m/s^2":
         add_gravity_axis(axes)
     axes.legend(loc="lower right", frameon=True, framealpha=0.9, edgecolor="none")

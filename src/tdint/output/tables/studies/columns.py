@@ -13,9 +13,9 @@ _RECORD = (
     Column("record", "record", "file of the record", text=True),
     Column("component", "component", "component of the record", text=True),
     Column(
-        "im_name", "measure.name", "intensity measure: sa(T) and sa-avg(T) with the period in s, pga, pgv", text=True
+        "im_name", "study.im_name", "intensity measure: sa(T) and sa-avg(T) with the period in s, pga, pgv", text=True
     ),
-    Column("unit", "measure.unit", "its unit", text=True),
+    Column("unit", "study.measure.unit", "its unit", text=True),
 )
 """The first columns of the tables of an incremental dynamic analysis."""
 

@@ -11,7 +11,6 @@ import numpy as np
 from tdint.campaign.studies.fragility.fits import Fragility
 from tdint.campaign.studies.ida.curve import Capacity, IdaCurve
 from tdint.campaign.studies.ida.study import IdaStudy
-from tdint.campaign.studies.intensity import IntensityMeasure
 from tdint.campaign.studies.scaling import Scaling
 from tdint.campaign.studies.suite import components
 from tdint.ground_motion.record import component_names
@@ -35,7 +34,7 @@ class _CurveRows:
 
     record: str
     component: str
-    measure: IntensityMeasure
+    study: IdaStudy
     curve: IdaCurve
     capacity: Capacity | None = None
 
@@ -53,7 +52,7 @@ def ida_table(study: IdaStudy) -> Table:
 def capacity_table(study: IdaStudy) -> Table:
     """A row for each record and threshold."""
     rows = [
-        rows_of(columns.CAPACITIES, _CurveRows(one.record, one.component, one.measure, one.curve, capacity))[0]
+        rows_of(columns.CAPACITIES, _CurveRows(one.record, one.component, study, one.curve, capacity))[0]
         for one in _curves(study)
         for capacity in map(one.curve.capacity, study.thresholds)
     ]
@@ -74,4 +73,4 @@ def _with_unit(table: Table, unit: str) -> Table:
 def _curves(study: IdaStudy) -> Iterator[_CurveRows]:
     names = component_names([curve.record for curve in study.curves])
     for curve, name in zip(study.curves, names, strict=True):
-        yield _CurveRows(curve.record.source, name, study.measure, curve)
+        yield _CurveRows(curve.record.source, name, study, curve)
