@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -138,7 +139,7 @@ class Integrator:
     method: Method
     values: tuple[float, ...] = ()
 
-    @property
+    @cached_property
     def label(self) -> str:
         """The specification in full, as the catalogue reads it."""
         if not self.values:

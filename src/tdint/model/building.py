@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,29 +73,29 @@ class Building:
         """Initial stiffness of the stories, P-delta included, N/m, shape (n,)."""
         return self.laws[STIFFNESS, :-1] + self.chain[GEOMETRIC, :-1]
 
-    @property
+    @cached_property
     def linear(self) -> bool:
         """Whether every story has a linear law, and none a power-law dashpot."""
         return not self.power_damped and bool(np.all(self.laws[CODE, :-1] == CODES["linear"]))
 
-    @property
+    @cached_property
     def power_damped(self) -> bool:
         """Whether some story has a power-law dashpot."""
         return bool(np.any(self.chain[POWER_DAMPER, :-1] != 0.0))
 
-    @property
+    @cached_property
     def piecewise_linear(self) -> bool:
         """Whether every story has a law that is linear branch by branch."""
         codes = [CODES[name] for name, law in LAWS.items() if not law.curved]
         return bool(np.all(np.isin(self.laws[CODE, :-1], codes)))
 
-    @property
+    @cached_property
     def kinked(self) -> bool:
         """Whether some story has a law whose tangent jumps."""
         codes = [CODES[name] for name, law in LAWS.items() if law.kinked]
         return bool(np.any(np.isin(self.laws[CODE, :-1], codes)))
 
-    @property
+    @cached_property
     def fastest(self) -> float:
         """A bound on the circular frequencies of the initial stiffness, rad/s: Gershgorin's circles, exact to a few
         percent in a tall uniform building."""
