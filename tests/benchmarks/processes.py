@@ -1,54 +1,158 @@
-"""Whole processes: `tdint spectrum` of one record against the imports of its packages, and batches with --jobs 1 and 2.
+"""Whole processes against the imports of their packages, as a table: python tests/benchmarks/processes.py [--first]
 
-Run: python tests/benchmarks/processes.py. The commands are run several times, in turns; the shortest times are shown.
+1. Commands with their kernels there, beside `python -c "import numpy, click, yaml"`. They take turns, the shortest time
+   of each counts; processor time, wall time and the ratio of the latter.
+2. A tall building, and the time that Python takes around the kernel for one of many runs.
+3. Batches with --jobs 1 and 2.
+
+With --first instead: the same commands with no compiled kernels anywhere, once each; this takes some minutes.
 """
 
 from __future__ import annotations
 
+import os
+import resource
 import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 
-RECORDS = Path(__file__).parents[2] / "records"
+import numpy as np
+
+from tdint import load_model, prepare, run_case
+from tdint.analysis.run.run import model_record
+
+ROOT = Path(__file__).parents[2]
+RECORDS, CONFIGS = ROOT / "records", ROOT / "configs"
 TDINT = (sys.executable, "-c", "from tdint_cli.main import main; main()")
-IMPORTS = (sys.executable, "-c", "import numpy, obspy, numba, click")
+IMPORTS = (sys.executable, "-c", "import numpy, click, yaml")
+NEAR_FAULT = (RECORDS / "near-fault.mseed", "--component", "HN1", "--units", "m/s^2")
+COMMANDS = {
+    "run ten-story.yaml": ("run", CONFIGS / "ten-story.yaml"),
+    "run ten-story-bilinear.yaml": ("run", CONFIGS / "ten-story-bilinear.yaml"),
+    "spectrum near-fault.mseed": ("spectrum", *NEAR_FAULT),
+    "methods": ("methods",),
+    "modes ten-story.yaml": ("modes", CONFIGS / "ten-story.yaml"),
+    "law ten-story-bilinear.yaml": ("law", CONFIGS / "ten-story-bilinear.yaml", "--story", "1", "--drift", "0.05"),
+    "--help": ("--help",),
+}
+FIRST = ("run ten-story.yaml", "run ten-story-bilinear.yaml", "spectrum near-fault.mseed")
 COPIES = 40
 
 
-def seconds(*commands, turns=7):
-    """Shortest wall time of each command, s, the commands taken in turns."""
-    best = [float("inf")] * len(commands)
+def measured(command, **environment):
+    """Wall and processor time of a process and its children, s."""
+    before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    subprocess.run(list(map(str, command)), check=True, capture_output=True, env={**os.environ, **environment})
+    wall, after = time.perf_counter() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
+    return np.array([wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime])
+
+
+def shortest(commands, turns):
+    """Shortest wall and processor time of each command, s, the commands taken in turns."""
+    best = np.full((len(commands), 2), np.inf)
     for _ in range(turns):
         for i, command in enumerate(commands):
-            start = time.perf_counter()
-            subprocess.run(list(map(str, command)), check=True, capture_output=True)
-            best[i] = min(best[i], time.perf_counter() - start)
+            best[i] = np.minimum(best[i], measured(command))
     return best
 
 
+def print_commands(commands, turns=15):
+    """The table of commands, given by name, whose kernels are compiled before a clock starts."""
+    for command in commands.values():
+        measured((*TDINT, *command))
+    imports, *times = shortest([IMPORTS, *((*TDINT, *command) for command in commands.values())], turns)
+    print("| process | wall ms | processor ms | over the imports, wall | processor |\n|---|---|---|---|---|")
+    print(f"| import numpy, click, yaml | {imports[0] * 1e3:.0f} | {imports[1] * 1e3:.0f} | 1 | 1 |")
+    for name, both in zip(commands, times, strict=True):
+        ratio = both / imports
+        print(f"| {name} | {both[0] * 1e3:.0f} | {both[1] * 1e3:.0f} | {ratio[0]:.2f} | {ratio[1]:.2f} |")
+
+
+def print_first(targets=FIRST):
+    """The table of first runs: no kernels are found, none are left."""
+    print("| first run | wall s | processor s |\n|---|---|---|")
+    for name in targets:
+        with tempfile.TemporaryDirectory() as folder:
+            wall, processor = measured((*TDINT, *COMMANDS[name]), TDINT_CACHE_DIR=folder, TDINT_KERNELS_DIR="")
+        print(f"| {name} | {wall:.1f} | {processor:.1f} |", flush=True)
+
+
+def tall(folder, stories):
+    """A model file of equal stories with Rayleigh damping."""
+    file = folder / f"{stories}-stories.yaml"
+    file.write_text(
+        f"name: {stories} stories\n"
+        f"stories:\n  - {{repeat: {stories}, mass: 2e5, height: 3.5, stiffness: {3.5e7 * stories:g}}}\n"
+        "damping: {rayleigh: {ratio: 0.05, modes: [1, 2]}}\n"
+        f"excitation: {{record: {{file: '{RECORDS / 'firm-soil.mseed'}', component: HN1, units: m/s^2}}}}\n"
+        "analysis: {method: impulse4}\n"
+    )
+    return file
+
+
+def print_setting_up(file, samples):
+    """What a tall building costs before the march, and the march over the whole record (from some samples of it)."""
+    begin = time.process_time()
+    model = load_model(file)
+    record = model_record(model)
+    loading = time.process_time() - begin
+    whole = record.acceleration.size - 1
+    response = None
+    begin = time.process_time()
+    response = run_case(prepare(model, replace(record, acceleration=record.acceleration[: samples + 1])))
+    setting_up = time.process_time() - begin - response.march_time + loading
+    march = response.march_time * whole / samples
+    print(f"{file.stem}: set-up {setting_up:.2f} s, march {march:.1f} s, {setting_up / march:.3f} of it", flush=True)
+
+
+def around_the_kernel():
+    """Processor time of a run that marches two samples only, of one building in a loop, s."""
+    model = load_model(CONFIGS / "ten-story.yaml")
+    record = model_record(model)
+    case = prepare(model, replace(record, acceleration=record.acceleration[:3]))
+    times = []
+    for _ in range(40):
+        begin = time.process_time()
+        for _ in range(50):
+            run_case(case)
+        times.append((time.process_time() - begin) / 50)
+    return min(times)
+
+
+def print_batches(folder):
+    """Spectra of many records in one command, by one process and by two."""
+    records, out = folder / "records", folder / "out"
+    records.mkdir()
+    files = sorted(RECORDS.glob("*.mseed"))
+    for i in range(COPIES):
+        (records / f"{i:02d}.mseed").write_bytes(files[i % len(files)].read_bytes())
+    for what, more in (
+        ("spectra", ()),
+        ("spectra with pictures", ("--plot",)),
+        ("spectra by rk5", ("--method", "rk5", "--periods", "0.3:10:200")),
+    ):
+        command = (*TDINT, "spectrum", records, "-o", f"{out}/", "--overwrite", *more)
+        measured(command)
+        one, two = shortest([(*command, "--jobs", jobs) for jobs in (1, 2)], 3)
+        print(f"{COPIES} records, {what}: {one[0]:.2f} s, with --jobs 2 {two[0]:.2f} s", flush=True)
+
+
 def main():
-    one = (*TDINT, "spectrum", RECORDS / "near-fault.mseed", "--component", "HN1", "--units", "m/s^2")
-    seconds(one, turns=1)  # compiles
-    imports, spectrum = seconds(IMPORTS, one)
-    print(f"imports of numpy, obspy, numba, click: {imports:.2f} s")
-    print(f"tdint spectrum, 200 periods, one record: {spectrum:.2f} s, {spectrum / imports:.2f} times as much")
+    """Print the tables."""
+    if "--first" in sys.argv:
+        print_first()
+        return
     with tempfile.TemporaryDirectory() as name:
-        folder, out = Path(name) / "records", Path(name) / "out"
-        folder.mkdir()
-        files = sorted(RECORDS.glob("*.mseed"))
-        for i in range(COPIES):
-            (folder / f"{i:02d}.mseed").write_bytes(files[i % len(files)].read_bytes())
-        for what, more in (
-            ("spectra", ()),
-            ("spectra with pictures", ("--plot",)),
-            ("spectra by rk5", ("--method", "rk5", "--periods", "0.3:10:200")),
-        ):
-            command = (*TDINT, "spectrum", folder, "-o", f"{out}/", "--overwrite", *more)
-            seconds(command, turns=1)
-            times = seconds(*((*command, "--jobs", jobs) for jobs in (1, 2)), turns=3)
-            print(f"{COPIES} records, {what}: {times[0]:.2f} s, with --jobs 2 {times[1]:.2f} s")
+        folder = Path(name)
+        print_commands({**COMMANDS, "run 1000 stories": ("run", tall(folder, 1000))})
+        print(f"\nPython around the kernel of one of many runs: {around_the_kernel() * 1e3:.3f} ms\n")
+        for stories, samples in ((1000, 4000), (20_000, 200), (100_000, 40)):
+            print_setting_up(tall(folder, stories), samples)
+        print()
+        print_batches(folder)
 
 
 if __name__ == "__main__":
