@@ -353,3 +353,12 @@ def test_debug_shows_where(folder, tdint):
     assert result.exit_code == 3
     assert "Traceback" in result.stderr
     assert result.stderr.splitlines()[-1].startswith("Error: missing.yaml: no such file")
+
+
+def test_lost_energy_is_a_warning_that_is_not_silenced(folder, tdint):
+    result = tdint("run", "shaken.yaml", "-q", "--method", "newmark:beta=0.5,gamma=0.9", "-o", "out")
+    assert result.exit_code == 0, result.stderr
+    (line,) = (line for line in result.stderr.splitlines() if "energy balance" in line)
+    assert line.startswith("Warning: the energy balance is off by")
+    assert "lost to the method" in line
+    assert line.removeprefix("Warning: ") in json.loads((folder / "out" / "summary.json").read_text())["notes"]

@@ -159,9 +159,10 @@ class TestCosmos:
     def test_units(self, units, expected):
         assert only(files.cosmos(units=units)).stats.tdint_units == expected
 
-    def test_counts_need_their_value(self, tmp_path):
+    @pytest.mark.parametrize("kind", ["raw acceleration", "raw accel."])
+    def test_counts_need_their_value(self, tmp_path, kind):
         path = tmp_path / "a.v0"
-        path.write_text(files.cosmos(np.arange(1, 121), units="counts (50)", kind="raw acceleration"))
+        path.write_text(files.cosmos(np.arange(1, 121), units="counts (50)", kind=kind))
         with pytest.raises(RecordError, match="counts of a recorder"):
             read_record(path)
         assert read_record(path, units="0.01 gal").pga == pytest.approx(0.012)

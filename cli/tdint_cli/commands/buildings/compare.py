@@ -264,7 +264,7 @@ def _remark(comparisons: Sequence[Comparison], fitted: Fit | None) -> None:
             + f"PGA {event.base.pga:.3g} m/s^2; {run.method}, dt {run.dt:.6g} s"
             + (f"; recordings shifted by {one.shift:.6g} s." if one.shift else ".")
         )
-        for text in event.warnings:
+        for text in (*event.warnings, *one.response.warnings):
             warn(text)
     if fitted:
         changes = [f"{one.name}{f' {one.place}' if one.place else ''} {one.value:.5g}" for one in fitted.values]

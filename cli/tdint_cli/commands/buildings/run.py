@@ -194,6 +194,8 @@ def _run(request: Request) -> None:
     say(_paragraph(response, _units(request)))
     if response.collapse:
         complain(_collapsed(response, response.collapse))  # It changes what the peaks mean.
+    for text in response.warnings:
+        warn(text)
     _remark(record, response.notes)
 
 

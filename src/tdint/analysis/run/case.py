@@ -237,11 +237,12 @@ class Case:
             stories=observed.story_peaks(self.building, space),
             energy=energy,
             history=observed.history(self.building, space, steps.h) if space.history.size else None,
-            notes=self._notes(steps, energy, int(space.observed[observing.HALVINGS])),
+            notes=self._notes(steps, int(space.observed[observing.HALVINGS])),
             collapse=collapse,
+            warnings=_imbalance(energy),
         )
 
-    def _notes(self, steps: Steps, energy: Energy, halvings: int) -> tuple[str, ...]:
+    def _notes(self, steps: Steps, halvings: int) -> tuple[str, ...]:
         record = self.record
         notes = [*self.remarks, *(record.notes if record else ())]
         if record and steps.stride > 1:
@@ -258,12 +259,6 @@ class Case:
         notes += self._stiffening_note()
         if halvings:
             notes.append(f"steps that did not converge were halved, {halvings} times in all")
-        if abs(energy.error) > _LARGE_IMBALANCE:
-            change = "lost to" if energy.error > 0.0 else "made by"
-            notes.append(
-                f"the energy balance is off by {100.0 * abs(energy.error):.2g} % of the input energy, {change} the "
-                "method: use a smaller step or another method"
-            )
         return tuple(notes)
 
     def _stiffening_note(self) -> tuple[str, ...]:
@@ -277,6 +272,17 @@ class Case:
             f"{self.integrator.method.name} is stable only for small steps where a story becomes stiffer than at rest, "
             f"as story {stories[0]} can: check with a smaller step",
         )
+
+
+def _imbalance(energy: Energy) -> tuple[str, ...]:
+    """A warning about a motion that a method has given or taken energy."""
+    if abs(energy.error) <= _LARGE_IMBALANCE:
+        return ()
+    change = "lost to" if energy.error > 0.0 else "made by"
+    return (
+        f"the energy balance is off by {100.0 * abs(energy.error):.2g} % of the input energy, {change} the "
+        "method: use a smaller step or another method",
+    )
 
 
 def _runaway_story(space: Workspace) -> int:

@@ -226,6 +226,8 @@ class Response(Tabular):
         Estimated errors, if they were asked for.
     notes : tuple of str
         What a person should know of the run.
+    warnings : tuple of str
+        What changes what its numbers mean: a person must see it.
     """
 
     model: Model
@@ -244,6 +246,7 @@ class Response(Tabular):
     notes: tuple[str, ...]
     collapse: Collapse | None = None
     check: ErrorEstimate | None = None
+    warnings: tuple[str, ...] = ()
 
     def _headline(self) -> str:
         story = int(np.argmax(self.stories.peak_drift))

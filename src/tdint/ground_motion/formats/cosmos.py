@@ -38,7 +38,7 @@ _INTEGERS = re.compile(rf"^\s*({COUNT})\s+Integer-header values follow on", re.I
 _REALS = re.compile(rf"^\s*({COUNT})\s+Real-header values follow on", re.IGNORECASE)
 _COMMENTS = re.compile(rf"^\s*({COUNT})\s+Comment line\(?s?\)? follow", re.IGNORECASE)
 _BLOCK = re.compile(
-    rf"^\s*({COUNT})\s+([a-z ]+?)\s+(?:pts|points)\b(?:.*?approx\s*({COUNT})\s*secs)?"
+    rf"^\s*({COUNT})\s+([a-z. ]+?)\s+(?:pts|points)\b(?:.*?approx\s*({COUNT})\s*secs)?"
     r".*?units\s*=\s*([^,(]*)(?:\(\s*0*(\d+)\s*\))?",
     re.IGNORECASE,
 )

@@ -69,7 +69,7 @@ def _event(one: Comparison) -> dict[str, Any]:
             for floor in one.floors
         ],
         "notes": [*event.notes, *response.notes],
-        "warnings": list(event.warnings),
+        "warnings": [*event.warnings, *response.warnings],
     }
 
 

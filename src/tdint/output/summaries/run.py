@@ -123,7 +123,7 @@ def run_summary(
         "collapse_drift": response.model.collapse_drift,
         "collapse": _collapse(response.collapse),
     }
-    return _ended(content, response.record, settings, response.notes, inputs)
+    return _ended(content, response.record, settings, (*response.warnings, *response.notes), inputs)
 
 
 def failure_summary(
