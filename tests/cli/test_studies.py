@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from tdint.campaign.engine.batch import Batch
 from tdint.campaign.studies.ida.study import JOURNAL
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -69,6 +70,24 @@ def test_a_set_is_not_scaled_without_all_of_it(folder, tdint):
     result = tdint("scale", "motion.mseed", "other.mseed", *UNITS, "--p695")
     assert (result.exit_code, result.stdout) == (4, "")
     assert "single horizontal component" in result.stderr
+
+
+def test_the_rule_of_asce7(folder, tdint, make_record):
+    (folder / "suite").mkdir()
+    for i in range(11):
+        make_record(folder / "suite" / f"{i:02d}.mseed", "HNE", "HNN", peak=1.0 + 0.2 * i, samples=200 + 10 * i)
+    target = ("--target", CONFIGS / "design-spectrum.csv")
+    result = tdint("scale", "suite", *UNITS, *target, "--rule", "asce7", "--range", "0.2:2:4", "-o", "f.csv", "--plot")
+    assert result.exit_code == 0, result.output
+    found = rows((folder / "f.csv").read_text())
+    assert len(found) == 22
+    assert all(one["factor"] == other["factor"] for one, other in zip(found[::2], found[1::2], strict=True))
+    assert "11 pairs scaled to" in result.stderr
+    said = float(result.stderr.partition("maximum-direction spectra is ")[2].partition(" %")[0])
+    assert said >= 90.0
+    settings = json.loads((folder / "f.json").read_text())["settings"]
+    assert 100.0 * settings["least_average_over_target"] == pytest.approx(said, abs=0.5)
+    assert settings["pairs"] == "rotd100"
 
 
 TARGET = ("--target", CONFIGS / "design-spectrum.csv")
@@ -195,6 +214,25 @@ def test_studies_that_are_refused(folder, tdint, arguments, code, message):
     result = tdint("ida", "shaken.yaml", "other.mseed", *UNITS, *arguments)
     assert (result.exit_code, result.stdout) == (code, "")
     assert message in result.stderr
+
+
+def test_what_has_no_result_is_told(folder, tdint, monkeypatch):
+    """Runs that fail around the collapse: no number is made of them, and the wide bracket is told."""
+    original = Batch.results
+
+    def results(self, runs):
+        rows = original(self, runs)
+        if rows.runs[0].status == "collapsed" and runs[0].scale < 30.0:
+            rows.runs[0] = rows.runs[0]._replace(status="not-converged", peak_drift_ratio=None, energy_error=None)
+        return rows
+
+    monkeypatch.setattr(Batch, "results", results)
+    result = tdint("ida", "shaken.yaml", "motion.mseed", "--component", "HNE", *UNITS, "-o", "out")
+    assert result.exit_code == 0
+    assert "runs have no result, also with a finer step; they count neither way" in result.stderr
+    assert "1 of 1 capacities are bracketed less closely than 5 %" in result.stderr
+    found = rows((folder / "out" / "ida.csv").read_text())
+    assert all((row["status"] == "not-converged") == (row["peak_drift_ratio"] == "") for row in found)
 
 
 def test_a_model_without_heights(folder, tdint):

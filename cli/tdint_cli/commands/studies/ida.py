@@ -186,7 +186,7 @@ def _ida(request: IdaRequest) -> None:
     if folder is None:
         emit_table(capacity_table(study))
     _write(request, study, settings)
-    _report(study)
+    _report(study, request.precision)
     if failures:
         raise Failures(failures)
 
@@ -284,7 +284,7 @@ def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings) -> None:
     write_files(files, overwrite=request.overwrite or bool(request.output))
 
 
-def _report(study: IdaStudy) -> None:
+def _report(study: IdaStudy, precision: float) -> None:
     """What came out, and what changes what the numbers mean."""
     runs = [run for curve in study.curves for run in curve.runs]
     if study.resumed == len(study.curves):
@@ -303,6 +303,10 @@ def _report(study: IdaStudy) -> None:
     lost = sum(not (run.stable or run.collapsed) for run in runs)
     if lost:
         warn(f"{lost} of {len(runs)} runs have no result, also with a finer step; they count neither way")
+    known = [curve.collapse for curve in study.curves if not curve.collapse.censored]
+    wide = sum(not one.upper <= one.lower * (1.0 + precision) * (1.0 + 1e-9) for one in known)
+    if wide:
+        warn(f"{wide} of {len(known)} capacities are bracketed less closely than {100.0 * precision:g} %")
     off = sum(abs(run.energy_error) > _OFF_BALANCE for run in runs if run.stable)
     if off:
         warn(f"the energy balance of {off} of {len(runs)} runs is off by more than 1 %: use a smaller step")
