@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -328,3 +329,20 @@ def test_the_choices_are_those_of_the_library():
     choices = {parameter.name: getattr(parameter.type, "choices", None) for parameter in order.command.params}
     assert set(choices["load"]) == set(LOADS)
     assert set(choices["law"]) == set(STORY_LAWS)
+
+
+def test_pictures_of_all_methods_are_a_selection(tmp_path, monkeypatch, tdint):
+    """The table has all; the picture has the selection, or all with --all."""
+    monkeypatch.chdir(tmp_path)
+    for command in ("stability", "overshoot"):
+        options = ("--dt-over-t", "0.1:1:3") if command == "stability" else ()
+        table = tdint(command, *options, "--plot=few.svg").stdout
+        tdint(command, *options, "--plot=all.svg", "--all")
+        few, every = (Path(f"{name}.svg").read_text(encoding="utf-8") for name in ("few", "all"))
+        for name in ("houbolt", "wilson"):
+            assert name in table
+            assert name in every
+            assert name not in few
+        assert "newmark-average" in few
+        for name in ("few", "all"):
+            Path(f"{name}.svg").unlink()

@@ -17,8 +17,9 @@ from tdint.files import write_file
 from tdint.ground_motion.processing import process
 from tdint.ground_motion.record import Record
 from tdint.model.config.read import load_model
-from tdint.output.figures.run import changed, run_picture
+from tdint.output.figures.run import run_picture
 from tdint.output.figures.spectrum import spectrum_picture
+from tdint.output.figures.style import changed
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 STARTS = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
@@ -111,7 +112,8 @@ def test_many_spectra_are_drawn(tmp_path):
         for damping in (0.02, 0.05)
     ]
     draw_spectra(spectra, tmp_path / "x.svg")
-    assert "... and 17 more" in (tmp_path / "x.svg").read_text(encoding="utf-8")
+    drawn = (tmp_path / "x.svg").read_text(encoding="utf-8")
+    assert all(name in drawn for name in ("20 components", "median, 2 %", "16 % and 84 %, 5 %"))
 
 
 def test_no_window_system_is_loaded():
@@ -123,3 +125,44 @@ def test_a_processed_record_is_called_so():
     plain = Record(np.ones(3), 0.01, "", "", "", "x.mseed")
     assert changed([plain]) == ""
     assert changed([plain, process(plain, baseline="constant")]) == " (processed)"
+
+
+@pytest.mark.parametrize("axes", ["periods", "tripartite", "adrs"])
+@pytest.mark.parametrize("count", [1, 2, 22])
+def test_axes_and_suites(tmp_path, axes, count):
+    """Of a suite the median has a name, not each of the 22; period 0 has no place on a logarithmic axis."""
+    periods = np.array([0.0, *np.geomspace(0.05, 2.0, 9)])
+    spectra = [
+        spectrum(motion(source=f"{i}.txt").scaled(1.0 + i), periods, ratio)
+        for i in range(count)
+        for ratio in (0.02, 0.05)
+    ]
+    file = tmp_path / "x.svg"
+    write_file(file, spectrum_picture(spectra, ".svg", axes), overwrite=False)
+    text = file.read_text(encoding="utf-8")
+    assert ("median" in text) is (count == 22)
+    assert ("21.txt" in text) is False
+
+
+def test_spectra_of_a_motion_at_rest_on_all_axes(tmp_path):
+    still = Record(np.zeros(50), 0.01, "", "", "", "still.txt")
+    for axes in ("periods", "tripartite", "adrs"):
+        write_file(
+            tmp_path / f"{axes}.png", spectrum_picture([spectrum(still, np.array([0.5, 1.0]))], ".png", axes),
+            overwrite=False,
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize("floors", [1, 3, 60])
+def test_profiles_of_low_and_tall_buildings_with_an_isolator(tmp_path, floors):
+    """Bearings without a height have the length of their drift in letters; without any height the rest has no ratio."""
+    text = "stories: [{mass: 10, stiffness: 100}, {repeat: %d, mass: 10, stiffness: 40000%s}]\n"
+    for name, height in (("tall", ", height: 3"), ("bare", "")):
+        (tmp_path / f"{name}.yaml").write_text(text % (floors, height))
+        response = run(load_model(tmp_path / f"{name}.yaml"), motion(), method="newmark-average", history=True)
+        draw_run(response, tmp_path / f"{name}.svg")
+        drawn = (tmp_path / f"{name}.svg").read_text(encoding="utf-8")
+        drift = f"{response.stories.peak_drift[0]:#.3g} m"
+        assert (f">{drift}<" in drawn) is (bool(height) or floors > 1)
+        assert ("drift (% of height)" in drawn) is bool(height)
+        assert "absolute floor" in drawn

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import click
 
@@ -15,6 +15,16 @@ if TYPE_CHECKING:
     from tdint.methods.method import Integrator
 
 Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+class OfMethod(Protocol):
+    """A result of one method; `method` is its label."""
+
+    @property
+    def method(self) -> str: ...
+
+
+Result = TypeVar("Result", bound=OfMethod)
 
 DT_OVER_T = (1e-6, 1e6)
 """Steps over the period of an oscillator that may be asked for: beyond, rounding is all that is seen."""
@@ -77,6 +87,35 @@ dt = option(
 duration = option(
     "--duration", type=float, metavar="SECONDS", help="Time to integrate; by default the model's, else the record's."
 )
+
+
+DRAWN = (
+    "newmark-average",
+    "central-difference",
+    "hht",
+    "generalized-alpha",
+    "bathe",
+    "impulse",
+    "impulse4",
+    "moment4",
+)
+"""Methods of a picture of all: what people compare with, and what is ours; more lines are not told apart."""
+
+
+def draw_all(names: Sequence[str]) -> Callable[[Function], Function]:
+    """The option --all of a picture that has these methods without it."""
+    return headings.option(
+        "--all",
+        "draw_all",
+        heading=headings.OUTPUT,
+        is_flag=True,
+        help=f"Draw all methods; without --method the picture has {', '.join(names)}. The table always has all.",
+    )
+
+
+def drawn(results: Sequence[Result], names: Sequence[str]) -> list[Result]:
+    """Those of the results that are of methods of these names."""
+    return [one for one in results if one.method.partition(":")[0] in names]
 
 
 def integrators(specifications: Sequence[str]) -> list[Integrator]:

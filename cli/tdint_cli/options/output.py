@@ -146,6 +146,6 @@ class Outputs:
 
 def check_picture(file: Path) -> None:
     """Raise OutputError for a picture of an unknown format."""
-    from tdint.output.figures.run import picture_format
+    from tdint.output.figures.style import picture_format
 
     picture_format(file.suffix)

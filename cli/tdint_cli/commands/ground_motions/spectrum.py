@@ -34,6 +34,7 @@ from tdint_cli.commands.ground_motions.spectra.tables import make_tables
 @against.interpolation
 @options.spectra.tables
 @options.spectra.picture
+@elastic.axes
 @options.output.jobs
 @options.output.units
 @options.output.overwrite

@@ -21,6 +21,10 @@ if TYPE_CHECKING:
 _MOST_STEPS = 100_000
 
 
+_DRAWN = tuple(name for name in options.analysis.DRAWN if name != "central-difference")
+"""A large step is far beyond that one's limit."""
+
+
 @dataclass(frozen=True)
 class Request:
     """The command line of `tdint overshoot`."""
@@ -31,6 +35,7 @@ class Request:
     damping: float
     output: str | None
     plot: str | None
+    draw_all: bool
     overwrite: bool
 
 
@@ -59,6 +64,7 @@ class Request:
 )
 @options.output.output()
 @options.output.picture
+@options.analysis.draw_all(_DRAWN)
 @options.output.overwrite
 def command(**given: Any) -> None:
     """First steps of methods under a large step, and how they grow with it.
@@ -88,10 +94,13 @@ def _run(request: Request) -> None:
     }
     motions = [motion for pair in pairs.values() for motion in pair]
 
+    every = request.draw_all or request.methods
+    shown = motions if every else options.analysis.drawn(motions, _DRAWN)
+
     def draw(suffix: str) -> Writer:
         from tdint.output.figures.assessment import overshoot_picture
 
-        return overshoot_picture(motions, suffix)
+        return overshoot_picture(shown, suffix)
 
     outputs.deliver(overshoot_table(motions), draw)
     _say_powers(pairs)

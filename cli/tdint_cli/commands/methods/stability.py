@@ -23,6 +23,9 @@ _SCANNED = ("1/120", "1/143", "1/144", "1/145", "1/160")
 _BAND = (3.1, 3.7, 301)  # omega dt: the unstable bands lie beside sqrt(12)
 
 
+_DRAWN = options.analysis.DRAWN
+
+
 @dataclass(frozen=True)
 class Request:
     """The command line of `tdint stability`."""
@@ -33,6 +36,7 @@ class Request:
     beta_scan: bool
     output: str | None
     plot: str | None
+    draw_all: bool
     overwrite: bool
 
 
@@ -61,6 +65,7 @@ class Request:
 )
 @options.output.output()
 @options.output.picture
+@options.analysis.draw_all(_DRAWN)
 @options.output.overwrite
 def command(**given: Any) -> None:
     """Spectral radius, period error and numerical damping of methods over dt/T.
@@ -85,10 +90,13 @@ def _run(request: Request) -> None:
     steps = _steps(request)
     curves = [stability(integrator, steps, damping) for integrator in integrators for damping in dampings]
 
+    every = request.draw_all or request.methods or scanned
+    shown = curves if every else options.analysis.drawn(curves, _DRAWN)
+
     def draw(suffix: str) -> Writer:
         from tdint.output.figures.assessment import stability_picture
 
-        return stability_picture(curves, suffix, band=request.beta_scan)
+        return stability_picture(shown, suffix, band=request.beta_scan)
 
     outputs.deliver(stability_table(curves), draw)
     _say_critical_steps(integrators, dampings)

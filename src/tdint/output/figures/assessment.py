@@ -13,7 +13,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 from numpy.typing import NDArray
 
 from tdint.files import Writer
-from tdint.output.figures.run import COLORS, DASHES, MARKERS, add_legend, add_title, picture
+from tdint.output.figures.style import COLORS, DASHES, MARKERS, add_legend, add_title, picture
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.order import ObservedOrder

@@ -13,7 +13,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from tdint.analysis.chart.quantities import QUANTITIES
 from tdint.files import Writer
 from tdint.output.figures.point_labels import write_labels
-from tdint.output.figures.run import COLORS, DASHES, MARKERS, add_legend, add_title, picture
+from tdint.output.figures.style import COLORS, DASHES, MARKERS, add_legend, add_title, picture
 from tdint.output.tables.chart import PEER
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from tdint.files import Writer
-from tdint.output.figures.run import add_title, picture, record_name
-from tdint.output.figures.spectrum import log_periods
+from tdint.output.figures.over_periods import log_periods
+from tdint.output.figures.style import add_title, picture, record_name
 
 if TYPE_CHECKING:
     from tdint.analysis.comparison.compare import Comparison, FloorComparison, FloorSpectra

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from tdint.files import Writer
-from tdint.output.figures.run import COLORS, DASHES, add_title, picture, scaled_unit
+from tdint.output.figures.style import COLORS, DASHES, add_title, picture, scaled_unit
 
 if TYPE_CHECKING:
     from tdint.analysis.static.cyclic import CyclicTest

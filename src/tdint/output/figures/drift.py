@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from tdint.files import Writer
-from tdint.output.figures.run import add_title, picture
-from tdint.output.figures.spectrum import Panel, draw_over_periods, line_labels, over_periods_title
+from tdint.output.figures.over_periods import Panel, draw_over_periods, line_labels, over_periods_title
+from tdint.output.figures.style import add_title, picture
 
 if TYPE_CHECKING:
     from tdint.analysis.spectra.drift import DriftSpectrum

@@ -11,7 +11,7 @@ from matplotlib.patches import Rectangle
 
 from tdint.files import Writer
 from tdint.output.figures.assessment import short_labels
-from tdint.output.figures.run import add_title, picture
+from tdint.output.figures.style import add_title, picture
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.failures import Trial

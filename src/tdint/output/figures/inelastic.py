@@ -10,11 +10,15 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from tdint.files import Writer
-from tdint.output.figures.run import add_title, picture
-from tdint.output.figures.spectrum import Panel, draw_over_periods, line_labels, over_periods_title
+from tdint.ground_motion.record import component_names
+from tdint.output.figures.over_periods import Panel, draw_over_periods, line_labels, over_periods_title
+from tdint.output.figures.style import add_title, picture, record_name
 
 if TYPE_CHECKING:
     from tdint.analysis.spectra.inelastic import InelasticSpectrum
+
+
+_MOST = 4  # components that have panels of their own
 
 
 def inelastic_picture(spectra: Sequence[InelasticSpectrum], suffix: str) -> Writer:
@@ -49,17 +53,38 @@ def _draw(spectra: Sequence[InelasticSpectrum]) -> Figure:
     ]
     given = [_given(spectrum) for spectrum in spectra]
     several = len(set(given)) > 1
+    components = _components(spectra)
+    apart = 1 < len(set(components)) <= _MOST
+    ratios = len({spectrum.damping for spectrum in spectra}) > 1
     labels = [
-        ", ".join(filter(None, (label, what if several else "")))
-        for label, what in zip(line_labels(spectra), given, strict=True)
+        ", ".join(
+            filter(
+                None,
+                (
+                    (f"{100.0 * spectrum.damping:g} %" if ratios else "") if apart else label,
+                    what if several else "",
+                ),
+            )
+        )
+        for spectrum, label, what in zip(spectra, line_labels(spectra), given, strict=True)
     ]
     variants = [(spectrum.damping, what) for spectrum, what in zip(spectra, given, strict=True)]
-    figure = draw_over_periods(spectra, panels, labels, variants)
+    figure = draw_over_periods(spectra, panels, labels, variants, columns=components if apart else None)
     if spectra[0].target is None:
         _show_ductility(figure.axes[0], spectra)
     more = ("" if several else f"{given[0]}, ") + f"bilinear, hardening {spectra[0].hardening:g}"
     add_title(figure, over_periods_title("Inelastic spectrum", "Inelastic spectra", spectra, more))
     return figure
+
+
+def _components(spectra: Sequence[InelasticSpectrum]) -> list[str]:
+    """What each spectrum is of; the file, too, where there are several."""
+    several = len({spectrum.record.source for spectrum in spectra}) > 1
+    names = component_names([spectrum.record for spectrum in spectra])
+    return [
+        f"{record_name(spectrum.record.source)} {name}".rstrip() if several else name
+        for spectrum, name in zip(spectra, names, strict=True)
+    ]
 
 
 def _show_ductility(axes: Any, spectra: Sequence[InelasticSpectrum]) -> None:

@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from tdint.files import Writer
 from tdint.output.figures.assessment import line_styles, short_labels
-from tdint.output.figures.run import add_legend, add_title, picture
+from tdint.output.figures.style import add_legend, add_title, picture
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.paper_examples import ExampleRun

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from matplotlib.figure import Figure
 
 from tdint.files import Writer
-from tdint.output.figures.run import add_title, picture, record_name
-from tdint.output.figures.spectrum import Panel, draw_over_periods, line_labels, over_periods_title
+from tdint.output.figures.over_periods import Panel, draw_over_periods, line_labels, over_periods_title
+from tdint.output.figures.style import add_title, picture, record_name
 
 if TYPE_CHECKING:
     from tdint.analysis.spectra.published import SpectrumDifference
@@ -26,7 +26,7 @@ _NAMES = {
 def difference_picture(lines: Sequence[SpectrumDifference], suffix: str) -> Writer:
     """Picture of spectra, the published values as points, and of the differences below.
 
-    Parameters, return value and errors are those of `tdint.output.figures.run.run_picture`.
+    Parameters, return value and errors are those of `tdint.output.figures.style.picture`.
     """
     return picture(suffix, lambda: _draw(lines))
 

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tdint.files import Writer
-from tdint.output.figures.run import COLORS, DASHES, add_title, picture, scaled_unit
+from tdint.output.figures.style import COLORS, DASHES, add_title, picture, scaled_unit
 
 if TYPE_CHECKING:
     from tdint.analysis.static.pushover import Pushover

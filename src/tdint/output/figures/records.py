@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from tdint.files import Writer
 from tdint.ground_motion.measures import cumulative_energy, integrate, time_of_energy
-from tdint.output.figures.run import COLORS, changed, picture, record_name
+from tdint.output.figures.style import COLORS, changed, picture, record_name
 from tdint.output.tables.records import RecordInfo
 
 MOST_RECORDS = 3

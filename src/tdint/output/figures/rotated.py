@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from tdint.files import Writer
 from tdint.ground_motion.record import Record
-from tdint.output.figures.run import add_title, picture, record_name
-from tdint.output.figures.spectrum import Panel, draw_over_periods, line_labels, over_periods_title
+from tdint.output.figures.over_periods import Panel, draw_over_periods, line_labels, over_periods_title
+from tdint.output.figures.style import IN_G, add_title, picture, record_name
 
 if TYPE_CHECKING:
     from tdint.analysis.spectra.rotated import RotatedSpectrum
@@ -64,7 +64,7 @@ def rotated_picture(spectra: Sequence[RotatedSpectrum], suffix: str) -> Writer:
 def _draw(spectra: Sequence[RotatedSpectrum]) -> Figure:
     lines = [line for spectrum in spectra for line in _lines(spectrum)]
     panels: list[Panel[_Line]] = [
-        ("pseudo-acceleration PSA (m/s²)", lambda line: line.psa),
+        ("pseudo-acceleration PSA (g)", lambda line: IN_G * line.psa),
         ("displacement SD (m)", lambda line: line.sd),
     ]
     labels = [f"{label}, {line.name}" for label, line in zip(line_labels(lines), lines, strict=True)]

@@ -39,7 +39,9 @@ interpolation = option(
 def check(request: SpectrumRequest) -> None:
     """Refuse, before any work, what makes no sense together."""
     elastic.check(request)
-    request.refuse(("rotd", "ductility", "strength"), "has no published spectrum beside it; leave --against out")
+    request.refuse(
+        ("axes", "rotd", "ductility", "strength"), "has no published spectrum beside it; leave --against out"
+    )
     for ratio in request.damping:
         request.published(ratio)
 

@@ -47,7 +47,7 @@ def check(request: SpectrumRequest) -> None:
     """Refuse, before any work, what makes no sense together."""
     if request.ductility and request.strength:
         raise UsageError("--ductility and --strength are given; leave one of them out")
-    elastic = ("rotd", "method", "maxima", "interpolation")
+    elastic = ("axes", "rotd", "method", "maxima", "interpolation")
     request.refuse(elastic, "is for elastic spectra; leave it out with --ductility and --strength")
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from tdint.ground_motion.processing import Processing
     from tdint.output_units import OutputUnits
 
-_NOT_SETTINGS = ("records", "output", "plot", "jobs", "overwrite", "period", "output_units")
+_NOT_SETTINGS = ("records", "output", "plot", "axes", "jobs", "overwrite", "period", "output_units")
 
 
 @dataclass(frozen=True)
@@ -86,6 +86,7 @@ class SpectrumRequest(TablesRequest):
     ductility: tuple[float, ...] | None
     strength: tuple[float, ...] | None
     hardening: float | None
+    axes: str | None
     against: str | None
     against_column: str | None
     against_interpolation: str | None

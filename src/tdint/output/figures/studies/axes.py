@@ -9,7 +9,7 @@ from typing import Any
 from matplotlib.ticker import FuncFormatter, LogLocator
 
 from tdint.campaign.studies.intensity import GEOMETRIC_MEAN, PAIRS
-from tdint.output.figures.run import COLORS
+from tdint.output.figures.style import COLORS
 from tdint.units import STANDARD_GRAVITY
 
 GRAY = "0.72"

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 
 from tdint.campaign.studies.fragility.fits import CloudPoints, Fragility
 from tdint.files import Writer
-from tdint.output.figures.run import COLORS, DASHES, MARKERS, add_title, picture
 from tdint.output.figures.studies.axes import GRAY, add_gravity_axis, measure_label, plain_logarithmic
+from tdint.output.figures.style import COLORS, DASHES, MARKERS, add_title, picture
 
 _POINTS = 300
 _FAR = 2.6  # standard deviations above the largest median at which the axis ends
@@ -27,7 +27,7 @@ _NAMES = {
 def fragility_picture(functions: Sequence[Fragility], suffix: str) -> Writer:
     """Picture of functions of one fit and one intensity measure, one at least.
 
-    Parameters, return value and errors are those of `tdint.output.figures.run.run_picture`.
+    Parameters, return value and errors are those of `tdint.output.figures.style.picture`.
     """
     return picture(suffix, lambda: _draw(functions))
 

@@ -13,8 +13,8 @@ from tdint.campaign.studies.ida.curve import IdaCurve, fractiles
 from tdint.campaign.studies.ida.study import IdaStudy
 from tdint.campaign.studies.intensity import PeakVelocity
 from tdint.files import Writer
-from tdint.output.figures.run import COLORS, DASHES, add_title, changed, picture, record_name
 from tdint.output.figures.studies.axes import add_gravity_axis, measure_label, single_look
+from tdint.output.figures.style import COLORS, DASHES, add_title, changed, picture, record_name
 
 Array = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ _BEYOND = 1.04  # of drift: where flat lines end
 def ida_picture(study: IdaStudy, suffix: str) -> Writer:
     """Picture of a study.
 
-    Parameters, return value and errors are those of `tdint.output.figures.run.run_picture`.
+    Parameters, return value and errors are those of `tdint.output.figures.style.picture`.
     """
     return picture(suffix, lambda: _draw(study))
 

@@ -13,8 +13,8 @@ from tdint.campaign.studies.scaling import LEAST_PART, Scaling, suite_spectra
 from tdint.campaign.studies.suite import components
 from tdint.files import Writer
 from tdint.ground_motion.record import Record
-from tdint.output.figures.run import COLORS, DASHES, add_title, changed, picture, record_name
 from tdint.output.figures.studies.axes import add_gravity_axis, measure_words, plain_logarithmic, single_look
+from tdint.output.figures.style import COLORS, DASHES, add_title, changed, picture, record_name
 
 Array = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ _PAIR = {GEOMETRIC_MEAN: "geometric mean of both components", "rotd50": "RotD50"
 def suite_picture(scaling: Scaling, suffix: str) -> Writer:
     """Picture of a scaled suite.
 
-    Parameters, return value and errors are those of `tdint.output.figures.run.run_picture`.
+    Parameters, return value and errors are those of `tdint.output.figures.style.picture`.
     """
     return picture(suffix, lambda: _draw(scaling))
 

@@ -1,0 +1,172 @@
+"""Elastic spectra on other axes: tripartite, and acceleration over displacement (ADRS)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
+from numpy.typing import NDArray
+
+from tdint.output.figures.over_periods import GRAY, is_suite, log_periods
+from tdint.output.figures.style import COLORS, DASHES, IN_G, LIGHT, add_legend
+
+if TYPE_CHECKING:
+    from tdint.analysis.spectra.elastic import Spectrum
+
+Array = NDArray[np.float64]
+
+_SCALE = "0.82"
+_PERIODS = (0.2, 0.5, 1.0, 2.0, 4.0)  # s, of the rays of an ADRS
+_ROOM = 0.85  # of the axes that labels of scales stay within
+
+
+@dataclass(frozen=True)
+class _Curve:
+    """A line of the figure, its name in the legend (empty for none) and its style; arrays of shape (k,)."""
+
+    periods: Array
+    sd: Array
+    psv: Array
+    psa: Array
+    name: str
+    style: dict[str, Any]
+
+
+def _curves(spectra: Sequence[Spectrum], labels: Sequence[str]) -> list[_Curve]:
+    """A line for each spectrum; of a suite all in gray, and the median for each damping ratio."""
+
+    def style(i: int) -> dict[str, Any]:
+        return {"color": COLORS[i % len(COLORS)], "linestyle": DASHES[i % len(DASHES)], "zorder": 3}
+
+    if not is_suite(spectra):
+        return [
+            _Curve(one.periods, one.sd, one.psv, one.psa, label, style(i))
+            for i, (one, label) in enumerate(zip(spectra, labels, strict=True))
+        ]
+    gray = {"color": GRAY, "linewidth": 0.6, "zorder": 1.5}
+    curves = [_Curve(one.periods, one.sd, one.psv, one.psa, "", gray) for one in spectra]
+    curves[0] = replace(curves[0], name="single components")
+    ratios = dict.fromkeys(one.damping for one in spectra)
+    for i, ratio in enumerate(ratios):
+        own = [one for one in spectra if one.damping == ratio]
+        sd, psv, psa = (np.median([getattr(one, name) for one in own], axis=0) for name in ("sd", "psv", "psa"))
+        name = f"median of {len(own)}" + (f", {100.0 * ratio:g} %" if len(ratios) > 1 else "")
+        curves.append(_Curve(spectra[0].periods, sd, psv, psa, name, style(i) | {"linewidth": 2.0}))
+    return curves
+
+
+def _name_curves(figure: Figure, axes: Any, curves: Sequence[_Curve]) -> None:
+    named = [(line, curve.name) for line, curve in zip(axes.get_lines(), curves, strict=False) if curve.name]
+    add_legend(figure, axes, [line for line, _ in named], [name for _, name in named])
+
+
+def _positive(spectrum: _Curve) -> NDArray[np.intp]:
+    """Places of the periods that can be drawn, in rising order."""
+    order = np.argsort(spectrum.periods, kind="stable")
+    return order[(spectrum.periods[order] > 0.0) & (spectrum.sd[order] > 0.0)]
+
+
+def draw_tripartite(spectra: Sequence[Spectrum], labels: Sequence[str]) -> Figure:
+    """Pseudo-velocity over the period, both logarithmic: displacement and pseudo-acceleration are straight scales."""
+    figure = Figure(figsize=(7.5, 6.2), layout="constrained")
+    axes = figure.subplots()
+    curves = _curves(spectra, labels)
+    for curve in curves:
+        place = _positive(curve)
+        axes.plot(curve.periods[place], curve.psv[place], **curve.style)
+    log_periods(axes, np.concatenate([spectrum.periods for spectrum in spectra]))
+    axes.set_xlabel("period (s)")
+    axes.set_ylabel("pseudo-velocity PSV (m/s)")
+    values = np.concatenate([curve.psv[_positive(curve)] for curve in curves])
+    if values.size:
+        axes.set_yscale("log")
+        low, high = float(np.min(values)), float(np.max(values))
+        axes.set_ylim(max(low / 1.5, high / 3e3), 1.8 * high)
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.yaxis.set_minor_formatter(NullFormatter())
+        _add_scales(axes)
+    axes.grid(which="minor", color="0.95", linewidth=0.5)
+    _name_curves(figure, axes, curves)
+    _turn_names(figure, axes)
+    return figure
+
+
+def _turn_names(figure: Figure, axes: Any) -> None:
+    """Lay the names of scales along their lines, which have one slope on the paper."""
+    if axes.get_yscale() != "log" or axes.get_xscale() != "log":
+        return
+    figure.draw_without_rendering()  # the layout decides the slope
+    extent = axes.get_window_extent()
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    rise, run = extent.height / math.log(top / bottom), extent.width / math.log(right / left)
+    slope = math.degrees(math.atan2(rise, run))
+    for text in axes.texts:
+        text.set_rotation(-slope if text.get_rotation() > 180.0 else slope)
+
+
+def _add_scales(axes: Any) -> None:
+    """Lines of equal displacement (rising to the left) and of equal pseudo-acceleration (rising to the right)."""
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    ends = np.array([left, right])
+    omega = 2.0 * math.pi / ends
+    for unit, reach in (("m", omega), ("g", 1.0 / (IN_G * omega))):  # pseudo-velocity of 1 m, of 1 g
+        low, high = bottom / float(np.max(reach)), top / float(np.min(reach))
+        decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+        for value in (10.0**decade for decade in decades):
+            speeds = value * reach
+            axes.plot(ends, speeds, color=_SCALE, linewidth=0.8, zorder=1.2)
+            _name_scale(axes, ends, speeds, f"{value:g} {unit}", (bottom, top))
+    axes.set_xlim(left, right)
+    axes.set_ylim(bottom, top)
+
+
+def _name_scale(axes: Any, ends: Array, speeds: Array, text: str, limits: tuple[float, float]) -> None:
+    """The value of a scale's line, along it, near where it leaves the axes at the top or at the side."""
+    x, y = np.log(ends), np.log(speeds)
+    bottom, top = np.log(limits)
+    target = bottom + _ROOM * (top - bottom)
+    part = (target - y[0]) / (y[1] - y[0])
+    part = min(max(float(part), 1.0 - _ROOM), _ROOM)
+    at = (x[0] + part * (x[1] - x[0]), y[0] + part * (y[1] - y[0]))
+    if not bottom + 0.04 * (top - bottom) < at[1] < bottom + (_ROOM + 0.05) * (top - bottom):
+        return
+    white = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
+    axes.text(
+        math.exp(at[0]), math.exp(at[1]), text, rotation=45.0 if y[1] > y[0] else -45.0, ha="center", va="center",
+        fontsize=7.5, color=LIGHT, clip_on=True, zorder=1.8, bbox=white,
+    )  # fmt: skip
+
+
+def draw_adrs(spectra: Sequence[Spectrum], labels: Sequence[str]) -> Figure:
+    """Pseudo-acceleration over displacement; periods are rays from the origin."""
+    figure = Figure(figsize=(7.0, 6.4), layout="constrained")
+    axes = figure.subplots()
+    curves = _curves(spectra, labels)
+    for curve in curves:
+        order = np.argsort(curve.periods, kind="stable")
+        axes.plot(curve.sd[order], IN_G * curve.psa[order], **curve.style)
+    axes.set_xlim(left=0.0)
+    axes.set_ylim(bottom=0.0)
+    axes.margins(0.05)
+    right, top = axes.get_xlim()[1], axes.get_ylim()[1]
+    for period in _PERIODS:
+        slope = IN_G * (2.0 * math.pi / period) ** 2
+        end = min(right, top / slope)
+        axes.plot([0.0, end], [0.0, slope * end], color=_SCALE, linewidth=0.8, zorder=1.2)
+        side = "left" if end == right else "center"
+        axes.annotate(
+            f"{period:g} s", (end, slope * end), xytext=(2, 0) if side == "left" else (0, 2), ha=side,
+            textcoords="offset points", va="center" if side == "left" else "bottom", fontsize=7.5, color=LIGHT,
+            annotation_clip=False,
+        )  # fmt: skip
+    axes.set_xlim(0.0, right)
+    axes.set_ylim(0.0, top)
+    axes.set_xlabel("displacement SD (m)")
+    axes.set_ylabel("pseudo-acceleration PSA (g)")
+    _name_curves(figure, axes, curves)
+    return figure

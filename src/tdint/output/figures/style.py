@@ -1,0 +1,139 @@
+"""What all figures share: readable in black and white, PNG, PDF or SVG, accelerations in g.
+
+Only the modules of figures import matplotlib, and by its objects: no window system, no state shared between figures.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from textwrap import shorten
+from typing import Any, BinaryIO
+
+import matplotlib as mpl
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from tdint.errors import OutputError
+from tdint.files import Writer
+from tdint.ground_motion.record import Record
+from tdint.units import STANDARD_GRAVITY
+
+IN_G = 1.0 / STANDARD_GRAVITY
+"""From m/s^2 to g, in which people think of accelerations."""
+
+_TITLE_LENGTH = 95
+
+_STYLE = {
+    "font.size": 9.0,
+    "axes.titlesize": 9.5,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "0.88",
+    "grid.linewidth": 0.6,
+    "lines.linewidth": 1.2,
+    "legend.fontsize": 8.0,
+    "legend.frameon": False,
+    "agg.path.chunksize": 20_000,  # a long hysteresis is more than Agg draws in one piece
+    "svg.fonttype": "none",
+    "svg.hashsalt": "tdint",
+}
+INK = "#1f4e79"
+LIGHT = "0.55"
+MARK = "#b03a2e"
+"""Colors of a single line, of what is beside it, and of what is marked."""
+
+# A copy in black and white keeps dashes and markers.
+COLORS = ("#1f4e79", "#d1782c", "#4a9a62", "#8e2f6d", "#7d7d7d", "#2aa1b3")
+DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (2, 1.5)), (0, (7, 2, 1.5, 2)), (0, (4, 1.5, 1, 1.5, 1, 1.5)))
+MARKERS = ("o", "s", "^", "D", "v", "P", "x")
+_IN_LEGEND = 24  # lines beyond these are drawn, and counted in the legend
+
+_METADATA: dict[str, dict[str, Any]] = {
+    "png": {"Software": "tdint"},
+    "pdf": {"Creator": "tdint", "CreationDate": None},
+    "svg": {"Creator": "tdint", "Date": None},
+}
+
+
+def picture_format(suffix: str) -> str:
+    """The format that a suffix stands for; OutputError for one that no picture has."""
+    kind = suffix.lower().lstrip(".")
+    if kind not in _METADATA:
+        raise OutputError(f"a picture is written as .png, .pdf or .svg, not {suffix or 'without a suffix'}")
+    return kind
+
+
+def picture(suffix: str, draw: Callable[[], Figure]) -> Writer:
+    """What draws a figure and writes it to a binary stream.
+
+    Every function `..._picture` of the modules of figures takes its results and a suffix, and returns this.
+
+    Parameters
+    ----------
+    suffix : str
+        .png, .pdf or .svg.
+    draw : callable
+        Makes the figure; it is called when the picture is written.
+
+    Raises
+    ------
+    OutputError
+        Another suffix.
+    """
+    kind = picture_format(suffix)
+
+    def write(stream: BinaryIO) -> None:
+        with mpl.rc_context(_STYLE), warnings.catch_warnings():
+            # A name in a script that the font does not have is drawn with boxes; that is no reason to fail.
+            warnings.filterwarnings("ignore", message="Glyph .* missing from")
+            figure = draw()
+            FigureCanvasAgg(figure)
+            figure.savefig(stream, format=kind, dpi=160, metadata=_METADATA[kind])
+
+    return write
+
+
+def add_title(figure: Figure, title: str) -> None:
+    """A title of one or more lines above the panels, as it is: no formulas."""
+    lines = [shorten(line, _TITLE_LENGTH, placeholder=" ...") for line in title.splitlines()]
+    figure.suptitle("\n".join(lines), fontsize=10.5, parse_math=False)
+
+
+def add_legend(figure: Figure, axes: Any, lines: list[Any], labels: list[str], narrow: int = 24) -> None:
+    """A legend below the panels, for which the figure grows; none for a single line.
+
+    Labels of up to `narrow` characters stand in three columns.
+    """
+    if len(lines) == 1:
+        return
+    if len(labels) > _IN_LEGEND:
+        labels = [*labels[: _IN_LEGEND - 1], f"... and {len(labels) - _IN_LEGEND + 1} more"]
+        lines = [*lines[: _IN_LEGEND - 1], axes.plot([], [], linestyle="none")[0]]
+    columns = min(len(labels), 2 if max(map(len, labels)) > narrow else 3)
+    figure.set_figheight(figure.get_figheight() + 0.17 * math.ceil(len(labels) / columns))
+    labels = [" " + label for label in labels]  # a label that begins with _ would be left out
+    legend = figure.legend(lines, labels, loc="outside lower center", ncols=columns, handlelength=3.6)
+    for text in legend.get_texts():
+        text.set_parse_math(False)
+
+
+def scaled_unit(largest: float, unit: str) -> tuple[float, str]:
+    """The unit with M, k or nothing before it in which the largest number is 1 at least, and the factor to it."""
+    for factor, prefix in ((1e-6, "M"), (1e-3, "k")):
+        if largest * factor >= 1.0:
+            return factor, prefix + unit
+    return 1.0, unit
+
+
+def changed(records: Iterable[Record]) -> str:
+    """` (processed)` behind the name of records of which some were changed on request, else nothing."""
+    return " (processed)" if any(record.processing for record in records) else ""
+
+
+def record_name(source: str) -> str:
+    """What a picture calls a record; bytes of a file name that are no UTF-8 have no letters to be drawn with."""
+    name = "standard input" if source == "-" else Path(source).name
+    return name.encode("utf-8", "replace").decode("utf-8")
