@@ -124,13 +124,13 @@ def _branches(building: Building) -> int:
     return SOME_BRANCHES if building.kinked else NO_BRANCHES
 
 
-def variant(building: Building, forces: Array) -> Variant:
-    """What the kernels need for a building under forces."""
+def variant(building: Building, forces: Array | None = None) -> Variant:
+    """What the kernels need for a building under forces; none by default."""
     codes = np.unique(building.laws[CODE, :-1]).tolist()
     return Variant(
         laws=tuple(name for name, code in CODES.items() if code in codes or name == "linear"),
         modal=len(building.modal) > 0,
-        forces=len(forces) > 0,
+        forces=forces is not None and len(forces) > 0,
         dashpots=building.power_damped,
     )
 

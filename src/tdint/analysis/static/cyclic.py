@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.analysis.run.workspace import variant
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels.laws.apart import spring_table
 from tdint.kernels.layout import GEOMETRIC, STIFFNESS
@@ -270,7 +271,7 @@ def follow_path(building: Building, story: int, drifts: Array) -> LawPath:
     """
     springs = spring_table(building.laws)
     result = np.empty((drifts.size, RESULT_COLUMNS))
-    follow.compiled(building.laws, story - 1, drifts, springs, result)
+    follow.variant(variant(building))(building.laws, story - 1, drifts, springs, result)
     wrong = np.flatnonzero(~np.all(np.isfinite(result), axis=1))
     if wrong.size:
         raise AnalysisError(f"story {story}: its law has no finite force and energy at drift {drifts[wrong[0]]:.6g} m")

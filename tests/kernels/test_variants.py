@@ -1,0 +1,64 @@
+"""What is compiled for one scene does what is compiled for all of them does, to the last bit."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from law_examples import example
+from tdint import load_model
+from tdint.analysis.run.prepared import PreparedBuilding
+from tdint.analysis.run.steps import choose_steps
+from tdint.kernels.building import compilable
+from tdint.kernels.building.variant import EVERYTHING
+from tdint.methods.catalogue import parse
+from tdint.model.building import assemble
+from tdint.model.definition import Law
+from tdint.model.laws import LAWS
+
+CONFIG = Path(__file__).parents[2] / "configs" / "ten-story-bilinear.yaml"
+METHODS = ("newmark-average", "impulse4", "moment4")
+
+
+def building(law):
+    """The ten stories with this law, which bends where theirs yields, and every third one linear."""
+    model = load_model(CONFIG)
+    linear = Law("linear", ())
+    stories = tuple(
+        replace(
+            story,
+            law=linear if law == "linear" or i % 3 == 2 else example(law, story.stiffness, story.law.parameters[0]),
+        )
+        for i, story in enumerate(model.stories)
+    )
+    return assemble(replace(model, stories=stories))
+
+
+def marched(law, method):
+    """All that a march leaves."""
+    ground = np.random.default_rng(1).normal(0.0, 4.0, 400)
+    steps = choose_steps(None, None, 0.02, 0.02 * (ground.size - 1))
+    prepared = PreparedBuilding(building(law))
+    result = prepared.march(parse(method), steps, ground, between=True, rows=steps.count)
+    assert result.code == 0
+    return prepared.variant, {one.name: getattr(result.space, one.name) for one in fields(result.space)}
+
+
+# The linear and the bilinear law are those for which a compiled loop has nothing of any other; compiling is what costs.
+@pytest.mark.parametrize(
+    "law", [pytest.param(law, marks=pytest.mark.long if law == "bilinear" else ()) if law in ("linear", "bilinear")
+            else pytest.param(law, marks=pytest.mark.slow) for law in LAWS]
+)  # fmt: skip
+def test_a_scene_of_its_own_and_everything_agree_to_the_last_bit(law, monkeypatch):
+    for method in METHODS:
+        results = []
+        for whole in (True, False):
+            monkeypatch.setattr(compilable, "WHOLE", whole)
+            results.append(marched(law, method))
+        (variant, own), (_, everything) = results
+        assert variant != EVERYTHING
+        for name in ("state", "peaks", "observed", "history"):
+            np.testing.assert_array_equal(own[name], everything[name], err_msg=f"{method}: {name}")
