@@ -16,6 +16,8 @@ import pytest
 from click.testing import Result
 
 import readmes
+from json_schema import valid
+from tdint.campaign.file.read import campaign_schema
 from tdint.ground_motion.pulse import VelocityPulse
 from tdint.ground_motion.reading.read import read_record
 from tdint.model.building import assemble
@@ -125,7 +127,8 @@ def test_standard_output_gets_a_model_that_vibrates_freely(folder: Path, tdint: 
         (("init", "--period", 0), 2, "--period"),
         (("init", "forced.yaml"), 6, "forced.yaml: exists already"),
         (("check",), 2, "nothing to check"),
-        (("check", "--schema", "forced.yaml"), 2, "--schema takes no model"),
+        (("check", "--schema", "model", "forced.yaml"), 2, "--schema takes no model"),
+        (("check", "--schema", "forced.yaml"), 2, "'model', 'campaign'"),
         (("check", "none.yaml"), 3, "none.yaml: no such file"),
     ],
 )
@@ -169,7 +172,29 @@ def test_laws_are_counted_where_they_differ(folder: Path, tdint: Run) -> None:
     assert (row["laws"], row["height_m"]) == ("1 linear, 2 tanh", "")
 
 
-def test_the_schema(folder: Path, tdint: Run) -> None:
-    done = tdint("check", "--schema")
-    assert done.exit_code == 0
-    assert json.loads(done.stdout) == model_schema()
+def test_the_schemas(folder: Path, tdint: Run) -> None:
+    for arguments, schema in (((), model_schema()), (("model",), model_schema()), (("campaign",), campaign_schema())):
+        done = tdint("check", "--schema", *arguments)
+        assert done.exit_code == 0
+        assert json.loads(done.stdout) == schema
+
+
+def test_a_campaign_is_checked_with_its_models(folder: Path, tdint: Run) -> None:
+    campaign = {"buildings": {"models": ["shaken.yaml", "bad.yaml"]}, "records": {"files": ["motion.mseed"]}}
+    assert valid(campaign, campaign_schema())
+    assert not valid({**campaign, "records": {"file": []}}, campaign_schema())
+    (folder / "bad.yaml").write_text("stories: []\n")
+    (folder / "study.yaml").write_text(
+        "buildings: {models: [bad.yaml, shaken.yaml]}\nrecords: {files: [motion.mseed]}\n"
+    )
+    done = tdint("check", "study.yaml")
+    assert (done.exit_code, [row["model"] for row in rows(done.stdout)]) == (3, ["shaken.yaml"])
+    assert done.stderr.splitlines() == [
+        "study.yaml: a campaign without a fault", "Error: bad.yaml:1:10: stories: must hold at least one story",
+    ]  # fmt: skip
+    (folder / "study.yaml").write_text("buildings: {models: [shaken.yaml, forced.yaml]}\nrecrods: {files: []}\n")
+    done = tdint("check", "study.yaml")
+    assert done.exit_code == 3 and "study.yaml:2:1: recrods: unknown key; did you mean 'records'?" in done.stderr
+    (folder / "study.yaml").write_text("buildings: {models: [shaken.yaml, forced.yaml]}\nrecords: {files: [a]}\n")
+    done = tdint("check", "study.yaml")
+    assert [row["model"] for row in rows(done.stdout)] == ["shaken.yaml", "forced.yaml"]

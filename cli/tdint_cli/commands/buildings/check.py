@@ -2,33 +2,48 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 import click
 
-from tdint.errors import ModelError, UsageError
+from tdint.errors import ModelError, TdintError, UsageError
 from tdint_cli import options
 from tdint_cli.errors import Failures
 from tdint_cli.options.values import FileName
+from tdint_cli.terminal.streams import say
+
+if TYPE_CHECKING:
+    from tdint.analysis.run.overview import Overview
+
+_CAMPAIGN = re.compile(rb"^(buildings|records)\s*:", re.MULTILINE)
+"""A key that campaign files have at the left margin, and models have not."""
 
 
 @options.command("check")
 @click.argument("models", metavar="MODEL.yaml...", nargs=-1, type=FileName())
 @options.option(
     "--schema",
-    is_flag=True,
-    help="Print the JSON schema (draft 7) of model files instead: editors check and complete a file with it.",
+    is_flag=False,
+    flag_value="model",
+    type=click.Choice(["model", "campaign"]),
+    metavar="[model|campaign]",
+    help="Print the JSON schema (draft 7) of such files instead, of models if it is not said: editors check and "
+    "complete a file with it.",
 )
-def command(models: tuple[str, ...], schema: bool) -> None:
+def command(models: tuple[str, ...], schema: str | None) -> None:
     """What is wrong with model files, all at once, or what they are.
 
     Each MODEL.yaml is read, its first mode is found, and nothing is run. Every fault is reported with its line and
     column, those under misspelled keys, too; also an unknown method and a record that is not there. A table with a row
     for each sound model goes to standard output: stories, height, mass, fundamental period and damping, drift laws,
-    method, record. Exit code 3 if one of them has a fault.
+    method, record. A campaign file is checked with the models that it names. Exit code 3 if one of them has a fault.
     """
     if schema:
         if models:
             raise UsageError("--schema takes no model")
-        _print_schema()
+        _print_schema(schema)
         return
     if not models:
         raise UsageError("nothing to check: give a MODEL.yaml, or --schema")
@@ -37,21 +52,46 @@ def command(models: tuple[str, ...], schema: bool) -> None:
     from tdint.output.tables.table import Table
     from tdint_cli.terminal.drawing import emit_table
 
-    sound, failures = [], []
-    for model in models:
+    sound: list[Overview] = []
+    failures: list[TdintError] = []
+    waiting = list(models)
+    while waiting:
+        file = waiting.pop(0)
         try:
-            sound.append(overview(model))
+            named = _named_by(file)
+            sound += [overview(file)] if named is None else []
+            waiting = [*(named or ()), *waiting]
         except ModelError as error:
             failures.append(error)
     if sound:
         emit_table(Table.of_results(columns.OVERVIEW, sound))
     if failures:
-        raise Failures(list(failures))
+        raise Failures(failures)
 
 
-def _print_schema() -> None:
+def _named_by(file: str) -> tuple[str, ...] | None:
+    """The models that a campaign file names; None for a file that is none.
+
+    Raises
+    ------
+    ModelError
+        All that is wrong with the campaign file.
+    """
+    if file == "-" or not Path(file).is_file() or not _CAMPAIGN.search(Path(file).read_bytes()):
+        return None
+    from tdint.campaign.file.definition import ModelFiles
+    from tdint.campaign.file.read import load_campaign
+
+    campaign = load_campaign(file)
+    say(f"{file}: a campaign without a fault")
+    return campaign.buildings.files if isinstance(campaign.buildings, ModelFiles) else ()
+
+
+def _print_schema(kind: str) -> None:
+    from tdint.campaign.file.read import campaign_schema
     from tdint.model.config.schema import model_schema
     from tdint.output.summaries.summary import json_bytes
     from tdint_cli.terminal.streams import emit
 
-    emit(json_bytes(model_schema()))
+    schemas = {"model": model_schema, "campaign": campaign_schema}
+    emit(json_bytes(schemas[kind]()))
