@@ -158,3 +158,9 @@ def test_durations_are_consistent(folder, tdint):
     for row in rows(tdint("info", "motion.mseed").stdout):
         assert 0.0 < float(row["d5_75_s"]) < float(row["d5_95_s"]) < float(row["duration_s"])
         assert math.isfinite(float(row["housner_intensity_m"]))
+
+
+def test_components_that_a_picture_has_no_room_for_are_said(folder, tdint):
+    said = "note: the picture shows the first components; 1 more are left out"
+    assert said in tdint("info", "motion.mseed", "motion.mseed", "--plot", "p.svg").stderr.splitlines()
+    assert said not in tdint("info", "motion.mseed", "other.mseed", "--plot", "q.svg").stderr.splitlines()

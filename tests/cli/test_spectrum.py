@@ -242,3 +242,15 @@ def test_two_stations_in_a_file_are_told_apart(folder, tdint):
     (folder / "two.mseed").write_bytes(one + one.replace(b"TEST ", b"ELSE "))
     result = tdint("spectrum", "two.mseed", "--period", "1")
     assert [row["component"] for row in rows(result.stdout)] == ["TD.TEST..HNE", "TD.ELSE..HNE"]
+
+
+def test_peaks_between_the_periods_that_nobody_chose(folder, tdint):
+    """The default periods are 3.5 % apart, more than half the width of resonance with 2 % damping."""
+    said = "note: the periods are 3.5 % apart: with 2 % damping the spectrum may be higher between them"
+    tried = {(): False, ("--damping", "2%,5%"): True, ("--damping", "2%", "--periods", "0.5:1:3"): False}
+    for options, expected in tried.items():
+        result = tdint("spectrum", "other.mseed", *options)
+        assert result.exit_code == 0
+        found = [line for line in result.stderr.splitlines() if "apart" in line]
+        assert bool(found) == expected
+        assert all(said.removeprefix("note: ") in line for line in found)

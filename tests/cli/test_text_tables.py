@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 
+import click
 import numpy as np
 import pytest
 
 from cli.test_info import errors, rows
 from tdint.units import STANDARD_GRAVITY
+from tdint_cli.main import COMMANDS, cli
 
 SAYS = ("--skip-lines", "2", "--step", "0.01", "--units", "g")
 MODEL = """\
@@ -80,6 +82,13 @@ def test_refused(tables, tdint, options, code, message):
     assert (result.exit_code, result.stdout) == (code, "")
     (line,) = errors(result)
     assert message in line
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_that_reads_records_takes_them(name):
+    command = cli.get_command(click.Context(cli), name)
+    options = {option for parameter in command.params for option in parameter.opts}
+    assert {"--step", "--column", "--skip-lines"} <= options or not {"--units", "--component"} <= options
 
 
 def test_a_table_needs_a_record(folder, tdint):

@@ -127,10 +127,19 @@ def _run(request: Request) -> None:
         _deliver(request, outputs, products)
     for text in warnings:
         warn(text)
+    if request.plot and (left_out := _undrawn(products)):
+        note(f"the picture shows the first components; {left_out} more are left out")
     for text in notes:
         note(text)
     if failures:
         raise Failures(failures)
+
+
+def _undrawn(products: Sequence[Product]) -> int:
+    """How many components the picture has no room for."""
+    from tdint.output.figures.records import MOST_RECORDS
+
+    return max(0, sum(len(product.infos) for product in products) - MOST_RECORDS)
 
 
 def _deliver(request: Request, outputs: Outputs, products: Sequence[Product]) -> None:

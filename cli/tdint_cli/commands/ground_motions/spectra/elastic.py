@@ -87,6 +87,25 @@ def picture(request: SpectrumRequest, lines: Sequence[Spectrum], suffix: str) ->
 
 
 def remark(request: SpectrumRequest, interval: float) -> str:
+    """What a person should know of the periods."""
+    return "; ".join(filter(None, (_between_samples(request, interval), _between_periods(request))))
+
+
+def _between_periods(request: SpectrumRequest) -> str:
+    """On a grid that nobody chose and that is coarser than half the width of resonance, which is the damping ratio."""
+    if request.period or request.periods is not None:
+        return ""
+    periods = request.chosen_periods(PERIODS)
+    apart, damping = float(periods[1] / periods[0]) - 1.0, min(request.damping)
+    if apart <= damping * (1.0 + 1e-9):
+        return ""
+    return (
+        f"the periods are {100.0 * apart:.2g} % apart: with {100.0 * damping:.3g} % damping the spectrum may be higher "
+        "between them; --periods takes more"
+    )
+
+
+def _between_samples(request: SpectrumRequest, interval: float) -> str:
     """On periods at which the ground motion between the samples matters."""
     periods = request.chosen_periods(PERIODS)
     limit = STEPS_PER_PERIOD * interval
