@@ -1,0 +1,133 @@
+"""What campaigns cost: the engine beside the compiled loop alone, and inventories with their store.
+
+    python tests/benchmarks/campaign.py                  # 440 runs of ten yielding stories, 22 motions x 20 scales
+    python tests/benchmarks/campaign.py --buildings 2000 # two-story buildings of an inventory under a pair of motions
+
+Wall times tell something on a quiet machine only; processor times do on a busy one, too.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import random
+import subprocess
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+import tdint
+from tdint.analysis.run.case import Case
+from tdint.campaign.buildings import GivenBuildings
+from tdint.campaign.engine.settings import RunSettings
+from tdint.campaign.engine.subject import Subject
+from tdint.campaign.levels import Scales
+from tdint.campaign.motions import EveryMotion, suite_motions
+from tdint.campaign.plan import Plan
+from tdint.campaign.run import carry_out, compile_for, threads
+from tdint.campaign.store.store import open_store
+from tdint.ground_motion.record import Record
+
+SCALES = tuple(np.linspace(0.1, 2.0, 20).tolist())
+SHELL_LOOP = 0.56  # s for a call of `tdint run` of version 0.1 on a quiet machine
+BAY_AREA = 1_840_000
+
+
+def versions() -> list[Record]:
+    """22 motions: the shipped ones, turned and shifted."""
+    generator, found = np.random.default_rng(0), []
+    for number in range(22):
+        both = tdint.read_horizontals(
+            f"records/{('firm-soil', 'near-fault', 'soft-soil')[number % 3]}.mseed", units="m/s^2"
+        )
+        angle, shift = generator.uniform(0.0, np.pi), int(generator.integers(0, 200))
+        turned = np.cos(angle) * both.first.acceleration + np.sin(angle) * both.second.acceleration
+        found.append(Record(np.roll(turned, shift), both.first.dt, "", "", f"V{number}", f"version-{number}"))
+    return found
+
+
+def study(method: str) -> None:
+    subject = Subject(tdint.load_model("configs/ten-story-bilinear.yaml"), method)
+    records = versions()
+    plan = Plan("study", GivenBuildings.of([subject]), suite_motions(records), EveryMotion(len(records)),
+                Scales(SCALES), RunSettings(dt=0.01))  # fmt: skip
+    compile_for(plan)
+    cases = [
+        Case(subject.model, subject.prepared, record.scaled(scale), subject.integrator)
+        for record in records
+        for scale in SCALES
+    ]
+
+    def kernel(part: list[Case]) -> float:
+        marched = (case.prepared.march(case.integrator, case.steps(0.01), case.ground, between=True) for case in part)
+        return sum(one.seconds for one in marched)
+
+    def engine(jobs: int) -> tuple[float, float]:
+        with TemporaryDirectory() as folder:
+            store, _ = open_store(Path(folder), plan)
+            began, used = time.perf_counter(), time.process_time()
+            carry_out(plan, store, threads(jobs))
+            spent = time.perf_counter() - began, time.process_time() - used
+            store.close()
+        return spent
+
+    def alone() -> tuple[float, float]:
+        began, used = time.perf_counter(), time.process_time()
+        with ThreadPoolExecutor(2) as pool:
+            list(pool.map(kernel, [cases[i::8] for i in range(8)]))
+        return time.perf_counter() - began, time.process_time() - used
+
+    print(f"{method}: {plan.runs} runs in {plan.chunks} chunks; least of three, wall and processor time, s")
+    for name, work in (("kernels, two threads", alone), ("engine, one job", lambda: engine(1)),
+                       ("engine, two jobs", lambda: engine(2))):  # fmt: skip
+        times = [work() for _ in range(3)]
+        print(f"{name:<22} {min(wall for wall, _ in times):.3f} {min(used for _, used in times):.3f}")
+    with TemporaryDirectory() as folder:
+        scales = ",".join(f"{scale:g}" for scale in SCALES)
+        began = time.perf_counter()
+        command = ["tdint", "-q", "run", "configs/ten-story-bilinear.yaml", "records/", "--units", "m/s^2"]
+        command += ["--scale", scales, "--method", method, "-o", folder]
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+        each = (time.perf_counter() - began) / (6 * len(SCALES))
+    print(f"the command, 120 runs: {1e3 * each:.3g} ms a run, a shell loop {SHELL_LOOP / each:.0f} times that")
+
+
+def inventory(buildings: int, method: str) -> None:
+    kinds, types = random.Random(1), ["W1", "C1", "S1", "RM1", "URM"]
+    rows = ["id,NumberOfStories,YearBuilt,StructureType,PlanArea"]
+    rows += [
+        f"{i},2,{kinds.randint(1920, 2015)},{kinds.choice(types)},{kinds.uniform(1e3, 6e3):.1f}"
+        for i in range(1, buildings + 1)
+    ]
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "buildings.csv").write_text("\n".join(rows) + "\n")
+        (folder / "campaign.yaml").write_text(
+            "buildings: {inventory: buildings.csv, units: {length: ft}}\n"
+            f"records: {{files: [{Path('records/near-fault.mseed').resolve()}], units: m/s^2, pairs: true}}\n"
+            f"analysis: {{method: {method}}}\n"
+        )
+        began = time.perf_counter()
+        process = subprocess.Popen(["tdint", "campaign", str(folder / "campaign.yaml"), "-o", str(folder / "out")])
+        _, status, usage = os.wait4(process.pid, 0)
+        wall, used = time.perf_counter() - began, usage.ru_utime + usage.ru_stime
+        assert status == 0
+    runs = 2 * buildings
+    print(f"{method}: {runs} runs of 3000 steps, all of the command: {wall:.3g} s, {used:.3g} s of processor time")
+    print(f"{3.6e-3 * runs / wall:.3g} M runs an hour, {7.2e-3 * runs / used:.3g} M on two processors of one's own")
+    print(f"largest resident memory {usage.ru_maxrss / 1024:.0f} MB")
+    print(f"{BAY_AREA} buildings under a pair: {used / buildings * BAY_AREA / 7200:.2g} h on two processors")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--buildings", type=int)
+    parser.add_argument("--method", default="impulse4")
+    given = parser.parse_args()
+    if given.buildings:
+        inventory(given.buildings, given.method)
+    else:
+        study(given.method)
