@@ -136,8 +136,8 @@ def variant(building: Building, forces: Array | None = None) -> Variant:
 
 
 def kernels(integrator: Integrator, wanted: Variant) -> list[tuple[Kernel, Variant]]:
-    """The kernels that `integrate` calls."""
-    return [(kernel, wanted) for kernel in (march, begin, take_stock, integrator.family.step)]
+    """The kernels that `integrate` calls, those first that take the longest to compile."""
+    return [(kernel, wanted) for kernel in (integrator.family.step, march, begin, take_stock)]
 
 
 def integrate(
