@@ -17,8 +17,8 @@ from tdint.files import write_file
 from tdint.ground_motion.processing import process
 from tdint.ground_motion.record import Record
 from tdint.model.config.read import load_model
-from tdint.output.figures.run import run_picture
-from tdint.output.figures.spectrum import spectrum_picture
+from tdint.output.figures.buildings.run import run_picture
+from tdint.output.figures.spectra.spectrum import spectrum_picture
 from tdint.output.figures.style import changed
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -117,7 +117,7 @@ def test_many_spectra_are_drawn(tmp_path):
 
 
 def test_no_window_system_is_loaded():
-    code = "import sys, tdint.output.figures.run; sys.exit('matplotlib.pyplot' in sys.modules)"
+    code = "import sys, tdint.output.figures.buildings.run; sys.exit('matplotlib.pyplot' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 

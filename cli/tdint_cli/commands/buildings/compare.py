@@ -221,7 +221,7 @@ def _write(request: Request, model: Model, comparisons: Sequence[Comparison], fi
         if fitted:
             add(FIT, fitted_table(fitted.values).csv())
     if request.picture:
-        from tdint.output.figures.comparison import comparison_picture
+        from tdint.output.figures.buildings.comparison import comparison_picture
 
         files[request.picture] = comparison_picture(comparisons, periods, request.damping, request.picture.suffix)
     add(SUMMARY, json_bytes(comparison_summary(model, comparisons, fitted, _settings(request))))

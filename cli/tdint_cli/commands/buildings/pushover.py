@@ -75,7 +75,7 @@ def command(
     outputs = outputs.else_in(loaded.output_units)
 
     def draw(suffix: str) -> Writer:
-        from tdint.output.figures.pushover import pushover_picture
+        from tdint.output.figures.buildings.pushover import pushover_picture
 
         return pushover_picture(result, suffix)
 

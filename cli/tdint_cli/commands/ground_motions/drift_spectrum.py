@@ -133,7 +133,7 @@ def _table(_: DriftRequest, results: Sequence[DriftSpectrum]) -> Table:
 
 
 def _picture(_: DriftRequest, results: Sequence[DriftSpectrum], suffix: str) -> Writer:
-    from tdint.output.figures.drift import drift_spectrum_picture
+    from tdint.output.figures.spectra.drift import drift_spectrum_picture
 
     return drift_spectrum_picture(results, suffix)
 

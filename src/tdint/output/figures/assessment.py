@@ -33,24 +33,14 @@ _TALLEST = 1e4  # what runs away is cut here
 def stability_picture(curves: Sequence[StabilityCurve], suffix: str, *, band: bool = False) -> Writer:
     """Picture of stability: spectral radius, period error, numerical damping and amplitude decay over dt/T.
 
+    Return value and errors are those of `tdint.output.figures.style.picture`.
+
     Parameters
     ----------
     curves : sequence of StabilityCurve
         A line each.
-    suffix : str
-        .png, .pdf or .svg.
     band : bool
         Add a panel with the growth per step around omega dt = sqrt(12), on a log scale.
-
-    Returns
-    -------
-    callable
-        Draws and writes the picture to a binary stream.
-
-    Raises
-    ------
-    OutputError
-        Another suffix.
     """
     return picture(suffix, lambda: _draw_stability(curves, band))
 

@@ -53,22 +53,12 @@ _EXPLANATION = (
 def failure_picture(trials: Sequence[Trial], suffix: str) -> Writer:
     """Picture of who fails where: a row per method, a column per problem and step.
 
+    Return value and errors are those of `tdint.output.figures.style.picture`.
+
     Parameters
     ----------
     trials : sequence of Trial
         A cell each.
-    suffix : str
-        .png, .pdf or .svg.
-
-    Returns
-    -------
-    callable
-        Draws and writes the picture to a binary stream.
-
-    Raises
-    ------
-    OutputError
-        Another suffix.
     """
     return picture(suffix, lambda: _draw(trials))
 

@@ -27,6 +27,8 @@ def example_picture(
 ) -> Writer:
     """Figure of one example: motion of a floor by several methods.
 
+    Return value and errors are those of `tdint.output.figures.style.picture`.
+
     Parameters
     ----------
     title : str
@@ -39,18 +41,6 @@ def example_picture(
         `displacement`, `velocity`, `acceleration`; a row of panels each.
     what : str
         `history`, with a close-up at the peak; `error`, the largest one up to each time; or `both`.
-    suffix : str
-        .png, .pdf or .svg.
-
-    Returns
-    -------
-    callable
-        Draws and writes the picture to a binary stream.
-
-    Raises
-    ------
-    OutputError
-        Another suffix.
     """
     ended = [run for run in runs if run.outcome == "done"]
     return picture(suffix, lambda: _draw(title, ended, floor - 1, quantities, what))

@@ -24,22 +24,12 @@ _SHARES = (0.05, 0.75, 0.95)
 def info_picture(infos: Sequence[RecordInfo], suffix: str) -> Writer:
     """Picture of the first records, at most MOST_RECORDS: a column each.
 
+    Return value and errors are those of `tdint.output.figures.style.picture`.
+
     Parameters
     ----------
     infos : sequence of RecordInfo
         One at least.
-    suffix : str
-        .png, .pdf or .svg.
-
-    Returns
-    -------
-    callable
-        Draws and writes the picture to a binary stream.
-
-    Raises
-    ------
-    OutputError
-        Another suffix.
     """
     return picture(suffix, lambda: _draw(infos[:MOST_RECORDS]))
 

@@ -82,7 +82,7 @@ def table(request: SpectrumRequest, lines: Sequence[SpectrumDifference]) -> Tabl
 
 def picture(_: SpectrumRequest, lines: Sequence[SpectrumDifference], suffix: str) -> Writer:
     """Both spectra, and their difference."""
-    from tdint.output.figures.published import difference_picture
+    from tdint.output.figures.spectra.published import difference_picture
 
     return difference_picture(lines, suffix)
 

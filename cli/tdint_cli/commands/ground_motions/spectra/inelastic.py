@@ -76,7 +76,7 @@ def table(_: SpectrumRequest, lines: Sequence[InelasticSpectrum]) -> Table:
 
 def picture(_: SpectrumRequest, lines: Sequence[InelasticSpectrum], suffix: str) -> Writer:
     """A line for each spectrum."""
-    from tdint.output.figures.inelastic import inelastic_picture
+    from tdint.output.figures.spectra.inelastic import inelastic_picture
 
     return inelastic_picture(lines, suffix)
 

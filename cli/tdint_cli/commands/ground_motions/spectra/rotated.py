@@ -95,7 +95,7 @@ def table(request: SpectrumRequest, lines: Sequence[RotatedSpectrum]) -> Table:
 
 def picture(_: SpectrumRequest, lines: Sequence[RotatedSpectrum], suffix: str) -> Writer:
     """A line for each percentile."""
-    from tdint.output.figures.rotated import rotated_picture
+    from tdint.output.figures.spectra.rotated import rotated_picture
 
     return rotated_picture(lines, suffix)
 

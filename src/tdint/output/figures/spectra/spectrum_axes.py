@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import NDArray
 
-from tdint.output.figures.over_periods import GRAY, is_suite, log_periods
+from tdint.output.figures.spectra.over_periods import GRAY, is_suite, log_periods
 from tdint.output.figures.style import COLORS, DASHES, IN_G, LIGHT, add_legend
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from matplotlib.figure import Figure
 
 from tdint.files import Writer
-from tdint.output.figures.over_periods import Panel, draw_over_periods, line_labels, over_periods_title
+from tdint.output.figures.spectra.over_periods import Panel, draw_over_periods, line_labels, over_periods_title
 from tdint.output.figures.style import add_title, picture, record_name
 
 if TYPE_CHECKING:

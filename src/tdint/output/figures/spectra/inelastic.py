@@ -11,7 +11,7 @@ from matplotlib.ticker import FuncFormatter
 
 from tdint.files import Writer
 from tdint.ground_motion.record import component_names
-from tdint.output.figures.over_periods import Panel, draw_over_periods, line_labels, over_periods_title
+from tdint.output.figures.spectra.over_periods import Panel, draw_over_periods, line_labels, over_periods_title
 from tdint.output.figures.style import add_title, picture, record_name
 
 if TYPE_CHECKING:
@@ -24,22 +24,12 @@ _MOST = 4  # components that have panels of their own
 def inelastic_picture(spectra: Sequence[InelasticSpectrum], suffix: str) -> Writer:
     """Picture of inelastic spectra: a line per component, damping ratio, and ductility or strength.
 
+    Return value and errors are those of `tdint.output.figures.style.picture`.
+
     Parameters
     ----------
     spectra : sequence of InelasticSpectrum
         One at least; all for ductilities or all for strengths.
-    suffix : str
-        .png, .pdf or .svg.
-
-    Returns
-    -------
-    callable
-        Draws and writes the picture to a binary stream.
-
-    Raises
-    ------
-    OutputError
-        Another suffix.
     """
     return picture(suffix, lambda: _draw(spectra))
 

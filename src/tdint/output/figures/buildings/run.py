@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from tdint.files import Writer
-from tdint.output.figures.profiles import draw_profiles
+from tdint.output.figures.buildings.profiles import draw_profiles
 from tdint.output.figures.style import (
     IN_G,
     INK,

@@ -21,22 +21,12 @@ _LIGHT = "0.55"
 def cyclic_picture(test: CyclicTest, suffix: str) -> Writer:
     """Picture of a cyclic test: shear over drift, and the energies over the cycles.
 
+    Return value and errors are those of `tdint.output.figures.style.picture`.
+
     Parameters
     ----------
     test : CyclicTest
         A result of `tdint.analysis.static.cyclic.cyclic_test`.
-    suffix : str
-        .png, .pdf or .svg.
-
-    Returns
-    -------
-    callable
-        Draws and writes the picture to a binary stream.
-
-    Raises
-    ------
-    OutputError
-        Another suffix.
     """
     return picture(suffix, lambda: _draw(test))
 

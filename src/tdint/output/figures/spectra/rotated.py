@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tdint.files import Writer
 from tdint.ground_motion.record import Record
-from tdint.output.figures.over_periods import Panel, draw_over_periods, line_labels, over_periods_title
+from tdint.output.figures.spectra.over_periods import Panel, draw_over_periods, line_labels, over_periods_title
 from tdint.output.figures.style import IN_G, add_title, picture, record_name
 
 if TYPE_CHECKING:
@@ -41,22 +41,12 @@ class _Line:
 def rotated_picture(spectra: Sequence[RotatedSpectrum], suffix: str) -> Writer:
     """Picture of spectra over all directions: a line per motion, damping ratio, percentile, and the geometric mean.
 
+    Return value and errors are those of `tdint.output.figures.style.picture`.
+
     Parameters
     ----------
     spectra : sequence of RotatedSpectrum
         One at least; all of the same percentiles.
-    suffix : str
-        .png, .pdf or .svg.
-
-    Returns
-    -------
-    callable
-        Draws and writes the picture to a binary stream.
-
-    Raises
-    ------
-    OutputError
-        Another suffix.
     """
     return picture(suffix, lambda: _draw(spectra))
 

@@ -18,18 +18,7 @@ _LIGHT = "0.55"
 
 
 def pushover_picture(result: Pushover, suffix: str) -> Writer:
-    """Picture of a pushover; `suffix` is .png, .pdf or .svg.
-
-    Returns
-    -------
-    callable
-        Draws and writes the picture to a binary stream.
-
-    Raises
-    ------
-    OutputError
-        Another suffix.
-    """
+    """Picture of a pushover; return value and errors are those of `tdint.output.figures.style.picture`."""
     return picture(suffix, lambda: _draw(result))
 
 

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from tdint.files import Writer
-from tdint.output.figures.over_periods import Panel, draw_over_periods, line_labels, over_periods_title
-from tdint.output.figures.spectrum_axes import draw_adrs, draw_tripartite
+from tdint.output.figures.spectra.over_periods import Panel, draw_over_periods, line_labels, over_periods_title
+from tdint.output.figures.spectra.spectrum_axes import draw_adrs, draw_tripartite
 from tdint.output.figures.style import IN_G, add_title, picture
 
 if TYPE_CHECKING:

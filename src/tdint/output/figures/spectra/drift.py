@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from tdint.files import Writer
-from tdint.output.figures.over_periods import Panel, draw_over_periods, line_labels, over_periods_title
+from tdint.output.figures.spectra.over_periods import Panel, draw_over_periods, line_labels, over_periods_title
 from tdint.output.figures.style import add_title, picture
 
 if TYPE_CHECKING:
@@ -20,22 +20,12 @@ if TYPE_CHECKING:
 def drift_spectrum_picture(spectra: Sequence[DriftSpectrum], suffix: str) -> Writer:
     """Picture of drift spectra: a line per component and damping ratio.
 
+    Return value and errors are those of `tdint.output.figures.style.picture`.
+
     Parameters
     ----------
     spectra : sequence of DriftSpectrum
         One at least; all of the same kind of building.
-    suffix : str
-        .png, .pdf or .svg.
-
-    Returns
-    -------
-    callable
-        Draws and writes the picture to a binary stream.
-
-    Raises
-    ------
-    OutputError
-        Another suffix.
     """
     return picture(suffix, lambda: _draw(spectra))
 

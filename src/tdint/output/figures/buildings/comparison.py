@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from tdint.files import Writer
-from tdint.output.figures.over_periods import log_periods
+from tdint.output.figures.spectra.over_periods import log_periods
 from tdint.output.figures.style import add_title, picture, record_name
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def comparison_picture(comparisons: Sequence[Comparison], periods: Array, dampin
     periods : ndarray, shape (k,)
         Of the spectra, s, and their damping ratio.
     suffix : str
-        .png, .pdf or .svg; what is returned and raised, is told in `run_picture`.
+        .png, .pdf or .svg; see `tdint.output.figures.style.picture`.
     """
     return picture(suffix, lambda: _draw(comparisons, periods, damping))
 

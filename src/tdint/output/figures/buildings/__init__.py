@@ -1,0 +1,1 @@
+"""Pictures of buildings: runs, recordings beside results, pushovers, loops of a story."""

@@ -1,0 +1,1 @@
+"""Pictures of spectra: over the period, tripartite, acceleration over displacement; drift spectra."""
