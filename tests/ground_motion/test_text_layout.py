@@ -82,8 +82,14 @@ class TestColumn:
         assert (record.component, record.units, record.units_from) == ("Sensor-B", "g", "file")
         assert record.pga == pytest.approx(2.0 * STANDARD_GRAVITY)
 
+    def test_a_unit_is_that_of_its_own_column(self, file):
+        content = table(["time,N (g),E"], times(), *COLUMNS[:2])
+        with pytest.raises(RecordError, match="E: the file does not tell the units"):
+            read(file, content)
+        assert [record.units_from for record in read(file, content, "g")] == ["file", "given"]
+
     def test_several(self, file):
-        found = read(file, self.content, "g", column=("2", "sensor b"))
+        found = read(file, self.content, "g", column=("2", "sensor b", "3"))
         assert [record.component for record in found] == ["Sensor-A", "Sensor-B"]
 
     def test_a_velocity_is_differentiated(self, file):

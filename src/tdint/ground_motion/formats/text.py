@@ -86,7 +86,7 @@ def read_text(file: Any, headonly: bool = False, layout: TextLayout = AS_STATED,
     columns = _columns(lines)
     width, size = len(columns), columns[0].size
     header = read_foreign_header(above, width, layout.skip_lines or 0) if layout else read_header(above, width)
-    chosen = [place_of(wanted, header.names, width) for wanted in layout.column]
+    chosen = list(dict.fromkeys(place_of(wanted, header.names, width) for wanted in layout.column))
     times = _times(columns, header.names, chosen, layout)
     stated = _stated_step(times, header)
     dt = stated or layout.step
@@ -97,23 +97,28 @@ def read_text(file: Any, headonly: bool = False, layout: TextLayout = AS_STATED,
         )
     if header.declared.get("samples", str(size)) != str(size):
         raise RecordError(f"its header announces {header.get('samples')} samples, there are {size}")
-    common = Series(
-        columns[0],
-        dt,
-        "",
-        channel=code(header.get("component")),
-        station=code(header.get("station")),
-        location=code(header.get("location")),
-        network=code(header.get("network")),
-        start=header.start,
-        compared=(*((SAMPLES,) if header.get("samples") else ()), *((STEP,) if times is not None else ())),
-    )
+    compared = (*((SAMPLES,) if header.get("samples") else ()), *((STEP,) if times is not None else ()))
+    common = replace(_without_samples(header), dt=dt, compared=compared)
     taken = chosen or _accelerations(header.names, range(_leading(columns, times, layout), width))
     if layout.skip_lines:
         warnings.warn(f"{layout.skip_lines} lines at its beginning are passed over, as asked", stacklevel=2)
     if stated is None:
         warnings.warn(f"the sampling interval of {dt:g} s is given, the file tells none", stacklevel=2)
     return to_stream([_series(common, columns, header, place, taken) for place in taken], headonly=headonly)
+
+
+def _without_samples(header: TableHeader) -> Series:
+    """What the header tells of all components."""
+    return Series(
+        np.empty(0),
+        0.0,
+        "",
+        channel=code(header.get("component")),
+        station=code(header.get("station")),
+        location=code(header.get("location")),
+        network=code(header.get("network")),
+        start=header.start,
+    )
 
 
 def _accelerations(names: Names, places: range) -> list[int]:

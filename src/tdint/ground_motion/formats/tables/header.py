@@ -119,8 +119,8 @@ def declared_in(line: str) -> list[tuple[str, str]] | None:
     if names := column_names(content):
         if names[0].kind == TIME and names[0].units not in SECONDS:
             return None
-        units = {name.units for name in names if name.kind == "acceleration" and name.units}
-        return [(COLUMNS, content.strip()), *(("units", unit) for unit in units if len(units) == 1)]
+        units = {name.units for name in names if name.kind == "acceleration"}
+        return [(COLUMNS, content.strip()), *(("units", unit) for unit in units if unit and len(units) == 1)]
     parts = [part for part in re.split("[,;]", content) if part.strip()]
     declarations = list(filter(None, map(_declaration, parts)))
     return declarations if comment or len(declarations) == len(parts) else None
