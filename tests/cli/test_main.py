@@ -86,7 +86,7 @@ def test_version(tdint):
     ("arguments", "message"),
     [
         (["spectrm"], "Error: No such command 'spectrm'; did you mean 'spectrum'?"),
-        (["xyz"], "Error: No such command 'xyz'; the commands are run, modes"),
+        (["xyz"], "Error: No such command 'xyz'; the commands are init, check, run, modes"),
         (["--bogus"], "No such option"),
         (["run"], "Error: Missing argument 'MODEL.yaml'."),
         (["spectrum"], "Error: Missing argument 'RECORD...'."),

@@ -104,6 +104,24 @@ def test_the_columns_beside_a_spectrum(folder: Path, tdint: Run) -> None:
     assert "pga_g" in told["records"][0]
 
 
+def test_campaigns_and_runs_of_several_records(folder: Path, tdint: Run) -> None:
+    run = ("run", "shaken.yaml", "--scale", "0.5,1", "--dt", 0.01)
+    si, us = tdint(*run), tdint(*run, "--output-units", "kip,in,g")
+    assert (si.exit_code, us.exit_code) == (0, 0), us.stderr
+    check_round_trip(si.stdout, us.stdout)
+    (folder / "study.yaml").write_text(
+        "buildings: {models: [shaken.yaml]}\nrecords: {files: [other.mseed]}\noutputs: {stories: true}\n"
+    )
+    assert tdint("campaign", "study.yaml", "-o", "study").exit_code == 0
+    tables = {name: (folder / "study" / name).read_text() for name in ("runs.csv", "stories.csv")}
+    assert tdint("campaign", "export", "study", "--output-units", "kip,in,g").exit_code == 0
+    for name, text in tables.items():
+        check_round_trip(text, (folder / "study" / name).read_text())
+    assert "peak_base_shear_kip" in (folder / "study" / "runs.csv").read_text()
+    done = tdint("campaign", "status", "study", "--output-units", "kip")
+    assert (done.exit_code, "--output-units is not for" in done.stderr) == (2, True)
+
+
 def test_units_that_are_none(folder: Path, tdint: Run) -> None:
     done = tdint("run", "forced.yaml", "--output-units", "kips,in")
     assert (done.exit_code, done.stdout) == (2, "")

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tdint.errors import OutputError
+from tdint.output_units import SI, OutputUnits
 from tdint_cli.errors import Failures
 from tdint_cli.terminal.drawing import emit_table
 from tdint_cli.terminal.progress import progress_bar
@@ -31,8 +32,9 @@ def carry_out(
     shard: Shard | None = None,
     limit: int | None = None,
     show: bool = False,
+    units: OutputUnits = SI,
 ) -> None:
-    """Do what is left of a campaign and write its tables; `show` the runs on standard output, too.
+    """Do what is left of a campaign and write its tables, in these units; `show` the runs on standard output, too.
 
     Raises
     ------
@@ -54,9 +56,9 @@ def carry_out(
         for text in (*plan.notes, *remarks):
             note(text)
         advance = advance_with_bar(plan, store, engine, shard=shard, limit=limit)
-        finish(store, folder)
+        finish(store, folder, units)
         if show:
-            emit_table(runs_table(store))
+            emit_table(runs_table(store).in_units(units))
         _say(store, advance)
         store.close()
     if plan.failures:
@@ -116,39 +118,39 @@ def _rate(advance: Advance) -> str:
     return f"{3600.0 * advance.rate:.3g} an hour"
 
 
-def finish(store: Store, folder: Path) -> None:
+def finish(store: Store, folder: Path, units: OutputUnits = SI) -> None:
     """Write what stands beside a store: runs.csv, stories.csv if there are stories, summary.json."""
-    _write(folder, store, {RUNS: _runs(store)})
+    _write(folder, store, {RUNS: _runs(store, units)}, units)
 
 
-def export(store: Store, folder: Path, *, simcenter: bool) -> None:
-    """Write all tables of a store anew; runs.parquet if pyarrow is there."""
+def export(store: Store, folder: Path, *, simcenter: bool, units: OutputUnits = SI) -> None:
+    """Write all tables of a store anew; runs.parquet if pyarrow is there: that one and SimCenter's have SI units."""
     from tdint.output.tables.campaign import parquet_writer
     from tdint.output.tables.simcenter import write_simcenter
 
-    writers = {RUNS: _runs(store)}
+    writers = {RUNS: _runs(store, units)}
     if parquet := parquet_writer(store):
         writers[PARQUET] = parquet
     if simcenter:
         writers[SIMCENTER] = lambda stream: write_simcenter(store, stream)
-    _write(folder, store, writers)
+    _write(folder, store, writers, units)
 
 
-def _runs(store: Store) -> Writer:
+def _runs(store: Store, units: OutputUnits) -> Writer:
     from tdint.output.tables.campaign import write_runs
 
-    return lambda stream: write_runs(store, stream)
+    return lambda stream: write_runs(store, stream, units)
 
 
-def _write(folder: Path, store: Store, writers: dict[str, Writer]) -> None:
+def _write(folder: Path, store: Store, writers: dict[str, Writer], units: OutputUnits) -> None:
     from tdint.files import write_files
     from tdint.output.summaries.campaign import campaign_summary
-    from tdint.output.summaries.summary import json_bytes
+    from tdint.output.summaries.summary import in_units, json_bytes
     from tdint.output.tables.campaign import write_stories
 
     if store.meta("setting stories") == "true":
-        writers = writers | {STORIES: lambda stream: write_stories(store, stream)}
-    summary = json_bytes(campaign_summary(store))
+        writers = writers | {STORIES: lambda stream: write_stories(store, stream, units)}
+    summary = json_bytes(in_units(campaign_summary(store), units))
     writers = writers | {SUMMARY: lambda stream: stream.write(summary)}
     write_files({folder / name: writer for name, writer in writers.items()}, overwrite=True)
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from tdint.campaign.plan import Plan
     from tdint.errors import TdintError
     from tdint.model.definition import Model
+    from tdint.output_units import OutputUnits
 
 
 def run_many(
@@ -29,6 +30,7 @@ def run_many(
     output: str | None,
     overwrite: bool,
     jobs: int | None,
+    units: OutputUnits | None,
 ) -> None:
     """Do the runs of a building under some records (those of the model without any) at some scales; the table goes to
     standard output, and with `output` everything is kept in that folder as `tdint campaign` keeps it."""
@@ -38,14 +40,16 @@ def run_many(
     from tdint.model.config.read import load_model
     from tdint.output.tables.campaign import runs_table
 
-    plan = _plan(request, records, load_model(request.model), method, dt)
+    model = load_model(request.model)
+    plan = _plan(request, records, model, method, dt)
+    units = units or model.output_units
     engine = threads(jobs or processors())
     if output is None:
         store, _ = open_store(None, plan)
         for text in plan.notes:
             note(text)
         advance = advance_with_bar(plan, store, engine)
-        emit_table(runs_table(store))
+        emit_table(runs_table(store).in_units(units))
         say(f"{advance.done} runs.")
         tell_outcomes(store)
         store.close()
@@ -54,7 +58,7 @@ def run_many(
         return
     if overwrite:
         forget(Path(output))
-    carry_out(plan, engine, Path(output), show=True)
+    carry_out(plan, engine, Path(output), show=True, units=units)
 
 
 def _plan(

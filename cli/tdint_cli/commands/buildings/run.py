@@ -159,7 +159,7 @@ def _run_many(request: Request, records: tuple[str, ...]) -> None:
         raise UsageError("several records or scales take files, not standard input")
     run_many(
         request, records, method=request.method, dt=request.dt, output=request.output, overwrite=request.overwrite,
-        jobs=request.jobs,
+        jobs=request.jobs, units=request.output_units,
     )  # fmt: skip
 
 

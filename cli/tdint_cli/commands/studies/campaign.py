@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tdint.errors import UsageError
+from tdint.output_units import SI, OutputUnits
 from tdint_cli import options
 from tdint_cli.batch.campaigns import carry_out, export, finish
 from tdint_cli.options.values import FileName
@@ -36,6 +37,12 @@ class CampaignRequest:
     tls_key: str | None
     simcenter: bool
     schema: bool
+    output_units: OutputUnits | None
+
+    @property
+    def units(self) -> OutputUnits:
+        """The units of runs.csv, stories.csv and summary.json."""
+        return self.output_units or SI
 
     def refuse(self, *names: str) -> None:
         """Raise UsageError for options that the action does not take."""
@@ -71,6 +78,7 @@ _OF_RUNS = ("jobs", "shard", "limit", "dask", "tls_ca", "tls_cert", "tls_key")
     help="With export: also simcenter.csv, the demands under SimCenter's names (1-PFA-1-1).",
 )
 @options.option("--schema", is_flag=True, help="Print the JSON schema (draft 7) of campaign files, for editors.")
+@options.output.units
 def command(**given: Any) -> None:
     """Runs of many buildings under many records at many levels.
 
@@ -101,11 +109,11 @@ def _run(request: CampaignRequest) -> None:
     from tdint.campaign.file.read import load_campaign
 
     plan = make_plan(load_campaign(request.words[0]))
-    carry_out(plan, engine, Path(request.output), shard=shard, limit=request.limit)
+    carry_out(plan, engine, Path(request.output), shard=shard, limit=request.limit, units=request.units)
 
 
 def _status(request: CampaignRequest) -> None:
-    request.refuse(*_OF_RUNS, "simcenter", "output")
+    request.refuse(*_OF_RUNS, "simcenter", "output", "output_units")
     from tdint.campaign.store.store import open_existing
     from tdint.output.tables.campaign import status_table
 
@@ -123,7 +131,7 @@ def _export(request: CampaignRequest) -> None:
 
     folder = _folder(request)
     store = open_existing(folder)
-    export(store, folder, simcenter=request.simcenter)
+    export(store, folder, simcenter=request.simcenter, units=request.units)
     store.close()
 
 
@@ -140,7 +148,7 @@ def _merge(request: CampaignRequest) -> None:
     make_folder(target)
     with locked(target):
         store = merge(folders, target)
-        finish(store, target)
+        finish(store, target, request.units)
     every = int(store.meta("runs"))
     done = sum(store.statuses().values())
     if done < every:

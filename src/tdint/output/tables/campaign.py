@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 from tdint.output.tables.campaign_columns import OF_BUILDING, RUNS, STATUS, STORIES
 from tdint.output.tables.table import Cell, Table, cell_text, names
+from tdint.output_units import SI, OutputUnits
 
 if TYPE_CHECKING:
     from tdint.campaign.store.store import Store
@@ -37,23 +38,24 @@ def story_rows(store: Store) -> Iterator[list[Any]]:
         yield [*head, *((sample,) if drawn else ()), *rest]
 
 
-def write_runs(store: Store, stream: BinaryIO) -> None:
+def write_runs(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
     """Write runs.csv."""
-    write_rows(names(RUNS), run_rows(store), stream)
+    write_rows(names(RUNS), run_rows(store), stream, units)
 
 
-def write_stories(store: Store, stream: BinaryIO) -> None:
+def write_stories(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
     """Write stories.csv; with a column `sample` where motions were drawn, for two draws may be the same motion."""
     columns = list(names(STORIES))
     if store.count("sample > 0"):
         columns.insert(len(OF_BUILDING), "sample")
-    write_rows(columns, story_rows(store), stream)
+    write_rows(columns, story_rows(store), stream, units)
 
 
-def write_rows(columns: Iterable[str], rows: Iterable[list[Any]], stream: BinaryIO) -> None:
+def write_rows(columns: Iterable[str], rows: Iterable[list[Any]], stream: BinaryIO, units: OutputUnits = SI) -> None:
     """Write rows whose texts are as they shall be (`cell_text`), a few thousand at a time."""
-    waiting = iter([list(columns)])
-    source = iter(rows)
+    found = [units.column(name) for name in columns]
+    waiting = iter([[name for name, _ in found]])
+    source = iter(rows if units == SI else _converted(rows, [factor for _, factor in found]))
     while True:
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
@@ -63,6 +65,15 @@ def write_rows(columns: Iterable[str], rows: Iterable[list[Any]], stream: Binary
         if not batch:
             return
         waiting = iter([[number_text(cell) for cell in row] for row in batch])
+
+
+def _converted(rows: Iterable[list[Any]], factors: list[float]) -> Iterator[list[Any]]:
+    """The rows with their numbers over the units' values in SI."""
+    for row in rows:
+        yield [
+            cell / factor if factor != 1.0 and isinstance(cell, float) else cell
+            for cell, factor in zip(row, factors, strict=True)
+        ]
 
 
 def number_text(cell: Any) -> str:
