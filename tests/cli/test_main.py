@@ -92,9 +92,12 @@ def test_version(tdint):
         (["spectrum"], "Error: Missing argument 'RECORD...'."),
         (["run", "x.yaml", "--dt", "abc"], "'abc' is not a valid float"),
         (["modes", "x.yaml", "y.yaml"], "unexpected extra argument"),
-        (["run", "x.yaml", "a.mseed", "b.mseed"], "a run takes one record, got 2; call it once for each"),
+        (
+            ["run", "x.yaml", "a.mseed", "b.mseed", "--history"],
+            "--history is for one record and one scale; call it once",
+        ),
         (["run", "x.yaml", "a.mseed", "--record", "b.mseed"], "--record b.mseed and a.mseed are given"),
-        (["run", "x.yaml", "--scale", "1,2"], "--scale: this command takes one factor"),
+        (["run", "x.yaml", "--scale", "1,2", "--every", "2"], "--every is for one record and one scale; call it once"),
     ],
 )
 def test_usage_errors(tdint, arguments, message):

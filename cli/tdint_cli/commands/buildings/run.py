@@ -64,6 +64,8 @@ class Request(BuildingRequest):
         for name in ("history", "plot", "check", "tolerance", "allow_unstable"):
             if getattr(self, name):
                 raise UsageError(f"--{name.replace('_', '-')} is for one record and one scale; call it once for each")
+        if self.every > 1:
+            raise UsageError("--every is for one record and one scale; call it once for each")
         if self.of_floors:
             raise UsageError("--floor-spectra and --export-floors are for one record and one scale")
 
