@@ -374,13 +374,14 @@ def test_run_with_several_records_or_scales(study: Path, tdint: Run) -> None:
     assert other.exit_code == 2
     assert tdint("run", "shaken.yaml", "--scale", "1,3", "--units", "m/s^2", "-o", "out", "--overwrite").exit_code == 0
     assert len(rows("out/runs.csv")) == 2
-    refused = tdint("run", "shaken.yaml", "--scale", "1,3", "--history", "-o", "new")
-    assert (refused.exit_code, "--history is for one record and one scale" in refused.stderr) == (2, True)
+    for option in (["--history"], ["--check"], ["--floor-spectra", "1"]):
+        refused = tdint("run", "shaken.yaml", "--scale", "1,3", *option, "-o", "new")
+        assert (refused.exit_code, "for one record and one scale" in refused.stderr) == (2, True), refused.stderr
 
 
 def test_the_schema_knows_every_key_of_the_reader(study: Path, tdint: Run) -> None:
     """Keys of the sections, as the message about an unknown one lists them."""
-    schema = json.loads(tdint("campaign", "--schema").stdout)
+    schema = json.loads(tdint("check", "--schema", "campaign").stdout)
     for name in ("buildings", "records", "intensity", "analysis", "outputs"):
         Path("bad.yaml").write_text(f"{name}: {{qqqqqq: 1}}\n")
         said = tdint("campaign", "bad.yaml", "-o", "out").stderr

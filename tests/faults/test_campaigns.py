@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -96,6 +97,12 @@ def test_a_signal_ends_a_campaign_in_time_and_it_goes_on(study, start, number):
     assert start("campaign", "status", "out").end()[0] == 0
 
 
+def need_dask() -> None:
+    """Skip without Dask; it is not imported here, where its warnings would be errors."""
+    if find_spec("distributed") is None:
+        pytest.skip("Dask is not installed")
+
+
 class Cluster:
     """A scheduler and workers of Dask as processes of their own."""
 
@@ -136,7 +143,7 @@ class Cluster:
 
 @pytest.fixture
 def cluster(study):
-    pytest.importorskip("distributed", reason="Dask is not installed")
+    need_dask()
     started: list[Cluster] = []
 
     def begin(security: list[str] | None = None) -> Cluster:
@@ -179,7 +186,7 @@ def test_a_cluster_does_the_same_though_a_worker_is_killed(study, start, cluster
 
 
 def test_a_scheduler_that_does_not_answer(study, start):
-    pytest.importorskip("distributed", reason="Dask is not installed")
+    need_dask()
     code, _, said = start("campaign", "study.yaml", "-o", "out", "--dask", "tcp://127.0.0.1:9").end(120.0)
     assert (code, "tcp://127.0.0.1:9: no scheduler answers" in said) == (2, True), said
 

@@ -31,7 +31,9 @@ def test_azimuths(name, degrees):
     assert azimuth(name) == degrees
 
 
-@pytest.mark.parametrize("name", ["UP", "DOWN", "DWN", "UD", "U-D", "UD2", "HNZ", "BNZ", "Z", "V", "VERT", "vertical"])
+@pytest.mark.parametrize(
+    "name", ["U", "UP", "DOWN", "DWN", "UD", "U-D", "UD2", "HNZ", "BNZ", "Z", "V", "VERT", "vertical"]
+)
 def test_vertical_components(name):
     assert is_vertical(name)
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from tdint.errors import RecordError
 from tdint.ground_motion.record import Record
 
-_VERTICAL = re.compile(r"UP|D(OW)?N|DWN|V|VER|VERT|VERTICAL|U-?D\d?|([A-Z]{2})?Z", re.IGNORECASE)
+_VERTICAL = re.compile(r"UP?|D(OW)?N|DWN|V|VER|VERT|VERTICAL|U-?D\d?|([A-Z]{2})?Z", re.IGNORECASE)
 _AZIMUTH = re.compile(r"\d{1,3}")
 _QUADRANT = re.compile(r"([NS])(\d{1,2})([EW])", re.IGNORECASE)
 _NORTH = re.compile(r"N-?S\d?|([A-Z]{2})?N", re.IGNORECASE)

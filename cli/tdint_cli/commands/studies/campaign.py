@@ -36,7 +36,6 @@ class CampaignRequest:
     tls_cert: str | None
     tls_key: str | None
     simcenter: bool
-    schema: bool
     output_units: OutputUnits | None
 
     @property
@@ -55,7 +54,7 @@ _OF_RUNS = ("jobs", "shard", "limit", "dask", "tls_ca", "tls_cert", "tls_key")
 
 
 @options.command("campaign")
-@click.argument("words", metavar="CAMPAIGN.yaml|status|merge|export DIR...", nargs=-1, type=FileName())
+@click.argument("words", metavar="CAMPAIGN.yaml|status|merge|export DIR...", nargs=-1, required=True, type=FileName())
 @options.output.output("DIR", "The folder of the campaign: campaign.sqlite, runs.csv, summary.json, stories.csv.")
 @options.option(
     "--jobs", type=click.IntRange(1, 1024), metavar="N",
@@ -77,7 +76,6 @@ _OF_RUNS = ("jobs", "shard", "limit", "dask", "tls_ca", "tls_cert", "tls_key")
     is_flag=True,
     help="With export: also simcenter.csv, the demands under SimCenter's names (1-PFA-1-1).",
 )
-@options.option("--schema", is_flag=True, help="Print the JSON schema (draft 7) of campaign files, for editors.")
 @options.output.units
 def command(**given: Any) -> None:
     """Runs of many buildings under many records at many levels.
@@ -90,11 +88,6 @@ def command(**given: Any) -> None:
     cannot be read are told, the others are done, and the exit code is 4.
     """
     request = CampaignRequest(**given)
-    if request.schema:
-        _print_schema()
-        return
-    if not request.words:
-        raise UsageError("give a campaign file, or status, merge or export with a folder")
     _ACTIONS.get(request.words[0], _run)(request)
 
 
@@ -154,14 +147,6 @@ def _merge(request: CampaignRequest) -> None:
     if done < every:
         note(f"{every - done} of {every} runs are in none of them; `tdint campaign FILE -o {target}` does the rest")
     store.close()
-
-
-def _print_schema() -> None:
-    from tdint.campaign.file.read import campaign_schema
-    from tdint.output.summaries.summary import json_bytes
-    from tdint_cli.terminal.streams import emit
-
-    emit(json_bytes(campaign_schema()))
 
 
 def _folder(request: CampaignRequest) -> Path:
