@@ -254,3 +254,14 @@ def test_peaks_between_the_periods_that_nobody_chose(folder, tdint):
         found = [line for line in result.stderr.splitlines() if "apart" in line]
         assert bool(found) == expected
         assert all(said.removeprefix("note: ") in line for line in found)
+
+
+def test_axes_are_those_of_a_picture_of_elastic_spectra(folder, tdint):
+    for axes, label in (("tripartite", "pseudo-velocity PSV (m/s)"), ("adrs", "pseudo-acceleration PSA (g)")):
+        result = tdint("spectrum", "other.mseed", "--axes", axes, f"--plot={axes}.svg")
+        assert result.exit_code == 0, result.stderr
+        assert label in (folder / f"{axes}.svg").read_text(encoding="utf-8")
+    alone = tdint("spectrum", "other.mseed", "--axes", "adrs")
+    assert (alone.exit_code, "--axes is for a picture; add --plot" in alone.stderr) == (2, True)
+    yielding = tdint("spectrum", "other.mseed", "--axes", "adrs", "--ductility", "2", "--plot=x.svg")
+    assert (yielding.exit_code, "--axes is for elastic spectra" in yielding.stderr) == (2, True)

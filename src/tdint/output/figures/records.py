@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from tdint.files import Writer
 from tdint.ground_motion.measures import cumulative_energy, integrate, time_of_energy
-from tdint.output.figures.style import COLORS, changed, picture, record_name
+from tdint.output.figures.style import COLORS, IN_G, changed, picture, record_name
 from tdint.output.tables.records import RecordInfo
 
 MOST_RECORDS = 3
@@ -40,7 +40,7 @@ def _draw(infos: Sequence[RecordInfo]) -> Figure:
     for column, info in zip(grid.T, infos, strict=True):
         _draw_record(column, info)
     for axes, label in zip(
-        grid[:, 0], ("acceleration (m/s²)", "velocity (m/s)", "displacement (m)", "Arias intensity (%)"), strict=True
+        grid[:, 0], ("acceleration (g)", "velocity (m/s)", "displacement (m)", "Arias intensity (%)"), strict=True
     ):
         axes.set_ylabel(label)
     return figure
@@ -51,7 +51,7 @@ def _draw_record(column: Any, info: RecordInfo) -> None:
     motion = integrate(record)
     time = np.arange(record.acceleration.size) * record.dt
     for axes, values, peak, unit in (
-        (column[0], record.acceleration, measures.pga, "m/s²"),
+        (column[0], IN_G * record.acceleration, IN_G * measures.pga, "g"),
         (column[1], motion.velocity, measures.pgv, "m/s"),
         (column[2], motion.displacement, measures.pgd, "m"),
     ):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tdint.files import Writer
 from tdint.output.figures.spectra.over_periods import log_periods
-from tdint.output.figures.style import add_title, picture, record_name
+from tdint.output.figures.style import IN_G, add_title, picture, record_name
 
 if TYPE_CHECKING:
     from tdint.analysis.comparison.compare import Comparison, FloorComparison, FloorSpectra
@@ -23,7 +23,8 @@ _RECORDED, _COMPUTED = "0.55", "#b03a2e"
 _MOST_ROWS = 12
 _ENERGY = (0.0005, 0.9995)  # parts of the recorded energy between which the histories are shown
 _CYCLES = 8  # of the recording, that the close-up shows
-_UNITS = {"acceleration": "acceleration (m/s²)", "displacement": "displacement (m)"}
+_UNITS = {"acceleration": ("acceleration (g)", IN_G), "displacement": ("displacement (m)", 1.0)}
+"""By quantity its label, and the factor from SI units."""
 
 
 def comparison_picture(comparisons: Sequence[Comparison], periods: Array, damping: float, suffix: str) -> Writer:
@@ -55,7 +56,7 @@ def _draw(comparisons: Sequence[Comparison], periods: Array, damping: float) -> 
         event = record_name(one.event.recording.source) if len(comparisons) > 1 else ""
         _draw_histories(history, floor)
         history.set_xlim(*_shaken(one))
-        history.set_ylabel(_UNITS[floor.quantity].replace(" (", "\n("))
+        history.set_ylabel(_UNITS[floor.quantity][0].replace(" (", "\n("))
         history.set_title(_agreement(floor, event), loc="left", fontsize=8.5, parse_math=False)
         _draw_histories(close, floor)
         close.set_xlim(*_strongest(one))
@@ -85,8 +86,9 @@ def _title(one: Comparison, left_out: int) -> str:
 
 
 def _draw_histories(axes: Any, floor: FloorComparison) -> None:
-    axes.plot(floor.time, floor.recorded, color=_RECORDED, linewidth=1.6)
-    axes.plot(floor.time, floor.computed, color=_COMPUTED, linewidth=0.7)
+    factor = _UNITS[floor.quantity][1]
+    axes.plot(floor.time, factor * floor.recorded, color=_RECORDED, linewidth=1.6)
+    axes.plot(floor.time, factor * floor.computed, color=_COMPUTED, linewidth=0.7)
     axes.yaxis.set_major_locator(MaxNLocator(5, symmetric=True))
     axes.xaxis.set_major_locator(MaxNLocator(5))
 
@@ -118,9 +120,9 @@ def _strongest(one: Comparison) -> tuple[float, float]:
 
 
 def _draw_spectra(axes: Any, spectra: FloorSpectra) -> None:
-    axes.plot(spectra.periods, spectra.recorded, color=_RECORDED, linewidth=1.5)
-    axes.plot(spectra.periods, spectra.computed, color=_COMPUTED, linewidth=0.9)
+    axes.plot(spectra.periods, IN_G * spectra.recorded, color=_RECORDED, linewidth=1.5)
+    axes.plot(spectra.periods, IN_G * spectra.computed, color=_COMPUTED, linewidth=0.9)
     axes.set_ylim(bottom=0.0)
-    axes.set_ylabel("SA (m/s²)")
+    axes.set_ylabel("SA (g)")
     axes.tick_params(axis="x", which="both", labelsize=7.0)
     log_periods(axes, spectra.periods)
