@@ -40,6 +40,12 @@ SOUND: dict[str, list[tuple[str, ...]]] = {
     "spectrum": [("a.txt", "--period", "0.2,1"), ("n.mseed", "--period", "0.5", "--units", "m/s^2")],
     "drift-spectrum": [("a.txt", "--period", "0.2,1"), ("many", "--period", "0.5")],
     "methods": [()],
+    "init": [("-",), ("-", "--stories", "3"), (f"{OUTPUT}/m.yaml",)],
+    "check": [(model,) for model in _MODELS],
+    "scale": [("a.txt", "--pga", "0.2g"), ("n.mseed", "--units", "m/s^2", "--sa", "1m/s^2", "--at", "0.5")],
+    "ida": [("linear.yaml", "a.txt")],
+    "fragility": [("stripes.csv",)],
+    "compare": [("linear.yaml", "--recorded", "n.mseed")],
     "stability": [_CHEAP],
     "overshoot": [(*_CHEAP, "--steps", "3")],
     "order": [(*_CHEAP, "--load", "free")],
@@ -51,7 +57,7 @@ SOUND: dict[str, list[tuple[str, ...]]] = {
 LEFT_OUT = {"compile", "examples"}
 """Commands that take too long for thousands of cases."""
 
-WEIGHTS = {"run": 20, "info": 12, "spectrum": 12, "drift-spectrum": 8, "order": 1, "failures": 1, "chart": 1}
+WEIGHTS = {"run": 20, "info": 12, "spectrum": 12, "drift-spectrum": 8, "ida": 1, "order": 1, "failures": 1, "chart": 1}
 """How often a command is tried; 5 where it is not here."""
 
 _NUMBERS = ("0.02", "0.5", "1", "2", "0.1", "0.25", "10")

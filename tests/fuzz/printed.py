@@ -86,7 +86,7 @@ def _check_table(name: str, text: str) -> None:
     for line in text.split("\n"):
         if found := _CONTROL.search(line):
             raise Failure(f"{name}: the control character {found[0]!r}: {line[:200]!r}")
-    if text.startswith(("Usage:", "tdint ")):
+    if text.startswith(("Usage:", "tdint ", "# ")):
         return
     if text.startswith("{"):
         json.loads(text, parse_constant=_no_constant)
@@ -100,6 +100,8 @@ def _check_table(name: str, text: str) -> None:
         for cell in row:
             if _NO_NUMBER.fullmatch(cell.strip()):
                 raise Failure(f"{name}: {cell} in {row}"[:300])
+            if "\n" in cell:
+                raise Failure(f"{name}: a cell of two lines: {cell[:60]!r}")
             if _FORMULA.match(cell):
                 raise Failure(f"{name}: the formula {cell[:60]!r}")
 

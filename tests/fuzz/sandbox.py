@@ -92,6 +92,7 @@ def _fill(folder: Path) -> None:
     for name, text in MODELS.items():
         (folder / name).write_text(text)
     (folder / "buildings.csv").write_text(BUILDINGS)
+    (folder / "stripes.csv").write_text((Path(__file__).parents[2] / "configs" / "stripes.csv").read_text())
     samples = wave(60)
     rows = "\n".join(f"{value:.6f}" for value in samples)
     table = f"# dt = 0.01 s, units = m/s^2\n{rows}\n"

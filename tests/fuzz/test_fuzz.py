@@ -75,6 +75,8 @@ def test_calls(work, name):
         (0, b"a,b\n1,2", "", {}, "is cut off"),
         (0, b"a\n\x1b[31m\n", "", {}, "control character"),
         (0, b"a\n=cmd()\n", "", {}, "the formula"),
+        (0, b'a\n"1\n2"\n', "", {}, "a cell of two lines"),
+        (0, "a\n\u202eb\n".encode(), "", {}, "control character"),
         (0, b"", "note: the peak is inf m", {}, "inf on standard error"),
         (0, b"", "Warning: overflow encountered in divide", {}, "encountered in"),
         (2, b"", "Error: \x1b[31m", {}, "control character"),

@@ -19,7 +19,7 @@ from tdint.output_units import SI, OutputUnits, unit_of
 
 Cell = bool | int | float | str | None
 
-_CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f]")
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
 _FORMULA = re.compile(r"[=@]|[-+][A-Za-z(]")
 
 
