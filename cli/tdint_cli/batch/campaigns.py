@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tdint.errors import OutputError
+from tdint.files import is_folder
 from tdint.output_units import SI, OutputUnits
 from tdint_cli.errors import Failures
 from tdint_cli.terminal.drawing import emit_table
@@ -90,7 +91,7 @@ def forget(folder: Path) -> None:
     from tdint.campaign.store.place import locked
     from tdint.campaign.store.store import FILE
 
-    if not folder.is_dir():
+    if not is_folder(folder):
         return
     with locked(folder):
         for name in (FILE, f"{FILE}-wal", f"{FILE}-shm", RUNS, STORIES, PARQUET, SIMCENTER, SUMMARY):

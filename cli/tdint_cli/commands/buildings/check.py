@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from tdint.errors import ModelError, TdintError, UsageError
+from tdint.files import is_file
 from tdint_cli import options
 from tdint_cli.errors import Failures
 from tdint_cli.options.values import FileName
@@ -77,7 +78,7 @@ def _named_by(file: str) -> tuple[str, ...] | None:
     ModelError
         All that is wrong with the campaign file.
     """
-    if file == "-" or not Path(file).is_file() or not _CAMPAIGN.search(Path(file).read_bytes()):
+    if file == "-" or not is_file(file) or not _CAMPAIGN.search(Path(file).read_bytes()):
         return None
     from tdint.campaign.file.definition import ModelFiles
     from tdint.campaign.file.read import load_campaign

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tdint.errors import OutputError, UsageError
+from tdint.files import is_file
 from tdint_cli import options
 from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.options.output import check_picture
@@ -206,7 +207,7 @@ def _folder(request: IdaRequest) -> Path | None:
     picture = request.picture
     if picture:
         check_picture(picture)
-    begun = folder is not None and (folder / JOURNAL).is_file() and not request.overwrite
+    begun = folder is not None and is_file(folder / JOURNAL) and not request.overwrite
     files = [folder / name for name in (RUNS, CAPACITIES, SUMMARY, JOURNAL)] if folder else []
     outputs = [*files, *([picture] if picture else [])]
     refuse_inputs(outputs, [request.model, *request.records, request.inventory])

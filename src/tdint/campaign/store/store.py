@@ -14,6 +14,7 @@ from tdint.campaign.plan import Plan
 from tdint.campaign.store.fingerprint import differences, fingerprint, settings_of
 from tdint.campaign.store.schema import INSERT_RUN, INSERT_STORY, RUN_COLUMNS, STORY_COLUMNS, TABLES, VERSION
 from tdint.errors import OutputError, UsageError
+from tdint.files import is_file
 from tdint.ground_motion.measures import measure
 
 FILE = "campaign.sqlite"
@@ -144,7 +145,7 @@ def open_existing(folder: Path) -> Store:
         There is none.
     """
     file = folder / FILE
-    if not file.is_file():
+    if not is_file(file):
         raise UsageError(f"{folder}: holds no campaign ({FILE}); give the folder of -o of `tdint campaign`")
     with in_words(str(file)):
         store = Store(connect(str(file)), str(file))

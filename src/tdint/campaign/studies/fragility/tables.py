@@ -28,6 +28,7 @@ from tdint.campaign.studies.fragility.fits import (
 )
 from tdint.campaign.studies.ida.runs import COLLAPSED, DONE
 from tdint.errors import AnalysisError, ModelError, UsageError
+from tdint.files import is_folder
 
 Array = NDArray[np.float64]
 
@@ -105,7 +106,7 @@ def fit_table(source: str, request: FragilityRequest | None = None) -> Fragility
 
 def _file(source: str, fit: str | None) -> str:
     folder = Path(source)
-    if source == "-" or not folder.is_dir():
+    if source == "-" or not is_folder(folder):
         return source
     names = ["ida.csv"] if fit == CLOUD and (folder / "ida.csv").is_file() else ["capacities.csv", "runs.csv"]
     if fit == STRIPES:
