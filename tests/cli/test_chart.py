@@ -265,9 +265,10 @@ def test_a_model_that_nothing_moves(folder, tdint):
     (folder / "still.yaml").write_text(
         "stories: [{mass: 1, stiffness: 1}]\nanalysis: {dt: 0.1, duration: 1}\n", encoding="utf-8"
     )
-    result = tdint("chart", "still.yaml")
-    assert (result.exit_code, result.stdout) == (5, "")
-    assert "nothing moves this building" in result.stderr
+    for arguments in (("still.yaml",), ("shaken.yaml", "--pad", "5:0", "--duration", "1")):
+        result = tdint("chart", *arguments)
+        assert (result.exit_code, result.stdout) == (5, "")
+        assert "nothing moves this building" in result.stderr
 
 
 def test_the_targets_are_those_of_the_library():

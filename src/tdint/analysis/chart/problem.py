@@ -175,7 +175,7 @@ def pose(
     own = record.dt if record else model.analysis.dt or max(dts, default=None)
     whole = choose_steps(own, duration, record.dt if record else None, record.duration if record else 0.0)
     problem = Problem(model, record, whole.h, whole.count)
-    causes = (problem.ground, problem.forces[:, 1:3], problem.displacement, problem.velocity)
+    causes = (problem.ground[: problem.samples + 1], problem.forces[:, 1:3], problem.displacement, problem.velocity)
     if not any(np.any(cause) for cause in causes):
         raise AnalysisError(f"{model.name}: nothing moves this building: no ground motion, no force, no initial state")
     return problem

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 SHORTEST = 1e-3
 """The shortest period over the sampling interval: shorter ones take too many steps."""
 
-_STRONGEST = 1e6  # yield force over weight: nothing yields from far below there on
+_WEAKEST, _STRONGEST = 1e-9, 1e6  # yield force over weight: far beyond what any structure has
 _RATIO = 0.97  # of neighboring strengths where the largest one with a ductility is looked for
 _LEAST = 1e-9  # of the elastic strength: where the search ends
 _PARTS = 6  # into which an interval in which the target is reached is divided, again and again ...
@@ -171,8 +171,8 @@ def constant_strength(
     Other parameters and errors are those of `constant_ductility`.
     """
     periods = _checked(record, periods, damping, hardening)
-    if not all(0.0 < strength <= _STRONGEST for strength in strengths):
-        raise UsageError(f"yield strength ratios must be positive numbers up to {_STRONGEST:g}")
+    if not all(_WEAKEST <= strength <= _STRONGEST for strength in strengths):
+        raise UsageError(f"yield strength ratios must be positive numbers from {_WEAKEST:g} to {_STRONGEST:g}")
     results = np.zeros((len(strengths), periods.size, 3))
     elastic = np.zeros(periods.size)
     for i, oscillator in enumerate(_oscillators(record, periods, damping, hardening)):
