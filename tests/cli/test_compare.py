@@ -159,3 +159,21 @@ def test_wrong_use(recorded, tdint, arguments, code, message):
     result = tdint("compare", recorded / "model.yaml", "--recorded", recorded / "recorded.yaml", *filled)
     assert result.exit_code == code, result.stderr
     assert message in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "the file of recordings is empty; it needs at least `base` and `floors`"),
+        ("base: x.csv\n", "floors: is missing; give the floors"),
+        ("base: []\nfloors: {}\n", "base: must name at least one file"),
+        ("base: x.csv\nfloors: [x.csv]\n", "floors: must be a mapping from floors (1 to 2, or roof) to their files"),
+    ],
+)
+def test_files_without_recordings(recorded, tdint, text, message):
+    (recorded / "other.yaml").write_text(text)
+    result = tdint("compare", recorded / "model.yaml", "--recorded", recorded / "other.yaml")
+    assert result.exit_code == 3
+    assert message in result.stderr
+    missing = tdint("compare", recorded / "model.yaml", "--recorded", "nowhere.yaml")
+    assert (missing.exit_code, "no such file; give a file of recordings (YAML)" in missing.stderr) == (3, True)

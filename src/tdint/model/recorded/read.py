@@ -17,6 +17,7 @@ _KEYS = ("name", "base", "floors", "band", "window", "shift")
 _SENSOR_KEYS = ("file", "component", "column", "units", "quantity", "sign")
 _SENSOR = "a file or a mapping with the key file"
 ROOF = "roof"
+_KIND = "file of recordings"
 
 
 def load_recording(source: str | Path, stories: int) -> Recording:
@@ -32,8 +33,8 @@ def load_recording(source: str | Path, stories: int) -> Recording:
     ModelError
         The file cannot be read, is not YAML or has faults; all faults are reported in one error, in file order.
     """
-    origin = read_source(source)
-    faults = Faults(origin.label)
+    origin = read_source(source, _KIND)
+    faults = Faults(origin.label, _KIND, "`base` and `floors`")
     section = Value(parse(decode(origin.data, faults), faults), "", faults).section(_KEYS)
     recording = None
     if section:
