@@ -90,7 +90,7 @@ class OutputUnits:
         if not end or unit == ENDS[end]:
             return name, 1.0
         error = "_error" if name.endswith("_error") else ""
-        return f"{name.removesuffix('_error').removesuffix(end)}_{_in_a_name(unit)}{error}", factor
+        return f"{name.removesuffix('_error').removesuffix(end)}_{in_a_name(unit)}{error}", factor
 
     def renamed(self, text: str) -> str:
         """A text for people in which names of columns stand, with their names here."""
@@ -122,6 +122,6 @@ def parse_output_units(text: str) -> OutputUnits:
     return OutputUnits(**found)
 
 
-def _in_a_name(unit: str) -> str:
+def in_a_name(unit: str) -> str:
     """A unit as names of columns have it: m/s^2 is m_s2, kip*in is kipin."""
     return unit.replace("*", "").replace("^", "").replace("/", "_")

@@ -81,3 +81,11 @@ def test_a_terminal_gets_a_drawing_and_a_pipe_the_table(folder, tdint):
     assert b"," not in shown
     first = float(piped.splitlines()[1].split(",")[1])
     assert f"{first:.5g}" in shown.decode().split()
+
+
+def test_units_other_than_si_stay_whole_in_the_heads():
+    units = {"peak_velocity_in_s": "in/s", "work_kipin_error": "kip*in", "ratio": "1"}
+    text = draw(tuple(units), [(float(i), 2.0, 3.0) for i in range(5)], 60, units)
+    head = text.splitlines()[:4]
+    assert any("in/s" in line for line in head) and any("kip*in" in line for line in head)
+    assert "kipin" not in text and "in s" not in text

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import shutil
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
 from tdint_cli.terminal.progress import is_terminal
@@ -34,7 +34,8 @@ def table_bytes(table: Table, width: int | None) -> bytes:
     """A table as it goes to standard output: drawn for a screen of this width, else CSV."""
     if width is None:
         return table.csv()
-    return draw(table.columns, table.rows, width).encode("utf-8", "replace")
+    units = {name: said.get("unit", "1") for name, said in table.meanings.items()}
+    return draw(table.columns, table.rows, width, units).encode("utf-8", "replace")
 
 
 def emit_table(table: Table) -> None:
@@ -42,8 +43,10 @@ def emit_table(table: Table) -> None:
     emit(table_bytes(table, reading_width()))
 
 
-def draw(columns: Sequence[str], rows: Sequence[Sequence[object]], width: int) -> str:
-    """A table as text, lines of at most `width` characters if that can be done.
+def draw(
+    columns: Sequence[str], rows: Sequence[Sequence[object]], width: int, units: Mapping[str, str] | None = None
+) -> str:
+    """A table as text, lines of at most `width` characters if that can be done; `units` of columns that are not SI.
 
     Columns without any value are left out, a text that is the same in all rows stands above, names of columns stand on
     several lines. What is too wide is drawn in blocks of columns, each with the columns before it that name the row; a
@@ -54,7 +57,10 @@ def draw(columns: Sequence[str], rows: Sequence[Sequence[object]], width: int) -
     numeric = {i for i in filled if all(value is None or isinstance(value, (int, float)) for value in _at(rows, i))}
     common = [i for i in filled[:-1] if i not in numeric and len(rows) > 1 and len(set(_at(cells, i))) == 1]
     drawn = [
-        (i not in numeric, _column(columns[i], _at(cells, i), right=i in numeric, limit=width // 2))
+        (
+            i not in numeric,
+            _column(_words(columns[i], units or {}), _at(cells, i), right=i in numeric, limit=width // 2),
+        )
         for i in filled
         if i not in common
     ]
@@ -82,8 +88,8 @@ def _cell(value: object) -> str:
     return "".join(letter if letter.isprintable() else "?" for letter in str(value))
 
 
-def _column(name: str, cells: Sequence[str], *, right: bool, limit: int) -> list[str]:
-    """A column: its name on as many lines as it takes, a rule, its cells; all of one width."""
+def _column(name: Sequence[str], cells: Sequence[str], *, right: bool, limit: int) -> list[str]:
+    """A column: the words of its name on as many lines as it takes, a rule, its cells; all of one width."""
     cells = [_shortened(cell, limit) for cell in cells]
     head = _broken(name, max(map(len, cells), default=0))
     wide = max(map(len, [*head, *cells]))
@@ -91,11 +97,11 @@ def _column(name: str, cells: Sequence[str], *, right: bool, limit: int) -> list
     return [line.rjust(wide) if right else line.ljust(wide) for line in lines]
 
 
-def _broken(name: str, room: int) -> list[str]:
-    """The name of a column on lines of `room` characters, broken at its underscores; a unit stays whole."""
+def _broken(name: Sequence[str], room: int) -> list[str]:
+    """The words of a column's name on lines of `room` characters."""
     room = max(room, _NARROWEST)
     lines = [""]
-    for word in _words(name):
+    for word in name:
         joined = f"{lines[-1]} {word}".strip()
         if len(joined) <= room or not lines[-1]:
             lines[-1] = joined
@@ -104,13 +110,17 @@ def _broken(name: str, room: int) -> list[str]:
     return lines
 
 
-def _words(name: str) -> list[str]:
-    """The words of a column's name, its unit last."""
-    from tdint.output_units import ENDS, end_of
+def _words(name: str, units: Mapping[str, str]) -> list[str]:
+    """The words of a column's name, its unit last and whole."""
+    from tdint.output_units import ENDS, end_of, in_a_name
 
     bare, end = name.removesuffix("_error"), end_of(name)
+    unit = ENDS.get(end, "")
+    other = units.get(name, "1")
+    if bare.endswith(f"_{in_a_name(other)}"):  # in_s is in/s, and no second
+        end, unit = f"_{in_a_name(other)}", other
     error = ["error"] if bare != name else []
-    return [*bare.removesuffix(end).split("_"), *error, *([ENDS[end]] if end else [])]
+    return [*bare.removesuffix(end).split("_"), *error, *([unit] if end else [])]
 
 
 def _shortened(text: str, room: int) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -104,7 +105,8 @@ def _run(request: Request) -> None:
 
     write_files({path: writer(text) for path, text in texts.items()}, overwrite=request.overwrite)
     say(f"{file} is a model that runs as it is, under the artificial motion {motion}. Next:")
-    say(f"  tdint check {file}\n  tdint run {file} -o out --plot")
+    name = shlex.quote(str(file))
+    say(f"  tdint check {name}\n  tdint run {name} -o out --plot")
 
 
 def _check(request: Request) -> None:

@@ -96,7 +96,7 @@ def command(**given: Any) -> None:
     """What ground-motion records are and how strong.
 
     RECORD is a file, or a folder for all records in it, - is standard input; all components are taken unless
-    --component names one. CSV in SI units, a row each: samples, units and how they are known, peak acceleration,
+    --component names one. CSV, a row each: samples, units and how they are known, peak acceleration,
     velocity and displacement (from rest, nothing corrected), Arias intensity and its significant durations, cumulative
     absolute velocity, Housner's spectrum intensity (5 % damping, 0.1 to 2.5 s), zeros at the ends, and notes on what
     was assumed or looks wrong. The measures are exact for a ground motion that is linear between its samples. The

@@ -42,7 +42,7 @@ def command(**given: Any) -> None:
     """Response spectra of ground-motion records, elastic and inelastic.
 
     RECORD is a file, or a folder for all records in it, - is standard input; all components are taken unless
-    --component names one. CSV in SI units: relative displacement, pseudo-velocity, pseudo-acceleration, relative
+    --component names one. CSV: relative displacement, pseudo-velocity, pseudo-acceleration, relative
     velocity and absolute acceleration, the largest from the first sample to the last, between the samples, too. They
     are exact for a ground motion that is linear between its samples, or come from --method with the record's sampling
     interval as its step. A record that fails does not keep the others from being done.
