@@ -95,16 +95,22 @@ def tall(folder, stories):
 
 def print_setting_up(file, samples):
     """What a tall building costs before the march, and the march over the whole record (from some samples of it)."""
-    begin = time.process_time()
-    model = load_model(file)
+    times = []
+
+    def timed(function, *arguments):
+        begin = time.process_time()
+        result = function(*arguments)
+        times.append(time.process_time() - begin)
+        return result
+
+    model = timed(load_model, file)
     record = model_record(model)
-    loading = time.process_time() - begin
-    whole = record.acceleration.size - 1
-    response = None
-    begin = time.process_time()
-    response = run_case(prepare(model, replace(record, acceleration=record.acceleration[: samples + 1])))
-    setting_up = time.process_time() - begin - response.march_time + loading
-    march = response.march_time * whole / samples
+    few, many = (replace(record, acceleration=record.acceleration[: count + 1]) for count in (1, samples + 1))
+    case = timed(prepare, model, few)
+    timed(run_case, case)
+    setting_up = sum(times)
+    timed(run_case, case.under(many))
+    march = (times[-1] - times[-2]) * (record.acceleration.size - 1) / samples
     print(f"{file.stem}: set-up {setting_up:.2f} s, march {march:.1f} s, {setting_up / march:.3f} of it", flush=True)
 
 
