@@ -146,7 +146,7 @@ class March:
         """March once more."""
         integrator = parse(self.method)
         steps = choose_steps(None, None, record.dt, record.duration)
-        marched = PreparedBuilding(self.building).march(integrator, steps, record.acceleration.copy(), between=True)
+        marched = PreparedBuilding(self.building).march(integrator, steps, record.acceleration.copy())
         self.seconds = min(self.seconds, marched.seconds / steps.count) if marched.code == 0 else np.nan
         self.events = int(marched.space.memo[EVENTS])
         self.solves = marched.space.observed[ITERATIONS] / steps.count

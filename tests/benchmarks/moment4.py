@@ -125,7 +125,7 @@ class March:
         """March once more; processor time."""
         steps = choose_steps(None, None, record.dt, record.duration)
         begin = time.process_time()
-        self.prepared.march(self.integrator, steps, record.acceleration.copy(), between=True)
+        self.prepared.march(self.integrator, steps, record.acceleration.copy())
         self.seconds = min(self.seconds, (time.process_time() - begin) / steps.count)
 
 

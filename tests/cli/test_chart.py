@@ -116,9 +116,9 @@ def test_the_default_methods_and_steps(folder, tdint):
     table = rows(result.stdout)
     labels = [parse(name).label for name in DEFAULT_METHODS if name != "exact"]
     assert [row["method"] for row in table] == [label for label in labels for _ in range(7)]
-    assert [float(row["dt_s"]) for row in table[:7]] == pytest.approx([0.04 / 2**j for j in range(7)])
+    assert [float(row["dt_s"]) for row in table[:8]] == pytest.approx([0.08 / 2**j for j in range(8)])
     halved = tdint("chart", "shaken.yaml", "--halvings", "1", "--repeat", "1", "--no-cache", "--method", "gauss4")
-    assert [row["dt_s"] for row in rows(halved.stdout)] == ["0.04", "0.02"]
+    assert [row["dt_s"] for row in rows(halved.stdout)] == ["0.08", "0.04"]
 
 
 def test_unstable_steps_stay_in_the_table(folder, tdint):

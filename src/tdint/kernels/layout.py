@@ -57,6 +57,14 @@ GROUND_0 = 1
 GROUND_1 = 2
 LOAD_SIZE = 3
 
+# peaks: largest absolute values; as many rows more for what they may be where a step does not tell
+PEAK_DRIFT = 0
+PEAK_SHEAR = 1
+PEAK_DISPLACEMENT = 2
+PEAK_VELOCITY = 3
+PEAK_ACCELERATION = 4  # absolute: relative to the ground, plus the ground's
+PEAK_ROWS = 5
+
 # forces on floors, one row each
 FLOOR = 0
 COSINE = 1
@@ -76,8 +84,10 @@ POWER_DAMPERS = 7  # 1 if a story has a power-law dashpot
 OWN_WORK = 8  # 1 if the step tells what work it does
 WORK_INPUT = 9  # of the load in the last step, J
 WORK_DAMPED = 10  # of the viscous dampers in the last step, J
-STRAIGHTENED = 11  # 1 if the load of a step over several samples has their impulse and first moment
-MEMO_SIZE = 12
+CARRIED_GROUND = 11  # ground acceleration that the acceleration of the state stands with, where steps are long
+WITHIN = 12  # row of work from which on the step has raised its own peaks between its ends; 0 if it has not
+FAST = 13  # 1 if the building has modes that the step does not follow
+MEMO_SIZE = 14
 
 # memo[BRANCHES]
 NO_BRANCHES = 0

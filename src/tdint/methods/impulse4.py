@@ -17,7 +17,18 @@ import math
 
 from tdint.kernels.chain import finite
 from tdint.kernels.compiling import called, inlined, kernel
-from tdint.kernels.equations.impulse4 import FACTORS, SAVED, STORE, factor_rows, loads, newton, solve_linear
+from tdint.kernels.equations.impulse4 import (
+    FACTORS,
+    PEAKS,
+    PIECE,
+    SAVED,
+    STORE,
+    TURNS,
+    factor_rows,
+    loads,
+    newton,
+    solve_linear,
+)
 from tdint.kernels.equations.impulse_momentum import (
     A1,
     DU,
@@ -36,6 +47,7 @@ from tdint.kernels.layout import (
     DISPLACEMENT,
     DRIFT,
     EVENTS,
+    FAST,
     FIRST_TRIAL,
     FORCE,
     FURTHER,
@@ -48,6 +60,11 @@ from tdint.kernels.layout import (
     NO_BRANCHES,
     NOT_CONVERGED,
     NOT_FINITE,
+    PEAK_ACCELERATION,
+    PEAK_DISPLACEMENT,
+    PEAK_DRIFT,
+    PEAK_SHEAR,
+    PEAK_VELOCITY,
     SECOND_TRIAL,
     SLOPE,
     SPRING_ROWS,
@@ -57,11 +74,13 @@ from tdint.kernels.layout import (
     TURNED,
     UPPER,
     VELOCITY,
+    WITHIN,
 )
+from tdint.kernels.march.within import look_within, raise_peak
 from tdint.kernels.stepping import STEP
 from tdint.kernels.stories.branches import advance, go_along, switch
 from tdint.kernels.stories.events import NONE, first_event
-from tdint.kernels.stories.springs import commit, resume, settle
+from tdint.kernels.stories.springs import commit, reach, resume, settle
 from tdint.methods.method import Family, Method, Parameter
 
 _STRAYED = 0.1  # over the drift's change: a located event that is missed by more was not located
@@ -84,6 +103,7 @@ def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work
         code = _by_branches(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo)
         if code != NOT_CONVERGED:
             return code
+    memo[WITHIN] = 0.0
     loads(chain, forces, load[TIME], h, load[GROUND_0], load[GROUND_1], work)
     code = newton(False, coefficients, chain, modal, laws, h, state, springs, work, memo, FACTORS)
     if code < 0:
@@ -147,10 +167,17 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
         if BENDING and ending and _strays(chain, springs, work, story, how):
             _restore(state, springs, work, n)
             return NOT_CONVERGED
+        if BENDING and events > 0:
+            for row in range(3):
+                for i in range(n):
+                    work[PIECE + row, i] = state[row, i]
         if not CURVING or straight:
             _advance(chain, laws, state, springs, work)
         else:
             _arrive(True, chain, laws, state, springs, work)
+        if BENDING and events > 0:
+            _look(memo[FAST] == 0.0, chain, laws, piece, ground, ground + slope * piece, state, springs, work)
+            memo[WITHIN] = PEAKS
         done += piece
         piece = h - done
         if not ending:
@@ -239,6 +266,27 @@ def _arrive(frozen, chain, laws, state, springs, work):
             settle(laws, springs, i, 0, FIRST_TRIAL)
             commit(laws, springs, i, FIRST_TRIAL, SECOND_TRIAL)
         below = u
+
+
+@called
+def _look(within, chain, laws, h, ground_0, ground_1, state, springs, work):
+    """Raise the peaks by what the motion has at the end of a piece, and `within` it."""
+    turned = 0
+    if within:
+        turned = look_within(
+            False, False, chain, laws, h, ground_0, ground_1, work, PIECE, state, state, ACCELERATION, springs, work,
+            TURNS, work, PEAKS,
+        )  # fmt: skip
+    for i in range(chain.shape[1] - 1):
+        drift = springs[DRIFT, i]
+        raise_peak(work, PEAKS + PEAK_DRIFT, i, drift)
+        raise_peak(work, PEAKS + PEAK_SHEAR, i, springs[FORCE, i])
+        raise_peak(work, PEAKS + PEAK_DISPLACEMENT, i, state[DISPLACEMENT, i])
+        raise_peak(work, PEAKS + PEAK_VELOCITY, i, state[VELOCITY, i])
+        raise_peak(work, PEAKS + PEAK_ACCELERATION, i, state[ACCELERATION, i] + ground_1)
+        if turned > 0 and work[TURNS, i] != drift:
+            reach(laws, springs, i, 0, FIRST_TRIAL, work[TURNS, i])
+            raise_peak(work, PEAKS + PEAK_SHEAR, i, springs[FIRST_TRIAL + FORCE, i])
 
 
 @called

@@ -75,9 +75,9 @@ class Family:
         Whether the step is stable only up to some size where a story is stiffer than at rest.
     own_work : bool
         Whether the step tells the work of load and dampers in it; else it is found from the powers at its ends.
-    straightened : bool
-        Whether a step over several samples of a record is given their impulse and first moment, as a line; else the
-        line from its first to its last sample.
+    shifts : tuple of float
+        What each row of the state takes of a jump of the ground acceleration between two steps, over
+        h^(2 - derivative). Such jumps come with steps longer than the record's sampling interval.
     parabolic : bool
         Whether the displacements follow parabolas within the step, along which the rates change as from end to end.
     prepare : callable, optional
@@ -95,7 +95,7 @@ class Family:
     linear_only: bool = False
     limited_by_stiffening: bool = False
     own_work: bool = False
-    straightened: bool = False
+    shifts: tuple[float, ...] = (0.0, 0.0, 1.0)
     parabolic: bool = False
     prepare: Callable[[Building, NDArray[np.float64], float], NDArray[np.float64]] | None = None
 

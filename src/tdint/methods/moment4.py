@@ -69,7 +69,6 @@ FAMILY = Family(
     work_rows,
     memory=(DISPLACEMENT, VELOCITY),
     own_work=True,
-    straightened=True,
     parabolic=True,
 )
 

@@ -9,6 +9,8 @@ steps before it, w0, w_ and b0, b_, the formulas of Houbolt (1950) and Park (197
 
 The state keeps the means in the place of older displacements and velocities. That is the same memory, but small steps
 do not drown in rounding: differences of displacements would put an error of rounding(u) / h^2 into each acceleration.
+Where the ground's acceleration jumps by j between two steps, the means become those of a past under the new one, which
+is u + j t^2 / 2 before the jump at t = 0.
 The first two steps are average acceleration (Newmark 1959), which keeps order 2 in u, v and a; so are the pieces of a
 step that was halved because it did not converge, and the two steps after it.
 """
@@ -134,6 +136,7 @@ def _member(name: str, v_by_w, a_by_w, a_by_b, memory: tuple[int, ...], source: 
         memory=memory,
         state_rows=OLDER_MEAN_ACCELERATION + 1,
         derivatives=(0, 1, 2, 1, 1, 2, 2),
+        shifts=(0.0, 0.0, 1.0, -0.5, -1.5, 1.0, 1.0),
     )
     return Method(
         name=name,

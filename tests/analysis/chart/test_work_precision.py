@@ -24,6 +24,7 @@ from tdint.analysis.chart.work_precision import (
     halved_steps,
     measure,
     suited,
+    ties,
 )
 from tdint.errors import AnalysisError, UsageError
 from tdint.methods.catalogue import parse
@@ -325,6 +326,20 @@ def test_what_is_recommended():
     assert cheapest(points, "drift", 0.01) == points[4]
     assert cheapest(points, "drift", 0.001) == points[5]
     assert cheapest(points, "drift", 1e-5) is None
+    assert ties(points, "drift", 0.01) == [points[6]]
+    assert ties(points, "drift", 0.001) == ties(points, "drift", 1e-5) == []
+
+
+@pytest.mark.parametrize(("verdicts", "turns"), [("aaaaaaaa", 2), ("abbbbbbb", 3), ("abababab", 8)])
+def test_times_are_taken_until_the_verdict_stands(verdicts, turns):
+    """Twice at least, as was asked for, and four times that at most."""
+    problem = pose(ten_linear(), noise(samples=21))
+    asked = iter(verdicts)
+    chart = measure(
+        problem, integrators("newmark-average"), (problem.interval,), repeats=2, cached=False,
+        judge=lambda points: next(asked),
+    )  # fmt: skip
+    assert len(chart.points[0].times) == turns
 
 
 @pytest.mark.parametrize("limit", [1e-2, 1e-3])
@@ -341,10 +356,10 @@ def test_running_what_is_recommended_meets_the_error(limit):
 
 def test_default_steps():
     problem = pose(ten_linear(), noise())
-    assert default_steps(problem, 9, 5) == pytest.approx([0.01 * 4 / 2**j for j in range(7)])
+    assert default_steps(problem, 9, 5) == pytest.approx([0.01 * 8 / 2**j for j in range(8)])
     large = replace(problem, samples=100_000_000)
-    assert default_steps(large, 9, 5) == pytest.approx([0.04, 0.02, 0.01])
-    assert halved_steps(problem, 0) == pytest.approx([0.04])
+    assert default_steps(large, 9, 5) == pytest.approx([0.08, 0.04, 0.02, 0.01])
+    assert halved_steps(problem, 0) == pytest.approx([0.08])
 
 
 def test_steps_must_fit():

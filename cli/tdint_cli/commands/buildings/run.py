@@ -24,7 +24,7 @@ from tdint_cli.terminal.streams import complain, note, say, warn
 
 if TYPE_CHECKING:
     from tdint.analysis.run.outcome import Collapse
-    from tdint.analysis.run.run import Case, FailedRun, Response
+    from tdint.analysis.run.run import Case, FailedRun, Response, StepChoice
     from tdint.files import Writer
     from tdint.ground_motion.record import Input, Record
     from tdint.output.tables.table import Table
@@ -118,8 +118,8 @@ class Request(BuildingRequest):
     "--tolerance",
     type=Ratio(0.0, 1.0, min_open=True, max_open=True),
     metavar="1%",
-    help="Halve the step, up to eight times, until the estimated error of every peak drift is within this part of it; "
-    "the columns of --check are there, too.",
+    help="Take the largest step with which the estimated error of every peak drift is within this part of it: from "
+    "several sampling intervals of the record, or from --dt, down to a 256th; the columns of --check are there, too.",
 )
 @options.analysis.option("--allow-unstable", is_flag=True, help="Run a method beyond its largest stable step.")
 @options.option(
@@ -368,13 +368,25 @@ def _paragraph(response: Response, units: OutputUnits) -> str:
     ]
     if (check := response.check) and check.drift_error is not None:
         runs = " and ".join(f"{dt:.6g}" for dt in check.dts)
-        if check.tolerance is not None:
-            lines.append(f"Step chosen for peak drifts within {100.0 * check.tolerance:g} %: {response.dt:.6g} s.")
+        if check.choice is not None:
+            lines.append(_chosen(response, check.choice))
         lines.append(
             f"Largest estimated error of a peak drift: {100.0 * check.drift_error:.2g} % (story {check.drift_story}), "
             f"from runs with dt {runs} s."
         )
     return "\n".join(lines)
+
+
+def _chosen(response: Response, choice: StepChoice) -> str:
+    """The step that was chosen, and what it costs."""
+    line = f"Step chosen for peak drifts within {100.0 * choice.tolerance:g} %, from {choice.runs} runs: "
+    line += f"{response.dt:.6g} s"
+    if choice.samples is not None:
+        line += f", {choice.samples:g} sampling {'interval' if choice.samples == 1.0 else 'intervals'} of the record"
+    line += f"; {response.iterations} solves"
+    if choice.solves_at_record is not None and choice.samples != 1.0:
+        line += f", {choice.solves_at_record} with the record's own step"
+    return line + "."
 
 
 def _collapsed(response: Response, collapse: Collapse) -> str:

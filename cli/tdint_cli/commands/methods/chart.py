@@ -68,7 +68,7 @@ class Request(BuildingRequest):
     "--halvings",
     type=click.IntRange(0, 16),
     metavar="COUNT",
-    help="Without --dt: four times that interval, halved so many times; 6 by default, fewer for very large buildings.",
+    help="Without --dt: eight times that interval, halved so many times; 7 by default, fewer for very large buildings.",
 )
 @options.analysis.option(
     "--stories",
@@ -143,7 +143,7 @@ def _run(request: Request) -> None:
             warn(f"{record.source}: {warning}")
     with progress_bar(request.output is None) as progress:
         charts, left_out = _charts(request, model, record, progress)
-    advice = _advice(request, charts[0]) if len(charts) == 1 and not _peaks_at_start(request, charts[0]) else []
+    advice = _advice(request, charts[0].points) if len(charts) == 1 and not _peaks_at_start(request, charts[0]) else []
     notes = [*_notes(request, charts, record), *left_out]
     _deliver(request, outputs, charts, model, record, advice, notes)
     for chart in charts:
@@ -193,7 +193,13 @@ def _chart(request: Request, model: Model, record: Record | None, progress: Prog
     integrators = suited(problem, options.analysis.integrators(request.methods or DEFAULT_METHODS))
     steps = _steps(request, problem, len(integrators))
     own = part_of(progress, 0.0, 0.2 if request.peers else 1.0)
-    chart = measure(problem, integrators, steps, repeats=request.repeat, cached=request.cache, progress=own)
+
+    def verdict(points: Sequence[Point]) -> list[tuple[str, float] | None]:
+        return [(one.point.line, one.point.dt) if one.point else None for one in _advice(request, points)]
+
+    chart = measure(
+        problem, integrators, steps, repeats=request.repeat, cached=request.cache, judge=verdict, progress=own
+    )
     if not request.peers:
         return chart, []
     from tdint.analysis.chart.peers.peers import with_peers
@@ -211,13 +217,13 @@ def _steps(request: Request, problem: Problem, methods: int) -> Sequence[float]:
     return [problem.interval] if request.stories else default_steps(problem, methods, request.repeat)
 
 
-def _advice(request: Request, chart: Chart) -> list[Advice]:
-    from tdint.analysis.chart.work_precision import cheapest
+def _advice(request: Request, points: Sequence[Point]) -> list[Advice]:
+    from tdint.analysis.chart.work_precision import cheapest, ties
     from tdint.output.summaries.chart import Advice
     from tdint.output.tables.chart import PEER
 
-    own = [point for point in chart.points if PEER not in point.line]
-    return [Advice(limit, cheapest(own, request.target, limit)) for limit in LIMITS]
+    own = [point for point in points if PEER not in point.line]
+    return [Advice(limit, cheapest(own, request.target, limit), ties(own, request.target, limit)) for limit in LIMITS]
 
 
 def _peaks_at_start(request: Request, chart: Chart) -> bool:
@@ -272,6 +278,9 @@ def _recommend(request: Request, chart: Chart, advice: list[Advice]) -> None:
         what = f"For {100.0 * one.limit:g} % ({request.target}): "
         if one.point:
             say(f"{what}{one.point.line} with dt {one.point.dt:.6g} s, {cost(one.point)}.")
+            if one.ties:
+                others = "; ".join(f"{tie.line} with dt {tie.dt:.6g} s, {cost(tie)}" for tie in one.ties)
+                say(f"As cheap, to what the clock tells apart: {others}.")
         else:
             say(f"{what}none of these methods and steps; add smaller steps with --dt or --halvings.")
     whose = "record" if chart.recorded else "model"
@@ -285,10 +294,9 @@ def _notes(request: Request, charts: list[Chart], record: Record | None) -> list
     notes = list(record.notes) if record else []
     points = [point for chart in charts for point in chart.points]
     coarse = dict.fromkeys(p.method.partition(":")[0] for p in points if p.dt > charts[0].interval * 1.001)
-    kept = [name for name in coarse if name in catalogue() and catalogue()[name].family.straightened]
-    if record and coarse:
-        but = f"; {', '.join(kept)} keeps their impulse and its first moment" if kept else ""
-        notes.append(f"steps over {charts[0].interval:.6g} s skip samples of the record{but}")
+    skipping = [name for name in coarse if name not in catalogue()]
+    if record and skipping:
+        notes.append(f"steps over {charts[0].interval:.6g} s skip samples of the record in {', '.join(skipping)}")
     for label, outcome in dict.fromkeys((point.line, point.outcome) for point in points if not point.errors):
         steps = dict.fromkeys(f"{p.dt:.6g}" for p in points if (p.line, p.outcome) == (label, outcome))
         notes.append(f"{label}: {outcome} with dt {', '.join(steps)} s")

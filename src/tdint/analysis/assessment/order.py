@@ -42,6 +42,7 @@ _XI = 0.02
 _START = (0.7, 2.0)  # u (m) and v (m/s)
 _AMPLITUDE = 20.0  # of the harmonic force, N
 _SAMPLES = 200  # coarsest steps
+_HIGHEST = 10.0  # frequency in a record of which several samples go into a step, Hz
 _ROUNDING = 3e-12  # errors below this, over the largest value, are rounding
 _ENDS = (40, 90, 130, 170, 200)  # coarse steps at whose ends the method's own acceleration is looked at
 
@@ -95,6 +96,8 @@ class OrderProblem:
         Circular frequency of the load over that of the oscillator; nan for a load without a frequency.
     exact : ndarray, shape (3, samples)
         Displacement (m), velocity (m/s) and acceleration (m/s^2) at the ends of the coarsest steps.
+    stride : int
+        Sampling intervals of a record in the coarsest step.
     """
 
     load: str
@@ -103,6 +106,7 @@ class OrderProblem:
     prepared: PreparedBuilding
     ground: Array
     exact: Array
+    stride: int = 1
 
     @property
     def building(self) -> Building:
@@ -110,7 +114,9 @@ class OrderProblem:
         return self.prepared.building
 
 
-def order_problem(load: str = "harmonic", law: str = "linear", frequency_ratio: float = 0.5) -> OrderProblem:
+def order_problem(
+    load: str = "harmonic", law: str = "linear", frequency_ratio: float = 0.5, stride: int = 1
+) -> OrderProblem:
     """Set an oscillator of period 1 s, damping ratio 0.02, from a displacement and a velocity, and solve it over 4 s.
 
     Parameters
@@ -122,12 +128,18 @@ def order_problem(load: str = "harmonic", law: str = "linear", frequency_ratio: 
         A key of `STORY_LAWS`.
     frequency_ratio : float
         r, circular frequency of the load over that of the oscillator.
+    stride : int
+        Samples of the record are so many times closer than the coarsest step: a power of 2.
 
     Raises
     ------
     UsageError
-        An unknown load or law.
+        An unknown load or law, a stride that is none or without a record.
     """
+    if stride < 1 or stride & (stride - 1):
+        raise UsageError(f"the stride is a power of 2, so that halved steps are whole samples, got {stride}")
+    if stride > 1 and load != "record":
+        raise UsageError(f"a stride is about the samples of a record; the load {load!r} has none")
     if load not in LOADS or law not in STORY_LAWS:
         known = f"loads {', '.join(LOADS)}; laws {', '.join(STORY_LAWS)}"
         raise UsageError(f"no order problem {load!r} with {law!r}: {known}")
@@ -135,11 +147,14 @@ def order_problem(load: str = "harmonic", law: str = "linear", frequency_ratio: 
     applied = (Force(1, _AMPLITUDE, 0.0, ratio * _OMEGA),) if load == "harmonic" else ()
     story = simple_story(1.0, STORY_LAWS[law], stiffness=_OMEGA**2, dashpot=2.0 * _XI * _OMEGA)
     building = assemble(simple_model("oscillator", [story]))
-    ground = _sampled_motion() if load == "record" else np.zeros(1)
-    exact = _linear_record(ground) if load == "record" and law == "linear" else _by_dop853(load, law, ratio, ground)
+    ground = _sampled_motion(stride) if load == "record" else np.zeros(1)
+    if load == "record" and law == "linear":
+        exact = _linear_record(ground, stride)
+    else:
+        exact = _by_dop853(load, law, ratio, ground, stride)
     displacement, velocity = _START
     prepared = PreparedBuilding(building, force_table(applied), displacement, velocity)
-    return OrderProblem(load, law, ratio, prepared, ground, exact)
+    return OrderProblem(load, law, ratio, prepared, ground, exact[:, ::stride], stride)
 
 
 def observed_order(integrator: Integrator, problem: OrderProblem, halvings: int = HALVINGS) -> ObservedOrder:
@@ -172,29 +187,37 @@ def _errors(integrator: Integrator, problem: OrderProblem, parts: int) -> list[f
     measured[2] -= history[:, 0]
     errors = np.max(np.abs(measured - exact), axis=1) / largest
     own = math.nan
-    if ACCELERATION in integrator.family.memory:
+    if ACCELERATION in integrator.family.memory and problem.stride == 1:  # else it is that under another motion
         own = max(abs(_march(integrator, problem, parts, end)[0] - exact[2, end]) for end in _ENDS)
     return [*errors, own / largest[2]]
 
 
 def _march(integrator: Integrator, problem: OrderProblem, parts: int, count: int) -> tuple[float, Array]:
     """The method's own acceleration at the end, and the history."""
-    steps = Steps(COARSEST / parts, parts * count, per_sample=parts)
+    within = math.gcd(parts, problem.stride)
+    steps = Steps(COARSEST / parts, parts * count, parts // within, problem.stride // within)
     marched = problem.prepared.march(integrator, steps, problem.ground, rows=parts * count)
     if marched.code < 0:
         raise AnalysisError(f"{integrator.label} failed with dt {steps.h:.6g} s")
     return float(marched.space.state[ACCELERATION, 0]), marched.space.history
 
 
-def _sampled_motion() -> Array:
-    """Ground acceleration at samples 0.02 s apart, m/s^2: seeded noise."""
+def _sampled_motion(stride: int) -> Array:
+    """Ground acceleration at samples 0.02 s / stride apart, m/s^2: seeded noise; where steps go over several samples,
+    noise up to `_HIGHEST` as ground motions have it. (Of white noise each step leaves out a second moment as large as
+    the two that it takes, which leaves an order of 2 to 2.5.)"""
     generator = np.random.default_rng(20221120)
-    return 5.0 * generator.standard_normal(_SAMPLES + 1)
+    if stride == 1:
+        return 5.0 * generator.standard_normal(_SAMPLES + 1)
+    times = COARSEST / stride * np.arange(_SAMPLES * stride + 1)
+    frequencies = np.linspace(0.5, _HIGHEST, 40)
+    phases = 2.0 * math.pi * (np.outer(times, frequencies) + generator.uniform(size=40))
+    return np.asarray(np.sin(phases) @ generator.standard_normal(40))
 
 
-def _linear_record(ground: Array) -> Array:
+def _linear_record(ground: Array, stride: int) -> Array:
     """Exact motion of the linear oscillator at the samples."""
-    h = COARSEST
+    h = COARSEST / stride
     step = oscillator(np.array([_OMEGA * h]), np.array([_XI]))[0]
     states = np.empty((2, ground.size))
     states[:, 0] = _START[0], h * _START[1]
@@ -204,12 +227,12 @@ def _linear_record(ground: Array) -> Array:
     return np.array([u, v, -ground - 2.0 * _XI * _OMEGA * v - _OMEGA**2 * u])
 
 
-def _by_dop853(load: str, law: str, ratio: float, ground: Array) -> Array:
+def _by_dop853(load: str, law: str, ratio: float, ground: Array, stride: int) -> Array:
     """Motion at the samples by SciPy's DOP853 at a tolerance of 1e-13, restarted at the samples of a record."""
     from scipy.integrate import solve_ivp
 
     coefficients = STORY_LAWS[law].parameters or (_OMEGA**2,)
-    times = COARSEST * np.arange(_SAMPLES + 1)
+    times = COARSEST / stride * np.arange(_SAMPLES * stride + 1)
 
     def acceleration(t: float, u: float, v: float) -> float:
         restoring = u * sum(c * u**j for j, c in enumerate(coefficients))

@@ -16,6 +16,7 @@ from tdint.analysis.run.run import model_record
 from tdint.analysis.run.steps import Steps, choose_steps
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
+from tdint.kernels.layout import PEAK_DRIFT
 from tdint.kernels.march import observing
 from tdint.methods.method import Integrator
 from tdint.model.building import Building
@@ -142,14 +143,13 @@ class Problem:
         with `keep`. There is no motion where the march does not reach its end.
         """
         rows = steps.count // steps.per_sample if keep else 0
-        between = self.prepared.resolves(steps.h)
-        marched = self.prepared.march(integrator, steps, self.ground, rows=rows, between=between)
+        marched = self.prepared.march(integrator, steps, self.ground, rows=rows)
         space = marched.space
         motion = None
         if keep and marched.code == 0:
             n = self.building.stories
             u, v, a = (space.history[:, 1 + j * n : 1 + (j + 1) * n].copy() for j in range(3))
-            motion = FloorMotion(steps.stride, u, v, a, space.peaks[observing.PEAK_DRIFT])
+            motion = FloorMotion(steps.stride, u, v, a, space.peaks[PEAK_DRIFT])
         return March(int(space.observed[observing.ITERATIONS]), marched.seconds, motion)
 
 

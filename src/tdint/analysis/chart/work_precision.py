@@ -31,10 +31,10 @@ DEFAULT_METHODS = (
 )
 """Methods that are charted unless some are asked for; `exact` for linear buildings only."""
 
-COARSEST = 4
+COARSEST = 8
 """The largest of the steps by default, over the record's."""
 
-HALVINGS = 6
+HALVINGS = 7
 """How often it is halved by default."""
 
 DONE, COLLAPSED, FAILED_STORY = "done", "collapsed", "failed-story"
@@ -43,6 +43,7 @@ _SECONDS = 30.0  # for the marches of a chart by default, roughly
 _STORY_STEP = 6e-8  # s, of one step of one story, roughly
 
 _SAME_COST = 1.1
+_MORE_REPEATS = 4  # times the repeats that are asked for, at most
 _COMPILED, _PREPARED = 0.1, 0.25  # of all work, when the methods are compiled and when there is a reference
 
 Progress = Callable[[str, float], None]
@@ -127,19 +128,19 @@ class Chart:
 
 
 def default_steps(problem: Problem, methods: int, repeats: int) -> tuple[float, ...]:
-    """Steps for some methods, s: from four intervals down, by halves, to a sixteenth or what a large building allows.
+    """Steps for some methods, s: from eight intervals down, by halves, to a sixteenth or what a large building allows.
 
     Down to the interval itself in any case.
     """
     one = problem.samples * problem.building.stories * _STORY_STEP * methods * (repeats + 1)
     halvings = HALVINGS
-    while halvings > 2 and one * 2.0 ** (halvings + 1) / COARSEST > _SECONDS:
+    while halvings > 3 and one * 2.0 ** (halvings + 1) / COARSEST > _SECONDS:
         halvings -= 1
     return halved_steps(problem, halvings)
 
 
 def halved_steps(problem: Problem, halvings: int) -> tuple[float, ...]:
-    """Four intervals, halved so many times, s."""
+    """Eight intervals, halved so many times, s."""
     return tuple(problem.interval * COARSEST / 2**j for j in range(halvings + 1))
 
 
@@ -164,6 +165,7 @@ def measure(
     *,
     repeats: int = 5,
     cached: bool = True,
+    judge: Callable[[Sequence[Point]], object] | None = None,
     progress: Progress = silent,
 ) -> Chart:
     """Integrate a problem with all methods and steps: errors first, then times, all points taking turns.
@@ -178,6 +180,9 @@ def measure(
         How often each march is timed. Compilation is not timed.
     cached : bool
         Take the reference from the cache if it is there, and keep it.
+    judge : callable, optional
+        What the points are measured for, such as the cheapest of them: the marches are timed again, up to four times
+        as often, until one more time does not change its answer.
     progress : callable
         Told what is being done.
 
@@ -197,7 +202,7 @@ def measure(
     reference = find_reference(problem, reached(problem, (*choices, own)), cached=cached)
     pairs = [(integrator, steps) for integrator in integrators for steps in choices]
     bench = _Bench(problem, reference, progress, pairs if usual in pairs else [*pairs, usual], repeats)
-    points = bench.points()
+    points = bench.points(judge)
     return Chart(
         stories=problem.building.stories,
         interval=problem.interval,
@@ -225,16 +230,24 @@ class _Bench:
         self.total = (repeats + 1) * sum(steps.count for _, steps in pairs)
         self.done = 0
 
-    def points(self) -> dict[_Pair, Point]:
-        """Each pair of method and step measured."""
+    def points(self, judge: Callable[[Sequence[Point]], object] | None = None) -> dict[_Pair, Point]:
+        """Each pair of method and step measured, so often that the judge is sure."""
         points = {pair: self._tried(*pair) for pair in self.pairs}
-        times: dict[_Pair, list[float]] = {pair: [] for pair in self.pairs}
-        for _ in range(self.repeats):
-            for pair, point in points.items():
-                if point.errors:
-                    times[pair].append(self.problem.march(*pair).seconds)
-                self._advance("times", pair[1])
-        return {pair: replace(point, times=tuple(times[pair])) for pair, point in points.items()}
+        verdict: object = None
+        for turn in range(1, (_MORE_REPEATS if judge else 1) * self.repeats + 1):
+            points = {pair: self._timed(pair, point, turn <= self.repeats) for pair, point in points.items()}
+            before, verdict = verdict, judge(list(points.values())) if judge else None
+            if turn >= self.repeats and verdict == before:
+                break
+        return points
+
+    def _timed(self, pair: _Pair, point: Point, planned: bool) -> Point:
+        """A point with one time more."""
+        if planned:
+            self._advance("times", pair[1])
+        if not point.errors:
+            return point
+        return replace(point, times=(*point.times, self.problem.march(*pair).seconds))
 
     def _tried(self, integrator: Integrator, steps: Steps) -> Point:
         """Outcome and errors, without times."""
@@ -266,6 +279,21 @@ def cheapest(points: Sequence[Point], quantity: str, limit: float) -> Point | No
     So a step whose error is small by chance is not recommended. Of points whose costs differ by less than a tenth,
     which is what clocks tell apart, the most accurate one is taken. None where no point is within the limit.
     """
+    return min(_alike(points, quantity, limit), key=lambda point: point.error(quantity), default=None)
+
+
+def ties(points: Sequence[Point], quantity: str, limit: float) -> list[Point]:
+    """The points of other lines that cost as little as `cheapest`, to what clocks tell apart; one for each line."""
+    best = cheapest(points, quantity, limit)
+    others: dict[str, Point] = {}
+    for point in sorted(_alike(points, quantity, limit), key=lambda point: point.error(quantity)):
+        if best is not None and point.line != best.line:
+            others.setdefault(point.line, point)
+    return list(others.values())
+
+
+def _alike(points: Sequence[Point], quantity: str, limit: float) -> list[Point]:
+    """The points within a limit, their smaller steps too, that cost the least or nearly so."""
     good: list[Point] = []
     for line in dict.fromkeys(point.line for point in points):
         for point in reversed([point for point in points if point.line == line]):
@@ -273,5 +301,4 @@ def cheapest(points: Sequence[Point], quantity: str, limit: float) -> Point | No
                 break
             good.append(point)
     least = min((point.fastest for point in good), default=math.nan)
-    alike = [point for point in good if point.fastest <= _SAME_COST * least]
-    return min(alike, key=lambda point: point.error(quantity), default=None)
+    return [point for point in good if point.fastest <= _SAME_COST * least]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.run import observed
-from tdint.analysis.run.outcome import Collapse, Energy, FailedRun, Response
+from tdint.analysis.run.outcome import Collapse, Energy, FailedRun, Response, StoryErrors, StoryPeaks
 from tdint.analysis.run.prepared import Marched, PreparedBuilding
 from tdint.analysis.run.steps import Steps, choose_steps
 from tdint.analysis.run.workspace import HALVINGS, Workspace
@@ -34,6 +34,9 @@ _MADE = 1.0
 
 RUNAWAY = 100.0
 """Energy made by the method, over the input energy, from which a run has diverged: ten times the amplitude."""
+
+_UNRESOLVED = 0.05
+"""Part of a peak that may be hidden between the steps without a note."""
 
 _OVERFLOW = 1e300
 """Residual from which a step that did not converge is one whose numbers ran away."""
@@ -141,7 +144,6 @@ class Case:
             steps,
             self.ground,
             rows=steps.count if history else 0,
-            between=self.prepared.resolves(steps.h),
             collapse_drift=self.model.collapse_drift,
         )
 
@@ -223,6 +225,8 @@ class Case:
     def _response(self, steps: Steps, marched: Marched, collapse: Collapse | None) -> Response:
         space = marched.space
         energy = observed.energy(space)
+        stories, unresolved = observed.story_peaks(self.building, space), observed.unresolved(self.building, space)
+        notes = self._notes(steps, int(space.observed[observing.HALVINGS]))
         return Response(
             model=self.model,
             record=self.record,
@@ -234,10 +238,11 @@ class Case:
             halvings=int(space.observed[observing.HALVINGS]),
             events=int(space.memo[layout.EVENTS]),
             march_time=marched.seconds,
-            stories=observed.story_peaks(self.building, space),
+            stories=stories,
             energy=energy,
             history=observed.history(self.building, space, steps.h) if space.history.size else None,
-            notes=self._notes(steps, int(space.observed[observing.HALVINGS])),
+            notes=(*notes, *_unresolved_note(stories, unresolved)),
+            unresolved=unresolved,
             collapse=collapse,
             warnings=_imbalance(energy),
         )
@@ -245,13 +250,6 @@ class Case:
     def _notes(self, steps: Steps, halvings: int) -> tuple[str, ...]:
         record = self.record
         notes = [*self.remarks, *(record.notes if record else ())]
-        if record and steps.stride > 1:
-            between = (
-                "of the samples in between their impulse and its first moment are kept"
-                if self.integrator.family.straightened
-                else "samples of the record in between are skipped"
-            )
-            notes.append(f"dt {steps.h:.6g} s is {steps.stride} sampling intervals: {between}")
         if record and steps.count * steps.h > record.duration * (1.0 + 1e-9):
             notes.append(f"the record ends at {record.duration:.6g} s; the ground is at rest after it")
         if self.integrator.family.linear_only and self.model.excitation.forces:
@@ -282,6 +280,23 @@ def _imbalance(energy: Energy) -> tuple[str, ...]:
     return (
         f"the energy balance is off by {100.0 * abs(energy.error):.2g} % of the input energy, {change} the "
         "method: use a smaller step or another method",
+    )
+
+
+def _unresolved_note(stories: StoryPeaks, unresolved: StoryErrors) -> tuple[str, ...]:
+    """Which peaks the step is too long to tell."""
+    kinds = {"drifts": "peak_drift", "displacements": "peak_displacement", "velocities": "peak_velocity"}
+    kinds["accelerations"] = "peak_acceleration"
+    words = [
+        words
+        for words, name in kinds.items()
+        if np.any(getattr(unresolved, name) > _UNRESOLVED * getattr(stories, name))
+    ]
+    if not words:
+        return ()
+    return (
+        f"the step is too long for the fastest modes: between the steps, peak {', '.join(words)} may be larger than "
+        "those given; use a smaller step",
     )
 
 

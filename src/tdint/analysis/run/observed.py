@@ -9,9 +9,9 @@ from operator import add, sub
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.run.outcome import ENERGY_TERMS, Energy, EnergyHistory, History, StoryPeaks
+from tdint.analysis.run.outcome import ENERGY_TERMS, Energy, EnergyHistory, History, StoryErrors, StoryPeaks
 from tdint.analysis.run.workspace import Workspace
-from tdint.kernels.layout import DRIFT
+from tdint.kernels import layout
 from tdint.kernels.march import observing
 from tdint.model.building import Building
 
@@ -20,22 +20,38 @@ Array = NDArray[np.float64]
 
 def story_peaks(building: Building, space: Workspace) -> StoryPeaks:
     """The peaks of all stories."""
-    return peaks_of(building, space.peaks, space.springs[DRIFT, :-1].copy())
+    return peaks_of(building, space.peaks, space.springs[layout.DRIFT, :-1].copy())
 
 
 def peaks_of(building: Building, peaks: Array, residual_drift: Array) -> StoryPeaks:
     """The peaks of all stories from the rows of `Workspace.peaks` and the drifts at the end."""
-    drift = peaks[observing.PEAK_DRIFT]
+    drift = peaks[layout.PEAK_DRIFT]
     return StoryPeaks(
         height=building.heights,
         peak_drift=drift,
         peak_drift_ratio=drift / building.heights,
         residual_drift=residual_drift,
-        peak_shear=peaks[observing.PEAK_SHEAR],
+        peak_shear=peaks[layout.PEAK_SHEAR],
         ductility=drift / building.yield_drift,
-        peak_displacement=peaks[observing.PEAK_DISPLACEMENT],
-        peak_velocity=peaks[observing.PEAK_VELOCITY],
-        peak_acceleration=peaks[observing.PEAK_ACCELERATION],
+        peak_displacement=peaks[layout.PEAK_DISPLACEMENT],
+        peak_velocity=peaks[layout.PEAK_VELOCITY],
+        peak_acceleration=peaks[layout.PEAK_ACCELERATION],
+    )
+
+
+def unresolved(building: Building, space: Workspace) -> StoryErrors:
+    """How much larger the peaks may be between steps that do not resolve the motion."""
+    excess = np.maximum(space.peaks[layout.PEAK_ROWS :] - space.peaks[: layout.PEAK_ROWS], 0.0)
+    drift = excess[layout.PEAK_DRIFT]
+    return StoryErrors(
+        peak_drift=drift,
+        peak_drift_ratio=drift / building.heights,
+        residual_drift=np.zeros_like(drift),
+        peak_shear=excess[layout.PEAK_SHEAR],
+        ductility=drift / building.yield_drift,
+        peak_displacement=excess[layout.PEAK_DISPLACEMENT],
+        peak_velocity=excess[layout.PEAK_VELOCITY],
+        peak_acceleration=excess[layout.PEAK_ACCELERATION],
     )
 
 

@@ -54,9 +54,9 @@ class StoryValues:
 class StoryPeaks(Tabular, StoryValues):
     """Peaks of a run.
 
-    Drifts and displacements, and the shears of linear stories, are looked for between the steps too, on the cubic
-    Hermite interpolant, where the step resolves all modes (omega dt <= 2 for the fastest); velocities, accelerations
-    and other shears are those at the steps.
+    All are looked for between the steps too, on the quintic through displacement, velocity and acceleration at both
+    ends of a step, or of each piece of it between two changes of branch that the method locates
+    (`tdint.kernels.march.within`).
 
     Attributes
     ----------
@@ -76,6 +76,28 @@ class StoryErrors(StoryValues):
 
 
 @dataclass(frozen=True)
+class StepChoice:
+    """A step that was chosen for a tolerance.
+
+    Attributes
+    ----------
+    tolerance : float
+        Largest estimated error of a peak drift, over it, that was allowed.
+    runs : int
+        Runs with other steps, or this one, that were made for it.
+    samples : float or None
+        Sampling intervals of the record in the step; None without a record.
+    solves_at_record : int or None
+        Solves of a run with the record's own step, where there was one.
+    """
+
+    tolerance: float
+    runs: int
+    samples: float | None
+    solves_at_record: int | None
+
+
+@dataclass(frozen=True)
 class ErrorEstimate:
     """What the repetition of a run with smaller steps says of it.
 
@@ -89,15 +111,15 @@ class ErrorEstimate:
         Largest estimated error of a peak drift over that drift; None where there is no estimate.
     drift_story : int or None
         The story that has it, counted from 1.
-    tolerance : float or None
-        What `drift_error` was asked to stay below, if the step was chosen for it.
+    choice : StepChoice or None
+        How the step was chosen, if it was for a tolerance.
     """
 
     errors: StoryErrors
     dts: tuple[float, ...]
     drift_error: float | None
     drift_story: int | None
-    tolerance: float | None = None
+    choice: StepChoice | None = None
 
 
 Amount = TypeVar("Amount")
@@ -222,6 +244,9 @@ class Response(Tabular):
         Only if it was asked for.
     collapse : Collapse or None
         When and where, if the status is `collapsed` or `failed-story`.
+    unresolved : StoryErrors
+        How much larger peaks may be between steps that do not resolve the motion, in their units; 0 where the step
+        does.
     check : ErrorEstimate or None
         Estimated errors, if they were asked for.
     notes : tuple of str
@@ -244,6 +269,7 @@ class Response(Tabular):
     energy: Energy
     history: History | None
     notes: tuple[str, ...]
+    unresolved: StoryErrors
     collapse: Collapse | None = None
     check: ErrorEstimate | None = None
     warnings: tuple[str, ...] = ()

@@ -13,14 +13,23 @@ from numpy.typing import NDArray
 
 from tdint.analysis.run.amplification import Instability, find_instability
 from tdint.analysis.run.steps import Steps
-from tdint.analysis.run.workspace import HALVINGS, Workspace, check_suited, integrate, kernels, variant, workspace
+from tdint.analysis.run.workspace import (
+    HALVINGS,
+    Workspace,
+    check_suited,
+    integrate,
+    kernels,
+    shifts,
+    variant,
+    workspace,
+)
 from tdint.kernels.building.obtaining import obtain
 from tdint.kernels.building.variant import Variant
-from tdint.kernels.layout import DISPLACEMENT, FORCE_COLUMNS, LOAD_SIZE, VELOCITY
+from tdint.kernels.layout import DISPLACEMENT, FAST, FORCE_COLUMNS, LOAD_SIZE, PEAK_ROWS, VELOCITY
 from tdint.kernels.march.many import END_COLUMNS, GROUND_SIZE, many
 from tdint.kernels.march.march import march
-from tdint.kernels.march.observing import OBSERVED_SIZE, PEAK_ROWS
-from tdint.kernels.march.stories import begin, take_stock
+from tdint.kernels.march.observing import OBSERVED_SIZE
+from tdint.kernels.march.stories import begin, raise_shears, take_stock
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, assemble
 from tdint.model.definition import Model
@@ -28,8 +37,8 @@ from tdint.model.loads import force_table
 
 Array = NDArray[np.float64]
 
+_RESOLVED = 2.5  # omega dt of the fastest mode, bounded from above, up to which a step is taken to follow all modes
 _KEPT = 4  # sets of coefficients that are kept: a run, its two repetitions with smaller steps, one more
-_RESOLVED = 2.0  # omega dt of the fastest mode up to which peaks are looked for between the steps
 
 
 @dataclass(frozen=True)
@@ -47,7 +56,7 @@ class MarchedRuns:
 
     Attributes
     ----------
-    peaks : ndarray, shape (runs, PEAK_ROWS, n)
+    peaks : ndarray, shape (runs, 2 PEAK_ROWS, n)
         As `Workspace.peaks`.
     drifts : ndarray, shape (runs, n)
         At the end, m.
@@ -162,10 +171,6 @@ class PreparedBuilding:
             self._instability[key] = find_instability(integrator, modes.omega, damping, h)
         return self._instability[key]
 
-    def resolves(self, h: float) -> bool:
-        """Whether a step h (s) follows all modes: the interpolant between its ends is as good as the ends are then."""
-        return self.building.fastest * h <= _RESOLVED
-
     def march(
         self,
         integrator: Integrator,
@@ -173,7 +178,6 @@ class PreparedBuilding:
         ground: Array | None = None,
         *,
         rows: int = 0,
-        between: bool = False,
         collapse_drift: float = math.inf,
     ) -> Marched:
         """Integrate from the initial state over the steps.
@@ -185,8 +189,6 @@ class PreparedBuilding:
             at rest.
         rows : int
             Steps of the history that is kept, of which `steps` are a whole multiple; 0 for none.
-        between : bool
-            Look for peaks of drift and displacement between the steps, too.
         collapse_drift : float
             Drift ratio beyond which a story has collapsed: when one first is, is noted.
 
@@ -197,9 +199,10 @@ class PreparedBuilding:
         """
         check_suited(integrator, self.building)
         self.compile([integrator])
-        space = workspace(self.building, integrator, rows, between, collapse_drift)
+        space = workspace(self.building, integrator, rows, collapse_drift)
         space.state[DISPLACEMENT, :-1] = self.displacement
         space.state[VELOCITY, :-1] = self.velocity
+        space.memo[FAST] = self.building.fastest * steps.h > _RESOLVED
         motion = np.zeros(1) if ground is None else ground
         coefficients = self.coefficients(integrator, steps.h)
         begin = time.perf_counter()
@@ -234,19 +237,21 @@ class PreparedBuilding:
         self.compile([integrator])
         rest = rest or Rest()
         count, n = len(runs), self.building.stories
-        space = workspace(self.building, integrator, between=self.resolves(h), collapse_drift=collapse_drift)
+        space = workspace(self.building, integrator, collapse_drift=collapse_drift)
         state = np.zeros_like(space.state)
         state[DISPLACEMENT, :-1] = self.displacement
         state[VELOCITY, :-1] = self.velocity
+        space.memo[FAST] = self.building.fastest * h > _RESOLVED
         marched = MarchedRuns(
-            peaks=np.zeros((count, PEAK_ROWS, n)),
+            peaks=np.zeros((count, 2 * PEAK_ROWS, n)),
             drifts=np.zeros((count, n)),
             observed=np.zeros((count, OBSERVED_SIZE)),
             ends=np.zeros((count, END_COLUMNS)),
         )
         many.compiled(
-            *(kernel.variant(self.variant) for kernel in (march, integrator.family.step, begin, take_stock)),
+            *(one.variant(self.variant) for one in (march, integrator.family.step, begin, take_stock, raise_shears)),
             HALVINGS if integrator.family.halvable else 0, h, samples, runs, self.coefficients(integrator, h),
+            shifts(integrator, h),
             self.building.chain, self.building.modal, self.building.laws, self.forces,
             state, space.springs, space.memo, space.observed,
             space.state, space.springs.copy(), space.work, space.memo.copy(),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.error_estimate import checked, within
+from tdint.analysis.run.error_estimate import checked
 from tdint.analysis.run.outcome import (
     Collapse,
     Energy,
@@ -12,10 +12,12 @@ from tdint.analysis.run.outcome import (
     FailedRun,
     History,
     Response,
+    StepChoice,
     StoryErrors,
     StoryPeaks,
 )
 from tdint.analysis.run.prepared import PreparedBuilding
+from tdint.analysis.run.step_choice import choose_step
 from tdint.ground_motion.reading.read import read_record
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
@@ -30,6 +32,7 @@ __all__ = [
     "FailedRun",
     "History",
     "Response",
+    "StepChoice",
     "StoryErrors",
     "StoryPeaks",
     "model_record",
@@ -71,8 +74,9 @@ def run(
         Repeat the run with a half and a quarter of the step, and estimate the errors of its peaks from that
         (`Response.check`). A repetition that fails leaves them unknown.
     tolerance : float, optional
-        Halve the step, up to eight times, until the estimated error of every peak drift is within this part of it. The
-        response is that with the first such step, and checked.
+        Take the largest step with which the estimated error of every peak drift is within this part of it: from
+        several sampling intervals of the record, or from dt where one is given, down to a 256th of either
+        (`tdint.analysis.run.step_choice`). The response is checked.
 
     Returns
     -------
@@ -118,9 +122,9 @@ def run_case(
     tolerance: float | None = None,
 ) -> Response:
     """Integrate a case in time. Parameters and errors are those of `run`."""
-    steps = case.steps(dt, duration)
     if tolerance is not None:
-        return within(case, steps, tolerance, history)
+        return choose_step(case, tolerance, dt=dt, duration=duration, history=history)
+    steps = case.steps(dt, duration)
     response = case.march(steps, history)
     return checked(case, steps, response) if check else response
 

@@ -12,7 +12,7 @@ _SAME = 1e-9  # steps that differ by less than this part are the same
 
 @dataclass(frozen=True)
 class Steps:
-    """Time steps on a ground motion: `per_sample` steps between two samples, or one step over `stride` samples."""
+    """Time steps on a ground motion: `per_sample` of them take `stride` sampling intervals."""
 
     h: float
     count: int
@@ -77,7 +77,7 @@ def _neighbours(dt: float, record_dt: float) -> tuple[float, float]:
 
 
 def finer(steps: Steps) -> Steps:
-    """Half the step over the same time; the record's own step where samples are skipped."""
-    if steps.stride > 1:
-        return Steps(steps.h / steps.stride, steps.count * steps.stride)
-    return Steps(steps.h / 2, 2 * steps.count, 2 * steps.per_sample)
+    """Half the step over the same time."""
+    if steps.per_sample == 1 and steps.stride % 2 == 0:
+        return Steps(steps.h / 2, 2 * steps.count, 1, steps.stride // 2)
+    return Steps(steps.h / 2, 2 * steps.count, 2 * steps.per_sample, steps.stride)

@@ -24,25 +24,21 @@ from tdint.kernels.layout import (
     MEMO_SIZE,
     NO_BRANCHES,
     OWN_WORK,
+    PEAK_ROWS,
     POWER_DAMPERS,
     SOME_BRANCHES,
-    STRAIGHTENED,
 )
 from tdint.kernels.march.march import march
 from tdint.kernels.march.observing import (
-    AT_STEPS_ONLY,
-    BETWEEN_STEPS,
     COLLAPSE_STEP,
     ENERGY_TERMS,
     HISTORY_FIELDS,
-    INTERPOLATED,
     NO_COLLAPSE,
     OBSERVED_SIZE,
     OBSERVER_ROWS,
-    ON_THE_PATH,
-    PEAK_ROWS,
+    ON_PATH,
 )
-from tdint.kernels.march.stories import begin, take_stock
+from tdint.kernels.march.stories import begin, raise_shears, take_stock
 from tdint.methods.method import Integrator
 from tdint.model.building import Building
 from tdint.model.laws import CODES, LAWS
@@ -75,15 +71,11 @@ def workspace(
     building: Building,
     integrator: Integrator,
     steps: int = 0,
-    between: bool = False,
     collapse_drift: float = math.inf,
 ) -> Workspace:
     """Fresh arrays for one run; with room for a history of `steps` steps and the start if it is not 0.
 
     A march of k times as many steps keeps every k-th.
-
-    With `between` the peaks of drift and displacement are looked for between the steps, too; so they are where the
-    method knows its path there.
     """
     n = building.stories
     modes = building.modal.shape[0]
@@ -93,9 +85,8 @@ def workspace(
     memo[BRANCHES] = _branches(building)
     memo[POWER_DAMPERS] = building.power_damped
     memo[OWN_WORK] = family.own_work
-    memo[STRAIGHTENED] = family.straightened
     observed = np.zeros(OBSERVED_SIZE)
-    observed[BETWEEN_STEPS] = ON_THE_PATH if family.parabolic else INTERPOLATED if between else AT_STEPS_ONLY
+    observed[ON_PATH] = family.parabolic
     observed[COLLAPSE_STEP] = NO_COLLAPSE
     return Workspace(
         state=np.zeros((family.state_rows, n + 1)),
@@ -103,7 +94,7 @@ def workspace(
         work=np.zeros((family.work_rows(modes), max(n, 2 * modes) + 1)),
         memo=memo,
         watch=np.zeros((OBSERVER_ROWS, n + 1)),
-        peaks=np.zeros((PEAK_ROWS, n)),
+        peaks=np.zeros((2 * PEAK_ROWS, n)),
         limits=np.array([np.full(n, collapse_drift), building.heights, _failed(building)]),
         observed=observed,
         history=np.zeros((steps + 1 if steps else 0, 1 + HISTORY_FIELDS * n + ENERGY_TERMS)),
@@ -137,7 +128,13 @@ def variant(building: Building, forces: Array | None = None) -> Variant:
 
 def kernels(integrator: Integrator, wanted: Variant) -> list[tuple[Kernel, Variant]]:
     """The kernels that `integrate` calls, those first that take the longest to compile."""
-    return [(kernel, wanted) for kernel in (integrator.family.step, march, begin, take_stock)]
+    return [(kernel, wanted) for kernel in (integrator.family.step, march, begin, take_stock, raise_shears)]
+
+
+def shifts(integrator: Integrator, h: float) -> Array:
+    """What each row of the state takes of a jump of the ground acceleration between two steps h (s)."""
+    family = integrator.family
+    return np.array(family.shifts) * h ** (2.0 - np.array(family.derivatives))
 
 
 def integrate(
@@ -169,6 +166,7 @@ def integrate(
             integrator.family.step.variant(wanted),
             begin.variant(wanted),
             take_stock.variant(wanted),
+            raise_shears.variant(wanted),
             steps.count,
             first,
             last,
@@ -178,6 +176,7 @@ def integrate(
             steps.h,
             ground,
             coefficients,
+            shifts(integrator, steps.h),
             building.chain,
             building.modal,
             building.laws,

@@ -203,12 +203,12 @@ def _largest(record: Record, omega: Array, damping: float, settings: SpectrumSet
 
 
 def _integrated(record: Record, omega: Array, damping: float, method: str) -> tuple[str, Array]:
-    """Largest values at the samples, all oscillators integrated side by side by a method of the catalogue."""
+    """Largest values, all oscillators integrated side by side by a method of the catalogue."""
     # Late: they load every method, and most spectra need none.
     from tdint.analysis.run.amplification import find_instability
     from tdint.analysis.run.prepared import PreparedBuilding
     from tdint.analysis.run.steps import Steps
-    from tdint.kernels.march import observing
+    from tdint.kernels.layout import PEAK_ACCELERATION, PEAK_DISPLACEMENT, PEAK_VELOCITY
     from tdint.model.building import oscillators
 
     integrator = _parse(method)
@@ -223,5 +223,5 @@ def _integrated(record: Record, omega: Array, damping: float, method: str) -> tu
     marched = PreparedBuilding(oscillators(omega, ratios)).march(integrator, steps, record.acceleration.copy())
     if marched.code < 0:
         raise AnalysisError(f"{integrator.label} diverged at the record's step {record.dt:.6g} s; use another method")
-    rows = [observing.PEAK_DISPLACEMENT, observing.PEAK_VELOCITY, observing.PEAK_ACCELERATION]
+    rows = [PEAK_DISPLACEMENT, PEAK_VELOCITY, PEAK_ACCELERATION]
     return integrator.label, marched.space.peaks[rows]

@@ -31,6 +31,7 @@ from tdint.campaign.engine.rows import (
 from tdint.campaign.engine.runs import Motions, Run
 from tdint.campaign.engine.settings import AT_REST, REPEATS, REST_PERIODS, RunSettings
 from tdint.campaign.engine.subject import Subject
+from tdint.kernels import layout
 from tdint.kernels.march import many as lanes
 from tdint.kernels.march import observing
 
@@ -204,13 +205,13 @@ class Batch:
     ) -> Iterator[RunRow]:
         heights = self.subject.prepared.building.heights
         peaks, residual = marched.peaks[places], np.abs(marched.drifts[places])
-        drifts = peaks[:, observing.PEAK_DRIFT]
+        drifts = peaks[:, layout.PEAK_DRIFT]
         drift, ratio = Extremes.of(drifts), Extremes.of(drifts / heights)
-        acceleration = Extremes.of(peaks[:, observing.PEAK_ACCELERATION])
+        acceleration = Extremes.of(peaks[:, layout.PEAK_ACCELERATION])
         columns = (
             ratio.value, np.where(ratio.place > 0, ratio.place, drift.place), drift.value,
             Extremes.of(residual / heights).value, acceleration.value, acceleration.place,
-            peaks[:, observing.PEAK_DISPLACEMENT, -1], peaks[:, observing.PEAK_SHEAR, 0],
+            peaks[:, layout.PEAK_DISPLACEMENT, -1], peaks[:, layout.PEAK_SHEAR, 0],
             observed.energy_errors(marched.observed[places]), marched.ends[places, lanes.STEPS_TAKEN].astype(int),
         )  # fmt: skip
         status, time, story = "done", None, None

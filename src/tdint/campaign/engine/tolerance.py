@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.error_estimate import within
 from tdint.analysis.run.outcome import FailedRun
+from tdint.analysis.run.step_choice import choose_step
 from tdint.campaign.engine.runs import Run
 from tdint.campaign.engine.settings import RunSettings
 from tdint.campaign.engine.subject import Subject
@@ -22,7 +22,7 @@ def halvings_within(
     subject: Subject, records: Mapping[int, Record], runs: Sequence[Run], settings: RunSettings, tolerance: float
 ) -> int | None:
     """How often the steps of a building's runs are halved for the peak drifts to be within a tolerance, by the estimate
-    of `tdint.analysis.run.error_estimate.within`; None if it finds no such step.
+    of `tdint.analysis.run.step_choice`; None if it finds no such step.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def halvings_within(
         case = Case(subject.model, subject.prepared, record, subject.integrator)
         steps = case.steps(settings.dt, settings.duration)
         try:
-            response = within(case, steps, tolerance)
+            response = choose_step(case, tolerance, dt=steps.h, duration=settings.duration)
         except FailedRun:
             continue
         return round(math.log2(steps.h / response.dt))

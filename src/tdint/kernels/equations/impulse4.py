@@ -36,6 +36,7 @@ from tdint.kernels.layout import (
     LINK,
     MASS,
     NOT_CONVERGED,
+    PEAK_ROWS,
     POWER_DAMPER,
     SECOND_TRIAL,
     SLOPE,
@@ -67,7 +68,10 @@ _TANGENT_1 = MOMENTUM_ROWS + 1
 _SLOPE_C = MOMENTUM_ROWS + 2  # of the power-law dashpots
 _SLOPE_1 = MOMENTUM_ROWS + 3
 SAVED = MOMENTUM_ROWS + 4  # state and springs at the start of a step that is done in pieces
-FACTORS = SAVED + 3 + SPRING_ROWS
+PIECE = SAVED + 3 + SPRING_ROWS  # motion at the start of a piece
+TURNS = PIECE + 3  # drifts where stories turned in it
+PEAKS = TURNS + 1  # within such pieces
+FACTORS = PEAKS + 2 * PEAK_ROWS
 
 # Rows of a block of factors
 _FACTORED_C = 0  # its tangents; the step stands in the last column

@@ -11,22 +11,24 @@ def _sample(ground, position):
 
 
 @inlined
-def ground_at(ground, step, per_sample, stride):
-    """Ground acceleration at the start of a step."""
-    if per_sample == 1:
-        return _sample(ground, step * stride)
-    sample = step // per_sample
-    part = (step - sample * per_sample) / per_sample
-    value = _sample(ground, sample)
-    return value + (_sample(ground, sample + 1) - value) * part
-
-
-@inlined
 def ground_between(ground, position):
     """Ground acceleration at a position counted in samples."""
     sample = int(position)
     value = _sample(ground, sample)
     return value + (_sample(ground, sample + 1) - value) * (position - sample)
+
+
+@inlined
+def ground_at(ground, step, per_sample, stride):
+    """Ground acceleration at the start of a step of which `per_sample` take `stride` samples."""
+    if per_sample == 1:
+        return _sample(ground, step * stride)
+    if stride > 1:
+        return ground_between(ground, step * stride / per_sample)
+    sample = step // per_sample
+    part = (step - sample * per_sample) / per_sample
+    value = _sample(ground, sample)
+    return value + (_sample(ground, sample + 1) - value) * part
 
 
 @called
@@ -41,9 +43,15 @@ def straightened(ground, begin, end):
     moment = 0.0
     left = begin
     value = ground_between(ground, begin)
+    sample = int(begin)
     while left < end:
-        right = min(float(int(left) + 1), end)
-        following = ground_between(ground, right)
+        sample += 1
+        right = float(sample)
+        if right <= end:
+            following = _sample(ground, sample)
+        else:
+            right = end
+            following = ground_between(ground, end)
         length = right - left
         area = 0.5 * length * (value + following)
         impulse += area

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from tdint.kernels.compiling import CUBE, F8, I8, TABLE, VECTOR, called_at, inlined, kernel
-from tdint.kernels.layout import DRIFT
+from tdint.kernels.layout import DRIFT, PEAK_DISPLACEMENT, PEAK_VELOCITY
 from tdint.kernels.march.march import MARCH
-from tdint.kernels.march.observing import OBSERVED_SIZE, PEAK_DISPLACEMENT, PEAK_VELOCITY
-from tdint.kernels.march.stories import BEGIN, TAKE_STOCK
+from tdint.kernels.march.observing import OBSERVED_SIZE
+from tdint.kernels.march.stories import BEGIN, RAISE_SHEARS, TAKE_STOCK
 from tdint.kernels.stepping import STEP
 
 # runs: one row each
@@ -43,12 +43,12 @@ def _fill(target, value):
 
 @kernel(
     I8(
-        MARCH, STEP, BEGIN, TAKE_STOCK,
+        MARCH, STEP, BEGIN, TAKE_STOCK, RAISE_SHEARS,
         I8,  # how often a step may be halved
         F8,  # h
         VECTOR,  # samples of all ground motions
         TABLE,  # runs
-        VECTOR,  # coefficients
+        VECTOR, VECTOR,  # coefficients, shifts
         TABLE, TABLE, TABLE, TABLE,  # chain, modal, laws, forces
         TABLE, TABLE, VECTOR, VECTOR,  # what state, springs, memo and observed are at the start
         TABLE, TABLE, TABLE,  # state, springs, work
@@ -67,9 +67,9 @@ def _fill(target, value):
     parts=(),
 )  # fmt: skip
 def many(
-    march, step, begin, take_stock, halvings, h, samples, runs, coefficients, chain, modal, laws, forces,
-    state_0, springs_0, memo_0, observed_0, state, springs, work, memo, load, ground, watch, limits, kept, history,
-    window, windows, quiet, peaks, drifts, observed, ends,
+    march, step, begin, take_stock, raise_shears, halvings, h, samples, runs, coefficients, shifts, chain, modal, laws,
+    forces, state_0, springs_0, memo_0, observed_0, state, springs, work, memo, load, ground, watch, limits, kept,
+    history, window, windows, quiet, peaks, drifts, observed, ends,
 ):  # fmt: skip
     """March through all runs; each begins as if it were alone. Returns how many of them did not get to their end."""
     failed = 0
@@ -97,9 +97,9 @@ def many(
                 kept[i] = peaks[r, PEAK_VELOCITY, i]
                 peaks[r, PEAK_VELOCITY, i] = 0.0
             code = call_march(
-                march, step, begin, take_stock, last, done, last, int(runs[r, PER_SAMPLE]), int(runs[r, STRIDE]),
-                halvings, h, ground, coefficients, chain, modal, laws, forces, state, springs, work, memo, load,
-                watch, peaks[r], limits, observed[r], history,
+                march, step, begin, take_stock, raise_shears, last, done, last, int(runs[r, PER_SAMPLE]),
+                int(runs[r, STRIDE]), halvings, h, ground, coefficients, shifts, chain, modal, laws, forces,
+                state, springs, work, memo, load, watch, peaks[r], limits, observed[r], history,
             )  # fmt: skip
             fastest = 0.0
             farthest = 0.0

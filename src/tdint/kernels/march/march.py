@@ -5,15 +5,15 @@ from __future__ import annotations
 from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, called, inlined, kernel
 from tdint.kernels.layout import (
     ACCELERATION,
+    CARRIED_GROUND,
     DISPLACEMENT,
     GROUND_0,
     GROUND_1,
     NOT_FINITE,
     STEPS_DONE,
-    STRAIGHTENED,
     TIME,
 )
-from tdint.kernels.march.ground import ground_at, ground_between, straightened
+from tdint.kernels.march.ground import ground_at, straightened
 from tdint.kernels.march.observing import (
     ACCELERATION_ROW,
     COLLAPSE_STEP,
@@ -21,28 +21,41 @@ from tdint.kernels.march.observing import (
     ITERATIONS,
     NO_COLLAPSE,
     STEPS_REACHED,
+    TURN,
     begin_energies,
     beyond_limits,
+    look_between,
     note_collapse,
     observe,
+    remember,
+    shift_ground,
     store,
 )
-from tdint.kernels.march.stories import BEGIN, TAKE_STOCK, call_begin, call_take_stock
+from tdint.kernels.march.stories import (
+    BEGIN,
+    RAISE_SHEARS,
+    TAKE_STOCK,
+    call_begin,
+    call_raise_shears,
+    call_take_stock,
+)
 from tdint.kernels.stepping import STEP, call_step
 
 MARCH = I8(
     STEP,  # step
     BEGIN,  # what brings the drift laws to the initial state
     TAKE_STOCK,  # what sums up their energies
+    RAISE_SHEARS,  # what finds their forces where they turned
     I8,  # steps of the whole run
     I8,  # steps of it that are done
     I8,  # steps until which to go on
     I8,  # steps per sample of the ground motion
-    I8,  # samples per step; one of the two is 1
+    I8,  # samples per as many steps; 1 where a step is not longer than a sampling interval
     I8,  # how often a step may be halved
     F8,  # h
     VECTOR,  # ground acceleration
     VECTOR,  # coefficients
+    VECTOR,  # what of a jump of the ground acceleration each row of the state takes
     TABLE,  # chain
     TABLE,  # modal
     TABLE,  # laws
@@ -68,9 +81,11 @@ def _start(begin, take_stock, chain, modal, laws, forces, ground, state, springs
     """Drift laws, acceleration and energy of the initial state."""
     n = chain.shape[1] - 1
     call_begin(begin, chain, laws, state, springs)
-    observe(chain, modal, laws, forces, 0.0, 0.0, ground, 0.0, state, springs, memo, watch, peaks, observed)
+    observe(chain, modal, forces, 0.0, 0.0, ground, 0.0, state, springs, memo, watch, peaks, observed)
+    remember(state, watch, n)
     for i in range(n):
         state[ACCELERATION, i] = watch[ACCELERATION_ROW, i]
+    memo[CARRIED_GROUND] = ground
     call_take_stock(take_stock, chain, laws, state, springs, observed)
     begin_energies(observed)
 
@@ -93,8 +108,8 @@ def _watch(take_stock, chain, laws, state, springs, limits, peaks, steps, observ
 
 @kernel(MARCH, parts=())
 def march(
-    step, begin, take_stock, steps, first, last, per_sample, stride, halvings,
-    h, ground, coefficients, chain, modal, laws, forces,
+    step, begin, take_stock, raise_shears, steps, first, last, per_sample, stride, halvings,
+    h, ground, coefficients, shifts, chain, modal, laws, forces,
     state, springs, work, memo, load, watch, peaks, limits, observed, history,
 ):  # fmt: skip
     """Integrate over the steps `first` to `last` of a run of `steps` steps of h; returns 0, or the code of the step
@@ -102,6 +117,10 @@ def march(
 
     The run begins with `first` 0 and goes on from what the march before has left: in so many pieces that whoever runs
     it can be interrupted.
+
+    A step longer than a sampling interval takes the ground acceleration as the straight line that has its impulse and
+    its first moment over the step. The lines of two steps do not meet: in between the accelerations jump as the ground
+    does.
 
     A step that does not converge is halved up to `halvings` times over; the rest of it goes on in the smaller pieces.
     A multi-step method, whose memory holds whole steps, starts anew in and after such a step.
@@ -114,7 +133,7 @@ def march(
         if beyond_limits(limits, springs, peaks, n):
             note_collapse(limits, springs, peaks, 0, observed)
         if history.shape[0] > 0:
-            store(chain, ground_0, state, springs, watch, observed, history, 0)
+            store(chain, ground_0, ground_0, state, springs, watch, observed, history, 0)
     every = steps // max(history.shape[0] - 1, 1)
     smallest = 0.5**halvings
     for s in range(first, last):
@@ -124,13 +143,19 @@ def march(
         piece = 1.0
         while done < 1.0:
             load[TIME] = (s + done) * h
-            load[GROUND_0] = ground_0 + done * (ground_1 - ground_0)
-            load[GROUND_1] = ground_1 if done + piece == 1.0 else ground_0 + (done + piece) * (ground_1 - ground_0)
-            reached = load[GROUND_1]
-            if stride > 1 and memo[STRAIGHTENED] != 0.0:
-                end = (s + done + piece) * stride
-                load[GROUND_0], load[GROUND_1] = straightened(ground, (s + done) * stride, end)
-                reached = ground_between(ground, end)
+            if stride > 1:
+                samples = stride / per_sample
+                begins, ends = (s + done) * samples, (s + done + piece) * samples
+                load[GROUND_0], load[GROUND_1] = straightened(ground, begins, ends)
+                slope = (load[GROUND_1] - load[GROUND_0]) / (piece * h)
+                shift_ground(
+                    chain, modal, forces, load[TIME], memo[CARRIED_GROUND] - load[GROUND_0], load[GROUND_0], shifts,
+                    state, watch, memo, observed,
+                )  # fmt: skip
+                memo[CARRIED_GROUND] = load[GROUND_0]
+            else:
+                load[GROUND_0] = ground_0 + done * (ground_1 - ground_0)
+                load[GROUND_1] = ground_1 if done + piece == 1.0 else ground_0 + (done + piece) * (ground_1 - ground_0)
             code = call_step(
                 step, coefficients, chain, modal, laws, forces, piece * h, load, state, springs, work, memo
             )
@@ -144,11 +169,17 @@ def march(
                 continue
             done += piece
             observed[ITERATIONS] += code
-            time = (s + done) * h
-            observe(
-                chain, modal, laws, forces, time, piece * h, reached, slope,
+            memo[CARRIED_GROUND] = load[GROUND_1]
+            near = observe(
+                chain, modal, forces, (s + done) * h, piece * h, load[GROUND_1], slope,
                 state, springs, memo, watch, peaks, observed,
             )  # fmt: skip
+            turned = look_between(
+                near, chain, laws, piece * h, load[GROUND_0], load[GROUND_1], state, springs, watch, work, memo, peaks,
+                observed,
+            )  # fmt: skip
+            if turned > 0:
+                call_raise_shears(raise_shears, laws, springs, watch, TURN, peaks)
         memo[STEPS_DONE] = memo[STEPS_DONE] + 1.0 if piece == 1.0 else 0.0
         observed[STEPS_REACHED] += 1.0
         if _ran_away(state, n):
@@ -157,7 +188,7 @@ def march(
             _watch(take_stock, chain, laws, state, springs, limits, peaks, s + 1, observed)
         if history.shape[0] > 0 and (s + 1) % every == 0:
             call_take_stock(take_stock, chain, laws, state, springs, observed)
-            store(chain, ground_1, state, springs, watch, observed, history, (s + 1) // every)
+            store(chain, ground_1, load[GROUND_1], state, springs, watch, observed, history, (s + 1) // every)
         ground_0 = ground_1
     if last == steps:
         call_take_stock(take_stock, chain, laws, state, springs, observed)

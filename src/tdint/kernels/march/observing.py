@@ -7,11 +7,10 @@ import math
 
 from tdint.kernels.chain import FORCES, MODAL, add_modal_force, force_rate, force_value, power_damper
 from tdint.kernels.compiling import called, inlined
-from tdint.kernels.laws import LINEAR
 from tdint.kernels.layout import (
-    CODE,
     DISPLACEMENT,
     DRIFT,
+    FAST,
     FLOOR,
     FLOOR_DAMPER,
     FORCE,
@@ -21,21 +20,18 @@ from tdint.kernels.layout import (
     LINK,
     MASS,
     OWN_WORK,
-    STIFFNESS,
+    PEAK_ACCELERATION,
+    PEAK_DISPLACEMENT,
+    PEAK_DRIFT,
+    PEAK_SHEAR,
+    PEAK_VELOCITY,
     STORY_DAMPER,
     VELOCITY,
+    WITHIN,
     WORK_DAMPED,
     WORK_INPUT,
 )
-from tdint.kernels.stories.events import NONE, turning
-
-# peaks: largest absolute values, one row each
-PEAK_DRIFT = 0
-PEAK_SHEAR = 1
-PEAK_DISPLACEMENT = 2
-PEAK_VELOCITY = 3
-PEAK_ACCELERATION = 4  # absolute: relative to the ground, plus the ground's
-PEAK_ROWS = 5
+from tdint.kernels.march.within import look_within, raise_peak
 
 # history: per stored time the ground acceleration, then for all floors displacement, velocity, absolute acceleration,
 # and for all stories the shear, then the energies
@@ -59,13 +55,14 @@ _RATE_INPUT = ENERGY_TERMS + 6  # without the ground's own rate
 _MOMENTUM = ENERGY_TERMS + 7
 _POWER_DAMPED = ENERGY_TERMS + 8
 _RATE_DAMPED = ENERGY_TERMS + 9
-BETWEEN_STEPS = ENERGY_TERMS + 10  # set before the march: how peaks of drift and displacement are looked for
+ON_PATH = ENERGY_TERMS + 10  # set before the march: 1 if displacements follow parabolas within a step
 DISSIPATED_BEFORE = ENERGY_TERMS + 11  # by the drift laws on the way to the initial drifts, J
 COLLAPSE_STEP = ENERGY_TERMS + 12  # whole steps after which a story was first beyond a limit; NO_COLLAPSE for none
 COLLAPSE_STORY = ENERGY_TERMS + 13  # the first story that failed, else the one farthest beyond its limit then
 COLLAPSE_FAILED = ENERGY_TERMS + 14  # 1 if it failed
 COLLAPSE_ENERGIES = ENERGY_TERMS + 15  # the energies then, ENERGY_START and ENERGY_LARGEST after them
-OBSERVED_SIZE = COLLAPSE_ENERGIES + ENERGY_TERMS + 2
+_NEAR = COLLAPSE_ENERGIES + ENERGY_TERMS + 2  # not negative if a value at the last observed time was near its peak
+OBSERVED_SIZE = _NEAR + 1
 
 NO_COLLAPSE = -1.0
 
@@ -74,33 +71,28 @@ LIMIT = 0  # drift ratio beyond which it has collapsed
 HEIGHT = 1  # m; nan for a story without a limit
 FAILED = 2  # what INTERNAL is once the story carries nothing any more; nan where that does not happen
 
-# observed[BETWEEN_STEPS]
-AT_STEPS_ONLY = 0
-INTERPOLATED = 1  # on the cubic Hermite interpolant
-ON_THE_PATH = 2  # on the parabola that the method itself takes
-
 # rows of the observer's work
 ACCELERATION_ROW = 0
 _OTHER = 1
 _SUM = 2
-_OLD_DRIFT = 3  # at the last observed time
-_OLD_RATE = 4
-_OLD_U = 5
-_OLD_V = 6
-_OLD_A = 7
-OBSERVER_ROWS = 8
-
-_RESOLVED = 0.5
+_OLD_U = 3  # at the last observed time
+_OLD_V = 4
+_OLD_A = 5
+_OLDER_V = 6  # one step before that
+_OLDER_A = 7
+TURN = 8  # where stories turned
+OBSERVER_ROWS = 9
 
 
 @inlined
-def observe(chain, modal, laws, forces, t, h, ground, slope, state, springs, memo, work, peaks, observed):
+def observe(chain, modal, forces, t, h, ground, slope, state, springs, memo, work, peaks, observed):
     """Take in the state at time t, reached by a step h in which the ground acceleration has the given slope.
 
-    The acceleration is that of equilibrium at t, whatever the method carries. Call with h = 0 at the start.
+    The acceleration is that of equilibrium at t, whatever the method carries. Call with h = 0 at the start. Returns
+    what `raise_peak` does for the value nearest to its peak.
     """
     n = chain.shape[1] - 1
-    _story_forces(chain, state, springs, work, peaks)
+    near = _story_forces(chain, state, springs, work, peaks)
     if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
         _other_forces(modal, forces, t, state, work, n)
     power = 0.0
@@ -111,35 +103,45 @@ def observe(chain, modal, laws, forces, t, h, ground, slope, state, springs, mem
     v_below = 0.0
     a_below = 0.0
     for i in range(n):
-        mass = chain[MASS, i]
-        link = chain[LINK, i]
         v = state[VELOCITY, i]
-        floor = chain[FLOOR_DAMPER, i] * v
-        inner = work[_OTHER, i] - floor - work[_SUM, i] + chain[LINK, i + 1] * work[_SUM, i + 1]
+        inner = work[_OTHER, i] - chain[FLOOR_DAMPER, i] * v
+        inner = inner - work[_SUM, i] + chain[LINK, i + 1] * work[_SUM, i + 1]
         a = chain[INVERSE_MASS, i] * inner - ground
         work[ACCELERATION_ROW, i] = a
-        _raise(peaks, PEAK_DISPLACEMENT, i, state[DISPLACEMENT, i])
-        _raise(peaks, PEAK_VELOCITY, i, v)
-        _raise(peaks, PEAK_ACCELERATION, i, a + ground)
-        momentum += mass * v
-        power -= mass * ground * v
-        rate -= mass * ground * a
-        rate_of_drift = v - link * v_below
-        force, tangent = power_damper(chain, i, rate_of_drift)
-        story = chain[STORY_DAMPER, i] * rate_of_drift
-        damped += floor * v + (story + force) * rate_of_drift
-        damped_rate += floor * a + (story + 0.5 * (force + tangent * rate_of_drift)) * (a - link * a_below)
+        near = max(near, raise_peak(peaks, PEAK_DISPLACEMENT, i, state[DISPLACEMENT, i]))
+        near = max(near, raise_peak(peaks, PEAK_VELOCITY, i, v))
+        near = max(near, raise_peak(peaks, PEAK_ACCELERATION, i, a + ground))
+        powers = _floor_powers(chain, i, ground, v, a, v_below, a_below)
+        power -= powers[0]
+        rate -= powers[1]
+        momentum += powers[2]
+        damped += powers[3]
+        damped_rate += powers[4]
         v_below = v
         a_below = a
     if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
-        powers = _other_powers(modal, forces, t, state, work, n)
-        power += powers[0]
-        rate += powers[1]
-        damped += powers[2]
-        damped_rate += powers[3]
+        others = _other_powers(modal, forces, t, state, work, n)
+        power += others[0]
+        rate += others[1]
+        damped += others[2]
+        damped_rate += others[3]
     _add_work(h, slope, power, rate, momentum, damped, 2.0 * damped_rate, memo, observed)
-    if observed[BETWEEN_STEPS] != AT_STEPS_ONLY:
-        _look_between(observed[BETWEEN_STEPS] == ON_THE_PATH, chain, h, laws, state, springs, work, peaks)
+    return near
+
+
+@inlined
+def _floor_powers(chain, i, ground, v, a, v_below, a_below):
+    """Power of the ground's inertia force less its sign and its rate, momentum, power of the dampers and half its
+    rate."""
+    mass = chain[MASS, i]
+    link = chain[LINK, i]
+    floor = chain[FLOOR_DAMPER, i] * v
+    rate_of_drift = v - link * v_below
+    force, tangent = power_damper(chain, i, rate_of_drift)
+    story = chain[STORY_DAMPER, i] * rate_of_drift
+    damped = floor * v + (story + force) * rate_of_drift
+    damped_rate = floor * a + (story + 0.5 * (force + tangent * rate_of_drift)) * (a - link * a_below)
+    return mass * ground * v, mass * ground * a, mass * v, damped, damped_rate
 
 
 @called
@@ -165,73 +167,92 @@ def _other_powers(modal, forces, t, state, work, n):
     return power, rate, damped, damped_rate
 
 
-@called
-def _look_between(on_path, chain, h, laws, state, springs, work, peaks):
-    """Peaks of drift and displacement within the step: on the method's own path, or where the rate changed its sign, on
-    the Hermite interpolant.
+@inlined
+def look_between(near, chain, laws, h, ground_0, ground_1, state, springs, work, step_work, memo, peaks, observed):
+    """Peaks within the step that has been observed: those that the step itself has raised, else as far as its ends tell
+    them, if one has a value near its peak. Returns how many stories turned with what may be their largest shear, at the
+    drifts in row TURN."""
+    n = chain.shape[1] - 1
+    turned = 0
+    if memo[WITHIN] != 0.0:
+        _take_over(int(memo[WITHIN]), step_work, peaks, n)
+        memo[WITHIN] = 0.0
+    elif max(near, observed[_NEAR]) >= 0.0:
+        turned = look_within(
+            observed[ON_PATH] != 0.0, memo[FAST] != 0.0, chain, laws, h, ground_0, ground_1, work, _OLD_U, state, work,
+            ACCELERATION_ROW, springs, work, TURN, peaks, 0,
+        )  # fmt: skip
+    observed[_NEAR] = near
+    if memo[FAST] != 0.0:
+        for i in range(n):
+            work[_OLDER_V, i] = work[_OLD_V, i]
+            work[_OLDER_A, i] = work[_OLD_A, i]
+    remember(state, work, n)
+    return turned
 
-    The shear of a linear story peaks with its drift; other shears are seen at the steps. Then the rows of old values
-    are set for the next step.
-    """
-    v_below = 0.0
-    a_below = 0.0
-    old_a_below = 0.0
-    for i in range(chain.shape[1] - 1):
-        link = chain[LINK, i]
-        u = state[DISPLACEMENT, i]
-        v = state[VELOCITY, i]
-        a = work[ACCELERATION_ROW, i]
-        old_a = work[_OLD_A, i]
-        drift = springs[DRIFT, i]
-        rate = v - link * v_below
-        if on_path or rate * work[_OLD_RATE, i] < 0.0:
-            accelerations = a - link * a_below + old_a - link * old_a_below
-            peak = _extremum(on_path, work[_OLD_DRIFT, i], work[_OLD_RATE, i], drift, rate, accelerations, h)
-            _raise(peaks, PEAK_DRIFT, i, peak)
-            if laws[CODE, i] == LINEAR:
-                _raise(peaks, PEAK_SHEAR, i, laws[STIFFNESS, i] * peak)
-        if on_path or v * work[_OLD_V, i] < 0.0:
-            peak = _extremum(on_path, work[_OLD_U, i], work[_OLD_V, i], u, v, a + old_a, h)
-            _raise(peaks, PEAK_DISPLACEMENT, i, peak)
-        v_below = v
-        a_below = a
-        old_a_below = old_a
-        work[_OLD_DRIFT, i] = drift
-        work[_OLD_RATE, i] = rate
-        work[_OLD_U, i] = u
-        work[_OLD_V, i] = v
-        work[_OLD_A, i] = a
+
+@called
+def _take_over(first, step_work, peaks, n):
+    for row in range(peaks.shape[0]):
+        for i in range(n):
+            raise_peak(peaks, row, i, step_work[first + row, i])
 
 
 @inlined
-def _extremum(on_path, x0, v0, x1, v1, accelerations, h):
-    """Extremum of the parabola through both ends along which the rate changes by v1 - v0; x1 if there is none between.
+def remember(state, work, n):
+    """Keep the motion that has been observed for the next step."""
+    for i in range(n):
+        work[_OLD_U, i] = state[DISPLACEMENT, i]
+        work[_OLD_V, i] = state[VELOCITY, i]
+        work[_OLD_A, i] = work[ACCELERATION_ROW, i]
 
-    Otherwise that of the cubic Hermite interpolant between a rising and a falling end; x1 where the rate does not
-    change about as the mean of both accelerations says: there is no smooth peak between.
+
+@called
+def shift_ground(chain, modal, forces, t, shift, ground, shifts, state, work, memo, observed):
+    """The line that stands for the ground acceleration begins at `ground`, and the one before ended `shift` above.
+
+    A jump of the ground's acceleration moves all floors alike; velocities and displacements stay. `shifts` says what of
+    it each row of the state takes.
     """
-    if on_path:
-        rise = x1 - x0
-        bend = h * (v1 - v0)
-        if 2.0 * abs(rise) >= abs(bend):
-            return x1
-        t = 0.5 - rise / bend
-        return x0 + t * (rise + 0.5 * bend * (t - 1.0))
-    if abs(v1 - v0 - 0.5 * h * accelerations) > _RESOLVED * (abs(v0) + abs(v1)):
-        return x1
-    middle = 3.0 * (x1 - x0) / h - v0 - v1  # the rate's Bezier points are v0, middle, v1
-    sign = math.copysign(1.0, v0)
-    s = turning(sign * v0, sign * middle, sign * v1)
-    if s == NONE:
-        return x1
-    r = 1.0 - s
-    return r * r * (x0 * (1.0 + 2.0 * s) + h * v0 * s) + s * s * (x1 * (1.0 + 2.0 * r) - h * v1 * r)
+    n = chain.shape[1] - 1
+    for row in range(shifts.size):
+        if shifts[row] != 0.0:
+            for i in range(n):
+                state[row, i] += shifts[row] * shift
+    power = 0.0
+    rate = 0.0
+    momentum = 0.0
+    damped = 0.0
+    damped_rate = 0.0
+    v_below = 0.0
+    a_below = 0.0
+    for i in range(n):
+        v = state[VELOCITY, i]
+        a = work[_OLD_A, i] + shift
+        work[ACCELERATION_ROW, i] = a
+        work[_OLD_A, i] = a
+        powers = _floor_powers(chain, i, ground, v, a, v_below, a_below)
+        power -= powers[0]
+        rate -= powers[1]
+        momentum += powers[2]
+        damped += powers[3]
+        damped_rate += powers[4]
+        v_below = v
+        a_below = a
+    if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
+        others = _other_powers(modal, forces, t, state, work, n)
+        power += others[0]
+        rate += others[1]
+        damped += others[2]
+        damped_rate += others[3]
+    _add_work(0.0, 0.0, power, rate, momentum, damped, 2.0 * damped_rate, memo, observed)
 
 
 @inlined
 def _story_forces(chain, state, springs, work, peaks):
-    """Force of each story, column and damper, into its row; peaks of drift and shear."""
+    """Force of each story, column and damper, into its row; peaks of drift and shear. Returns as `observe` does."""
     n = chain.shape[1] - 1
+    near = -1.0
     below = 0.0
     for i in range(n):
         v = state[VELOCITY, i]
@@ -241,8 +262,9 @@ def _story_forces(chain, state, springs, work, peaks):
         work[_SUM, i] = shear + chain[GEOMETRIC, i] * drift + chain[STORY_DAMPER, i] * rate
         work[_SUM, i] += power_damper(chain, i, rate)[0]
         below = v
-        _raise(peaks, PEAK_DRIFT, i, drift)
-        _raise(peaks, PEAK_SHEAR, i, shear)
+        near = max(near, raise_peak(peaks, PEAK_DRIFT, i, drift))
+        near = max(near, raise_peak(peaks, PEAK_SHEAR, i, shear))
+    return near
 
 
 @called
@@ -253,13 +275,6 @@ def _other_forces(modal, forces, t, state, work, n):
     for j in range(forces.shape[0]):
         work[_OTHER, int(forces[j, FLOOR])] += force_value(forces, j, t)
     add_modal_force(modal, state, VELOCITY, -1.0, work, _OTHER, n)
-
-
-@inlined
-def _raise(peaks, row, i, value):
-    size = abs(value)
-    if size > peaks[row, i]:
-        peaks[row, i] = size
 
 
 @inlined
@@ -293,14 +308,14 @@ def begin_energies(observed):
 
 
 @called
-def store(chain, ground, state, springs, work, observed, history, row):
-    """Write one row of the history; stock has been taken."""
+def store(chain, ground, line, state, springs, work, observed, history, row):
+    """Write one row of the history; stock has been taken. `line` is the ground acceleration of the observed motion."""
     n = chain.shape[1] - 1
     history[row, 0] = ground
     for i in range(n):
         history[row, 1 + i] = state[DISPLACEMENT, i]
         history[row, 1 + n + i] = state[VELOCITY, i]
-        history[row, 1 + 2 * n + i] = work[ACCELERATION_ROW, i] + ground
+        history[row, 1 + 2 * n + i] = work[ACCELERATION_ROW, i] + line
         history[row, 1 + 3 * n + i] = springs[FORCE, i]
     energies = 1 + HISTORY_FIELDS * n
     for j in range(ENERGY_TERMS):

@@ -17,10 +17,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Advice:
-    """What is recommended for an error within a limit; None where no point of the chart is."""
+    """What is recommended for an error within a limit, None where no point of the chart is; and what costs the same."""
 
     limit: float
     point: Point | None
+    ties: Sequence[Point] = ()
 
 
 def chart_summary(
@@ -64,7 +65,8 @@ def _reference(chart: Chart) -> Mapping[str, Any]:
 
 
 def _advice(advice: Advice, target: str) -> dict[str, Any]:
-    return {"limit": advice.limit, **(_point(advice.point, target) if advice.point else {"method": None})}
+    found = _point(advice.point, target) if advice.point else {"method": None}
+    return {"limit": advice.limit, **found, "ties": [_point(tie, target) for tie in advice.ties]}
 
 
 def _point(point: Point, target: str) -> dict[str, Any]:

@@ -71,6 +71,9 @@ MEANINGS = {
     "drift_error": "largest estimated error of a peak drift over that drift",
     "drift_error_story": "its story",
     "tolerance": "what drift_error was asked to stay below",
+    "runs_for_the_step": "runs that were made to choose the step for the tolerance",
+    "samples_in_the_step": "sampling intervals of the record in the step that was chosen",
+    "solves_at_record_step": "solves of a run with the record's own step, where one was made to choose",
     "collapse_drift": "drift ratio beyond which a run counts as collapsed",
     "samples": "samples of the record",
     "pga_m_s2": "peak ground acceleration",
@@ -242,11 +245,15 @@ def _energy(energy: Energy) -> dict[str, float]:
 def _check(check: ErrorEstimate | None, stories: StoryPeaks) -> dict[str, Any] | None:
     if check is None:
         return None
+    choice = check.choice
     return {
         "dts_s": list(check.dts),
         "drift_error": check.drift_error,
         "drift_error_story": check.drift_story,
-        "tolerance": check.tolerance,
+        "tolerance": choice.tolerance if choice else None,
+        "runs_for_the_step": choice.runs if choice else None,
+        "samples_in_the_step": choice.samples if choice else None,
+        "solves_at_record_step": choice.solves_at_record if choice else None,
         "errors": peak_errors(stories, check.errors),
     }
 

@@ -1,0 +1,167 @@
+"""The cheapest step of a run whose peak drifts are within a tolerance.
+
+It is looked for among steps that are halves of one another, from a coarse one on: several sampling intervals of the
+record, as far as the building's first mode allows, or the step that was asked for. Each is judged by runs with its half
+and its quarter, which are the next ones in the row: to come down from far above costs little more than to begin at the
+step that is taken.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+from tdint.analysis.run.case import Case
+from tdint.analysis.run.error_estimate import FINER, attempt, with_check
+from tdint.analysis.run.outcome import FailedRun, Response, StepChoice
+from tdint.analysis.run.steps import Steps, choose_steps, finer
+from tdint.errors import UsageError
+
+_PER_PERIOD = 8.0
+"""Steps in the building's first period, at least, to begin with; half as many are tried if that will do."""
+
+_FEWEST = 4.0
+"""Steps in that period below which none is tried."""
+
+_MOST_HALVINGS = 8
+"""Halvings of the record's step, or of the one that was asked for, after which the search ends."""
+
+
+def choose_step(
+    case: Case, tolerance: float, *, dt: float | None = None, duration: float | None = None, history: bool = False
+) -> Response:
+    """The response with the largest step whose peak drifts are within a tolerance, checked.
+
+    Parameters
+    ----------
+    tolerance : float
+        Largest estimated error of any peak drift over that drift.
+    dt : float, optional
+        The largest step to be tried, s; by default one of several sampling intervals of the record.
+    duration : float, optional
+        As for `Case.steps`.
+    history : bool
+        Keep the whole response.
+
+    Raises
+    ------
+    UsageError
+        A tolerance that is none; a step that does not fit.
+    FailedRun
+        No step down to a 256th of the record's, or of `dt`, is within it, or none gives a response.
+    """
+    if not 0.0 < tolerance < 1.0:
+        raise UsageError(f"a tolerance lies between 0 and 1 (100 %), got {tolerance:g}")
+    asked = case.steps(dt, duration)
+    fixed = dt is not None or case.model.analysis.dt is not None or case.record is None
+    search = _Search(case, tolerance, asked, 0 if fixed else _samples(case, asked, _PER_PERIOD))
+    level = search.first_within()
+    if not fixed and level == 0:
+        level = search.coarser(_samples(case, asked, _FEWEST))
+    return search.taken(level, duration, history)
+
+
+def _samples(case: Case, asked: Steps, per_period: float) -> int:
+    """The power of 2, at least 0, of sampling intervals that go into a part of the first period and are stable."""
+    period = 2.0 * math.pi / float(case.building.modes().omega[0])
+    power = max(0, math.floor(math.log2(max(period / per_period / asked.h, 1.0))))
+    while power and asked.count >> power < 2:
+        power -= 1
+    while power and not case.allow_unstable and case.prepared.instability(case.integrator, asked.h * 2**power):
+        power -= 1
+    return power
+
+
+@dataclass
+class _Search:
+    """Runs with steps that are halves of one another: `level` 0 has 2^power times the step that was asked for."""
+
+    case: Case
+    tolerance: float
+    asked: Steps
+    power: int
+    runs: dict[int, Response | FailedRun] = field(default_factory=dict)
+
+    def steps(self, level: int) -> Steps:
+        """The steps of a level; all levels end at the same time."""
+        record = self.case.record
+        steps = self.asked
+        if self.power and record:
+            end = self.asked.count * self.asked.h
+            steps = choose_steps(record.dt * 2**self.power, end, record.dt, record.duration)
+        for _ in range(level):
+            steps = finer(steps)
+        return steps
+
+    def checked(self, level: int) -> Response | FailedRun:
+        """The response of a level with its estimated errors."""
+        for one in range(level, level + FINER + 1):
+            if one not in self.runs:
+                self.runs[one] = attempt(self.case, self.steps(one))
+        response = self.runs[level]
+        if isinstance(response, FailedRun):
+            return response
+        return with_check(response, [self.runs[level + one] for one in range(1, FINER + 1)])
+
+    def within(self, level: int) -> bool:
+        """Whether a level is within the tolerance."""
+        response = self.checked(level)
+        if isinstance(response, FailedRun) or response.check is None or response.check.drift_error is None:
+            return False
+        return response.check.drift_error <= self.tolerance
+
+    def first_within(self) -> int:
+        """The first level that is within the tolerance."""
+        last = self.power + _MOST_HALVINGS
+        for level in range(last + 1):
+            if self.within(level):
+                return level
+        reached = self.checked(last)
+        raise reached if isinstance(reached, FailedRun) else _not_reached(self.case, reached, self.tolerance)
+
+    def coarser(self, power: int) -> int:
+        """Go on to larger steps, up to 2^power sampling intervals, while they are within the tolerance. The level."""
+        while self.power < power:
+            other = _Search(self.case, self.tolerance, self.asked, self.power + 1)
+            if other.steps(1) == self.steps(0):
+                other.runs = {level + 1: run for level, run in self.runs.items()}
+            within = other.within(0)
+            self.power, self.runs = other.power, other.runs
+            if not within:
+                return 1
+        return 0
+
+    def taken(self, level: int, duration: float | None, history: bool) -> Response:
+        """The response of a level, over the time that was asked for."""
+        found = self.checked(level)
+        assert isinstance(found, Response) and found.check is not None
+        steps = self.steps(level)
+        if self.power > level:
+            steps = self.case.steps(steps.h, duration)
+        kept = found
+        if history or steps.count != found.steps:
+            kept = self.case.march(steps, history)
+        own = self.runs.get(self.power)  # with the record's step
+        choice = StepChoice(
+            tolerance=self.tolerance,
+            runs=len(self.runs),
+            samples=steps.stride / steps.per_sample if self.case.record else None,
+            solves_at_record=own.iterations if isinstance(own, Response) else None,
+        )
+        return replace(kept, check=replace(found.check, choice=choice))
+
+
+def _not_reached(case: Case, response: Response, tolerance: float) -> FailedRun:
+    check = response.check
+    assert check is not None
+    reached = "no error could be estimated"
+    if check.drift_error is not None:
+        reached = (
+            f"the estimated error of the peak drift of story {check.drift_story} is still "
+            f"{100.0 * check.drift_error:.2g} %"
+        )
+    message = (
+        f"{case.integrator.label} does not come within {100.0 * tolerance:g} %: with dt {response.dt:.6g} s {reached}; "
+        "allow a larger tolerance or use a method of higher order, such as impulse4"
+    )
+    return FailedRun(message, "not-within-tolerance", case.integrator.label, response.dt, story=check.drift_story)

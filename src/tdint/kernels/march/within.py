@@ -1,0 +1,225 @@
+"""Peaks within a step, or within the piece of one between two changes of branch.
+
+Between both ends a floor moves on the quintic that has its displacement, velocity and acceleration there; drifts are
+differences of such. It errs by (omega h)^4 / 1900 of an acceleration with the frequency omega. It is looked at closely
+only where a peak could be passed: where some value is at least half its peak at an end, and there the displacement (or
+drift) where its rate changes sign, the velocity where the acceleration does, the absolute acceleration where it is that
+large.
+
+Where both accelerations do not tell about what the velocities changed by, or, with modes that the step does not follow,
+the rates at the ends of two steps do not lie about on a line, the floor moves otherwise than the interpolant: then
+nothing is told, and what the peak might be goes to the rows of doubt.
+"""
+
+from __future__ import annotations
+
+from tdint.kernels.compiling import called, inlined
+from tdint.kernels.layout import (
+    DISPLACEMENT,
+    DRIFT,
+    FORCE,
+    LINK,
+    PEAK_ACCELERATION,
+    PEAK_DISPLACEMENT,
+    PEAK_DRIFT,
+    PEAK_ROWS,
+    PEAK_SHEAR,
+    PEAK_VELOCITY,
+    STIFFNESS,
+    VELOCITY,
+)
+
+_RESOLVED = 0.5  # what a change of velocity may miss the mean acceleration by, over the velocities
+_SMOOTH = 1.0  # what an acceleration inside may miss the straight line by, over those at the ends
+_SWING = 0.5  # of h times the rates at both ends: what a parabola may go beyond the value at its end
+_PARTS = 4  # of the step, at whose ends a polynomial is looked at first
+
+
+@inlined
+def raise_peak(peaks, row, i, value):
+    """Raise a peak to the size of a value. Returns a number that is not negative if that is at least half the peak."""
+    size = abs(value)
+    peak = peaks[row, i]
+    if size > peak:
+        peaks[row, i] = size
+    return 2.0 * size - peak
+
+
+@inlined
+def look_within(
+    on_path, fast, chain, laws, h, ground_0, ground_1, old, first, state, accelerations, new, springs, turns, turn,
+    peaks, top,
+):  # fmt: skip
+    """Raise the peaks, rows of `peaks` from `top` on, that a step of h has between its ends.
+
+    The ground acceleration is linear in it. Rows from `first` of `old` are displacement, velocity and acceleration of
+    the floors at its start, rows of `state`, and row `new` of `accelerations`, those at its end, relative to the
+    ground; with `fast` two rows more of `old` are velocity and acceleration one step before. With `on_path`
+    displacements follow parabolas.
+
+    Row `turn` of `turns` receives the drift at which a story turns with what may be its largest shear, for others the
+    present drift; returns how many there are of these.
+    """
+    turned = 0
+    u0_below = 0.0
+    v0_below = 0.0
+    a0_below = 0.0
+    w0_below = 0.0
+    b0_below = 0.0
+    v1_below = 0.0
+    a1_below = 0.0
+    for i in range(chain.shape[1] - 1):
+        link = chain[LINK, i]
+        u0 = old[first, i]
+        v0 = old[first + 1, i]
+        a0 = old[first + 2, i]
+        w0 = old[first + 3, i] if fast else v0
+        b0 = old[first + 4, i] if fast else a0
+        u1 = state[DISPLACEMENT, i]
+        v1 = state[VELOCITY, i]
+        a1 = accelerations[new, i]
+        drift = springs[DRIFT, i]
+        rate_0 = v0 - link * v0_below
+        rate_1 = v1 - link * v1_below
+        turns[turn, i] = drift
+        if on_path or rate_0 * rate_1 < 0.0:
+            swing = _SWING * h * (abs(rate_0) + abs(rate_1))
+            passed = abs(drift) + swing > peaks[top + PEAK_DRIFT, i]
+            sheared = abs(springs[FORCE, i]) + laws[STIFFNESS, i] * swing > peaks[top + PEAK_SHEAR, i]
+            if passed or sheared:
+                bend_0 = a0 - link * a0_below
+                bend_1 = a1 - link * a1_below
+                calm = not fast or _calm(
+                    w0 - link * w0_below, rate_0, rate_1, b0 - link * b0_below, bend_0, bend_1
+                )  # fmt: skip
+                far = _turning_point(
+                    on_path, calm, h, u0 - link * u0_below, rate_0, bend_0, drift, rate_1, bend_1, peaks,
+                    top + PEAK_DRIFT, i,
+                )  # fmt: skip
+                if sheared and far != drift:
+                    turns[turn, i] = far
+                    turned += 1
+        if (on_path or v0 * v1 < 0.0) and abs(u1) + _SWING * h * (abs(v0) + abs(v1)) > peaks[
+            top + PEAK_DISPLACEMENT, i
+        ]:
+            calm = not fast or _calm(w0, v0, v1, b0, a0, a1)
+            _turning_point(on_path, calm, h, u0, v0, a0, u1, v1, a1, peaks, top + PEAK_DISPLACEMENT, i)
+        if a0 * a1 < 0.0 and abs(v1) + _SWING * h * (abs(a0) + abs(a1)) > peaks[top + PEAK_VELOCITY, i]:
+            calm = not fast or _calm(w0, v0, v1, b0, a0, a1)
+            _fastest(calm, h, u0, v0, a0, u1, v1, a1, peaks, top, i)
+        if 2.0 * max(abs(a0 + ground_0), abs(a1 + ground_1)) > peaks[top + PEAK_ACCELERATION, i]:
+            calm = not fast or _calm(w0, v0, v1, b0, a0, a1)
+            _most_accelerated(calm, h, u0, v0, a0, u1, v1, a1, ground_0, ground_1, peaks, top, i)
+        u0_below = u0
+        v0_below = v0
+        a0_below = a0
+        w0_below = w0
+        b0_below = b0
+        v1_below = v1
+        a1_below = a1
+    return turned
+
+
+@called
+def _turning_point(on_path, calm, h, u0, v0, a0, u1, v1, a1, peaks, row, i):
+    """Raise a peak of displacement by the extremum between both ends; that is returned, u1 if there is none."""
+    if on_path:
+        rise = u1 - u0
+        bend = h * (v1 - v0)
+        if 2.0 * abs(rise) >= abs(bend):
+            return u1
+        s = 0.5 - rise / bend
+        far = u0 + s * (rise + 0.5 * bend * (s - 1.0))
+        raise_peak(peaks, row, i, far)
+        return far
+    told = abs(v1 - v0 - 0.5 * h * (a0 + a1)) <= _RESOLVED * (abs(v0) + abs(v1))
+    if not (told and calm):
+        rise = u1 - u0
+        bend = 3.0 * rise - h * (2.0 * v0 + v1)
+        raise_peak(peaks, row + PEAK_ROWS, i, _extreme(u0, h * v0, bend, rise - h * v0 - bend, 0.0, 0.0))
+        return u1
+    c3, c4, c5 = _quintic(h, u0, v0, a0, u1, v1, a1)
+    far = _extreme(u0, h * v0, 0.5 * h * h * a0, c3, c4, c5)
+    raise_peak(peaks, row, i, far)
+    return far
+
+
+@called
+def _fastest(calm, h, u0, v0, a0, u1, v1, a1, peaks, top, i):
+    """Raise the peak of velocity."""
+    c3, c4, c5 = _quintic(h, u0, v0, a0, u1, v1, a1)
+    far = _extreme(v0, h * a0, 3.0 * c3 / h, 4.0 * c4 / h, 5.0 * c5 / h, 0.0)
+    told = _smooth(h, a0, a1, c3, c4, abs(a0) + abs(a1)) and calm
+    doubt = 0 if told else PEAK_ROWS
+    raise_peak(peaks, top + doubt + PEAK_VELOCITY, i, far)
+
+
+@called
+def _most_accelerated(calm, h, u0, v0, a0, u1, v1, a1, ground_0, ground_1, peaks, top, i):
+    """Raise the peak of absolute acceleration."""
+    row = top + PEAK_ACCELERATION
+    c3, c4, c5 = _quintic(h, u0, v0, a0, u1, v1, a1)
+    by_h2 = 1.0 / (h * h)
+    absolute_0 = a0 + ground_0
+    absolute_1 = a1 + ground_1
+    # Inside it is no larger than its Bezier points.
+    one = absolute_0 + 2.0 * c3 * by_h2 + (ground_1 - ground_0) / 3.0
+    other = absolute_0 + 4.0 * (c3 + c4) * by_h2 + 2.0 * (ground_1 - ground_0) / 3.0
+    if max(abs(one), abs(other)) <= peaks[row, i]:
+        return
+    far = _extreme(absolute_0, 6.0 * c3 * by_h2 + ground_1 - ground_0, 12.0 * c4 * by_h2, 20.0 * c5 * by_h2, 0.0, 0.0)
+    told = _smooth(h, a0, a1, c3, c4, abs(absolute_0) + abs(absolute_1)) and calm
+    doubt = 0 if told else PEAK_ROWS
+    raise_peak(peaks, row + doubt, i, far)
+
+
+@inlined
+def _smooth(h, a0, a1, c3, c4, size):
+    """Whether the acceleration's Bezier points inside lie about on the straight line between both ends."""
+    one = 2.0 * c3 / (h * h) - (a1 - a0) / 3.0
+    other = 4.0 * (c3 + c4) / (h * h) - 2.0 * (a1 - a0) / 3.0
+    return max(abs(one), abs(other)) <= _SMOOTH * size
+
+
+@inlined
+def _calm(w0, v0, v1, b0, a0, a1):
+    """Whether velocities and accelerations at the ends of two steps lie about on lines."""
+    velocities = abs(v1 - 2.0 * v0 + w0) <= abs(v0) + abs(v1)
+    return velocities and abs(a1 - 2.0 * a0 + b0) <= abs(a0) + abs(a1)
+
+
+@inlined
+def _quintic(h, u0, v0, a0, u1, v1, a1):
+    """Coefficients of s^3, s^4 and s^5, s in [0, 1], of the quintic with these values, rates and accelerations at its
+    ends."""
+    rise = u1 - u0 - h * (v0 + 0.5 * h * a0)
+    change = h * (v1 - v0 - h * a0)
+    bend = 0.5 * h * h * (a1 - a0)
+    return 10.0 * rise - 4.0 * change + bend, -15.0 * rise + 7.0 * change - 2.0 * bend, 6.0 * rise - 3.0 * change + bend
+
+
+@called
+def _extreme(p0, p1, p2, p3, p4, p5):
+    """Value of the largest size of p0 + p1 s + ... + p5 s^5 on [0, 1]: at one of some points, from the largest of which
+    Newton's iteration looks for a zero rate."""
+    best = p0
+    at = 0.0
+    for part in range(1, _PARTS + 1):
+        s = part / _PARTS
+        value = p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5))))
+        if abs(value) > abs(best):
+            best = value
+            at = s
+    low = max(at - 1.0 / _PARTS, 0.0)
+    high = min(at + 1.0 / _PARTS, 1.0)
+    s = at
+    for _ in range(3):
+        rate = p1 + s * (2.0 * p2 + s * (3.0 * p3 + s * (4.0 * p4 + s * 5.0 * p5)))
+        bend = 2.0 * p2 + s * (6.0 * p3 + s * (12.0 * p4 + s * 20.0 * p5))
+        if bend * best >= 0.0:
+            break
+        s = min(max(s - rate / bend, low), high)
+        value = p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5))))
+        if abs(value) > abs(best):
+            best = value
+    return best

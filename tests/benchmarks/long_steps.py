@@ -1,0 +1,136 @@
+"""Steps over several samples of a record, and peaks between the steps: python tests/benchmarks/long_steps.py [TABLE]...
+
+Tables: motion (L2 error and largest error of a peak drift at 1, 2, 4 and 8 samples a step, all methods), peaks (peak
+floor accelerations, shears and drifts of 20 random bilinear buildings), speed (processor time of long steps over that
+at the record's own, and what looking between the steps costs). All if none is named.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from tdint import load_model, run
+from tdint.analysis.run.prepared import PreparedBuilding
+from tdint.analysis.run.run import FailedRun, model_record
+from tdint.analysis.run.steps import choose_steps
+from tdint.methods.catalogue import catalogue, parse
+
+sys.path.append(str(Path(__file__).parents[1]))
+from building_cases import FIVE_PERCENT, Law, model, story
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+MODELS = {name: load_model(CONFIGS / f"{name}.yaml") for name in ("ten-story", "ten-story-bilinear")}
+SAMPLES = (1, 2, 4, 8)
+REPEATS = 25
+
+
+def difference(u, exact):
+    """Relative L2 difference of two histories."""
+    rows = min(len(u), len(exact))
+    return np.linalg.norm(u[:rows] - exact[:rows]) / np.linalg.norm(exact[:rows])
+
+
+def largest(values, exact):
+    """Largest relative error of some values."""
+    return np.max(np.abs(values / exact - 1.0))
+
+
+def motion():
+    """The two ten-story buildings with all methods."""
+    for name, building in MODELS.items():
+        dt = model_record(building).dt
+        truth = run(building, method="impulse4", dt=dt / 64, history=True)
+        other = run(building, method="gauss4", dt=dt / 64, history=True)
+        exact = truth.history.displacement[::64]
+        sure = difference(other.history.displacement[::64], exact)
+        print(f"{name}: L2 error / largest error of a peak drift; gauss4 at dt/64 differs by {sure:.0e}")
+        print(f"{'':20s}" + "".join(f"{f'{k} samples':>18s}" for k in SAMPLES))
+        for method in catalogue():
+            if catalogue()[method].family.linear_only and name != "ten-story":
+                continue
+            cells = []
+            for k in SAMPLES:
+                try:
+                    response = run(building, method=method, dt=k * dt, history=True)
+                except FailedRun as failure:
+                    cells.append(failure.status)
+                    continue
+                error = difference(response.history.displacement, exact[::k])
+                cells.append(f"{error:.1e}/{largest(response.stories.peak_drift, truth.stories.peak_drift):.1e}")
+            print(f"{method:20s}" + "".join(f"{cell:>18s}" for cell in cells))
+        print()
+
+
+def random_bilinear(rng):
+    """A building of three to twelve stories that yield, 5 % damped."""
+    n = int(rng.integers(3, 13))
+    masses = 2e5 * rng.uniform(0.6, 1.5, n)
+    springs = 3.5e8 * rng.uniform(0.5, 1.5, n) * np.linspace(1.3, 0.7, n)
+    weights = np.cumsum(np.arange(1, n + 1)[::-1])[::-1] * 2.0 / (n * (n + 1))
+    yields = rng.uniform(0.08, 0.25) * masses.sum() * 9.81 * weights * rng.uniform(0.85, 1.15, n)
+    laws = (Law("bilinear", (float(force), rng.uniform(0.01, 0.1))) for force in yields)
+    return model([story(m, k, law) for m, k, law in zip(masses, springs, laws, strict=True)], damping=FIVE_PERCENT)
+
+
+def peaks():
+    """Random bilinear buildings at steps of 0.01 and 0.02 s, the latter of a record at 0.01 and at 0.02 s."""
+    record = model_record(MODELS["ten-story"])
+    coarse = replace(record, acceleration=record.acceleration[::2].copy(), dt=2.0 * record.dt)
+    rng = np.random.default_rng(5)
+    buildings = [random_bilinear(rng) for _ in range(20)]
+    cases = ((record, 0.01), (record, 0.02), (coarse, 0.02))
+    names = ("peak_acceleration", "peak_shear", "peak_velocity", "peak_drift")
+    print("largest error of a peak in a building: median, largest of 20 buildings")
+    print(f"{'method':18s}{'record':>8s}{'dt':>6s}" + "".join(f"{name[5:]:>20s}" for name in names))
+    for method in ("impulse4", "moment4", "newmark-average"):
+        for motion_of, dt in cases:
+            errors = []
+            for building in buildings:
+                truth = _truth(building, motion_of)
+                got = run(building, motion_of, method=method, dt=dt).stories
+                errors.append([largest(getattr(got, name), truth[name]) for name in names])
+            cells = (f"{np.median(one):.1e} {np.max(one):.1e}" for one in np.transpose(errors))
+            print(f"{method:18s}{motion_of.dt:8.2f}{dt:6.2f}" + "".join(f"{cell:>20s}" for cell in cells))
+
+
+_TRUTHS: dict = {}
+
+
+def _truth(building, record, parts=64):
+    """Peaks at all steps of a fine run."""
+    key = (id(building), record.dt)
+    if key not in _TRUTHS:
+        history = run(building, record, method="impulse4", dt=record.dt / parts, history=True).history
+        fields = ("acceleration", "shear", "velocity", "drift")
+        _TRUTHS[key] = {f"peak_{name}": np.max(np.abs(getattr(history, name)), axis=0) for name in fields}
+    return _TRUTHS[key]
+
+
+def speed():
+    """Processor time of the march."""
+    print("processor time of a run over that at the record's own step, impulse4, and that, ms")
+    for name, building in MODELS.items():
+        record = model_record(building)
+        prepared, integrator = PreparedBuilding.of(building), parse("impulse4")
+        times = dict.fromkeys(SAMPLES, np.inf)
+        for _ in range(REPEATS):
+            for k in SAMPLES:
+                steps = choose_steps(k * record.dt, None, record.dt, record.duration)
+                begin = time.process_time()
+                for _ in range(5):
+                    prepared.march(integrator, steps, record.acceleration.copy())
+                times[k] = min(times[k], (time.process_time() - begin) / 5)
+        print(f"{name:20s}" + "".join(f"{times[k] / times[1]:8.3f}" for k in SAMPLES) + f"{1e3 * times[1]:10.3f}")
+
+
+TABLES = {one.__name__: one for one in (motion, peaks, speed)}
+
+if __name__ == "__main__":
+    for name in sys.argv[1:] or TABLES:
+        TABLES[name]()
+        print()

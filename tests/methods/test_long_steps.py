@@ -1,0 +1,153 @@
+"""Steps over several samples of a record: its impulse and first moment are all that a step takes of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from building_cases import Law, model, noise, oscillator, story, ten_bilinear, ten_linear
+from tdint import run
+from tdint.methods.catalogue import catalogue, parse
+
+DT = 0.01
+ALL = list(catalogue())
+
+
+def building_for(method, yield_force=3e5):
+    """Two stories of 1.2 s and 0.5 s: central difference and rk5 take steps of 0.08 s. All of one compiled variant."""
+    linear = catalogue()[method].family.linear_only
+    law = Law("linear", ()) if linear else Law("bilinear", (yield_force, 0.1))
+    return model([story(1e5, 7e6, law, dashpot=5e4) for _ in range(2)])
+
+
+@pytest.mark.parametrize("method", ALL)
+def test_of_the_samples_in_a_step_nothing_else_counts(method):
+    """Samples (0, 1, -2, 1, 0) on four intervals have neither impulse nor first moment: the motion stays the same."""
+    record = noise(samples=401)
+    rng = np.random.default_rng(1)
+    ripple = np.zeros(401)
+    for start in range(0, 400, 4):
+        ripple[start : start + 5] += rng.normal() * np.array([0.0, 1.0, -2.0, 1.0, 0.0])
+    rippled = replace(record, acceleration=record.acceleration + ripple)
+    one, other = (run(building_for(method), r, method=method, dt=4 * DT, history=True) for r in (record, rippled))
+    scale = np.max(np.abs(one.history.displacement))
+    assert np.max(np.abs(one.history.displacement - other.history.displacement)) < 1e-9 * scale
+    assert np.max(np.abs(one.history.acceleration - other.history.acceleration)) < 1e-6 * one.record.pga
+
+
+@pytest.mark.parametrize("method", ALL)
+def test_the_order_is_kept(method):
+    """The motion at steps of 8, 4 and 2 samples against that at a fourth of a sample, in a linear building: what the
+    jumps between the lines leave in a method's memory would cost it an order."""
+    record = noise(samples=801)
+    building = building_for(method, yield_force=1e12)
+    exact = run(building_for("exact"), record, method="exact", dt=DT / 4, history=True).history.displacement[::4]
+    errors = []
+    for k in (8, 4, 2):
+        found = run(building, record, method=method, dt=k * DT, history=True, allow_unstable=True)
+        errors.append(np.linalg.norm(found.history.displacement - exact[::k]) / np.linalg.norm(exact[::k]))
+    declared = min(parse(method).order, 4) if method != "exact" else 4
+    assert np.log2(errors[-2] / errors[-1]) > declared - 0.35
+
+
+@pytest.mark.parametrize("method", ALL)
+def test_one_sample_a_step_is_what_it_was(method):
+    """A step of one interval, or a part of it, takes the record's own line."""
+    record = noise(samples=101)
+    rows = [run(building_for(method), record, method=method, dt=dt, history=True) for dt in (DT, DT / 2)]
+    for response in rows:
+        ends = response.history.ground_acceleration
+        every = round(DT / response.dt)
+        assert np.array_equal(ends[::every], record.acceleration)
+
+
+def test_fourth_order_of_impulse4_on_a_yielding_building():
+    record = noise(samples=801, peak=6.0)
+    exact = run(ten_bilinear(), record, method="impulse4", dt=DT / 16, history=True).history.displacement[::16]
+    errors = []
+    for k in (1, 2, 4):
+        found = run(ten_bilinear(), record, method="impulse4", dt=k * DT, history=True)
+        assert found.events > 100
+        errors.append(np.linalg.norm(found.history.displacement - exact[::k]) / np.linalg.norm(exact[::k]))
+    orders = np.log2(np.array(errors[1:]) / errors[:-1])
+    assert 3.4 < np.mean(orders) < 4.6
+
+
+@pytest.mark.parametrize("method", ["impulse4", "newmark-average", "moment4", "park", "rk5"])
+def test_the_energy_balance_of_long_steps(method):
+    """Input is the work of the lines, whose ends do not meet: what a step of one sample keeps, long steps keep too."""
+    response = run(ten_linear(), noise(), method=method, dt=2 * DT, allow_unstable=True)
+    short = run(ten_linear(), noise(), method=method, dt=DT)
+    assert abs(response.energy.error) < 20.0 * abs(short.energy.error) + 1e-9
+    if parse(method).order >= 4:
+        assert response.energy.input == pytest.approx(short.energy.input, rel=5e-4)
+
+
+def test_a_step_of_one_sample_and_a_half():
+    """Half of three samples, as --check takes it: the record's own motion, within the error of the step."""
+    record = noise()
+    fine = run(ten_linear(), record, method="impulse4")
+    checked = run(ten_linear(), record, method="impulse4", dt=3 * DT, check=True)
+    assert checked.check.dts == pytest.approx((1.5 * DT, 0.75 * DT))
+    true = np.abs(checked.stories.peak_drift - fine.stories.peak_drift)
+    assert np.all(true <= checked.check.errors.peak_drift)
+    assert checked.check.drift_error < 0.02
+
+
+def test_a_history_of_long_steps_has_its_own_times_and_absolute_accelerations():
+    """Absolute accelerations are the forces on the floors over their masses, whatever line stands for the record."""
+    response = run(ten_linear(None), noise(), method="impulse4", dt=3 * DT, history=True)
+    history = response.history
+    assert np.allclose(history.time, 3 * DT * np.arange(response.steps + 1), rtol=1e-12)
+    samples = response.record.acceleration
+    assert np.array_equal(history.ground_acceleration[:-1], samples[::3][: response.steps])
+    forces = history.shear - np.hstack([history.shear[:, 1:], np.zeros((len(history.shear), 1))])
+    assert np.allclose(history.acceleration, -forces / 2e5, rtol=1e-9, atol=1e-9)
+
+
+# ---- Peaks between the steps
+
+
+@pytest.mark.parametrize("method", ["impulse4", "gauss4"])
+def test_peaks_of_a_free_vibration(method):
+    """Twenty steps a period, none at a peak: all peaks of a sine. The interpolant errs by (omega h)^4 / 1900 of an
+    acceleration, and by some three times the (omega h)^4 / 720 by which the method's motion is slow."""
+    omega = 2.0 * np.pi
+    h = 0.0517
+    response = run(oscillator(omega, displacement=(1.0,), velocity=(1.0,)), method=method, dt=h, duration=10.0)
+    amplitude = np.hypot(1.0, 1.0 / omega)
+    bound = (omega * h) ** 4 * (1.0 / 1900.0 + 3.0 / 720.0)
+    stories = response.stories
+    for found, size in (
+        (stories.peak_displacement, 1.0),
+        (stories.peak_velocity, omega),
+        (stories.peak_acceleration, omega**2),
+        (stories.peak_shear, omega**2),
+    ):
+        assert found[0] == pytest.approx(amplitude * size, rel=bound)
+
+
+def test_peaks_of_a_yielding_building_come_as_near_as_its_motion():
+    """Largest accelerations stand where stories yield and turn: pieces of a step show them."""
+    record = noise(samples=801, peak=6.0)
+    fine = run(ten_bilinear(), record, method="impulse4", dt=DT / 16, history=True).history
+    found = run(ten_bilinear(), record, method="impulse4").stories
+    for name, bound in (("acceleration", 2e-3), ("shear", 1e-3), ("velocity", 1e-3), ("drift", 1e-3)):
+        true = np.max(np.abs(getattr(fine, name)), axis=0)
+        assert np.max(np.abs(getattr(found, f"peak_{name}") / true - 1.0)) < bound
+
+
+def test_a_step_too_long_to_tell_says_so():
+    """omega dt = 30: the peak of velocity is known to be missed, not made up."""
+    omega = 300.0
+    response = run(oscillator(omega, displacement=(1.0,)), method="newmark-average", dt=0.1, duration=5.0)
+    assert response.stories.peak_displacement[0] == pytest.approx(1.0, rel=1e-9)
+    assert any("too long for the fastest modes" in note for note in response.notes)
+    assert np.any(response.unresolved.peak_acceleration > 0.0) or np.any(response.unresolved.peak_velocity > 0.0)
+
+
+def test_resolved_steps_leave_nothing_in_doubt():
+    response = run(ten_bilinear(), noise(), method="impulse4")
+    assert not any("too long" in note for note in response.notes)
