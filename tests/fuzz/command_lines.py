@@ -33,7 +33,7 @@ _CHEAP = ("--method", "newmark-average")
 SOUND: dict[str, list[tuple[str, ...]]] = {
     "run": [("linear.yaml",), ("bilinear.yaml",), ("forced.yaml",), ("modal.yaml",), ("linear.yaml", "a.txt")],
     "modes": [(model,) for model in _MODELS],
-    "law": [("linear.yaml", "--amplitude", "1%"), ("bilinear.yaml", "--amplitude", "2dy"), ("bilinear.yaml",)],
+    "law": [(model, "--drift", "1%", "--points", "3") for model in ("linear.yaml", "bilinear.yaml")],
     "pushover": [("bilinear.yaml",), ("linear.yaml",)],
     "inventory": [("buildings.csv", "--units", "m"), ("buildings.csv", "--units", "ft")],
     "info": [("a.txt",), ("n.mseed", "--units", "m/s^2"), ("many",)],

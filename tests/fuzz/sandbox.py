@@ -50,7 +50,7 @@ excitation: {record: {file: table.csv, column: 3, step: 0.01, skip_lines: 1}}
 analysis: {method: exact, duration: 0.3}
 """,
 }
-BUILDINGS = "name,type,stories,year,area\nschool,C1,3,1985,600\nshop,S1,2,1970,400\n"
+BUILDINGS = "id,NumberOfStories,YearBuilt,StructureType,PlanArea\nschool,3,1985,C1,600\nshop,2,1970,S1,400\n"
 STRANGE_NAMES = (
     "=cmd().txt",
     "esc\x1b[31m.txt",
