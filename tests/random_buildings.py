@@ -1,10 +1,11 @@
-"""Random buildings in free vibration: conservative ones, and ones that dissipate by their drift laws alone."""
+"""Random buildings: in free vibration, conservative or dissipating by their drift laws alone; under a random motion, of
+all laws that are linear branch by branch."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from building_cases import Law, model, story
+from building_cases import Law, model, noise, story
 from tdint.model.building import assemble
 
 BEND = 0.02
@@ -30,7 +31,7 @@ CONSERVATIVE = {
 HYSTERETIC = {
     "bilinear": lambda rng, k: Law("bilinear", (BEND * k * rng.uniform(0.2, 1.0), rng.uniform(0.0, 0.3))),
     "peak-oriented": lambda rng, k: Law(
-        "peak-oriented", (BEND * k * rng.uniform(0.2, 1.0), rng.uniform(0.01, 0.3), 0.0)
+        "peak-oriented", (BEND * k * rng.uniform(0.2, 1.0), rng.uniform(0.01, 0.3), rng.uniform(0.0, 0.9))
     ),
     "linear": lambda rng, k: Law("linear", ()),
 }
@@ -53,3 +54,53 @@ def random_building(rng, laws):
         p_delta=bool(rng.random() < 0.4),
     )
     return built, 2.0 * np.pi / assemble(built).modes().omega[0]
+
+
+def _imk(rng, strength, drift):
+    hardening = (drift * rng.uniform(2.0, 6.0), drift * rng.uniform(10.0, 30.0), rng.uniform(1.0, 1.3))
+    side = (strength, *hardening, rng.uniform(0.0, 0.4), 100.0 * drift, 1.0)
+    pinching = rng.uniform(0.2, 0.8, 2) if rng.random() < 0.5 else (1.0, 1.0)
+    capacity = drift * rng.uniform(20.0, 200.0) if rng.random() < 0.7 else np.inf
+    return Law("imk", (*side, *side, *4 * [capacity], 1.0, *pinching))
+
+
+def _trilinear(rng, strength, drift):
+    ultimate = (strength * rng.uniform(1.0, 2.0), drift * rng.uniform(4.0, 12.0))
+    return Law("trilinear-pinching", (strength, *ultimate, rng.uniform(0.2, 1.0), rng.uniform(0.0, 0.4)))
+
+
+PIECEWISE = {
+    "bilinear": lambda rng, strength, drift: Law("bilinear", (strength, rng.uniform(0.0, 0.3))),
+    "peak-oriented": lambda rng, strength, drift: Law(
+        "peak-oriented", (strength, rng.uniform(0.0, 0.2), rng.uniform(0.0, 0.5))
+    ),
+    "gap": lambda rng, strength, drift: Law(
+        "gap", (drift * rng.uniform(0.5, 1.5), strength / drift * rng.uniform(1.0, 20.0))
+    ),
+    "trilinear-pinching": _trilinear,
+    "imk": _imk,
+}
+
+
+def piecewise_building(rng):
+    """A building of one to seven stories of laws drawn from `PIECEWISE`, a third of them isolated, with P-delta in two
+    of five, and a motion that takes it far beyond the drifts at which they bend."""
+    n = int(rng.integers(1, 7))
+    isolated = rng.random() < 0.35
+    period = rng.uniform(0.1, 0.25) * n**0.75 + 0.1
+    masses = 1e5 * rng.uniform(0.7, 1.4, n)
+    springs = (2.0 * np.pi / period) ** 2 * masses.mean() * (n + 1) ** 2 / 2.5 * np.linspace(1.5, 0.7, n)
+    springs *= rng.uniform(0.8, 1.2, n)
+    above = np.cumsum(masses[::-1])[::-1]
+    strengths = rng.uniform(0.08, 0.3) * 9.81 * above * rng.uniform(0.8, 1.2, n)
+    if isolated:
+        masses = np.append(1e5, masses)
+        springs = np.append((2.0 * np.pi / rng.uniform(0.8, 1.5)) ** 2 * masses.sum(), 5.0 * springs)
+        strengths = np.append(rng.uniform(0.03, 0.08) * 9.81 * masses.sum(), 3.0 * strengths)
+    names = rng.choice(list(PIECEWISE), len(springs))
+    stories = [
+        story(m, k, PIECEWISE[name](rng, f, f / k), height=3.2, dashpot=rng.uniform(0.01, 0.06) * np.sqrt(m * k))
+        for m, k, f, name in zip(masses, springs, strengths, names, strict=True)
+    ]
+    motion = noise(samples=601, peak=rng.uniform(3.0, 8.0), seed=int(rng.integers(1 << 30)))
+    return model(stories, p_delta=bool(rng.random() < 0.4)), motion

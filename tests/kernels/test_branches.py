@@ -142,6 +142,14 @@ def test_the_first_crossing_of_a_cubic(seed):
     assert found == pytest.approx(s[above[0]], abs=1e-5) if above.size else found == NONE
 
 
+def test_a_cubic_that_starts_beyond_comes_inside_first():
+    """As where the last event was missed by a little; or it turns outside, and goes beyond from there."""
+    assert _crossing(1.0, 0.0, 0.0, 1.0, 0.999) == pytest.approx(1.0, abs=1e-3)
+    assert _crossing(1.0, 0.0, 0.0, 1.0, 0.2) == pytest.approx(0.5)
+    assert _crossing(1.0, 0.5, 0.2, 0.1, 0.999) == NONE
+    assert _crossing(1.0, 1.1, 1.2, 1.3, 0.999) == 0.0
+
+
 @pytest.mark.parametrize("seed", range(40))
 def test_the_first_turn_of_a_quadratic(seed):
     generator = np.random.default_rng(seed)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from building_cases import Force, Law, model, noise, oscillator, story, ten_bilinear
+from events_study import study
 from references import orders
 from tdint import load_model, run
 
@@ -152,6 +153,61 @@ def test_kinks_are_located_among_curved_laws(name):
     assert np.max(np.abs(average.history.displacement[::512] - u[-1])) < 2e-5 * np.max(np.abs(u[-1]))
     for response in (*runs, average):
         assert abs(response.energy.error) < 1e-4
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.3, 1.7])
+def test_bouc_wen_stories_of_low_exponent_are_order_4(exponent):
+    """The force is not smooth where its hysteretic part changes sign: steps end there."""
+    record = noise(peak=6.0)
+    building = model([story(2e5, 4e7, Law("bouc-wen", (4e5, 0.05, exponent, 0.7)), dashpot=3e5)] * 2)
+    runs = [run(building, record, method="impulse4", dt=record.dt / 2**j, history=True) for j in (0, 1, 2, 5)]
+    u = [response.history.displacement[:: 2**j] for j, response in zip((0, 1, 2, 5), runs, strict=True)]
+    errors = [np.max(np.abs(one - u[-1])) / np.max(np.abs(u[-1])) for one in u[:-1]]
+    assert orders(errors).min() > 3.5
+    assert errors[0] < 1e-5
+
+
+def test_a_stop_touched_for_a_moment_is_left_again():
+    """A mass whose amplitude is a thousandth more than the gap: it meets the stop and leaves it within one step, which
+    ends where it met it. The motion is a sine and, at the stop, another one with the velocities of both ends."""
+    k, stop, gap, omega = 100.0, 1500.0, 0.06, 10.0
+    v0 = omega * gap * 1.001
+    building = model([story(1.0, k, Law("gap", (gap, stop)))], velocity=(v0,))
+    rate = np.sqrt(v0**2 - (omega * gap) ** 2)  # at the stop
+    fast = np.sqrt(k + stop)
+    rest = stop * gap / fast**2  # where the stop and the spring balance
+    touch = 2.0 * np.arctan2(rate / fast, gap - rest) / fast
+    half = 2.0 * np.arcsin(omega * gap / v0) / omega + touch  # from zero up and back to it
+    time = 4.0 - half * np.floor(4.0 / half)
+    into = np.arcsin(omega * gap / v0) / omega
+    assert not into < time < into + touch
+    time = time if time <= into else time - touch + (np.pi - 2.0 * np.arcsin(omega * gap / v0)) / omega
+    exact = v0 / omega * np.sin(omega * time) * (-1.0) ** np.floor(4.0 / half)
+    errors = []
+    assert touch < 0.01
+    for dt in (0.02, 0.01, 0.005, 0.0025, 0.00125):
+        response = run(building, method="impulse4", dt=dt, duration=4.0, history=True)
+        errors.append(abs(response.history.displacement[-1, 0] - exact))
+        assert response.events == 2 * int(4.0 / half + 0.5)
+    assert errors[0] < 1e-4 * gap
+    assert orders(errors)[2:].min() > 3.5
+
+
+@pytest.mark.parametrize("seed", [0, 6, 61])
+def test_the_error_falls_with_the_step(seed):
+    found = study(seed)
+    assert found.worst <= 2.0
+
+
+@pytest.mark.slow
+def test_the_error_falls_with_the_step_in_random_buildings():
+    """Of all laws that are linear branch by branch. Where the errors at one step happen to cancel, that at the next one
+    can be a little more than twice as large; where pounding repeats, no method can tell the course."""
+    found = [study(seed) for seed in range(200)]
+    assert sum(one.chaotic for one in found) <= 4
+    worst = [one.worst for one in found if not one.chaotic]
+    assert sum(value > 2.0 for value in worst) <= 2
+    assert max(worst) <= 3.0
 
 
 def test_a_mass_between_stops_rebounds_with_its_energy():

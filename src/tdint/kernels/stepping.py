@@ -25,6 +25,8 @@ call_step = called_at(STEP)
 
 # Newton's iteration, the same for all implicit steps
 ITERATIONS = 30
+PATIENCE = 6  # corrections after which one that does not bring the step closer to balance is halved: kinks make cycles
+LEAST = 1e-3  # part of a correction that is tried
 CLOSE = 1e-11  # out of balance over the sum of the sizes of the terms
 SMALL = 1e-14  # correction over the displacement: rounding
 NOTHING = 1e-250  # N; far ahead of a wave forces are so small that their products underflow

@@ -83,7 +83,9 @@ from tdint.kernels.stories.events import NONE, first_event
 from tdint.kernels.stories.springs import commit, reach, resume, settle
 from tdint.methods.method import Family, Method, Parameter
 
-_STRAYED = 0.1  # over the drift's change: a located event that is missed by more was not located
+_STRAYED = 0.1  # over the way of the drift: an event that is missed by more was not located
+_SHORT = -1.0
+_BEYOND = 1.0
 _BACKWARD = 1e-6  # over the drifts: what a story may go back on a branch that holds for one direction
 _AT_ONCE = 1e-9  # an event within this part of the step from here happens here
 
@@ -121,8 +123,10 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
 
     The first change is looked for on the cubic Hermite interpolant of the drifts, the step done again up to there, and
     the rest of it on the new branch. Where all laws are linear on their branches, a piece is one linear solve; curved
-    ones among them take Newton's iteration. Where the changes exceed a few per story, or the motion up to one does not
-    reach it because the step is too large for the interpolant, the state is left as it was.
+    ones among them take Newton's iteration. Where the step is too large for the interpolant, the motion up to a change
+    may fall short of it: the piece is taken, and the change looked for from there. Or it may go far beyond: the change
+    is looked for again on the interpolant of the piece. Where there are more than a few such pieces per story, the
+    state is left as it was.
     """
     n = chain.shape[1] - 1
     straight = memo[BRANCHES] == ALL_BRANCHES
@@ -130,6 +134,7 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
     most = 20 + 4 * n
     done = 0.0
     piece = h
+    pieces = 0
     events = 0
     solves = 0
     ending = False  # whether the piece ends with a change of branch
@@ -145,29 +150,33 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
         else:
             code = newton(True, coefficients, chain, modal, laws, piece, state, springs, work, memo, factors)
             if code < 0:
-                if events > 0:
+                if pieces > 0:
                     _restore(state, springs, work, n)
                 return code
             solves += code
-        if BENDING and not ending and memo[LINEAR] == 0.0:
-            fraction, story, how = first_event(chain, piece, state, springs, work, U1, V1)
-            if fraction != NONE:
-                if events == 0:
-                    _save(state, springs, work, n)
-                events += 1
-                if events > most:
-                    _restore(state, springs, work, n)
-                    return NOT_CONVERGED
-                if fraction * piece > _AT_ONCE * h:
-                    piece *= fraction
-                    ending = True
-                else:
-                    _change(chain, laws, state, springs, story, how)
-                continue
-        if BENDING and ending and _strays(chain, springs, work, story, how):
-            _restore(state, springs, work, n)
-            return NOT_CONVERGED
-        if BENDING and events > 0:
+        if BENDING and memo[LINEAR] == 0.0:
+            miss = _miss(chain, piece, state, springs, work, story, how) if ending else _BEYOND
+            if miss == _BEYOND:
+                ending = False
+                fraction, story, how = first_event(chain, piece, state, springs, work, U1, V1)
+                if fraction != NONE:
+                    if pieces == 0:
+                        _save(state, springs, work, n)
+                    pieces += 1
+                    if pieces > most:
+                        _restore(state, springs, work, n)
+                        return NOT_CONVERGED
+                    if fraction * piece > _AT_ONCE * h:
+                        piece *= fraction
+                        ending = True
+                    else:
+                        _change(chain, laws, state, springs, story, how)
+                        events += 1
+                        piece = h - done
+                    continue
+            elif miss == _SHORT:
+                ending = False
+        if BENDING and pieces > 0:
             for row in range(3):
                 for i in range(n):
                     work[PIECE + row, i] = state[row, i]
@@ -175,18 +184,17 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
             _advance(chain, laws, state, springs, work)
         else:
             _arrive(True, chain, laws, state, springs, work)
-        if BENDING and events > 0:
+        if BENDING and pieces > 0:
             _look(memo[FAST] == 0.0, chain, laws, piece, ground, ground + slope * piece, state, springs, work)
             memo[WITHIN] = PEAKS
         done += piece
-        piece = h - done
-        if not ending:
-            break
-        if BENDING:
+        if BENDING and ending:
             _change(chain, laws, state, springs, story, how)
-        if piece <= _AT_ONCE * h:
+            events += 1
+            ending = False
+        piece = h - done
+        if not BENDING or piece <= _AT_ONCE * h:
             break
-        ending = False
     memo[EVENTS] += events
     return solves if finite(state, n) else NOT_FINITE
 
@@ -201,7 +209,7 @@ def _change(chain, laws, state, springs, story, how):
     """
     drift = springs[DRIFT, story]
     force = springs[FORCE, story]
-    if how == TURNED:
+    if how == TURNED or not springs[SLOPE, story] < math.inf:
         switch(laws, springs, story, 0, how)
     else:
         go_along(laws, springs, story, 0, springs[UPPER, story] if how == ABOVE else springs[LOWER, story])
@@ -215,24 +223,32 @@ def _change(chain, laws, state, springs, story, how):
 
 
 @called
-def _strays(chain, springs, work, story, how):
-    """Whether a piece up to an event misses it, or takes another story far off its branch."""
-    below = 0.0
+def _miss(chain, h, state, springs, work, story, how):
+    """Whether a piece up to an event reaches it (0), falls short of it, or takes a story far off its branch."""
+    miss = 0.0
+    u_below = 0.0
+    v_below = 0.0
+    v1_below = 0.0
     for i in range(chain.shape[1] - 1):
-        drift = work[U1, i] - chain[LINK, i] * below
-        below = work[U1, i]
+        link = chain[LINK, i]
+        drift = work[U1, i] - link * u_below
         change = drift - springs[DRIFT, i]
+        # The way is longer than the change where the drift comes back.
+        way = h * max(abs(state[VELOCITY, i] - link * v_below), abs(work[V1, i] - link * v1_below))
+        allowed = _STRAYED * max(way, abs(change))
+        u_below = work[U1, i]
+        v_below = state[VELOCITY, i]
+        v1_below = work[V1, i]
         if springs[TURN, i] * change < -_BACKWARD * (abs(drift) + abs(springs[DRIFT, i])):
-            return True
-        allowed = _STRAYED * abs(change)
+            return _BEYOND
         if drift > springs[UPPER, i] + allowed or drift < springs[LOWER, i] - allowed:
-            return True
+            return _BEYOND
         if i == story and (
             (how == ABOVE and drift < springs[UPPER, i] - allowed)
             or (how == BELOW and drift > springs[LOWER, i] + allowed)
         ):
-            return True
-    return False
+            miss = _SHORT
+    return miss
 
 
 @inlined

@@ -18,6 +18,8 @@ from tdint.kernels.equations.impulse_momentum import (
     IMPULSE,
     LOAD,
     MOMENTUM_ROWS,
+    R1,
+    R2,
     SIZE,
     U1,
     V1,
@@ -33,6 +35,7 @@ from tdint.kernels.layout import (
     FIRST_TRIAL,
     FORCE,
     GEOMETRIC,
+    INVERSE_MASS,
     LINK,
     MASS,
     NOT_CONVERGED,
@@ -45,7 +48,7 @@ from tdint.kernels.layout import (
     STORY_DAMPER,
     VELOCITY,
 )
-from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL
+from tdint.kernels.stepping import CLOSE, ITERATIONS, LEAST, PATIENCE, SAME_TANGENT, SMALL
 from tdint.kernels.stories.springs import reach
 
 # Coefficients
@@ -67,7 +70,8 @@ _TANGENT_C = MOMENTUM_ROWS
 _TANGENT_1 = MOMENTUM_ROWS + 1
 _SLOPE_C = MOMENTUM_ROWS + 2  # of the power-law dashpots
 _SLOPE_1 = MOMENTUM_ROWS + 3
-SAVED = MOMENTUM_ROWS + 4  # state and springs at the start of a step that is done in pieces
+_LAST_CORRECTION = MOMENTUM_ROWS + 4  # of DU and DV
+SAVED = MOMENTUM_ROWS + 6  # state and springs at the start of a step that is done in pieces
 PIECE = SAVED + 3 + SPRING_ROWS  # motion at the start of a piece
 TURNS = PIECE + 3  # drifts where stories turned in it
 PEAKS = TURNS + 1  # within such pieces
@@ -112,24 +116,56 @@ def newton(frozen, coefficients, chain, modal, laws, h, state, springs, work, me
     """Motion over a step by Newton on all stories at once, unknowns (u1 - u0, v1 - v0) per floor, a1 eliminated by
     equilibrium.
 
-    With `frozen`, stories that are linear on their branches stay on them.
+    With `frozen`, stories that are linear on their branches stay on them. Where it goes round in a cycle, corrections
+    are halved until they bring the equations closer to balance.
     """
     n = chain.shape[1] - 1
     guess(1.0, h, state, work, n)
     iterations = 0
+    part = 1.0
+    before = math.inf
     last = False
     while True:
         stale = _path(False, frozen, coefficients, chain, laws, h, state, springs, work, factors)
         _residuals(coefficients, chain, modal, h, state, work)
         if in_balance(coefficients[BETA], chain, h, state, work, memo) or last:
             break
+        if iterations >= PATIENCE:
+            size = _size(chain, h, work, n)
+            if size > before * (1.0 - 1e-4 * part) and part > LEAST:
+                part *= 0.5
+                _step_back(part, work, n)
+                continue
+            before = size
+            part = 1.0
         if iterations == ITERATIONS:
             return NOT_CONVERGED
         if stale:
             _factor(coefficients, chain, modal, h, work, factors)
         last = _correct(coefficients, modal, h, work, factors, n)
         iterations += 1
+        if iterations > PATIENCE:
+            for i in range(n):
+                work[_LAST_CORRECTION, i] = work[R1, i]
+                work[_LAST_CORRECTION + 1, i] = work[R2, i]
     return max(iterations, 1)
+
+
+@called
+def _size(chain, h, work, n):
+    """Size of the residuals."""
+    total = 0.0
+    for i in range(n):
+        squares = work[R1, i] * work[R1, i] / (h * h) + work[R2, i] * work[R2, i]
+        total += chain[INVERSE_MASS, i] * squares
+    return total
+
+
+@called
+def _step_back(part, work, n):
+    for i in range(n):
+        work[DU, i] -= part * work[_LAST_CORRECTION, i]
+        work[DV, i] -= part * work[_LAST_CORRECTION + 1, i]
 
 
 @inlined

@@ -5,7 +5,8 @@ For the families whose motion at that instant is linear in one unknown x per flo
     u = U + by_u x,   v = V + by_v x,   a = A + by_a x,   M a + C v + f(u) = p
 
 U, V, A are the first guess. The corrections are found by tridiagonal solves, and the factors are kept for the next
-step: they are made anew only when a tangent changed.
+step: they are made anew only when a tangent changed. Where large steps over kinks make the iteration go round in a
+cycle, corrections are halved until they bring the floors closer to equilibrium.
 """
 
 from __future__ import annotations
@@ -13,12 +14,13 @@ from __future__ import annotations
 import math
 
 from tdint.kernels.chain import add_modal_force, power_damper
-from tdint.kernels.compiling import inlined
+from tdint.kernels.compiling import called, inlined
 from tdint.kernels.equations.tridiagonal import factor_combination, solve_damped
 from tdint.kernels.layout import (
     FLOOR_DAMPER,
     FORCE,
     GEOMETRIC,
+    INVERSE_MASS,
     LINEAR,
     LINK,
     MASS,
@@ -28,7 +30,7 @@ from tdint.kernels.layout import (
     STIFFNESS,
     STORY_DAMPER,
 )
-from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, balanced
+from tdint.kernels.stepping import CLOSE, ITERATIONS, LEAST, PATIENCE, SAME_TANGENT, SMALL, balanced
 from tdint.kernels.stories.springs import restoring
 
 # Rows of work: the load and the first guess come in, the motion in equilibrium goes out
@@ -41,7 +43,8 @@ _SUM = 5  # story forces
 _RESIDUAL = 6  # unbalanced forces, then the correction of x
 _TANGENT = 7
 _SIZE = 8  # of the story forces, with what the displacements round
-BALANCE_ROWS = 9
+_CORRECTION = 9  # of x, the last one
+BALANCE_ROWS = 10
 
 # Rows of a block of factors
 _FACTORED = 0  # its tangents
@@ -78,10 +81,20 @@ def balance(by_u, by_v, by_a, factors, past, trial, chain, modal, laws, springs,
     for i in range(n):
         work[X, i] = 0.0
     iterations = 0
+    part = 1.0
+    before = math.inf
     while True:
         stale = _story_forces(by_u, by_v, factors, past, trial, chain, laws, springs, work)
         if _in_balance(chain, modal, work, memo):
             break
+        if iterations >= PATIENCE:
+            size = _size(chain, work, n)
+            if size > before * (1.0 - 1e-4 * part) and part > LEAST:
+                part *= 0.5
+                _correct(-part, _CORRECTION, by_u, by_v, by_a, work, n)
+                continue
+            before = size
+            part = 1.0
         if iterations == ITERATIONS:
             return NOT_CONVERGED
         if stale:
@@ -90,7 +103,11 @@ def balance(by_u, by_v, by_a, factors, past, trial, chain, modal, laws, springs,
             factor_combination(chain, modal, work, tangents, by_a, by_v, by_k, work, pivot, coupling, store, n)
         solve_damped(work, pivot, coupling, modal, store, _RESIDUAL, n)
         iterations += 1
-        if _correct(by_u, by_v, by_a, work, n) or memo[LINEAR] != 0.0 or (by_u == 0.0 and memo[POWER_DAMPERS] == 0.0):
+        if iterations > PATIENCE:
+            for i in range(n):
+                work[_CORRECTION, i] = work[_RESIDUAL, i]
+        done = memo[LINEAR] != 0.0 or (by_u == 0.0 and memo[POWER_DAMPERS] == 0.0)
+        if _correct(1.0, _RESIDUAL, by_u, by_v, by_a, work, n) or done:
             _drift_laws(past, trial, chain, laws, springs, work)
             break
     return max(iterations, 1)
@@ -150,6 +167,15 @@ def _in_balance(chain, modal, work, memo):
     return small
 
 
+@called
+def _size(chain, work, n):
+    """Size of the unbalanced forces."""
+    total = 0.0
+    for i in range(n):
+        total += chain[INVERSE_MASS, i] * work[_RESIDUAL, i] * work[_RESIDUAL, i]
+    return total
+
+
 @inlined
 def _drift_laws(past, trial, chain, laws, springs, work):
     """Drift laws at the present displacements."""
@@ -160,11 +186,11 @@ def _drift_laws(past, trial, chain, laws, springs, work):
 
 
 @inlined
-def _correct(by_u, by_v, by_a, work, n):
-    """Add the correction of x to x and to the motion. True if it was rounding."""
+def _correct(part, row, by_u, by_v, by_a, work, n):
+    """Add a part of the correction of x in `row` to x and to the motion. True if it was rounding."""
     small = True
     for i in range(n):
-        dx = work[_RESIDUAL, i]
+        dx = part * work[row, i]
         work[X, i] += dx
         work[V, i] += by_v * dx
         work[A, i] += by_a * dx

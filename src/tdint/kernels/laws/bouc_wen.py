@@ -6,7 +6,9 @@ with A = 1 and beta + gamma = 1, so that |w| tends to 1 (Ma, Zhang, Bockstette, 
 other parameters are redundant). beta >= 1/2 keeps the dissipation from being negative.
 
 The equation is integrated along the drift in substeps of a fixed length from the committed state, the last one
-shortened: the force is a continuous function of the drift. Where w changes its sign a substep ends too.
+shortened: the force is a continuous function of the drift. Where w changes its sign a substep ends too. There |w|^n is
+not smooth: for n below 2 the time steps that locate kinks end there, and near it the equation is integrated as a series
+in |w|^n, exactly.
 """
 
 from __future__ import annotations
@@ -14,15 +16,37 @@ from __future__ import annotations
 import math
 
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
-from tdint.kernels.layout import DISSIPATED, DRIFT, FIRST_PARAMETER, FORCE, INTERNAL, STIFFNESS, TURN
+from tdint.kernels.layout import (
+    DISSIPATED,
+    DRIFT,
+    FIRST_PARAMETER,
+    FORCE,
+    INTERNAL,
+    LOWER,
+    STIFFNESS,
+    TURN,
+    TURNED,
+    UPPER,
+)
 
 _SUBSTEP = 0.125
 """Length of a substep times the exponent n, in yield drifts; classical Runge-Kutta is then good to about 1e-7 Fy."""
 _SATURATED = 1e-14
+_SMOOTH = 2.0
+"""Exponent from which on the force is smooth enough where w changes its sign."""
+_NEAR = 0.25
+"""Largest |w|^n for which the series is taken."""
+_THERE = 1e-6
+"""Over the yield drift: a sign that changes no farther ahead changes here."""
 
 
 def _functions() -> LawFunctions:
+    import numpy as np
+
     from tdint.kernels.compiling import called, inlined
+
+    nodes, weights = (0.5 * values for values in np.polynomial.legendre.leggauss(8))
+    nodes += 0.5
 
     @inlined
     def power(x, n):
@@ -55,6 +79,32 @@ def _functions() -> LawFunctions:
         return w + r - r / 6.0 * (p1 + 2.0 * (p2 + p3) + p4), loss
 
     @called
+    def series(w, n, p):
+        """The way from 0 to w, over Fy / k, where w' = 1 - p w^n; and the loss p w^(n + 1) summed up on it."""
+        ratio = p * w**n
+        term = w
+        way = w
+        loss = 0.0
+        for j in range(1, 26):
+            term *= ratio
+            way += term / (j * n + 1.0)
+            loss += term * w / (j * n + 2.0)
+        return way, loss
+
+    @called
+    def at_way(x, n, p):
+        """Where the way of `series` is x, by Newton's iteration."""
+        w = x
+        for _ in range(8):
+            way, _ = series(w, n, p)
+            new = w - (way - x) * (1.0 - p * w**n)
+            done = abs(new - w) <= 1e-15 * x
+            w = new
+            if done:
+                break
+        return w
+
+    @called
     def force(laws, springs, i, past, trial, drift):
         k = laws[STIFFNESS, i]
         strength = laws[FIRST_PARAMETER, i]
@@ -67,9 +117,17 @@ def _functions() -> LawFunctions:
         left = abs(stretch) * k / strength
         longest = _SUBSTEP / n
         loss = 0.0
+        near = _NEAR ** (1.0 / n) if n < _SMOOTH else 0.0
         while w < 0.0 and left > 0.0:
             r = min(longest, left)
             u = -w
+            if u <= near:
+                way, lost = series(u, n, -q)
+                u = at_way(way - left, n, -q) if way > left else 0.0
+                loss += (series(u, n, -q)[1] if u > 0.0 else 0.0) - lost
+                w = -u
+                left -= min(way, left)
+                break
             if u <= 2.0 * r:
                 # The way to w = 0, by Simpson's rule for dx/du
                 way = u / 6.0 * (1.0 + 4.0 / (1.0 + q * power(0.5 * u, n)) + 1.0 / (1.0 + q * power(u, n)))
@@ -84,6 +142,17 @@ def _functions() -> LawFunctions:
             w = -u
             loss += lost
             left -= r
+        if 0.0 <= w < near and left > 0.0:
+            way, lost = series(w, n, 1.0)
+            whole, lost_whole = series(near, n, 1.0)
+            if way + left < whole:
+                w = at_way(way + left, n, 1.0)
+                loss += series(w, n, 1.0)[1] - lost
+                left = 0.0
+            else:
+                w = near
+                loss += lost_whole - lost
+                left -= whole - way
         while w >= 0.0 and left > 0.0:
             if 1.0 - w <= _SATURATED:
                 w = 1.0
@@ -118,23 +187,59 @@ def _functions() -> LawFunctions:
     def settle(laws, springs, i, past, trial):
         pass  # summed up on the way
 
+    @called
+    def kink(laws, springs, i, block, side):
+        """How far ahead on that side w changes its sign, by Gauss points in the root of w: dx = du / (1 + q u^n)."""
+        u = -side * springs[block + INTERNAL, i]
+        if not u > 0.0:
+            return math.inf
+        n = laws[FIRST_PARAMETER + 2, i]
+        q = 2.0 * laws[FIRST_PARAMETER + 3, i] - 1.0
+        way = 0.0
+        for point in range(8):
+            root = nodes[point]
+            way += weights[point] * 2.0 * root / (1.0 + q * power(u * root * root, n))
+        return way * u * laws[FIRST_PARAMETER, i] / laws[STIFFNESS, i]
+
+    @called
+    def look_ahead(laws, springs, i, past, block):
+        """Let the branch in `block` end where w will change its sign, seen from the state in `past`."""
+        side = springs[block + TURN, i]
+        springs[block + UPPER, i] = math.inf
+        springs[block + LOWER, i] = -math.inf
+        if side * springs[past + INTERNAL, i] < 0.0:
+            way = kink(laws, springs, i, past, side)
+            if way * laws[STIFFNESS, i] > _THERE * laws[FIRST_PARAMETER, i]:
+                springs[block + (UPPER if side > 0.0 else LOWER), i] = springs[past + DRIFT, i] + side * way
+
     @inlined
     def keep(laws, springs, i, past, trial):
         stretch = springs[trial + DRIFT, i] - springs[past + DRIFT, i]
         if stretch != 0.0:
             springs[TURN, i] = math.copysign(1.0, stretch)
+        if laws[FIRST_PARAMETER + 2, i] < _SMOOTH:
+            look_ahead(laws, springs, i, trial, 0)
 
     @inlined
     def switch(laws, springs, i, block, event):
-        """The drift rate has turned: the tangent jumps."""
-        springs[block + TURN, i] = -springs[block + TURN, i]
+        """The drift rate has turned, and the tangent jumps; or w changes its sign."""
+        if event == TURNED:
+            springs[block + TURN, i] = -springs[block + TURN, i]
+            if laws[FIRST_PARAMETER + 2, i] < _SMOOTH:
+                look_ahead(laws, springs, i, block, block)
+        else:
+            springs[block + UPPER, i] = math.inf
+            springs[block + LOWER, i] = -math.inf
 
     @inlined
     def points(laws, springs, i, way):
-        """Good to about 1e-5 of the yield force on long paths, 1e-7 on those of a usual step."""
-        return 1.5 + 3.0 * laws[FIRST_PARAMETER + 2, i] * way * laws[STIFFNESS, i] / laws[FIRST_PARAMETER, i]
+        """Good to about 1e-6 of the yield force."""
+        n = laws[FIRST_PARAMETER + 2, i]
+        return 1.9 + 4.0 * (n + 1.0) * way * laws[STIFFNESS, i] / laws[FIRST_PARAMETER, i]
 
-    return LawFunctions(force=force, recoverable=recoverable, settle=settle, keep=keep, switch=switch, points=points)
+    return LawFunctions(
+        force=force, recoverable=recoverable, settle=settle, keep=keep, switch=switch, points=points, kink=kink
+    )
 
 
 LAW = DriftLaw(

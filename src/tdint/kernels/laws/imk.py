@@ -25,9 +25,7 @@ from tdint.kernels.layout import (
     HIGH_FORCE,
     INTERNAL,
     LOWER,
-    PLAIN_ROWS,
     SLOPE,
-    SPRING_ROWS,
     STIFFNESS,
     TURN,
     TURNED,
@@ -52,10 +50,6 @@ _EXPONENT = FIRST_PARAMETER + 18
 _PINCHING_FORCE = FIRST_PARAMETER + 19
 _PINCHING_DRIFT = FIRST_PARAMETER + 20
 
-# Rows of both sides: the positive one's, then two rows on the negative one's; drifts and forces positive on both
-_FAR_DRIFT = HIGH_DRIFT
-_FAR_FORCE = HIGH_FORCE
-
 # Further rows, from the block's first one
 _PEAK_DRIFT = 0  # the last turn point, of both sides
 _PEAK_FORCE = 1
@@ -79,18 +73,16 @@ _RESIDUAL = 7.0
 _FAILED = 8.0  # not negative
 
 _HERE = 1e-12  # over a drift: what lies no farther ahead is reached
-_AGAIN = (
-    1e-6  # over the farthest drift: a turn no farther from the last one is the same one, which a step missed a little
-)
+_AGAIN = 1e-6  # over the farthest drift: a turn no farther from the last one is the same, which a step missed a little
 
 
 def _functions() -> LawFunctions:
     from tdint.kernels.compiling import called, inlined
-    from tdint.kernels.laws.walking import copy_further, further, walker
+    from tdint.kernels.laws.walking import further, walking
 
     @inlined
     def of(side, row):
-        """The row of a pair of rows that belongs to a side."""
+        """The row of a pair that belongs to a side: the negative one's is two rows on, and positive, too."""
         return row if side > 0.0 else row + 2
 
     @inlined
@@ -195,9 +187,9 @@ def _functions() -> LawFunctions:
     @called
     def go_to_farthest(laws, springs, i, block, side):
         drift = side * springs[block + DRIFT, i]
-        far = springs[block + of(side, _FAR_DRIFT), i]
+        far = springs[block + of(side, HIGH_DRIFT), i]
         if drift < far * (1.0 - _HERE):
-            rise = springs[block + of(side, _FAR_FORCE), i] - side * springs[block + FORCE, i]
+            rise = springs[block + of(side, HIGH_FORCE), i] - side * springs[block + FORCE, i]
             load(laws, springs, i, block, side, _TO_FARTHEST, rise / (far - drift), far)
         else:
             go_along_backbone(laws, springs, i, block, side)
@@ -208,8 +200,8 @@ def _functions() -> LawFunctions:
         first = further(springs, block)
         drift = side * springs[block + DRIFT, i]
         force = side * springs[block + FORCE, i]
-        far = springs[block + of(side, _FAR_DRIFT), i]
-        far_force = springs[block + of(side, _FAR_FORCE), i]
+        far = springs[block + of(side, HIGH_DRIFT), i]
+        far_force = springs[block + of(side, HIGH_FORCE), i]
         peak = springs[first + of(side, _PEAK_DRIFT), i]
         peak_force = springs[first + of(side, _PEAK_FORCE), i]
         if drift < peak - _HERE * far and force < peak_force and peak_force < far_force:
@@ -227,11 +219,11 @@ def _functions() -> LawFunctions:
         force = side * springs[block + FORCE, i]
         springs[first + of(side, _PEAK_DRIFT), i] = drift
         springs[first + of(side, _PEAK_FORCE), i] = force
-        if drift > springs[block + of(side, _FAR_DRIFT), i]:
-            springs[block + of(side, _FAR_DRIFT), i] = drift
-            springs[block + of(side, _FAR_FORCE), i] = force
+        if drift > springs[block + of(side, HIGH_DRIFT), i]:
+            springs[block + of(side, HIGH_DRIFT), i] = drift
+            springs[block + of(side, HIGH_FORCE), i] = force
         lost = beta_of_turning(laws, springs, i, block)
-        if abs(side * drift - springs[first + _TURNED_AT, i]) <= _AGAIN * springs[block + of(side, _FAR_DRIFT), i]:
+        if abs(side * drift - springs[first + _TURNED_AT, i]) <= _AGAIN * springs[block + of(side, HIGH_DRIFT), i]:
             lost = 0.0
         springs[first + _TURNED_AT, i] = side * drift
         if lost >= 1.0:
@@ -259,7 +251,7 @@ def _functions() -> LawFunctions:
         springs[first + _WORK_AT_ZERO, i] = before
         springs[first + of(side, _STRENGTH), i] *= 1.0 - rate * strength
         springs[first + of(side, _CAPPING), i] *= 1.0 - rate * capping
-        springs[block + of(side, _FAR_DRIFT), i] *= 1.0 + rate * reloading
+        springs[block + of(side, HIGH_DRIFT), i] *= 1.0 + rate * reloading
         return max(strength, capping, reloading) > 1.0
 
     @called
@@ -273,13 +265,13 @@ def _functions() -> LawFunctions:
             return
         stiffness = springs[first + _UNLOADING_STIFFNESS, i]
         zero = side * springs[block + DRIFT, i]
-        far = springs[block + of(side, _FAR_DRIFT), i]
+        far = springs[block + of(side, HIGH_DRIFT), i]
         if far <= zero * (1.0 + _HERE) and zero > 0.0:
             # The other side unloaded so softly that it passed this side's farthest point: that is moved ahead.
             far = zero + max(backbone(laws, springs, i, block, side, far), _HERE * laws[_YIELD_FORCE, i]) / stiffness
-            springs[block + of(side, _FAR_DRIFT), i] = far
+            springs[block + of(side, HIGH_DRIFT), i] = far
         far_force = backbone(laws, springs, i, block, side, far)
-        springs[block + of(side, _FAR_FORCE), i] = far_force
+        springs[block + of(side, HIGH_FORCE), i] = far_force
         if laws[_PINCHING_FORCE, i] != 1.0 or laws[_PINCHING_DRIFT, i] != 1.0:
             drift = (1.0 - laws[_PINCHING_DRIFT, i]) * (far - far_force / stiffness)
             force = laws[_PINCHING_FORCE, i] * far_force * (drift - zero) / (far - zero)
@@ -296,8 +288,8 @@ def _functions() -> LawFunctions:
         first = further(springs, block)
         drift = side * springs[block + DRIFT, i]
         force = side * springs[block + FORCE, i]
-        far = springs[block + of(side, _FAR_DRIFT), i]
-        far_force = springs[block + of(side, _FAR_FORCE), i]
+        far = springs[block + of(side, HIGH_DRIFT), i]
+        far_force = springs[block + of(side, HIGH_FORCE), i]
         pinched = springs[first + _PINCHED_DRIFT, i]
         pinched_force = springs[first + _PINCHED_FORCE, i]
         if drift < pinched - _HERE * far and force < pinched_force and pinched < far and pinched_force < far_force:
@@ -340,16 +332,6 @@ def _functions() -> LawFunctions:
         return energy
 
     @inlined
-    def dissipated(laws, springs, i):
-        return springs[WORK, i] - recoverable(laws, springs, i)
-
-    @inlined
-    def keep(laws, springs, i, past, trial):
-        for row in range(PLAIN_ROWS, SPRING_ROWS):
-            springs[row, i] = springs[trial + row, i]
-        copy_further(springs, i, trial, 0)
-
-    @inlined
     def enter(laws, springs, i):
         k = laws[STIFFNESS, i]
         first = further(springs, 0)
@@ -357,15 +339,13 @@ def _functions() -> LawFunctions:
         springs[first + _TURNED_AT, i] = math.inf
         for side in (1.0, -1.0):
             strength = given(laws, i, side, _YIELD_FORCE)
-            springs[of(side, _FAR_DRIFT), i] = springs[first + of(side, _PEAK_DRIFT), i] = strength / k
-            springs[of(side, _FAR_FORCE), i] = springs[first + of(side, _PEAK_FORCE), i] = strength
+            springs[of(side, HIGH_DRIFT), i] = springs[first + of(side, _PEAK_DRIFT), i] = strength / k
+            springs[of(side, HIGH_FORCE), i] = springs[first + of(side, _PEAK_FORCE), i] = strength
             springs[first + of(side, _STRENGTH), i] = springs[first + of(side, _CAPPING), i] = 1.0
         springs[UPPER, i] = given(laws, i, 1.0, _YIELD_FORCE) / k
         springs[LOWER, i] = -given(laws, i, -1.0, _YIELD_FORCE) / k
 
-    return LawFunctions(
-        force=walker(switch), recoverable=recoverable, dissipated=dissipated, keep=keep, enter=enter, switch=switch
-    )
+    return walking(switch, recoverable, enter)
 
 
 def _fault(stiffness: float, values: Sequence[float]) -> str | None:
@@ -393,10 +373,8 @@ _SIDES = (
 
 
 def _capacity(name: str) -> LawParameter:
-    none = math.inf
-    return LawParameter(
-        name, length=1, low=0.0, low_allowed=False, default=none, group="deterioration", without=none, shared=True
-    )
+    one = LawParameter(name, length=1, low=0.0, low_allowed=False, group="deterioration", shared=True)
+    return replace(one, default=math.inf, without=math.inf)
 
 
 LAW = DriftLaw(

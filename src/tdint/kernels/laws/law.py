@@ -67,6 +67,9 @@ class LawFunctions:
     points : function, optional
         (laws, springs, i, way) -> Gauss points on a path of drift that is `way` long (m), for a curved law. Without it
         many are taken.
+    kink : function, optional
+        (laws, springs, i, block, side) -> how far ahead of the state in `block`, on the way to `side`, the force of a
+        curved law bends sharply, m; infinite if it does not.
     """
 
     force: Any
@@ -78,6 +81,7 @@ class LawFunctions:
     advance: Any = None
     switch: Any = None
     points: Any = None
+    kink: Any = None
 
 
 @dataclass(frozen=True)

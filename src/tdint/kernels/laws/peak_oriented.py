@@ -2,6 +2,16 @@
 
 Unloading goes down to zero force with k (dy / largest drift)^unloading (Takeda, Sozen and Nielsen 1970), reloading
 towards the farthest point of the other side (Clough 1966).
+
+With hardening that line would at last pass zero drift, even the other side's yield point, and unloading give back more
+than was put in. The stiffness is therefore at least
+
+    that of the line from the farthest point to the origin, F / dmax, and   k min(1, hardening / (1 - unloading / 2)).
+
+Then no branch makes energy. While a side yields, what unloading would give back, E = F^2 / (2 ku), grows by at most
+the work F dd: on the first bound E = F d / 2 and F' d <= F; on the second E' = F F' / ku with F' = hardening k;
+otherwise E' = F (F' / ku + unloading F / (2 ku d)) <= F ((1 - unloading / 2) + unloading / 2). And reloading from a
+zero that lies on the other side of the origin is never stiffer than unloading.
 """
 
 from __future__ import annotations
@@ -19,14 +29,11 @@ from tdint.kernels.layout import (
     LOW_DRIFT,
     LOW_FORCE,
     LOWER,
-    PLAIN_ROWS,
     SLOPE,
-    SPRING_ROWS,
     STIFFNESS,
     TURN,
     TURNED,
     UPPER,
-    WORK,
 )
 
 # Kinds of branches, in INTERNAL; negative on the negative side, 0 before the first yielding
@@ -37,31 +44,27 @@ _UNLOADING = 3.0
 
 def _functions() -> LawFunctions:
     from tdint.kernels.compiling import called, inlined
-    from tdint.kernels.laws.walking import walker
+    from tdint.kernels.laws.walking import walking
 
     @inlined
     def unloading_stiffness(laws, springs, i, block, side):
-        """k (dy / |largest drift on that side|)^unloading."""
+        """k (dy / |largest drift on that side|)^unloading, within its bounds."""
         k = laws[STIFFNESS, i]
+        strength = laws[FIRST_PARAMETER, i]
+        hardening = laws[FIRST_PARAMETER + 1, i]
+        unloading = laws[FIRST_PARAMETER + 2, i]
         drift = springs[block + DRIFT, i]  # the farthest one where the story yields at present
         farthest = (
             max(springs[block + HIGH_DRIFT, i], drift) if side > 0.0 else -min(springs[block + LOW_DRIFT, i], drift)
         )
-        return k * (laws[FIRST_PARAMETER, i] / (k * farthest)) ** laws[FIRST_PARAMETER + 2, i]
+        part = strength / (k * farthest)
+        to_origin = hardening + (1.0 - hardening) * part
+        return k * max(part**unloading, to_origin, min(hardening / (1.0 - 0.5 * unloading), 1.0))
 
     @inlined
     def recoverable(laws, springs, i):
         force = springs[FORCE, i]
         return 0.5 * force * force / unloading_stiffness(laws, springs, i, 0, force)
-
-    @inlined
-    def dissipated(laws, springs, i):
-        return springs[WORK, i] - recoverable(laws, springs, i)
-
-    @inlined
-    def keep(laws, springs, i, past, trial):
-        for row in range(PLAIN_ROWS, SPRING_ROWS):
-            springs[row, i] = springs[trial + row, i]
 
     @inlined
     def enter(laws, springs, i):
@@ -109,9 +112,7 @@ def _functions() -> LawFunctions:
             springs[block + UPPER, i] = math.inf
             springs[block + LOWER, i] = -math.inf
 
-    return LawFunctions(
-        force=walker(switch), recoverable=recoverable, dissipated=dissipated, keep=keep, enter=enter, switch=switch
-    )
+    return walking(switch, recoverable, enter)
 
 
 LAW = DriftLaw(

@@ -21,14 +21,11 @@ from tdint.kernels.layout import (
     INTERNAL,
     LOW_DRIFT,
     LOWER,
-    PLAIN_ROWS,
     SLOPE,
-    SPRING_ROWS,
     STIFFNESS,
     TURN,
     TURNED,
     UPPER,
-    WORK,
 )
 
 # Parameters
@@ -51,7 +48,7 @@ _HERE = 1e-12  # over a drift: what lies no farther ahead is reached
 
 def _functions() -> LawFunctions:
     from tdint.kernels.compiling import called, inlined
-    from tdint.kernels.laws.walking import walker
+    from tdint.kernels.laws.walking import walking
 
     @inlined
     def hardening(laws, i):
@@ -184,23 +181,12 @@ def _functions() -> LawFunctions:
         return 0.5 * force * force / unloading_stiffness(laws, springs, i, 0, side)
 
     @inlined
-    def dissipated(laws, springs, i):
-        return springs[WORK, i] - recoverable(laws, springs, i)
-
-    @inlined
-    def keep(laws, springs, i, past, trial):
-        for row in range(PLAIN_ROWS, SPRING_ROWS):
-            springs[row, i] = springs[trial + row, i]
-
-    @inlined
     def enter(laws, springs, i):
         drift = laws[_YIELD_FORCE, i] / laws[STIFFNESS, i]
         springs[HIGH_DRIFT, i] = springs[UPPER, i] = drift
         springs[LOW_DRIFT, i] = springs[LOWER, i] = -drift
 
-    return LawFunctions(
-        force=walker(switch), recoverable=recoverable, dissipated=dissipated, keep=keep, enter=enter, switch=switch
-    )
+    return walking(switch, recoverable, enter)
 
 
 def _fault(stiffness: float, values: Sequence[float]) -> str | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from tdint.kernels.compiling import inlined, specialized
+from tdint.kernels.laws.law import LawFunctions
 from tdint.kernels.layout import (
     ABOVE,
     BELOW,
@@ -12,6 +13,7 @@ from tdint.kernels.layout import (
     FORCE,
     FURTHER,
     LOWER,
+    PLAIN_ROWS,
     SLOPE,
     SPRING_BLOCKS,
     SPRING_ROWS,
@@ -88,3 +90,22 @@ def walker(switch: Any, own: Any = None) -> Any:
         return springs[trial + SLOPE, i]
 
     return walk
+
+
+def walking(switch: Any, recoverable: Any, enter: Any) -> LawFunctions:
+    """The functions of a law that is linear branch by branch and remembers its branch: it dissipates what was done on
+    it and cannot be recovered."""
+
+    @inlined
+    def dissipated(laws, springs, i):
+        return springs[WORK, i] - recoverable(laws, springs, i)
+
+    @inlined
+    def keep(laws, springs, i, past, trial):
+        for row in range(PLAIN_ROWS, SPRING_ROWS):
+            springs[row, i] = springs[trial + row, i]
+        copy_further(springs, i, trial, 0)
+
+    return LawFunctions(
+        force=walker(switch), recoverable=recoverable, dissipated=dissipated, keep=keep, enter=enter, switch=switch
+    )

@@ -12,6 +12,7 @@ NONE = 2.0
 """The fraction of the step for no event."""
 
 _SLACK = 1e-9  # over the drifts: a branch that is left by less is not left (rounding, and the error of a located event)
+_TURNED = 1e-12  # likewise: a drift that goes back by less has not turned
 
 
 @called
@@ -50,6 +51,7 @@ def first_event(chain, h, state, springs, work, u1, v1):
             if fraction < first:
                 first, story, how = fraction, i, BELOW
         turn = springs[TURN, i]
+        slack = _TURNED / _SLACK * slack
         if turn != 0.0 and (turn * (d2 - d1) < -slack or turn * (d3 - d2) < -slack):
             fraction = turning(turn * (d1 - d0), turn * (d2 - d1), turn * (d3 - d2))
             if fraction < first:
@@ -65,9 +67,13 @@ def _bezier(d0, d1, d2, d3, s):
 
 @called
 def _crossing(d0, d1, d2, d3, limit):
-    """Smallest s in [0, 1] at which the cubic exceeds `limit`; NONE if it does not."""
-    if d0 >= limit:
-        return 0.0 if d1 > d0 else NONE
+    """Smallest s in [0, 1] at which the cubic goes beyond `limit`; NONE if it does not.
+
+    A cubic that starts beyond it by what the last event was missed by comes inside first, or turns outside: it goes
+    beyond where it then rises.
+    """
+    if d0 >= limit and d1 > d0:
+        return 0.0
     # Between its extrema the cubic is monotone.
     a = d3 - d0 + 3.0 * (d1 - d2)
     b = d0 - 2.0 * d1 + d2
@@ -82,12 +88,17 @@ def _crossing(d0, d1, d2, d3, limit):
         s_low = min(max(min(one, other), 0.0), 1.0)
         s_high = min(max(max(one, other), 0.0), 1.0)
     left = 0.0
+    before = d0
     for part in range(3):
         right = s_low if part == 0 else (s_high if part == 1 else 1.0)
         if right > left:
-            if _bezier(d0, d1, d2, d3, right) > limit:
+            value = _bezier(d0, d1, d2, d3, right)
+            if before >= limit and value > before:
+                return left
+            if before < limit and value > limit:
                 return _root(d0, d1, d2, d3, limit, left, right)
             left = right
+            before = value
     return NONE
 
 

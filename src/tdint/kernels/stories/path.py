@@ -18,7 +18,7 @@ import math
 import numpy as np
 
 from tdint.kernels.compiling import called, inlined
-from tdint.kernels.laws.choosing import CURVES, DISSIPATING, case_of_4, chosen
+from tdint.kernels.laws.choosing import CURVES, DISSIPATING, case_of_4, case_of_5, chosen
 from tdint.kernels.laws.walking import copy_further
 from tdint.kernels.layout import (
     ABOVE,
@@ -76,6 +76,14 @@ def _as_usual(laws, springs, i, way):
 
 
 _points = chosen("points", case_of_4, _as_usual)
+
+
+@inlined
+def _smooth(laws, springs, i, block, side):
+    return math.inf
+
+
+_kink = chosen("kink", case_of_5, _smooth)
 
 
 @inlined
@@ -300,8 +308,20 @@ def _with_memory(laws, springs, i, rise, bend, work, out):
 
 @called
 def _pass(laws, springs, i, past, start, rise, bend, begin, end, work, out):
-    """From `begin` to `end` of the path, between which it does not turn, from the state in `past`."""
-    way = abs(_at(start, rise, bend, end) - _at(start, rise, bend, begin))
+    """From `begin` to `end` of the path, between which it does not turn, from the state in `past`.
+
+    In two parts where the force bends sharply between."""
+    here = _at(start, rise, bend, begin)
+    way = _at(start, rise, bend, end) - here
+    side = math.copysign(1.0, way)
+    way = abs(way)
+    ahead = _kink(laws, springs, i, past, side)
+    if ahead < way:
+        wanted = _points(laws, springs, i, ahead)
+        there = min(begin + _time_to(here + side * ahead, start, rise, bend, begin, side), end)
+        past = _integrate(laws, springs, i, past, False, wanted, rise, bend, begin, there, work, out)
+        begin = there
+        way -= ahead
     return _integrate(laws, springs, i, past, False, _points(laws, springs, i, way), rise, bend, begin, end, work, out)
 
 
