@@ -276,7 +276,13 @@ def test_a_tolerance_chooses_the_step(folder, tdint, tolerance):
     assert summary["dt_s"] < 0.01
     assert summary["check"]["tolerance"] == 0.001
     assert summary["check"]["drift_error"] <= 0.001
-    assert f"Step chosen for peak drifts within 0.1 %: {summary['dt_s']:.6g} s." in result.stderr
+    check = summary["check"]
+    chosen = (
+        f"from {check['runs_for_the_step']} runs: {summary['dt_s']:.6g} s, {check['samples_in_the_step']:g} sampling"
+    )
+    assert f"Step chosen for peak drifts within 0.1 %, {chosen}" in result.stderr
+    assert f"the record's own step {check['solves_at_record_step']}." in result.stderr
+    assert summary["dt_s"] == pytest.approx(0.01 * check["samples_in_the_step"])
     assert result.stdout.splitlines()[0] == f"{COLUMNS},{ERRORS}"
     again = tdint("run", "shaken.yaml", "--check", "--dt", summary["dt_s"])
     assert again.stdout == result.stdout

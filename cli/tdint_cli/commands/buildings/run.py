@@ -383,9 +383,9 @@ def _chosen(response: Response, choice: StepChoice) -> str:
     line += f"{response.dt:.6g} s"
     if choice.samples is not None:
         line += f", {choice.samples:g} sampling {'interval' if choice.samples == 1.0 else 'intervals'} of the record"
-    line += f"; {response.iterations} solves"
+    line += f".\nIt takes {response.iterations} solves"
     if choice.solves_at_record is not None and choice.samples != 1.0:
-        line += f", {choice.solves_at_record} with the record's own step"
+        line += f", the record's own step {choice.solves_at_record}"
     return line + "."
 
 

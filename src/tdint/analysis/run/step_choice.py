@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass, field, replace
 
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.error_estimate import FINER, attempt, with_check
+from tdint.analysis.run.error_estimate import FINER, attempt, checked, with_check
 from tdint.analysis.run.outcome import FailedRun, Response, StepChoice
 from tdint.analysis.run.steps import Steps, choose_steps, finer
 from tdint.errors import UsageError
@@ -22,6 +22,9 @@ _PER_PERIOD = 8.0
 
 _FEWEST = 4.0
 """Steps in that period below which none is tried."""
+
+_SAME = 1e-9
+"""Numbers of steps that differ by less than this part are the same."""
 
 _MOST_HALVINGS = 8
 """Halvings of the record's step, or of the one that was asked for, after which the search ends."""
@@ -58,7 +61,7 @@ def choose_step(
     level = search.first_within()
     if not fixed and level == 0:
         level = search.coarser(_samples(case, asked, _FEWEST))
-    return search.taken(level, duration, history)
+    return search.taken(level, history)
 
 
 def _samples(case: Case, asked: Steps, per_period: float) -> int:
@@ -131,16 +134,19 @@ class _Search:
                 return 1
         return 0
 
-    def taken(self, level: int, duration: float | None, history: bool) -> Response:
+    def taken(self, level: int, history: bool) -> Response:
         """The response of a level, over the time that was asked for."""
         found = self.checked(level)
         assert isinstance(found, Response) and found.check is not None
         steps = self.steps(level)
-        if self.power > level:
-            steps = self.case.steps(steps.h, duration)
+        # All levels end with whole steps of the coarsest one, which may be after the time that was asked for.
+        end = self.asked.count * self.asked.h
+        steps = replace(steps, count=min(steps.count, math.ceil(end / steps.h * (1.0 - _SAME))))
         kept = found
-        if history or steps.count != found.steps:
-            kept = self.case.march(steps, history)
+        if steps.count != self.steps(level).count:
+            kept = checked(self.case, steps, self.case.march(steps, history))
+        elif history:
+            kept = replace(self.case.march(steps, history), check=found.check)
         own = self.runs.get(self.power)  # with the record's step
         choice = StepChoice(
             tolerance=self.tolerance,
@@ -148,7 +154,8 @@ class _Search:
             samples=steps.stride / steps.per_sample if self.case.record else None,
             solves_at_record=own.iterations if isinstance(own, Response) else None,
         )
-        return replace(kept, check=replace(found.check, choice=choice))
+        assert kept.check is not None
+        return replace(kept, check=replace(kept.check, choice=choice))
 
 
 def _not_reached(case: Case, response: Response, tolerance: float) -> FailedRun:
