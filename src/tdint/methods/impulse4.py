@@ -63,6 +63,7 @@ from tdint.kernels.layout import (
     PEAK_ACCELERATION,
     PEAK_DISPLACEMENT,
     PEAK_DRIFT,
+    PEAK_ROWS,
     PEAK_SHEAR,
     PEAK_VELOCITY,
     SECOND_TRIAL,
@@ -307,7 +308,10 @@ def _look(within, chain, laws, h, ground_0, ground_1, state, springs, work):
 
 @called
 def _save(state, springs, work, n):
+    """Keep what a step begins with, and begin with no peaks within its pieces: those of a step given up are none."""
     for i in range(n):
+        for row in range(PEAK_ROWS):
+            work[PEAKS + row, i] = 0.0
         for row in range(3):
             work[SAVED + row, i] = state[row, i]
         for row in range(SPRING_ROWS):

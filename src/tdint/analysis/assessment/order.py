@@ -205,7 +205,7 @@ def _march(integrator: Integrator, problem: OrderProblem, parts: int, count: int
 def _sampled_motion(stride: int) -> Array:
     """Ground acceleration at samples 0.02 s / stride apart, m/s^2: seeded noise; where steps go over several samples,
     noise up to `_HIGHEST` as ground motions have it. (Of white noise each step leaves out a second moment as large as
-    the two that it takes, which leaves an order of 2 to 2.5.)"""
+    the two that it takes, which leaves orders of 2.6 and less.)"""
     generator = np.random.default_rng(20221120)
     if stride == 1:
         return 5.0 * generator.standard_normal(_SAMPLES + 1)
