@@ -49,7 +49,7 @@ def test_rows_and_words(folder, tdint):
     for line, limit in zip(lines[1:3], ("1", "0.1"), strict=True):
         assert re.fullmatch(rf"For {limit} % \(peak-drift\): .* with dt 0.0[12] s, .* ms, error .* %\.", line)
     assert lines[3].startswith("The usual choice, newmark-average with the record's dt 0.01 s: ")
-    assert lines[-1] == "note: steps over 0.01 s skip samples of the record"
+    assert not any(line.startswith("note: ") for line in lines)
 
 
 def test_the_recommendation_holds_in_a_run(folder, tdint):
@@ -115,7 +115,7 @@ def test_the_default_methods_and_steps(folder, tdint):
     assert result.exit_code == 0, result.stderr
     table = rows(result.stdout)
     labels = [parse(name).label for name in DEFAULT_METHODS if name != "exact"]
-    assert [row["method"] for row in table] == [label for label in labels for _ in range(7)]
+    assert [row["method"] for row in table] == [label for label in labels for _ in range(8)]
     assert [float(row["dt_s"]) for row in table[:8]] == pytest.approx([0.08 / 2**j for j in range(8)])
     halved = tdint("chart", "shaken.yaml", "--halvings", "1", "--repeat", "1", "--no-cache", "--method", "gauss4")
     assert [row["dt_s"] for row in rows(halved.stdout)] == ["0.08", "0.04"]

@@ -82,7 +82,10 @@ def test_a_choice_that_is_made_has_a_column(folder, tdint):
     [
         ([], "taken as straight lines, maxima between them, too"),
         (["--maxima", "peer"], "taken as straight lines, maxima at 10 or more steps per period"),
-        (["--method", "newmark-average"], "taken as straight lines, maxima at the samples only"),
+        (
+            ["--method", "newmark-average"],
+            "maxima between them, too, on the method's own motion",
+        ),
         (["--interpolation", "band-limited"], "taken as free of frequencies above half its sampling rate, maxima"),
     ],
 )

@@ -49,7 +49,7 @@ class TestNoFile:
         monkeypatch.setattr("pathlib.Path.open", refuse)
         refused(tmp_path / "a", "no permission")
 
-    @pytest.mark.parametrize("name", ["a\0b", "a" * 5000])
+    @pytest.mark.parametrize("name", ["a\0b", "a" * 300])
     def test_impossible_name(self, name):
         refused(name, "cannot be read")
 
@@ -84,7 +84,7 @@ class TestNoRecord:
     )
     def test_unknown_format(self, tmp_path, data):
         (tmp_path / "a.mseed").write_bytes(data)
-        refused(tmp_path / "a.mseed", "unknown format; those that are read: MSEED, KNET")
+        refused(tmp_path / "a.mseed", "unknown format.*; those that are read: MSEED, KNET")
 
     def test_compressed(self, tmp_path):
         path = tmp_path / "a.mseed.gz"

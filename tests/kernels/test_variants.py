@@ -42,7 +42,7 @@ def marched(law, method):
     ground = np.random.default_rng(1).normal(0.0, 4.0, 400)
     steps = choose_steps(None, None, 0.02, 0.02 * (ground.size - 1))
     prepared = PreparedBuilding(building(law))
-    result = prepared.march(parse(method), steps, ground, between=True, rows=steps.count)
+    result = prepared.march(parse(method), steps, ground, rows=steps.count)
     assert result.code == 0
     return prepared.variant, {one.name: getattr(result.space, one.name) for one in fields(result.space)}
 

@@ -288,7 +288,6 @@ def test_ten_yielding_stories(parts, allowed):
 def test_ten_yielding_stories_over_several_samples(samples, allowed):
     response = run(OFFICE, method="moment4", dt=DT * samples, history=True)
     assert l2(response.history.displacement, reference(samples)[0]) <= allowed
-    assert any("impulse and its first moment are kept" in note for note in response.notes)
     assert np.max(np.abs(response.history.energy.error)) < 1e-12
 
 
@@ -306,8 +305,8 @@ def test_steps_over_several_samples_keep_order_4_in_a_linear_building():
         for k in (4, 2)
     ]
     assert orders(errors)[0] > 3.5
-    skipping = run(ten_linear(), record, method="impulse4", dt=4 * record.dt, history=True).history.displacement
-    assert np.max(np.abs(skipping - exact[::4])) > 5.0 * errors[0]
+    other = run(ten_linear(), record, method="impulse4", dt=4 * record.dt, history=True).history.displacement
+    assert np.max(np.abs(other - exact[::4])) == pytest.approx(errors[0], rel=1e-9)
 
 
 def test_peaks_between_the_steps_are_those_of_the_path():

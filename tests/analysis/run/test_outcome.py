@@ -114,7 +114,7 @@ def test_a_method_that_makes_energy_has_diverged():
         assert (failure.value.status, failure.value.story) == ("diverged", 1)
         assert failure.value.energy > 0.0
     allowed = overshooting(15.0, allow_unstable=True)
-    assert allowed.status == "collapsed" and any("made by the method" in note for note in allowed.notes)
+    assert allowed.status == "collapsed" and any("made by the method" in one for one in allowed.warnings)
 
 
 @pytest.mark.parametrize("method", ["houbolt", "park"])

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.spectra.oscillators import EXACT, MAXIMA, SAMPLES, Maxima, largest
+from tdint.analysis.spectra.oscillators import EXACT, INTERPOLATED, MAXIMA, Maxima, largest
 from tdint.analysis.spectra.recursion import check_shortest
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.interpolation import INTERPOLATIONS, LINEAR, Interpolation
@@ -99,7 +99,8 @@ def spectrum(
         Integrate with this method at the record's step, instead of the exact solution (Nigam and Jennings 1969).
     maxima : str, optional
         `exact`, the default: between the samples, too. `peer`: at steps of dt / ceil(10 dt / T), as PEER publishes
-        them. `samples`: at the record's samples, as USGS does; the default and only choice with a method.
+        them. `samples`: at the record's samples, as USGS does. A method has none of these but its own, `interpolated`:
+        between its steps on the quintic through displacements, velocities and accelerations at their ends.
     interpolation : str, optional
         The ground motion between its samples: `linear`, the default, or `band-limited`, the one motion through the
         samples without frequencies above half the sampling rate.
@@ -170,12 +171,12 @@ def choose_settings(method: str | None, maxima: str | None, interpolation: str |
         An unknown name, or choices that do not go together.
     """
     integrated = method is not None and _parse(method).method.name != "exact"
-    where = _named(MAXIMA, maxima or (SAMPLES if integrated else EXACT).name, "maxima")
+    where = INTERPOLATED if integrated and maxima is None else _named(MAXIMA, maxima or EXACT.name, "maxima")
     between = _named(INTERPOLATIONS, interpolation or LINEAR.name, "interpolation")
-    if integrated and (where is not SAMPLES or between is not LINEAR):
+    if integrated and (where is not INTERPOLATED or between is not LINEAR):
         raise UsageError(
-            "a method has the record's sampling interval as its step: with it the maxima are those at the samples, "
-            "the interpolation is linear"
+            "a method has the record's sampling interval as its step: with it the maxima are those of its own motion, "
+            "also between the samples, and the interpolation is linear"
         )
     if between is not LINEAR and where is not EXACT:
         raise UsageError(f"maxima {where.name} are those of the linear interpolation; leave one of the two out")

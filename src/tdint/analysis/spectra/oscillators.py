@@ -61,6 +61,7 @@ def _whole(omega: Array, dt: float) -> Parts:
 EXACT = Maxima("exact", _resolving, between=True, words="between them, too")
 PEER = Maxima("peer", _ten_per_period, between=False, words=f"at {STEPS_PER_PERIOD} or more steps per period")
 SAMPLES = Maxima("samples", _whole, between=False, words="at the samples only")
+INTERPOLATED = Maxima("interpolated", _whole, between=True, words="between them, too, on the method's own motion")
 MAXIMA = {maxima.name: maxima for maxima in (EXACT, PEER, SAMPLES)}
 
 

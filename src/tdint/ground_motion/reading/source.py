@@ -49,7 +49,8 @@ def read_bytes(source: str | Path) -> bytes:
     except PermissionError:
         raise RecordError(f"{source}: no permission to read the file") from None
     except (OSError, ValueError) as error:
-        raise RecordError(f"{source}: cannot be read: {error}") from error
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else error  # without the name again
+        raise RecordError(f"{source}: cannot be read: {reason}") from error
     if not content:
         raise RecordError(f"{source}: the file is empty")
     if len(content) > LARGEST:

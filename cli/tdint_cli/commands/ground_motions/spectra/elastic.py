@@ -25,8 +25,8 @@ maxima = option(
     "--maxima",
     type=click.Choice(["exact", "peer", "samples"]),
     help="Where the largest values are looked for: between the samples, too (exact, the default), at ten or more steps "
-    "per period (peer, as PEER's own spectra), or at the record's samples (samples, as those of USGS, and with "
-    "--method). Adds a column.",
+    "per period (peer, as PEER's own spectra), or at the record's samples (samples, as those of USGS). "
+    "Not with --method, whose steps have their own. Adds a column.",
 )
 interpolation = option(
     "--interpolation",
