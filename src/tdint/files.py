@@ -18,6 +18,8 @@ Writer = Callable[[BinaryIO], object]
 _PACKED = 4
 """Level of gzip: a history is a few percent larger than with the usual 9, and written in a third of the time."""
 
+_TEMPORARY = ".tdint-{}.tmp"
+
 _unfinished: set[Path] = set()  # of the whole process: for who ends it from another thread
 
 
@@ -93,7 +95,7 @@ def write_files(writers: Mapping[Path, Writer], *, overwrite: bool, stale: Itera
         for folder in {file.parent: None for file in writers}:
             made += _made(folder)
         for file, writer in writers.items():
-            temporary = Path(os.path.realpath(file)).with_name(f".tdint-{secrets.token_hex(8)}.tmp")
+            temporary = Path(os.path.realpath(file)).with_name(_TEMPORARY.format(secrets.token_hex(8)))
             temporaries.append(temporary)
             _unfinished.add(temporary)
             with _in_words(file), temporary.open("xb") as stream:
@@ -122,6 +124,13 @@ def _write(file: Path, writer: Writer, stream: BinaryIO) -> None:
         return
     with gzip.GzipFile(filename="", mode="wb", compresslevel=_PACKED, fileobj=stream, mtime=0) as packed:
         writer(packed)  # type: ignore[arg-type]
+
+
+def remove_abandoned(folder: Path) -> None:
+    """Remove the temporary files that killed processes have left in a folder which is this process's alone."""
+    for temporary in folder.glob(_TEMPORARY.format("*")):
+        with suppress(OSError):
+            temporary.unlink()
 
 
 def remove_unfinished() -> None:

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from tdint.errors import OutputError
+from tdint.files import remove_abandoned
 
 LOCK = ".campaign.lock"
 """Held by the one that writes; an empty SQLite file, for its locks end with their process on every system."""
@@ -75,6 +76,7 @@ def locked(folder: Path) -> Iterator[None]:
         except sqlite3.OperationalError as error:
             reason = "another tdint is at work on it" if "locked" in str(error) else str(error)
             raise OutputError(f"{folder}: {reason}; wait for its end, or write elsewhere") from None
+        remove_abandoned(folder)
         yield
     finally:
         connection.close()
