@@ -62,16 +62,16 @@ def study(method: str) -> None:
     ]
 
     def kernel(part: list[Case]) -> float:
-        marched = (case.prepared.march(case.integrator, case.steps(0.01), case.ground, between=True) for case in part)
+        marched = (case.prepared.march(case.integrator, case.steps(0.01), case.ground) for case in part)
         return sum(one.seconds for one in marched)
 
     def engine(jobs: int) -> tuple[float, float]:
         with TemporaryDirectory() as folder:
             store, _ = open_store(Path(folder), plan)
             began, used = time.perf_counter(), time.process_time()
-            carry_out(plan, store, threads(jobs))
-            spent = time.perf_counter() - began, time.process_time() - used
-            store.close()
+            with store:
+                carry_out(plan, store, threads(jobs))
+                spent = time.perf_counter() - began, time.process_time() - used
         return spent
 
     def alone() -> tuple[float, float]:

@@ -56,12 +56,12 @@ def carry_out(
         store, remarks = open_store(folder, plan)
         for text in (*plan.notes, *remarks):
             note(text)
-        advance = advance_with_bar(plan, store, engine, shard=shard, limit=limit)
-        finish(store, folder, units)
-        if show:
-            emit_table(runs_table(store).in_units(units))
-        _say(store, advance)
-        store.close()
+        with store:
+            advance = advance_with_bar(plan, store, engine, shard=shard, limit=limit)
+            finish(store, folder, units)
+            if show:
+                emit_table(runs_table(store).in_units(units))
+            _say(store, advance)
     if plan.failures:
         raise Failures(list(plan.failures))
 

@@ -48,11 +48,11 @@ def run_many(
         store, _ = open_store(None, plan)
         for text in plan.notes:
             note(text)
-        advance = advance_with_bar(plan, store, engine)
-        emit_table(runs_table(store).in_units(units))
-        say(f"{advance.done} runs.")
-        tell_outcomes(store)
-        store.close()
+        with store:
+            advance = advance_with_bar(plan, store, engine)
+            emit_table(runs_table(store).in_units(units))
+            say(f"{advance.done} runs.")
+            tell_outcomes(store)
         if plan.failures:
             raise Failures(list(plan.failures))
         return

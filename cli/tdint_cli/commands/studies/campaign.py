@@ -110,12 +110,11 @@ def _status(request: CampaignRequest) -> None:
     from tdint.campaign.store.store import open_existing
     from tdint.output.tables.campaign import status_table
 
-    store = open_existing(_folder(request))
-    statuses, every = store.statuses(), int(store.meta("runs"))
-    done = sum(statuses.values())
-    emit_table(status_table(statuses, every - done))
-    say(f"{store.meta('name')}: {done} of {every} runs are done.")
-    store.close()
+    with open_existing(_folder(request)) as store:
+        statuses, every = store.statuses(), int(store.meta("runs"))
+        done = sum(statuses.values())
+        emit_table(status_table(statuses, every - done))
+        say(f"{store.meta('name')}: {done} of {every} runs are done.")
 
 
 def _export(request: CampaignRequest) -> None:
@@ -123,9 +122,8 @@ def _export(request: CampaignRequest) -> None:
     from tdint.campaign.store.store import open_existing
 
     folder = _folder(request)
-    store = open_existing(folder)
-    export(store, folder, simcenter=request.simcenter, units=request.units)
-    store.close()
+    with open_existing(folder) as store:
+        export(store, folder, simcenter=request.simcenter, units=request.units)
 
 
 def _merge(request: CampaignRequest) -> None:
@@ -139,14 +137,12 @@ def _merge(request: CampaignRequest) -> None:
 
     target = Path(request.output)
     make_folder(target)
-    with locked(target):
-        store = merge(folders, target)
+    with locked(target), merge(folders, target) as store:
         finish(store, target, request.units)
-    every = int(store.meta("runs"))
-    done = sum(store.statuses().values())
+        every = int(store.meta("runs"))
+        done = sum(store.statuses().values())
     if done < every:
         note(f"{every - done} of {every} runs are in none of them; `tdint campaign FILE -o {target}` does the rest")
-    store.close()
 
 
 def _folder(request: CampaignRequest) -> Path:

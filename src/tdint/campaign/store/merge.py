@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 from tdint.campaign.store.fingerprint import differences
@@ -25,13 +26,19 @@ def merge(folders: Sequence[Path], target: Path) -> Store:
     OutputError
         The store cannot be written.
     """
-    sources = [open_existing(folder) for folder in folders]
-    try:
+    with ExitStack() as opened:
+        sources = []
+        for folder in folders:
+            sources.append(open_existing(folder))
+            opened.callback(sources[-1].connection.close)
         for source in sources[1:]:
             _check_same(sources[0], source)
         name = str(target / FILE)
         with in_words(name):
             store = Store(connect(name), name)
+        failed = opened.enter_context(ExitStack())
+        failed.callback(store.connection.close)
+        with in_words(name):
             if not store.connection.execute("SELECT count(*) FROM sqlite_master WHERE name = 'meta'").fetchone()[0]:
                 with transaction(store.connection):
                     for statement in TABLES:
@@ -41,9 +48,7 @@ def merge(folders: Sequence[Path], target: Path) -> Store:
         for source in sources:
             with in_words(name):
                 _take_chunks(source, store)
-    finally:
-        for source in sources:
-            source.connection.close()
+        failed.pop_all()  # whoever asked closes it
     return store
 
 

@@ -6,7 +6,7 @@ import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from tdint import __version__
 from tdint.campaign.engine.chunk import Done
@@ -37,10 +37,16 @@ class Store:
         self.connection = connection
         self.name = name
 
-    def close(self) -> None:
-        """Bring all into the one file, and close it."""
-        with in_words(self.name):
-            self.connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
+        """Bring all into the one file, unless something failed, and close it."""
+        try:
+            if error is None:
+                with in_words(self.name):
+                    self.connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        finally:
             self.connection.close()
 
     def meta(self, key: str) -> str:
@@ -126,12 +132,13 @@ def open_store(folder: Path | None, plan: Plan) -> tuple[Store, list[str]]:
     name = ":memory:" if folder is None else str(folder / FILE)
     with in_words(name):
         store = Store(connect(name), name)
-        if _is_empty(store):
-            _create(store, plan)
-            return store, []
     try:
+        with in_words(name):
+            if _is_empty(store):
+                _create(store, plan)
+                return store, []
         return store, check_same(store, plan)
-    except UsageError:
+    except BaseException:
         store.connection.close()
         raise
 
@@ -150,6 +157,7 @@ def open_existing(folder: Path) -> Store:
     with in_words(str(file)):
         store = Store(connect(str(file)), str(file))
         if _is_empty(store):
+            store.connection.close()
             raise UsageError(f"{folder}: the campaign in it has not begun; call `tdint campaign` again")
     return store
 
@@ -157,8 +165,12 @@ def open_existing(folder: Path) -> Store:
 def connect(name: str) -> sqlite3.Connection:
     """A connection that writes safely and fast: a log ahead of the file, which a killed process leaves whole."""
     connection = sqlite3.connect(name, isolation_level=None, timeout=30.0)
-    connection.execute("PRAGMA journal_mode=WAL")
-    connection.execute("PRAGMA synchronous=NORMAL")
+    try:
+        connection.execute("PRAGMA journal_mode=WAL")
+        connection.execute("PRAGMA synchronous=NORMAL")
+    except sqlite3.Error:
+        connection.close()
+        raise
     return connection
 
 
