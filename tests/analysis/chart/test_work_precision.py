@@ -50,6 +50,14 @@ def motion(displacement, stride=1):
     return FloorMotion(stride, u, 2.0 * u, 3.0 * u, peaks)
 
 
+def test_all_steps_end_at_one_time():
+    """A motion that grows to its end: one that goes on for a step more has larger peaks."""
+    growing = model([story(1.0, 400.0)], forces=[Force(1, 20.0, 0.0, 20.0)], dt=0.02, duration=0.7)
+    chart = measure(pose(growing), integrators("impulse4"), (0.08, 0.04, 0.02), repeats=1, cached=False)
+    assert [point.dt * point.steps for point in chart.points] == pytest.approx([0.72] * 3)
+    assert [point.errors.peak_drift < 0.01 for point in chart.points] == [False, True, True]
+
+
 # ---- errors
 
 

@@ -186,12 +186,13 @@ def _charts(request: Request, model: Model, record: Record | None, progress: Pro
 
 
 def _chart(request: Request, model: Model, record: Record | None, progress: Progress) -> tuple[Chart, list[str]]:
-    from tdint.analysis.chart.problem import pose
+    from tdint.analysis.chart.problem import ending_together, pose
     from tdint.analysis.chart.work_precision import DEFAULT_METHODS, measure, suited
 
     problem = pose(model, record, duration=request.duration, dts=request.steps or ())
     integrators = suited(problem, options.analysis.integrators(request.methods or DEFAULT_METHODS))
     steps = _steps(request, problem, len(integrators))
+    problem = ending_together(problem, steps)
     own = part_of(progress, 0.0, 0.2 if request.peers else 1.0)
 
     def verdict(points: Sequence[Point]) -> list[tuple[str, float] | None]:

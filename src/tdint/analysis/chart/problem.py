@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -179,6 +180,18 @@ def pose(
     if not any(np.any(cause) for cause in causes):
         raise AnalysisError(f"{model.name}: nothing moves this building: no ground motion, no force, no initial state")
     return problem
+
+
+def ending_together(problem: Problem, dts: Iterable[float]) -> Problem:
+    """The problem, longer by as many samples as it takes for all steps (s) to end at one time.
+
+    A motion that goes on has larger peaks: those of two durations are no measure of an error. Steps whose common
+    multiple is longer than the motion stay as they are.
+    """
+    common = math.lcm(*(problem.steps(dt).stride for dt in dts))
+    if common > problem.samples:
+        return problem
+    return replace(problem, samples=-(-problem.samples // common) * common)
 
 
 def reached(problem: Problem, all_steps: tuple[Steps, ...]) -> int:

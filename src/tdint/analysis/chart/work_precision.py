@@ -7,7 +7,7 @@ import statistics
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
-from tdint.analysis.chart.problem import Problem, reached
+from tdint.analysis.chart.problem import Problem, ending_together, reached
 from tdint.analysis.chart.reference import Errors, Reference, errors, find_reference
 from tdint.analysis.run.steps import Steps
 from tdint.errors import UsageError
@@ -193,6 +193,7 @@ def measure(
     AnalysisError
         The reference cannot be had.
     """
+    problem = ending_together(problem, dts)
     choices = sorted({problem.steps(dt) for dt in dts}, key=lambda steps: -steps.h)
     own = problem.steps(problem.interval)
     usual = (parse(USUAL), own)
