@@ -26,6 +26,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from tdint.tabular import Tabular
+
 if TYPE_CHECKING:
     from tdint.analysis.assessment.stability import stability as stability
     from tdint.analysis.run.run import prepare as prepare
@@ -107,6 +109,8 @@ __all__ = [
     "stability",
     "to_dict",
 ]
+
+Tabular.tables = _HOMES["to_dict"]
 
 
 def __getattr__(name: str) -> Any:

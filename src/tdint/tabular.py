@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Any
+from typing import Any, ClassVar
 
 
 class Tabular:
-    """A result with a table. Its columns are declared where tables are written (`tdint.output.tables.columns`), which
-    may know all results, while results know nothing of tables: so they are asked for at the package's front door.
+    """A result with a table. Its columns are declared where tables are written, which may know all results, while
+    results know nothing of tables: the package's front door, which knows both, says where they are.
+
+    Attributes
+    ----------
+    tables : str
+        Name of the module with `to_dict` and `to_html`; set by `tdint/__init__.py`.
     """
+
+    tables: ClassVar[str]
 
     def _headline(self) -> str:
         """What it is, in a line."""
@@ -28,7 +35,7 @@ class Tabular:
         dict
             Arrays of one length; words as lists.
         """
-        columns: dict[str, Any] = import_module("tdint").to_dict(self, units)
+        columns: dict[str, Any] = import_module(self.tables).to_dict(self, units)
         return columns
 
     def __repr__(self) -> str:
@@ -36,4 +43,4 @@ class Tabular:
 
     def _repr_html_(self) -> str:
         """A caption and the first rows, for notebooks."""
-        return str(import_module("tdint.output.tables.frames").to_html(self, self._headline()))
+        return str(import_module(self.tables).to_html(self, self._headline()))
