@@ -111,7 +111,7 @@ class LazyGroup(click.Group):
 
 def _show_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
     if wanted and not ctx.resilient_parsing:
-        from tdint import __version__
+        from tdint.version import __version__
 
         click.echo(f"tdint {__version__}")
         ctx.exit()

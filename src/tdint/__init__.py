@@ -27,6 +27,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from tdint.tabular import Tabular
+from tdint.version import __version__
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.stability import stability as stability
@@ -53,8 +54,6 @@ if TYPE_CHECKING:
     from tdint.model.building import modes as modes
     from tdint.model.config.read import load_model as load_model
     from tdint.output.tables.frames import to_dict as to_dict
-
-__version__ = "0.1.0"
 
 _HOMES = {
     "make_record": "tdint.ground_motion.reading.read",

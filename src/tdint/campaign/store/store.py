@@ -8,7 +8,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Self
 
-from tdint import __version__
 from tdint.campaign.engine.chunk import Done
 from tdint.campaign.plan import Plan
 from tdint.campaign.store.fingerprint import differences, fingerprint, settings_of
@@ -16,6 +15,7 @@ from tdint.campaign.store.schema import INSERT_RUN, INSERT_STORY, RUN_COLUMNS, S
 from tdint.errors import OutputError, UsageError
 from tdint.files import is_file
 from tdint.ground_motion.measures import measure
+from tdint.version import __version__
 
 FILE = "campaign.sqlite"
 

@@ -18,12 +18,13 @@ from tdint.ground_motion.record import Input, Record
 from tdint.model.definition import Model
 from tdint.output.tables.table import described_in
 from tdint.output_units import SI, OutputUnits
+from tdint.version import __version__
 
 Array = NDArray[np.float64]
 
 _SCHEMA = 1
 
-_PACKAGES = ("tdint", "numpy", "scipy", "numba", "obspy")
+_PACKAGES = ("numpy", "scipy", "numba", "obspy")
 
 
 def model_input(model: Model) -> Input:
@@ -150,11 +151,12 @@ def inputs_summary(inputs: Sequence[Input]) -> list[dict[str, str]]:
 
 def versions() -> dict[str, str | None]:
     """Versions of tdint, of the packages it computes with, and of Python."""
-    return {**{package: _version(package) for package in _PACKAGES}, "python": platform.python_version()}
+    packages = {package: _version(package) for package in _PACKAGES}
+    return {"tdint": __version__, **packages, "python": platform.python_version()}
 
 
 def _version(package: str) -> str | None:
     try:
         return version(package)
-    except PackageNotFoundError:  # Run from a source tree that is not installed.
+    except PackageNotFoundError:  # Imported from a folder, not installed.
         return None

@@ -28,6 +28,7 @@ from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import DEFAULT_METHOD
 from tdint.model.building import Building
 from tdint.model.definition import Model
+from tdint.version import __version__
 
 THRESHOLDS = (0.01, 0.02, 0.04)
 """Drift ratios whose capacities are told beside that of collapse, where none are asked for."""
@@ -277,8 +278,6 @@ def _fingerprint(
     subject: Subject, measure: IntensityMeasure, settings: IdaSettings, records: dict[str, Record]
 ) -> Fingerprint:
     """What the runs depend on."""
-    from tdint import __version__
-
     spectral = measure if isinstance(measure, SpectralIntensity) else None
     return {
         "tdint": __version__,
