@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tdint.errors import ModelError, ModelFault
-from tdint.model.config import source as config
+from tdint.model.config.keys import source as config
 from tdint.model.config.read import load_model
 
 KEYS = "name, units, stories, building, damping, p_delta, excitation, initial, analysis, collapse_drift, output_units"

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from tdint.campaign.file.definition import InventoryFile, ModelFiles
 from tdint.campaign.file.paths import resolved
-from tdint.model.config.fields import Section, Value
-from tdint.model.config.kinds import Bounds, Choice, EntriesOf, Key, Keys, Whole, Words
+from tdint.model.config.keys.fields import Section, Value
+from tdint.model.config.keys.kinds import Bounds, Choice, EntriesOf, Key, Keys, Whole, Words
 from tdint.model.inventory.rules import RULES
 from tdint.units import LENGTH
 

@@ -11,8 +11,8 @@ from tdint.campaign.file.definition import FactorsFile, MeasureLevels, ScaleList
 from tdint.campaign.file.paths import resolved
 from tdint.campaign.studies.intensity import GEOMETRIC_MEAN, PAIRS, IntensityMeasure, PeakVelocity, pga, sa, sa_average
 from tdint.errors import UsageError
-from tdint.model.config.fields import Section, Value
-from tdint.model.config.kinds import ANY, POSITIVE, RATIO, Choice, Either, EntriesOf, Key, Keys, Words
+from tdint.model.config.keys.fields import Section, Value
+from tdint.model.config.keys.kinds import ANY, POSITIVE, RATIO, Choice, Either, EntriesOf, Key, Keys, Words
 from tdint.units import parse_units
 
 _OF_MEASURES = ("period", "damping", "levels", "pair")

@@ -13,10 +13,10 @@ from tdint.campaign.file.records import RECORDS, read_records_section
 from tdint.campaign.studies.suite import RecordChoice
 from tdint.errors import UsageError
 from tdint.methods.catalogue import parse as parse_method
-from tdint.model.config.fields import Section, Value
-from tdint.model.config.kinds import POSITIVE, POSITIVE_RATIO, RATIO, Flag, Key, Keys, Schema, Words
-from tdint.model.config.source import read_source
-from tdint.model.config.yaml_source import Faults, decode, parse
+from tdint.model.config.keys.fields import Section, Value
+from tdint.model.config.keys.kinds import POSITIVE, POSITIVE_RATIO, RATIO, Flag, Key, Keys, Schema, Words
+from tdint.model.config.keys.source import read_source
+from tdint.model.config.keys.yaml_source import Faults, decode, parse
 
 _ANALYSIS = Keys(
     (

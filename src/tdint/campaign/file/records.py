@@ -9,8 +9,8 @@ from tdint.campaign.file.definition import GridFile, RecordFiles
 from tdint.campaign.file.paths import resolved
 from tdint.campaign.studies.suite import RecordChoice
 from tdint.errors import UsageError
-from tdint.model.config.fields import Section, Value
-from tdint.model.config.kinds import EntriesOf, Flag, Key, Keys, Whole, Words
+from tdint.model.config.keys.fields import Section, Value
+from tdint.model.config.keys.kinds import EntriesOf, Flag, Key, Keys, Whole, Words
 from tdint.model.config.layout import LAYOUT, read_layout
 from tdint.model.config.processing import PROCESSING, read_processing
 from tdint.units import parse_units

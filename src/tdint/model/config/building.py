@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from tdint.model.config.fields import POSITIVE, RATIO, Section, Value
-from tdint.model.config.kinds import Choice, Key, Keys, Whole
+from tdint.model.config.keys.fields import Section, Value
+from tdint.model.config.keys.kinds import POSITIVE, RATIO, Choice, Key, Keys, Whole
 from tdint.model.config.units import ModelUnits
 from tdint.model.inventory.definition import BuildingFacts, DerivedBuilding
 from tdint.model.inventory.hazus import LEVELS

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from tdint.model.config.fields import NOT_NEGATIVE, RATIO, Section, Value
-from tdint.model.config.kinds import Choice, Either, EntriesOf, Key, Keys, Whole
+from tdint.model.config.keys.fields import Section, Value
+from tdint.model.config.keys.kinds import NOT_NEGATIVE, RATIO, Choice, Either, EntriesOf, Key, Keys, Whole
 from tdint.model.definition import MAX_STORIES, Damping, ModalDamping, RayleighCoefficients, RayleighRatio
 
 _FORMS = "none, a ratio such as 5%, {rayleigh: ...} or {modal: ...}"

@@ -7,8 +7,8 @@ import os
 from pathlib import Path
 
 from tdint.errors import UsageError
-from tdint.model.config.fields import ANY, NOT_NEGATIVE, Section, Value
-from tdint.model.config.kinds import Choice, Either, EntriesOf, Key, Keys, Whole, Words
+from tdint.model.config.keys.fields import Section, Value
+from tdint.model.config.keys.kinds import ANY, NOT_NEGATIVE, Choice, Either, EntriesOf, Key, Keys, Whole, Words
 from tdint.model.config.layout import LAYOUT, read_layout
 from tdint.model.config.processing import PROCESSING, read_processing
 from tdint.model.config.units import ModelUnits

@@ -8,8 +8,8 @@ from typing import TypeVar
 
 from tdint.errors import UsageError
 from tdint.ground_motion.processing import BASELINES, MOST_CORNERS, Processing, parse_pad, parse_trim
-from tdint.model.config.fields import POSITIVE, Section, Value
-from tdint.model.config.kinds import Choice, Key, Whole, Words
+from tdint.model.config.keys.fields import Section, Value
+from tdint.model.config.keys.kinds import POSITIVE, Choice, Key, Whole, Words
 
 Parsed = TypeVar("Parsed")
 

@@ -1,7 +1,6 @@
 """Model files: YAML to a checked `Model` in SI units. This is the only place that knows the file's keys and units.
 
-The modules around it share the work: `yaml_source` keeps line and column, `fields` reads numbers and words,
-`*_config` read one part of the file each, `definition` holds the result.
+`keys` reads text, numbers and words with line and column; the modules around this one read one part of the file each.
 """
 
 from __future__ import annotations
@@ -15,13 +14,13 @@ from typing import Any, TextIO
 from tdint.errors import UsageError
 from tdint.model.config.damping import DAMPING, read_damping
 from tdint.model.config.excitation import EXCITATION, read_excitation
-from tdint.model.config.fields import ANY, POSITIVE, POSITIVE_RATIO, Section, Value
-from tdint.model.config.kinds import Either, EntriesOf, Flag, Key, Keys, Words
-from tdint.model.config.plain import nodes_of, text_of
-from tdint.model.config.source import SourceText, read_source
+from tdint.model.config.keys.fields import Section, Value
+from tdint.model.config.keys.kinds import ANY, POSITIVE, POSITIVE_RATIO, Either, EntriesOf, Flag, Key, Keys, Words
+from tdint.model.config.keys.plain import nodes_of, text_of
+from tdint.model.config.keys.source import SourceText, read_source
+from tdint.model.config.keys.yaml_source import Faults, decode, parse
 from tdint.model.config.stories import STORIES, read_stories
 from tdint.model.config.units import UNITS, ModelUnits, read_units
-from tdint.model.config.yaml_source import Faults, decode, parse
 from tdint.model.definition import (
     Analysis,
     Damping,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tdint.model.config.kinds import Schema
+from tdint.model.config.keys.kinds import Schema
 from tdint.model.config.read import model_keys
 
 

@@ -1,0 +1,1 @@
+"""Buildings of few facts, and tables of them: rules derive their stories."""

@@ -12,7 +12,7 @@ from difflib import get_close_matches
 from pathlib import Path
 
 from tdint.errors import ModelError, ModelFault
-from tdint.model.config.fields import POSITIVE, RATIO, Bounds
+from tdint.model.config.keys.kinds import POSITIVE, RATIO, Bounds
 from tdint.model.inventory.definition import BuildingFacts
 from tdint.model.inventory.hazus import LEVELS
 from tdint.model.inventory.mdof_lu import MOST_STORIES, STRUCTURES, ZONES

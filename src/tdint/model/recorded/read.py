@@ -7,9 +7,10 @@ from pathlib import Path
 
 from tdint.errors import UsageError
 from tdint.model.config.excitation import resolve
-from tdint.model.config.fields import ANY, NOT_NEGATIVE, POSITIVE, Section, Value
-from tdint.model.config.source import read_source
-from tdint.model.config.yaml_source import Faults, MappingNode, ScalarNode, decode, parse
+from tdint.model.config.keys.fields import Section, Value
+from tdint.model.config.keys.kinds import ANY, NOT_NEGATIVE, POSITIVE
+from tdint.model.config.keys.source import read_source
+from tdint.model.config.keys.yaml_source import Faults, MappingNode, ScalarNode, decode, parse
 from tdint.model.recorded.definition import AUTO, QUANTITIES, Recording, Sensor
 from tdint.units import GROUND_MOTION, parse_units
 

@@ -1,8 +1,8 @@
 """YAML text to nodes with line and column.
 
 Scalars stay text: YAML 1.1, which PyYAML follows, takes 2e8 for a string, `no` for false and 012 for 10, so what a
-scalar means is decided where it is used (`tdint.model.config.fields`). The nodes are built from PyYAML's events; no
-Python object is ever constructed from a tag.
+scalar means is decided where it is used (`fields`). The nodes are built from PyYAML's events; no Python object is ever
+constructed from a tag.
 """
 
 from __future__ import annotations

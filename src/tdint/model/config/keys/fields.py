@@ -13,22 +13,9 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 from tdint.errors import did_you_mean, nearest
-from tdint.model.config.kinds import (
-    ANY,
-    NOT_NEGATIVE,
-    POSITIVE,
-    POSITIVE_RATIO,
-    RATIO,
-    Bounds,
-    EntriesOf,
-    Keys,
-    ValueKind,
-    Whole,
-)
-from tdint.model.config.yaml_source import Faults, ListNode, MappingNode, Node, ScalarNode
+from tdint.model.config.keys.kinds import ANY, Bounds, EntriesOf, Keys, ValueKind, Whole
+from tdint.model.config.keys.yaml_source import Faults, ListNode, MappingNode, Node, ScalarNode
 from tdint.model.definition import MAX_STORIES
-
-__all__ = ["ANY", "NOT_NEGATIVE", "POSITIVE", "POSITIVE_RATIO", "RATIO", "Bounds", "Section", "Value", "quoted"]
 
 _NUMBER = re.compile(r"[+-]?(?:(?:0|[1-9][0-9]*)(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _WHOLE = re.compile(r"[+-]?(?:0|[1-9][0-9]{0,17})")
