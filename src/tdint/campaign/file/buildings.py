@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from tdint.campaign.file.definition import InventoryFile, ModelFiles
-from tdint.campaign.file.paths import resolved
 from tdint.model.config.keys.fields import Section, Value
 from tdint.model.config.keys.kinds import Bounds, Choice, EntriesOf, Key, Keys, Whole, Words
+from tdint.model.config.keys.paths import resolve
 from tdint.model.inventory.rules import RULES
 from tdint.units import LENGTH
 
@@ -51,7 +51,7 @@ def read_buildings(value: Value, folder: Path) -> ModelFiles | InventoryFile | N
     items = models.items("a list of model files")
     if items is not None and not items:
         models.fault("is empty; give at least one model file")
-    return ModelFiles(tuple(resolved(text, folder) for item in items or () if (text := item.text())))
+    return ModelFiles(tuple(resolve(text, folder) for item in items or () if (text := item.text())))
 
 
 def _inventory(section: Section, inventory: Value, folder: Path) -> InventoryFile | None:
@@ -68,7 +68,7 @@ def _inventory(section: Section, inventory: Value, folder: Path) -> InventoryFil
     if file is None or name is None or unit is None:
         return None
     return InventoryFile(
-        file=resolved(file, folder),
+        file=resolve(file, folder),
         rules=name,
         length=LENGTH[unit],
         mass_only=kind == "mass-only",

@@ -8,11 +8,11 @@ from functools import partial
 from pathlib import Path
 
 from tdint.campaign.file.definition import FactorsFile, MeasureLevels, ScaleList
-from tdint.campaign.file.paths import resolved
 from tdint.campaign.studies.intensity import GEOMETRIC_MEAN, PAIRS, IntensityMeasure, PeakVelocity, pga, sa, sa_average
 from tdint.errors import UsageError
 from tdint.model.config.keys.fields import Section, Value
 from tdint.model.config.keys.kinds import ANY, POSITIVE, RATIO, Choice, Either, EntriesOf, Key, Keys, Words
+from tdint.model.config.keys.paths import resolve
 from tdint.units import parse_units
 
 _OF_MEASURES = ("period", "damping", "levels", "pair")
@@ -59,7 +59,7 @@ def read_intensity(value: Value | None, folder: Path) -> ScaleList | MeasureLeve
         return _levels(section)
     if ways == ["factors"]:
         file = section.text("factors")
-        return FactorsFile(resolved(file, folder)) if file else None
+        return FactorsFile(resolve(file, folder)) if file else None
     return ScaleList(_scales(section))
 
 

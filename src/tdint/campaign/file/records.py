@@ -6,11 +6,11 @@ from pathlib import Path
 
 from tdint.campaign.file.buildings import SEED
 from tdint.campaign.file.definition import GridFile, RecordFiles
-from tdint.campaign.file.paths import resolved
 from tdint.campaign.studies.suite import RecordChoice
 from tdint.errors import UsageError
 from tdint.model.config.keys.fields import Section, Value
 from tdint.model.config.keys.kinds import EntriesOf, Flag, Key, Keys, Whole, Words
+from tdint.model.config.keys.paths import resolve
 from tdint.model.config.layout import LAYOUT, read_layout
 from tdint.model.config.processing import PROCESSING, read_processing
 from tdint.units import parse_units
@@ -59,11 +59,11 @@ def read_records_section(value: Value, folder: Path) -> RecordFiles | GridFile |
     choice = RecordChoice(
         units=text,
         component=section.text("component"),
-        inventory=resolved(inventory, folder) if inventory else None,
+        inventory=resolve(inventory, folder) if inventory else None,
         processing=read_processing(section),
         layout=read_layout(section),
     )
-    return RecordFiles(tuple(resolved(text, folder) for item in items or () if (text := item.text())), choice, both)
+    return RecordFiles(tuple(resolve(text, folder) for item in items or () if (text := item.text())), choice, both)
 
 
 def _grid(section: Section, units: str | None, folder: Path) -> GridFile | None:
@@ -78,7 +78,7 @@ def _grid(section: Section, units: str | None, folder: Path) -> GridFile | None:
     )
     if file is None or units is None or None in numbers:
         return None
-    return GridFile(resolved(file, folder), units, *numbers)  # type: ignore[arg-type]
+    return GridFile(resolve(file, folder), units, *numbers)  # type: ignore[arg-type]
 
 
 def _refuse(section: Section, names: tuple[str, ...], reason: str) -> None:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-import os
 from pathlib import Path
 
 from tdint.errors import UsageError
 from tdint.model.config.keys.fields import Section, Value
 from tdint.model.config.keys.kinds import ANY, NOT_NEGATIVE, Choice, Either, EntriesOf, Key, Keys, Whole, Words
+from tdint.model.config.keys.paths import resolve_or_stdin
 from tdint.model.config.layout import LAYOUT, read_layout
 from tdint.model.config.processing import PROCESSING, read_processing
 from tdint.model.config.units import ModelUnits
@@ -58,7 +58,7 @@ def read_excitation(value: Value | None, unit: ModelUnits, count: int | None, fo
 def _read_record(value: Value, folder: Path) -> RecordSource | None:
     if not value.is_list and not value.is_mapping:
         file = value.text()
-        return RecordSource(resolve(file, folder), None, None, 1.0, None) if file else None
+        return RecordSource(resolve_or_stdin(file, folder), None, None, 1.0, None) if file else None
     section = value.section(_RECORD, "a file or a mapping with the key file")
     if section is None:
         return None
@@ -66,11 +66,11 @@ def _read_record(value: Value, folder: Path) -> RecordSource | None:
     units = section.get("units")
     inventory = section.text("inventory")
     return RecordSource(
-        file=resolve(section.text("file") or "", folder),
+        file=resolve_or_stdin(section.text("file") or "", folder),
         units=_read_units(units) if units else None,
         component=section.text("component"),
         scale=_read_scale(section),
-        inventory=resolve(inventory, folder) if inventory else None,
+        inventory=resolve_or_stdin(inventory, folder) if inventory else None,
         processing=read_processing(section),
         layout=read_layout(section),
     )
@@ -85,15 +85,6 @@ def _read_units(value: Value) -> str | None:
     except UsageError as error:
         value.fault(str(error))
     return text
-
-
-def resolve(file: str, folder: Path) -> str:
-    """The path as seen from the working directory, without `folder/..` where that means the same; `-` stays."""
-    if file == "-":
-        return file
-    path = os.fspath(folder / file)
-    plain = os.path.normpath(path)
-    return plain if os.path.realpath(plain) == os.path.realpath(path) else path
 
 
 def _read_scale(section: Section) -> float:

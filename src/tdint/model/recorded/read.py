@@ -6,9 +6,9 @@ import math
 from pathlib import Path
 
 from tdint.errors import UsageError
-from tdint.model.config.excitation import resolve
 from tdint.model.config.keys.fields import Section, Value
 from tdint.model.config.keys.kinds import ANY, NOT_NEGATIVE, POSITIVE
+from tdint.model.config.keys.paths import resolve_or_stdin
 from tdint.model.config.keys.source import read_source
 from tdint.model.config.keys.yaml_source import Faults, MappingNode, ScalarNode, decode, parse
 from tdint.model.recorded.definition import AUTO, QUANTITIES, Recording, Sensor
@@ -95,7 +95,7 @@ def _read_floors(value: Value, stories: int, folder: Path) -> tuple[tuple[int, S
 def _read_sensor(value: Value, folder: Path) -> Sensor | None:
     if not value.is_list and not value.is_mapping:
         file = value.text()
-        return Sensor(resolve(file, folder)) if file else None
+        return Sensor(resolve_or_stdin(file, folder)) if file else None
     section = value.section(_SENSOR_KEYS, _SENSOR)
     if section is None:
         return None
@@ -106,7 +106,7 @@ def _read_sensor(value: Value, folder: Path) -> Sensor | None:
     quantity = section.get("quantity")
     sign = section.get("sign")
     sensor = Sensor(
-        file=resolve(section.text("file") or "", folder),
+        file=resolve_or_stdin(section.text("file") or "", folder),
         component=section.text("component"),
         column=column.text() if column else None,
         units=section.text("units"),
