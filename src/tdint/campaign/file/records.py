@@ -7,13 +7,12 @@ from pathlib import Path
 from tdint.campaign.file.buildings import SEED
 from tdint.campaign.file.definition import GridFile, RecordFiles
 from tdint.campaign.studies.suite import RecordChoice
-from tdint.errors import UsageError
 from tdint.model.config.keys.fields import Section, Value
 from tdint.model.config.keys.kinds import EntriesOf, Flag, Key, Keys, Whole, Words
 from tdint.model.config.keys.paths import resolve
 from tdint.model.config.layout import LAYOUT, read_layout
 from tdint.model.config.processing import PROCESSING, read_processing
-from tdint.units import parse_units
+from tdint.model.config.units import read_sample_units
 
 _FILES = (
     Key("files", EntriesOf(Words(), least=1), "records and folders of records, relative to this file"),
@@ -40,7 +39,7 @@ def read_records_section(value: Value, folder: Path) -> RecordFiles | GridFile |
     if section is None:
         return None
     units = section.get("units")
-    text = _units(units) if units else None
+    text = read_sample_units(units)
     if section.has("grid"):
         _refuse(section, _FILE_KEYS, "belongs to `files`, not to a `grid`")
         section.need("units", "give the units of the grid's motions, such as g or m/s^2")
@@ -85,14 +84,3 @@ def _refuse(section: Section, names: tuple[str, ...], reason: str) -> None:
     for name in names:
         if entry := section.get(name):
             entry.fault(reason)
-
-
-def _units(value: Value) -> str | None:
-    """Units as the reader of records understands them, judged here so that the fault has its line."""
-    text = value.text()
-    try:
-        if text:
-            parse_units(text)
-    except UsageError as error:
-        value.fault(str(error))
-    return text

@@ -5,15 +5,13 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from tdint.errors import UsageError
 from tdint.model.config.keys.fields import Section, Value
 from tdint.model.config.keys.kinds import ANY, NOT_NEGATIVE, Choice, Either, EntriesOf, Key, Keys, Whole, Words
 from tdint.model.config.keys.paths import resolve_or_stdin
 from tdint.model.config.layout import LAYOUT, read_layout
 from tdint.model.config.processing import PROCESSING, read_processing
-from tdint.model.config.units import ModelUnits
+from tdint.model.config.units import ModelUnits, read_sample_units
 from tdint.model.definition import MAX_STORIES, Excitation, Force, RecordSource
-from tdint.units import parse_units
 
 _RECORD = Keys(
     (
@@ -63,28 +61,16 @@ def _read_record(value: Value, folder: Path) -> RecordSource | None:
     if section is None:
         return None
     section.need("file", "give the record's file")
-    units = section.get("units")
     inventory = section.text("inventory")
     return RecordSource(
         file=resolve_or_stdin(section.text("file") or "", folder),
-        units=_read_units(units) if units else None,
+        units=read_sample_units(section.get("units")),
         component=section.text("component"),
         scale=_read_scale(section),
         inventory=resolve_or_stdin(inventory, folder) if inventory else None,
         processing=read_processing(section),
         layout=read_layout(section),
     )
-
-
-def _read_units(value: Value) -> str | None:
-    """Units as the reader of records understands them, judged here so that the fault has its line."""
-    text = value.text()
-    try:
-        if text:
-            parse_units(text)
-    except UsageError as error:
-        value.fault(str(error))
-    return text
 
 
 def _read_scale(section: Section) -> float:

@@ -1,4 +1,4 @@
-"""The `units` of a model file."""
+"""The `units` of a model file, and those of the samples of a record that a file names."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from tdint import units
+from tdint.errors import UsageError
 from tdint.model.config.keys.fields import Value
 from tdint.model.config.keys.kinds import Choice, Key, Keys
 
@@ -53,3 +54,22 @@ def read_units(value: Value | None) -> ModelUnits:
         return known[unit] if unit else 1.0
 
     return ModelUnits(factor("length", units.LENGTH), factor("force", units.FORCE), factor("mass", units.MASS))
+
+
+def read_sample_units(value: Value | None, quantity: str | None = None) -> str | None:
+    """Units as the reader of records understands them, judged here so that the fault has its line.
+
+    `quantity` is what they must be units of, where the file says that elsewhere.
+    """
+    text = value.text() if value else None
+    if value is None or text is None:
+        return None
+    try:
+        parsed = units.parse_units(text)
+    except UsageError as error:
+        value.fault(str(error))
+        return text
+    if quantity and parsed.quantity != quantity:
+        fitting = ", ".join(units.GROUND_MOTION[quantity])
+        value.fault(f"say {parsed.quantity}, the quantity says {quantity}; give one of {fitting}")
+    return text

@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from tdint.errors import UsageError
 from tdint.model.config.keys.fields import Section, Value
 from tdint.model.config.keys.kinds import ANY, NOT_NEGATIVE, POSITIVE
 from tdint.model.config.keys.paths import resolve_or_stdin
 from tdint.model.config.keys.source import read_source
 from tdint.model.config.keys.yaml_source import Faults, MappingNode, ScalarNode, decode, parse
+from tdint.model.config.units import read_sample_units
 from tdint.model.recorded.definition import AUTO, QUANTITIES, Recording, Sensor
-from tdint.units import GROUND_MOTION, parse_units
 
 _KEYS = ("name", "base", "floors", "band", "window", "shift")
 _SENSOR_KEYS = ("file", "component", "column", "units", "quantity", "sign")
@@ -103,18 +102,17 @@ def _read_sensor(value: Value, folder: Path) -> Sensor | None:
     column = section.get("column")
     if column and section.has("component"):
         column.fault("is for a table, component for a record; leave one of them out")
-    quantity = section.get("quantity")
+    said = section.get("quantity")
+    quantity = said.choice(QUANTITIES, "quantity") if said else None
     sign = section.get("sign")
-    sensor = Sensor(
+    return Sensor(
         file=resolve_or_stdin(section.text("file") or "", folder),
         component=section.text("component"),
         column=column.text() if column else None,
-        units=section.text("units"),
-        quantity=quantity.choice(QUANTITIES, "quantity") if quantity else None,
+        units=read_sample_units(section.get("units"), quantity),
+        quantity=quantity,
         sign=_read_sign(sign) if sign else 1,
     )
-    _check_units(section.get("units"), sensor)
-    return sensor
 
 
 def _read_sign(value: Value) -> int:
@@ -122,20 +120,6 @@ def _read_sign(value: Value) -> int:
     if not math.isnan(number) and abs(number) != 1.0:
         value.fault("must be 1 or -1")
     return -1 if number < 0.0 else 1
-
-
-def _check_units(value: Value | None, sensor: Sensor) -> None:
-    """Note units that are unknown, or those of another quantity."""
-    if value is None or sensor.units is None:
-        return
-    try:
-        units = parse_units(sensor.units)
-    except UsageError as error:
-        value.fault(str(error))
-        return
-    if sensor.quantity and units.quantity != sensor.quantity:
-        fitting = ", ".join(GROUND_MOTION[sensor.quantity])
-        value.fault(f"say {units.quantity}, the quantity says {sensor.quantity}; give one of {fitting}")
 
 
 def _read_pair(section: Section, name: str, what: str, *, lowest_open: bool) -> tuple[float, float] | None:
