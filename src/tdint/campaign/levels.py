@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
-from tdint.campaign.engine.chunk import Source
 from tdint.campaign.motions import SuiteMotion
 from tdint.campaign.studies.intensity import GroundMotion, IntensityMeasure
+
+if TYPE_CHECKING:  # A campaign file is read without the engine that runs it.
+    from tdint.campaign.engine.chunk import Source
 
 
 class Levels(Protocol):
@@ -57,8 +59,8 @@ class GivenFactors:
 
 
 @dataclass(frozen=True)
-class IntensityLevels:
-    """Factors with which a measure of a motion takes some values; both components of a pair have the same one.
+class MeasureLevels:
+    """Values that an intensity measure is to take.
 
     Attributes
     ----------
@@ -69,31 +71,41 @@ class IntensityLevels:
     values : tuple of float
         The values, in SI units.
     pair : str
-        What stands for a pair, a name of `tdint.campaign.studies.intensity.PAIRS`.
-    motions : sequence of SuiteMotion
-        All motions.
+        What stands for a pair of components, a name of `tdint.campaign.studies.intensity.PAIRS`.
     """
 
     measure: Callable[[float], IntensityMeasure]
     period: float | None
     values: tuple[float, ...]
     pair: str
-    motions: Sequence[SuiteMotion]
 
-    def count(self, motion: int) -> int:
-        return len(self.values)
-
-    def factors(self, sources: Sequence[Source], motion: int) -> Sequence[tuple[float, ...]]:
-        whole = self.motions[motion].whole
-        if self.period is not None:
-            return [self._factors(whole, self.period)] * len(sources)
-        return [self._factors(whole, source.subject().period) for source in sources]
+    def factors(self, whole: GroundMotion, period: float) -> tuple[float, ...]:
+        """The factors with which a motion takes them at a period, s; both components of a pair have the same one."""
+        measured = self.measure(period).of(whole, self.pair)
+        return tuple(value / measured for value in self.values)
 
     def description(self) -> dict[str, object]:
+        """What was asked for, for the fingerprint."""
         name = self.measure(1.0).name.partition("(")[0]
         period = "T1" if self.period is None else self.period
         return {"measure": name, "period": period, "levels": list(self.values), "pair": self.pair}
 
-    def _factors(self, whole: GroundMotion, period: float) -> tuple[float, ...]:
-        measured = self.measure(period).of(whole, self.pair)
-        return tuple(value / measured for value in self.values)
+
+@dataclass(frozen=True)
+class IntensityLevels:
+    """Factors with which each of some motions takes values of a measure."""
+
+    wanted: MeasureLevels
+    motions: Sequence[SuiteMotion]
+
+    def count(self, motion: int) -> int:
+        return len(self.wanted.values)
+
+    def factors(self, sources: Sequence[Source], motion: int) -> Sequence[tuple[float, ...]]:
+        whole, period = self.motions[motion].whole, self.wanted.period
+        if period is not None:
+            return [self.wanted.factors(whole, period)] * len(sources)
+        return [self.wanted.factors(whole, source.subject().period) for source in sources]
+
+    def description(self) -> dict[str, object]:
+        return self.wanted.description()

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
-from tdint.campaign.studies.intensity import IntensityMeasure
+from tdint.campaign.levels import MeasureLevels, Scales
 from tdint.campaign.studies.suite import RecordChoice
 
 
@@ -78,35 +77,6 @@ class GridFile:
 
 
 @dataclass(frozen=True)
-class ScaleList:
-    """Factors on all motions."""
-
-    values: tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class MeasureLevels:
-    """Values of an intensity measure.
-
-    Attributes
-    ----------
-    measure : callable
-        A period (s) -> the measure.
-    period : float or None
-        Its period, s; None for the first period of each building.
-    values : tuple of float
-        The values in SI units.
-    pair : str
-        What stands for a pair of components.
-    """
-
-    measure: Callable[[float], IntensityMeasure]
-    period: float | None
-    values: tuple[float, ...]
-    pair: str
-
-
-@dataclass(frozen=True)
 class FactorsFile:
     """Factors of each motion from a CSV file, as `tdint scale` writes it."""
 
@@ -158,6 +128,6 @@ class CampaignFile:
     source: str
     buildings: ModelFiles | InventoryFile
     records: RecordFiles | GridFile
-    intensity: ScaleList | MeasureLevels | FactorsFile
+    intensity: Scales | MeasureLevels | FactorsFile
     analysis: AnalysisWishes
     stories: bool = False

@@ -7,7 +7,8 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
-from tdint.campaign.file.definition import FactorsFile, MeasureLevels, ScaleList
+from tdint.campaign.file.definition import FactorsFile
+from tdint.campaign.levels import MeasureLevels, Scales
 from tdint.campaign.studies.intensity import GEOMETRIC_MEAN, PAIRS, IntensityMeasure, PeakVelocity, pga, sa, sa_average
 from tdint.errors import UsageError
 from tdint.model.config.keys.fields import Section, Value
@@ -42,7 +43,7 @@ INTENSITY = Keys(
 )
 
 
-def read_intensity(value: Value | None, folder: Path) -> ScaleList | MeasureLevels | FactorsFile | None:
+def read_intensity(value: Value | None, folder: Path) -> Scales | MeasureLevels | FactorsFile | None:
     """Factors, levels of a measure, or a file of factors; None without any, or after a fault."""
     section = value.section(INTENSITY) if value else None
     if value is None or section is None:
@@ -60,7 +61,7 @@ def read_intensity(value: Value | None, folder: Path) -> ScaleList | MeasureLeve
     if ways == ["factors"]:
         file = section.text("factors")
         return FactorsFile(resolve(file, folder)) if file else None
-    return ScaleList(_scales(section))
+    return Scales(_scales(section))
 
 
 def _scales(section: Section) -> tuple[float, ...]:

@@ -17,13 +17,11 @@ from tdint.campaign.file.definition import (
     FactorsFile,
     GridFile,
     InventoryFile,
-    MeasureLevels,
     ModelFiles,
     RecordFiles,
-    ScaleList,
 )
 from tdint.campaign.grid import read_grid
-from tdint.campaign.levels import GivenFactors, IntensityLevels, Levels, Scales
+from tdint.campaign.levels import GivenFactors, IntensityLevels, Levels, MeasureLevels, Scales
 from tdint.campaign.motions import Assignment, EveryMotion, SuiteMotion, suite_motions
 from tdint.campaign.plan import Plan
 from tdint.campaign.studies.suite import read_components, read_pairs
@@ -174,10 +172,10 @@ def read_motions(wanted: RecordFiles, failures: list[TdintError], notes: list[st
 def _levels(campaign: CampaignFile, motions: tuple[SuiteMotion, ...]) -> Levels:
     wanted = campaign.intensity
     match wanted:
-        case ScaleList():
-            return Scales(wanted.values)
+        case Scales():
+            return wanted
         case MeasureLevels():
-            return IntensityLevels(wanted.measure, wanted.period, wanted.values, wanted.pair, motions)
+            return IntensityLevels(wanted, motions)
         case FactorsFile():
             return read_factors(wanted.file, motions)
 

@@ -7,9 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from tdint.campaign.file.buildings import BUILDINGS, read_buildings
-from tdint.campaign.file.definition import AnalysisWishes, CampaignFile, ModelFiles, RecordFiles, ScaleList
+from tdint.campaign.file.definition import AnalysisWishes, CampaignFile, ModelFiles, RecordFiles
 from tdint.campaign.file.intensity import INTENSITY, read_intensity
 from tdint.campaign.file.records import RECORDS, read_records_section
+from tdint.campaign.levels import Scales
 from tdint.campaign.studies.suite import RecordChoice
 from tdint.errors import UsageError
 from tdint.methods.catalogue import parse as parse_method
@@ -84,7 +85,7 @@ def _read(section: Section, label: str, name: str, folder: Path) -> CampaignFile
         source=label,
         buildings=(read_buildings(buildings, folder) if buildings else None) or ModelFiles(()),
         records=(read_records_section(records, folder) if records else None) or RecordFiles((), RecordChoice()),
-        intensity=read_intensity(section.get("intensity"), folder) or ScaleList((1.0,)),
+        intensity=read_intensity(section.get("intensity"), folder) or Scales((1.0,)),
         analysis=_read_analysis(section.get("analysis")),
         stories=stories.boolean() if stories else False,
     )
