@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tdint.errors import OutputError
-from tdint.ground_motion.reading.folders import STDIN, Sources, records_of
+from tdint.ground_motion.reading.folders import Sources, records_of
+from tdint.input_bytes import STDIN
 
 if TYPE_CHECKING:
     from tdint.ground_motion.record import Record

@@ -7,7 +7,6 @@ holds one of these: name, dT, data_x and, of a pair, data_y.
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -22,6 +21,7 @@ from scipy.spatial import cKDTree
 
 from tdint.campaign.file.definition import GridFile
 from tdint.campaign.motions import Draw, SuiteMotion
+from tdint.csv_table import read_table
 from tdint.errors import ModelError, RecordError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.record import Record
@@ -117,16 +117,14 @@ def read_grid(
     numbers: dict[tuple[str, float], tuple[int, ...]] = {}
     failures: list[RecordError] = []
     points, of_points = [], []
-    for line, row in table(grid.file, ("GP_file", "Longitude", "Latitude")):
-        name = str(folder / row["GP_file"])
+    for file, place in _points(grid.file):
         found = []
-        for place, entry in table(name, ("TH_file",)):
-            key = entry["TH_file"], _number(name, place, entry.get("factor") or "1")
+        for key in _motions_at(str(folder / file)):
             if key not in numbers:
                 numbers[key] = _add(motions, folder, *key, factor.scale, failures)
             found.append(numbers[key])
         if any(found):
-            points.append((_number(grid.file, line, row["Longitude"]), _number(grid.file, line, row["Latitude"])))
+            points.append(place)
             of_points.append(tuple(one for one in found if one))
     if not points:
         raise RecordError("\n".join(map(str, failures)) or f"{grid.file}: no point has a ground motion")
@@ -144,6 +142,29 @@ def unit_vectors(degrees: Array) -> Array:
     return np.column_stack(
         [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)]
     )
+
+
+def _points(file: str) -> list[tuple[str, tuple[float, float]]]:
+    """The file of each point of a grid, and its longitude and latitude, degrees."""
+    columns = ("GP_file", "Longitude", "Latitude")
+    table = read_table(file, f"a grid is a CSV file with the columns {', '.join(columns)}", columns=columns)
+    table.need(*columns)
+    longitude, latitude = table.numbers("Longitude"), table.numbers("Latitude")
+    table.check("Longitude", (abs(one) <= 360.0 for one in longitude), "must be from -360 to 360 degrees")
+    table.check("Latitude", (abs(one) <= 90.0 for one in latitude), "must be from -90 to 90 degrees")
+    return list(zip(table.texts("GP_file", empty=False), zip(longitude, latitude, strict=True), strict=True))
+
+
+def _motions_at(file: str) -> list[tuple[str, float]]:
+    """The ground motions of a point, and their factors."""
+    needs = "the file of a grid's point is a CSV file with the column TH_file and, if they differ, factor"
+    table = read_table(file, needs, columns=("TH_file", "factor"))
+    names = table.texts("TH_file", empty=False)
+    if not table.has("factor"):
+        return [(name, 1.0) for name in names]
+    factors = table.numbers("factor", empty=True)
+    table.check("factor", (one != 0.0 for one in factors), "must not be zero")
+    return [(name, 1.0 if math.isnan(factor) else factor) for name, factor in zip(names, factors, strict=True)]
 
 
 def _add(
@@ -184,35 +205,3 @@ def _read_motion(folder: Path, name: str, scale: float) -> list[Record]:
     if len(found) == 2 and found[0].acceleration.size != found[1].acceleration.size:
         raise RecordError(f"{file}: data_x and data_y have different lengths")
     return found
-
-
-def table(file: str, needed: tuple[str, ...]) -> list[tuple[int, dict[str, str]]]:
-    """The rows of a CSV file with their lines; upper and lower case of columns are as SimCenter writes them.
-
-    Raises
-    ------
-    ModelError
-        It cannot be read, or lacks a column.
-    """
-    try:
-        with Path(file).open(newline="", encoding="utf-8-sig") as stream:
-            reader = csv.DictReader(stream, skipinitialspace=True)
-            if missing := [name for name in needed if name not in (reader.fieldnames or ())]:
-                raise ModelError(f"{file}:1: no column {', '.join(missing)}")
-            return [
-                (reader.line_num, {key: (value or "").strip() for key, value in row.items() if key}) for row in reader
-            ]
-    except OSError as error:
-        raise ModelError(f"{file}: cannot be read: {error.strerror or error}") from None
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise ModelError(f"{file}: no CSV file in UTF-8: {error}") from None
-
-
-def _number(file: str, line: int, text: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
-        raise ModelError(f"{file}:{line}: must be a number, got {text!r}")
-    return number

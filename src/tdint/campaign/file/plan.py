@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -25,6 +24,7 @@ from tdint.campaign.levels import GivenFactors, IntensityLevels, Levels, Measure
 from tdint.campaign.motions import Assignment, EveryMotion, SuiteMotion, suite_motions
 from tdint.campaign.plan import Plan
 from tdint.campaign.studies.suite import read_components, read_pairs
+from tdint.csv_table import number, read_table
 from tdint.errors import ModelError, ModelFault, RecordError, TdintError, UsageError
 from tdint.ground_motion.reading.folders import records_of
 from tdint.methods.catalogue import DEFAULT_METHOD
@@ -33,6 +33,7 @@ from tdint.model.definition import Model
 from tdint.model.inventory.read import InventoryRow, read_inventory
 
 _COLLAPSE_DRIFT = 0.10
+_FACTOR_COLUMNS = ("record", "component", "factor")
 
 
 @dataclass
@@ -188,22 +189,14 @@ def read_factors(file: str, motions: Sequence[SuiteMotion]) -> GivenFactors:
     ModelError
         It cannot be read, or has no factor for a motion.
     """
-    try:
-        with Path(file).open(newline="", encoding="utf-8-sig") as stream:
-            reader = csv.DictReader(stream)
-            if missing := {"record", "component", "factor"} - set(reader.fieldnames or ()):
-                raise ModelError(
-                    f"{file}:1: no column {', '.join(sorted(missing))}; `tdint scale -o` writes such a file"
-                )
-            rows = [(reader.line_num, row) for row in reader]
-    except OSError as error:
-        raise ModelError(f"{file}: cannot be read: {error.strerror or error}") from None
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise ModelError(f"{file}: no CSV file in UTF-8: {error}") from None
+    needs = f"factors are a CSV file with the columns {', '.join(_FACTOR_COLUMNS)}; `tdint scale -o` writes such a file"
+    table = read_table(file, needs, columns=_FACTOR_COLUMNS)
+    table.need(*_FACTOR_COLUMNS)
+    names = zip(table.texts("record"), table.texts("component"), strict=True)
     known: dict[tuple[str, str], dict[float, None]] = {}
-    for line, row in rows:
-        known.setdefault((row["record"] or "", row["component"] or ""), {})[_factor(file, line, row["factor"])] = None
-    return GivenFactors({number: _factors_of(motion, known, file) for number, motion in enumerate(motions)})
+    for name, (line, text) in zip(names, table.lines("factor"), strict=True):
+        known.setdefault(name, {})[_factor(file, line, text)] = None
+    return GivenFactors({place: _factors_of(motion, known, file) for place, motion in enumerate(motions)})
 
 
 def _factors_of(motion: SuiteMotion, known: dict[tuple[str, str], dict[float, None]], file: str) -> tuple[float, ...]:
@@ -217,11 +210,8 @@ def _factors_of(motion: SuiteMotion, known: dict[tuple[str, str], dict[float, No
     raise ModelError(f"{file}: no factor for {motion.name} {motion.component}")
 
 
-def _factor(file: str, line: int, text: str | None) -> float:
-    try:
-        number = float(text or "")
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number) or number == 0.0:
+def _factor(file: str, line: int, text: str) -> float:
+    factor = number(text)
+    if math.isnan(factor) or factor == 0.0:
         raise ModelError(f"{file}:{line}: factor: must be a number that is not zero, got {text!r}")
-    return number
+    return factor

@@ -12,8 +12,7 @@ from tdint.ground_motion.horizontals import Horizontals, find_horizontals, is_ve
 from tdint.ground_motion.processing import Processing
 from tdint.ground_motion.reading.read import read_records
 from tdint.ground_motion.record import Record
-
-STDIN = "-"
+from tdint.input_bytes import STDIN
 
 
 @dataclass(frozen=True)

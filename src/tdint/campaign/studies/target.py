@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.campaign.studies.csv_table import CsvTable, read_table
+from tdint.csv_table import CsvTable, read_table
 from tdint.errors import ModelError, UsageError
 from tdint.units import ACCELERATION
 

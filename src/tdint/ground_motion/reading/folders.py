@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 from tdint.errors import RecordError, UsageError
 from tdint.files import is_folder
+from tdint.input_bytes import STDIN
 
 if TYPE_CHECKING:
     from tdint.ground_motion.formats.tables.layout import TextLayout
 
-STDIN = "-"
 _MOST_NAMES = 10
 
 

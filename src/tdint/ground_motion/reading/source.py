@@ -3,21 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-import stat
-import sys
 from pathlib import Path
-from typing import BinaryIO
 
 from tdint.errors import RecordError
 from tdint.ground_motion.record import Input
-
-STDIN = "-"
-"""The name that stands for standard input."""
+from tdint.input_bytes import read_at_most
 
 LARGEST = 2**28
 """Bytes; reading takes some six times as much memory."""
-
-_PIECE = 2**20
 
 
 def read_bytes(source: str | Path) -> bytes:
@@ -41,7 +34,7 @@ def read_bytes(source: str | Path) -> bytes:
         The file is missing, no file, not readable, empty, or larger than 256 MiB.
     """
     try:
-        content = _spool(source)
+        content = read_at_most(source, LARGEST, RecordError)
     except FileNotFoundError:
         raise RecordError(f"{source}: there is no such file{_name_hint(str(source))}") from None
     except IsADirectoryError:
@@ -61,36 +54,6 @@ def read_bytes(source: str | Path) -> bytes:
 def digested(data: bytes, source: str | Path) -> Input:
     """What was read from a file, by name and SHA-256."""
     return Input(str(source), hashlib.sha256(data).hexdigest())
-
-
-def _spool(source: str | Path) -> bytes:
-    if str(source) != STDIN:
-        if _is_named_pipe(source):
-            raise RecordError(f"{source}: is a named pipe, which may never end; read from it with - and <")
-        with Path(source).open("rb") as file:
-            return _read_at_most(file)
-    stream = getattr(sys.stdin, "buffer", None)
-    if stream is None:
-        raise RecordError(f"{STDIN}: there is no standard input to read from")
-    return _read_at_most(stream)
-
-
-def _read_at_most(file: BinaryIO) -> bytes:
-    """Read in pieces, up to one beyond the largest size: an endless device ends there, and memory grows as needed."""
-    content = bytearray()
-    while len(content) <= LARGEST and (piece := file.read(_PIECE)):
-        content += piece
-    return bytes(content)
-
-
-def _is_named_pipe(source: str | Path) -> bool:
-    """Whether opening a file may wait for ever; pipes that a shell has opened (`<(command)`) are none of those."""
-    if str(source).startswith(("/dev/fd/", "/proc/")):
-        return False
-    try:
-        return stat.S_ISFIFO(Path(source).stat().st_mode)
-    except OSError:  # Opening it tells why.
-        return False
 
 
 def _name_hint(name: str) -> str:

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
-from pathlib import Path
 
-from tdint.errors import ModelError, ModelFault
+from tdint.csv_table import CsvTable, number, read_table
+from tdint.errors import ModelFault
 from tdint.model.config.keys.kinds import POSITIVE, RATIO, Bounds
 from tdint.model.inventory.definition import BuildingFacts
 from tdint.model.inventory.hazus import LEVELS
@@ -19,13 +15,14 @@ from tdint.model.inventory.mdof_lu import MOST_STORIES, STRUCTURES, ZONES
 
 NEEDED = ("id", "NumberOfStories", "YearBuilt", "StructureType", "PlanArea")
 OPTIONAL = ("height", "seismicZone", "DampingRatio", "DesignLevel", "Latitude", "Longitude")
+_COLUMNS = (*NEEDED, *OPTIONAL)
+_NEEDS = f"an inventory is a CSV file with a building per row and the columns {', '.join(NEEDED)}"
 _DESIGN_LEVELS = (
     {level: level for level in LEVELS}
     | {f"{level}-code": level for level in LEVELS}
     | {f"{level[0]}c": level for level in LEVELS}
 )
 _YEARS = (1000, 2200)
-_MOST_BYTES = 256 * 1024 * 1024
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,22 +54,17 @@ def read_inventory(
     ModelError
         The file cannot be read, or lacks a column.
     """
-    reader = csv.reader(io.StringIO(_text(source), newline=""))
-    try:
-        lines = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
-    except csv.Error as error:
-        raise ModelError(f"{source}:{reader.line_num}: no CSV: {error}") from None
-    if not lines:
-        raise ModelError(f"{source}: is empty; its first line must name the columns {', '.join(NEEDED)}")
-    (_, header), *rows = lines
-    places = _places(source, header)
+    table = read_table(source, _NEEDS, columns=_COLUMNS)
+    table.need(*NEEDED)
+    places = {name: table.header.index(name.lower()) for name in _COLUMNS if table.has(name)}
     faults: list[ModelFault] = []
     buildings: list[InventoryRow] = []
     seen: dict[str, int] = {}
-    for line, cells in rows:
-        row = _Row(source, line, cells, places, faults)
-        if len(cells) > len(header):
-            row.fault(len(header), "", f"{len(cells)} cells under {len(header)} columns")
+    for line, cells in table.rows:
+        row = _Row(table, line, cells, places, faults)
+        if table.overfull(cells):
+            width = len(table.header)
+            row.fault(width, "", f"{len(cells)} cells under {width} columns")
             continue
         building = row.building(length, mass_only)
         if building and building.id in seen:
@@ -87,46 +79,13 @@ def read_inventory(
     return buildings, faults
 
 
-def _text(source: str) -> str:
-    try:
-        data = sys.stdin.buffer.read(_MOST_BYTES + 1) if source == "-" else Path(source).read_bytes()
-    except FileNotFoundError:
-        raise ModelError(f"{source}: no such file; give a CSV file with a building per row, or -") from None
-    except (OSError, ValueError) as error:
-        raise ModelError(f"{source}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
-    if len(data) > _MOST_BYTES:
-        raise ModelError(f"{source}: larger than {_MOST_BYTES // 1024**2} MiB; this is no inventory")
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise ModelError(f"{source}: not UTF-8 text (byte 0x{data[error.start]:02x}); save it as UTF-8") from None
-
-
-def _places(source: str, header: list[str]) -> dict[str, int]:
-    """The place of each known column; upper and lower case are the same."""
-    known = {name.lower(): name for name in (*NEEDED, *OPTIONAL)}
-    places: dict[str, int] = {}
-    for place, cell in enumerate(header):
-        name = known.get(cell.strip().lower())
-        if name in places:
-            raise ModelError(f"{source}:1: the column {name} is there twice")
-        if name:
-            places[name] = place
-    missing = [name for name in NEEDED if name not in places]
-    if missing:
-        near = get_close_matches(missing[0].lower(), [cell.strip().lower() for cell in header], n=1)
-        hint = f"; did you mean it by {near[0]!r}?" if near else ""
-        raise ModelError(f"{source}:1: no column {', '.join(missing)}{hint}")
-    return places
-
-
 class _Row:
     """A row whose cells are read; what is wrong is noted."""
 
     def __init__(
-        self, source: str, line: int, cells: list[str], places: Mapping[str, int], faults: list[ModelFault]
+        self, table: CsvTable, line: int, cells: list[str], places: Mapping[str, int], faults: list[ModelFault]
     ) -> None:
-        self._source, self._line, self._cells, self._places, self._faults = source, line, cells, places, faults
+        self._source, self._line, self._cells, self._places, self._faults = table.source, line, cells, places, faults
         self._before = len(faults)
 
     def fault(self, place: int, name: str, message: str) -> None:
@@ -164,24 +123,21 @@ class _Row:
 
     def _number(self, name: str, bounds: Bounds, what: str = "") -> float:
         text, what = self._cell(name), what or str(bounds)
-        try:
-            number = float(text)
-        except ValueError:
-            number = math.nan
-        if math.isfinite(number) and bounds.allow(number):
-            return number
+        value = number(text)
+        if not math.isnan(value) and bounds.allow(value):
+            return value
         message = f"must be {what}, got {text!r}" if text else f"is missing; give {what}"
         self.fault(self._places[name], name, message)
         return math.nan
 
     def _whole(self, name: str, low: int, high: int) -> int:
         what = f"a whole number from {low} to {high}"
-        number = self._number(name, Bounds(low, high), what)
-        if math.isnan(number):
+        value = self._number(name, Bounds(low, high), what)
+        if math.isnan(value):
             return 0
-        if number != int(number):
+        if value != int(value):
             self.fault(self._places[name], name, f"must be {what}, got {self._cell(name)!r}")
-        return int(number)
+        return int(value)
 
     def _word(self, name: str, known: Mapping[str, str]) -> str:
         text = self._cell(name)

@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.campaign.studies.csv_table import CsvTable, read_table
 from tdint.campaign.studies.fragility.fits import (
     CLOUD,
     FITS,
@@ -27,6 +26,7 @@ from tdint.campaign.studies.fragility.fits import (
     fit_stripes,
 )
 from tdint.campaign.studies.ida.runs import COLLAPSED, DONE
+from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.files import is_folder
 
@@ -121,9 +121,9 @@ def _file(source: str, fit: str | None) -> str:
 
 def _fit_stripes(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     im, hits, total = (np.array(table.numbers(name)) for name in ("im", "collapses", "records"))
-    _check(table, "im", im > 0.0, "must be positive")
-    _check(table, "records", total > 0.0, "must be positive")
-    _check(table, "collapses", (hits >= 0.0) & (hits <= total), "must be from 0 to the number of records")
+    table.check("im", im > 0.0, "must be positive")
+    table.check("records", total > 0.0, "must be positive")
+    table.check("collapses", (hits >= 0.0) & (hits <= total), "must be from 0 to the number of records")
     return _by_threshold(table, request, lambda chosen: fit_stripes(im[chosen], hits[chosen], total[chosen]))
 
 
@@ -235,12 +235,6 @@ def _attempt(
 def _check_thresholds(table: CsvTable, request: FragilityRequest) -> None:
     if not request.thresholds:
         raise UsageError(f"{table.source}: which demands are exceeded? Give --threshold")
-
-
-def _check(table: CsvTable, name: str, good: NDArray[np.bool_], must: str) -> None:
-    if not good.all():
-        place = int(np.argmin(good))
-        raise ModelError(f"{table.source}:{table.rows[place][0]}: {name} {must}, got {table.texts(name)[place]!r}")
 
 
 def _levels(im: Array) -> NDArray[np.intp]:

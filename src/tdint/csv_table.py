@@ -1,0 +1,196 @@
+"""Tables given as CSV files with a header: columns by their names, one set of checks, every fault with its line."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import dataclass
+
+from tdint.errors import ModelError, TdintError, nearest
+from tdint.input_bytes import read_at_most
+
+_MOST_BYTES = 256 * 1024 * 1024
+_END = "end"
+_TRUE, _FALSE = ("true", "1", "yes"), ("false", "0", "no", "")
+
+
+@dataclass(frozen=True)
+class CsvTable:
+    """A CSV file with a header; the names of its columns are compared without regard to case.
+
+    Whoever asks for a column learns what is wrong with the table, as its `error`: there is no such column, there are no
+    rows, or rows have more cells than the header has names.
+
+    Attributes
+    ----------
+    source : str
+        The file as the user named it.
+    header : tuple of str
+        The columns' names, in lower case.
+    header_line : int
+        Where they stand.
+    rows : tuple of (int, list of str)
+        Line and cells of each row. There may be fewer cells than columns: the others are empty.
+    needs : str
+        What the file must be, for messages.
+    error : type
+        Of what is raised.
+    """
+
+    source: str
+    header: tuple[str, ...]
+    header_line: int
+    rows: tuple[tuple[int, list[str]], ...]
+    needs: str
+    error: type[TdintError]
+
+    def has(self, *names: str) -> bool:
+        """Whether there are columns of all these names."""
+        return all(name.lower() in self.header for name in names)
+
+    def need(self, *names: str) -> None:
+        """Raise an error that names all of these columns that are missing."""
+        missing = [name for name in names if not self.has(name)]
+        if missing:
+            near = nearest(missing[0], self.header)
+            meant = (
+                f"did you mean it by {near!r}?" if near else f"there are {', '.join(self.header)[:200]}; {self.needs}"
+            )
+            raise self.error(f"{self.source}:{self.header_line}: no column {', '.join(missing)}; {meant}")
+
+    def texts(self, name: str, *, empty: bool = True) -> list[str]:
+        """The cells of a column; without `empty` none of them may be."""
+        self.need(name)
+        if not self.rows:
+            raise self.error(f"{self.source}: has no rows below its header; {self.needs}")
+        place = self.header.index(name.lower())
+        found = []
+        for line, cells in self.rows:
+            if self.overfull(cells):
+                raise self.error(f"{self.source}:{line}: {len(cells)} cells under {len(self.header)} columns")
+            text = cells[place].strip() if place < len(cells) else ""
+            if not text and not empty:
+                raise self.error(f"{self.source}:{line}: {name} is missing")
+            found.append(text)
+        return found
+
+    def numbers(self, name: str, *, empty: bool = False, positive: bool = False) -> list[float]:
+        """The cells of a column as finite numbers; with `empty` nan for a cell without one."""
+        what = "a positive number" if positive else "a number"
+        found = []
+        for line, text in self.lines(name, empty=empty):
+            value = number(text)
+            if text and (math.isnan(value) or (positive and value <= 0.0)):
+                raise self.error(f"{self.source}:{line}: {name} must be {what}, got {text[:40]!r}")
+            found.append(value)
+        return found
+
+    def truths(self, name: str) -> list[bool]:
+        """The cells of a column of true and false; false where there is no such column."""
+        if not self.has(name):
+            return [False] * len(self.rows)
+        for line, text in self.lines(name):
+            if text.lower() not in (*_TRUE, *_FALSE):
+                raise self.error(f"{self.source}:{line}: {name} must be true or false, got {text[:40]!r}")
+        return [text.lower() in _TRUE for text in self.texts(name)]
+
+    def only(self, name: str) -> str:
+        """What stands in all rows of a column; nothing where there is no such column."""
+        if not self.has(name):
+            return ""
+        values = list(dict.fromkeys(self.texts(name)))
+        if len(values) > 1:
+            raise self.error(f"{self.source}: several {name}: {', '.join(values[:5])}; leave one of them")
+        return values[0]
+
+    def check(self, name: str, sound: Iterable[bool], must: str) -> None:
+        """Raise an error for the first row whose cell is not sound."""
+        for is_sound, (line, text) in zip(sound, self.lines(name), strict=True):
+            if not is_sound:
+                raise self.error(f"{self.source}:{line}: {name} {must}, got {text[:40]!r}")
+
+    def lines(self, name: str, *, empty: bool = True) -> Iterator[tuple[int, str]]:
+        """The lines of a column's cells, and the cells."""
+        return zip((line for line, _ in self.rows), self.texts(name, empty=empty), strict=True)
+
+    def overfull(self, cells: list[str]) -> bool:
+        """Whether something stands in cells of a row that no column is above."""
+        return any(cell.strip() for cell in cells[len(self.header) :])
+
+
+def number(text: str) -> float:
+    """A cell as a finite number; nan if it is none."""
+    try:
+        value = float(text)
+    except ValueError:
+        return math.nan
+    return value if math.isfinite(value) else math.nan
+
+
+def read_table(
+    source: str, needs: str, *, columns: Collection[str] | None = None, error: type[TdintError] = ModelError
+) -> CsvTable:
+    """Read a CSV file with a header.
+
+    Parameters
+    ----------
+    source : str
+        The file; `-` is standard input.
+    needs : str
+        What it must be, for messages: `a target spectrum is a CSV file with the columns ...`.
+    columns : collection of str, optional
+        Those that will be asked for, no two of one name; all if it is not given.
+    error : type
+        The error of this kind of file; by default the one of models.
+
+    Raises
+    ------
+    TdintError
+        Of that type: it cannot be read, is no CSV file in UTF-8, is empty, or two columns have one name.
+    """
+    lines = _lines(source, _text(source, needs, error), error)
+    if not lines:
+        raise error(f"{source}: is empty; {needs}")
+    (header_line, header), *rows = lines
+    names = tuple(cell.strip().lower() for cell in header)
+    for name in names if columns is None else columns:
+        if name and names.count(name.lower()) > 1:
+            raise error(f"{source}:{header_line}: the column {name} is there twice")
+    return CsvTable(source, names, header_line, tuple(rows), needs, error)
+
+
+def _lines(source: str, text: str, error: type[TdintError]) -> list[tuple[int, list[str]]]:
+    """The rows that are not blank, and their lines.
+
+    A quotation mark that is never closed would take all rows below it into one cell: the last row tells.
+    """
+    reader = csv.reader(io.StringIO(f"{text}\n{_END}\n", newline=""), skipinitialspace=True)
+    try:
+        lines = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
+    except csv.Error as fault:
+        raise error(f"{source}:{reader.line_num}: no CSV: {fault}") from None
+    if lines.pop()[1] != [_END]:
+        above = lines[-1][0] if lines else 0
+        raise error(f"{source}: a quotation mark below line {above} is not closed")
+    return lines
+
+
+def _text(source: str, needs: str, error: type[TdintError]) -> str:
+    try:
+        data = read_at_most(source, _MOST_BYTES, error)
+    except FileNotFoundError:
+        raise error(f"{source}: no such file; {needs}") from None
+    except (OSError, ValueError) as fault:
+        raise error(f"{source}: cannot be read: {getattr(fault, 'strerror', None) or fault}") from None
+    if len(data) > _MOST_BYTES:
+        raise error(f"{source}: larger than {_MOST_BYTES // 1024**2} MiB; {needs}")
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as fault:
+        raise error(f"{source}: not UTF-8 text (byte 0x{data[fault.start]:02x}); save it as UTF-8") from None
+    if "\0" in text:
+        line = text.count("\n", 0, text.index("\0")) + 1
+        raise error(f"{source}:{line}: a null character; save it as UTF-8 text")
+    return text

@@ -1,0 +1,63 @@
+"""The bytes of an input, a file or standard input: at most so many, and of nothing that may never end."""
+
+from __future__ import annotations
+
+import stat
+import sys
+from pathlib import Path
+from typing import BinaryIO
+
+from tdint.errors import TdintError
+
+STDIN = "-"
+"""The name that stands for standard input."""
+
+_PIECE = 2**20
+
+
+def read_at_most(source: str | Path, most: int, error: type[TdintError]) -> bytes:
+    """Read a file, up to one byte beyond `most`, which tells that it is larger.
+
+    Parameters
+    ----------
+    source : str or Path
+        The file, or `-` for standard input.
+    most : int
+        Bytes.
+    error : type
+        The error of the reader's kind of file.
+
+    Raises
+    ------
+    TdintError
+        Of the type `error`: the file is a named pipe, or there is no standard input.
+    OSError, ValueError
+        The system cannot read it, or no file can have this name: readers say it in their own words.
+    """
+    if str(source) != STDIN:
+        if _is_named_pipe(source):
+            raise error(f"{source}: is a named pipe, which may never end; read from it with - and <")
+        with Path(source).open("rb") as file:
+            return _read(file, most)
+    stream = getattr(sys.stdin, "buffer", None)
+    if stream is None:
+        raise error(f"{STDIN}: there is no standard input to read from")
+    return _read(stream, most)
+
+
+def _read(file: BinaryIO, most: int) -> bytes:
+    """Read in pieces: an endless device ends at `most`, and memory grows as needed."""
+    content = bytearray()
+    while len(content) <= most and (piece := file.read(_PIECE)):
+        content += piece
+    return bytes(content)
+
+
+def _is_named_pipe(source: str | Path) -> bool:
+    """Whether opening a file may wait for ever; pipes that a shell has opened (`<(command)`) are none of those."""
+    if str(source).startswith(("/dev/fd/", "/proc/")):
+        return False
+    try:
+        return stat.S_ISFIFO(Path(source).stat().st_mode)
+    except OSError:  # Opening it tells why.
+        return False

@@ -1,0 +1,179 @@
+"""CSV files with a header: what every reader of one refuses, and what a column's cells must be."""
+
+from __future__ import annotations
+
+import io
+import math
+import os
+import sys
+
+import pytest
+
+from tdint import csv_table
+from tdint.analysis.static.drift_path import read_drift_path
+from tdint.campaign.file.definition import GridFile
+from tdint.campaign.file.plan import read_factors
+from tdint.campaign.grid import read_grid
+from tdint.campaign.studies.fragility.tables import fit_table
+from tdint.campaign.studies.target import read_target
+from tdint.csv_table import read_table
+from tdint.errors import ModelError, RecordError, UsageError
+from tdint.model.inventory.read import read_inventory
+
+
+def grid(source):
+    return read_grid(GridFile(source, "g", 2, 4, 7), ())
+
+
+READERS = {
+    "inventory": (lambda source: read_inventory(source, 1.0), ModelError, b"id"),
+    "target": (read_target, ModelError, b"sa_g"),
+    "fragility": (fit_table, ModelError, b"im"),
+    "path": (read_drift_path, UsageError, b"drift_m"),
+    "factors": (lambda source: read_factors(source, ()), ModelError, b"factor"),
+    "grid": (grid, ModelError, b"Longitude"),
+}
+"""All that read such a file, the error that each raises, and a column that it reads."""
+
+
+@pytest.fixture(params=READERS)
+def refused(request, tmp_path):
+    """Whether a reader refuses a file of some content with a message; `COLUMN` stands for the column that it reads."""
+    read, error, column = READERS[request.param]
+
+    def check(content, message, source=None):
+        file = tmp_path / "t.csv"
+        if content is not None:
+            file.write_bytes(content.replace(b"COLUMN", column))
+        with pytest.raises(error, match=message.replace("COLUMN", column.decode())) as caught:
+            read(source or str(file))
+        assert caught.value.exit_code == error.exit_code
+
+    return check
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (None, r"t\.csv: no such file; \w+"),
+        (b"", r"t\.csv: is empty; \w+"),
+        (b"\n , \n", r"t\.csv: is empty"),
+        (b"COLUMN,name\n1,Z\xfcrich\n", r"t\.csv: not UTF-8 text \(byte 0xfc\); save it as UTF-8"),
+        ("id\n1\n".encode("utf-16"), r"t\.csv: not UTF-8 text \(byte 0xff\)"),
+        (b"COLUMN\n1\n2\0\n", r"t\.csv:3: a null character"),
+        (b'COLUMN,name\n1,a\n2,"b\n3,c\n', r"t\.csv: a quotation mark below line 2 is not closed"),
+        (b"COLUMN," + 200_000 * b"x" + b"\n1,2\n", r"t\.csv:1: no CSV: field larger"),
+        (b"\nCOLUMN,x, COLUMN\n1,2,3\n", r"t\.csv:2: the column COLUMN is there twice"),
+    ],
+)
+def test_every_reader_refuses(refused, content, message):
+    refused(content, message)
+
+
+def test_every_reader_refuses_what_may_never_end(refused, tmp_path, monkeypatch):
+    monkeypatch.setattr(csv_table, "_MOST_BYTES", 2**20)
+    refused(b"COLUMN\n" + 2**20 * b"1", r"t\.csv: larger than 1 MiB")
+    refused(None, "/dev/zero: larger than 1 MiB", "/dev/zero")
+    os.mkfifo(tmp_path / "pipe")
+    refused(None, "pipe: is a named pipe, which may never end", str(tmp_path / "pipe"))
+
+
+FULL = {
+    "target": ("period_s,sa_g", "1,2"),
+    "fragility": ("im,edp", "1,2"),
+    "path": ("drift_m", "1"),
+    "factors": ("record,component,factor", "a,b,2"),
+    "grid": ("GP_file,Longitude,Latitude", "a.csv,1,2"),
+}
+"""Headers and rows of all but the inventory, which tells the faults of all rows together."""
+
+
+@pytest.mark.parametrize("reader", FULL)
+def test_rows_with_too_much(tmp_path, reader):
+    read, error, _ = READERS[reader]
+    header, row = FULL[reader]
+    file = tmp_path / "t.csv"
+    file.write_text(f"{header}\n{row},9\n")
+    with pytest.raises(error, match=r"t\.csv:2: (\d) cells under \d columns"):
+        read(str(file))
+
+
+def test_empty_cells_at_the_end_are_nothing(tmp_path):
+    """As spreadsheets leave them."""
+    (tmp_path / "t.csv").write_text("drift_m,\n1,,,\n2\n")
+    assert read_drift_path(str(tmp_path / "t.csv")) == [1.0, 2.0]
+    rows = "id,NumberOfStories,YearBuilt,StructureType,PlanArea,,\na,3,1990,C1,600,,,\nb,3,1990,C1,600,,,1\n"
+    (tmp_path / "t.csv").write_text(rows)
+    (found,), (fault,) = read_inventory(str(tmp_path / "t.csv"), 1.0)
+    assert (found.id, str(fault).partition("t.csv:")[2]) == ("a", "3:8: 8 cells under 7 columns")
+
+
+@pytest.mark.parametrize("reader", [name for name in FULL if name != "path"])
+def test_files_without_rows(tmp_path, reader):
+    file = tmp_path / "t.csv"
+    file.write_text(f"{FULL[reader][0]}\n\n")
+    with pytest.raises(ModelError, match=r"t\.csv: has no rows below its header; \w+"):
+        READERS[reader][0](str(file))
+
+
+@pytest.mark.parametrize("cell", ["nan", "inf", "-1e999", "x", "1,5"])
+@pytest.mark.parametrize("reader", FULL)
+def test_cells_that_are_no_finite_numbers(tmp_path, reader, cell):
+    header, row = FULL[reader]
+    file = tmp_path / "t.csv"
+    file.write_text(f'{header}\n{row.rpartition(",")[0]}{"," * ("," in row)}"{cell}"\n')
+    with pytest.raises(READERS[reader][1], match=rf"t\.csv:2: {header.split(',')[-1]}:? must be a .*, got '{cell}'"):
+        READERS[reader][0](str(file))
+
+
+@pytest.mark.parametrize(
+    ("point", "motions", "error", "message"),
+    [
+        ("site.csv,-122,95", "TH_file\nm\n", ModelError, r"grid\.csv:2: Latitude must be from -90 to 90 degrees"),
+        ("site.csv,37,-122", "TH_file\nm\n", ModelError, r"grid\.csv:2: Latitude must be .*, got '-122'"),
+        ("site.csv,400,37", "TH_file\nm\n", ModelError, r"grid\.csv:2: Longitude must be from -360 to 360 degrees"),
+        ("site.csv,,37", "TH_file\nm\n", ModelError, r"grid\.csv:2: Longitude is missing"),
+        (",-122,37", "TH_file\nm\n", ModelError, r"grid\.csv:2: GP_file is missing"),
+        ("site.csv,-122,37", "TH_file,factor\n,2\n", ModelError, r"site\.csv:2: TH_file is missing"),
+        ("site.csv,-122,37", "TH_file,factor\nm,0\n", ModelError, r"site\.csv:2: factor must not be zero, got '0'"),
+        ("site.csv,-122,37", "TH_file,factor\nm,x\n", ModelError, r"site\.csv:2: factor must be a number, got 'x'"),
+        ("site.csv,-122,37", "TH-file,factor\nm,1\n", ModelError, "no column TH_file; did you mean it by 'th-file'"),
+        ("site.csv,-122,37", "TH_file, factor\nm,\n", RecordError, r"m\.json: cannot be read"),
+    ],
+)
+def test_grids(tmp_path, point, motions, error, message):
+    (tmp_path / "grid.csv").write_text(f"GP_file,Longitude,Latitude\n{point}\n")
+    (tmp_path / "site.csv").write_text(motions)
+    with pytest.raises(error, match=message):
+        grid(str(tmp_path / "grid.csv"))
+
+
+def test_cells(tmp_path):
+    """Names in any case, blank lines, a byte-order mark, quoted commas and line breaks, cells that a row has not."""
+    file = tmp_path / "t.csv"
+    file.write_text('\n A, b,Is,c\n"1, ""x""", 2, yes\n\n,-3e1,,5\n"two\nlines", "4"\n', encoding="utf-8-sig")
+    table = read_table(str(file), "a table is needed")
+    assert table.has("a", "B") and not table.has("a", "d")
+    assert table.texts("A") == ['1, "x"', "", "two\nlines"]
+    assert table.numbers("b") == [2.0, -30.0, 4.0]
+    assert table.truths("is") == [True, False, False] and table.truths("none") == [False] * 3
+    assert list(table.lines("c")) == [(3, ""), (5, "5"), (7, "")]
+    assert list(map(math.isnan, table.numbers("c", empty=True))) == [True, False, True]
+    with pytest.raises(ModelError, match=r"t\.csv:5: b must be a positive number, got '-3e1'"):
+        table.numbers("b", positive=True)
+    with pytest.raises(ModelError, match=r"t\.csv:3: c is missing"):
+        table.numbers("c")
+    with pytest.raises(ModelError, match=r"t\.csv:5: c must be even, got '5'"):
+        table.check("c", [True, False, True], "must be even")
+    with pytest.raises(ModelError, match=r"t\.csv:5: c must be true or false, got '5'"):
+        table.truths("c")
+    with pytest.raises(ModelError, match=r"t\.csv: several b: 2, -3e1, 4; leave one"):
+        table.only("b")
+
+
+def test_standard_input(monkeypatch):
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b"drift_m\n0.1\n-0.2\n")))
+    assert read_drift_path("-") == [0.1, -0.2]
+    monkeypatch.setattr(sys, "stdin", None)
+    with pytest.raises(UsageError, match="no standard input"):
+        read_drift_path("-")
