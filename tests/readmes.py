@@ -24,8 +24,7 @@ from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
 from tdint.model.laws import LAWS
-from tdint.output.tables import campaign_columns, columns
-from tdint.output.tables.studies import columns as study_columns
+from tdint.output.tables.columns import buildings, campaign, methods, shared, spectra, studies
 from tdint.output.tables.table import Column
 from tdint_cli.main import COMMANDS, GROUPS, cli
 
@@ -175,45 +174,45 @@ def column_tables():
     history = [
         Column(f"{prefix}{column.name}", column.value, column.meaning)
         for prefix, group in (
-            ("", columns.HISTORY_START),
-            ("floor_1_", columns.HISTORY_FLOOR),
-            ("story_1_", columns.HISTORY_STORY),
-            ("", columns.HISTORY_ENERGY),
+            ("", buildings.HISTORY_START),
+            ("floor_1_", buildings.HISTORY_FLOOR),
+            ("story_1_", buildings.HISTORY_STORY),
+            ("", buildings.HISTORY_ENERGY),
         )
         for column in group
     ]
     tables = {
-        "tdint run": columns.STORY,
+        "tdint run": buildings.STORY,
         "history.csv of tdint run": history,
-        "floor-spectra.csv of tdint run": (columns.FLOOR, *columns.SPECTRUM),
-        "tdint check": columns.OVERVIEW,
-        "tdint modes": (*columns.MODE, columns.mode_damping(None), *columns.MODE_END),
-        "tdint law": columns.CYCLIC,
-        "tdint pushover": columns.pushover(1),
-        "tdint compare": (*columns.COMPARISON, columns.of_event("")),
-        "spectra.csv of tdint compare": (*columns.COMPARISON_SPECTRA, columns.of_event("")),
-        "fit.csv of tdint compare": columns.FITTED,
-        "tdint inventory": columns.INVENTORY,
-        "tdint info": columns.INFO,
-        "tdint spectrum": (*columns.OF_RECORD, *columns.SPECTRUM, *columns.CHOICES),
-        "tdint spectrum --against": (*columns.OF_RECORD, *columns.difference("psa_m_s2")),
-        "tdint spectrum --rotd 50,100": (*columns.OF_MOTION, *columns.rotated((50, 100)), *columns.CHOICES),
-        "tdint spectrum --ductility": (*columns.OF_RECORD, *columns.INELASTIC),
-        "tdint drift-spectrum": (*columns.OF_RECORD, *columns.DRIFT_SPECTRUM),
-        "tdint run --scale 1,2": campaign_columns.RUNS,
-        "runs.csv of tdint campaign": campaign_columns.RUNS,
-        "stories.csv of tdint campaign": campaign_columns.STORIES,
-        "tdint scale": study_columns.FACTORS,
-        "tdint ida": study_columns.CAPACITIES,
-        "ida.csv of tdint ida": study_columns.IDA,
-        "tdint fragility": (*study_columns.FRAGILITY, study_columns.FRAGILITY_TOTAL),
-        "tdint methods": columns.METHOD,
-        "tdint stability": columns.STABILITY,
-        "tdint overshoot": columns.OVERSHOOT,
-        "tdint order": columns.ORDER,
-        "tdint failures": columns.FAILURE,
-        "tdint examples": (*columns.EXAMPLE, columns.rank(lambda run: None), columns.OUTCOME),
-        "tdint chart": (columns.CHART_STORIES, *columns.CHART),
+        "floor-spectra.csv of tdint run": (shared.FLOOR, *spectra.SPECTRUM),
+        "tdint check": buildings.OVERVIEW,
+        "tdint modes": (*buildings.MODE, buildings.mode_damping(None), *buildings.MODE_END),
+        "tdint law": buildings.CYCLIC,
+        "tdint pushover": buildings.pushover(1),
+        "tdint compare": (*buildings.COMPARISON, buildings.of_event("")),
+        "spectra.csv of tdint compare": (*buildings.COMPARISON_SPECTRA, buildings.of_event("")),
+        "fit.csv of tdint compare": buildings.FITTED,
+        "tdint inventory": buildings.INVENTORY,
+        "tdint info": spectra.INFO,
+        "tdint spectrum": (*shared.OF_RECORD, *spectra.SPECTRUM, *spectra.CHOICES),
+        "tdint spectrum --against": (*shared.OF_RECORD, *spectra.difference("psa_m_s2")),
+        "tdint spectrum --rotd 50,100": (*spectra.OF_MOTION, *spectra.rotated((50, 100)), *spectra.CHOICES),
+        "tdint spectrum --ductility": (*shared.OF_RECORD, *spectra.INELASTIC),
+        "tdint drift-spectrum": (*shared.OF_RECORD, *spectra.DRIFT_SPECTRUM),
+        "tdint run --scale 1,2": campaign.RUNS,
+        "runs.csv of tdint campaign": campaign.RUNS,
+        "stories.csv of tdint campaign": campaign.STORIES,
+        "tdint scale": studies.FACTORS,
+        "tdint ida": studies.CAPACITIES,
+        "ida.csv of tdint ida": studies.IDA,
+        "tdint fragility": (*studies.FRAGILITY, studies.FRAGILITY_TOTAL),
+        "tdint methods": methods.METHOD,
+        "tdint stability": methods.STABILITY,
+        "tdint overshoot": methods.OVERSHOOT,
+        "tdint order": methods.ORDER,
+        "tdint failures": methods.FAILURE,
+        "tdint examples": (*methods.EXAMPLE, methods.rank(lambda run: None), methods.OUTCOME),
+        "tdint chart": (methods.CHART_STORIES, *methods.CHART),
     }
     parts = []
     for name, group in tables.items():

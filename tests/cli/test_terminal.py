@@ -123,7 +123,7 @@ def test_whatever_a_write_takes_all_goes_out_or_it_is_an_error(monkeypatch):
 
 HALF = """
 import sys, time
-from tdint.output.tables import tables
+from tdint.output.tables import buildings
 
 def write_half(history, stream, units):
     stream.write(b"time_s")
@@ -131,7 +131,7 @@ def write_half(history, stream, units):
     print("half", file=sys.stderr, flush=True)
     time.sleep(60)
 
-tables.write_history = write_half
+buildings.write_history = write_half
 from tdint_cli.main import main
 main()
 """

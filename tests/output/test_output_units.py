@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 
 from tdint.errors import UsageError
 from tdint.output.summaries.summary import in_units
-from tdint.output.tables import columns
+from tdint.output.tables.columns import buildings, spectra
 from tdint.output.tables.table import Column, Table, describe
 from tdint.output_units import ENDS, SI, OutputUnits, parse_output_units
 from tdint.units import ACCELERATION, FORCE, LENGTH, MASS
 
 US = parse_output_units("kip,in,g")
-EVERY = (*columns.STORY, *columns.STORY_ERROR, *columns.HISTORY_ENERGY, *columns.SPECTRUM, *columns.CYCLIC)
+EVERY = (*buildings.STORY, *buildings.STORY_ERROR, *buildings.HISTORY_ENERGY, *spectra.SPECTRUM, *buildings.CYCLIC)
 
 
 @pytest.mark.parametrize(
@@ -126,4 +126,4 @@ def test_units_that_are_none(text: str, message: str) -> None:
 def test_spelling_is_free_where_it_is_plain() -> None:
     assert parse_output_units("KIP, IN, G") == US
     assert parse_output_units("kN,m,cm/s2").acceleration == "cm/s^2"
-    assert describe(columns.STORY)["peak_shear_N"]["unit"] == "N"
+    assert describe(buildings.STORY)["peak_shear_N"]["unit"] == "N"

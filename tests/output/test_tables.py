@@ -6,6 +6,8 @@ import csv
 import io
 import math
 from dataclasses import replace
+from importlib import import_module
+from pkgutil import iter_modules
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,7 +20,7 @@ from tdint.analysis.run.run import EnergyHistory, History, StoryPeaks
 from tdint.analysis.spectra.elastic import Spectrum
 from tdint.ground_motion.record import Record, component_names
 from tdint.methods.catalogue import catalogue, parse
-from tdint.output.tables import columns, tables
+from tdint.output.tables import buildings, columns, methods, spectra
 from tdint.output.tables.table import Column, Table, cell_text, unit_of
 
 
@@ -80,7 +82,7 @@ def test_story_table():
         peak_velocity=np.array([1.0, 2.0]),
         peak_acceleration=np.array([9.80665, 1e-20]),
     )
-    assert tables.story_table(peaks).csv().decode() == (
+    assert buildings.story_table(peaks).csv().decode() == (
         "story,height_m,peak_drift_m,peak_drift_ratio,residual_drift_m,peak_shear_N,ductility,peak_displacement_m,"
         "peak_velocity_m_s,peak_absolute_acceleration_m_s2\n"
         "1,,0.1,,0,10000000,,0.1,1,9.80665\n"
@@ -95,7 +97,7 @@ def spectrum(rec: Record, damping: float) -> Spectrum:
 
 
 def test_spectrum_table():
-    assert tables.spectrum_table([spectrum(record(), 0.05)]).csv().decode() == (
+    assert spectra.spectrum_table([spectrum(record(), 0.05)]).csv().decode() == (
         "record,component,damping,period_s,sd_m,psv_m_s,psa_m_s2,sv_m_s,sa_m_s2\n"
         "a.mseed,HNE,0.05,0.1,0.1,0.2,0.3,0.4,0.5\n"
         "a.mseed,HNE,0.05,1,1,2,3,4,5\n"
@@ -110,7 +112,7 @@ def test_components_of_one_name_are_told_apart_by_their_id():
 
 
 def test_method_table_lists_the_catalogue():
-    rows = read(tables.method_table(map(parse, catalogue())).csv())
+    rows = read(methods.method_table(map(parse, catalogue())).csv())
     assert rows[0] == ["name", "family", "parameters", "order", "implicit", "stability_limit", "rho_inf", "source"]
     by_name = {row[0]: dict(zip(rows[0], row, strict=True)) for row in rows[1:]}
     assert list(by_name) == list(catalogue())
@@ -129,21 +131,21 @@ def test_mode_table():
         participation=np.array([1.2, -0.2]),
         mass_ratio=np.array([0.75, 0.25]),
     )
-    assert tables.mode_table(modes, np.array([0.05, 0.02])).csv().decode() == (
+    assert buildings.mode_table(modes, np.array([0.05, 0.02])).csv().decode() == (
         "mode,period_s,frequency_hz,damping,participation,mass_ratio,cumulative_mass_ratio\n"
         "1,1,1,0.05,1.2,0.75,0.75\n2,0.5,2,0.02,-0.2,0.25,1\n"
     )
-    assert tables.mode_table(modes, None).csv().decode().splitlines()[1] == "1,1,1,,1.2,0.75,0.75"
+    assert buildings.mode_table(modes, None).csv().decode().splitlines()[1] == "1,1,1,,1.2,0.75,0.75"
 
 
 @pytest.mark.parametrize("stories", [1, 3])
 @pytest.mark.parametrize("rows_at_once", [2, 4096])
 def test_history(monkeypatch, stories, rows_at_once):
-    monkeypatch.setattr(tables, "_ROWS_AT_ONCE", rows_at_once)
+    monkeypatch.setattr(buildings, "_ROWS_AT_ONCE", rows_at_once)
     whole = history(5, stories)
     whole = replace(whole, displacement=np.where(np.arange(5)[:, None] == 0, -0.0, whole.displacement))
     stream = io.BytesIO()
-    tables.write_history(whole, stream)
+    buildings.write_history(whole, stream)
     rows = read(stream.getvalue())
     floors = [
         f"floor_{i}_{x}"
@@ -167,8 +169,14 @@ def test_history(monkeypatch, stories, rows_at_once):
 
 
 def declared():
-    """Every tuple of columns that is declared, by its name."""
-    return {name: value for name, value in vars(columns).items() if isinstance(value, tuple) and name.isupper()}
+    """Every tuple of columns that is declared, by its subject and name."""
+    subjects = [module.name for module in iter_modules(columns.__path__)]
+    return {
+        (subject, name): value
+        for subject in subjects
+        for name, value in vars(import_module(f"{columns.__name__}.{subject}")).items()
+        if isinstance(value, tuple) and name.isupper() and isinstance(value[0], Column)
+    }
 
 
 def test_every_column_says_what_it_is_and_in_which_unit():
@@ -181,7 +189,7 @@ def test_every_column_says_what_it_is_and_in_which_unit():
     ]
     assert units == ["s", "m", "m/s", "N", "N/m", "degree"]
     assert {unit_of(name) for name in ("ductility", "damping", "steps", "mass_ratio", "energy_error")} == {"1"}
-    table = tables.spectrum_table([spectrum(record(), 0.05)], stated=["maxima"])
+    table = spectra.spectrum_table([spectrum(record(), 0.05)], stated=["maxima"])
     assert list(table.meanings) == list(table.columns)
     assert table.meanings["sa_m_s2"] == {"meaning": "largest absolute acceleration", "unit": "m/s^2"}
     assert "unit" not in table.meanings["maxima"]

@@ -85,7 +85,7 @@ class FloorRequest:
         notes: Sequence[str] = ()
         if self.floors:
             from tdint.analysis.spectra.floors import floor_spectra as spectra_of
-            from tdint.output.tables.floors import floor_spectrum_table
+            from tdint.output.tables.spectra import floor_spectrum_table
 
             found = spectra_of(response, self.chosen_floors(stories), self.chosen_periods(), self.damping)
             table = floor_spectrum_table(found).in_units(units).csv()

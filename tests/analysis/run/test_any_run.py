@@ -21,7 +21,7 @@ from tdint.methods.catalogue import catalogue, parse
 from tdint.model.definition import PowerDashpot
 from tdint.output.summaries.run import failure_summary, run_summary
 from tdint.output.summaries.summary import json_bytes
-from tdint.output.tables.tables import history_columns, story_table
+from tdint.output.tables.buildings import history_columns, story_table
 
 pytestmark = pytest.mark.long
 

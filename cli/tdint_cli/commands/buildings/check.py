@@ -49,7 +49,7 @@ def command(models: tuple[str, ...], schema: str | None) -> None:
     if not models:
         raise UsageError("nothing to check: give a MODEL.yaml, or --schema")
     from tdint.analysis.run.overview import overview
-    from tdint.output.tables import columns
+    from tdint.output.tables.columns import buildings as columns
     from tdint.output.tables.table import Table
     from tdint_cli.terminal.drawing import emit_table
 

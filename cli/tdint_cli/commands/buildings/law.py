@@ -118,7 +118,7 @@ def _run(request: Request) -> None:
     drifts = _path(request)
     from tdint.analysis.static.cyclic import cyclic_test, path_test
     from tdint.model.config.read import load_model
-    from tdint.output.tables.cyclic import cyclic_table
+    from tdint.output.tables.buildings import cyclic_table
 
     model = load_model(request.model)
     if drifts is None:

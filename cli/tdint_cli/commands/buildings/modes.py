@@ -25,7 +25,7 @@ def command(model: str, output: str | None, output_units: OutputUnits | None, ov
     """
     from tdint.model.building import assemble
     from tdint.model.config.read import load_model
-    from tdint.output.tables.tables import mode_table
+    from tdint.output.tables.buildings import mode_table
     from tdint_cli.terminal.streams import note
 
     outputs = Outputs.checked(output, None, overwrite, units=output_units)

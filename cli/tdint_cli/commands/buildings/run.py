@@ -268,7 +268,7 @@ def _units(request: Request) -> OutputUnits:
 
 def _stories(request: Request, response: Response) -> Table:
     """The table of stories, in the units asked for."""
-    from tdint.output.tables.tables import story_table
+    from tdint.output.tables.buildings import story_table
 
     table = story_table(response.stories, response.check.errors if response.check else None)
     return table.in_units(_units(request))
@@ -279,7 +279,7 @@ def _files(request: Request, response: Response, case: Case, inputs: list[Input]
     from tdint.analysis.spectra.first_mode import first_mode
     from tdint.output.summaries.run import run_summary
     from tdint.output.summaries.summary import in_units, json_bytes
-    from tdint.output.tables.tables import write_history
+    from tdint.output.tables.buildings import write_history
 
     units = _units(request)
     files: dict[Path, Writer] = {}

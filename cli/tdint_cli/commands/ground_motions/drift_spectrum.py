@@ -127,7 +127,7 @@ def _compute(request: DriftRequest, records: Sequence[Record]) -> Results:
 
 
 def _table(_: DriftRequest, results: Sequence[DriftSpectrum]) -> Table:
-    from tdint.output.tables.drift import drift_spectrum_table
+    from tdint.output.tables.spectra import drift_spectrum_table
 
     return drift_spectrum_table(results)
 

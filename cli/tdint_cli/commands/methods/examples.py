@@ -68,7 +68,7 @@ def command(**given: Any) -> None:
 def _run(request: Request) -> None:
     from tdint.analysis.assessment.paper_examples import DTS, default_integrators, examples, run_example
     from tdint.files import check_outputs, write_files
-    from tdint.output.tables.paper_examples import example_table
+    from tdint.output.tables.methods import example_table
 
     wanted = [examples()[int(number)] for number in dict.fromkeys(sorted(request.numbers)) or map(str, examples())]
     folder = Path(request.output) if request.output else None
@@ -95,7 +95,7 @@ def _names(example: Example) -> list[str]:
 def _files(example: Example, runs: list[ExampleRun]) -> dict[str, Writer]:
     """The files of one example and what writes each; no figures where no run came to its end."""
     from tdint.output.figures.paper_examples import example_picture
-    from tdint.output.tables.paper_examples import example_table
+    from tdint.output.tables.methods import example_table
 
     table = example_table(runs).csv()
     first = [run for run in runs if run.dt == runs[0].dt]

@@ -67,7 +67,7 @@ def command(**given: Any) -> None:
 
 def _run(request: Request) -> None:
     from tdint.analysis.assessment.failures import attempt, find_problems, usual_methods
-    from tdint.output.tables.failures import failure_table
+    from tdint.output.tables.methods import failure_table
 
     outputs = Outputs.checked(request.output, request.plot, request.overwrite)
     integrators = options.analysis.integrators(request.methods) if request.methods else usual_methods()

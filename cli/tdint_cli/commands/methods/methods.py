@@ -14,7 +14,7 @@ def command() -> None:
     any step) and the spectral radius for omega dt to infinity.
     """
     from tdint.methods.catalogue import catalogue, parse
-    from tdint.output.tables.tables import method_table
+    from tdint.output.tables.methods import method_table
     from tdint_cli.terminal.drawing import emit_table
 
     emit_table(method_table(map(parse, catalogue())))

@@ -89,7 +89,7 @@ def command(**given: Any) -> None:
 
 def _run(request: Request) -> None:
     from tdint.analysis.assessment.order import order_problem
-    from tdint.output.tables.assessment import order_table
+    from tdint.output.tables.methods import order_table
 
     outputs = Outputs.checked(request.output, request.plot, request.overwrite)
     integrators = options.analysis.integrators(request.methods)

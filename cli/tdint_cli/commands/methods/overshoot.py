@@ -83,7 +83,7 @@ def command(**given: Any) -> None:
 
 def _run(request: Request) -> None:
     from tdint.analysis.assessment.overshoot import STARTS, overshoot
-    from tdint.output.tables.assessment import overshoot_table
+    from tdint.output.tables.methods import overshoot_table
 
     outputs = Outputs.checked(request.output, request.plot, request.overwrite)
     pairs = {

@@ -81,7 +81,7 @@ def command(**given: Any) -> None:
 
 def _run(request: Request) -> None:
     from tdint.analysis.assessment.stability import stability
-    from tdint.output.tables.assessment import stability_table
+    from tdint.output.tables.methods import stability_table
 
     outputs = Outputs.checked(request.output, request.plot, request.overwrite)
     scanned = tuple(f"impulse:beta={beta}" for beta in _SCANNED) if request.beta_scan else ()

@@ -73,7 +73,7 @@ def _fragility(
     im: str | None, beta_model: float, output: str | None, plot: str | None, overwrite: bool,
 ) -> None:  # fmt: skip
     from tdint.campaign.studies.fragility.tables import FragilityRequest, fit_table
-    from tdint.output.tables.studies.tables import fragility_table
+    from tdint.output.tables.studies import fragility_table
 
     if edp_range is not None and fit not in (None, "cloud"):
         raise UsageError("--edp-range is for --fit cloud")

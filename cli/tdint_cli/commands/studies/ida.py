@@ -155,7 +155,7 @@ def _ida(request: IdaRequest) -> None:
     from tdint.campaign.studies.ida.study import IdaSettings, ida
     from tdint.campaign.studies.suite import RecordChoice
     from tdint.model.config.read import load_model
-    from tdint.output.tables.studies.tables import capacity_table
+    from tdint.output.tables.studies import capacity_table
     from tdint_cli.errors import Failures
 
     folder = _folder(request)
@@ -258,7 +258,7 @@ def _largest(request: IdaRequest, measure: IntensityMeasure) -> float:
 def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings) -> None:
     from tdint.files import write_files
     from tdint.output.summaries.summary import inputs_summary, json_bytes, model_input, record_summary, table_summary
-    from tdint.output.tables.studies.tables import capacity_table, ida_table
+    from tdint.output.tables.studies import capacity_table, ida_table
 
     files: dict[Path, Writer] = {}
     if request.output:

@@ -167,7 +167,7 @@ def command(**given: Any) -> None:
 def _scale(request: ScaleRequest) -> None:
     from tdint.campaign.studies.suite import RecordChoice
     from tdint.output.summaries.summary import record_summary, table_summary
-    from tdint.output.tables.studies.tables import factor_table
+    from tdint.output.tables.studies import factor_table
     from tdint_cli.errors import Failures
 
     request.check()

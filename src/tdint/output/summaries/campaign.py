@@ -6,7 +6,7 @@ import json
 from typing import TYPE_CHECKING, Any
 
 from tdint.output.summaries.summary import schema, versions
-from tdint.output.tables.campaign_columns import RUNS
+from tdint.output.tables.columns.campaign import RUNS
 from tdint.output.tables.table import describe
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from tdint.output.tables.campaign_columns import OF_BUILDING, RUNS, STATUS, STORIES
+from tdint.output.tables.columns.campaign import OF_BUILDING, RUNS, STATUS, STORIES
 from tdint.output.tables.table import Cell, Table, cell_text, names
 from tdint.output_units import SI, OutputUnits
 

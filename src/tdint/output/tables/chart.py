@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from tdint.output.tables import columns
+from tdint.output.tables.columns import methods as columns
 from tdint.output.tables.table import Table, rows_of
 
 if TYPE_CHECKING:

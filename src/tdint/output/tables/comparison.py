@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.output.tables import columns
+from tdint.output.tables.columns import buildings as columns
 from tdint.output.tables.table import Cell, Column, Table, rows_of
 
 if TYPE_CHECKING:

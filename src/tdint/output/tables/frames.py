@@ -21,9 +21,11 @@ from tdint.analysis.static.pushover import Pushover
 from tdint.errors import UsageError
 from tdint.ground_motion.record import Record
 from tdint.model.modes import Modes
-from tdint.output.tables import columns
+from tdint.output.tables.buildings import history_columns
+from tdint.output.tables.columns import buildings, spectra
+from tdint.output.tables.columns.methods import STABILITY
+from tdint.output.tables.columns.shared import FLOOR, OF_RECORD
 from tdint.output.tables.table import Column
-from tdint.output.tables.tables import history_columns
 from tdint.output_units import SI, parse_output_units
 
 _ROWS = 20
@@ -88,49 +90,49 @@ def _of(own: Sequence[Column], result: Any) -> dict[str, Any]:
 
 
 def _of_record(own: Sequence[Column], result: Any) -> dict[str, Any]:
-    return {"record": result.record.source, "component": result.record.component} | _of(own, result)
+    return _of((*OF_RECORD, *own), result)
 
 
 def _of_samples(record: Record) -> dict[str, Any]:
     return {"time_s": record.dt * np.arange(record.acceleration.size), "acceleration_m_s2": record.acceleration}
 
 
-_values.register(StoryPeaks, lambda result: _of(columns.STORY, result))
-_values.register(Spectrum, partial(_of_record, columns.SPECTRUM))
-_values.register(InelasticSpectrum, partial(_of_record, columns.INELASTIC))
-_values.register(DriftSpectrum, partial(_of_record, columns.DRIFT_SPECTRUM))
-_values.register(CyclicTest, lambda result: _of(columns.CYCLIC, result))
-_values.register(Pushover, lambda result: _of(columns.pushover(result.drift.shape[1]), result))
-_values.register(StabilityCurve, lambda result: _of(columns.STABILITY, result))
+_values.register(StoryPeaks, lambda result: _of(buildings.STORY, result))
+_values.register(Spectrum, partial(_of_record, spectra.SPECTRUM))
+_values.register(InelasticSpectrum, partial(_of_record, spectra.INELASTIC))
+_values.register(DriftSpectrum, partial(_of_record, spectra.DRIFT_SPECTRUM))
+_values.register(CyclicTest, lambda result: _of(buildings.CYCLIC, result))
+_values.register(Pushover, lambda result: _of(buildings.pushover(result.drift.shape[1]), result))
+_values.register(StabilityCurve, lambda result: _of(STABILITY, result))
 _values.register(Record, _of_samples)
 
 
 @_values.register
 def _(result: Response) -> dict[str, Any]:
-    errors = _of(columns.STORY_ERROR, result.check.errors) if result.check else {}
+    errors = _of(buildings.STORY_ERROR, result.check.errors) if result.check else {}
     return _values(result.stories) | errors
 
 
 @_values.register
 def _(result: FloorSpectrum) -> dict[str, Any]:
-    return {"floor": result.floor} | _of(columns.SPECTRUM, result.spectrum)
+    return _of([FLOOR], result) | _of(spectra.SPECTRUM, result.spectrum)
 
 
 @_values.register
 def _(result: RotatedSpectrum) -> dict[str, Any]:
-    return _of((*columns.OF_MOTION, *columns.rotated(result.percentiles)), result)
+    return _of((*spectra.OF_MOTION, *spectra.rotated(result.percentiles)), result)
 
 
 @_values.register
 def _(result: Modes) -> dict[str, Any]:
     ratios = np.full_like(result.omega, np.nan) if result.damping is None else result.damping
-    return _of((*columns.MODE, columns.mode_damping(ratios), *columns.MODE_END), result)
+    return _of((*buildings.MODE, buildings.mode_damping(ratios), *buildings.MODE_END), result)
 
 
 @_values.register
 def _(result: History) -> dict[str, Any]:
-    start, energy = _of(columns.HISTORY_START, result), _of(columns.HISTORY_ENERGY, result)
-    floors, stories = _of(columns.HISTORY_FLOOR, result), _of(columns.HISTORY_STORY, result)
+    start, energy = _of(buildings.HISTORY_START, result), _of(buildings.HISTORY_ENERGY, result)
+    floors, stories = _of(buildings.HISTORY_FLOOR, result), _of(buildings.HISTORY_STORY, result)
     places = range(result.displacement.shape[1])
     inner = [values[:, i] for group in (floors, stories) for i in places for values in group.values()]
     names = history_columns(len(places))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from tdint.ground_motion.measures import Measures
 from tdint.ground_motion.record import Record
-from tdint.output.tables import columns
+from tdint.output.tables.columns.spectra import INFO
 from tdint.output.tables.table import Table
 
 
@@ -23,4 +23,4 @@ class RecordInfo:
 
 def info_table(infos: Iterable[RecordInfo]) -> Table:
     """One row per record."""
-    return Table.of_results(columns.INFO, infos)
+    return Table.of_results(INFO, infos)

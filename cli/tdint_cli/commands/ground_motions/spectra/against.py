@@ -75,7 +75,7 @@ def _largest(line: SpectrumDifference) -> str:
 
 def table(request: SpectrumRequest, lines: Sequence[SpectrumDifference]) -> Table:
     """A row for each spectrum and period."""
-    from tdint.output.tables.tables import difference_table
+    from tdint.output.tables.spectra import difference_table
 
     return difference_table(lines)
 

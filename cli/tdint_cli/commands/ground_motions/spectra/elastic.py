@@ -74,7 +74,7 @@ def compute(request: SpectrumRequest, records: Sequence[Record]) -> Results:
 
 def table(request: SpectrumRequest, lines: Sequence[Spectrum]) -> Table:
     """A row for each spectrum and period."""
-    from tdint.output.tables.tables import spectrum_table
+    from tdint.output.tables.spectra import spectrum_table
 
     return spectrum_table(lines, request.stated)
 

@@ -69,7 +69,7 @@ def compute(request: SpectrumRequest, records: Sequence[Record]) -> Results:
 
 def table(_: SpectrumRequest, lines: Sequence[InelasticSpectrum]) -> Table:
     """A row for each spectrum and period."""
-    from tdint.output.tables.inelastic import inelastic_table
+    from tdint.output.tables.spectra import inelastic_table
 
     return inelastic_table(lines)
 

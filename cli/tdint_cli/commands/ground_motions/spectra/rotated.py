@@ -88,7 +88,7 @@ def compute(request: SpectrumRequest, records: Sequence[Record]) -> Results:
 
 def table(request: SpectrumRequest, lines: Sequence[RotatedSpectrum]) -> Table:
     """A row for each damping ratio and period."""
-    from tdint.output.tables.tables import rotated_table
+    from tdint.output.tables.spectra import rotated_table
 
     return rotated_table(lines, request.stated)
 

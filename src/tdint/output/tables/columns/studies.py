@@ -1,17 +1,16 @@
-"""The columns of the tables of studies, declared as those of `tdint.output.tables.columns` are."""
+"""Columns of studies: factors, incremental dynamic analyses, fragility functions."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from tdint.output.tables.columns import OF_RECORD
+from tdint.output.tables.columns.shared import OF_NAMED_RECORD, OF_RECORD
 from tdint.output.tables.table import Column
 
 FACTORS = (*OF_RECORD, Column("factor", "factor", "factor on the record, the same for both components of a pair"))
 
 _RECORD = (
-    Column("record", "record", "file of the record", text=True),
-    Column("component", "component", "component of the record", text=True),
+    *OF_NAMED_RECORD,
     Column(
         "im_name", "study.im_name", "intensity measure: sa(T) and sa-avg(T) with the period in s, pga, pgv", text=True
     ),

@@ -1,24 +1,19 @@
-"""Tables of a run, of spectra, modes and methods."""
+"""Tables of buildings: runs and their histories, cyclic tests, modes."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.ground_motion.record import component_names
-from tdint.output.tables import columns
-from tdint.output.tables.table import Cell, Column, Table, rows_of
+from tdint.output.tables.columns import buildings as columns
+from tdint.output.tables.table import Table, rows_of
 from tdint.output_units import SI, OutputUnits
 
 if TYPE_CHECKING:
     from tdint.analysis.run.outcome import History, StoryErrors, StoryPeaks
-    from tdint.analysis.spectra.elastic import Spectrum
-    from tdint.analysis.spectra.published import SpectrumDifference
-    from tdint.analysis.spectra.rotated import RotatedSpectrum
-    from tdint.methods.method import Integrator
+    from tdint.analysis.static.cyclic import CyclicTest
     from tdint.model.modes import Modes
 
 Array = NDArray[np.float64]
@@ -35,44 +30,9 @@ def story_table(stories: StoryPeaks, errors: StoryErrors | None = None) -> Table
     return Table.of((*columns.STORY, *columns.STORY_ERROR), both)
 
 
-def record_table(own: Sequence[Column], results: Sequence[Any]) -> Table:
-    """The rows of results that are each of one record, after the record's name and component."""
-    names = component_names([result.record for result in results])
-    rows: list[tuple[Cell, ...]] = []
-    for result, name in zip(results, names, strict=True):
-        rows.extend((result.record.source, name, *row) for row in rows_of(own, result))
-    return Table.of((*columns.OF_RECORD, *own), rows)
-
-
-def spectrum_table(spectra: Sequence[Spectrum], stated: Sequence[str] = ()) -> Table:
-    """One row per record, component, damping ratio and period, in the order given.
-
-    `stated`: which of the choices `maxima` and `interpolation` have columns of their own, at the end.
-    """
-    return record_table((*columns.SPECTRUM, *_choices(stated)), spectra)
-
-
-def difference_table(lines: Sequence[SpectrumDifference]) -> Table:
-    """One row per record, component, damping ratio and period: computed and published values and their difference."""
-    from tdint.analysis.spectra.published import QUANTITIES
-
-    return record_table(columns.difference(QUANTITIES[lines[0].published.quantity][1]), lines)
-
-
-def rotated_table(spectra: Sequence[RotatedSpectrum], stated: Sequence[str] = ()) -> Table:
-    """One row per motion, damping ratio and period, a column per percentile; `stated` as for `spectrum_table`."""
-    own = (*columns.rotated(spectra[0].percentiles), *_choices(stated))
-    return Table.of_results((*columns.OF_MOTION, *own), spectra)
-
-
-def _choices(stated: Sequence[str]) -> list[Column]:
-    choices = {column.name: column for column in columns.CHOICES}
-    return [choices[name] for name in stated]
-
-
-def method_table(integrators: Iterable[Integrator]) -> Table:
-    """One row per method with its parameters' defaults and ranges; the other values are those at the defaults."""
-    return Table.of_results(columns.METHOD, integrators)
+def cyclic_table(test: CyclicTest) -> Table:
+    """One row per point of the path; row 0 is the start at rest."""
+    return Table.of_results(columns.CYCLIC, [test])
 
 
 def mode_table(modes: Modes, damping: Array | None) -> Table:

@@ -1,20 +1,20 @@
-"""The columns of the tables of a campaign; of a run they are those of its store."""
+"""Columns of campaigns; of a run they are those of its store."""
 
 from __future__ import annotations
 
-from tdint.output.tables.columns import STORY
+from tdint.output.tables.columns.buildings import STORY
+from tdint.output.tables.columns.shared import METHOD_SPEC, OF_NAMED_RECORD
 from tdint.output.tables.table import Column
 
 OF_BUILDING = (
     Column("building", "building", "name of the building", text=True),
-    Column("record", "record", "file of the record", text=True),
-    Column("component", "component", "component of the record", text=True),
+    *OF_NAMED_RECORD,
     Column("scale", "scale", "factor on the ground acceleration"),
 )
 RUNS = (
     *OF_BUILDING,
     Column("sample", "sample", "number of the draw from a grid of ground motions, from 1; 0 where nothing is drawn"),
-    Column("method", "method", "time-integration method with its parameters", text=True),
+    METHOD_SPEC,
     Column("dt_s", "dt_s", "time step, after repetitions with finer ones"),
     Column("status", "status", "how the run ended", text=True),
     Column("collapse_time_s", "collapse_time_s", "time of the collapse"),

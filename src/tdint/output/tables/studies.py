@@ -14,7 +14,7 @@ from tdint.campaign.studies.ida.study import IdaStudy
 from tdint.campaign.studies.scaling import Scaling
 from tdint.campaign.studies.suite import components
 from tdint.ground_motion.record import component_names
-from tdint.output.tables.studies import columns
+from tdint.output.tables.columns import studies as columns
 from tdint.output.tables.table import Table, rows_of
 
 

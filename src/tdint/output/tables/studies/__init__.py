@@ -1,1 +1,0 @@
-"""Tables of studies: factors, incremental dynamic analyses, fragility functions."""
