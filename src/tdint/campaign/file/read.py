@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
 from pathlib import Path
 
 from tdint.campaign.file.buildings import BUILDINGS, read_buildings
@@ -12,7 +10,6 @@ from tdint.campaign.file.intensity import INTENSITY, read_intensity
 from tdint.campaign.file.records import RECORDS, read_records_section
 from tdint.campaign.levels import Scales
 from tdint.campaign.studies.suite import RecordChoice
-from tdint.errors import UsageError
 from tdint.methods.catalogue import parse as parse_method
 from tdint.model.config.keys.fields import Section, Value
 from tdint.model.config.keys.kinds import POSITIVE, POSITIVE_RATIO, RATIO, Flag, Key, Keys, Schema, Words
@@ -95,30 +92,15 @@ def _read_analysis(value: Value | None) -> AnalysisWishes:
     section = value.section(_ANALYSIS) if value else None
     if section is None:
         return AnalysisWishes()
+    method = section.get("method")
+    named = method.parsed(parse_method) if method else None
     p_delta, until_rest = section.get("p_delta"), section.get("until_rest")
     return AnalysisWishes(
-        method=_checked(section.get("method"), lambda text: parse_method(text).label),
-        dt=_positive(section, "dt"),
-        duration=_positive(section, "duration"),
-        tolerance=_positive(section, "tolerance"),
-        collapse_drift=_positive(section, "collapse_drift"),
+        method=named.label if named else None,
+        dt=section.number_or_none("dt"),
+        duration=section.number_or_none("duration"),
+        tolerance=section.number_or_none("tolerance"),
+        collapse_drift=section.number_or_none("collapse_drift"),
         p_delta=p_delta.boolean() if p_delta else None,
         until_rest=until_rest.boolean() if until_rest else False,
     )
-
-
-def _positive(section: Section, name: str) -> float | None:
-    number = section.number(name, default=math.nan)
-    return None if math.isnan(number) else number
-
-
-def _checked(value: Value | None, judge: Callable[[str], str]) -> str | None:
-    """A text that is judged; a fault at its place where it is refused."""
-    text = value.text() if value else None
-    if value is None or text is None:
-        return None
-    try:
-        return judge(text)
-    except UsageError as error:
-        value.fault(str(error))
-        return None

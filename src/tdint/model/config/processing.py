@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
-from typing import TypeVar
 
 from tdint.errors import UsageError
 from tdint.ground_motion.processing import BASELINES, MOST_CORNERS, Processing, parse_pad, parse_trim
 from tdint.model.config.keys.fields import Section, Value
 from tdint.model.config.keys.kinds import POSITIVE, Choice, Key, Whole, Words
-
-Parsed = TypeVar("Parsed")
 
 PROCESSING = (
     Key("trim", Words(), "START:END in s from the first sample"),
@@ -28,13 +24,13 @@ PROCESSING_KEYS = tuple(key.name for key in PROCESSING)
 def read_processing(section: Section) -> Processing:
     """The processing that the entries of a section ask for; none of it if one of them is faulty."""
     readers: dict[str, Callable[[Value], object]] = {
-        "trim": lambda value: _parsed(value, parse_trim),
+        "trim": lambda value: value.parsed(parse_trim),
         "baseline": lambda value: value.choice(BASELINES, "baseline"),
-        "pad": lambda value: _parsed(value, parse_pad),
-        "highpass": _positive,
-        "lowpass": _positive,
-        "corners": lambda value: value.whole(),
-        "resample": _positive,
+        "pad": lambda value: value.parsed(parse_pad),
+        "highpass": Value.number_or_none,
+        "lowpass": Value.number_or_none,
+        "corners": Value.whole,
+        "resample": Value.number_or_none,
     }
     values = {name: readers[name](value) for name in PROCESSING_KEYS if (value := section.get(name))}
     if None in values.values():
@@ -44,20 +40,3 @@ def read_processing(section: Section) -> Processing:
     except UsageError as error:
         section.value.fault(str(error))
         return Processing()
-
-
-def _positive(value: Value) -> float | None:
-    number = value.number()
-    return None if math.isnan(number) else number
-
-
-def _parsed(value: Value, parse: Callable[[str], Parsed]) -> Parsed | None:
-    """What is made of a text; a fault at `value` where that is refused."""
-    text = value.text()
-    if text is None:
-        return None
-    try:
-        return parse(text)
-    except UsageError as error:
-        value.fault(str(error))
-        return None

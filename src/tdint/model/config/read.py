@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -226,12 +225,7 @@ def _read_analysis(value: Value | None) -> Analysis:
     section = value.section(_ANALYSIS) if value else None
     if section is None:
         return Analysis(None, None, None)
-
-    def positive(name: str) -> float | None:
-        number = section.number(name, default=math.nan)
-        return None if math.isnan(number) else number
-
-    return Analysis(section.text("method"), positive("dt"), positive("duration"))
+    return Analysis(section.text("method"), section.number_or_none("dt"), section.number_or_none("duration"))
 
 
 def _read_output_units(value: Value | None) -> OutputUnits:

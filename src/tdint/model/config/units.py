@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from tdint import units
-from tdint.errors import UsageError
 from tdint.model.config.keys.fields import Value
 from tdint.model.config.keys.kinds import Choice, Key, Keys
 
@@ -61,15 +60,10 @@ def read_sample_units(value: Value | None, quantity: str | None = None) -> str |
 
     `quantity` is what they must be units of, where the file says that elsewhere.
     """
-    text = value.text() if value else None
-    if value is None or text is None:
+    parsed = value.parsed(units.parse_units) if value else None
+    if value is None or parsed is None:
         return None
-    try:
-        parsed = units.parse_units(text)
-    except UsageError as error:
-        value.fault(str(error))
-        return text
     if quantity and parsed.quantity != quantity:
         fitting = ", ".join(units.GROUND_MOTION[quantity])
         value.fault(f"say {parsed.quantity}, the quantity says {quantity}; give one of {fitting}")
-    return text
+    return value.word

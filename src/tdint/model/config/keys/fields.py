@@ -9,13 +9,16 @@ from __future__ import annotations
 import math
 import re
 import unicodedata
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from typing import TypeVar
 
-from tdint.errors import did_you_mean, nearest
+from tdint.errors import UsageError, did_you_mean, nearest
 from tdint.model.config.keys.kinds import ANY, Bounds, EntriesOf, Keys, ValueKind, Whole
 from tdint.model.config.keys.yaml_source import Faults, ListNode, MappingNode, Node, ScalarNode
 from tdint.model.definition import MAX_STORIES
+
+Parsed = TypeVar("Parsed")
 
 _NUMBER = re.compile(r"[+-]?(?:(?:0|[1-9][0-9]*)(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _WHOLE = re.compile(r"[+-]?(?:0|[1-9][0-9]{0,17})")
@@ -87,6 +90,11 @@ class Value:
             return math.nan
         return converted
 
+    def number_or_none(self) -> float | None:
+        """The number within the bounds of its key; None if there is a fault."""
+        number = self.number()
+        return None if math.isnan(number) else number
+
     def whole(self, low: int = 0, high: int = -1, what: str = "") -> int | None:
         """The whole number from `low` to `high`; None if there is a fault. `what` says what the bounds stand for."""
         if high < low:
@@ -118,6 +126,17 @@ class Value:
             self.fault(f"must be one line without control characters, got {self._shown()}")
             return None
         return self.node.text
+
+    def parsed(self, parse: Callable[[str], Parsed]) -> Parsed | None:
+        """What `parse` makes of the text; None if there is a fault, as where it raises UsageError."""
+        text = self.text()
+        if text is None:
+            return None
+        try:
+            return parse(text)
+        except UsageError as error:
+            self.fault(str(error))
+            return None
 
     def choice(self, known: Collection[str], what: str) -> str | None:
         """One of the `known` names; None if there is a fault. `what` says what they name."""
@@ -247,6 +266,11 @@ class Section:
         if value is not None:
             return value.number(bounds, scale)
         return math.nan if default is None else default
+
+    def number_or_none(self, name: str) -> float | None:
+        """The number of the entry; None if the section lacks it or it is faulty."""
+        value = self.get(name)
+        return value.number_or_none() if value else None
 
     def text(self, name: str) -> str | None:
         """The text of the entry; None if the section lacks it or it is faulty."""
