@@ -11,10 +11,9 @@ from tdint.campaign.file.records import RECORDS, read_records_section
 from tdint.campaign.levels import Scales
 from tdint.campaign.studies.suite import RecordChoice
 from tdint.methods.catalogue import parse as parse_method
+from tdint.model.config.keys.document import read_document
 from tdint.model.config.keys.fields import Section, Value
 from tdint.model.config.keys.kinds import POSITIVE, POSITIVE_RATIO, RATIO, Flag, Key, Keys, Schema, Words
-from tdint.model.config.keys.source import read_source
-from tdint.model.config.keys.yaml_source import Faults, decode, parse
 
 _ANALYSIS = Keys(
     (
@@ -61,12 +60,10 @@ def load_campaign(source: str | Path) -> CampaignFile:
     ModelError
         It cannot be read, is not YAML, or has faults: all of them, with line and column.
     """
-    origin = read_source(source, "campaign file")
-    faults = Faults(origin.label, "campaign file", "`buildings` and `records`")
-    root = Value(parse(decode(origin.data, faults), faults), "", faults)
+    origin, root = read_document(source, "campaign file", "`buildings` and `records`")
     section = root.section(CAMPAIGN)
     campaign = _read(section, origin.label, origin.name, origin.folder) if section else None
-    faults.raise_if_any()
+    root.faults.raise_if_any()
     assert campaign is not None
     return campaign
 

@@ -13,11 +13,10 @@ from typing import Any, TextIO
 from tdint.errors import UsageError
 from tdint.model.config.damping import DAMPING, read_damping
 from tdint.model.config.excitation import EXCITATION, read_excitation
+from tdint.model.config.keys.document import read_document
 from tdint.model.config.keys.fields import Section, Value
 from tdint.model.config.keys.kinds import ANY, POSITIVE, POSITIVE_RATIO, Either, EntriesOf, Flag, Key, Keys, Words
-from tdint.model.config.keys.plain import nodes_of, text_of
-from tdint.model.config.keys.source import SourceText, read_source
-from tdint.model.config.keys.yaml_source import Faults, decode, parse
+from tdint.model.config.keys.source import SourceText
 from tdint.model.config.stories import STORIES, read_stories
 from tdint.model.config.units import UNITS, ModelUnits, read_units
 from tdint.model.definition import (
@@ -130,20 +129,12 @@ def load_judged(
         By the path of a key (`analysis.method`): takes the text under it and the folder that the file's paths start
         from, and raises UsageError if it is wrong, which becomes a fault at its place.
     """
-    if isinstance(source, Mapping):
-        faults = Faults("model")
-        node = nodes_of(source, faults)
-        origin = SourceText("model", "model", Path(), text_of(node))
-    else:
-        origin = read_source(source)
-        faults = Faults(origin.label)
-        node = parse(decode(origin.data, faults), faults)
-    root = Value(node, "", faults)
+    origin, root = read_document(source)
     section = root.section(_MODEL)
     model = _read_model(section, origin) if section else None
     for path, judge in judges.items():
         _let_judge(root, path, judge, origin.folder)
-    faults.raise_if_any()
+    root.faults.raise_if_any()
     assert model is not None
     return model
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from tdint.model.config.keys.document import read_document
 from tdint.model.config.keys.fields import Section, Value
 from tdint.model.config.keys.kinds import ANY, NOT_NEGATIVE, POSITIVE
 from tdint.model.config.keys.paths import resolve_or_stdin
-from tdint.model.config.keys.source import read_source
-from tdint.model.config.keys.yaml_source import Faults, MappingNode, ScalarNode, decode, parse
+from tdint.model.config.keys.yaml_source import MappingNode, ScalarNode
 from tdint.model.config.units import read_sample_units
 from tdint.model.recorded.definition import AUTO, QUANTITIES, Recording, Sensor
 
@@ -17,7 +17,6 @@ _KEYS = ("name", "base", "floors", "band", "window", "shift")
 _SENSOR_KEYS = ("file", "component", "column", "units", "quantity", "sign")
 _SENSOR = "a file or a mapping with the key file"
 ROOF = "roof"
-_KIND = "file of recordings"
 
 
 def load_recording(source: str | Path, stories: int) -> Recording:
@@ -33,9 +32,8 @@ def load_recording(source: str | Path, stories: int) -> Recording:
     ModelError
         The file cannot be read, is not YAML or has faults; all faults are reported in one error, in file order.
     """
-    origin = read_source(source, _KIND)
-    faults = Faults(origin.label, _KIND, "`base` and `floors`")
-    section = Value(parse(decode(origin.data, faults), faults), "", faults).section(_KEYS)
+    origin, root = read_document(source, "file of recordings", "`base` and `floors`")
+    section = root.section(_KEYS)
     recording = None
     if section:
         base = section.need("base", "give the file that the ground's motion was recorded in, or a list of them")
@@ -50,7 +48,7 @@ def load_recording(source: str | Path, stories: int) -> Recording:
             window=_read_pair(section, "window", "two times (s), the earlier one first", lowest_open=False),
             shift=_read_shift(section.get("shift")),
         )
-    faults.raise_if_any()
+    root.faults.raise_if_any()
     assert recording is not None
     return recording
 
