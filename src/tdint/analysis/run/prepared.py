@@ -197,12 +197,7 @@ class PreparedBuilding:
         AnalysisError
             The method does not integrate this building.
         """
-        check_suited(integrator, self.building)
-        self.compile([integrator])
-        space = workspace(self.building, integrator, rows, collapse_drift)
-        space.state[DISPLACEMENT, :-1] = self.displacement
-        space.state[VELOCITY, :-1] = self.velocity
-        space.memo[FAST] = self.building.fastest * steps.h > _RESOLVED
+        space = self._ready(integrator, steps.h, rows, collapse_drift)
         motion = np.zeros(1) if ground is None else ground
         coefficients = self.coefficients(integrator, steps.h)
         begin = time.perf_counter()
@@ -233,15 +228,9 @@ class PreparedBuilding:
         AnalysisError
             The method does not integrate this building.
         """
-        check_suited(integrator, self.building)
-        self.compile([integrator])
+        space = self._ready(integrator, h, 0, collapse_drift)
         rest = rest or Rest()
         count, n = len(runs), self.building.stories
-        space = workspace(self.building, integrator, collapse_drift=collapse_drift)
-        state = np.zeros_like(space.state)
-        state[DISPLACEMENT, :-1] = self.displacement
-        state[VELOCITY, :-1] = self.velocity
-        space.memo[FAST] = self.building.fastest * h > _RESOLVED
         marched = MarchedRuns(
             peaks=np.zeros((count, 2 * PEAK_ROWS, n)),
             drifts=np.zeros((count, n)),
@@ -253,10 +242,20 @@ class PreparedBuilding:
             HALVINGS if integrator.family.halvable else 0, h, samples, runs, self.coefficients(integrator, h),
             shifts(integrator, h),
             self.building.chain, self.building.modal, self.building.laws, self.forces,
-            state, space.springs, space.memo, space.observed,
-            space.state, space.springs.copy(), space.work, space.memo.copy(),
+            space.state, space.springs, space.memo, space.observed,
+            space.state.copy(), space.springs.copy(), space.work, space.memo.copy(),
             np.zeros(LOAD_SIZE), np.zeros(int(np.max(runs[:, GROUND_SIZE]))), space.watch, space.limits,
             np.zeros(n), space.history, rest.window, rest.windows, rest.quiet,
             marched.peaks, marched.drifts, marched.observed, marched.ends,
         )  # fmt: skip
         return marched
+
+    def _ready(self, integrator: Integrator, h: float, rows: int, collapse_drift: float) -> Workspace:
+        """The arrays of a march with steps h (s) in the initial state, and what it calls loaded."""
+        check_suited(integrator, self.building)
+        self.compile([integrator])
+        space = workspace(self.building, integrator, rows, collapse_drift)
+        space.state[DISPLACEMENT, :-1] = self.displacement
+        space.state[VELOCITY, :-1] = self.velocity
+        space.memo[FAST] = self.building.fastest * h > _RESOLVED
+        return space
