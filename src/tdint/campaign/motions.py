@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
@@ -33,11 +32,6 @@ class SuiteMotion:
     component: str
     whole: GroundMotion
     direction: int = 1
-
-    @property
-    def digest(self) -> str:
-        """SHA-256 of its samples and its sampling interval."""
-        return hashlib.sha256(self.record.acceleration.tobytes() + repr(self.record.dt).encode()).hexdigest()
 
 
 def suite_motions(whole: Sequence[GroundMotion]) -> tuple[SuiteMotion, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections import Counter
 from collections.abc import Sequence
@@ -89,8 +90,7 @@ class Record(Tabular):
     peaks: tuple[float | None, float | None] = (None, None)
 
     def _headline(self) -> str:
-        name = " ".join(filter(None, (self.source, self.component)))
-        return f"{name}: {self.acceleration.size} samples, dt {self.dt:.6g} s, PGA {self.pga:.4g} m/s^2"
+        return f"{self.name}: {self.acceleration.size} samples, dt {self.dt:.6g} s, PGA {self.pga:.4g} m/s^2"
 
     def __post_init__(self) -> None:
         samples = _checked(self.acceleration, self.source)
@@ -102,6 +102,16 @@ class Record(Tabular):
             samples = samples.copy()
         samples.flags.writeable = False
         object.__setattr__(self, "acceleration", samples)
+
+    @property
+    def name(self) -> str:
+        """File and component, as far as there are any."""
+        return " ".join(filter(None, (self.source, self.component)))
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the samples and the sampling interval."""
+        return hashlib.sha256(self.acceleration.tobytes() + repr(self.dt).encode()).hexdigest()
 
     @property
     def duration(self) -> float:

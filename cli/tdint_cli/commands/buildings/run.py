@@ -352,8 +352,7 @@ def _paragraph(response: Response, units: OutputUnits) -> str:
     found = demands(response.stories)
     motion = "no ground motion"
     if record is not None:
-        name = " ".join(filter(None, (record.source, record.component)))
-        motion = f"{name} (PGA {units.of(record.pga, 'm/s^2'):.3g} {units.unit('m/s^2')[0]})"
+        motion = f"{record.name} (PGA {units.of(record.pga, 'm/s^2'):.3g} {units.unit('m/s^2')[0]})"
     worst = f"drift {units.text(found.drift.value, 'm')} in story {found.drift.place}"
     if found.drift_ratio.place is not None:
         ratio = f"drift ratio {found.drift_ratio.value:.4g} in story {found.drift_ratio.place}"

@@ -87,8 +87,7 @@ class DriftSpectrum(Tabular):
     roof_drift_ratio: Array
 
     def _headline(self) -> str:
-        name = " ".join(filter(None, (self.record.source, self.record.component)))
-        return f"of {name or 'a record'}, damping {self.damping:g}, {self.periods.size} periods"
+        return f"of {self.record.name or 'a record'}, damping {self.damping:g}, {self.periods.size} periods"
 
 
 def drift_spectrum(

@@ -62,8 +62,7 @@ class Spectrum(Tabular):
     interpolation: str = LINEAR.name
 
     def _headline(self) -> str:
-        name = " ".join(filter(None, (self.record.source, self.record.component)))
-        return f"of {name or 'a record'}, damping {self.damping:g}, {self.periods.size} periods"
+        return f"of {self.record.name or 'a record'}, damping {self.damping:g}, {self.periods.size} periods"
 
 
 @dataclass(frozen=True)

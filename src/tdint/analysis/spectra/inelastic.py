@@ -68,8 +68,7 @@ class InelasticSpectrum(Tabular):
     residual: Array
 
     def _headline(self) -> str:
-        name = " ".join(filter(None, (self.record.source, self.record.component)))
-        return f"of {name or 'a record'}, damping {self.damping:g}, {self.periods.size} periods"
+        return f"of {self.record.name or 'a record'}, damping {self.damping:g}, {self.periods.size} periods"
 
     @property
     def ductility(self) -> Array:

@@ -208,7 +208,7 @@ def _record_digests(plan: Plan) -> dict[str, str]:
     digests: dict[str, str] = {}
     for number, motion in enumerate(plan.motions, start=1):
         name = f"{motion.name} {motion.component}"
-        digests[name if name not in digests else f"{name} ({number})"] = motion.digest
+        digests[name if name not in digests else f"{name} ({number})"] = motion.record.digest
     return digests
 
 
@@ -220,7 +220,8 @@ def _is_empty(store: Store) -> bool:
 def _create(store: Store, plan: Plan) -> None:
     """Make the tables and say in them which campaign it is, all or nothing."""
     settings, digests = settings_of(plan), [plan.buildings.digest(number) for number in range(len(plan.buildings))]
-    whole = fingerprint(settings, digests, [motion.digest for motion in plan.motions])
+    records = [motion.record.digest for motion in plan.motions]
+    whole = fingerprint(settings, digests, records)
     about = {
         "schema": VERSION, "version": __version__, "name": plan.name, "fingerprint": whole,
         "runs": str(plan.runs), "chunks": str(plan.chunks),
@@ -242,9 +243,9 @@ def _create(store: Store, plan: Plan) -> None:
             (
                 (
                     number, _text(motion.name), _text(motion.component), motion.direction, motion.record.dt,
-                    motion.record.acceleration.size, motion.record.pga, measure(motion.record).pgv, motion.digest,
+                    motion.record.acceleration.size, motion.record.pga, measure(motion.record).pgv, digest,
                 )
-                for number, motion in enumerate(plan.motions)
+                for number, (motion, digest) in enumerate(zip(plan.motions, records, strict=True))
             ),
         )  # fmt: skip
 

@@ -63,7 +63,7 @@ def compute(request: SpectrumRequest, records: Sequence[Record]) -> Results:
 
 
 def _largest(line: SpectrumDifference) -> str:
-    where = f"{line.record.source} {line.record.component}".rstrip()
+    where = line.record.name
     if line.largest is None:
         return f"{where}: the published spectrum is zero"
     difference, period = line.largest

@@ -265,7 +265,7 @@ def _elastic_scale(building: Building, record: Record, collapse_drift: float) ->
 
 
 def _names(records: Sequence[Record]) -> list[str]:
-    names = [f"{record.source} {record.component}".strip() for record in records]
+    names = [record.name for record in records]
     twice = [name for i, name in enumerate(names) if name in names[:i]]
     if twice:
         raise UsageError(f"{twice[0]}: this record is given twice")
@@ -293,14 +293,10 @@ def _fingerprint(
         "collapse drift": settings.collapse_drift,
         "thresholds": sorted(settings.thresholds),
         "max im": settings.max_im,
-        "records": {name: _hash(record) for name, record in records.items()},
+        "records": {name: record.digest for name, record in records.items()},
     }
 
 
 def _building(model: Model) -> tuple[Any, ...]:
     """What the runs depend on of a model."""
     return model.stories, model.damping, model.p_delta, model.initial, model.excitation.forces, model.analysis
-
-
-def _hash(record: Record) -> str:
-    return hashlib.sha256(record.acceleration.tobytes() + repr(record.dt).encode()).hexdigest()
