@@ -34,11 +34,11 @@ def run_many(
 ) -> None:
     """Do the runs of a building under some records (those of the model without any) at some scales; the table goes to
     standard output, and with `output` everything is kept in that folder as `tdint campaign` keeps it."""
-    from tdint.campaign.engine.threads import processors
     from tdint.campaign.run import threads
     from tdint.campaign.store.store import open_store
     from tdint.model.config.read import load_model
     from tdint.output.tables.campaign import runs_table
+    from tdint.processors import processors
 
     model = load_model(request.model)
     plan = _plan(request, records, model, method, dt)

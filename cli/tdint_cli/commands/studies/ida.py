@@ -151,11 +151,11 @@ def command(**given: Any) -> None:
 
 
 def _ida(request: IdaRequest) -> None:
-    from tdint.campaign.engine.threads import processors
     from tdint.campaign.studies.ida.study import IdaSettings, ida
     from tdint.campaign.studies.suite import RecordChoice
     from tdint.model.config.read import load_model
     from tdint.output.tables.studies import capacity_table
+    from tdint.processors import processors
     from tdint_cli.errors import Failures
 
     folder = _folder(request)

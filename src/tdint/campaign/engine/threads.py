@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 
@@ -10,11 +9,6 @@ from tdint.campaign.engine.chunk import Done
 
 _AHEAD = 2
 """Chunks that each thread has, the one that it is at among them: none waits for who writes the rows."""
-
-
-def processors() -> int:
-    """Processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def on_threads(work: Callable[[int], Done], numbers: Sequence[int], jobs: int) -> Iterator[Done]:

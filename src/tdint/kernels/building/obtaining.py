@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdint.kernels.building.variant import EVERYTHING, Variant
+from tdint.processors import processors
 
 if TYPE_CHECKING:
     from tdint.kernels.building.compilable import Compilable
@@ -93,8 +94,6 @@ def _compile(wanted: Sequence[tuple[Compilable, Variant]], progress: Callable[[f
 
 def duration(wanted: Sequence[tuple[Compilable, Variant]]) -> int:
     """Roughly how long it takes to compile, s, as measured on processors of 2024."""
-    from tdint.kernels.building.process import processors
-
     each = [_SECONDS[min(len(variant.laws) or 3, 3) if "laws" in kernel.parts else 1] for kernel, variant in wanted]
     return round(max(max(each), sum(each) / processors()))
 

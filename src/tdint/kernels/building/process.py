@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from tdint.errors import AnalysisError
 from tdint.kernels.building.target import Target
 from tdint.kernels.building.variant import Variant
+from tdint.processors import processors
 
 if TYPE_CHECKING:
     from tdint.kernels.building.compilable import Compilable
@@ -87,11 +88,6 @@ class Compilation:
             "NUMBA_CPU_FEATURES": self.target.features,
             "OPENBLAS_NUM_THREADS": "1",
         }
-
-
-def processors() -> int:
-    """How many processors this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, bytes]]:
