@@ -1,28 +1,30 @@
-"""Chunks on the processors of this machine: threads, for compiled loops let Python go on meanwhile."""
+"""Work on the processors of this machine: threads, for compiled loops let Python go on meanwhile."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from typing import TypeVar
 
-from tdint.campaign.engine.chunk import Done
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 
 _AHEAD = 2
-"""Chunks that each thread has, the one that it is at among them: none waits for who writes the rows."""
+"""Items that each thread has, the one that it is at among them: none waits for who writes the results."""
 
 
-def on_threads(work: Callable[[int], Done], numbers: Sequence[int], jobs: int) -> Iterator[Done]:
-    """What `work` makes of each chunk, in the order in which they are done; what it raises is raised here.
+def on_threads(work: Callable[[Item], Result], items: Iterable[Item], jobs: int) -> Iterator[Result]:
+    """What `work` makes of each item, in the order in which they are done; what it raises is raised here.
 
-    No more than a few chunks are under way or waiting to be taken.
+    No more than a few items are under way or waiting to be taken.
     """
-    waiting = iter(numbers)
-    running: set[Future[Done]] = set()
+    waiting = iter(items)
+    running: set[Future[Result]] = set()
     pool = ThreadPoolExecutor(jobs)
     try:
         while True:
-            while len(running) < _AHEAD * jobs and (number := next(waiting, None)) is not None:
-                running.add(pool.submit(work, number))
+            while len(running) < _AHEAD * jobs and (item := next(waiting, None)) is not None:
+                running.add(pool.submit(work, item))
             if not running:
                 return
             finished, running = wait(running, return_when=FIRST_COMPLETED)

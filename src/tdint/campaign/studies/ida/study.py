@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,6 +16,7 @@ from tdint.campaign.engine.batch import Batch
 from tdint.campaign.engine.runs import Motions
 from tdint.campaign.engine.settings import RunSettings
 from tdint.campaign.engine.subject import Subject
+from tdint.campaign.engine.threads import on_threads
 from tdint.campaign.studies.ida.curve import IdaCurve
 from tdint.campaign.studies.ida.journal import Fingerprint, Keep, journal
 from tdint.campaign.studies.ida.levels import Levels
@@ -219,16 +219,14 @@ def _done(
     """The runs of all records: those that are kept, and the others, shared by threads."""
     found = dict(kept)
     progress(len(found), len(units))
-    pool = ThreadPoolExecutor(max_workers=max(1, jobs))
-    try:
-        waiting = {pool.submit(work.runs): name for name, work in units.items() if name not in found}
-        for future in as_completed(waiting):
-            name = waiting[future]
-            found[name] = future.result()
-            keep(name, found[name])
-            progress(len(found), len(units))
-    finally:
-        pool.shutdown(cancel_futures=True)
+
+    def work(name: str) -> tuple[str, tuple[IdaRun, ...]]:
+        return name, units[name].runs()
+
+    for name, runs in on_threads(work, [name for name in units if name not in found], max(1, jobs)):
+        found[name] = runs
+        keep(name, runs)
+        progress(len(found), len(units))
     return found
 
 
