@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
 from tdint.files import Writer
-from tdint.output.figures.style import COLORS, DASHES, MARKERS, add_legend, add_title, picture
+from tdint.output.figures.axes import plain_numbers
+from tdint.output.figures.style import COLORS, DASHES, LIGHT, MARKERS, add_legend, add_title, picture
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.order import ObservedOrder
@@ -151,7 +152,7 @@ def _frame_radius(axes: Any, curves: Sequence[StabilityCurve]) -> None:
     low, high = max(low, _RADIUS_RANGE[0]), min(high, _RADIUS_RANGE[1])
     if low < high:
         axes.set_xlim(low, high)
-    axes.axhline(1.0, color="0.55", linewidth=0.8)
+    axes.axhline(1.0, color=LIGHT, linewidth=0.8)
     smallest = min(float(np.min(curve.spectral_radius)) for curve in curves)
     axes.set_ylim(0.0 if smallest < 0.7 else 0.7, 1.25)
     axes.set_xlabel("dt / T")
@@ -171,7 +172,7 @@ def _frame_band(axes: Any) -> None:
     axes.set_yscale("log")
     axes.set_ylim(1e-4, 1.0)
     axes.set_xlim(*_BAND)
-    axes.axvline(math.sqrt(12.0), color="0.55", linewidth=0.8)
+    axes.axvline(math.sqrt(12.0), color=LIGHT, linewidth=0.8)
     axes.set_xlabel("ω dt (the line marks √12)")
     axes.set_ylabel("spectral radius - 1")
 
@@ -241,7 +242,7 @@ def _draw_orders(measured: Sequence[ObservedOrder]) -> Figure:
     lower.set_xscale("log")
     lower.set_xlabel("frequency of the load over natural frequency")
     lower.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    lower.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    plain_numbers(lower.xaxis)
     lower.xaxis.set_minor_formatter(NullFormatter())
     add_legend(figure, upper, lines, [short[method] for method in methods], _NARROW)
     add_title(figure, _order_title(measured))

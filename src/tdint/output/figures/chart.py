@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from tdint.analysis.chart.quantities import QUANTITIES
 from tdint.files import Writer
+from tdint.output.figures.axes import plain_numbers
 from tdint.output.figures.point_labels import write_labels
-from tdint.output.figures.style import COLORS, DASHES, MARKERS, add_legend, add_title, picture
+from tdint.output.figures.style import COLORS, DASHES, LIGHT, MARKERS, add_legend, add_title, picture
 from tdint.output.tables.chart import PEER
 
 if TYPE_CHECKING:
@@ -197,7 +198,7 @@ def _draw_steps(drawing: _Drawing, name: str) -> Figure:
                 [point.dt for point in known], [drawing.error(point) for point in known], **_style(i, line)
             )
             labels.append(line)
-    axes.axvline(drawing.chart.interval, color="0.55", linewidth=0.8, zorder=1)
+    axes.axvline(drawing.chart.interval, color=LIGHT, linewidth=0.8, zorder=1)
     _frame(axes)
     axes.set_ylim(top=min(axes.get_ylim()[1], _LARGEST_ERROR))
     axes.set_xlabel(f"time step (s)\n{_footnote(drawing).replace('circle', 'vertical line')}")
@@ -223,7 +224,7 @@ def _draw_sizes(charts: Sequence[Chart], name: str, target: str) -> Figure:
         accuracy.plot(stories, error, **_style(i, line))
     for axes, label in ((cost, "time per step (us)"), (accuracy, QUANTITIES[target])):
         _frame(axes)
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        plain_numbers(axes.xaxis)
         axes.set_xlabel("stories (dotted: in proportion to them)" if axes is cost else "stories")
         axes.set_ylabel(label)
     _draw_proportion(cost, charts)

@@ -11,13 +11,12 @@ from matplotlib.ticker import MaxNLocator
 
 from tdint.files import Writer
 from tdint.ground_motion.measures import cumulative_energy, integrate, time_of_energy
-from tdint.output.figures.style import COLORS, IN_G, changed, picture, record_name
+from tdint.output.figures.style import COLORS, IN_G, LIGHT, MARK, changed, picture, record_name
 from tdint.output.tables.records import RecordInfo
 
 MOST_RECORDS = 3
 """As many are drawn, side by side; what comes after them is left out."""
 
-_LIGHT, _MARK = "0.55", "#b03a2e"
 _SHARES = (0.05, 0.75, 0.95)
 
 
@@ -56,7 +55,7 @@ def _draw_record(column: Any, info: RecordInfo) -> None:
         (column[2], motion.displacement, measures.pgd, "m"),
     ):
         axes.plot(time, values, color=COLORS[0], linewidth=0.8)
-        axes.axhline(0.0, color=_LIGHT, linewidth=0.6)
+        axes.axhline(0.0, color=LIGHT, linewidth=0.6)
         axes.yaxis.set_major_locator(MaxNLocator(5, symmetric=True))
         _write(axes, f"peak {peak:.3g} {unit}")
     title = f"{record_name(record.source)} {record.component}".rstrip() + changed([record])
@@ -75,7 +74,7 @@ def _draw_husid(axes: Any, info: RecordInfo, time: Any) -> None:
         return
     axes.plot(time, 100.0 * energy / total, color=COLORS[0])
     times = [time_of_energy(info.record, energy, share) for share in _SHARES]
-    axes.plot(times, [100.0 * share for share in _SHARES], "o", color=_MARK, markersize=4)
+    axes.plot(times, [100.0 * share for share in _SHARES], "o", color=MARK, markersize=4)
     measures = info.measures
     text = f"{measures.arias:.3g} m/s\nD5-75 {measures.d5_75:.3g} s\nD5-95 {measures.d5_95:.3g} s"
     _write(axes, text, top=0.5)
@@ -83,6 +82,6 @@ def _draw_husid(axes: Any, info: RecordInfo, time: Any) -> None:
 
 def _write(axes: Any, text: str, top: float = 0.95) -> None:
     axes.text(
-        0.99, top, text, transform=axes.transAxes, ha="right", va="top", fontsize=8.0, color=_MARK,
+        0.99, top, text, transform=axes.transAxes, ha="right", va="top", fontsize=8.0, color=MARK,
         bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0},
     )  # fmt: skip

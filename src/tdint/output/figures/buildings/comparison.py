@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from tdint.files import Writer
 from tdint.output.figures.spectra.over_periods import log_periods
-from tdint.output.figures.style import IN_G, add_title, picture, record_name
+from tdint.output.figures.style import IN_G, LIGHT, MARK, add_title, picture, record_name
 
 if TYPE_CHECKING:
     from tdint.analysis.comparison.compare import Comparison, FloorComparison, FloorSpectra
 
 Array = NDArray[np.float64]
 
-_RECORDED, _COMPUTED = "0.55", "#b03a2e"
+_RECORDED, _COMPUTED = LIGHT, MARK
 _MOST_ROWS = 12
 _ENERGY = (0.0005, 0.9995)  # parts of the recorded energy between which the histories are shown
 _CYCLES = 8  # of the recording, that the close-up shows

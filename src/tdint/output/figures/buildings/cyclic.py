@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,12 +9,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from tdint.files import Writer
-from tdint.output.figures.style import COLORS, DASHES, add_title, picture, scaled_unit
+from tdint.output.figures.axes import add_ratio_axis
+from tdint.output.figures.style import COLORS, DASHES, LIGHT, add_title, picture, scaled_unit
 
 if TYPE_CHECKING:
     from tdint.analysis.static.cyclic import CyclicTest
-
-_LIGHT = "0.55"
 
 
 def cyclic_picture(test: CyclicTest, suffix: str) -> Writer:
@@ -43,24 +41,20 @@ def _draw(test: CyclicTest) -> Figure:
 
 def _draw_loop(axes: Any, test: CyclicTest) -> None:
     factor, unit = scaled_unit(float(np.max(np.abs(test.path.shear))), "N")
-    axes.axhline(0.0, color=_LIGHT, linewidth=0.6)
-    axes.axvline(0.0, color=_LIGHT, linewidth=0.6)
+    axes.axhline(0.0, color=LIGHT, linewidth=0.6)
+    axes.axvline(0.0, color=LIGHT, linewidth=0.6)
     axes.plot(test.path.drift, test.path.shear * factor, color=COLORS[0], label="restoring force of the law")
     if test.geometric_stiffness:
         # Not dashed: the dashes of one cycle would fill the gaps of another.
         force = test.shear_with_p_delta * factor
-        axes.plot(test.path.drift, force, color=_LIGHT, linewidth=0.9, zorder=1.9, label="with P-delta")
+        axes.plot(test.path.drift, force, color=LIGHT, linewidth=0.9, zorder=1.9, label="with P-delta")
     _mark_yielding(axes, test)
     if len(axes.get_legend_handles_labels()[0]) > 1:
         axes.legend(loc="upper left")
     axes.set_xlabel("drift (m)")
     axes.set_ylabel(f"story shear ({unit})")
     axes.xaxis.set_major_locator(MaxNLocator(9, steps=[1, 2, 5, 10]))
-    if not math.isnan(test.height):
-        percent = axes.secondary_xaxis(
-            "top", functions=(lambda drift: 100.0 * drift / test.height, lambda ratio: 0.01 * ratio * test.height)
-        )
-        percent.set_xlabel("drift ratio (%)")
+    add_ratio_axis(axes, test.height, "drift ratio (%)")
 
 
 def _mark_yielding(axes: Any, test: CyclicTest) -> None:
@@ -69,7 +63,7 @@ def _mark_yielding(axes: Any, test: CyclicTest) -> None:
         return
     for side in (1.0, -1.0):
         axes.axvline(
-            side * test.yield_drift, color=_LIGHT, linestyle=DASHES[2], linewidth=1.0,
+            side * test.yield_drift, color=LIGHT, linestyle=DASHES[2], linewidth=1.0,
             label=f"yield drift {test.yield_drift:.3g} m" if side > 0.0 else None,
         )  # fmt: skip
 

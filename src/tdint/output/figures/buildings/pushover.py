@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from tdint.files import Writer
-from tdint.output.figures.style import COLORS, DASHES, add_title, picture, scaled_unit
+from tdint.output.figures.axes import add_ratio_axis
+from tdint.output.figures.style import COLORS, DASHES, LIGHT, add_title, picture, scaled_unit
 
 if TYPE_CHECKING:
     from tdint.analysis.static.pushover import Pushover
-
-_LIGHT = "0.55"
 
 
 def pushover_picture(result: Pushover, suffix: str) -> Writer:
@@ -34,7 +32,7 @@ def _draw(result: Pushover) -> Figure:
 def _draw_curve(axes: Any, result: Pushover) -> None:
     factor, unit = scaled_unit(float(np.max(np.abs(result.base_shear))), "N")
     roof, shear = result.roof_displacement, result.base_shear * factor
-    axes.axhline(0.0, color=_LIGHT, linewidth=0.6)
+    axes.axhline(0.0, color=LIGHT, linewidth=0.6)
     axes.plot(roof, shear, color=COLORS[0])
     peak = result.peak
     axes.plot(roof[peak], shear[peak], "o", color=COLORS[0], label=f"largest base shear {shear[peak]:.4g} {unit}")
@@ -42,12 +40,7 @@ def _draw_curve(axes: Any, result: Pushover) -> None:
     axes.set_xlim(0.0, roof[-1])
     axes.set_xlabel("roof displacement (m)")
     axes.set_ylabel(f"base shear ({unit})")
-    if not math.isnan(result.height):
-        height = result.height
-        percent = axes.secondary_xaxis(
-            "top", functions=(lambda x: 100.0 * x / height, lambda ratio: 0.01 * ratio * height)
-        )
-        percent.set_xlabel("roof drift ratio (%)")
+    add_ratio_axis(axes, result.height, "roof drift ratio (%)")
 
 
 def _draw_profile(axes: Any, result: Pushover) -> None:
@@ -61,7 +54,7 @@ def _draw_profile(axes: Any, result: Pushover) -> None:
         axes.stairs(
             drift, stories, orientation="horizontal", baseline=None, linestyle=style, color=COLORS[0], label=text
         )
-    axes.axvline(0.0, color=_LIGHT, linewidth=0.6)
+    axes.axvline(0.0, color=LIGHT, linewidth=0.6)
     axes.legend(loc="best")
     axes.set_ylim(stories[0], stories[-1])
     axes.yaxis.get_major_locator().set_params(integer=True)

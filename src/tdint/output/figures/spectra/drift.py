@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from tdint.files import Writer
+from tdint.output.figures.axes import plain_numbers
 from tdint.output.figures.spectra.over_periods import Panel, draw_over_periods, line_labels, over_periods_title
 from tdint.output.figures.style import add_title, picture
 
@@ -71,5 +72,5 @@ def _add_heights(axes: Any, spectrum: DriftSpectrum) -> None:
     )
     scale.set_xlabel("height (m)")
     scale.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    scale.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    plain_numbers(scale.xaxis)
     scale.xaxis.set_minor_formatter(NullFormatter())

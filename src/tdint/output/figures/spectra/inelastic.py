@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
 
 from tdint.files import Writer
 from tdint.ground_motion.record import component_names
+from tdint.output.figures.axes import plain_numbers
 from tdint.output.figures.spectra.over_periods import Panel, draw_over_periods, line_labels, over_periods_title
-from tdint.output.figures.style import add_title, picture, record_name
+from tdint.output.figures.style import LIGHT, add_title, picture, record_name
 
 if TYPE_CHECKING:
     from tdint.analysis.spectra.inelastic import InelasticSpectrum
@@ -83,8 +83,8 @@ def _show_ductility(axes: Any, spectra: Sequence[InelasticSpectrum]) -> None:
         return
     axes.set_yscale("log")
     axes.autoscale(axis="y")
-    axes.axhline(1.0, color="0.55", linewidth=0.8)
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.axhline(1.0, color=LIGHT, linewidth=0.8)
+    plain_numbers(axes.yaxis)
 
 
 def _given(spectrum: InelasticSpectrum) -> str:

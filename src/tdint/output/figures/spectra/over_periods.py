@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Hashable, Sequence
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
 from tdint.ground_motion.record import Record, component_names
+from tdint.output.figures.axes import plain_minor_numbers, plain_numbers
 from tdint.output.figures.style import COLORS, DASHES, add_legend, changed, record_name
+from tdint.output.figures.suites import BETWEEN_FRACTILES, draw_fractiles, draw_median
 
 Array = NDArray[np.float64]
 
 _FEW = 8  # periods: with fewer every one is marked
 _SUITE = 7  # motions from which they are a suite: single ones in gray, median and fractiles
-_FRACTILES = (16, 84)
 GRAY = "0.75"
 """Of what is one among many."""
 
@@ -129,12 +128,8 @@ def _draw_suite(
         for i, kind in enumerate(kinds):
             own = rows[[variant == kind for variant in variants]]
             color, name = COLORS[i % len(COLORS)], f", {_variant_name(kind)}" if len(kinds) > 1 else ""
-            median = axes.plot(period, np.nanmedian(own, axis=0), color=color, linewidth=2.0, zorder=3)[0]
-            low, high = np.nanpercentile(own, _FRACTILES, axis=0)
-            for edge in (low, high):
-                fractile = axes.plot(period, edge, color=color, linestyle=DASHES[1], zorder=2.5)[0]
-            lines.setdefault(f"median{name}", median)
-            lines.setdefault(f"{_FRACTILES[0]} % and {_FRACTILES[1]} %{name}", fractile)
+            lines.setdefault(f"median{name}", draw_median(axes, period, own, color))
+            lines.setdefault(f"{BETWEEN_FRACTILES}{name}", draw_fractiles(axes, period, own, color))
     return lines
 
 
@@ -174,15 +169,8 @@ def log_periods(axes: Any, periods: Array) -> None:
     axes.set_xscale("log")
     if low < high:
         axes.set_xlim(low, high)
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.xaxis.set_minor_formatter(
-        FuncFormatter(lambda value, _: f"{value:g}" if high < 12.0 * low or _leads(value, "25") else "")
-    )
-
-
-def _leads(value: float, digits: str) -> bool:
-    """Whether the first digit of `value` is one of `digits`."""
-    return f"{value / 10.0 ** math.floor(math.log10(value) + 1e-9):.0f}" in digits
+    plain_numbers(axes.xaxis)
+    plain_minor_numbers(axes.xaxis, every=high < 12.0 * low)
 
 
 def line_labels(results: Sequence[OverPeriods]) -> list[str]:

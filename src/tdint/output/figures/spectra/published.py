@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from tdint.files import Writer
 from tdint.output.figures.spectra.over_periods import Panel, draw_over_periods, line_labels, over_periods_title
-from tdint.output.figures.style import IN_G, add_title, picture, record_name
+from tdint.output.figures.style import IN_G, LIGHT, add_title, picture, record_name
 
 if TYPE_CHECKING:
     from tdint.analysis.spectra.published import SpectrumDifference
@@ -48,7 +48,7 @@ def _draw(lines: Sequence[SpectrumDifference]) -> Figure:
     upper.plot([], [], "o", **_POINTS, label="published")
     upper.legend(loc="best")
     lower.autoscale(axis="y")
-    lower.axhline(0.0, color="0.55", linewidth=0.8, zorder=1.5)
+    lower.axhline(0.0, color=LIGHT, linewidth=0.8, zorder=1.5)
     title = over_periods_title(
         "Spectrum", "Spectra", lines, f"beside {record_name(lines[0].published.source)} (points)"
     )

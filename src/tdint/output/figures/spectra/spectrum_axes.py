@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
+from tdint.output.figures.axes import plain_numbers
 from tdint.output.figures.spectra.over_periods import GRAY, is_suite, log_periods
 from tdint.output.figures.style import COLORS, DASHES, IN_G, LIGHT, add_legend
 
@@ -87,7 +88,7 @@ def draw_tripartite(spectra: Sequence[Spectrum], labels: Sequence[str]) -> Figur
         axes.set_yscale("log")
         low, high = float(np.min(values)), float(np.max(values))
         axes.set_ylim(max(low / 1.5, high / 3e3), 1.8 * high)
-        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        plain_numbers(axes.yaxis)
         axes.yaxis.set_minor_formatter(NullFormatter())
         _add_scales(axes)
     axes.grid(which="minor", color="0.95", linewidth=0.5)

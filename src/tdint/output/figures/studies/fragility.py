@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 
 from tdint.campaign.studies.fragility.fits import CloudPoints, Fragility
 from tdint.files import Writer
-from tdint.output.figures.studies.axes import GRAY, add_gravity_axis, measure_label, plain_logarithmic
+from tdint.output.figures.axes import plain_logarithmic
+from tdint.output.figures.studies.intensity import GRAY, add_gravity_axis, measure_label
 from tdint.output.figures.style import COLORS, DASHES, MARKERS, add_title, picture
 
 _POINTS = 300

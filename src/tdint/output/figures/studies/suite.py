@@ -13,15 +13,16 @@ from tdint.campaign.studies.scaling import LEAST_PART, Scaling, suite_spectra
 from tdint.campaign.studies.suite import components
 from tdint.files import Writer
 from tdint.ground_motion.record import Record
-from tdint.output.figures.studies.axes import add_gravity_axis, measure_words, plain_logarithmic, single_look
+from tdint.output.figures.axes import plain_logarithmic
+from tdint.output.figures.studies.intensity import add_gravity_axis, measure_words, single_look
 from tdint.output.figures.style import COLORS, DASHES, add_title, changed, picture, record_name
+from tdint.output.figures.suites import BETWEEN_FRACTILES, draw_fractiles, draw_median
 
 Array = NDArray[np.float64]
 
 _PERIODS = (0.05, 5.0, 120)
 _SHORTEST = 0.06  # sampling intervals; below there is nothing in a record
 _FEW = 3  # motions: fewer have no fractiles
-FRACTILES = (16, 50, 84)
 _PAIR = {GEOMETRIC_MEAN: "geometric mean of both components", "rotd50": "RotD50", "rotd100": "RotD100"}
 
 
@@ -43,11 +44,9 @@ def _draw(scaling: Scaling) -> Figure:
     axes.plot(periods, spectra.T, zorder=1, **look)
     axes.plot([], [], label=f"{len(spectra)} {what}{'s' * several}", **look)
     if several:
-        axes.plot(periods, np.median(spectra, axis=0), color=COLORS[0], linewidth=2.0, label="median", zorder=4)
+        draw_median(axes, periods, spectra, COLORS[0], zorder=4.0).set_label("median")
     if len(spectra) >= _FEW:
-        for row in np.percentile(spectra, (FRACTILES[0], FRACTILES[-1]), axis=0):
-            line = axes.plot(periods, row, color=COLORS[0], linestyle=DASHES[1], zorder=3)[0]
-        line.set_label("16 % and 84 %")
+        draw_fractiles(axes, periods, spectra, COLORS[0], zorder=3.0).set_label(BETWEEN_FRACTILES)
     _draw_aim(axes, scaling, periods, spectra)
     plain_logarithmic(axes)
     axes.set_xlim(periods[0], periods[-1])

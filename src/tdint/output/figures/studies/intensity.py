@@ -1,14 +1,12 @@
-"""What the pictures of studies share: gray of single records, axes in g, plain numbers, names of intensity measures."""
+"""What the pictures of studies share: gray of single records, axes of intensity, names of intensity measures."""
 
 from __future__ import annotations
 
-import math
 from contextlib import suppress
 from typing import Any
 
-from matplotlib.ticker import FuncFormatter, LogLocator
-
 from tdint.campaign.studies.intensity import GEOMETRIC_MEAN, PAIRS
+from tdint.output.figures.axes import minor_ticks, plain_numbers
 from tdint.output.figures.style import COLORS
 from tdint.units import STANDARD_GRAVITY
 
@@ -47,30 +45,7 @@ def add_gravity_axis(axes: Any, *, horizontal: bool = False) -> None:
         axes.secondary_xaxis("top", functions=both) if horizontal else axes.secondary_yaxis("right", functions=both)
     )
     axis = second.xaxis if horizontal else second.yaxis
-    axis.set_major_formatter(FuncFormatter(_plain))
+    plain_numbers(axis)
     if (axes.get_xscale() if horizontal else axes.get_yscale()) == "log":
-        _number_minor(axis)
+        minor_ticks(axis)
     axis.set_label_text("(g)")
-
-
-def plain_logarithmic(axes: Any) -> None:
-    """Both axes logarithmic, with numbers as they are read aloud: 0.2, not a power of ten."""
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_formatter(FuncFormatter(_plain))
-        _number_minor(axis)
-
-
-def _number_minor(axis: Any) -> None:
-    axis.set_minor_locator(LogLocator(subs=tuple(range(2, 10)), numticks=50))
-    axis.set_minor_formatter(FuncFormatter(lambda value, _: _plain(value, _) if _leads(value, "25") else ""))
-
-
-def _plain(value: float, _: Any) -> str:
-    return f"{value:g}"
-
-
-def _leads(value: float, digits: str) -> bool:
-    """Whether the first digit of a positive number is one of `digits`."""
-    return value > 0.0 and f"{value / 10.0 ** math.floor(math.log10(value) + 1e-9):.0f}" in digits
