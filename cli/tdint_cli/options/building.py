@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tdint.errors import UsageError
+from tdint_cli.options.record import RecordRequest
 from tdint_cli.options.values import FileName
 
 if TYPE_CHECKING:
-    from tdint.ground_motion.formats.tables.layout import TextLayout
-    from tdint.ground_motion.processing import Processing
     from tdint.model.definition import Model, RecordSource
 
 
@@ -20,17 +19,12 @@ model = click.argument("model", metavar="MODEL.yaml", type=FileName())
 
 
 @dataclass(frozen=True)
-class BuildingRequest:
+class BuildingRequest(RecordRequest):
     """What the command lines have in common that take a model and the options of a record."""
 
     model: str
     record: str | None
-    units: str | None
-    component: str | None
-    inventory: str | None
-    layout: TextLayout
     scale: tuple[float, ...] | None
-    processing: Processing
     duration: float | None
 
 

@@ -6,16 +6,62 @@ import dataclasses
 import functools
 from collections.abc import Callable, Iterable
 from functools import partial
-from typing import Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
 
 from tdint_cli.options import headings
 from tdint_cli.options.values import FileName, Name, Nonzero, Number
 
+if TYPE_CHECKING:
+    from tdint.campaign.studies.suite import RecordChoice
+    from tdint.ground_motion.formats.tables.layout import TextLayout
+    from tdint.ground_motion.processing import Processing
+    from tdint.ground_motion.record import Record
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 option = partial(headings.option, heading=headings.RECORD)
+
+
+@dataclasses.dataclass(frozen=True)
+class RecordRequest:
+    """How the records of a command line are read, and what is done to them."""
+
+    units: str | None
+    component: str | None
+    inventory: str | None
+    layout: TextLayout
+    processing: Processing
+
+    @property
+    def choice(self) -> RecordChoice:
+        """The same for a suite of motions."""
+        from tdint.campaign.studies.suite import RecordChoice
+
+        return RecordChoice(self.units, self.component, self.inventory, self.processing, self.layout)
+
+    def read(self, file: str) -> list[Record]:
+        """The components of a file.
+
+        Raises
+        ------
+        RecordError
+            The file cannot be read, or changed as asked for.
+        """
+        from tdint.ground_motion.reading.read import read_records
+
+        found = read_records(
+            file, units=self.units, component=self.component, inventory=self.inventory, layout=self.layout
+        )
+        return [self.processing.apply(record) for record in found]
+
+
+@dataclasses.dataclass(frozen=True)
+class RecordsRequest(RecordRequest):
+    """What the command lines have in common that take records as their arguments."""
+
+    records: tuple[str, ...]
 
 
 def _units() -> list[str]:
@@ -146,3 +192,13 @@ def _with(options: Iterable[Callable[[Any], Any]], command: Function) -> Functio
     for declared in reversed(tuple(options)):
         command = declared(command)
     return command
+
+
+def of_records(command: Function) -> Function:
+    """All that command lines with records as arguments have in common, for a RecordsRequest."""
+    return _with((records, units, component, layout, inventory, processing), command)
+
+
+def of_record(command: Function) -> Function:
+    """The options of a single record, in place of a model's or beside it, for a BuildingRequest."""
+    return _with((record, units, component, layout, inventory, scale, processing), command)

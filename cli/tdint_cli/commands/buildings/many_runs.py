@@ -97,17 +97,9 @@ def _motions(
     from tdint.campaign.file.definition import RecordFiles
     from tdint.campaign.file.plan import read_motions
     from tdint.campaign.motions import suite_motions
-    from tdint.campaign.studies.suite import RecordChoice
 
     if records:
-        choice = RecordChoice(
-            units=request.units,
-            component=request.component,
-            inventory=request.inventory,
-            processing=request.processing,
-            layout=request.layout,
-        )
-        return read_motions(RecordFiles(records, choice), failures, notes)
+        return read_motions(RecordFiles(records, request.choice), failures, notes)
     record = model_record(with_motion(model, replace(request, scale=(1.0,))))
     if record is None:
         raise UsageError("--scale needs a record, the model has none: add a RECORD")

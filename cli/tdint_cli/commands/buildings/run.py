@@ -73,13 +73,7 @@ class Request(BuildingRequest):
 @options.command("run")
 @options.building.model
 @click.argument("records", metavar="[RECORD]...", nargs=-1, type=FileName())
-@options.record.record
-@options.record.units
-@options.record.component
-@options.record.layout
-@options.record.inventory
-@options.record.scale
-@options.record.processing
+@options.record.of_record
 @options.floors.floor_spectra
 @options.floors.damping
 @options.floors.periods

@@ -43,12 +43,7 @@ class DriftRequest(TablesRequest):
 
 
 @options.command("drift-spectrum")
-@options.record.records
-@options.record.units
-@options.record.component
-@options.record.layout
-@options.record.inventory
-@options.record.processing
+@options.record.of_records
 @options.spectra.damping
 @options.spectra.periods(DRIFT_PERIODS)
 @options.spectra.option(

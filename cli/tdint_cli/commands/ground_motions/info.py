@@ -13,12 +13,11 @@ from tdint_cli.batch.processes import Task, outcomes
 from tdint_cli.batch.sources import notes_of_components, records_of, refuse_inputs
 from tdint_cli.errors import Failures
 from tdint_cli.options.output import Outputs
+from tdint_cli.options.record import RecordsRequest
 from tdint_cli.terminal.streams import note, warn
 
 if TYPE_CHECKING:
     from tdint.files import Writer
-    from tdint.ground_motion.formats.tables.layout import TextLayout
-    from tdint.ground_motion.processing import Processing
     from tdint.ground_motion.record import Record
     from tdint.output.tables.records import RecordInfo
     from tdint.output.tables.table import Table
@@ -30,15 +29,9 @@ _PERIODS = 481
 
 
 @dataclass(frozen=True)
-class Request:
+class Request(RecordsRequest):
     """The command line of `tdint info`."""
 
-    records: tuple[str, ...]
-    units: str | None
-    component: str | None
-    inventory: str | None
-    layout: TextLayout
-    processing: Processing
     output: str | None
     plot: str | None
     jobs: int
@@ -78,12 +71,7 @@ class Product:
 
 
 @options.command("info")
-@options.record.records
-@options.record.units
-@options.record.component
-@options.record.layout
-@options.record.inventory
-@options.record.processing
+@options.record.of_records
 @options.output.output(
     "FILE",
     "Write the table to this file instead of standard output, and what the records are to a JSON file beside it.",
@@ -160,18 +148,10 @@ def _deliver(request: Request, outputs: Outputs, products: Sequence[Product]) ->
 def _work(request: Request, task: Task) -> Product:
     """All components of a record; it may run in another process."""
     from tdint.ground_motion.measures import measure
-    from tdint.ground_motion.reading.read import read_records
     from tdint.output.summaries.summary import record_summary
     from tdint.output.tables.records import RecordInfo, info_table
 
-    found = read_records(
-        task.source,
-        units=request.units,
-        component=request.component,
-        inventory=request.inventory,
-        layout=request.layout,
-    )
-    records = [request.processing.apply(record) for record in found]
+    records = request.read(task.source)
     infos = [RecordInfo(record, measure(record), _housner_intensity(record)) for record in records]
     return Product(
         table=info_table(infos),

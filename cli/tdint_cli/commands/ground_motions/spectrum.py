@@ -14,12 +14,7 @@ from tdint_cli.commands.ground_motions.spectra.tables import make_tables
 
 
 @options.command("spectrum")
-@options.record.records
-@options.record.units
-@options.record.component
-@options.record.layout
-@options.record.inventory
-@options.record.processing
+@options.record.of_records
 @options.spectra.damping
 @options.spectra.periods(PERIODS, zero=" 0 gives the peak ground acceleration.")
 @options.analysis.method

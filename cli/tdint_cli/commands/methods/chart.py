@@ -96,13 +96,7 @@ class Request(BuildingRequest):
     default="time",
     help="Draw time over error (default) or error over dt.",
 )
-@options.record.record
-@options.record.units
-@options.record.component
-@options.record.layout
-@options.record.inventory
-@options.record.scale
-@options.record.processing
+@options.record.of_record
 @options.analysis.duration
 @options.option("--cache/--no-cache", default=True, help="Keep the reference for the next time (default) or not.")
 @options.output.output("FILE", "Write the table to this file instead of standard output, and a .json file beside it.")

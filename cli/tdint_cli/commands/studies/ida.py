@@ -14,6 +14,7 @@ from tdint_cli import options
 from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.options.output import check_picture
 from tdint_cli.options.plot import picture_file
+from tdint_cli.options.record import RecordsRequest
 from tdint_cli.options.studies import PAIRS, read_suite
 from tdint_cli.options.values import IntensityType, PeriodType, Ratio
 from tdint_cli.terminal.drawing import emit_table
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
     from tdint.campaign.studies.ida.study import IdaSettings, IdaStudy
     from tdint.campaign.studies.intensity import IntensityMeasure
     from tdint.files import Writer
-    from tdint.ground_motion.formats.tables.layout import TextLayout
-    from tdint.ground_motion.processing import Processing
     from tdint.model.definition import Model
     from tdint.quantities import Grid
     from tdint.units import Units
@@ -36,16 +35,10 @@ _OFF_BALANCE = 0.01
 
 
 @dataclass(frozen=True)
-class IdaRequest:
+class IdaRequest(RecordsRequest):
     """The command line of `tdint ida`."""
 
     model: str
-    records: tuple[str, ...]
-    units: str | None
-    component: str | None
-    inventory: str | None
-    layout: TextLayout
-    processing: Processing
     im: str
     period: float | None
     pairs: str | None
@@ -72,12 +65,7 @@ class IdaRequest:
 
 @options.command("ida")
 @options.building.model
-@options.record.records
-@options.record.units
-@options.record.component
-@options.record.layout
-@options.record.inventory
-@options.record.processing
+@options.record.of_records
 @options.studies.option(
     "--im",
     type=click.Choice(_MEASURES),
@@ -152,7 +140,6 @@ def command(**given: Any) -> None:
 
 def _ida(request: IdaRequest) -> None:
     from tdint.campaign.studies.ida.study import IdaSettings, ida
-    from tdint.campaign.studies.suite import RecordChoice
     from tdint.model.config.read import load_model
     from tdint.output.tables.studies import capacity_table
     from tdint.processors import processors
@@ -170,8 +157,7 @@ def _ida(request: IdaRequest) -> None:
         until_rest=request.until_rest,
         **({"thresholds": request.threshold} if request.threshold else {}),
     )
-    choice = RecordChoice(request.units, request.component, request.inventory, request.processing, request.layout)
-    suite, failures = read_suite(request.records, choice, pairs=request.pairs is not None)
+    suite, failures = read_suite(request.records, request.choice, pairs=request.pairs is not None)
     with progress_bar(request.output is None) as tell:
         study = ida(
             model,

@@ -11,6 +11,7 @@ from tdint.errors import UsageError
 from tdint_cli import options
 from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.options.output import Outputs
+from tdint_cli.options.record import RecordsRequest
 from tdint_cli.options.studies import PAIRS, read_suite
 from tdint_cli.options.values import FileName, IntensityType, Number, RangeType
 from tdint_cli.terminal.streams import say
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
     from tdint.campaign.studies.intensity import GroundMotion, IntensityMeasure
     from tdint.campaign.studies.scaling import Scaling
     from tdint.files import Writer
-    from tdint.ground_motion.formats.tables.layout import TextLayout
-    from tdint.ground_motion.processing import Processing
     from tdint.quantities import Grid
     from tdint.units import Units
 
@@ -30,15 +29,9 @@ _ACCELERATION = IntensityType("acceleration")
 
 
 @dataclass(frozen=True)
-class ScaleRequest:
+class ScaleRequest(RecordsRequest):
     """The command line of `tdint scale`."""
 
-    records: tuple[str, ...]
-    units: str | None
-    component: str | None
-    inventory: str | None
-    layout: TextLayout
-    processing: Processing
     target: str | None
     range: Grid | None
     rule: str | None
@@ -103,12 +96,7 @@ class ScaleRequest:
 
 
 @options.command("scale")
-@options.record.records
-@options.record.units
-@options.record.component
-@options.record.layout
-@options.record.inventory
-@options.record.processing
+@options.record.of_records
 @options.option(
     "--target",
     type=FileName(),
@@ -165,7 +153,6 @@ def command(**given: Any) -> None:
 
 
 def _scale(request: ScaleRequest) -> None:
-    from tdint.campaign.studies.suite import RecordChoice
     from tdint.output.summaries.summary import record_summary, table_summary
     from tdint.output.tables.studies import factor_table
     from tdint_cli.errors import Failures
@@ -174,8 +161,7 @@ def _scale(request: ScaleRequest) -> None:
     outputs = Outputs.checked(request.output, request.plot, request.overwrite, summary=True)
     refuse_inputs(outputs.files, [*request.records, request.target, request.inventory])
     aim = _aim(request)
-    choice = RecordChoice(request.units, request.component, request.inventory, request.processing, request.layout)
-    suite, failures = read_suite(request.records, choice, pairs=request.in_pairs)
+    suite, failures = read_suite(request.records, request.choice, pairs=request.in_pairs)
     if failures and (request.p695 or request.rule == "asce7"):
         raise Failures(failures)
     scaling = aim(suite.motions)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from tdint.errors import UsageError
 from tdint.quantities import Grid, parse_grid
 from tdint_cli.options.plot import BESIDE
+from tdint_cli.options.record import RecordsRequest
 
 if TYPE_CHECKING:
     import numpy as np
@@ -16,23 +17,15 @@ if TYPE_CHECKING:
 
     from tdint.analysis.spectra.elastic import SpectrumSettings
     from tdint.analysis.spectra.published import PublishedSpectrum
-    from tdint.ground_motion.formats.tables.layout import TextLayout
-    from tdint.ground_motion.processing import Processing
     from tdint.output_units import OutputUnits
 
 _NOT_SETTINGS = ("records", "output", "plot", "axes", "jobs", "overwrite", "period", "output_units")
 
 
 @dataclass(frozen=True)
-class TablesRequest:
+class TablesRequest(RecordsRequest):
     """What the command lines have in common that make a table over the period of each record."""
 
-    records: tuple[str, ...]
-    units: str | None
-    component: str | None
-    inventory: str | None
-    layout: TextLayout
-    processing: Processing
     damping: tuple[float, ...]
     periods: Grid | None
     period: tuple[float, ...] | None

@@ -142,17 +142,9 @@ def _outputs(request: TablesRequest, table: Path | None) -> Outputs:
 
 def _work(request: TablesRequest, kind: Kind, width: int | None, task: Task) -> RecordTable:
     """All that becomes of one record; it may run in another process."""
-    from tdint.ground_motion.reading.read import read_records
     from tdint.output.summaries.summary import record_summary
 
-    read = partial(
-        read_records,
-        units=request.units,
-        component=request.component,
-        inventory=request.inventory,
-        layout=request.layout,
-    )
-    records = [request.processing.apply(record) for file in (task.source, *task.others) for record in read(file)]
+    records = [record for file in (task.source, *task.others) for record in request.read(file)]
     results = kind.compute(request, records)
     lines = tuple(results.lines)
     table = kind.table(request, lines).in_units(request.output_units or SI)
