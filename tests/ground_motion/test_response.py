@@ -7,8 +7,8 @@ import pytest
 
 from ground_motion.files import START, counts, trace, wave, write
 from tdint.errors import RecordError
-from tdint.ground_motion.instrument import read_instruments
 from tdint.ground_motion.messages import quiet_import
+from tdint.ground_motion.reading.instrument import read_instruments
 from tdint.ground_motion.reading.read import read_record, read_records
 
 with quiet_import():

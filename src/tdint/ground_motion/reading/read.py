@@ -12,9 +12,9 @@ from typing import Any
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.formats.tables.layout import AS_STATED, TextLayout
 from tdint.ground_motion.horizontals import Horizontals, find_horizontals
-from tdint.ground_motion.instrument import Instruments, read_instruments, remove_response
 from tdint.ground_motion.messages import quiet_import
 from tdint.ground_motion.reading.archive import is_archive, members
+from tdint.ground_motion.reading.instrument import Instruments, read_instruments, remove_response
 from tdint.ground_motion.reading.plugins import Contents, has_known_format, read_contents
 from tdint.ground_motion.reading.scale import Motion, declared_units, to_acceleration, to_motion
 from tdint.ground_motion.reading.segments import (
