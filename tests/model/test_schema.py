@@ -14,9 +14,9 @@ import yaml
 
 from json_schema import valid
 from tdint.errors import ModelError
-from tdint.model.config.keys.kinds import Bounds, Choice, Either, EntriesOf, Keys, ValueKind, Whole
 from tdint.model.config.read import load_model, model_keys
 from tdint.model.config.schema import model_schema
+from tdint.model.keys.kinds import Bounds, Choice, Either, EntriesOf, Keys, ValueKind, Whole
 
 SCHEMA = model_schema()
 SHIPPED = sorted(Path(__file__).parents[2].joinpath("configs").glob("*.yaml"))

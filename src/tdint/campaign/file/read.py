@@ -11,9 +11,9 @@ from tdint.campaign.file.records import RECORDS, read_records_section
 from tdint.campaign.levels import Scales
 from tdint.campaign.studies.suite import RecordChoice
 from tdint.methods.catalogue import parse as parse_method
-from tdint.model.config.keys.document import read_document
-from tdint.model.config.keys.fields import Section, Value
-from tdint.model.config.keys.kinds import POSITIVE, POSITIVE_RATIO, RATIO, Flag, Key, Keys, Schema, Words
+from tdint.model.keys.document import read_document
+from tdint.model.keys.fields import Section, Value
+from tdint.model.keys.kinds import POSITIVE, POSITIVE_RATIO, RATIO, Flag, Key, Keys, Schema, Words
 
 _ANALYSIS = Keys(
     (

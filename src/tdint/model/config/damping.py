@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from tdint.model.config.keys.fields import Section, Value
-from tdint.model.config.keys.kinds import NOT_NEGATIVE, RATIO, Choice, Either, EntriesOf, Key, Keys, Whole
 from tdint.model.definition import MAX_STORIES, Damping, ModalDamping, RayleighCoefficients, RayleighRatio
+from tdint.model.keys.fields import Section, Value
+from tdint.model.keys.kinds import NOT_NEGATIVE, RATIO, Choice, Either, EntriesOf, Key, Keys, Whole
 
 _FORMS = "none, a ratio such as 5%, {rayleigh: ...} or {modal: ...}"
 _RAYLEIGH_FORMS = "{ratio: ..., modes: ...} or {mass: ..., stiffness: ...}"

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from tdint.model.config.keys.fields import Section, Value
-from tdint.model.config.keys.kinds import ANY, NOT_NEGATIVE, Choice, Either, EntriesOf, Key, Keys, Whole, Words
-from tdint.model.config.keys.paths import resolve_or_stdin
 from tdint.model.config.layout import LAYOUT, read_layout
 from tdint.model.config.processing import PROCESSING, read_processing
 from tdint.model.config.units import ModelUnits, read_sample_units
 from tdint.model.definition import MAX_STORIES, Excitation, Force, RecordSource
+from tdint.model.keys.fields import Section, Value
+from tdint.model.keys.kinds import ANY, NOT_NEGATIVE, Choice, Either, EntriesOf, Key, Keys, Whole, Words
+from tdint.model.keys.paths import resolve_or_stdin
 
 _RECORD = Keys(
     (

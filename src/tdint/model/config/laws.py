@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from tdint.kernels.laws.law import LawParameter
-from tdint.model.config.keys.fields import Section, Value
-from tdint.model.config.keys.kinds import Bounds, Choice, Either, EntriesOf, Key, Keys, Schema, ValueKind
 from tdint.model.config.units import ModelUnits
 from tdint.model.definition import Law
+from tdint.model.keys.fields import Section, Value
+from tdint.model.keys.kinds import Bounds, Choice, Either, EntriesOf, Key, Keys, Schema, ValueKind
 from tdint.model.laws import LAWS, DriftLaw
 
 LINEAR = Law("linear", ())

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from tdint.ground_motion.formats.tables.layout import AS_STATED, MOST_LINES, TextLayout
-from tdint.model.config.keys.fields import Section
-from tdint.model.config.keys.kinds import POSITIVE, Key, Whole, Words
+from tdint.model.keys.fields import Section
+from tdint.model.keys.kinds import POSITIVE, Key, Whole, Words
 
 LAYOUT = (
     Key("step", POSITIVE, "sampling interval of a text table that does not tell it, s"),

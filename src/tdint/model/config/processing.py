@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 from tdint.errors import UsageError
 from tdint.ground_motion.processing import BASELINES, MOST_CORNERS, Processing, parse_pad, parse_trim
-from tdint.model.config.keys.fields import Section, Value
-from tdint.model.config.keys.kinds import POSITIVE, Choice, Key, Whole, Words
+from tdint.model.keys.fields import Section, Value
+from tdint.model.keys.kinds import POSITIVE, Choice, Key, Whole, Words
 
 PROCESSING = (
     Key("trim", Words(), "START:END in s from the first sample"),

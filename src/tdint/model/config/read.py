@@ -1,6 +1,7 @@
 """Model files: YAML to a checked `Model` in SI units. This is the only place that knows the file's keys and units.
 
-`keys` reads text, numbers and words with line and column; the modules around this one read one part of the file each.
+`tdint.model.keys` reads text, numbers and words with line and column; the modules around this one read one part of the
+file each.
 """
 
 from __future__ import annotations
@@ -13,10 +14,6 @@ from typing import Any, TextIO
 from tdint.errors import UsageError
 from tdint.model.config.damping import DAMPING, read_damping
 from tdint.model.config.excitation import EXCITATION, read_excitation
-from tdint.model.config.keys.document import read_document
-from tdint.model.config.keys.fields import Section, Value
-from tdint.model.config.keys.kinds import ANY, POSITIVE, POSITIVE_RATIO, Either, EntriesOf, Flag, Key, Keys, Words
-from tdint.model.config.keys.source import SourceText
 from tdint.model.config.stories import STORIES, read_stories
 from tdint.model.config.units import UNITS, ModelUnits, read_units
 from tdint.model.definition import (
@@ -33,6 +30,10 @@ from tdint.model.definition import (
     RecordSource,
     Story,
 )
+from tdint.model.keys.document import read_document
+from tdint.model.keys.fields import Section, Value
+from tdint.model.keys.kinds import ANY, POSITIVE, POSITIVE_RATIO, Either, EntriesOf, Flag, Key, Keys, Words
+from tdint.model.keys.source import SourceText
 from tdint.output_units import SI, OutputUnits, parse_output_units
 
 __all__ = [

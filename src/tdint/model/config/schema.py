@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from tdint.model.config.keys.kinds import Schema
 from tdint.model.config.read import model_keys
+from tdint.model.keys.kinds import Schema
 
 
 def model_schema() -> Schema:

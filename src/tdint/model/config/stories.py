@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-from tdint.model.config.keys.fields import Section, Value
-from tdint.model.config.keys.kinds import NOT_NEGATIVE, POSITIVE, Bounds, Either, EntriesOf, Key, Keys, Whole
 from tdint.model.config.laws import LAW, LINEAR, check_together, read_law
 from tdint.model.config.units import ModelUnits
 from tdint.model.definition import MAX_STORIES, Law, PowerDashpot, Story
+from tdint.model.keys.fields import Section, Value
+from tdint.model.keys.kinds import NOT_NEGATIVE, POSITIVE, Bounds, Either, EntriesOf, Key, Keys, Whole
 from tdint.units import STANDARD_GRAVITY
 
 _EXPONENT = Bounds(0.0, 2.0, low_allowed=False)

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from tdint import units
-from tdint.model.config.keys.fields import Value
-from tdint.model.config.keys.kinds import Choice, Key, Keys
+from tdint.model.keys.fields import Value
+from tdint.model.keys.kinds import Choice, Key, Keys
 
 _WEIGHT = (
     "give the stories `weight` in place of mass, or divide by the acceleration of gravity, mass = W/g, in kip*s^2/in "

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 from tdint.csv_table import CsvTable, number, read_table
 from tdint.errors import ModelFault
-from tdint.model.config.keys.kinds import POSITIVE, RATIO, Bounds
 from tdint.model.inventory.definition import BuildingFacts
 from tdint.model.inventory.hazus import LEVELS
 from tdint.model.inventory.mdof_lu import MOST_STORIES, STRUCTURES, ZONES
+from tdint.model.keys.kinds import POSITIVE, RATIO, Bounds
 
 NEEDED = ("id", "NumberOfStories", "YearBuilt", "StructureType", "PlanArea")
 OPTIONAL = ("height", "seismicZone", "DampingRatio", "DesignLevel", "Latitude", "Longitude")

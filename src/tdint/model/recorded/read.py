@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from tdint.model.config.keys.document import read_document
-from tdint.model.config.keys.fields import Section, Value
-from tdint.model.config.keys.kinds import ANY, NOT_NEGATIVE, POSITIVE
-from tdint.model.config.keys.paths import resolve_or_stdin
-from tdint.model.config.keys.yaml_source import MappingNode, ScalarNode
 from tdint.model.config.units import read_sample_units
+from tdint.model.keys.document import read_document
+from tdint.model.keys.fields import Section, Value
+from tdint.model.keys.kinds import ANY, NOT_NEGATIVE, POSITIVE
+from tdint.model.keys.paths import resolve_or_stdin
+from tdint.model.keys.yaml_source import MappingNode, ScalarNode
 from tdint.model.recorded.definition import AUTO, QUANTITIES, Recording, Sensor
 
 _KEYS = ("name", "base", "floors", "band", "window", "shift")

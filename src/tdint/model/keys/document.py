@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TextIO
 
-from tdint.model.config.keys.fields import Value
-from tdint.model.config.keys.plain import nodes_of, text_of
-from tdint.model.config.keys.source import SourceText, read_source
-from tdint.model.config.keys.yaml_source import Faults, decode, parse
+from tdint.model.keys.fields import Value
+from tdint.model.keys.plain import nodes_of, text_of
+from tdint.model.keys.source import SourceText, read_source
+from tdint.model.keys.yaml_source import Faults, decode, parse
 
 
 def read_document(

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from tdint.errors import UsageError, did_you_mean, nearest
-from tdint.model.config.keys.kinds import ANY, Bounds, EntriesOf, Keys, ValueKind, Whole
-from tdint.model.config.keys.yaml_source import Faults, ListNode, MappingNode, Node, ScalarNode
 from tdint.model.definition import MAX_STORIES
+from tdint.model.keys.kinds import ANY, Bounds, EntriesOf, Keys, ValueKind, Whole
+from tdint.model.keys.yaml_source import Faults, ListNode, MappingNode, Node, ScalarNode
 
 Parsed = TypeVar("Parsed")
 

@@ -7,7 +7,7 @@ import os
 from collections.abc import Mapping
 from typing import Any
 
-from tdint.model.config.keys.yaml_source import MAX_DEPTH, Faults, ListNode, MappingNode, Node, Place, ScalarNode
+from tdint.model.keys.yaml_source import MAX_DEPTH, Faults, ListNode, MappingNode, Node, Place, ScalarNode
 
 _NOWHERE = Place(0, 0)
 
