@@ -12,8 +12,8 @@ import pytest
 from tdint import csv_table
 from tdint.analysis.static.drift_path import read_drift_path
 from tdint.campaign.file.definition import GridFile
+from tdint.campaign.file.grid import read_grid
 from tdint.campaign.file.plan import read_factors
-from tdint.campaign.grid import read_grid
 from tdint.campaign.studies.fragility.tables import fit_table
 from tdint.campaign.studies.target import read_target
 from tdint.csv_table import read_table

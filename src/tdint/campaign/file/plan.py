@@ -19,7 +19,7 @@ from tdint.campaign.file.definition import (
     ModelFiles,
     RecordFiles,
 )
-from tdint.campaign.grid import read_grid
+from tdint.campaign.file.grid import read_grid
 from tdint.campaign.levels import GivenFactors, IntensityLevels, Levels, MeasureLevels, Scales
 from tdint.campaign.motions import Assignment, EveryMotion, SuiteMotion, suite_motions
 from tdint.campaign.plan import Plan

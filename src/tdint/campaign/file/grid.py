@@ -1,0 +1,135 @@
+"""Reading a grid of ground motions, as the regional workflow of SimCenter has it.
+
+EventGrid.csv names a file for each point (GP_file, Longitude, Latitude), that file the ground motions there (TH_file
+and, if they differ, their factor), and NAME.json holds one of these: name, dT, data_x and, of a pair, data_y.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from tdint.campaign.file.definition import GridFile
+from tdint.campaign.grid import GridDraws, unit_vectors
+from tdint.campaign.motions import SuiteMotion
+from tdint.csv_table import read_table
+from tdint.errors import ModelError, RecordError
+from tdint.ground_motion.horizontals import Horizontals
+from tdint.ground_motion.record import Record
+from tdint.model.inventory.read import InventoryRow
+from tdint.units import parse_units
+
+_COMPONENTS = {"data_x": "x", "data_y": "y"}
+
+
+def read_grid(
+    grid: GridFile, rows: Sequence[InventoryRow]
+) -> tuple[tuple[SuiteMotion, ...], GridDraws, list[RecordError]]:
+    """The ground motions of a grid and what buildings draw; motions that cannot be read are left out and returned.
+
+    Raises
+    ------
+    ModelError
+        The grid cannot be read, or a building has no place.
+    RecordError
+        No point has a motion.
+    """
+    lost = [row.id for row in rows if row.latitude is None or row.longitude is None]
+    if lost:
+        raise ModelError(
+            f"the inventory has no Latitude and Longitude of {', '.join(lost[:5])}{' ...' * (len(lost) > 5)}"
+        )
+    factor = parse_units(grid.units)
+    if factor.quantity != "acceleration":
+        raise RecordError(
+            f"{grid.file}: the motions of a grid are accelerations, their units are given as {grid.units}"
+        )
+    folder = Path(grid.file).parent
+    motions: list[SuiteMotion] = []
+    numbers: dict[tuple[str, float], tuple[int, ...]] = {}
+    failures: list[RecordError] = []
+    points, of_points = [], []
+    for file, place in _points(grid.file):
+        found = []
+        for key in _motions_at(str(folder / file)):
+            if key not in numbers:
+                numbers[key] = _add(motions, folder, *key, factor.scale, failures)
+            found.append(numbers[key])
+        if any(found):
+            points.append(place)
+            of_points.append(tuple(one for one in found if one))
+    if not points:
+        raise RecordError("\n".join(map(str, failures)) or f"{grid.file}: no point has a ground motion")
+    places = [(row.longitude or 0.0, row.latitude or 0.0) for row in rows]
+    draws = GridDraws(
+        [row.id for row in rows], unit_vectors(np.array(places)), unit_vectors(np.array(points)), tuple(of_points),
+        grid.neighbors, grid.samples, grid.seed,
+    )  # fmt: skip
+    return tuple(motions), draws, failures
+
+
+def _points(file: str) -> list[tuple[str, tuple[float, float]]]:
+    """The file of each point of a grid, and its longitude and latitude, degrees."""
+    columns = ("GP_file", "Longitude", "Latitude")
+    table = read_table(file, f"a grid is a CSV file with the columns {', '.join(columns)}", columns=columns)
+    table.need(*columns)
+    longitude, latitude = table.numbers("Longitude"), table.numbers("Latitude")
+    table.check("Longitude", (abs(one) <= 360.0 for one in longitude), "must be from -360 to 360 degrees")
+    table.check("Latitude", (abs(one) <= 90.0 for one in latitude), "must be from -90 to 90 degrees")
+    return list(zip(table.texts("GP_file", empty=False), zip(longitude, latitude, strict=True), strict=True))
+
+
+def _motions_at(file: str) -> list[tuple[str, float]]:
+    """The ground motions of a point, and their factors."""
+    needs = "the file of a grid's point is a CSV file with the column TH_file and, if they differ, factor"
+    table = read_table(file, needs, columns=("TH_file", "factor"))
+    names = table.texts("TH_file", empty=False)
+    if not table.has("factor"):
+        return [(name, 1.0) for name in names]
+    factors = table.numbers("factor", empty=True)
+    table.check("factor", (one != 0.0 for one in factors), "must not be zero")
+    return [(name, 1.0 if math.isnan(factor) else factor) for name, factor in zip(names, factors, strict=True)]
+
+
+def _add(
+    motions: list[SuiteMotion], folder: Path, name: str, factor: float, unit: float, failures: list[RecordError]
+) -> tuple[int, ...]:
+    """Add the components of a ground motion; their numbers, none if it cannot be read."""
+    try:
+        records = _read_motion(folder, name, factor * unit)
+    except RecordError as error:
+        failures.append(error)
+        return ()
+    whole = records[0] if len(records) == 1 else Horizontals(records[0], records[1])
+    first = len(motions)
+    for direction, record in enumerate(records, start=1):
+        label = name if factor == 1.0 else f"{name} x {factor:.12g}"
+        motions.append(SuiteMotion(record, label, record.component, whole, direction))
+    return tuple(range(first, len(motions)))
+
+
+def _read_motion(folder: Path, name: str, scale: float) -> list[Record]:
+    file = folder / (name if name.endswith(".json") else f"{name}.json")
+    try:
+        content = json.loads(file.read_bytes())
+    except OSError as error:
+        raise RecordError(f"{file}: cannot be read: {error.strerror or error}") from None
+    except ValueError as error:
+        raise RecordError(f"{file}: not JSON: {error}") from None
+    if not isinstance(content, Mapping) or "dT" not in content or "data_x" not in content:
+        raise RecordError(f"{file}: needs dT and data_x")
+    found = []
+    for key, component in _COMPONENTS.items():
+        if key in content:
+            try:
+                samples = np.array(content[key], dtype=np.float64) * scale
+            except (TypeError, ValueError):
+                raise RecordError(f"{file}: {key} is no list of numbers") from None
+            found.append(Record(samples, content["dT"], "", "", component, str(file)))
+    if len(found) == 2 and found[0].acceleration.size != found[1].acceleration.size:
+        raise RecordError(f"{file}: data_x and data_y have different lengths")
+    return found
