@@ -1,0 +1,1 @@
+"""Other programs on the problems of a chart, each measured as our own methods are."""
