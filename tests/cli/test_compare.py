@@ -112,6 +112,32 @@ def test_fitted_and_blind(recorded, tdint, tmp_path):
     }
 
 
+def test_units_of_the_command_line_and_of_the_model(recorded, tdint, tmp_path):
+    """Floors' spectra, fitted stiffnesses under names that say their units, the summary and the words."""
+    (recorded / "si.yaml").write_text((recorded / "model.yaml").read_text())
+    (recorded / "us.yaml").write_text((recorded / "model.yaml").read_text() + "output_units: kip, in, g\n")
+    compare = ("--recorded", recorded / "recorded.yaml", "--fit", "stiffness")
+    assert tdint("compare", recorded / "si.yaml", *compare, "-o", tmp_path / "si").exit_code == 0
+    given = tdint("compare", recorded / "si.yaml", *compare, "-o", tmp_path / "us", "--output-units", "kip,in,g")
+    named = tdint("compare", recorded / "us.yaml", *compare, "-o", tmp_path / "named")
+    assert given.stderr == named.stderr
+    assert " g; exact" in given.stderr and "stiffness_kip_in 1 " in given.stderr
+    for name, columns, factor in (
+        ("spectra", ("computed_sa_m_s2", "recorded_sa_m_s2"), 9.80665),
+        ("fit", ("start", "fitted", "standard_error"), 4448.2216152605 / 0.0254),
+    ):
+        si, us = (rows((tmp_path / units / f"{name}.csv").read_text()) for units in ("si", "us"))
+        assert (tmp_path / "named" / f"{name}.csv").read_bytes() == (tmp_path / "us" / f"{name}.csv").read_bytes()
+        for one, other in zip(si, us, strict=True):
+            for column in columns:
+                changed = float(other[column.replace("_m_s2", "_g")])
+                assert changed * factor == pytest.approx(float(one[column]), rel=1e-10)
+    assert [one["parameter"] for one in us] == ["stiffness_kip_in"] * 2
+    told, plain = (json.loads((tmp_path / units / "summary.json").read_text()) for units in ("us", "si"))
+    assert told["events"][0]["base"]["pga_g"] * 9.80665 == pytest.approx(plain["events"][0]["base"]["pga_m_s2"])
+    assert [one["parameter"] for one in told["fit"]["values"]] == ["stiffness_kip_in"] * 2
+
+
 def test_every_fault_of_the_file_in_one_go(recorded, tdint):
     (recorded / "bad.yaml").write_text(
         "bas: x\n"

@@ -47,6 +47,10 @@ def test_factors_to_a_value(folder, tdint):
     summary = json.loads((folder / "f" / "factors.json").read_text())
     assert summary["settings"]["measure"] == "pga"
     assert len(summary["records"]) == 3
+    us = ("scale", "motion.mseed", *UNITS, "--pga", "0.6g", "-o", "us.csv", "--output-units", "in,g")
+    assert "scaled to pga = 0.6 g:" in tdint(*us).stderr
+    told = json.loads((folder / "us.json").read_text())["records"][0]
+    assert told["pga_g"] == pytest.approx(summary["records"][0]["pga_m_s2"] / 9.80665, rel=1e-11)
     assert (folder / "f" / "factors.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -167,6 +171,33 @@ def test_an_interrupted_study_gives_the_same_bytes(studied, tdint):
     result = tdint("ida", "shaken.yaml", "motion.mseed", "other.mseed", *UNITS, "-o", "out")
     assert "1 of 3 records were done before" in result.stderr
     assert {name: (out / name).read_bytes() for name in before} == before
+
+
+def test_a_study_in_other_units_and_back(folder, tdint):
+    """The units of intensities stand in a column: it changes with the numbers; the journal knows nothing of them."""
+    study = ("ida", "shaken.yaml", "motion.mseed", *UNITS, "-o", "out", "--jobs", 1)
+    first = tdint(*study, "--output-units", "kip,in,g")
+    assert first.exit_code == 0, first.output
+    names = ("ida.csv", "capacities.csv")
+    us = [rows((folder / "out" / name).read_text()) for name in names]
+    told = json.loads((folder / "out" / "ida.json").read_text())
+    fitted = rows(tdint("fragility", "out").stdout)
+    again = tdint(*study)
+    assert "nothing to do" in again.stderr and "m/s^2" in again.stderr
+    assert " g, 16 and 84 %" in first.stderr and "m/s^2" not in first.stderr
+    for table, name in zip(us, names, strict=True):
+        for row, si in zip(table, rows((folder / "out" / name).read_text()), strict=True):
+            assert (row.pop("unit"), si.pop("unit")) == ("g", "m/s^2")
+            for key, cell in row.items():
+                if key in ("im", "capacity", "lower", "upper", "peak_absolute_acceleration_g"):
+                    other = si[key.replace("_g", "_m_s2")]
+                    assert bool(cell) == bool(other)
+                    assert not cell or float(cell) * 9.80665 == pytest.approx(float(other), rel=1e-11)
+                else:
+                    assert cell == si[key]
+    assert told["columns"]["capacity"]["unit"] == told["columns"]["peak_absolute_acceleration_g"]["unit"] == "g"
+    assert "pga_g" in told["records"][0] and told["settings"]["output_units"] == "kip,in,kg,g"
+    assert all(row["unit"] == "g" for row in fitted)
 
 
 def test_another_study_needs_another_folder_or_overwrite(studied, tdint):

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from tdint.analysis.comparison.fit import Fit
     from tdint.files import Writer
     from tdint.model.definition import Model
+    from tdint.output_units import OutputUnits
     from tdint.quantities import Grid
 
 PERIODS = "0.04:4:100"
@@ -68,6 +69,7 @@ class Request:
     output: str | None
     plot: str | None
     overwrite: bool
+    output_units: OutputUnits | None
 
     def file(self, name: str) -> Path | None:
         """The file of this name: in the folder of -o, or beside the table that -o names (`NAME.csv`: `NAME-name`)."""
@@ -152,6 +154,7 @@ TABLE, SPECTRA, FIT, SUMMARY = "comparison.csv", "spectra.csv", "fit.csv", "summ
     "the others beside it, their names behind its name.",
 )
 @options.output.picture
+@options.output.units
 @options.output.overwrite
 def command(**given: Any) -> None:
     """A building's result beside what was recorded in it.
@@ -174,6 +177,7 @@ def _run(request: Request) -> None:
 
     _check(request)
     model = load_model(request.model)
+    units = request.output_units or model.output_units
     files = [request.recorded, *(request.blind or ())]
     recordings = [load_recording(file, len(model.stories)) for file in files]
     refuse_inputs(request.outputs, [sensor.file for one in recordings for sensor in one.sensors])
@@ -183,8 +187,8 @@ def _run(request: Request) -> None:
     comparisons = [compare(best, event, method=request.method, dt=request.dt) for event in events]
     if not request.output:
         emit_table(comparison_table(comparisons))
-    _write(request, model, comparisons, fitted)
-    _remark(comparisons, fitted)
+    _write(request, model, comparisons, fitted, units)
+    _remark(comparisons, fitted, units)
     _judge(request, comparisons)
 
 
@@ -202,10 +206,12 @@ def _check(request: Request) -> None:
     check_outputs(request.outputs, overwrite=request.overwrite)
 
 
-def _write(request: Request, model: Model, comparisons: Sequence[Comparison], fitted: Fit | None) -> None:
+def _write(
+    request: Request, model: Model, comparisons: Sequence[Comparison], fitted: Fit | None, units: OutputUnits
+) -> None:
     from tdint.files import write_files
     from tdint.output.summaries.comparison import comparison_summary
-    from tdint.output.summaries.summary import json_bytes
+    from tdint.output.summaries.summary import in_units, json_bytes
     from tdint.output.tables.comparison import comparison_spectra_table, comparison_table, fitted_table
 
     periods = _periods(request, comparisons[0].event)
@@ -217,14 +223,15 @@ def _write(request: Request, model: Model, comparisons: Sequence[Comparison], fi
 
     if request.output:
         add(TABLE, comparison_table(comparisons).csv())
-        add(SPECTRA, comparison_spectra_table(comparisons, periods, request.damping).csv())
+        add(SPECTRA, comparison_spectra_table(comparisons, periods, request.damping).in_units(units).csv())
         if fitted:
-            add(FIT, fitted_table(fitted.values).csv())
+            add(FIT, fitted_table(fitted.values, units).csv())
     if request.picture:
         from tdint.output.figures.buildings.comparison import comparison_picture
 
         files[request.picture] = comparison_picture(comparisons, periods, request.damping, request.picture.suffix)
-    add(SUMMARY, json_bytes(comparison_summary(model, comparisons, fitted, _settings(request))))
+    summary = comparison_summary(model, comparisons, fitted, _settings(request), units)
+    add(SUMMARY, json_bytes(in_units(summary, units)))
     if files:
         write_files(files, overwrite=request.overwrite)
 
@@ -253,21 +260,25 @@ def _settings(request: Request) -> dict[str, Any]:
     }
 
 
-def _remark(comparisons: Sequence[Comparison], fitted: Fit | None) -> None:
+def _remark(comparisons: Sequence[Comparison], fitted: Fit | None, units: OutputUnits) -> None:
     """What was done, in a few sentences; then warnings and notes."""
+    from tdint.output.tables.comparison import fitted_in
+
+    acceleration, g = units.unit("m/s^2")
     for one in comparisons:
         event, run = one.event, one.response
         band = event.recording.band
         say(
             f"{run.model.name} beside {event.recording.source}: {event.count} samples of {event.base.dt:.6g} s, "
             + (f"{band[0]:g} to {band[1]:g} Hz, " if band else "unfiltered, ")
-            + f"PGA {event.base.pga:.3g} m/s^2; {run.method}, dt {run.dt:.6g} s"
+            + f"PGA {event.base.pga / g:.3g} {acceleration}; {run.method}, dt {run.dt:.6g} s"
             + (f"; recordings shifted by {one.shift:.6g} s." if one.shift else ".")
         )
         for text in (*event.warnings, *one.response.warnings):
             warn(text)
     if fitted:
-        changes = [f"{one.name}{f' {one.place}' if one.place else ''} {one.value:.5g}" for one in fitted.values]
+        values = [fitted_in(one, units) for one in fitted.values]
+        changes = [f"{one.name}{f' {one.place}' if one.place else ''} {one.value:.5g}" for one in values]
         more = f" and {len(changes) - _FEW} more" if len(changes) > _FEW else ""
         source = comparisons[0].event.recording.source
         say(f"Fitted to {source} in {fitted.runs} runs: {', '.join(changes[:_FEW])}{more}.")

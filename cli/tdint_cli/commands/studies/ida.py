@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from tdint.campaign.studies.intensity import IntensityMeasure
     from tdint.files import Writer
     from tdint.model.definition import Model
+    from tdint.output_units import OutputUnits
     from tdint.quantities import Grid
     from tdint.units import Units
 
@@ -56,6 +57,7 @@ class IdaRequest(RecordsRequest):
     output: str | None
     plot: str | None
     overwrite: bool
+    output_units: OutputUnits | None
 
     @property
     def picture(self) -> Path | None:
@@ -121,6 +123,7 @@ class IdaRequest(RecordsRequest):
     "Also draw all curves with fractiles and capacities, to this file (.png, .pdf, .svg), or alone as ida.png into the "
     "folder of -o."
 )
+@options.output.units
 @options.output.overwrite
 @options.studies.threads
 def command(**given: Any) -> None:
@@ -141,12 +144,13 @@ def command(**given: Any) -> None:
 def _ida(request: IdaRequest) -> None:
     from tdint.campaign.studies.ida.study import IdaSettings, ida
     from tdint.model.config.read import load_model
-    from tdint.output.tables.studies import capacity_table
+    from tdint.output.tables.studies import capacity_table, in_units_of_intensity
     from tdint.processors import processors
     from tdint_cli.errors import Failures
 
     folder = _folder(request)
     model = load_model(request.model)
+    units = request.output_units or model.output_units
     measure = _measure(request, model)
     settings = IdaSettings(
         precision=request.precision,
@@ -171,9 +175,9 @@ def _ida(request: IdaRequest) -> None:
             progress=lambda done, of: tell(f"records {done}/{of}", done / of),
         )
     if folder is None:
-        emit_table(capacity_table(study))
-    _write(request, study, settings)
-    _report(study, request.precision)
+        emit_table(in_units_of_intensity(capacity_table(study), units))
+    _write(request, study, settings, units)
+    _report(study, request.precision, units)
     if failures:
         raise Failures(failures)
 
@@ -241,16 +245,23 @@ def _largest(request: IdaRequest, measure: IntensityMeasure) -> float:
     return request.max_im.scale
 
 
-def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings) -> None:
+def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: OutputUnits) -> None:
     from tdint.files import write_files
-    from tdint.output.summaries.summary import inputs_summary, json_bytes, model_input, record_summary, table_summary
-    from tdint.output.tables.studies import capacity_table, ida_table
+    from tdint.output.summaries.summary import (
+        in_units,
+        inputs_summary,
+        json_bytes,
+        model_input,
+        record_summary,
+        table_summary,
+    )
+    from tdint.output.tables.studies import capacity_table, ida_table, in_units_of_intensity
 
     files: dict[Path, Writer] = {}
     if request.output:
         tables = {RUNS: ida_table(study), CAPACITIES: capacity_table(study)}
         for name, table in tables.items():
-            text = table.csv()
+            text = in_units_of_intensity(table, units).csv()
             files[Path(request.output) / name] = lambda stream, text=text: stream.write(text)  # type: ignore[misc]
         said = {
             "model": inputs_summary([model_input(study.model)])[0],
@@ -262,7 +273,7 @@ def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings) -> None:
         }
         records = [record_summary(curve.record) for curve in study.curves]
         meanings = {**tables[RUNS].meanings, **tables[CAPACITIES].meanings}
-        summary = json_bytes(table_summary("ida", said, records, meanings))
+        summary = json_bytes(in_units(table_summary("ida", said, records, meanings), units))
         files[Path(request.output) / SUMMARY] = lambda stream: stream.write(summary)
     if picture := request.picture:
         from tdint.output.figures.studies.ida import ida_picture
@@ -271,7 +282,7 @@ def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings) -> None:
     write_files(files, overwrite=request.overwrite or bool(request.output))
 
 
-def _report(study: IdaStudy, precision: float) -> None:
+def _report(study: IdaStudy, precision: float, units: OutputUnits) -> None:
     """What came out, and what changes what the numbers mean."""
     runs = [run for curve in study.curves for run in curve.runs]
     if study.resumed == len(study.curves):
@@ -280,7 +291,7 @@ def _report(study: IdaStudy, precision: float) -> None:
         note(f"{study.resumed} of {len(study.curves)} records were done before")
     if study.version:
         note(f"tdint {study.version} began this study")
-    say(_words(study, len(runs)))
+    say(_words(study, len(runs), units))
     finer = sum(run.finer > 0 and (run.stable or run.collapsed) for run in runs)
     if finer:
         note(f"{finer} runs were repeated with a finer step, for they had no result with the first one")
@@ -299,13 +310,14 @@ def _report(study: IdaStudy, precision: float) -> None:
         warn(f"the energy balance of {off} of {len(runs)} runs is off by more than 1 %: use a smaller step")
 
 
-def _words(study: IdaStudy, runs: int) -> str:
+def _words(study: IdaStudy, runs: int, units: OutputUnits) -> str:
     import numpy as np
 
     from tdint.campaign.studies.ida.curve import fractiles
 
-    count, unit = len(study.curves), study.measure.unit
-    low, middle, high = fractiles(study.curves, np.array([study.model.collapse_drift]))[:, 0].tolist()
+    count, (unit, factor) = len(study.curves), units.unit(study.measure.unit)
+    capacities = fractiles(study.curves, np.array([study.model.collapse_drift]))[:, 0]
+    low, middle, high = (capacities / factor).tolist()
     text = f"{study.model.name}: {count} record{'s' * (count > 1)}, {runs} runs with {study.method}.\n"
     censored = sum(curve.collapse.censored for curve in study.curves)
     known = f"{study.im_name} = {middle:.4g} {unit}" if middle == middle else "above the largest intensity"

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from tdint.campaign.studies.intensity import GroundMotion, IntensityMeasure
     from tdint.campaign.studies.scaling import Scaling
     from tdint.files import Writer
+    from tdint.output_units import OutputUnits
     from tdint.quantities import Grid
     from tdint.units import Units
 
@@ -47,6 +48,7 @@ class ScaleRequest(RecordsRequest):
     output: str | None
     plot: str | None
     overwrite: bool
+    output_units: OutputUnits | None
 
     @property
     def value(self) -> tuple[str, float] | None:
@@ -137,6 +139,7 @@ class ScaleRequest(RecordsRequest):
     "Also draw the scaled spectra with median, fractiles and target, to this file (.png, .pdf, .svg) or beside -o "
     "under its name."
 )
+@options.output.units
 @options.output.overwrite
 def command(**given: Any) -> None:
     """Factors that scale ground motions to a value or to a target spectrum.
@@ -155,10 +158,11 @@ def command(**given: Any) -> None:
 def _scale(request: ScaleRequest) -> None:
     from tdint.output.summaries.summary import record_summary, table_summary
     from tdint.output.tables.studies import factor_table
+    from tdint.output_units import SI
     from tdint_cli.errors import Failures
 
     request.check()
-    outputs = Outputs.checked(request.output, request.plot, request.overwrite, summary=True)
+    outputs = Outputs.checked(request.output, request.plot, request.overwrite, summary=True, units=request.output_units)
     refuse_inputs(outputs.files, [*request.records, request.target, request.inventory])
     aim = _aim(request)
     suite, failures = read_suite(request.records, request.choice, pairs=request.in_pairs)
@@ -177,7 +181,7 @@ def _scale(request: ScaleRequest) -> None:
         return table_summary("scale", _settings(request, scaling), records, table.meanings)
 
     outputs.deliver(table, draw, summarize)
-    say(_words(scaling))
+    say(_words(scaling, request.output_units or SI))
     if failures:
         raise Failures(failures)
 
@@ -243,7 +247,7 @@ def _settings(request: ScaleRequest, scaling: Scaling) -> dict[str, Any]:
     }
 
 
-def _words(scaling: Scaling) -> str:
+def _words(scaling: Scaling, units: OutputUnits) -> str:
     """What was scaled to what, and the factors."""
     import numpy as np
 
@@ -253,9 +257,9 @@ def _words(scaling: Scaling) -> str:
     text = f"{count} {what}{'s' * (count > 1)}"
     if scaling.rule == "p695":
         text += " normalized by peak velocity"
-    if scaling.measure is not None:
+    if scaling.measure is not None and scaling.value is not None:
         of = "median " if scaling.rule == "p695" else ""
-        text += f" scaled to {of}{scaling.measure.name} = {scaling.value:.4g} {scaling.measure.unit}"
+        text += f" scaled to {of}{scaling.measure.name} = {units.text(scaling.value, scaling.measure.unit)}"
     if scaling.target is not None and scaling.periods is not None:
         text += f" scaled to {scaling.target.source} over {scaling.periods[0]:.4g} to {scaling.periods[-1]:.4g} s"
     text += f": factors {np.min(factors):.4g} to {np.max(factors):.4g}, median {np.median(factors):.4g}."

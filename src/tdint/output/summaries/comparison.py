@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from tdint.output.summaries.summary import input_of, inputs_summary, model_input, schema, versions
 from tdint.output.tables.comparison import comparison_table, fitted_table
+from tdint.output_units import SI, OutputUnits
 
 if TYPE_CHECKING:
     from tdint.analysis.comparison.compare import Comparison
@@ -15,7 +16,11 @@ if TYPE_CHECKING:
 
 
 def comparison_summary(
-    model: Model, comparisons: Sequence[Comparison], fitted: Fit | None, settings: Mapping[str, Any]
+    model: Model,
+    comparisons: Sequence[Comparison],
+    fitted: Fit | None,
+    settings: Mapping[str, Any],
+    units: OutputUnits = SI,
 ) -> dict[str, Any]:
     """Content of the JSON file beside the table.
 
@@ -29,12 +34,14 @@ def comparison_summary(
         What was fitted to the first one.
     settings : mapping
         Settings of the command line.
+    units : OutputUnits
+        Of the fitted values, whose names say them; the keys' units are those of `in_units`.
     """
     return {
         "schema": schema("compare"),
         "name": model.name,
         "events": [_event(one) for one in comparisons],
-        "fit": _fit(fitted),
+        "fit": _fit(fitted, units),
         "settings": dict(settings),
         "inputs": inputs_summary([model_input(model), *(file for one in comparisons for file in _inputs(one))]),
         "columns": comparison_table(comparisons).meanings,
@@ -73,9 +80,9 @@ def _event(one: Comparison) -> dict[str, Any]:
     }
 
 
-def _fit(fitted: Fit | None) -> dict[str, Any] | None:
+def _fit(fitted: Fit | None, units: OutputUnits) -> dict[str, Any] | None:
     if fitted is None:
         return None
-    table = fitted_table(fitted.values)
+    table = fitted_table(fitted.values, units)
     values = [dict(zip(table.columns, row, strict=True)) for row in table.rows]
     return {"runs": fitted.runs, "values": values, "notes": list(fitted.notes), "columns": table.meanings}

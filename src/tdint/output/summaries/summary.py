@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tdint.ground_motion.record import Input, Record
 from tdint.model.definition import Model
-from tdint.output.tables.table import described_in
+from tdint.output.tables.table import converted, described_in
 from tdint.output_units import SI, OutputUnits
 from tdint.version import __version__
 
@@ -101,9 +101,7 @@ def _in_units(value: Any, units: OutputUnits, factor: float) -> Any:
         return in_units(value, units)
     if isinstance(value, list | tuple):
         return [_in_units(item, units, factor) for item in value]
-    if factor == 1.0 or isinstance(value, bool) or not isinstance(value, int | float | np.number):
-        return value
-    return float(value) / factor
+    return converted(value, factor)
 
 
 def json_bytes(content: dict[str, Any]) -> bytes:

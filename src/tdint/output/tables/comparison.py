@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from tdint.output.tables.columns import buildings as columns
 from tdint.output.tables.table import Cell, Column, Table, rows_of
+from tdint.output_units import SI, OutputUnits
 
 if TYPE_CHECKING:
     from tdint.analysis.comparison.compare import Comparison
@@ -28,9 +30,16 @@ def comparison_spectra_table(comparisons: Sequence[Comparison], periods: Array, 
     return _by_event(columns.COMPARISON_SPECTRA, [(one, one.spectra(periods, damping)) for one in comparisons])
 
 
-def fitted_table(values: Sequence[FittedValue]) -> Table:
-    """A row per fitted value."""
-    return Table.of_results(columns.FITTED, values)
+def fitted_table(values: Sequence[FittedValue], units: OutputUnits = SI) -> Table:
+    """A row per fitted value, whose name says its unit."""
+    return Table.of_results(columns.FITTED, [fitted_in(value, units) for value in values])
+
+
+def fitted_in(value: FittedValue, units: OutputUnits) -> FittedValue:
+    """A fitted value in other units, with the name that goes with them."""
+    name, factor = units.column(value.name)
+    start, fitted, error = (number / factor for number in (value.start, value.value, value.standard_error))
+    return replace(value, name=name, start=start, value=fitted, standard_error=error)
 
 
 def _by_event(own: Sequence[Column], events: Sequence[tuple[Comparison, Sequence[object]]]) -> Table:

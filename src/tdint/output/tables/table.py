@@ -73,7 +73,7 @@ def described_in(meanings: Mapping[str, Mapping[str, str]], units: OutputUnits) 
     return result
 
 
-def _converted(value: Cell, factor: float) -> Cell:
+def converted(value: Cell, factor: float) -> Cell:
     """A cell over a unit's value in SI; what is no number stays."""
     if factor == 1.0 or isinstance(value, bool) or not isinstance(value, int | float | np.number):
         return value
@@ -122,7 +122,7 @@ class Table:
             return self
         found = [units.column(name) for name in self.columns]
         factors = [factor for _, factor in found]
-        rows = [tuple(map(_converted, row, factors)) for row in self.rows]
+        rows = [tuple(map(converted, row, factors)) for row in self.rows]
         return Table(tuple(name for name, _ in found), rows, described_in(self.meanings, units))
 
     def csv(self, *, header: bool = True) -> bytes:
