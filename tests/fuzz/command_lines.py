@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import click
 
 from fuzz.sandbox import MODELS, OLD, OUTPUT, STRANGE_NAMES
+from fuzz.study_files import CAMPAIGN, COMPARE
 from tdint_cli.main import COMMANDS, cli
 from tdint_cli.options import values
 
@@ -44,8 +45,9 @@ SOUND: dict[str, list[tuple[str, ...]]] = {
     "check": [(model,) for model in _MODELS],
     "scale": [("a.txt", "--pga", "0.2g"), ("n.mseed", "--units", "m/s^2", "--sa", "1m/s^2", "--at", "0.5")],
     "ida": [("linear.yaml", "a.txt")],
-    "fragility": [("stripes.csv",)],
-    "compare": [("linear.yaml", "--recorded", "n.mseed")],
+    "fragility": [("stripes.csv",), ("capacities.csv",), ("cloud.csv", "--threshold", "1%")],
+    "compare": list(COMPARE),
+    "campaign": list(CAMPAIGN),
     "stability": [_CHEAP],
     "overshoot": [(*_CHEAP, "--steps", "3")],
     "order": [(*_CHEAP, "--load", "free")],

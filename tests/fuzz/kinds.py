@@ -1,4 +1,4 @@
-"""What is tried: damaged records, model files, command lines, calls of the Python interface.
+"""What is tried: damaged records, model files, files of studies, command lines, calls of the Python interface.
 
 Each kind has names, and an outcome for a name and a seed; it raises Failure for what must not happen.
 """
@@ -9,7 +9,7 @@ import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from fuzz import api, command_lines, model_files, oracle
+from fuzz import api, command_lines, model_files, oracle, studies
 from fuzz.corpus import corpus
 from fuzz.mutators import mutated
 from fuzz.printed import CODES
@@ -53,5 +53,6 @@ KINDS = {
         lambda name, seed: run(command_lines.command_line(name, seed)),
         tuple(CODES.values()),
     ),
+    "studies": Kind(studies.names, studies.outcome, tuple(CODES.values())),
     "api": Kind(lambda: list(api.CALLS), api.outcome, api.OUTCOMES),
 }

@@ -1,6 +1,7 @@
-"""Damage records, model files, command lines and calls by the hundred thousand, and count what becomes of them.
+"""Damage records, models, studies, command lines and calls by the hundred thousand, and count what becomes of them.
 
-    python tests/fuzz/run.py [--of records|models|commands|api] [--cases 100000] [--seed 0] [--jobs 2] [--name MSEED]
+    python tests/fuzz/run.py [--of records|models|studies|commands|api] [--cases 100000] [--seed 0] [--jobs 2]
+                             [--name MSEED]
     python tests/fuzz/run.py --bits                # every single bit of the headers of MiniSEED and SAC
 
 Each case is a name and a seed; a failure is printed with both, so that `--of KIND --name NAME --only SEED` repeats it.

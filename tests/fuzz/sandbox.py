@@ -14,6 +14,7 @@ import numpy as np
 from click.testing import CliRunner
 
 from fuzz import printed
+from fuzz.study_files import FILES
 from ground_motion.files import counts, trace, wave, write
 from tdint_cli.main import cli
 
@@ -82,6 +83,21 @@ def sandbox() -> Iterator[Path]:
             os.chdir(before)
 
 
+@contextmanager
+def replaced(name: str, content: bytes) -> Iterator[None]:
+    """A file of the working directory with another content, for a while."""
+    file = Path(name)
+    before, times = file.read_bytes(), file.stat()
+    stamp = (times.st_atime_ns, times.st_mtime_ns)  # That of the sandbox: else it would be filled anew.
+    file.write_bytes(content)
+    os.utime(file, ns=stamp)
+    try:
+        yield
+    finally:
+        file.write_bytes(before)
+        os.utime(file, ns=stamp)
+
+
 def _changed(folder: Path) -> bool:
     """Whether a case has written over the files of the sandbox, as an output may be told to."""
     mark = folder / _MARK
@@ -92,7 +108,8 @@ def _fill(folder: Path) -> None:
     for name, text in MODELS.items():
         (folder / name).write_text(text)
     (folder / "buildings.csv").write_text(BUILDINGS)
-    (folder / "stripes.csv").write_text((Path(__file__).parents[2] / "configs" / "stripes.csv").read_text())
+    for name, text in FILES.items():
+        (folder / name).write_text(text)
     samples = wave(60)
     rows = "\n".join(f"{value:.6f}" for value in samples)
     table = f"# dt = 0.01 s, units = m/s^2\n{rows}\n"

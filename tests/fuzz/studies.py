@@ -1,0 +1,100 @@
+"""Studies from a seed: a command line that ends well, one of the files that it reads damaged; what becomes of it.
+
+What is printed and written is judged (`fuzz.printed`), in the folder of a campaign, too.
+"""
+
+from __future__ import annotations
+
+import random
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from fuzz.model_files import damaged
+from fuzz.sandbox import replaced, run
+from fuzz.study_files import CAMPAIGN, COMPARE
+
+_NUMBER = re.compile(r"(?<![\w.+-])[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\w.])")
+_NUMBERS = (
+    "0",
+    "1",
+    "-1",
+    "3",
+    "0.01",
+    "0.5",
+    "100",
+    "1e5",
+    "1e9",
+    "1e-9",
+    "1e100",
+    "-1e100",
+    "1e308",
+    "1e-308",
+    "5e-324",
+)
+
+_COMPARE = [("compare", *one) for one in COMPARE]
+_FIT = [("compare", *one, "--fit", "stiffness") for one in COMPARE[:1]]
+_SCALES, _LEVELS, _TOWN, _FACTORS = ([("campaign", *one)] for one in CAMPAIGN)
+
+
+@dataclass(frozen=True)
+class Study:
+    """Command lines, and the files of which one is damaged before one of them."""
+
+    lines: list[tuple[str, ...]]
+    files: tuple[str, ...]
+
+
+STUDIES = {
+    "compare": Study([*_COMPARE, *_COMPARE, *_FIT], ("recorded.yaml", "sensors.yaml", "history.csv")),
+    "campaign of models": Study([*_SCALES, *_LEVELS], ("scales.yaml", "levels.yaml")),
+    "campaign with factors": Study(_FACTORS, ("factors.yaml", "factors.csv")),
+    "campaign of a town": Study(_TOWN, ("town.yaml", "town.csv", "grid.csv", "here.csv", "pair.json", "single.json")),
+    "inventory": Study([("inventory", "town.csv", "--units", "ft")], ("town.csv",)),
+    "scale": Study([("scale", "a.txt", "n.mseed", "--units", "m/s^2", "--target", "target.csv")], ("target.csv",)),
+    "law": Study([("law", "bilinear.yaml", "--path", "path.csv")], ("path.csv",)),
+    "fragility": Study(
+        [
+            ("fragility", "stripes.csv"),
+            ("fragility", "capacities.csv"),
+            ("fragility", "cloud.csv", "--threshold", "1%,2%", "--edp-range", "0.002:"),
+        ],
+        ("stripes.csv", "capacities.csv", "cloud.csv"),
+    ),
+}
+"""By name."""
+
+WEIGHTS = {"compare": 4, "campaign of models": 4, "campaign of a town": 4, "campaign with factors": 2}
+"""How often a study is tried; once where it is not here."""
+
+
+def names() -> list[str]:
+    """The studies, each as often as its weight says."""
+    return [name for name in STUDIES for _ in range(WEIGHTS.get(name, 1))]
+
+
+def outcome(name: str, seed: int) -> str:
+    """What becomes of a study one of whose files is damaged, within a sandbox; raises Failure."""
+    study, source = STUDIES[name], random.Random(f"{name} {seed}")
+    line = source.choice(study.lines)
+    file = source.choice(_read_by(study, line))
+    text = Path(file).read_text()
+    wrong = _other_numbers(text, source) if source.random() < 0.6 else damaged(text, source.randrange(2**31))
+    with replaced(file, wrong.encode("utf-8", "surrogateescape")):
+        return run(list(line))
+
+
+def _other_numbers(text: str, source: random.Random) -> str:
+    """The text with other numbers at some places: most readers take it, so that what computes meets them."""
+    for _ in range(source.choice((1, 1, 2, 3))):
+        match = source.choice(list(_NUMBER.finditer(text)))
+        near = (f"{float(match[0]) * source.choice((0.5, 2.0, 10.0, -1.0, 1e-3, 1e3)):.6g}", match[0] + "0")
+        text = text[: match.start()] + source.choice((*near, source.choice(_NUMBERS))) + text[match.end() :]
+    return text
+
+
+def _read_by(study: Study, line: tuple[str, ...]) -> list[str]:
+    """The files of a study that a command line reads: those that it names, and those that no line does."""
+    named = {word for one in study.lines for word in one}
+    return [one for one in study.files if one in line or one not in named]
