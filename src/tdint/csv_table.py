@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from tdint.errors import ModelError, TdintError, nearest
 from tdint.input_bytes import read_at_most
+from tdint.quantities import LARGEST, SMALLEST
 
 _MOST_BYTES = 256 * 1024 * 1024
 _END = "end"
@@ -83,7 +84,7 @@ class CsvTable:
         for line, text in self.lines(name, empty=empty):
             value = number(text)
             if text and (math.isnan(value) or (positive and value <= 0.0)):
-                raise self.error(f"{self.source}:{line}: {name} must be {what}, got {text[:40]!r}")
+                raise self.error(f"{self.source}:{line}: {name} {no_number(text, what)}")
             found.append(value)
         return found
 
@@ -121,12 +122,23 @@ class CsvTable:
 
 
 def number(text: str) -> float:
-    """A cell as a finite number; nan if it is none."""
+    """A cell as a number that can be computed with; nan if it is none."""
+    value = _float(text)
+    return value if value == 0.0 or SMALLEST <= abs(value) <= LARGEST else math.nan
+
+
+def no_number(text: str, what: str) -> str:
+    """What a cell must be that is no such number, as the end of a message."""
+    limits = f"; its size must lie between {SMALLEST:g} and {LARGEST:g}" if math.isfinite(_float(text)) else ""
+    return f"must be {what}, got {text[:40]!r}{limits if math.isnan(number(text)) else ''}"
+
+
+def _float(text: str) -> float:
+    """As Python writes numbers, but for its underscores and other alphabets' digits; nan for words."""
     try:
-        value = float(text)
+        return float(text) if text.isascii() and "_" not in text else math.nan
     except ValueError:
         return math.nan
-    return value if math.isfinite(value) else math.nan
 
 
 def read_table(

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 
 MOST_POINTS = 1_000_000
 
+SMALLEST, LARGEST = 1e-60, 1e60
+"""Sizes of numbers in files, in SI units: products and squares of them stay within what floats hold."""
+
 
 def parse_ratio(text: str) -> float:
     """A ratio: a number such as `0.05`, or a percentage such as `5%`.

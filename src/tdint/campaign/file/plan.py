@@ -24,7 +24,7 @@ from tdint.campaign.levels import GivenFactors, IntensityLevels, Levels, Measure
 from tdint.campaign.motions import Assignment, EveryMotion, SuiteMotion, suite_motions
 from tdint.campaign.plan import Plan
 from tdint.campaign.studies.suite import read_components, read_pairs
-from tdint.csv_table import number, read_table
+from tdint.csv_table import no_number, number, read_table
 from tdint.errors import ModelError, ModelFault, RecordError, TdintError, UsageError
 from tdint.ground_motion.reading.folders import records_of
 from tdint.methods.catalogue import DEFAULT_METHOD
@@ -213,5 +213,5 @@ def _factors_of(motion: SuiteMotion, known: dict[tuple[str, str], dict[float, No
 def _factor(file: str, line: int, text: str) -> float:
     factor = number(text)
     if math.isnan(factor) or factor == 0.0:
-        raise ModelError(f"{file}:{line}: factor: must be a number that is not zero, got {text!r}")
+        raise ModelError(f"{file}:{line}: factor: {no_number(text, 'a number that is not zero')}")
     return factor

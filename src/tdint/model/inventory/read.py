@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from tdint.csv_table import CsvTable, number, read_table
+from tdint.csv_table import CsvTable, no_number, number, read_table
 from tdint.errors import ModelFault
 from tdint.model.inventory.definition import BuildingFacts
 from tdint.model.inventory.hazus import LEVELS
@@ -126,7 +126,7 @@ class _Row:
         value = number(text)
         if not math.isnan(value) and bounds.allow(value):
             return value
-        message = f"must be {what}, got {text!r}" if text else f"is missing; give {what}"
+        message = no_number(text, what) if text else f"is missing; give {what}"
         self.fault(self._places[name], name, message)
         return math.nan
 

@@ -17,6 +17,7 @@ from tdint.errors import UsageError, did_you_mean, nearest
 from tdint.model.definition import MAX_STORIES
 from tdint.model.keys.kinds import ANY, Bounds, EntriesOf, Keys, ValueKind, Whole
 from tdint.model.keys.yaml_source import Faults, ListNode, MappingNode, Node, ScalarNode
+from tdint.quantities import LARGEST, SMALLEST
 
 Parsed = TypeVar("Parsed")
 
@@ -29,9 +30,6 @@ _NUMBER_HINTS = (
     (re.compile(r"[+-]?\.?(?:nan|inf|infinity)", re.IGNORECASE), "; it must be finite"),
     (re.compile(r"[+-]?[0-9][0-9.]*\s*[A-Za-z%].*"), "; write the number alone"),
 )
-_SMALLEST, _LARGEST = 1e-60, 1e60
-"""Sizes of numbers in SI units: products and squares of them stay within what floats hold."""
-
 _NOTHING = ("", "~", "null")
 
 _MEANT = 0.75
@@ -84,8 +82,8 @@ class Value:
             self.fault(f"must be {what or bounds}, got {self._shown_unquoted(_NUMBER, bounds)}")
             return math.nan
         converted = number * scale if number else 0.0
-        if number != 0.0 and not _SMALLEST <= abs(converted) <= _LARGEST:
-            limits = f"{_SMALLEST:g} and {_LARGEST:g} in SI units"
+        if number != 0.0 and not SMALLEST <= abs(converted) <= LARGEST:
+            limits = f"{SMALLEST:g} and {LARGEST:g} in SI units"
             self.fault(f"is out of all proportion: its size must lie between {limits}, got {self._shown()}")
             return math.nan
         return converted
