@@ -6,7 +6,7 @@ from collections import Counter
 
 import pytest
 
-from fuzz import api, command_lines, model_files
+from fuzz import api, command_lines, model_files, studies
 from fuzz.corpus import corpus
 from fuzz.mutators import mutated
 from fuzz.oracle import REFUSED, SAME, Failure, outcome, read
@@ -50,6 +50,14 @@ def test_damaged_model_files(work, name):
     found = Counter(model_files.outcome(text, model_files.damaged(text, seed)) for seed in range(EACH))
     assert found[model_files.REFUSED] > 0
     assert found[model_files.RUNS] > 0
+
+
+@pytest.mark.parametrize("name", studies.STUDIES)
+def test_damaged_studies(work, name):
+    """Before the damage all end well; after it some do, some do not."""
+    assert {run(list(line)) for line in studies.STUDIES[name].lines} == {"done"}
+    found = Counter(studies.outcome(name, seed) for seed in range(EACH // 4))
+    assert 0 < found["done"] < sum(found.values())
 
 
 @pytest.mark.parametrize("name", sorted(set(command_lines.names()) - SLOW))
