@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from tdint.errors import UsageError, did_you_mean
@@ -79,6 +79,15 @@ class OutputUnits:
         """A number and its unit for people, in four digits."""
         return f"{self.of(value, si):.4g} {self.unit(si)[0]}"
 
+    def label(self, si: str) -> str:
+        """The unit that stands for an SI unit, as an axis of a picture has it: m/s², kip·in."""
+        return self.unit(si)[0].replace("^2", "²").replace("*", "·")
+
+    @property
+    def in_pictures(self) -> OutputUnits:
+        """The units that pictures are drawn in: accelerations in g, as people think of them, unless a unit is named."""
+        return self if self.acceleration else replace(self, acceleration="g")
+
     def column(self, name: str) -> tuple[str, float]:
         """The name of a column or key with the unit that it has here, and the value of that unit in SI.
 
@@ -98,8 +107,6 @@ class OutputUnits:
 
 
 SI = OutputUnits()
-PICTURES = OutputUnits(acceleration="g")
-"""What pictures are drawn in where nothing else is asked for: SI, but accelerations in g, as people think of them."""
 
 
 def parse_output_units(text: str) -> OutputUnits:

@@ -6,6 +6,7 @@ import csv
 import gzip
 import io
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -71,6 +72,35 @@ def test_the_files_of_a_run_and_back(folder: Path, tdint: Run) -> None:
     assert us["meanings"]["base_shear_kip"]["unit"] == "kip" and us["settings"]["output_units"] == "kip,in,kg,g"
     assert set(us["meanings"]) == {US.column(name)[0] for name in si["meanings"]}
     assert " kip." in done.stderr and " in, base shear" in done.stderr and " g)" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("run", "shaken.yaml"),
+        ("law", "shaken.yaml", "--drift", "1%", "--points", 9),
+        ("pushover", "shaken.yaml", "--points", 9),
+        ("spectrum", "motion.mseed", "--component", "HNE", "--periods", "0.1:2:9"),
+        ("spectrum", "motion.mseed", "--component", "HNE", "--period", "0.5,1", "--ductility", 2),
+        ("spectrum", "motion.mseed", "--period", "0.5,1", "--rotd", "50,100"),
+        ("drift-spectrum", "motion.mseed", "--component", "HNE", "--period", "0.5,1"),
+        ("info", "motion.mseed", "--component", "HNE"),
+        ("scale", "motion.mseed", "--component", "HNE", "--sa", "0.2g", "--at", 0.5),
+    ],
+    ids=lambda arguments: "-".join(str(word) for word in arguments if str(word).isalpha()),
+)
+def test_pictures(folder: Path, tdint: Run, arguments: tuple[Any, ...]) -> None:
+    """No label, name or legend in a picture is in SI units any more."""
+    assert tdint(*arguments, "--plot=si.svg").exit_code == 0
+    done = tdint(*arguments, "--plot=us.svg", "--output-units", "kip,in,g")
+    assert done.exit_code == 0, done.stderr
+    si, us = (
+        re.findall(r"<text[^>]*>([^<]*)</text>", (folder / f"{name}.svg").read_text("utf-8")) for name in ("si", "us")
+    )
+    in_si = re.compile(r"[( ](m|m/s|m/s²|[kM]?N|[kM]?J)(\)|$)")
+    assert any(map(in_si.search, si))
+    assert [text for text in us if in_si.search(text)] == []
+    assert any(re.search(r"[( ](in|in/s|g|kip|kip·in)(\)|$)", text) for text in us)
 
 
 def test_a_model_names_its_units_and_the_command_line_comes_before_it(folder: Path, tdint: Run) -> None:

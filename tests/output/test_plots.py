@@ -19,7 +19,9 @@ from tdint.ground_motion.record import Record
 from tdint.model.config.read import load_model
 from tdint.output.figures.buildings.run import run_picture
 from tdint.output.figures.spectra.spectrum import spectrum_picture
+from tdint.output.figures.spectra.spectrum_axes import draw_adrs, draw_tripartite
 from tdint.output.figures.style import changed
+from tdint.output_units import parse_output_units
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 STARTS = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
@@ -142,6 +144,44 @@ def test_axes_and_suites(tmp_path, axes, count):
     text = file.read_text(encoding="utf-8")
     assert ("median" in text) is (count == 22)
     assert ("21.txt" in text) is False
+
+
+@pytest.mark.parametrize("units", ["m", "kip,in,g", "kip,ft,g", "kN,mm", "kN,cm,m/s^2"])
+def test_scales_of_a_spectrum_in_any_units(units):
+    """psv = sd omega = psa / omega: names of scales lie where they say, none over another; so do rays."""
+    shown = parse_output_units(units).in_pictures
+    spectra = [spectrum(motion(), np.geomspace(0.05, 10.0, 30))]
+    axes = draw_tripartite(spectra, ["one"], shown).axes[0]
+    seconds_in = {shown.label(si): shown.unit(si)[1] for si in ("m", "m/s^2")}
+    assert len(axes.texts) >= 6
+    for text in axes.texts:
+        (period, speed), (value, unit) = text.get_position(), text.get_text().split(" ")
+        omega = 2.0 * np.pi / period
+        expected = float(value) * seconds_in[unit] * (omega if unit == shown.label("m") else 1.0 / omega)
+        assert speed * shown.unit("m/s")[1] == pytest.approx(expected, rel=1e-9)
+    places = np.log([text.get_position() for text in axes.texts])
+    extent = np.ptp(np.log([axes.get_xlim(), axes.get_ylim()]), axis=1)
+    apart = np.abs(places[:, None] - places) / extent
+    assert np.all(np.max(apart, axis=2) + np.eye(len(places)) > 0.05)
+    for ray in draw_adrs(spectra, ["one"], shown).axes[0].texts:
+        end, height = ray.xy
+        omega = 2.0 * np.pi / float(ray.get_text().removesuffix(" s"))
+        assert height * shown.unit("m/s^2")[1] == pytest.approx(omega**2 * end * shown.unit("m")[1], rel=1e-9)
+
+
+def test_a_run_in_other_units(tmp_path, shaken):
+    """Labels and peaks follow; where no unit of acceleration is named it is g."""
+    for units, labels in (
+        ("kip,in,g", ("ground (g)", "energy (kip·in)", "story shear (kip)", "drift (in)", "acceleration (g)")),
+        ("kN,mm", ("ground (g)", "energy (kN·mm)", "story shear (kN)", "drift (mm)", "acceleration (g)")),
+        ("lbf,m/s^2", ("ground (m/s²)", "energy (lbf·m)", "story shear (lbf)", "drift (m)", "acceleration (m/s²)")),
+    ):
+        chosen = parse_output_units(units)
+        write_file(tmp_path / f"{units[:3]}.svg", run_picture(shaken, ".svg", chosen), overwrite=False)
+        text = (tmp_path / f"{units[:3]}.svg").read_text(encoding="utf-8")
+        assert not [label for label in labels if label not in text]
+        peak = np.max(np.abs(shaken.history.displacement[:, -1])) / chosen.unit("m")[1]
+        assert f">peak {peak:.3g} {chosen.unit('m')[0]} at " in text
 
 
 def test_spectra_of_a_motion_at_rest_on_all_axes(tmp_path):

@@ -51,8 +51,8 @@ units = option(
     "--output-units",
     type=OutputUnitsType(),
     metavar="UNIT,...",
-    help="Units of tables and summaries in place of the model's output_units or SI, one each of force, length, mass, "
-    "acceleration: kip,in,g.",
+    help="Units of tables, summaries and pictures in place of the model's output_units or SI, one each of force, "
+    "length, mass, acceleration: kip,in,g.",
 )
 overwrite = option("--overwrite", is_flag=True, help="Replace existing outputs.")
 jobs = headings.option(

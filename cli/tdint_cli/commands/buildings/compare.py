@@ -229,7 +229,9 @@ def _write(
     if request.picture:
         from tdint.output.figures.buildings.comparison import comparison_picture
 
-        files[request.picture] = comparison_picture(comparisons, periods, request.damping, request.picture.suffix)
+        files[request.picture] = comparison_picture(
+            comparisons, periods, request.damping, request.picture.suffix, units
+        )
     summary = comparison_summary(model, comparisons, fitted, _settings(request), units)
     add(SUMMARY, json_bytes(in_units(summary, units)))
     if files:

@@ -129,7 +129,7 @@ def _run(request: Request) -> None:
     def draw(suffix: str) -> Writer:
         from tdint.output.figures.buildings.cyclic import cyclic_picture
 
-        return cyclic_picture(test, suffix)
+        return cyclic_picture(test, suffix, units)
 
     outputs = outputs.else_in(model.output_units)
     units = outputs.units or model.output_units

@@ -72,15 +72,16 @@ def command(
 
     loaded = load_model(model)
     result = pushover(loaded, drift, pattern=pattern, points=points)
-    outputs = outputs.else_in(loaded.output_units)
+    units = output_units or loaded.output_units
+    outputs = outputs.else_in(units)
 
     def draw(suffix: str) -> Writer:
         from tdint.output.figures.buildings.pushover import pushover_picture
 
-        return pushover_picture(result, suffix)
+        return pushover_picture(result, suffix, units)
 
     outputs.deliver(Table.of_results(columns.pushover(result.drift.shape[1]), [result]), draw)
-    say(_words(result, outputs.units or loaded.output_units))
+    say(_words(result, units))
 
 
 def _words(result: Pushover, units: OutputUnits) -> str:

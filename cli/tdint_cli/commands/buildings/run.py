@@ -291,7 +291,7 @@ def _files(request: Request, response: Response, case: Case, inputs: list[Input]
     if picture := _picture(request):
         from tdint.output.figures.buildings.run import run_picture
 
-        files[picture] = run_picture(response, picture.suffix)
+        files[picture] = run_picture(response, picture.suffix, units)
     if request.output:
         wall_time = time.perf_counter() - began
         first = first_mode(case.building, case.record)

@@ -127,10 +127,10 @@ def _table(_: DriftRequest, results: Sequence[DriftSpectrum]) -> Table:
     return drift_spectrum_table(results)
 
 
-def _picture(_: DriftRequest, results: Sequence[DriftSpectrum], suffix: str) -> Writer:
+def _picture(request: DriftRequest, results: Sequence[DriftSpectrum], suffix: str) -> Writer:
     from tdint.output.figures.spectra.drift import drift_spectrum_picture
 
-    return drift_spectrum_picture(results, suffix)
+    return drift_spectrum_picture(results, suffix, request.shown_units)
 
 
 KIND = Kind("drift-spectrum", DRIFT_PERIODS, _check, _compute, _table, _picture)

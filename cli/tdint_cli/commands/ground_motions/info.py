@@ -138,8 +138,10 @@ def _deliver(request: Request, outputs: Outputs, products: Sequence[Product]) ->
 
     def draw(suffix: str) -> Writer:
         from tdint.output.figures.records import info_picture
+        from tdint.output_units import SI
 
-        return info_picture([info for product in products for info in product.infos], suffix)
+        infos = [info for product in products for info in product.infos]
+        return info_picture(infos, suffix, request.output_units or SI)
 
     table = replace(products[0].table, rows=rows)
     outputs.deliver(table, draw, lambda: table_summary("info", request.settings, records, table.meanings))

@@ -144,7 +144,7 @@ def command(**given: Any) -> None:
 def _ida(request: IdaRequest) -> None:
     from tdint.campaign.studies.ida.study import IdaSettings, ida
     from tdint.model.config.read import load_model
-    from tdint.output.tables.studies import capacity_table, in_units_of_intensity
+    from tdint.output.tables.studies import capacity_table
     from tdint.processors import processors
     from tdint_cli.errors import Failures
 
@@ -175,9 +175,9 @@ def _ida(request: IdaRequest) -> None:
             progress=lambda done, of: tell(f"records {done}/{of}", done / of),
         )
     if folder is None:
-        emit_table(in_units_of_intensity(capacity_table(study), units))
+        emit_table(capacity_table(study.in_units(units)))
     _write(request, study, settings, units)
-    _report(study, request.precision, units)
+    _report(study.in_units(units), request.precision)
     if failures:
         raise Failures(failures)
 
@@ -255,13 +255,14 @@ def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: O
         record_summary,
         table_summary,
     )
-    from tdint.output.tables.studies import capacity_table, ida_table, in_units_of_intensity
+    from tdint.output.tables.studies import capacity_table, ida_table
 
     files: dict[Path, Writer] = {}
     if request.output:
-        tables = {RUNS: ida_table(study), CAPACITIES: capacity_table(study)}
+        shown = study.in_units(units)
+        tables = {RUNS: ida_table(shown), CAPACITIES: capacity_table(shown)}
         for name, table in tables.items():
-            text = in_units_of_intensity(table, units).csv()
+            text = table.in_units(units).csv()
             files[Path(request.output) / name] = lambda stream, text=text: stream.write(text)  # type: ignore[misc]
         said = {
             "model": inputs_summary([model_input(study.model)])[0],
@@ -278,11 +279,11 @@ def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: O
     if picture := request.picture:
         from tdint.output.figures.studies.ida import ida_picture
 
-        files[picture] = ida_picture(study, picture.suffix)
+        files[picture] = ida_picture(study.in_units(units), picture.suffix)
     write_files(files, overwrite=request.overwrite or bool(request.output))
 
 
-def _report(study: IdaStudy, precision: float, units: OutputUnits) -> None:
+def _report(study: IdaStudy, precision: float) -> None:
     """What came out, and what changes what the numbers mean."""
     runs = [run for curve in study.curves for run in curve.runs]
     if study.resumed == len(study.curves):
@@ -291,7 +292,7 @@ def _report(study: IdaStudy, precision: float, units: OutputUnits) -> None:
         note(f"{study.resumed} of {len(study.curves)} records were done before")
     if study.version:
         note(f"tdint {study.version} began this study")
-    say(_words(study, len(runs), units))
+    say(_words(study, len(runs)))
     finer = sum(run.finer > 0 and (run.stable or run.collapsed) for run in runs)
     if finer:
         note(f"{finer} runs were repeated with a finer step, for they had no result with the first one")
@@ -310,14 +311,13 @@ def _report(study: IdaStudy, precision: float, units: OutputUnits) -> None:
         warn(f"the energy balance of {off} of {len(runs)} runs is off by more than 1 %: use a smaller step")
 
 
-def _words(study: IdaStudy, runs: int, units: OutputUnits) -> str:
+def _words(study: IdaStudy, runs: int) -> str:
     import numpy as np
 
     from tdint.campaign.studies.ida.curve import fractiles
 
-    count, (unit, factor) = len(study.curves), units.unit(study.measure.unit)
-    capacities = fractiles(study.curves, np.array([study.model.collapse_drift]))[:, 0]
-    low, middle, high = (capacities / factor).tolist()
+    count, unit = len(study.curves), study.measure.unit
+    low, middle, high = fractiles(study.curves, np.array([study.model.collapse_drift]))[:, 0].tolist()
     text = f"{study.model.name}: {count} record{'s' * (count > 1)}, {runs} runs with {study.method}.\n"
     censored = sum(curve.collapse.censored for curve in study.curves)
     known = f"{study.im_name} = {middle:.4g} {unit}" if middle == middle else "above the largest intensity"

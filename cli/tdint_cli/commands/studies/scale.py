@@ -174,7 +174,7 @@ def _scale(request: ScaleRequest) -> None:
     def draw(suffix: str) -> Writer:
         from tdint.output.figures.studies.suite import suite_picture
 
-        return suite_picture(scaling, suffix)
+        return suite_picture(scaling, suffix, request.output_units or SI)
 
     def summarize() -> dict[str, Any]:
         records = [record_summary(record) for record in suite.records]

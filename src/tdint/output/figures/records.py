@@ -11,16 +11,19 @@ from matplotlib.ticker import MaxNLocator
 
 from tdint.files import Writer
 from tdint.ground_motion.measures import cumulative_energy, integrate, time_of_energy
-from tdint.output.figures.style import COLORS, IN_G, LIGHT, MARK, changed, picture, record_name
+from tdint.output.figures.style import COLORS, LIGHT, MARK, changed, picture, record_name
 from tdint.output.tables.records import RecordInfo
+from tdint.output_units import SI, OutputUnits
 
 MOST_RECORDS = 3
 """As many are drawn, side by side; what comes after them is left out."""
 
 _SHARES = (0.05, 0.75, 0.95)
+_MOTION = {"acceleration": "m/s^2", "velocity": "m/s", "displacement": "m"}
+"""What is drawn over time, from the top, and its SI unit."""
 
 
-def info_picture(infos: Sequence[RecordInfo], suffix: str) -> Writer:
+def info_picture(infos: Sequence[RecordInfo], suffix: str, units: OutputUnits = SI) -> Writer:
     """Picture of the first records, at most MOST_RECORDS: a column each.
 
     Return value and errors are those of `tdint.output.figures.style.picture`.
@@ -30,42 +33,39 @@ def info_picture(infos: Sequence[RecordInfo], suffix: str) -> Writer:
     infos : sequence of RecordInfo
         One at least.
     """
-    return picture(suffix, lambda: _draw(infos[:MOST_RECORDS]))
+    return picture(suffix, lambda: _draw(infos[:MOST_RECORDS], units.in_pictures))
 
 
-def _draw(infos: Sequence[RecordInfo]) -> Figure:
+def _draw(infos: Sequence[RecordInfo], units: OutputUnits) -> Figure:
     figure = Figure(figsize=(7.5 if len(infos) == 1 else 5.0 * len(infos), 8.5), layout="constrained")
     grid = figure.subplots(4, len(infos), sharex="col", sharey="row", squeeze=False)
     for column, info in zip(grid.T, infos, strict=True):
-        _draw_record(column, info)
-    for axes, label in zip(
-        grid[:, 0], ("acceleration (g)", "velocity (m/s)", "displacement (m)", "Arias intensity (%)"), strict=True
-    ):
-        axes.set_ylabel(label)
+        _draw_record(column, info, units)
+    for axes, (name, si) in zip(grid[:, 0], _MOTION.items(), strict=False):
+        axes.set_ylabel(f"{name} ({units.label(si)})")
+    grid[-1, 0].set_ylabel("Arias intensity (%)")
     return figure
 
 
-def _draw_record(column: Any, info: RecordInfo) -> None:
+def _draw_record(column: Any, info: RecordInfo, units: OutputUnits) -> None:
     record, measures = info.record, info.measures
     motion = integrate(record)
     time = np.arange(record.acceleration.size) * record.dt
-    for axes, values, peak, unit in (
-        (column[0], IN_G * record.acceleration, IN_G * measures.pga, "g"),
-        (column[1], motion.velocity, measures.pgv, "m/s"),
-        (column[2], motion.displacement, measures.pgd, "m"),
-    ):
-        axes.plot(time, values, color=COLORS[0], linewidth=0.8)
+    peaks = (measures.pga, measures.pgv, measures.pgd)
+    motions = (record.acceleration, motion.velocity, motion.displacement)
+    for axes, values, peak, si in zip(column, motions, peaks, _MOTION.values(), strict=False):
+        axes.plot(time, units.of(values, si), color=COLORS[0], linewidth=0.8)
         axes.axhline(0.0, color=LIGHT, linewidth=0.6)
         axes.yaxis.set_major_locator(MaxNLocator(5, symmetric=True))
-        _write(axes, f"peak {peak:.3g} {unit}")
+        _write(axes, f"peak {units.of(peak, si):.3g} {units.label(si)}")
     title = f"{record_name(record.source)} {record.component}".rstrip() + changed([record])
     column[0].set_title(title, parse_math=False)
-    _draw_husid(column[3], info, time)
+    _draw_husid(column[3], info, time, units)
     column[3].set_xlim(time[0], time[-1])
     column[3].set_xlabel("time (s)")
 
 
-def _draw_husid(axes: Any, info: RecordInfo, time: Any) -> None:
+def _draw_husid(axes: Any, info: RecordInfo, time: Any, units: OutputUnits) -> None:
     """The integral of the squared acceleration over its final value (Husid 1969), with the significant durations."""
     energy = cumulative_energy(info.record)
     total = float(energy[-1])
@@ -76,7 +76,8 @@ def _draw_husid(axes: Any, info: RecordInfo, time: Any) -> None:
     times = [time_of_energy(info.record, energy, share) for share in _SHARES]
     axes.plot(times, [100.0 * share for share in _SHARES], "o", color=MARK, markersize=4)
     measures = info.measures
-    text = f"{measures.arias:.3g} m/s\nD5-75 {measures.d5_75:.3g} s\nD5-95 {measures.d5_95:.3g} s"
+    text = f"{units.of(measures.arias, 'm/s'):.3g} {units.label('m/s')}\n"
+    text += f"D5-75 {measures.d5_75:.3g} s\nD5-95 {measures.d5_95:.3g} s"
     _write(axes, text, top=0.5)
 
 

@@ -1,4 +1,4 @@
-"""What all figures share: readable in black and white, PNG, PDF or SVG, accelerations in g.
+"""What all figures share: readable in black and white, PNG, PDF or SVG, in the units of the output.
 
 Only the modules of figures import matplotlib, and by its objects: no window system, no state shared between figures.
 """
@@ -19,10 +19,7 @@ from matplotlib.figure import Figure
 from tdint.errors import OutputError
 from tdint.files import Writer
 from tdint.ground_motion.record import Record
-from tdint.units import STANDARD_GRAVITY
-
-IN_G = 1.0 / STANDARD_GRAVITY
-"""From m/s^2 to g, in which people think of accelerations."""
+from tdint.output_units import OutputUnits
 
 _TITLE_LENGTH = 95
 
@@ -120,12 +117,17 @@ def add_legend(figure: Figure, axes: Any, lines: list[Any], labels: list[str], n
         text.set_parse_math(False)
 
 
-def scaled_unit(largest: float, unit: str) -> tuple[float, str]:
-    """The unit with M, k or nothing before it in which the largest number is 1 at least, and the factor to it."""
+def scaled_unit(largest: float, si: str, units: OutputUnits) -> tuple[float, str]:
+    """The factor from an SI unit to the unit that stands for it, and that one's label.
+
+    N and J, which no building has few of, have M, k or nothing before them, so that the largest number is 1 at least.
+    """
+    if units.unit(si)[0] != si:
+        return 1.0 / units.unit(si)[1], units.label(si)
     for factor, prefix in ((1e-6, "M"), (1e-3, "k")):
         if largest * factor >= 1.0:
-            return factor, prefix + unit
-    return 1.0, unit
+            return factor, prefix + si
+    return 1.0, si
 
 
 def changed(records: Iterable[Record]) -> str:

@@ -15,8 +15,7 @@ from tdint.campaign.studies.scaling import Scaling
 from tdint.campaign.studies.suite import components
 from tdint.ground_motion.record import component_names
 from tdint.output.tables.columns import studies as columns
-from tdint.output.tables.table import Table, converted, rows_of
-from tdint.output_units import SI, OutputUnits
+from tdint.output.tables.table import Table, rows_of
 
 
 def factor_table(scaling: Scaling) -> Table:
@@ -63,22 +62,6 @@ def capacity_table(study: IdaStudy) -> Table:
 def fragility_table(functions: Sequence[Fragility], *, total: bool = False) -> Table:
     """A row for each function; with `total` a column of the standard deviation with that of the model."""
     return Table.of_results((*columns.FRAGILITY, *(columns.FRAGILITY_TOTAL,) * total), functions)
-
-
-def in_units_of_intensity(table: Table, units: OutputUnits) -> Table:
-    """A table of a study in other units, those of its intensities, too, which the column `unit` tells row by row."""
-    if units == SI:
-        return table
-    unit = table.columns.index("unit")
-    intensities = [place for place, name in enumerate(table.columns) if name in columns.INTENSITIES]
-    rows = []
-    for row in table.rows:
-        cells = list(row)
-        cells[unit], factor = units.unit(str(row[unit]))
-        for place in intensities:
-            cells[place] = converted(row[place], factor)
-        rows.append(tuple(cells))
-    return replace(table, rows=rows).in_units(units)
 
 
 def _with_unit(table: Table, unit: str) -> Table:

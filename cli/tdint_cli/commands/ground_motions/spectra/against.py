@@ -80,11 +80,11 @@ def table(request: SpectrumRequest, lines: Sequence[SpectrumDifference]) -> Tabl
     return difference_table(lines)
 
 
-def picture(_: SpectrumRequest, lines: Sequence[SpectrumDifference], suffix: str) -> Writer:
+def picture(request: SpectrumRequest, lines: Sequence[SpectrumDifference], suffix: str) -> Writer:
     """Both spectra, and their difference."""
     from tdint.output.figures.spectra.published import difference_picture
 
-    return difference_picture(lines, suffix)
+    return difference_picture(lines, suffix, request.shown_units)
 
 
 KIND = Kind("spectrum", PERIODS, check, compute, table, picture)

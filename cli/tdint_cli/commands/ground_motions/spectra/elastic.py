@@ -83,7 +83,7 @@ def picture(request: SpectrumRequest, lines: Sequence[Spectrum], suffix: str) ->
     """A line for each spectrum."""
     from tdint.output.figures.spectra.spectrum import spectrum_picture
 
-    return spectrum_picture(lines, suffix, request.axes or "periods")
+    return spectrum_picture(lines, suffix, request.axes or "periods", request.shown_units)
 
 
 def remark(request: SpectrumRequest, interval: float) -> str:

@@ -74,11 +74,11 @@ def table(_: SpectrumRequest, lines: Sequence[InelasticSpectrum]) -> Table:
     return inelastic_table(lines)
 
 
-def picture(_: SpectrumRequest, lines: Sequence[InelasticSpectrum], suffix: str) -> Writer:
+def picture(request: SpectrumRequest, lines: Sequence[InelasticSpectrum], suffix: str) -> Writer:
     """A line for each spectrum."""
     from tdint.output.figures.spectra.inelastic import inelastic_picture
 
-    return inelastic_picture(lines, suffix)
+    return inelastic_picture(lines, suffix, request.shown_units)
 
 
 KIND = Kind("spectrum", PERIODS, check, compute, table, picture, remark)

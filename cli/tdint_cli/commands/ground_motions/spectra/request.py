@@ -36,6 +36,13 @@ class TablesRequest(RecordsRequest):
     output_units: OutputUnits | None
 
     @property
+    def shown_units(self) -> OutputUnits:
+        """The units of all that is written."""
+        from tdint.output_units import SI
+
+        return self.output_units or SI
+
+    @property
     def is_folder(self) -> bool:
         """Whether -o names a folder: one that exists, or by a separator at its end."""
         from tdint.files import is_folder

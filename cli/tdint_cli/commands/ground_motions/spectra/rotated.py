@@ -93,11 +93,11 @@ def table(request: SpectrumRequest, lines: Sequence[RotatedSpectrum]) -> Table:
     return rotated_table(lines, request.stated)
 
 
-def picture(_: SpectrumRequest, lines: Sequence[RotatedSpectrum], suffix: str) -> Writer:
+def picture(request: SpectrumRequest, lines: Sequence[RotatedSpectrum], suffix: str) -> Writer:
     """A line for each percentile."""
     from tdint.output.figures.spectra.rotated import rotated_picture
 
-    return rotated_picture(lines, suffix)
+    return rotated_picture(lines, suffix, request.shown_units)
 
 
 KIND = Kind("spectrum", PERIODS, check, compute, table, picture, remark, gather)

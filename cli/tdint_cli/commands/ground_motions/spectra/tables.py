@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tdint.errors import TdintError
-from tdint.output_units import SI
 from tdint_cli.batch.processes import Task, outcomes
 from tdint_cli.batch.sources import notes_of_components, records_of, refuse_inputs, tables_of
 from tdint_cli.commands.ground_motions.spectra.kind import Kind
@@ -147,7 +146,7 @@ def _work(request: TablesRequest, kind: Kind, width: int | None, task: Task) -> 
     records = [record for file in (task.source, *task.others) for record in request.read(file)]
     results = kind.compute(request, records)
     lines = tuple(results.lines)
-    table = kind.table(request, lines).in_units(request.output_units or SI)
+    table = kind.table(request, lines).in_units(request.shown_units)
     return RecordTable(
         text=table_bytes(table, width),
         meanings=table.meanings,
@@ -180,7 +179,7 @@ def _write(request: TablesRequest, kind: Kind, table: Path | None, products: Seq
         contents[outputs.table] = b"".join([products[0].text, *rows])
         # The columns of the table are those of the products, in the units asked for already.
         own = {"columns": summary["columns"]}
-        contents[outputs.summary] = json_bytes(in_units(summary, request.output_units or SI) | own)
+        contents[outputs.summary] = json_bytes(in_units(summary, request.shown_units) | own)
     if outputs.picture:
         results = [result for product in products for result in product.results]
         contents[outputs.picture] = products[0].picture or _picture(request, kind, results, outputs.picture.suffix)

@@ -28,6 +28,7 @@ from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import DEFAULT_METHOD
 from tdint.model.building import Building
 from tdint.model.definition import Model
+from tdint.output_units import OutputUnits
 from tdint.version import __version__
 
 THRESHOLDS = (0.01, 0.02, 0.04)
@@ -111,6 +112,16 @@ class IdaStudy:
     def im_name(self) -> str:
         """The intensity measure, with what stands for a pair before it."""
         return self.measure.name if self.pair is None else f"{self.pair}-{self.measure.name}"
+
+    def in_units(self, units: OutputUnits) -> IdaStudy:
+        """The study with its intensities, and all that follows from them, in other units."""
+        unit, factor = units.unit(self.measure.unit)
+        if factor == 1.0:
+            return self
+        curves = (
+            replace(curve, runs=tuple(replace(run, im=run.im / factor) for run in curve.runs)) for curve in self.curves
+        )
+        return replace(self, measure=replace(self.measure, unit=unit), curves=tuple(curves))
 
 
 def ida(

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from tdint.files import Writer
 from tdint.output.figures.spectra.over_periods import log_periods
-from tdint.output.figures.style import IN_G, LIGHT, MARK, add_title, picture, record_name
+from tdint.output.figures.style import LIGHT, MARK, add_title, picture, record_name
+from tdint.output_units import SI, OutputUnits
 
 if TYPE_CHECKING:
     from tdint.analysis.comparison.compare import Comparison, FloorComparison, FloorSpectra
@@ -23,11 +24,13 @@ _RECORDED, _COMPUTED = LIGHT, MARK
 _MOST_ROWS = 12
 _ENERGY = (0.0005, 0.9995)  # parts of the recorded energy between which the histories are shown
 _CYCLES = 8  # of the recording, that the close-up shows
-_UNITS = {"acceleration": ("acceleration (g)", IN_G), "displacement": ("displacement (m)", 1.0)}
-"""By quantity its label, and the factor from SI units."""
+_UNITS = {"acceleration": "m/s^2", "displacement": "m"}
+"""By quantity its SI unit."""
 
 
-def comparison_picture(comparisons: Sequence[Comparison], periods: Array, damping: float, suffix: str) -> Writer:
+def comparison_picture(
+    comparisons: Sequence[Comparison], periods: Array, damping: float, suffix: str, units: OutputUnits = SI
+) -> Writer:
     """Picture of results beside recordings, a row for each floor of each event, the roof on top.
 
     Parameters
@@ -38,11 +41,13 @@ def comparison_picture(comparisons: Sequence[Comparison], periods: Array, dampin
         Of the spectra, s, and their damping ratio.
     suffix : str
         .png, .pdf or .svg; see `tdint.output.figures.style.picture`.
+    units : OutputUnits
+        Of lengths and accelerations.
     """
-    return picture(suffix, lambda: _draw(comparisons, periods, damping))
+    return picture(suffix, lambda: _draw(comparisons, periods, damping, units.in_pictures))
 
 
-def _draw(comparisons: Sequence[Comparison], periods: Array, damping: float) -> Figure:
+def _draw(comparisons: Sequence[Comparison], periods: Array, damping: float, units: OutputUnits) -> Figure:
     rows = [
         (one, floor, spectra)
         for one in comparisons
@@ -54,14 +59,14 @@ def _draw(comparisons: Sequence[Comparison], periods: Array, damping: float) -> 
     panels = figure.subplots(len(rows), 3, squeeze=False, width_ratios=(2.2, 1.4, 1.1))
     for (one, floor, spectra), (history, close, spectrum) in zip(rows, panels, strict=True):
         event = record_name(one.event.recording.source) if len(comparisons) > 1 else ""
-        _draw_histories(history, floor)
+        _draw_histories(history, floor, units)
         history.set_xlim(*_shaken(one))
-        history.set_ylabel(_UNITS[floor.quantity][0].replace(" (", "\n("))
+        history.set_ylabel(f"{floor.quantity}\n({units.label(_UNITS[floor.quantity])})")
         history.set_title(_agreement(floor, event), loc="left", fontsize=8.5, parse_math=False)
-        _draw_histories(close, floor)
+        _draw_histories(close, floor, units)
         close.set_xlim(*_strongest(one))
         close.tick_params(labelleft=False)
-        _draw_spectra(spectrum, spectra)
+        _draw_spectra(spectrum, spectra, units)
     panels[-1, 1].set_xlabel("time (s)")
     panels[-1, 2].set_xlabel("period (s)")
     panels[0, 2].set_title(f"spectra, {100.0 * damping:g} %", fontsize=8.5)
@@ -85,10 +90,10 @@ def _title(one: Comparison, left_out: int) -> str:
     return f"{what}\n{', '.join(how)}"
 
 
-def _draw_histories(axes: Any, floor: FloorComparison) -> None:
-    factor = _UNITS[floor.quantity][1]
-    axes.plot(floor.time, factor * floor.recorded, color=_RECORDED, linewidth=1.6)
-    axes.plot(floor.time, factor * floor.computed, color=_COMPUTED, linewidth=0.7)
+def _draw_histories(axes: Any, floor: FloorComparison, units: OutputUnits) -> None:
+    unit = _UNITS[floor.quantity]
+    axes.plot(floor.time, units.of(floor.recorded, unit), color=_RECORDED, linewidth=1.6)
+    axes.plot(floor.time, units.of(floor.computed, unit), color=_COMPUTED, linewidth=0.7)
     axes.yaxis.set_major_locator(MaxNLocator(5, symmetric=True))
     axes.xaxis.set_major_locator(MaxNLocator(5))
 
@@ -119,10 +124,10 @@ def _strongest(one: Comparison) -> tuple[float, float]:
     return float(floor.time[near[0]]), float(floor.time[near[-1]])
 
 
-def _draw_spectra(axes: Any, spectra: FloorSpectra) -> None:
-    axes.plot(spectra.periods, IN_G * spectra.recorded, color=_RECORDED, linewidth=1.5)
-    axes.plot(spectra.periods, IN_G * spectra.computed, color=_COMPUTED, linewidth=0.9)
+def _draw_spectra(axes: Any, spectra: FloorSpectra, units: OutputUnits) -> None:
+    axes.plot(spectra.periods, units.of(spectra.recorded, "m/s^2"), color=_RECORDED, linewidth=1.5)
+    axes.plot(spectra.periods, units.of(spectra.computed, "m/s^2"), color=_COMPUTED, linewidth=0.9)
     axes.set_ylim(bottom=0.0)
-    axes.set_ylabel("SA (g)")
+    axes.set_ylabel(f"SA ({units.label('m/s^2')})")
     axes.tick_params(axis="x", which="both", labelsize=7.0)
     log_periods(axes, spectra.periods)

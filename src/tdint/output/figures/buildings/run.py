@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from tdint.files import Writer
 from tdint.output.figures.buildings.profiles import draw_profiles
 from tdint.output.figures.style import (
-    IN_G,
     INK,
     LIGHT,
     MARK,
@@ -22,6 +21,7 @@ from tdint.output.figures.style import (
     record_name,
     scaled_unit,
 )
+from tdint.output_units import SI, OutputUnits
 
 if TYPE_CHECKING:
     from tdint.analysis.run.outcome import History, Response
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-def run_picture(response: Response, suffix: str) -> Writer:
+def run_picture(response: Response, suffix: str, units: OutputUnits = SI) -> Writer:
     """Picture of a run: ground, roof displacement and energies over time; drifts, floor accelerations and shears over
     the height; the hysteresis of one story.
 
@@ -38,10 +38,10 @@ def run_picture(response: Response, suffix: str) -> Writer:
     """
     if response.history is None:
         raise ValueError("a picture of a run needs its history: run(..., history=True)")
-    return picture(suffix, lambda: _draw(response))
+    return picture(suffix, lambda: _draw(response, units.in_pictures))
 
 
-def _draw(response: Response) -> Figure:
+def _draw(response: Response, units: OutputUnits) -> Figure:
     history = response.history
     assert history is not None
     figure = Figure(figsize=(8.0, 9.4), layout="constrained")
@@ -50,14 +50,14 @@ def _draw(response: Response) -> Figure:
         roof = figure.add_subplot(grid[:2])
     else:
         ground = figure.add_subplot(grid[0])
-        _draw_ground(ground, history)
+        _draw_ground(ground, history, units)
         roof = figure.add_subplot(grid[1], sharex=ground)
-    _draw_roof(roof, history)
-    _draw_energies(figure.add_subplot(grid[2], sharex=roof), response, history)
+    _draw_roof(roof, history, units)
+    _draw_energies(figure.add_subplot(grid[2], sharex=roof), response, history, units)
     below = grid[3].subgridspec(1, 4, width_ratios=(1.0, 0.8, 0.8, 1.35))
     profiles = [figure.add_subplot(below[i]) for i in range(3)]
-    draw_profiles(profiles, response)
-    _draw_hysteresis(figure.add_subplot(below[3]), response, history)
+    draw_profiles(profiles, response, units)
+    _draw_hysteresis(figure.add_subplot(below[3]), response, history, units)
     title = f"{response.model.name}\n{response.method}, dt {response.dt:.4g} s"
     if response.record is not None:
         title += f", {record_name(response.record.source)} {response.record.component}".rstrip()
@@ -68,29 +68,29 @@ def _draw(response: Response) -> Figure:
     return figure
 
 
-def _draw_ground(axes: Any, history: History) -> None:
-    ground = IN_G * history.ground_acceleration
+def _draw_ground(axes: Any, history: History, units: OutputUnits) -> None:
+    ground, unit = units.of(history.ground_acceleration, "m/s^2"), units.label("m/s^2")
     axes.plot(history.time, ground, color=LIGHT, linewidth=0.8)
-    axes.set_ylabel("ground (g)")
+    axes.set_ylabel(f"ground ({unit})")
     axes.tick_params(labelbottom=False)
     axes.yaxis.set_major_locator(MaxNLocator(3, symmetric=True))
-    _mark_peak(axes, history.time, ground, "g")
+    _mark_peak(axes, history.time, ground, unit)
 
 
-def _draw_roof(axes: Any, history: History) -> None:
-    roof = history.displacement[:, -1]
+def _draw_roof(axes: Any, history: History, units: OutputUnits) -> None:
+    roof, unit = units.of(history.displacement[:, -1], "m"), units.label("m")
     axes.plot(history.time, roof, color=INK, linewidth=1.0)
-    axes.set_ylabel("roof displacement\n(m)")
+    axes.set_ylabel(f"roof displacement\n({unit})")
     axes.tick_params(labelbottom=False)
     axes.set_xlim(history.time[0], history.time[-1])
-    _mark_peak(axes, history.time, roof, "m")
+    _mark_peak(axes, history.time, roof, unit)
 
 
-def _draw_energies(axes: Any, response: Response, history: History) -> None:
+def _draw_energies(axes: Any, response: Response, history: History, units: OutputUnits) -> None:
     """Where the input energy went: layers of dissipated, damped, stored and kinetic energy below it."""
     energy = history.energy
     given = response.energy.start + energy.input
-    factor, unit = scaled_unit(float(np.max(np.abs(given))), "J")
+    factor, unit = scaled_unit(float(np.max(np.abs(given))), "J", units)
     layers = (
         (energy.dissipated, "dissipated by stories", "0.35", None),
         (energy.damping, "damping", "0.62", None),
@@ -133,30 +133,30 @@ def _mark_peak(axes: Any, time: Array, values: Array, unit: str) -> None:
     )  # fmt: skip
 
 
-def _draw_hysteresis(axes: Any, response: Response, history: History) -> None:
-    story, reason = _telling_story(response)
-    drift, shear = history.drift[:, story], history.shear[:, story]
+def _draw_hysteresis(axes: Any, response: Response, history: History, units: OutputUnits) -> None:
+    story, reason = _telling_story(response, units)
+    drift, shear = units.of(history.drift[:, story], "m"), history.shear[:, story]
     if np.isnan(response.stories.ductility[story]):
         # The force of a law that does not yield follows from the drift: its curve, not the chords between the steps.
         order = np.argsort(drift)
         drift, shear = drift[order], shear[order]
-    factor, unit = scaled_unit(float(np.max(np.abs(shear))), "N")
+    factor, unit = scaled_unit(float(np.max(np.abs(shear))), "N", units)
     axes.plot(drift, shear * factor, color=INK, linewidth=0.8)
     axes.axhline(0.0, color=LIGHT, linewidth=0.6)
     axes.axvline(0.0, color=LIGHT, linewidth=0.6)
     axes.set_title(f"Story {story + 1}: {reason}", fontsize=8.5)
-    axes.set_xlabel("drift (m)")
+    axes.set_xlabel(f"drift ({units.label('m')})")
     axes.set_ylabel(f"story shear ({unit})")
     axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
 
 
-def _telling_story(response: Response) -> tuple[int, str]:
+def _telling_story(response: Response, units: OutputUnits) -> tuple[int, str]:
     """The story whose hysteresis says most, from 0: the largest ductility, else drift ratio, else drift."""
     stories = response.stories
     for values, name, factor, unit in (
         (stories.ductility, "largest ductility", 1.0, ""),
         (stories.peak_drift_ratio, "largest drift", 100.0, " %"),
-        (stories.peak_drift, "largest drift", 1.0, " m"),
+        (units.of(stories.peak_drift, "m"), "largest drift", 1.0, f" {units.label('m')}"),
     ):
         if np.any(np.isfinite(values)):
             story = int(np.nanargmax(values))

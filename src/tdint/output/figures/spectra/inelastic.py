@@ -13,6 +13,7 @@ from tdint.ground_motion.record import component_names
 from tdint.output.figures.axes import plain_numbers
 from tdint.output.figures.spectra.over_periods import Panel, draw_over_periods, line_labels, over_periods_title
 from tdint.output.figures.style import LIGHT, add_title, picture, record_name
+from tdint.output_units import SI, OutputUnits
 
 if TYPE_CHECKING:
     from tdint.analysis.spectra.inelastic import InelasticSpectrum
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 _MOST = 4  # components that have panels of their own
 
 
-def inelastic_picture(spectra: Sequence[InelasticSpectrum], suffix: str) -> Writer:
+def inelastic_picture(spectra: Sequence[InelasticSpectrum], suffix: str, units: OutputUnits = SI) -> Writer:
     """Picture of inelastic spectra: a line per component, damping ratio, and ductility or strength.
 
     Return value and errors are those of `tdint.output.figures.style.picture`.
@@ -31,15 +32,15 @@ def inelastic_picture(spectra: Sequence[InelasticSpectrum], suffix: str) -> Writ
     spectra : sequence of InelasticSpectrum
         One at least; all for ductilities or all for strengths.
     """
-    return picture(suffix, lambda: _draw(spectra))
+    return picture(suffix, lambda: _draw(spectra, units))
 
 
-def _draw(spectra: Sequence[InelasticSpectrum]) -> Figure:
+def _draw(spectra: Sequence[InelasticSpectrum], units: OutputUnits) -> Figure:
     panels: list[Panel[InelasticSpectrum]] = [
         ("yield strength over weight", lambda spectrum: spectrum.yield_strength_ratio)
         if spectra[0].target is not None
         else ("ductility", lambda spectrum: spectrum.ductility),
-        ("largest displacement (m)", lambda spectrum: spectrum.sd),
+        (f"largest displacement ({units.label('m')})", lambda spectrum: units.of(spectrum.sd, "m")),
     ]
     given = [_given(spectrum) for spectrum in spectra]
     several = len(set(given)) > 1

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from tdint.files import Writer
 from tdint.ground_motion.record import Record
 from tdint.output.figures.spectra.over_periods import Panel, draw_over_periods, line_labels, over_periods_title
-from tdint.output.figures.style import IN_G, add_title, picture, record_name
+from tdint.output.figures.style import add_title, picture, record_name
+from tdint.output_units import SI, OutputUnits
 
 if TYPE_CHECKING:
     from tdint.analysis.spectra.rotated import RotatedSpectrum
@@ -38,7 +39,7 @@ class _Line:
         return self.psa * (self.periods / (2.0 * math.pi)) ** 2
 
 
-def rotated_picture(spectra: Sequence[RotatedSpectrum], suffix: str) -> Writer:
+def rotated_picture(spectra: Sequence[RotatedSpectrum], suffix: str, units: OutputUnits = SI) -> Writer:
     """Picture of spectra over all directions: a line per motion, damping ratio, percentile, and the geometric mean.
 
     Return value and errors are those of `tdint.output.figures.style.picture`.
@@ -48,14 +49,14 @@ def rotated_picture(spectra: Sequence[RotatedSpectrum], suffix: str) -> Writer:
     spectra : sequence of RotatedSpectrum
         One at least; all of the same percentiles.
     """
-    return picture(suffix, lambda: _draw(spectra))
+    return picture(suffix, lambda: _draw(spectra, units.in_pictures))
 
 
-def _draw(spectra: Sequence[RotatedSpectrum]) -> Figure:
+def _draw(spectra: Sequence[RotatedSpectrum], units: OutputUnits) -> Figure:
     lines = [line for spectrum in spectra for line in _lines(spectrum)]
     panels: list[Panel[_Line]] = [
-        ("pseudo-acceleration PSA (g)", lambda line: IN_G * line.psa),
-        ("displacement SD (m)", lambda line: line.sd),
+        (f"pseudo-acceleration PSA ({units.label('m/s^2')})", lambda line: units.of(line.psa, "m/s^2")),
+        (f"displacement SD ({units.label('m')})", lambda line: units.of(line.sd, "m")),
     ]
     labels = [f"{label}, {line.name}" for label, line in zip(line_labels(lines), lines, strict=True)]
     figure = draw_over_periods(lines, panels, labels, [(line.damping, line.name) for line in lines])

@@ -12,15 +12,19 @@ from numpy.typing import NDArray
 from tdint.files import Writer
 from tdint.output.figures.spectra.over_periods import Panel, draw_over_periods, line_labels, over_periods_title
 from tdint.output.figures.spectra.spectrum_axes import draw_adrs, draw_tripartite
-from tdint.output.figures.style import IN_G, add_title, picture
+from tdint.output.figures.style import add_title, picture
+from tdint.output_units import SI, OutputUnits
 
 if TYPE_CHECKING:
     from tdint.analysis.spectra.elastic import Spectrum
 
 Array = NDArray[np.float64]
+DrawSpectra = Callable[[Sequence["Spectrum"], Sequence[str], OutputUnits], Figure]
 
 
-def spectrum_picture(spectra: Sequence[Spectrum], suffix: str, axes: str = "periods") -> Writer:
+def spectrum_picture(
+    spectra: Sequence[Spectrum], suffix: str, axes: str = "periods", units: OutputUnits = SI
+) -> Writer:
     """Picture of spectra, a line per component and damping ratio, or the fractiles of a suite.
 
     Return value and errors are those of `tdint.output.figures.style.picture`.
@@ -31,20 +35,20 @@ def spectrum_picture(spectra: Sequence[Spectrum], suffix: str, axes: str = "peri
         A key of `DRAWN`: pseudo-acceleration and displacement over the `periods`, `tripartite` (pseudo-velocity over
         the period, with scales of the other two), or `adrs` (pseudo-acceleration over displacement).
     """
-    return picture(suffix, lambda: _draw(spectra, DRAWN[axes]))
+    return picture(suffix, lambda: _draw(spectra, DRAWN[axes], units.in_pictures))
 
 
-def _draw(spectra: Sequence[Spectrum], draw: Callable[[Sequence[Spectrum], Sequence[str]], Figure]) -> Figure:
-    figure = draw(spectra, line_labels(spectra))
+def _draw(spectra: Sequence[Spectrum], draw: DrawSpectra, units: OutputUnits) -> Figure:
+    figure = draw(spectra, line_labels(spectra), units)
     title = over_periods_title("Elastic response spectrum", "Elastic response spectra", spectra, _how(spectra[0]))
     add_title(figure, title)
     return figure
 
 
-def _draw_periods(spectra: Sequence[Spectrum], labels: Sequence[str]) -> Figure:
+def _draw_periods(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUnits) -> Figure:
     panels: list[Panel[Spectrum]] = [
-        ("pseudo-acceleration PSA (g)", lambda spectrum: IN_G * spectrum.psa),
-        ("displacement SD (m)", lambda spectrum: spectrum.sd),
+        (f"pseudo-acceleration PSA ({units.label('m/s^2')})", lambda spectrum: units.of(spectrum.psa, "m/s^2")),
+        (f"displacement SD ({units.label('m')})", lambda spectrum: units.of(spectrum.sd, "m")),
     ]
     return draw_over_periods(spectra, panels, labels)
 

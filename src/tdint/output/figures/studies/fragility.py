@@ -72,8 +72,7 @@ def _draw_functions(axes: Any, functions: Sequence[Fragility]) -> None:
     axes.set_ylim(-0.01, 1.01)
     axes.set_xlabel(_im_label(functions[0]))
     axes.set_ylabel("probability of exceedance")
-    if functions[0].unit == "m/s^2":
-        add_gravity_axis(axes, horizontal=True)
+    add_gravity_axis(axes, functions[0].unit, horizontal=True)
     title = None if math.isnan(functions[0].threshold) else "exceedance of"
     axes.legend(loc="lower right", frameon=True, framealpha=0.85, edgecolor="none", title=title, alignment="left")
 

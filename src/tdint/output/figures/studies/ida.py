@@ -26,7 +26,7 @@ _BEYOND = 1.04  # of drift: where flat lines end
 
 
 def ida_picture(study: IdaStudy, suffix: str) -> Writer:
-    """Picture of a study.
+    """Picture of a study, in the units that its intensities have (`IdaStudy.in_units`).
 
     Parameters, return value and errors are those of `tdint.output.figures.style.picture`.
     """
@@ -49,8 +49,7 @@ def _draw(study: IdaStudy) -> Figure:
     axes.set_ylim(0.0, _ROOM * (max(map(_highest, study.curves)) or 1.0))
     axes.set_xlabel("largest drift ratio (%)")
     axes.set_ylabel(measure_label(study.im_name, study.measure.unit))
-    if study.measure.unit == "m/s^2":
-        add_gravity_axis(axes)
+    add_gravity_axis(axes, study.measure.unit)
     axes.legend(loc="lower right", frameon=True, framealpha=0.9, edgecolor="none")
     add_title(figure, _title(study))
     return figure

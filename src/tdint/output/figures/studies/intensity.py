@@ -8,7 +8,7 @@ from typing import Any
 from tdint.campaign.studies.intensity import GEOMETRIC_MEAN, PAIRS
 from tdint.output.figures.axes import minor_ticks, plain_numbers
 from tdint.output.figures.style import COLORS
-from tdint.units import STANDARD_GRAVITY
+from tdint.units import ACCELERATION, STANDARD_GRAVITY
 
 GRAY = "0.72"
 """Of what is one record among many."""
@@ -38,9 +38,12 @@ def measure_label(name: str, unit: str) -> str:
     return f"{text} ({unit.replace('^2', '²')})" if unit else text
 
 
-def add_gravity_axis(axes: Any, *, horizontal: bool = False) -> None:
-    """A second axis on the other side of one in m/s^2, in g."""
-    both = (lambda value: value / STANDARD_GRAVITY, lambda value: value * STANDARD_GRAVITY)
+def add_gravity_axis(axes: Any, unit: str, *, horizontal: bool = False) -> None:
+    """A second axis, in g, on the other side of one in another unit of acceleration; none beside other units."""
+    if unit == "g" or unit not in ACCELERATION:
+        return
+    g = STANDARD_GRAVITY / ACCELERATION[unit]
+    both = (lambda value: value / g, lambda value: value * g)
     second = (
         axes.secondary_xaxis("top", functions=both) if horizontal else axes.secondary_yaxis("right", functions=both)
     )

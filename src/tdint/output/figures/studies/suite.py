@@ -17,6 +17,7 @@ from tdint.output.figures.axes import plain_logarithmic
 from tdint.output.figures.studies.intensity import add_gravity_axis, measure_words, single_look
 from tdint.output.figures.style import COLORS, DASHES, add_title, changed, picture, record_name
 from tdint.output.figures.suites import BETWEEN_FRACTILES, draw_fractiles, draw_median
+from tdint.output_units import SI, OutputUnits
 
 Array = NDArray[np.float64]
 
@@ -26,19 +27,20 @@ _FEW = 3  # motions: fewer have no fractiles
 _PAIR = {GEOMETRIC_MEAN: "geometric mean of both components", "rotd50": "RotD50", "rotd100": "RotD100"}
 
 
-def suite_picture(scaling: Scaling, suffix: str) -> Writer:
+def suite_picture(scaling: Scaling, suffix: str, units: OutputUnits = SI) -> Writer:
     """Picture of a scaled suite.
 
     Parameters, return value and errors are those of `tdint.output.figures.style.picture`.
     """
-    return picture(suffix, lambda: _draw(scaling))
+    return picture(suffix, lambda: _draw(scaling, units))
 
 
-def _draw(scaling: Scaling) -> Figure:
+def _draw(scaling: Scaling, units: OutputUnits) -> Figure:
     figure = Figure(figsize=(7.2, 5.2), layout="constrained")
     axes = figure.subplots()
     periods = _periods(scaling)
     spectra, what = _spectra(scaling, periods)
+    spectra = units.of(spectra, "m/s^2")
     several = len(spectra) > 1
     look = single_look(several)
     axes.plot(periods, spectra.T, zorder=1, **look)
@@ -47,14 +49,14 @@ def _draw(scaling: Scaling) -> Figure:
         draw_median(axes, periods, spectra, COLORS[0], zorder=4.0).set_label("median")
     if len(spectra) >= _FEW:
         draw_fractiles(axes, periods, spectra, COLORS[0], zorder=3.0).set_label(BETWEEN_FRACTILES)
-    _draw_aim(axes, scaling, periods, spectra)
+    _draw_aim(axes, scaling, periods, spectra, units)
     plain_logarithmic(axes)
     axes.set_xlim(periods[0], periods[-1])
     axes.set_xlabel("period (s)")
-    axes.set_ylabel("pseudo-acceleration Sa (m/s²)")
-    add_gravity_axis(axes)
+    axes.set_ylabel(f"pseudo-acceleration Sa ({units.label('m/s^2')})")
+    add_gravity_axis(axes, units.unit("m/s^2")[0])
     axes.legend(loc="lower left")
-    add_title(figure, _title(scaling))
+    add_title(figure, _title(scaling, units))
     return figure
 
 
@@ -71,29 +73,31 @@ def _spectra(scaling: Scaling, periods: Array) -> tuple[Array, str]:
     return np.concatenate(parts), "component"
 
 
-def _draw_aim(axes: Any, scaling: Scaling, periods: Array, spectra: Array) -> None:
+def _draw_aim(axes: Any, scaling: Scaling, periods: Array, spectra: Array, units: OutputUnits) -> None:
     """What the suite was scaled to: a point, or a spectrum over its range."""
     red = COLORS[1]
     if scaling.target is not None and scaling.periods is not None:
-        target = scaling.target
+        target, psa = scaling.target, units.of(scaling.target.psa, "m/s^2")
         axes.axvspan(scaling.periods[0], scaling.periods[-1], color="0.95", zorder=0)
-        axes.plot(target.periods, target.psa, color=red, linewidth=2.2, label="target", zorder=5)
+        axes.plot(target.periods, psa, color=red, linewidth=2.2, label="target", zorder=5)
         if scaling.rule == "asce7":
-            axes.plot(
-                target.periods, LEAST_PART * target.psa, color=red, linestyle=DASHES[2], zorder=5, label="90 % of it"
-            )
+            axes.plot(target.periods, LEAST_PART * psa, color=red, linestyle=DASHES[2], zorder=5, label="90 % of it")
             axes.plot(
                 periods, np.mean(spectra, axis=0), color=COLORS[2], linewidth=2.0, linestyle=DASHES[3], zorder=5,
                 label="average",
             )  # fmt: skip
     periods_aimed = _aimed(scaling)
-    if len(periods_aimed) == 1 and periods_aimed[0] > 0.0 and scaling.value is not None:
-        label = f"Sa({periods_aimed[0]:.4g} s) = {scaling.value:.4g} m/s²"
-        axes.plot(periods_aimed[0], scaling.value, "o", color=red, markersize=7, zorder=6, label=label)
+    if scaling.value is None or not periods_aimed:
+        return
+    value = units.of(scaling.value, "m/s^2")
+    said = f"{value:.4g} {units.label('m/s^2')}"
+    if len(periods_aimed) == 1 and periods_aimed[0] > 0.0:
+        label = f"Sa({periods_aimed[0]:.4g} s) = {said}"
+        axes.plot(periods_aimed[0], value, "o", color=red, markersize=7, zorder=6, label=label)
     elif len(periods_aimed) > 1:
-        label = f"Sa_avg = {scaling.value:.4g} m/s²"
+        label = f"Sa_avg = {said}"
         axes.axvspan(periods_aimed[0], periods_aimed[-1], color="0.95", zorder=0)
-        axes.plot([periods_aimed[0], periods_aimed[-1]], [scaling.value] * 2, color=red, zorder=5, label=label)
+        axes.plot([periods_aimed[0], periods_aimed[-1]], [value] * 2, color=red, zorder=5, label=label)
 
 
 def _aimed(scaling: Scaling) -> tuple[float, ...]:
@@ -111,12 +115,12 @@ def _periods(scaling: Scaling) -> Array:
     return np.geomspace(max(low, _SHORTEST * max(intervals)), high, int(count))
 
 
-def _title(scaling: Scaling) -> str:
+def _title(scaling: Scaling, units: OutputUnits) -> str:
     target = record_name(scaling.target.source) if scaling.target else ""
     value = ""
-    if scaling.measure is not None:
-        unit = scaling.measure.unit.replace("^2", "²")
-        value = f"{measure_words(scaling.measure.name)} = {scaling.value:.4g} {unit}"
+    if scaling.measure is not None and scaling.value is not None:
+        unit = scaling.measure.unit
+        value = f"{measure_words(scaling.measure.name)} = {units.of(scaling.value, unit):.4g} {units.label(unit)}"
     ways = {
         "value": f"scaled to {value}",
         "mean": f"scaled to {target}, least squares of ln Sa",
