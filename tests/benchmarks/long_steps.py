@@ -2,7 +2,8 @@
 
 Tables: motion (L2 error and largest error of a peak drift at 1, 2, 4 and 8 samples a step, all methods), peaks (peak
 floor accelerations, shears and drifts of 20 random bilinear buildings), speed (processor time of long steps over that
-at the record's own, and what looking between the steps costs). All if none is named.
+at the record's own, and what looking between the steps costs), tolerance (campaigns that choose their steps: how many
+runs are beyond it). All if none is named.
 """
 
 from __future__ import annotations
@@ -14,10 +15,15 @@ from pathlib import Path
 
 import numpy as np
 
-from tdint import load_model, run
+from tdint import load_model, read_record, run
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import FailedRun, model_record
 from tdint.analysis.run.steps import choose_steps
+from tdint.campaign.engine.batch import Batch
+from tdint.campaign.engine.runs import Motions, Run
+from tdint.campaign.engine.settings import RunSettings
+from tdint.campaign.engine.subject import Subject
+from tdint.campaign.engine.tolerance import building_step
 from tdint.methods.catalogue import catalogue, parse
 
 sys.path.append(str(Path(__file__).parents[1]))
@@ -128,7 +134,48 @@ def speed():
         print(f"{name:20s}" + "".join(f"{times[k] / times[1]:8.3f}" for k in SAMPLES) + f"{1e3 * times[1]:10.3f}")
 
 
-TABLES = {one.__name__: one for one in (motion, peaks, speed)}
+def tolerance():
+    """Campaigns of 12 random bilinear buildings under the shipped motions at four scales, with steps that are chosen
+    under the strongest run without collapse alone, and under some that are spread."""
+    shipped = (
+        read_record(CONFIGS.parent / "records" / f"{name}.mseed", component=component, units="m/s^2")
+        for name in ("firm-soil", "near-fault", "soft-soil")
+        for component in ("HN1", "HN2")
+    )
+    records = dict(enumerate(shipped))
+    motions = Motions.of(records)
+    runs = [Run(motion_of, scale) for motion_of in records for scale in (0.25, 0.5, 1.0, 1.5)]
+    ranked = sorted(runs, key=lambda one: -one.scale * records[one.motion].pga)
+    rng = np.random.default_rng(7)
+    buildings = [random_bilinear(rng) for _ in range(12)]
+
+    def drifts(building, method, step):
+        batch = Batch(0, Subject(building, method), motions, dict.fromkeys(records), RunSettings(stories=True))
+        return np.array([row.peak_drift for row in batch.results(runs, step).stories]).reshape(len(runs), -1)
+
+    truths = [drifts(building, "impulse4", 0.01 / 16) for building in buildings]
+    print("runs beyond the tolerance, % / largest error of a peak drift / processor time of choice and runs, s")
+    print(f"{'':30s}{'the strongest':>28s}{'spread':>28s}")
+    for method in ("impulse4", "moment4", "newmark-average"):
+        for within in (0.01, 0.001):
+            cells = []
+            for parts in ([[one] for one in ranked], [runs]):
+                errors, choosing, running = [], 0.0, 0.0
+                for building, truth in zip(buildings, truths, strict=True):
+                    begin = time.process_time()
+                    subject = Subject(building, method)
+                    steps = (building_step(subject, records, part, RunSettings(), within) for part in parts)
+                    step = next(step for step in steps if step is not None)
+                    chosen = time.process_time()
+                    found = drifts(building, method, step)
+                    choosing, running = choosing + chosen - begin, running + time.process_time() - chosen
+                    errors += list(np.max(np.abs(found / truth - 1.0), axis=1))
+                beyond = 100.0 * np.mean(np.array(errors) > within)
+                cells.append(f"{beyond:.1f} / {max(errors):.1e} / {choosing:.1f} + {running:.1f}")
+            print(f"{method:20s}{100.0 * within:8.1f} %" + "".join(f"{cell:>28s}" for cell in cells))
+
+
+TABLES = {one.__name__: one for one in (motion, peaks, speed, tolerance)}
 
 if __name__ == "__main__":
     for name in sys.argv[1:] or TABLES:

@@ -129,10 +129,10 @@ def test_an_unstable_step_is_a_row_with_its_status() -> None:
     assert row.pga == RECORDS[0].pga
 
 
-def test_halved_steps_and_steps_that_are_not_within_a_tolerance() -> None:
+def test_steps_that_are_chosen_and_steps_that_are_not_within_a_tolerance() -> None:
     of = batch("ten-story-bilinear", "newmark-average", dt=0.02)
-    (row,) = of.results([Run(0, 1.0)], halvings=2).runs
+    (row,) = of.results([Run(0, 1.0)], largest=0.008).runs
     assert row.dt == 0.005
     assert row.peak_drift == demands(single(of, Run(0, 1.0), dt=0.005).stories).drift.value
-    (row,) = of.results([Run(0, 1.0)], halvings=None).runs
+    (row,) = of.results([Run(0, 1.0)], largest=None).runs
     assert (row.status, row.peak_drift) == ("not-within-tolerance", None)

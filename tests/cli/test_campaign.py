@@ -262,16 +262,16 @@ def test_usage(study: Path, tdint: Run, arguments: list[str], said: str) -> None
 
 
 def test_a_tolerance_chooses_the_step_of_each_building(study: Path, tdint: Run) -> None:
-    """One step for all runs of a building, with which the strongest one is within the tolerance; with several jobs,
-    too. The same fraction of the drift is asked of `tdint run`, which chooses no larger step."""
+    """One step for all runs of a building; with several jobs, too. `tdint run` chooses no smaller one for a run that
+    has been looked at."""
     change("study.yaml", ("method: newmark-average", "method: newmark-average, tolerance: 0.1%"))
     assert tdint("campaign", "study.yaml", "-o", "out", "--jobs", "2").exit_code == 0
     steps = {(row["building"], row["dt_s"]) for row in rows("out/runs.csv")}
     assert len(steps) == 2 and min(float(dt) for _, dt in steps) < 0.01
     one = tdint("run", "shaken.yaml", "--record", "motion.mseed", "--units", "m/s^2", "--component", "HNN", "--scale",
-                "2.5", "--tolerance", "0.1%", "-o", "one")  # fmt: skip
+                "1", "--tolerance", "0.1%", "-o", "one")  # fmt: skip
     assert one.exit_code == 0
-    assert ("shaken", f"{json.loads(Path('one/summary.json').read_text())['dt_s']:.12g}") in steps
+    assert float(dict(steps)["shaken"]) <= json.loads(Path("one/summary.json").read_text())["dt_s"]
 
 
 def test_levels_of_an_intensity_measure(study: Path, tdint: Run) -> None:

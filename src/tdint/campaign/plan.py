@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass, field
 from functools import cached_property
 from threading import Lock
@@ -14,7 +16,7 @@ from tdint.campaign.buildings import Buildings
 from tdint.campaign.engine.chunk import Chunk, Portion, Source
 from tdint.campaign.engine.runs import Run
 from tdint.campaign.engine.settings import RunSettings
-from tdint.campaign.engine.tolerance import halvings_within
+from tdint.campaign.engine.tolerance import building_step
 from tdint.campaign.levels import Levels
 from tdint.campaign.motions import Assignment, Draw, SuiteMotion
 from tdint.errors import TdintError, UsageError
@@ -62,7 +64,7 @@ class Plan:
     settings: RunSettings
     failures: tuple[TdintError, ...] = ()
     notes: tuple[str, ...] = ()
-    _chosen: dict[int, int | None] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _chosen: dict[int, Future[float | None]] = field(default_factory=dict, init=False, repr=False, compare=False)
     _choosing: Lock = field(default_factory=Lock, init=False, repr=False, compare=False)
 
     @property
@@ -151,23 +153,29 @@ class Plan:
             runs = [
                 Run(draw.motion, scale, draw.sample) for draw in draws[place] for scale in factors[place, draw.motion]
             ]
-            halvings = self._halvings(number, sources[place], runs)
-            found.append(Portion(number, sources[place], tuple(runs[part]), halvings))
+            largest = self._largest_step(number, sources[place], runs)
+            found.append(Portion(number, sources[place], tuple(runs[part]), largest))
         return tuple(found)
 
-    def _halvings(self, number: int, source: Source, runs: Sequence[Run]) -> int | None:
-        """How often the steps of a building are halved for the tolerance: found once, whatever chunks its runs are
-        in."""
+    def _largest_step(self, number: int, source: Source, runs: Sequence[Run]) -> float | None:
+        """The largest step of a building for the tolerance, s: found once, whatever chunks its runs are in."""
         tolerance = self.settings.tolerance
         if tolerance is None:
-            return 0
+            return math.inf
         with self._choosing:
-            if number not in self._chosen:
+            mine = number not in self._chosen
+            if mine:
                 while len(self._chosen) >= _KEPT:
                     self._chosen.pop(next(iter(self._chosen)))
+                self._chosen[number] = Future()
+            chosen = self._chosen[number]
+        if mine:
+            try:
                 records = {run.motion: self.motions[run.motion].record for run in runs}
-                self._chosen[number] = halvings_within(source.subject(), records, runs, self.settings, tolerance)
-            return self._chosen[number]
+                chosen.set_result(building_step(source.subject(), records, runs, self.settings, tolerance))
+            except BaseException as error:
+                chosen.set_exception(error)
+        return chosen.result()
 
     def _factors(
         self, sources: Sequence[Source], draws: Sequence[Sequence[Draw]]

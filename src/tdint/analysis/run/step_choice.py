@@ -53,15 +53,36 @@ def choose_step(
     FailedRun
         No step down to a 256th of the record's, or of `dt`, is within it, or none gives a response.
     """
+    search, level = _searched(case, tolerance, dt, duration, math.inf)
+    return search.taken(level, history)
+
+
+def step_within(
+    case: Case, tolerance: float, *, dt: float | None = None, duration: float | None = None, largest: float = math.inf
+) -> float:
+    """The step that `choose_step` takes, s, or the first one in its row that is no larger than `largest` and will do.
+
+    Errors are those of `choose_step`.
+    """
+    search, level = _searched(case, tolerance, dt, duration, largest)
+    return search.steps(level).h
+
+
+def _searched(
+    case: Case, tolerance: float, dt: float | None, duration: float | None, largest: float
+) -> tuple[_Search, int]:
+    """The search, and the level that it finds among steps up to `largest`."""
     if not 0.0 < tolerance < 1.0:
         raise UsageError(f"a tolerance lies between 0 and 1 (100 %), got {tolerance:g}")
     asked = case.steps(dt, duration)
     fixed = dt is not None or case.model.analysis.dt is not None or case.record is None
     search = _Search(case, tolerance, asked, 0 if fixed else _samples(case, asked, _PER_PERIOD))
-    level = search.first_within()
+    begin = max(0, math.ceil(math.log2(search.steps(0).h / largest) - _SAME)) if largest < math.inf else 0
+    level = search.first_within(begin)
     if not fixed and level == 0:
-        level = search.coarser(_samples(case, asked, _FEWEST))
-    return search.taken(level, history)
+        allowed = math.log2(largest / asked.h) + _SAME
+        level = search.coarser(min(_samples(case, asked, _FEWEST), allowed))
+    return search, level
 
 
 def _samples(case: Case, asked: Steps, per_period: float) -> int:
@@ -113,18 +134,18 @@ class _Search:
             return False
         return response.check.drift_error <= self.tolerance
 
-    def first_within(self) -> int:
-        """The first level that is within the tolerance."""
-        last = self.power + _MOST_HALVINGS
-        for level in range(last + 1):
+    def first_within(self, begin: int) -> int:
+        """The first level from `begin` on that is within the tolerance."""
+        last = max(self.power + _MOST_HALVINGS, begin)
+        for level in range(begin, last + 1):
             if self.within(level):
                 return level
         reached = self.checked(last)
         raise reached if isinstance(reached, FailedRun) else _not_reached(self.case, reached, self.tolerance)
 
-    def coarser(self, power: int) -> int:
+    def coarser(self, power: float) -> int:
         """Go on to larger steps, up to 2^power sampling intervals, while they are within the tolerance. The level."""
-        while self.power < power:
+        while self.power + 1 <= power:
             other = _Search(self.case, self.tolerance, self.asked, self.power + 1)
             if other.steps(1) == self.steps(0):
                 other.runs = {level + 1: run for level, run in self.runs.items()}

@@ -39,6 +39,8 @@ Array = NDArray[np.float64]
 
 _REPEATED = ("not-converged", "diverged")
 
+_SAME = 1e-9  # steps that differ by less than about this part are the same
+
 
 @dataclass
 class Rows:
@@ -84,8 +86,16 @@ class Batch:
     spectral: dict[int, float | None]
     settings: RunSettings
 
-    def results(self, runs: Sequence[Run], halvings: int | None = 0) -> Rows:
-        """Integrate the runs, their steps halved so often for a tolerance; None: no step is within it.
+    def results(self, runs: Sequence[Run], largest: float | None = math.inf) -> Rows:
+        """Integrate the runs.
+
+        Parameters
+        ----------
+        runs : sequence of Run
+            The runs.
+        largest : float or None
+            The step chosen for a tolerance, s: of a record's step, halved or doubled, the largest within it is taken.
+            None: no step keeps the tolerance. By default steps are those of the settings.
 
         Raises
         ------
@@ -95,11 +105,10 @@ class Batch:
             The method does not integrate this building.
         """
         results = Rows()
-        steps = {motion: self._steps(motion) for motion in dict.fromkeys(run.motion for run in runs)}
-        for _ in range(halvings or 0):
-            steps = {motion: finer(before) for motion, before in steps.items()}
+        chosen = math.inf if largest is None else largest
+        steps = {motion: self._steps(motion, chosen) for motion in dict.fromkeys(run.motion for run in runs)}
         jobs = [_Job(run, steps[run.motion]) for run in runs]
-        if halvings is None:
+        if largest is None:
             for job in jobs:
                 self._take_failure(job, "not-within-tolerance", results)
             return results
@@ -110,8 +119,18 @@ class Batch:
             jobs = failed
         return results
 
-    def _steps(self, motion: int) -> Steps:
-        return self._case(Run(motion, 1.0)).steps(self.settings.dt, self.settings.duration)
+    def _steps(self, motion: int, largest: float) -> Steps:
+        """Steps on a motion as the settings want them, halved or doubled to the largest within `largest`."""
+        case, duration = self._case(Run(motion, 1.0)), self.settings.duration
+        steps = case.steps(self.settings.dt, duration)
+        if largest == math.inf:
+            return steps
+        doublings = math.floor(math.log2(largest / steps.h) + _SAME)
+        if doublings > 0:
+            return case.steps(steps.h * 2.0**doublings, duration)
+        for _ in range(-doublings):
+            steps = finer(steps)
+        return steps
 
     def _case(self, run: Run) -> Case:
         record = self.motions.records[run.motion]

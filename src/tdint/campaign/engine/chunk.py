@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -37,14 +38,14 @@ class Portion(NamedTuple):
         What makes it.
     runs : tuple of Run
         The runs.
-    halvings : int or None
-        How often their steps are halved for a tolerance; None if no step is within it.
+    largest : float or None
+        Their largest step for a tolerance, s; None if no step is within it.
     """
 
     number: int
     source: Source
     runs: tuple[Run, ...]
-    halvings: int | None = 0
+    largest: float | None = math.inf
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,7 @@ def do(chunk: Chunk) -> Done:
     rows = Rows()
     for portion, subject, sa in zip(chunk.portions, subjects, spectral, strict=True):
         batch = Batch(portion.number, subject, motions, sa, chunk.settings)
-        rows.extend(batch.results(portion.runs, portion.halvings))
+        rows.extend(batch.results(portion.runs, portion.largest))
     return Done(chunk.number, rows, time.perf_counter() - began)
 
 

@@ -28,7 +28,7 @@ class RunSettings:
     stories : bool
         Keep the peaks of every story, too.
     tolerance : float or None
-        The steps of a building are halved until the estimated errors of its peak drifts are within this part of them.
+        The step of a building is such that the estimated errors of its peak drifts are within this part of them.
     """
 
     dt: float | None = None

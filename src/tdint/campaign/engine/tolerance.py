@@ -1,43 +1,79 @@
-"""The step of a building by a tolerance: chosen once, under its strongest motions, for all its runs."""
+"""The step of a building by a tolerance: chosen once, under some of its runs, for all of them.
+
+What a step errs by hangs on the motion as much as on the building: one motion, be it the strongest, tells little of the
+others. So the runs that are looked at are spread over motions and scales, and the smallest of their steps is taken.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain, islice, zip_longest
+from typing import TypeVar
 
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.outcome import FailedRun
-from tdint.analysis.run.step_choice import choose_step
+from tdint.analysis.run.error_estimate import attempt
+from tdint.analysis.run.outcome import FailedRun, Response
+from tdint.analysis.run.step_choice import step_within
 from tdint.campaign.engine.runs import Run
 from tdint.campaign.engine.settings import RunSettings
 from tdint.campaign.engine.subject import Subject
 from tdint.ground_motion.record import Record
 
-_TRIED = 4
-"""Runs that are tried, from the strongest to the one in the middle: under the strongest the building may collapse,
-where nothing says how far off a step is."""
+Item = TypeVar("Item")
+
+_FEWEST, _MOST = 4, 8
+"""Runs whose errors are looked at: a quarter of them, within these bounds."""
+
+_TRIED = 24
+"""Runs that are tried for that: where the building collapses nothing says how far off a step is."""
 
 
-def halvings_within(
+def building_step(
     subject: Subject, records: Mapping[int, Record], runs: Sequence[Run], settings: RunSettings, tolerance: float
-) -> int | None:
-    """How often the steps of a building's runs are halved for the peak drifts to be within a tolerance, by the estimate
-    of `tdint.analysis.run.step_choice`; None if it finds no such step.
+) -> float | None:
+    """The largest step (s) with which the peak drifts of a building are within a tolerance under some of its runs, by
+    the estimate of `tdint.analysis.run.step_choice`; None if there is none.
 
     Parameters
     ----------
     runs : sequence of Run
-        All runs of the building. The strongest is the one with the largest peak ground acceleration.
+        All runs of the building.
     """
-    ranked = sorted(runs, key=lambda run: -abs(run.scale) * records[run.motion].pga)
-    places = dict.fromkeys(round(i * (len(ranked) - 1) / (2 * (_TRIED - 1))) for i in range(_TRIED))
-    for run in (ranked[place] for place in places):
-        record = records[run.motion].scaled(run.scale)
-        case = Case(subject.model, subject.prepared, record, subject.integrator)
-        steps = case.steps(settings.dt, settings.duration)
+    step, looked_at = math.inf, 0
+    enough = min(max(_FEWEST, len(runs) // 4), _MOST)
+    for run in islice(_spread_runs(records, runs), _TRIED):
+        case = Case(subject.model, subject.prepared, records[run.motion].scaled(run.scale), subject.integrator)
+        first = attempt(case, case.steps(settings.dt, settings.duration))
+        if isinstance(first, Response) and first.collapse:
+            continue
         try:
-            response = choose_step(case, tolerance, dt=steps.h, duration=settings.duration)
+            step = step_within(case, tolerance, dt=settings.dt, duration=settings.duration, largest=step)
         except FailedRun:
             continue
-        return round(math.log2(steps.h / response.dt))
-    return None
+        looked_at += 1
+        if looked_at == enough:
+            break
+    return step if looked_at else None
+
+
+def _spread_runs(records: Mapping[int, Record], runs: Sequence[Run]) -> Iterator[Run]:
+    """All runs, of any beginning of them as many as can be under motions of their own, at scales in the middle."""
+    of_motion: dict[int, list[Run]] = {}
+    for run in sorted(runs, key=lambda run: abs(run.scale)):
+        of_motion.setdefault(run.motion, []).append(run)
+    ranked = sorted(of_motion, key=lambda motion: abs(of_motion[motion][-1].scale) * records[motion].pga)
+    rounds = zip_longest(*(_spread(of_motion[motion]) for motion in _spread(ranked)))
+    return (run for run in chain.from_iterable(rounds) if run is not None)
+
+
+def _spread(items: Sequence[Item]) -> Iterator[Item]:
+    """The item in the middle, those in the middle of either half, and so on."""
+    parts = deque([items])
+    while parts:
+        part = parts.popleft()
+        if part:
+            middle = len(part) // 2
+            yield part[middle]
+            parts += [part[:middle], part[middle + 1 :]]

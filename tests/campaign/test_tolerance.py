@@ -1,0 +1,83 @@
+"""The step of a building by a tolerance: from several sampling intervals down, by some of its runs, for all of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import tdint
+from tdint.analysis.run.case import Case
+from tdint.analysis.run.step_choice import choose_step, step_within
+from tdint.campaign.engine.batch import Batch, Rows
+from tdint.campaign.engine.runs import Motions, Run
+from tdint.campaign.engine.settings import RunSettings
+from tdint.campaign.engine.subject import Subject
+from tdint.campaign.engine.tolerance import building_step
+
+SHIPPED = [
+    tdint.read_record(f"records/{name}.mseed", component=component, units="m/s^2")
+    for name in ("firm-soil", "near-fault")
+    for component in ("HN1", "HN2")
+]
+FINE = replace(SHIPPED[0], acceleration=SHIPPED[0].acceleration[:2000].copy(), dt=0.004)
+RECORDS = dict(enumerate([*SHIPPED, FINE]))
+RUNS = [Run(motion, scale) for motion in RECORDS for scale in (0.3, 1.0, 2.0)]
+
+
+def results(subject: Subject, runs: list[Run], largest: float | None) -> Rows:
+    batch = Batch(0, subject, Motions.of(RECORDS), dict.fromkeys(RECORDS), RunSettings(stories=True))
+    return batch.results(runs, largest)
+
+
+@pytest.mark.parametrize(("method", "beyond"), [("impulse4", 0.01), ("newmark-average", 0.0)])
+def test_drifts_of_all_runs_are_within_the_tolerance(method: str, beyond: float) -> None:
+    """Under motions sampled at 0.01 and 0.004 s, of which each takes the largest step of its own within the chosen
+    one: impulse4 goes over several samples, average acceleration below the record's step."""
+    subject = Subject(tdint.load_model("configs/ten-story-bilinear.yaml"), method)
+    step = building_step(subject, RECORDS, RUNS, RunSettings(), 0.01)
+    assert step is not None
+    assert step > beyond if beyond else step < 0.01
+    coarse, fine = (
+        {(row.motion, row.scale, row.story): row.peak_drift for row in results(of, RUNS, largest).stories}
+        for of, largest in ((subject, step), (Subject(subject.model, "impulse4"), 0.01 / 16))
+    )
+    assert len(coarse) == 10 * len(RUNS)
+    assert max(abs(coarse[key] / fine[key] - 1.0) for key in fine) < 0.01
+    for row in results(subject, RUNS, step).runs:
+        assert step / 2 < row.dt <= step
+        assert np.log2(row.dt / RECORDS[row.motion].dt) % 1.0 == 0.0
+
+
+def test_rows_over_several_samples_are_those_of_single_runs() -> None:
+    subject = Subject(tdint.load_model("configs/ten-story-bilinear.yaml"), "impulse4")
+    case = Case(subject.model, subject.prepared, RECORDS[0], subject.integrator)
+    response = case.march(case.steps(0.04, None))
+    (row,) = results(subject, [Run(0, 1.0)], 0.05).runs
+    assert (row.dt, row.steps, row.energy_error) == (0.04, response.steps, response.energy.error)
+    assert row.peak_drift == np.max(response.stories.peak_drift)
+
+
+def test_the_step_is_the_smallest_of_those_of_the_runs() -> None:
+    """Of four runs, all of which are looked at; and with a step that is asked for it is the largest one."""
+    subject = Subject(tdint.load_model("configs/ten-story-bilinear.yaml"), "newmark-average")
+    runs = [Run(motion, 1.0) for motion in range(4)]
+    cases = [Case(subject.model, subject.prepared, RECORDS[run.motion], subject.integrator) for run in runs]
+    single = [choose_step(case, 0.05).dt for case in cases]
+    assert len(set(single)) > 1
+    assert building_step(subject, RECORDS, runs, RunSettings(), 0.05) == min(single)
+    assert building_step(subject, RECORDS, runs, RunSettings(dt=0.0025), 0.05) == 0.0025
+    largest = single.index(max(single))
+    assert step_within(cases[largest], 0.05) == single[largest]
+    assert step_within(cases[largest], 0.05, largest=min(single)) == min(single)
+
+
+def test_runs_in_which_a_building_collapses_say_nothing() -> None:
+    subject = Subject(tdint.load_model("configs/collapse-prone-frame.yaml"), "impulse4")
+    collapses = [Run(0, 12.0), Run(1, 12.0), Run(2, 12.0)]
+    assert {row.status for row in results(subject, collapses, 0.01).runs} == {"collapsed"}
+    assert building_step(subject, RECORDS, collapses, RunSettings(), 0.01) is None
+    alone = building_step(subject, RECORDS, [Run(0, 0.3)], RunSettings(), 0.01)
+    assert alone is not None
+    assert building_step(subject, RECORDS, [*collapses, Run(0, 0.3)], RunSettings(), 0.01) == alone
