@@ -189,6 +189,8 @@ def test_clouds_that_tell_nothing():
         fit_cloud([1.0, 1.0, 2.0], [1.0, 2.0, 3.0], [2.0])
     with pytest.raises(AnalysisError, match="on one line"):
         fit_cloud([1.0, 2.0, 4.0], [1.0, 2.0, 4.0], [2.0])
+    with pytest.raises(AnalysisError, match=r"do not tell the median: it is exp\(.* \+- .*\), with a dispersion of"):
+        fit_cloud([1.0, 2.0, 4.0, 8.0], [1.0, 3.0, 1.0, 2.2], [1e-9])  # a slope of 0.18, by chance
 
 
 @pytest.mark.parametrize(

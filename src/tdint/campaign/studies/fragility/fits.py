@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from scipy.special import ndtr
 
 from tdint.campaign.studies.fragility.likelihood import Observations, maximize
 from tdint.errors import AnalysisError, UsageError
+from tdint.quantities import LARGEST
 
 Array = NDArray[np.float64]
 
@@ -158,7 +160,7 @@ def fit_stripes(
     found = _lognormal(levels, side, ~side, np.concatenate([hits, misses]))
     if found is None:
         raise AnalysisError("exceedances do not become more frequent with intensity: no lognormal distribution fits")
-    return Fragility(STRIPES, *found, records=int(np.max(total)), points=Points(x, hits / total))
+    return _function(STRIPES, *found, records=int(np.max(total)), points=Points(x, hits / total))
 
 
 def fit_capacities(capacity: Sequence[float] | Array, censored: Sequence[bool] | None = None) -> Fragility:
@@ -198,13 +200,13 @@ def fit_capacities(capacity: Sequence[float] | Array, censored: Sequence[bool] |
         if not beta > _EQUAL:
             raise AnalysisError("all capacities are equal: the dispersion cannot be told")
         covariance = np.diag([beta**2 / x.size, beta**2 / (2.0 * x.size)])
-        found: tuple[float, float, Array] | None = (math.exp(float(np.mean(logarithms))), beta, covariance)
+        found: tuple[float, float, Array] | None = (float(np.mean(logarithms)), beta, covariance)
     else:
         found = _lognormal(x, np.zeros(x.size, bool), above, np.ones(x.size))
     if found is None:
         raise AnalysisError("the capacities tell no dispersion: too many are equal or censored")
     points = empirical(x, above)
-    return Fragility(IDA, *found, records=x.size, censored=int(np.sum(above)), points=points)
+    return _function(IDA, *found, records=x.size, censored=int(np.sum(above)), points=points)
 
 
 def fit_cloud(
@@ -247,9 +249,9 @@ def fit_cloud(
         mean = (math.log(threshold) - intercept) / slope
         jacobian = np.array([[-1.0, -mean, math.log(threshold)], [0.0, -1.0 / g1, 0.0]]) / g1
         results.append(
-            Fragility(
+            _function(
                 CLOUD,
-                math.exp(mean),
+                mean,
                 1.0 / g1,
                 jacobian @ covariance @ jacobian.T,
                 records=x.size,
@@ -279,10 +281,21 @@ def _line(x: Array, y: Array, above: NDArray[np.bool_]) -> tuple[float, float, f
     return float(g0 / h), float(g1 / h), float(1.0 / h), covariance
 
 
+def _function(fit: str, logarithm: float, beta: float, covariance: Array, **observed: Any) -> Fragility:
+    """The function of a fit, of its ln theta; AnalysisError where the observations tell next to nothing of it."""
+    half = _TWO_SIDED * math.sqrt(covariance[0, 0])  # of the 95 % interval
+    if not abs(logarithm) + half + beta < math.log(LARGEST):
+        raise AnalysisError(
+            f"the observations do not tell the median: it is exp({logarithm:.3g} +- {half:.3g}), with a dispersion of "
+            f"{beta:.3g}"
+        )
+    return Fragility(fit, math.exp(logarithm), beta, covariance, **observed)
+
+
 def _lognormal(
     x: Array, below: NDArray[np.bool_], above: NDArray[np.bool_], count: Array
 ) -> tuple[float, float, Array] | None:
-    """theta, beta and the covariance of ln theta and beta; None where there is no maximum of the likelihood."""
+    """ln theta, beta and the covariance of both; None where there is no maximum of the likelihood."""
     logarithms = np.log(x)
     middle, spread = float(np.mean(logarithms)), float(np.std(logarithms)) or 1.0
     observed = Observations(np.column_stack([np.ones(x.size), (logarithms - middle) / spread]), below, above, count, 1)
@@ -291,7 +304,7 @@ def _lognormal(
         return None
     (a, b), covariance = found
     jacobian = spread * np.array([[-1.0 / b, a / b**2], [0.0, -1.0 / b**2]])
-    return math.exp(middle - spread * a / b), float(spread / b), jacobian @ covariance @ jacobian.T
+    return float(middle - spread * a / b), float(spread / b), jacobian @ covariance @ jacobian.T
 
 
 def empirical(capacity: Array, censored: NDArray[np.bool_]) -> Points:
