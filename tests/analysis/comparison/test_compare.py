@@ -221,6 +221,10 @@ def test_files_that_do_not_fit(made):
     made.usual()
     with pytest.raises(RecordError, match="units say acceleration, its quantity says displacement"):
         made.event(FLOORS.replace("column: floor_1_m_s2", "column: floor_1_m_s2, quantity: displacement"))
+    cured = made.event(
+        FLOORS.replace("column: floor_1_m_s2", "column: floor_1_m_s2, quantity: displacement, units: cm")
+    )
+    assert cured.floors[0].quantity == "displacement"  # as the message advises
     with pytest.raises(RecordError, match="there is no column 'floor_9_m_s2'; did you mean"):
         made.event(FLOORS.replace("floor_1_m_s2", "floor_9_m_s2"))
     made.write("other.csv", start=100.0, roof=made.base)

@@ -17,6 +17,7 @@ from tdint.ground_motion.reading.scale import differentiated
 from tdint.ground_motion.record import Input, Record
 from tdint.ground_motion.signal import Signal, at_times, in_band
 from tdint.model.recorded.definition import Recording, Sensor
+from tdint.units import GROUND_MOTION
 
 Array = NDArray[np.float64]
 
@@ -158,10 +159,20 @@ def _read(sensor: Sensor) -> Signal:
         signal = read_column(sensor.file, sensor.column, sensor.units)
     if sensor.quantity and signal.quantity != sensor.quantity:
         raise RecordError(
-            f"{signal.label}: its units say {signal.quantity}, its quantity says {sensor.quantity}; correct the "
-            "quantity, or give its units"
+            f"{signal.label}: its units say {signal.quantity}, its quantity says {sensor.quantity}; {_cure(sensor)}"
         )
     return signal.times(sensor.sign)
+
+
+def _cure(sensor: Sensor) -> str:
+    """What to do where a sensor's file and its quantity differ: its units would have been judged with the quantity."""
+    if sensor.column is None:
+        return "correct the quantity, or give its units"
+    fitting = ", ".join(GROUND_MOTION[sensor.quantity or "acceleration"])
+    return (
+        "if the end of the column's name is right, take `quantity` out; if not, give `units` beside it, which count in "
+        f"place of the name: one of {fitting}"
+    )
 
 
 def _base_record(recording: Recording, signals: Sequence[Signal], notes: dict[str, None]) -> tuple[Record, float]:
