@@ -19,6 +19,7 @@ from tdint.output_units import parse_output_units
 
 Run = Callable[..., Result]
 US = parse_output_units("kip,in,g")
+CONFIGS = Path(__file__).parents[2] / "configs"
 
 
 def table(text: str) -> tuple[list[str], list[list[str]]]:
@@ -50,6 +51,8 @@ def check_round_trip(si: str, us: str) -> None:
         ("spectrum", "motion.mseed", "--period", "0.5", "--rotd", "50,100"),
         ("drift-spectrum", "motion.mseed", "--component", "HNE", "--period", "0.5"),
         ("info", "motion.mseed"),
+        ("check", "shaken.yaml"),
+        ("inventory", CONFIGS / "buildings.csv", "--units", "ft"),
     ],
     ids=lambda arguments: "-".join(str(word) for word in arguments if str(word).isalpha()),
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -198,6 +199,44 @@ def test_a_study_in_other_units_and_back(folder, tdint):
     assert told["columns"]["capacity"]["unit"] == told["columns"]["peak_absolute_acceleration_g"]["unit"] == "g"
     assert "pga_g" in told["records"][0] and told["settings"]["output_units"] == "kip,in,kg,g"
     assert all(row["unit"] == "g" for row in fitted)
+
+
+CLOUD = "im,edp,unit\n0.1,0.004,g\n0.2,0.007,g\n0.4,0.019,g\n0.6,0.021,g\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "arguments"),
+    [
+        ("capacity,unit\n0.2,g\n0.3,g\n0.5,g\n", ()),
+        ("im,collapses,records,unit\n0.2,1,9,g\n0.4,4,9,g\n0.8,8,9,g\n", ()),
+        (CLOUD, ("--threshold", "1%")),
+    ],
+)
+def test_fragility_in_other_units(folder, tdint, text, arguments):
+    """A median converted is the median of what is converted; dispersions have no unit; the picture goes with them."""
+    header, *lines = text.splitlines()
+    name = "capacity" if "capacity" in header else "im"
+    place = header.split(",").index(name)
+    cells = [line.replace(",g", ",m/s^2").split(",") for line in lines]
+    converted = [[repr(9.80665 * float(x)) if i == place else x for i, x in enumerate(row)] for row in cells]
+    (folder / "g.csv").write_text(text)
+    (folder / "si.csv").write_text("\n".join([header, *map(",".join, converted)]) + "\n")
+    given = tdint("fragility", "g.csv", *arguments, "--output-units", "m", "--plot=given.svg")
+    direct = tdint("fragility", "si.csv", *arguments, "--plot=direct.svg")
+    assert (given.exit_code, given.stderr) == (0, direct.stderr)
+    for row, other in zip(rows(given.stdout), rows(direct.stdout), strict=True):
+        assert row["unit"] == other["unit"] == "m/s^2"
+        for key in ("theta", "beta", "theta_error", "beta_error"):
+            assert float(row[key]) == pytest.approx(float(other[key]), rel=1e-6)
+    pictures = [(folder / f"{name}.svg").read_text("utf-8") for name in ("given", "direct")]
+    labels = [re.findall(r"<text[^>]*>([^<]*)</text>", picture) for picture in pictures]
+    assert labels[0] == labels[1] and any("m/s²" in label for label in labels[0])
+
+
+def test_an_intensity_without_a_unit_is_not_converted(folder, tdint):
+    result = tdint("fragility", CONFIGS / "stripes.csv", "--output-units", "g")
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert "give the table a column unit" in result.stderr
 
 
 def test_another_study_needs_another_folder_or_overwrite(studied, tdint):

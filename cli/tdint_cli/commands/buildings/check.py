@@ -17,6 +17,7 @@ from tdint_cli.terminal.streams import say
 
 if TYPE_CHECKING:
     from tdint.analysis.run.overview import Overview
+    from tdint.output_units import OutputUnits
 
 _CAMPAIGN = re.compile(rb"^(buildings|records)\s*:", re.MULTILINE)
 """A key that campaign files have at the left margin, and models have not."""
@@ -33,7 +34,8 @@ _CAMPAIGN = re.compile(rb"^(buildings|records)\s*:", re.MULTILINE)
     help="Print the JSON schema (draft 7) of such files instead, of models if it is not said: editors check and "
     "complete a file with it.",
 )
-def command(models: tuple[str, ...], schema: str | None) -> None:
+@options.output.units
+def command(models: tuple[str, ...], schema: str | None, output_units: OutputUnits | None) -> None:
     """What is wrong with model files, all at once, or what they are.
 
     Each MODEL.yaml is read, its first mode is found, and nothing is run. Every fault is reported with its line and
@@ -42,8 +44,8 @@ def command(models: tuple[str, ...], schema: str | None) -> None:
     method, record. A campaign file is checked with the models that it names. Exit code 3 if one of them has a fault.
     """
     if schema:
-        if models:
-            raise UsageError("--schema takes no model")
+        if models or output_units:
+            raise UsageError(f"--schema takes no {'model' if models else '--output-units'}")
         _print_schema(schema)
         return
     if not models:
@@ -51,6 +53,7 @@ def command(models: tuple[str, ...], schema: str | None) -> None:
     from tdint.analysis.run.overview import overview
     from tdint.output.tables.columns import buildings as columns
     from tdint.output.tables.table import Table
+    from tdint.output_units import SI
     from tdint_cli.terminal.drawing import emit_table
 
     sound: list[Overview] = []
@@ -65,7 +68,7 @@ def command(models: tuple[str, ...], schema: str | None) -> None:
         except ModelError as error:
             failures.append(error)
     if sound:
-        emit_table(Table.of_results(columns.OVERVIEW, sound))
+        emit_table(Table.of_results(columns.OVERVIEW, sound).in_units(output_units or SI))
     if failures:
         raise Failures(failures)
 

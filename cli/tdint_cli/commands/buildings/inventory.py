@@ -12,13 +12,14 @@ import click
 from tdint_cli import options
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.values import FileName, Ratio
-from tdint_cli.terminal.streams import emit, say
+from tdint_cli.terminal.streams import say
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tdint.files import Writer
     from tdint.model.inventory.buildings import InventoryBuilding
+    from tdint.output_units import OutputUnits
 
 RULES = ("mdof-lu",)
 _FILE_NAME = re.compile(r"[\w][\w .+-]{0,120}")
@@ -58,6 +59,7 @@ _FILE_NAME = re.compile(r"[\w][\w .+-]{0,120}")
     metavar="DIR",
     help="Also write a model file ID.yaml of each building, as `tdint run` takes it, into this folder.",
 )
+@options.output.units
 @options.output.overwrite
 def command(**given: Any) -> None:
     """Shear buildings by rules from a table of buildings.
@@ -65,8 +67,8 @@ def command(**given: Any) -> None:
     BUILDINGS.csv has a row per building and the columns id, NumberOfStories, YearBuilt, StructureType (W1 W2 S1-S5
     C1-C3 PC1 PC2 RM1 RM2 URM MH) and PlanArea (of one floor); optional are height (of the whole building), seismicZone
     (Z4 by default), DampingRatio and DesignLevel; other columns are not read; - is standard input. The rules mdof-lu
-    are those of Lu et al. (2014, 2020) with the building types of Hazus: trilinear stories that pinch. CSV in SI units,
-    one row per story.
+    are those of Lu et al. (2014, 2020) with the building types of Hazus: trilinear stories that pinch. CSV, one row
+    per story.
 
     Rows that cannot be used are told together, the others are done, and the exit code is 3.
     """
@@ -75,7 +77,7 @@ def command(**given: Any) -> None:
 
 def _run(
     buildings: str, units: str, rules: str, damping: str, seed: int, output: str | None, models: str | None,
-    overwrite: bool, **scatter: float | None,
+    overwrite: bool, output_units: OutputUnits | None, **scatter: float | None,
 ) -> None:  # fmt: skip
     from tdint.errors import ModelError
     from tdint.files import write_files
@@ -85,18 +87,14 @@ def _run(
     from tdint.output.tables.table import Table
     from tdint.units import LENGTH
 
-    outputs = Outputs.checked(output, None, overwrite)
+    outputs = Outputs.checked(output, None, overwrite, units=output_units)
     rows, faults = read_inventory(buildings, LENGTH[units], mass_only=damping == "mass-only")
     stiffness, ratio = (scatter[f"{name}_scatter"] or 0.0 for name in ("stiffness", "damping"))
     derived = derive_all(rows, rules, stiffness=stiffness, damping=ratio, seed=seed)
-    table = Table.of_results(columns.INVENTORY, derived).csv()
     files = _model_files(derived, rules, models) if models else {}
     if files:
         write_files(files, overwrite=overwrite)
-    if outputs.table:
-        write_files({outputs.table: lambda stream: stream.write(table)}, overwrite=overwrite)
-    else:
-        emit(table)
+    outputs.deliver(Table.of_results(columns.INVENTORY, derived))
     say(f"{len(derived)} of {len(derived) + len({fault.line for fault in faults})} buildings by the rules {rules}.")
     if faults:
         raise ModelError(faults)

@@ -18,6 +18,7 @@ from tdint_cli.terminal.streams import complain, say, warn
 if TYPE_CHECKING:
     from tdint.campaign.studies.fragility.fits import Fragility
     from tdint.files import Writer
+    from tdint.output_units import OutputUnits
 
 _FITS = ("stripes", "ida", "cloud")
 _IM = {"sa": "sa_t1_m_s2", "pga": "pga_m_s2"}
@@ -56,6 +57,7 @@ _IM = {"sa": "sa_t1_m_s2", "pga": "pga_m_s2"}
     "Also draw functions, observations and confidence bands, to this file (.png, .pdf, .svg) or beside -o under its "
     "name."
 )
+@options.output.units
 @options.output.overwrite
 def command(**given: Any) -> None:
     """Fragility functions: the probability of exceedance over intensity.
@@ -71,6 +73,7 @@ def command(**given: Any) -> None:
 def _fragility(
     table: str, fit: str | None, threshold: tuple[float, ...] | None, edp_range: tuple[float, float] | None,
     im: str | None, beta_model: float, output: str | None, plot: str | None, overwrite: bool,
+    output_units: OutputUnits | None,
 ) -> None:  # fmt: skip
     from tdint.campaign.studies.fragility.tables import FragilityRequest, fit_table
     from tdint.output.tables.studies import fragility_table
@@ -92,13 +95,15 @@ def _fragility(
     if not result.functions:
         raise Failures(list(result.failures))
 
+    functions = [function.in_units(output_units) if output_units else function for function in result.functions]
+
     def draw(suffix: str) -> Writer:
         from tdint.output.figures.studies.fragility import fragility_picture
 
-        return fragility_picture(result.functions, suffix)
+        return fragility_picture(functions, suffix)
 
-    outputs.deliver(fragility_table(result.functions, total=beta_model > 0.0), draw)
-    for function in result.functions:
+    outputs.deliver(fragility_table(functions, total=beta_model > 0.0), draw)
+    for function in functions:
         say(_words(function))
     for error in result.failures:
         complain(f"Warning: {error}")

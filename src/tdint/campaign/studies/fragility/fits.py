@@ -19,7 +19,9 @@ from scipy.special import ndtr
 
 from tdint.campaign.studies.fragility.likelihood import Observations, maximize
 from tdint.errors import AnalysisError, UsageError
+from tdint.output_units import OutputUnits
 from tdint.quantities import LARGEST
+from tdint.units import ACCELERATION, VELOCITY
 
 Array = NDArray[np.float64]
 
@@ -119,6 +121,30 @@ class Fragility:
     def named(self, threshold: float, im: str = "", unit: str = "") -> Fragility:
         """The same function of a threshold and an intensity measure."""
         return replace(self, threshold=threshold, im=im, unit=unit)
+
+    def in_units(self, units: OutputUnits) -> Fragility:
+        """The same function of an intensity in other units.
+
+        Raises
+        ------
+        UsageError
+            The unit that the intensity has is not known.
+        """
+        kinds = {"m/s^2": ACCELERATION, "m/s": VELOCITY}
+        si = next((si for si, known in kinds.items() if self.unit in known), "")
+        if not si:
+            raise UsageError(
+                f"output units are for intensities whose unit is known, not {self.unit!r}; give the table a column unit"
+            )
+        unit, value = units.unit(si)
+        factor = kinds[si][self.unit] / value
+        points, cloud = self.points, self.cloud
+        if points is not None:
+            points = replace(points, im=factor * points.im)
+        if cloud is not None:  # ln EDP = a + b ln IM
+            intercept = cloud.intercept - cloud.slope * math.log(factor)
+            cloud = replace(cloud, im=factor * cloud.im, intercept=intercept)
+        return replace(self, theta=factor * self.theta, unit=unit, points=points, cloud=cloud)
 
 
 def fit_stripes(
