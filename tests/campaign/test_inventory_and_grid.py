@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections import Counter
 from pathlib import Path
 
@@ -134,6 +135,30 @@ def test_motions_that_cannot_be_read_are_left_out_and_named(study: Path) -> None
     assert [type(one) for one in whole.failures] == [RecordError, RecordError]
     assert all(not motion.name.startswith("m0") for motion in whole.motions)
     assert whole.runs == 3 * 4 * 2 * 2
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[" * 100_000, "m00.json: not JSON"),
+        ('{"dT": 0.01, "data_x": [1%s, 2]}' % ("0" * 400), "m00.json: sample 0 .* is inf"),
+        ('{"dT": 1%s, "data_x": [1, 2]}' % ("0" * 400), "m00.json: dT must be a sampling interval, .* got inf"),
+        ('{"dT": "0.01", "data_x": [1, 2]}', "m00.json: dT must be a sampling interval, .* got '0.01'"),
+        (
+            '{"dT": 20, "data_x": [1, 2]}',
+            "m00.json: dT must be a sampling interval, .* 1e-06 to 10 s, got 20",
+        ),
+        ('{"dT": 0.01, "data_x": [1, "2"]}', "m00.json: data_x is no list of numbers"),
+        ('{"dT": 0.01, "data_x": [1, null]}', "m00.json: data_x is no list of numbers"),
+        ('{"dT": 0.01, "data_x": [[1, 2], [3, 4]]}', "m00.json: data_x is no list of numbers"),
+        ('{"dT": 0.01, "data_x": [1, 1e9]}', "m00.json: data_x: the largest acceleration would be 9.807e.09 m/s"),
+        ('{"dT": 0.01, "data_x": [1, 2], "data_y": [1, 2, 3]}', "m00.json: data_x and data_y have different lengths"),
+    ],
+)
+def test_motions_of_a_grid_that_are_none(study: Path, text: str, message: str) -> None:
+    (study / "m00.json").write_text(text)
+    (failure,) = plan(study).failures
+    assert re.search(message, str(failure))
 
 
 def test_a_grid_needs_places(study: Path) -> None:

@@ -19,10 +19,14 @@ from tdint.campaign.motions import SuiteMotion
 from tdint.csv_table import read_table
 from tdint.errors import ModelError, RecordError
 from tdint.ground_motion.horizontals import Horizontals
+from tdint.ground_motion.reading.segments import check_possible
 from tdint.ground_motion.record import Record
+from tdint.ground_motion.soundness.statement import LONGEST_STEP, SHORTEST_STEP
+from tdint.input_bytes import read_at_most
 from tdint.model.inventory.read import InventoryRow
 from tdint.units import parse_units
 
+_MOST_BYTES = 256 * 1024 * 1024
 _COMPONENTS = {"data_x": "x", "data_y": "y"}
 
 
@@ -114,22 +118,37 @@ def _add(
 
 def _read_motion(folder: Path, name: str, scale: float) -> list[Record]:
     file = folder / (name if name.endswith(".json") else f"{name}.json")
-    try:
-        content = json.loads(file.read_bytes())
-    except OSError as error:
-        raise RecordError(f"{file}: cannot be read: {error.strerror or error}") from None
-    except ValueError as error:
-        raise RecordError(f"{file}: not JSON: {error}") from None
+    content = _read_json(file)
     if not isinstance(content, Mapping) or "dT" not in content or "data_x" not in content:
         raise RecordError(f"{file}: needs dT and data_x")
+    dt = content["dT"]
+    if not (isinstance(dt, float) and SHORTEST_STEP <= dt <= LONGEST_STEP):
+        limits = f"{SHORTEST_STEP:g} to {LONGEST_STEP:g} s"
+        raise RecordError(f"{file}: dT must be a sampling interval, a number from {limits}, got {dt!r:.40}")
     found = []
     for key, component in _COMPONENTS.items():
         if key in content:
-            try:
-                samples = np.array(content[key], dtype=np.float64) * scale
-            except (TypeError, ValueError):
-                raise RecordError(f"{file}: {key} is no list of numbers") from None
-            found.append(Record(samples, content["dT"], "", "", component, str(file)))
+            samples = content[key]
+            if not isinstance(samples, list) or not all(isinstance(one, float) for one in samples):
+                raise RecordError(f"{file}: {key} is no list of numbers")
+            record = Record(np.array(samples) * scale, dt, "", "", component, str(file))
+            check_possible(record.acceleration, f"{file}: {key}")
+            found.append(record)
     if len(found) == 2 and found[0].acceleration.size != found[1].acceleration.size:
         raise RecordError(f"{file}: data_x and data_y have different lengths")
+    return found
+
+
+def _read_json(file: Path) -> object:
+    """What a JSON file holds; all its numbers are floats."""
+    try:
+        data = read_at_most(file, _MOST_BYTES, RecordError)
+    except (OSError, ValueError) as error:
+        raise RecordError(f"{file}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    if len(data) > _MOST_BYTES:
+        raise RecordError(f"{file}: larger than {_MOST_BYTES // 1024**2} MiB; this is no ground motion")
+    try:
+        found: object = json.loads(data, parse_int=float)
+    except (ValueError, RecursionError) as error:
+        raise RecordError(f"{file}: not JSON: {error}") from None
     return found
