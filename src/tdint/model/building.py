@@ -32,6 +32,9 @@ from tdint.units import STANDARD_GRAVITY
 
 Array = NDArray[np.float64]
 
+_TURNS = 5  # of the iteration towards the fastest mode
+_POSITIVE = 1e-9  # what a mode's largest ordinate, 1, leaves to one that is zero
+
 
 @dataclass(frozen=True)
 class Building:
@@ -97,13 +100,23 @@ class Building:
 
     @cached_property
     def fastest(self) -> float:
-        """A bound on the circular frequencies of the initial stiffness, rad/s: Gershgorin's circles, exact to a few
-        percent in a tall uniform building."""
-        springs = np.append(self.initial_stiffness, 0.0)
-        above = self.chain[LINK, 1:] * springs[1:]
-        return float(
-            np.sqrt(np.max((1.0 + self.chain[LINK, :-1]) * springs[:-1] / self.mass + 2.0 * above / self.mass))
-        )
+        """A bound on the circular frequencies of the initial stiffness, rad/s, exact to a percent or two.
+
+        With its signs turned the stiffness matrix has no negative elements and the same frequencies; for any positive
+        x the largest is at most the largest (M^-1 K x) / x (Collatz 1942), and the closer the nearer x is to the mode.
+        """
+        springs = np.append(np.abs(self.initial_stiffness), 0.0)
+        below, above = self.chain[LINK, :-1] * springs[:-1], self.chain[LINK, 1:] * springs[1:]
+        shape = np.ones(self.stories)
+        bound = math.inf
+        for _ in range(_TURNS):
+            turned = (springs[:-1] + above) * shape
+            turned[1:] += below[1:] * shape[:-1]
+            turned[:-1] += above[:-1] * shape[1:]
+            turned /= self.mass
+            bound = min(bound, float(np.max(turned / shape)))
+            shape = turned / np.max(turned) + _POSITIVE
+        return math.sqrt(bound)
 
     def stiffness_matrix(self) -> Array:
         """Initial stiffness matrix, N/m, shape (n, n)."""
