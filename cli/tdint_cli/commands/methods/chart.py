@@ -68,7 +68,8 @@ class Request(BuildingRequest):
     "--halvings",
     type=click.IntRange(0, 16),
     metavar="COUNT",
-    help="Without --dt: eight times that interval, halved so many times; 7 by default, fewer for very large buildings.",
+    help="Without --dt: eight times that interval, halved so many times. By default 7 times, with some steps between; "
+    "fewer times for very large buildings.",
 )
 @options.analysis.option(
     "--stories",

@@ -39,6 +39,9 @@ HALVINGS = 7
 
 DONE, COLLAPSED, FAILED_STORY = "done", "collapsed", "failed-story"
 
+_BETWEEN = (6.0, 3.0, 1.0 / 3.0, 1.0 / 6.0, 1.0 / 12.0)
+_WITH_BETWEEN = 1.7  # times the steps without these
+
 _SECONDS = 30.0  # for the marches of a chart by default, roughly
 _STORY_STEP = 6e-8  # s, of one step of one story, roughly
 
@@ -128,15 +131,18 @@ class Chart:
 
 
 def default_steps(problem: Problem, methods: int, repeats: int) -> tuple[float, ...]:
-    """Steps for some methods, s: from eight intervals down, by halves, to a sixteenth or what a large building allows.
+    """Steps for some methods, s: from eight intervals down, by halves, to a sixteenth or what a large building allows;
+    and between these 6, 3, 1/3, 1/6 and 1/12 intervals.
 
     Down to the interval itself in any case.
     """
     one = problem.samples * problem.building.stories * _STORY_STEP * methods * (repeats + 1)
     halvings = HALVINGS
-    while halvings > 3 and one * 2.0 ** (halvings + 1) / COARSEST > _SECONDS:
+    while halvings > 3 and one * 2.0 ** (halvings + 1) / COARSEST * _WITH_BETWEEN > _SECONDS:
         halvings -= 1
-    return halved_steps(problem, halvings)
+    halved = halved_steps(problem, halvings)
+    between = (problem.interval * part for part in _BETWEEN)
+    return tuple(sorted((*halved, *(dt for dt in between if dt > halved[-1])), reverse=True))
 
 
 def halved_steps(problem: Problem, halvings: int) -> tuple[float, ...]:
