@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tdint.kernels.equations.tridiagonal import factor_blocks, factor_damped, solve_blocks_damped, solve_damped
+from tdint.kernels.equations.tridiagonal import (
+    COUPLING_ROWS,
+    factor_blocks,
+    factor_damped,
+    solve_blocks_damped,
+    solve_damped,
+)
 
 
 @pytest.mark.parametrize("modes", [0, 1, 3, 8])
@@ -45,8 +51,9 @@ def test_blocks_with_low_rank(n, modes):
             dense[i, :, i - 1, :] = dense[i - 1, :, i, :] = -b[:, i].reshape(2, 2)
     dense += np.einsum("pq,ij->ipjq", s.reshape(2, 2), w[:, :n].T @ w[:, :n])
     expected = np.linalg.solve(dense.reshape(2 * n, 2 * n), right.T.ravel()).reshape(n, 2).T
-    work = np.zeros((10 + 6 * modes + 1, max(n, 2 * modes) + 1))
-    work[:4, :n], work[4:8, :n], work[8:10, :n] = blocks, b, right
-    factor_blocks(0, 4, work, w, *s, 10, n)
-    solve_blocks_damped(work, 0, 4, w, *s, 10, 8, 9, n)
-    assert work[8:10, :n] == pytest.approx(expected, rel=1e-11, abs=1e-12)
+    x = 4 + COUPLING_ROWS
+    work = np.zeros((x + 2 + 6 * modes + 1, max(n, 2 * modes) + 1))
+    work[:4, :n], work[4:8, :n], work[x : x + 2, :n] = blocks, b, right
+    factor_blocks(0, 4, work, w, *s, x + 2, n)
+    solve_blocks_damped(work, 0, 4, w, *s, x + 2, x, x + 1, n)
+    assert work[x : x + 2, :n] == pytest.approx(expected, rel=1e-11, abs=1e-12)

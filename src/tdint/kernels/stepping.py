@@ -34,12 +34,11 @@ SAME_TANGENT = 1e-3  # a tangent that changed by less, over the initial one, is 
 
 
 @inlined
-def balanced(memo, i, residual, scale):
-    """Whether the terms of an equation, whose sizes add up to `scale`, balance; else the worst is noted in memo."""
-    if abs(residual) <= CLOSE * scale + NOTHING:
-        return True
-    ratio = abs(residual) / scale
-    if not ratio <= memo[RESIDUAL]:
-        memo[RESIDUAL] = ratio
+def balanced(noting, close, memo, i, residual, scale):
+    """Whether the terms of an equation, whose sizes add up to `scale`, balance; with `noting` memo keeps the worst of
+    those that do not."""
+    small = abs(residual) <= close * scale + NOTHING
+    if noting and not small and not abs(residual) / scale <= memo[RESIDUAL]:
+        memo[RESIDUAL] = abs(residual) / scale
         memo[WORST_STORY] = i
-    return False
+    return small

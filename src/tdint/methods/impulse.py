@@ -32,7 +32,7 @@ from tdint.kernels.equations.impulse_momentum import (
     in_balance,
     residuals,
 )
-from tdint.kernels.equations.tridiagonal import assemble_blocks, factor_blocks
+from tdint.kernels.equations.tridiagonal import COUPLING_ROWS, assemble_blocks, factor_blocks
 from tdint.kernels.layout import (
     ACCELERATION,
     DISPLACEMENT,
@@ -67,7 +67,7 @@ _TANGENT = MOMENTUM_ROWS
 _FACTORED = MOMENTUM_ROWS + 1
 _BLOCKS = MOMENTUM_ROWS + 2
 _COUPLING = _BLOCKS + 4
-_STORE = _COUPLING + 4
+_STORE = _COUPLING + COUPLING_ROWS
 
 
 def work_rows(modes: int) -> int:
@@ -86,7 +86,7 @@ def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work
     while True:
         stale = _end(coefficients, chain, laws, h, state, springs, work, memo)
         residuals(_THETA, _BY_A, _BY_A, chain, modal, h, state, work)
-        if in_balance(_BY_A, chain, h, state, work, memo) or last:
+        if in_balance(iterations == ITERATIONS, _BY_A, chain, h, state, work, memo) or last:
             break
         if iterations == ITERATIONS:
             return NOT_CONVERGED

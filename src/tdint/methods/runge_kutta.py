@@ -16,7 +16,7 @@ from numpy.polynomial import Polynomial
 
 from tdint.kernels.chain import add_modal_force, finite, floor_load, internal_forces, power_damper
 from tdint.kernels.compiling import inlined, kernel
-from tdint.kernels.equations.tridiagonal import factor_blocks, link_blocks, solve_blocks_damped
+from tdint.kernels.equations.tridiagonal import COUPLING_ROWS, factor_blocks, link_blocks, solve_blocks_damped
 from tdint.kernels.layout import (
     ACCELERATION,
     DISPLACEMENT,
@@ -167,7 +167,7 @@ _FACTORED = 18
 _FACTORED_SLOPE = 20
 _BLOCKS = 22
 _COUPLING = 26
-_STORE = 30
+_STORE = _COUPLING + COUPLING_ROWS
 
 
 @kernel(STEP)
@@ -179,7 +179,7 @@ def implicit_step(coefficients, chain, modal, laws, forces, h, load, state, spri
     iterations = 0
     while True:
         stale = _stages(coefficients, chain, laws, h, state, springs, work, memo)
-        if _in_balance(chain, modal, work, memo):
+        if _in_balance(iterations == ITERATIONS, chain, modal, work, memo):
             break
         if iterations == ITERATIONS:
             return NOT_CONVERGED
@@ -250,8 +250,9 @@ def _stages(coefficients, chain, laws, h, state, springs, work, memo):
 
 
 @inlined
-def _in_balance(chain, modal, work, memo):
-    """Unbalanced forces at both stages into their rows, N. Whether all are small."""
+def _in_balance(last, chain, modal, work, memo):
+    """Unbalanced forces at both stages into their rows, N. Whether all are small. At the last of them the worst is
+    noted."""
     n = chain.shape[1] - 1
     memo[RESIDUAL] = 0.0
     small = True
@@ -269,7 +270,7 @@ def _in_balance(chain, modal, work, memo):
             work[_R + stage, i] = residual
             scale = abs(outer) + abs(inertia) + abs(damping)
             scale += work[_SIZE + stage, i] + link * work[_SIZE + stage, i + 1]
-            small = balanced(memo, i, residual, scale) and small
+            small &= balanced(last, CLOSE, memo, i, residual, scale)
     return small
 
 

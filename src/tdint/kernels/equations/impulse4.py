@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import math
 
-from tdint.kernels.chain import floor_impulse, floor_load, power_damper
+from tdint.kernels.chain import add_modal_force, floor_impulse, floor_load, power_damper
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.equations.impulse_momentum import (
+    A1,
     DU,
     DV,
     FORCE_1,
@@ -27,12 +28,15 @@ from tdint.kernels.equations.impulse_momentum import (
     guess,
     in_balance,
     residuals,
+    solve,
 )
-from tdint.kernels.equations.tridiagonal import assemble_blocks, factor_blocks
+from tdint.kernels.equations.tridiagonal import COUPLING_ROWS, assemble_blocks, factor_blocks
 from tdint.kernels.layout import (
+    ACCELERATION,
     DISPLACEMENT,
     DRIFT,
     FIRST_TRIAL,
+    FLOOR_DAMPER,
     FORCE,
     GEOMETRIC,
     INVERSE_MASS,
@@ -83,7 +87,7 @@ _FACTORED_1 = 1
 _FACTORED_SLOPE = 2  # the one at the end
 _BLOCKS = 3
 _COUPLING = 7
-STORE = 11
+STORE = _COUPLING + COUPLING_ROWS
 
 
 def factor_rows(modes: int) -> int:
@@ -99,16 +103,72 @@ def loads(chain, forces, t, h, ground_0, ground_1, work):
 
 @inlined
 def solve_linear(coefficients, chain, modal, laws, h, state, springs, work, factors):
-    """Motion over a step in which no story leaves its branch: linear, so one solve."""
+    """Motion over a step in which no story leaves its branch: linear, so one solve, from no motion at all."""
     n = chain.shape[1] - 1
-    guess(0.0, h, state, work, n)
-    for solved in range(2):
-        stale = _path(True, True, coefficients, chain, laws, h, state, springs, work, factors)
-        _residuals(coefficients, chain, modal, h, state, work)
-        if solved == 0:
-            if stale:
-                _factor(coefficients, chain, modal, h, work, factors)
-            _correct(coefficients, modal, h, work, factors, n)
+    if _right_side(coefficients, chain, modal, h, state, springs, work, factors):
+        for i in range(n):
+            work[_TANGENT_C, i] = springs[SLOPE, i]
+            work[_TANGENT_1, i] = springs[SLOPE, i]
+        _factor(coefficients, chain, modal, h, work, factors)
+    _solve(coefficients, modal, h, work, factors, n)
+    _motion(chain, modal, state, springs, work)
+
+
+@inlined
+def _right_side(coefficients, chain, modal, h, state, springs, work, factors):
+    """What is out of balance without any motion into the rows of residuals. True if the factorization does not fit the
+    branches."""
+    n = chain.shape[1] - 1
+    by_rate = coefficients[WEIGHT_C] * h * (coefficients[BY_VELOCITY_0] + coefficients[BY_VELOCITY_1])
+    by_a0 = coefficients[ALPHA] * h * h
+    by_a1 = coefficients[BETA] * h * h
+    stale = work[factors + _FACTORED_1, n] != h
+    below = 0.0
+    for i in range(n):
+        stale |= springs[SLOPE, i] != work[factors + _FACTORED_1, i]
+        geometric = chain[GEOMETRIC, i]
+        v = state[VELOCITY, i]
+        rate = v - chain[LINK, i] * below
+        below = v
+        force = springs[FORCE, i] + geometric * springs[DRIFT, i]
+        work[FORCE_1, i] = force + chain[STORY_DAMPER, i] * rate
+        work[FORCE_S, i] = h * (force + by_rate * (springs[SLOPE, i] + geometric) * rate)
+    for i in range(n):
+        link = chain[LINK, i + 1]
+        v = state[VELOCITY, i]
+        inertia = work[LOAD, i] - chain[FLOOR_DAMPER, i] * v - (work[FORCE_1, i] - link * work[FORCE_1, i + 1])
+        work[R1, i] = chain[MASS, i] * (h * v + by_a0 * state[ACCELERATION, i]) - by_a1 * inertia
+        work[R2, i] = work[IMPULSE, i] - (work[FORCE_S, i] - link * work[FORCE_S, i + 1])
+    add_modal_force(modal, state, VELOCITY, by_a1, work, R1, n)
+    return stale
+
+
+@inlined
+def _motion(chain, modal, state, springs, work):
+    """Motion at the end of the step from the increments in the rows of residuals."""
+    n = chain.shape[1] - 1
+    du_below = 0.0
+    v_below = 0.0
+    for i in range(n):
+        link = chain[LINK, i]
+        du = work[R1, i]
+        v = state[VELOCITY, i] + work[R2, i]
+        work[DU, i] = du
+        work[DV, i] = work[R2, i]
+        work[U1, i] = state[DISPLACEMENT, i] + du
+        work[V1, i] = v
+        geometric = chain[GEOMETRIC, i]
+        force = springs[FORCE, i] + geometric * springs[DRIFT, i]
+        force += (springs[SLOPE, i] + geometric) * (du - link * du_below)
+        work[FORCE_1, i] = force + chain[STORY_DAMPER, i] * (v - link * v_below)
+        du_below = du
+        v_below = v
+    for i in range(n):
+        force = work[FORCE_1, i] - chain[LINK, i + 1] * work[FORCE_1, i + 1]
+        work[A1, i] = work[LOAD, i] - chain[FLOOR_DAMPER, i] * work[V1, i] - force
+    add_modal_force(modal, work, V1, -1.0, work, A1, n)
+    for i in range(n):
+        work[A1, i] *= chain[INVERSE_MASS, i]
 
 
 @called
@@ -126,9 +186,9 @@ def newton(frozen, coefficients, chain, modal, laws, h, state, springs, work, me
     before = math.inf
     last = False
     while True:
-        stale = _path(False, frozen, coefficients, chain, laws, h, state, springs, work, factors)
+        stale = _path(frozen, coefficients, chain, laws, h, state, springs, work, factors)
         _residuals(coefficients, chain, modal, h, state, work)
-        if in_balance(coefficients[BETA], chain, h, state, work, memo) or last:
+        if in_balance(iterations == ITERATIONS, coefficients[BETA], chain, h, state, work, memo) or last:
             break
         if iterations >= PATIENCE:
             size = _size(chain, h, work, n)
@@ -169,11 +229,11 @@ def _step_back(part, work, n):
 
 
 @inlined
-def _path(straight, frozen, coefficients, chain, laws, h, state, springs, work, factors):
+def _path(frozen, coefficients, chain, laws, h, state, springs, work, factors):
     """Drift laws along the step: at the inner point and from there to the end.
 
-    With `frozen`, stories that are linear on their branches stay on them; with `straight`, all are such stories.
-    Leaves the story forces at the end and the story impulses. True if the factorization does not fit the tangents.
+    With `frozen`, stories that are linear on their branches stay on them. Leaves the story forces at the end and the
+    story impulses. True if the factorization does not fit the tangents.
     """
     n = chain.shape[1] - 1
     stale = work[factors + _FACTORED_1, n] != h
@@ -197,7 +257,7 @@ def _path(straight, frozen, coefficients, chain, laws, h, state, springs, work, 
         drift = u - link * u_below
         increment = du - link * du_below
         rate = v - link * v_below
-        if straight or (frozen and springs[SLOPE, i] < math.inf):
+        if frozen and springs[SLOPE, i] < math.inf:
             tangent_c = tangent = springs[SLOPE, i]
             force_c = springs[FORCE, i] + tangent * (drift_c - springs[DRIFT, i])
             force = springs[FORCE, i] + tangent * (drift - springs[DRIFT, i])
@@ -206,14 +266,11 @@ def _path(straight, frozen, coefficients, chain, laws, h, state, springs, work, 
             tangent = reach(laws, springs, i, FIRST_TRIAL, SECOND_TRIAL, drift)
             force_c = springs[FIRST_TRIAL + FORCE, i]
             force = springs[SECOND_TRIAL + FORCE, i]
-        if straight:
-            stale = stale or tangent != work[factors + _FACTORED_1, i]
-        else:
-            same = SAME_TANGENT * laws[STIFFNESS, i]
-            stale = stale or abs(tangent_c - work[factors + _FACTORED_C, i]) > same
-            stale = stale or abs(tangent - work[factors + _FACTORED_1, i]) > same
-            # A drift is a difference: what the displacements round is not out of balance.
-            work[SIZE, i] = SMALL / CLOSE * laws[STIFFNESS, i] * (abs(u) + abs(link * u_below))
+        same = SAME_TANGENT * laws[STIFFNESS, i]
+        stale = stale or abs(tangent_c - work[factors + _FACTORED_C, i]) > same
+        stale = stale or abs(tangent - work[factors + _FACTORED_1, i]) > same
+        # A drift is a difference: what the displacements round is not out of balance.
+        work[SIZE, i] = SMALL / CLOSE * laws[STIFFNESS, i] * (abs(u) + abs(link * u_below))
         work[_TANGENT_C, i] = tangent_c
         work[_TANGENT_1, i] = tangent
         geometric = chain[GEOMETRIC, i]
@@ -225,7 +282,7 @@ def _path(straight, frozen, coefficients, chain, laws, h, state, springs, work, 
         damper = chain[STORY_DAMPER, i]
         work[FORCE_1, i] = force + geometric * drift + damper * rate
         work[FORCE_S, i] = h * mean + damper * increment
-        if not straight and chain[POWER_DAMPER, i] != 0.0:
+        if chain[POWER_DAMPER, i] != 0.0:
             stale = _add_damper(coefficients, chain, i, h, increment, state, work, factors) or stale
         uc_below = uc
         u_below = u
@@ -261,6 +318,13 @@ def _add_damper(coefficients, chain, i, h, increment, state, work, factors):
 @inlined
 def _residuals(coefficients, chain, modal, h, state, work):
     residuals(coefficients[THETA], coefficients[ALPHA], coefficients[BETA], chain, modal, h, state, work)
+
+
+@inlined
+def _solve(coefficients, modal, h, work, factors, n):
+    """Corrections, or increments, from the rows of residuals, in their place."""
+    blocks = factors + _BLOCKS
+    solve(coefficients[BETA], modal, h, work, blocks, factors + _COUPLING, factors + STORE, n)
 
 
 @inlined

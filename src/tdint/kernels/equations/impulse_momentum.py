@@ -14,7 +14,7 @@ from tdint.kernels.chain import add_modal_force
 from tdint.kernels.compiling import inlined
 from tdint.kernels.equations.tridiagonal import solve_blocks_damped
 from tdint.kernels.layout import ACCELERATION, FLOOR_DAMPER, INVERSE_MASS, LINK, MASS, RESIDUAL, VELOCITY
-from tdint.kernels.stepping import SMALL, balanced
+from tdint.kernels.stepping import CLOSE, SMALL, balanced
 
 # Rows of work
 LOAD = 0
@@ -64,8 +64,8 @@ def residuals(theta, alpha, beta, chain, modal, h, state, work):
 
 
 @inlined
-def in_balance(beta, chain, h, state, work, memo):
-    """Whether the rows of `residuals` are small beside their terms."""
+def in_balance(last, beta, chain, h, state, work, memo):
+    """Whether the rows of `residuals` are small beside their terms. At the last of them the worst is noted."""
     n = chain.shape[1] - 1
     by_a = beta * h * h
     memo[RESIDUAL] = 0.0
@@ -76,18 +76,24 @@ def in_balance(beta, chain, h, state, work, memo):
         rounding = work[SIZE, i] + link * work[SIZE, i + 1]
         scale = abs(work[DU, i]) + h * (abs(state[VELOCITY, i]) + abs(work[V1, i]))
         scale += h * h * abs(state[ACCELERATION, i]) + by_a * abs(work[A1, i])
-        small = balanced(memo, i, work[R1, i], mass * scale + by_a * rounding) and small
+        small &= balanced(last, CLOSE, memo, i, work[R1, i], mass * scale + by_a * rounding)
         scale = abs(work[IMPULSE, i]) + abs(mass * work[DV, i]) + h * rounding
         scale += abs(work[FORCE_S, i]) + link * abs(work[FORCE_S, i + 1])
-        small = balanced(memo, i, work[R2, i], scale) and small
+        small &= balanced(last, CLOSE, memo, i, work[R2, i], scale)
     return small
+
+
+@inlined
+def solve(beta, modal, h, work, blocks, coupling, store, n):
+    """Solve with the factors in work for the residuals in the rows of `residuals`, in their place."""
+    by_a = beta * h * h
+    solve_blocks_damped(work, blocks, coupling, modal, 0.0, -by_a, 1.0, 0.0, store, R1, R2, n)
 
 
 @inlined
 def correct(beta, modal, h, work, blocks, coupling, store, n):
     """Solve for the corrections with the factors in work and add them. True if they are rounding."""
-    by_a = beta * h * h
-    solve_blocks_damped(work, blocks, coupling, modal, 0.0, -by_a, 1.0, 0.0, store, R1, R2, n)
+    solve(beta, modal, h, work, blocks, coupling, store, n)
     small = True
     for i in range(n):
         work[DU, i] += work[R1, i]

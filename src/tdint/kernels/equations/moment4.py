@@ -16,7 +16,7 @@ import math
 
 from tdint.kernels.chain import DASHPOTS, MODAL, add_modal_force
 from tdint.kernels.compiling import called, inlined
-from tdint.kernels.equations.tridiagonal import factor_blocks, link_blocks, solve_blocks_damped
+from tdint.kernels.equations.tridiagonal import COUPLING_ROWS, factor_blocks, link_blocks, solve_blocks_damped
 from tdint.kernels.laws.choosing import BENDING
 from tdint.kernels.layout import (
     ACCELERATION,
@@ -39,9 +39,8 @@ from tdint.kernels.layout import (
     VELOCITY,
     WORK_DAMPED,
     WORK_INPUT,
-    WORST_STORY,
 )
-from tdint.kernels.stepping import ITERATIONS, NOTHING, SAME_TANGENT, SMALL
+from tdint.kernels.stepping import ITERATIONS, SAME_TANGENT, SMALL, balanced
 from tdint.kernels.stories.branches import advance
 from tdint.kernels.stories.dashpot_path import follow_dashpot
 from tdint.kernels.stories.path import (
@@ -77,7 +76,7 @@ _DASHPOT = _PATH + PATH_ROWS  # mean and moment of the power-law dashpot's force
 _FACTORED = _DASHPOT + 2  # tangents; the step stands in the last column
 _BLOCKS = _FACTORED + 4
 _COUPLING = _BLOCKS + 4
-_STORE = _COUPLING + 4
+_STORE = _COUPLING + COUPLING_ROWS
 
 CLOSE = 1e-13
 """Out of balance over the sum of the sizes of the terms: the energy balance is to close."""
@@ -109,13 +108,14 @@ def move(coefficients, chain, modal, laws, h, state, springs, work, memo):
         stale = _stories(straight, coefficients, chain, laws, h, state, springs, work)
         size = _residuals(coefficients, chain, modal, h, state, work)
         if BENDING and not straight:
-            if last or _in_balance(coefficients, chain, h, state, work, memo):
+            failing = iterations == ITERATIONS or not size < math.inf
+            if last or _in_balance(failing, coefficients, chain, h, state, work, memo):
                 break
             if size > before * (1.0 - 1e-4 * part) and part > _LEAST:
                 part *= 0.5
                 _step_back(part, work, n)
                 continue
-            if iterations == ITERATIONS or not size < math.inf:
+            if failing:
                 return NOT_CONVERGED
         if stale:
             _factor(coefficients, chain, modal, laws, h, work)
@@ -207,8 +207,8 @@ def _residuals(coefficients, chain, modal, h, state, work):
 
 
 @inlined
-def _in_balance(coefficients, chain, h, state, work, memo):
-    """Whether the residuals are small beside the terms of their equations."""
+def _in_balance(last, coefficients, chain, h, state, work, memo):
+    """Whether the residuals are small beside the terms of their equations. At the last of them the worst is noted."""
     memo[RESIDUAL] = 0.0
     small = True
     for i in range(chain.shape[1] - 1):
@@ -217,23 +217,12 @@ def _in_balance(coefficients, chain, h, state, work, memo):
         rounding = work[_SIZE, i] + link * work[_SIZE, i + 1]
         forces = abs(work[_PATH + MEAN, i]) + link * abs(work[_PATH + MEAN, i + 1]) + abs(work[LOAD, i])
         inner = abs(work[BEND, i]) + coefficients[R] * abs(work[A1, i])
-        small = _balanced(memo, i, work[_X, i], mass * inner + h * h * (forces + rounding)) and small
+        small &= balanced(last, CLOSE, memo, i, work[_X, i], mass * inner + h * h * (forces + rounding))
         forces = abs(work[_PATH + MOMENT, i]) + link * abs(work[_PATH + MOMENT, i + 1]) + abs(work[LOAD + 1, i])
         inner = abs(work[BEND, i]) + abs(work[RISE, i]) + h * abs(state[VELOCITY, i])
         inner *= coefficients[BY_RISE]
-        small = _balanced(memo, i, work[_X + 1, i], mass * inner + h * h * (forces + rounding)) and small
+        small &= balanced(last, CLOSE, memo, i, work[_X + 1, i], mass * inner + h * h * (forces + rounding))
     return small
-
-
-@inlined
-def _balanced(memo, i, residual, scale):
-    if abs(residual) <= CLOSE * scale + NOTHING:
-        return True
-    ratio = abs(residual) / scale
-    if not ratio <= memo[RESIDUAL]:
-        memo[RESIDUAL] = ratio
-        memo[WORST_STORY] = i
-    return False
 
 
 @inlined

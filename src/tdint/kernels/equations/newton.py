@@ -85,7 +85,7 @@ def balance(by_u, by_v, by_a, factors, past, trial, chain, modal, laws, springs,
     before = math.inf
     while True:
         stale = _story_forces(by_u, by_v, factors, past, trial, chain, laws, springs, work)
-        if _in_balance(chain, modal, work, memo):
+        if _in_balance(iterations == ITERATIONS, chain, modal, work, memo):
             break
         if iterations >= PATIENCE:
             size = _size(chain, work, n)
@@ -147,8 +147,8 @@ def _story_forces(by_u, by_v, factors, past, trial, chain, laws, springs, work):
 
 
 @inlined
-def _in_balance(chain, modal, work, memo):
-    """Unbalanced forces into their row, N; whether all are small."""
+def _in_balance(last, chain, modal, work, memo):
+    """Unbalanced forces into their row, N; whether all are small. At the last of them the worst is noted."""
     n = chain.shape[1] - 1
     for i in range(n):
         work[_RESIDUAL, i] = chain[FLOOR_DAMPER, i] * work[V, i]
@@ -163,7 +163,7 @@ def _in_balance(chain, modal, work, memo):
         residual = load - inertia - damping - work[_SUM, i] + link * work[_SUM, i + 1]
         work[_RESIDUAL, i] = residual
         scale = abs(load) + abs(inertia) + abs(damping) + work[_SIZE, i] + link * work[_SIZE, i + 1]
-        small = balanced(memo, i, residual, scale) and small
+        small &= balanced(last, CLOSE, memo, i, residual, scale)
     return small
 
 

@@ -12,6 +12,9 @@ from tdint.kernels.layout import FLOOR_DAMPER, GEOMETRIC, LINK, MASS, STORY_DAMP
 
 _MODAL = VARIANT.modal
 
+COUPLING_ROWS = 8
+"""Rows that the factors of `factor_blocks` have for the couplings, of which the first half is given to it."""
+
 
 @inlined
 def factor(work, diagonal, coupling, n):
@@ -172,11 +175,14 @@ def link_blocks(chain, work, blocks, coupling, n):
 def factor_blocks(blocks, coupling, work, modal, s00, s01, s10, s11, store, n):
     """Factor a block tridiagonal matrix with 2 x 2 blocks, plus [[s00, s01], [s10, s11]] (x) W^T W.
 
-    Rows of `work` from `blocks` on: the four entries of each diagonal block, row by row; they become the inverses of
+    Rows of `work` from `blocks` on: the four entries of each diagonal block, row by row; they become the inverses A of
     the block pivots. Rows from `coupling` on: the four entries of B, where -B is both the block left of the diagonal in
-    row i and, in row i - 1, the one right of it. Unknowns are pairs (x, y) per floor. From `store` on, four rows for
-    each mode (both columns of T^-1 (I2 (x) W^T), x then y), the small inverse in 2 modes rows, one row of scratch.
+    row i and, in row i - 1, the one right of it; they become those of B_i A_(i-1), and the next COUPLING_ROWS / 2 rows
+    those of A_i B_(i+1), so that a solve waits for one product a floor. Unknowns are pairs (x, y) per floor. From
+    `store` on, four rows for each mode (both columns of T^-1 (I2 (x) W^T), x then y), the small inverse in 2 modes
+    rows, one row of scratch.
     """
+    upper = coupling + COUPLING_ROWS // 2
     for i in range(n):
         p = work[blocks, i]
         q = work[blocks + 1, i]
@@ -198,11 +204,21 @@ def factor_blocks(blocks, coupling, work, modal, s00, s01, s10, s11, store, n):
             q -= b0 * x1 + b1 * x3
             r -= b2 * x0 + b3 * x2
             s -= b2 * x1 + b3 * x3
+            work[upper, i - 1] = x0
+            work[upper + 1, i - 1] = x1
+            work[upper + 2, i - 1] = x2
+            work[upper + 3, i - 1] = x3
+            work[coupling, i] = b0 * i0 + b1 * i2
+            work[coupling + 1, i] = b0 * i1 + b1 * i3
+            work[coupling + 2, i] = b2 * i0 + b3 * i2
+            work[coupling + 3, i] = b2 * i1 + b3 * i3
         inverse = 1.0 / (p * s - q * r)
         work[blocks, i] = s * inverse
         work[blocks + 1, i] = -q * inverse
         work[blocks + 2, i] = -r * inverse
         work[blocks + 3, i] = p * inverse
+    for entry in range(4):
+        work[upper + entry, n - 1] = 0.0
     if _MODAL:
         _store_blocks_damped(blocks, coupling, work, modal, s00, s01, s10, s11, store, n)
 
@@ -233,22 +249,23 @@ def _store_blocks_damped(blocks, coupling, work, modal, s00, s01, s10, s11, stor
 @inlined
 def solve_blocks(work, blocks, coupling, x, y, n):
     """Solve with the blocks of `factor_blocks`, without the modal part; rows `x` and `y` become the solution."""
+    upper = coupling + COUPLING_ROWS // 2
     x0 = work[x, 0]
     y0 = work[y, 0]
     for i in range(1, n):
-        p = work[blocks, i - 1] * x0 + work[blocks + 1, i - 1] * y0
-        q = work[blocks + 2, i - 1] * x0 + work[blocks + 3, i - 1] * y0
-        x0 = work[x, i] + work[coupling, i] * p + work[coupling + 1, i] * q
-        y0 = work[y, i] + work[coupling + 2, i] * p + work[coupling + 3, i] * q
+        forward = work[x, i] + work[coupling, i] * x0 + work[coupling + 1, i] * y0
+        y0 = work[y, i] + work[coupling + 2, i] * x0 + work[coupling + 3, i] * y0
+        x0 = forward
         work[x, i] = x0
         work[y, i] = y0
     p = 0.0
     q = 0.0
     for i in range(n - 1, -1, -1):
-        x0 = work[x, i] + work[coupling, i + 1] * p + work[coupling + 1, i + 1] * q
-        y0 = work[y, i] + work[coupling + 2, i + 1] * p + work[coupling + 3, i + 1] * q
-        p = work[blocks, i] * x0 + work[blocks + 1, i] * y0
-        q = work[blocks + 2, i] * x0 + work[blocks + 3, i] * y0
+        x0 = work[x, i]
+        y0 = work[y, i]
+        backward = work[blocks, i] * x0 + work[blocks + 1, i] * y0 + work[upper, i] * p + work[upper + 1, i] * q
+        q = work[blocks + 2, i] * x0 + work[blocks + 3, i] * y0 + work[upper + 2, i] * p + work[upper + 3, i] * q
+        p = backward
         work[x, i] = p
         work[y, i] = q
 
