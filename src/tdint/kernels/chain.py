@@ -194,7 +194,7 @@ def internal_forces(chain, modal, state, springs, block, velocity, work, row, su
 @inlined
 def finite(state, n):
     """Whether the new displacements, velocities and accelerations are numbers."""
-    total = 0.0
+    numbers = True
     for i in range(n):
-        total += abs(state[DISPLACEMENT, i]) + abs(state[VELOCITY, i]) + abs(state[ACCELERATION, i])
-    return total < 1e300
+        numbers &= abs(state[DISPLACEMENT, i]) + abs(state[VELOCITY, i]) + abs(state[ACCELERATION, i]) < 1e300
+    return numbers

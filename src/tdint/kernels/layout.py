@@ -87,7 +87,8 @@ WORK_DAMPED = 10  # of the viscous dampers in the last step, J
 CARRIED_GROUND = 11  # ground acceleration that the acceleration of the state stands with, where steps are long
 WITHIN = 12  # row of work from which on the step has raised its own peaks between its ends; 0 if it has not
 FAST = 13  # 1 if the building has modes that the step does not follow
-MEMO_SIZE = 14
+OWN_PEAKS = 14  # row of work from which on the step keeps peaks of the run beside those it has raised; 0 for none
+MEMO_SIZE = 15
 
 # memo[BRANCHES]
 NO_BRANCHES = 0

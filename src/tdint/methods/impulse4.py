@@ -60,6 +60,7 @@ from tdint.kernels.layout import (
     NO_BRANCHES,
     NOT_CONVERGED,
     NOT_FINITE,
+    OWN_PEAKS,
     PEAK_ACCELERATION,
     PEAK_DISPLACEMENT,
     PEAK_DRIFT,
@@ -188,6 +189,7 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
         if BENDING and pieces > 0:
             _look(memo[FAST] == 0.0, chain, laws, piece, ground, ground + slope * piece, state, springs, work)
             memo[WITHIN] = PEAKS
+            memo[OWN_PEAKS] = PEAKS
         done += piece
         if BENDING and ending:
             _change(chain, laws, state, springs, story, how)
@@ -308,10 +310,8 @@ def _look(within, chain, laws, h, ground_0, ground_1, state, springs, work):
 
 @called
 def _save(state, springs, work, n):
-    """Keep what a step begins with, and begin with no peaks within its pieces: those of a step given up are none."""
+    """Keep what a step begins with."""
     for i in range(n):
-        for row in range(PEAK_ROWS):
-            work[PEAKS + row, i] = 0.0
         for row in range(3):
             work[SAVED + row, i] = state[row, i]
         for row in range(SPRING_ROWS):
@@ -323,7 +323,10 @@ def _save(state, springs, work, n):
 
 @called
 def _restore(state, springs, work, n):
+    """Give up a step: what peaks it had within its pieces are none."""
     for i in range(n):
+        for row in range(2 * PEAK_ROWS):
+            work[PEAKS + row, i] = 0.0
         for row in range(3):
             state[row, i] = work[SAVED + row, i]
         for row in range(SPRING_ROWS):

@@ -20,12 +20,17 @@ class Compilable:
     ----------
     parts : tuple of str
         The parts of `Variant` that the kernel depends on.
+    vectorized : bool
+        Whether loops may be turned into vector instructions.
     """
 
-    def __init__(self, function: Callable[..., Any], signature: Signature, parts: tuple[str, ...]) -> None:
+    def __init__(
+        self, function: Callable[..., Any], signature: Signature, parts: tuple[str, ...], vectorized: bool = False
+    ) -> None:
         self.function = function
         self.signature = signature
         self.parts = parts
+        self.vectorized = vectorized
         self.__doc__ = function.__doc__
         self._loaded: dict[Variant, Callable[..., Any]] = {}
         self._needs: dict[Variant, Variant] = {}  # found once: it is asked for at each call

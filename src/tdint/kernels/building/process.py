@@ -86,6 +86,7 @@ class Compilation:
             "TDINT_KERNELS_VARIANT": self.variant.text,
             "NUMBA_CPU_NAME": self.target.cpu,
             "NUMBA_CPU_FEATURES": self.target.features,
+            "NUMBA_LOOP_VECTORIZE": str(int(self.kernel.vectorized)),
             "OPENBLAS_NUM_THREADS": "1",
         }
 

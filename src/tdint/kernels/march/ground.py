@@ -38,6 +38,8 @@ def straightened(ground, begin, end):
 
     It is the line of least squares. Within one sampling interval it is the record's own.
     """
+    if begin == int(begin) and end == int(end):
+        return _straightened_samples(ground, int(begin), int(end))
     middle = 0.5 * (begin + end)
     impulse = 0.0
     moment = 0.0
@@ -59,6 +61,25 @@ def straightened(ground, begin, end):
         left = right
         value = following
     whole = end - begin
+    mean = impulse / whole
+    half = 6.0 * moment / (whole * whole)
+    return mean - half, mean + half
+
+
+@inlined
+def _straightened_samples(ground, first, last):
+    """`straightened` between two samples."""
+    middle = 0.5 * (first + last)
+    impulse = 0.0
+    moment = 0.0
+    value = _sample(ground, first)
+    for sample in range(first, last):
+        following = _sample(ground, sample + 1)
+        area = 0.5 * (value + following)
+        impulse += area
+        moment += (sample + 0.5 - middle) * area + (following - value) / 12.0
+        value = following
+    whole = last - first
     mean = impulse / whole
     half = 6.0 * moment / (whole * whole)
     return mean - half, mean + half

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tdint.kernels.compiling import CUBE, F8, I8, TABLE, VECTOR, called_at, inlined, kernel
-from tdint.kernels.layout import DRIFT, PEAK_DISPLACEMENT, PEAK_VELOCITY
+from tdint.kernels.layout import DRIFT, OWN_PEAKS, PEAK_DISPLACEMENT, PEAK_VELOCITY
 from tdint.kernels.march.march import MARCH
 from tdint.kernels.march.observing import OBSERVED_SIZE
 from tdint.kernels.march.stories import BEGIN, RAISE_SHEARS, TAKE_STOCK
@@ -96,6 +96,8 @@ def many(
             for i in range(n):  # velocities of this window alone
                 kept[i] = peaks[r, PEAK_VELOCITY, i]
                 peaks[r, PEAK_VELOCITY, i] = 0.0
+                if memo[OWN_PEAKS] != 0.0:
+                    work[int(memo[OWN_PEAKS]) + PEAK_VELOCITY, i] = 0.0
             code = call_march(
                 march, step, begin, take_stock, raise_shears, last, done, last, int(runs[r, PER_SAMPLE]),
                 int(runs[r, STRIDE]), halvings, h, ground, coefficients, shifts, chain, modal, laws, forces,

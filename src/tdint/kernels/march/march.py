@@ -92,10 +92,10 @@ def _start(begin, take_stock, chain, modal, laws, forces, ground, state, springs
 
 @inlined
 def _ran_away(state, n):
-    largest = 0.0
+    here = True
     for i in range(n):
-        largest = max(largest, abs(state[DISPLACEMENT, i]))
-    return not largest < RUNAWAY
+        here &= abs(state[DISPLACEMENT, i]) < RUNAWAY
+    return not here
 
 
 @called

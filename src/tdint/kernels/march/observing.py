@@ -61,8 +61,10 @@ COLLAPSE_STEP = ENERGY_TERMS + 12  # whole steps after which a story was first b
 COLLAPSE_STORY = ENERGY_TERMS + 13  # the first story that failed, else the one farthest beyond its limit then
 COLLAPSE_FAILED = ENERGY_TERMS + 14  # 1 if it failed
 COLLAPSE_ENERGIES = ENERGY_TERMS + 15  # the energies then, ENERGY_START and ENERGY_LARGEST after them
-_NEAR = COLLAPSE_ENERGIES + ENERGY_TERMS + 2  # not negative if a value at the last observed time was near its peak
-OBSERVED_SIZE = _NEAR + 1
+_NEAR = COLLAPSE_ENERGIES + ENERGY_TERMS + 2  # 1 if a value at the last observed time was near its peak
+_FORCE = _NEAR + 1  # masses times accelerations at that time
+_BY_ALL = _NEAR + 2  # half of what the rate of the damped power gains where all floors accelerate by 1 m/s^2 more
+OBSERVED_SIZE = _NEAR + 3
 
 NO_COLLAPSE = -1.0
 
@@ -89,17 +91,17 @@ def observe(chain, modal, forces, t, h, ground, slope, state, springs, memo, wor
     """Take in the state at time t, reached by a step h in which the ground acceleration has the given slope.
 
     The acceleration is that of equilibrium at t, whatever the method carries. Call with h = 0 at the start. Returns
-    what `raise_peak` does for the value nearest to its peak.
+    whether a value is near its peak (`raise_peak`).
     """
     n = chain.shape[1] - 1
     near = _story_forces(chain, state, springs, work, peaks)
     if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
         _other_forces(modal, forces, t, state, work, n)
-    power = 0.0
-    rate = 0.0
     momentum = 0.0
+    force = 0.0
     damped = 0.0
     damped_rate = 0.0
+    by_all = 0.0
     v_below = 0.0
     a_below = 0.0
     for i in range(n):
@@ -108,17 +110,26 @@ def observe(chain, modal, forces, t, h, ground, slope, state, springs, memo, wor
         inner = inner - work[_SUM, i] + chain[LINK, i + 1] * work[_SUM, i + 1]
         a = chain[INVERSE_MASS, i] * inner - ground
         work[ACCELERATION_ROW, i] = a
-        near = max(near, raise_peak(peaks, PEAK_DISPLACEMENT, i, state[DISPLACEMENT, i]))
-        near = max(near, raise_peak(peaks, PEAK_VELOCITY, i, v))
-        near = max(near, raise_peak(peaks, PEAK_ACCELERATION, i, a + ground))
-        powers = _floor_powers(chain, i, ground, v, a, v_below, a_below)
-        power -= powers[0]
-        rate -= powers[1]
-        momentum += powers[2]
-        damped += powers[3]
-        damped_rate += powers[4]
+        near |= raise_peak(peaks, PEAK_DISPLACEMENT, i, state[DISPLACEMENT, i])
+        near |= raise_peak(peaks, PEAK_VELOCITY, i, v)
+        near |= raise_peak(peaks, PEAK_ACCELERATION, i, a + ground)
+        link = chain[LINK, i]
+        rate_of_drift = v - link * v_below
+        story, tangent = power_damper(chain, i, rate_of_drift)
+        by_story = chain[STORY_DAMPER, i] * rate_of_drift
+        damped += chain[FLOOR_DAMPER, i] * v * v + (by_story + story) * rate_of_drift
+        by_floor = chain[FLOOR_DAMPER, i] * v
+        by_story += 0.5 * (story + tangent * rate_of_drift)
+        damped_rate += by_floor * a + by_story * (a - link * a_below)
+        by_all += by_floor + (1.0 - link) * by_story
+        momentum += chain[MASS, i] * v
+        force += chain[MASS, i] * a
         v_below = v
         a_below = a
+    power = -ground * momentum
+    rate = -ground * force
+    observed[_FORCE] = force
+    observed[_BY_ALL] = by_all
     if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
         others = _other_powers(modal, forces, t, state, work, n)
         power += others[0]
@@ -127,21 +138,6 @@ def observe(chain, modal, forces, t, h, ground, slope, state, springs, memo, wor
         damped_rate += others[3]
     _add_work(h, slope, power, rate, momentum, damped, 2.0 * damped_rate, memo, observed)
     return near
-
-
-@inlined
-def _floor_powers(chain, i, ground, v, a, v_below, a_below):
-    """Power of the ground's inertia force less its sign and its rate, momentum, power of the dampers and half its
-    rate."""
-    mass = chain[MASS, i]
-    link = chain[LINK, i]
-    floor = chain[FLOOR_DAMPER, i] * v
-    rate_of_drift = v - link * v_below
-    force, tangent = power_damper(chain, i, rate_of_drift)
-    story = chain[STORY_DAMPER, i] * rate_of_drift
-    damped = floor * v + (story + force) * rate_of_drift
-    damped_rate = floor * a + (story + 0.5 * (force + tangent * rate_of_drift)) * (a - link * a_below)
-    return mass * ground * v, mass * ground * a, mass * v, damped, damped_rate
 
 
 @called
@@ -167,6 +163,23 @@ def _other_powers(modal, forces, t, state, work, n):
     return power, rate, damped, damped_rate
 
 
+@called
+def _by_all(modal, forces, t, state, n):
+    """What the second and the fourth of `_other_powers` gain where all floors accelerate by 1 m/s^2 more."""
+    rate = 0.0
+    damped_rate = 0.0
+    for j in range(forces.shape[0]):
+        rate += force_value(forces, j, t)
+    for j in range(modal.shape[0]):
+        v_modal = 0.0
+        a_modal = 0.0
+        for i in range(n):
+            v_modal += modal[j, i] * state[VELOCITY, i]
+            a_modal += modal[j, i]
+        damped_rate += v_modal * a_modal
+    return rate, damped_rate
+
+
 @inlined
 def look_between(near, chain, laws, h, ground_0, ground_1, state, springs, work, step_work, memo, peaks, observed):
     """Peaks within the step that has been observed: those that the step itself has raised, else as far as its ends tell
@@ -177,12 +190,12 @@ def look_between(near, chain, laws, h, ground_0, ground_1, state, springs, work,
     if memo[WITHIN] != 0.0:
         _take_over(int(memo[WITHIN]), step_work, peaks, n)
         memo[WITHIN] = 0.0
-    elif max(near, observed[_NEAR]) >= 0.0:
+    elif near or observed[_NEAR] != 0.0:
         turned = look_within(
             observed[ON_PATH] != 0.0, memo[FAST] != 0.0, chain, laws, h, ground_0, ground_1, work, _OLD_U, state, work,
             ACCELERATION_ROW, springs, work, TURN, peaks, 0,
         )  # fmt: skip
-    observed[_NEAR] = near
+    observed[_NEAR] = 1.0 if near else 0.0
     if memo[FAST] != 0.0:
         for i in range(n):
             work[_OLDER_V, i] = work[_OLD_V, i]
@@ -193,9 +206,11 @@ def look_between(near, chain, laws, h, ground_0, ground_1, state, springs, work,
 
 @called
 def _take_over(first, step_work, peaks, n):
+    """The peaks that a step has raised; it learns those of the run, beside which it looks."""
     for row in range(peaks.shape[0]):
         for i in range(n):
             raise_peak(peaks, row, i, step_work[first + row, i])
+            step_work[first + row, i] = peaks[row, i]
 
 
 @inlined
@@ -219,40 +234,26 @@ def shift_ground(chain, modal, forces, t, shift, ground, shifts, state, work, me
         if shifts[row] != 0.0:
             for i in range(n):
                 state[row, i] += shifts[row] * shift
-    power = 0.0
-    rate = 0.0
-    momentum = 0.0
-    damped = 0.0
-    damped_rate = 0.0
-    v_below = 0.0
-    a_below = 0.0
+    mass = 0.0
     for i in range(n):
-        v = state[VELOCITY, i]
+        mass += chain[MASS, i]
         a = work[_OLD_A, i] + shift
         work[ACCELERATION_ROW, i] = a
         work[_OLD_A, i] = a
-        powers = _floor_powers(chain, i, ground, v, a, v_below, a_below)
-        power -= powers[0]
-        rate -= powers[1]
-        momentum += powers[2]
-        damped += powers[3]
-        damped_rate += powers[4]
-        v_below = v
-        a_below = a
+    observed[_POWER_INPUT] += shift * observed[_MOMENTUM]
+    observed[_RATE_INPUT] += shift * (observed[_FORCE] - ground * mass)
+    observed[_RATE_DAMPED] += 2.0 * shift * observed[_BY_ALL]
     if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
-        others = _other_powers(modal, forces, t, state, work, n)
-        power += others[0]
-        rate += others[1]
-        damped += others[2]
-        damped_rate += others[3]
-    _add_work(0.0, 0.0, power, rate, momentum, damped, 2.0 * damped_rate, memo, observed)
+        rate, damped_rate = _by_all(modal, forces, t, state, n)
+        observed[_RATE_INPUT] += shift * rate
+        observed[_RATE_DAMPED] += 2.0 * shift * damped_rate
 
 
 @inlined
 def _story_forces(chain, state, springs, work, peaks):
     """Force of each story, column and damper, into its row; peaks of drift and shear. Returns as `observe` does."""
     n = chain.shape[1] - 1
-    near = -1.0
+    near = False
     below = 0.0
     for i in range(n):
         v = state[VELOCITY, i]
@@ -262,8 +263,8 @@ def _story_forces(chain, state, springs, work, peaks):
         work[_SUM, i] = shear + chain[GEOMETRIC, i] * drift + chain[STORY_DAMPER, i] * rate
         work[_SUM, i] += power_damper(chain, i, rate)[0]
         below = v
-        near = max(near, raise_peak(peaks, PEAK_DRIFT, i, drift))
-        near = max(near, raise_peak(peaks, PEAK_SHEAR, i, shear))
+        near |= raise_peak(peaks, PEAK_DRIFT, i, drift)
+        near |= raise_peak(peaks, PEAK_SHEAR, i, shear)
     return near
 
 
@@ -327,8 +328,8 @@ def beyond_limits(limits, springs, peaks, n):
     """Whether the peak drift of some story is beyond its limit, or a story has failed."""
     beyond = False
     for i in range(n):
-        beyond = beyond or peaks[PEAK_DRIFT, i] > limits[LIMIT, i] * limits[HEIGHT, i]
-        beyond = beyond or springs[INTERNAL, i] == limits[FAILED, i]
+        beyond |= peaks[PEAK_DRIFT, i] > limits[LIMIT, i] * limits[HEIGHT, i]
+        beyond |= springs[INTERNAL, i] == limits[FAILED, i]
     return beyond
 
 

@@ -13,6 +13,8 @@ nothing is told, and what the peak might be goes to the rows of doubt.
 
 from __future__ import annotations
 
+import math
+
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.layout import (
     DISPLACEMENT,
@@ -32,17 +34,16 @@ from tdint.kernels.layout import (
 _RESOLVED = 0.5  # what a change of velocity may miss the mean acceleration by, over the velocities
 _SMOOTH = 1.0  # what an acceleration inside may miss the straight line by, over those at the ends
 _SWING = 0.5  # of h times the rates at both ends: what a parabola may go beyond the value at its end
-_PARTS = 4  # of the step, at whose ends a polynomial is looked at first
 
 
 @inlined
 def raise_peak(peaks, row, i, value):
-    """Raise a peak to the size of a value. Returns a number that is not negative if that is at least half the peak."""
+    """Raise a peak to the size of a value. Returns whether that is near the peak: at least half of it."""
     size = abs(value)
     peak = peaks[row, i]
     if size > peak:
         peaks[row, i] = size
-    return 2.0 * size - peak
+    return 2.0 * size >= peak
 
 
 @inlined
@@ -60,6 +61,69 @@ def look_within(
     Row `turn` of `turns` receives the drift at which a story turns with what may be its largest shear, for others the
     present drift; returns how many there are of these.
     """
+    n = chain.shape[1] - 1
+    passing = _may_pass(
+        on_path, chain, laws, h, ground_0, ground_1, old, first, state, accelerations, new, springs, peaks, top, 0, 0
+    )  # fmt: skip
+    for i in range(1, n):
+        passing |= _may_pass(
+            on_path, chain, laws, h, ground_0, ground_1, old, first, state, accelerations, new, springs, peaks, top, i,
+            i - 1,
+        )  # fmt: skip
+    if not passing:
+        return 0
+    return _look_closely(
+        on_path, fast, chain, laws, h, ground_0, ground_1, old, first, state, accelerations, new, springs, turns, turn,
+        peaks, top,
+    )  # fmt: skip
+
+
+@inlined
+def _may_pass(
+    on_path, chain, laws, h, ground_0, ground_1, old, first, state, accelerations, new, springs, peaks, top, i, below
+):  # fmt: skip
+    """Whether floor `i` or its story may pass a peak. `below` is the floor below, any for the lowest one.
+
+    Without branches: of the many steps in which some value is near its peak few pass it.
+    """
+    link = chain[LINK, i]
+    u0 = old[first, i]
+    v0 = old[first + 1, i]
+    a0 = old[first + 2, i]
+    u1 = state[DISPLACEMENT, i]
+    v1 = state[VELOCITY, i]
+    a1 = accelerations[new, i]
+    drift = springs[DRIFT, i]
+    rate_0 = v0 - link * old[first + 1, below]
+    rate_1 = v1 - link * state[VELOCITY, below]
+    swing = _SWING * h * (abs(rate_0) + abs(rate_1))
+    passed = abs(drift) + swing > peaks[top + PEAK_DRIFT, i]
+    sheared = abs(springs[FORCE, i]) + laws[STIFFNESS, i] * swing > peaks[top + PEAK_SHEAR, i]
+    rise = drift - (u0 - link * old[first, below])
+    passing = _turns(on_path, h, rise, rate_0, rate_1) & (passed | sheared)
+    passed = abs(u1) + _SWING * h * (abs(v0) + abs(v1)) > peaks[top + PEAK_DISPLACEMENT, i]
+    passing |= _turns(on_path, h, u1 - u0, v0, v1) & passed
+    passing |= (a0 * a1 < 0.0) & (abs(v1) + _SWING * h * (abs(a0) + abs(a1)) > peaks[top + PEAK_VELOCITY, i])
+    peak = peaks[top + PEAK_ACCELERATION, i]
+    absolute_0 = a0 + ground_0
+    absolute_1 = a1 + ground_1
+    one, other = _bezier(h, u0, v0, a0, u1, v1, a1, absolute_0, ground_1 - ground_0)
+    near = (2.0 * abs(absolute_0) > peak) | (2.0 * abs(absolute_1) > peak)
+    return passing | (near & ((abs(one) > peak) | (abs(other) > peak)))
+
+
+@inlined
+def _turns(on_path, h, rise, rate_0, rate_1):
+    """Whether a displacement has an extremum inside the step."""
+    return (on_path & (2.0 * abs(rise) < h * abs(rate_1 - rate_0))) | ((not on_path) & (rate_0 * rate_1 < 0.0))
+
+
+@called
+def _look_closely(
+    on_path, fast, chain, laws, h, ground_0, ground_1, old, first, state, accelerations, new, springs, turns, turn,
+    peaks, top,
+):  # fmt: skip
+    """What `look_within` does where a peak may be passed."""
     turned = 0
     u0_below = 0.0
     v0_below = 0.0
@@ -84,30 +148,31 @@ def look_within(
         turns[turn, i] = drift
         if on_path or rate_0 * rate_1 < 0.0:
             swing = _SWING * h * (abs(rate_0) + abs(rate_1))
-            passed = abs(drift) + swing > peaks[top + PEAK_DRIFT, i]
-            sheared = abs(springs[FORCE, i]) + laws[STIFFNESS, i] * swing > peaks[top + PEAK_SHEAR, i]
-            if passed or sheared:
+            passing = peaks[top + PEAK_DRIFT, i] - abs(drift)
+            shearing = (peaks[top + PEAK_SHEAR, i] - abs(springs[FORCE, i])) / laws[STIFFNESS, i]
+            if swing > min(passing, shearing):
                 bend_0 = a0 - link * a0_below
                 bend_1 = a1 - link * a1_below
                 calm = not fast or _calm(
                     w0 - link * w0_below, rate_0, rate_1, b0 - link * b0_below, bend_0, bend_1
                 )  # fmt: skip
                 far = _turning_point(
-                    on_path, calm, h, u0 - link * u0_below, rate_0, bend_0, drift, rate_1, bend_1, peaks,
-                    top + PEAK_DRIFT, i,
+                    on_path, calm, h, u0 - link * u0_below, rate_0, bend_0, drift, rate_1, bend_1,
+                    min(passing, shearing), peaks, top + PEAK_DRIFT, i,
                 )  # fmt: skip
-                if sheared and far != drift:
+                if swing > shearing and far != drift:
                     turns[turn, i] = far
                     turned += 1
-        if (on_path or v0 * v1 < 0.0) and abs(u1) + _SWING * h * (abs(v0) + abs(v1)) > peaks[
-            top + PEAK_DISPLACEMENT, i
-        ]:
+        passing = peaks[top + PEAK_DISPLACEMENT, i] - abs(u1)
+        if (on_path or v0 * v1 < 0.0) and _SWING * h * (abs(v0) + abs(v1)) > passing:
             calm = not fast or _calm(w0, v0, v1, b0, a0, a1)
-            _turning_point(on_path, calm, h, u0, v0, a0, u1, v1, a1, peaks, top + PEAK_DISPLACEMENT, i)
+            _turning_point(on_path, calm, h, u0, v0, a0, u1, v1, a1, passing, peaks, top + PEAK_DISPLACEMENT, i)
         if a0 * a1 < 0.0 and abs(v1) + _SWING * h * (abs(a0) + abs(a1)) > peaks[top + PEAK_VELOCITY, i]:
             calm = not fast or _calm(w0, v0, v1, b0, a0, a1)
             _fastest(calm, h, u0, v0, a0, u1, v1, a1, peaks, top, i)
-        if 2.0 * max(abs(a0 + ground_0), abs(a1 + ground_1)) > peaks[top + PEAK_ACCELERATION, i]:
+        peak = peaks[top + PEAK_ACCELERATION, i]
+        one, other = _bezier(h, u0, v0, a0, u1, v1, a1, a0 + ground_0, ground_1 - ground_0)
+        if 2.0 * max(abs(a0 + ground_0), abs(a1 + ground_1)) > peak and max(abs(one), abs(other)) > peak:
             calm = not fast or _calm(w0, v0, v1, b0, a0, a1)
             _most_accelerated(calm, h, u0, v0, a0, u1, v1, a1, ground_0, ground_1, peaks, top, i)
         u0_below = u0
@@ -121,8 +186,9 @@ def look_within(
 
 
 @called
-def _turning_point(on_path, calm, h, u0, v0, a0, u1, v1, a1, peaks, row, i):
-    """Raise a peak of displacement by the extremum between both ends; that is returned, u1 if there is none."""
+def _turning_point(on_path, calm, h, u0, v0, a0, u1, v1, a1, passing, peaks, row, i):
+    """Raise a peak of displacement by the extremum between both ends, if it may be more than `passing` beyond u1; that
+    is returned, u1 if there is none."""
     if on_path:
         rise = u1 - u0
         bend = h * (v1 - v0)
@@ -132,14 +198,21 @@ def _turning_point(on_path, calm, h, u0, v0, a0, u1, v1, a1, peaks, row, i):
         far = u0 + s * (rise + 0.5 * bend * (s - 1.0))
         raise_peak(peaks, row, i, far)
         return far
+    # Bezier points of the quintic, or beyond these, and of the cubic. It turns where it goes at first.
+    way = math.copysign(1.0, v0)
+    back = way * (u0 - u1)
+    early = max(h * abs(v0) / 3.0, 0.4 * h * abs(v0) + 0.05 * h * h * way * a0)
+    late = max(h * abs(v1) / 3.0, 0.4 * h * abs(v1) + 0.05 * h * h * way * a1)
+    if max(back + early, late) <= passing:
+        return u1
     told = abs(v1 - v0 - 0.5 * h * (a0 + a1)) <= _RESOLVED * (abs(v0) + abs(v1))
     if not (told and calm):
         rise = u1 - u0
         bend = 3.0 * rise - h * (2.0 * v0 + v1)
-        raise_peak(peaks, row + PEAK_ROWS, i, _extreme(u0, h * v0, bend, rise - h * v0 - bend, 0.0, 0.0))
+        raise_peak(peaks, row + PEAK_ROWS, i, _extreme_of_cubic(u0, h * v0, bend, rise - h * v0 - bend))
         return u1
     c3, c4, c5 = _quintic(h, u0, v0, a0, u1, v1, a1)
-    far = _extreme(u0, h * v0, 0.5 * h * h * a0, c3, c4, c5)
+    far = _extreme(v0 / (v0 - v1), u0, h * v0, 0.5 * h * h * a0, c3, c4, c5)
     raise_peak(peaks, row, i, far)
     return far
 
@@ -148,37 +221,51 @@ def _turning_point(on_path, calm, h, u0, v0, a0, u1, v1, a1, peaks, row, i):
 def _fastest(calm, h, u0, v0, a0, u1, v1, a1, peaks, top, i):
     """Raise the peak of velocity."""
     c3, c4, c5 = _quintic(h, u0, v0, a0, u1, v1, a1)
-    far = _extreme(v0, h * a0, 3.0 * c3 / h, 4.0 * c4 / h, 5.0 * c5 / h, 0.0)
     told = _smooth(h, a0, a1, c3, c4, abs(a0) + abs(a1)) and calm
-    doubt = 0 if told else PEAK_ROWS
-    raise_peak(peaks, top + doubt + PEAK_VELOCITY, i, far)
+    row = top + PEAK_VELOCITY + (0 if told else PEAK_ROWS)
+    # Inside it is no larger than its Bezier points.
+    early = v0 + 0.25 * h * a0
+    late = v1 - 0.25 * h * a1
+    middle = 5.0 * (u1 - u0) / h - (v0 + early + late + v1)
+    if max(abs(early), abs(middle), abs(late)) > peaks[row, i]:
+        far = _extreme(a0 / (a0 - a1), v0, h * a0, 3.0 * c3 / h, 4.0 * c4 / h, 5.0 * c5 / h, 0.0)
+        raise_peak(peaks, row, i, far)
 
 
 @called
 def _most_accelerated(calm, h, u0, v0, a0, u1, v1, a1, ground_0, ground_1, peaks, top, i):
     """Raise the peak of absolute acceleration."""
-    row = top + PEAK_ACCELERATION
-    c3, c4, c5 = _quintic(h, u0, v0, a0, u1, v1, a1)
-    by_h2 = 1.0 / (h * h)
     absolute_0 = a0 + ground_0
     absolute_1 = a1 + ground_1
-    # Inside it is no larger than its Bezier points.
-    one = absolute_0 + 2.0 * c3 * by_h2 + (ground_1 - ground_0) / 3.0
-    other = absolute_0 + 4.0 * (c3 + c4) * by_h2 + 2.0 * (ground_1 - ground_0) / 3.0
-    if max(abs(one), abs(other)) <= peaks[row, i]:
-        return
-    far = _extreme(absolute_0, 6.0 * c3 * by_h2 + ground_1 - ground_0, 12.0 * c4 * by_h2, 20.0 * c5 * by_h2, 0.0, 0.0)
+    one, other = _bezier(h, u0, v0, a0, u1, v1, a1, absolute_0, ground_1 - ground_0)
+    c3, c4, c5 = _quintic(h, u0, v0, a0, u1, v1, a1)
     told = _smooth(h, a0, a1, c3, c4, abs(absolute_0) + abs(absolute_1)) and calm
-    doubt = 0 if told else PEAK_ROWS
-    raise_peak(peaks, row + doubt, i, far)
+    row = top + PEAK_ACCELERATION + (0 if told else PEAK_ROWS)
+    # Of both halves of the step it is no larger than the Bezier points of these.
+    early = absolute_0 + one
+    late = absolute_1 + other
+    most = max(abs(early), abs(late), 0.5 * abs(early + one + other), 0.5 * abs(late + one + other))
+    if 0.5 * most <= peaks[row, i]:
+        return
+    by_h2 = 1.0 / (h * h)
+    change = 6.0 * c3 * by_h2 + ground_1 - ground_0
+    raise_peak(peaks, row, i, _extreme_of_cubic(absolute_0, change, 12.0 * c4 * by_h2, 20.0 * c5 * by_h2))
+
+
+@inlined
+def _bezier(h, u0, v0, a0, u1, v1, a1, absolute_0, change_of_ground):
+    """The absolute acceleration's Bezier points inside: it is no larger than these and its ends."""
+    c3, c4, _ = _quintic(h, u0, v0, a0, u1, v1, a1)
+    by_h2 = 2.0 / (h * h)
+    one = absolute_0 + by_h2 * c3 + change_of_ground / 3.0
+    return one, absolute_0 + 2.0 * by_h2 * (c3 + c4) + change_of_ground / 1.5
 
 
 @inlined
 def _smooth(h, a0, a1, c3, c4, size):
     """Whether the acceleration's Bezier points inside lie about on the straight line between both ends."""
-    one = 2.0 * c3 / (h * h) - (a1 - a0) / 3.0
-    other = 4.0 * (c3 + c4) / (h * h) - 2.0 * (a1 - a0) / 3.0
-    return max(abs(one), abs(other)) <= _SMOOTH * size
+    third = h * h * (a1 - a0) / 3.0
+    return max(abs(2.0 * c3 - third), abs(4.0 * (c3 + c4) - 2.0 * third)) <= _SMOOTH * h * h * size
 
 
 @inlined
@@ -198,28 +285,30 @@ def _quintic(h, u0, v0, a0, u1, v1, a1):
     return 10.0 * rise - 4.0 * change + bend, -15.0 * rise + 7.0 * change - 2.0 * bend, 6.0 * rise - 3.0 * change + bend
 
 
-@called
-def _extreme(p0, p1, p2, p3, p4, p5):
-    """Value of the largest size of p0 + p1 s + ... + p5 s^5 on [0, 1]: at one of some points, from the largest of which
-    Newton's iteration looks for a zero rate."""
-    best = p0
-    at = 0.0
-    for part in range(1, _PARTS + 1):
-        s = part / _PARTS
-        value = p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5))))
-        if abs(value) > abs(best):
-            best = value
-            at = s
-    low = max(at - 1.0 / _PARTS, 0.0)
-    high = min(at + 1.0 / _PARTS, 1.0)
-    s = at
+@inlined
+def _extreme(s, p0, p1, p2, p3, p4, p5):
+    """Value of p0 + p1 s + ... + p5 s^5 on [0, 1] where its rate is zero, by Newton's iteration from s."""
     for _ in range(3):
         rate = p1 + s * (2.0 * p2 + s * (3.0 * p3 + s * (4.0 * p4 + s * 5.0 * p5)))
         bend = 2.0 * p2 + s * (6.0 * p3 + s * (12.0 * p4 + s * 20.0 * p5))
-        if bend * best >= 0.0:
-            break
-        s = min(max(s - rate / bend, low), high)
-        value = p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5))))
-        if abs(value) > abs(best):
-            best = value
+        # Not towards an extremum of the other kind
+        s -= rate / bend if bend * p1 < 0.0 else 0.0
+        s = min(max(s, 0.0), 1.0)
+    return p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5))))
+
+
+@inlined
+def _extreme_of_cubic(p0, p1, p2, p3):
+    """Value of the largest size of p0 + p1 s + p2 s^2 + p3 s^3 inside [0, 1]; p0 if it has no extremum there."""
+    best = p0
+    discriminant = p2 * p2 - 3.0 * p1 * p3
+    if discriminant >= 0.0:
+        root = -(p2 + math.copysign(math.sqrt(discriminant), p2))
+        s = root / (3.0 * p3) if p3 != 0.0 else 0.0
+        if 0.0 < s < 1.0:
+            best = p0 + s * (p1 + s * (p2 + s * p3))
+        s = p1 / root if root != 0.0 else 0.0
+        if 0.0 < s < 1.0:
+            value = p0 + s * (p1 + s * (p2 + s * p3))
+            best = value if abs(value) > abs(best) else best
     return best

@@ -294,7 +294,7 @@ def _come_to_rest(state, series, strength, hardening, k, c):
     return -state[OFFSET] / k if state[SIDE] == 0.0 else state[U]
 
 
-@kernel(I8(VECTOR, F8, F8, F8, F8, F8, VECTOR), parts=())
+@kernel(I8(VECTOR, F8, F8, F8, F8, F8, VECTOR), parts=(), vectorized=True)
 def bilinear_response(ground, dt, omega, xi, hardening, yield_displacement, results):
     """Response of one bilinear oscillator from rest to a ground motion.
 

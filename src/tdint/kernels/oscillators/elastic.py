@@ -52,7 +52,7 @@ def scratch(samples: int, parts: int, lanes: int) -> tuple[NDArray[np.float64], 
     )
 
 
-@kernel(I8(VECTOR, F8, I8, TABLE, I8, I8, TABLE, VECTOR, CUBE, CUBE, TABLE), parts=())
+@kernel(I8(VECTOR, F8, I8, TABLE, I8, I8, TABLE, VECTOR, CUBE, CUBE, TABLE), parts=(), vectorized=True)
 def peaks(samples, dt, parts, oscillators, lanes, between, result, ground, starts, tops, shaking):
     """March oscillators from rest over a ground motion; largest absolute values.
 

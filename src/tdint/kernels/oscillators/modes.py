@@ -177,7 +177,7 @@ def scratch(samples: int, parts: int, modes: int, columns: int) -> tuple[NDArray
         VECTOR, I8, F8, TABLE, TABLE, VECTOR, VECTOR,
         TABLE, TABLE, VECTOR, TABLE, TABLE, TABLE, VECTOR, VECTOR, TABLE,
     ),
-    parts=(),
+    parts=(), vectorized=True,
 )  # fmt: skip
 def largest_drifts(
     ground, parts, h, modes, shapes, static, results,

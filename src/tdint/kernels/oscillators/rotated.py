@@ -58,7 +58,7 @@ def scratch(samples: int, parts: int) -> tuple[NDArray[np.float64], ...]:
     return np.empty((2, steps + 1)), np.empty((LANES, whole + 1, 4)), np.empty((LANES, whole, AXES + 1))
 
 
-@kernel(I8(VECTOR, VECTOR, F8, I8, TABLE, TABLE, I8, TABLE, TABLE, CUBE, CUBE), parts=())
+@kernel(I8(VECTOR, VECTOR, F8, I8, TABLE, TABLE, I8, TABLE, TABLE, CUBE, CUBE), parts=(), vectorized=True)
 def rotated_peaks(first, second, dt, parts, oscillators, directions, between, result, ground, starts, tops):
     """March oscillators from rest over two ground motions; largest absolute displacements in all directions.
 

@@ -12,6 +12,7 @@ NONE = 2.0
 """The fraction of the step for no event."""
 
 _SLACK = 1e-9  # over the drifts: a branch that is left by less is not left (rounding, and the error of a located event)
+_CLOSE = 1e-10  # of the step, the last correction by Newton's iteration: what is left is about the square of that
 _TURNED = 1e-12  # likewise: a drift that goes back by less has not turned
 
 
@@ -42,12 +43,12 @@ def first_event(chain, h, state, springs, work, u1, v1):
         slack = _SLACK * (abs(d0) + abs(d3))
         upper = springs[UPPER, i]
         lower = springs[LOWER, i]
-        if max(d1, d2, d3) > upper + slack and _crossing(d0, d1, d2, d3, upper + slack) != NONE:
-            fraction = _crossing(d0, d1, d2, d3, upper)
+        if max(d1, d2, d3) > upper + slack:
+            fraction = _crossing(d0, d1, d2, d3, upper, slack, first)
             if fraction < first:
                 first, story, how = fraction, i, ABOVE
-        if min(d1, d2, d3) < lower - slack and _crossing(-d0, -d1, -d2, -d3, slack - lower) != NONE:
-            fraction = _crossing(-d0, -d1, -d2, -d3, -lower)
+        if min(d1, d2, d3) < lower - slack:
+            fraction = _crossing(-d0, -d1, -d2, -d3, -lower, slack, first)
             if fraction < first:
                 first, story, how = fraction, i, BELOW
         turn = springs[TURN, i]
@@ -66,20 +67,21 @@ def _bezier(d0, d1, d2, d3, s):
 
 
 @called
-def _crossing(d0, d1, d2, d3, limit):
-    """Smallest s in [0, 1] at which the cubic goes beyond `limit`; NONE if it does not.
+def _crossing(d0, d1, d2, d3, limit, slack, before):
+    """Smallest s in [0, 1] at which the cubic goes beyond `limit`; NONE if that is not before `before`, or if it
+    nowhere goes beyond it by `slack`.
 
     A cubic that starts beyond it by what the last event was missed by comes inside first, or turns outside: it goes
     beyond where it then rises.
     """
-    if d0 >= limit and d1 > d0:
-        return 0.0
     # Between its extrema the cubic is monotone.
     a = d3 - d0 + 3.0 * (d1 - d2)
     b = d0 - 2.0 * d1 + d2
     c = d1 - d0
     s_low = 1.0
     s_high = 1.0
+    low = d3
+    high = d3
     discriminant = b * b - a * c
     if discriminant > 0.0:
         q = -(b + math.copysign(math.sqrt(discriminant), b))
@@ -87,25 +89,36 @@ def _crossing(d0, d1, d2, d3, limit):
         other = c / q if q != 0.0 else 1.0
         s_low = min(max(min(one, other), 0.0), 1.0)
         s_high = min(max(max(one, other), 0.0), 1.0)
-    left = 0.0
-    before = d0
-    for part in range(3):
-        right = s_low if part == 0 else (s_high if part == 1 else 1.0)
-        if right > left:
-            value = _bezier(d0, d1, d2, d3, right)
-            if before >= limit and value > before:
-                return left
-            if before < limit and value > limit:
-                return _root(d0, d1, d2, d3, limit, left, right)
-            left = right
-            before = value
-    return NONE
+        low = _bezier(d0, d1, d2, d3, s_low)
+        high = _bezier(d0, d1, d2, d3, s_high)
+    if not _rises_beyond(d0, d1, low, high, d3, limit + slack):
+        return NONE
+    if d0 >= limit and d1 > d0:
+        return 0.0
+    if low > limit and low > d0:
+        return _root(d0, d1, d2, d3, limit, 0.0, s_low, d0, low, before)
+    if high > limit and high > low:
+        return _root(d0, d1, d2, d3, limit, s_low, s_high, low, high, before)
+    return _root(d0, d1, d2, d3, limit, s_high, 1.0, high, d3, before)
 
 
 @inlined
-def _root(d0, d1, d2, d3, limit, left, right):
-    """Where the cubic, rising from below `limit` at `left` to above it at `right`, crosses it: safeguarded Newton."""
-    s = 0.5 * (left + right)
+def _rises_beyond(d0, d1, low, high, d3, limit):
+    """Whether the cubic with these values at its extrema goes beyond `limit`."""
+    at_first = (d0 >= limit) & (d1 > d0)
+    between = ((low > limit) & (low > d0)) | ((high > limit) & (high > low))
+    return at_first | between | ((d3 > limit) & (d3 > high))
+
+
+@called
+def _root(d0, d1, d2, d3, limit, left, right, from_value, to_value, before):
+    """Where the cubic, rising from `from_value` at `left` to `to_value` at `right`, crosses `limit`, by safeguarded
+    Newton from where a line would; `left` if it is beyond it there; NONE if that is not before `before`."""
+    if from_value >= limit:
+        return left
+    if before < right and (before <= left or _bezier(d0, d1, d2, d3, before) <= limit):
+        return NONE
+    s = left + (right - left) * (limit - from_value) / (to_value - from_value)
     for _ in range(60):
         value = _bezier(d0, d1, d2, d3, s) - limit
         if value > 0.0:
@@ -117,9 +130,10 @@ def _root(d0, d1, d2, d3, limit, left, right):
         new = s - value / rate if rate != 0.0 else left
         if not left < new < right:
             new = 0.5 * (left + right)
-        if abs(new - s) <= 1e-15:
-            break
+        change = new - s
         s = new
+        if abs(change) <= _CLOSE:
+            break
     return s
 
 
