@@ -2,8 +2,8 @@
 
 Tables: motion (L2 error and largest error of a peak drift at 1, 2, 4 and 8 samples a step, all methods), peaks (peak
 floor accelerations, shears and drifts of 20 random bilinear buildings), speed (processor time of long steps over that
-at the record's own, and what looking between the steps costs), tolerance (campaigns that choose their steps: how many
-runs are beyond it). All if none is named.
+at the record's own), rate (of the same steps on a motion at 100 and at 200 samples a second), tolerance (campaigns that
+choose their steps: how many runs are beyond it). All if none is named.
 """
 
 from __future__ import annotations
@@ -134,6 +134,36 @@ def speed():
         print(f"{name:20s}" + "".join(f"{times[k] / times[1]:8.3f}" for k in SAMPLES) + f"{1e3 * times[1]:10.3f}")
 
 
+def rate():
+    """The same motion at 100 and at 200 samples a second: processor time of steps of one length."""
+    print(
+        "processor time at 200 Hz over that at 100 Hz, the same motion and steps (s), impulse4; largest L2 difference"
+    )
+    for name, building in MODELS.items():
+        record = model_record(building)
+        samples = record.acceleration
+        finer = np.interp(np.arange(2 * len(samples) - 1) / 2.0, np.arange(len(samples)), samples)
+        motions = (record, replace(record, acceleration=finer, dt=record.dt / 2.0))
+        prepared, integrator = PreparedBuilding.of(building), parse("impulse4")
+        times = np.full((2, len(SAMPLES)), np.inf)
+        for _ in range(REPEATS):
+            for i, j in np.ndindex(times.shape):
+                steps = choose_steps(SAMPLES[j] * record.dt, record.duration, motions[i].dt, record.duration)
+                ground = motions[i].acceleration.copy()
+                begin = time.process_time()
+                for _ in range(5):
+                    prepared.march(integrator, steps, ground)
+                times[i, j] = min(times[i, j], (time.process_time() - begin) / 5)
+        far = 0.0
+        for k in SAMPLES:
+            both = [run(building, one, dt=k * record.dt, duration=record.duration, history=True) for one in motions]
+            far = max(far, difference(*(one.history.displacement for one in both)))
+        cells = (
+            f"{f'{k * record.dt:g}: {slow / fast:.3f}':>14s}" for k, fast, slow in zip(SAMPLES, *times, strict=True)
+        )
+        print(f"{name:20s}{''.join(cells)}{far:10.0e}")
+
+
 def tolerance():
     """Campaigns of 12 random bilinear buildings under the shipped motions at four scales, with steps that are chosen
     under the strongest run without collapse alone, and under some that are spread."""
@@ -175,7 +205,7 @@ def tolerance():
             print(f"{method:20s}{100.0 * within:8.1f} %" + "".join(f"{cell:>28s}" for cell in cells))
 
 
-TABLES = {one.__name__: one for one in (motion, peaks, speed, tolerance)}
+TABLES = {one.__name__: one for one in (motion, peaks, speed, rate, tolerance)}
 
 if __name__ == "__main__":
     for name in sys.argv[1:] or TABLES:
