@@ -299,14 +299,15 @@ def _extreme(s, p0, p1, p2, p3, p4, p5):
 
 @inlined
 def _extreme_of_cubic(p0, p1, p2, p3):
-    """Value of the largest size of p0 + p1 s + p2 s^2 + p3 s^3 inside [0, 1]; p0 if it has no extremum there."""
+    """Value of the largest size of p0 + p1 s + p2 s^2 + p3 s^3 at 0 and at its extrema in [0, 1]."""
     best = p0
     discriminant = p2 * p2 - 3.0 * p1 * p3
     if discriminant >= 0.0:
         root = -(p2 + math.copysign(math.sqrt(discriminant), p2))
         s = root / (3.0 * p3) if p3 != 0.0 else 0.0
         if 0.0 < s < 1.0:
-            best = p0 + s * (p1 + s * (p2 + s * p3))
+            value = p0 + s * (p1 + s * (p2 + s * p3))
+            best = value if abs(value) > abs(best) else best
         s = p1 / root if root != 0.0 else 0.0
         if 0.0 < s < 1.0:
             value = p0 + s * (p1 + s * (p2 + s * p3))

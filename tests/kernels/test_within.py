@@ -1,0 +1,121 @@
+"""Peaks between the ends of a step: what the quintic errs, and that nothing is lost by looking where a peak may be."""
+
+import math
+
+import numpy as np
+import pytest
+
+from tdint.kernels.layout import (
+    ACCELERATION,
+    CHAIN_ROWS,
+    DISPLACEMENT,
+    DRIFT,
+    FORCE,
+    LINK,
+    PEAK_ACCELERATION,
+    PEAK_DISPLACEMENT,
+    PEAK_DRIFT,
+    PEAK_ROWS,
+    PEAK_SHEAR,
+    PEAK_VELOCITY,
+    SPRING_ROWS,
+    STIFFNESS,
+    VELOCITY,
+)
+from tdint.kernels.march.within import _extreme_of_cubic, _look_closely, look_within
+
+STORIES = 4
+K = 50.0
+
+
+def scene(seed):
+    """Arguments of `look_within`: any motion of some floors over a step, and peaks that are near its ends."""
+    generator = np.random.default_rng(seed)
+    h = 10.0 ** generator.uniform(-3.0, 0.0)
+    scale = np.array([[1.0], [1.0 / h], [1.0 / h**2]]) * 10.0 ** generator.uniform(-1.0, 1.0, (3, 1))
+    chain = np.zeros((CHAIN_ROWS, STORIES + 1))
+    chain[LINK, 1:STORIES] = 1.0
+    laws = np.zeros((3, STORIES + 1))
+    laws[STIFFNESS, :STORIES] = K
+    old, state, springs = np.zeros((5, STORIES + 1)), np.zeros((3, STORIES + 1)), np.zeros((SPRING_ROWS, STORIES + 1))
+    old[:3, :STORIES] = scale * generator.normal(size=(3, STORIES))
+    old[3:, :STORIES] = scale[1:] * generator.normal(size=(2, STORIES))
+    state[:, :STORIES] = scale * generator.normal(size=(3, STORIES))
+    springs[DRIFT, :STORIES] = np.diff(state[DISPLACEMENT, :STORIES], prepend=0.0)
+    springs[FORCE, :STORIES] = K * generator.uniform(-1.0, 1.0, STORIES) * springs[DRIFT, :STORIES]
+    ground = scale[2, 0] * generator.normal(size=2)
+    ends = np.zeros((PEAK_ROWS, STORIES))
+    ends[PEAK_DRIFT] = abs(springs[DRIFT, :STORIES])
+    ends[PEAK_SHEAR] = abs(springs[FORCE, :STORIES])
+    ends[PEAK_DISPLACEMENT] = np.maximum(abs(state[DISPLACEMENT]), abs(old[0]))[:STORIES]
+    ends[PEAK_VELOCITY] = np.maximum(abs(state[VELOCITY]), abs(old[1]))[:STORIES]
+    ends[PEAK_ACCELERATION] = np.maximum(abs(state[ACCELERATION] + ground[1]), abs(old[2] + ground[0]))[:STORIES]
+    peaks = np.vstack([ends * generator.uniform(1.0, 1.5, ends.shape), np.zeros_like(ends)])
+    on_path, fast = (bool(one) for one in generator.integers(0, 2, 2))
+    turns = np.zeros((1, STORIES + 1))
+    return [on_path, fast, chain, laws, h, *ground, old, 0, state, state, ACCELERATION, springs, turns, 0, peaks, 0]
+
+
+@pytest.mark.parametrize("seed", range(300))
+def test_nothing_is_passed_where_it_is_not_looked_closely(seed):
+    quick, close = scene(seed), scene(seed)
+    turned = look_within(*quick)
+    assert turned == _look_closely(*close)
+    assert quick[-2][:PEAK_ROWS] == pytest.approx(close[-2][:PEAK_ROWS], rel=1e-15)
+    if turned:
+        assert np.array_equal(quick[-4], close[-4])
+
+
+def test_some_of_these_motions_pass_each_peak():
+    raised = np.zeros(2 * PEAK_ROWS, dtype=bool)
+    for seed in range(300):
+        before, after = scene(seed), scene(seed)
+        look_within(*after)
+        raised |= np.any(after[-2] > before[-2], axis=1)
+    of_stories = [row for row in range(2 * PEAK_ROWS) if row % PEAK_ROWS != PEAK_SHEAR]  # that is raised by the laws
+    assert raised[of_stories].all()
+
+
+def errors(h):
+    """What is missed of the peaks of sin(omega t) and its rates over steps h about them, over the peaks."""
+    omega = 2.0
+    missed = np.zeros(3)
+    # The ground moves against the floor so that the absolute acceleration is -omega^2 sin(omega t) - 1.
+    for middle, quantity in ((0.5 * math.pi, 0), (math.pi, 1), (0.5 * math.pi, 2)):
+        for part in (0.3, 0.5, 0.6):
+            start = middle / omega - part * h
+            times = omega * np.array([start, start + h])
+            u, v, a = np.sin(times), omega * np.cos(times), -(omega**2) * np.sin(times)
+            one = scene(0)
+            chain = np.zeros((CHAIN_ROWS, 2))
+            laws, springs, turns = np.full((3, 2), K), np.zeros((SPRING_ROWS, 2)), np.zeros((1, 2))
+            springs[DRIFT, 0] = u[1]
+            old, state = np.zeros((5, 2)), np.zeros((3, 2))
+            old[:3, 0], state[:, 0] = (u[0], v[0], a[0]), (u[1], v[1], a[1])
+            ends = [max(abs(u)), 0.0, max(abs(u)), max(abs(v)), max(abs(a - 1.0))]
+            peaks = np.array([[*ends, 0.0, 0.0, 0.0, 0.0, 0.0]]).T
+            one = [False, False, chain, laws, h, -1.0, -1.0, old, 0, state, state, ACCELERATION, springs, turns, 0]
+            look_within(*one, peaks, 0)
+            found = peaks[(PEAK_DISPLACEMENT, PEAK_VELOCITY, PEAK_ACCELERATION)[quantity], 0]
+            exact = (1.0, omega, omega**2 + 1.0)[quantity]
+            missed[quantity] = max(missed[quantity], abs(found / exact - 1.0))
+    return missed
+
+
+def test_peaks_have_the_order_of_the_quintic():
+    """u errs by h^6, u' by h^5 at least, u'' by h^4."""
+    large, small = errors(0.4), errors(0.2)
+    assert np.all(np.log2(large / small) >= [5.8, 4.8, 3.8])
+    assert large[2] <= (2.0 * 0.4) ** 4 / 1900.0
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_largest_extremum_of_a_cubic(seed):
+    p = np.random.default_rng(seed).normal(size=4)
+    if seed % 4 == 0:
+        p[3] = 0.0
+    s = np.linspace(0.0, 1.0, 100001)
+    values = np.polyval(p[::-1], s)
+    inside = values[1:-1][np.diff(np.sign(np.diff(values))) != 0]
+    expected = max([p[0], *inside], key=abs)
+    assert _extreme_of_cubic(*p) == pytest.approx(expected, abs=1e-8)
