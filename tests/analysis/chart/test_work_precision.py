@@ -364,9 +364,10 @@ def test_running_what_is_recommended_meets_the_error(limit):
 
 def test_default_steps():
     problem = pose(ten_linear(), noise())
-    assert default_steps(problem, 9, 5) == pytest.approx([0.01 * 8 / 2**j for j in range(8)])
+    parts = (8, 6, 4, 3, 2, 1, 1 / 2, 1 / 3, 1 / 4, 1 / 6, 1 / 8, 1 / 12, 1 / 16)
+    assert default_steps(problem, 9, 5) == pytest.approx([0.01 * part for part in parts])
     large = replace(problem, samples=100_000_000)
-    assert default_steps(large, 9, 5) == pytest.approx([0.08, 0.04, 0.02, 0.01])
+    assert default_steps(large, 9, 5) == pytest.approx([0.08, 0.06, 0.04, 0.03, 0.02, 0.01])
     assert halved_steps(problem, 0) == pytest.approx([0.08])
 
 
