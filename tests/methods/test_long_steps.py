@@ -152,3 +152,23 @@ def test_a_step_too_long_to_tell_says_so():
 def test_resolved_steps_leave_nothing_in_doubt():
     response = run(ten_bilinear(), noise(), method="impulse4")
     assert not any("too long" in note for note in response.notes)
+
+
+@pytest.mark.parametrize("dt", [1e-7, 1e-8, 1e-9])
+def test_steps_so_short_that_displacements_do_not_change_have_no_peaks_inside(dt):
+    """As pieces between two events may be: (omega dt)^2 is below what the displacements round."""
+    response = run(oscillator(10.0, 0.05, displacement=(1.0,)), method="impulse4", dt=dt, duration=200.0 * dt)
+    assert response.stories.peak_acceleration[0] == pytest.approx(100.0, rel=1e-12)
+    assert response.notes == ()
+
+
+def test_peaks_between_the_steps_are_of_the_order_of_moment4():
+    """Free vibration of a hardening building in all its modes, with its largest shears where it is stiffest. On the
+    parabolas of the method peaks of drift and displacement would be of order 2 to 3."""
+    hardening = [story(1e5, 2e7, Law("polynomial", (2e7, 0.0, 1e10))) for _ in range(3)]
+    case = model(hardening, displacement=(0.01, -0.01, 0.03), velocity=(0.3, 0.1, -0.2))
+    fine = run(case, method="impulse4", dt=0.01 / 32, duration=3.0).stories
+    found = [run(case, method="moment4", dt=0.01 / 2**j, duration=3.0).stories for j in range(4)]
+    for name in ("peak_drift", "peak_displacement", "peak_shear", "peak_velocity", "peak_acceleration"):
+        errors = [np.max(np.abs(getattr(one, name) / getattr(fine, name) - 1.0)) for one in found]
+        assert np.min(np.log2(np.divide(errors[:-1], errors[1:]))) > 3.6, name

@@ -8,7 +8,9 @@ large.
 
 Where both accelerations do not tell about what the velocities changed by, or, with modes that the step does not follow,
 the rates at the ends of two steps do not lie about on a line, the floor moves otherwise than the interpolant: then
-nothing is told, and what the peak might be goes to the rows of doubt.
+nothing is told, and what the peak might be goes to the rows of doubt. A method whose displacements follow parabolas
+tells by these what they do there. Steps, or pieces of one, so short that the interpolant's acceleration would be what
+the displacements round, have none inside.
 """
 
 from __future__ import annotations
@@ -33,6 +35,7 @@ from tdint.kernels.layout import (
 
 _RESOLVED = 0.5  # what a change of velocity may miss the mean acceleration by, over the velocities
 _SMOOTH = 1.0  # what an acceleration inside may miss the straight line by, over those at the ends
+_ROUNDED = 5e-9  # of displacements over h^2, what they round enlarges an acceleration inside by a millionth of as much
 _SWING = 0.5  # of h times the rates at both ends: what a parabola may go beyond the value at its end
 
 
@@ -115,7 +118,7 @@ def _may_pass(
 @inlined
 def _turns(on_path, h, rise, rate_0, rate_1):
     """Whether a displacement has an extremum inside the step."""
-    return (on_path & (2.0 * abs(rise) < h * abs(rate_1 - rate_0))) | ((not on_path) & (rate_0 * rate_1 < 0.0))
+    return (on_path & (2.0 * abs(rise) < h * abs(rate_1 - rate_0))) | (rate_0 * rate_1 < 0.0)
 
 
 @called
@@ -160,7 +163,8 @@ def _look_closely(
                     on_path, calm, h, u0 - link * u0_below, rate_0, bend_0, drift, rate_1, bend_1,
                     min(passing, shearing), peaks, top + PEAK_DRIFT, i,
                 )  # fmt: skip
-                if swing > shearing and far != drift:
+                # A story that has become stiffer may have its largest shear where its drift is largest.
+                if far != drift:
                     turns[turn, i] = far
                     turned += 1
         passing = peaks[top + PEAK_DISPLACEMENT, i] - abs(u1)
@@ -189,7 +193,8 @@ def _look_closely(
 def _turning_point(on_path, calm, h, u0, v0, a0, u1, v1, a1, passing, peaks, row, i):
     """Raise a peak of displacement by the extremum between both ends, if it may be more than `passing` beyond u1; that
     is returned, u1 if there is none."""
-    if on_path:
+    told = calm and abs(v1 - v0 - 0.5 * h * (a0 + a1)) <= _RESOLVED * (abs(v0) + abs(v1))
+    if on_path and not told:
         rise = u1 - u0
         bend = h * (v1 - v0)
         if 2.0 * abs(rise) >= abs(bend):
@@ -198,6 +203,8 @@ def _turning_point(on_path, calm, h, u0, v0, a0, u1, v1, a1, passing, peaks, row
         far = u0 + s * (rise + 0.5 * bend * (s - 1.0))
         raise_peak(peaks, row, i, far)
         return far
+    if v0 * v1 >= 0.0:
+        return u1
     # Bezier points of the quintic, or beyond these, and of the cubic. It turns where it goes at first.
     way = math.copysign(1.0, v0)
     back = way * (u0 - u1)
@@ -205,8 +212,7 @@ def _turning_point(on_path, calm, h, u0, v0, a0, u1, v1, a1, passing, peaks, row
     late = max(h * abs(v1) / 3.0, 0.4 * h * abs(v1) + 0.05 * h * h * way * a1)
     if max(back + early, late) <= passing:
         return u1
-    told = abs(v1 - v0 - 0.5 * h * (a0 + a1)) <= _RESOLVED * (abs(v0) + abs(v1))
-    if not (told and calm):
+    if not told:
         rise = u1 - u0
         bend = 3.0 * rise - h * (2.0 * v0 + v1)
         raise_peak(peaks, row + PEAK_ROWS, i, _extreme_of_cubic(u0, h * v0, bend, rise - h * v0 - bend))
@@ -237,6 +243,8 @@ def _most_accelerated(calm, h, u0, v0, a0, u1, v1, a1, ground_0, ground_1, peaks
     """Raise the peak of absolute acceleration."""
     absolute_0 = a0 + ground_0
     absolute_1 = a1 + ground_1
+    if _ROUNDED * (abs(u0) + abs(u1)) > h * h * (abs(absolute_0) + abs(absolute_1)):
+        return
     one, other = _bezier(h, u0, v0, a0, u1, v1, a1, absolute_0, ground_1 - ground_0)
     c3, c4, c5 = _quintic(h, u0, v0, a0, u1, v1, a1)
     told = _smooth(h, a0, a1, c3, c4, abs(absolute_0) + abs(absolute_1)) and calm
