@@ -16,6 +16,7 @@ from numpy.polynomial import Polynomial
 
 from tdint.kernels.chain import add_modal_force, finite, floor_load, internal_forces, power_damper
 from tdint.kernels.compiling import inlined, kernel
+from tdint.kernels.equations.halving import add_rows, copy_rows, squares, too_far
 from tdint.kernels.equations.tridiagonal import COUPLING_ROWS, factor_blocks, link_blocks, solve_blocks_damped
 from tdint.kernels.layout import (
     ACCELERATION,
@@ -41,7 +42,7 @@ from tdint.kernels.layout import (
     TIME,
     VELOCITY,
 )
-from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, STEP, balanced
+from tdint.kernels.stepping import CLOSE, ITERATIONS, PATIENCE, SAME_TANGENT, SMALL, STEP, balanced
 from tdint.kernels.stories.springs import commit, restoring, settle
 from tdint.methods.method import Family, Method
 
@@ -165,22 +166,36 @@ _TANGENT = 14
 _SLOPE = 16  # of the power-law dashpots
 _FACTORED = 18
 _FACTORED_SLOPE = 20
-_BLOCKS = 22
-_COUPLING = 26
+_CORRECTION = 22  # the last one
+_BLOCKS = 24
+_COUPLING = 28
 _STORE = _COUPLING + COUPLING_ROWS
 
 
 @kernel(STEP)
 def implicit_step(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
-    """One step of a two-stage method; Newton on all stories and both stages at once."""
+    """One step of a two-stage method; Newton on all stories and both stages at once.
+
+    Where it goes round in a cycle, corrections are halved until they bring the equations closer to balance.
+    """
     n = chain.shape[1] - 1
     s00, s01, s10, s11 = h * coefficients[A], h * coefficients[A + 1], h * coefficients[A + 2], h * coefficients[A + 3]
     _predict(coefficients, chain, forces, h, load, state, work, memo)
     iterations = 0
+    part = 1.0
+    before = math.inf
     while True:
         stale = _stages(coefficients, chain, laws, h, state, springs, work, memo)
         if _in_balance(iterations == ITERATIONS, chain, modal, work, memo):
             break
+        if iterations >= PATIENCE:
+            size = squares(chain, work, _R, n) + squares(chain, work, _R + 1, n)
+            if too_far(size, before, part):
+                part *= 0.5
+                add_rows(-part, work, _CORRECTION, _STAGE_A, 2, n)
+                continue
+            before = size
+            part = 1.0
         if iterations == ITERATIONS:
             return NOT_CONVERGED
         if stale:
@@ -188,9 +203,9 @@ def implicit_step(coefficients, chain, modal, laws, forces, h, load, state, spri
             memo[FACTORED_STEP] = h
         solve_blocks_damped(work, _BLOCKS, _COUPLING, modal, s00, s01, s10, s11, _STORE, _R, _R + 1, n)
         iterations += 1
-        for stage in range(2):
-            for i in range(n):
-                work[_STAGE_A + stage, i] += work[_R + stage, i]
+        add_rows(1.0, work, _R, _STAGE_A, 2, n)
+        if iterations > PATIENCE:
+            copy_rows(work, _R, _CORRECTION, 2, n)
         if memo[LINEAR] != 0.0:
             break
     return _finish(coefficients, chain, laws, h, state, springs, work, max(iterations, 1))

@@ -10,6 +10,7 @@ import math
 
 from tdint.kernels.chain import add_modal_force, floor_impulse, floor_load, power_damper
 from tdint.kernels.compiling import called, inlined
+from tdint.kernels.equations.halving import add_rows, copy_rows, squares, too_far
 from tdint.kernels.equations.impulse_momentum import (
     A1,
     DU,
@@ -52,7 +53,7 @@ from tdint.kernels.layout import (
     STORY_DAMPER,
     VELOCITY,
 )
-from tdint.kernels.stepping import CLOSE, ITERATIONS, LEAST, PATIENCE, SAME_TANGENT, SMALL
+from tdint.kernels.stepping import CLOSE, ITERATIONS, PATIENCE, SAME_TANGENT, SMALL
 from tdint.kernels.stories.springs import reach
 
 # Coefficients
@@ -191,10 +192,10 @@ def newton(frozen, coefficients, chain, modal, laws, h, state, springs, work, me
         if in_balance(iterations == ITERATIONS, coefficients[BETA], chain, h, state, work, memo) or last:
             break
         if iterations >= PATIENCE:
-            size = _size(chain, h, work, n)
-            if size > before * (1.0 - 1e-4 * part) and part > LEAST:
+            size = squares(chain, work, R1, n) / (h * h) + squares(chain, work, R2, n)
+            if too_far(size, before, part):
                 part *= 0.5
-                _step_back(part, work, n)
+                add_rows(-part, work, _LAST_CORRECTION, DU, 2, n)
                 continue
             before = size
             part = 1.0
@@ -205,27 +206,8 @@ def newton(frozen, coefficients, chain, modal, laws, h, state, springs, work, me
         last = _correct(coefficients, modal, h, work, factors, n)
         iterations += 1
         if iterations > PATIENCE:
-            for i in range(n):
-                work[_LAST_CORRECTION, i] = work[R1, i]
-                work[_LAST_CORRECTION + 1, i] = work[R2, i]
+            copy_rows(work, R1, _LAST_CORRECTION, 2, n)
     return max(iterations, 1)
-
-
-@called
-def _size(chain, h, work, n):
-    """Size of the residuals."""
-    total = 0.0
-    for i in range(n):
-        squares = work[R1, i] * work[R1, i] / (h * h) + work[R2, i] * work[R2, i]
-        total += chain[INVERSE_MASS, i] * squares
-    return total
-
-
-@called
-def _step_back(part, work, n):
-    for i in range(n):
-        work[DU, i] -= part * work[_LAST_CORRECTION, i]
-        work[DV, i] -= part * work[_LAST_CORRECTION + 1, i]
 
 
 @inlined

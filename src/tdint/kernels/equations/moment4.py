@@ -16,6 +16,7 @@ import math
 
 from tdint.kernels.chain import DASHPOTS, MODAL, add_modal_force
 from tdint.kernels.compiling import called, inlined
+from tdint.kernels.equations.halving import add_rows, too_far
 from tdint.kernels.equations.tridiagonal import COUPLING_ROWS, factor_blocks, link_blocks, solve_blocks_damped
 from tdint.kernels.laws.choosing import BENDING
 from tdint.kernels.layout import (
@@ -81,8 +82,6 @@ _STORE = _COUPLING + COUPLING_ROWS
 CLOSE = 1e-13
 """Out of balance over the sum of the sizes of the terms: the energy balance is to close."""
 
-_LEAST = 1e-3  # part of a correction that is tried
-
 
 def work_rows(modes: int) -> int:
     """Rows of work that the step needs for a building with `modes` modally damped modes."""
@@ -111,9 +110,9 @@ def move(coefficients, chain, modal, laws, h, state, springs, work, memo):
             failing = iterations == ITERATIONS or not size < math.inf
             if last or _in_balance(failing, coefficients, chain, h, state, work, memo):
                 break
-            if size > before * (1.0 - 1e-4 * part) and part > _LEAST:
+            if too_far(size, before, part):
                 part *= 0.5
-                _step_back(part, work, n)
+                add_rows(-part, work, _CORRECTION, RISE, 2, n)
                 continue
             if failing:
                 return NOT_CONVERGED
@@ -236,13 +235,6 @@ def _correct(h, state, work, n):
         size = abs(state[DISPLACEMENT, i]) + abs(work[RISE, i]) + abs(work[BEND, i])
         small = small and abs(work[_X, i]) + abs(work[_X + 1, i]) <= SMALL * size
     return small
-
-
-@inlined
-def _step_back(part, work, n):
-    for i in range(n):
-        for row in range(2):
-            work[RISE + row, i] -= part * work[_CORRECTION + row, i]
 
 
 @called

@@ -14,13 +14,13 @@ from __future__ import annotations
 import math
 
 from tdint.kernels.chain import add_modal_force, power_damper
-from tdint.kernels.compiling import called, inlined
+from tdint.kernels.compiling import inlined
+from tdint.kernels.equations.halving import copy_rows, squares, too_far
 from tdint.kernels.equations.tridiagonal import factor_combination, solve_damped
 from tdint.kernels.layout import (
     FLOOR_DAMPER,
     FORCE,
     GEOMETRIC,
-    INVERSE_MASS,
     LINEAR,
     LINK,
     MASS,
@@ -30,7 +30,7 @@ from tdint.kernels.layout import (
     STIFFNESS,
     STORY_DAMPER,
 )
-from tdint.kernels.stepping import CLOSE, ITERATIONS, LEAST, PATIENCE, SAME_TANGENT, SMALL, balanced
+from tdint.kernels.stepping import CLOSE, ITERATIONS, PATIENCE, SAME_TANGENT, SMALL, balanced
 from tdint.kernels.stories.springs import restoring
 
 # Rows of work: the load and the first guess come in, the motion in equilibrium goes out
@@ -88,8 +88,8 @@ def balance(by_u, by_v, by_a, factors, past, trial, chain, modal, laws, springs,
         if _in_balance(iterations == ITERATIONS, chain, modal, work, memo):
             break
         if iterations >= PATIENCE:
-            size = _size(chain, work, n)
-            if size > before * (1.0 - 1e-4 * part) and part > LEAST:
+            size = squares(chain, work, _RESIDUAL, n)
+            if too_far(size, before, part):
                 part *= 0.5
                 _correct(-part, _CORRECTION, by_u, by_v, by_a, work, n)
                 continue
@@ -104,8 +104,7 @@ def balance(by_u, by_v, by_a, factors, past, trial, chain, modal, laws, springs,
         solve_damped(work, pivot, coupling, modal, store, _RESIDUAL, n)
         iterations += 1
         if iterations > PATIENCE:
-            for i in range(n):
-                work[_CORRECTION, i] = work[_RESIDUAL, i]
+            copy_rows(work, _RESIDUAL, _CORRECTION, 1, n)
         done = memo[LINEAR] != 0.0 or (by_u == 0.0 and memo[POWER_DAMPERS] == 0.0)
         if _correct(1.0, _RESIDUAL, by_u, by_v, by_a, work, n) or done:
             _drift_laws(past, trial, chain, laws, springs, work)
@@ -165,15 +164,6 @@ def _in_balance(last, chain, modal, work, memo):
         scale = abs(load) + abs(inertia) + abs(damping) + work[_SIZE, i] + link * work[_SIZE, i + 1]
         small &= balanced(last, CLOSE, memo, i, residual, scale)
     return small
-
-
-@called
-def _size(chain, work, n):
-    """Size of the unbalanced forces."""
-    total = 0.0
-    for i in range(n):
-        total += chain[INVERSE_MASS, i] * work[_RESIDUAL, i] * work[_RESIDUAL, i]
-    return total
 
 
 @inlined
