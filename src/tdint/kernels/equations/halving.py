@@ -2,6 +2,7 @@
 
 Kinks of the drift laws can make the iteration go round in a cycle at large steps. So after the first
 `PATIENCE` of them each one must diminish what is out of balance; one that does not is halved, down to `LEAST` of it.
+moment4 asks that of all.
 """
 
 from __future__ import annotations

@@ -193,8 +193,7 @@ def _look_closely(
 def _turning_point(on_path, calm, h, u0, v0, a0, u1, v1, a1, passing, peaks, row, i):
     """Raise a peak of displacement by the extremum between both ends, if it may be more than `passing` beyond u1; that
     is returned, u1 if there is none."""
-    told = calm and abs(v1 - v0 - 0.5 * h * (a0 + a1)) <= _RESOLVED * (abs(v0) + abs(v1))
-    if on_path and not told:
+    if on_path and not _told(calm, h, v0, a0, v1, a1):
         rise = u1 - u0
         bend = h * (v1 - v0)
         if 2.0 * abs(rise) >= abs(bend):
@@ -212,7 +211,7 @@ def _turning_point(on_path, calm, h, u0, v0, a0, u1, v1, a1, passing, peaks, row
     late = max(h * abs(v1) / 3.0, 0.4 * h * abs(v1) + 0.05 * h * h * way * a1)
     if max(back + early, late) <= passing:
         return u1
-    if not told:
+    if not _told(calm, h, v0, a0, v1, a1):
         rise = u1 - u0
         bend = 3.0 * rise - h * (2.0 * v0 + v1)
         raise_peak(peaks, row + PEAK_ROWS, i, _extreme_of_cubic(u0, h * v0, bend, rise - h * v0 - bend))
@@ -221,6 +220,12 @@ def _turning_point(on_path, calm, h, u0, v0, a0, u1, v1, a1, passing, peaks, row
     far = _extreme(v0 / (v0 - v1), u0, h * v0, 0.5 * h * h * a0, c3, c4, c5)
     raise_peak(peaks, row, i, far)
     return far
+
+
+@inlined
+def _told(calm, h, v0, a0, v1, a1):
+    """Whether both accelerations tell about what the velocities changed by."""
+    return calm and abs(v1 - v0 - 0.5 * h * (a0 + a1)) <= _RESOLVED * (abs(v0) + abs(v1))
 
 
 @called
