@@ -203,7 +203,9 @@ def implicit_step(coefficients, chain, modal, laws, forces, h, load, state, spri
             memo[FACTORED_STEP] = h
         solve_blocks_damped(work, _BLOCKS, _COUPLING, modal, s00, s01, s10, s11, _STORE, _R, _R + 1, n)
         iterations += 1
-        add_rows(1.0, work, _R, _STAGE_A, 2, n)
+        for stage in range(2):
+            for i in range(n):
+                work[_STAGE_A + stage, i] += work[_R + stage, i]
         if iterations > PATIENCE:
             copy_rows(work, _R, _CORRECTION, 2, n)
         if memo[LINEAR] != 0.0:
