@@ -71,7 +71,7 @@ def test_every_reader_refuses(refused, content, message):
 
 
 def test_every_reader_refuses_what_may_never_end(refused, tmp_path, monkeypatch):
-    monkeypatch.setattr(csv_table, "_MOST_BYTES", 2**20)
+    monkeypatch.setattr(csv_table, "MOST_BYTES", 2**20)
     refused(b"COLUMN\n" + 2**20 * b"1", r"t\.csv: larger than 1 MiB")
     refused(None, "/dev/zero: larger than 1 MiB", "/dev/zero")
     os.mkfifo(tmp_path / "pipe")

@@ -9,11 +9,10 @@ from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 
 from tdint.errors import ModelError, TdintError, nearest
-from tdint.input_bytes import read_at_most
+from tdint.input_bytes import MOST_BYTES, read_at_most
 from tdint.quantities import LARGEST, SMALLEST
 
-_MOST_BYTES = 256 * 1024 * 1024
-_END = "end"
+_END = "end"  # a last row of our own
 _TRUE, _FALSE = ("true", "1", "yes"), ("false", "0", "no", "")
 
 
@@ -56,10 +55,9 @@ class CsvTable:
         missing = [name for name in names if not self.has(name)]
         if missing:
             near = nearest(missing[0], self.header)
-            meant = (
-                f"did you mean it by {near!r}?" if near else f"there are {', '.join(self.header)[:200]}; {self.needs}"
-            )
-            raise self.error(f"{self.source}:{self.header_line}: no column {', '.join(missing)}; {meant}")
+            there = f"there are {', '.join(self.header)[:200]}; {self.needs}"
+            hint = f"did you mean it by {near!r}?" if near else there
+            raise self.error(f"{self.source}:{self.header_line}: no column {', '.join(missing)}; {hint}")
 
     def texts(self, name: str, *, empty: bool = True) -> list[str]:
         """The cells of a column; without `empty` none of them may be."""
@@ -191,13 +189,13 @@ def _lines(source: str, text: str, error: type[TdintError]) -> list[tuple[int, l
 
 def _text(source: str, needs: str, error: type[TdintError]) -> str:
     try:
-        data = read_at_most(source, _MOST_BYTES, error)
+        data = read_at_most(source, MOST_BYTES, error)
     except FileNotFoundError:
         raise error(f"{source}: no such file; {needs}") from None
     except (OSError, ValueError) as fault:
         raise error(f"{source}: cannot be read: {getattr(fault, 'strerror', None) or fault}") from None
-    if len(data) > _MOST_BYTES:
-        raise error(f"{source}: larger than {_MOST_BYTES // 1024**2} MiB; {needs}")
+    if len(data) > MOST_BYTES:
+        raise error(f"{source}: larger than {MOST_BYTES // 1024**2} MiB; {needs}")
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as fault:

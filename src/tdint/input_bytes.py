@@ -12,6 +12,9 @@ from tdint.errors import TdintError
 STDIN = "-"
 """The name that stands for standard input."""
 
+MOST_BYTES = 2**28
+"""Of the largest file that is read: 256 MiB."""
+
 _PIECE = 2**20
 
 

@@ -22,11 +22,10 @@ from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.reading.segments import check_possible
 from tdint.ground_motion.record import Record
 from tdint.ground_motion.soundness.statement import LONGEST_STEP, SHORTEST_STEP
-from tdint.input_bytes import read_at_most
+from tdint.input_bytes import MOST_BYTES, read_at_most
 from tdint.model.inventory.read import InventoryRow
 from tdint.units import parse_units
 
-_MOST_BYTES = 256 * 1024 * 1024
 _COMPONENTS = {"data_x": "x", "data_y": "y"}
 
 
@@ -142,11 +141,11 @@ def _read_motion(folder: Path, name: str, scale: float) -> list[Record]:
 def _read_json(file: Path) -> object:
     """What a JSON file holds; all its numbers are floats."""
     try:
-        data = read_at_most(file, _MOST_BYTES, RecordError)
+        data = read_at_most(file, MOST_BYTES, RecordError)
     except (OSError, ValueError) as error:
         raise RecordError(f"{file}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
-    if len(data) > _MOST_BYTES:
-        raise RecordError(f"{file}: larger than {_MOST_BYTES // 1024**2} MiB; this is no ground motion")
+    if len(data) > MOST_BYTES:
+        raise RecordError(f"{file}: larger than {MOST_BYTES // 1024**2} MiB; this is no ground motion")
     try:
         found: object = json.loads(data, parse_int=float)
     except (ValueError, RecursionError) as error:

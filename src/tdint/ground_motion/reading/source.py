@@ -7,9 +7,9 @@ from pathlib import Path
 
 from tdint.errors import RecordError
 from tdint.ground_motion.record import Input
-from tdint.input_bytes import read_at_most
+from tdint.input_bytes import MOST_BYTES, read_at_most
 
-LARGEST = 2**28
+LARGEST = MOST_BYTES
 """Bytes; reading takes some six times as much memory."""
 
 
