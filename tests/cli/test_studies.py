@@ -412,6 +412,7 @@ def test_what_cannot_be_fitted_is_told_beside_what_can(folder, tdint):
         ("im,edp\n1,2\n2,3\n3,4\n", (), 2, "which demands are exceeded? Give --threshold"),
         ("im,edp\n1,2\n2,3\n3,5\n", ("--threshold", "3", "--edp-range", "3:2"), 2, "LOW must be below HIGH"),
         ("im,edp\n1,2\n", ("--fit", "stripes", "--edp-range", "2:"), 2, "--edp-range is for --fit cloud"),
+        ("capacity,threshold\n1,\n2\n", (), 3, "t.csv: no row has a threshold; fill the column in or leave it out"),
         ("", (), 3, "t.csv: is empty"),
         ("im,im,edp\n1,2,3\n", (), 3, "t.csv:1: the column im is there twice"),
     ],

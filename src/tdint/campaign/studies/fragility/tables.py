@@ -213,6 +213,8 @@ def _by_threshold(
         return FragilityResult(tuple(functions), tuple(failures))
     thresholds = np.array(table.numbers("threshold", empty=True))
     there = list(dict.fromkeys(thresholds[np.isfinite(thresholds)].tolist()))
+    if not there:
+        raise ModelError(f"{table.source}: no row has a threshold; fill the column in or leave it out")
     for wanted in request.thresholds or there:
         rows = np.isclose(thresholds, wanted, rtol=_SAME, atol=0.0)
         if not rows.any():
