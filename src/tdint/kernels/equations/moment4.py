@@ -26,6 +26,7 @@ from tdint.kernels.layout import (
     DISPLACEMENT,
     DRIFT,
     FLOOR_DAMPER,
+    FORCE,
     GEOMETRIC,
     INVERSE_MASS,
     LINEAR,
@@ -35,6 +36,7 @@ from tdint.kernels.layout import (
     POWER_DAMPER,
     POWER_DAMPERS,
     RESIDUAL,
+    SLOPE,
     STIFFNESS,
     STORY_DAMPER,
     VELOCITY,
@@ -79,6 +81,8 @@ _BLOCKS = _FACTORED + 4
 _COUPLING = _BLOCKS + 4
 _STORE = _COUPLING + COUPLING_ROWS
 
+_BY_SLOPE = (0.5, -1.0 / 12.0, 1.0, 0.0)  # tangents of a linear branch over its slope: of mean and moment
+
 CLOSE = 1e-13
 """Out of balance over the sum of the sizes of the terms: the energy balance is to close."""
 
@@ -97,50 +101,87 @@ def move(coefficients, chain, modal, laws, h, state, springs, work, memo):
     bring the equations closer to balance is halved.
     """
     n = chain.shape[1] - 1
-    straight = memo[BRANCHES] == ALL_BRANCHES
-    _guess(0.0 if straight else 1.0, h, state, work, n)
     iterations = 0
     part = 1.0
     before = math.inf
     last = False
-    while True:
-        stale = _stories(straight, coefficients, chain, laws, h, state, springs, work)
+    if memo[BRANCHES] == ALL_BRANCHES:
+        before = _keep_to_branches(coefficients, chain, modal, laws, h, state, springs, work)
+        iterations = 1
+        if not BENDING or memo[LINEAR] != 0.0:
+            return iterations
+    else:
+        _guess(h, state, work, n)
+    while BENDING:
+        stale = _stories(coefficients, chain, laws, h, state, springs, work)
         size = _residuals(coefficients, chain, modal, h, state, work)
-        if BENDING and not straight:
-            failing = iterations == ITERATIONS or not size < math.inf
-            if last or _in_balance(failing, coefficients, chain, h, state, work, memo):
-                break
-            if too_far(size, before, part):
-                part *= 0.5
-                add_rows(-part, work, _CORRECTION, RISE, 2, n)
-                continue
-            if failing:
-                return NOT_CONVERGED
+        failing = iterations == ITERATIONS or not size < math.inf
+        if last or _in_balance(failing, coefficients, chain, h, state, work, memo):
+            break
+        if too_far(size, before, part):
+            part *= 0.5
+            add_rows(-part, work, _CORRECTION, RISE, 2, n)
+            continue
+        if failing:
+            return NOT_CONVERGED
         if stale:
             _factor(coefficients, chain, modal, laws, h, work)
         solve_blocks_damped(work, _BLOCKS, _COUPLING, modal, h, 0.0, 0.0, h, _STORE, _X, _X + 1, n)
         last = _correct(h, state, work, n)
         iterations += 1
-        if not BENDING or memo[LINEAR] != 0.0:
-            break
         before = size
         part = 1.0
-        straight = False
     return iterations
 
 
 @inlined
-def _guess(factor, h, state, work, n):
-    """Constant acceleration, that of the end of the step before, with factor 1; no motion with 0."""
+def _keep_to_branches(coefficients, chain, modal, laws, h, state, springs, work):
+    """Motion with all stories on their present linear branches: one solve, from no motion at all, which is also the
+    correction. Returns the size of what that left out of balance."""
+    n = chain.shape[1] - 1
+    stale = work[_FACTORED, n] != h
     for i in range(n):
-        work[BEND, i] = factor * h * h * state[ACCELERATION, i]
-        work[RISE, i] = factor * h * state[VELOCITY, i] + 0.5 * work[BEND, i]
+        slope = springs[SLOPE, i]
+        same = SAME_TANGENT * laws[STIFFNESS, i]
+        for row in range(4):
+            stale |= abs(work[_FACTORED + row, i] - _BY_SLOPE[row] * slope) > same
+        work[_PATH + MEAN, i] = springs[FORCE, i] + chain[GEOMETRIC, i] * springs[DRIFT, i]
+        work[_LEFT, i] = 0.0
+    size = 0.0
+    for i in range(n):
+        mean = work[_PATH + MEAN, i] - chain[LINK, i + 1] * work[_PATH + MEAN, i + 1] - work[LOAD, i]
+        inertia = chain[MASS, i] * coefficients[BY_RISE] * h * state[VELOCITY, i]
+        by_rise = coefficients[R] * inertia - h * h * mean
+        by_bend = h * h * work[LOAD + 1, i] - inertia
+        work[_X, i] = by_rise
+        work[_X + 1, i] = by_bend
+        if BENDING:
+            size += chain[INVERSE_MASS, i] * (by_rise * by_rise + by_bend * by_bend / 12.0)
+    if stale:
+        for i in range(n):
+            for row in range(4):
+                work[_PATH + MEAN_BY_RISE + row, i] = _BY_SLOPE[row] * springs[SLOPE, i]
+        _factor(coefficients, chain, modal, laws, h, work)
+    solve_blocks_damped(work, _BLOCKS, _COUPLING, modal, h, 0.0, 0.0, h, _STORE, _X, _X + 1, n)
+    for row in range(2):
+        for i in range(n):
+            work[_CORRECTION + row, i] = work[_X + row, i]
+            work[RISE + row, i] = work[_X + row, i]
+    return size
 
 
 @inlined
-def _stories(straight, coefficients, chain, laws, h, state, springs, work):
-    """Means, moments and tangents of the stories, dampers included, for the present motion. With `straight` all stories
-    keep to their branches. True if the factorization does not fit the tangents."""
+def _guess(h, state, work, n):
+    """Constant acceleration, that of the end of the step before."""
+    for i in range(n):
+        work[BEND, i] = h * h * state[ACCELERATION, i]
+        work[RISE, i] = h * state[VELOCITY, i] + 0.5 * work[BEND, i]
+
+
+@inlined
+def _stories(coefficients, chain, laws, h, state, springs, work):
+    """Means, moments and tangents of the stories, dampers included, for the present motion. True if the factorization
+    does not fit the tangents."""
     n = chain.shape[1] - 1
     stale = work[_FACTORED, n] != h
     rise_below = 0.0
@@ -152,7 +193,7 @@ def _stories(straight, coefficients, chain, laws, h, state, springs, work):
         bend = work[BEND, i] - link * bend_below
         rise_below = work[RISE, i]
         bend_below = work[BEND, i]
-        if not BENDING or straight or stays(springs, i, rise, bend):
+        if stays(springs, i, rise, bend):
             work[_LEFT, i] = 0.0
             keep_to_branch(springs, i, rise, bend, work, _PATH)
         else:
@@ -163,7 +204,7 @@ def _stories(straight, coefficients, chain, laws, h, state, springs, work):
         same = SAME_TANGENT * laws[STIFFNESS, i]
         for row in range(4):
             change = abs(work[_PATH + MEAN_BY_RISE + row, i] - work[_FACTORED + row, i])
-            stale = stale or change > same
+            stale |= change > same
         geometric = chain[GEOMETRIC, i]
         damper = chain[STORY_DAMPER, i] / h
         drift = springs[DRIFT, i]
@@ -268,8 +309,11 @@ def _factor(coefficients, chain, modal, laws, h, work):
 def finish(coefficients, chain, modal, laws, h, state, springs, work, memo):
     """Update the state, and the work done by the load and the dampers along the paths."""
     n = chain.shape[1] - 1
-    given = 0.0
-    damped = 0.0
+    by_h = 1.0 / h
+    by_rise = 0.0
+    by_bend = 0.0
+    damped_rise = 0.0
+    damped_bend = 0.0
     rise_below = 0.0
     bend_below = 0.0
     for i in range(n):
@@ -277,25 +321,29 @@ def finish(coefficients, chain, modal, laws, h, state, springs, work, memo):
         bend = work[BEND, i]
         a1 = coefficients[BY_RISE] * (0.5 * bend - rise + h * state[VELOCITY, i])
         a0 = bend - coefficients[R] * a1
-        given += rise * work[LOAD, i] + bend * work[LOAD + 1, i] / 12.0
-        damped += chain[FLOOR_DAMPER, i] / h * (rise * rise + bend * bend / 12.0)
+        by_rise += rise * work[LOAD, i]
+        by_bend += bend * work[LOAD + 1, i]
+        damped_rise += chain[FLOOR_DAMPER, i] * rise * rise
+        damped_bend += chain[FLOOR_DAMPER, i] * bend * bend
         state[DISPLACEMENT, i] += rise
-        state[VELOCITY, i] += a0 / h
-        state[ACCELERATION, i] = (a0 + 0.5 * a1) / (h * h)
+        state[VELOCITY, i] += by_h * a0
+        state[ACCELERATION, i] = by_h * by_h * (a0 + 0.5 * a1)
         rise -= chain[LINK, i] * rise_below
         bend -= chain[LINK, i] * bend_below
         rise_below = work[RISE, i]
         bend_below = work[BEND, i]
-        damped += chain[STORY_DAMPER, i] / h * (rise * rise + bend * bend / 12.0)
+        damped_rise += chain[STORY_DAMPER, i] * rise * rise
+        damped_bend += chain[STORY_DAMPER, i] * bend * bend
         if not BENDING or work[_LEFT, i] == 0.0:
             advance(laws, springs, i, 0, springs[DRIFT, i] + rise)
         else:
             arrive(laws, springs, i, rise)
+    damped = by_h * (damped_rise + damped_bend / 12.0)
     if MODAL and modal.shape[0] > 0:
         damped += _modal_work(modal, h, work, n)
     if DASHPOTS and memo[POWER_DAMPERS] != 0.0:
         damped += _dashpot_work(chain, work, n)
-    memo[WORK_INPUT] = given
+    memo[WORK_INPUT] = by_rise + by_bend / 12.0
     memo[WORK_DAMPED] = damped
 
 
