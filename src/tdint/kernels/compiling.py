@@ -55,12 +55,17 @@ class Kernel(Compilable):
 
     def variant(self, wanted: Variant) -> Callable[..., Any]:
         """The kernel for what a scene needs."""
-        wanted = self.needs(wanted)
-        if wanted not in self._loaded:
+        last, function = self._last
+        if function is not None and wanted is last:
+            return function
+        needed = self.needs(wanted)
+        if needed not in self._loaded:
             from tdint.kernels.building.obtaining import obtain
 
-            obtain([(self, wanted)])
-        return self._loaded[wanted]
+            obtain([(self, needed)])
+        function = self._loaded[needed]
+        self._last = wanted, function
+        return function
 
 
 def kernel(

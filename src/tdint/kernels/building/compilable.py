@@ -34,6 +34,7 @@ class Compilable:
         self.__doc__ = function.__doc__
         self._loaded: dict[Variant, Callable[..., Any]] = {}
         self._needs: dict[Variant, Variant] = {}  # found once: it is asked for at each call
+        self._last: tuple[Variant, Callable[..., Any] | None] = EVERYTHING, None  # most calls are those before again
 
     @property
     def name(self) -> str:
@@ -49,7 +50,8 @@ class Compilable:
 
     def loaded(self, wanted: Variant) -> bool:
         """Whether this process has the kernel."""
-        return self.needs(wanted) in self._loaded
+        last, function = self._last
+        return (function is not None and wanted is last) or self.needs(wanted) in self._loaded
 
     def take(self, wanted: Variant, function: Callable[..., Any]) -> None:
         """Take a compiled function for a variant."""

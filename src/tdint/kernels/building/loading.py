@@ -81,7 +81,9 @@ def _table(dimensions: int) -> Callable[[Any, list[Any]], None]:
                 f"a kernel takes an array of {dimensions} dimensions of float64 in C order that can be written; got "
                 f"{array.ndim} of {array.dtype}"
             )
-        flat += (None, None, array.size, 8, array.__array_interface__["data"][0], *array.shape, *array.strides)
+        # An array of nothing has no buffer.
+        data = ctypes.addressof(ctypes.c_char.from_buffer(array)) if array.size else None
+        flat += (None, None, array.size, 8, data, *array.shape, *array.strides)
 
     return put
 

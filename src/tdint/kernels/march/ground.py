@@ -77,9 +77,9 @@ def _straightened_samples(ground, first, last):
         following = _sample(ground, sample + 1)
         area = 0.5 * (value + following)
         impulse += area
-        moment += (sample + 0.5 - middle) * area + (following - value) / 12.0
+        moment += (sample + 0.5 - middle) * area + 1.0 / 12.0 * (following - value)
         value = following
-    whole = last - first
-    mean = impulse / whole
-    half = 6.0 * moment / (whole * whole)
+    share = 1.0 / (last - first)
+    mean = share * impulse
+    half = 6.0 * share * share * moment
     return mean - half, mean + half

@@ -87,7 +87,7 @@ def _start(begin, take_stock, chain, modal, laws, forces, ground, state, springs
         state[ACCELERATION, i] = watch[ACCELERATION_ROW, i]
     memo[CARRIED_GROUND] = ground
     call_take_stock(take_stock, chain, laws, state, springs, observed)
-    begin_energies(observed)
+    begin_energies(chain, observed)
 
 
 @inlined

@@ -64,7 +64,8 @@ COLLAPSE_ENERGIES = ENERGY_TERMS + 15  # the energies then, ENERGY_START and ENE
 _NEAR = COLLAPSE_ENERGIES + ENERGY_TERMS + 2  # 1 if a value at the last observed time was near its peak
 _FORCE = _NEAR + 1  # masses times accelerations at that time
 _BY_ALL = _NEAR + 2  # half of what the rate of the damped power gains where all floors accelerate by 1 m/s^2 more
-OBSERVED_SIZE = _NEAR + 3
+_MASS = _NEAR + 3  # of all floors
+OBSERVED_SIZE = _NEAR + 4
 
 NO_COLLAPSE = -1.0
 
@@ -234,14 +235,12 @@ def shift_ground(chain, modal, forces, t, shift, ground, shifts, state, work, me
         if shifts[row] != 0.0:
             for i in range(n):
                 state[row, i] += shifts[row] * shift
-    mass = 0.0
     for i in range(n):
-        mass += chain[MASS, i]
         a = work[_OLD_A, i] + shift
         work[ACCELERATION_ROW, i] = a
         work[_OLD_A, i] = a
     observed[_POWER_INPUT] += shift * observed[_MOMENTUM]
-    observed[_RATE_INPUT] += shift * (observed[_FORCE] - ground * mass)
+    observed[_RATE_INPUT] += shift * (observed[_FORCE] - ground * observed[_MASS])
     observed[_RATE_DAMPED] += 2.0 * shift * observed[_BY_ALL]
     if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
         rate, damped_rate = _by_all(modal, forces, t, state, n)
@@ -300,8 +299,11 @@ def _add_work(h, slope, power, rate, momentum, damped, damped_rate, memo, observ
 
 
 @inlined
-def begin_energies(observed):
+def begin_energies(chain, observed):
     """Energies of the initial state, of which stock has been taken."""
+    observed[_MASS] = 0.0
+    for i in range(chain.shape[1] - 1):
+        observed[_MASS] += chain[MASS, i]
     observed[DISSIPATED_BEFORE] = observed[ENERGY_DISSIPATED]
     observed[ENERGY_DISSIPATED] = 0.0
     observed[ENERGY_START] = observed[ENERGY_KINETIC] + observed[ENERGY_RECOVERABLE]
