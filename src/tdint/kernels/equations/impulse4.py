@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from tdint.kernels.chain import add_modal_force, floor_impulse, floor_load, power_damper
+from tdint.kernels.chain import MODAL, add_modal_force, floor_impulse, floor_load, power_damper
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.equations.halving import add_rows, copy_rows, squares, too_far
 from tdint.kernels.equations.impulse_momentum import (
@@ -124,22 +124,23 @@ def _right_side(coefficients, chain, modal, h, state, springs, work, factors):
     by_a0 = coefficients[ALPHA] * h * h
     by_a1 = coefficients[BETA] * h * h
     stale = work[factors + _FACTORED_1, n] != h
-    below = 0.0
-    for i in range(n):
+    force_above = 0.0
+    impulse_above = 0.0
+    for i in range(n - 1, -1, -1):
         stale |= springs[SLOPE, i] != work[factors + _FACTORED_1, i]
+        link = chain[LINK, i]
+        mass = chain[MASS, i]
         geometric = chain[GEOMETRIC, i]
         v = state[VELOCITY, i]
-        rate = v - chain[LINK, i] * below
-        below = v
-        force = springs[FORCE, i] + geometric * springs[DRIFT, i]
-        work[FORCE_1, i] = force + chain[STORY_DAMPER, i] * rate
-        work[FORCE_S, i] = h * (force + by_rate * (springs[SLOPE, i] + geometric) * rate)
-    for i in range(n):
-        link = chain[LINK, i + 1]
-        v = state[VELOCITY, i]
-        inertia = work[LOAD, i] - chain[FLOOR_DAMPER, i] * v - (work[FORCE_1, i] - link * work[FORCE_1, i + 1])
-        work[R1, i] = chain[MASS, i] * (h * v + by_a0 * state[ACCELERATION, i]) - by_a1 * inertia
-        work[R2, i] = work[IMPULSE, i] - (work[FORCE_S, i] - link * work[FORCE_S, i + 1])
+        rate = v - link * state[VELOCITY, max(i - 1, 0)]
+        spring = springs[FORCE, i] + geometric * springs[DRIFT, i]
+        force = spring + chain[STORY_DAMPER, i] * rate
+        impulse = h * (spring + by_rate * (springs[SLOPE, i] + geometric) * rate)
+        inertia = work[LOAD, i] - chain[FLOOR_DAMPER, i] * v - (force - force_above)
+        work[R1, i] = mass * (h * v + by_a0 * state[ACCELERATION, i]) - by_a1 * inertia
+        work[R2, i] = work[IMPULSE, i] - (impulse - impulse_above)
+        force_above = link * force
+        impulse_above = link * impulse
     add_modal_force(modal, state, VELOCITY, by_a1, work, R1, n)
     return stale
 
@@ -148,28 +149,35 @@ def _right_side(coefficients, chain, modal, h, state, springs, work, factors):
 def _motion(chain, modal, state, springs, work):
     """Motion at the end of the step from the increments in the rows of residuals."""
     n = chain.shape[1] - 1
-    du_below = 0.0
-    v_below = 0.0
-    for i in range(n):
+    force_above = 0.0
+    for i in range(n - 1, -1, -1):
         link = chain[LINK, i]
+        below = max(i - 1, 0)
         du = work[R1, i]
-        v = state[VELOCITY, i] + work[R2, i]
+        dv = work[R2, i]
+        v = state[VELOCITY, i] + dv
         work[DU, i] = du
-        work[DV, i] = work[R2, i]
+        work[DV, i] = dv
         work[U1, i] = state[DISPLACEMENT, i] + du
         work[V1, i] = v
         geometric = chain[GEOMETRIC, i]
         force = springs[FORCE, i] + geometric * springs[DRIFT, i]
-        force += (springs[SLOPE, i] + geometric) * (du - link * du_below)
-        work[FORCE_1, i] = force + chain[STORY_DAMPER, i] * (v - link * v_below)
-        du_below = du
-        v_below = v
+        force += (springs[SLOPE, i] + geometric) * (du - link * work[R1, below])
+        force += chain[STORY_DAMPER, i] * (v - link * (state[VELOCITY, below] + work[R2, below]))
+        outer = work[LOAD, i] - chain[FLOOR_DAMPER, i] * v
+        work[A1, i] = chain[INVERSE_MASS, i] * (outer - (force - force_above))
+        force_above = link * force
+    if MODAL and modal.shape[0] > 0:
+        _add_modal_acceleration(chain, modal, work, n)
+
+
+@called
+def _add_modal_acceleration(chain, modal, work, n):
     for i in range(n):
-        force = work[FORCE_1, i] - chain[LINK, i + 1] * work[FORCE_1, i + 1]
-        work[A1, i] = work[LOAD, i] - chain[FLOOR_DAMPER, i] * work[V1, i] - force
-    add_modal_force(modal, work, V1, -1.0, work, A1, n)
+        work[FORCE_1, i] = 0.0
+    add_modal_force(modal, work, V1, -1.0, work, FORCE_1, n)
     for i in range(n):
-        work[A1, i] *= chain[INVERSE_MASS, i]
+        work[A1, i] += chain[INVERSE_MASS, i] * work[FORCE_1, i]
 
 
 @called

@@ -38,8 +38,6 @@ def straightened(ground, begin, end):
 
     It is the line of least squares. Within one sampling interval it is the record's own.
     """
-    if begin == int(begin) and end == int(end):
-        return _straightened_samples(ground, int(begin), int(end))
     middle = 0.5 * (begin + end)
     impulse = 0.0
     moment = 0.0
@@ -67,7 +65,7 @@ def straightened(ground, begin, end):
 
 
 @inlined
-def _straightened_samples(ground, first, last):
+def straightened_samples(ground, first, last):
     """`straightened` between two samples."""
     middle = 0.5 * (first + last)
     impulse = 0.0

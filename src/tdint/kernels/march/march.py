@@ -13,7 +13,7 @@ from tdint.kernels.layout import (
     STEPS_DONE,
     TIME,
 )
-from tdint.kernels.march.ground import ground_at, straightened
+from tdint.kernels.march.ground import ground_at, straightened, straightened_samples
 from tdint.kernels.march.observing import (
     ACCELERATION_ROW,
     COLLAPSE_STEP,
@@ -144,9 +144,12 @@ def march(
         while done < 1.0:
             load[TIME] = (s + done) * h
             if stride > 1:
-                samples = stride / per_sample
-                begins, ends = (s + done) * samples, (s + done + piece) * samples
-                load[GROUND_0], load[GROUND_1] = straightened(ground, begins, ends)
+                if per_sample == 1 and piece == 1.0:
+                    load[GROUND_0], load[GROUND_1] = straightened_samples(ground, s * stride, (s + 1) * stride)
+                else:
+                    samples = stride / per_sample
+                    begins, ends = (s + done) * samples, (s + done + piece) * samples
+                    load[GROUND_0], load[GROUND_1] = straightened(ground, begins, ends)
                 slope = (load[GROUND_1] - load[GROUND_0]) / (piece * h)
                 shift_ground(
                     chain, modal, forces, load[TIME], memo[CARRIED_GROUND] - load[GROUND_0], load[GROUND_0], shifts,

@@ -223,7 +223,7 @@ def remember(state, work, n):
         work[_OLD_A, i] = work[ACCELERATION_ROW, i]
 
 
-@called
+@inlined
 def shift_ground(chain, modal, forces, t, shift, ground, shifts, state, work, memo, observed):
     """The line that stands for the ground acceleration begins at `ground`, and the one before ended `shift` above.
 
