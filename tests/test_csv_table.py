@@ -116,12 +116,18 @@ def test_files_without_rows(tmp_path, reader):
         READERS[reader][0](str(file))
 
 
+def ending_in(cell, reader, folder):
+    """The header of a reader's table, and a file of it whose row ends in a cell."""
+    header, row = FULL[reader]
+    file = folder / "t.csv"
+    file.write_text(f"{header}\n{row.rpartition(',')[0]}{',' * (',' in row)}{cell}\n")
+    return header, file
+
+
 @pytest.mark.parametrize("cell", ["nan", "inf", "-1e999", "x", "1,5", "1_0", "\uff11"])
 @pytest.mark.parametrize("reader", FULL)
 def test_cells_that_are_no_finite_numbers(tmp_path, reader, cell):
-    header, row = FULL[reader]
-    file = tmp_path / "t.csv"
-    file.write_text(f'{header}\n{row.rpartition(",")[0]}{"," * ("," in row)}"{cell}"\n')
+    header, file = ending_in(f'"{cell}"', reader, tmp_path)
     with pytest.raises(READERS[reader][1], match=rf"t\.csv:2: {header.split(',')[-1]}:? must be a .*, got '{cell}'"):
         READERS[reader][0](str(file))
 
@@ -130,9 +136,7 @@ def test_cells_that_are_no_finite_numbers(tmp_path, reader, cell):
 @pytest.mark.parametrize("reader", FULL)
 def test_cells_out_of_all_proportion(tmp_path, reader, cell):
     """As in model files: the square of such a number is none."""
-    header, row = FULL[reader]
-    file = tmp_path / "t.csv"
-    file.write_text(f"{header}\n{row.rpartition(',')[0]}{',' * (',' in row)}{cell}\n")
+    _, file = ending_in(cell, reader, tmp_path)
     with pytest.raises(READERS[reader][1], match=rf"got '{cell}'; its size must lie between 1e-60 and 1e\+60"):
         READERS[reader][0](str(file))
 

@@ -147,7 +147,7 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
         ground = load[GROUND_0] + slope * done
         loads(chain, forces, load[TIME] + done, piece, ground, ground + slope * piece, work)
         if not CURVING or straight:
-            solve_linear(coefficients, chain, modal, laws, piece, state, springs, work, factors)
+            solve_linear(coefficients, chain, modal, piece, state, springs, work, factors)
             solves += 1
         else:
             code = newton(True, coefficients, chain, modal, laws, piece, state, springs, work, memo, factors)

@@ -103,7 +103,7 @@ def loads(chain, forces, t, h, ground_0, ground_1, work):
 
 
 @inlined
-def solve_linear(coefficients, chain, modal, laws, h, state, springs, work, factors):
+def solve_linear(coefficients, chain, modal, h, state, springs, work, factors):
     """Motion over a step in which no story leaves its branch: linear, so one solve, from no motion at all."""
     n = chain.shape[1] - 1
     if _right_side(coefficients, chain, modal, h, state, springs, work, factors):

@@ -127,7 +127,7 @@ def move(coefficients, chain, modal, laws, h, state, springs, work, memo):
         if stale:
             _factor(coefficients, chain, modal, laws, h, work)
         solve_blocks_damped(work, _BLOCKS, _COUPLING, modal, h, 0.0, 0.0, h, _STORE, _X, _X + 1, n)
-        last = _correct(h, state, work, n)
+        last = _correct(state, work, n)
         iterations += 1
         before = size
         part = 1.0
@@ -266,7 +266,7 @@ def _in_balance(last, coefficients, chain, h, state, work, memo):
 
 
 @inlined
-def _correct(h, state, work, n):
+def _correct(state, work, n):
     """Add the corrections. True if they are rounding."""
     small = True
     for i in range(n):

@@ -153,7 +153,7 @@ def march(
                 slope = (load[GROUND_1] - load[GROUND_0]) / (piece * h)
                 shift_ground(
                     chain, modal, forces, load[TIME], memo[CARRIED_GROUND] - load[GROUND_0], load[GROUND_0], shifts,
-                    state, watch, memo, observed,
+                    state, watch, observed,
                 )  # fmt: skip
                 memo[CARRIED_GROUND] = load[GROUND_0]
             else:

@@ -224,7 +224,7 @@ def remember(state, work, n):
 
 
 @inlined
-def shift_ground(chain, modal, forces, t, shift, ground, shifts, state, work, memo, observed):
+def shift_ground(chain, modal, forces, t, shift, ground, shifts, state, work, observed):
     """The line that stands for the ground acceleration begins at `ground`, and the one before ended `shift` above.
 
     A jump of the ground's acceleration moves all floors alike; velocities and displacements stay. `shifts` says what of

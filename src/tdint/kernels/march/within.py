@@ -178,7 +178,7 @@ def _look_closely(
         one, other = _bezier(h, u0, v0, a0, u1, v1, a1, a0 + ground_0, ground_1 - ground_0)
         if 2.0 * max(abs(a0 + ground_0), abs(a1 + ground_1)) > peak and max(abs(one), abs(other)) > peak:
             calm = not fast or _calm(w0, v0, v1, b0, a0, a1)
-            _most_accelerated(calm, h, u0, v0, a0, u1, v1, a1, ground_0, ground_1, peaks, top, i)
+            _most_accelerated(calm, h, u0, v0, a0, u1, v1, a1, ground_0, ground_1, one, other, peaks, top, i)
         u0_below = u0
         v0_below = v0
         a0_below = a0
@@ -244,13 +244,12 @@ def _fastest(calm, h, u0, v0, a0, u1, v1, a1, peaks, top, i):
 
 
 @called
-def _most_accelerated(calm, h, u0, v0, a0, u1, v1, a1, ground_0, ground_1, peaks, top, i):
-    """Raise the peak of absolute acceleration."""
+def _most_accelerated(calm, h, u0, v0, a0, u1, v1, a1, ground_0, ground_1, one, other, peaks, top, i):
+    """Raise the peak of absolute acceleration, whose Bezier points inside the step are `one` and `other`."""
     absolute_0 = a0 + ground_0
     absolute_1 = a1 + ground_1
     if _ROUNDED * (abs(u0) + abs(u1)) > h * h * (abs(absolute_0) + abs(absolute_1)):
         return
-    one, other = _bezier(h, u0, v0, a0, u1, v1, a1, absolute_0, ground_1 - ground_0)
     c3, c4, c5 = _quintic(h, u0, v0, a0, u1, v1, a1)
     told = _smooth(h, a0, a1, c3, c4, abs(absolute_0) + abs(absolute_1)) and calm
     row = top + PEAK_ACCELERATION + (0 if told else PEAK_ROWS)
