@@ -1,16 +1,20 @@
 """Peaks within a step, or within the piece of one between two changes of branch.
 
 Between both ends a floor moves on the quintic that has its displacement, velocity and acceleration there; drifts are
-differences of such. It errs by (omega h)^4 / 1900 of an acceleration with the frequency omega. It is looked at closely
-only where a peak could be passed: where some value is at least half its peak at an end, and there the displacement (or
-drift) where its rate changes sign, the velocity where the acceleration does, the absolute acceleration where it is that
-large.
+differences of such. It errs by (omega h)^4 / 1900 of an acceleration with the frequency omega, and by what a step's
+displacements miss over h^2: with a method of order 2 that is of the size of what the acceleration changes by in a step.
+Beside the straight line between its ends an acceleration has a bulge, which the velocities tell, and a tilt of it,
+which needs the displacements. Where the tilt is no larger, the bulge lies on one side of that line, and is taken; where
+it is larger, with methods of order 2 as a rule, displacements do not tell, and the acceleration is largest at an end.
+
+It is looked at closely only where a peak could be passed: where some value is at least half its peak at an end, and
+there the displacement (or drift) where its rate changes sign, the velocity where the acceleration does, the absolute
+acceleration where it is that large.
 
 Where both accelerations do not tell about what the velocities changed by, or, with modes that the step does not follow,
 the rates at the ends of two steps do not lie about on a line, the floor moves otherwise than the interpolant: then
 nothing is told, and what the peak might be goes to the rows of doubt. A method whose displacements follow parabolas
-tells by these what they do there. Steps, or pieces of one, so short that the interpolant's acceleration would be what
-the displacements round, have none inside.
+tells by these what they do there.
 """
 
 from __future__ import annotations
@@ -35,7 +39,6 @@ from tdint.kernels.layout import (
 
 _RESOLVED = 0.5  # what a change of velocity may miss the mean acceleration by, over the velocities
 _SMOOTH = 1.0  # what an acceleration inside may miss the straight line by, over those at the ends
-_ROUNDED = 5e-9  # of displacements over h^2, what they round enlarges an acceleration inside by a millionth of as much
 _SWING = 0.5  # of h times the rates at both ends: what a parabola may go beyond the value at its end
 
 
@@ -110,9 +113,9 @@ def _may_pass(
     peak = peaks[top + PEAK_ACCELERATION, i]
     absolute_0 = a0 + ground_0
     absolute_1 = a1 + ground_1
-    one, other = _bezier(h, u0, v0, a0, u1, v1, a1, absolute_0, ground_1 - ground_0)
+    bulge, tilt = _bend(h, u0, v0, a0, u1, v1, a1)
     near = (2.0 * abs(absolute_0) > peak) | (2.0 * abs(absolute_1) > peak)
-    return passing | (near & ((abs(one) > peak) | (abs(other) > peak)))
+    return passing | (near & (_most(absolute_0, absolute_1, bulge, tilt) > peak) & (abs(tilt) <= abs(bulge)))
 
 
 @inlined
@@ -175,10 +178,16 @@ def _look_closely(
             calm = not fast or _calm(w0, v0, v1, b0, a0, a1)
             _fastest(calm, h, u0, v0, a0, u1, v1, a1, peaks, top, i)
         peak = peaks[top + PEAK_ACCELERATION, i]
-        one, other = _bezier(h, u0, v0, a0, u1, v1, a1, a0 + ground_0, ground_1 - ground_0)
-        if 2.0 * max(abs(a0 + ground_0), abs(a1 + ground_1)) > peak and max(abs(one), abs(other)) > peak:
+        absolute_0 = a0 + ground_0
+        absolute_1 = a1 + ground_1
+        bulge, tilt = _bend(h, u0, v0, a0, u1, v1, a1)
+        if (
+            2.0 * max(abs(absolute_0), abs(absolute_1)) > peak
+            and _most(absolute_0, absolute_1, bulge, tilt) > peak
+            and abs(tilt) <= abs(bulge)
+        ):
             calm = not fast or _calm(w0, v0, v1, b0, a0, a1)
-            _most_accelerated(calm, h, u0, v0, a0, u1, v1, a1, ground_0, ground_1, one, other, peaks, top, i)
+            _most_accelerated(calm, absolute_0, absolute_1, bulge, tilt, peaks, top, i)
         u0_below = u0
         v0_below = v0
         a0_below = a0
@@ -232,7 +241,8 @@ def _told(calm, h, v0, a0, v1, a1):
 def _fastest(calm, h, u0, v0, a0, u1, v1, a1, peaks, top, i):
     """Raise the peak of velocity."""
     c3, c4, c5 = _quintic(h, u0, v0, a0, u1, v1, a1)
-    told = _smooth(h, a0, a1, c3, c4, abs(a0) + abs(a1)) and calm
+    bulge, tilt = _bend(h, u0, v0, a0, u1, v1, a1)
+    told = calm and _smooth(bulge, tilt, abs(a0) + abs(a1))
     row = top + PEAK_VELOCITY + (0 if told else PEAK_ROWS)
     # Inside it is no larger than its Bezier points.
     early = v0 + 0.25 * h * a0
@@ -244,40 +254,35 @@ def _fastest(calm, h, u0, v0, a0, u1, v1, a1, peaks, top, i):
 
 
 @called
-def _most_accelerated(calm, h, u0, v0, a0, u1, v1, a1, ground_0, ground_1, one, other, peaks, top, i):
-    """Raise the peak of absolute acceleration, whose Bezier points inside the step are `one` and `other`."""
-    absolute_0 = a0 + ground_0
-    absolute_1 = a1 + ground_1
-    if _ROUNDED * (abs(u0) + abs(u1)) > h * h * (abs(absolute_0) + abs(absolute_1)):
-        return
-    c3, c4, c5 = _quintic(h, u0, v0, a0, u1, v1, a1)
-    told = _smooth(h, a0, a1, c3, c4, abs(absolute_0) + abs(absolute_1)) and calm
+def _most_accelerated(calm, absolute_0, absolute_1, bulge, tilt, peaks, top, i):
+    """Raise the peak of absolute acceleration."""
+    told = calm and _smooth(bulge, tilt, abs(absolute_0) + abs(absolute_1))
     row = top + PEAK_ACCELERATION + (0 if told else PEAK_ROWS)
-    # Of both halves of the step it is no larger than the Bezier points of these.
-    early = absolute_0 + one
-    late = absolute_1 + other
-    most = max(abs(early), abs(late), 0.5 * abs(early + one + other), 0.5 * abs(late + one + other))
-    if 0.5 * most <= peaks[row, i]:
-        return
-    by_h2 = 1.0 / (h * h)
-    change = 6.0 * c3 * by_h2 + ground_1 - ground_0
-    raise_peak(peaks, row, i, _extreme_of_cubic(absolute_0, change, 12.0 * c4 * by_h2, 20.0 * c5 * by_h2))
+    change = absolute_1 - absolute_0 + bulge + tilt
+    raise_peak(peaks, row, i, _extreme_of_cubic(absolute_0, change, -bulge - 3.0 * tilt, 2.0 * tilt))
 
 
 @inlined
-def _bezier(h, u0, v0, a0, u1, v1, a1, absolute_0, change_of_ground):
-    """The absolute acceleration's Bezier points inside: it is no larger than these and its ends."""
-    c3, c4, _ = _quintic(h, u0, v0, a0, u1, v1, a1)
-    by_h2 = 2.0 / (h * h)
-    one = absolute_0 + by_h2 * c3 + change_of_ground / 3.0
-    return one, absolute_0 + 2.0 * by_h2 * (c3 + c4) + change_of_ground / 1.5
+def _bend(h, u0, v0, a0, u1, v1, a1):
+    """What the acceleration of the quintic has inside beside the straight line between its ends: s (1 - s) times the
+    first of these numbers plus (1 - 2 s) times the second."""
+    by_h = 1.0 / h
+    tilt = 60.0 * by_h * (by_h * (u1 - u0) - 0.5 * (v0 + v1)) + 5.0 * (a1 - a0)
+    return 6.0 * by_h * (v1 - v0) - 3.0 * (a0 + a1), tilt
 
 
 @inlined
-def _smooth(h, a0, a1, c3, c4, size):
+def _most(absolute_0, absolute_1, bulge, tilt):
+    """The larger of the absolute acceleration's Bezier points inside: it is no larger than these and its ends."""
+    one = abs(2.0 * absolute_0 + absolute_1 + bulge + tilt)
+    other = abs(absolute_0 + 2.0 * absolute_1 + bulge - tilt)
+    return max(one, other) / 3.0
+
+
+@inlined
+def _smooth(bulge, tilt, size):
     """Whether the acceleration's Bezier points inside lie about on the straight line between both ends."""
-    third = h * h * (a1 - a0) / 3.0
-    return max(abs(2.0 * c3 - third), abs(4.0 * (c3 + c4) - 2.0 * third)) <= _SMOOTH * h * h * size
+    return abs(bulge) + abs(tilt) <= 3.0 * _SMOOTH * size
 
 
 @inlined
