@@ -24,7 +24,8 @@ from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
 from tdint.model.laws import LAWS
-from tdint.output.tables.columns import buildings, campaign, methods, shared, spectra, studies
+from tdint.output.tables import buildings, campaign, methods, spectra, studies
+from tdint.output.tables import table as shared
 from tdint.output.tables.table import Column
 from tdint_cli.main import COMMANDS, GROUPS, cli
 

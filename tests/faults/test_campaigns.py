@@ -36,7 +36,7 @@ from tdint.campaign.file.read import load_campaign
 from tdint.campaign.run import compile_for, threads
 from tdint_cli.batch.campaigns import carry_out
 from tdint_cli.settings import Settings
-import click, tdint.output.tables.campaign, tdint.output.summaries.campaign
+import click, tdint.output.tables.campaign, tdint.output.summaries.summary
 
 def campaign(folder):
     with click.Context(click.Command("campaign"), obj=Settings(quiet=True)):

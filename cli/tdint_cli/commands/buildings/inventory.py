@@ -83,7 +83,7 @@ def _run(
     from tdint.files import write_files
     from tdint.model.inventory.buildings import derive_all
     from tdint.model.inventory.read import read_inventory
-    from tdint.output.tables.columns import buildings as columns
+    from tdint.output.tables import buildings as columns
     from tdint.output.tables.table import Table
     from tdint.units import LENGTH
 

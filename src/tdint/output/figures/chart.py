@@ -15,7 +15,7 @@ from tdint.files import Writer
 from tdint.output.figures.axes import plain_numbers
 from tdint.output.figures.point_labels import write_labels
 from tdint.output.figures.style import COLORS, DASHES, LIGHT, MARKERS, add_legend, add_title, picture
-from tdint.output.tables.chart import PEER
+from tdint.output.tables.methods import PEER
 
 if TYPE_CHECKING:
     from tdint.analysis.chart.work_precision import Chart, Point
