@@ -141,8 +141,8 @@ _REMARKS = {
     "errs as methods of order 2 do: they differ by little more than what the sampled load does to all of them.",
     2: "The paper: RK5 errs most, then the central difference. Its data stand in a drawing that we do not have, so "
     "that ranks under our values need not be its own. RK5 with the load at its stages errs least; with the load held "
-    "over each step it errs most, as in the paper. The central difference errs less than average acceleration, U0-V0 and "
-    "Wilson, started with u(-dt) = 0 as well.",
+    "over each step it errs most, as in the paper. The central difference errs less than average acceleration, U0-V0 "
+    "and Wilson, started with u(-dt) = 0 as well.",
     3: "The paper: average acceleration, U0-V0 and RK5 do well, central difference and Wilson err. Here RK5 does best, "
     "for it sees the load itself; all others come within 35 % of each other and of RK5 with the load linear between "
     "the steps, average acceleration and U0-V0 last: their error is that of the sampled load. The central difference "
