@@ -26,7 +26,7 @@ from tdint.kernels.layout import EVENTS, FLOOR_DAMPER, MASS, STIFFNESS, STORY_DA
 from tdint.kernels.march.observing import ITERATIONS
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model.building import Building, assemble
-from tdint.model.laws import LAWS
+from tdint.model.definition import LAWS
 
 sys.path.append(str(Path(__file__).parents[1]))
 from law_examples import example

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -14,6 +15,7 @@ from tdint.kernels.layout import (
     CODE,
     FIRST_PARAMETER,
     FLOOR_DAMPER,
+    FORCE_COLUMNS,
     GEOMETRIC,
     INVERSE_MASS,
     LINK,
@@ -25,8 +27,7 @@ from tdint.kernels.layout import (
     THRESHOLD,
 )
 from tdint.model.damping import add_damping
-from tdint.model.definition import Model
-from tdint.model.laws import CODES, LAWS
+from tdint.model.definition import CODES, LAWS, Force, Model
 from tdint.model.modes import FreeVibration, Modes
 from tdint.units import STANDARD_GRAVITY
 
@@ -223,3 +224,11 @@ def oscillators(omega: Array, damping: Array) -> Building:
     unknown = np.full(k, math.nan)
     vibration = FreeVibration(chain[MASS, :k], laws[STIFFNESS, :k], chain[LINK, :k])
     return Building(chain, laws, np.zeros((0, k + 1)), unknown, unknown, vibration)
+
+
+def force_table(forces: Sequence[Force]) -> NDArray[np.float64]:
+    """One row per force: floor (counted from 0), cosine and sine amplitude (N), omega (rad/s)."""
+    table = np.zeros((len(forces), FORCE_COLUMNS))
+    for row, force in zip(table, forces, strict=True):
+        row[:] = force.floor - 1, force.cosine, force.sine, force.omega
+    return table

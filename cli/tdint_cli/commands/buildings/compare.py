@@ -171,8 +171,8 @@ def _run(request: Request) -> None:
     from tdint.analysis.comparison.compare import compare
     from tdint.analysis.comparison.event import Event
     from tdint.analysis.comparison.fit import fit
-    from tdint.model.config.read import load_model
-    from tdint.model.recorded.read import load_recording
+    from tdint.model.config.model_file import load_model
+    from tdint.model.recorded import load_recording
     from tdint.output.tables.comparison import comparison_table
 
     _check(request)

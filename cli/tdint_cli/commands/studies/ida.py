@@ -143,7 +143,7 @@ def command(**given: Any) -> None:
 
 def _ida(request: IdaRequest) -> None:
     from tdint.campaign.studies.ida.study import IdaSettings, ida
-    from tdint.model.config.read import load_model
+    from tdint.model.config.model_file import load_model
     from tdint.output.tables.studies import capacity_table
     from tdint.processors import processors
     from tdint_cli.errors import Failures

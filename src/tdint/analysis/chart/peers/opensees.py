@@ -30,7 +30,7 @@ from tdint.kernels.layout import (
 )
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
-from tdint.model.laws import CODES
+from tdint.model.definition import CODES
 
 Array = NDArray[np.float64]
 

@@ -1,7 +1,7 @@
 """Model files: YAML to a checked `Model` in SI units. This is the only place that knows the file's keys and units.
 
 `tdint.model.keys` reads text, numbers and words with line and column; the modules around this one read one part of the
-file each.
+file each. The JSON schema for editors is made of the same declarations.
 """
 
 from __future__ import annotations
@@ -30,10 +30,9 @@ from tdint.model.definition import (
     RecordSource,
     Story,
 )
-from tdint.model.keys.document import read_document
+from tdint.model.keys.document import SourceText, read_document
 from tdint.model.keys.fields import Section, Value
-from tdint.model.keys.kinds import ANY, POSITIVE, POSITIVE_RATIO, Either, EntriesOf, Flag, Key, Keys, Words
-from tdint.model.keys.source import SourceText
+from tdint.model.keys.kinds import ANY, POSITIVE, POSITIVE_RATIO, Either, EntriesOf, Flag, Key, Keys, Schema, Words
 from tdint.output_units import SI, OutputUnits, parse_output_units
 
 __all__ = [
@@ -69,7 +68,7 @@ _ANALYSIS = Keys(
 
 def model_keys() -> Keys:
     """The keys of a model file, and what may stand under them."""
-    from tdint.model.config.building import BUILDING  # needs numpy, which most models are read without
+    from tdint.model.config.stories import BUILDING  # needs numpy, which most models are read without
 
     kinds = {"building": BUILDING}
     return Keys(tuple(replace(key, kind=kinds.get(key.name, key.kind)) for key in _MODEL.declared), _MODEL.one_of)
@@ -186,7 +185,7 @@ def _read_stories(section: Section, unit: ModelUnits, p_delta: bool) -> tuple[tu
         entries = section.get("stories") if section.mentions("building") else section.need("stories", advice)
         stories, count = read_stories(entries, unit, p_delta)
         return stories, count, read_damping(damping, count)
-    from tdint.model.config.building import read_building  # needs numpy, which other models are read without
+    from tdint.model.config.stories import read_building  # needs numpy, which other models are read without
 
     derived = read_building(building, unit)
     if section.has("stories"):
@@ -230,3 +229,17 @@ def _read_output_units(value: Value | None) -> OutputUnits:
     except UsageError as error:
         value.fault(str(error))
         return SI
+
+
+def model_schema() -> Schema:
+    """The JSON schema (draft 7) of model files.
+
+    What it refuses, the reader refuses, too. The reader refuses more: what several keys say together, such as a list
+    with an entry for each story.
+    """
+    return {
+        "$schema": "http://json-schema.org/draft-07/schema#",
+        "title": "tdint model",
+        "description": "A shear building and its loads for tdint",
+        **model_keys().schema(),
+    }
