@@ -273,7 +273,6 @@ class Model:
         return f"<Model {self.name!r}: {count} {'story' if count == 1 else 'stories'}>"
 
 
-
 LINEAR = Law("linear", ())
 
 

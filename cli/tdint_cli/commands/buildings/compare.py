@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from tdint.files import Writer
     from tdint.model.definition import Model
     from tdint.output_units import OutputUnits
-    from tdint.quantities import Grid
+    from tdint.written_numbers import Grid
 
 PERIODS = "0.04:4:100"
 """Of the spectra, s, where none are asked for."""
@@ -240,7 +240,7 @@ def _write(
 
 def _periods(request: Request, event: Event) -> NDArray[np.float64]:
     """Those asked for; by default those of `PERIODS` that the recording's interval and its band leave."""
-    from tdint.quantities import parse_grid
+    from tdint.written_numbers import parse_grid
 
     if request.periods:
         return request.periods.values()

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from tdint.files import Writer
     from tdint.model.definition import Model
     from tdint.output_units import OutputUnits
-    from tdint.quantities import Grid
     from tdint.units import Units
+    from tdint.written_numbers import Grid
 
 RUNS, CAPACITIES, SUMMARY = "ida.csv", "capacities.csv", "ida.json"
 _MEASURES = ("sa", "pga", "pgv", "sa-avg")
