@@ -21,8 +21,7 @@ from tdint.campaign.file.read import campaign_schema
 from tdint.ground_motion.pulse import VelocityPulse
 from tdint.ground_motion.reading.read import read_record
 from tdint.model.building import assemble
-from tdint.model.config.read import load_model
-from tdint.model.config.schema import model_schema
+from tdint.model.config.model_file import load_model, model_schema
 
 Run = Callable[..., Result]
 

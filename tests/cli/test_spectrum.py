@@ -12,7 +12,7 @@ import pytest
 from tdint.analysis.spectra import defaults
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.ground_motion.reading.read import read_record
-from tdint.quantities import parse_grid
+from tdint.written_numbers import parse_grid
 
 COLUMNS = "record,component,damping,period_s,sd_m,psv_m_s,psa_m_s2,sv_m_s,sa_m_s2"
 PERIODS = ("--period", "0.2", "--period", "1.0")

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from tdint.analysis.run.run import Response
     from tdint.files import Writer
     from tdint.output_units import OutputUnits
-    from tdint.quantities import Grid
+    from tdint.written_numbers import Grid
 
 SPECTRA, MOTIONS = "floor-spectra.csv", "floors.mseed"
 """The files of floors, in the folder of -o."""
@@ -74,7 +74,7 @@ class FloorRequest:
         """The periods, s."""
         import numpy as np
 
-        from tdint.quantities import parse_grid
+        from tdint.written_numbers import parse_grid
 
         return np.array(self.period) if self.period else (self.periods or parse_grid(PERIODS)).values()
 

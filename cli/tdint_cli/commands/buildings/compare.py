@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from tdint.files import Writer
     from tdint.model.definition import Model
     from tdint.output_units import OutputUnits
-    from tdint.quantities import Grid
+    from tdint.written_numbers import Grid
 
 PERIODS = "0.04:4:100"
 """Of the spectra, s, where none are asked for."""
@@ -174,8 +174,8 @@ def _run(request: Request) -> None:
     from tdint.analysis.comparison.compare import compare
     from tdint.analysis.comparison.event import Event
     from tdint.analysis.comparison.fit import fit
-    from tdint.model.config.read import load_model
-    from tdint.model.recorded.read import load_recording
+    from tdint.model.config.model_file import load_model
+    from tdint.model.recorded import load_recording
     from tdint.output.tables.comparison import comparison_table
 
     _check(request)
@@ -241,7 +241,7 @@ def _write(
 
 def _periods(request: Request, event: Event) -> NDArray[np.float64]:
     """Those asked for; by default those of `PERIODS` that the recording's interval and its band leave."""
-    from tdint.quantities import parse_grid
+    from tdint.written_numbers import parse_grid
 
     if request.periods:
         return request.periods.values()

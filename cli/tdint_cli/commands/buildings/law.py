@@ -118,7 +118,7 @@ def _run(request: Request) -> None:
     cycles = request.cycles or 1
     drifts = _path(request)
     from tdint.analysis.static.cyclic import cyclic_test, path_test
-    from tdint.model.config.read import load_model
+    from tdint.model.config.model_file import load_model
     from tdint.output.tables.buildings import cyclic_table
 
     model = load_model(request.model)
@@ -184,7 +184,7 @@ def _header(units: OutputUnits) -> tuple[str, ...]:
 
 def _paragraph(test: CyclicTest, units: OutputUnits) -> str:
     """The law and what the model says of it, in a sentence or two."""
-    from tdint.model.laws import LAWS
+    from tdint.model.definition import LAWS
 
     text = f"{test.model.name}, story {test.story}, {test.law} law: {LAWS[test.law].formula}\n"
     text += f"Initial stiffness {units.text(test.initial_stiffness, 'N/m')}"

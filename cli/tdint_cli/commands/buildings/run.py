@@ -163,7 +163,7 @@ def _run_many(request: Request, records: tuple[str, ...]) -> None:
 def _run(request: Request) -> None:
     began = time.perf_counter()
     from tdint.analysis.run.run import FailedRun, model_record, prepare, run_case
-    from tdint.model.config.read import load_model
+    from tdint.model.config.model_file import load_model
     from tdint.output.summaries.summary import model_input
 
     _check(request)

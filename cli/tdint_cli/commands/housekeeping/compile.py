@@ -46,7 +46,7 @@ def command(
     from tdint.analysis.run.compilation import of_everything, of_model
     from tdint.kernels.building.ahead import compile_ahead
     from tdint.methods.catalogue import DEFAULT_METHOD, parse
-    from tdint.model.config.read import load_model
+    from tdint.model.config.model_file import load_model
 
     wanted = of_everything() if everything else []
     for file in models:

@@ -130,7 +130,7 @@ def command(**given: Any) -> None:
 def _run(request: Request) -> None:
     outputs = _checked(request)
     from tdint.analysis.run.run import model_record
-    from tdint.model.config.read import load_model
+    from tdint.model.config.model_file import load_model
 
     model = with_motion(load_model(request.model), request)
     record = model_record(model)

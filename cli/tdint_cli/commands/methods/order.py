@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tdint.errors import AnalysisError, TdintError, UsageError
-from tdint.quantities import Grid
+from tdint.written_numbers import Grid
 from tdint_cli import options
 from tdint_cli.errors import Failures
 from tdint_cli.options.output import Outputs

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from tdint.files import Writer
     from tdint.model.definition import Model
     from tdint.output_units import OutputUnits
-    from tdint.quantities import Grid
     from tdint.units import Units
+    from tdint.written_numbers import Grid
 
 RUNS, CAPACITIES, SUMMARY = "ida.csv", "capacities.csv", "ida.json"
 _MEASURES = ("sa", "pga", "pgv", "sa-avg")
@@ -144,7 +144,7 @@ def command(**given: Any) -> None:
 
 def _ida(request: IdaRequest) -> None:
     from tdint.campaign.studies.ida.study import IdaSettings, ida
-    from tdint.model.config.read import load_model
+    from tdint.model.config.model_file import load_model
     from tdint.output.tables.studies import capacity_table
     from tdint.processors import processors
     from tdint_cli.errors import Failures

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from tdint.campaign.studies.scaling import Scaling
     from tdint.files import Writer
     from tdint.output_units import OutputUnits
-    from tdint.quantities import Grid
     from tdint.units import Units
+    from tdint.written_numbers import Grid
 
 _VALUES = ("sa", "sa_avg", "pga", "pgv")
 _RULES = ("mean", "asce7")
@@ -199,7 +199,7 @@ def _aim(request: ScaleRequest) -> Any:
         measure = _measure(request, name)
         return lambda motions: scaling.scale_to_value(motions, measure, number, request.pairs or PAIRS[0])
     from tdint.campaign.studies.target import read_target
-    from tdint.quantities import Grid
+    from tdint.written_numbers import Grid
 
     target = read_target(request.target)
     if request.range is not None:
