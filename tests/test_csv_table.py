@@ -18,7 +18,7 @@ from tdint.campaign.studies.fragility.tables import fit_table
 from tdint.campaign.studies.target import read_target
 from tdint.csv_table import read_table
 from tdint.errors import ModelError, RecordError, UsageError
-from tdint.model.inventory.read import read_inventory
+from tdint.model.inventory.table import read_inventory
 
 
 def grid(source):

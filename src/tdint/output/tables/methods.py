@@ -145,9 +145,15 @@ FAILURE = (
 )
 
 
-def _example_error(quantity: str, name: str, unit: str) -> Column:
-    return Column(
-        f"{name}_error", unit, lambda run: run.error(quantity), f"largest error of the {quantity}, all floors"
+def _example_errors(reference: str, against: str, prefix: str = "") -> tuple[Column, ...]:
+    def column(quantity: str, name: str, unit: str) -> Column:
+        about = f"largest error of the {quantity}, all floors, against {against}"
+        return Column(f"{prefix}{name}_error", unit, lambda run: run.error(quantity, reference), about)
+
+    return (
+        column("displacement", "displacement_m", "m"),
+        column("velocity", "velocity_m_s", "m/s"),
+        column("acceleration", "acceleration_m_s2", "m/s^2"),
     )
 
 
@@ -156,16 +162,15 @@ EXAMPLE = (
     METHOD_SPEC,
     Column("variant", "text", lambda run: run.variant or None, "what was done otherwise"),
     Column("dt_s", "s", "dt", "time step"),
-    _example_error("displacement", "displacement_m", "m"),
-    _example_error("velocity", "velocity_m_s", "m/s"),
-    _example_error("acceleration", "acceleration_m_s2", "m/s^2"),
+    *_example_errors("paper", "what the paper calls exact: newmark-linear with 0.001 or 0.002 s"),
+    *_example_errors("finer", "rk5 with steps 8 times finer", "finer_"),
 )
 OUTCOME = Column("outcome", "text", "outcome", "how the run ended")
 
 
 def rank(of: Callable[[Any], int | None]) -> Column:
     """The column of a method's rank among others."""
-    return Column("rank", "1", of, "place by the displacement's error among the methods, from 1")
+    return Column("rank", "1", of, "place by the displacement's error (that of --reference) among the methods, from 1")
 
 
 def method_table(integrators: Iterable[Integrator]) -> Table:
@@ -193,18 +198,22 @@ def failure_table(trials: Iterable[Trial]) -> Table:
     return Table.of_results(FAILURE, trials)
 
 
-def example_table(runs: Sequence[ExampleRun]) -> Table:
-    """One row per example, step, method and variant; methods are ranked by the displacement's error, best first."""
-    return Table.of_results((*EXAMPLE, rank(lambda one: _rank(one, runs)), OUTCOME), runs)
+def example_table(runs: Sequence[ExampleRun], reference: str = "paper") -> Table:
+    """One row per example, step, method and variant; methods are ranked by the displacement's error, best first.
+
+    The rank is by the error against this one of `tdint.analysis.assessment.paper_examples.REFERENCES`.
+    """
+    place = rank(lambda one: _rank(one, runs, reference))
+    return Table.of_results((*EXAMPLE, place, OUTCOME), runs)
 
 
-def _rank(one: ExampleRun, runs: Sequence[ExampleRun]) -> int | None:
+def _rank(one: ExampleRun, runs: Sequence[ExampleRun], reference: str) -> int | None:
     """Place among the methods as they are; none for a variant and for a run without an end."""
-    error = one.error("displacement")
+    error = one.error("displacement", reference)
     if one.variant or math.isnan(error):
         return None
     rivals = [run for run in runs if (run.example, run.dt, run.variant) == (one.example, one.dt, "")]
-    return 1 + sum(run.error("displacement") < error for run in rivals)
+    return 1 + sum(run.error("displacement", reference) < error for run in rivals)
 
 
 PEER = "/"
