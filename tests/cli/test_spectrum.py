@@ -265,6 +265,6 @@ def test_axes_are_those_of_a_picture_of_elastic_spectra(folder, tdint):
         assert result.exit_code == 0, result.stderr
         assert label in (folder / f"{axes}.svg").read_text(encoding="utf-8")
     alone = tdint("spectrum", "other.mseed", "--axes", "adrs")
-    assert (alone.exit_code, "--axes is for a picture; add --plot" in alone.stderr) == (2, True)
+    assert (alone.exit_code, "--axes has nothing to act on without --plot" in alone.stderr) == (2, True)
     yielding = tdint("spectrum", "other.mseed", "--axes", "adrs", "--ductility", "2", "--plot=x.svg")
     assert (yielding.exit_code, "--axes is for elastic spectra" in yielding.stderr) == (2, True)

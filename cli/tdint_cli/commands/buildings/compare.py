@@ -114,6 +114,7 @@ TABLE, SPECTRA, FIT, SUMMARY = "comparison.csv", "spectra.csv", "fit.csv", "summ
 )
 @options.option(
     "--blind",
+    needs="--fit",
     type=FileName(),
     many=True,
     metavar="FILE,...",
@@ -137,6 +138,7 @@ TABLE, SPECTRA, FIT, SUMMARY = "comparison.csv", "spectra.csv", "fit.csv", "summ
 )
 @options.spectra.option(
     "--damping",
+    needs="-o or --plot",
     type=options.analysis.damping_ratio,
     default=0.05,
     metavar="RATIO",
@@ -144,6 +146,7 @@ TABLE, SPECTRA, FIT, SUMMARY = "comparison.csv", "spectra.csv", "fit.csv", "summ
 )
 @options.spectra.option(
     "--periods",
+    needs="-o or --plot",
     type=GridType(),
     metavar="FIRST:LAST:COUNT",
     help=f"Periods of the floors' spectra in equal ratios, s; {PERIODS} by default.",
@@ -196,8 +199,6 @@ def _check(request: Request) -> None:
     """Refuse, before any work, what can be seen to fail."""
     from tdint.files import check_outputs
 
-    if request.blind and not request.fit:
-        raise UsageError("--blind compares recordings with fitted values; add --fit, or compare them one by one")
     if request.model == "-" and request.recorded == "-":
         raise UsageError("standard input already holds the model; give the recordings as a file")
     if request.picture:

@@ -51,7 +51,14 @@ _FILE_NAME = re.compile(r"[\w][\w .+-]{0,120}")
 @options.option(
     "--damping-scatter", type=Ratio(0.0, 0.5), metavar="PART", help="The same of a factor on its damping ratio."
 )
-@options.option("--seed", type=click.IntRange(min=0), default=0, metavar="N", help="Seed of the scatter; 0 by default.")
+@options.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    default=0,
+    needs="--stiffness-scatter or --damping-scatter",
+    metavar="N",
+    help="Seed of the scatter; 0 by default.",
+)
 @options.output.output()
 @options.output.option(
     "--models",

@@ -88,6 +88,7 @@ def _one_after_the_other(
 )
 @options.option(
     "--units",
+    needs="--path",
     type=click.Choice(["m", "dy"]),
     help="What the numbers of --path are: m by default, or multiples of the yield drift (dy).",
 )
@@ -152,8 +153,6 @@ def _path(request: Request) -> list[float] | None:
     if request.path is None:
         if not request.drifts:
             raise UsageError("no drift: give --drift, or a path of drifts by --path")
-        if request.units is not None:
-            raise UsageError("--units belongs to --path; write the unit behind --drift, such as 20mm or 4dy")
         return None
     for name, given in (("--drift", request.drifts), ("--cycles", request.cycles), ("--points", request.points)):
         if given:

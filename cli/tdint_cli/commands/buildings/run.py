@@ -91,6 +91,7 @@ class Request(BuildingRequest):
 )
 @options.output.option(
     "--every",
+    needs="--history",
     type=click.IntRange(1),
     default=1,
     metavar="COUNT",
@@ -238,11 +239,9 @@ def _history(request: Request) -> Path | None:
     Raises
     ------
     UsageError
-        It has no name and there is no folder, its name says another format, or steps of it are asked for without it.
+        It has no name and there is no folder, or its name says another format.
     """
     if request.history is None:
-        if request.every > 1:
-            raise UsageError("--every belongs to --history")
         return None
     if request.history != BESIDE:
         file = Path(request.history)

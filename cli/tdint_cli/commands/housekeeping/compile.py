@@ -25,7 +25,7 @@ TARGETS = ("native", "x86-64-v4", "x86-64-v3", "x86-64-v2", "x86-64")
     metavar="NAME,...",
     help=f"Processors to compile for: {', '.join(TARGETS)}; native, this machine's, by default.",
 )
-@options.analysis.method
+@options.analysis.method_of("MODEL.yaml")
 @options.output.output("DIR", "Write to this folder, which TDINT_KERNELS_DIR then names.")
 def command(
     models: tuple[str, ...],

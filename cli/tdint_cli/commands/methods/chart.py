@@ -93,6 +93,7 @@ class Request(BuildingRequest):
 )
 @options.option(
     "--versus",
+    needs="--plot",
     type=click.Choice(["time", "dt"]),
     default="time",
     help="Draw time over error (default) or error over dt.",
@@ -153,8 +154,6 @@ def _checked(request: Request) -> Outputs:
     """Refuse, before any work, what can be seen to fail."""
     if request.steps and request.halvings is not None:
         raise UsageError("--dt already gives the steps; leave out --halvings")
-    if request.versus == "dt" and not request.plot:
-        raise UsageError("--versus dt is about the picture: add --plot")
     if request.stories and request.versus == "dt":
         raise UsageError("--versus dt draws one building; leave out --stories")
     if request.stories and request.peers:
