@@ -10,7 +10,7 @@ import sys
 import pytest
 
 from tdint import csv_table
-from tdint.analysis.static.drift_path import read_drift_path
+from tdint.analysis.static.cyclic import read_drift_path
 from tdint.campaign.file.definition import GridFile
 from tdint.campaign.file.grid import read_grid
 from tdint.campaign.file.plan import read_factors

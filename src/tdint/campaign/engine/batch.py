@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.run import observed
+from tdint.analysis.run import run_totals
 from tdint.analysis.run.case import RUNAWAY, Case
 from tdint.analysis.run.outcome import Collapse, FailedRun, Response, StoryPeaks
 from tdint.analysis.run.prepared import MarchedRuns, Rest
@@ -160,7 +160,7 @@ class Batch:
         """
         code, taken = int(marched.ends[i, lanes.CODE]), int(marched.ends[i, lanes.STEPS_TAKEN])
         numbers = marched.observed[i]
-        if code == 0 and -observed.energy_errors(marched.observed[i : i + 1])[0] < RUNAWAY:
+        if code == 0 and -run_totals.energy_errors(marched.observed[i : i + 1])[0] < RUNAWAY:
             collapse = self._case(job.run).judge(job.steps, code, numbers)
             self._take([job], marched, np.array([i]), results, collapse)
             return
@@ -213,8 +213,8 @@ class Batch:
         self, jobs: list[_Job], marched: MarchedRuns, places: NDArray[np.intp], collapse: Collapse | None
     ) -> Iterator[RunRow]:
         building = self.subject.prepared.building
-        demanded = demand_cells(observed.peaks_of(building, marched.peaks[places], marched.drifts[places]))
-        errors = observed.energy_errors(marched.observed[places]).tolist()
+        demanded = demand_cells(run_totals.peaks_of(building, marched.peaks[places], marched.drifts[places]))
+        errors = run_totals.energy_errors(marched.observed[places]).tolist()
         ends = marched.ends[places].astype(int)
         for job, cells, error, end in zip(jobs, demanded, errors, ends, strict=True):
             cells |= {"energy_error": error, "steps": int(end[lanes.STEPS_TAKEN]), "at_rest": int(end[lanes.AT_REST])}
@@ -240,7 +240,7 @@ class Batch:
 
     def _story_peaks(self, marched: MarchedRuns, i: int) -> StoryPeaks:
         building = self.subject.prepared.building
-        return observed.peaks_of(building, marched.peaks[i], marched.drifts[i])
+        return run_totals.peaks_of(building, marched.peaks[i], marched.drifts[i])
 
     def _take_response(self, job: _Job, response: Response, results: Rows) -> None:
         (cells,) = demand_cells(response.stories)
@@ -256,6 +256,6 @@ class Batch:
 def _doubtful(marched: MarchedRuns) -> NDArray[np.bool_]:
     """Runs that did not come to their end, collapsed, or went on with energy that the method made."""
     numbers = marched.observed
-    made = ~(-observed.energy_errors(numbers) < RUNAWAY)
+    made = ~(-run_totals.energy_errors(numbers) < RUNAWAY)
     collapsed = numbers[:, at.COLLAPSE_STEP] != at.NO_COLLAPSE
     return np.asarray((marched.ends[:, lanes.CODE] < 0) | collapsed | made)
