@@ -59,34 +59,63 @@ def _two_stories() -> Array:
 
 def el_centro_cases() -> tuple[Case, ...]:
     """Chopra's spectra and frames under El Centro."""
-    book = "A. K. Chopra, section 6.4, figures 6.6.2, 6.8.4 and 7.4.3a; OpenSees' sdofTransient verification has the same"
+    book = (
+        "A. K. Chopra, section 6.4, figures 6.6.2, 6.8.4 and 7.4.3a; OpenSees' sdofTransient verification has the same"
+    )
     pairs = [(0.5, 0.02), (1.0, 0.02), (2.0, 0.02), (2.0, 0.0), (2.0, 0.05), (0.5, 0.05)]
     return (
         Case(
-            "chopra-6", "largest displacements of oscillators under El Centro, at its samples", book, "in",
-            tuple(f"T {period} s, {damping:.0%}" for period, damping in pairs), (2.67, 5.97, 7.47, 9.91, 5.37, 2.25),
-            lambda: _spectral_displacements(pairs, INCH), 0.0125, ROUNDING,
+            "chopra-6",
+            "largest displacements of oscillators under El Centro, at its samples",
+            book,
+            "in",
+            tuple(f"T {period} s, {damping:.0%}" for period, damping in pairs),
+            (2.67, 5.97, 7.47, 9.91, 5.37, 2.25),
+            lambda: _spectral_displacements(pairs, INCH),
+            0.0125,
+            ROUNDING,
             remark="printed with two decimals; T 0.5 s, 5 % is read off a figure",
         ),
         Case(
-            "structdyn-spectra", "two of them as StructDyn computes them", "StructDyn, tests/test_sdf.py", "m",
-            ("T 0.5 s, 2 %", "T 2 s, 2 %"), tuple(v * G / G_BOOK for v in (0.0679400697200714, 0.1896749378231744)),
-            lambda: _spectral_displacements([(0.5, 0.02), (2.0, 0.02)], 1.0), 1e-6, NUMERICAL, relative=True,
+            "structdyn-spectra",
+            "two of them as StructDyn computes them",
+            "StructDyn, tests/test_sdf.py",
+            "m",
+            ("T 0.5 s, 2 %", "T 2 s, 2 %"),
+            tuple(v * G / G_BOOK for v in (0.0679400697200714, 0.1896749378231744)),
+            lambda: _spectral_displacements([(0.5, 0.02), (2.0, 0.02)], 1.0),
+            1e-6,
+            NUMERICAL,
+            relative=True,
             remark="its g of 9.81 taken off; it steps with its own method",
         ),
         Case(
-            "chopra-13", "five-story frame: roof, shears, base moment",
-            "A. K. Chopra, 5th ed. (2020), figures 13.2.7 and 13.2.8", "cm, kN, kN m",
-            ("u5", "shear of story 5", "base shear", "base moment"), (17.383, 155.308, 323.062, 3811.79),
-            _frame, 1.5e-3, ROUNDING, relative=True,
-            remark="the book's g is 9.81, and it steps; a state-space solution of our own gives these numbers to 6 digits",
+            "chopra-13",
+            "five-story frame: roof, shears, base moment",
+            "A. K. Chopra, 5th ed. (2020), figures 13.2.7 and 13.2.8",
+            "cm, kN, kN m",
+            ("u5", "shear of story 5", "base shear", "base moment"),
+            (17.383, 155.308, 323.062, 3811.79),
+            _frame,
+            1.5e-3,
+            ROUNDING,
+            relative=True,
+            remark="the book's g is 9.81, and it steps; a state-space solution of our own agrees to 6 digits",
         ),
         Case(
-            "nptel-3.6", "two stories: roof displacement and base shear", "NPTEL, Introduction to Earthquake "
-            "Engineering, figures 3.13 and 3.14", "m, kN", ("u2", "base shear"), (0.202, 40.72), _two_stories, 5e-3,
-            ROUNDING, relative=True, remark="the course's record has its own rounding",
+            "nptel-3.6",
+            "two stories: roof displacement and base shear",
+            "NPTEL, Introduction to Earthquake Engineering, figures 3.13 and 3.14",
+            "m, kN",
+            ("u2", "base shear"),
+            (0.202, 40.72),
+            _two_stories,
+            5e-3,
+            ROUNDING,
+            relative=True,
+            remark="the course's record has its own rounding",
         ),
-    )  # fmt: skip
+    )
 
 
 def berkeley_cases() -> tuple[Case, ...]:
@@ -103,13 +132,20 @@ def berkeley_cases() -> tuple[Case, ...]:
 
     return tuple(
         Case(
-            f"usgs-1103-{damping:.0%}", f"spectral displacements of station 1103, damping {damping:.0%}, at the samples",
-            "USGS National Strong Motion Project, 1103.HN2.NP.BE_r.rs2", "cm", tuple(f"T {t} s" for t in periods),
-            numbers, lambda damping=damping: computed(damping), 3e-3, ROUNDING, relative=True,
+            f"usgs-1103-{damping:.0%}",
+            f"spectral displacements of station 1103 at its samples, damping {damping:.0%}",
+            "USGS National Strong Motion Project, 1103.HN2.NP.BE_r.rs2",
+            "cm",
+            tuple(f"T {t} s" for t in periods),
+            numbers,
+            lambda damping=damping: computed(damping),
+            3e-3,
+            ROUNDING,
+            relative=True,
             remark="published from 12 200 samples with pads, delivered are 8200: seen at 5 s",
         )
         for damping, numbers in published.items()
-    )  # fmt: skip
+    )
 
 
 def kaikoura_cases() -> tuple[Case, ...]:
@@ -132,14 +168,28 @@ def kaikoura_cases() -> tuple[Case, ...]:
         source, quantities = "GeoNet, header of the V2A file", ("HN1", "HN2", "HNZ")
         cases += [
             Case(
-                f"kaikoura-{name}-pga", "peak accelerations stated by the network", source, "m/s^2", quantities, accelerations,
-                lambda name=name: [record.pga for record in peaks(name)], 1e-9, ROUNDING,
+                f"kaikoura-{name}-pga",
+                "peak accelerations stated by the network",
+                source,
+                "m/s^2",
+                quantities,
+                accelerations,
+                lambda name=name: [record.pga for record in peaks(name)],
+                1e-9,
+                ROUNDING,
             ),
             Case(
-                f"kaikoura-{name}-pgv", "peak velocities stated by the network, and those of integration", source, "m/s",
-                quantities, velocities, lambda name=name: [velocity(record) for record in peaks(name)], 6e-2, MODEL,
+                f"kaikoura-{name}-pgv",
+                "peak velocities stated by the network, and those of integration",
+                source,
+                "m/s",
+                quantities,
+                velocities,
+                lambda name=name: [velocity(record) for record in peaks(name)],
+                6e-2,
+                MODEL,
                 relative=True,
                 remark="the network's velocities went through its filters and are no integrals of these 0.02 s samples",
             ),
-        ]  # fmt: skip
+        ]
     return tuple(cases)

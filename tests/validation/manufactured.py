@@ -1,8 +1,8 @@
 """Manufactured solutions: an oscillator whose motion is chosen, under the force that makes it move so.
 
-The motion is u = A sin(w t). A smooth law's force along it is a Fourier series of odd sines, which ends (polynomials) or
-falls off exponentially (tanh), so that the force of the floor is a sum of harmonics: exact to rounding. Bouc-Wen's law
-has a memory with kinks where the rate turns; no such series ends there, and its motions are compared with SciPy's
+The motion is u = A sin(w t). A smooth law's force along it is a Fourier series of odd sines, which ends (polynomials)
+or falls off exponentially (tanh), so that the force of the floor is a sum of harmonics: exact to rounding. Bouc-Wen's
+law has a memory with kinks where the rate turns; no such series ends there, and its motions are compared with SciPy's
 DOP853 elsewhere (tests/kernels).
 """
 

@@ -1,9 +1,9 @@
 """OpenSees on models of this project: python tests/validation/opensees.py writes opensees.json anew.
 
-The models are written out here for OpenSeesPy by themselves, with nothing of tdint: ten stories of configs/ten-story.yaml
-and configs/ten-story-bilinear.yaml (Elastic, Steel01) and the same as a column of unequal stories, Rayleigh damping from
-the initial stiffness, average acceleration with Newton's method, 0.01 s, records/firm-soil.mseed HN1. Kept are the
-largest drifts at the steps. `pip install openseespy` is needed to make them anew, not to compare.
+The models are written out here for OpenSeesPy by themselves, with nothing of tdint: ten equal stories (Elastic;
+Steel01) and ten unequal ones, Rayleigh damping from the initial stiffness, average acceleration with Newton's method,
+0.01 s, records/firm-soil.mseed HN1. Kept are the largest drifts at the steps. `pip install openseespy` is needed to
+make them anew, not to compare.
 """
 
 from __future__ import annotations
@@ -58,9 +58,12 @@ def problems() -> dict[str, Frame]:
     springs = np.full(10, 3.5e8)
     steps = np.arange(10)
     uneven = Frame(
-        "ten unequal stories that yield", ten * (1.0 - 0.03 * steps), springs * (1.2 - 0.07 * steps),
-        3.0e6 * (1.0 - 0.06 * steps), 0.05,
-    )  # fmt: skip
+        "ten unequal stories that yield",
+        ten * (1.0 - 0.03 * steps),
+        springs * (1.2 - 0.07 * steps),
+        3.0e6 * (1.0 - 0.06 * steps),
+        0.05,
+    )
     return {
         "linear": Frame("ten equal stories", ten, springs, np.full(10, math.nan)),
         "yielding": Frame("ten equal stories that yield at 2500 kN", ten, springs, np.full(10, 2.5e6), 0.03),
@@ -128,7 +131,9 @@ def _peak_drifts(ops: Any, frame: Frame, ground: Array) -> list[float]:
         if math.isnan(frame.yield_force[i]):
             ops.uniaxialMaterial("Elastic", i + 1, float(frame.stiffness[i]))
         else:
-            ops.uniaxialMaterial("Steel01", i + 1, float(frame.yield_force[i]), float(frame.stiffness[i]), frame.hardening)
+            ops.uniaxialMaterial(
+                "Steel01", i + 1, float(frame.yield_force[i]), float(frame.stiffness[i]), frame.hardening
+            )
         ops.element("zeroLength", i + 1, i, i + 1, "-mat", i + 1, "-dir", 1, "-doRayleigh", 1)
     by_mass, by_stiffness = frame.rayleigh()
     ops.rayleigh(float(by_mass), 0.0, float(by_stiffness), 0.0)

@@ -55,8 +55,12 @@ def tdint_command(*arguments: str) -> str:
     """What a command of this installation prints on standard output."""
     done = subprocess.run(
         [sys.executable, "-c", "from tdint_cli.main import main; main()", *arguments],
-        cwd=ROOT, capture_output=True, text=True, check=False, env=os.environ | {"PYTHONWARNINGS": "ignore"},
-    )  # fmt: skip
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"PYTHONWARNINGS": "ignore"},
+    )
     if done.returncode:
         raise RuntimeError(f"tdint {' '.join(arguments)}: {done.stderr.strip()}")
     return done.stdout
@@ -100,7 +104,9 @@ def with_file(results: list[Result], name: str, group: Callable[[], Sequence[Cas
     """Cases that need a fetched file, or how to get it."""
     source = SOURCES[name]
     if not source.here():
-        return f"`{name}` is not here ({source.what}): `python tests/validation/fetch.py {name}`, then this page anew.\n"
+        return (
+            f"`{name}` is not here ({source.what}): `python tests/validation/fetch.py {name}`, then this page anew.\n"
+        )
     return cases(results, group())
 
 
@@ -111,7 +117,9 @@ def code_verification(results: list[Result]) -> str:
     """a."""
     orders = []
     for row in csv.DictReader(io.StringIO(tdint_command("order", "--frequency-ratio", "0.5"))):
-        orders.append([row["method"], f"{parse(row['method']).order:g}", *(_short(row[f"{q}_order"]) for q in _QUANTITIES)])
+        orders.append(
+            [row["method"], f"{parse(row['method']).order:g}", *(_short(row[f"{q}_order"]) for q in _QUANTITIES)]
+        )
     made = observe_all()
     steps = [f"T/{steps * 2 * np.pi / (5.0 * 4.0):.0f}" for steps in STEPS]
     manufactured = [
@@ -128,7 +136,7 @@ def code_verification(results: list[Result]) -> str:
         "([manufactured.py](manufactured.py)): largest error of the displacement over the amplitude, and the order "
         "of the last two steps that are not rounding. T is the period of the motion.\n\n"
         + table(["law", "method", "declared", "observed", *steps], manufactured)
-    )  # fmt: skip
+    )
 
 
 _QUANTITIES = ("displacement", "velocity", "acceleration")
@@ -155,7 +163,9 @@ def other_programs() -> str:
         f"Peak drifts at the steps of the same models with the same method and step: average acceleration, 0.01 s, "
         f"[opensees.py](opensees.py). OpenSees' numbers: {origin}. Differences are {NUMERICAL}: OpenSees iterates to a "
         "tolerance of 1e-9 of the largest inertia force.\n\n"
-        + table(["model", "what it is", "OpenSees, story 1, m", "tdint", "largest relative difference of a story"], lines)
+        + table(
+            ["model", "what it is", "OpenSees, story 1, m", "tdint", "largest relative difference of a story"], lines
+        )
     )
 
 
@@ -163,9 +173,17 @@ def work_precision() -> str:
     """g."""
     picture = HERE / "work-precision.png"
     text = tdint_command(
-        "chart", "configs/ten-story-bilinear.yaml", "--method", _CHARTED, "--peers", "--no-cache", "--repeat", "3",
-        f"--plot={picture}", "--overwrite",
-    )  # fmt: skip
+        "chart",
+        "configs/ten-story-bilinear.yaml",
+        "--method",
+        _CHARTED,
+        "--peers",
+        "--no-cache",
+        "--repeat",
+        "3",
+        f"--plot={picture}",
+        "--overwrite",
+    )
     rows = [row for row in csv.DictReader(io.StringIO(text)) if row["dt_s"] in ("0.01", "0.0025")]
     shown_rows = [
         [row["method"], row["dt_s"], f"{1e3 * float(row['time_s']):.3g}", f"{float(row['peak_drift_error']):.1e}"]
@@ -188,8 +206,8 @@ def recorded_structures(results: list[Result]) -> str:
     source = SOURCES["shake-table"]
     if not source.here():
         return (
-            f"`shake-table` is not here ({source.what}): `python tests/validation/fetch.py shake-table` says how to get "
-            "it.\n"
+            f"`shake-table` is not here ({source.what}): `python tests/validation/fetch.py shake-table` says how to "
+            "get it.\n"
         )
     import shake_table
 
@@ -220,8 +238,8 @@ def page() -> tuple[str, list[Result]]:
         + with_file(results, "elcentro", el_centro_cases)
         + "\n### USGS, Berkeley 2018\n\n"
         + with_file(results, "berkeley", berkeley_cases)
-        + "\n### GeoNet, Kaikoura 2016\n\nHorizontal HN1 and HN2, vertical HNZ ([records](../../records/README.md)).\n\n"
-        + cases(results, kaikoura_cases()),
+        + "\n### GeoNet, Kaikoura 2016\n\nHorizontal HN1 and HN2, vertical HNZ "
+        "([records](../../records/README.md)).\n\n" + cases(results, kaikoura_cases()),
         "A recorded structure": recorded_structures(results),
         "Time against accuracy": work_precision(),
     }

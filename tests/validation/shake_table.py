@@ -35,10 +35,16 @@ def shake_table_cases(path: Path, command: Callable[..., str]) -> tuple[Case, ..
     floors = tuple(f"{what}, floor {floor}" for what in ("correlation", "ratio of peaks") for floor in (1, 2, 3))
     return (
         Case(
-            "shake-table", "a model frame under the Northridge motion, absolute accelerations of its floors",
+            "shake-table",
+            "a model frame under the Northridge motion, absolute accelerations of its floors",
             "chrystalchern/mdof (C. Chern 2023, doi 10.5281/zenodo.11660200); the published side is a computation of "
-            "the same shear building apart from this program", "1", floors, PUBLISHED, lambda: compared(path, command),
-            2e-3, ROUNDING,
+            "the same shear building apart from this program",
+            "1",
+            floors,
+            PUBLISHED,
+            lambda: compared(path, command),
+            2e-3,
+            ROUNDING,
             remark="how far the ratios are from 1 is model error: a shear building of three masses is not that frame",
         ),
-    )  # fmt: skip
+    )
