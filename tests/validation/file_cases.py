@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import tdint
 from tdint.ground_motion.record import Record
-from tdint.validation.case import MODEL, NUMERICAL, ROUNDING, Case
+from tdint.validation.case import MODEL, NUMERICAL, ROUNDING, ValidationCase
 
 Array = NDArray[np.float64]
 
@@ -57,14 +57,14 @@ def _two_stories() -> Array:
     return np.array([response.stories.peak_displacement[1], response.stories.peak_shear[0] / 1e3])
 
 
-def el_centro_cases() -> tuple[Case, ...]:
+def el_centro_cases() -> tuple[ValidationCase, ...]:
     """Chopra's spectra and frames under El Centro."""
     book = (
         "A. K. Chopra, section 6.4, figures 6.6.2, 6.8.4 and 7.4.3a; OpenSees' sdofTransient verification has the same"
     )
     pairs = [(0.5, 0.02), (1.0, 0.02), (2.0, 0.02), (2.0, 0.0), (2.0, 0.05), (0.5, 0.05)]
     return (
-        Case(
+        ValidationCase(
             "chopra-6",
             "largest displacements of oscillators under El Centro, at its samples",
             book,
@@ -76,7 +76,7 @@ def el_centro_cases() -> tuple[Case, ...]:
             ROUNDING,
             remark="printed with two decimals; T 0.5 s, 5 % is read off a figure",
         ),
-        Case(
+        ValidationCase(
             "structdyn-spectra",
             "two of them as StructDyn computes them",
             "StructDyn, tests/test_sdf.py",
@@ -89,7 +89,7 @@ def el_centro_cases() -> tuple[Case, ...]:
             relative=True,
             remark="its g of 9.81 taken off; it steps with its own method",
         ),
-        Case(
+        ValidationCase(
             "chopra-13",
             "five-story frame: roof, shears, base moment",
             "A. K. Chopra, 5th ed. (2020), figures 13.2.7 and 13.2.8",
@@ -102,7 +102,7 @@ def el_centro_cases() -> tuple[Case, ...]:
             relative=True,
             remark="the book's g is 9.81, and it steps; a state-space solution of our own agrees to 6 digits",
         ),
-        Case(
+        ValidationCase(
             "nptel-3.6",
             "two stories: roof displacement and base shear",
             "NPTEL, Introduction to Earthquake Engineering, figures 3.13 and 3.14",
@@ -118,7 +118,7 @@ def el_centro_cases() -> tuple[Case, ...]:
     )
 
 
-def berkeley_cases() -> tuple[Case, ...]:
+def berkeley_cases() -> tuple[ValidationCase, ...]:
     """Spectra that a network published with its record."""
     periods = (0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 5.0)
     published = {
@@ -131,7 +131,7 @@ def berkeley_cases() -> tuple[Case, ...]:
         return np.asarray(100.0 * tdint.spectrum(record, np.array(periods), damping, maxima="samples").sd)
 
     return tuple(
-        Case(
+        ValidationCase(
             f"usgs-1103-{damping:.0%}",
             f"spectral displacements of station 1103 at its samples, damping {damping:.0%}",
             "USGS National Strong Motion Project, 1103.HN2.NP.BE_r.rs2",
@@ -148,7 +148,7 @@ def berkeley_cases() -> tuple[Case, ...]:
     )
 
 
-def kaikoura_cases() -> tuple[Case, ...]:
+def kaikoura_cases() -> tuple[ValidationCase, ...]:
     """What GeoNet's files of the shipped records say of themselves."""
     stated = {
         "WTMC": ((9.7331, 7.9664, 18.0219), (1.01655, 0.68643, 0.39493)),
@@ -167,7 +167,7 @@ def kaikoura_cases() -> tuple[Case, ...]:
     for name, (accelerations, velocities) in stated.items():
         source, quantities = "GeoNet, header of the V2A file", ("HN1", "HN2", "HNZ")
         cases += [
-            Case(
+            ValidationCase(
                 f"kaikoura-{name}-pga",
                 "peak accelerations stated by the network",
                 source,
@@ -178,7 +178,7 @@ def kaikoura_cases() -> tuple[Case, ...]:
                 1e-9,
                 ROUNDING,
             ),
-            Case(
+            ValidationCase(
                 f"kaikoura-{name}-pgv",
                 "peak velocities stated by the network, and those of integration",
                 source,

@@ -26,7 +26,7 @@ from manufactured import AMPLITUDE, STEPS, observe_all
 import tdint
 from tdint.errors import TdintError
 from tdint.methods.catalogue import parse
-from tdint.validation.case import MODEL, NUMERICAL, ROUNDING, Case, Result, carry_out
+from tdint.validation.case import MODEL, NUMERICAL, ROUNDING, ValidationCase, ValidationResult, carry_out
 from tdint.validation.closed_forms import closed_form_cases
 from tdint.validation.textbook import textbook_cases
 
@@ -77,7 +77,7 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
 
 
-def shown(result: Result) -> str:
+def shown(result: ValidationResult) -> str:
     """A case: what it is, and its numbers."""
     case = result.case
     unit = "" if case.unit == "1" else f", {case.unit}"
@@ -93,14 +93,14 @@ def shown(result: Result) -> str:
     return text + table(["", *case.quantities], [*rows, [size, *(f"{value:.1e}" for value in result.differences)]])
 
 
-def cases(results: list[Result], group: Sequence[Case]) -> str:
+def cases(results: list[ValidationResult], group: Sequence[ValidationCase]) -> str:
     """The cases of a group, carried out."""
     found = [carry_out(case) for case in group]
     results += found
     return "\n".join(map(shown, found))
 
 
-def with_file(results: list[Result], name: str, group: Callable[[], Sequence[Case]]) -> str:
+def with_file(results: list[ValidationResult], name: str, group: Callable[[], Sequence[ValidationCase]]) -> str:
     """Cases that need a fetched file, or how to get it."""
     source = SOURCES[name]
     if not source.here():
@@ -113,7 +113,7 @@ def with_file(results: list[Result], name: str, group: Callable[[], Sequence[Cas
 # ---- Sections
 
 
-def code_verification(results: list[Result]) -> str:
+def code_verification(results: list[ValidationResult]) -> str:
     """a."""
     orders = []
     for row in csv.DictReader(io.StringIO(tdint_command("order", "--frequency-ratio", "0.5"))):
@@ -201,7 +201,7 @@ def work_precision() -> str:
 _CHARTED = "newmark-average,central-difference,hht,generalized-alpha,bathe,impulse,impulse4,moment4,gauss4,rk5"
 
 
-def recorded_structures(results: list[Result]) -> str:
+def recorded_structures(results: list[ValidationResult]) -> str:
     """f."""
     source = SOURCES["shake-table"]
     if not source.here():
@@ -227,9 +227,9 @@ def machine() -> str:
     return f"{text}; {platform.system()} on {platform.machine()}, {cores} processors."
 
 
-def page() -> tuple[str, list[Result]]:
+def page() -> tuple[str, list[ValidationResult]]:
     """The page, and the results that it is made of."""
-    results: list[Result] = []
+    results: list[ValidationResult] = []
     sections = {
         "Code verification": code_verification(results),
         "Textbooks, and printed results of other programs": cases(results, textbook_cases()),

@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 
 import yaml
 
-from tdint.validation.case import ROUNDING, Case
+from tdint.validation.case import ROUNDING, ValidationCase
 
 STIFFNESS = (2374.36, 3105.67, 3825.10)  # over a mass of 1, from the base up, 1/s^2
 DAMPING = [0.0139, 0.0076, 0.0027]
@@ -30,11 +30,11 @@ def compared(path: Path, command: Callable[..., str]) -> list[float]:
     return [float(row[column]) for column in ("correlation", "peak_ratio") for row in rows]
 
 
-def shake_table_cases(path: Path, command: Callable[..., str]) -> tuple[Case, ...]:
+def shake_table_cases(path: Path, command: Callable[..., str]) -> tuple[ValidationCase, ...]:
     """Floors computed and recorded."""
     floors = tuple(f"{what}, floor {floor}" for what in ("correlation", "ratio of peaks") for floor in (1, 2, 3))
     return (
-        Case(
+        ValidationCase(
             "shake-table",
             "a model frame under the Northridge motion, absolute accelerations of its floors",
             "chrystalchern/mdof (C. Chern 2023, doi 10.5281/zenodo.11660200); the published side is a computation of "

@@ -16,7 +16,7 @@ MODEL = "model error"
 
 
 @dataclass(frozen=True)
-class Case:
+class ValidationCase:
     """What is known, from where, and how it is computed here.
 
     Attributes
@@ -59,7 +59,7 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Result:
+class ValidationResult:
     """A case and what came of it.
 
     Attributes
@@ -68,7 +68,7 @@ class Result:
         Numbers, and computed less published (over published where the case is relative).
     """
 
-    case: Case
+    case: ValidationCase
     computed: Array
     differences: Array
 
@@ -84,7 +84,7 @@ class Result:
         return self.largest <= self.case.tolerance
 
 
-def carry_out(case: Case) -> Result:
+def carry_out(case: ValidationCase) -> ValidationResult:
     """Compute a case.
 
     Raises
@@ -97,4 +97,4 @@ def carry_out(case: Case) -> Result:
     if computed.shape != published.shape:
         raise ValueError(f"{case.name}: {computed.size} numbers for {published.size}")
     differences = computed - published
-    return Result(case, computed, differences / np.abs(published) if case.relative else differences)
+    return ValidationResult(case, computed, differences / np.abs(published) if case.relative else differences)

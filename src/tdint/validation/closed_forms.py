@@ -13,8 +13,8 @@ from tdint.analysis.run.run import run
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.analysis.static.cyclic import cyclic_test
 from tdint.ground_motion.reading.read import make_record
-from tdint.model.config.read import load_model
-from tdint.validation.case import NUMERICAL, Array, Case
+from tdint.model.config.model_file import load_model
+from tdint.validation.case import NUMERICAL, Array, ValidationCase
 
 _OMEGA = 2.0 * math.pi
 _XI = 0.05
@@ -102,10 +102,10 @@ def _bilinear_loop() -> Array:
     return np.array([cyclic_test(model, 1, ["1%", "1%"], points=100).cycles[1].dissipated])
 
 
-def closed_form_cases() -> tuple[Case, ...]:
+def closed_form_cases() -> tuple[ValidationCase, ...]:
     """Motions that are known exactly."""
     return (
-        Case(
+        ValidationCase(
             "free-vibration",
             "a damped oscillator let go, steps of a tenth of its period by `exact`",
             "closed form",
@@ -116,7 +116,7 @@ def closed_form_cases() -> tuple[Case, ...]:
             1e-12,
             NUMERICAL,
         ),
-        Case(
+        ValidationCase(
             "resonance",
             "an undamped oscillator driven at its own frequency, a hundred steps a period",
             "closed form",
@@ -128,7 +128,7 @@ def closed_form_cases() -> tuple[Case, ...]:
             NUMERICAL,
             relative=True,
         ),
-        Case(
+        ValidationCase(
             "sudden-step",
             "spectral displacements of a suddenly constant ground acceleration",
             "closed form: 2 a/omega^2",
@@ -140,7 +140,7 @@ def closed_form_cases() -> tuple[Case, ...]:
             NUMERICAL,
             relative=True,
         ),
-        Case(
+        ValidationCase(
             "duffing",
             "a stiffening oscillator after 13.3 periods, 300 steps each",
             "closed form: elliptic cosine",
@@ -151,7 +151,7 @@ def closed_form_cases() -> tuple[Case, ...]:
             1e-6,
             NUMERICAL,
         ),
-        Case(
+        ValidationCase(
             "energy-kept",
             "energy of the same oscillator in steps of a third of its period by `moment4`",
             "conservation",
@@ -162,7 +162,7 @@ def closed_form_cases() -> tuple[Case, ...]:
             1e-11,
             NUMERICAL,
         ),
-        Case(
+        ValidationCase(
             "bilinear-loop",
             "work of a bilinear story over a whole cycle",
             "closed form: 4 (1 - a) Fy (D - dy)",

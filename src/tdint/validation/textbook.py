@@ -12,8 +12,8 @@ from tdint.analysis.run.run import run
 from tdint.campaign.studies.fragility.fits import fit_stripes
 from tdint.ground_motion.reading.read import make_record
 from tdint.model.building import modes
-from tdint.model.config.read import load_model
-from tdint.validation.case import NUMERICAL, ROUNDING, Array, Case
+from tdint.model.config.model_file import load_model
+from tdint.validation.case import NUMERICAL, ROUNDING, Array, ValidationCase
 
 INCH = 0.0254
 _TENTHS = tuple(f"u({i / 10:.1f} s)" for i in range(1, 11))
@@ -43,9 +43,9 @@ def _table_of_chopra(
     law: Mapping[str, Any] | None = None,
     source: str = "",
     remark: str = "the book carries four decimals from step to step",
-) -> Case:
+) -> ValidationCase:
     plastic = "elastoplastic " if law else ""
-    return Case(
+    return ValidationCase(
         name=f"chopra-{table}",
         title=f"{plastic}oscillator under half a sine in steps of 0.1 s by `{method}`",
         source=source or f"A. K. Chopra, Dynamics of Structures, 4th ed. (2012), table {table}",
@@ -77,9 +77,9 @@ def _bathe(method: str) -> Array:
     return np.asarray(history.displacement[-1, :2])
 
 
-def _example_of_bathe(number: str, method: str, published: tuple[float, float], remark: str = "") -> Case:
+def _example_of_bathe(number: str, method: str, published: tuple[float, float], remark: str = "") -> ValidationCase:
     exact = method == "exact"
-    return Case(
+    return ValidationCase(
         name=f"bathe-{number}",
         title=f"two masses between walls, step 12 of 0.28 s by `{method}`",
         source=f"K. J. Bathe, Finite Element Procedures, 2nd ed. (2014), example {number}",
@@ -133,7 +133,7 @@ def _stripes() -> Array:
     return np.array([found.theta, found.beta])
 
 
-def textbook_cases() -> tuple[Case, ...]:
+def textbook_cases() -> tuple[ValidationCase, ...]:
     """Tables of textbooks and printed results of other programs."""
     opensees = "OpenSees, example SmallEigen, printed eigenvalues"
     hyfeast = "Hyfeast, manual, table E.7.2 (the same oscillator, computed with more digits)"
@@ -183,7 +183,7 @@ def textbook_cases() -> tuple[Case, ...]:
         _example_of_bathe("9.3 (1976)", "wilson:theta=1.4", (1.54, 2.29)),
         _example_of_bathe("9.4", "bathe", (1.28, 2.40)),
         _example_of_bathe("9.7", "exact", (1.157, 2.489)),
-        Case(
+        ValidationCase(
             "structdyn-16.4",
             "roof of five yielding stories after 2 s of shaking, by `newmark-average`",
             "StructDyn, tests/test_mdf.py, after Chopra, example 16.4",
@@ -195,7 +195,7 @@ def textbook_cases() -> tuple[Case, ...]:
             NUMERICAL,
             remark="same method and step: equal but for rounding",
         ),
-        Case(
+        ValidationCase(
             "opensees-eigen",
             "eigenvalues of three masses",
             opensees,
@@ -212,7 +212,7 @@ def textbook_cases() -> tuple[Case, ...]:
             NUMERICAL,
             relative=True,
         ),
-        Case(
+        ValidationCase(
             "chopra-10.4",
             "frequencies of two stories",
             "Chopra, example 10.4",
@@ -224,7 +224,7 @@ def textbook_cases() -> tuple[Case, ...]:
             ROUNDING,
             remark="printed with eight decimals",
         ),
-        Case(
+        ValidationCase(
             "code-aster-sdld02",
             "frequencies of eight masses between walls",
             "code_aster, V2.01.002 (SDLD02)",
@@ -239,7 +239,7 @@ def textbook_cases() -> tuple[Case, ...]:
             ROUNDING,
             remark="printed with six decimals; the frequency of the wall, 5e-6 Hz, is left out",
         ),
-        Case(
+        ValidationCase(
             "code-aster-sdld106",
             "an oscillator of 0.1 Hz under sin t",
             "code_aster, V2.01.106 (SDLD106)",
@@ -252,7 +252,7 @@ def textbook_cases() -> tuple[Case, ...]:
             relative=True,
             remark="5e-4 is code_aster's own tolerance",
         ),
-        Case(
+        ValidationCase(
             "baker-2015",
             "fragility of the largest likelihood of published stripes",
             "J. W. Baker (2015), Earthquake Spectra 31(1), example data; a direct search stands for the result",

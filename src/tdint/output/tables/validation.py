@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from tdint.output.tables.table import Column, Table
 
 if TYPE_CHECKING:
-    from tdint.validation.case import Result
+    from tdint.validation.case import ValidationResult
 
 VALIDATION = (
     Column("case", "case.name", "name of the case", text=True),
@@ -24,6 +24,6 @@ VALIDATION = (
 )
 
 
-def validation_table(results: Iterable[Result]) -> Table:
+def validation_table(results: Iterable[ValidationResult]) -> Table:
     """One row per case."""
     return Table.of_results(VALIDATION, results)
