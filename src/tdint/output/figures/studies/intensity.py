@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import Any
 
-from tdint.campaign.studies.intensity import GEOMETRIC_MEAN, PAIRS
+from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, PAIRS
 from tdint.output.figures.axes import minor_ticks, plain_numbers
 from tdint.output.figures.style import COLORS
 from tdint.units import ACCELERATION, STANDARD_GRAVITY
