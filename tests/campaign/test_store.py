@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tdint.campaign.engine.part import RunSettings, Subject
 
 from tdint.campaign.buildings import GivenBuildings
 from tdint.campaign.draws import EveryMotion, suite_motions
-from tdint.campaign.engine.part import RunSettings, Subject
 from tdint.campaign.levels import GivenFactors
 from tdint.campaign.plan import Plan
 from tdint.campaign.store.place import refuse_network
@@ -51,7 +51,13 @@ def test_chunks_hold_every_run_once_in_order(sizes: list[int], factors: list[int
     subjects = [Subject(model, "newmark-average")] * buildings
     plan = Plan("", GivenBuildings.of(subjects), motions, EveryMotion(len(motions)), levels, RunSettings())
     found = [
-        (part.number, run) for number in range(plan.chunks) for part in plan.chunk(number).buildings for run in part.runs
+        (one.number, run)
+        for number in range(plan.chunks)
+        for one in plan.chunk(number).buildings
+        for run in one.runs
+        for number in range(plan.chunks)
+        for part in plan.chunk(number).buildings
+        for run in part.runs
     ]
     wanted = [(b, (m, f, 0)) for b in range(buildings) for m in range(len(sizes)) for f in levels.by_motion[m]]
     assert found == wanted and len(found) == plan.runs

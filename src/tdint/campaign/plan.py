@@ -19,7 +19,7 @@ from tdint.campaign.buildings import Buildings, GivenBuildings, InventoryBuildin
 from tdint.campaign.definition import AnalysisWishes, CampaignFile, GridFile, InventoryFile
 from tdint.campaign.draws import Assignment, Draw, EveryMotion, GridDraws, SuiteMotion
 from tdint.campaign.engine.chunk import Chunk
-from tdint.campaign.engine.task import Run, RunSettings, Source, Subject, BuildingRuns
+from tdint.campaign.engine.task import BuildingRuns, Run, RunSettings, Source, Subject
 from tdint.campaign.engine.tolerance import building_step
 from tdint.campaign.inputs import Inputs
 from tdint.campaign.levels import GivenFactors, IntensityLevels, Levels, MeasureLevels, Scales

@@ -11,7 +11,7 @@ import numpy as np
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.analysis.spectra.first_mode import SA_DAMPING
 from tdint.campaign.engine.batch import Batch, Rows
-from tdint.campaign.engine.task import Motions, Run, RunSettings, Subject, BuildingRuns
+from tdint.campaign.engine.task import BuildingRuns, Motions, Run, RunSettings, Subject
 from tdint.errors import AnalysisError
 from tdint.ground_motion.record import Record
 

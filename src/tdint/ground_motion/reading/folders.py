@@ -13,7 +13,7 @@ from tdint.files import is_folder
 from tdint.input_bytes import STDIN
 
 if TYPE_CHECKING:
-    from tdint.ground_motion.formats.tables.layout import TextLayout
+    from tdint.ground_motion.text_layout import TextLayout
 
 _MOST_NAMES = 10
 
@@ -104,10 +104,9 @@ def is_record(source: str | Path, layout: TextLayout | None = None) -> bool:
 
     A file that has a known format may still be damaged.
     """
-    from tdint.ground_motion.formats.tables.layout import AS_STATED
-    from tdint.ground_motion.reading.archive import is_archive
     from tdint.ground_motion.reading.plugins import has_known_format
-    from tdint.ground_motion.reading.source import read_bytes
+    from tdint.ground_motion.reading.source import is_archive, read_bytes
+    from tdint.ground_motion.text_layout import AS_STATED
 
     try:
         data = read_bytes(source)
