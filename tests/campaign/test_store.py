@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tdint.campaign.engine.part import RunSettings, Subject
 
 from tdint.campaign.buildings import GivenBuildings
 from tdint.campaign.draws import EveryMotion, suite_motions
+from tdint.campaign.engine.task import RunSettings, Subject
 from tdint.campaign.levels import GivenFactors
 from tdint.campaign.plan import Plan
 from tdint.campaign.store.place import refuse_network
