@@ -55,9 +55,6 @@ def test_chunks_hold_every_run_once_in_order(sizes: list[int], factors: list[int
         for number in range(plan.chunks)
         for one in plan.chunk(number).buildings
         for run in one.runs
-        for number in range(plan.chunks)
-        for part in plan.chunk(number).buildings
-        for run in part.runs
     ]
     wanted = [(b, (m, f, 0)) for b in range(buildings) for m in range(len(sizes)) for f in levels.by_motion[m]]
     assert found == wanted and len(found) == plan.runs
