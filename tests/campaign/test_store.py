@@ -51,10 +51,7 @@ def test_chunks_hold_every_run_once_in_order(sizes: list[int], factors: list[int
     subjects = [Subject(model, "newmark-average")] * buildings
     plan = Plan("", GivenBuildings.of(subjects), motions, EveryMotion(len(motions)), levels, RunSettings())
     found = [
-        (one.number, run)
-        for number in range(plan.chunks)
-        for one in plan.chunk(number).buildings
-        for run in one.runs
+        (one.number, run) for number in range(plan.chunks) for one in plan.chunk(number).buildings for run in one.runs
     ]
     wanted = [(b, (m, f, 0)) for b in range(buildings) for m in range(len(sizes)) for f in levels.by_motion[m]]
     assert found == wanted and len(found) == plan.runs
