@@ -18,7 +18,7 @@ from tdint.campaign.inputs import read_factors
 from tdint.campaign.suites.target import read_target
 from tdint.csv_table import read_table
 from tdint.errors import ModelError, RecordError, UsageError
-from tdint.model.inventory.read import read_inventory
+from tdint.model.inventory.table import read_inventory
 
 
 def grid(source):

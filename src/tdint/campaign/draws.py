@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from tdint.campaign.suites.intensity import GroundMotion
 from tdint.campaign.suites.suite import components
 from tdint.ground_motion.record import Record, component_names
-from tdint.model.inventory.read import InventoryRow
+from tdint.model.inventory.table import InventoryRow
 
 Array = NDArray[np.float64]
 

@@ -21,9 +21,9 @@ from tdint.campaign.suites.suite import read_components, read_pairs
 from tdint.csv_table import no_number, number, read_table
 from tdint.errors import ModelError, RecordError, TdintError, UsageError
 from tdint.ground_motion.reading.folders import records_of
-from tdint.model.config.read import load_model
+from tdint.model.config.model_file import load_model
 from tdint.model.definition import Model
-from tdint.model.inventory.read import InventoryRow, read_inventory
+from tdint.model.inventory.table import InventoryRow, read_inventory
 
 _FACTOR_COLUMNS = ("record", "component", "factor")
 

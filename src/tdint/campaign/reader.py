@@ -21,11 +21,10 @@ from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, PAIRS, IntensityMeas
 from tdint.campaign.suites.suite import RecordChoice
 from tdint.errors import UsageError
 from tdint.methods.catalogue import parse as parse_method
-from tdint.model.config.layout import LAYOUT, read_layout
-from tdint.model.config.processing import PROCESSING, read_processing
+from tdint.model.config.excitation import LAYOUT, PROCESSING, read_layout, read_processing
 from tdint.model.config.units import read_sample_units
-from tdint.model.inventory.rules import RULES
-from tdint.model.keys.document import read_document
+from tdint.model.inventory.derive import RULES
+from tdint.model.keys.document import read_document, resolve
 from tdint.model.keys.fields import Section, Value
 from tdint.model.keys.kinds import (
     ANY,
@@ -43,7 +42,6 @@ from tdint.model.keys.kinds import (
     Whole,
     Words,
 )
-from tdint.model.keys.paths import resolve
 from tdint.units import LENGTH, parse_units
 
 _SCATTER = Bounds(0.0, 0.5, ratio=True)

@@ -19,7 +19,7 @@ from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.reading.scale import differentiated
 from tdint.ground_motion.record import Record
 from tdint.model.definition import Excitation, Model
-from tdint.model.recorded.definition import AUTO
+from tdint.model.recorded import AUTO
 
 Array = NDArray[np.float64]
 

@@ -21,8 +21,7 @@ from tdint.kernels import layout
 from tdint.kernels import layout as at
 from tdint.methods.method import Integrator
 from tdint.model.building import Building
-from tdint.model.definition import Model
-from tdint.model.laws import LAWS
+from tdint.model.definition import LAWS, Model
 
 Array = NDArray[np.float64]
 

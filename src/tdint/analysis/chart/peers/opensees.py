@@ -21,7 +21,7 @@ from tdint.analysis.run.steps import Steps
 from tdint.kernels import layout as at
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
-from tdint.model.laws import CODES
+from tdint.model.definition import CODES
 
 Array = NDArray[np.float64]
 
