@@ -10,7 +10,7 @@ import sys
 import pytest
 
 from tdint import csv_table
-from tdint.analysis.static.drift_path import read_drift_path
+from tdint.analysis.static.cyclic import read_drift_path
 from tdint.campaign.definition import FactorsFile, GridFile
 from tdint.campaign.fragility.fit_table import fit_table
 from tdint.campaign.grid_files import read_grid

@@ -197,7 +197,7 @@ def _chart(request: Request, model: Model, record: Record | None, progress: Prog
     )
     if not request.peers:
         return chart, []
-    from tdint.analysis.chart.peers.peers import with_peers
+    from tdint.analysis.chart.peers import with_peers
 
     return with_peers(problem, chart, steps, repeats=request.repeat, progress=part_of(progress, 0.2, 1.0))
 

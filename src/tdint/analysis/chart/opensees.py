@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.chart.peers import opensees_worker
+from tdint.analysis.chart import opensees_worker
 from tdint.analysis.chart.problem import FloorMotion, Problem
 from tdint.analysis.chart.reference import Reference, errors
 from tdint.analysis.chart.work_precision import DONE, Point, line_of
