@@ -274,7 +274,7 @@ def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: O
         summary = json_bytes(in_units(table_summary("ida", said, records, meanings), units))
         files[Path(request.output) / SUMMARY] = lambda stream: stream.write(summary)
     if picture := request.picture:
-        from tdint.output.figures.studies.ida import ida_picture
+        from tdint.output.figures.ida import ida_picture
 
         files[picture] = ida_picture(study.in_units(units), picture.suffix)
     write_files(files, overwrite=request.overwrite or bool(request.output))

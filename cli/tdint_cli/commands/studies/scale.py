@@ -170,7 +170,7 @@ def _scale(request: ScaleRequest) -> None:
     table = factor_table(scaling)
 
     def draw(suffix: str) -> Writer:
-        from tdint.output.figures.studies.suite import suite_picture
+        from tdint.output.figures.suites import suite_picture
 
         return suite_picture(scaling, suffix, request.output_units or SI)
 
