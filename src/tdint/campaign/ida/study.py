@@ -13,22 +13,20 @@ from typing import Any
 import numpy as np
 
 from tdint.campaign.engine.batch import Batch
-from tdint.campaign.engine.runs import Motions
-from tdint.campaign.engine.settings import RunSettings
-from tdint.campaign.engine.subject import Subject
-from tdint.campaign.engine.threads import on_threads
-from tdint.campaign.studies.ida.curve import IdaCurve
-from tdint.campaign.studies.ida.journal import Fingerprint, Keep, journal
-from tdint.campaign.studies.ida.levels import Levels
-from tdint.campaign.studies.ida.runs import IdaRun, run_level
-from tdint.campaign.studies.intensity import GEOMETRIC_MEAN, GroundMotion, IntensityMeasure, SpectralIntensity, sa
-from tdint.campaign.studies.suite import components
+from tdint.campaign.engine.task import Motions, RunSettings, Subject
+from tdint.campaign.ida.curve import IdaCurve
+from tdint.campaign.ida.journal import Fingerprint, Keep, journal
+from tdint.campaign.ida.levels import Levels
+from tdint.campaign.ida.runs import IdaRun, run_level
+from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, GroundMotion, IntensityMeasure, SpectralIntensity, sa
+from tdint.campaign.suites.suite import components
 from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import DEFAULT_METHOD
 from tdint.model.building import Building
 from tdint.model.definition import Model
 from tdint.output_units import OutputUnits
+from tdint.processors import on_threads
 from tdint.version import __version__
 
 THRESHOLDS = (0.01, 0.02, 0.04)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from tdint.campaign.studies.intensity import GroundMotion
+from tdint.campaign.suites.intensity import GroundMotion
 from tdint.errors import RecordError
 from tdint.ground_motion.horizontals import Horizontals, find_horizontals, is_vertical, motion_name
 from tdint.ground_motion.processing import Processing

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from tdint.analysis.run.case import Case
 from tdint.campaign.engine.batch import Batch
-from tdint.campaign.engine.runs import Run
+from tdint.campaign.engine.task import Run
 
 DONE = "done"
 COLLAPSED = ("collapsed", "failed-story")

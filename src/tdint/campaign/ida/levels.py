@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from tdint.campaign.studies.ida.runs import IdaRun
+from tdint.campaign.ida.runs import IdaRun
 
 _HUNT = 1.5
 """Ratio of neighbouring levels while no collapse is known."""

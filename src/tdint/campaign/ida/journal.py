@@ -13,7 +13,7 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
-from tdint.campaign.studies.ida.runs import IdaRun
+from tdint.campaign.ida.runs import IdaRun
 from tdint.errors import OutputError, UsageError
 
 _VERSION = "tdint"

@@ -10,13 +10,13 @@ from itertools import accumulate
 from tdint.analysis.run.workspace import kernels
 from tdint.campaign.engine.chunk import Done, do, spectral_accelerations
 from tdint.campaign.engine.cluster import Cluster, on_cluster
-from tdint.campaign.engine.threads import on_threads
 from tdint.campaign.plan import Plan
 from tdint.campaign.store.store import Store
 from tdint.errors import UsageError
 from tdint.kernels.building.obtaining import obtain
 from tdint.kernels.building.variant import EVERYTHING
 from tdint.kernels.march.many import many
+from tdint.processors import on_threads
 
 Engine = Callable[[Plan, Sequence[int]], Iterator[Done]]
 """Who does chunks: threads here, or workers elsewhere."""

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.spectra.first_mode import SA_DAMPING
-from tdint.campaign.studies.intensity import (
+from tdint.campaign.suites.intensity import (
     GEOMETRIC_MEAN,
     GroundMotion,
     IntensityMeasure,
@@ -21,8 +21,8 @@ from tdint.campaign.studies.intensity import (
     pseudo_accelerations,
     sa,
 )
-from tdint.campaign.studies.suite import components
-from tdint.campaign.studies.target import TargetSpectrum
+from tdint.campaign.suites.suite import components
+from tdint.campaign.suites.target import TargetSpectrum
 from tdint.errors import UsageError
 from tdint.ground_motion.horizontals import Horizontals
 

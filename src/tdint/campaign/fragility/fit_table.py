@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.campaign.studies.fragility.fits import (
+from tdint.campaign.fragility.fits import (
     CLOUD,
     FITS,
     IDA,
@@ -25,7 +25,7 @@ from tdint.campaign.studies.fragility.fits import (
     fit_cloud,
     fit_stripes,
 )
-from tdint.campaign.studies.ida.runs import COLLAPSED, DONE
+from tdint.campaign.ida.runs import COLLAPSED, DONE
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.files import is_folder

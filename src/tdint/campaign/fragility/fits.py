@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from tdint.campaign.studies.fragility.likelihood import Observations, maximize
+from tdint.campaign.fragility.likelihood import Observations, maximize
 from tdint.errors import AnalysisError, UsageError
 from tdint.output_units import OutputUnits
 from tdint.units import ACCELERATION, VELOCITY

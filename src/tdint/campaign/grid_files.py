@@ -8,44 +8,35 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
-from tdint.campaign.file.definition import GridFile
-from tdint.campaign.grid import GridDraws, unit_vectors
-from tdint.campaign.motions import SuiteMotion
+from tdint.campaign.definition import GridFile
+from tdint.campaign.draws import GridMotions, SuiteMotion
 from tdint.csv_table import read_table
-from tdint.errors import ModelError, RecordError
+from tdint.errors import RecordError
 from tdint.ground_motion.header_checks.statement import LONGEST_STEP, SHORTEST_STEP
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.reading.segments import check_possible
 from tdint.ground_motion.record import Record
 from tdint.input_bytes import MOST_BYTES, read_at_most
-from tdint.model.inventory.table import InventoryRow
 from tdint.units import parse_units
 
 _COMPONENTS = {"data_x": "x", "data_y": "y"}
 
 
-def read_grid(
-    grid: GridFile, rows: Sequence[InventoryRow]
-) -> tuple[tuple[SuiteMotion, ...], GridDraws, list[RecordError]]:
-    """The ground motions of a grid and what buildings draw; motions that cannot be read are left out and returned.
+def read_grid(grid: GridFile) -> tuple[tuple[SuiteMotion, ...], GridMotions, list[RecordError]]:
+    """The ground motions of a grid, at which points they are, and why others could not be read and are left out.
 
     Raises
     ------
     ModelError
-        The grid cannot be read, or a building has no place.
+        The grid cannot be read.
     RecordError
         No point has a motion.
     """
-    lost = [row.id for row in rows if row.latitude is None or row.longitude is None]
-    if lost:
-        raise ModelError(
-            f"the inventory has no Latitude and Longitude of {', '.join(lost[:5])}{' ...' * (len(lost) > 5)}"
-        )
     factor = parse_units(grid.units)
     if factor.quantity != "acceleration":
         raise RecordError(
@@ -67,12 +58,7 @@ def read_grid(
             of_points.append(tuple(one for one in found if one))
     if not points:
         raise RecordError("\n".join(map(str, failures)) or f"{grid.file}: no point has a ground motion")
-    places = [(row.longitude or 0.0, row.latitude or 0.0) for row in rows]
-    draws = GridDraws(
-        [row.id for row in rows], unit_vectors(np.array(places)), unit_vectors(np.array(points)), tuple(of_points),
-        grid.neighbors, grid.samples, grid.seed,
-    )  # fmt: skip
-    return tuple(motions), draws, failures
+    return tuple(motions), GridMotions(points, tuple(of_points)), failures
 
 
 def _points(file: str) -> list[tuple[str, tuple[float, float]]]:

@@ -10,8 +10,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.campaign.studies.ida.levels import below_collapse, first_collapse, last_stable
-from tdint.campaign.studies.ida.runs import IdaRun
+from tdint.campaign.ida.levels import below_collapse, first_collapse, last_stable
+from tdint.campaign.ida.runs import IdaRun
 from tdint.ground_motion.record import Record
 
 Array = NDArray[np.float64]

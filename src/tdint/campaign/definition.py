@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from tdint.campaign.levels import MeasureLevels, Scales
-from tdint.campaign.studies.suite import RecordChoice
+from tdint.campaign.suites.suite import RecordChoice
 
 
 @dataclass(frozen=True)
