@@ -20,9 +20,7 @@ from tdint.analysis.run.outcome import Collapse, FailedRun, Response, StoryPeaks
 from tdint.analysis.run.prepared import MarchedRuns, Rest
 from tdint.analysis.run.steps import Steps, finer
 from tdint.campaign.engine.rows import RunRow, StoryRow, demand_cells, run_key, story_rows
-from tdint.campaign.engine.runs import Motions, Run
-from tdint.campaign.engine.settings import AT_REST, REPEATS, REST_PERIODS, RunSettings
-from tdint.campaign.engine.subject import Subject
+from tdint.campaign.engine.task import AT_REST, REPEATS, REST_PERIODS, Motions, Run, RunSettings, Subject
 from tdint.kernels import layout as at
 from tdint.kernels.march import many as lanes
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tdint.analysis.run.demands import Demands, LargestOfRuns, demands_of_runs
 from tdint.analysis.run.outcome import STORY, StoryPeaks
-from tdint.campaign.engine.runs import Run
+from tdint.campaign.engine.task import Run
 from tdint.quantity import Quantity, quantities
 
 Array = NDArray[np.float64]
