@@ -26,7 +26,7 @@ from tdint.output.tables.buildings import history_columns, story_table
 pytestmark = pytest.mark.long
 
 RUNS = 1000
-BATCH = 100
+BATCH = 50
 STIFFNESS = 1e6
 METHODS = [name for name in catalogue() if name != "exact"] + [
     "impulse4:rho_inf=0",
