@@ -16,7 +16,7 @@ from tdint_cli.options.values import GridType, Ratio
 from tdint_cli.terminal.streams import note, warn
 
 if TYPE_CHECKING:
-    from tdint.campaign.studies.suite import RecordChoice, Suite
+    from tdint.campaign.suites.suite import RecordChoice, Suite
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -30,15 +30,29 @@ def pairs(text: str) -> Callable[[Function], Function]:
     return option("--pairs", type=click.Choice(PAIRS), help=text)
 
 
-damping = option(
-    "--damping", type=damping_ratio, default=0.05, metavar="RATIO", help="Damping ratio of Sa; 0.05 (or 5%) by default."
-)
-average = option(
-    "--average",
-    type=GridType(),
-    metavar="FIRST:LAST:COUNT",
-    help="The periods of Sa_avg, as multiples of the period, in equal ratios; 0.2:3:50 by default.",
-)
+def damping(needs: str) -> Callable[[Function], Function]:
+    """The option --damping, of the measures that it `needs`."""
+    return option(
+        "--damping",
+        type=damping_ratio,
+        default=0.05,
+        needs=needs,
+        metavar="RATIO",
+        help="Damping ratio of Sa; 0.05 (or 5%) by default.",
+    )
+
+
+def average(needs: str) -> Callable[[Function], Function]:
+    """The option --average, of the measure that it `needs`."""
+    return option(
+        "--average",
+        type=GridType(),
+        needs=needs,
+        metavar="FIRST:LAST:COUNT",
+        help="The periods of Sa_avg, as multiples of the period, in equal ratios; 0.2:3:50 by default.",
+    )
+
+
 threshold = partial(
     headings.option,
     "--threshold",
@@ -66,7 +80,7 @@ def read_suite(records: Sequence[str], choice: RecordChoice, *, pairs: bool) -> 
     TdintError
         Nothing could be read.
     """
-    from tdint.campaign.studies.suite import read_components, read_pairs
+    from tdint.campaign.suites.suite import read_components, read_pairs
     from tdint_cli.errors import Failures
 
     if pairs and choice.component is not None:

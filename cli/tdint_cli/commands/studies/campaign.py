@@ -18,8 +18,8 @@ from tdint_cli.terminal.drawing import emit_table
 from tdint_cli.terminal.streams import note, say
 
 if TYPE_CHECKING:
+    from tdint.campaign.carry_out import Engine, Shard
     from tdint.campaign.engine.cluster import Cluster
-    from tdint.campaign.run import Engine, Shard
 
 
 @dataclass(frozen=True)
@@ -68,9 +68,11 @@ _OF_RUNS = ("jobs", "shard", "limit", "dask", "tls_ca", "tls_cert", "tls_key")
     "--dask", metavar="ADDRESS",
     help="Have the workers of this Dask scheduler do the runs: tcp://127.0.0.1:8786 on this machine, else tls://.",
 )  # fmt: skip
-@options.option("--tls-ca", type=FileName(), metavar="FILE", help="Certificate of the authority, for tls:// (PEM).")
-@options.option("--tls-cert", type=FileName(), metavar="FILE", help="Our certificate (PEM).")
-@options.option("--tls-key", type=FileName(), metavar="FILE", help="Its key (PEM).")
+@options.option(
+    "--tls-ca", type=FileName(), needs="--dask", metavar="FILE", help="Certificate of the authority, for tls:// (PEM)."
+)
+@options.option("--tls-cert", type=FileName(), needs="--dask", metavar="FILE", help="Our certificate (PEM).")
+@options.option("--tls-key", type=FileName(), needs="--dask", metavar="FILE", help="Its key (PEM).")
 @options.output.option(
     "--simcenter",
     is_flag=True,
@@ -98,10 +100,12 @@ def _run(request: CampaignRequest) -> None:
     if request.output is None:
         raise UsageError("a campaign is kept in a folder: give -o DIR")
     shard, engine = _shard(request.shard), _engine(request)
-    from tdint.campaign.file.plan import make_plan
-    from tdint.campaign.file.read import load_campaign
+    from tdint.campaign.inputs import read_inputs
+    from tdint.campaign.plan import make_plan
+    from tdint.campaign.reader import load_campaign
 
-    plan = make_plan(load_campaign(request.words[0]))
+    campaign = load_campaign(request.words[0])
+    plan = make_plan(campaign, read_inputs(campaign))
     carry_out(plan, engine, Path(request.output), shard=shard, limit=request.limit, units=request.units)
 
 
@@ -154,7 +158,7 @@ def _folder(request: CampaignRequest) -> Path:
 def _shard(text: str | None) -> Shard | None:
     if text is None:
         return None
-    from tdint.campaign.run import Shard
+    from tdint.campaign.carry_out import Shard
 
     first, slash, last = text.partition("/")
     if slash and first.isdecimal() and last.isdecimal() and 1 <= int(first) <= int(last):
@@ -163,7 +167,7 @@ def _shard(text: str | None) -> Shard | None:
 
 
 def _engine(request: CampaignRequest) -> Engine:
-    from tdint.campaign.run import cluster, threads
+    from tdint.campaign.carry_out import cluster, threads
 
     far = _cluster(request)
     if far is not None:
@@ -179,9 +183,6 @@ def _cluster(request: CampaignRequest) -> Cluster | None:
     from tdint.campaign.engine.cluster import Cluster
 
     if request.dask is None:
-        request_tls = request.tls_ca or request.tls_cert or request.tls_key
-        if request_tls:
-            raise UsageError("--tls-ca, --tls-cert and --tls-key are for --dask")
         return None
     return Cluster(request.dask, request.tls_ca, request.tls_cert, request.tls_key)
 

@@ -20,7 +20,7 @@ from tdint.kernels.march.law_energies import begin, raise_shears, take_stock
 from tdint.kernels.march.march import march
 from tdint.methods.method import Integrator
 from tdint.model.building import Building
-from tdint.model.laws import CODES, LAWS
+from tdint.model.definition import CODES, LAWS
 
 Array = NDArray[np.float64]
 

@@ -1,0 +1,166 @@
+"""Measures of a ground motion's intensity, by which records are scaled: PGA, PGV, Sa at a period, its average.
+
+Of a pair of horizontal components the geometric mean of both, or a percentile over all directions (RotD, Boore 2010).
+All of them grow in proportion to a factor on the motion.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.analysis.spectra.elastic import spectrum
+from tdint.analysis.spectra.first_mode import SA_DAMPING
+from tdint.analysis.spectra.rotated import rotated_spectrum
+from tdint.errors import RecordError, UsageError, did_you_mean
+from tdint.ground_motion.horizontals import Horizontals
+from tdint.ground_motion.measures import integrate
+from tdint.ground_motion.record import Record
+from tdint.written_numbers import Grid
+
+Array = NDArray[np.float64]
+
+GroundMotion = Record | Horizontals
+"""One component, or a pair of horizontal ones."""
+
+GEOMETRIC_MEAN = "geometric-mean"
+PAIRS: dict[str, int | None] = {GEOMETRIC_MEAN: None, "rotd50": 50, "rotd100": 100}
+"""What stands for a pair: the percentile over all directions, or None for the geometric mean of both components."""
+
+AVERAGE = Grid(0.2, 3.0, 50)
+"""Multiples of the period over which Sa is averaged, where nothing else is asked for (Eads et al. 2015)."""
+
+_DIRECTIONS = 180
+
+
+@dataclass(frozen=True)
+class SpectralIntensity:
+    """The geometric mean of pseudo-accelerations at some periods; of a single one it is Sa(T), at period 0 the PGA.
+
+    Attributes
+    ----------
+    name : str
+        As tables name it.
+    periods : tuple of float
+        Periods, s.
+    damping : float
+        Damping ratio.
+    """
+
+    name: str
+    periods: tuple[float, ...]
+    damping: float
+    unit: str = "m/s^2"
+
+    def of(self, motion: GroundMotion, pair: str = GEOMETRIC_MEAN) -> float:
+        """The intensity of a motion, m/s^2; of two components that which `pair` names.
+
+        Raises
+        ------
+        RecordError
+            The motion has none: it is zero.
+        AnalysisError
+            A period is too short for the record.
+        """
+        values = pseudo_accelerations(motion, np.array(self.periods), self.damping, pair)
+        return _positive(float(np.exp(np.mean(np.log(values)))) if np.all(values > 0.0) else 0.0, self.name, motion)
+
+
+@dataclass(frozen=True)
+class PeakVelocity:
+    """Peak ground velocity, from rest at the first sample."""
+
+    name: str = "pgv"
+    unit: str = "m/s"
+
+    def of(self, motion: GroundMotion, pair: str = GEOMETRIC_MEAN) -> float:
+        """The intensity of a motion, m/s; of two components that which `pair` names.
+
+        Raises
+        ------
+        RecordError
+            The motion has none: it is zero.
+        """
+        if isinstance(motion, Record):
+            return _positive(integrate(motion).pgv, self.name, motion)
+        percentile = percentile_of(pair)
+        if percentile is None:
+            both = [integrate(record).pgv for record in (motion.first, motion.second)]
+            return _positive(math.sqrt(both[0] * both[1]), self.name, motion)
+        angles = np.arange(_DIRECTIONS) * (math.pi / _DIRECTIONS)
+        first, second = motion.first, motion.second
+        peaks = [
+            integrate(
+                Record(math.cos(a) * first.acceleration + math.sin(a) * second.acceleration, first.dt, "", "", "", "")
+            ).pgv
+            for a in angles.tolist()
+        ]
+        return _positive(float(np.percentile(peaks, percentile)), self.name, motion)
+
+
+IntensityMeasure = SpectralIntensity | PeakVelocity
+
+
+def pga() -> SpectralIntensity:
+    """Peak ground acceleration, at the samples."""
+    return SpectralIntensity("pga", (0.0,), SA_DAMPING)
+
+
+def sa(period: float, damping: float = SA_DAMPING) -> SpectralIntensity:
+    """Pseudo-acceleration at a period (s), exact for a motion that is linear between its samples."""
+    _check_period(period)
+    return SpectralIntensity(f"sa({period:.6g})", (float(period),), damping)
+
+
+def sa_average(period: float, damping: float = SA_DAMPING, multiples: Grid = AVERAGE) -> SpectralIntensity:
+    """The geometric mean of pseudo-accelerations over multiples of a period (s), in equal ratios."""
+    _check_period(period)
+    periods = tuple((period * multiples.values()).tolist())
+    return SpectralIntensity(f"sa-avg({period:.6g})", periods, damping)
+
+
+def percentile_of(pair: str) -> int | None:
+    """The percentile over all directions that a name of `PAIRS` stands for; None for the geometric mean.
+
+    Raises
+    ------
+    UsageError
+        There is no such name.
+    """
+    if pair not in PAIRS:
+        raise UsageError(f"pairs must be one of {', '.join(PAIRS)}, got {pair!r}{did_you_mean(pair, PAIRS)}")
+    return PAIRS[pair]
+
+
+def pseudo_accelerations(motion: GroundMotion, periods: Array, damping: float, pair: str = GEOMETRIC_MEAN) -> Array:
+    """Pseudo-accelerations of a motion at periods (s), m/s^2, shape (k,); of two components that which `pair` names.
+
+    Raises
+    ------
+    UsageError
+        Periods or damping out of range.
+    AnalysisError
+        A period is too short for the record.
+    """
+    if isinstance(motion, Record):
+        return spectrum(motion, periods, damping).psa
+    percentile = percentile_of(pair)
+    if percentile is None:
+        both = [spectrum(record, periods, damping).psa for record in (motion.first, motion.second)]
+        return np.asarray(np.sqrt(both[0] * both[1]))
+    return np.asarray(rotated_spectrum(motion, periods, damping, [percentile]).psa[0])
+
+
+def _check_period(period: float) -> None:
+    if not (math.isfinite(period) and period > 0.0):
+        raise UsageError(f"the period of an intensity measure must be a positive number of seconds, got {period!r}")
+
+
+def _positive(value: float, name: str, motion: GroundMotion) -> float:
+    if not (math.isfinite(value) and value > 0.0):
+        whose = f"{motion.source} {motion.component}".strip() or "record"
+        raise RecordError(f"{whose}: its {name} is {value:g}; there is nothing to scale")
+    return value
