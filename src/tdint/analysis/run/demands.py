@@ -102,6 +102,15 @@ class Demands(Generic[Found]):
             story=0,
         ),
     ]
+    total_base_shear: Annotated[
+        Found,
+        Demand(
+            "N",
+            "largest force between building and ground: restoring, P-delta and all viscous forces",
+            lambda stories, height: stories.peak_total_shear,
+            story=0,
+        ),
+    ]
     drift: Annotated[
         Found,
         Demand(
