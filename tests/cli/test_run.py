@@ -10,8 +10,8 @@ import json
 import pytest
 
 COLUMNS = (
-    "story,height_m,peak_drift_m,peak_drift_ratio,residual_drift_m,peak_shear_N,peak_damper_force_N,peak_total_shear_N,ductility,"
-    "peak_displacement_m,peak_velocity_m_s,peak_absolute_acceleration_m_s2"
+    "story,height_m,peak_drift_m,peak_drift_ratio,residual_drift_m,peak_shear_N,peak_damper_force_N,"
+    "peak_total_shear_N,ductility,peak_displacement_m,peak_velocity_m_s,peak_absolute_acceleration_m_s2"
 )
 UNSTABLE = ("--method", "central-difference", "--dt", 0.5, "--duration", 2000, "--allow-unstable")
 

@@ -79,16 +79,19 @@ def test_story_table():
         peak_drift_ratio=np.array([nan, 2 / 21]),
         residual_drift=np.array([-0.0, -0.001]),
         peak_shear=np.array([1e7, 5e6]),
+        peak_damper_force=np.array([0.0, 2.0]),
+        peak_total_shear=np.array([2e7, 6e6]),
         ductility=np.array([nan, 4.0]),
         peak_displacement=np.array([0.1, 0.2]),
         peak_velocity=np.array([1.0, 2.0]),
         peak_acceleration=np.array([9.80665, 1e-20]),
     )
     assert buildings.story_table(peaks).csv().decode() == (
-        "story,height_m,peak_drift_m,peak_drift_ratio,residual_drift_m,peak_shear_N,peak_damper_force_N,peak_total_shear_N,ductility,peak_displacement_m,"
+        "story,height_m,peak_drift_m,peak_drift_ratio,residual_drift_m,peak_shear_N,peak_damper_force_N,"
+        "peak_total_shear_N,ductility,peak_displacement_m,"
         "peak_velocity_m_s,peak_absolute_acceleration_m_s2\n"
-        "1,,0.1,,0,10000000,,0.1,1,9.80665\n"
-        "2,3.5,0.333333333333,0.0952380952381,-0.001,5000000,4,0.2,2,1e-20\n"
+        "1,,0.1,,0,10000000,0,20000000,,0.1,1,9.80665\n"
+        "2,3.5,0.333333333333,0.0952380952381,-0.001,5000000,2,6000000,4,0.2,2,1e-20\n"
     )
 
 
