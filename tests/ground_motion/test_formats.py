@@ -333,10 +333,11 @@ class TestSmc:
 
     def test_month_and_day_in_place_of_the_day_of_the_year(self):
         """The text of the header decides: it has the earthquake's date. A header that fits neither way has no date."""
-        days = "".join(f"{number:10d}" for number in (1989, 291, 0, 4, 7, 250))
+        days = "".join(f"{number:10d}" for number in (1989, 291, 0, 4, 7, 250, -32768))
 
         def start(text, *numbers):
-            changed = files.smc().replace(days, "".join(f"{number:10d}" for number in numbers))
+            integers = [*numbers, *[-32768] * (7 - len(numbers))]
+            changed = files.smc().replace(days, "".join(f"{number:10d}" for number in integers))
             return str(only(changed.replace("1989  10  18", text)).stats.starttime)
 
         assert start("2018  01  04", 2018, 1, 4, 10, 39, 37, 500) == "2018-01-04T10:39:37.500000Z"

@@ -45,7 +45,7 @@ class Requirement(click.ParamType):  # type: ignore[type-arg]
         """The name and the number."""
         if isinstance(value, tuple):
             return value
-        from tdint.analysis.comparison.requirements import parse_requirement
+        from tdint.analysis.comparison.compare import parse_requirement
 
         try:
             return parse_requirement(value)
@@ -228,7 +228,7 @@ def _write(
         if fitted:
             add(FIT, fitted_table(fitted.values, units).csv())
     if request.picture:
-        from tdint.output.figures.buildings.comparison import comparison_picture
+        from tdint.output.figures.comparison import comparison_picture
 
         files[request.picture] = comparison_picture(
             comparisons, periods, request.damping, request.picture.suffix, units
@@ -293,7 +293,7 @@ def _remark(comparisons: Sequence[Comparison], fitted: Fit | None, units: Output
 
 def _judge(request: Request, comparisons: Sequence[Comparison]) -> None:
     """Raise AnalysisError for what does not come up to the requirements; all is written before."""
-    from tdint.analysis.comparison.requirements import unmet
+    from tdint.analysis.comparison.compare import unmet
 
     faults = [fault for one in comparisons for fault in unmet(one, request.require or ())]
     if faults:

@@ -128,7 +128,7 @@ def _run(request: Request) -> None:
         test = path_test(model, request.story, drifts, in_yield_drifts=request.units == "dy")
 
     def draw(suffix: str) -> Writer:
-        from tdint.output.figures.buildings.cyclic import cyclic_picture
+        from tdint.output.figures.statics import cyclic_picture
 
         return cyclic_picture(test, suffix, units)
 
@@ -159,7 +159,7 @@ def _path(request: Request) -> list[float] | None:
             raise UsageError(f"{name} and --path exclude each other: a path tells every drift")
     if request.path == "-" and request.model == "-":
         raise UsageError("standard input already holds the model; give the path as a file")
-    from tdint.analysis.static.drift_path import read_drift_path
+    from tdint.analysis.static.cyclic import read_drift_path
 
     return read_drift_path(request.path)
 

@@ -288,7 +288,7 @@ def _files(request: Request, response: Response, case: Case, inputs: list[Input]
         for text in notes:
             note(text)
     if picture := _picture(request):
-        from tdint.output.figures.buildings.run import run_picture
+        from tdint.output.figures.runs import run_picture
 
         files[picture] = run_picture(response, picture.suffix, units)
     if request.output:

@@ -128,7 +128,7 @@ def _table(_: DriftRequest, results: Sequence[DriftSpectrum]) -> Table:
 
 
 def _picture(request: DriftRequest, results: Sequence[DriftSpectrum], suffix: str) -> Writer:
-    from tdint.output.figures.spectra.drift import drift_spectrum_picture
+    from tdint.output.figures.spectrum_curves import drift_spectrum_picture
 
     return drift_spectrum_picture(results, suffix, request.shown_units)
 

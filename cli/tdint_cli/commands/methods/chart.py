@@ -197,7 +197,7 @@ def _chart(request: Request, model: Model, record: Record | None, progress: Prog
     )
     if not request.peers:
         return chart, []
-    from tdint.analysis.chart.peers.peers import with_peers
+    from tdint.analysis.chart.peers import with_peers
 
     return with_peers(problem, chart, steps, repeats=request.repeat, progress=part_of(progress, 0.2, 1.0))
 
@@ -238,7 +238,7 @@ def _deliver(
     table = sizes_table(charts) if request.stories else chart_table(charts[0])
 
     def draw(suffix: str) -> Writer:
-        from tdint.output.figures.chart import chart_picture, sizes_picture
+        from tdint.output.figures.work_precision import chart_picture, sizes_picture
 
         if request.stories:
             return sizes_picture(charts, suffix, name=model.name, target=request.target)

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.run import observed
+from tdint.analysis.run import run_totals
 from tdint.analysis.run.outcome import Collapse, Energy, FailedRun, Response, StoryErrors, StoryPeaks
 from tdint.analysis.run.prepared import Marched, PreparedBuilding
 from tdint.analysis.run.steps import Steps, choose_steps
@@ -131,7 +131,7 @@ class Case:
                 raise self._failure(steps, marched.space, marched.code)
             steps = replace(steps, count=round(collapse.time / steps.h))
             marched = self._integrate(steps, history)
-        error = observed.energy(marched.space).error
+        error = run_totals.energy(marched.space).error
         if not -error < RUNAWAY and not self.allow_unstable:
             reason = f"the motion ends with {1.0 - error:.3g} times the input energy"
             raise self._diverged(steps, *self._reached(steps, marched.space), reason, _runaway_story(marched.space))
@@ -205,7 +205,7 @@ class Case:
         FailedRun
             The run came to its end, but on energy that the method made.
         """
-        noted = observed.collapse(numbers)
+        noted = run_totals.collapse(numbers)
         if noted is None:
             return None
         time = noted.steps * steps.h
@@ -223,8 +223,8 @@ class Case:
 
     def _response(self, steps: Steps, marched: Marched, collapse: Collapse | None) -> Response:
         space = marched.space
-        energy = observed.energy(space)
-        stories, unresolved = observed.story_peaks(self.building, space), observed.unresolved(self.building, space)
+        energy = run_totals.energy(space)
+        stories, unresolved = run_totals.story_peaks(self.building, space), run_totals.unresolved(self.building, space)
         notes = self._notes(steps, int(space.observed[at.HALVINGS]))
         return Response(
             model=self.model,
@@ -239,7 +239,7 @@ class Case:
             march_time=marched.seconds,
             stories=stories,
             energy=energy,
-            history=observed.history(self.building, space, steps.h) if space.history.size else None,
+            history=run_totals.history(self.building, space, steps.h) if space.history.size else None,
             notes=(*notes, *_unresolved_note(stories, unresolved)),
             unresolved=unresolved,
             collapse=collapse,

@@ -88,7 +88,7 @@ def table(request: SpectrumRequest, lines: Sequence[SpectrumDifference]) -> Tabl
 
 def picture(request: SpectrumRequest, lines: Sequence[SpectrumDifference], suffix: str) -> Writer:
     """Both spectra, and their difference."""
-    from tdint.output.figures.spectra.published import difference_picture
+    from tdint.output.figures.spectrum_curves import difference_picture
 
     return difference_picture(lines, suffix, request.shown_units)
 

@@ -78,7 +78,7 @@ def table(request: SpectrumRequest, lines: Sequence[Spectrum]) -> Table:
 
 def picture(request: SpectrumRequest, lines: Sequence[Spectrum], suffix: str) -> Writer:
     """A line for each spectrum."""
-    from tdint.output.figures.spectra.spectrum import spectrum_picture
+    from tdint.output.figures.spectrum_curves import spectrum_picture
 
     return spectrum_picture(lines, suffix, request.axes or "periods", request.shown_units)
 

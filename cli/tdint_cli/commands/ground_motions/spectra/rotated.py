@@ -94,7 +94,7 @@ def table(request: SpectrumRequest, lines: Sequence[RotatedSpectrum]) -> Table:
 
 def picture(request: SpectrumRequest, lines: Sequence[RotatedSpectrum], suffix: str) -> Writer:
     """A line for each percentile."""
-    from tdint.output.figures.spectra.rotated import rotated_picture
+    from tdint.output.figures.spectrum_curves import rotated_picture
 
     return rotated_picture(lines, suffix, request.shown_units)
 
