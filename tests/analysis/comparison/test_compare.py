@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from building_cases import LINEAR, Force, Law, model, story
-from tdint.analysis.comparison.compare import absolute_displacements, compare
+from tdint.analysis.comparison.compare import absolute_displacements, case_under, compare
 from tdint.analysis.comparison.event import Event
 from tdint.analysis.comparison.fit import fit
 from tdint.analysis.run.run import prepare, run_case
