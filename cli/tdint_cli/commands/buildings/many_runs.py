@@ -14,6 +14,7 @@ from tdint_cli.terminal.drawing import emit_table
 from tdint_cli.terminal.streams import note, say
 
 if TYPE_CHECKING:
+    from tdint.campaign.engine.settings import RunSettings
     from tdint.campaign.motions import SuiteMotion
     from tdint.campaign.plan import Plan
     from tdint.errors import TdintError
@@ -27,6 +28,7 @@ def run_many(
     *,
     method: str | None,
     dt: float | None,
+    until_rest: bool,
     output: str | None,
     overwrite: bool,
     jobs: int | None,
@@ -34,6 +36,7 @@ def run_many(
 ) -> None:
     """Do the runs of a building under some records (those of the model without any) at some scales; the table goes to
     standard output, and with `output` everything is kept in that folder as `tdint campaign` keeps it."""
+    from tdint.campaign.engine.settings import RunSettings
     from tdint.campaign.run import threads
     from tdint.campaign.store.store import open_store
     from tdint.model.config.read import load_model
@@ -41,7 +44,7 @@ def run_many(
     from tdint.processors import processors
 
     model = load_model(request.model)
-    plan = _plan(request, records, model, method, dt)
+    plan = _plan(request, records, model, method, RunSettings(dt, request.duration, until_rest))
     units = units or model.output_units
     engine = threads(jobs or processors())
     if output is None:
@@ -62,10 +65,9 @@ def run_many(
 
 
 def _plan(
-    request: BuildingRequest, records: tuple[str, ...], model: Model, method: str | None, dt: float | None
+    request: BuildingRequest, records: tuple[str, ...], model: Model, method: str | None, settings: RunSettings
 ) -> Plan:
     from tdint.campaign.buildings import GivenBuildings
-    from tdint.campaign.engine.settings import RunSettings
     from tdint.campaign.file.plan import subject_of
     from tdint.campaign.levels import Scales
     from tdint.campaign.motions import EveryMotion
@@ -82,7 +84,7 @@ def _plan(
         motions=motions,
         assignment=EveryMotion(len(motions)),
         levels=Scales(request.scale or (1.0,)),
-        settings=RunSettings(dt, request.duration),
+        settings=settings,
         failures=tuple(failures),
         notes=tuple(notes),
     )

@@ -39,6 +39,19 @@ def peaks_of(building: Building, peaks: Array, residual_drift: Array) -> StoryPe
     )
 
 
+def moving_drift(building: Building, space: Workspace, period: float) -> Array:
+    """Amplitudes with which the drifts move about their rest at the end of a march, about, m; shape (n,).
+
+    At rest no story has a force. One is as far from that as the force it has takes by its initial stiffness, and moves
+    with the first period (s).
+    """
+    drift, force = space.springs[layout.DRIFT, :-1], space.springs[layout.FORCE, :-1]
+    velocity = space.state[layout.VELOCITY]
+    rate = velocity[:-1] - building.chain[layout.LINK, :-1] * np.concatenate([[0.0], velocity[:-2]])
+    away = (force + building.chain[layout.GEOMETRIC, :-1] * drift) / building.initial_stiffness
+    return np.asarray(np.hypot(away, rate * period / (2.0 * np.pi)))
+
+
 def unresolved(building: Building, space: Workspace) -> StoryErrors:
     """How much larger the peaks may be between steps that do not resolve the motion."""
     excess = np.maximum(space.peaks[layout.PEAK_ROWS :] - space.peaks[: layout.PEAK_ROWS], 0.0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -46,7 +45,7 @@ class Subject:
     @cached_property
     def period(self) -> float:
         """First period of the initial stiffness, s."""
-        return 2.0 * math.pi / self.prepared.building.vibration.frequency(1)
+        return self.prepared.period
 
     def __reduce__(self) -> tuple[type[Subject], tuple[Model, str]]:
         return Subject, (self.model, self.method)  # what was kept is found again where it goes
