@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from tdint.kernels import layout
+from tdint.kernels import layout as at
 from tdint.kernels.laws.apart import spring_table
-from tdint.kernels.layout import FIRST_TRIAL
 from tdint.kernels.stories.springs import commit, dissipated, recoverable, restoring, start
 from tdint.model.laws import CODES
 
@@ -28,7 +28,7 @@ def follow(laws, path):
     start(laws, state, 0, 0.0)
     forces = []
     for drift in path:
-        restoring(laws, state, 0, 0, FIRST_TRIAL, drift)
-        commit(laws, state, 0, 0, FIRST_TRIAL)
+        restoring(laws, state, 0, 0, at.FIRST_TRIAL, drift)
+        commit(laws, state, 0, 0, at.FIRST_TRIAL)
         forces.append(state[layout.FORCE, 0])
     return np.array(forces), recoverable(laws, state, 0), dissipated(laws, state, 0)

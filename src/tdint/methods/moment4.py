@@ -31,17 +31,10 @@ from __future__ import annotations
 
 import math
 
+from tdint.kernels import layout as at
 from tdint.kernels.chain import finite, mean_load
 from tdint.kernels.compiling import kernel
 from tdint.kernels.equations.moment4 import LOAD, R, finish, move, work_rows
-from tdint.kernels.layout import (
-    DISPLACEMENT,
-    GROUND_0,
-    GROUND_1,
-    NOT_FINITE,
-    TIME,
-    VELOCITY,
-)
 from tdint.kernels.stepping import STEP
 from tdint.methods.method import Family, Method, Parameter
 
@@ -49,12 +42,12 @@ from tdint.methods.method import Family, Method, Parameter
 @kernel(STEP)
 def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
     """One step. State row ACCELERATION is the next one's first guess, where it needs one."""
-    mean_load(chain, forces, load[TIME], h, load[GROUND_0], load[GROUND_1], coefficients[R], work, LOAD)
+    mean_load(chain, forces, load[at.TIME], h, load[at.GROUND_0], load[at.GROUND_1], coefficients[R], work, LOAD)
     code = move(coefficients, chain, modal, laws, h, state, springs, work, memo)
     if code < 0:
         return code
     finish(coefficients, chain, modal, laws, h, state, springs, work, memo)
-    return code if finite(state, chain.shape[1] - 1) else NOT_FINITE
+    return code if finite(state, chain.shape[1] - 1) else at.NOT_FINITE
 
 
 def coefficients(rho_inf: float) -> tuple[float, ...]:
@@ -67,7 +60,7 @@ FAMILY = Family(
     "moment4",
     step,
     work_rows,
-    memory=(DISPLACEMENT, VELOCITY),
+    memory=(at.DISPLACEMENT, at.VELOCITY),
     own_work=True,
     parabolic=True,
 )

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from tdint.ground_motion.formats.tables.layout import AS_STATED, TextLayout
 from tdint.ground_motion.processing import Processing
+from tdint.ground_motion.text_layout import AS_STATED, TextLayout
 from tdint.output_units import SI, OutputUnits
 
 MAX_STORIES = 100_000

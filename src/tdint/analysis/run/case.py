@@ -18,7 +18,7 @@ from tdint.analysis.run.workspace import HALVINGS, Workspace
 from tdint.errors import UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels import layout
-from tdint.kernels.march import observing
+from tdint.kernels import layout as at
 from tdint.methods.method import Integrator
 from tdint.model.building import Building
 from tdint.model.definition import Model
@@ -169,7 +169,7 @@ class Case:
         if code == layout.NOT_FINITE or not residual < _OVERFLOW:
             story = _runaway_story(space)
             return self._diverged(steps, *self._reached(steps, space), f"the drift of story {story} ran away", story)
-        reached = float(space.observed[observing.STEPS_REACHED]) * steps.h
+        reached = float(space.observed[at.STEPS_REACHED]) * steps.h
         story = int(space.memo[layout.WORST_STORY]) + 1
         message = (
             f"{self.integrator.label} with dt {steps.h:.6g} s did not converge after {reached:.6g} s, with the step "
@@ -182,7 +182,7 @@ class Case:
 
     def _reached(self, steps: Steps, space: Workspace) -> tuple[float, float | None]:
         """The time up to which the run came, s, and the kinetic energy there, J."""
-        return float(space.observed[observing.STEPS_REACHED]) * steps.h, _kinetic(self.building, space)
+        return float(space.observed[at.STEPS_REACHED]) * steps.h, _kinetic(self.building, space)
 
     def _diverged(self, steps: Steps, reached: float, energy: float | None, reason: str, story: int) -> FailedRun:
         size = "" if energy is None else f", kinetic energy {energy:.3g} J"
@@ -229,7 +229,7 @@ class Case:
         space = marched.space
         energy = observed.energy(space)
         stories, unresolved = observed.story_peaks(self.building, space), observed.unresolved(self.building, space)
-        notes = self._notes(steps, int(space.observed[observing.HALVINGS]))
+        notes = self._notes(steps, int(space.observed[at.HALVINGS]))
         moving = observed.moving_drift(self.building, space, self.prepared.period)
         return Response(
             model=self.model,
@@ -238,8 +238,8 @@ class Case:
             method=self.integrator.label,
             dt=steps.h,
             steps=steps.count,
-            iterations=int(space.observed[observing.ITERATIONS]),
-            halvings=int(space.observed[observing.HALVINGS]),
+            iterations=int(space.observed[at.ITERATIONS]),
+            halvings=int(space.observed[at.HALVINGS]),
             events=int(space.memo[layout.EVENTS]),
             march_time=marched.seconds,
             stories=stories,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tdint.analysis.run.outcome import ENERGY_TERMS, Energy, EnergyHistory, History, StoryErrors, StoryPeaks
 from tdint.analysis.run.workspace import Workspace
 from tdint.kernels import layout
-from tdint.kernels.march import observing
+from tdint.kernels import layout as at
 from tdint.model.building import Building
 
 Array = NDArray[np.float64]
@@ -75,16 +75,16 @@ def energy(space: Workspace) -> Energy:
 
 def energy_errors(observed: Array) -> Array:
     """`Energy.error` at the end of each run, from rows of `Workspace.observed`; shape (runs,)."""
-    terms = dict(zip(ENERGY_TERMS, observed.T[: observing.ENERGY_TERMS], strict=True))
+    terms = dict(zip(ENERGY_TERMS, observed.T[: at.ENERGY_TERMS], strict=True))
     spent = reduce(add, [term for name, term in terms.items() if name != "input"])
-    largest = observed[:, observing.ENERGY_LARGEST]
-    imbalance = observed[:, observing.ENERGY_START] + terms["input"] - spent
+    largest = observed[:, at.ENERGY_LARGEST]
+    imbalance = observed[:, at.ENERGY_START] + terms["input"] - spent
     return np.asarray(np.divide(imbalance, largest, out=np.zeros_like(largest), where=largest > 0.0))
 
 
 def _energy(numbers: Array) -> Energy:
-    terms = dict(zip(ENERGY_TERMS, numbers[: observing.ENERGY_TERMS].tolist(), strict=True))
-    start, largest = float(numbers[observing.ENERGY_START]), float(numbers[observing.ENERGY_LARGEST])
+    terms = dict(zip(ENERGY_TERMS, numbers[: at.ENERGY_TERMS].tolist(), strict=True))
+    start, largest = float(numbers[at.ENERGY_START]), float(numbers[at.ENERGY_LARGEST])
     return Energy(**terms, start=start, largest=largest)
 
 
@@ -101,13 +101,13 @@ class NotedCollapse:
 
 def collapse(observed: Array) -> NotedCollapse | None:
     """What a march noted of a collapse among its numbers (`Workspace.observed`); None if there was none."""
-    if observed[observing.COLLAPSE_STEP] == observing.NO_COLLAPSE:
+    if observed[at.COLLAPSE_STEP] == at.NO_COLLAPSE:
         return None
     return NotedCollapse(
-        int(observed[observing.COLLAPSE_STEP]),
-        int(observed[observing.COLLAPSE_STORY]) + 1,
-        bool(observed[observing.COLLAPSE_FAILED]),
-        _energy(observed[observing.COLLAPSE_ENERGIES :]),
+        int(observed[at.COLLAPSE_STEP]),
+        int(observed[at.COLLAPSE_STORY]) + 1,
+        bool(observed[at.COLLAPSE_FAILED]),
+        _energy(observed[at.COLLAPSE_ENERGIES :]),
     )
 
 
@@ -115,7 +115,7 @@ def history(building: Building, space: Workspace, h: float) -> History:
     """The history of a march with steps h (s)."""
     n = building.stories
     table = space.history
-    fields = observing.HISTORY_FIELDS
+    fields = at.HISTORY_FIELDS
     displacement, velocity, acceleration, shear = (table[:, 1 + j * n : 1 + (j + 1) * n] for j in range(fields))
     drift = displacement.copy()
     drift[:, 1:] -= displacement[:, :-1]
@@ -133,7 +133,7 @@ def history(building: Building, space: Workspace, h: float) -> History:
 
 def _energy_history(table: Array, observed: Array) -> EnergyHistory:
     terms = list(table.T)
-    start, largest = observed[observing.ENERGY_START], observed[observing.ENERGY_LARGEST]
+    start, largest = observed[at.ENERGY_START], observed[at.ENERGY_LARGEST]
     imbalance = reduce(sub, terms[1:], start + terms[0])
     error = imbalance / largest if largest > 0.0 else np.zeros_like(imbalance)
     return EnergyHistory(**dict(zip(ENERGY_TERMS, terms, strict=True)), error=error)

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from tdint.analysis.run.workspace import variant
 from tdint.errors import AnalysisError, UsageError
+from tdint.kernels import layout as at
 from tdint.kernels.laws.apart import spring_table
-from tdint.kernels.layout import GEOMETRIC, STIFFNESS
 from tdint.kernels.stories.cyclic import DISSIPATION, RECOVERABLE, RESULT_COLUMNS, SHEAR, TANGENT, follow
 from tdint.model.building import Building, assemble
 from tdint.model.definition import Model
@@ -222,8 +222,8 @@ def _test(model: Model, building: Building, story: int, drifts: Array, points: i
         model=model,
         story=story,
         points=points,
-        initial_stiffness=float(building.laws[STIFFNESS, story - 1]),
-        geometric_stiffness=float(building.chain[GEOMETRIC, story - 1]),
+        initial_stiffness=float(building.laws[at.STIFFNESS, story - 1]),
+        geometric_stiffness=float(building.chain[at.GEOMETRIC, story - 1]),
         yield_drift=float(building.yield_drift[story - 1]),
         path=follow_path(building, story, drifts),
     )

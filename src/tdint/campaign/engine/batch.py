@@ -33,8 +33,8 @@ from tdint.campaign.engine.runs import Motions, Run
 from tdint.campaign.engine.settings import REPEATS, RunSettings
 from tdint.campaign.engine.subject import Subject
 from tdint.kernels import layout
+from tdint.kernels import layout as at
 from tdint.kernels.march import many as lanes
-from tdint.kernels.march import observing
 
 Array = NDArray[np.float64]
 
@@ -175,7 +175,7 @@ class Batch:
             self._take([job], marched, np.array([i]), results, collapse)
             return
         # As far as the call came, and the step in which it failed.
-        most = max(taken, int(numbers[observing.STEPS_REACHED]) + 1)
+        most = max(taken, int(numbers[at.STEPS_REACHED]) + 1)
         response = self._case(job.run).march(replace(job.steps, count=max(most, job.steps.count)))
         self._take_response(job, response, results)
 
@@ -266,5 +266,5 @@ def _doubtful(marched: MarchedRuns) -> NDArray[np.bool_]:
     """Runs that did not come to their end, collapsed, or went on with energy that the method made."""
     numbers = marched.observed
     made = ~(-observed.energy_errors(numbers) < RUNAWAY)
-    collapsed = numbers[:, observing.COLLAPSE_STEP] != observing.NO_COLLAPSE
+    collapsed = numbers[:, at.COLLAPSE_STEP] != at.NO_COLLAPSE
     return np.asarray((marched.ends[:, lanes.CODE] < 0) | collapsed | made)

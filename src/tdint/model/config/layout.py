@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from tdint.ground_motion.formats.tables.layout import AS_STATED, MOST_LINES, TextLayout
+from tdint.ground_motion.text_layout import AS_STATED, MOST_LINES, TextLayout
 from tdint.model.keys.fields import Section
 from tdint.model.keys.kinds import POSITIVE, Key, Whole, Words
 

@@ -18,16 +18,7 @@ from tdint.analysis.chart.problem import FloorMotion, Problem
 from tdint.analysis.chart.reference import Reference, errors
 from tdint.analysis.chart.work_precision import DONE, Point, line_of
 from tdint.analysis.run.steps import Steps
-from tdint.kernels.layout import (
-    CODE,
-    COSINE,
-    FIRST_PARAMETER,
-    FLOOR,
-    FLOOR_DAMPER,
-    GEOMETRIC,
-    STIFFNESS,
-    STORY_DAMPER,
-)
+from tdint.kernels import layout as at
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
 from tdint.model.laws import CODES
@@ -94,13 +85,13 @@ def _unsupported(problem: Problem) -> str:
     """Why OpenSees is not given this building; nothing if it can do it."""
     building = problem.building
     supported = [CODES[name] for name in ("linear", "bilinear")]
-    if not np.all(np.isin(building.laws[CODE, :-1], supported)):
+    if not np.all(np.isin(building.laws[at.CODE, :-1], supported)):
         return "a story's law is neither linear nor bilinear"
-    if np.any(building.chain[GEOMETRIC]):
+    if np.any(building.chain[at.GEOMETRIC]):
         return "the model has P-delta"
     if len(building.modal):
         return "the model has modal damping"
-    if _proportion(building.chain[FLOOR_DAMPER, :-1], building.mass) is None:
+    if _proportion(building.chain[at.FLOOR_DAMPER, :-1], building.mass) is None:
         return "dampers from the floors to the ground are not in proportion to the masses"
     return ""
 
@@ -146,19 +137,19 @@ def _ask(
 
 def _arrays(problem: Problem, reference: Reference) -> dict[str, Any]:
     building = problem.building
-    stiffness = building.laws[STIFFNESS, :-1]
-    bilinear = building.laws[CODE, :-1] == CODES["bilinear"]
+    stiffness = building.laws[at.STIFFNESS, :-1]
+    bilinear = building.laws[at.CODE, :-1] == CODES["bilinear"]
     parameters = np.full((2, building.stories), math.nan)
     if bilinear.any():
-        parameters[:, bilinear] = building.laws[FIRST_PARAMETER : FIRST_PARAMETER + 2, :-1][:, bilinear]
-    dampers = building.chain[STORY_DAMPER, :-1]
+        parameters[:, bilinear] = building.laws[at.FIRST_PARAMETER : at.FIRST_PARAMETER + 2, :-1][:, bilinear]
+    dampers = building.chain[at.STORY_DAMPER, :-1]
     beta = _proportion(dampers, stiffness)
     return {
         "mass": building.mass,
         "stiffness": stiffness,
         "yield_force": parameters[0],
         "hardening": parameters[1],
-        "alpha_mass": np.array(_proportion(building.chain[FLOOR_DAMPER, :-1], building.mass)),
+        "alpha_mass": np.array(_proportion(building.chain[at.FLOOR_DAMPER, :-1], building.mass)),
         "beta_stiffness": np.array(0.0 if beta is None else beta),
         "dashpot": dampers if beta is None else np.zeros_like(dampers),
         "forces": problem.forces,
@@ -178,7 +169,7 @@ def _start_acceleration(problem: Problem) -> Array:
     building = problem.building
     force = -building.damping_matrix() @ problem.velocity - building.stiffness_matrix() @ problem.displacement
     for row in problem.forces:
-        force[int(row[FLOOR])] += row[COSINE]
+        force[int(row[at.FLOOR])] += row[at.COSINE]
     return np.asarray(force / building.mass - problem.ground[0])
 
 

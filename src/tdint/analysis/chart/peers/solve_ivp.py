@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tdint.analysis.chart.problem import FloorMotion, Problem
 from tdint.analysis.chart.reference import Reference, errors
 from tdint.analysis.chart.work_precision import DONE, Point
-from tdint.kernels.layout import CODE, COSINE, FIRST_PARAMETER, FLOOR, GEOMETRIC, OMEGA, SINE, STIFFNESS
+from tdint.kernels import layout as at
 from tdint.model.laws import CODES
 
 Array = NDArray[np.float64]
@@ -58,15 +58,15 @@ def _stories(problem: Problem) -> tuple[Array, Array, Array] | None:
     The first is that of the whole story where it is linear, after yield where it is bilinear.
     """
     laws = problem.building.laws
-    bilinear = laws[CODE, :-1] == CODES["bilinear"]
-    if not np.all(bilinear | (laws[CODE, :-1] == CODES["linear"])):
+    bilinear = laws[at.CODE, :-1] == CODES["bilinear"]
+    if not np.all(bilinear | (laws[at.CODE, :-1] == CODES["linear"])):
         return None
-    yields = np.where(bilinear, laws[FIRST_PARAMETER, :-1] if bilinear.any() else 0.0, math.inf)
-    hardening = np.where(bilinear, laws[FIRST_PARAMETER + 1, :-1] if bilinear.any() else 1.0, 1.0)
-    stiffness = laws[STIFFNESS, :-1]
+    yields = np.where(bilinear, laws[at.FIRST_PARAMETER, :-1] if bilinear.any() else 0.0, math.inf)
+    hardening = np.where(bilinear, laws[at.FIRST_PARAMETER + 1, :-1] if bilinear.any() else 1.0, 1.0)
+    stiffness = laws[at.STIFFNESS, :-1]
     soft = 1.0 - hardening
     strength = np.where(bilinear, soft * np.where(bilinear, yields, 0.0), math.inf)
-    return hardening * stiffness + problem.building.chain[GEOMETRIC, :-1], soft * stiffness, strength
+    return hardening * stiffness + problem.building.chain[at.GEOMETRIC, :-1], soft * stiffness, strength
 
 
 def _rate(problem: Problem, law: tuple[Array, Array, Array], deadline: float) -> Rate:
@@ -78,8 +78,8 @@ def _rate(problem: Problem, law: tuple[Array, Array, Array], deadline: float) ->
     damping = building.damping_matrix()
     times = problem.interval * np.arange(problem.ground.size + 1)
     ground = np.append(problem.ground, 0.0)
-    floors = problem.forces[:, FLOOR].astype(int)
-    cosine, sine, omega = problem.forces[:, COSINE], problem.forces[:, SINE], problem.forces[:, OMEGA]
+    floors = problem.forces[:, at.FLOOR].astype(int)
+    cosine, sine, omega = problem.forces[:, at.COSINE], problem.forces[:, at.SINE], problem.forces[:, at.OMEGA]
 
     def rate(t: float, state: Array) -> Array:
         if time.perf_counter() > deadline:

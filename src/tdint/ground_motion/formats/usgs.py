@@ -1,7 +1,11 @@
-"""SMC files of the U.S. Geological Survey's National Strong-Motion Program: one component a file.
+"""SMC files of the U.S. Geological Survey, and volume 1 of the University of Southern California: one component a file.
 
-Eleven lines of text, 48 integers (8I10), 50 reals (5E15.7), comments, values (8(1PE10.4E1)), all in cm and s. The first
-integer and the first real mark what is not known (USGS, SMC-format data files, version 2).
+SMC, of the National Strong-Motion Program: eleven lines of text, 48 integers (8I10), 50 reals (5E15.7), comments,
+values (8(1PE10.4E1)), all in cm and s. The first integer and the first real mark what is not known (USGS, SMC-format
+data files, version 2).
+
+USC, of the Los Angeles Strong Motion Network: lines of text, 100 integers (16I5), 50 reals (8F10.3) and pairs of time
+and acceleration, 10F7.3, in seconds and g/10.
 """
 
 from __future__ import annotations
@@ -11,11 +15,13 @@ from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 from tdint.errors import RecordError
+from tdint.ground_motion.formats.csmip import REAL_WIDTH, REALS, read_pairs, text_header
 from tdint.ground_motion.formats.lines import read_lines, recognizes
-from tdint.ground_motion.formats.series import Series, StatedPeak, code, moment, to_stream
+from tdint.ground_motion.formats.series import Series, StatedPeak, code, first_match, moment, to_stream
 
 if TYPE_CHECKING:
     from obspy import Stream
+
 
 _TEXTS, _INTEGERS, _REALS = 11, 48, 50
 _INTEGER_WIDTH, _REAL_WIDTH, _VALUE_WIDTH = 10, 15, 10
@@ -105,3 +111,33 @@ def _peak(reals: list[float], units: str) -> StatedPeak | None:
     """The larger of the stated maximum and minimum, None if they are not known."""
     known = [abs(reals[i]) for i in (_MAXIMUM, _MINIMUM) if reals[i] != reals[0]]
     return StatedPeak(max(known), _ROUNDING * max(known), units) if len(known) == 2 else None
+
+
+_TITLE = re.compile(r"\s*FILE\s+\d+ OF UNCORRECTED ACCELEROGRAM DATA OF VOLUME I\b", re.IGNORECASE)
+_STATION = re.compile(r"^\s*STATION USC#\s*(\w+)", re.IGNORECASE)
+_COMPONENT = re.compile(r"^\s*COMP\s+(\w+)", re.IGNORECASE)
+
+
+def is_usc(file: Any, **_: Any) -> bool:
+    """Whether the first line is the title of this format."""
+    return recognizes(file, lambda lines: _TITLE.match(lines[0]))
+
+
+def read_usc(file: Any, headonly: bool = False, **_: Any) -> Stream:
+    """Read a USC file; see `tdint.ground_motion.formats`.
+
+    Raises
+    ------
+    RecordError
+        It is cut off, or its times are not in equal steps.
+    """
+    lines = read_lines(file)
+    texts = text_header(lines)
+    lines.numbers(REALS, REAL_WIDTH)
+    station, component = first_match(_STATION, texts), first_match(_COMPONENT, texts)
+    series = read_pairs(
+        lines, texts, station=code(station[1]) if station else "", channel=component[1].upper() if component else ""
+    )
+    if lines.peek() is not None:
+        raise RecordError(f"line {lines.number + 1} stands after the last point that the header announces")
+    return to_stream([series], headonly=headonly)

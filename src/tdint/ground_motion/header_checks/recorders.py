@@ -6,8 +6,8 @@ import struct
 from collections import Counter
 from typing import Any
 
-from tdint.ground_motion.soundness.statement import CHECKSUM, SAMPLES, Damaged, Statement
-from tdint.ground_motion.soundness.steim import last_samples, most_samples
+from tdint.ground_motion.header_checks.mseed import last_samples, most_samples
+from tdint.ground_motion.header_checks.statement import CHECKSUM, SAMPLES, Damaged, Statement
 
 # Kinemetrics: a tag of 16 bytes with length and checksum before each frame (Kinemetrics, Altus data format).
 

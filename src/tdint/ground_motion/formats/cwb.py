@@ -24,8 +24,8 @@ from tdint.ground_motion.formats.series import (
     stated_peak,
     to_stream,
 )
-from tdint.ground_motion.formats.steps import equal_steps
-from tdint.ground_motion.soundness.statement import SAMPLES, STEP, Statement, compare
+from tdint.ground_motion.header_checks.statement import SAMPLES, STEP, Statement, compare
+from tdint.ground_motion.sampling_interval import equal_steps
 
 if TYPE_CHECKING:
     from obspy import Stream

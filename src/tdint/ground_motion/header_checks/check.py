@@ -6,16 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from tdint.ground_motion.soundness.gse import gse_statements, look_at_gse
-from tdint.ground_motion.soundness.headers import (
-    handler_statements,
-    knet_statements,
-    look_at_handler,
-    look_at_timeseries,
-    timeseries_statements,
-)
-from tdint.ground_motion.soundness.mseed import look_at_mseed, mseed_statements
-from tdint.ground_motion.soundness.recorders import (
+from tdint.ground_motion.header_checks.gse import gse_statements, look_at_gse
+from tdint.ground_motion.header_checks.mseed import look_at_mseed, mseed_statements
+from tdint.ground_motion.header_checks.recorders import (
     evt_statements,
     gcf_statements,
     look_at_evt,
@@ -23,8 +16,17 @@ from tdint.ground_motion.soundness.recorders import (
     look_at_reftek,
     reftek_statements,
 )
-from tdint.ground_motion.soundness.sac import look_at_sac, sac_statements
-from tdint.ground_motion.soundness.statement import Statement, check_step, compare
+from tdint.ground_motion.header_checks.sac import look_at_sac, sac_statements
+from tdint.ground_motion.header_checks.statement import (
+    Statement,
+    check_step,
+    compare,
+    handler_statements,
+    knet_statements,
+    look_at_handler,
+    look_at_timeseries,
+    timeseries_statements,
+)
 
 
 def _nothing(_: bytes) -> None:

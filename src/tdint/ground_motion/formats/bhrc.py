@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, is_row_of_numbers, recognizes, row_of_numbers
 from tdint.ground_motion.formats.series import Series, code, first_match, read_parts, required_units
-from tdint.ground_motion.soundness.statement import SAMPLES, STEP, Statement, compare
+from tdint.ground_motion.header_checks.statement import SAMPLES, STEP, Statement, compare
 
 if TYPE_CHECKING:
     from obspy import Stream

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tdint.ground_motion.soundness.statement import LENGTH, PEAK, SAMPLES, Damaged, Statement
+from tdint.ground_motion.header_checks.statement import LENGTH, PEAK, SAMPLES, Damaged, Statement
 
 _DELTA, _SMALLEST, _LARGEST, _BEGIN, _END, _MEAN = 0, 1, 2, 5, 6, 56
 _VERSION, _COUNT = 76, 79

@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from tdint.ground_motion.soundness.statement import CHECKSUM, SAMPLES, Damaged, Statement
+from tdint.ground_motion.header_checks.statement import CHECKSUM, SAMPLES, Damaged, Statement
 
 _LINE = 81
 _FIELDS = {"1": (slice(27, 35), slice(74, 78), b"CMP6"), "2": (slice(48, 56), slice(44, 48), b"CM6")}
