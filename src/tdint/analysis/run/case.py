@@ -228,7 +228,8 @@ class Case:
     def _response(self, steps: Steps, marched: Marched, collapse: Collapse | None) -> Response:
         space = marched.space
         energy = observed.energy(space)
-        stories, unresolved = observed.story_peaks(self.building, space), observed.unresolved(self.building, space)
+        stories = observed.story_peaks(self.building, space)
+        unresolved = observed.unresolved(self.building, space, steps.late)
         notes = self._notes(steps, int(space.observed[at.HALVINGS]))
         moving = observed.moving_drift(self.building, space, self.prepared.period)
         return Response(

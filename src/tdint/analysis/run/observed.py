@@ -13,6 +13,7 @@ from tdint.analysis.run.outcome import ENERGY_TERMS, Energy, EnergyHistory, Hist
 from tdint.analysis.run.workspace import Workspace
 from tdint.kernels import layout
 from tdint.kernels import layout as at
+from tdint.kernels.march.observing import ACCELERATION_ROW
 from tdint.model.building import Building
 
 Array = NDArray[np.float64]
@@ -45,21 +46,26 @@ def moving_drift(building: Building, space: Workspace, period: float) -> Array:
     At rest no story has a force. One is as far from that as the force it has takes by its initial stiffness, and moves
     with the first period (s).
     """
-    drift, force = space.springs[layout.DRIFT, :-1], space.springs[layout.FORCE, :-1]
-    velocity = space.state[layout.VELOCITY]
-    rate = velocity[:-1] - building.chain[layout.LINK, :-1] * np.concatenate([[0.0], velocity[:-2]])
-    away = (force + building.chain[layout.GEOMETRIC, :-1] * drift) / building.initial_stiffness
-    return np.asarray(np.hypot(away, rate * period / (2.0 * np.pi)))
+    drift, force = space.springs[at.DRIFT, :-1], space.springs[at.FORCE, :-1]
+    away = (force + building.chain[at.GEOMETRIC, :-1] * drift) / building.initial_stiffness
+    return np.asarray(np.hypot(away, _of_drifts(building, space.state[at.VELOCITY]) * period / (2.0 * np.pi)))
 
 
-def unresolved(building: Building, space: Workspace) -> StoryErrors:
-    """How much larger the peaks may be between steps that do not resolve the motion."""
+def _of_drifts(building: Building, floors: Array) -> Array:
+    """Rates of the drifts from those of the floors, a row of a table."""
+    return np.asarray(floors[:-1] - building.chain[at.LINK, :-1] * np.roll(floors, 1)[:-1])
+
+
+def unresolved(building: Building, space: Workspace, late: float) -> StoryErrors:
+    """How much larger the peaks may be between steps that do not resolve the motion; and by how much, about, the drifts
+    have changed since the time that was asked for, which was `late` (s) before the end."""
     excess = np.maximum(space.peaks[layout.PEAK_ROWS :] - space.peaks[: layout.PEAK_ROWS], 0.0)
     drift = excess[layout.PEAK_DRIFT]
+    rate, bend = (_of_drifts(building, row) for row in (space.state[at.VELOCITY], space.watch[ACCELERATION_ROW]))
     return StoryErrors(
         peak_drift=drift,
         peak_drift_ratio=drift / building.heights,
-        residual_drift=np.zeros_like(drift),
+        residual_drift=late * np.abs(rate) + 0.5 * late**2 * np.abs(bend),
         peak_shear=excess[layout.PEAK_SHEAR],
         ductility=drift / building.yield_drift,
         peak_displacement=excess[layout.PEAK_DISPLACEMENT],

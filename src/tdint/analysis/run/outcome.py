@@ -246,7 +246,8 @@ class Response(Tabular):
         When and where, if the status is `collapsed` or `failed-story`.
     unresolved : StoryErrors
         How much larger peaks may be between steps that do not resolve the motion, in their units; 0 where the step
-        does.
+        does. Of residual drifts: by how much they have changed since the time that was asked for, after which a long
+        step ends.
     moving_drift : ndarray, shape (n,)
         Amplitudes with which the drifts still move about their rest at the end, about, m; without forces on floors.
     check : ErrorEstimate or None
