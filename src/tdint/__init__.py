@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from tdint.ground_motion.reading.read import read_record as read_record
     from tdint.ground_motion.text_layout import TextLayout as TextLayout
     from tdint.model.building import modes as modes
-    from tdint.model.config.read import load_model as load_model
+    from tdint.model.config.model_file import load_model as load_model
     from tdint.output.tables.frames import to_dict as to_dict
 
 _HOMES = {
@@ -66,7 +66,7 @@ _HOMES = {
     "TextLayout": "tdint.ground_motion.text_layout",
     "process": "tdint.ground_motion.processing",
     "read_record": "tdint.ground_motion.reading.read",
-    "load_model": "tdint.model.config.read",
+    "load_model": "tdint.model.config.model_file",
     "prepare": "tdint.analysis.run.run",
     "run": "tdint.analysis.run.run",
     "run_case": "tdint.analysis.run.run",

@@ -57,7 +57,7 @@ def main():
     off = max(abs(run.energy_error) for run in runs if run.stable)
     print(f"largest energy error of a run that stands: {off:.1e}")
     if given.plot:
-        from tdint.output.figures.studies.ida import ida_picture
+        from tdint.output.figures.ida import ida_picture
 
         write_file(given.plot, ida_picture(study, given.plot.suffix), overwrite=True)
 

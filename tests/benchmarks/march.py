@@ -25,7 +25,7 @@ from tdint.errors import TdintError
 from tdint.kernels import layout as at
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model.building import Building, assemble
-from tdint.model.laws import LAWS
+from tdint.model.definition import LAWS
 
 sys.path.append(str(Path(__file__).parents[1]))
 from law_examples import example

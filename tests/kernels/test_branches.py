@@ -14,7 +14,7 @@ from tdint.kernels.laws.apart import spring_table
 from tdint.kernels.laws.walking import walker
 from tdint.kernels.stories.events import NONE, _crossing, turning
 from tdint.kernels.stories.springs import restoring, start
-from tdint.model.laws import LAWS
+from tdint.model.definition import LAWS
 
 IMK_SIDE = (FY, 0.035, 0.1, 1.1, 0.2, 0.5, 1.0)
 LAW_CASES = {

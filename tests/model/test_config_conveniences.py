@@ -11,7 +11,7 @@ import pytest
 
 from tdint.errors import ModelError
 from tdint.model.building import assemble
-from tdint.model.config.read import load_model
+from tdint.model.config.model_file import load_model
 from tdint.model.definition import ModalDamping, Model, RayleighRatio
 from tdint.output_units import SI, OutputUnits
 from tdint.units import STANDARD_GRAVITY

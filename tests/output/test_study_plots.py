@@ -19,9 +19,9 @@ from tdint.campaign.studies.target import TargetSpectrum
 from tdint.files import write_file
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.record import Record
-from tdint.output.figures.studies.fragility import fragility_picture
-from tdint.output.figures.studies.ida import ida_picture
-from tdint.output.figures.studies.suite import suite_picture
+from tdint.output.figures.fragility import fragility_picture
+from tdint.output.figures.ida import ida_picture
+from tdint.output.figures.suites import suite_picture
 
 STATUS = {math.inf: "collapsed", -math.inf: "not-converged"}
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -11,8 +12,7 @@ from numpy.typing import NDArray
 
 from tdint.kernels import layout as at
 from tdint.model.damping import add_damping
-from tdint.model.definition import Model
-from tdint.model.laws import CODES, LAWS
+from tdint.model.definition import CODES, LAWS, Force, Model
 from tdint.model.modes import FreeVibration, Modes
 from tdint.units import STANDARD_GRAVITY
 
@@ -209,3 +209,11 @@ def oscillators(omega: Array, damping: Array) -> Building:
     unknown = np.full(k, math.nan)
     vibration = FreeVibration(chain[at.MASS, :k], laws[at.STIFFNESS, :k], chain[at.LINK, :k])
     return Building(chain, laws, np.zeros((0, k + 1)), unknown, unknown, vibration)
+
+
+def force_table(forces: Sequence[Force]) -> NDArray[np.float64]:
+    """One row per force: floor (counted from 0), cosine and sine amplitude (N), omega (rad/s)."""
+    table = np.zeros((len(forces), at.FORCE_COLUMNS))
+    for row, force in zip(table, forces, strict=True):
+        row[:] = force.floor - 1, force.cosine, force.sine, force.omega
+    return table

@@ -29,7 +29,7 @@ from tdint.analysis.assessment.paper_examples import (
 )
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import parse
-from tdint.model.simple import simple_model
+from tdint.model.definition import simple_model
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 FILES = {1: "sdof-polynomial", 2: "two-story-polynomial", 3: "chain-150"}

@@ -39,7 +39,7 @@ def run_many(
     from tdint.campaign.engine.settings import RunSettings
     from tdint.campaign.run import threads
     from tdint.campaign.store.store import open_store
-    from tdint.model.config.read import load_model
+    from tdint.model.config.model_file import load_model
     from tdint.output.tables.campaign import runs_table
     from tdint.processors import processors
 

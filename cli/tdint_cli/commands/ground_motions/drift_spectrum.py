@@ -44,7 +44,7 @@ class DriftRequest(TablesRequest):
 
 @options.command("drift-spectrum")
 @options.record.of_records
-@options.spectra.damping
+@options.spectra.damping()
 @options.spectra.periods(DRIFT_PERIODS)
 @options.spectra.option(
     "--stories", type=click.IntRange(1), metavar="N", help="Number of stories, the same at all periods and heights."
@@ -128,7 +128,7 @@ def _table(_: DriftRequest, results: Sequence[DriftSpectrum]) -> Table:
 
 
 def _picture(request: DriftRequest, results: Sequence[DriftSpectrum], suffix: str) -> Writer:
-    from tdint.output.figures.spectra.drift import drift_spectrum_picture
+    from tdint.output.figures.spectrum_curves import drift_spectrum_picture
 
     return drift_spectrum_picture(results, suffix, request.shown_units)
 

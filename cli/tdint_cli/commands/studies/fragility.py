@@ -98,7 +98,7 @@ def _fragility(
     functions = [function.in_units(output_units) if output_units else function for function in result.functions]
 
     def draw(suffix: str) -> Writer:
-        from tdint.output.figures.studies.fragility import fragility_picture
+        from tdint.output.figures.fragility import fragility_picture
 
         return fragility_picture(functions, suffix)
 

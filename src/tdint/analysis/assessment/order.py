@@ -16,10 +16,8 @@ from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as at
 from tdint.methods.exact import oscillator
 from tdint.methods.method import Integrator
-from tdint.model.building import Building, assemble
-from tdint.model.definition import Force, Law
-from tdint.model.loads import force_table
-from tdint.model.simple import simple_model, simple_story
+from tdint.model.building import Building, assemble, force_table
+from tdint.model.definition import Force, Law, simple_model, simple_story
 
 Array = NDArray[np.float64]
 

@@ -16,10 +16,8 @@ from tdint.analysis.run.steps import Steps
 from tdint.errors import AnalysisError
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
-from tdint.model.building import assemble
-from tdint.model.definition import Force, Law, Model
-from tdint.model.loads import force_table
-from tdint.model.simple import simple_model, simple_story
+from tdint.model.building import assemble, force_table
+from tdint.model.definition import Force, Law, Model, simple_model, simple_story
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.run import observed
+from tdint.analysis.run import run_totals
 from tdint.analysis.run.outcome import Collapse, Energy, FailedRun, Response, StoryErrors, StoryPeaks
 from tdint.analysis.run.prepared import Marched, PreparedBuilding
 from tdint.analysis.run.steps import Steps, choose_steps
@@ -21,8 +21,7 @@ from tdint.kernels import layout
 from tdint.kernels import layout as at
 from tdint.methods.method import Integrator
 from tdint.model.building import Building
-from tdint.model.definition import Model
-from tdint.model.laws import LAWS
+from tdint.model.definition import LAWS, Model
 
 Array = NDArray[np.float64]
 
@@ -135,7 +134,7 @@ class Case:
                 raise self._failure(steps, marched.space, marched.code)
             steps = replace(steps, count=round(collapse.time / steps.h))
             marched = self._integrate(steps, history)
-        error = observed.energy(marched.space).error
+        error = run_totals.energy(marched.space).error
         if not -error < RUNAWAY and not self.allow_unstable:
             reason = f"the motion ends with {1.0 - error:.3g} times the input energy"
             raise self._diverged(steps, *self._reached(steps, marched.space), reason, _runaway_story(marched.space))
@@ -209,7 +208,7 @@ class Case:
         FailedRun
             The run came to its end, but on energy that the method made.
         """
-        noted = observed.collapse(numbers)
+        noted = run_totals.collapse(numbers)
         if noted is None:
             return None
         time = noted.steps * steps.h
@@ -227,11 +226,11 @@ class Case:
 
     def _response(self, steps: Steps, marched: Marched, collapse: Collapse | None) -> Response:
         space = marched.space
-        energy = observed.energy(space)
-        stories = observed.story_peaks(self.building, space)
-        unresolved = observed.unresolved(self.building, space, steps.late)
+        energy = run_totals.energy(space)
+        stories = run_totals.story_peaks(self.building, space)
+        unresolved = run_totals.unresolved(self.building, space, steps.late)
         notes = self._notes(steps, int(space.observed[at.HALVINGS]))
-        moving = observed.moving_drift(self.building, space, self.prepared.period)
+        moving = run_totals.moving_drift(self.building, space, self.prepared.period)
         return Response(
             model=self.model,
             record=self.record,
@@ -245,7 +244,7 @@ class Case:
             march_time=marched.seconds,
             stories=stories,
             energy=energy,
-            history=observed.history(self.building, space, steps.h) if space.history.size else None,
+            history=run_totals.history(self.building, space, steps.h) if space.history.size else None,
             notes=(*notes, *_unresolved_note(stories, unresolved), *self._moving_note(stories, moving)),
             unresolved=unresolved,
             moving_drift=moving,

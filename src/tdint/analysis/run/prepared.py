@@ -30,9 +30,8 @@ from tdint.kernels.march.many import END_COLUMNS, GROUND_SIZE, many
 from tdint.kernels.march.march import march
 from tdint.kernels.march.stories import begin, raise_shears, take_stock
 from tdint.methods.method import Integrator
-from tdint.model.building import Building, assemble
+from tdint.model.building import Building, assemble, force_table
 from tdint.model.definition import Model
-from tdint.model.loads import force_table
 
 Array = NDArray[np.float64]
 

@@ -21,7 +21,7 @@ from tdint.kernels.march.observing import OBSERVER_ROWS
 from tdint.kernels.march.stories import begin, raise_shears, take_stock
 from tdint.methods.method import Integrator
 from tdint.model.building import Building
-from tdint.model.laws import CODES, LAWS
+from tdint.model.definition import CODES, LAWS
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.spectra.oscillators import EXACT, INTERPOLATED, MAXIMA, Maxima, largest
-from tdint.analysis.spectra.recursion import check_shortest
+from tdint.analysis.spectra.oscillators import EXACT, INTERPOLATED, MAXIMA, Maxima, check_shortest, largest
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.interpolation import INTERPOLATIONS, LINEAR, Interpolation
 from tdint.ground_motion.record import Record

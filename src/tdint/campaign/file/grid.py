@@ -23,7 +23,7 @@ from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.reading.segments import check_possible
 from tdint.ground_motion.record import Record
 from tdint.input_bytes import MOST_BYTES, read_at_most
-from tdint.model.inventory.read import InventoryRow
+from tdint.model.inventory.table import InventoryRow
 from tdint.units import parse_units
 
 _COMPONENTS = {"data_x": "x", "data_y": "y"}

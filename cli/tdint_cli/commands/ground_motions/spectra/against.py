@@ -28,9 +28,15 @@ against = option(
     help="Difference to a published spectrum instead: CSV with names in its first line that say quantity and units "
     "(period_s, psa_g; T (s), SD (cm)); at its periods, unless others are given.",
 )
-column = option("--against-column", metavar="NAME", help="Which column of the published spectrum, if it has several.")
+column = option(
+    "--against-column",
+    needs="--against",
+    metavar="NAME",
+    help="Which column of the published spectrum, if it has several.",
+)
 interpolation = option(
     "--against-interpolation",
+    needs="--against",
     type=click.Choice(["log-log"]),
     help="Take the published spectrum between its periods on straight lines in logarithms.",
 )
@@ -82,7 +88,7 @@ def table(request: SpectrumRequest, lines: Sequence[SpectrumDifference]) -> Tabl
 
 def picture(request: SpectrumRequest, lines: Sequence[SpectrumDifference], suffix: str) -> Writer:
     """Both spectra, and their difference."""
-    from tdint.output.figures.spectra.published import difference_picture
+    from tdint.output.figures.spectrum_curves import difference_picture
 
     return difference_picture(lines, suffix, request.shown_units)
 

@@ -37,6 +37,7 @@ strength = option(
 )
 hardening = option(
     "--hardening",
+    needs="--ductility or --strength",
     type=Ratio(0.0, 1.0, max_open=True),
     metavar="RATIO",
     help="With --ductility or --strength: stiffness after yielding over the initial one; 0 by default (elastoplastic).",
@@ -76,7 +77,7 @@ def table(_: SpectrumRequest, lines: Sequence[InelasticSpectrum]) -> Table:
 
 def picture(request: SpectrumRequest, lines: Sequence[InelasticSpectrum], suffix: str) -> Writer:
     """A line for each spectrum."""
-    from tdint.output.figures.spectra.inelastic import inelastic_picture
+    from tdint.output.figures.spectrum_curves import inelastic_picture
 
     return inelastic_picture(lines, suffix, request.shown_units)
 

@@ -33,7 +33,6 @@ rotd = option(
 
 def check(request: SpectrumRequest) -> None:
     """Refuse, before any work, what makes no sense together."""
-    request.refuse(("hardening",), "is for oscillators that yield: add --ductility or --strength")
     request.refuse(("axes", "method", "component"), "is for single components; leave it out with --rotd")
     _ = request.manner
 
@@ -95,7 +94,7 @@ def table(request: SpectrumRequest, lines: Sequence[RotatedSpectrum]) -> Table:
 
 def picture(request: SpectrumRequest, lines: Sequence[RotatedSpectrum], suffix: str) -> Writer:
     """A line for each percentile."""
-    from tdint.output.figures.spectra.rotated import rotated_picture
+    from tdint.output.figures.spectrum_curves import rotated_picture
 
     return rotated_picture(lines, suffix, request.shown_units)
 

@@ -1,4 +1,4 @@
-"""Figure of a cyclic test: the loops of a story's drift law and their energy, readable in black and white."""
+"""Figures of imposed displacements: the loops of a cyclic test and their energy, and a pushover."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from tdint.files import Writer
-from tdint.output.figures.axes import add_ratio_axis
-from tdint.output.figures.style import COLORS, DASHES, LIGHT, add_title, picture, scaled_unit
+from tdint.output.figures.style import COLORS, DASHES, LIGHT, add_ratio_axis, add_title, picture, scaled_unit
 from tdint.output_units import SI, OutputUnits
 
 if TYPE_CHECKING:
     from tdint.analysis.static.cyclic import CyclicTest
+    from tdint.analysis.static.pushover import Pushover
 
 
 def cyclic_picture(test: CyclicTest, suffix: str, units: OutputUnits = SI) -> Writer:
@@ -27,10 +27,10 @@ def cyclic_picture(test: CyclicTest, suffix: str, units: OutputUnits = SI) -> Wr
     test : CyclicTest
         A result of `tdint.analysis.static.cyclic.cyclic_test`.
     """
-    return picture(suffix, lambda: _draw(test, units))
+    return picture(suffix, lambda: _draw_test(test, units))
 
 
-def _draw(test: CyclicTest, units: OutputUnits) -> Figure:
+def _draw_test(test: CyclicTest, units: OutputUnits) -> Figure:
     figure = Figure(figsize=(6.5, 7.6), layout="constrained")
     loop, energy = figure.subplots(2, 1, height_ratios=(2.6, 1.0))
     _draw_loop(loop, test, units)
@@ -81,3 +81,50 @@ def _draw_energy(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
     axes.set_xlabel("cycle" if test.points else "step")
     axes.set_ylabel(f"energy ({unit})")
     axes.xaxis.set_major_locator(MaxNLocator(9, steps=[1, 2, 5, 10]))
+
+
+def pushover_picture(result: Pushover, suffix: str, units: OutputUnits = SI) -> Writer:
+    """Picture of a pushover; return value and errors are those of `tdint.output.figures.style.picture`."""
+    return picture(suffix, lambda: _draw_pushover(result, units))
+
+
+def _draw_pushover(result: Pushover, units: OutputUnits) -> Figure:
+    figure = Figure(figsize=(8.4, 4.6), layout="constrained")
+    curve, profile = figure.subplots(1, 2, width_ratios=(1.7, 1.0))
+    _draw_curve(curve, result, units)
+    _draw_profile(profile, result, units)
+    add_title(figure, f"{result.model.name}\nPushover, {result.pattern} pattern")
+    return figure
+
+
+def _draw_curve(axes: Any, result: Pushover, units: OutputUnits) -> None:
+    factor, unit = scaled_unit(float(np.max(np.abs(result.base_shear))), "N", units)
+    roof, shear = units.of(result.roof_displacement, "m"), result.base_shear * factor
+    axes.axhline(0.0, color=LIGHT, linewidth=0.6)
+    axes.plot(roof, shear, color=COLORS[0])
+    peak = result.peak
+    axes.plot(roof[peak], shear[peak], "o", color=COLORS[0], label=f"largest base shear {shear[peak]:.4g} {unit}")
+    axes.legend(loc="best")
+    axes.set_xlim(0.0, roof[-1])
+    axes.set_xlabel(f"roof displacement ({units.label('m')})")
+    axes.set_ylabel(f"base shear ({unit})")
+    add_ratio_axis(axes, units.of(result.height, "m"), "roof drift ratio (%)")
+
+
+def _draw_profile(axes: Any, result: Pushover, units: OutputUnits) -> None:
+    """Drifts of the stories at the largest base shear and at the end."""
+    stories = np.arange(result.drift.shape[1] + 1) + 0.5
+    heights = [story.height for story in result.model.stories]
+    ratio = all(height is not None for height in heights)
+    scale = 100.0 / np.array(heights, float) if ratio else np.full(len(heights), 1.0 / units.unit("m")[1])
+    for row, style, text in ((result.peak, DASHES[1], "at the largest base shear"), (-1, DASHES[0], "at the end")):
+        drift = result.drift[row] * scale
+        axes.stairs(
+            drift, stories, orientation="horizontal", baseline=None, linestyle=style, color=COLORS[0], label=text
+        )
+    axes.axvline(0.0, color=LIGHT, linewidth=0.6)
+    axes.legend(loc="best")
+    axes.set_ylim(stories[0], stories[-1])
+    axes.yaxis.get_major_locator().set_params(integer=True)
+    axes.set_ylabel("story")
+    axes.set_xlabel("drift ratio (%)" if ratio else f"drift ({units.label('m')})")

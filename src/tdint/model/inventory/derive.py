@@ -1,17 +1,22 @@
-"""The buildings of an inventory by a set of rules, with scatter if that is wanted."""
+"""The buildings of an inventory by a set of rules, with scatter if that is wanted, and their model files."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from tdint.errors import UsageError
-from tdint.model.inventory.definition import DerivedBuilding, Scatter
-from tdint.model.inventory.read import InventoryRow
-from tdint.model.inventory.rules import RULES
+from tdint.model.definition import RayleighRatio
+from tdint.model.inventory import mdof_lu
+from tdint.model.inventory.facts import BuildingFacts, DerivedBuilding, Scatter
+from tdint.model.inventory.table import InventoryRow
+
+RULES: Mapping[str, Callable[[BuildingFacts, Scatter | None], DerivedBuilding]] = {"mdof-lu": mdof_lu.derive}
+
 
 _MOST_SCATTER = 0.5
 _LARGEST_DAMPING = 0.99
@@ -70,3 +75,27 @@ def _factor(random: np.random.Generator, deviation: float) -> float:
     while factor <= 0.0:
         factor = 1.0 + deviation * random.standard_normal()
     return float(factor)
+
+
+def model_text(name: str, building: DerivedBuilding, rules: str) -> str:
+    """A model file in SI units with everything written out: name, stories from the ground up, damping, method."""
+    lines = [
+        f"# A {building.design_level}-code {building.type} building by the rules {rules}, made by `tdint inventory`.",
+        f"name: {json.dumps(name, ensure_ascii=False)}",
+        "stories:",
+    ]
+    for story in building.stories:
+        strength, ultimate, drift, pinching, unloading = story.law.parameters
+        lines += [
+            f"  - mass: {story.mass!r}",
+            f"    height: {story.height!r}",
+            f"    stiffness: {story.stiffness!r}",
+            f"    law: {{type: trilinear-pinching, yield_force: {strength!r}, ultimate_force: {ultimate!r}, "
+            f"ultimate_drift: {drift!r}, pinching: {pinching!r}, unloading: {unloading!r}}}",
+        ]
+    damping = building.damping
+    if isinstance(damping, RayleighRatio):
+        form = f"ratio: {damping.ratios[0]!r}, modes: [{damping.modes[0]}, {damping.modes[1]}]"
+    else:
+        form = f"mass: {damping.mass!r}, stiffness: {damping.stiffness!r}"
+    return "\n".join([*lines, f"damping: {{rayleigh: {{{form}}}}}", "analysis: {method: impulse4}", ""])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tdint.errors import UsageError
-from tdint.quantities import MOST_POINTS, Grid, parse_grid, parse_ratio
+from tdint.written_numbers import MOST_POINTS, Grid, parse_grid, parse_ratio
 
 
 def test_a_ratio_is_a_number_or_a_percentage():

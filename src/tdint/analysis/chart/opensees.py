@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.chart.peers import opensees_worker
+from tdint.analysis.chart import opensees_worker
 from tdint.analysis.chart.problem import FloorMotion, Problem
 from tdint.analysis.chart.reference import Reference, errors
 from tdint.analysis.chart.work_precision import DONE, Point, line_of
@@ -21,7 +21,7 @@ from tdint.analysis.run.steps import Steps
 from tdint.kernels import layout as at
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
-from tdint.model.laws import CODES
+from tdint.model.definition import CODES
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from tdint.csv_table import CsvTable, no_number, number, read_table
 from tdint.errors import ModelFault
-from tdint.model.inventory.definition import BuildingFacts
+from tdint.model.inventory.facts import BuildingFacts
 from tdint.model.inventory.hazus import LEVELS
 from tdint.model.inventory.mdof_lu import MOST_STORIES, STRUCTURES, ZONES
 from tdint.model.keys.kinds import POSITIVE, RATIO, Bounds

@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from tdint.files import Writer
-from tdint.output.figures.spectra.over_periods import log_periods
+from tdint.output.figures.spectrum_axes import log_periods
 from tdint.output.figures.style import LIGHT, MARK, add_title, picture, record_name
 from tdint.output_units import SI, OutputUnits
 

@@ -1,7 +1,7 @@
 """Model files: YAML to a checked `Model` in SI units. This is the only place that knows the file's keys and units.
 
 `tdint.model.keys` reads text, numbers and words with line and column; the modules around this one read one part of the
-file each.
+file each. The JSON schema for editors is made of the same declarations.
 """
 
 from __future__ import annotations
@@ -30,10 +30,9 @@ from tdint.model.definition import (
     RecordSource,
     Story,
 )
-from tdint.model.keys.document import read_document
+from tdint.model.keys.document import SourceText, read_document
 from tdint.model.keys.fields import Section, Value
-from tdint.model.keys.kinds import ANY, POSITIVE, POSITIVE_RATIO, Either, EntriesOf, Flag, Key, Keys, Words
-from tdint.model.keys.source import SourceText
+from tdint.model.keys.kinds import ANY, POSITIVE, POSITIVE_RATIO, Either, EntriesOf, Flag, Key, Keys, Schema, Words
 from tdint.output_units import SI, OutputUnits, parse_output_units
 
 __all__ = [
@@ -230,3 +229,17 @@ def _read_output_units(value: Value | None) -> OutputUnits:
     except UsageError as error:
         value.fault(str(error))
         return SI
+
+
+def model_schema() -> Schema:
+    """The JSON schema (draft 7) of model files.
+
+    What it refuses, the reader refuses, too. The reader refuses more: what several keys say together, such as a list
+    with an entry for each story.
+    """
+    return {
+        "$schema": "http://json-schema.org/draft-07/schema#",
+        "title": "tdint model",
+        "description": "A shear building and its loads for tdint",
+        **model_keys().schema(),
+    }

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from tdint.analysis.chart.peers.opensees import openseespy_points
-from tdint.analysis.chart.peers.solve_ivp import solve_ivp_points
+from tdint.analysis.chart.opensees import openseespy_points
 from tdint.analysis.chart.problem import Problem
+from tdint.analysis.chart.solve_ivp import solve_ivp_points
 from tdint.analysis.chart.work_precision import Chart, Progress, silent
 
 

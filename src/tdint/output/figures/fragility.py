@@ -12,9 +12,8 @@ from matplotlib.figure import Figure
 
 from tdint.campaign.studies.fragility.fits import CloudPoints, Fragility
 from tdint.files import Writer
-from tdint.output.figures.axes import plain_logarithmic
-from tdint.output.figures.studies.intensity import GRAY, add_gravity_axis, measure_label
-from tdint.output.figures.style import COLORS, DASHES, MARKERS, add_title, picture
+from tdint.output.figures.style import COLORS, DASHES, MARKERS, add_title, picture, plain_logarithmic
+from tdint.output.figures.suites import GRAY, add_gravity_axis, measure_label
 
 _POINTS = 300
 _FAR = 2.6  # standard deviations above the largest median at which the axis ends

@@ -12,9 +12,17 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from tdint.analysis.chart.quantities import QUANTITIES
 from tdint.files import Writer
-from tdint.output.figures.axes import plain_numbers
-from tdint.output.figures.point_labels import write_labels
-from tdint.output.figures.style import COLORS, DASHES, LIGHT, MARKERS, add_legend, add_title, picture
+from tdint.output.figures.style import (
+    COLORS,
+    DASHES,
+    LIGHT,
+    MARKERS,
+    add_legend,
+    add_title,
+    picture,
+    plain_numbers,
+    write_labels,
+)
 from tdint.output.tables.chart import PEER
 
 if TYPE_CHECKING:

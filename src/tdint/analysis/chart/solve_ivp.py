@@ -13,7 +13,7 @@ from tdint.analysis.chart.problem import FloorMotion, Problem
 from tdint.analysis.chart.reference import Reference, errors
 from tdint.analysis.chart.work_precision import DONE, Point
 from tdint.kernels import layout as at
-from tdint.model.laws import CODES
+from tdint.model.definition import CODES
 
 Array = NDArray[np.float64]
 Rate = Callable[[float, Array], Array]

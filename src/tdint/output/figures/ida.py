@@ -13,8 +13,8 @@ from tdint.campaign.studies.ida.curve import IdaCurve, fractiles
 from tdint.campaign.studies.ida.study import IdaStudy
 from tdint.campaign.studies.intensity import PeakVelocity
 from tdint.files import Writer
-from tdint.output.figures.studies.intensity import add_gravity_axis, measure_label, single_look
 from tdint.output.figures.style import COLORS, DASHES, add_title, changed, picture, record_name
+from tdint.output.figures.suites import add_gravity_axis, measure_label, single_look
 
 Array = NDArray[np.float64]
 

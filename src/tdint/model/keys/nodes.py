@@ -1,4 +1,4 @@
-"""YAML text to nodes with line and column.
+"""YAML text, or a Python mapping, to nodes with line and column: one reader reads both.
 
 Scalars stay text: YAML 1.1, which PyYAML follows, takes 2e8 for a string, `no` for false and 012 for 10, so what a
 scalar means is decided where it is used (`fields`). The nodes are built from PyYAML's events; no Python object is ever
@@ -7,8 +7,11 @@ constructed from a tag.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import json
+import os
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import yaml
 
@@ -215,3 +218,51 @@ def _error_message(error: yaml.MarkedYAMLError, text: str) -> str:
     mark = error.problem_mark
     at_tab = mark is not None and text[mark.index : mark.index + 1] == "\t"
     return message + ("; indent with spaces, not tabs" if at_tab else "")
+
+
+_NOWHERE = Place(0, 0)
+
+
+def nodes_of(value: object, faults: Faults, depth: int = 0) -> Node:
+    """The nodes of mappings, lists, numbers and text; what has no place in a file has line and column 0.
+
+    Raises
+    ------
+    ModelError
+        Something that a file could not say, or a mapping inside itself.
+    """
+    if hasattr(value, "tolist"):  # an array or a number of numpy
+        value = value.tolist()
+    if depth > MAX_DEPTH:
+        faults.add(_NOWHERE, "", f"nested more than {MAX_DEPTH} levels deep; this is no model")
+        raise faults.error()
+    if isinstance(value, Mapping):
+        entries = tuple((_scalar(key, faults), nodes_of(item, faults, depth + 1)) for key, item in value.items())
+        return MappingNode(0, 0, entries)
+    if isinstance(value, list | tuple):
+        return ListNode(0, 0, tuple(nodes_of(item, faults, depth + 1) for item in value))
+    return _scalar(value, faults)
+
+
+def text_of(node: Node) -> bytes:
+    """The nodes as JSON, for the SHA-256 of a model without a file."""
+    return json.dumps(_tree(node), ensure_ascii=True).encode()
+
+
+def _scalar(value: object, faults: Faults) -> ScalarNode:
+    if value is None or isinstance(value, bool):
+        return ScalarNode(0, 0, "null" if value is None else str(value).lower(), plain=True)
+    if isinstance(value, int | float):
+        return ScalarNode(0, 0, repr(value), plain=True)
+    if isinstance(value, str | os.PathLike):
+        return ScalarNode(0, 0, os.fspath(value), plain=False)
+    faults.add(_NOWHERE, "", f"a model holds mappings, lists, numbers and text, not {type(value).__name__}")
+    raise faults.error()
+
+
+def _tree(node: Node) -> Any:
+    if isinstance(node, MappingNode):
+        return [[_tree(key), _tree(item)] for key, item in node.entries]
+    if isinstance(node, ListNode):
+        return [_tree(item) for item in node.items]
+    return node.text
