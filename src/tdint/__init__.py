@@ -42,10 +42,10 @@ if TYPE_CHECKING:
     from tdint.analysis.spectra.rotated import rotated_spectrum as rotated_spectrum
     from tdint.analysis.static.cyclic import cyclic_test as cyclic_test
     from tdint.analysis.static.pushover import pushover as pushover
-    from tdint.campaign.studies.fragility.fits import fit_capacities as fit_capacities
-    from tdint.campaign.studies.fragility.fits import fit_cloud as fit_cloud
-    from tdint.campaign.studies.fragility.fits import fit_stripes as fit_stripes
-    from tdint.campaign.studies.ida.study import ida as ida
+    from tdint.campaign.fragility.fits import fit_capacities as fit_capacities
+    from tdint.campaign.fragility.fits import fit_cloud as fit_cloud
+    from tdint.campaign.fragility.fits import fit_stripes as fit_stripes
+    from tdint.campaign.ida.study import ida as ida
     from tdint.ground_motion.processing import process as process
     from tdint.ground_motion.reading.read import make_record as make_record
     from tdint.ground_motion.reading.read import read_horizontals as read_horizontals
@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     from tdint.ground_motion.text_layout import TextLayout as TextLayout
     from tdint.model.building import modes as modes
     from tdint.model.config.model_file import load_model as load_model
-    from tdint.output.tables.frames import to_dict as to_dict
+    from tdint.output.tables.to_dict import to_dict as to_dict
 
 _HOMES = {
     "make_record": "tdint.ground_motion.reading.read",
@@ -62,7 +62,7 @@ _HOMES = {
     "pushover": "tdint.analysis.static.pushover",
     "stability": "tdint.analysis.assessment.stability",
     "floor_spectra": "tdint.analysis.spectra.floors",
-    "to_dict": "tdint.output.tables.frames",
+    "to_dict": "tdint.output.tables.to_dict",
     "TextLayout": "tdint.ground_motion.text_layout",
     "process": "tdint.ground_motion.processing",
     "read_record": "tdint.ground_motion.reading.read",
@@ -73,10 +73,10 @@ _HOMES = {
     "spectrum": "tdint.analysis.spectra.elastic",
     "constant_ductility": "tdint.analysis.spectra.inelastic",
     "constant_strength": "tdint.analysis.spectra.inelastic",
-    "fit_capacities": "tdint.campaign.studies.fragility.fits",
-    "fit_cloud": "tdint.campaign.studies.fragility.fits",
-    "fit_stripes": "tdint.campaign.studies.fragility.fits",
-    "ida": "tdint.campaign.studies.ida.study",
+    "fit_capacities": "tdint.campaign.fragility.fits",
+    "fit_cloud": "tdint.campaign.fragility.fits",
+    "fit_stripes": "tdint.campaign.fragility.fits",
+    "ida": "tdint.campaign.ida.study",
     "drift_spectrum": "tdint.analysis.spectra.drift",
     "read_horizontals": "tdint.ground_motion.reading.read",
     "rotated_spectrum": "tdint.analysis.spectra.rotated",

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from tdint import load_model, read_horizontals
-from tdint.campaign.studies.ida.study import ida
+from tdint.campaign.ida.study import ida
 from tdint.files import write_file
 from tdint.ground_motion.record import Record
 

@@ -20,9 +20,7 @@ from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import FailedRun, model_record
 from tdint.analysis.run.steps import choose_steps
 from tdint.campaign.engine.batch import Batch
-from tdint.campaign.engine.runs import Motions, Run
-from tdint.campaign.engine.settings import RunSettings
-from tdint.campaign.engine.subject import Subject
+from tdint.campaign.engine.task import Motions, Run, RunSettings, Subject
 from tdint.campaign.engine.tolerance import building_step
 from tdint.methods.catalogue import catalogue, parse
 
@@ -180,7 +178,7 @@ def tolerance():
 
     def drifts(building, method, step):
         batch = Batch(0, Subject(building, method), motions, dict.fromkeys(records), RunSettings(stories=True))
-        return np.array([row.peak_drift for row in batch.results(runs, step).stories]).reshape(len(runs), -1)
+        return np.array([row.of("peak_drift") for row in batch.results(runs, step).stories]).reshape(len(runs), -1)
 
     truths = [drifts(building, "impulse4", 0.01 / 16) for building in buildings]
     print("runs beyond the tolerance, % / largest error of a peak drift / processor time of choice and runs, s")

@@ -11,9 +11,7 @@ import tdint
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.step_choice import choose_step, step_within
 from tdint.campaign.engine.batch import Batch, Rows
-from tdint.campaign.engine.runs import Motions, Run
-from tdint.campaign.engine.settings import RunSettings
-from tdint.campaign.engine.subject import Subject
+from tdint.campaign.engine.task import Motions, Run, RunSettings, Subject
 from tdint.campaign.engine.tolerance import building_step
 
 SHIPPED = [
@@ -40,7 +38,7 @@ def test_drifts_of_all_runs_are_within_the_tolerance(method: str, beyond: float)
     assert step is not None
     assert step > beyond if beyond else step < 0.01
     coarse, fine = (
-        {(row.motion, row.scale, row.story): row.peak_drift for row in results(of, RUNS, largest).stories}
+        {(row.motion, row.scale, row.story): row.of("peak_drift") for row in results(of, RUNS, largest).stories}
         for of, largest in ((subject, step), (Subject(subject.model, "impulse4"), 0.01 / 16))
     )
     assert len(coarse) == 10 * len(RUNS)

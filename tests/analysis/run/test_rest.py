@@ -12,9 +12,7 @@ from random_buildings import checked_building
 from tdint import run
 from tdint.analysis.run.rest import AT_REST, REST_PERIODS
 from tdint.campaign.engine.batch import Batch
-from tdint.campaign.engine.runs import Motions, Run
-from tdint.campaign.engine.settings import RunSettings
-from tdint.campaign.engine.subject import Subject
+from tdint.campaign.engine.task import Motions, Run, RunSettings, Subject
 
 MOVES = "the building still moves at the end, the drift of story"
 

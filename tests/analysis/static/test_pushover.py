@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from building_cases import LINEAR, Law, model, story
 from tdint import load_model
 from tdint.analysis.static.cyclic import follow_path
-from tdint.analysis.static.pushover import PATTERNS, pushover
+from tdint.analysis.static.pushover import PATTERNS, _Story, pushover
 from tdint.errors import UsageError
 from tdint.kernels import layout as at
 from tdint.model.building import assemble
@@ -95,6 +96,23 @@ def test_every_story_carries_its_share_at_every_row(name):
     target = result.roof_displacement[-1]
     rows = result.base_shear.size
     assert result.roof_displacement == pytest.approx(target * np.arange(rows) / (rows - 1), rel=1e-8)
+
+
+class Staircase(_Story):
+    """A story whose force goes up in steps, x + 0.99 sin x: tangents from 0.01 to 1.99 lead astray on either side."""
+
+    def __init__(self):
+        self.drift, self.force, self.initial, self.tangent, self._largest = 0.0, 0.0, 1.99, 1.99, 100.0
+
+    def at(self, drift):
+        return drift + 0.99 * math.sin(drift), 1.0 + 0.99 * math.cos(drift)
+
+
+@pytest.mark.parametrize("force", [*np.arange(-60.0, 60.0, 1.7), math.pi, -3.0 * math.pi])
+def test_a_share_is_found_whatever_the_tangents_say(force):
+    found = Staircase().carrying(force)
+    assert found is not None
+    assert found + 0.99 * math.sin(found) == pytest.approx(force, abs=1e-8)
 
 
 @pytest.mark.parametrize(

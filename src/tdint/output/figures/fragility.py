@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from tdint.campaign.studies.fragility.fits import CloudPoints, Fragility
+from tdint.campaign.fragility.fits import CloudPoints, Fragility
 from tdint.files import Writer
 from tdint.output.figures.style import COLORS, DASHES, MARKERS, add_title, picture, plain_logarithmic
 from tdint.output.figures.suites import GRAY, add_gravity_axis, measure_label

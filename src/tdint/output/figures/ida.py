@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from tdint.campaign.studies.ida.curve import IdaCurve, fractiles
-from tdint.campaign.studies.ida.study import IdaStudy
-from tdint.campaign.studies.intensity import PeakVelocity
+from tdint.campaign.ida.curve import IdaCurve, fractiles
+from tdint.campaign.ida.study import IdaStudy
+from tdint.campaign.suites.intensity import PeakVelocity
 from tdint.files import Writer
 from tdint.output.figures.style import COLORS, DASHES, add_title, changed, picture, record_name
 from tdint.output.figures.suites import add_gravity_axis, measure_label, single_look

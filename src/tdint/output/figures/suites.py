@@ -12,9 +12,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from tdint.campaign.studies.intensity import GEOMETRIC_MEAN, PAIRS, SpectralIntensity
-from tdint.campaign.studies.scaling import LEAST_PART, Scaling, suite_spectra
-from tdint.campaign.studies.suite import components
+from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, PAIRS, SpectralIntensity
+from tdint.campaign.suites.scaling import LEAST_PART, Scaling, suite_spectra
+from tdint.campaign.suites.suite import components
 from tdint.files import Writer
 from tdint.ground_motion.record import Record
 from tdint.output.figures.style import (

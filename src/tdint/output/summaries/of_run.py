@@ -1,0 +1,255 @@
+"""summary.json of a run: what it was, how it ended, and what every number in it means."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from tdint.analysis.run.demands import DEMANDS, only
+from tdint.analysis.run.outcome import ENERGY_TERMS
+from tdint.ground_motion.record import Input, Record
+from tdint.model.definition import Damping, ModalDamping, Model, RayleighCoefficients
+from tdint.output.summaries.summary import inputs_summary, motion_summary, schema, versions
+
+if TYPE_CHECKING:
+    from tdint.analysis.run.outcome import Collapse, Energy, ErrorEstimate, FailedRun, Response, StoryErrors, StoryPeaks
+    from tdint.analysis.spectra.first_mode import FirstMode
+
+MEANINGS = {
+    "time_s": ("s", "last time reached"),
+    "story": ("1", "story of the failure or collapse, from 1 at the ground"),
+    "residual": ("1", "forces out of balance over the story's forces"),
+    "largest_stable_dt_s": ("s", "largest stable time step"),
+    "dt_s": ("s", "time step; of a record its sampling interval"),
+    "steps": ("1", "time steps"),
+    "duration_s": ("s", "time integrated; of a record from its first to its last sample"),
+    "iterations": ("1", "solves of the equations"),
+    "halved_steps": ("1", "steps divided because they did not converge"),
+    "events": ("1", "changes of branch of a drift law that were located in time"),
+    "wall_time_s": ("s", "wall time of the command"),
+    "time_loop_s": ("s", "wall time of the compiled time loop alone"),
+    "stories": ("1", "number of stories"),
+    "t1_s": ("s", "fundamental period of the initial stiffness, P-delta included"),
+    "t1_damping": ("1", "viscous damping ratio of the first mode, without power-law dashpots"),
+    "sa_t1_m_s2": ("m/s^2", "pseudo-acceleration of the ground motion at t1_s"),
+    "sa_t1_damping": ("1", "viscous damping ratio of sa_t1_m_s2"),
+    "ratios": ("1", "viscous damping ratios of the modes"),
+    "modes": ("1", "modes that the ratios belong to, from 1"),
+    "mass_1_s": ("s", "Rayleigh coefficient of the mass matrix"),
+    "stiffness_s": ("s", "Rayleigh coefficient of the initial stiffness matrix"),
+    "start_J": ("J", "kinetic and stored energy at the start, relative to the ground"),
+    "error": ("1", "imbalance of the energies over the largest input energy"),
+    "dts_s": ("s", "time steps of the repetitions that the error estimates come from"),
+    "drift_error": ("1", "largest estimated error of a peak drift over that drift"),
+    "drift_error_story": ("1", "its story"),
+    "tolerance": ("1", "what drift_error was asked to stay below"),
+    "runs_for_the_step": ("1", "runs that were made to choose the step for the tolerance"),
+    "samples_in_the_step": ("1", "sampling intervals of the record in the step that was chosen"),
+    "solves_at_record_step": ("1", "solves of a run with the record's own step, where one was made to choose"),
+    "moving_drift_m": ("m", "amplitude with which a drift still moves about its rest at the end, about"),
+    "moving_drift_story": ("1", "its story"),
+    "rest_s": ("s", "time by which the building was at rest, where the run went on until then"),
+    "collapse_drift": ("1", "drift ratio beyond which a run counts as collapsed"),
+    "samples": ("1", "samples of the record"),
+    "pga_m_s2": ("m/s^2", "peak ground acceleration"),
+    "scale": ("1", "factor on the record's acceleration"),
+    "version": ("1", "version of this file's layout"),
+}
+MEANINGS |= {
+    f"{name}_J": ("J", f"{meaning}, at the end or the last time reached") for name, meaning in ENERGY_TERMS.items()
+}
+MEANINGS |= {one.column: (one.unit, one.meaning) for one in DEMANDS}
+MEANINGS |= {one.of_place: ("1", f"its {one.place}") for one in DEMANDS}
+MEANINGS |= {f"{one.column}_error": (one.unit, f"estimated absolute error of {one.column}") for one in DEMANDS}
+"""Unit and meaning of the number under a key."""
+
+UNITS = {key: unit for key, (unit, _) in MEANINGS.items()}
+
+
+def run_summary(
+    response: Response,
+    inputs: Sequence[Input],
+    wall_time: float,
+    *,
+    first: FirstMode | None = None,
+    settings: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
+    """Content of summary.json for a run that came to its end.
+
+    Parameters
+    ----------
+    inputs : sequence of Input
+        The files that were read.
+    wall_time : float
+        From the command's start, s.
+    first : FirstMode, optional
+        The building's first mode.
+    settings : mapping, optional
+        Settings of the command line beside those of the model.
+    """
+    content = {
+        "schema": schema("run"),
+        "status": response.status,
+        "name": response.model.name,
+        "method": response.method,
+        "dt_s": response.dt,
+        "steps": response.steps,
+        "duration_s": response.steps * response.dt,
+        "iterations": response.iterations,
+        "halved_steps": response.halvings,
+        "events": response.events,
+        "wall_time_s": wall_time,
+        "time_loop_s": response.march_time,
+        "building": _building(response.model, first),
+        "energy": _energy(response.energy),
+        "peaks": peaks(response.stories),
+        "check": _check(response.check, response.stories),
+        "at_end": _at_end(response),
+        "collapse_drift": response.model.collapse_drift,
+        "collapse": _collapse(response.collapse),
+    }
+    return _ended(content, response.record, settings, (*response.warnings, *response.notes), inputs)
+
+
+def failure_summary(
+    failure: FailedRun,
+    model: Model,
+    record: Record | None,
+    inputs: Sequence[Input],
+    wall_time: float,
+    *,
+    first: FirstMode | None = None,
+    settings: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
+    """Content of summary.json for a run without a result; `time_s` is the last time reached. See `run_summary`."""
+    content = {
+        "schema": schema("run"),
+        "status": failure.status,
+        "message": str(failure),
+        "time_s": failure.time,
+        "story": failure.story,
+        "residual": failure.residual,
+        "kinetic_J": failure.energy,
+        "largest_stable_dt_s": failure.largest_stable_dt,
+        "name": model.name,
+        "method": failure.method,
+        "dt_s": failure.dt,
+        "wall_time_s": wall_time,
+        "building": _building(model, first),
+        "collapse_drift": model.collapse_drift,
+    }
+    return _ended(content, record, settings, failure.notes, inputs)
+
+
+def _ended(
+    content: dict[str, Any],
+    record: Record | None,
+    settings: Mapping[str, Any] | None,
+    notes: Sequence[str],
+    inputs: Sequence[Input],
+) -> dict[str, Any]:
+    """The content with what every summary of a run ends with."""
+    content |= {
+        "record": motion_summary(record) if record else None,
+        "settings": dict(settings or {}),
+        "notes": list(notes),
+        "inputs": inputs_summary(inputs),
+        "versions": versions(),
+    }
+    return content | {"meanings": meanings(content)}
+
+
+def meanings(content: Mapping[str, Any]) -> dict[str, dict[str, str]]:
+    """Unit and meaning of every key of a summary under which there is a number."""
+    found = dict.fromkeys(_numbers({key: part for key, part in content.items() if key != "settings"}))
+    return {key: {"meaning": MEANINGS[key][1], "unit": MEANINGS[key][0]} for key in found}
+
+
+def _numbers(content: Mapping[str, Any]) -> Iterator[str]:
+    """Keys of numbers, and of lists of them, however deep."""
+    for key, value in content.items():
+        if isinstance(value, Mapping):
+            yield from _numbers(value)
+        elif _is_number(value) or (isinstance(value, list) and any(map(_is_number, value))):
+            yield key
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def peaks(stories: StoryPeaks) -> dict[str, float | int | None]:
+    """The largest demands, SI units, and the story or floor (from 1) that has them; None where unknown."""
+    result: dict[str, float | int | None] = {}
+    for one in DEMANDS:
+        largest = only(one.of(stories))
+        result[one.column] = None if math.isnan(largest.value) else largest.value
+        if one.story is None:
+            result[one.of_place] = largest.place
+    return result
+
+
+def peak_errors(stories: StoryPeaks, errors: StoryErrors) -> dict[str, float | None]:
+    """Estimated errors of the numbers in `peaks`; None where there is none."""
+    found = {f"{one.column}_error": one.error(stories, errors) for one in DEMANDS}
+    return {key: None if math.isnan(error) else error for key, error in found.items()}
+
+
+def _building(model: Model, first: FirstMode | None) -> dict[str, Any]:
+    content: dict[str, Any] = {
+        "stories": len(model.stories),
+        "p_delta": model.p_delta,
+        "damping": _damping(model.damping),
+    }
+    if first is not None:
+        content |= {"t1_s": first.period, "t1_damping": first.damping}
+        if first.sa is not None:
+            content |= {"sa_t1_m_s2": first.sa, "sa_t1_damping": first.sa_damping}
+    return content
+
+
+def _damping(damping: Damping) -> dict[str, Any] | None:
+    if damping is None:
+        return None
+    if isinstance(damping, RayleighCoefficients):
+        return {"type": "rayleigh", "mass_1_s": damping.mass, "stiffness_s": damping.stiffness}
+    if isinstance(damping, ModalDamping):
+        return {"type": "modal", "ratios": list(damping.ratios)}
+    return {"type": "rayleigh", "ratios": list(damping.ratios), "modes": list(damping.modes)}
+
+
+def _at_end(response: Response) -> dict[str, Any]:
+    story = int(response.moving_drift.argmax())
+    return {
+        "moving_drift_m": float(response.moving_drift[story]),
+        "moving_drift_story": story + 1,
+        "rest_s": response.rest_time,
+    }
+
+
+def _energy(energy: Energy) -> dict[str, float]:
+    terms = {f"{name}_J": getattr(energy, name) for name in ENERGY_TERMS}
+    return {"start_J": energy.start, **terms, "error": energy.error}
+
+
+def _check(check: ErrorEstimate | None, stories: StoryPeaks) -> dict[str, Any] | None:
+    if check is None:
+        return None
+    choice = check.choice
+    return {
+        "dts_s": list(check.dts),
+        "drift_error": check.drift_error,
+        "drift_error_story": check.drift_story,
+        "tolerance": choice.tolerance if choice else None,
+        "runs_for_the_step": choice.runs if choice else None,
+        "samples_in_the_step": choice.samples if choice else None,
+        "solves_at_record_step": choice.solves_at_record if choice else None,
+        "errors": peak_errors(stories, check.errors),
+    }
+
+
+def _collapse(collapse: Collapse | None) -> dict[str, Any] | None:
+    if collapse is None:
+        return None
+    return {"time_s": collapse.time, "story": collapse.story, "run_ended": collapse.ended, "failed": collapse.failed}
