@@ -151,14 +151,15 @@ def command(record: str | None, records: tuple[str, ...], **given: Any) -> None:
 
 
 def _run_many(request: Request, records: tuple[str, ...]) -> None:
+    from tdint.campaign.definition import AnalysisWishes
     from tdint_cli.commands.buildings.many_runs import run_many
 
     request.refuse_of_one()
     if "-" in (request.model, *records):
         raise UsageError("several records or scales take files, not standard input")
+    wishes = AnalysisWishes(request.method, request.dt, request.duration, until_rest=request.until_rest)
     run_many(
-        request, records, method=request.method, dt=request.dt, until_rest=request.until_rest,
-        output=request.output, overwrite=request.overwrite,
+        request, records, wishes=wishes, output=request.output, overwrite=request.overwrite,
         jobs=request.jobs, units=request.output_units,
     )  # fmt: skip
 

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.prepared import PreparedBuilding, Rest
 from tdint.analysis.run.steps import Steps
-from tdint.kernels.march import many
 
 REST_PERIODS = 100.0
 """How long a run goes on with the ground at rest, in first periods of the building."""
@@ -34,12 +33,14 @@ def until_rest(case: Case, steps: Steps) -> tuple[Steps, bool]:
     """
     ground: NDArray[np.float64] = np.zeros(1) if case.ground is None else case.ground
     marched = case.prepared.march_many(
-        case.integrator, steps.h, ground,
+        case.integrator,
+        steps.h,
+        ground,
         np.array([[0.0, ground.size, 1.0, steps.count, steps.per_sample, steps.stride]]),
-        collapse_drift=case.model.collapse_drift, rest=windows(case.prepared, steps.h),
-    )  # fmt: skip
-    failed, at_rest = marched.ends[0, many.CODE] < 0, bool(marched.ends[0, many.AT_REST])
-    count = int(marched.ends[0, many.STEPS_TAKEN])
-    if failed:
+        collapse_drift=case.model.collapse_drift,
+        rest=windows(case.prepared, steps.h),
+    )
+    code, count, at_rest = marched.ends[0].tolist()
+    if code < 0:
         count += windows(case.prepared, steps.h).window
-    return replace(steps, count=max(count, steps.count)), at_rest and not failed
+    return replace(steps, count=max(int(count), steps.count)), bool(at_rest) and code >= 0
