@@ -201,7 +201,7 @@ def test_a_bracket_in_which_a_run_has_no_result_is_tried_elsewhere(ratio):
 
 @pytest.mark.parametrize(("drift", "part"), [(0.02, 0.4), (0.0105, 1.0 / 1.5), (0.5, 0.1)])
 def test_levels_go_down_to_the_lowest_threshold(drift, part):
-    """Where the drift would be four fifths of it if the building were linear; by a third at least, to a tenth at most."""
+    """To four fifths of the level at which a linear building has it; by a third at least, to a tenth at most."""
     runs = [IdaRun(2.0, 2.0, "done", drift), IdaRun(2.04, 2.04, "collapsed", 0.1)]
     assert Levels(1.0, lowest_drift=0.01).next(runs) == pytest.approx(2.0 * part, rel=1e-12)
 
