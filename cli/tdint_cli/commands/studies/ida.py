@@ -295,7 +295,10 @@ def _report(study: IdaStudy, precision: float) -> None:
         note(f"{finer} runs were repeated with a finer step, for they had no result with the first one")
     again = sum(curve.resurrection for curve in study.curves)
     if again:
-        note(f"the building stands again above its first collapse under {again} of {len(study.curves)} records")
+        note(
+            f"the building stands again at a level tried above its first collapse under {again} of {len(study.curves)} "
+            "records"
+        )
     lost = sum(not (run.stable or run.collapsed) for run in runs)
     if lost:
         warn(f"{lost} of {len(runs)} runs have no result, also with a finer step; they count neither way")
@@ -319,6 +322,8 @@ def _words(study: IdaStudy, runs: int) -> str:
     censored = sum(curve.collapse.censored for curve in study.curves)
     known = f"{study.im_name} = {middle:.4g} {unit}" if middle == middle else "above the largest intensity"
     text += f"Median capacity against collapse: {known}"
+    if middle == middle and count > 1:
+        text += " (the middle of the records; `tdint fragility` fits a geometric mean)"
     if count > 1 and low == low and high == high:
         text += f", 16 and 84 %: {low:.4g} and {high:.4g}"
     return text + (f"; {censored} of {count} censored." if censored else ".")

@@ -60,8 +60,15 @@ def capacity_table(study: IdaStudy) -> Table:
 
 
 def fragility_table(functions: Sequence[Fragility], *, total: bool = False) -> Table:
-    """A row for each function; with `total` a column of the standard deviation with that of the model."""
-    return Table.of_results((*columns.FRAGILITY, *(columns.FRAGILITY_TOTAL,) * total), functions)
+    """A row for each function; with `total` a column of the standard deviation with that of the model. Clouds bring the
+    columns of their line, runs without a result those that bound what they may change."""
+    wanted = (
+        *columns.FRAGILITY,
+        *(columns.CLOUD if any(one.cloud for one in functions) else ()),
+        *(columns.FAILED if any(one.failed for one in functions) else ()),
+        *(columns.FRAGILITY_TOTAL,) * total,
+    )
+    return Table.of_results(wanted, functions)
 
 
 def _with_unit(table: Table, unit: str) -> Table:

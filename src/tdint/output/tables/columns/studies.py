@@ -51,7 +51,11 @@ CAPACITIES = (
     Column("upper", "capacity.upper", "level next above at which the building was run; empty if censored"),
     Column("censored", "capacity.censored", "whether it was not exceeded up to the largest level", text=True),
     Column(
-        "resurrection", "curve.resurrection", "whether the building stood again above its first collapse", text=True
+        "resurrection",
+        "curve.resurrection",
+        "whether the building stood again at a level tried above its first collapse: 1.25 and 1.5 times it, and those "
+        "of the search",
+        text=True,
     ),
 )
 FRAGILITY = (
@@ -66,4 +70,29 @@ FRAGILITY = (
     Column("im", "im", "intensity measure, as far as the table tells it", text=True),
     Column("unit", "unit", "its unit, as far as the table tells it", text=True),
 )
+CLOUD = (
+    Column(
+        "b0", lambda one: one.cloud.intercept if one.cloud else np.nan, "of a cloud: intercept of ln EDP over ln IM"
+    ),
+    Column("b1", lambda one: one.cloud.slope if one.cloud else np.nan, "of a cloud: slope of ln EDP over ln IM"),
+    Column("sigma", lambda one: one.cloud.sigma if one.cloud else np.nan, "of a cloud: standard deviation of ln EDP"),
+)
+"""Beside a cloud: its line."""
+
+
+def _bound(place: int, name: str) -> Column:
+    word, meaning = (("exceed", "exceeding"), ("stand", "not exceeding"))[place]
+    return Column(
+        f"{name}_failed_{word}",
+        lambda one: getattr(one.bounds[place], name, np.nan),
+        f"{name} with all failed runs counted as {meaning}; empty where that tells none",
+    )
+
+
+FAILED = (
+    Column("failed", "failed", "runs without a result, which the fit leaves out"),
+    *(_bound(place, name) for place in (0, 1) for name in ("theta", "beta")),
+)
+"""Beside stripes of which runs have no result."""
+
 FRAGILITY_TOTAL = Column("beta_total", "beta_total", "beta with what is not known of the model (--beta-model)")
