@@ -177,7 +177,7 @@ def _ida(request: IdaRequest) -> None:
         )
     if folder is None:
         emit_table(capacity_table(study.in_units(units)))
-    _write(request, study, settings, units)
+    _write(request, study, settings, units, [str(error) for error in failures])
     _report(study.in_units(units), request.precision)
     if failures:
         raise Failures(failures)
@@ -242,7 +242,7 @@ def _largest(request: IdaRequest, measure: IntensityMeasure) -> float:
     return request.max_im.scale
 
 
-def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: OutputUnits) -> None:
+def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: OutputUnits, unused: list[str]) -> None:
     from tdint.files import write_files
     from tdint.output.summaries.summary import (
         in_units,
@@ -271,7 +271,9 @@ def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: O
         }
         records = [record_summary(curve.record) for curve in study.curves]
         meanings = {**tables[RUNS].meanings, **tables[CAPACITIES].meanings}
-        summary = json_bytes(in_units(table_summary("ida", said, records, meanings), units))
+        content = table_summary("ida", said, records, meanings)
+        content |= {"not_used": {"records": {"count": len(unused), "reasons": unused}}}
+        summary = json_bytes(in_units(content, units))
         files[Path(request.output) / SUMMARY] = lambda stream: stream.write(summary)
     if picture := request.picture:
         from tdint.output.figures.ida import ida_picture
@@ -322,8 +324,8 @@ def _words(study: IdaStudy, runs: int) -> str:
     censored = sum(curve.collapse.censored for curve in study.curves)
     known = f"{study.im_name} = {middle:.4g} {unit}" if middle == middle else "above the largest intensity"
     text += f"Median capacity against collapse: {known}"
-    if middle == middle and count > 1:
-        text += " (the middle of the records; `tdint fragility` fits a geometric mean)"
     if count > 1 and low == low and high == high:
-        text += f", 16 and 84 %: {low:.4g} and {high:.4g}"
+        text += (
+            f", 16 and 84 %: {low:.4g} and {high:.4g} (by rank; the median of `tdint fragility` is a geometric mean)"
+        )
     return text + (f"; {censored} of {count} censored." if censored else ".")
