@@ -7,6 +7,7 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tdint.campaign.engine.batch import Batch
@@ -264,6 +265,10 @@ def test_a_bad_record_is_named_and_the_others_are_done(folder, tdint):
     assert (low["censored"], collapse["censored"], collapse["capacity"]) == ("false", "true", "1.2")
     assert "none.mseed" in result.stderr
     assert "1 of 1 censored" in result.stderr
+    kept = tdint("ida", FRAME, "motion.mseed", "none.mseed", "--component", "HNE", *FEW, "-o", "kept")
+    assert kept.exit_code == 4
+    unused = json.loads((folder / "kept/ida.json").read_text())["not_used"]["records"]
+    assert unused["count"] == 1 and "none.mseed" in unused["reasons"][0]
 
 
 @pytest.mark.parametrize(

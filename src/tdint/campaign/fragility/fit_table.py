@@ -29,7 +29,7 @@ from tdint.campaign.ida.runs import COLLAPSED, DONE
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.files import is_folder
-from tdint.output_units import in_a_name
+from tdint.quantity import suffix
 from tdint.units import ACCELERATION
 
 Array = NDArray[np.float64]
@@ -206,10 +206,10 @@ def _intensity(table: CsvTable, request: FragilityRequest) -> tuple[str, str, st
         return "im", table.only("im_name"), table.only("unit")
     wanted = request.measure or "sa_t1"
     for unit in ACCELERATION:
-        column = f"{wanted}_{in_a_name(unit)}"
+        column = f"{wanted}{suffix(unit)}"
         if table.has(column):
             return column, _MEASURES[wanted], unit
-    return f"{wanted}_{in_a_name('m/s^2')}", _MEASURES[wanted], "m/s^2"
+    return f"{wanted}{suffix('m/s^2')}", _MEASURES[wanted], "m/s^2"
 
 
 def _of_stripes(runs: _Runs, threshold: float) -> Fragility:
