@@ -3,11 +3,11 @@
 
 Tables: runs (every method of `tdint methods` on four configurations and 20 random buildings, at dt to dt/8: how far off
 the peaks of five quantities are, the share of runs within the limit, the observed order), beyond (the runs that are not
-within it), oscillators (spectral accelerations of long periods by a method). All if none is named.
+within it). Both if none is named.
 
 A run of a quantity is within the limit if no story's peak errs by more than 1.1 times the larger of the error of the
 largest value at the steps and the method's own error in time, the largest of the history over the peak, plus 1e-4. The
-truth is impulse4 at dt/64, confirmed by gauss4; DOP853 confirms both in the smooth building of two stories.
+truth is impulse4 at dt/64, confirmed by gauss4.
 """
 
 from __future__ import annotations
