@@ -145,8 +145,7 @@ def _runs(store: Store, units: OutputUnits) -> Writer:
 
 def _write(folder: Path, store: Store, writers: dict[str, Writer], units: OutputUnits) -> None:
     from tdint.files import write_files
-    from tdint.output.summaries.campaign import campaign_summary
-    from tdint.output.summaries.summary import in_units, json_bytes
+    from tdint.output.summaries.summary import campaign_summary, in_units, json_bytes
     from tdint.output.tables.campaign import write_stories
 
     if store.meta("setting stories") == "true":

@@ -9,7 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tdint.analysis.comparison.compare import compare
+from building_cases import LINEAR, Force, Law, model, story
+from tdint.analysis.comparison.compare import case_under, compare
 from tdint.analysis.comparison.event import Event
 from tdint.analysis.comparison.fit import fit
 from tdint.analysis.run.run import prepare, run_case
@@ -80,6 +81,16 @@ def test_a_result_agrees_with_itself(made, band):
         assert floor.rms_difference < 1e-9
         assert floor.peak_ratio == pytest.approx(1.0, abs=1e-9)
         assert floor.correlation == pytest.approx(1.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("law", [LINEAR, Law("bilinear", (5.0, 0.1))])
+@pytest.mark.parametrize("forces", [[], [Force(1, 1.0, 0.0, 5.0)]])
+def test_exact_is_taken_for_what_it_has_no_error_in(made, law, forces):
+    """A linear building that only its base moves; harmonic forces it would see at the steps alone."""
+    made.usual()
+    case = model([story(1.0, 900.0, law), story(1.0, 700.0), story(0.8, 500.0)], forces=forces)
+    taken = case_under(case, made.event()).integrator.family.linear_only
+    assert taken == (law is LINEAR and not forces)
 
 
 def test_noise_lowers_the_correlation_by_what_it_adds(made):

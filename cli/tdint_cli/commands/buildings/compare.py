@@ -176,7 +176,7 @@ def _run(request: Request) -> None:
     from tdint.analysis.comparison.fit import fit
     from tdint.model.config.model_file import load_model
     from tdint.model.recorded import load_recording
-    from tdint.output.tables.comparison import comparison_table
+    from tdint.output.tables.buildings import comparison_table
 
     _check(request)
     model = load_model(request.model)
@@ -211,9 +211,9 @@ def _write(
     request: Request, model: Model, comparisons: Sequence[Comparison], fitted: Fit | None, units: OutputUnits
 ) -> None:
     from tdint.files import write_files
-    from tdint.output.summaries.comparison import comparison_summary
+    from tdint.output.summaries.of_comparison import comparison_summary
     from tdint.output.summaries.summary import in_units, json_bytes
-    from tdint.output.tables.comparison import comparison_spectra_table, comparison_table, fitted_table
+    from tdint.output.tables.buildings import comparison_spectra_table, comparison_table, fitted_table
 
     periods = _periods(request, comparisons[0].event)
     files: dict[Path, Writer] = {}
@@ -265,7 +265,7 @@ def _settings(request: Request) -> dict[str, Any]:
 
 def _remark(comparisons: Sequence[Comparison], fitted: Fit | None, units: OutputUnits) -> None:
     """What was done, in a few sentences; then warnings and notes."""
-    from tdint.output.tables.comparison import fitted_in
+    from tdint.output.tables.buildings import fitted_in
 
     acceleration, g = units.unit("m/s^2")
     for one in comparisons:

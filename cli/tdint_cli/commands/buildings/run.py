@@ -15,9 +15,9 @@ from tdint.files import is_folder
 from tdint_cli import options
 from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.options.building import BuildingRequest, check_motion, with_motion
-from tdint_cli.options.floors import MOTIONS, SPECTRA, FloorRequest
 from tdint_cli.options.output import check_picture
 from tdint_cli.options.plot import BESIDE, picture_file
+from tdint_cli.options.spectra import MOTIONS, SPECTRA, FloorRequest
 from tdint_cli.options.values import FileName, Ratio
 from tdint_cli.terminal.drawing import emit_table
 from tdint_cli.terminal.streams import complain, note, say, warn
@@ -74,9 +74,9 @@ class Request(BuildingRequest):
 @options.building.model
 @click.argument("records", metavar="[RECORD]...", nargs=-1, type=FileName())
 @options.record.of_record
-@options.floors.floor_spectra
-@options.floors.damping
-@options.floors.periods
+@options.spectra.floor_spectra
+@options.spectra.floor_damping
+@options.spectra.floor_periods
 @options.analysis.method
 @options.analysis.dt
 @options.analysis.duration
@@ -97,7 +97,7 @@ class Request(BuildingRequest):
     metavar="COUNT",
     help="Every so many steps of --history, from the first one; every step by default.",
 )
-@options.floors.export_floors
+@options.spectra.export_floors
 @options.output.plot(
     f"Also draw roof displacement, energies, drifts, one hysteresis: to this file (.png, .pdf, .svg), or alone as "
     f"{PICTURE} into the folder of -o."
@@ -270,7 +270,7 @@ def _stories(request: Request, response: Response) -> Table:
 def _files(request: Request, response: Response, case: Case, inputs: list[Input], began: float) -> dict[Path, Writer]:
     """The files of a run and what writes them."""
     from tdint.analysis.spectra.first_mode import first_mode
-    from tdint.output.summaries.run import run_summary
+    from tdint.output.summaries.of_run import UNITS, run_summary
     from tdint.output.summaries.summary import in_units, json_bytes
     from tdint.output.tables.buildings import write_history
 
@@ -295,7 +295,7 @@ def _files(request: Request, response: Response, case: Case, inputs: list[Input]
         wall_time = time.perf_counter() - began
         first = first_mode(case.building, case.record)
         content = run_summary(response, inputs, wall_time, first=first, settings=_settings(request))
-        summary = json_bytes(in_units(content, units))
+        summary = json_bytes(in_units(content, units, UNITS))
         files[Path(request.output) / SUMMARY] = lambda stream: stream.write(summary)
     return files
 
@@ -304,14 +304,14 @@ def _failed_files(
     request: Request, failure: FailedRun, case: Case, inputs: list[Input], began: float
 ) -> dict[Path, Writer]:
     from tdint.analysis.spectra.first_mode import first_mode
-    from tdint.output.summaries.run import failure_summary
+    from tdint.output.summaries.of_run import UNITS, failure_summary
     from tdint.output.summaries.summary import in_units, json_bytes
 
     wall_time = time.perf_counter() - began
     first = first_mode(case.building, case.record)
     settings = _settings(request)
     content = failure_summary(failure, case.model, case.record, inputs, wall_time, first=first, settings=settings)
-    summary = json_bytes(in_units(content, _units(request)))
+    summary = json_bytes(in_units(content, _units(request), UNITS))
     return {file: lambda stream: stream.write(summary) for file in _in_folder(request, (SUMMARY,))}
 
 

@@ -33,6 +33,7 @@ Array = NDArray[np.float64]
 FITTED = ("stiffness", "damping")
 
 _STIFFNESS = "stiffness_N_m"
+_UNITS = {_STIFFNESS: "N/m"}
 
 _FACTOR = 10.0  # by which a stiffness may change, either way
 _RATIOS = (1e-4, 0.5)
@@ -69,6 +70,11 @@ class FittedValue:
     start: float
     value: float
     standard_error: float
+
+    @property
+    def unit(self) -> str:
+        """Of the value, in SI, as far as it has one that other units stand for; else 1."""
+        return _UNITS.get(self.name, "1")
 
 
 @dataclass(frozen=True)

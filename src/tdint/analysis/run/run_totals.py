@@ -9,7 +9,15 @@ from operator import add, sub
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.run.outcome import ENERGY_TERMS, Energy, EnergyHistory, History, StoryErrors, StoryPeaks
+from tdint.analysis.run.outcome import (
+    ENERGY_TERMS,
+    Energy,
+    EnergyHistory,
+    History,
+    StoryErrors,
+    StoryPeaks,
+    story_values,
+)
 from tdint.analysis.run.workspace import Workspace
 from tdint.kernels import layout
 from tdint.kernels import layout as at
@@ -25,34 +33,13 @@ def story_peaks(building: Building, space: Workspace) -> StoryPeaks:
 
 def peaks_of(building: Building, peaks: Array, residual_drift: Array) -> StoryPeaks:
     """The peaks of all stories from the rows of `Workspace.peaks` and the drifts at the end."""
-    drift = peaks[layout.PEAK_DRIFT]
-    return StoryPeaks(
-        height=building.heights,
-        peak_drift=drift,
-        peak_drift_ratio=drift / building.heights,
-        residual_drift=residual_drift,
-        peak_shear=peaks[layout.PEAK_SHEAR],
-        ductility=drift / building.yield_drift,
-        peak_displacement=peaks[layout.PEAK_DISPLACEMENT],
-        peak_velocity=peaks[layout.PEAK_VELOCITY],
-        peak_acceleration=peaks[layout.PEAK_ACCELERATION],
-    )
+    return StoryPeaks(height=building.heights, **story_values(building, peaks, residual_drift))
 
 
 def unresolved(building: Building, space: Workspace) -> StoryErrors:
     """How much larger the peaks may be between steps that do not resolve the motion."""
     excess = np.maximum(space.peaks[layout.PEAK_ROWS :] - space.peaks[: layout.PEAK_ROWS], 0.0)
-    drift = excess[layout.PEAK_DRIFT]
-    return StoryErrors(
-        peak_drift=drift,
-        peak_drift_ratio=drift / building.heights,
-        residual_drift=np.zeros_like(drift),
-        peak_shear=excess[layout.PEAK_SHEAR],
-        ductility=drift / building.yield_drift,
-        peak_displacement=excess[layout.PEAK_DISPLACEMENT],
-        peak_velocity=excess[layout.PEAK_VELOCITY],
-        peak_acceleration=excess[layout.PEAK_ACCELERATION],
-    )
+    return StoryErrors(**story_values(building, excess, np.zeros(building.stories)))
 
 
 def energy(space: Workspace) -> Energy:

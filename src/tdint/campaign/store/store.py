@@ -93,7 +93,7 @@ class Store:
         """
         with in_words(self.name), transaction(self.connection):
             self.connection.executemany(INSERT_RUN, done.rows.runs)
-            self.connection.executemany(INSERT_STORY, done.rows.stories)
+            self.connection.executemany(INSERT_STORY, ((*row[:-1], *row.values) for row in done.rows.stories))
             values = (done.number, "done", len(done.rows.runs), done.seconds)
             self.connection.execute("INSERT INTO chunks VALUES(?, ?, ?, ?)", values)
 

@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 from tdint.files import Writer
 from tdint.ground_motion.measures import cumulative_energy, integrate, time_of_energy
 from tdint.output.figures.style import COLORS, LIGHT, MARK, changed, picture, record_name
-from tdint.output.tables.records import RecordInfo
+from tdint.output.tables.spectra import RecordInfo
 from tdint.output_units import SI, OutputUnits
 
 MOST_RECORDS = 3

@@ -23,7 +23,7 @@ from tdint.output.figures.style import (
     plain_numbers,
     write_labels,
 )
-from tdint.output.tables.chart import PEER
+from tdint.output.tables.methods import PEER
 
 if TYPE_CHECKING:
     from tdint.analysis.chart.work_precision import Chart, Point

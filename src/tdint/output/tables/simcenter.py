@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 from tdint.campaign.store.schema import STORY_COLUMNS
 from tdint.errors import UsageError
 from tdint.output.tables.campaign import write_rows
-from tdint.output.tables.table import cell_text
+from tdint.output.tables.table import Column, cell_text
 
 if TYPE_CHECKING:
     from tdint.campaign.store.store import Store
@@ -30,7 +30,8 @@ def write_simcenter(store: Store, stream: BinaryIO) -> None:
     stories, directions = _sizes(store)
     names = [name for direction in range(1, directions + 1) for name in demand_names(stories, direction)]
     rows = ([*head, *cells] for head, cells in _rows(store, stories, directions))
-    write_rows(["building", "record", "scale", "sample", *names], rows, stream)
+    header = ("building", "record", "scale", "sample", *names)
+    write_rows([Column(name, "1", name, name) for name in header], rows, stream)
 
 
 def demand_names(stories: int, direction: int) -> list[str]:

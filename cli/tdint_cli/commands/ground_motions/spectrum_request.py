@@ -1,11 +1,13 @@
-"""The command lines of `spectrum` and `drift-spectrum`."""
+"""The command lines of `spectrum` and `drift-spectrum`, and what a kind of table over the period must do with them."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
+from tdint.analysis.spectra.defaults import PERIODS
 from tdint.errors import UsageError
 from tdint.written_numbers import Grid, parse_grid
 from tdint_cli.options.plot import BESIDE
@@ -17,9 +19,61 @@ if TYPE_CHECKING:
 
     from tdint.analysis.spectra.elastic import SpectrumSettings
     from tdint.analysis.spectra.published import PublishedSpectrum
+    from tdint.files import Writer
+    from tdint.ground_motion.record import Record
+    from tdint.output.tables.table import Table
     from tdint.output_units import OutputUnits
 
 _NOT_SETTINGS = ("records", "output", "plot", "axes", "jobs", "overwrite", "period", "output_units")
+
+
+@dataclass(frozen=True)
+class Results:
+    """What a command makes of one record.
+
+    Attributes
+    ----------
+    lines : sequence
+        Its results, one per line of a picture.
+    records : sequence of Record
+        The components that they are of.
+    notes : sequence of str
+        What there is to say beside the notes of the components.
+    """
+
+    lines: Sequence[Any]
+    records: Sequence[Record]
+    notes: Sequence[str] = ()
+
+
+class Kind:
+    """A kind of table over the period, of a command's name and the periods that it has where none are asked for."""
+
+    command = "spectrum"
+    default_periods = PERIODS
+
+    def check(self, request: Any) -> None:
+        """Refuse, before any work, a request that makes no sense (UsageError)."""
+
+    def gather(self, request: Any, files: Sequence[str]) -> list[tuple[str, ...]]:
+        """From the request and all files the files of each record; here each is a record by itself."""
+        return [(file,) for file in files]
+
+    def compute(self, request: Any, records: Sequence[Record]) -> Results:
+        """The results of the components of one record."""
+        raise NotImplementedError
+
+    def table(self, request: Any, lines: Sequence[Any]) -> Table:
+        """The table of results."""
+        raise NotImplementedError
+
+    def picture(self, request: Any, lines: Sequence[Any], suffix: str) -> Writer:
+        """What draws results, as a file with this suffix."""
+        raise NotImplementedError
+
+    def remark(self, request: Any, interval: float) -> str:
+        """What is to be said at the end for the longest sampling interval of all records (s); empty for nothing."""
+        return ""
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from tdint.output.summaries.summary import input_of, inputs_summary, model_input, schema, versions
-from tdint.output.tables.comparison import comparison_table, fitted_table
+from tdint.output.tables.buildings import comparison_table, fitted_table
 from tdint.output_units import SI, OutputUnits
 
 if TYPE_CHECKING:

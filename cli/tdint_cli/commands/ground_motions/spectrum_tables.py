@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 from tdint.errors import TdintError
 from tdint_cli.batch.processes import Task, outcomes
 from tdint_cli.batch.sources import notes_of_components, records_of, refuse_inputs, tables_of
-from tdint_cli.commands.ground_motions.spectra.kind import Kind
-from tdint_cli.commands.ground_motions.spectra.request import TablesRequest
+from tdint_cli.commands.ground_motions.spectrum_request import Kind, TablesRequest
 from tdint_cli.errors import Failures
 from tdint_cli.options.output import Outputs, check_picture
 from tdint_cli.options.plot import SUFFIX, beside, picture_file
