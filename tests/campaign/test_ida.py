@@ -189,6 +189,16 @@ def test_levels_go_around_runs_without_a_result():
     assert len(runs) < 60
 
 
+@pytest.mark.parametrize("ratio", [1.06, 1.4, 30.0])
+def test_a_bracket_in_which_a_run_has_no_result_is_tried_elsewhere(ratio):
+    """At a quarter of its logarithm, then at three: however narrow or wide the bracket is."""
+    runs = [IdaRun(2.0, 2.0, "done", 0.02), IdaRun(2.0 * ratio, 2.0 * ratio, "collapsed", 0.1)]
+    for place in (0.5, 0.25, 0.75):
+        level = Levels(1.0).next(runs)
+        assert level == pytest.approx(2.0 * ratio**place, rel=1e-12)
+        runs.append(IdaRun(level, level, "not-converged", math.nan))
+
+
 def test_levels_go_down_from_a_start_that_is_too_high():
     runs = drive(Levels(8.0), lambda im: ("collapsed", 0.1) if im > 1.0 else ("done", 0.05 * im))
     stable = [run.im for run in below_collapse(runs)]

@@ -71,6 +71,7 @@ def test_buildings_are_those_of_their_model_files(study: Path) -> None:
     for number, one in enumerate(derive_all(rows, "mdof-lu")):
         (study / "model.yaml").write_text(model_text(one.row.id, one.building, "mdof-lu"))
         model = tdint.load_model(study / "model.yaml")
+        assert whole.buildings.source(number).subject().model.collapse_drift == model.collapse_drift
         row = next(row for row in done if row.building == number and row.scale == 2.0)
         motion = whole.motions[row.motion]
         name, _, factor = motion.name.partition(" x ")

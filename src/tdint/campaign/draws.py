@@ -45,7 +45,7 @@ class SuiteMotion:
     name: str
     component: str
     whole: GroundMotion
-    direction: int = 1
+    direction: int
 
 
 def suite_motions(whole: Sequence[GroundMotion]) -> tuple[SuiteMotion, ...]:

@@ -110,11 +110,7 @@ class IdaRequest(RecordsRequest):
 @options.analysis.method
 @options.analysis.dt
 @options.analysis.duration
-@options.analysis.option(
-    "--until-rest",
-    is_flag=True,
-    help="Let each run go on with the ground at rest until the building is: residual drifts are at rest then.",
-)
+@options.analysis.until_rest
 @options.output.output(
     "DIR",
     f"Write {RUNS}, {CAPACITIES} and {SUMMARY} into this folder, and go on there with what an interrupted call of the "

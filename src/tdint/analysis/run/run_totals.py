@@ -21,6 +21,7 @@ from tdint.analysis.run.outcome import (
 from tdint.analysis.run.workspace import Workspace
 from tdint.kernels import layout
 from tdint.kernels import layout as at
+from tdint.kernels.march.observing import ACCELERATION_ROW
 from tdint.model.building import Building
 
 Array = NDArray[np.float64]
@@ -36,10 +37,29 @@ def peaks_of(building: Building, peaks: Array, residual_drift: Array) -> StoryPe
     return StoryPeaks(height=building.heights, **story_values(building, peaks, residual_drift))
 
 
-def unresolved(building: Building, space: Workspace) -> StoryErrors:
-    """How much larger the peaks may be between steps that do not resolve the motion."""
+def moving_drift(building: Building, space: Workspace, period: float) -> Array:
+    """Amplitudes with which the drifts move about their rest at the end of a march, about, m; shape (n,).
+
+    At rest no story has a force. One is as far from that as the force it has takes by its initial stiffness, and moves
+    with the first period (s).
+    """
+    drift, force = space.springs[at.DRIFT, :-1], space.springs[at.FORCE, :-1]
+    away = (force + building.chain[at.GEOMETRIC, :-1] * drift) / building.initial_stiffness
+    return np.asarray(np.hypot(away, _of_drifts(building, space.state[at.VELOCITY]) * period / (2.0 * np.pi)))
+
+
+def _of_drifts(building: Building, floors: Array) -> Array:
+    """Rates of the drifts from those of the floors, a row of a table."""
+    return np.asarray(floors[:-1] - building.chain[at.LINK, :-1] * np.roll(floors, 1)[:-1])
+
+
+def unresolved(building: Building, space: Workspace, late: float) -> StoryErrors:
+    """How much larger the peaks may be between steps that do not resolve the motion; and by how much, about, the drifts
+    have changed since the time that was asked for, which was `late` (s) before the end."""
     excess = np.maximum(space.peaks[layout.PEAK_ROWS :] - space.peaks[: layout.PEAK_ROWS], 0.0)
-    return StoryErrors(**story_values(building, excess, np.zeros(building.stories)))
+    rate, bend = (_of_drifts(building, row) for row in (space.state[at.VELOCITY], space.watch[ACCELERATION_ROW]))
+    changed = late * np.abs(rate) + 0.5 * late**2 * np.abs(bend)
+    return StoryErrors(**story_values(building, excess, changed))
 
 
 def energy(space: Workspace) -> Energy:

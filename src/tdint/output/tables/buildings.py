@@ -143,6 +143,8 @@ FITTED = (
     Column("place", "1", "place", "its story or mode, from 1; empty where it holds for all"),
     Column("start", "1", "start", "value of the model file"),
     Column("fitted", "1", "value", "value with which the model comes closest to the recording"),
+    Column("lower_bound", "1", "low", "least value that the fit may take"),
+    Column("upper_bound", "1", "high", "largest value that the fit may take"),
     Column(
         "standard_error",
         "1",
@@ -240,8 +242,8 @@ def fitted_table(values: Sequence[FittedValue], units: OutputUnits = SI) -> Tabl
 def fitted_in(value: FittedValue, units: OutputUnits) -> FittedValue:
     """A fitted value in other units, with the name that goes with them."""
     name, factor = units.column(value.name, value.unit)
-    start, fitted, error = (number / factor for number in (value.start, value.value, value.standard_error))
-    return replace(value, name=name, start=start, value=fitted, standard_error=error)
+    numbers = {key: getattr(value, key) / factor for key in ("start", "value", "low", "high", "standard_error")}
+    return replace(value, name=name, **numbers)
 
 
 def _by_event(own: Sequence[Column], events: Sequence[tuple[Comparison, Sequence[object]]]) -> Table:
