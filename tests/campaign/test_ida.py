@@ -199,6 +199,13 @@ def test_a_bracket_in_which_a_run_has_no_result_is_tried_elsewhere(ratio):
         runs.append(IdaRun(level, level, "not-converged", math.nan))
 
 
+@pytest.mark.parametrize(("drift", "part"), [(0.02, 0.4), (0.0105, 1.0 / 1.5), (0.5, 0.1)])
+def test_levels_go_down_to_the_lowest_threshold(drift, part):
+    """To four fifths of the level at which a linear building has it; by a third at least, to a tenth at most."""
+    runs = [IdaRun(2.0, 2.0, "done", drift), IdaRun(2.04, 2.04, "collapsed", 0.1)]
+    assert Levels(1.0, lowest_drift=0.01).next(runs) == pytest.approx(2.0 * part, rel=1e-12)
+
+
 def test_levels_go_down_from_a_start_that_is_too_high():
     runs = drive(Levels(8.0), lambda im: ("collapsed", 0.1) if im > 1.0 else ("done", 0.05 * im))
     stable = [run.im for run in below_collapse(runs)]
