@@ -189,6 +189,23 @@ def test_levels_go_around_runs_without_a_result():
     assert len(runs) < 60
 
 
+@pytest.mark.parametrize("ratio", [1.06, 1.4, 30.0])
+def test_a_bracket_in_which_a_run_has_no_result_is_tried_elsewhere(ratio):
+    """At a quarter of its logarithm, then at three: however narrow or wide the bracket is."""
+    runs = [IdaRun(2.0, 2.0, "done", 0.02), IdaRun(2.0 * ratio, 2.0 * ratio, "collapsed", 0.1)]
+    for place in (0.5, 0.25, 0.75):
+        level = Levels(1.0).next(runs)
+        assert level == pytest.approx(2.0 * ratio**place, rel=1e-12)
+        runs.append(IdaRun(level, level, "not-converged", math.nan))
+
+
+@pytest.mark.parametrize(("drift", "part"), [(0.02, 0.4), (0.0105, 1.0 / 1.5), (0.5, 0.1)])
+def test_levels_go_down_to_the_lowest_threshold(drift, part):
+    """To four fifths of the level at which a linear building has it; by a third at least, to a tenth at most."""
+    runs = [IdaRun(2.0, 2.0, "done", drift), IdaRun(2.04, 2.04, "collapsed", 0.1)]
+    assert Levels(1.0, lowest_drift=0.01).next(runs) == pytest.approx(2.0 * part, rel=1e-12)
+
+
 def test_levels_go_down_from_a_start_that_is_too_high():
     runs = drive(Levels(8.0), lambda im: ("collapsed", 0.1) if im > 1.0 else ("done", 0.05 * im))
     stable = [run.im for run in below_collapse(runs)]

@@ -41,6 +41,7 @@ class Request(BuildingRequest):
 
     method: str | None
     dt: float | None
+    until_rest: bool
     output: str | None
     output_units: OutputUnits | None
     history: str | None
@@ -80,6 +81,7 @@ class Request(BuildingRequest):
 @options.analysis.method
 @options.analysis.dt
 @options.analysis.duration
+@options.analysis.until_rest
 @options.output.output("DIR", f"Write {STORIES} and {SUMMARY} into this folder, which is made if it is missing.")
 @options.output.option(
     "--history",
@@ -149,13 +151,15 @@ def command(record: str | None, records: tuple[str, ...], **given: Any) -> None:
 
 
 def _run_many(request: Request, records: tuple[str, ...]) -> None:
+    from tdint.campaign.definition import AnalysisWishes
     from tdint_cli.commands.buildings.many_runs import run_many
 
     request.refuse_of_one()
     if "-" in (request.model, *records):
         raise UsageError("several records or scales take files, not standard input")
+    wishes = AnalysisWishes(request.method, request.dt, request.duration, until_rest=request.until_rest)
     run_many(
-        request, records, method=request.method, dt=request.dt, output=request.output, overwrite=request.overwrite,
+        request, records, wishes=wishes, output=request.output, overwrite=request.overwrite,
         jobs=request.jobs, units=request.output_units,
     )  # fmt: skip
 
@@ -181,6 +185,7 @@ def _run(request: Request) -> None:
             history=bool(request.history or request.plot or request.of_floors),
             check=request.check,
             tolerance=request.tolerance,
+            until_rest=request.until_rest,
         )
     except FailedRun as failure:
         _remark(record, failure.notes)
@@ -321,6 +326,7 @@ def _settings(request: Request) -> dict[str, Any]:
         "method": request.method,
         "dt_s": request.dt,
         "duration_s": request.duration,
+        "until_rest": request.until_rest,
         "check": request.check,
         "tolerance": request.tolerance,
         "allow_unstable": request.allow_unstable,
@@ -361,6 +367,8 @@ def _paragraph(response: Response, units: OutputUnits) -> str:
         f"Largest {worst}, roof displacement {units.text(found.roof_displacement.value, 'm')}, "
         f"base shear {units.text(found.base_shear.value, 'N')}{viscous}.",
     ]
+    if response.rest_time is not None:
+        lines.append(f"The building is at rest at {response.rest_time:.6g} s.")
     if (check := response.check) and check.drift_error is not None:
         runs = " and ".join(f"{dt:.6g}" for dt in check.dts)
         if check.choice is not None:

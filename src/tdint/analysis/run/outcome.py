@@ -330,9 +330,14 @@ class Response(Tabular):
         When and where, if the status is `collapsed` or `failed-story`.
     unresolved : StoryErrors
         How much larger peaks may be between steps that do not resolve the motion, in their units; 0 where the step
-        does.
+        does. Of residual drifts: by how much they have changed since the time that was asked for, after which a long
+        step ends.
+    moving_drift : ndarray, shape (n,)
+        Amplitudes with which the drifts still move about their rest at the end, about, m; without forces on floors.
     check : ErrorEstimate or None
         Estimated errors, if they were asked for.
+    rest_time : float or None
+        Time by which the building was at rest, s, if the run was to go on until then and came to that.
     notes : tuple of str
         What a person should know of the run.
     warnings : tuple of str
@@ -354,8 +359,10 @@ class Response(Tabular):
     history: History | None
     notes: tuple[str, ...]
     unresolved: StoryErrors
+    moving_drift: Array
     collapse: Collapse | None = None
     check: ErrorEstimate | None = None
+    rest_time: float | None = None
     warnings: tuple[str, ...] = ()
 
     def _headline(self) -> str:

@@ -36,11 +36,30 @@ def peaks_of(building: Building, peaks: Array, residual_drift: Array) -> StoryPe
     return StoryPeaks(height=building.heights, **story_values(building, peaks, residual_drift))
 
 
-def unresolved(building: Building, space: Workspace) -> StoryErrors:
-    """How much larger the peaks may be between steps that do not resolve the motion."""
+def moving_drift(building: Building, space: Workspace, period: float) -> Array:
+    """Amplitudes with which the drifts move about their rest at the end of a march, about, m; shape (n,).
+
+    At rest no story has a force. One is as far from that as the force it has takes by its initial stiffness, and moves
+    with the first period (s).
+    """
+    drift, force = space.springs[at.DRIFT, :-1], space.springs[at.FORCE, :-1]
+    away = (force + building.chain[at.GEOMETRIC, :-1] * drift) / building.initial_stiffness
+    return np.asarray(np.hypot(away, _of_drifts(building, space.state[at.VELOCITY]) * period / (2.0 * np.pi)))
+
+
+def _of_drifts(building: Building, floors: Array) -> Array:
+    """Rates of the drifts from those of the floors, a row of a table."""
+    return np.asarray(floors[:-1] - building.chain[at.LINK, :-1] * np.roll(floors, 1)[:-1])
+
+
+def unresolved(building: Building, space: Workspace, late: float) -> StoryErrors:
+    """How much larger the peaks may be between steps that do not resolve the motion; and by how much, about, the drifts
+    have changed since the time that was asked for, which was `late` (s) before the end."""
     peaks, rest = space.peaks[: at.PEAK_ROWS], np.zeros(building.stories)
+    rate, bend = (_of_drifts(building, row) for row in (space.state[at.VELOCITY], space.watch[at.ACCELERATION_NOW]))
+    changed = late * np.abs(rate) + 0.5 * late**2 * np.abs(bend)
     told = story_values(building, peaks, rest)
-    doubt = story_values(building, np.maximum(space.peaks[at.PEAK_ROWS :], peaks), rest)
+    doubt = story_values(building, np.maximum(space.peaks[at.PEAK_ROWS :], peaks), changed)
     return StoryErrors(**{name: doubt[name] - values for name, values in told.items()})
 
 

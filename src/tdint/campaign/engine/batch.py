@@ -18,9 +18,10 @@ from tdint.analysis.run import run_totals
 from tdint.analysis.run.case import RUNAWAY, Case
 from tdint.analysis.run.outcome import Collapse, FailedRun, Response, StoryPeaks
 from tdint.analysis.run.prepared import MarchedRuns, Rest
+from tdint.analysis.run.rest import windows
 from tdint.analysis.run.steps import Steps, finer
 from tdint.campaign.engine.rows import RunRow, StoryRow, demand_cells, run_key, story_rows
-from tdint.campaign.engine.task import AT_REST, REPEATS, REST_PERIODS, Motions, Run, RunSettings, Subject
+from tdint.campaign.engine.task import REPEATS, Motions, Run, RunSettings, Subject
 from tdint.kernels import layout as at
 from tdint.kernels.march import many as lanes
 
@@ -189,10 +190,7 @@ class Batch:
         )  # fmt: skip
 
     def _rest(self, h: float) -> Rest:
-        if not self.settings.until_rest:
-            return Rest()
-        period = self.subject.period
-        return Rest(math.ceil(period / h), round(REST_PERIODS), AT_REST * 2.0 * math.pi / period)
+        return windows(self.subject.prepared, h) if self.settings.until_rest else Rest()
 
     def _take(
         self, jobs: list[_Job], marched: MarchedRuns, places: NDArray[np.intp], results: Rows,

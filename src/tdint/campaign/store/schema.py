@@ -56,5 +56,8 @@ TABLES = (
 )
 """What makes an empty store."""
 
+UNUSED = "CREATE TABLE IF NOT EXISTS unused(kind TEXT NOT NULL, reason TEXT NOT NULL, PRIMARY KEY(kind, reason))"
+"""Records and buildings that could not be used; stores of tdint before 0.9 come without it."""
+
 INSERT_RUN = f"INSERT INTO run_rows VALUES({', '.join('?' * len(RUN_COLUMNS))})"
 INSERT_STORY = f"INSERT INTO story_rows VALUES({', '.join('?' * len(STORY_COLUMNS))})"

@@ -47,6 +47,9 @@ MEANINGS = {
     "runs_for_the_step": ("1", "runs that were made to choose the step for the tolerance"),
     "samples_in_the_step": ("1", "sampling intervals of the record in the step that was chosen"),
     "solves_at_record_step": ("1", "solves of a run with the record's own step, where one was made to choose"),
+    "moving_drift_m": ("m", "amplitude with which a drift still moves about its rest at the end, about"),
+    "moving_drift_story": ("1", "its story"),
+    "rest_s": ("s", "time by which the building was at rest, where the run went on until then"),
     "collapse_drift": ("1", "drift ratio beyond which a run counts as collapsed"),
     "samples": ("1", "samples of the record"),
     "pga_m_s2": ("m/s^2", "peak ground acceleration"),
@@ -102,6 +105,7 @@ def run_summary(
         "energy": _energy(response.energy),
         "peaks": peaks(response.stories),
         "check": _check(response.check, response.stories),
+        "at_end": _at_end(response),
         "collapse_drift": response.model.collapse_drift,
         "collapse": _collapse(response.collapse),
     }
@@ -213,6 +217,15 @@ def _damping(damping: Damping) -> dict[str, Any] | None:
     if isinstance(damping, ModalDamping):
         return {"type": "modal", "ratios": list(damping.ratios)}
     return {"type": "rayleigh", "ratios": list(damping.ratios), "modes": list(damping.modes)}
+
+
+def _at_end(response: Response) -> dict[str, Any]:
+    story = int(response.moving_drift.argmax())
+    return {
+        "moving_drift_m": float(response.moving_drift[story]),
+        "moving_drift_story": story + 1,
+        "rest_s": response.rest_time,
+    }
 
 
 def _energy(energy: Energy) -> dict[str, float]:

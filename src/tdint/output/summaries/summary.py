@@ -82,7 +82,7 @@ def campaign_summary(store: Store) -> dict[str, Any]:
     """What a campaign is, how far it has come, and what the columns of runs.csv mean."""
     from tdint.output.tables.campaign import RUNS
 
-    statuses = store.statuses()
+    statuses, unused = store.statuses(), store.unused()
     records = store.connection.execute(
         "SELECT name, component, direction, dt_s, samples, pga_m_s2, pgv_m_s, sha256 FROM records ORDER BY id"
     )
@@ -96,6 +96,7 @@ def campaign_summary(store: Store) -> dict[str, Any]:
         "buildings": buildings,
         "records": [dict(zip(keys, row, strict=True)) for row in records],
         "runs": {"all": int(store.meta("runs")), "done": sum(statuses.values()), "by_status": statuses},
+        "not_used": {f"{kind}s": {"count": len(reasons), "reasons": reasons} for kind, reasons in unused.items()},
         "repeated_with_finer_steps": store.count("repeats > 0"),
         "not_at_rest_at_their_end": store.count("at_rest = 0"),
         "processor_time_s": store.seconds(),

@@ -143,6 +143,8 @@ FITTED = (
     Column("place", "1", "place", "its story or mode, from 1; empty where it holds for all"),
     Column("start", "1", "start", "value of the model file"),
     Column("fitted", "1", "value", "value with which the model comes closest to the recording"),
+    Column("lower_bound", "1", "low", "least value that the fit may take"),
+    Column("upper_bound", "1", "high", "largest value that the fit may take"),
     Column(
         "standard_error",
         "1",
@@ -199,12 +201,8 @@ def write_history(history: History, stream: BinaryIO, units: OutputUnits = SI) -
     stream.write((",".join(name for name, _ in header) + "\n").encode())
     factors = None if units == SI else np.array([factor for _, factor in header])
     line = ",".join(["%.12g"] * len(header)) + "\n"
-    start, floors, springs, energies = (
-        [column.of(history) for column in group]
-        for group in (
-            HISTORY_START, HISTORY_FLOOR, HISTORY_STORY, HISTORY_ENERGY,
-        )
-    )  # fmt: skip
+    declared = (HISTORY_START, HISTORY_FLOOR, HISTORY_STORY, HISTORY_ENERGY)
+    start, floors, springs, energies = ([column.of(history) for column in group] for group in declared)
     for first in range(0, len(history.time), _ROWS_AT_ONCE):
         part = slice(first, first + _ROWS_AT_ONCE)
         groups = [np.stack([values[part] for values in group], axis=2) for group in (floors, springs)]
@@ -240,8 +238,8 @@ def fitted_table(values: Sequence[FittedValue], units: OutputUnits = SI) -> Tabl
 def fitted_in(value: FittedValue, units: OutputUnits) -> FittedValue:
     """A fitted value in other units, with the name that goes with them."""
     name, factor = units.column(value.name, value.unit)
-    start, fitted, error = (number / factor for number in (value.start, value.value, value.standard_error))
-    return replace(value, name=name, start=start, value=fitted, standard_error=error)
+    numbers = {key: getattr(value, key) / factor for key in ("start", "value", "low", "high", "standard_error")}
+    return replace(value, name=name, **numbers)
 
 
 def _by_event(own: Sequence[Column], events: Sequence[tuple[Comparison, Sequence[object]]]) -> Table:

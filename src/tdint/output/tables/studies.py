@@ -67,7 +67,13 @@ CAPACITIES = (
     Column("lower", "1", "capacity.lower", "level next below at which the building was run"),
     Column("upper", "1", "capacity.upper", "level next above at which the building was run; empty if censored"),
     Column("censored", "text", "capacity.censored", "whether it was not exceeded up to the largest level"),
-    Column("resurrection", "text", "curve.resurrection", "whether the building stood again above its first collapse"),
+    Column(
+        "resurrection",
+        "text",
+        "curve.resurrection",
+        "whether the building stood again at a level tried above its first collapse: 1.25 and 1.5 times it, and those "
+        "of the search",
+    ),
 )
 FRAGILITY = (
     Column("threshold", "1", "threshold", "demand whose exceedance is meant"),
@@ -81,6 +87,34 @@ FRAGILITY = (
     Column("im", "text", "im", "intensity measure, as far as the table tells it"),
     Column("unit", "text", "unit", "its unit, as far as the table tells it"),
 )
+CLOUD = (
+    Column("b0", "1", lambda one: _of_line(one, "intercept"), "of a cloud: intercept of ln EDP over ln IM"),
+    Column("b1", "1", lambda one: _of_line(one, "slope"), "of a cloud: slope of ln EDP over ln IM"),
+    Column("sigma", "1", lambda one: _of_line(one, "sigma"), "of a cloud: standard deviation of ln EDP"),
+)
+"""Beside a cloud: its line."""
+
+
+def _of_line(function: Fragility, name: str) -> float:
+    return getattr(function.cloud, name, np.nan)
+
+
+def _bound(place: int, name: str) -> Column:
+    word, meaning = (("exceed", "exceeding"), ("stand", "not exceeding"))[place]
+    return Column(
+        f"{name}_failed_{word}",
+        "1",
+        lambda one: getattr(one.bounds[place], name, np.nan),
+        f"{name} with all failed runs counted as {meaning}; empty where that tells none",
+    )
+
+
+FAILED = (
+    Column("failed", "1", "failed", "runs without a result, which the fit leaves out"),
+    *(_bound(place, name) for place in (0, 1) for name in ("theta", "beta")),
+)
+"""Beside a fit of runs some of which have no result."""
+
 FRAGILITY_TOTAL = Column("beta_total", "1", "beta_total", "beta with what is not known of the model (--beta-model)")
 
 
@@ -126,8 +160,15 @@ def capacity_table(study: IdaStudy) -> Table:
 
 
 def fragility_table(functions: Sequence[Fragility], *, total: bool = False) -> Table:
-    """A row for each function; with `total` a column of the standard deviation with that of the model."""
-    return Table.of_results((*FRAGILITY, *(FRAGILITY_TOTAL,) * total), functions)
+    """A row for each function; with `total` a column of the standard deviation with that of the model. Clouds bring the
+    columns of their line, runs without a result those that bound what they may change."""
+    wanted = (
+        *FRAGILITY,
+        *(CLOUD if any(one.cloud for one in functions) else ()),
+        *(FAILED if any(one.failed for one in functions) else ()),
+        *(FRAGILITY_TOTAL,) * total,
+    )
+    return Table.of_results(wanted, functions)
 
 
 def _with_unit(table: Table, unit: str) -> Table:
