@@ -48,7 +48,7 @@ def test_the_total_shear_is_the_sum_of_its_parts_and_of_masses_times_acceleratio
         assert np.all(peaks <= at_the_steps * 1.02)
 
 
-def test_modal_damping_and_forces_on_floors_are_in_the_total_shear():
+def test_modal_damping_is_in_the_total_shear():
     model = load_model("configs/ten-story.yaml")
     response = run(replace(model, damping=ModalDamping((0.05,))), history=True, duration=8.0)
     history = response.history
