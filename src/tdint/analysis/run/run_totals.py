@@ -21,7 +21,6 @@ from tdint.analysis.run.outcome import (
 from tdint.analysis.run.workspace import Workspace
 from tdint.kernels import layout
 from tdint.kernels import layout as at
-from tdint.kernels.march.observing import ACCELERATION_ROW
 from tdint.model.building import Building
 
 Array = NDArray[np.float64]
@@ -57,7 +56,7 @@ def unresolved(building: Building, space: Workspace, late: float) -> StoryErrors
     """How much larger the peaks may be between steps that do not resolve the motion; and by how much, about, the drifts
     have changed since the time that was asked for, which was `late` (s) before the end."""
     excess = np.maximum(space.peaks[layout.PEAK_ROWS :] - space.peaks[: layout.PEAK_ROWS], 0.0)
-    rate, bend = (_of_drifts(building, row) for row in (space.state[at.VELOCITY], space.watch[ACCELERATION_ROW]))
+    rate, bend = (_of_drifts(building, row) for row in (space.state[at.VELOCITY], space.watch[at.ACCELERATION_NOW]))
     changed = late * np.abs(rate) + 0.5 * late**2 * np.abs(bend)
     return StoryErrors(**story_values(building, excess, changed))
 
