@@ -1,4 +1,4 @@
-"""Demand parameters of a run: the largest of each kind in the building, and the story or floor that has it."""
+"""Engineering demand parameters of a run, demands for short: the largest of each kind, and the story or floor of it."""
 
 from __future__ import annotations
 
