@@ -43,7 +43,7 @@ _EVENTS = 60  # within a step
 _FREE_STEPS = 600  # radians of free vibration after the motion
 
 
-class _Oscillator(NamedTuple):
+class _Hysteretic(NamedTuple):
     """Elastic stiffness and damping over the mass, and what yields."""
 
     k: float
@@ -336,7 +336,7 @@ def bilinear_response(ground, dt, omega, xi, hardening, yield_displacement, resu
     if yield_displacement < math.inf:
         strength = (1.0 - hardening) * k * yield_displacement
     state[UPPER], state[LOWER] = yield_displacement, -yield_displacement
-    oscillator = _Oscillator(k, c, hardening, strength)
+    oscillator = _Hysteretic(k, c, hardening, strength)
     events = _respond(ground, parts, h, oscillator, steps, series, state)
     results[LARGEST] = state[PEAK]
     results[RESIDUAL] = _come_to_rest(state, series, oscillator) if events > 0 else 0.0
