@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from click.testing import Result
 
+from tdint.campaign.store.checksums import seal_of
 from tdint.campaign.store.place import locked
 from tdint.campaign.store.store import FILE
 
@@ -152,6 +153,7 @@ def test_another_version_of_tdint_goes_on_and_is_noted(study: Path, tdint: Run) 
     connection = sqlite3.connect(f"out/{FILE}")
     with connection:
         connection.execute("UPDATE meta SET value = '0.0' WHERE key = 'version'")
+        connection.execute("UPDATE meta SET value = ? WHERE key = 'seal'", (seal_of(connection),))
     connection.close()
     result = tdint("campaign", "study.yaml", "-o", "out")
     assert (result.exit_code, "begun with tdint 0.0" in result.stderr) == (0, True)
