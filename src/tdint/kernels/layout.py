@@ -1,8 +1,35 @@
-"""Rows of the tables that kernels work on.
+"""Rows of the tables that kernels work on, and how rows of scratch follow each other.
 
 Every table has one column per story (and the floor above it), counted from the ground, and one more that stays zero:
 the free end of the chain, so that a loop may look one story up without asking.
 """
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+_Kind = TypeVar("_Kind", bound=tuple[int, ...])
+
+
+def chained(counts: type[_Kind], first: int = 0) -> tuple[_Kind, int]:
+    """Rows that follow each other from `first` on.
+
+    Parameters
+    ----------
+    counts : type
+        A named tuple whose defaults say how many rows each field has.
+
+    Returns
+    -------
+    named tuple, int
+        The first row of each field; the row behind the last one.
+    """
+    firsts = []
+    for count in counts():
+        firsts.append(first)
+        first += count
+    return counts(*firsts), first  # type: ignore[arg-type]
+
 
 # chain: what is linear in the building
 MASS = 0
@@ -14,7 +41,8 @@ LINK = 5  # 1: the story stands on the floor below; 0: it stands on the ground
 POWER_DAMPER = 6  # power-law dashpot of the story: c v (v^2 + v0^2)^e, c in N (s/m)^(2 e + 1); 0 for none
 POWER = 7  # e, half of the exponent less 1
 THRESHOLD = 8  # v0^2, (m/s)^2
-CHAIN_ROWS = 9
+DASHPOT = 9  # of STORY_DAMPER what is a dashpot that the model has, N s/m
+CHAIN_ROWS = 10
 
 # laws: drift laws by story
 CODE = 0
@@ -63,7 +91,22 @@ PEAK_SHEAR = 1
 PEAK_DISPLACEMENT = 2
 PEAK_VELOCITY = 3
 PEAK_ACCELERATION = 4  # absolute: relative to the ground, plus the ground's
-PEAK_ROWS = 5
+PEAK_TOTAL_SHEAR = 5  # of springs, P-delta and all viscous forces: what moves all floors above
+PEAK_DRIFT_RATE = 6  # of stories, in a building with dashpots
+PEAK_ROWS = 7
+
+# watch: what an observer of the motion keeps
+ACCELERATION_NOW = 0  # that of equilibrium, whatever the method carries
+OTHER_FORCE = 1  # forces on floors less modal damping
+STORY_FORCE = 2  # columns and dampers
+U_BEFORE = 3  # at the last observed time
+V_BEFORE = 4
+A_BEFORE = 5
+V_EARLIER = 6  # one step before that
+A_EARLIER = 7
+TURNED_AT = 8  # drifts where stories turned
+MODAL_FORCE = 9  # of modal damping on floors
+WATCH_ROWS = 10
 
 # forces on floors, one row each
 FLOOR = 0
@@ -76,14 +119,15 @@ FORCE_COLUMNS = 4
 # and for all stories the shear, then the energies
 HISTORY_FIELDS = 4
 
-# observed: numbers of the whole run, the energies first: so many, and a history has them at each stored time. Those at
+# totals: numbers of the whole run, the energies first: so many, and a history has them at each stored time. Those at
 # the end of the run, J
 ENERGY_INPUT = 0  # work of the load on the motion relative to the ground
 ENERGY_KINETIC = 1  # of the motion relative to the ground
-ENERGY_DAMPED = 2  # work of the viscous dampers
-ENERGY_RECOVERABLE = 3  # stored in the stories
-ENERGY_DISSIPATED = 4  # by the drift laws since the start
-ENERGY_TERMS = 5
+ENERGY_DAMPED = 2  # work of viscous damping, without dashpots
+ENERGY_DEVICES = 3  # work of the dashpots
+ENERGY_RECOVERABLE = 4  # stored in the stories
+ENERGY_DISSIPATED = 5  # by the drift laws since the start
+ENERGY_TERMS = 6
 ENERGY_START = ENERGY_TERMS  # kinetic and stored energy at the start, J
 ENERGY_LARGEST = ENERGY_TERMS + 1  # largest ENERGY_START + ENERGY_INPUT on the way, J
 ITERATIONS = ENERGY_TERMS + 2
@@ -92,21 +136,23 @@ STEPS_REACHED = ENERGY_TERMS + 4
 POWER_INPUT = ENERGY_TERMS + 5  # powers and their rates at the last observed time
 RATE_INPUT = ENERGY_TERMS + 6  # without the ground's own rate
 MOMENTUM = ENERGY_TERMS + 7
-POWER_DAMPED = ENERGY_TERMS + 8
+POWER_DAMPED = ENERGY_TERMS + 8  # of all dampers
 RATE_DAMPED = ENERGY_TERMS + 9
-ON_PATH = ENERGY_TERMS + 10  # set before the march: 1 if displacements follow parabolas within a step
-DISSIPATED_BEFORE = ENERGY_TERMS + 11  # by the drift laws on the way to the initial drifts, J
-COLLAPSE_STEP = ENERGY_TERMS + 12  # whole steps after which a story was first beyond a limit; NO_COLLAPSE for none
-COLLAPSE_STORY = ENERGY_TERMS + 13  # the first story that failed, else the one farthest beyond its limit then
-COLLAPSE_FAILED = ENERGY_TERMS + 14  # 1 if it failed
-COLLAPSE_ENERGIES = ENERGY_TERMS + 15  # the energies then, ENERGY_START and ENERGY_LARGEST after them
+DISSIPATED_BEFORE = ENERGY_TERMS + 10  # by the drift laws on the way to the initial drifts, J
+COLLAPSE_STEP = ENERGY_TERMS + 11  # whole steps after which a story was first beyond a limit; NO_COLLAPSE for none
+COLLAPSE_STORY = ENERGY_TERMS + 12  # the first story that failed, else the one farthest beyond its limit then
+COLLAPSE_FAILED = ENERGY_TERMS + 13  # 1 if it failed
+COLLAPSE_ENERGIES = ENERGY_TERMS + 14  # the energies then, ENERGY_START and ENERGY_LARGEST after them
 NEAR_PEAK = COLLAPSE_ENERGIES + ENERGY_TERMS + 2  # 1 if a value at the last observed time was near its peak
 ALL_FORCES = NEAR_PEAK + 1  # masses times accelerations at that time
 DAMPED_BY_ALL = NEAR_PEAK + 2  # half of what the damped power's rate gains where floors accelerate by 1 m/s^2 more
 ALL_MASSES = NEAR_PEAK + 3
-OBSERVED_SIZE = NEAR_PEAK + 4
+POWER_DEVICES = NEAR_PEAK + 4  # of the dashpots alone
+RATE_DEVICES = NEAR_PEAK + 5
+DEVICES_BY_ALL = NEAR_PEAK + 6
+TOTALS_SIZE = NEAR_PEAK + 7
 
-# observed[COLLAPSE_STEP]
+# totals[COLLAPSE_STEP]
 NO_COLLAPSE = -1.0
 
 # limits: by story
@@ -114,28 +160,34 @@ LIMIT = 0  # drift ratio beyond which it has collapsed
 HEIGHT = 1  # m; nan for a story without a limit
 FAILED = 2  # what INTERNAL is once the story carries nothing any more; nan where that does not happen
 
-# memo: numbers that a step leaves for the next one and for whoever asks why it failed
+# flags: set before a march and never written
 LINEAR = 0  # 1 if every law is linear
-FACTORED_STEP = 1  # the step size of the factorization in work, 0 for none
-STEPS_DONE = 2  # since the start, or since a step that was halved
-WORST_STORY = 3
-RESIDUAL = 4
-BRANCHES = 5  # which laws have branches, whose changes can be located
-EVENTS = 6  # changes of branch located so far
-POWER_DAMPERS = 7  # 1 if a story has a power-law dashpot
-OWN_WORK = 8  # 1 if the step tells what work it does
-WORK_INPUT = 9  # of the load in the last step, J
-WORK_DAMPED = 10  # of the viscous dampers in the last step, J
-CARRIED_GROUND = 11  # ground acceleration that the acceleration of the state stands with, where steps are long
-WITHIN = 12  # row of work from which on the step has raised its own peaks between its ends; 0 if it has not
-FAST = 13  # 1 if the building has modes that the step does not follow
-OWN_PEAKS = 14  # row of work from which on the step keeps peaks of the run beside those it has raised; 0 for none
-MEMO_SIZE = 15
+BRANCHES = 1  # which laws have branches, whose changes can be located
+POWER_DAMPERS = 2  # 1 if a story has a power-law dashpot
+OWN_WORK = 3  # 1 if the step tells what work it does
+FAST = 4  # 1 if the building has modes that the step does not follow
+ON_PATH = 5  # 1 if displacements follow parabolas within a step
+FLAGS_SIZE = 6
 
-# memo[BRANCHES]
+# flags[BRANCHES]
 NO_BRANCHES = 0
 ALL_BRANCHES = 1  # every law is linear, or linear branch by branch
 SOME_BRANCHES = 2  # some laws have branches, some are curved
+
+# report: what a step leaves for the next one
+CARRIED_GROUND = 0  # ground acceleration that the acceleration of the state stands with, where steps are long
+STEPS_DONE = 1  # since the start, or since a step that was halved
+FACTORED_STEP = 2  # the step size of the factorization in work, 0 for none
+# for the march
+WITHIN = 3  # row of work from which on the step has raised its own peaks between its ends; 0 if it has not
+OWN_PEAKS = 4  # row of work from which on the step keeps peaks of the run beside those it has raised; 0 for none
+WORK_INPUT = 5  # of the load in the last step, J
+WORK_DAMPED = 6  # of the viscous dampers in the last step, J
+# for people
+WORST_STORY = 7
+RESIDUAL = 8
+EVENTS = 9  # changes of branch located so far
+REPORT_SIZE = 10
 
 # what a step returns instead of its number of iterations
 NOT_CONVERGED = -1

@@ -32,21 +32,24 @@ from __future__ import annotations
 import math
 
 from tdint.kernels import layout as at
+from tdint.kernels.bundles import Memory, Scene
 from tdint.kernels.chain import finite, mean_load
 from tdint.kernels.compiling import kernel
-from tdint.kernels.equations.moment4 import LOAD, R, finish, move, work_rows
+from tdint.kernels.equations.moment4 import ROW, R, finish, move, work_rows
 from tdint.kernels.stepping import STEP
 from tdint.methods.method import Family, Method, Parameter
 
 
 @kernel(STEP)
-def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
+def step(coefficients, chain, modal, laws, forces, flags, h, load, state, springs, work, report):
     """One step. State row ACCELERATION is the next one's first guess, where it needs one."""
-    mean_load(chain, forces, load[at.TIME], h, load[at.GROUND_0], load[at.GROUND_1], coefficients[R], work, LOAD)
-    code = move(coefficients, chain, modal, laws, h, state, springs, work, memo)
+    mean_load(chain, forces, load, h, coefficients[R], work, ROW.LOAD)
+    scene = Scene(chain, modal, laws, forces, flags)
+    memory = Memory(state, springs, work, report)
+    code = move(coefficients, scene, h, memory)
     if code < 0:
         return code
-    finish(coefficients, chain, modal, laws, h, state, springs, work, memo)
+    finish(coefficients, scene, h, memory)
     return code if finite(state, chain.shape[1] - 1) else at.NOT_FINITE
 
 

@@ -161,7 +161,7 @@ def test_k_steps_are_the_kth_power_of_the_matrix(method, damping):
     units = h ** -np.array([float(family.derivatives[row]) for row in memory])[:, None]
     space = workspace(building, integrator)
     space.state[memory, :-1] = units * np.random.default_rng(3).standard_normal((len(memory), omega.size))
-    space.memo[at.STEPS_DONE] = 100.0
+    space.report[at.STEPS_DONE] = 100.0
     if at.ACCELERATION in memory:  # the march starts it from equilibrium
         u, v = space.state[0, :-1], space.state[at.VELOCITY, :-1]
         space.state[at.ACCELERATION, :-1] = -(omega**2) * u - building.chain[at.STORY_DAMPER, :-1] * v

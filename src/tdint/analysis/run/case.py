@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.run import run_totals
-from tdint.analysis.run.outcome import Collapse, Energy, FailedRun, Response, StoryErrors, StoryPeaks
+from tdint.analysis.run.outcome import Collapse, Energy, FailedRun, History, Response, StoryErrors, StoryPeaks
 from tdint.analysis.run.prepared import Marched, PreparedBuilding
 from tdint.analysis.run.steps import Steps, choose_steps
 from tdint.analysis.run.workspace import HALVINGS, Workspace
@@ -164,12 +164,12 @@ class Case:
         raise FailedRun(message, "unstable-step", self.integrator.label, h, largest_stable_dt=stable)
 
     def _failure(self, steps: Steps, space: Workspace, code: int) -> FailedRun:
-        residual = float(space.memo[layout.RESIDUAL])
+        residual = float(space.report[layout.RESIDUAL])
         if code == layout.NOT_FINITE or not residual < _OVERFLOW:
             story = _runaway_story(space)
             return self._diverged(steps, *self._reached(steps, space), f"the drift of story {story} ran away", story)
         reached = float(space.observed[at.STEPS_REACHED]) * steps.h
-        story = int(space.memo[layout.WORST_STORY]) + 1
+        story = int(space.report[layout.WORST_STORY]) + 1
         message = (
             f"{self.integrator.label} with dt {steps.h:.6g} s did not converge after {reached:.6g} s, with the step "
             f"halved {HALVINGS} times: story {story} is out of balance by {residual:.1e} of its forces; {_CURE}"
@@ -195,6 +195,9 @@ class Case:
 
     def _failure_notes(self) -> tuple[str, ...]:
         return (*self.remarks, *(self.record.notes if self.record else ()), *self._stiffening_note())
+
+    def _history(self, space: Workspace, h: float) -> History | None:
+        return run_totals.history(self.building, self.prepared.forces, space, h) if space.history.size else None
 
     def judge(self, steps: Steps, code: int, numbers: Array) -> Collapse | None:
         """When the drift first exceeded the collapse drift or a story failed, as a march noted it that ended with a
@@ -240,11 +243,11 @@ class Case:
             steps=steps.count,
             iterations=int(space.observed[at.ITERATIONS]),
             halvings=int(space.observed[at.HALVINGS]),
-            events=int(space.memo[layout.EVENTS]),
+            events=int(space.report[layout.EVENTS]),
             march_time=marched.seconds,
             stories=stories,
             energy=energy,
-            history=run_totals.history(self.building, space, steps.h) if space.history.size else None,
+            history=self._history(space, steps.h),
             notes=(*notes, *_unresolved_note(stories, unresolved), *self._moving_note(stories, moving)),
             unresolved=unresolved,
             moving_drift=moving,

@@ -15,10 +15,9 @@ from tdint.errors import AnalysisError
 from tdint.kernels import layout as at
 from tdint.kernels.building.variant import EVERYTHING, Variant
 from tdint.kernels.compiling import Kernel
-from tdint.kernels.laws.apart import spring_table
+from tdint.kernels.laws.compiled_separately import spring_table
+from tdint.kernels.march.law_energies import begin, raise_shears, take_stock
 from tdint.kernels.march.march import march
-from tdint.kernels.march.observing import OBSERVER_ROWS
-from tdint.kernels.march.stories import begin, raise_shears, take_stock
 from tdint.methods.method import Integrator
 from tdint.model.building import Building
 from tdint.model.definition import CODES, LAWS
@@ -39,7 +38,8 @@ class Workspace:
     state: Array
     springs: Array
     work: Array
-    memo: Array
+    flags: Array
+    report: Array
     watch: Array
     peaks: Array
     limits: Array
@@ -60,20 +60,21 @@ def workspace(
     n = building.stories
     modes = building.modal.shape[0]
     family = integrator.family
-    memo = np.zeros(at.MEMO_SIZE)
-    memo[at.LINEAR] = building.linear
-    memo[at.BRANCHES] = _branches(building)
-    memo[at.POWER_DAMPERS] = building.power_damped
-    memo[at.OWN_WORK] = family.own_work
-    observed = np.zeros(at.OBSERVED_SIZE)
-    observed[at.ON_PATH] = family.parabolic
+    flags = np.zeros(at.FLAGS_SIZE)
+    flags[at.LINEAR] = building.linear
+    flags[at.BRANCHES] = _branches(building)
+    flags[at.POWER_DAMPERS] = building.power_damped
+    flags[at.OWN_WORK] = family.own_work
+    flags[at.ON_PATH] = family.parabolic
+    observed = np.zeros(at.TOTALS_SIZE)
     observed[at.COLLAPSE_STEP] = at.NO_COLLAPSE
     return Workspace(
         state=np.zeros((family.state_rows, n + 1)),
         springs=spring_table(building.laws),
         work=np.zeros((family.work_rows(modes), max(n, 2 * modes) + 1)),
-        memo=memo,
-        watch=np.zeros((OBSERVER_ROWS, n + 1)),
+        flags=flags,
+        report=np.zeros(at.REPORT_SIZE),
+        watch=np.zeros((at.WATCH_ROWS, n + 1)),
         peaks=np.zeros((2 * at.PEAK_ROWS, n)),
         limits=np.array([np.full(n, collapse_drift), building.heights, _failed(building)]),
         observed=observed,
@@ -102,7 +103,7 @@ def variant(building: Building, forces: Array | None = None) -> Variant:
         laws=tuple(name for name, code in CODES.items() if code in codes or name == "linear"),
         modal=len(building.modal) > 0,
         forces=forces is not None and len(forces) > 0,
-        dashpots=building.power_damped,
+        dashpots=building.damped_by_devices,
     )
 
 
@@ -161,10 +162,11 @@ def integrate(
             building.modal,
             building.laws,
             forces,
+            space.flags,
             space.state,
             space.springs,
             space.work,
-            space.memo,
+            space.report,
             np.zeros(at.LOAD_SIZE),
             space.watch,
             space.peaks,

@@ -63,11 +63,10 @@ def _mark_yielding(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
     """Dotted lines at the drifts of first yield, where the test goes beyond them."""
     if not test.yield_drift < float(np.max(test.path.drift)):
         return
-    for side in (1.0, -1.0):
-        axes.axvline(
-            side * units.of(test.yield_drift, "m"), color=LIGHT, linestyle=DASHES[2], linewidth=1.0,
-            label=f"yield drift {units.of(test.yield_drift, 'm'):.3g} {units.label('m')}" if side > 0.0 else None,
-        )  # fmt: skip
+    drift = units.of(test.yield_drift, "m")
+    label = f"yield drift {drift:.3g} {units.label('m')}"
+    for at, said in ((drift, label), (-drift, None)):
+        axes.axvline(at, color=LIGHT, linestyle=DASHES[2], linewidth=1.0, label=said)
 
 
 def _draw_energy(axes: Any, test: CyclicTest, units: OutputUnits) -> None:

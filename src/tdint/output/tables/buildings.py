@@ -201,12 +201,8 @@ def write_history(history: History, stream: BinaryIO, units: OutputUnits = SI) -
     stream.write((",".join(name for name, _ in header) + "\n").encode())
     factors = None if units == SI else np.array([factor for _, factor in header])
     line = ",".join(["%.12g"] * len(header)) + "\n"
-    start, floors, springs, energies = (
-        [column.of(history) for column in group]
-        for group in (
-            HISTORY_START, HISTORY_FLOOR, HISTORY_STORY, HISTORY_ENERGY,
-        )
-    )  # fmt: skip
+    declared = (HISTORY_START, HISTORY_FLOOR, HISTORY_STORY, HISTORY_ENERGY)
+    start, floors, springs, energies = ([column.of(history) for column in group] for group in declared)
     for first in range(0, len(history.time), _ROWS_AT_ONCE):
         part = slice(first, first + _ROWS_AT_ONCE)
         groups = [np.stack([values[part] for values in group], axis=2) for group in (floors, springs)]
