@@ -1,4 +1,4 @@
-"""Spectra: elastic (over the period, tripartite, ADRS), inelastic, rotated, drift, beside a published one, and targets."""
+"""Spectra: elastic (over the period, tripartite, ADRS), inelastic, rotated, drift; beside a published one; targets."""
 
 from __future__ import annotations
 
