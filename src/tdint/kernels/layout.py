@@ -55,7 +55,9 @@ FIRST_OLDER = 3
 TIME = 0
 GROUND_0 = 1
 GROUND_1 = 2
-LOAD_SIZE = 3
+GROUND_2 = 3  # second and third moment of what the ground acceleration has beyond that line
+GROUND_3 = 4
+LOAD_SIZE = 5
 
 # peaks: largest absolute values; as many rows more for what they may be where a step does not tell
 PEAK_DRIFT = 0
@@ -88,7 +90,9 @@ CARRIED_GROUND = 11  # ground acceleration that the acceleration of the state st
 WITHIN = 12  # row of work from which on the step has raised its own peaks between its ends; 0 if it has not
 FAST = 13  # 1 if the building has modes that the step does not follow
 OWN_PEAKS = 14  # row of work from which on the step keeps peaks of the run beside those it has raised; 0 for none
-MEMO_SIZE = 15
+ERROR_BEGUN = 15  # 1 once the error is carried along
+ERROR_NEAR = 16  # 1 if the accelerations of the corrected motion are known
+MEMO_SIZE = 17
 
 # memo[BRANCHES]
 NO_BRANCHES = 0

@@ -30,11 +30,20 @@ method of degree 2 in time (Betsch and Steinmann 2000).
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from tdint.kernels.chain import finite, mean_load
 from tdint.kernels.compiling import kernel
 from tdint.kernels.equations.moment4 import LOAD, R, finish, move, work_rows
+from tdint.kernels.equations.moment4_error import (
+    ERROR_ROWS,
+    STATE_ROWS,
+    begin_error,
+    carry_error,
+    observe_error,
+)
 from tdint.kernels.layout import (
+    ERROR_BEGUN,
     DISPLACEMENT,
     GROUND_0,
     GROUND_1,
@@ -57,19 +66,44 @@ def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work
     return code if finite(state, chain.shape[1] - 1) else NOT_FINITE
 
 
+@kernel(STEP)
+def step_with_error(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
+    """The same step, and the error that the run has come to (`tdint.kernels.equations.moment4_error`)."""
+    if memo[ERROR_BEGUN] == 0.0:
+        begin_error(chain, modal, laws, forces, load, state, springs, work, memo)
+    mean_load(chain, forces, load[TIME], h, load[GROUND_0], load[GROUND_1], coefficients[R], work, LOAD)
+    code = move(coefficients, chain, modal, laws, h, state, springs, work, memo)
+    if code < 0:
+        return code
+    carry_error(chain, modal, laws, forces, h, load, state, springs, work, memo)
+    finish(coefficients, chain, modal, laws, h, state, springs, work, memo)
+    observe_error(h, chain, modal, laws, forces, load[TIME] + h, load, state, springs, work, memo)
+    return code if finite(state, chain.shape[1] - 1) else NOT_FINITE
+
+
 def coefficients(rho_inf: float) -> tuple[float, ...]:
     """r, and 12 / (1 + 6 r), for a spectral radius rho_inf at infinity."""
     r = (1.0 - rho_inf) / (6.0 * (1.0 + rho_inf))
     return r, 12.0 / (1.0 + 6.0 * r)
 
 
-FAMILY = Family(
+_FAMILY = Family(
     "moment4",
     step,
     work_rows,
     memory=(DISPLACEMENT, VELOCITY),
     own_work=True,
     parabolic=True,
+)
+FAMILY = replace(
+    _FAMILY,
+    with_error=replace(
+        _FAMILY,
+        step=step_with_error,
+        work_rows=lambda modes: work_rows(modes) + ERROR_ROWS,
+        state_rows=STATE_ROWS,
+        carries_error=True,
+    ),
 )
 
 METHODS = (

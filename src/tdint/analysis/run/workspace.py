@@ -90,8 +90,8 @@ def workspace(
     observed[COLLAPSE_STEP] = NO_COLLAPSE
     return Workspace(
         state=np.zeros((family.state_rows, n + 1)),
-        springs=spring_table(building.laws),
-        work=np.zeros((family.work_rows(modes), max(n, 2 * modes) + 1)),
+        springs=spring_table(_laws(building, integrator)),
+        work=np.zeros((family.work_rows(modes), max((2 if family.carries_error else 1) * (n + 1), 2 * modes + 1))),
         memo=memo,
         watch=np.zeros((OBSERVER_ROWS, n + 1)),
         peaks=np.zeros((2 * PEAK_ROWS, n)),
@@ -99,6 +99,11 @@ def workspace(
         observed=observed,
         history=np.zeros((steps + 1 if steps else 0, 1 + HISTORY_FIELDS * n + ENERGY_TERMS)),
     )
+
+
+def _laws(building: Building, integrator: Integrator) -> Array:
+    """The laws; twice where the error is carried along."""
+    return np.hstack([building.laws, building.laws]) if integrator.family.carries_error else building.laws
 
 
 def _failed(building: Building) -> Array:
@@ -159,6 +164,7 @@ def integrate(
     """
     if len(space.history) > 1 and steps.count % (len(space.history) - 1):
         raise ValueError(f"{steps.count} steps do not fit into a history of {len(space.history) - 1}")
+    laws = _laws(building, integrator)
     return _in_pieces(
         steps.count,
         _FIRST_PIECE // (building.stories * (1 + len(building.modal))),
@@ -179,7 +185,7 @@ def integrate(
             shifts(integrator, steps.h),
             building.chain,
             building.modal,
-            building.laws,
+            laws,
             forces,
             space.state,
             space.springs,
