@@ -1,11 +1,10 @@
-"""An example of every drift law, made from what `tdint.model.laws` says of its parameters: a new law has one too."""
+"""An example of every drift law, made from what `LAWS` says of its parameters: a new law has one too."""
 
 from __future__ import annotations
 
 import math
 
-from tdint.model.definition import Law
-from tdint.model.laws import LAWS
+from tdint.model.definition import LAWS, Law
 
 
 def example(name, stiffness, strength):

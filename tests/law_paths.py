@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from tdint.kernels import layout
+from tdint.kernels import layout as at
 from tdint.kernels.laws.apart import spring_table
-from tdint.kernels.layout import FIRST_TRIAL
 from tdint.kernels.stories.springs import commit, dissipated, recoverable, restoring, start
-from tdint.model.laws import CODES
+from tdint.model.definition import CODES
 
 K, FY, HARDENING = 1000.0, 20.0, 0.05
 CYCLE = np.concatenate([np.linspace(a, b, 40)[1:] for a, b in ((0, 0.06), (0.06, -0.09), (-0.09, 0.05), (0.05, 0.1))])
@@ -28,7 +28,7 @@ def follow(laws, path):
     start(laws, state, 0, 0.0)
     forces = []
     for drift in path:
-        restoring(laws, state, 0, 0, FIRST_TRIAL, drift)
-        commit(laws, state, 0, 0, FIRST_TRIAL)
+        restoring(laws, state, 0, 0, at.FIRST_TRIAL, drift)
+        commit(laws, state, 0, 0, at.FIRST_TRIAL)
         forces.append(state[layout.FORCE, 0])
     return np.array(forces), recoverable(laws, state, 0), dissipated(laws, state, 0)

@@ -3,8 +3,8 @@ process that compiles it can load by itself."""
 
 from __future__ import annotations
 
+from tdint.kernels import layout as at
 from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, kernel
-from tdint.kernels.layout import COMMITTED, DRIFT, FIRST_TRIAL, FORCE
 from tdint.kernels.stories.path import arrive, follow, keep_to_branch, stays
 from tdint.kernels.stories.springs import commit, dissipated, recoverable, restoring, start
 
@@ -42,16 +42,16 @@ def go(laws, state, rise, bend, out):
 @kernel(I8(TABLE, TABLE, F8, F8, I8, TABLE))
 def walk(laws, state, rise, bend, parts, out):
     """The integrals by Simpson's rule from point to point, each a drift that the law goes to straight."""
-    first = state[DRIFT, 0]
+    first = state[at.DRIFT, 0]
     out[0, 0] = out[1, 0] = 0.0
     for half in range(2 * parts + 1):
         t = 0.5 * half / parts
         drift = first + t * rise + 0.5 * bend * (t * t - t)
-        restoring(laws, state, 0, COMMITTED, FIRST_TRIAL, drift)
-        commit(laws, state, 0, COMMITTED, FIRST_TRIAL)
+        restoring(laws, state, 0, at.COMMITTED, at.FIRST_TRIAL, drift)
+        commit(laws, state, 0, at.COMMITTED, at.FIRST_TRIAL)
         weight = (4.0 if half % 2 else 1.0 if half in (0, 2 * parts) else 2.0) / (6.0 * parts)
-        out[0, 0] += weight * state[FORCE, 0]
-        out[1, 0] += 12.0 * weight * (t - 0.5) * state[FORCE, 0]
+        out[0, 0] += weight * state[at.FORCE, 0]
+        out[1, 0] += 12.0 * weight * (t - 0.5) * state[at.FORCE, 0]
     return 0
 
 

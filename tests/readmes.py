@@ -23,7 +23,7 @@ from tdint.analysis.assessment.hard_problems import HardProblem, problems
 from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
-from tdint.model.laws import LAWS
+from tdint.model.definition import LAWS
 from tdint.output.tables.columns import buildings, campaign, methods, shared, spectra, studies
 from tdint.output.tables.table import Column
 from tdint_cli.main import COMMANDS, GROUPS, cli

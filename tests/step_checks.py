@@ -13,7 +13,7 @@ from references import smooth
 from tdint.analysis.run.amplification import amplification
 from tdint.analysis.run.run import run
 from tdint.analysis.run.workspace import workspace
-from tdint.kernels.layout import FORCE_COLUMNS, SPRING_ROWS, STEPS_DONE
+from tdint.kernels import layout as at
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
 
@@ -142,16 +142,16 @@ class SingleSteps:
 
     def take(self, ground_0, ground_1):
         """Take one step; returns its code."""
-        no_forces = np.zeros((0, FORCE_COLUMNS))
+        no_forces = np.zeros((0, at.FORCE_COLUMNS))
         code = self.integrator.family.step.compiled(
             self.integrator.coefficients(self.building, no_forces, 1.0), self.building.chain, self.building.modal,
             self.building.laws, no_forces, 1.0, np.array([0.0, ground_0, ground_1]),
             self.space.state, self.space.springs, self.space.work, self.space.memo,
         )  # fmt: skip
         if code >= 0:
-            self.space.memo[STEPS_DONE] += 1.0
+            self.space.memo[at.STEPS_DONE] += 1.0
         return code
 
     def memory(self):
         """State and committed drift laws."""
-        return np.vstack([self.space.state, self.space.springs[:SPRING_ROWS]])
+        return np.vstack([self.space.state, self.space.springs[: at.SPRING_ROWS]])

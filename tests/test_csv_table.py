@@ -10,7 +10,7 @@ import sys
 import pytest
 
 from tdint import csv_table
-from tdint.analysis.static.drift_path import read_drift_path
+from tdint.analysis.static.cyclic import read_drift_path
 from tdint.campaign.file.definition import GridFile
 from tdint.campaign.file.grid import read_grid
 from tdint.campaign.file.plan import read_factors
@@ -18,7 +18,7 @@ from tdint.campaign.studies.fragility.tables import fit_table
 from tdint.campaign.studies.target import read_target
 from tdint.csv_table import read_table
 from tdint.errors import ModelError, RecordError, UsageError
-from tdint.model.inventory.read import read_inventory
+from tdint.model.inventory.table import read_inventory
 
 
 def grid(source):

@@ -46,13 +46,13 @@ if TYPE_CHECKING:
     from tdint.campaign.studies.fragility.fits import fit_cloud as fit_cloud
     from tdint.campaign.studies.fragility.fits import fit_stripes as fit_stripes
     from tdint.campaign.studies.ida.study import ida as ida
-    from tdint.ground_motion.formats.tables.layout import TextLayout as TextLayout
     from tdint.ground_motion.processing import process as process
     from tdint.ground_motion.reading.read import make_record as make_record
     from tdint.ground_motion.reading.read import read_horizontals as read_horizontals
     from tdint.ground_motion.reading.read import read_record as read_record
+    from tdint.ground_motion.text_layout import TextLayout as TextLayout
     from tdint.model.building import modes as modes
-    from tdint.model.config.read import load_model as load_model
+    from tdint.model.config.model_file import load_model as load_model
     from tdint.output.tables.frames import to_dict as to_dict
 
 _HOMES = {
@@ -63,10 +63,10 @@ _HOMES = {
     "stability": "tdint.analysis.assessment.stability",
     "floor_spectra": "tdint.analysis.spectra.floors",
     "to_dict": "tdint.output.tables.frames",
-    "TextLayout": "tdint.ground_motion.formats.tables.layout",
+    "TextLayout": "tdint.ground_motion.text_layout",
     "process": "tdint.ground_motion.processing",
     "read_record": "tdint.ground_motion.reading.read",
-    "load_model": "tdint.model.config.read",
+    "load_model": "tdint.model.config.model_file",
     "prepare": "tdint.analysis.run.run",
     "run": "tdint.analysis.run.run",
     "run_case": "tdint.analysis.run.run",

@@ -54,9 +54,13 @@ def _is_safe(home: Path, folder: Path) -> bool:
 
 
 def remove_unused(pattern: str, days: float, *, keep: Path) -> None:
-    """Remove folders in the cache by a pattern of their names that were not used for some days."""
+    """Remove files or folders beside `keep` by a pattern of their names that were not used for some days."""
     limit = time.time() - days * 86400.0
-    for folder in keep.parent.glob(pattern):
+    for one in keep.parent.glob(pattern):
         with suppress(OSError):
-            if folder != keep and folder.stat().st_mtime < limit:
-                shutil.rmtree(folder, ignore_errors=True)
+            if one == keep or one.stat().st_mtime >= limit:
+                continue
+            if one.is_dir():
+                shutil.rmtree(one, ignore_errors=True)
+            else:
+                one.unlink()

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from tdint.errors import ModelError, TdintError, nearest
 from tdint.input_bytes import MOST_BYTES, read_at_most
-from tdint.quantities import LARGEST, SMALLEST
+from tdint.written_numbers import LARGEST, SMALLEST
 
 _END = "end"  # a last row of our own
 _TRUE, _FALSE = ("true", "1", "yes"), ("false", "0", "no", "")

@@ -13,7 +13,7 @@ import numpy as np
 
 from tdint import read_record
 from tdint.analysis.spectra.drift import drift_spectrum
-from tdint.quantities import parse_grid
+from tdint.written_numbers import parse_grid
 
 REPEATS = 5
 RECORD = Path(__file__).parents[2] / "records" / "firm-soil.mseed"

@@ -21,7 +21,7 @@ import numpy as np
 from tdint import read_record
 from tdint.analysis.spectra.inelastic import constant_ductility, constant_strength
 from tdint.ground_motion.reading.read import read_records
-from tdint.quantities import parse_grid
+from tdint.written_numbers import parse_grid
 
 REPEATS = 3
 DUCTILITIES = [2.0, 4.0]

@@ -22,11 +22,10 @@ from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import model_record
 from tdint.analysis.run.steps import choose_steps
 from tdint.errors import TdintError
-from tdint.kernels.layout import EVENTS, FLOOR_DAMPER, MASS, STIFFNESS, STORY_DAMPER
-from tdint.kernels.march.observing import ITERATIONS
+from tdint.kernels import layout as at
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model.building import Building, assemble
-from tdint.model.laws import LAWS
+from tdint.model.definition import LAWS
 
 sys.path.append(str(Path(__file__).parents[1]))
 from law_examples import example
@@ -93,12 +92,12 @@ def timed_plain_loop(model, record):
     ground = record.acceleration.copy()
     roof = np.zeros(ground.size)
     arguments = (
-        building.chain[MASS, :n].copy(),
-        building.laws[STIFFNESS, :n].copy(),
+        building.chain[at.MASS, :n].copy(),
+        building.laws[at.STIFFNESS, :n].copy(),
         (1.0 - hardening) * yields,
         hardening[0],
-        building.chain[FLOOR_DAMPER, :n].copy(),
-        building.chain[STORY_DAMPER, :n].copy(),
+        building.chain[at.FLOOR_DAMPER, :n].copy(),
+        building.chain[at.STORY_DAMPER, :n].copy(),
         ground,
         record.dt,
         roof,
@@ -148,8 +147,8 @@ class March:
         steps = choose_steps(None, None, record.dt, record.duration)
         marched = PreparedBuilding(self.building).march(integrator, steps, record.acceleration.copy())
         self.seconds = min(self.seconds, marched.seconds / steps.count) if marched.code == 0 else np.nan
-        self.events = int(marched.space.memo[EVENTS])
-        self.solves = marched.space.observed[ITERATIONS] / steps.count
+        self.events = int(marched.space.memo[at.EVENTS])
+        self.solves = marched.space.observed[at.ITERATIONS] / steps.count
 
 
 def law_marches(model, record):

@@ -20,7 +20,7 @@ from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import FailedRun, model_record
 from tdint.analysis.run.steps import choose_steps
 from tdint.methods.catalogue import parse
-from tdint.model.laws import LAWS
+from tdint.model.definition import LAWS
 
 sys.path.append(str(Path(__file__).parents[1]))
 from building_cases import story

@@ -24,7 +24,7 @@ from tdint.analysis.spectra.defaults import PERIODS
 from tdint.analysis.spectra.rotated import rotated_spectrum
 from tdint.ground_motion.horizontals import find_horizontals
 from tdint.methods.exact import oscillator
-from tdint.quantities import parse_grid
+from tdint.written_numbers import parse_grid
 
 REPEATS = 15
 RECORD = Path(__file__).parents[2] / "records" / "firm-soil.mseed"

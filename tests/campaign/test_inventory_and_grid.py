@@ -18,9 +18,8 @@ from tdint.campaign.grid import EARTH_RADIUS, GridDraws, unit_vectors
 from tdint.campaign.plan import Plan
 from tdint.errors import ModelError, RecordError
 from tdint.ground_motion.record import Record
-from tdint.model.inventory.buildings import derive_all
-from tdint.model.inventory.model_text import model_text
-from tdint.model.inventory.read import read_inventory
+from tdint.model.inventory.derive import derive_all, model_text
+from tdint.model.inventory.table import read_inventory
 from tdint.units import STANDARD_GRAVITY
 
 STUDY = """\

@@ -17,7 +17,7 @@ from tdint.campaign.studies.target import TargetSpectrum, read_target
 from tdint.errors import ModelError, RecordError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.record import Record
-from tdint.quantities import Grid
+from tdint.written_numbers import Grid
 
 ROOT = Path(__file__).parents[2]
 FILES = [str(ROOT / "records" / f"{name}.mseed") for name in ("firm-soil", "near-fault", "soft-soil")]

@@ -18,7 +18,7 @@ from tdint.campaign.plan import Plan
 from tdint.campaign.store.place import refuse_network
 from tdint.errors import OutputError
 from tdint.ground_motion.record import Record
-from tdint.model.config.read import load_model
+from tdint.model.config.model_file import load_model
 
 MOUNTS = """\
 22 1 8:1 / / rw,relatime shared:1 - ext4 /dev/sda1 rw

@@ -115,4 +115,4 @@ def test_what_is_refused(folder, tdint, text, options, code, message):
 def test_its_options_need_it(folder, tdint):
     result = tdint(*OPTIONS, "--against-column", "psa_g")
     assert result.exit_code == 2
-    assert "--against-column is for a published spectrum; add --against FILE" in result.stderr
+    assert "--against-column has nothing to act on without --against" in result.stderr

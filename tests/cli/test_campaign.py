@@ -252,7 +252,7 @@ def test_a_file_that_is_no_store_is_not_touched(study: Path, tdint: Run) -> None
         (["study.yaml", "-o", "out", "--dask", "tcp://far.example:8786"], "the connection must be encrypted"),
         (["study.yaml", "-o", "out", "--dask", "tls://far.example:8786"], "give --tls-ca, --tls-cert and --tls-key"),
         (["study.yaml", "-o", "out", "--dask", "far.example"], "is no address of a scheduler"),
-        (["study.yaml", "-o", "out", "--tls-ca", "ca.pem"], "are for --dask"),
+        (["study.yaml", "-o", "out", "--tls-ca", "ca.pem"], "--tls-ca has nothing to act on without --dask"),
     ],
 )
 def test_usage(study: Path, tdint: Run, arguments: list[str], said: str) -> None:

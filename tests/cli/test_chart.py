@@ -168,7 +168,7 @@ def test_over_the_number_of_stories(folder, tdint):
 
 
 def test_peers_in_the_chart(folder, tdint, monkeypatch):
-    from tdint.analysis.chart.peers import solve_ivp as scipy_peer
+    from tdint.analysis.chart import solve_ivp as scipy_peer
 
     monkeypatch.setattr(scipy_peer, "TOLERANCES", (1e-3,))
     result = tdint("chart", "shaken.yaml", *QUICK, "--peers", "--plot", "x.svg", "--duration", "1")  # of 2.99 s
@@ -241,7 +241,7 @@ def test_a_bar_for_people_at_a_terminal(folder, tdint, monkeypatch, capfd):
         (["--stories", "1000000"], 2, "1000000 is not in the range 1<=x<=10000"),
         (["--dt", "0.01", "--halvings", "2"], 2, "--dt already gives the steps"),
         (["--stories", "1,2", "--versus", "dt", "--plot", "x.png"], 2, "leave out --stories"),
-        (["--versus", "dt"], 2, "--versus dt is about the picture: add --plot"),
+        (["--versus", "dt"], 2, "--versus has nothing to act on without --plot"),
         (["--stories", "1,2", "--peers"], 2, "leave out --stories"),
         (["--halvings", "-1"], 2, "Invalid value for '--halvings'"),
         (["--repeat", "0"], 2, "Invalid value for '--repeat'"),

@@ -172,7 +172,7 @@ def test_every_fault_of_the_file_in_one_go(recorded, tdint):
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (["--blind", "other.yaml"], 2, "--blind compares recordings with fitted values; add --fit"),
+        (["--blind", "other.yaml"], 2, "--blind has nothing to act on without --fit"),
         (["--require", "corelation=1"], 2, "did you mean 'correlation'?"),
         (["--require", "correlation=much"], 2, "correlation must be a positive number"),
         (["--plot"], 2, "--plot alone puts the picture beside the output"),

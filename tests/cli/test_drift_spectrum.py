@@ -12,7 +12,7 @@ import pytest
 from tdint.analysis.spectra.defaults import STORY_HEIGHT
 from tdint.analysis.spectra.drift import HeightPeriod, drift_spectrum
 from tdint.ground_motion.reading.read import read_record
-from tdint.quantities import parse_grid
+from tdint.written_numbers import parse_grid
 
 COLUMNS = "record,component,damping,period_s,height_m,peak_drift_ratio,story,roof_drift_ratio"
 PERIODS = ("--period", "0.5", "--period", "2")

@@ -9,7 +9,10 @@ import pytest
 
 from tdint_cli.commands.methods.examples import command
 
-COLUMNS = "example,method,variant,dt_s,displacement_m_error,velocity_m_s_error,acceleration_m_s2_error,rank,outcome"
+COLUMNS = (
+    "example,method,variant,dt_s,displacement_m_error,velocity_m_s_error,acceleration_m_s2_error,"
+    "finer_displacement_m_error,finer_velocity_m_s_error,finer_acceleration_m_s2_error,rank,outcome"
+)
 FIGURES = {1: (7, 8), 2: (10, 11, 12), 3: (14, 15, 16)}
 FILES = {
     number: [f"example-{number}-errors.csv", *(f"figure-{figure:02d}.png" for figure in figures)]
@@ -29,31 +32,57 @@ def rows(text: str) -> list[dict[str, str]]:
 
 
 def test_all_examples_with_their_figures(here, tdint):
-    result = tdint("examples", "--dt", "0.02", "-o", "paper")
+    result = tdint("examples", "-o", "paper")
     assert result.exit_code == 0
     assert result.stdout.splitlines()[0] == COLUMNS
     assert "nan" not in result.stdout
     table = rows(result.stdout)
-    assert [row["example"] for row in table] == ["1"] * 12 + ["2"] * 12 + ["3"] * 12
+    assert [row["example"] for row in table] == ["1"] * 10 + ["2"] * 10 + ["3"] * 10
+    assert {row["dt_s"] for row in table} == {"0.02"}
     assert sorted(path.name for path in (here / "paper").iterdir()) == sorted(
         name for names in FILES.values() for name in names
     )
     for number, (name, *figures) in FILES.items():
         assert rows((here / "paper" / name).read_text()) == [row for row in table if row["example"] == str(number)]
         assert all((here / "paper" / figure).read_bytes().startswith(b"\x89PNG") for figure in figures)
-    assert "The paper has the central difference worst here. It is not" in result.stderr
-    assert "The paper has RK5 worst here." in result.stderr
+    assert "The paper: the proposed method errs least, the central difference most." in result.stderr
+    assert "Its data stand in a drawing that we do not have" in " ".join(result.stderr.split())
+    assert "The paper's exact motion, newmark-linear, dt 0.002 s, is off by 4.3e-05 m" in result.stderr
 
 
-def test_ranks(tdint):
-    table = rows(tdint("examples", "1", "--dt", "0.02").stdout)
+def test_the_figures_are_of_the_floors_and_quantities_of_the_paper(here, tdint, monkeypatch):
+    """Titles and curves of what is drawn: no other floor, no velocity, no variant; errors as |u - u_exact|."""
+    import numpy as np
+
+    from tdint.output.figures import paper_examples
+
+    drawn = []
+    draw = paper_examples._draw
+    monkeypatch.setattr(paper_examples, "_draw", lambda *given: drawn.append(draw(*given)) or drawn[-1])
+    assert tdint("examples", "2", "-o", "paper", "--reference", "finer").exit_code == 0
+    titles = [figure.get_suptitle() for figure in drawn]
+    assert [title.splitlines()[1] for title in titles] == [
+        "displacement u, floor 1, dt 0.02 s",
+        "displacement u, floor 2, dt 0.02 s",
+        "|u - u_exact|, floor 2, dt 0.02 s; u_exact: rk5, dt 0.0025 s",
+    ]
+    assert [title.partition(":")[0] for title in titles] == ["Figure 10", "Figure 11", "Figure 12"]
+    second, errors = ([line.get_ydata() for line in figure.axes[0].get_lines()] for figure in drawn[1:])
+    exact, *methods, _ = second  # the last one marks the peak
+    assert len(methods) == 7
+    for found, error in zip(methods, errors, strict=False):
+        assert np.array_equal(error, np.abs(found - exact))
+
+
+@pytest.mark.parametrize("reference", ["paper", "finer"])
+def test_ranks(tdint, reference):
+    table = rows(tdint("examples", "1", "--reference", reference).stdout)
     ranked = sorted((row for row in table if row["rank"]), key=lambda row: int(row["rank"]))
-    assert [row["rank"] for row in ranked] == [str(place) for place in range(1, 10)]
+    assert [row["rank"] for row in ranked] == [str(place) for place in range(1, 8)]
     assert all(row["variant"] == "" for row in ranked)
-    assert [row["method"].partition(":")[0] for row in ranked[:4]] == [
-        "rk5", "moment4", "impulse4", "impulse",
-    ]  # fmt: skip
-    errors = [float(row["displacement_m_error"]) for row in ranked]
+    assert [row["method"].partition(":")[0] for row in ranked[:3]] == ["rk5", "impulse", "central-difference"]
+    column = "displacement_m_error" if reference == "paper" else "finer_displacement_m_error"
+    errors = [float(row[column]) for row in ranked]
     assert errors == sorted(errors)
     assert {row["variant"] for row in table if not row["rank"]} == {
         "start with u(-dt) = 0",
@@ -71,7 +100,7 @@ def test_chosen_methods_and_steps(tdint):
         ("2", "0.05"),
         ("2", "0.04"),
     ]
-    assert "The paper" not in result.stderr
+    assert "The paper:" not in result.stderr
 
 
 def test_a_run_without_an_end_leaves_its_cells_empty_and_a_picture_out(here, tdint):
@@ -101,6 +130,7 @@ def test_existing_files_are_kept_before_any_work(here, tdint):
         (["--dt", "1"], 2, "Invalid value for '--dt'"),
         (["--dt", "nan"], 2, "Invalid value for '--dt'"),
         (["--method", "newmrk"], 2, "did you mean 'newmark'?"),
+        (["--reference", "exact"], 2, "Invalid value for '--reference'"),
         (["-o", ""], 2, "-o is empty"),
     ],
 )
@@ -112,8 +142,7 @@ def test_what_is_refused(here, tdint, arguments, code, message):
 
 
 def test_the_help_names_the_steps():
-    from tdint.analysis.assessment.paper_examples import DTS
+    from tdint.analysis.assessment.paper_examples import DT
 
     option = next(parameter for parameter in command.params if parameter.name == "dts")
-    first, second, third = DTS
-    assert f"{first:g}, {second:g} and {third:g} if there is none" in option.help
+    assert f"the paper's {DT:g} if there is none" in option.help

@@ -88,7 +88,7 @@ def test_a_sampling_interval_that_miniseed_has_not_is_said(tmp_path):
         (["--floor-spectra", "top", "-o", "out"], "the last of them is the roof"),
         (["--floor-spectra", "roof"], "--floor-spectra writes a file: add -o DIR"),
         (["--export-floors", "mseed"], "--export-floors writes a file: add -o DIR"),
-        (["--period", "1"], "--periods and --period are those of --floor-spectra"),
+        (["--period", "1"], "--period has nothing to act on without --floor-spectra"),
     ],
 )
 def test_wrong_use(folder, tdint, arguments, message):

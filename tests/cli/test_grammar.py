@@ -214,3 +214,78 @@ def test_commands_stand_in_groups(tdint):
     places = [text.index(f"\n{heading}:\n") for heading in GROUPS]
     assert places == sorted(places)
     assert cli.list_commands(click.Context(cli)) == list(COMMANDS)
+
+
+# ---- Options that act on what another one asks for
+
+NEEDY = [
+    (name, parameter)
+    for name, (module, _) in COMMANDS.items()
+    for parameter in import_module(f"tdint_cli.commands.{module}").command.params
+    if getattr(parameter, "needs", "")
+]
+WORDS = {"compile": ["--all"], "ida": ["x", "y"], "stability": [], "overshoot": [], "order": []}
+REQUIRED = {"inventory": ["--units", "m"], "compare": ["--recorded", "x"], "scale": ["--pga", "1g"]}
+
+
+def a_value(parameter: click.Option) -> list[str]:
+    """One that the option takes."""
+    if parameter.is_flag:
+        return []
+    kind = getattr(parameter.type, "item", parameter.type)
+    if isinstance(kind, click.Choice):
+        return [kind.choices[0]]
+    return ["0.3:3:9" if "FIRST:LAST" in (parameter.metavar or "") else "1"]
+
+
+@pytest.mark.parametrize(("name", "parameter"), NEEDY, ids=lambda part: getattr(part, "name", part))
+def test_an_option_with_nothing_to_act_on_is_refused(tmp_path, monkeypatch, tdint, name, parameter):
+    """Before any work: the files that are named do not exist. With what it needs the command goes on, and misses them.
+
+    `--damping 2%` of `tdint run` without --floor-spectra was passed over in silence.
+    """
+    monkeypatch.chdir(tmp_path)
+    option = max(parameter.opts, key=len)
+    words = [name, *WORDS.get(name, ["x.csv"]), *REQUIRED.get(name, [])]
+    words += {"--period": ["--im", "pga"], "--damping": ["--im", "pga"]}.get(option, []) if name == "ida" else []
+    words += ["--load", "free"] if option == "--frequency-ratio" else []
+    value = {
+        "--period": "1",
+        "--range": "0.3:3:9",
+        "--rule": "mean",
+        "--year": "1985",
+        "--damping": "0.1",
+        "--hardening": "0.1",
+    }.get(option)
+    asked = [*words, option, *([value] if value else a_value(parameter))]
+    result = tdint(*asked)
+    expected = f"Error: {option} has nothing to act on without {parameter.needs}; add it, or leave {option} out"
+    assert (result.exit_code, result.stderr.partition(" (see")[0].strip()) == (2, expected)
+    assert not list(tmp_path.iterdir())
+
+
+def test_options_that_act_are_declared_so():
+    """What acts on another option's work alone, by command: whoever adds such an option adds `needs`."""
+    found = {(name, max(parameter.opts, key=len)) for name, parameter in NEEDY}
+    assert {
+        ("run", "--damping"), ("run", "--periods"), ("run", "--period"), ("run", "--every"), ("law", "--units"),
+        ("compare", "--blind"), ("compare", "--damping"), ("compare", "--periods"), ("inventory", "--seed"),
+        ("init", "--year"), ("init", "--area"), ("spectrum", "--hardening"), ("spectrum", "--axes"),
+        ("spectrum", "--against-column"), ("spectrum", "--against-interpolation"), ("scale", "--range"),
+        ("scale", "--rule"), ("scale", "--average"), ("scale", "--damping"), ("ida", "--period"),
+        ("ida", "--average"), ("ida", "--damping"), ("campaign", "--tls-ca"), ("campaign", "--tls-cert"),
+        ("campaign", "--tls-key"), ("stability", "--all"), ("overshoot", "--all"), ("order", "--frequency-ratio"),
+        ("order", "--stride"), ("chart", "--versus"), ("compile", "--method"),
+    } <= found  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["run", "forced.yaml", "--history=h.csv", "--every", "1"],
+        ["compile", "forced.yaml", "--method", "newmark-average"],
+        ["spectrum", "other.mseed", "--period", "1", "--ductility", "2", "--hardening", "0"],
+    ],
+)
+def test_with_it_an_option_is_taken(folder, tdint, arguments):
+    assert tdint(*arguments).exit_code == 0

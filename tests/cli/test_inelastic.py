@@ -103,7 +103,7 @@ def test_a_record_of_zeros_is_drawn(folder, tdint, option):
         (["--strength", "0"], "--strength"),
         (["--strength", "inf"], "--strength"),
         (["--ductility", "2", "--strength", "0.1"], "--ductility and --strength are given"),
-        (["--hardening", "0.1"], "--hardening is for oscillators that yield"),
+        (["--hardening", "0.1"], "--hardening has nothing to act on without --ductility or --strength"),
         (["--ductility", "2", "--hardening", "1"], "--hardening"),
         (["--ductility", "2", "--method", "newmark"], "--method is for elastic spectra"),
         (["--strength", "1", "--maxima", "peer"], "--maxima is for elastic spectra"),

@@ -109,7 +109,7 @@ def test_pictures_of_any_size(folder, tdint, model, drift):
     ("arguments", "code", "message"),
     [
         (["shaken.yaml"], 2, "no drift: give --drift, or a path of drifts by --path"),
-        (["shaken.yaml", "--drift", "1%", "--units", "dy"], 2, "--units belongs to --path"),
+        (["shaken.yaml", "--drift", "1%", "--units", "dy"], 2, "--units has nothing to act on without --path"),
         (["shaken.yaml", "--path", "path.csv", "--drift", "1%"], 2, "--drift and --path exclude each other"),
         (["shaken.yaml", "--path", "path.csv", "--points", "4"], 2, "--points and --path exclude each other"),
         (["shaken.yaml", "--path", "path.csv"], 2, "path.csv:3: drift_m must be a number, got 'x'"),

@@ -285,7 +285,7 @@ def test_a_single_ratio_and_loads_without_one(tdint):
 def test_a_frequency_ratio_needs_a_frequency(tdint):
     result = tdint("order", "--load", "free", "--frequency-ratio", "1")
     assert (result.exit_code, result.stdout) == (2, "")
-    assert result.stderr == "Error: --frequency-ratio needs --load harmonic; the load 'free' has no frequency\n"
+    assert result.stderr.startswith("Error: --frequency-ratio has nothing to act on without --load harmonic; ")
 
 
 def test_methods_that_cannot_do_the_law_are_named(tdint):

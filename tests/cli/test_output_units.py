@@ -182,7 +182,7 @@ def test_a_history_under_any_name_packed_and_thinned(folder: Path, tdint: Run) -
         (("--history",), "--history alone writes into the folder of -o: add -o DIR, or name it: --history=FILE.csv"),
         (("--history=h.txt",), "--history h.txt: a history is a table; name it .csv or .csv.gz"),
         (("--history=",), "--history is empty; give a name"),
-        (("--every", 2), "--every belongs to --history"),
+        (("--every", 2), "--every has nothing to act on without --history"),
         (("--history=h.csv", "--every", 0), "--every"),
     ],
 )

@@ -16,7 +16,7 @@ from tdint.analysis.run.run import run
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.ground_motion.processing import process
 from tdint.ground_motion.reading.read import read_record
-from tdint.model.config.read import load_model
+from tdint.model.config.model_file import load_model
 
 OPTIONS = ("--trim", "0.5:2.5", "--baseline", "linear", "--pad", "1:2", "--highpass", "0.5", "--lowpass", "30",
            "--corners", "2", "--resample", "0.005")  # fmt: skip

@@ -12,7 +12,7 @@ import pytest
 from tdint.analysis.spectra import defaults
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.ground_motion.reading.read import read_record
-from tdint.quantities import parse_grid
+from tdint.written_numbers import parse_grid
 
 COLUMNS = "record,component,damping,period_s,sd_m,psv_m_s,psa_m_s2,sv_m_s,sa_m_s2"
 PERIODS = ("--period", "0.2", "--period", "1.0")
@@ -265,6 +265,6 @@ def test_axes_are_those_of_a_picture_of_elastic_spectra(folder, tdint):
         assert result.exit_code == 0, result.stderr
         assert label in (folder / f"{axes}.svg").read_text(encoding="utf-8")
     alone = tdint("spectrum", "other.mseed", "--axes", "adrs")
-    assert (alone.exit_code, "--axes is for a picture; add --plot" in alone.stderr) == (2, True)
+    assert (alone.exit_code, "--axes has nothing to act on without --plot" in alone.stderr) == (2, True)
     yielding = tdint("spectrum", "other.mseed", "--axes", "adrs", "--ductility", "2", "--plot=x.svg")
     assert (yielding.exit_code, "--axes is for elastic spectra" in yielding.stderr) == (2, True)

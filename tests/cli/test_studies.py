@@ -109,8 +109,8 @@ TARGET = ("--target", CONFIGS / "design-spectrum.csv")
         (("--pga", "0.4g", "--pgv", "40cm/s"), "--pga and --pgv are given"),
         (("--pga", "0.4g", *TARGET), "--target and --pga are given"),
         (("--pga", "0.4g", "--at", 1), "--at is for --sa"),
-        (("--pga", "0.4g", "--rule", "mean"), "--rule is for --target"),
-        (("--pga", "0.4g", "--average", "0.2:3:9"), "--average is for --sa-avg"),
+        (("--pga", "0.4g", "--rule", "mean"), "--rule has nothing to act on without --target"),
+        (("--pga", "0.4g", "--average", "0.2:3:9"), "--average has nothing to act on without --sa-avg"),
         (("--p695", "--pga", "0.4g"), "--p695 is scaled on by --sa"),
         (("--p695", "--pairs", "rotd50"), "--pairs: --p695 says itself"),
         ((*TARGET, "--range", "2"), "'2' is no range; write FIRST:LAST"),
@@ -269,8 +269,8 @@ def test_a_bad_record_is_named_and_the_others_are_done(folder, tdint):
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (("--im", "pga", "--period", 1), 2, "--period is for --im sa and sa-avg, not pga"),
-        (("--average", "0.2:3:5"), 2, "--average is for --im sa-avg"),
+        (("--im", "pga", "--period", 1), 2, "--period has nothing to act on without --im sa or sa-avg"),
+        (("--average", "0.2:3:5"), 2, "--average has nothing to act on without --im sa-avg"),
         (("--max-im", "3"), 2, "'3': write a number with its unit"),
         (("--max-im", "30cm/s"), 2, "--max-im 30cm/s: sa("),
         (("--im", "pgv", "--max-im", "3g"), 2, "--max-im 3g: pgv is in m/s"),

@@ -17,7 +17,7 @@ from tdint.analysis.assessment.order import observed_order, order_problem
 from tdint.analysis.assessment.stability import critical_step
 from tdint.methods import single_step
 from tdint.methods.method import Integrator
-from tdint.model.config.read import load_model
+from tdint.model.config.model_file import load_model
 
 pytestmark = pytest.mark.long
 

@@ -5,7 +5,7 @@ import pytest
 
 from tdint.errors import ModelError, RecordError
 from tdint.ground_motion.record import Record
-from tdint.model.config.read import load_model
+from tdint.model.config.model_file import load_model
 
 
 def record(samples):

@@ -8,9 +8,9 @@ import pytest
 from ground_motion.format_files import motion, one_column, text, two_columns
 from ground_motion.samples import SAMPLES
 from tdint.errors import ModelError, RecordError, UsageError
-from tdint.ground_motion.formats.tables.layout import AS_STATED, TextLayout
 from tdint.ground_motion.reading.read import is_record, read_record, read_records
-from tdint.model.config.read import load_model
+from tdint.ground_motion.text_layout import AS_STATED, TextLayout
+from tdint.model.config.model_file import load_model
 from tdint.units import STANDARD_GRAVITY
 
 COLUMNS = [motion(60, peak, 4) for peak in (1.0, -2.0, 0.5)]

@@ -10,8 +10,8 @@ from scipy.integrate import solve_ivp
 
 from law_paths import CYCLE, FY, HARDENING, K, follow, law_table
 from tdint.kernels import layout
+from tdint.kernels import layout as at
 from tdint.kernels.laws.apart import spring_table
-from tdint.kernels.layout import FIRST_TRIAL
 from tdint.kernels.stories.springs import commit, restoring, start
 
 pytestmark = pytest.mark.long
@@ -99,13 +99,13 @@ def test_the_force_is_a_continuous_function_of_the_drift(exponent):
     laws = law(exponent, 0.9)
     state = spring_table(laws)
     start(laws, state, 0, 0.0)
-    restoring(laws, state, 0, 0, FIRST_TRIAL, 3.0 * DY)
-    commit(laws, state, 0, 0, FIRST_TRIAL)
+    restoring(laws, state, 0, 0, at.FIRST_TRIAL, 3.0 * DY)
+    commit(laws, state, 0, 0, at.FIRST_TRIAL)
     drifts = 3.0 * DY - np.linspace(0.0, 4.0, 40001) * DY
     forces = []
     for drift in drifts:
-        restoring(laws, state, 0, 0, FIRST_TRIAL, drift)
-        forces.append(state[FIRST_TRIAL + layout.FORCE, 0])
+        restoring(laws, state, 0, 0, at.FIRST_TRIAL, drift)
+        forces.append(state[at.FIRST_TRIAL + layout.FORCE, 0])
     slopes = np.diff(forces) / np.diff(drifts)
     assert slopes.max() <= 2.0 * K
     assert slopes.min() >= 0.0

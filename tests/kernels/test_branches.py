@@ -9,12 +9,12 @@ import pytest
 
 from law_paths import CYCLE, FY, HARDENING, K, follow, law_table
 from tdint.kernels import layout
+from tdint.kernels import layout as at
 from tdint.kernels.laws.apart import spring_table
 from tdint.kernels.laws.walking import walker
-from tdint.kernels.layout import FIRST_TRIAL, SECOND_TRIAL
 from tdint.kernels.stories.events import NONE, _crossing, turning
 from tdint.kernels.stories.springs import restoring, start
-from tdint.model.laws import LAWS
+from tdint.model.definition import LAWS
 
 IMK_SIDE = (FY, 0.035, 0.1, 1.1, 0.2, 0.5, 1.0)
 LAW_CASES = {
@@ -66,10 +66,10 @@ def test_the_tangent_is_the_slope(name):
     state = spring_table(laws)
     start(laws, state, 0, 0.01)
     for drift in (-0.05, 0.004, 0.015, 0.07):
-        tangent = restoring(laws, state, 0, 0, FIRST_TRIAL, drift)
-        force = state[FIRST_TRIAL + layout.FORCE, 0]
-        restoring(laws, state, 0, 0, FIRST_TRIAL, drift + 1e-7)
-        assert (state[FIRST_TRIAL + layout.FORCE, 0] - force) / 1e-7 == pytest.approx(tangent, rel=1e-5)
+        tangent = restoring(laws, state, 0, 0, at.FIRST_TRIAL, drift)
+        force = state[at.FIRST_TRIAL + layout.FORCE, 0]
+        restoring(laws, state, 0, 0, at.FIRST_TRIAL, drift + 1e-7)
+        assert (state[at.FIRST_TRIAL + layout.FORCE, 0] - force) / 1e-7 == pytest.approx(tangent, rel=1e-5)
 
 
 def test_bilinear_loop_by_hand():
@@ -89,8 +89,8 @@ def test_bilinear_branch_by_branch_is_the_closed_form():
     start(laws, by_branches, 0, 0.0)
     forces, _, dissipated = follow(laws, CYCLE)
     for drift, force in zip(CYCLE, forces, strict=True):
-        walk(laws, by_branches, 0, 0, SECOND_TRIAL, drift)
-        by_branches[: layout.SPRING_ROWS] = by_branches[SECOND_TRIAL : SECOND_TRIAL + layout.SPRING_ROWS]
+        walk(laws, by_branches, 0, 0, at.SECOND_TRIAL, drift)
+        by_branches[: layout.SPRING_ROWS] = by_branches[at.SECOND_TRIAL : at.SECOND_TRIAL + layout.SPRING_ROWS]
         assert by_branches[layout.FORCE, 0] == pytest.approx(force, rel=1e-12, abs=1e-10)
     assert by_branches[layout.DISSIPATED, 0] == pytest.approx(dissipated, rel=1e-12)
 
@@ -102,8 +102,8 @@ def test_gap_branch_by_branch_is_the_closed_form():
     start(laws, by_branches, 0, 0.0)
     forces, _, _ = follow(laws, CYCLE)
     for drift, force in zip(CYCLE, forces, strict=True):
-        walk(laws, by_branches, 0, 0, SECOND_TRIAL, drift)
-        by_branches[: layout.SPRING_ROWS] = by_branches[SECOND_TRIAL : SECOND_TRIAL + layout.SPRING_ROWS]
+        walk(laws, by_branches, 0, 0, at.SECOND_TRIAL, drift)
+        by_branches[: layout.SPRING_ROWS] = by_branches[at.SECOND_TRIAL : at.SECOND_TRIAL + layout.SPRING_ROWS]
         beyond = max(abs(drift) - 0.05, 0.0)
         assert force == pytest.approx(K * drift + 4.0 * K * np.copysign(beyond, drift), rel=1e-12)
         assert by_branches[layout.FORCE, 0] == pytest.approx(force, rel=1e-12, abs=1e-10)

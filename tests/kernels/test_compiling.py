@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import tdint
 from small_kernel import scaled
 from tdint import load_model
 from tdint.analysis.run.compilation import of_model
@@ -27,8 +26,6 @@ from tdint.kernels.building.variant import EVERYTHING, Variant, parse
 from tdint.kernels.compiling import F8, I8, TABLE, VECTOR
 from tdint.methods.catalogue import parse as parse_method
 
-PACKAGE = Path(tdint.__file__).parent
-FINGERPRINT = "from tdint.kernels.building.store import fingerprint; print(fingerprint())"
 SMALL = Path(__file__).parents[1] / "small_kernel.py"
 CALL = """
 import logging, sys
@@ -71,18 +68,6 @@ def small(tmp_path):
     """A folder with a module of one small kernel."""
     shutil.copy(SMALL, tmp_path / "small.py")
     return tmp_path
-
-
-def test_an_edit_of_any_kernel_file_leads_to_another_folder(tmp_path):
-    shutil.copytree(PACKAGE, tmp_path / "tdint", ignore=shutil.ignore_patterns("__pycache__"))
-    before = python(FINGERPRINT, tmp_path)
-    assert python(FINGERPRINT, tmp_path) == before
-    for file in ("kernels/laws/gap.py", "methods/impulse4.py"):
-        source = tmp_path / "tdint" / file
-        source.write_text(source.read_text().replace("0.5", "0.25", 1))
-        after = python(FINGERPRINT, tmp_path)
-        assert after != before
-        before = after
 
 
 def test_a_kernel_is_compiled_once_and_then_loaded_without_the_compiler(small):
@@ -200,17 +185,21 @@ def test_kernels_can_be_run_as_they_are_written(small):
     assert not (small / "cache").exists()
 
 
-def test_folders_long_unused_are_removed(tmp_path, monkeypatch):
+def test_what_is_long_unused_is_removed(tmp_path, monkeypatch):
     monkeypatch.setenv("TDINT_CACHE_DIR", str(tmp_path))
-    old = tmp_path / "kernels-0123456789abcdef"
-    other = tmp_path / "something"
-    for folder in (old, other):
-        folder.mkdir()
-        os.utime(folder, (0, 0))
-    current = store.keep(b"", "a:b", "all", Target("some", ""))
-    assert current.parent == tmp_path / f"kernels-{store.fingerprint()}"
+    target, data = Target("some", ""), pack(b"", {"kernel": "a:used", "symbol": "b"})
+    versions, other = tmp_path / "kernels-0123456789abcdef", tmp_path / "something"
+    versions.mkdir()
+    other.mkdir()
+    files = [store.keep(data, name, "all", target) for name in ("a:used", "a:unused")]
+    for old in (versions, other, *files):
+        os.utime(old, (0, 0))
+    assert store.find("a:used", "all", (target,))
+    current = store.keep(data, "a:new", "all", target)
+    assert current.parent == tmp_path / store.folder_name()
     assert other.exists()
-    assert not old.exists()
+    assert not versions.exists()
+    assert [file.exists() for file in files] == [True, False]
 
 
 def add(table, numbers, factor, row):

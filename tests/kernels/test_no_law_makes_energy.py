@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from tdint.analysis.static.cyclic import follow_path
 from tdint.model.building import assemble
-from tdint.model.definition import Law
-from tdint.model.simple import simple_model, simple_story
+from tdint.model.definition import Law, simple_model, simple_story
 
 pytestmark = pytest.mark.long
 

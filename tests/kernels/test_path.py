@@ -8,9 +8,9 @@ import pytest
 from law_examples import example
 from law_paths import FY, K, law_table
 from path_kernels import begin, energies, go, integrate, integrate_on_branch, walk
+from tdint.kernels import layout as at
 from tdint.kernels.laws import LAWS as COMPILED
 from tdint.kernels.laws.apart import spring_table
-from tdint.kernels.layout import ADDRESS, DISSIPATED, DRIFT, FORCE, SPRING_ROWS
 from tdint.kernels.stories.path import PATH_ROWS
 
 pytestmark = pytest.mark.long
@@ -65,7 +65,7 @@ def journey(request):
     begin.compiled(laws, state, 0.0)
     visited = []
     for rise, bend in random_paths():
-        if abs(state[DRIFT, 0] + rise) > 8.0 * DY:  # not ever farther
+        if abs(state[at.DRIFT, 0] + rise) > 8.0 * DY:  # not ever farther
             rise, bend = -rise, -bend
         visited.append((state.copy(), rise, bend))
         results(go, laws, state, rise, bend)
@@ -90,7 +90,7 @@ def test_the_integrals_are_those_of_the_force(journey):
         got = results(integrate, laws, state.copy(), rise, bend)
         out = np.zeros((PATH_ROWS, 2))
         walk.compiled(laws, state.copy(), rise, bend, 400, out)
-        size = abs(state[FORCE, 0]) + abs(got[0]) + K * (abs(rise) + abs(bend))
+        size = abs(state[at.FORCE, 0]) + abs(got[0]) + K * (abs(rise) + abs(bend))
         assert got[:2] == pytest.approx(out[:2, 0], abs=INTEGRALS.get(name, 1e-4) * size)
 
 
@@ -121,7 +121,7 @@ def test_a_story_on_its_branch_needs_no_walk(journey):
         if integrate_on_branch.compiled(state, rise, bend, out):
             kept += 1
             walked = results(integrate, laws, state.copy(), rise, bend)
-            scale = K * (abs(rise) + abs(bend)) + abs(state[FORCE, 0]) + K
+            scale = K * (abs(rise) + abs(bend)) + abs(state[at.FORCE, 0]) + K
             assert out[:6, 0] == pytest.approx(walked, abs=1e-11 * scale)
     assert (kept > 0) == (not LAWS[name].curved)
     assert (kept == PATHS) == (name == "linear")
@@ -132,9 +132,9 @@ def test_rows_beyond_the_committed_state_do_not_matter(journey):
     _, laws, visited = journey
     for state, rise, bend in visited[::7]:
         clean, dirty = state.copy(), state.copy()
-        clean[SPRING_ROWS:ADDRESS] = 0.0
-        dirty[SPRING_ROWS:ADDRESS] = 1e3
+        clean[at.SPRING_ROWS : at.ADDRESS] = 0.0
+        dirty[at.SPRING_ROWS : at.ADDRESS] = 1e3
         one, other = (results(go, laws, table, rise, bend) for table in (clean, dirty))
         assert np.array_equal(one, other)
-        for row in (DRIFT, FORCE, DISSIPATED):
+        for row in (at.DRIFT, at.FORCE, at.DISSIPATED):
             assert clean[row, 0] == dirty[row, 0]

@@ -5,23 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from tdint.kernels.layout import (
-    ACCELERATION,
-    CHAIN_ROWS,
-    DISPLACEMENT,
-    DRIFT,
-    FORCE,
-    LINK,
-    PEAK_ACCELERATION,
-    PEAK_DISPLACEMENT,
-    PEAK_DRIFT,
-    PEAK_ROWS,
-    PEAK_SHEAR,
-    PEAK_VELOCITY,
-    SPRING_ROWS,
-    STIFFNESS,
-    VELOCITY,
-)
+from tdint.kernels import layout as at
 from tdint.kernels.march.within import _extreme_of_cubic, _look_closely, look_within
 
 STORIES = 4
@@ -33,27 +17,31 @@ def scene(seed):
     generator = np.random.default_rng(seed)
     h = 10.0 ** generator.uniform(-3.0, 0.0)
     scale = np.array([[1.0], [1.0 / h], [1.0 / h**2]]) * 10.0 ** generator.uniform(-1.0, 1.0, (3, 1))
-    chain = np.zeros((CHAIN_ROWS, STORIES + 1))
-    chain[LINK, 1:STORIES] = 1.0
+    chain = np.zeros((at.CHAIN_ROWS, STORIES + 1))
+    chain[at.LINK, 1:STORIES] = 1.0
     laws = np.zeros((3, STORIES + 1))
-    laws[STIFFNESS, :STORIES] = K
-    old, state, springs = np.zeros((5, STORIES + 1)), np.zeros((3, STORIES + 1)), np.zeros((SPRING_ROWS, STORIES + 1))
+    laws[at.STIFFNESS, :STORIES] = K
+    old, state, springs = (
+        np.zeros((5, STORIES + 1)),
+        np.zeros((3, STORIES + 1)),
+        np.zeros((at.SPRING_ROWS, STORIES + 1)),
+    )
     old[:3, :STORIES] = scale * generator.normal(size=(3, STORIES))
     old[3:, :STORIES] = scale[1:] * generator.normal(size=(2, STORIES))
     state[:, :STORIES] = scale * generator.normal(size=(3, STORIES))
-    springs[DRIFT, :STORIES] = np.diff(state[DISPLACEMENT, :STORIES], prepend=0.0)
-    springs[FORCE, :STORIES] = K * generator.uniform(-1.0, 1.0, STORIES) * springs[DRIFT, :STORIES]
+    springs[at.DRIFT, :STORIES] = np.diff(state[at.DISPLACEMENT, :STORIES], prepend=0.0)
+    springs[at.FORCE, :STORIES] = K * generator.uniform(-1.0, 1.0, STORIES) * springs[at.DRIFT, :STORIES]
     ground = scale[2, 0] * generator.normal(size=2)
-    ends = np.zeros((PEAK_ROWS, STORIES))
-    ends[PEAK_DRIFT] = abs(springs[DRIFT, :STORIES])
-    ends[PEAK_SHEAR] = abs(springs[FORCE, :STORIES])
-    ends[PEAK_DISPLACEMENT] = np.maximum(abs(state[DISPLACEMENT]), abs(old[0]))[:STORIES]
-    ends[PEAK_VELOCITY] = np.maximum(abs(state[VELOCITY]), abs(old[1]))[:STORIES]
-    ends[PEAK_ACCELERATION] = np.maximum(abs(state[ACCELERATION] + ground[1]), abs(old[2] + ground[0]))[:STORIES]
+    ends = np.zeros((at.PEAK_ROWS, STORIES))
+    ends[at.PEAK_DRIFT] = abs(springs[at.DRIFT, :STORIES])
+    ends[at.PEAK_SHEAR] = abs(springs[at.FORCE, :STORIES])
+    ends[at.PEAK_DISPLACEMENT] = np.maximum(abs(state[at.DISPLACEMENT]), abs(old[0]))[:STORIES]
+    ends[at.PEAK_VELOCITY] = np.maximum(abs(state[at.VELOCITY]), abs(old[1]))[:STORIES]
+    ends[at.PEAK_ACCELERATION] = np.maximum(abs(state[at.ACCELERATION] + ground[1]), abs(old[2] + ground[0]))[:STORIES]
     peaks = np.vstack([ends * generator.uniform(1.0, 1.5, ends.shape), np.zeros_like(ends)])
     on_path, fast = (bool(one) for one in generator.integers(0, 2, 2))
     turns = np.zeros((1, STORIES + 1))
-    return [on_path, fast, chain, laws, h, *ground, old, 0, state, state, ACCELERATION, springs, turns, 0, peaks, 0]
+    return [on_path, fast, chain, laws, h, *ground, old, 0, state, state, at.ACCELERATION, springs, turns, 0, peaks, 0]
 
 
 @pytest.mark.parametrize("seed", range(300))
@@ -61,18 +49,20 @@ def test_nothing_is_passed_where_it_is_not_looked_closely(seed):
     quick, close = scene(seed), scene(seed)
     turned = look_within(*quick)
     assert turned == _look_closely(*close)
-    assert quick[-2][:PEAK_ROWS] == pytest.approx(close[-2][:PEAK_ROWS], rel=1e-15)
+    assert quick[-2][: at.PEAK_ROWS] == pytest.approx(close[-2][: at.PEAK_ROWS], rel=1e-15)
     if turned:
         assert np.array_equal(quick[-4], close[-4])
 
 
 def test_some_of_these_motions_pass_each_peak():
-    raised = np.zeros(2 * PEAK_ROWS, dtype=bool)
+    raised = np.zeros(2 * at.PEAK_ROWS, dtype=bool)
     for seed in range(300):
         before, after = scene(seed), scene(seed)
         look_within(*after)
         raised |= np.any(after[-2] > before[-2], axis=1)
-    of_stories = [row for row in range(2 * PEAK_ROWS) if row % PEAK_ROWS != PEAK_SHEAR]  # that is raised by the laws
+    of_stories = [
+        row for row in range(2 * at.PEAK_ROWS) if row % at.PEAK_ROWS != at.PEAK_SHEAR
+    ]  # that is raised by the laws
     assert raised[of_stories].all()
 
 
@@ -87,16 +77,16 @@ def errors(h):
             times = omega * np.array([start, start + h])
             u, v, a = np.sin(times), omega * np.cos(times), -(omega**2) * np.sin(times)
             one = scene(0)
-            chain = np.zeros((CHAIN_ROWS, 2))
-            laws, springs, turns = np.full((3, 2), K), np.zeros((SPRING_ROWS, 2)), np.zeros((1, 2))
-            springs[DRIFT, 0] = u[1]
+            chain = np.zeros((at.CHAIN_ROWS, 2))
+            laws, springs, turns = np.full((3, 2), K), np.zeros((at.SPRING_ROWS, 2)), np.zeros((1, 2))
+            springs[at.DRIFT, 0] = u[1]
             old, state = np.zeros((5, 2)), np.zeros((3, 2))
             old[:3, 0], state[:, 0] = (u[0], v[0], a[0]), (u[1], v[1], a[1])
             ends = [max(abs(u)), 0.0, max(abs(u)), max(abs(v)), max(abs(a - 1.0))]
             peaks = np.array([[*ends, 0.0, 0.0, 0.0, 0.0, 0.0]]).T
-            one = [False, False, chain, laws, h, -1.0, -1.0, old, 0, state, state, ACCELERATION, springs, turns, 0]
+            one = [False, False, chain, laws, h, -1.0, -1.0, old, 0, state, state, at.ACCELERATION, springs, turns, 0]
             look_within(*one, peaks, 0)
-            found = peaks[(PEAK_DISPLACEMENT, PEAK_VELOCITY, PEAK_ACCELERATION)[quantity], 0]
+            found = peaks[(at.PEAK_DISPLACEMENT, at.PEAK_VELOCITY, at.PEAK_ACCELERATION)[quantity], 0]
             exact = (1.0, omega, omega**2 + 1.0)[quantity]
             missed[quantity] = max(missed[quantity], abs(found / exact - 1.0))
     return missed

@@ -21,7 +21,7 @@ from step_checks import (
 from tdint.analysis.run.amplification import amplification, spectral_radius
 from tdint.analysis.run.run import run
 from tdint.errors import UsageError
-from tdint.kernels.layout import DISSIPATED, DRIFT, FIRST_TRIAL, FORCE, NOT_CONVERGED
+from tdint.kernels import layout as at
 from tdint.methods.catalogue import parse
 
 METHODS = ("bathe", "bathe:gamma=0.5", "bathe:rho_inf=0.5", "bathe:rho_inf=1", "bathe:rho_inf=0.8,gamma=0.3")
@@ -189,9 +189,9 @@ def test_second_sub_step_without_solution_leaves_everything_as_it_was():
     small = 1.0
     steps = SingleSteps("bathe")
     before = steps.memory()
-    assert steps.take((small - gamma * TOO_LARGE) / (1.0 - gamma), TOO_LARGE) == NOT_CONVERGED
+    assert steps.take((small - gamma * TOO_LARGE) / (1.0 - gamma), TOO_LARGE) == at.NOT_CONVERGED
     np.testing.assert_array_equal(steps.memory(), before)
-    assert np.all(steps.space.springs[FIRST_TRIAL + DRIFT, :2] != 0.0)
+    assert np.all(steps.space.springs[at.FIRST_TRIAL + at.DRIFT, :2] != 0.0)
     assert steps.take((small - gamma * TOO_LARGE) / (1.0 - gamma), small) > 0
 
 
@@ -203,11 +203,11 @@ def test_drift_laws_pass_through_the_inner_point(gamma):
     inner, end = -20.0, 10.0  # ground acceleration there, m/s^2
     assert steps.take((inner - gamma * end) / (1.0 - gamma), end) > 0
     springs = steps.space.springs[:, 0]
-    slip = springs[FIRST_TRIAL + DRIFT] - strength / stiffness
+    slip = springs[at.FIRST_TRIAL + at.DRIFT] - strength / stiffness
     force = strength + hardening * stiffness * slip
     assert slip > 0.0
-    assert springs[FIRST_TRIAL + FORCE] == pytest.approx(force, rel=1e-12)
-    way_back = springs[DRIFT] - springs[FIRST_TRIAL + DRIFT]
+    assert springs[at.FIRST_TRIAL + at.FORCE] == pytest.approx(force, rel=1e-12)
+    way_back = springs[at.DRIFT] - springs[at.FIRST_TRIAL + at.DRIFT]
     assert -2.0 * strength / stiffness < way_back < 0.0
-    assert springs[FORCE] == pytest.approx(force + stiffness * way_back, rel=1e-12)
-    assert springs[DISSIPATED] == pytest.approx((1.0 - hardening) * strength * slip, rel=1e-12)
+    assert springs[at.FORCE] == pytest.approx(force + stiffness * way_back, rel=1e-12)
+    assert springs[at.DISSIPATED] == pytest.approx((1.0 - hardening) * strength * slip, rel=1e-12)

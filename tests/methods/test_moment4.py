@@ -32,8 +32,8 @@ from tdint.kernels.chain import force_moment
 from tdint.kernels.march.ground import straightened
 from tdint.kernels.stories.branches import enter
 from tdint.methods.catalogue import parse
+from tdint.model.building import force_table
 from tdint.model.definition import PowerDashpot
-from tdint.model.loads import force_table
 
 RHO = (1.0, 0.8, 0.5, 0.2, 0.0)
 OFFICE = load_model(Path(__file__).parents[2] / "configs" / "ten-story-bilinear.yaml")

@@ -18,7 +18,7 @@ from step_checks import (
 )
 from tdint.analysis.run.amplification import amplification, spectral_radius
 from tdint.analysis.run.run import run
-from tdint.kernels.layout import ACCELERATION, DISPLACEMENT, NOT_CONVERGED, VELOCITY
+from tdint.kernels import layout as at
 from tdint.methods.catalogue import parse
 
 METHODS = ("houbolt", "park")
@@ -153,7 +153,7 @@ def test_stable_at_every_frequency_and_rho_inf_is_0(method, xi):
 @pytest.mark.parametrize("method", METHODS)
 def test_memory_is_what_the_next_step_depends_on(method):
     integrator = parse(method)
-    rows = (DISPLACEMENT, VELOCITY, ACCELERATION)
+    rows = (at.DISPLACEMENT, at.VELOCITY, at.ACCELERATION)
     assert [row in integrator.family.memory for row in rows] == [True, method == "park", False]
     assert len(integrator.family.derivatives) == integrator.family.state_rows
 
@@ -177,7 +177,7 @@ def test_step_without_solution_leaves_everything_as_it_was(method, done):
         assert steps.take(s, s + 1.0) > 0
         assert untried.take(s, s + 1.0) > 0
     before = steps.memory()
-    assert steps.take(done, TOO_LARGE) == NOT_CONVERGED
+    assert steps.take(done, TOO_LARGE) == at.NOT_CONVERGED
     np.testing.assert_array_equal(steps.memory(), before)
     assert steps.take(done, done + 1.0) > 0
     assert untried.take(done, done + 1.0) > 0

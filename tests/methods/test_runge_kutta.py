@@ -23,7 +23,7 @@ from step_checks import (
 from tdint.analysis.run.amplification import amplification, spectral_radius
 from tdint.analysis.run.run import run
 from tdint.errors import AnalysisError
-from tdint.kernels.layout import COMMITTED, DRIFT, FIRST_TRIAL, FORCE, INTERNAL, NOT_CONVERGED, SECOND_TRIAL
+from tdint.kernels import layout as at
 from tdint.methods.catalogue import parse
 from tdint.methods.runge_kutta import DORMAND_PRINCE, imaginary_limit
 
@@ -258,12 +258,12 @@ def test_gauss4_step_without_solution_leaves_everything_as_it_was():
     steps = SingleSteps("gauss4")
     assert steps.take(1.0, 2.0) > 0
     before = steps.memory()
-    assert steps.take(TOO_LARGE, TOO_LARGE) == NOT_CONVERGED
+    assert steps.take(TOO_LARGE, TOO_LARGE) == at.NOT_CONVERGED
     np.testing.assert_array_equal(steps.memory(), before)
     assert steps.take(2.0, 1.0) > 0
 
 
-@pytest.mark.parametrize(("method", "inner"), [("rk5", ()), ("gauss4", (FIRST_TRIAL, SECOND_TRIAL))])
+@pytest.mark.parametrize(("method", "inner"), [("rk5", ()), ("gauss4", (at.FIRST_TRIAL, at.SECOND_TRIAL))])
 def test_path_of_a_hysteretic_story(method, inner):
     """gauss4 loads a story from the start of the step through both stages to its end, rk5 straight to the end."""
     stiffness, strength, hardening = 100.0, 5.0, 0.1
@@ -276,15 +276,15 @@ def test_path_of_a_hysteretic_story(method, inner):
     z, d = np.zeros(2), np.zeros(2)
     taken = turned = 0
     for ground in np.random.default_rng(3).uniform(-40.0, 40.0, (40, 2)):
-        if steps.take(*ground) == NOT_CONVERGED:  # far beyond what it is for: omega h is 16
+        if steps.take(*ground) == at.NOT_CONVERGED:  # far beyond what it is for: omega h is 16
             continue
         springs = steps.space.springs[:, :2]
-        straight = internal(z, d, springs[DRIFT])
-        for block in (*inner, COMMITTED):
-            drift = springs[block + DRIFT].copy()
+        straight = internal(z, d, springs[at.DRIFT])
+        for block in (*inner, at.COMMITTED):
+            drift = springs[block + at.DRIFT].copy()
             z, d = internal(z, d, drift), drift
-        np.testing.assert_allclose(springs[INTERNAL], z, rtol=0.0, atol=1e-9 * strength)
-        np.testing.assert_allclose(springs[FORCE], hardening * stiffness * d + z, rtol=1e-9, atol=1e-9 * strength)
+        np.testing.assert_allclose(springs[at.INTERNAL], z, rtol=0.0, atol=1e-9 * strength)
+        np.testing.assert_allclose(springs[at.FORCE], hardening * stiffness * d + z, rtol=1e-9, atol=1e-9 * strength)
         taken += 1
         turned += bool(np.any(np.abs(straight - z) > 0.1))
     assert taken > 20

@@ -12,7 +12,7 @@ import pytest
 import tdint
 from tdint.errors import ModelError
 from tdint.ground_motion.processing import Processing
-from tdint.model.config.read import (
+from tdint.model.config.model_file import (
     Analysis,
     Excitation,
     Force,
@@ -320,6 +320,6 @@ def test_api_name() -> None:
 
 def test_imports_nothing_heavy() -> None:
     heavy = "{'numpy', 'numba', 'scipy', 'obspy', 'click', 'matplotlib'}"
-    code = f"import sys, tdint.model.config.read; print(sorted({heavy} & set(sys.modules)))"
+    code = f"import sys, tdint.model.config.model_file; print(sorted({heavy} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

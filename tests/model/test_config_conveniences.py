@@ -11,7 +11,7 @@ import pytest
 
 from tdint.errors import ModelError
 from tdint.model.building import assemble
-from tdint.model.config.read import load_model
+from tdint.model.config.model_file import load_model
 from tdint.model.definition import ModalDamping, Model, RayleighRatio
 from tdint.output_units import SI, OutputUnits
 from tdint.units import STANDARD_GRAVITY
@@ -78,9 +78,9 @@ def test_one_story_has_half_of_it_from_the_mass_and_half_from_the_stiffness() ->
     assert building.first_mode() == (pytest.approx(omega), pytest.approx(0.05))
     assert building.damping_matrix()[0, 0] == pytest.approx(0.05 * critical)
     chain = building.chain
-    from tdint.kernels.layout import FLOOR_DAMPER, STORY_DAMPER
+    from tdint.kernels import layout as at
 
-    assert chain[FLOOR_DAMPER, 0] == pytest.approx(chain[STORY_DAMPER, 0]) == pytest.approx(0.5 * 0.05 * critical)
+    assert chain[at.FLOOR_DAMPER, 0] == pytest.approx(chain[at.STORY_DAMPER, 0]) == pytest.approx(0.5 * 0.05 * critical)
 
 
 def test_ratios_may_be_percentages() -> None:

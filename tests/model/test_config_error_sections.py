@@ -5,8 +5,8 @@ import io
 import pytest
 
 from tdint.errors import ModelError
-from tdint.model.config.read import load_model
-from tdint.model.laws import LAWS
+from tdint.model.config.model_file import load_model
+from tdint.model.definition import LAWS
 
 STORY_KEYS = "mass, weight, height, stiffness, law, dashpot, repeat"
 THREE = "stories: [{repeat: 3, mass: 1, stiffness: 1}]\n"

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from tdint.errors import ModelError, ModelFault
-from tdint.model.config.read import load_model
-from tdint.model.keys import source as config
+from tdint.model.config.model_file import load_model
+from tdint.model.keys import document as config
 
 KEYS = "name, units, stories, building, damping, p_delta, excitation, initial, analysis, collapse_drift, output_units"
 STORY_KEYS = "mass, weight, height, stiffness, law, dashpot, repeat"

@@ -12,12 +12,11 @@ from tdint import load_model
 from tdint.errors import ModelError, UsageError
 from tdint.model.building import assemble
 from tdint.model.definition import RayleighCoefficients, RayleighRatio
-from tdint.model.inventory.buildings import derive_all
-from tdint.model.inventory.definition import BuildingFacts
+from tdint.model.inventory.derive import derive_all, model_text
+from tdint.model.inventory.facts import BuildingFacts
 from tdint.model.inventory.hazus import LEVELS, hazus_types
 from tdint.model.inventory.mdof_lu import STRUCTURES, ZONES, derive, design_level, hazus_type
-from tdint.model.inventory.model_text import model_text
-from tdint.model.inventory.read import read_inventory
+from tdint.model.inventory.table import read_inventory
 from tdint.units import LENGTH
 
 WRONG = "type: C9, stories: 51, year: 1, area: 0"

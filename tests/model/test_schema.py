@@ -14,8 +14,7 @@ import yaml
 
 from json_schema import valid
 from tdint.errors import ModelError
-from tdint.model.config.read import load_model, model_keys
-from tdint.model.config.schema import model_schema
+from tdint.model.config.model_file import load_model, model_keys, model_schema
 from tdint.model.keys.kinds import Bounds, Choice, Either, EntriesOf, Keys, ValueKind, Whole
 
 SCHEMA = model_schema()

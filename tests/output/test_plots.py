@@ -16,7 +16,7 @@ from tdint.errors import OutputError
 from tdint.files import write_file
 from tdint.ground_motion.processing import process
 from tdint.ground_motion.record import Record
-from tdint.model.config.read import load_model
+from tdint.model.config.model_file import load_model
 from tdint.output.figures.buildings.run import run_picture
 from tdint.output.figures.spectra.spectrum import spectrum_picture
 from tdint.output.figures.spectra.spectrum_axes import draw_adrs, draw_tripartite

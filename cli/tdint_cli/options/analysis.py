@@ -41,12 +41,20 @@ def _methods() -> list[str]:
 method_name = Name(_methods)
 damping_ratio = Ratio(0.0, 1.0, max_open=True)
 
-method = option(
-    "--method",
-    type=method_name,
-    metavar="SPEC",
-    help="Time-integration method with its parameters, such as newmark:beta=0.25,gamma=0.5; `tdint methods` lists all.",
-)
+
+def method_of(needs: str) -> Callable[[Function], Function]:
+    """The option --method, of what it `needs`."""
+    return option(
+        "--method",
+        type=method_name,
+        needs=needs,
+        metavar="SPEC",
+        help="Time-integration method with its parameters, such as newmark:beta=0.25,gamma=0.5; `tdint methods` lists "
+        "all.",
+    )
+
+
+method = method_of("")
 
 
 def methods(text: str) -> Callable[[Function], Function]:
@@ -108,6 +116,7 @@ def draw_all(names: Sequence[str]) -> Callable[[Function], Function]:
         "--all",
         "draw_all",
         heading=headings.OUTPUT,
+        needs="--plot",
         is_flag=True,
         help=f"Draw all methods; without --method the picture has {', '.join(names)}. The table always has all.",
     )

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from tdint.analysis.run.run import Response
     from tdint.files import Writer
     from tdint.output_units import OutputUnits
-    from tdint.quantities import Grid
+    from tdint.written_numbers import Grid
 
 SPECTRA, MOTIONS = "floor-spectra.csv", "floors.mseed"
 """The files of floors, in the folder of -o."""
@@ -33,8 +33,10 @@ floor_spectra = spectra.option(
     help=f"Also write {SPECTRA}: elastic response spectra of the absolute accelerations of these floors (from 1, or "
     "roof), exact for motions that are linear between the steps.",
 )
-damping = spectra.damping
-periods = spectra.periods(PERIODS, zero=" 0 gives the largest acceleration of the floor at the steps.")
+damping = spectra.damping(needs="--floor-spectra")
+periods = spectra.periods(
+    PERIODS, zero=" 0 gives the largest acceleration of the floor at the steps.", needs="--floor-spectra"
+)
 export_floors = output.option(
     "--export-floors",
     type=click.Choice(["mseed"]),
@@ -56,11 +58,9 @@ class FloorRequest:
         return bool(self.floors or self.export)
 
     def check(self, folder: str | None) -> None:
-        """Raise UsageError for files without a folder, and periods without spectra."""
+        """Raise UsageError for files without a folder, and periods given in two ways."""
         if self and not folder:
             raise UsageError(f"{'--floor-spectra' if self.floors else '--export-floors'} writes a file: add -o DIR")
-        if not self.floors and (self.periods or self.period):
-            raise UsageError("--periods and --period are those of --floor-spectra; add it, or leave them out")
         if self.periods and self.period:
             raise UsageError("--periods and --period are given; leave one of them out")
 
@@ -74,7 +74,7 @@ class FloorRequest:
         """The periods, s."""
         import numpy as np
 
-        from tdint.quantities import parse_grid
+        from tdint.written_numbers import parse_grid
 
         return np.array(self.period) if self.period else (self.periods or parse_grid(PERIODS)).values()
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 import click
+from click.core import ParameterSource
 
+from tdint.errors import UsageError
 from tdint_cli.options.plot import with_named_files
 from tdint_cli.options.values import ListOf
 from tdint_cli.settings import Settings
@@ -20,22 +22,28 @@ ORDER = (OWN, RECORD, SPECTRUM, INTENSITY, ANALYSIS, OUTPUT, GENERAL)
 
 
 class HeadedOption(click.Option):
-    """An option that knows its heading."""
+    """An option that knows its heading, and without which others of the command line it has nothing to act on."""
 
-    def __init__(self, *arguments: Any, heading: str = OWN, **settings: Any) -> None:
+    def __init__(self, *arguments: Any, heading: str = OWN, needs: str = "", **settings: Any) -> None:
         super().__init__(*arguments, **settings)
         self.heading = heading
+        self.needs = needs
 
 
-def option(*names: str, heading: str = OWN, many: bool = False, **settings: Any) -> Callable[[Function], Function]:
+def option(
+    *names: str, heading: str = OWN, many: bool = False, needs: str = "", **settings: Any
+) -> Callable[[Function], Function]:
     """As `click.option`, under a heading.
+
+    `needs`: what it acts on, as in `--history`, `--ductility or --strength`, `--im sa or sa-avg`: an option, one of
+    several, or one with one of these values, its default among them. Given alone the option is refused.
 
     `many`: values with commas between them, and the option may be repeated; the command gets all of them, each once,
     as a tuple, or None if there is none.
     """
     if many:
         settings |= {"type": ListOf(settings["type"]), "multiple": True, "callback": _each_once}
-    return click.option(*names, cls=HeadedOption, heading=heading, **settings)
+    return click.option(*names, cls=HeadedOption, heading=heading, needs=needs, **settings)
 
 
 def _each_once(_: click.Context, __: click.Parameter, lists: tuple[tuple[Any, ...], ...]) -> tuple[Any, ...] | None:
@@ -50,13 +58,39 @@ class Command(click.Command):
         super().__init__(name, **settings)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """As click does, after `--plot` and the like have got their values."""
+        """As click does, after `--plot` and the like have got their values; refuse what has nothing to act on."""
         own = {name for parameter in self.params for name in parameter.opts}
-        return super().parse_args(ctx, with_named_files(args, own))
+        rest = super().parse_args(ctx, with_named_files(args, own))
+        if not ctx.resilient_parsing:
+            _refuse_idle(ctx, self.params)
+        return rest
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the options, a section for each heading."""
         write_options(self.get_params(ctx), ctx, formatter)
+
+
+def _refuse_idle(ctx: click.Context, parameters: Sequence[click.Parameter]) -> None:
+    """Raise UsageError for an option that is given without what it needs: it would be passed over in silence."""
+    named = {name: one for one in parameters for name in (*one.opts, (one.metavar or "").strip("[]."))}
+    for option in parameters:
+        needs = getattr(option, "needs", "")
+        if needs and _is_given(ctx, option) and not _is_met(ctx, needs, named):
+            name = option.opts[-1]
+            raise UsageError(f"{name} has nothing to act on without {needs}; add it, or leave {name} out")
+
+
+def _is_given(ctx: click.Context, parameter: click.Parameter) -> bool:
+    return ctx.get_parameter_source(parameter.name or "") == ParameterSource.COMMANDLINE
+
+
+def _is_met(ctx: click.Context, needs: str, named: Mapping[str, click.Parameter]) -> bool:
+    """Whether one of the needed options is given or, where values are named, has one of them."""
+    words = needs.split(" or ")
+    name, _, value = words[0].partition(" ")
+    if value:
+        return ctx.params[named[name].name or ""] in (value, *words[1:])
+    return any(_is_given(ctx, named[word]) for word in words)
 
 
 def command(name: str) -> Callable[[Callable[..., Any]], Command]:

@@ -15,9 +15,9 @@ from tdint_cli.options.values import FileName, Name, Nonzero, Number
 
 if TYPE_CHECKING:
     from tdint.campaign.studies.suite import RecordChoice
-    from tdint.ground_motion.formats.tables.layout import TextLayout
     from tdint.ground_motion.processing import Processing
     from tdint.ground_motion.record import Record
+    from tdint.ground_motion.text_layout import TextLayout
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -179,7 +179,7 @@ def layout(command: Function) -> Function:
 
     @functools.wraps(command)
     def collected(**given: Any) -> Any:
-        from tdint.ground_motion.formats.tables.layout import TextLayout
+        from tdint.ground_motion.text_layout import TextLayout
 
         chosen = {field.name: given.pop(field.name) for field in dataclasses.fields(TextLayout)}
         return command(**given, layout=TextLayout(**chosen | {"column": chosen["column"] or ()}))

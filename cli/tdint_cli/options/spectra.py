@@ -14,14 +14,20 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 option = partial(headings.option, heading=headings.SPECTRUM)
 
-damping = option(
-    "--damping",
-    type=damping_ratio,
-    many=True,
-    default=(0.05,),
-    metavar="RATIO,...",
-    help="Damping ratios; 0.05 (or 5%) by default.",
-)
+
+def damping(needs: str = "") -> Callable[[Function], Function]:
+    """The option --damping, of what it `needs`."""
+    return option(
+        "--damping",
+        type=damping_ratio,
+        many=True,
+        default=(0.05,),
+        needs=needs,
+        metavar="RATIO,...",
+        help="Damping ratios; 0.05 (or 5%) by default.",
+    )
+
+
 tables = output.output(
     "FILE|DIR",
     "Write to this file instead of standard output; to one file per record in an existing folder or one that is named "
@@ -34,11 +40,12 @@ picture = output.plot(
 )
 
 
-def periods(default: str, zero: str = "") -> Callable[[Function], Function]:
+def periods(default: str, zero: str = "", needs: str = "") -> Callable[[Function], Function]:
     """The options --periods and --period; `zero` says what a period of 0 gives, if it may be asked for."""
     several = option(
         "--periods",
         type=GridType(),
+        needs=needs,
         metavar="FIRST:LAST:COUNT",
         help=f"Periods in equal ratios, s; {default} by default, both ends included.",
     )
@@ -46,6 +53,7 @@ def periods(default: str, zero: str = "") -> Callable[[Function], Function]:
         "--period",
         type=Number(0.0, min_open=not zero),
         many=True,
+        needs=needs,
         metavar="SECONDS,...",
         help=f"Single periods; in place of --periods.{zero}",
     )

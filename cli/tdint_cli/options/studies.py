@@ -30,15 +30,29 @@ def pairs(text: str) -> Callable[[Function], Function]:
     return option("--pairs", type=click.Choice(PAIRS), help=text)
 
 
-damping = option(
-    "--damping", type=damping_ratio, default=0.05, metavar="RATIO", help="Damping ratio of Sa; 0.05 (or 5%) by default."
-)
-average = option(
-    "--average",
-    type=GridType(),
-    metavar="FIRST:LAST:COUNT",
-    help="The periods of Sa_avg, as multiples of the period, in equal ratios; 0.2:3:50 by default.",
-)
+def damping(needs: str) -> Callable[[Function], Function]:
+    """The option --damping, of the measures that it `needs`."""
+    return option(
+        "--damping",
+        type=damping_ratio,
+        default=0.05,
+        needs=needs,
+        metavar="RATIO",
+        help="Damping ratio of Sa; 0.05 (or 5%) by default.",
+    )
+
+
+def average(needs: str) -> Callable[[Function], Function]:
+    """The option --average, of the measure that it `needs`."""
+    return option(
+        "--average",
+        type=GridType(),
+        needs=needs,
+        metavar="FIRST:LAST:COUNT",
+        help="The periods of Sa_avg, as multiples of the period, in equal ratios; 0.2:3:50 by default.",
+    )
+
+
 threshold = partial(
     headings.option,
     "--threshold",

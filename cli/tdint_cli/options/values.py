@@ -11,8 +11,8 @@ from click.shell_completion import CompletionItem
 
 from tdint.errors import UsageError
 from tdint.output_units import OutputUnits, parse_output_units
-from tdint.quantities import Grid, parse_grid, parse_ratio
 from tdint.units import ACCELERATION, FORCE, LENGTH, MASS, DriftSize, Units, parse_drift, parse_units
+from tdint.written_numbers import Grid, parse_grid, parse_ratio
 
 if TYPE_CHECKING:
     ValueType = click.ParamType[Any]

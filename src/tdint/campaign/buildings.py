@@ -11,8 +11,8 @@ from typing import Protocol
 from tdint.campaign.engine.chunk import Source
 from tdint.campaign.engine.subject import Subject
 from tdint.model.definition import Analysis, Excitation, Initial, Model
-from tdint.model.inventory.buildings import derive_row
-from tdint.model.inventory.read import InventoryRow
+from tdint.model.inventory.derive import derive_row
+from tdint.model.inventory.table import InventoryRow
 
 
 class Buildings(Protocol):
@@ -117,7 +117,7 @@ class Rules:
     name : str
         The set of rules.
     stiffness, damping, seed : float, float, int
-        Scatter, as `tdint.model.inventory.buildings.derive_all` has it.
+        Scatter, as `tdint.model.inventory.derive.derive_all` has it.
     method : str
         The method that integrates them.
     collapse_drift : float

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError
+from tdint.ground_motion.interpolation import MOST_SAMPLES, resampled
 from tdint.ground_motion.record import Record
-from tdint.ground_motion.resampling import MOST_SAMPLES, resampled
 
 Array = NDArray[np.float64]
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.ground_motion.interpolation import resampled
 from tdint.ground_motion.processing import CORNERS
 from tdint.ground_motion.processing_steps import zero_phase
 from tdint.ground_motion.record import Input
-from tdint.ground_motion.resampling import resampled
 
 Array = NDArray[np.float64]
 

@@ -4,26 +4,8 @@ from __future__ import annotations
 
 import math
 
+from tdint.kernels import layout as at
 from tdint.kernels.compiling import VARIANT, called, inlined
-from tdint.kernels.layout import (
-    ACCELERATION,
-    COSINE,
-    DISPLACEMENT,
-    DRIFT,
-    FLOOR,
-    FLOOR_DAMPER,
-    FORCE,
-    GEOMETRIC,
-    LINK,
-    MASS,
-    OMEGA,
-    POWER,
-    POWER_DAMPER,
-    SINE,
-    STORY_DAMPER,
-    THRESHOLD,
-    VELOCITY,
-)
 
 # What the kernels are compiled for: numba leaves out what stands behind a constant that is false.
 MODAL = VARIANT.modal
@@ -34,16 +16,16 @@ DASHPOTS = VARIANT.dashpots
 @inlined
 def force_value(forces, j, t):
     """Floor force `j` at time t, N."""
-    angle = forces[j, OMEGA] * t
-    return forces[j, COSINE] * math.cos(angle) + forces[j, SINE] * math.sin(angle)
+    angle = forces[j, at.OMEGA] * t
+    return forces[j, at.COSINE] * math.cos(angle) + forces[j, at.SINE] * math.sin(angle)
 
 
 @inlined
 def force_rate(forces, j, t):
     """Rate of floor force `j` at time t, N/s."""
-    omega = forces[j, OMEGA]
+    omega = forces[j, at.OMEGA]
     angle = omega * t
-    return omega * (forces[j, SINE] * math.cos(angle) - forces[j, COSINE] * math.sin(angle))
+    return omega * (forces[j, at.SINE] * math.cos(angle) - forces[j, at.COSINE] * math.sin(angle))
 
 
 @inlined
@@ -53,7 +35,7 @@ def force_impulse(forces, j, t, h):
     The integral of cos over the step is h sinc(omega h / 2) times cos at mid-step, and likewise for sin: no
     cancellation.
     """
-    half = 0.5 * forces[j, OMEGA] * h
+    half = 0.5 * forces[j, at.OMEGA] * h
     sinc = math.sin(half) / half if half > 1e-4 else 1.0 - half * half / 6.0
     return h * sinc * force_value(forces, j, t + 0.5 * h)
 
@@ -64,7 +46,7 @@ def force_moment(forces, j, t, h):
 
     With the rate R at mid-step the part of the force that is odd there is R h / (2 x) sin(2 x s), x = omega h / 2.
     """
-    x = 0.5 * forces[j, OMEGA] * h
+    x = 0.5 * forces[j, at.OMEGA] * h
     if abs(x) > 0.1:
         share = (math.sin(x) - x * math.cos(x)) / (x * x * x)
     else:
@@ -76,7 +58,7 @@ def force_moment(forces, j, t, h):
 def floor_load(chain, forces, t, ground, work, row):
     """Load p = -m ag + floor forces at time t into a row of work, N."""
     for i in range(chain.shape[1] - 1):
-        work[row, i] = -chain[MASS, i] * ground
+        work[row, i] = -chain[at.MASS, i] * ground
     if FORCES and forces.shape[0] > 0:
         _add_forces(forces, t, work, row)
 
@@ -84,7 +66,7 @@ def floor_load(chain, forces, t, ground, work, row):
 @called
 def _add_forces(forces, t, work, row):
     for j in range(forces.shape[0]):
-        work[row, int(forces[j, FLOOR])] += force_value(forces, j, t)
+        work[row, int(forces[j, at.FLOOR])] += force_value(forces, j, t)
 
 
 @inlined
@@ -92,7 +74,7 @@ def floor_impulse(chain, forces, t, h, ground_0, ground_1, work, row):
     """Exact impulse of the load over [t, t + h] into a row of work, N s; the ground acceleration is linear in
     between."""
     for i in range(chain.shape[1] - 1):
-        work[row, i] = -0.5 * h * chain[MASS, i] * (ground_0 + ground_1)
+        work[row, i] = -0.5 * h * chain[at.MASS, i] * (ground_0 + ground_1)
     if FORCES and forces.shape[0] > 0:
         _add_impulses(forces, t, h, work, row)
 
@@ -100,7 +82,7 @@ def floor_impulse(chain, forces, t, h, ground_0, ground_1, work, row):
 @called
 def _add_impulses(forces, t, h, work, row):
     for j in range(forces.shape[0]):
-        work[row, int(forces[j, FLOOR])] += force_impulse(forces, j, t, h)
+        work[row, int(forces[j, at.FLOOR])] += force_impulse(forces, j, t, h)
 
 
 @inlined
@@ -112,8 +94,8 @@ def mean_load(chain, forces, t, h, ground_0, ground_1, r, work, row):
     at the ends of the steps: p1 - p0 + 12 r ((p0 + p1) / 2 - mean), the first moment where the force is linear.
     """
     for i in range(chain.shape[1] - 1):
-        work[row, i] = -0.5 * chain[MASS, i] * (ground_0 + ground_1)
-        work[row + 1, i] = -chain[MASS, i] * (ground_1 - ground_0)
+        work[row, i] = -0.5 * chain[at.MASS, i] * (ground_0 + ground_1)
+        work[row + 1, i] = -chain[at.MASS, i] * (ground_1 - ground_0)
     if forces.shape[0] > 0:
         _add_means(forces, t, h, r, work, row)
 
@@ -121,7 +103,7 @@ def mean_load(chain, forces, t, h, ground_0, ground_1, r, work, row):
 @called
 def _add_means(forces, t, h, r, work, row):
     for j in range(forces.shape[0]):
-        floor = int(forces[j, FLOOR])
+        floor = int(forces[j, at.FLOOR])
         mean = force_impulse(forces, j, t, h) / h
         work[row, floor] += mean
         if r > 0.0:
@@ -153,18 +135,18 @@ def _add_modal_force(modal, table, x, factor, work, row, n):
 @inlined
 def power_damper(chain, i, rate):
     """Force of the power-law dashpot of story `i` at a drift rate, N, and its slope, N s/m."""
-    if DASHPOTS and chain[POWER_DAMPER, i] != 0.0:
+    if DASHPOTS and chain[at.POWER_DAMPER, i] != 0.0:
         return _power_damper(chain, i, rate)
     return 0.0, 0.0
 
 
 @called
 def _power_damper(chain, i, rate):
-    size = rate * rate + chain[THRESHOLD, i]
+    size = rate * rate + chain[at.THRESHOLD, i]
     if size == 0.0:  # an exponent of 1 or more
-        return 0.0, chain[POWER_DAMPER, i] if chain[POWER, i] == 0.0 else 0.0
-    secant = chain[POWER_DAMPER, i] * size ** chain[POWER, i]
-    return secant * rate, secant * (1.0 + 2.0 * chain[POWER, i] * rate * rate / size)
+        return 0.0, chain[at.POWER_DAMPER, i] if chain[at.POWER, i] == 0.0 else 0.0
+    secant = chain[at.POWER_DAMPER, i] * size ** chain[at.POWER, i]
+    return secant * rate, secant * (1.0 + 2.0 * chain[at.POWER, i] * rate * rate / size)
 
 
 @inlined
@@ -177,16 +159,18 @@ def internal_forces(chain, modal, state, springs, block, velocity, work, row, su
     below = 0.0
     for i in range(n):
         v = state[velocity, i]
-        rate = v - chain[LINK, i] * below
+        rate = v - chain[at.LINK, i] * below
         below = v
         work[sums, i] = (
-            springs[block + FORCE, i] + chain[GEOMETRIC, i] * springs[block + DRIFT, i] + chain[STORY_DAMPER, i] * rate
+            springs[block + at.FORCE, i]
+            + chain[at.GEOMETRIC, i] * springs[block + at.DRIFT, i]
+            + chain[at.STORY_DAMPER, i] * rate
         )
         work[sums, i] += power_damper(chain, i, rate)[0]
     work[sums, n] = 0.0
     for i in range(n):
         work[row, i] = (
-            chain[FLOOR_DAMPER, i] * state[velocity, i] + work[sums, i] - chain[LINK, i + 1] * work[sums, i + 1]
+            chain[at.FLOOR_DAMPER, i] * state[velocity, i] + work[sums, i] - chain[at.LINK, i + 1] * work[sums, i + 1]
         )
     add_modal_force(modal, state, velocity, 1.0, work, row, n)
 
@@ -196,5 +180,5 @@ def finite(state, n):
     """Whether the new displacements, velocities and accelerations are numbers."""
     numbers = True
     for i in range(n):
-        numbers &= abs(state[DISPLACEMENT, i]) + abs(state[VELOCITY, i]) + abs(state[ACCELERATION, i]) < 1e300
+        numbers &= abs(state[at.DISPLACEMENT, i]) + abs(state[at.VELOCITY, i]) + abs(state[at.ACCELERATION, i]) < 1e300
     return numbers

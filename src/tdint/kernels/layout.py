@@ -74,6 +74,48 @@ SINE = 2
 OMEGA = 3
 FORCE_COLUMNS = 4
 
+# history: per stored time the ground acceleration, then for all floors displacement, velocity, absolute acceleration,
+# and for all stories the shear, then the energies
+HISTORY_FIELDS = 4
+
+# observed: numbers of the whole run, the energies first: so many, and a history has them at each stored time. Those at
+# the end of the run, J
+ENERGY_INPUT = 0  # work of the load on the motion relative to the ground
+ENERGY_KINETIC = 1  # of the motion relative to the ground
+ENERGY_DAMPED = 2  # work of the viscous dampers
+ENERGY_RECOVERABLE = 3  # stored in the stories
+ENERGY_DISSIPATED = 4  # by the drift laws since the start
+ENERGY_TERMS = 5
+ENERGY_START = ENERGY_TERMS  # kinetic and stored energy at the start, J
+ENERGY_LARGEST = ENERGY_TERMS + 1  # largest ENERGY_START + ENERGY_INPUT on the way, J
+ITERATIONS = ENERGY_TERMS + 2
+HALVINGS = ENERGY_TERMS + 3
+STEPS_REACHED = ENERGY_TERMS + 4
+POWER_INPUT = ENERGY_TERMS + 5  # powers and their rates at the last observed time
+RATE_INPUT = ENERGY_TERMS + 6  # without the ground's own rate
+MOMENTUM = ENERGY_TERMS + 7
+POWER_DAMPED = ENERGY_TERMS + 8
+RATE_DAMPED = ENERGY_TERMS + 9
+ON_PATH = ENERGY_TERMS + 10  # set before the march: 1 if displacements follow parabolas within a step
+DISSIPATED_BEFORE = ENERGY_TERMS + 11  # by the drift laws on the way to the initial drifts, J
+COLLAPSE_STEP = ENERGY_TERMS + 12  # whole steps after which a story was first beyond a limit; NO_COLLAPSE for none
+COLLAPSE_STORY = ENERGY_TERMS + 13  # the first story that failed, else the one farthest beyond its limit then
+COLLAPSE_FAILED = ENERGY_TERMS + 14  # 1 if it failed
+COLLAPSE_ENERGIES = ENERGY_TERMS + 15  # the energies then, ENERGY_START and ENERGY_LARGEST after them
+NEAR_PEAK = COLLAPSE_ENERGIES + ENERGY_TERMS + 2  # 1 if a value at the last observed time was near its peak
+ALL_FORCES = NEAR_PEAK + 1  # masses times accelerations at that time
+DAMPED_BY_ALL = NEAR_PEAK + 2  # half of what the damped power's rate gains where floors accelerate by 1 m/s^2 more
+ALL_MASSES = NEAR_PEAK + 3
+OBSERVED_SIZE = NEAR_PEAK + 4
+
+# observed[COLLAPSE_STEP]
+NO_COLLAPSE = -1.0
+
+# limits: by story
+LIMIT = 0  # drift ratio beyond which it has collapsed
+HEIGHT = 1  # m; nan for a story without a limit
+FAILED = 2  # what INTERNAL is once the story carries nothing any more; nan where that does not happen
+
 # memo: numbers that a step leaves for the next one and for whoever asks why it failed
 LINEAR = 0  # 1 if every law is linear
 FACTORED_STEP = 1  # the step size of the factorization in work, 0 for none
@@ -92,7 +134,8 @@ FAST = 13  # 1 if the building has modes that the step does not follow
 OWN_PEAKS = 14  # row of work from which on the step keeps peaks of the run beside those it has raised; 0 for none
 ERROR_BEGUN = 15  # 1 once the error is carried along
 ERROR_NEAR = 16  # 1 if the accelerations of the corrected motion are known
-MEMO_SIZE = 17
+ERROR_SIDE = 17  # which of two sets of rows holds the last step's
+MEMO_SIZE = 18
 
 # memo[BRANCHES]
 NO_BRANCHES = 0

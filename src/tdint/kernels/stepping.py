@@ -15,8 +15,8 @@
 
 from __future__ import annotations
 
+from tdint.kernels import layout as at
 from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, called_at, inlined
-from tdint.kernels.layout import RESIDUAL, WORST_STORY
 
 STEP = I8(VECTOR, TABLE, TABLE, TABLE, TABLE, F8, VECTOR, TABLE, TABLE, TABLE, VECTOR)
 
@@ -38,7 +38,7 @@ def balanced(noting, close, memo, i, residual, scale):
     """Whether the terms of an equation, whose sizes add up to `scale`, balance; with `noting` memo keeps the worst of
     those that do not."""
     small = abs(residual) <= close * scale + NOTHING
-    if noting and not small and not abs(residual) / scale <= memo[RESIDUAL]:
-        memo[RESIDUAL] = abs(residual) / scale
-        memo[WORST_STORY] = i
+    if noting and not small and not abs(residual) / scale <= memo[at.RESIDUAL]:
+        memo[at.RESIDUAL] = abs(residual) / scale
+        memo[at.WORST_STORY] = i
     return small

@@ -12,22 +12,10 @@ from __future__ import annotations
 
 import math
 
+from tdint.kernels import layout as at
 from tdint.kernels.chain import finite, floor_load
 from tdint.kernels.compiling import inlined, kernel
 from tdint.kernels.equations.newton import BALANCE_ROWS, LOAD, A, U, V, balance, factor_rows, forget
-from tdint.kernels.layout import (
-    ACCELERATION,
-    COMMITTED,
-    DISPLACEMENT,
-    FACTORED_STEP,
-    FIRST_TRIAL,
-    GROUND_0,
-    GROUND_1,
-    NOT_FINITE,
-    SECOND_TRIAL,
-    TIME,
-    VELOCITY,
-)
 from tdint.kernels.stepping import STEP
 from tdint.kernels.stories.springs import commit, settle
 from tdint.methods.method import Family, Method, Parameter
@@ -53,49 +41,49 @@ def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work
     n = chain.shape[1] - 1
     one_matrix = coefficients[Q2] == 0.5 * coefficients[GAMMA]
     second_factors = _FACTORS if one_matrix else (_FACTORS + work.shape[0]) // 2
-    if memo[FACTORED_STEP] != h:
+    if memo[at.FACTORED_STEP] != h:
         forget(work, _FACTORS, n)
         forget(work, second_factors, n)
-        memo[FACTORED_STEP] = h
+        memo[at.FACTORED_STEP] = h
     iterations = 0
     for second in range(2):
         if second == 0:
             part = coefficients[GAMMA]
             by_v = 0.5 * part * h
             factors = _FACTORS
-            past = COMMITTED
-            trial = FIRST_TRIAL
+            past = at.COMMITTED
+            trial = at.FIRST_TRIAL
             _guess_inner(by_v, state, work, n)
         else:
             part = 1.0
             by_v = coefficients[Q2] * h
             factors = second_factors
-            past = FIRST_TRIAL
-            trial = SECOND_TRIAL
+            past = at.FIRST_TRIAL
+            trial = at.SECOND_TRIAL
             _guess_end(coefficients, h, state, work, n)
-        ground = load[GROUND_0] + part * (load[GROUND_1] - load[GROUND_0])
-        floor_load(chain, forces, load[TIME] + part * h, ground, work, LOAD)
+        ground = load[at.GROUND_0] + part * (load[at.GROUND_1] - load[at.GROUND_0])
+        floor_load(chain, forces, load[at.TIME] + part * h, ground, work, LOAD)
         code = balance(by_v * by_v, by_v, 1.0, factors, past, trial, chain, modal, laws, springs, work, memo)
         if code < 0:
             return code
         iterations += code
     for i in range(n):
-        state[DISPLACEMENT, i] = work[U, i]
-        state[VELOCITY, i] = work[V, i]
-        state[ACCELERATION, i] = work[A, i]
-        settle(laws, springs, i, COMMITTED, FIRST_TRIAL)
-        commit(laws, springs, i, FIRST_TRIAL, SECOND_TRIAL)
-    return iterations if finite(state, n) else NOT_FINITE
+        state[at.DISPLACEMENT, i] = work[U, i]
+        state[at.VELOCITY, i] = work[V, i]
+        state[at.ACCELERATION, i] = work[A, i]
+        settle(laws, springs, i, at.COMMITTED, at.FIRST_TRIAL)
+        commit(laws, springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL)
+    return iterations if finite(state, n) else at.NOT_FINITE
 
 
 @inlined
 def _guess_inner(half, state, work, n):
     """First guess: the acceleration stays over the first sub-step, of length 2 `half`; x is its change."""
     for i in range(n):
-        v = state[VELOCITY, i] + 2.0 * half * state[ACCELERATION, i]
-        work[U, i] = state[DISPLACEMENT, i] + half * (state[VELOCITY, i] + v)
+        v = state[at.VELOCITY, i] + 2.0 * half * state[at.ACCELERATION, i]
+        work[U, i] = state[at.DISPLACEMENT, i] + half * (state[at.VELOCITY, i] + v)
         work[V, i] = v
-        work[A, i] = state[ACCELERATION, i]
+        work[A, i] = state[at.ACCELERATION, i]
 
 
 @inlined
@@ -105,8 +93,8 @@ def _guess_end(coefficients, h, state, work, n):
     q1 = coefficients[Q1]
     q2 = coefficients[Q2]
     for i in range(n):
-        v = state[VELOCITY, i] + h * (q0 * state[ACCELERATION, i] + (q1 + q2) * work[A, i])
-        work[U, i] = state[DISPLACEMENT, i] + h * (q0 * state[VELOCITY, i] + q1 * work[V, i] + q2 * v)
+        v = state[at.VELOCITY, i] + h * (q0 * state[at.ACCELERATION, i] + (q1 + q2) * work[A, i])
+        work[U, i] = state[at.DISPLACEMENT, i] + h * (q0 * state[at.VELOCITY, i] + q1 * work[V, i] + q2 * v)
         work[V, i] = v
 
 

@@ -12,19 +12,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.kernels import layout as at
 from tdint.kernels.chain import finite, force_value
 from tdint.kernels.compiling import kernel
-from tdint.kernels.layout import (
-    DISPLACEMENT,
-    FIRST_TRIAL,
-    FLOOR,
-    GROUND_0,
-    GROUND_1,
-    LINK,
-    NOT_FINITE,
-    TIME,
-    VELOCITY,
-)
 from tdint.kernels.stepping import STEP
 from tdint.kernels.stories.springs import commit, restoring
 from tdint.methods.method import Family, Method
@@ -54,17 +44,17 @@ def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work
         work[1, i] = 0.0
     for j in range(2 * n + 2 * loads):
         if j < n:
-            factor = state[DISPLACEMENT, j]
+            factor = state[at.DISPLACEMENT, j]
         elif j < 2 * n:
-            factor = state[VELOCITY, j - n]
+            factor = state[at.VELOCITY, j - n]
         elif j == 2 * n:
-            factor = load[GROUND_0]
+            factor = load[at.GROUND_0]
         elif j < 2 * n + loads:
-            factor = force_value(forces, j - 2 * n - 1, load[TIME])
+            factor = force_value(forces, j - 2 * n - 1, load[at.TIME])
         elif j == 2 * n + loads:
-            factor = load[GROUND_1]
+            factor = load[at.GROUND_1]
         else:
-            factor = force_value(forces, j - 2 * n - loads - 1, load[TIME] + h)
+            factor = force_value(forces, j - 2 * n - loads - 1, load[at.TIME] + h)
         start = 2 * n * j
         for i in range(n):
             work[0, i] += factor * coefficients[start + i]
@@ -73,12 +63,12 @@ def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work
     below = 0.0
     for i in range(n):
         u = work[0, i]
-        state[DISPLACEMENT, i] = u
-        state[VELOCITY, i] = work[1, i]
-        restoring(laws, springs, i, 0, FIRST_TRIAL, u - chain[LINK, i] * below)
-        commit(laws, springs, i, 0, FIRST_TRIAL)
+        state[at.DISPLACEMENT, i] = u
+        state[at.VELOCITY, i] = work[1, i]
+        restoring(laws, springs, i, 0, at.FIRST_TRIAL, u - chain[at.LINK, i] * below)
+        commit(laws, springs, i, 0, at.FIRST_TRIAL)
         below = u
-    return 1 if finite(state, n) else NOT_FINITE
+    return 1 if finite(state, n) else at.NOT_FINITE
 
 
 def oscillator(omega_h: Array, damping: Array) -> Array:
@@ -160,7 +150,7 @@ def prepare(building: Building, forces: Array, h: float) -> Array:
     n = building.stories
     patterns = np.zeros((n, 1 + len(forces)))
     patterns[:, 0] = -1.0
-    for j, floor in enumerate(forces[:, FLOOR].astype(int)):
+    for j, floor in enumerate(forces[:, at.FLOOR].astype(int)):
         patterns[floor, 1 + j] = 1.0 / building.mass[floor]
     modes = building.modes()
     classical = modes.damping_ratios(building.damping_matrix())
@@ -198,7 +188,7 @@ FAMILY = Family(
     "exact",
     step,
     work_rows,
-    memory=(DISPLACEMENT, VELOCITY),
+    memory=(at.DISPLACEMENT, at.VELOCITY),
     halvable=False,
     linear_only=True,
     prepare=prepare,

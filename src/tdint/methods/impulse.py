@@ -13,45 +13,12 @@ from __future__ import annotations
 
 import math
 
+from tdint.kernels import layout as at
 from tdint.kernels.chain import finite, floor_load
 from tdint.kernels.compiling import called, inlined, kernel
-from tdint.kernels.equations.impulse_momentum import (
-    A1,
-    DU,
-    DV,
-    FORCE_1,
-    FORCE_S,
-    IMPULSE,
-    LOAD,
-    MOMENTUM_ROWS,
-    SIZE,
-    U1,
-    V1,
-    correct,
-    guess,
-    in_balance,
-    residuals,
-)
+from tdint.kernels.equations import impulse_momentum as momentum
+from tdint.kernels.equations.impulse_momentum import correct, guess, in_balance, residuals
 from tdint.kernels.equations.tridiagonal import COUPLING_ROWS, assemble_blocks, factor_blocks
-from tdint.kernels.layout import (
-    ACCELERATION,
-    DISPLACEMENT,
-    DRIFT,
-    FACTORED_STEP,
-    FIRST_TRIAL,
-    FORCE,
-    GEOMETRIC,
-    GROUND_0,
-    GROUND_1,
-    LINEAR,
-    LINK,
-    NOT_CONVERGED,
-    NOT_FINITE,
-    STIFFNESS,
-    STORY_DAMPER,
-    TIME,
-    VELOCITY,
-)
 from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, STEP
 from tdint.kernels.stories.springs import commit, restoring
 from tdint.methods.method import Family, Method, Parameter
@@ -63,9 +30,9 @@ _THETA = 0.5
 _BY_A = 1.0 / 12.0  # weight of a0 and -a1 in the kinematic line
 
 # Rows of work beyond those of the momentum equations
-_TANGENT = MOMENTUM_ROWS
-_FACTORED = MOMENTUM_ROWS + 1
-_BLOCKS = MOMENTUM_ROWS + 2
+_TANGENT = momentum.MOMENTUM_ROWS
+_FACTORED = momentum.MOMENTUM_ROWS + 1
+_BLOCKS = momentum.MOMENTUM_ROWS + 2
 _COUPLING = _BLOCKS + 4
 _STORE = _COUPLING + COUPLING_ROWS
 
@@ -80,7 +47,7 @@ def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work
     """One step; Newton with unknowns (u1 - u0, v1 - v0) per floor, the change of the tangent left out of the matrix."""
     n = chain.shape[1] - 1
     _loads(chain, forces, h, load, work)
-    guess(0.0 if memo[LINEAR] != 0.0 else 1.0, h, state, work, n)
+    guess(0.0 if memo[at.LINEAR] != 0.0 else 1.0, h, state, work, n)
     iterations = 0
     last = False
     while True:
@@ -89,27 +56,27 @@ def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work
         if in_balance(iterations == ITERATIONS, _BY_A, chain, h, state, work, memo) or last:
             break
         if iterations == ITERATIONS:
-            return NOT_CONVERGED
+            return at.NOT_CONVERGED
         if stale:
             _factor(coefficients, chain, modal, h, work)
-            memo[FACTORED_STEP] = h
-        last = correct(_BY_A, modal, h, work, _BLOCKS, _COUPLING, _STORE, n) or memo[LINEAR] != 0.0
+            memo[at.FACTORED_STEP] = h
+        last = correct(_BY_A, modal, h, work, _BLOCKS, _COUPLING, _STORE, n) or memo[at.LINEAR] != 0.0
         iterations += 1
     for i in range(n):
-        state[DISPLACEMENT, i] += work[DU, i]
-        state[VELOCITY, i] += work[DV, i]
-        state[ACCELERATION, i] = work[A1, i]
-        commit(laws, springs, i, 0, FIRST_TRIAL)
-    return max(iterations, 1) if finite(state, n) else NOT_FINITE
+        state[at.DISPLACEMENT, i] += work[momentum.DU, i]
+        state[at.VELOCITY, i] += work[momentum.DV, i]
+        state[at.ACCELERATION, i] = work[momentum.A1, i]
+        commit(laws, springs, i, 0, at.FIRST_TRIAL)
+    return max(iterations, 1) if finite(state, n) else at.NOT_FINITE
 
 
 @inlined
 def _loads(chain, forces, h, load, work):
     """Load at the end of the step, and its impulse by the trapezoidal rule, as published."""
-    floor_load(chain, forces, load[TIME], load[GROUND_0], work, IMPULSE)
-    floor_load(chain, forces, load[TIME] + h, load[GROUND_1], work, LOAD)
+    floor_load(chain, forces, load[at.TIME], load[at.GROUND_0], work, momentum.IMPULSE)
+    floor_load(chain, forces, load[at.TIME] + h, load[at.GROUND_1], work, momentum.LOAD)
     for i in range(chain.shape[1] - 1):
-        work[IMPULSE, i] = 0.5 * h * (work[IMPULSE, i] + work[LOAD, i])
+        work[momentum.IMPULSE, i] = 0.5 * h * (work[momentum.IMPULSE, i] + work[momentum.LOAD, i])
 
 
 @inlined
@@ -117,23 +84,23 @@ def _end(coefficients, chain, laws, h, state, springs, work, memo):
     """Story forces at the end of the step and story impulses. True if the factorization does not fit the tangents."""
     n = chain.shape[1] - 1
     beta = coefficients[BETA]
-    stale = memo[FACTORED_STEP] != h
+    stale = memo[at.FACTORED_STEP] != h
     u_below = 0.0
     v_below = 0.0
     du_below = 0.0
     q_below = 0.0
     for i in range(n):
-        du = work[DU, i]
-        u = state[DISPLACEMENT, i] + du
-        v = state[VELOCITY, i] + work[DV, i]
+        du = work[momentum.DU, i]
+        u = state[at.DISPLACEMENT, i] + du
+        v = state[at.VELOCITY, i] + work[momentum.DV, i]
         q = h * (
             (1.0 - 72.0 * beta) * du
-            + h * ((48.0 * beta - 0.25) * state[VELOCITY, i] + (24.0 * beta - 0.25) * v)
-            + h * h * (12.0 * beta - 1.0 / 12.0) * state[ACCELERATION, i]
+            + h * ((48.0 * beta - 0.25) * state[at.VELOCITY, i] + (24.0 * beta - 0.25) * v)
+            + h * h * (12.0 * beta - 1.0 / 12.0) * state[at.ACCELERATION, i]
         )
-        work[U1, i] = u
-        work[V1, i] = v
-        link = chain[LINK, i]
+        work[momentum.U1, i] = u
+        work[momentum.V1, i] = v
+        link = chain[at.LINK, i]
         drift = u - link * u_below
         rate = v - link * v_below
         increment = du - link * du_below
@@ -142,16 +109,16 @@ def _end(coefficients, chain, laws, h, state, springs, work, memo):
         v_below = v
         du_below = du
         q_below = q
-        tangent = restoring(laws, springs, i, 0, FIRST_TRIAL, drift)
+        tangent = restoring(laws, springs, i, 0, at.FIRST_TRIAL, drift)
         work[_TANGENT, i] = tangent
         # A drift is a difference: what the displacements round is not out of balance.
-        work[SIZE, i] = SMALL / CLOSE * laws[STIFFNESS, i] * (abs(u) + abs(u - drift))
-        stale = stale or abs(tangent - work[_FACTORED, i]) > SAME_TANGENT * laws[STIFFNESS, i]
-        geometric = chain[GEOMETRIC, i]
-        damper = chain[STORY_DAMPER, i]
-        work[FORCE_1, i] = springs[FIRST_TRIAL + FORCE, i] + geometric * drift + damper * rate
-        work[FORCE_S, i] = (
-            h * (springs[FORCE, i] + geometric * springs[DRIFT, i])
+        work[momentum.SIZE, i] = SMALL / CLOSE * laws[at.STIFFNESS, i] * (abs(u) + abs(u - drift))
+        stale = stale or abs(tangent - work[_FACTORED, i]) > SAME_TANGENT * laws[at.STIFFNESS, i]
+        geometric = chain[at.GEOMETRIC, i]
+        damper = chain[at.STORY_DAMPER, i]
+        work[momentum.FORCE_1, i] = springs[at.FIRST_TRIAL + at.FORCE, i] + geometric * drift + damper * rate
+        work[momentum.FORCE_S, i] = (
+            h * (springs[at.FORCE, i] + geometric * springs[at.DRIFT, i])
             + (tangent + geometric) * q_drift
             + damper * increment
         )
@@ -166,8 +133,8 @@ def _factor(coefficients, chain, modal, h, work):
     by_a = _BY_A * h * h
     for i in range(n):
         work[_FACTORED, i] = work[_TANGENT, i]
-        tangent = work[_TANGENT, i] + chain[GEOMETRIC, i]
-        damper = chain[STORY_DAMPER, i]
+        tangent = work[_TANGENT, i] + chain[at.GEOMETRIC, i]
+        damper = chain[at.STORY_DAMPER, i]
         work[_COUPLING, i] = -by_a * tangent
         work[_COUPLING + 1, i] = -by_a * damper
         work[_COUPLING + 2, i] = damper + h * (1.0 - 72.0 * beta) * tangent
@@ -190,7 +157,7 @@ def _limit(beta: float) -> float:
 
 PUBLISHED = 1.0 / 144.0
 
-FAMILY = Family("impulse", step, work_rows, memory=(DISPLACEMENT, VELOCITY), power_dampers=False)
+FAMILY = Family("impulse", step, work_rows, memory=(at.DISPLACEMENT, at.VELOCITY), power_dampers=False)
 
 METHODS = (
     Method(

@@ -15,8 +15,10 @@ from __future__ import annotations
 
 import math
 
+from tdint.kernels import layout as at
 from tdint.kernels.chain import finite
 from tdint.kernels.compiling import called, inlined, kernel
+from tdint.kernels.equations import impulse_momentum as momentum
 from tdint.kernels.equations.impulse4 import (
     FACTORS,
     PEAKS,
@@ -29,55 +31,8 @@ from tdint.kernels.equations.impulse4 import (
     newton,
     solve_linear,
 )
-from tdint.kernels.equations.impulse_momentum import (
-    A1,
-    DU,
-    DV,
-    U1,
-    V1,
-)
 from tdint.kernels.laws.choosing import BENDING, CURVING
 from tdint.kernels.laws.walking import copy_further
-from tdint.kernels.layout import (
-    ABOVE,
-    ACCELERATION,
-    ALL_BRANCHES,
-    BELOW,
-    BRANCHES,
-    DISPLACEMENT,
-    DRIFT,
-    EVENTS,
-    FAST,
-    FIRST_TRIAL,
-    FORCE,
-    FURTHER,
-    GROUND_0,
-    GROUND_1,
-    INVERSE_MASS,
-    LINEAR,
-    LINK,
-    LOWER,
-    NO_BRANCHES,
-    NOT_CONVERGED,
-    NOT_FINITE,
-    OWN_PEAKS,
-    PEAK_ACCELERATION,
-    PEAK_DISPLACEMENT,
-    PEAK_DRIFT,
-    PEAK_ROWS,
-    PEAK_SHEAR,
-    PEAK_VELOCITY,
-    SECOND_TRIAL,
-    SLOPE,
-    SPRING_ROWS,
-    THIRD_TRIAL,
-    TIME,
-    TURN,
-    TURNED,
-    UPPER,
-    VELOCITY,
-    WITHIN,
-)
 from tdint.kernels.march.within import look_within, raise_peak
 from tdint.kernels.stepping import STEP
 from tdint.kernels.stories.branches import advance, go_along, switch
@@ -103,20 +58,20 @@ def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work
     if not BENDING:
         return _by_branches(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo)
     n = chain.shape[1] - 1
-    if memo[BRANCHES] != NO_BRANCHES:
+    if memo[at.BRANCHES] != at.NO_BRANCHES:
         code = _by_branches(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo)
-        if code != NOT_CONVERGED:
+        if code != at.NOT_CONVERGED:
             return code
-    memo[WITHIN] = 0.0
-    loads(chain, forces, load[TIME], h, load[GROUND_0], load[GROUND_1], work)
+    memo[at.WITHIN] = 0.0
+    loads(chain, forces, load[at.TIME], h, load[at.GROUND_0], load[at.GROUND_1], work)
     code = newton(False, coefficients, chain, modal, laws, h, state, springs, work, memo, FACTORS)
     if code < 0:
         return code
     _arrive(False, chain, laws, state, springs, work)
-    if memo[BRANCHES] != NO_BRANCHES:
+    if memo[at.BRANCHES] != at.NO_BRANCHES:
         for i in range(n):
             resume(laws, springs, i)
-    return code if finite(state, n) else NOT_FINITE
+    return code if finite(state, n) else at.NOT_FINITE
 
 
 @called
@@ -131,8 +86,8 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
     state is left as it was.
     """
     n = chain.shape[1] - 1
-    straight = memo[BRANCHES] == ALL_BRANCHES
-    slope = (load[GROUND_1] - load[GROUND_0]) / h
+    straight = memo[at.BRANCHES] == at.ALL_BRANCHES
+    slope = (load[at.GROUND_1] - load[at.GROUND_0]) / h
     most = 20 + 4 * n
     done = 0.0
     piece = h
@@ -141,11 +96,11 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
     solves = 0
     ending = False  # whether the piece ends with a change of branch
     story = -1
-    how = TURNED
+    how = at.TURNED
     while True:
         factors = FACTORS if piece == h else FACTORS + STORE + 6 * modal.shape[0] + 1
-        ground = load[GROUND_0] + slope * done
-        loads(chain, forces, load[TIME] + done, piece, ground, ground + slope * piece, work)
+        ground = load[at.GROUND_0] + slope * done
+        loads(chain, forces, load[at.TIME] + done, piece, ground, ground + slope * piece, work)
         if not CURVING or straight:
             solve_linear(coefficients, chain, modal, piece, state, springs, work, factors)
             solves += 1
@@ -156,18 +111,18 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
                     _restore(state, springs, work, n)
                 return code
             solves += code
-        if BENDING and memo[LINEAR] == 0.0:
+        if BENDING and memo[at.LINEAR] == 0.0:
             miss = _miss(chain, piece, state, springs, work, story, how) if ending else _BEYOND
             if miss == _BEYOND:
                 ending = False
-                fraction, story, how = first_event(chain, piece, state, springs, work, U1, V1)
+                fraction, story, how = first_event(chain, piece, state, springs, work, momentum.U1, momentum.V1)
                 if fraction != NONE:
                     if pieces == 0:
                         _save(state, springs, work, n)
                     pieces += 1
                     if pieces > most:
                         _restore(state, springs, work, n)
-                        return NOT_CONVERGED
+                        return at.NOT_CONVERGED
                     if fraction * piece > _AT_ONCE * h:
                         piece *= fraction
                         ending = True
@@ -187,9 +142,9 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
         else:
             _arrive(True, chain, laws, state, springs, work)
         if BENDING and pieces > 0:
-            _look(memo[FAST] == 0.0, chain, laws, piece, ground, ground + slope * piece, state, springs, work)
-            memo[WITHIN] = PEAKS
-            memo[OWN_PEAKS] = PEAKS
+            _look(memo[at.FAST] == 0.0, chain, laws, piece, ground, ground + slope * piece, state, springs, work)
+            memo[at.WITHIN] = PEAKS
+            memo[at.OWN_PEAKS] = PEAKS
         done += piece
         if BENDING and ending:
             _change(chain, laws, state, springs, story, how)
@@ -198,8 +153,8 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
         piece = h - done
         if not BENDING or piece <= _AT_ONCE * h:
             break
-    memo[EVENTS] += events
-    return solves if finite(state, n) else NOT_FINITE
+    memo[at.EVENTS] += events
+    return solves if finite(state, n) else at.NOT_FINITE
 
 
 @called
@@ -210,19 +165,19 @@ def _change(chain, laws, state, springs, story, how):
     beside it a law might find the same end still ahead, over and over. A force that changes at once, as that of a story
     that fails, accelerates the floors.
     """
-    drift = springs[DRIFT, story]
-    force = springs[FORCE, story]
-    if how == TURNED or not springs[SLOPE, story] < math.inf:
+    drift = springs[at.DRIFT, story]
+    force = springs[at.FORCE, story]
+    if how == at.TURNED or not springs[at.SLOPE, story] < math.inf:
         switch(laws, springs, story, 0, how)
     else:
-        go_along(laws, springs, story, 0, springs[UPPER, story] if how == ABOVE else springs[LOWER, story])
+        go_along(laws, springs, story, 0, springs[at.UPPER, story] if how == at.ABOVE else springs[at.LOWER, story])
         switch(laws, springs, story, 0, how)
         go_along(laws, springs, story, 0, drift)
-    jump = springs[FORCE, story] - force
+    jump = springs[at.FORCE, story] - force
     if jump != 0.0:
-        state[ACCELERATION, story] -= jump * chain[INVERSE_MASS, story]
+        state[at.ACCELERATION, story] -= jump * chain[at.INVERSE_MASS, story]
         if story > 0:
-            state[ACCELERATION, story - 1] += chain[LINK, story] * jump * chain[INVERSE_MASS, story - 1]
+            state[at.ACCELERATION, story - 1] += chain[at.LINK, story] * jump * chain[at.INVERSE_MASS, story - 1]
 
 
 @called
@@ -233,22 +188,22 @@ def _miss(chain, h, state, springs, work, story, how):
     v_below = 0.0
     v1_below = 0.0
     for i in range(chain.shape[1] - 1):
-        link = chain[LINK, i]
-        drift = work[U1, i] - link * u_below
-        change = drift - springs[DRIFT, i]
+        link = chain[at.LINK, i]
+        drift = work[momentum.U1, i] - link * u_below
+        change = drift - springs[at.DRIFT, i]
         # The way is longer than the change where the drift comes back.
-        way = h * max(abs(state[VELOCITY, i] - link * v_below), abs(work[V1, i] - link * v1_below))
+        way = h * max(abs(state[at.VELOCITY, i] - link * v_below), abs(work[momentum.V1, i] - link * v1_below))
         allowed = _STRAYED * max(way, abs(change))
-        u_below = work[U1, i]
-        v_below = state[VELOCITY, i]
-        v1_below = work[V1, i]
-        if springs[TURN, i] * change < -_BACKWARD * (abs(drift) + abs(springs[DRIFT, i])):
+        u_below = work[momentum.U1, i]
+        v_below = state[at.VELOCITY, i]
+        v1_below = work[momentum.V1, i]
+        if springs[at.TURN, i] * change < -_BACKWARD * (abs(drift) + abs(springs[at.DRIFT, i])):
             return _BEYOND
-        if drift > springs[UPPER, i] + allowed or drift < springs[LOWER, i] - allowed:
+        if drift > springs[at.UPPER, i] + allowed or drift < springs[at.LOWER, i] - allowed:
             return _BEYOND
         if i == story and (
-            (how == ABOVE and drift < springs[UPPER, i] - allowed)
-            or (how == BELOW and drift > springs[LOWER, i] + allowed)
+            (how == at.ABOVE and drift < springs[at.UPPER, i] - allowed)
+            or (how == at.BELOW and drift > springs[at.LOWER, i] + allowed)
         ):
             miss = _SHORT
     return miss
@@ -259,11 +214,11 @@ def _advance(chain, laws, state, springs, work):
     """Update the state after a piece in which all stories go along their branches."""
     below = 0.0
     for i in range(chain.shape[1] - 1):
-        u = state[DISPLACEMENT, i] + work[DU, i]
-        state[DISPLACEMENT, i] = u
-        state[VELOCITY, i] += work[DV, i]
-        state[ACCELERATION, i] = work[A1, i]
-        advance(laws, springs, i, 0, u - chain[LINK, i] * below)
+        u = state[at.DISPLACEMENT, i] + work[momentum.DU, i]
+        state[at.DISPLACEMENT, i] = u
+        state[at.VELOCITY, i] += work[momentum.DV, i]
+        state[at.ACCELERATION, i] = work[momentum.A1, i]
+        advance(laws, springs, i, 0, u - chain[at.LINK, i] * below)
         below = u
 
 
@@ -275,15 +230,15 @@ def _arrive(frozen, chain, laws, state, springs, work):
     """
     below = 0.0
     for i in range(chain.shape[1] - 1):
-        u = state[DISPLACEMENT, i] + work[DU, i]
-        state[DISPLACEMENT, i] = u
-        state[VELOCITY, i] += work[DV, i]
-        state[ACCELERATION, i] = work[A1, i]
-        if frozen and springs[SLOPE, i] < math.inf:
-            advance(laws, springs, i, 0, u - chain[LINK, i] * below)
+        u = state[at.DISPLACEMENT, i] + work[momentum.DU, i]
+        state[at.DISPLACEMENT, i] = u
+        state[at.VELOCITY, i] += work[momentum.DV, i]
+        state[at.ACCELERATION, i] = work[momentum.A1, i]
+        if frozen and springs[at.SLOPE, i] < math.inf:
+            advance(laws, springs, i, 0, u - chain[at.LINK, i] * below)
         else:
-            settle(laws, springs, i, 0, FIRST_TRIAL)
-            commit(laws, springs, i, FIRST_TRIAL, SECOND_TRIAL)
+            settle(laws, springs, i, 0, at.FIRST_TRIAL)
+            commit(laws, springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL)
         below = u
 
 
@@ -293,19 +248,19 @@ def _look(within, chain, laws, h, ground_0, ground_1, state, springs, work):
     turned = 0
     if within:
         turned = look_within(
-            False, False, chain, laws, h, ground_0, ground_1, work, PIECE, state, state, ACCELERATION, springs, work,
+            False, False, chain, laws, h, ground_0, ground_1, work, PIECE, state, state, at.ACCELERATION, springs, work,
             TURNS, work, PEAKS,
         )  # fmt: skip
     for i in range(chain.shape[1] - 1):
-        drift = springs[DRIFT, i]
-        raise_peak(work, PEAKS + PEAK_DRIFT, i, drift)
-        raise_peak(work, PEAKS + PEAK_SHEAR, i, springs[FORCE, i])
-        raise_peak(work, PEAKS + PEAK_DISPLACEMENT, i, state[DISPLACEMENT, i])
-        raise_peak(work, PEAKS + PEAK_VELOCITY, i, state[VELOCITY, i])
-        raise_peak(work, PEAKS + PEAK_ACCELERATION, i, state[ACCELERATION, i] + ground_1)
+        drift = springs[at.DRIFT, i]
+        raise_peak(work, PEAKS + at.PEAK_DRIFT, i, drift)
+        raise_peak(work, PEAKS + at.PEAK_SHEAR, i, springs[at.FORCE, i])
+        raise_peak(work, PEAKS + at.PEAK_DISPLACEMENT, i, state[at.DISPLACEMENT, i])
+        raise_peak(work, PEAKS + at.PEAK_VELOCITY, i, state[at.VELOCITY, i])
+        raise_peak(work, PEAKS + at.PEAK_ACCELERATION, i, state[at.ACCELERATION, i] + ground_1)
         if turned > 0 and work[TURNS, i] != drift:
-            reach(laws, springs, i, 0, FIRST_TRIAL, work[TURNS, i])
-            raise_peak(work, PEAKS + PEAK_SHEAR, i, springs[FIRST_TRIAL + FORCE, i])
+            reach(laws, springs, i, 0, at.FIRST_TRIAL, work[TURNS, i])
+            raise_peak(work, PEAKS + at.PEAK_SHEAR, i, springs[at.FIRST_TRIAL + at.FORCE, i])
 
 
 @called
@@ -314,26 +269,26 @@ def _save(state, springs, work, n):
     for i in range(n):
         for row in range(3):
             work[SAVED + row, i] = state[row, i]
-        for row in range(SPRING_ROWS):
+        for row in range(at.SPRING_ROWS):
             work[SAVED + 3 + row, i] = springs[row, i]
-    if springs.shape[0] > FURTHER:
+    if springs.shape[0] > at.FURTHER:
         for i in range(n):
-            copy_further(springs, i, 0, THIRD_TRIAL)
+            copy_further(springs, i, 0, at.THIRD_TRIAL)
 
 
 @called
 def _restore(state, springs, work, n):
     """Give up a step: what peaks it had within its pieces are none."""
     for i in range(n):
-        for row in range(2 * PEAK_ROWS):
+        for row in range(2 * at.PEAK_ROWS):
             work[PEAKS + row, i] = 0.0
         for row in range(3):
             state[row, i] = work[SAVED + row, i]
-        for row in range(SPRING_ROWS):
+        for row in range(at.SPRING_ROWS):
             springs[row, i] = work[SAVED + 3 + row, i]
-    if springs.shape[0] > FURTHER:
+    if springs.shape[0] > at.FURTHER:
         for i in range(n):
-            copy_further(springs, i, THIRD_TRIAL, 0)
+            copy_further(springs, i, at.THIRD_TRIAL, 0)
 
 
 def coefficients(rho_inf: float) -> tuple[float, ...]:
@@ -371,7 +326,7 @@ def coefficients(rho_inf: float) -> tuple[float, ...]:
     )
 
 
-FAMILY = Family("impulse4", step, work_rows, memory=(DISPLACEMENT, VELOCITY))
+FAMILY = Family("impulse4", step, work_rows, memory=(at.DISPLACEMENT, at.VELOCITY))
 
 METHODS = (
     Method(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.kernels.layout import ACCELERATION, DISPLACEMENT, VELOCITY
+from tdint.kernels import layout as at
 
 if TYPE_CHECKING:
     from tdint.kernels.compiling import Kernel
@@ -92,7 +92,7 @@ class Family:
     name: str
     step: Kernel
     work_rows: Callable[[int], int]
-    memory: tuple[int, ...] = (DISPLACEMENT, VELOCITY, ACCELERATION)
+    memory: tuple[int, ...] = (at.DISPLACEMENT, at.VELOCITY, at.ACCELERATION)
     state_rows: int = 3
     derivatives: tuple[int, ...] = (0, 1, 2)
     halvable: bool = True

@@ -26,29 +26,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from tdint.kernels import layout as at
 from tdint.kernels.chain import add_modal_force, finite, floor_load, internal_forces
 from tdint.kernels.compiling import inlined, kernel
 from tdint.kernels.equations.tridiagonal import assemble_combination, factor, factor_combination, solve, solve_damped
-from tdint.kernels.layout import (
-    ACCELERATION,
-    DISPLACEMENT,
-    DRIFT,
-    FACTORED_STEP,
-    FIRST_TRIAL,
-    FLOOR_DAMPER,
-    FORCE,
-    GEOMETRIC,
-    GROUND_0,
-    GROUND_1,
-    LINK,
-    MASS,
-    NOT_FINITE,
-    STEPS_DONE,
-    STIFFNESS,
-    STORY_DAMPER,
-    TIME,
-    VELOCITY,
-)
 from tdint.kernels.stepping import STEP
 from tdint.kernels.stories.springs import commit, restoring
 from tdint.methods.method import Family, Method, Parameter
@@ -79,49 +60,52 @@ def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work
     weight = 1.0 - coefficients[ALPHA_F]
     by_c = coefficients[GAMMA] * h
     by_k = coefficients[BETA] * h * h
-    if memo[STEPS_DONE] == 0.0:
+    if memo[at.STEPS_DONE] == 0.0:
         _start(chain, laws, by_k, state, work, n)
-        memo[FACTORED_STEP] = 0.0
-    if memo[FACTORED_STEP] != h:
+        memo[at.FACTORED_STEP] = 0.0
+    if memo[at.FACTORED_STEP] != h:
         factor_combination(
-            chain, modal, laws, STIFFNESS, 1.0 - coefficients[ALPHA_M], weight * by_c, weight * by_k, work, _PIVOT,
+            chain, modal, laws, at.STIFFNESS, 1.0 - coefficients[ALPHA_M], weight * by_c, weight * by_k, work, _PIVOT,
             _COUPLING, _STORE, n,
         )  # fmt: skip
-        memo[FACTORED_STEP] = h
+        memo[at.FACTORED_STEP] = h
     _weighted_load(chain, forces, weight, h, load, work, n)
     _advance(chain, laws, weight, by_k, h, state, springs, work, n)
     for i in range(n):
-        inner = work[_SUM, i] - chain[LINK, i + 1] * work[_SUM, i + 1]
+        inner = work[_SUM, i] - chain[at.LINK, i + 1] * work[_SUM, i + 1]
         work[_X, i] = (
-            work[_LOAD, i] - chain[MASS, i] * state[ACCELERATION, i] - chain[FLOOR_DAMPER, i] * work[_V, i] - inner
+            work[_LOAD, i]
+            - chain[at.MASS, i] * state[at.ACCELERATION, i]
+            - chain[at.FLOOR_DAMPER, i] * work[_V, i]
+            - inner
         )
     add_modal_force(modal, work, _V, -1.0, work, _X, n)
     solve_damped(work, _PIVOT, _COUPLING, modal, _STORE, _X, n)
     for i in range(n):
-        q = state[ACCELERATION, i]
-        state[VELOCITY, i] += h * q + by_c * work[_X, i]
-        state[ACCELERATION, i] = q + work[_X, i]
-    return 1 if finite(state, n) else NOT_FINITE
+        q = state[at.ACCELERATION, i]
+        state[at.VELOCITY, i] += h * q + by_c * work[_X, i]
+        state[at.ACCELERATION, i] = q + work[_X, i]
+    return 1 if finite(state, n) else at.NOT_FINITE
 
 
 @inlined
 def _start(chain, laws, by_k, state, work, n):
     """q0 from the acceleration of equilibrium: (M + beta h^2 K0) q0 = M a0."""
-    assemble_combination(chain, laws, STIFFNESS, 1.0, 0.0, by_k, work, _PIVOT, _COUPLING, n)
+    assemble_combination(chain, laws, at.STIFFNESS, 1.0, 0.0, by_k, work, _PIVOT, _COUPLING, n)
     factor(work, _PIVOT, _COUPLING, n)
     for i in range(n):
-        work[_X, i] = chain[MASS, i] * state[ACCELERATION, i]
+        work[_X, i] = chain[at.MASS, i] * state[at.ACCELERATION, i]
     solve(work, _PIVOT, _COUPLING, _X, n)
     for i in range(n):
-        state[ACCELERATION, i] = work[_X, i]
+        state[at.ACCELERATION, i] = work[_X, i]
 
 
 @inlined
 def _weighted_load(chain, forces, weight, h, load, work, n):
     """Load at the weighted point, N."""
-    floor_load(chain, forces, load[TIME] + h, load[GROUND_1], work, _LOAD)
+    floor_load(chain, forces, load[at.TIME] + h, load[at.GROUND_1], work, _LOAD)
     if weight != 1.0:
-        floor_load(chain, forces, load[TIME], load[GROUND_0], work, _LOAD_0)
+        floor_load(chain, forces, load[at.TIME], load[at.GROUND_0], work, _LOAD_0)
         for i in range(n):
             work[_LOAD, i] = weight * work[_LOAD, i] + (1.0 - weight) * work[_LOAD_0, i]
 
@@ -133,22 +117,22 @@ def _advance(chain, laws, weight, by_k, h, state, springs, work, n):
     v_below = 0.0
     q_below = 0.0
     for i in range(n):
-        q = state[ACCELERATION, i]
-        u = state[DISPLACEMENT, i] + h * state[VELOCITY, i] + 0.5 * h * h * q
-        v = state[VELOCITY, i] + weight * h * q
-        link = chain[LINK, i]
-        geometric = chain[GEOMETRIC, i]
-        force_0 = springs[FORCE, i] + geometric * springs[DRIFT, i]
-        restoring(laws, springs, i, 0, FIRST_TRIAL, u - link * u_below)
-        commit(laws, springs, i, 0, FIRST_TRIAL)
-        force_1 = springs[FORCE, i] + geometric * springs[DRIFT, i]
+        q = state[at.ACCELERATION, i]
+        u = state[at.DISPLACEMENT, i] + h * state[at.VELOCITY, i] + 0.5 * h * h * q
+        v = state[at.VELOCITY, i] + weight * h * q
+        link = chain[at.LINK, i]
+        geometric = chain[at.GEOMETRIC, i]
+        force_0 = springs[at.FORCE, i] + geometric * springs[at.DRIFT, i]
+        restoring(laws, springs, i, 0, at.FIRST_TRIAL, u - link * u_below)
+        commit(laws, springs, i, 0, at.FIRST_TRIAL)
+        force_1 = springs[at.FORCE, i] + geometric * springs[at.DRIFT, i]
         work[_SUM, i] = (
             weight * force_1
             + (1.0 - weight) * force_0
-            + by_k * (laws[STIFFNESS, i] + geometric) * (q - link * q_below)
-            + chain[STORY_DAMPER, i] * (v - link * v_below)
+            + by_k * (laws[at.STIFFNESS, i] + geometric) * (q - link * q_below)
+            + chain[at.STORY_DAMPER, i] * (v - link * v_below)
         )
-        state[DISPLACEMENT, i] = u
+        state[at.DISPLACEMENT, i] = u
         work[_V, i] = v
         u_below = u
         v_below = v
@@ -162,40 +146,40 @@ def chang_step(coefficients, chain, modal, laws, forces, h, load, state, springs
     n = chain.shape[1] - 1
     half = 0.5 * h
     second_store = _STORE + 2 * modal.shape[0] + 1
-    if memo[FACTORED_STEP] != h:
+    if memo[at.FACTORED_STEP] != h:
         for second in range(2):
             by_k = 0.0 if second else half * half
             store = second_store if second else _STORE
             pivot = _PIVOT + 2 * second
-            factor_combination(chain, modal, laws, STIFFNESS, 1.0, half, by_k, work, pivot, pivot + 1, store, n)
-        memo[FACTORED_STEP] = h
+            factor_combination(chain, modal, laws, at.STIFFNESS, 1.0, half, by_k, work, pivot, pivot + 1, store, n)
+        memo[at.FACTORED_STEP] = h
     v_below = 0.0
     for i in range(n):
-        v = state[VELOCITY, i]
-        work[_SUM, i] = half * (laws[STIFFNESS, i] + chain[GEOMETRIC, i]) * (v - chain[LINK, i] * v_below)
+        v = state[at.VELOCITY, i]
+        work[_SUM, i] = half * (laws[at.STIFFNESS, i] + chain[at.GEOMETRIC, i]) * (v - chain[at.LINK, i] * v_below)
         v_below = v
     for i in range(n):
-        inner = work[_SUM, i] - chain[LINK, i + 1] * work[_SUM, i + 1]
-        work[_X, i] = chain[MASS, i] * state[ACCELERATION, i] - inner
+        inner = work[_SUM, i] - chain[at.LINK, i + 1] * work[_SUM, i + 1]
+        work[_X, i] = chain[at.MASS, i] * state[at.ACCELERATION, i] - inner
     solve_damped(work, _PIVOT, _COUPLING, modal, _STORE, _X, n)
     below = 0.0
     for i in range(n):
-        v = state[VELOCITY, i]
-        u = state[DISPLACEMENT, i] + h * v + half * h * work[_X, i]
-        restoring(laws, springs, i, 0, FIRST_TRIAL, u - chain[LINK, i] * below)
-        commit(laws, springs, i, 0, FIRST_TRIAL)
+        v = state[at.VELOCITY, i]
+        u = state[at.DISPLACEMENT, i] + h * v + half * h * work[_X, i]
+        restoring(laws, springs, i, 0, at.FIRST_TRIAL, u - chain[at.LINK, i] * below)
+        commit(laws, springs, i, 0, at.FIRST_TRIAL)
         below = u
-        state[DISPLACEMENT, i] = u
-        work[_V, i] = v + half * state[ACCELERATION, i]
-    floor_load(chain, forces, load[TIME] + h, load[GROUND_1], work, _LOAD)
+        state[at.DISPLACEMENT, i] = u
+        work[_V, i] = v + half * state[at.ACCELERATION, i]
+    floor_load(chain, forces, load[at.TIME] + h, load[at.GROUND_1], work, _LOAD)
     internal_forces(chain, modal, work, springs, 0, _V, work, _X, _SUM)
     for i in range(n):
         work[_X, i] = work[_LOAD, i] - work[_X, i]
     solve_damped(work, _SECOND_PIVOT, _SECOND_COUPLING, modal, second_store, _X, n)
     for i in range(n):
-        state[VELOCITY, i] = work[_V, i] + half * work[_X, i]
-        state[ACCELERATION, i] = work[_X, i]
-    return 1 if finite(state, n) else NOT_FINITE
+        state[at.VELOCITY, i] = work[_V, i] + half * work[_X, i]
+        state[at.ACCELERATION, i] = work[_X, i]
+    return 1 if finite(state, n) else at.NOT_FINITE
 
 
 FAMILY = Family(
@@ -211,7 +195,7 @@ CHANG = Family(
     "model-based",
     chang_step,
     lambda modes: _STORE + 2 * (2 * modes + 1),
-    memory=(DISPLACEMENT, VELOCITY),
+    memory=(at.DISPLACEMENT, at.VELOCITY),
     halvable=False,
     power_dampers=False,
     limited_by_stiffening=True,

@@ -32,6 +32,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from tdint.kernels import layout as at
 from tdint.kernels.chain import finite, mean_load
 from tdint.kernels.compiling import kernel
 from tdint.kernels.equations.moment4 import LOAD, R, finish, move, work_rows
@@ -42,15 +43,6 @@ from tdint.kernels.equations.moment4_error import (
     carry_error,
     observe_error,
 )
-from tdint.kernels.layout import (
-    ERROR_BEGUN,
-    DISPLACEMENT,
-    GROUND_0,
-    GROUND_1,
-    NOT_FINITE,
-    TIME,
-    VELOCITY,
-)
 from tdint.kernels.stepping import STEP
 from tdint.methods.method import Family, Method, Parameter
 
@@ -58,27 +50,27 @@ from tdint.methods.method import Family, Method, Parameter
 @kernel(STEP)
 def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
     """One step. State row ACCELERATION is the next one's first guess, where it needs one."""
-    mean_load(chain, forces, load[TIME], h, load[GROUND_0], load[GROUND_1], coefficients[R], work, LOAD)
+    mean_load(chain, forces, load[at.TIME], h, load[at.GROUND_0], load[at.GROUND_1], coefficients[R], work, LOAD)
     code = move(coefficients, chain, modal, laws, h, state, springs, work, memo)
     if code < 0:
         return code
     finish(coefficients, chain, modal, laws, h, state, springs, work, memo)
-    return code if finite(state, chain.shape[1] - 1) else NOT_FINITE
+    return code if finite(state, chain.shape[1] - 1) else at.NOT_FINITE
 
 
 @kernel(STEP)
 def step_with_error(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
     """The same step, and the error that the run has come to (`tdint.kernels.equations.moment4_error`)."""
-    if memo[ERROR_BEGUN] == 0.0:
+    if memo[at.ERROR_BEGUN] == 0.0:
         begin_error(chain, modal, laws, forces, load, state, springs, work, memo)
-    mean_load(chain, forces, load[TIME], h, load[GROUND_0], load[GROUND_1], coefficients[R], work, LOAD)
+    mean_load(chain, forces, load[at.TIME], h, load[at.GROUND_0], load[at.GROUND_1], coefficients[R], work, LOAD)
     code = move(coefficients, chain, modal, laws, h, state, springs, work, memo)
     if code < 0:
         return code
     carry_error(chain, modal, laws, forces, h, load, state, springs, work, memo)
     finish(coefficients, chain, modal, laws, h, state, springs, work, memo)
-    observe_error(h, chain, modal, laws, forces, load[TIME] + h, load, state, springs, work, memo)
-    return code if finite(state, chain.shape[1] - 1) else NOT_FINITE
+    observe_error(h, chain, modal, laws, forces, load[at.TIME] + h, load, state, springs, work, memo)
+    return code if finite(state, chain.shape[1] - 1) else at.NOT_FINITE
 
 
 def coefficients(rho_inf: float) -> tuple[float, ...]:
@@ -91,7 +83,7 @@ _FAMILY = Family(
     "moment4",
     step,
     work_rows,
-    memory=(DISPLACEMENT, VELOCITY),
+    memory=(at.DISPLACEMENT, at.VELOCITY),
     own_work=True,
     parabolic=True,
 )

@@ -19,21 +19,10 @@ from __future__ import annotations
 
 import math
 
+from tdint.kernels import layout as at
 from tdint.kernels.chain import finite, floor_load
 from tdint.kernels.compiling import inlined, kernel
 from tdint.kernels.equations.newton import BALANCE_ROWS, LOAD, A, U, V, X, balance, factor_rows, forget
-from tdint.kernels.layout import (
-    ACCELERATION,
-    DISPLACEMENT,
-    FACTORED_STEP,
-    FIRST_OLDER,
-    FIRST_TRIAL,
-    GROUND_1,
-    NOT_FINITE,
-    STEPS_DONE,
-    TIME,
-    VELOCITY,
-)
 from tdint.kernels.stepping import STEP
 from tdint.kernels.stories.springs import commit
 from tdint.methods.method import Family, Method
@@ -44,10 +33,10 @@ A_BY_W = 3
 A_BY_B = 6
 
 # Rows of the state beyond u, v, a: means over the last step and over the one before it
-MEAN_VELOCITY = FIRST_OLDER
-OLDER_MEAN_VELOCITY = FIRST_OLDER + 1
-MEAN_ACCELERATION = FIRST_OLDER + 2
-OLDER_MEAN_ACCELERATION = FIRST_OLDER + 3
+MEAN_VELOCITY = at.FIRST_OLDER
+OLDER_MEAN_VELOCITY = at.FIRST_OLDER + 1
+MEAN_ACCELERATION = at.FIRST_OLDER + 2
+OLDER_MEAN_ACCELERATION = at.FIRST_OLDER + 3
 
 # Rows of work
 _W = BALANCE_ROWS  # first guess of the mean velocity
@@ -67,7 +56,7 @@ def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work
     """One step of the family, of average acceleration for the first two."""
     n = chain.shape[1] - 1
     c = coefficients
-    if memo[STEPS_DONE] < START:
+    if memo[at.STEPS_DONE] < START:
         by_w = 0.25 * h
         by_v = 0.5 * h
         by_a = 1.0
@@ -77,33 +66,33 @@ def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work
         by_v = c[V_BY_W] * h
         by_a = c[A_BY_W] + c[A_BY_B] * c[V_BY_W]
         _guess(c, h, state, work, n)
-    if memo[FACTORED_STEP] != by_v:  # tells h, and the start from what follows
+    if memo[at.FACTORED_STEP] != by_v:  # tells h, and the start from what follows
         forget(work, _FACTORS, n)
-        memo[FACTORED_STEP] = by_v
-    floor_load(chain, forces, load[TIME] + h, load[GROUND_1], work, LOAD)
-    code = balance(h * by_w, by_v, by_a, _FACTORS, 0, FIRST_TRIAL, chain, modal, laws, springs, work, memo)
+        memo[at.FACTORED_STEP] = by_v
+    floor_load(chain, forces, load[at.TIME] + h, load[at.GROUND_1], work, LOAD)
+    code = balance(h * by_w, by_v, by_a, _FACTORS, 0, at.FIRST_TRIAL, chain, modal, laws, springs, work, memo)
     if code < 0:
         return code
     for i in range(n):
         state[OLDER_MEAN_VELOCITY, i] = state[MEAN_VELOCITY, i]
         state[OLDER_MEAN_ACCELERATION, i] = state[MEAN_ACCELERATION, i]
         state[MEAN_VELOCITY, i] = work[_W, i] + by_w * work[X, i]
-        state[MEAN_ACCELERATION, i] = (work[V, i] - state[VELOCITY, i]) / h
-        state[DISPLACEMENT, i] = work[U, i]
-        state[VELOCITY, i] = work[V, i]
-        state[ACCELERATION, i] = work[A, i]
-        commit(laws, springs, i, 0, FIRST_TRIAL)
-    return code if finite(state, n) else NOT_FINITE
+        state[MEAN_ACCELERATION, i] = (work[V, i] - state[at.VELOCITY, i]) / h
+        state[at.DISPLACEMENT, i] = work[U, i]
+        state[at.VELOCITY, i] = work[V, i]
+        state[at.ACCELERATION, i] = work[A, i]
+        commit(laws, springs, i, 0, at.FIRST_TRIAL)
+    return code if finite(state, n) else at.NOT_FINITE
 
 
 @inlined
 def _guess_start(h, state, work, n):
     """First guess of average acceleration: the acceleration stays; x is its change."""
     for i in range(n):
-        v = state[VELOCITY, i]
-        a = state[ACCELERATION, i]
+        v = state[at.VELOCITY, i]
+        a = state[at.ACCELERATION, i]
         work[_W, i] = v + 0.5 * h * a
-        work[U, i] = state[DISPLACEMENT, i] + h * work[_W, i]
+        work[U, i] = state[at.DISPLACEMENT, i] + h * work[_W, i]
         work[V, i] = v + h * a
         work[A, i] = a
 
@@ -116,9 +105,9 @@ def _guess(c, h, state, work, n):
         older = state[OLDER_MEAN_VELOCITY, i]
         w = 2.0 * w0 - older
         v = c[V_BY_W] * w + c[V_BY_W + 1] * w0 + c[V_BY_W + 2] * older
-        b = (v - state[VELOCITY, i]) / h
+        b = (v - state[at.VELOCITY, i]) / h
         work[_W, i] = w
-        work[U, i] = state[DISPLACEMENT, i] + h * w
+        work[U, i] = state[at.DISPLACEMENT, i] + h * w
         work[V, i] = v
         work[A, i] = (
             (c[A_BY_W] * w + c[A_BY_W + 1] * w0 + c[A_BY_W + 2] * older) / h
@@ -161,7 +150,7 @@ METHODS = (
         _BACKWARD,
         (2.0, -3.0, 1.0),  # the second derivative of that cubic
         _NONE,
-        (DISPLACEMENT, MEAN_VELOCITY, OLDER_MEAN_VELOCITY),
+        (at.DISPLACEMENT, MEAN_VELOCITY, OLDER_MEAN_VELOCITY),
         "Houbolt (1950), started by two steps of average acceleration",
     ),
     _member(
@@ -170,10 +159,10 @@ METHODS = (
         _NONE,
         _PARK,
         (
-            DISPLACEMENT,
+            at.DISPLACEMENT,
             MEAN_VELOCITY,
             OLDER_MEAN_VELOCITY,
-            VELOCITY,
+            at.VELOCITY,
             MEAN_ACCELERATION,
             OLDER_MEAN_ACCELERATION,
         ),

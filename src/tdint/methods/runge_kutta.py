@@ -14,34 +14,11 @@ import math
 import numpy as np
 from numpy.polynomial import Polynomial
 
+from tdint.kernels import layout as at
 from tdint.kernels.chain import add_modal_force, finite, floor_load, internal_forces, power_damper
 from tdint.kernels.compiling import inlined, kernel
 from tdint.kernels.equations.halving import add_rows, copy_rows, squares, too_far
 from tdint.kernels.equations.tridiagonal import COUPLING_ROWS, factor_blocks, link_blocks, solve_blocks_damped
-from tdint.kernels.layout import (
-    ACCELERATION,
-    DISPLACEMENT,
-    FACTORED_STEP,
-    FIRST_TRIAL,
-    FLOOR_DAMPER,
-    FORCE,
-    GEOMETRIC,
-    GROUND_0,
-    GROUND_1,
-    INVERSE_MASS,
-    LINEAR,
-    LINK,
-    MASS,
-    NOT_CONVERGED,
-    NOT_FINITE,
-    RESIDUAL,
-    SECOND_TRIAL,
-    STIFFNESS,
-    STORY_DAMPER,
-    THIRD_TRIAL,
-    TIME,
-    VELOCITY,
-)
 from tdint.kernels.stepping import CLOSE, ITERATIONS, PATIENCE, SAME_TANGENT, SMALL, STEP, balanced
 from tdint.kernels.stories.springs import commit, restoring, settle
 from tdint.methods.method import Family, Method
@@ -67,14 +44,14 @@ def explicit_step(coefficients, chain, modal, laws, forces, h, load, state, spri
     """One explicit step. The first stage is the end of the step before: state row ACCELERATION, from equilibrium."""
     n = chain.shape[1] - 1
     for i in range(n):
-        work[_V, i] = state[VELOCITY, i]
-        work[_A, i] = state[ACCELERATION, i]
+        work[_V, i] = state[at.VELOCITY, i]
+        work[_A, i] = state[at.ACCELERATION, i]
     stages = int(coefficients[0])
     row = 1
     for stage in range(1, stages + 1):
         for i in range(n):
-            work[_U, i] = state[DISPLACEMENT, i]
-            work[_V + stage, i] = state[VELOCITY, i]
+            work[_U, i] = state[at.DISPLACEMENT, i]
+            work[_V + stage, i] = state[at.VELOCITY, i]
         for earlier in range(stage):
             weight = h * coefficients[row + 1 + earlier]
             for i in range(n):
@@ -82,21 +59,21 @@ def explicit_step(coefficients, chain, modal, laws, forces, h, load, state, spri
                 work[_V + stage, i] += weight * work[_A + earlier, i]
         below = 0.0
         for i in range(n):
-            restoring(laws, springs, i, 0, FIRST_TRIAL, work[_U, i] - chain[LINK, i] * below)
+            restoring(laws, springs, i, 0, at.FIRST_TRIAL, work[_U, i] - chain[at.LINK, i] * below)
             below = work[_U, i]
         c = coefficients[row]
-        ground = load[GROUND_0] + c * (load[GROUND_1] - load[GROUND_0])
-        floor_load(chain, forces, load[TIME] + c * h, ground, work, _LOAD)
-        internal_forces(chain, modal, work, springs, FIRST_TRIAL, _V + stage, work, _A + stage, _SUM)
+        ground = load[at.GROUND_0] + c * (load[at.GROUND_1] - load[at.GROUND_0])
+        floor_load(chain, forces, load[at.TIME] + c * h, ground, work, _LOAD)
+        internal_forces(chain, modal, work, springs, at.FIRST_TRIAL, _V + stage, work, _A + stage, _SUM)
         for i in range(n):
-            work[_A + stage, i] = chain[INVERSE_MASS, i] * (work[_LOAD, i] - work[_A + stage, i])
+            work[_A + stage, i] = chain[at.INVERSE_MASS, i] * (work[_LOAD, i] - work[_A + stage, i])
         row += stage + 1
     for i in range(n):
-        state[DISPLACEMENT, i] = work[_U, i]
-        state[VELOCITY, i] = work[_V + stages, i]
-        state[ACCELERATION, i] = work[_A + stages, i]
-        commit(laws, springs, i, 0, FIRST_TRIAL)
-    return 1 if finite(state, n) else NOT_FINITE
+        state[at.DISPLACEMENT, i] = work[_U, i]
+        state[at.VELOCITY, i] = work[_V + stages, i]
+        state[at.ACCELERATION, i] = work[_A + stages, i]
+        commit(laws, springs, i, 0, at.FIRST_TRIAL)
+    return 1 if finite(state, n) else at.NOT_FINITE
 
 
 def explicit_row(a: Table) -> tuple[float, ...]:
@@ -197,10 +174,10 @@ def implicit_step(coefficients, chain, modal, laws, forces, h, load, state, spri
             before = size
             part = 1.0
         if iterations == ITERATIONS:
-            return NOT_CONVERGED
+            return at.NOT_CONVERGED
         if stale:
             _factor(coefficients, chain, modal, h, work)
-            memo[FACTORED_STEP] = h
+            memo[at.FACTORED_STEP] = h
         solve_blocks_damped(work, _BLOCKS, _COUPLING, modal, s00, s01, s10, s11, _STORE, _R, _R + 1, n)
         iterations += 1
         for stage in range(2):
@@ -208,7 +185,7 @@ def implicit_step(coefficients, chain, modal, laws, forces, h, load, state, spri
                 work[_STAGE_A + stage, i] += work[_R + stage, i]
         if iterations > PATIENCE:
             copy_rows(work, _R, _CORRECTION, 2, n)
-        if memo[LINEAR] != 0.0:
+        if memo[at.LINEAR] != 0.0:
             break
     return _finish(coefficients, chain, laws, h, state, springs, work, max(iterations, 1))
 
@@ -216,23 +193,23 @@ def implicit_step(coefficients, chain, modal, laws, forces, h, load, state, spri
 @inlined
 def _predict(coefficients, chain, forces, h, load, state, work, memo):
     """Load at the stages; constant acceleration as the first guess, none in a linear building: that rounds least."""
-    guess = 0.0 if memo[LINEAR] != 0.0 else 1.0
+    guess = 0.0 if memo[at.LINEAR] != 0.0 else 1.0
     for stage in range(2):
         c = coefficients[C + stage]
-        ground = load[GROUND_0] + c * (load[GROUND_1] - load[GROUND_0])
-        floor_load(chain, forces, load[TIME] + c * h, ground, work, _STAGE_LOAD + stage)
+        ground = load[at.GROUND_0] + c * (load[at.GROUND_1] - load[at.GROUND_0])
+        floor_load(chain, forces, load[at.TIME] + c * h, ground, work, _STAGE_LOAD + stage)
         for i in range(chain.shape[1] - 1):
-            work[_STAGE_A + stage, i] = guess * state[ACCELERATION, i]
+            work[_STAGE_A + stage, i] = guess * state[at.ACCELERATION, i]
 
 
 @inlined
 def _stages(coefficients, chain, laws, h, state, springs, work, memo):
     """Motion and story forces at both stages, one reached from the other. True if the factorization does not fit."""
     n = chain.shape[1] - 1
-    stale = memo[FACTORED_STEP] != h
+    stale = memo[at.FACTORED_STEP] != h
     for stage in range(2):
-        past = stage * FIRST_TRIAL
-        trial = past + FIRST_TRIAL
+        past = stage * at.FIRST_TRIAL
+        trial = past + at.FIRST_TRIAL
         shift = h * coefficients[C + stage]
         v_by_1 = h * coefficients[A + 2 * stage]
         v_by_2 = h * coefficients[A + 2 * stage + 1]
@@ -243,25 +220,30 @@ def _stages(coefficients, chain, laws, h, state, springs, work, memo):
         for i in range(n):
             a_1 = work[_STAGE_A, i]
             a_2 = work[_STAGE_A + 1, i]
-            u = state[DISPLACEMENT, i] + shift * state[VELOCITY, i] + (u_by_1 * a_1 + u_by_2 * a_2)
-            v = state[VELOCITY, i] + (v_by_1 * a_1 + v_by_2 * a_2)
-            drift = u - chain[LINK, i] * u_below
-            rate = v - chain[LINK, i] * v_below
+            u = state[at.DISPLACEMENT, i] + shift * state[at.VELOCITY, i] + (u_by_1 * a_1 + u_by_2 * a_2)
+            v = state[at.VELOCITY, i] + (v_by_1 * a_1 + v_by_2 * a_2)
+            drift = u - chain[at.LINK, i] * u_below
+            rate = v - chain[at.LINK, i] * v_below
             u_below = u
             v_below = v
             work[_STAGE_U + stage, i] = u
             work[_STAGE_V + stage, i] = v
             tangent = restoring(laws, springs, i, past, trial, drift)
             work[_TANGENT + stage, i] = tangent
-            stale = stale or abs(tangent - work[_FACTORED + stage, i]) > SAME_TANGENT * laws[STIFFNESS, i]
+            stale = stale or abs(tangent - work[_FACTORED + stage, i]) > SAME_TANGENT * laws[at.STIFFNESS, i]
             damper, slope = power_damper(chain, i, rate)
             work[_SLOPE + stage, i] = slope
             change = abs(slope - work[_FACTORED_SLOPE + stage, i])
-            stale = stale or change * h * abs(coefficients[A]) > SAME_TANGENT * chain[MASS, i]
-            total = springs[trial + FORCE, i] + chain[GEOMETRIC, i] * drift + chain[STORY_DAMPER, i] * rate + damper
+            stale = stale or change * h * abs(coefficients[A]) > SAME_TANGENT * chain[at.MASS, i]
+            total = (
+                springs[trial + at.FORCE, i]
+                + chain[at.GEOMETRIC, i] * drift
+                + chain[at.STORY_DAMPER, i] * rate
+                + damper
+            )
             work[_STAGE_SUM + stage, i] = total
             # A drift is a difference: what the displacements round is not out of balance.
-            rounding = SMALL / CLOSE * laws[STIFFNESS, i]
+            rounding = SMALL / CLOSE * laws[at.STIFFNESS, i]
             work[_SIZE + stage, i] = abs(total) + rounding * (abs(u) + abs(u - drift))
     return stale
 
@@ -271,7 +253,7 @@ def _in_balance(last, chain, modal, work, memo):
     """Unbalanced forces at both stages into their rows, N. Whether all are small. At the last of them the worst is
     noted."""
     n = chain.shape[1] - 1
-    memo[RESIDUAL] = 0.0
+    memo[at.RESIDUAL] = 0.0
     small = True
     for stage in range(2):
         total = _STAGE_SUM + stage
@@ -279,10 +261,10 @@ def _in_balance(last, chain, modal, work, memo):
             work[_R + stage, i] = 0.0
         add_modal_force(modal, work, _STAGE_V + stage, 1.0, work, _R + stage, n)
         for i in range(n):
-            link = chain[LINK, i + 1]
+            link = chain[at.LINK, i + 1]
             outer = work[_STAGE_LOAD + stage, i]
-            inertia = chain[MASS, i] * work[_STAGE_A + stage, i]
-            damping = chain[FLOOR_DAMPER, i] * work[_STAGE_V + stage, i] + work[_R + stage, i]
+            inertia = chain[at.MASS, i] * work[_STAGE_A + stage, i]
+            damping = chain[at.FLOOR_DAMPER, i] * work[_STAGE_V + stage, i] + work[_R + stage, i]
             residual = outer - inertia - damping - work[total, i] + link * work[total, i + 1]
             work[_R + stage, i] = residual
             scale = abs(outer) + abs(inertia) + abs(damping)
@@ -301,10 +283,10 @@ def _factor(coefficients, chain, modal, h, work):
         by_c = h * coefficients[A + entry]
         by_k = h * h * coefficients[A2 + entry]
         for i in range(n):
-            damper = chain[STORY_DAMPER, i] + work[_SLOPE + stage, i]
-            story = by_k * (work[_TANGENT + stage, i] + chain[GEOMETRIC, i]) + by_c * damper
+            damper = chain[at.STORY_DAMPER, i] + work[_SLOPE + stage, i]
+            story = by_k * (work[_TANGENT + stage, i] + chain[at.GEOMETRIC, i]) + by_c * damper
             work[_COUPLING + entry, i] = story
-            work[_BLOCKS + entry, i] = by_m * chain[MASS, i] + by_c * chain[FLOOR_DAMPER, i] + story
+            work[_BLOCKS + entry, i] = by_m * chain[at.MASS, i] + by_c * chain[at.FLOOR_DAMPER, i] + story
     for stage in range(2):
         for i in range(n):
             work[_FACTORED + stage, i] = work[_TANGENT + stage, i]
@@ -328,17 +310,17 @@ def _finish(coefficients, chain, laws, h, state, springs, work, iterations):
     for i in range(n):
         a_1 = work[_STAGE_A, i]
         a_2 = work[_STAGE_A + 1, i]
-        v = state[VELOCITY, i]
-        u = state[DISPLACEMENT, i] + h * v + h * h * (coefficients[BA] * a_1 + coefficients[BA + 1] * a_2)
-        state[DISPLACEMENT, i] = u
-        state[VELOCITY, i] = v + h * (coefficients[B] * a_1 + coefficients[B + 1] * a_2)
-        state[ACCELERATION, i] = a_2 + beyond * (a_2 - a_1)
-        settle(laws, springs, i, 0, FIRST_TRIAL)
-        settle(laws, springs, i, FIRST_TRIAL, SECOND_TRIAL)
-        restoring(laws, springs, i, SECOND_TRIAL, THIRD_TRIAL, u - chain[LINK, i] * below)
-        commit(laws, springs, i, SECOND_TRIAL, THIRD_TRIAL)
+        v = state[at.VELOCITY, i]
+        u = state[at.DISPLACEMENT, i] + h * v + h * h * (coefficients[BA] * a_1 + coefficients[BA + 1] * a_2)
+        state[at.DISPLACEMENT, i] = u
+        state[at.VELOCITY, i] = v + h * (coefficients[B] * a_1 + coefficients[B + 1] * a_2)
+        state[at.ACCELERATION, i] = a_2 + beyond * (a_2 - a_1)
+        settle(laws, springs, i, 0, at.FIRST_TRIAL)
+        settle(laws, springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL)
+        restoring(laws, springs, i, at.SECOND_TRIAL, at.THIRD_TRIAL, u - chain[at.LINK, i] * below)
+        commit(laws, springs, i, at.SECOND_TRIAL, at.THIRD_TRIAL)
         below = u
-    return iterations if finite(state, n) else NOT_FINITE
+    return iterations if finite(state, n) else at.NOT_FINITE
 
 
 def implicit_row(a: Table, b: tuple[float, ...]) -> tuple[float, ...]:
@@ -352,9 +334,11 @@ _SHIFT = math.sqrt(3.0) / 6.0
 GAUSS: Table = ((0.25, 0.25 - _SHIFT), (0.25 + _SHIFT, 0.25))
 
 EXPLICIT = Family(
-    "runge-kutta", explicit_step, lambda modes: _EXPLICIT_ROWS, memory=(DISPLACEMENT, VELOCITY), halvable=False
+    "runge-kutta", explicit_step, lambda modes: _EXPLICIT_ROWS, memory=(at.DISPLACEMENT, at.VELOCITY), halvable=False
 )
-IMPLICIT = Family("runge-kutta", implicit_step, lambda modes: _STORE + 6 * modes + 1, memory=(DISPLACEMENT, VELOCITY))
+IMPLICIT = Family(
+    "runge-kutta", implicit_step, lambda modes: _STORE + 6 * modes + 1, memory=(at.DISPLACEMENT, at.VELOCITY)
+)
 
 METHODS = (
     Method(

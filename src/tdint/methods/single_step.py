@@ -17,21 +17,10 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.kernels import layout as at
 from tdint.kernels.chain import finite, floor_load
 from tdint.kernels.compiling import inlined, kernel
 from tdint.kernels.equations.newton import BALANCE_ROWS, LOAD, A, U, V, X, balance, factor_rows, forget
-from tdint.kernels.layout import (
-    ACCELERATION,
-    DISPLACEMENT,
-    FACTORED_STEP,
-    FIRST_TRIAL,
-    GROUND_0,
-    GROUND_1,
-    LINK,
-    NOT_FINITE,
-    TIME,
-    VELOCITY,
-)
 from tdint.kernels.stepping import STEP
 from tdint.kernels.stories.springs import commit, restoring
 from tdint.methods.method import Family, Method, Parameter
@@ -59,28 +48,28 @@ def work_rows(modes: int) -> int:
 def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
     """One step of the family; the unknown of the balance is da."""
     n = chain.shape[1] - 1
-    if memo[FACTORED_STEP] != h:
+    if memo[at.FACTORED_STEP] != h:
         forget(work, _FACTORS, n)
-        memo[FACTORED_STEP] = h
+        memo[at.FACTORED_STEP] = h
     _predict(coefficients, chain, forces, h, load, state, work)
     by_u = coefficients[L3W3] * h * h
     by_v = coefficients[L5W2] * h
-    code = balance(by_u, by_v, coefficients[L6W1], _FACTORS, 0, FIRST_TRIAL, chain, modal, laws, springs, work, memo)
+    code = balance(by_u, by_v, coefficients[L6W1], _FACTORS, 0, at.FIRST_TRIAL, chain, modal, laws, springs, work, memo)
     if code < 0:
         return code
     below = 0.0
     for i in range(n):
         da = work[X, i]
-        v = state[VELOCITY, i]
-        a = state[ACCELERATION, i]
-        u = state[DISPLACEMENT, i] + h * v + h * h * (0.5 * a + coefficients[L3] * da)
-        state[DISPLACEMENT, i] = u
-        state[VELOCITY, i] = v + h * (a + coefficients[L5] * da)
-        state[ACCELERATION, i] = a + da
-        restoring(laws, springs, i, 0, FIRST_TRIAL, u - chain[LINK, i] * below)
-        commit(laws, springs, i, 0, FIRST_TRIAL)
+        v = state[at.VELOCITY, i]
+        a = state[at.ACCELERATION, i]
+        u = state[at.DISPLACEMENT, i] + h * v + h * h * (0.5 * a + coefficients[L3] * da)
+        state[at.DISPLACEMENT, i] = u
+        state[at.VELOCITY, i] = v + h * (a + coefficients[L5] * da)
+        state[at.ACCELERATION, i] = a + da
+        restoring(laws, springs, i, 0, at.FIRST_TRIAL, u - chain[at.LINK, i] * below)
+        commit(laws, springs, i, 0, at.FIRST_TRIAL)
         below = u
-    return code if finite(state, n) else NOT_FINITE
+    return code if finite(state, n) else at.NOT_FINITE
 
 
 @inlined
@@ -89,14 +78,14 @@ def _predict(coefficients, chain, forces, h, load, state, work):
     n = chain.shape[1] - 1
     w1 = coefficients[W1]
     if w1 != 1.0:
-        floor_load(chain, forces, load[TIME], load[GROUND_0], work, _LOAD_0)
-    floor_load(chain, forces, load[TIME] + h, load[GROUND_1], work, LOAD)
+        floor_load(chain, forces, load[at.TIME], load[at.GROUND_0], work, _LOAD_0)
+    floor_load(chain, forces, load[at.TIME] + h, load[at.GROUND_1], work, LOAD)
     for i in range(n):
         if w1 != 1.0:
             work[LOAD, i] = (1.0 - w1) * work[_LOAD_0, i] + w1 * work[LOAD, i]
-        v = state[VELOCITY, i]
-        a = state[ACCELERATION, i]
-        work[U, i] = state[DISPLACEMENT, i] + w1 * h * v + coefficients[L2W2] * h * h * a
+        v = state[at.VELOCITY, i]
+        a = state[at.ACCELERATION, i]
+        work[U, i] = state[at.DISPLACEMENT, i] + w1 * h * v + coefficients[L2W2] * h * h * a
         work[V, i] = v + w1 * h * a
         work[A, i] = a
 

@@ -3,30 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.kernels.layout import (
-    CHAIN_ROWS,
-    CODE,
-    FIRST_PARAMETER,
-    FLOOR_DAMPER,
-    GEOMETRIC,
-    INVERSE_MASS,
-    LINK,
-    MASS,
-    POWER,
-    POWER_DAMPER,
-    STIFFNESS,
-    STORY_DAMPER,
-    THRESHOLD,
-)
+from tdint.kernels import layout as at
 from tdint.model.damping import add_damping
-from tdint.model.definition import Model
-from tdint.model.laws import CODES, LAWS
+from tdint.model.definition import CODES, LAWS, Force, Model
 from tdint.model.modes import FreeVibration, Modes
 from tdint.units import STANDARD_GRAVITY
 
@@ -69,34 +55,34 @@ class Building:
     @property
     def mass(self) -> Array:
         """Masses of the floors, kg, shape (n,)."""
-        return self.chain[MASS, :-1]
+        return self.chain[at.MASS, :-1]
 
     @property
     def initial_stiffness(self) -> Array:
         """Initial stiffness of the stories, P-delta included, N/m, shape (n,)."""
-        return self.laws[STIFFNESS, :-1] + self.chain[GEOMETRIC, :-1]
+        return self.laws[at.STIFFNESS, :-1] + self.chain[at.GEOMETRIC, :-1]
 
     @cached_property
     def linear(self) -> bool:
         """Whether every story has a linear law, and none a power-law dashpot."""
-        return not self.power_damped and bool(np.all(self.laws[CODE, :-1] == CODES["linear"]))
+        return not self.power_damped and bool(np.all(self.laws[at.CODE, :-1] == CODES["linear"]))
 
     @cached_property
     def power_damped(self) -> bool:
         """Whether some story has a power-law dashpot."""
-        return bool(np.any(self.chain[POWER_DAMPER, :-1] != 0.0))
+        return bool(np.any(self.chain[at.POWER_DAMPER, :-1] != 0.0))
 
     @cached_property
     def piecewise_linear(self) -> bool:
         """Whether every story has a law that is linear branch by branch."""
         codes = [CODES[name] for name, law in LAWS.items() if not law.curved]
-        return bool(np.all(np.isin(self.laws[CODE, :-1], codes)))
+        return bool(np.all(np.isin(self.laws[at.CODE, :-1], codes)))
 
     @cached_property
     def kinked(self) -> bool:
         """Whether some story has a law whose tangent jumps."""
         codes = [CODES[name] for name, law in LAWS.items() if law.kinked]
-        return bool(np.any(np.isin(self.laws[CODE, :-1], codes)))
+        return bool(np.any(np.isin(self.laws[at.CODE, :-1], codes)))
 
     @cached_property
     def fastest(self) -> float:
@@ -106,7 +92,7 @@ class Building:
         x the largest is at most the largest (M^-1 K x) / x (Collatz 1942), and the closer the nearer x is to the mode.
         """
         springs = np.append(np.abs(self.initial_stiffness), 0.0)
-        below, above = self.chain[LINK, :-1] * springs[:-1], self.chain[LINK, 1:] * springs[1:]
+        below, above = self.chain[at.LINK, :-1] * springs[:-1], self.chain[at.LINK, 1:] * springs[1:]
         shape = np.ones(self.stories)
         bound = math.inf
         for _ in range(_TURNS):
@@ -120,12 +106,12 @@ class Building:
 
     def stiffness_matrix(self) -> Array:
         """Initial stiffness matrix, N/m, shape (n, n)."""
-        return _tridiagonal(self.initial_stiffness, self.chain[LINK, :-1])
+        return _tridiagonal(self.initial_stiffness, self.chain[at.LINK, :-1])
 
     def damping_matrix(self) -> Array:
         """Damping matrix without power-law dashpots, N s/m, shape (n, n)."""
-        stories = _tridiagonal(self.chain[STORY_DAMPER, :-1], self.chain[LINK, :-1])
-        return stories + np.diag(self.chain[FLOOR_DAMPER, :-1]) + self.modal[:, :-1].T @ self.modal[:, :-1]
+        stories = _tridiagonal(self.chain[at.STORY_DAMPER, :-1], self.chain[at.LINK, :-1])
+        return stories + np.diag(self.chain[at.FLOOR_DAMPER, :-1]) + self.modal[:, :-1].T @ self.modal[:, :-1]
 
     def first_mode(self) -> tuple[float, float]:
         """Circular frequency (rad/s) and damping ratio of the first mode, without power-law dashpots.
@@ -134,7 +120,7 @@ class Building:
         """
         omega, shape = self.vibration.first
         drift = np.diff(shape, prepend=0.0)
-        work = np.sum(self.chain[STORY_DAMPER, :-1] * drift**2) + np.sum(self.chain[FLOOR_DAMPER, :-1] * shape**2)
+        work = np.sum(self.chain[at.STORY_DAMPER, :-1] * drift**2) + np.sum(self.chain[at.FLOOR_DAMPER, :-1] * shape**2)
         work += np.sum((self.modal[:, :-1] @ shape) ** 2)
         return omega, float(work / (2.0 * omega))
 
@@ -161,32 +147,32 @@ def assemble(model: Model) -> Building:
     """
     stories = model.stories
     n = len(stories)
-    chain = np.zeros((CHAIN_ROWS, n + 1))
-    chain[MASS, :n] = [story.mass for story in stories]
-    chain[INVERSE_MASS, :n] = 1.0 / chain[MASS, :n]
-    chain[STORY_DAMPER, :n] = [story.dashpot for story in stories]
+    chain = np.zeros((at.CHAIN_ROWS, n + 1))
+    chain[at.MASS, :n] = [story.mass for story in stories]
+    chain[at.INVERSE_MASS, :n] = 1.0 / chain[at.MASS, :n]
+    chain[at.STORY_DAMPER, :n] = [story.dashpot for story in stories]
     for i, story in enumerate(stories):
         if (dashpot := story.power_dashpot) is not None:
-            chain[POWER_DAMPER, i] = dashpot.coefficient
-            chain[POWER, i] = 0.5 * (dashpot.exponent - 1.0)
-            chain[THRESHOLD, i] = dashpot.linear_below**2
-    chain[LINK, 1:n] = 1.0
+            chain[at.POWER_DAMPER, i] = dashpot.coefficient
+            chain[at.POWER, i] = 0.5 * (dashpot.exponent - 1.0)
+            chain[at.THRESHOLD, i] = dashpot.linear_below**2
+    chain[at.LINK, 1:n] = 1.0
     heights = np.array([math.nan if story.height is None else story.height for story in stories])
     if model.p_delta:
-        weight_above = STANDARD_GRAVITY * np.cumsum(chain[MASS, :n][::-1])[::-1]
-        chain[GEOMETRIC, :n] = -weight_above / heights
+        weight_above = STANDARD_GRAVITY * np.cumsum(chain[at.MASS, :n][::-1])[::-1]
+        chain[at.GEOMETRIC, :n] = -weight_above / heights
     rows = max(len(story.law.parameters) for story in stories)
-    laws = np.zeros((FIRST_PARAMETER + rows, n + 1))
+    laws = np.zeros((at.FIRST_PARAMETER + rows, n + 1))
     yield_drift = np.empty(n)
     for i, story in enumerate(stories):
         values = story.law.parameters
         law = LAWS[story.law.name]
-        laws[CODE, i] = CODES[story.law.name]
-        laws[STIFFNESS, i] = story.stiffness
-        laws[FIRST_PARAMETER : FIRST_PARAMETER + len(values), i] = values
+        laws[at.CODE, i] = CODES[story.law.name]
+        laws[at.STIFFNESS, i] = story.stiffness
+        laws[at.FIRST_PARAMETER : at.FIRST_PARAMETER + len(values), i] = values
         yield_drift[i] = law.yield_drift(story.stiffness, values)
-    vibration = FreeVibration(chain[MASS, :n], laws[STIFFNESS, :n] + chain[GEOMETRIC, :n], chain[LINK, :n])
-    modal = add_damping(chain, laws[STIFFNESS, :n], model, vibration)
+    vibration = FreeVibration(chain[at.MASS, :n], laws[at.STIFFNESS, :n] + chain[at.GEOMETRIC, :n], chain[at.LINK, :n])
+    modal = add_damping(chain, laws[at.STIFFNESS, :n], model, vibration)
     return Building(chain, laws, modal, heights, yield_drift, vibration)
 
 
@@ -213,13 +199,21 @@ def oscillators(omega: Array, damping: Array) -> Building:
     """
     omega, damping = np.broadcast_arrays(np.asarray(omega, float), np.asarray(damping, float))
     k = omega.size
-    chain = np.zeros((CHAIN_ROWS, k + 1))
-    chain[MASS, :k] = 1.0
-    chain[INVERSE_MASS, :k] = 1.0
-    chain[STORY_DAMPER, :k] = 2.0 * damping * omega
-    laws = np.zeros((FIRST_PARAMETER, k + 1))
-    laws[CODE, :k] = CODES["linear"]
-    laws[STIFFNESS, :k] = omega**2
+    chain = np.zeros((at.CHAIN_ROWS, k + 1))
+    chain[at.MASS, :k] = 1.0
+    chain[at.INVERSE_MASS, :k] = 1.0
+    chain[at.STORY_DAMPER, :k] = 2.0 * damping * omega
+    laws = np.zeros((at.FIRST_PARAMETER, k + 1))
+    laws[at.CODE, :k] = CODES["linear"]
+    laws[at.STIFFNESS, :k] = omega**2
     unknown = np.full(k, math.nan)
-    vibration = FreeVibration(chain[MASS, :k], laws[STIFFNESS, :k], chain[LINK, :k])
+    vibration = FreeVibration(chain[at.MASS, :k], laws[at.STIFFNESS, :k], chain[at.LINK, :k])
     return Building(chain, laws, np.zeros((0, k + 1)), unknown, unknown, vibration)
+
+
+def force_table(forces: Sequence[Force]) -> NDArray[np.float64]:
+    """One row per force: floor (counted from 0), cosine and sine amplitude (N), omega (rad/s)."""
+    table = np.zeros((len(forces), at.FORCE_COLUMNS))
+    for row, force in zip(table, forces, strict=True):
+        row[:] = force.floor - 1, force.cosine, force.sine, force.omega
+    return table

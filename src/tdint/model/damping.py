@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import ModelError
-from tdint.kernels.layout import FLOOR_DAMPER, MASS, STORY_DAMPER
+from tdint.kernels import layout as at
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
 from tdint.model.modes import FreeVibration, Modes
 
@@ -28,12 +28,12 @@ def add_damping(chain: Array, stiffness: Array, model: Model, vibration: FreeVib
     damping = model.damping
     if isinstance(damping, ModalDamping):
         _check_memory(n)
-        return modal_rows(vibration.modes, chain[MASS, :n], np.array(damping.ratios))
+        return modal_rows(vibration.modes, chain[at.MASS, :n], np.array(damping.ratios))
     if isinstance(damping, RayleighRatio):
         damping = rayleigh(damping, *(vibration.frequency(mode) for mode in damping.modes))
     if damping is not None:
-        chain[FLOOR_DAMPER, :n] += damping.mass * chain[MASS, :n]
-        chain[STORY_DAMPER, :n] += damping.stiffness * stiffness
+        chain[at.FLOOR_DAMPER, :n] += damping.mass * chain[at.MASS, :n]
+        chain[at.STORY_DAMPER, :n] += damping.stiffness * stiffness
     return np.zeros((0, n + 1))
 
 

@@ -1,15 +1,27 @@
-"""What a model file says, as typed values in SI units. Nothing here reads a file; `tdint.model.config.read` does."""
+"""What a model file says, as typed values in SI units; `tdint.model.config.model_file` reads the file.
+
+Also models made from numbers, without a file: for problems that are part of tdint.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from tdint.ground_motion.formats.tables.layout import AS_STATED, TextLayout
 from tdint.ground_motion.processing import Processing
+from tdint.ground_motion.text_layout import AS_STATED, TextLayout
+from tdint.kernels.laws import LAWS as _LAWS
+from tdint.kernels.laws.law import DriftLaw
 from tdint.output_units import SI, OutputUnits
 
 MAX_STORIES = 100_000
 """Stories that a model may have; it keeps a slip in `repeat` from filling the memory."""
+
+LAWS: dict[str, DriftLaw] = {law.name: law for law in _LAWS}
+"""The drift laws that a model file may name: those of `tdint.kernels.laws`."""
+
+CODES: dict[str, int] = {law.name: code for code, law in enumerate(_LAWS)}
+"""The number of each law in the compiled tables."""
 
 
 @dataclass(frozen=True)
@@ -19,7 +31,7 @@ class Law:
     Attributes
     ----------
     name : str
-        A key of `tdint.model.laws.LAWS`.
+        A key of `LAWS`.
     parameters : tuple of float
         Values in SI in the order of `LAWS[name].parameters`; a `many` parameter comes last and is flattened.
     """
@@ -259,3 +271,39 @@ class Model:
     def __repr__(self) -> str:
         count = len(self.stories)
         return f"<Model {self.name!r}: {count} {'story' if count == 1 else 'stories'}>"
+
+
+LINEAR = Law("linear", ())
+
+
+def simple_story(mass: float, law: Law = LINEAR, *, stiffness: float | None = None, dashpot: float = 0.0) -> Story:
+    """A story without height; the stiffness (N/m) may be left out where the law has its own."""
+    if stiffness is None:
+        own = LAWS[law.name].initial_stiffness
+        assert own is not None, f"the law {law.name} has no stiffness of its own"
+        stiffness = own(law.parameters)
+    return Story(mass=mass, height=None, stiffness=stiffness, law=law, dashpot=dashpot)
+
+
+def simple_model(
+    name: str,
+    stories: Sequence[Story],
+    *,
+    forces: Sequence[Force] = (),
+    displacement: Sequence[float] = (),
+    velocity: Sequence[float] = (),
+) -> Model:
+    """A model without ground motion, damping and P-delta; it starts at rest where nothing else is said (m, m/s)."""
+    rest = (0.0,) * len(stories)
+    return Model(
+        name=name,
+        source=name,
+        text=b"",
+        stories=tuple(stories),
+        damping=None,
+        p_delta=False,
+        excitation=Excitation(None, tuple(forces)),
+        initial=Initial(tuple(displacement) or rest, tuple(velocity) or rest),
+        analysis=Analysis(None, None, None),
+        collapse_drift=1.0,
+    )

@@ -11,7 +11,7 @@ from tdint.analysis.assessment.stability import critical_step, stability
 from tdint.analysis.run.amplification import amplification
 from tdint.analysis.run.steps import Steps
 from tdint.analysis.run.workspace import integrate, workspace
-from tdint.kernels.layout import ACCELERATION, FORCE_COLUMNS, STEPS_DONE, STORY_DAMPER, VELOCITY
+from tdint.kernels import layout as at
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model.building import oscillators
 
@@ -161,14 +161,14 @@ def test_k_steps_are_the_kth_power_of_the_matrix(method, damping):
     units = h ** -np.array([float(family.derivatives[row]) for row in memory])[:, None]
     space = workspace(building, integrator)
     space.state[memory, :-1] = units * np.random.default_rng(3).standard_normal((len(memory), omega.size))
-    space.memo[STEPS_DONE] = 100.0
-    if ACCELERATION in memory:  # the march starts it from equilibrium
-        u, v = space.state[0, :-1], space.state[VELOCITY, :-1]
-        space.state[ACCELERATION, :-1] = -(omega**2) * u - building.chain[STORY_DAMPER, :-1] * v
+    space.memo[at.STEPS_DONE] = 100.0
+    if at.ACCELERATION in memory:  # the march starts it from equilibrium
+        u, v = space.state[0, :-1], space.state[at.VELOCITY, :-1]
+        space.state[at.ACCELERATION, :-1] = -(omega**2) * u - building.chain[at.STORY_DAMPER, :-1] * v
     matrices = amplification(integrator, omega, np.full_like(omega, damping), h)
     powers = np.linalg.matrix_power(matrices, k)
     expected = np.einsum("jab,bj->aj", powers, space.state[memory, :-1])
-    no_forces = np.zeros((0, FORCE_COLUMNS))
+    no_forces = np.zeros((0, at.FORCE_COLUMNS))
     coefficients = integrator.coefficients(building, no_forces, h)
     assert integrate(integrator, coefficients, building, no_forces, np.zeros(1), Steps(h, k), space) == 0
     np.testing.assert_allclose(space.state[memory, :-1] / units, expected / units, rtol=0.0, atol=1e-11)

@@ -288,10 +288,10 @@ def test_errors_and_peaks_are_those_of_a_run():
 @pytest.mark.parametrize("name", ["diverged", "not-converged"])
 def test_a_march_that_fails_stays_among_the_points(name, monkeypatch):
     from tdint.analysis.run import prepared
-    from tdint.kernels.layout import NOT_CONVERGED, NOT_FINITE
+    from tdint.kernels import layout as at
 
     integrate = prepared.integrate
-    code = NOT_FINITE if name == "diverged" else NOT_CONVERGED
+    code = at.NOT_FINITE if name == "diverged" else at.NOT_CONVERGED
 
     def fail(integrator, *rest):
         return code if integrator.label == "houbolt" else integrate(integrator, *rest)

@@ -16,9 +16,9 @@ from tdint.analysis.run.run import prepare, run_case
 from tdint.errors import AnalysisError, RecordError, UsageError
 from tdint.ground_motion.reading.scale import differentiated
 from tdint.ground_motion.record import Record
-from tdint.model.config.read import load_model
+from tdint.model.config.model_file import load_model
 from tdint.model.definition import ModalDamping
-from tdint.model.recorded.read import load_recording
+from tdint.model.recorded import load_recording
 
 DT, SIZE = 0.02, 1500
 MODEL = """\

@@ -93,7 +93,7 @@ def _named_by(file: str) -> tuple[str, ...] | None:
 
 def _print_schema(kind: str) -> None:
     from tdint.campaign.file.read import campaign_schema
-    from tdint.model.config.schema import model_schema
+    from tdint.model.config.model_file import model_schema
     from tdint.output.summaries.summary import json_bytes
     from tdint_cli.terminal.streams import emit
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from tdint.files import Writer
     from tdint.model.definition import Model
     from tdint.output_units import OutputUnits
-    from tdint.quantities import Grid
+    from tdint.written_numbers import Grid
 
 PERIODS = "0.04:4:100"
 """Of the spectra, s, where none are asked for."""
@@ -45,7 +45,7 @@ class Requirement(click.ParamType):  # type: ignore[type-arg]
         """The name and the number."""
         if isinstance(value, tuple):
             return value
-        from tdint.analysis.comparison.requirements import parse_requirement
+        from tdint.analysis.comparison.compare import parse_requirement
 
         try:
             return parse_requirement(value)
@@ -114,6 +114,7 @@ TABLE, SPECTRA, FIT, SUMMARY = "comparison.csv", "spectra.csv", "fit.csv", "summ
 )
 @options.option(
     "--blind",
+    needs="--fit",
     type=FileName(),
     many=True,
     metavar="FILE,...",
@@ -137,6 +138,7 @@ TABLE, SPECTRA, FIT, SUMMARY = "comparison.csv", "spectra.csv", "fit.csv", "summ
 )
 @options.spectra.option(
     "--damping",
+    needs="-o or --plot",
     type=options.analysis.damping_ratio,
     default=0.05,
     metavar="RATIO",
@@ -144,6 +146,7 @@ TABLE, SPECTRA, FIT, SUMMARY = "comparison.csv", "spectra.csv", "fit.csv", "summ
 )
 @options.spectra.option(
     "--periods",
+    needs="-o or --plot",
     type=GridType(),
     metavar="FIRST:LAST:COUNT",
     help=f"Periods of the floors' spectra in equal ratios, s; {PERIODS} by default.",
@@ -171,8 +174,8 @@ def _run(request: Request) -> None:
     from tdint.analysis.comparison.compare import compare
     from tdint.analysis.comparison.event import Event
     from tdint.analysis.comparison.fit import fit
-    from tdint.model.config.read import load_model
-    from tdint.model.recorded.read import load_recording
+    from tdint.model.config.model_file import load_model
+    from tdint.model.recorded import load_recording
     from tdint.output.tables.comparison import comparison_table
 
     _check(request)
@@ -196,8 +199,6 @@ def _check(request: Request) -> None:
     """Refuse, before any work, what can be seen to fail."""
     from tdint.files import check_outputs
 
-    if request.blind and not request.fit:
-        raise UsageError("--blind compares recordings with fitted values; add --fit, or compare them one by one")
     if request.model == "-" and request.recorded == "-":
         raise UsageError("standard input already holds the model; give the recordings as a file")
     if request.picture:
@@ -240,7 +241,7 @@ def _write(
 
 def _periods(request: Request, event: Event) -> NDArray[np.float64]:
     """Those asked for; by default those of `PERIODS` that the recording's interval and its band leave."""
-    from tdint.quantities import parse_grid
+    from tdint.written_numbers import parse_grid
 
     if request.periods:
         return request.periods.values()
@@ -292,7 +293,7 @@ def _remark(comparisons: Sequence[Comparison], fitted: Fit | None, units: Output
 
 def _judge(request: Request, comparisons: Sequence[Comparison]) -> None:
     """Raise AnalysisError for what does not come up to the requirements; all is written before."""
-    from tdint.analysis.comparison.requirements import unmet
+    from tdint.analysis.comparison.compare import unmet
 
     faults = [fault for one in comparisons for fault in unmet(one, request.require or ())]
     if faults:

@@ -60,9 +60,12 @@ class Request:
     metavar="NAME",
     help="A building of this Hazus type instead, by rules: W1, S1, C1, RM1, URM, ...; with --year and --area.",
 )
-@options.option("--year", type=click.IntRange(1000, 2200), metavar="YEAR", help="Its year of construction.")
+@options.option(
+    "--year", type=click.IntRange(1000, 2200), needs="--type", metavar="YEAR", help="Its year of construction."
+)
 @options.option(
     "--area",
+    needs="--type",
     type=click.FloatRange(0.0, min_open=True),
     metavar="AREA",
     help="The area of one floor, in m^2, of --units us in ft^2.",
@@ -115,11 +118,9 @@ def _check(request: Request) -> None:
     Raises
     ------
     UsageError
-        A period beside a type, a type without its facts, or facts without a type.
+        A period beside a type, or a type without its facts.
     """
     if request.structure is None:
-        if request.year is not None or request.area is not None:
-            raise UsageError("--year and --area belong to a --type, such as C1")
         return
     structures = _structures()
     if request.structure not in structures:

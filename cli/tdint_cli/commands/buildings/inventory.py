@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tdint.files import Writer
-    from tdint.model.inventory.buildings import InventoryBuilding
+    from tdint.model.inventory.derive import InventoryBuilding
     from tdint.output_units import OutputUnits
 
 RULES = ("mdof-lu",)
@@ -51,7 +51,14 @@ _FILE_NAME = re.compile(r"[\w][\w .+-]{0,120}")
 @options.option(
     "--damping-scatter", type=Ratio(0.0, 0.5), metavar="PART", help="The same of a factor on its damping ratio."
 )
-@options.option("--seed", type=click.IntRange(min=0), default=0, metavar="N", help="Seed of the scatter; 0 by default.")
+@options.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    default=0,
+    needs="--stiffness-scatter or --damping-scatter",
+    metavar="N",
+    help="Seed of the scatter; 0 by default.",
+)
 @options.output.output()
 @options.output.option(
     "--models",
@@ -81,8 +88,8 @@ def _run(
 ) -> None:  # fmt: skip
     from tdint.errors import ModelError
     from tdint.files import write_files
-    from tdint.model.inventory.buildings import derive_all
-    from tdint.model.inventory.read import read_inventory
+    from tdint.model.inventory.derive import derive_all
+    from tdint.model.inventory.table import read_inventory
     from tdint.output.tables.columns import buildings as columns
     from tdint.output.tables.table import Table
     from tdint.units import LENGTH
@@ -109,7 +116,7 @@ def _model_files(derived: Sequence[InventoryBuilding], rules: str, folder: str) 
         An id that is no file name.
     """
     from tdint.errors import UsageError
-    from tdint.model.inventory.model_text import model_text
+    from tdint.model.inventory.derive import model_text
 
     files: dict[Path, Writer] = {}
     for one in derived:

@@ -88,6 +88,7 @@ def _one_after_the_other(
 )
 @options.option(
     "--units",
+    needs="--path",
     type=click.Choice(["m", "dy"]),
     help="What the numbers of --path are: m by default, or multiples of the yield drift (dy).",
 )
@@ -117,7 +118,7 @@ def _run(request: Request) -> None:
     cycles = request.cycles or 1
     drifts = _path(request)
     from tdint.analysis.static.cyclic import cyclic_test, path_test
-    from tdint.model.config.read import load_model
+    from tdint.model.config.model_file import load_model
     from tdint.output.tables.buildings import cyclic_table
 
     model = load_model(request.model)
@@ -152,15 +153,13 @@ def _path(request: Request) -> list[float] | None:
     if request.path is None:
         if not request.drifts:
             raise UsageError("no drift: give --drift, or a path of drifts by --path")
-        if request.units is not None:
-            raise UsageError("--units belongs to --path; write the unit behind --drift, such as 20mm or 4dy")
         return None
     for name, given in (("--drift", request.drifts), ("--cycles", request.cycles), ("--points", request.points)):
         if given:
             raise UsageError(f"{name} and --path exclude each other: a path tells every drift")
     if request.path == "-" and request.model == "-":
         raise UsageError("standard input already holds the model; give the path as a file")
-    from tdint.analysis.static.drift_path import read_drift_path
+    from tdint.analysis.static.cyclic import read_drift_path
 
     return read_drift_path(request.path)
 
@@ -185,7 +184,7 @@ def _header(units: OutputUnits) -> tuple[str, ...]:
 
 def _paragraph(test: CyclicTest, units: OutputUnits) -> str:
     """The law and what the model says of it, in a sentence or two."""
-    from tdint.model.laws import LAWS
+    from tdint.model.definition import LAWS
 
     text = f"{test.model.name}, story {test.story}, {test.law} law: {LAWS[test.law].formula}\n"
     text += f"Initial stiffness {units.text(test.initial_stiffness, 'N/m')}"

@@ -36,7 +36,7 @@ def run_many(
     standard output, and with `output` everything is kept in that folder as `tdint campaign` keeps it."""
     from tdint.campaign.run import threads
     from tdint.campaign.store.store import open_store
-    from tdint.model.config.read import load_model
+    from tdint.model.config.model_file import load_model
     from tdint.output.tables.campaign import runs_table
     from tdint.processors import processors
 

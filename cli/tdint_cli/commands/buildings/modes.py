@@ -24,7 +24,7 @@ def command(model: str, output: str | None, output_units: OutputUnits | None, ov
     effective modal mass over the total mass, and its sum so far.
     """
     from tdint.model.building import assemble
-    from tdint.model.config.read import load_model
+    from tdint.model.config.model_file import load_model
     from tdint.output.tables.buildings import mode_table
     from tdint_cli.terminal.streams import note
 

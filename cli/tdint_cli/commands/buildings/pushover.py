@@ -66,7 +66,7 @@ def command(
     """
     outputs = Outputs.checked(output, plot, overwrite, units=output_units)
     from tdint.analysis.static.pushover import pushover
-    from tdint.model.config.read import load_model
+    from tdint.model.config.model_file import load_model
     from tdint.output.tables.columns import buildings as columns
     from tdint.output.tables.table import Table
 

@@ -91,6 +91,7 @@ class Request(BuildingRequest):
 )
 @options.output.option(
     "--every",
+    needs="--history",
     type=click.IntRange(1),
     default=1,
     metavar="COUNT",
@@ -162,7 +163,7 @@ def _run_many(request: Request, records: tuple[str, ...]) -> None:
 def _run(request: Request) -> None:
     began = time.perf_counter()
     from tdint.analysis.run.run import FailedRun, model_record, prepare, run_case
-    from tdint.model.config.read import load_model
+    from tdint.model.config.model_file import load_model
     from tdint.output.summaries.summary import model_input
 
     _check(request)
@@ -238,11 +239,9 @@ def _history(request: Request) -> Path | None:
     Raises
     ------
     UsageError
-        It has no name and there is no folder, its name says another format, or steps of it are asked for without it.
+        It has no name and there is no folder, or its name says another format.
     """
     if request.history is None:
-        if request.every > 1:
-            raise UsageError("--every belongs to --history")
         return None
     if request.history != BESIDE:
         file = Path(request.history)

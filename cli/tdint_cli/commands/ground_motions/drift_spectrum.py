@@ -44,7 +44,7 @@ class DriftRequest(TablesRequest):
 
 @options.command("drift-spectrum")
 @options.record.of_records
-@options.spectra.damping
+@options.spectra.damping()
 @options.spectra.periods(DRIFT_PERIODS)
 @options.spectra.option(
     "--stories", type=click.IntRange(1), metavar="N", help="Number of stories, the same at all periods and heights."

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 from tdint.analysis.spectra.defaults import PERIODS
-from tdint.errors import UsageError
 from tdint_cli import options
 from tdint_cli.commands.ground_motions.spectra import against, elastic, inelastic, rotated
 from tdint_cli.commands.ground_motions.spectra.kind import Kind
@@ -15,7 +14,7 @@ from tdint_cli.commands.ground_motions.spectra.tables import make_tables
 
 @options.command("spectrum")
 @options.record.of_records
-@options.spectra.damping
+@options.spectra.damping()
 @options.spectra.periods(PERIODS, zero=" 0 gives the peak ground acceleration.")
 @options.analysis.method
 @elastic.maxima
@@ -61,9 +60,6 @@ def _kind(request: SpectrumRequest) -> Kind:
     """The kind of spectra that is asked for."""
     if request.against:
         return against.KIND
-    for name in ("against_column", "against_interpolation"):
-        if getattr(request, name):
-            raise UsageError(f"--{name.replace('_', '-')} is for a published spectrum; add --against FILE")
     if request.ductility or request.strength:
         return inelastic.KIND
     return rotated.KIND if request.rotd else elastic.KIND

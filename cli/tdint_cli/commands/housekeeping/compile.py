@@ -25,7 +25,7 @@ TARGETS = ("native", "x86-64-v4", "x86-64-v3", "x86-64-v2", "x86-64")
     metavar="NAME,...",
     help=f"Processors to compile for: {', '.join(TARGETS)}; native, this machine's, by default.",
 )
-@options.analysis.method
+@options.analysis.method_of("MODEL.yaml")
 @options.output.output("DIR", "Write to this folder, which TDINT_KERNELS_DIR then names.")
 def command(
     models: tuple[str, ...],
@@ -46,7 +46,7 @@ def command(
     from tdint.analysis.run.compilation import of_everything, of_model
     from tdint.kernels.building.ahead import compile_ahead
     from tdint.methods.catalogue import DEFAULT_METHOD, parse
-    from tdint.model.config.read import load_model
+    from tdint.model.config.model_file import load_model
 
     wanted = of_everything() if everything else []
     for file in models:

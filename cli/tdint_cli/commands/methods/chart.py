@@ -93,6 +93,7 @@ class Request(BuildingRequest):
 )
 @options.option(
     "--versus",
+    needs="--plot",
     type=click.Choice(["time", "dt"]),
     default="time",
     help="Draw time over error (default) or error over dt.",
@@ -129,7 +130,7 @@ def command(**given: Any) -> None:
 def _run(request: Request) -> None:
     outputs = _checked(request)
     from tdint.analysis.run.run import model_record
-    from tdint.model.config.read import load_model
+    from tdint.model.config.model_file import load_model
 
     model = with_motion(load_model(request.model), request)
     record = model_record(model)
@@ -153,8 +154,6 @@ def _checked(request: Request) -> Outputs:
     """Refuse, before any work, what can be seen to fail."""
     if request.steps and request.halvings is not None:
         raise UsageError("--dt already gives the steps; leave out --halvings")
-    if request.versus == "dt" and not request.plot:
-        raise UsageError("--versus dt is about the picture: add --plot")
     if request.stories and request.versus == "dt":
         raise UsageError("--versus dt draws one building; leave out --stories")
     if request.stories and request.peers:
@@ -198,7 +197,7 @@ def _chart(request: Request, model: Model, record: Record | None, progress: Prog
     )
     if not request.peers:
         return chart, []
-    from tdint.analysis.chart.peers.peers import with_peers
+    from tdint.analysis.chart.peers import with_peers
 
     return with_peers(problem, chart, steps, repeats=request.repeat, progress=part_of(progress, 0.2, 1.0))
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tdint.errors import AnalysisError, TdintError, UsageError
-from tdint.quantities import Grid
+from tdint.written_numbers import Grid
 from tdint_cli import options
 from tdint_cli.errors import Failures
 from tdint_cli.options.output import Outputs
@@ -54,6 +54,7 @@ class Request:
 )
 @options.option(
     "--frequency-ratio",
+    needs="--load harmonic",
     type=GridType(0.01, 10.0),  # with 10 there are five coarsest steps to a period of the load
     metavar="FIRST:LAST:COUNT",
     help="Frequency of the harmonic force over the natural frequency in equal ratios, both ends included, or a single "
@@ -61,6 +62,7 @@ class Request:
 )
 @options.option(
     "--stride",
+    needs="--load record",
     type=click.IntRange(1, 1024),
     default=1,
     metavar="COUNT",
@@ -111,8 +113,6 @@ def _run(request: Request) -> None:
 
 def _ratios(request: Request) -> list[float]:
     if request.load != "harmonic":
-        if request.frequency_ratio is not None:
-            raise UsageError(f"--frequency-ratio needs --load harmonic; the load {request.load!r} has no frequency")
         return [math.nan]
     return [float(ratio) for ratio in (request.frequency_ratio or _RATIOS).values()]
 

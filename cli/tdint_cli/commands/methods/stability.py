@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from tdint.quantities import Grid
+from tdint.written_numbers import Grid
 from tdint_cli import options
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.values import GridType

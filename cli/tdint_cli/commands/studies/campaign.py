@@ -68,9 +68,11 @@ _OF_RUNS = ("jobs", "shard", "limit", "dask", "tls_ca", "tls_cert", "tls_key")
     "--dask", metavar="ADDRESS",
     help="Have the workers of this Dask scheduler do the runs: tcp://127.0.0.1:8786 on this machine, else tls://.",
 )  # fmt: skip
-@options.option("--tls-ca", type=FileName(), metavar="FILE", help="Certificate of the authority, for tls:// (PEM).")
-@options.option("--tls-cert", type=FileName(), metavar="FILE", help="Our certificate (PEM).")
-@options.option("--tls-key", type=FileName(), metavar="FILE", help="Its key (PEM).")
+@options.option(
+    "--tls-ca", type=FileName(), needs="--dask", metavar="FILE", help="Certificate of the authority, for tls:// (PEM)."
+)
+@options.option("--tls-cert", type=FileName(), needs="--dask", metavar="FILE", help="Our certificate (PEM).")
+@options.option("--tls-key", type=FileName(), needs="--dask", metavar="FILE", help="Its key (PEM).")
 @options.output.option(
     "--simcenter",
     is_flag=True,
@@ -179,9 +181,6 @@ def _cluster(request: CampaignRequest) -> Cluster | None:
     from tdint.campaign.engine.cluster import Cluster
 
     if request.dask is None:
-        request_tls = request.tls_ca or request.tls_cert or request.tls_key
-        if request_tls:
-            raise UsageError("--tls-ca, --tls-cert and --tls-key are for --dask")
         return None
     return Cluster(request.dask, request.tls_ca, request.tls_cert, request.tls_key)
 

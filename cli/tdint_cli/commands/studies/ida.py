@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from tdint.files import Writer
     from tdint.model.definition import Model
     from tdint.output_units import OutputUnits
-    from tdint.quantities import Grid
     from tdint.units import Units
+    from tdint.written_numbers import Grid
 
 RUNS, CAPACITIES, SUMMARY = "ida.csv", "capacities.csv", "ida.json"
 _MEASURES = ("sa", "pga", "pgv", "sa-avg")
@@ -77,6 +77,7 @@ class IdaRequest(RecordsRequest):
 )
 @options.studies.option(
     "--period",
+    needs="--im sa or sa-avg",
     type=PeriodType(),
     metavar="T1|SECONDS",
     help="Period of sa and sa-avg; by default T1, the first one of the building.",
@@ -84,8 +85,8 @@ class IdaRequest(RecordsRequest):
 @options.studies.pairs(
     "Take the two horizontal components of a motion together: both are run, at levels of this measure."
 )
-@options.studies.damping
-@options.studies.average
+@options.studies.damping("--im sa or sa-avg")
+@options.studies.average("--im sa-avg")
 @options.studies.option(
     "--max-im",
     type=IntensityType("acceleration", "velocity"),
@@ -143,7 +144,7 @@ def command(**given: Any) -> None:
 
 def _ida(request: IdaRequest) -> None:
     from tdint.campaign.studies.ida.study import IdaSettings, ida
-    from tdint.model.config.read import load_model
+    from tdint.model.config.model_file import load_model
     from tdint.output.tables.studies import capacity_table
     from tdint.processors import processors
     from tdint_cli.errors import Failures
@@ -222,10 +223,6 @@ def _measure(request: IdaRequest, model: Model) -> IntensityMeasure:
     from tdint.campaign.studies import intensity
     from tdint.model.building import assemble
 
-    if request.average is not None and request.im != "sa-avg":
-        raise UsageError("--average is for --im sa-avg")
-    if request.period is not None and not request.im.startswith("sa"):
-        raise UsageError(f"--period is for --im sa and sa-avg, not {request.im}")
     if not request.im.startswith("sa"):
         return intensity.PeakVelocity() if request.im == "pgv" else intensity.pga()
     period = request.period or first_mode(assemble(model), None).period

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from tdint.campaign.studies.scaling import Scaling
     from tdint.files import Writer
     from tdint.output_units import OutputUnits
-    from tdint.quantities import Grid
     from tdint.units import Units
+    from tdint.written_numbers import Grid
 
 _VALUES = ("sa", "sa_avg", "pga", "pgv")
 _RULES = ("mean", "asce7")
@@ -74,8 +74,6 @@ class ScaleRequest(RecordsRequest):
         if len(aims) != 1:
             what = f"{' and '.join(aims)} are given" if aims else "nothing to scale to"
             raise UsageError(f"{what}: give one of --target, --sa with --at, --sa-avg with --at, --pga, --pgv, --p695")
-        if self.target is None and (self.range or self.rule):
-            raise UsageError(f"--{'range' if self.range else 'rule'} is for --target")
         if self.p695 and value and value[0] != "sa":
             raise UsageError("--p695 is scaled on by --sa with --at")
         needs_period = value is not None and value[0].startswith("sa")
@@ -88,8 +86,6 @@ class ScaleRequest(RecordsRequest):
             raise UsageError("--rule asce7 compares over 0.2 T to 2 T: give the period T by --at, or --range")
         if (self.p695 or self.rule == "asce7") and self.pairs is not None:
             raise UsageError(f"--pairs: {'--p695' if self.p695 else '--rule asce7'} says itself what stands for a pair")
-        if self.average is not None and not (value and value[0] == "sa_avg"):
-            raise UsageError("--average is for --sa-avg")
 
     @property
     def in_pairs(self) -> bool:
@@ -107,6 +103,7 @@ class ScaleRequest(RecordsRequest):
 )
 @options.option(
     "--range",
+    needs="--target",
     type=RangeType(100),
     metavar="FIRST:LAST",
     help="Periods over which the target is met, s, at 100 in equal ratios (or FIRST:LAST:COUNT); by default all of the "
@@ -114,6 +111,7 @@ class ScaleRequest(RecordsRequest):
 )
 @options.option(
     "--rule",
+    needs="--target",
     type=click.Choice(_RULES),
     help="mean (by default): least squares of ln Sa, each motion for itself. asce7: 11 pairs at least; the average of "
     "the maximum-direction spectra is nowhere below 90 % of the target (ASCE 7-16, 16.2.3.2).",
@@ -132,8 +130,8 @@ class ScaleRequest(RecordsRequest):
 @options.studies.pairs(
     "Take the two horizontal components of a motion together, with one factor, by this measure of both."
 )
-@options.studies.damping
-@options.studies.average
+@options.studies.damping("--target or --sa or --sa-avg or --plot")
+@options.studies.average("--sa-avg")
 @options.output.output()
 @options.output.plot(
     "Also draw the scaled spectra with median, fractiles and target, to this file (.png, .pdf, .svg) or beside -o "
@@ -201,7 +199,7 @@ def _aim(request: ScaleRequest) -> Any:
         measure = _measure(request, name)
         return lambda motions: scaling.scale_to_value(motions, measure, number, request.pairs or PAIRS[0])
     from tdint.campaign.studies.target import read_target
-    from tdint.quantities import Grid
+    from tdint.written_numbers import Grid
 
     target = read_target(request.target)
     if request.range is not None:

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.run.run import History, run
-from tdint.model.definition import Force, Law, Model
-from tdint.model.simple import simple_model, simple_story
+from tdint.model.definition import Force, Law, Model, simple_model, simple_story
 
 Array = NDArray[np.float64]
 

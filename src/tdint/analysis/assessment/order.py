@@ -13,13 +13,11 @@ from tdint.analysis.run.amplification import find_instability
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.steps import Steps
 from tdint.errors import AnalysisError, UsageError
-from tdint.kernels.layout import ACCELERATION
+from tdint.kernels import layout as at
 from tdint.methods.exact import oscillator
 from tdint.methods.method import Integrator
-from tdint.model.building import Building, assemble
-from tdint.model.definition import Force, Law
-from tdint.model.loads import force_table
-from tdint.model.simple import simple_model, simple_story
+from tdint.model.building import Building, assemble, force_table
+from tdint.model.definition import Force, Law, simple_model, simple_story
 
 Array = NDArray[np.float64]
 
@@ -187,7 +185,7 @@ def _errors(integrator: Integrator, problem: OrderProblem, parts: int) -> list[f
     measured[2] -= history[:, 0]
     errors = np.max(np.abs(measured - exact), axis=1) / largest
     own = math.nan
-    if ACCELERATION in integrator.family.memory and problem.stride == 1:  # else it is that under another motion
+    if at.ACCELERATION in integrator.family.memory and problem.stride == 1:  # else it is that under another motion
         own = max(abs(_march(integrator, problem, parts, end)[0] - exact[2, end]) for end in _ENDS)
     return [*errors, own / largest[2]]
 
@@ -199,7 +197,7 @@ def _march(integrator: Integrator, problem: OrderProblem, parts: int, count: int
     marched = problem.prepared.march(integrator, steps, problem.ground, rows=parts * count)
     if marched.code < 0:
         raise AnalysisError(f"{integrator.label} failed with dt {steps.h:.6g} s")
-    return float(marched.space.state[ACCELERATION, 0]), marched.space.history
+    return float(marched.space.state[at.ACCELERATION, 0]), marched.space.history
 
 
 def _sampled_motion(stride: int) -> Array:

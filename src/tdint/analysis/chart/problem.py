@@ -17,8 +17,7 @@ from tdint.analysis.run.run import model_record
 from tdint.analysis.run.steps import Steps, choose_steps
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
-from tdint.kernels.layout import PEAK_DRIFT
-from tdint.kernels.march import observing
+from tdint.kernels import layout as at
 from tdint.methods.method import Integrator
 from tdint.model.building import Building
 from tdint.model.definition import Model
@@ -150,8 +149,8 @@ class Problem:
         if keep and marched.code == 0:
             n = self.building.stories
             u, v, a = (space.history[:, 1 + j * n : 1 + (j + 1) * n].copy() for j in range(3))
-            motion = FloorMotion(steps.stride, u, v, a, space.peaks[PEAK_DRIFT])
-        return March(int(space.observed[observing.ITERATIONS]), marched.seconds, motion)
+            motion = FloorMotion(steps.stride, u, v, a, space.peaks[at.PEAK_DRIFT])
+        return March(int(space.observed[at.ITERATIONS]), marched.seconds, motion)
 
 
 def pose(

@@ -17,7 +17,8 @@ from tdint.analysis.run.steps import Steps
 from tdint.cache import cache_subfolder
 from tdint.errors import AnalysisError, OutputError
 from tdint.files import write_file
-from tdint.kernels.building.store import fingerprint
+from tdint.kernels.building.sources import digest_of_all
+from tdint.kernels.building.store import folder_name
 from tdint.methods.catalogue import parse
 
 Array = NDArray[np.float64]
@@ -199,12 +200,12 @@ def _extrapolated(coarse: FloorMotion, fine: FloorMotion) -> FloorMotion:
     )
 
 
-# ---- The cache: a file per problem, in the folder of the compiled kernels, which is that of the sources and versions.
+# ---- The cache: a file per problem and sources of the kernels, in the folder of the compiled ones.
 
 
 def cache_folder() -> Path | None:
-    """The folder for references made by exactly these kernels; None if none can be written."""
-    return cache_subfolder(f"kernels-{fingerprint()}")
+    """The folder for references made by these versions of the compiler; None if none can be written."""
+    return cache_subfolder(folder_name())
 
 
 def _cache_file(problem: Problem, samples: int) -> Path | None:
@@ -212,7 +213,7 @@ def _cache_file(problem: Problem, samples: int) -> Path | None:
     if folder is None:
         return None
     building = problem.building
-    digest = hashlib.sha256(Path(__file__).read_bytes())
+    digest = hashlib.sha256(Path(__file__).read_bytes() + digest_of_all().encode())
     digest.update(repr((problem.interval, samples)).encode())
     tables = (building.chain, building.laws, building.modal, problem.ground, problem.forces)
     for table in (*tables, problem.displacement, problem.velocity):

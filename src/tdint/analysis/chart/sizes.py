@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from tdint.kernels.layout import FLOOR_DAMPER, MASS, STORY_DAMPER
+from tdint.kernels import layout as at
 from tdint.model.building import assemble
 from tdint.model.definition import Initial, ModalDamping, Model, RayleighCoefficients, RayleighRatio
 
@@ -25,8 +25,8 @@ def stretched(model: Model, count: int) -> Model:
         building = assemble(model)
         first = model.stories[0]
         damping = RayleighCoefficients(
-            mass=float(building.chain[FLOOR_DAMPER, 0] / building.chain[MASS, 0]),
-            stiffness=float((building.chain[STORY_DAMPER, 0] - first.dashpot) / first.stiffness),
+            mass=float(building.chain[at.FLOOR_DAMPER, 0] / building.chain[at.MASS, 0]),
+            stiffness=float((building.chain[at.STORY_DAMPER, 0] - first.dashpot) / first.stiffness),
         )
     elif isinstance(damping, ModalDamping):
         damping = ModalDamping(damping.ratios[:count])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,11 +15,11 @@ from tdint.analysis.run.case import Case
 from tdint.analysis.run.outcome import Response
 from tdint.analysis.run.run import prepare
 from tdint.analysis.spectra.elastic import spectrum
-from tdint.errors import AnalysisError, UsageError
+from tdint.errors import AnalysisError, UsageError, did_you_mean
 from tdint.ground_motion.reading.scale import differentiated
 from tdint.ground_motion.record import Record
 from tdint.model.definition import Excitation, Model
-from tdint.model.recorded.definition import AUTO
+from tdint.model.recorded import AUTO
 
 Array = NDArray[np.float64]
 
@@ -32,6 +32,16 @@ _SHORT = 0.25
 """omega dt of a step that is short for a mode: errors of the fourth order are below 1e-4 there."""
 
 _MOST_PARTS = 64
+
+_MET: dict[str, tuple[Callable[[float, float], bool], str]] = {
+    "correlation": (lambda value, limit: value >= limit, "at least {limit:g}"),
+    "peak_ratio": (
+        lambda value, limit: min(limit, 1.0 / limit) <= value <= max(limit, 1.0 / limit),
+        "between {limit:g} and its inverse",
+    ),
+    "rms_difference": (lambda value, limit: value <= limit, "at most {limit:g}"),
+}
+"""By name, whether a value meets its limit, and what that is in words."""
 
 
 @dataclass(frozen=True)
@@ -253,3 +263,36 @@ def _correlation(a: Array, b: Array) -> float:
 
 def _ratio(above: float, below: float) -> float:
     return above / below if below > 0.0 else float("nan")
+
+
+def parse_requirement(text: str) -> tuple[str, float]:
+    """Name and number of a requirement such as `correlation=0.9`.
+
+    Raises
+    ------
+    UsageError
+        Another form, an unknown name, or a number that is not positive.
+    """
+    name, _, number = (part.strip() for part in text.partition("="))
+    if name not in _MET:
+        hint = did_you_mean(name, _MET) or f"; known: {', '.join(_MET)}"
+        raise UsageError(f"{text!r}: write NAME=NUMBER, such as correlation=0.9{hint}")
+    try:
+        limit = float(number)
+    except ValueError:
+        limit = math.nan
+    if not 0.0 < limit < math.inf:
+        raise UsageError(f"{text!r}: {name} must be a positive number")
+    return name, limit
+
+
+def unmet(comparison: Comparison, requirements: Sequence[tuple[str, float]]) -> list[str]:
+    """A sentence for each floor and requirement that it does not meet."""
+    return [
+        f"{comparison.event.recording.source}: floor {floor.floor}: {name} is {value:.4g}, required is "
+        + words.format(limit=limit)
+        for floor in comparison.floors
+        for name, limit in requirements
+        for meets, words in [_MET[name]]
+        if not meets(value := float(getattr(floor, name)), limit)
+    ]

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError
-from tdint.ground_motion.reading.column import read_column
+from tdint.ground_motion.reading.named_table import read_column
 from tdint.ground_motion.reading.read import read_signal
 from tdint.ground_motion.reading.scale import differentiated
 from tdint.ground_motion.record import Input, Record
 from tdint.ground_motion.signal import Signal, at_times, in_band
-from tdint.model.recorded.definition import Recording, Sensor
+from tdint.model.recorded import Recording, Sensor
 from tdint.units import GROUND_MOTION
 
 Array = NDArray[np.float64]

@@ -25,9 +25,8 @@ from tdint.analysis.comparison.compare import (
 )
 from tdint.analysis.comparison.event import Event
 from tdint.errors import AnalysisError, UsageError
-from tdint.model.definition import Damping, ModalDamping, Model, RayleighCoefficients, RayleighRatio
-from tdint.model.laws import LAWS
-from tdint.model.recorded.definition import AUTO
+from tdint.model.definition import LAWS, Damping, ModalDamping, Model, RayleighCoefficients, RayleighRatio
+from tdint.model.recorded import AUTO
 
 Array = NDArray[np.float64]
 

@@ -11,20 +11,8 @@ from numpy.typing import NDArray
 
 from tdint.analysis.run.workspace import workspace
 from tdint.errors import AnalysisError
+from tdint.kernels import layout as at
 from tdint.kernels.building.variant import Variant
-from tdint.kernels.layout import (
-    ACCELERATION,
-    DISPLACEMENT,
-    DRIFT,
-    FORCE,
-    LOAD_SIZE,
-    LOWER,
-    SLOPE,
-    STEPS_DONE,
-    STORY_DAMPER,
-    UPPER,
-    VELOCITY,
-)
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, oscillators
 
@@ -75,10 +63,10 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
     for column, row in enumerate(memory):
         space.state[:] = 0.0
         space.state[row, :k] = 1.0
-        _settle(building, space.state, space.springs, ACCELERATION in memory)
-        space.memo[STEPS_DONE] = _SETTLED
+        _settle(building, space.state, space.springs, at.ACCELERATION in memory)
+        space.memo[at.STEPS_DONE] = _SETTLED
         code = step(
-            coefficients, building.chain, building.modal, building.laws, forces, h, np.zeros(LOAD_SIZE),
+            coefficients, building.chain, building.modal, building.laws, forces, h, np.zeros(at.LOAD_SIZE),
             space.state, space.springs, space.work, space.memo,
         )  # fmt: skip
         if code < 0:
@@ -89,14 +77,14 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
 
 def _settle(building: Building, state: Array, springs: Array, carries_acceleration: bool) -> None:
     """Committed springs, and the acceleration of equilibrium where the method does not carry its own."""
-    u, v = state[DISPLACEMENT, :-1], state[VELOCITY, :-1]
+    u, v = state[at.DISPLACEMENT, :-1], state[at.VELOCITY, :-1]
     springs[:] = 0.0
-    springs[DRIFT, :-1] = u
-    springs[FORCE, :-1] = building.initial_stiffness * u
-    springs[SLOPE, :-1] = building.initial_stiffness
-    springs[UPPER, :-1], springs[LOWER, :-1] = math.inf, -math.inf
+    springs[at.DRIFT, :-1] = u
+    springs[at.FORCE, :-1] = building.initial_stiffness * u
+    springs[at.SLOPE, :-1] = building.initial_stiffness
+    springs[at.UPPER, :-1], springs[at.LOWER, :-1] = math.inf, -math.inf
     if not carries_acceleration:
-        state[ACCELERATION, :-1] = -building.initial_stiffness * u - building.chain[STORY_DAMPER, :-1] * v
+        state[at.ACCELERATION, :-1] = -building.initial_stiffness * u - building.chain[at.STORY_DAMPER, :-1] * v
 
 
 def spectral_radius(integrator: Integrator, omega: Array, damping: Array, h: float) -> Array:

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.run import observed
+from tdint.analysis.run import run_totals
 from tdint.analysis.run.outcome import Collapse, Energy, FailedRun, Response, StoryErrors, StoryPeaks
 from tdint.analysis.run.prepared import Marched, PreparedBuilding
 from tdint.analysis.run.steps import Steps, choose_steps
@@ -18,11 +18,10 @@ from tdint.analysis.run.workspace import HALVINGS, Workspace
 from tdint.errors import UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels import layout
-from tdint.kernels.march import observing
+from tdint.kernels import layout as at
 from tdint.methods.method import Integrator
 from tdint.model.building import Building
-from tdint.model.definition import Model
-from tdint.model.laws import LAWS
+from tdint.model.definition import LAWS, Model
 
 Array = NDArray[np.float64]
 
@@ -132,7 +131,7 @@ class Case:
                 raise self._failure(steps, marched.space, marched.code)
             steps = replace(steps, count=round(collapse.time / steps.h))
             marched = self._integrate(steps, history)
-        error = observed.energy(marched.space).error
+        error = run_totals.energy(marched.space).error
         if not -error < RUNAWAY and not self.allow_unstable:
             reason = f"the motion ends with {1.0 - error:.3g} times the input energy"
             raise self._diverged(steps, *self._reached(steps, marched.space), reason, _runaway_story(marched.space))
@@ -166,7 +165,7 @@ class Case:
         if code == layout.NOT_FINITE or not residual < _OVERFLOW:
             story = _runaway_story(space)
             return self._diverged(steps, *self._reached(steps, space), f"the drift of story {story} ran away", story)
-        reached = float(space.observed[observing.STEPS_REACHED]) * steps.h
+        reached = float(space.observed[at.STEPS_REACHED]) * steps.h
         story = int(space.memo[layout.WORST_STORY]) + 1
         message = (
             f"{self.integrator.label} with dt {steps.h:.6g} s did not converge after {reached:.6g} s, with the step "
@@ -179,7 +178,7 @@ class Case:
 
     def _reached(self, steps: Steps, space: Workspace) -> tuple[float, float | None]:
         """The time up to which the run came, s, and the kinetic energy there, J."""
-        return float(space.observed[observing.STEPS_REACHED]) * steps.h, _kinetic(self.building, space)
+        return float(space.observed[at.STEPS_REACHED]) * steps.h, _kinetic(self.building, space)
 
     def _diverged(self, steps: Steps, reached: float, energy: float | None, reason: str, story: int) -> FailedRun:
         size = "" if energy is None else f", kinetic energy {energy:.3g} J"
@@ -206,7 +205,7 @@ class Case:
         FailedRun
             The run came to its end, but on energy that the method made.
         """
-        noted = observed.collapse(numbers)
+        noted = run_totals.collapse(numbers)
         if noted is None:
             return None
         time = noted.steps * steps.h
@@ -224,9 +223,9 @@ class Case:
 
     def _response(self, steps: Steps, marched: Marched, collapse: Collapse | None) -> Response:
         space = marched.space
-        energy = observed.energy(space)
-        stories, unresolved = observed.story_peaks(self.building, space), observed.unresolved(self.building, space)
-        notes = self._notes(steps, int(space.observed[observing.HALVINGS]))
+        energy = run_totals.energy(space)
+        stories, unresolved = run_totals.story_peaks(self.building, space), run_totals.unresolved(self.building, space)
+        notes = self._notes(steps, int(space.observed[at.HALVINGS]))
         return Response(
             model=self.model,
             record=self.record,
@@ -234,13 +233,13 @@ class Case:
             method=self.integrator.label,
             dt=steps.h,
             steps=steps.count,
-            iterations=int(space.observed[observing.ITERATIONS]),
-            halvings=int(space.observed[observing.HALVINGS]),
+            iterations=int(space.observed[at.ITERATIONS]),
+            halvings=int(space.observed[at.HALVINGS]),
             events=int(space.memo[layout.EVENTS]),
             march_time=marched.seconds,
             stories=stories,
             energy=energy,
-            history=observed.history(self.building, space, steps.h) if space.history.size else None,
+            history=run_totals.history(self.building, space, steps.h) if space.history.size else None,
             notes=(*notes, *_unresolved_note(stories, unresolved)),
             unresolved=unresolved,
             collapse=collapse,

@@ -11,7 +11,7 @@ from tdint.errors import ModelError, UsageError
 from tdint.files import is_file
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
 from tdint.model.building import assemble
-from tdint.model.config.read import load_judged
+from tdint.model.config.model_file import load_judged
 from tdint.model.definition import Model
 
 

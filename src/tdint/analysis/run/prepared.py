@@ -23,17 +23,15 @@ from tdint.analysis.run.workspace import (
     variant,
     workspace,
 )
+from tdint.kernels import layout as at
 from tdint.kernels.building.obtaining import obtain
 from tdint.kernels.building.variant import Variant
-from tdint.kernels.layout import DISPLACEMENT, FAST, FORCE_COLUMNS, LOAD_SIZE, PEAK_ROWS, VELOCITY
 from tdint.kernels.march.many import END_COLUMNS, GROUND_SIZE, many
 from tdint.kernels.march.march import march
-from tdint.kernels.march.observing import OBSERVED_SIZE
 from tdint.kernels.march.stories import begin, raise_shears, take_stock
 from tdint.methods.method import Integrator
-from tdint.model.building import Building, assemble
+from tdint.model.building import Building, assemble, force_table
 from tdint.model.definition import Model
-from tdint.model.loads import force_table
 
 Array = NDArray[np.float64]
 
@@ -107,7 +105,7 @@ class PreparedBuilding:
     """
 
     building: Building
-    forces: Array = field(default_factory=lambda: np.zeros((0, FORCE_COLUMNS)))
+    forces: Array = field(default_factory=lambda: np.zeros((0, at.FORCE_COLUMNS)))
     displacement: Array | float = 0.0
     velocity: Array | float = 0.0
     _coefficients: dict[tuple[str, float], Array] = field(default_factory=dict, init=False, repr=False, compare=False)
@@ -232,9 +230,9 @@ class PreparedBuilding:
         rest = rest or Rest()
         count, n = len(runs), self.building.stories
         marched = MarchedRuns(
-            peaks=np.zeros((count, 2 * PEAK_ROWS, n)),
+            peaks=np.zeros((count, 2 * at.PEAK_ROWS, n)),
             drifts=np.zeros((count, n)),
-            observed=np.zeros((count, OBSERVED_SIZE)),
+            observed=np.zeros((count, at.OBSERVED_SIZE)),
             ends=np.zeros((count, END_COLUMNS)),
         )
         many.compiled(
@@ -244,7 +242,7 @@ class PreparedBuilding:
             self.building.chain, self.building.modal, self.building.laws, self.forces,
             space.state, space.springs, space.memo, space.observed,
             space.state.copy(), space.springs.copy(), space.work, space.memo.copy(),
-            np.zeros(LOAD_SIZE), np.zeros(int(np.max(runs[:, GROUND_SIZE]))), space.watch, space.limits,
+            np.zeros(at.LOAD_SIZE), np.zeros(int(np.max(runs[:, GROUND_SIZE]))), space.watch, space.limits,
             np.zeros(n), space.history, rest.window, rest.windows, rest.quiet,
             marched.peaks, marched.drifts, marched.observed, marched.ends,
         )  # fmt: skip
@@ -255,7 +253,7 @@ class PreparedBuilding:
         check_suited(integrator, self.building)
         self.compile([integrator])
         space = workspace(self.building, integrator, rows, collapse_drift)
-        space.state[DISPLACEMENT, :-1] = self.displacement
-        space.state[VELOCITY, :-1] = self.velocity
-        space.memo[FAST] = self.building.fastest * h > _RESOLVED
+        space.state[at.DISPLACEMENT, :-1] = self.displacement
+        space.state[at.VELOCITY, :-1] = self.velocity
+        space.memo[at.FAST] = self.building.fastest * h > _RESOLVED
         return space

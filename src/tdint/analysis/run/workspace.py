@@ -12,36 +12,16 @@ from numpy.typing import NDArray
 
 from tdint.analysis.run.steps import Steps
 from tdint.errors import AnalysisError
+from tdint.kernels import layout as at
 from tdint.kernels.building.variant import EVERYTHING, Variant
 from tdint.kernels.compiling import Kernel
 from tdint.kernels.laws.apart import spring_table
-from tdint.kernels.layout import (
-    ALL_BRANCHES,
-    BRANCHES,
-    CODE,
-    LINEAR,
-    LOAD_SIZE,
-    MEMO_SIZE,
-    NO_BRANCHES,
-    OWN_WORK,
-    PEAK_ROWS,
-    POWER_DAMPERS,
-    SOME_BRANCHES,
-)
 from tdint.kernels.march.march import march
-from tdint.kernels.march.observing import (
-    COLLAPSE_STEP,
-    ENERGY_TERMS,
-    HISTORY_FIELDS,
-    NO_COLLAPSE,
-    OBSERVED_SIZE,
-    OBSERVER_ROWS,
-    ON_PATH,
-)
+from tdint.kernels.march.observing import OBSERVER_ROWS
 from tdint.kernels.march.stories import begin, raise_shears, take_stock
 from tdint.methods.method import Integrator
 from tdint.model.building import Building
-from tdint.model.laws import CODES, LAWS
+from tdint.model.definition import CODES, LAWS
 
 Array = NDArray[np.float64]
 
@@ -80,24 +60,24 @@ def workspace(
     n = building.stories
     modes = building.modal.shape[0]
     family = integrator.family
-    memo = np.zeros(MEMO_SIZE)
-    memo[LINEAR] = building.linear
-    memo[BRANCHES] = _branches(building)
-    memo[POWER_DAMPERS] = building.power_damped
-    memo[OWN_WORK] = family.own_work
-    observed = np.zeros(OBSERVED_SIZE)
-    observed[ON_PATH] = family.parabolic
-    observed[COLLAPSE_STEP] = NO_COLLAPSE
+    memo = np.zeros(at.MEMO_SIZE)
+    memo[at.LINEAR] = building.linear
+    memo[at.BRANCHES] = _branches(building)
+    memo[at.POWER_DAMPERS] = building.power_damped
+    memo[at.OWN_WORK] = family.own_work
+    observed = np.zeros(at.OBSERVED_SIZE)
+    observed[at.ON_PATH] = family.parabolic
+    observed[at.COLLAPSE_STEP] = at.NO_COLLAPSE
     return Workspace(
         state=np.zeros((family.state_rows, n + 1)),
         springs=spring_table(_laws(building, integrator)),
         work=np.zeros((family.work_rows(modes), max((2 if family.carries_error else 1) * (n + 1), 2 * modes + 1))),
         memo=memo,
         watch=np.zeros((OBSERVER_ROWS, n + 1)),
-        peaks=np.zeros((2 * PEAK_ROWS, n)),
+        peaks=np.zeros((2 * at.PEAK_ROWS, n)),
         limits=np.array([np.full(n, collapse_drift), building.heights, _failed(building)]),
         observed=observed,
-        history=np.zeros((steps + 1 if steps else 0, 1 + HISTORY_FIELDS * n + ENERGY_TERMS)),
+        history=np.zeros((steps + 1 if steps else 0, 1 + at.HISTORY_FIELDS * n + at.ENERGY_TERMS)),
     )
 
 
@@ -111,18 +91,18 @@ def _failed(building: Building) -> Array:
     failed = np.full(max(CODES.values()) + 1, math.nan)
     for name, code in CODES.items():
         failed[code] = LAWS[name].failed
-    return np.asarray(failed[building.laws[CODE, :-1].astype(int)])
+    return np.asarray(failed[building.laws[at.CODE, :-1].astype(int)])
 
 
 def _branches(building: Building) -> int:
     if building.piecewise_linear and not building.power_damped:
-        return ALL_BRANCHES
-    return SOME_BRANCHES if building.kinked else NO_BRANCHES
+        return at.ALL_BRANCHES
+    return at.SOME_BRANCHES if building.kinked else at.NO_BRANCHES
 
 
 def variant(building: Building, forces: Array | None = None) -> Variant:
     """What the kernels need for a building under forces; none by default."""
-    codes = np.unique(building.laws[CODE, :-1]).tolist()
+    codes = np.unique(building.laws[at.CODE, :-1]).tolist()
     return Variant(
         laws=tuple(name for name, code in CODES.items() if code in codes or name == "linear"),
         modal=len(building.modal) > 0,
@@ -191,7 +171,7 @@ def integrate(
             space.springs,
             space.work,
             space.memo,
-            np.zeros(LOAD_SIZE),
+            np.zeros(at.LOAD_SIZE),
             space.watch,
             space.peaks,
             space.limits,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tdint.analysis.spectra.defaults import HEIGHT_PERIOD, STORY_HEIGHT
 from tdint.analysis.spectra.inelastic import SHORTEST
-from tdint.analysis.spectra.recursion import check_shortest, recursion_table
+from tdint.analysis.spectra.oscillators import check_shortest, recursion_table
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels.oscillators import modes as drifts

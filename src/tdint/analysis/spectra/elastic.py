@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.spectra.oscillators import EXACT, INTERPOLATED, MAXIMA, Maxima, largest
-from tdint.analysis.spectra.recursion import check_shortest
+from tdint.analysis.spectra.oscillators import EXACT, INTERPOLATED, MAXIMA, Maxima, check_shortest, largest
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.interpolation import INTERPOLATIONS, LINEAR, Interpolation
 from tdint.ground_motion.record import Record
@@ -208,7 +207,7 @@ def _integrated(record: Record, omega: Array, damping: float, method: str) -> tu
     from tdint.analysis.run.amplification import find_instability
     from tdint.analysis.run.prepared import PreparedBuilding
     from tdint.analysis.run.steps import Steps
-    from tdint.kernels.layout import PEAK_ACCELERATION, PEAK_DISPLACEMENT, PEAK_VELOCITY
+    from tdint.kernels import layout as at
     from tdint.model.building import oscillators
 
     integrator = _parse(method)
@@ -223,5 +222,5 @@ def _integrated(record: Record, omega: Array, damping: float, method: str) -> tu
     marched = PreparedBuilding(oscillators(omega, ratios)).march(integrator, steps, record.acceleration.copy())
     if marched.code < 0:
         raise AnalysisError(f"{integrator.label} diverged at the record's step {record.dt:.6g} s; use another method")
-    rows = [PEAK_DISPLACEMENT, PEAK_VELOCITY, PEAK_ACCELERATION]
+    rows = [at.PEAK_DISPLACEMENT, at.PEAK_VELOCITY, at.PEAK_ACCELERATION]
     return integrator.label, marched.space.peaks[rows]

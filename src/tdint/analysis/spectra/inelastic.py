@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tdint.analysis.spectra.defaults import MOST_DUCTILE
 from tdint.analysis.spectra.elastic import checked_periods
-from tdint.analysis.spectra.recursion import check_shortest
+from tdint.analysis.spectra.oscillators import check_shortest
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels.oscillators import bilinear as inelastic

@@ -10,7 +10,7 @@ import numpy as np
 
 from tdint.analysis.spectra.elastic import Array, Spectrum
 from tdint.errors import RecordError, UsageError
-from tdint.ground_motion.formats.tables.columns import name_and_units
+from tdint.ground_motion.formats.table_columns import name_and_units
 from tdint.ground_motion.reading.named_table import SECONDS, NamedTable, read_named_table
 from tdint.ground_motion.record import Input, Record
 from tdint.units import parse_units

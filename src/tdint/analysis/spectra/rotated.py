@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.spectra.elastic import OR_ZERO, SHORTEST, checked_periods, choose_settings
-from tdint.analysis.spectra.oscillators import Maxima, groups
-from tdint.analysis.spectra.recursion import check_shortest
+from tdint.analysis.spectra.oscillators import Maxima, check_shortest, groups
 from tdint.errors import UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.interpolation import Interpolation

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.run.workspace import variant
+from tdint.csv_table import read_table
 from tdint.errors import AnalysisError, UsageError
+from tdint.kernels import layout as at
 from tdint.kernels.laws.apart import spring_table
-from tdint.kernels.layout import GEOMETRIC, STIFFNESS
 from tdint.kernels.stories.cyclic import DISSIPATION, RECOVERABLE, RESULT_COLUMNS, SHEAR, TANGENT, follow
 from tdint.model.building import Building, assemble
 from tdint.model.definition import Model
@@ -222,8 +223,8 @@ def _test(model: Model, building: Building, story: int, drifts: Array, points: i
         model=model,
         story=story,
         points=points,
-        initial_stiffness=float(building.laws[STIFFNESS, story - 1]),
-        geometric_stiffness=float(building.chain[GEOMETRIC, story - 1]),
+        initial_stiffness=float(building.laws[at.STIFFNESS, story - 1]),
+        geometric_stiffness=float(building.chain[at.GEOMETRIC, story - 1]),
         yield_drift=float(building.yield_drift[story - 1]),
         path=follow_path(building, story, drifts),
     )
@@ -280,3 +281,22 @@ def follow_path(building: Building, story: int, drifts: Array) -> LawPath:
 
 def _stories(count: int) -> str:
     return f"{count} {'story' if count == 1 else 'stories'}"
+
+
+COLUMN = "drift_m"
+
+
+def read_drift_path(source: str) -> list[float]:
+    """The numbers in the column `drift_m` of a CSV file; `-` is standard input, other columns are not read.
+
+    Raises
+    ------
+    UsageError
+        The file cannot be read, has no such column, or a cell of it is no finite number.
+    """
+    table = read_table(source, f"give a CSV file with a column {COLUMN}", columns=(COLUMN,), error=UsageError)
+    if not table.has(COLUMN):
+        raise UsageError(f"{source}: the first line names no column {COLUMN}")
+    if not table.rows:
+        raise UsageError(f"{source}: holds no drift under {COLUMN}")
+    return table.numbers(COLUMN)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from tdint.analysis.static.cyclic import follow_path
 from tdint.errors import AnalysisError, UsageError
-from tdint.kernels.layout import GEOMETRIC
+from tdint.kernels import layout as at
 from tdint.model.building import Building, assemble
 from tdint.model.definition import Model
 from tdint.tabular import Tabular
@@ -248,7 +248,7 @@ class _Story:
 
     def __init__(self, building: Building, i: int) -> None:
         self._building, self._number = building, i + 1
-        self._geometric = float(building.chain[GEOMETRIC, i])
+        self._geometric = float(building.chain[at.GEOMETRIC, i])
         self._turns: list[float] = [0.0]
         self.drift = 0.0
         self.force = 0.0

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.run import observed
+from tdint.analysis.run import run_totals
 from tdint.analysis.run.case import RUNAWAY, Case
 from tdint.analysis.run.outcome import Collapse, FailedRun, Response, StoryPeaks
 from tdint.analysis.run.prepared import MarchedRuns, Rest
@@ -32,8 +32,8 @@ from tdint.campaign.engine.runs import Motions, Run
 from tdint.campaign.engine.settings import AT_REST, REPEATS, REST_PERIODS, RunSettings
 from tdint.campaign.engine.subject import Subject
 from tdint.kernels import layout
+from tdint.kernels import layout as at
 from tdint.kernels.march import many as lanes
-from tdint.kernels.march import observing
 
 Array = NDArray[np.float64]
 
@@ -169,12 +169,12 @@ class Batch:
         """
         code, taken = int(marched.ends[i, lanes.CODE]), int(marched.ends[i, lanes.STEPS_TAKEN])
         numbers = marched.observed[i]
-        if code == 0 and -observed.energy_errors(marched.observed[i : i + 1])[0] < RUNAWAY:
+        if code == 0 and -run_totals.energy_errors(marched.observed[i : i + 1])[0] < RUNAWAY:
             collapse = self._case(job.run).judge(job.steps, code, numbers)
             self._take([job], marched, np.array([i]), results, collapse)
             return
         # As far as the call came, and the step in which it failed.
-        most = max(taken, int(numbers[observing.STEPS_REACHED]) + 1)
+        most = max(taken, int(numbers[at.STEPS_REACHED]) + 1)
         response = self._case(job.run).march(replace(job.steps, count=max(most, job.steps.count)))
         self._take_response(job, response, results)
 
@@ -231,7 +231,7 @@ class Batch:
             ratio.value, np.where(ratio.place > 0, ratio.place, drift.place), drift.value,
             Extremes.of(residual / heights).value, acceleration.value, acceleration.place,
             peaks[:, layout.PEAK_DISPLACEMENT, -1], peaks[:, layout.PEAK_SHEAR, 0],
-            observed.energy_errors(marched.observed[places]), marched.ends[places, lanes.STEPS_TAKEN].astype(int),
+            run_totals.energy_errors(marched.observed[places]), marched.ends[places, lanes.STEPS_TAKEN].astype(int),
         )  # fmt: skip
         status, time, story = "done", None, None
         if collapse:
@@ -246,7 +246,7 @@ class Batch:
 
     def _story_peaks(self, marched: MarchedRuns, i: int) -> StoryPeaks:
         building = self.subject.prepared.building
-        return observed.peaks_of(building, marched.peaks[i], marched.drifts[i])
+        return run_totals.peaks_of(building, marched.peaks[i], marched.drifts[i])
 
     def _take_response(self, job: _Job, response: Response, results: Rows) -> None:
         results.runs.append(row_of_response(self.number, job.run, response, self._measures(job.run), job.repeats))
@@ -267,6 +267,6 @@ class Batch:
 def _doubtful(marched: MarchedRuns) -> NDArray[np.bool_]:
     """Runs that did not come to their end, collapsed, or went on with energy that the method made."""
     numbers = marched.observed
-    made = ~(-observed.energy_errors(numbers) < RUNAWAY)
-    collapsed = numbers[:, observing.COLLAPSE_STEP] != observing.NO_COLLAPSE
+    made = ~(-run_totals.energy_errors(numbers) < RUNAWAY)
+    collapsed = numbers[:, at.COLLAPSE_STEP] != at.NO_COLLAPSE
     return np.asarray((marched.ends[:, lanes.CODE] < 0) | collapsed | made)

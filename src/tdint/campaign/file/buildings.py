@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from tdint.campaign.file.definition import InventoryFile, ModelFiles
-from tdint.model.inventory.rules import RULES
+from tdint.model.inventory.derive import RULES
+from tdint.model.keys.document import resolve
 from tdint.model.keys.fields import Section, Value
 from tdint.model.keys.kinds import Bounds, Choice, EntriesOf, Key, Keys, Whole, Words
-from tdint.model.keys.paths import resolve
 from tdint.units import LENGTH
 
 _SCATTER = Bounds(0.0, 0.5, ratio=True)

@@ -18,12 +18,12 @@ from tdint.campaign.grid import GridDraws, unit_vectors
 from tdint.campaign.motions import SuiteMotion
 from tdint.csv_table import read_table
 from tdint.errors import ModelError, RecordError
+from tdint.ground_motion.header_checks.statement import LONGEST_STEP, SHORTEST_STEP
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.reading.segments import check_possible
 from tdint.ground_motion.record import Record
-from tdint.ground_motion.soundness.statement import LONGEST_STEP, SHORTEST_STEP
 from tdint.input_bytes import MOST_BYTES, read_at_most
-from tdint.model.inventory.read import InventoryRow
+from tdint.model.inventory.table import InventoryRow
 from tdint.units import parse_units
 
 _COMPONENTS = {"data_x": "x", "data_y": "y"}

@@ -11,9 +11,9 @@ from tdint.campaign.file.definition import FactorsFile
 from tdint.campaign.levels import MeasureLevels, Scales
 from tdint.campaign.studies.intensity import GEOMETRIC_MEAN, PAIRS, IntensityMeasure, PeakVelocity, pga, sa, sa_average
 from tdint.errors import UsageError
+from tdint.model.keys.document import resolve
 from tdint.model.keys.fields import Section, Value
 from tdint.model.keys.kinds import ANY, POSITIVE, RATIO, Choice, Either, EntriesOf, Key, Keys, Words
-from tdint.model.keys.paths import resolve
 from tdint.units import parse_units
 
 _OF_MEASURES = ("period", "damping", "levels", "pair")

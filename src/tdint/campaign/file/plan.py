@@ -28,9 +28,9 @@ from tdint.csv_table import no_number, number, read_table
 from tdint.errors import ModelError, ModelFault, RecordError, TdintError, UsageError
 from tdint.ground_motion.reading.folders import records_of
 from tdint.methods.catalogue import DEFAULT_METHOD
-from tdint.model.config.read import load_model
+from tdint.model.config.model_file import load_model
 from tdint.model.definition import Model
-from tdint.model.inventory.read import InventoryRow, read_inventory
+from tdint.model.inventory.table import InventoryRow, read_inventory
 
 _COLLAPSE_DRIFT = 0.10
 _FACTOR_COLUMNS = ("record", "component", "factor")

@@ -7,12 +7,11 @@ from pathlib import Path
 from tdint.campaign.file.buildings import SEED
 from tdint.campaign.file.definition import GridFile, RecordFiles
 from tdint.campaign.studies.suite import RecordChoice
-from tdint.model.config.layout import LAYOUT, read_layout
-from tdint.model.config.processing import PROCESSING, read_processing
+from tdint.model.config.excitation import LAYOUT, PROCESSING, read_layout, read_processing
 from tdint.model.config.units import read_sample_units
+from tdint.model.keys.document import resolve
 from tdint.model.keys.fields import Section, Value
 from tdint.model.keys.kinds import EntriesOf, Flag, Key, Keys, Whole, Words
-from tdint.model.keys.paths import resolve
 
 _FILES = (
     Key("files", EntriesOf(Words(), least=1), "records and folders of records, relative to this file"),

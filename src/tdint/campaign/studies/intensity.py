@@ -19,7 +19,7 @@ from tdint.errors import RecordError, UsageError, did_you_mean
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.measures import integrate
 from tdint.ground_motion.record import Record
-from tdint.quantities import Grid
+from tdint.written_numbers import Grid
 
 Array = NDArray[np.float64]
 

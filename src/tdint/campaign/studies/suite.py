@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 
 from tdint.campaign.studies.intensity import GroundMotion
 from tdint.errors import RecordError
-from tdint.ground_motion.formats.tables.layout import AS_STATED, TextLayout
 from tdint.ground_motion.horizontals import Horizontals, find_horizontals, is_vertical, motion_name
 from tdint.ground_motion.processing import Processing
 from tdint.ground_motion.reading.read import read_records
 from tdint.ground_motion.record import Record
+from tdint.ground_motion.text_layout import AS_STATED, TextLayout
 from tdint.input_bytes import STDIN
 
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.formats.lines import NUMBER, Lines, read_lines
+from tdint.ground_motion.header_checks.statement import PEAK, SAMPLES, Statement, check_step, compare, last_place
 from tdint.ground_motion.messages import quiet_import
-from tdint.ground_motion.soundness.statement import PEAK, SAMPLES, Statement, check_step, compare, last_place
 from tdint.units import GROUND_MOTION, parse_units
 
 with quiet_import():

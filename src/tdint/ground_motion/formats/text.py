@@ -26,18 +26,23 @@ from numpy.typing import NDArray
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import ROW, Lines, read_lines, recognizes
 from tdint.ground_motion.formats.series import Series, code, motion_scale, motion_units, required_units, to_stream
-from tdint.ground_motion.formats.steps import equal_steps
-from tdint.ground_motion.formats.tables.columns import MOTIONS, OTHER, SECONDS, TIME, ColumnName, place_of
-from tdint.ground_motion.formats.tables.header import (
+from tdint.ground_motion.formats.table_columns import (
     COLUMNS,
     COMMENT,
+    MOTIONS,
+    OTHER,
+    SECONDS,
+    TIME,
+    ColumnName,
     TableHeader,
     declared_in,
+    place_of,
     read_foreign_header,
     read_header,
 )
-from tdint.ground_motion.formats.tables.layout import AS_STATED, SAME_STEP, TextLayout
-from tdint.ground_motion.soundness.statement import SAMPLES, STEP
+from tdint.ground_motion.header_checks.statement import SAMPLES, STEP
+from tdint.ground_motion.sampling_interval import equal_steps
+from tdint.ground_motion.text_layout import AS_STATED, SAME_STEP, TextLayout
 from tdint.units import parse_units
 
 if TYPE_CHECKING:

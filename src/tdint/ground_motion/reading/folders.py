@@ -13,7 +13,7 @@ from tdint.files import is_folder
 from tdint.input_bytes import STDIN
 
 if TYPE_CHECKING:
-    from tdint.ground_motion.formats.tables.layout import TextLayout
+    from tdint.ground_motion.text_layout import TextLayout
 
 _MOST_NAMES = 10
 
@@ -76,8 +76,8 @@ def _contents(folder: str, layout: TextLayout | None) -> tuple[list[str], list[s
     RecordError
         The folder cannot be read, or has no record in it.
     """
-    from tdint.ground_motion.formats.tables.layout import AS_STATED
     from tdint.ground_motion.reading.read import is_record
+    from tdint.ground_motion.text_layout import AS_STATED
 
     try:
         names = sorted(path.name for path in Path(folder).iterdir() if not path.name.startswith("."))

@@ -1,4 +1,7 @@
-"""Tables of any content whose columns are asked for by name: CSV with names in its first line."""
+"""Tables of any content whose columns are asked for by name: CSV with names in its first line.
+
+A motion is one column of them: times in the first column, names with units in the header.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +12,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.errors import RecordError, did_you_mean
+from tdint.errors import RecordError, UsageError, did_you_mean
+from tdint.ground_motion.formats.table_columns import name_and_units
 from tdint.ground_motion.reading.source import digested, read_bytes
 from tdint.ground_motion.record import Input
+from tdint.ground_motion.sampling_interval import equal_steps
+from tdint.ground_motion.signal import Signal
+from tdint.units import Units, parse_units
 
 SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3}
 """Units of times and periods in the name of a column, and their values in s."""
@@ -89,3 +96,58 @@ def read_named_table(source: str | Path) -> NamedTable:
     if len(rows) < _FEWEST:
         raise RecordError(f"{source}: the table has fewer than {_FEWEST} rows")
     return NamedTable(str(source), names, tuple(rows), mark in (";", "\t"), digested(data, source))
+
+
+_TIMES = ("t", "time", "times")
+
+
+def read_column(source: str | Path, column: str, units: str | None = None) -> Signal:
+    """Read a column of a table: CSV with names in its first line, of which the first is that of the times.
+
+    Parameters
+    ----------
+    source : str or Path
+        The file, or `-` for standard input. Commas, semicolons or tabs divide columns.
+    column : str
+        The column's name, as the header has it.
+    units : str, optional
+        As `parse_units` understands them; by default those at the end of the column's name (`base_m_s2`, `roof (cm)`).
+
+    Raises
+    ------
+    RecordError
+        The file cannot be read, has no times in equal steps, no such column, a cell that is no finite number, or a
+        column of unknown units.
+    """
+    table = read_named_table(source)
+    time, time_units = name_and_units(table.names[0])
+    if time not in _TIMES or time_units not in ("", *SECONDS):
+        raise RecordError(f"{source}: the first column must be the time (time_s), its name is {table.names[0][:40]!r}")
+    times = SECONDS[time_units or "s"] * table.numbers(0)
+    place = table.place(column)
+    found = parse_units(units) if units else _units_of(column, str(source))
+    try:
+        step = equal_steps(times)
+    except RecordError as error:
+        raise RecordError(f"{source}: {error}") from None
+    return Signal(
+        samples=found.scale * table.numbers(place),
+        dt=step.dt,
+        quantity=found.quantity,
+        label=f"{source}: {column}",
+        start=float(times[0]),
+        clock="table",
+        notes=(),
+        warnings=(),
+        input=table.input,
+    )
+
+
+def _units_of(column: str, source: str) -> Units:
+    _, text = name_and_units(column)
+    try:
+        return parse_units(text)
+    except UsageError:
+        raise RecordError(
+            f"{source}: the name of the column {column!r} does not end with its units (_m_s2, _m); give units"
+        ) from None

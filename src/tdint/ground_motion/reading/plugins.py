@@ -18,10 +18,10 @@ from typing import Any
 
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import WIDE
-from tdint.ground_motion.formats.tables.layout import AS_STATED, TextLayout
+from tdint.ground_motion.header_checks.check import compare_with_statements, look_at
+from tdint.ground_motion.header_checks.statement import Damaged
 from tdint.ground_motion.messages import caught_messages, one_line, quiet_import
-from tdint.ground_motion.soundness.check import compare_with_statements, look_at
-from tdint.ground_motion.soundness.statement import Damaged
+from tdint.ground_motion.text_layout import AS_STATED, TextLayout
 
 _GROUP = "obspy.plugin.waveform"
 

@@ -10,10 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from tdint.errors import RecordError, UsageError
-from tdint.ground_motion.formats.tables.layout import AS_STATED, TextLayout
 from tdint.ground_motion.horizontals import Horizontals, find_horizontals
 from tdint.ground_motion.messages import quiet_import
-from tdint.ground_motion.reading.archive import is_archive, members
 from tdint.ground_motion.reading.instrument import Instruments, read_instruments, remove_response
 from tdint.ground_motion.reading.plugins import Contents, has_known_format, read_contents
 from tdint.ground_motion.reading.scale import Motion, declared_units, to_acceleration, to_motion
@@ -26,9 +24,10 @@ from tdint.ground_motion.reading.segments import (
     group_channels,
     join,
 )
-from tdint.ground_motion.reading.source import digested, read_bytes
+from tdint.ground_motion.reading.source import digested, is_archive, members, read_bytes
 from tdint.ground_motion.record import Input, Record
 from tdint.ground_motion.signal import Signal
+from tdint.ground_motion.text_layout import AS_STATED, TextLayout
 from tdint.units import Units, parse_units
 
 _LOGGER = getLogger("tdint.assumptions")

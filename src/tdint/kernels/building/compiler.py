@@ -13,7 +13,7 @@ import llvmlite.binding as llvm
 import numba
 from llvmlite import ir
 from numba.core import cgutils, types
-from numba.core.types.misc import unliteral
+from numba.core.types.misc import maybe_literal, unliteral
 from numba.extending import intrinsic
 
 from tdint.kernels.building.signature import Argument, ArrayOf, Scalar, Signature
@@ -35,6 +35,15 @@ _MATH = {
     *("sincos", "sinh", "sqrt", "tan", "tanh", "trunc", "memcpy", "memmove", "memset"),
 }
 """What an object may leave to the C library."""
+
+
+def _constant_of_module(context: Any, module: Any, name: str) -> Any:
+    """The type of `module.name`: one of its own for each number, as of one imported by name (`specialized`)."""
+    value = getattr(module.pymod, name)
+    return maybe_literal(value) or context.resolve_value_type(value)
+
+
+numba.core.typing.context.BaseContext.resolve_module_constants = _constant_of_module
 
 
 def inlined(function: Callable[..., Any]) -> Any:

@@ -1,13 +1,14 @@
 """Where compiled kernels are kept.
 
-Objects lie in a folder that is named by a hash of the kernel sources and versions, so a stale one cannot be found; in
-it, each is named by kernel, variant and processor. Folders are looked through in this order:
+Objects lie in a folder that is named by a hash of the compiler's and Python's versions; in it, each is named by kernel,
+variant, processor and a hash of the sources that it is compiled from (`sources`), so a stale one cannot be found.
+Folders are looked through in this order:
 
 1. TDINT_KERNELS_DIR, which is never written: a shared one, made by `tdint compile`;
 2. TDINT_CACHE_DIR if that is set, else `__pycache__` beside the kernels of the installed package (an image, or a
    cluster's shared installation, compiles once), then the user's cache.
 
-The first of the second kind that can be written takes new objects.
+The first of the second kind that can be written takes new objects. What is not loaded for a month is removed from it.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import importlib.util
 import os
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import suppress
 from functools import cache
@@ -24,10 +26,12 @@ from pathlib import Path
 
 from tdint.cache import cache_home, cache_subfolder, remove_unused
 from tdint.kernels.building.objects import unpack
+from tdint.kernels.building.sources import digest
 from tdint.kernels.building.target import Target
+from tdint.kernels.building.variant import parse
 
 _DAYS_KEPT = 30
-_COMPILING = ("compiler", "objects", "signature")  # what of `building` the objects depend on
+_DAY = 86400.0
 _PACKAGE = Path(__file__).parents[2]
 
 
@@ -46,16 +50,20 @@ def find_in(
     home: Path, name: str, variant: str, targets: tuple[Target, ...], *, check: bool
 ) -> tuple[bytes, str] | None:
     """`find` in one folder; with `check` what belongs to others does not count."""
-    folder = home / _fingerprinted()
     for target in targets:
+        path = home / folder_name() / file_name(name, variant, target)
         try:
-            with (folder / file_name(name, variant, target)).open("rb") as stream:
-                if check and not _trusted(os.fstat(stream.fileno())):
+            with path.open("rb") as stream:
+                file = os.fstat(stream.fileno())
+                if check and not _trusted(file):
                     continue
                 code, about = unpack(stream.read())
         except (OSError, ValueError):
             continue
         if about.get("kernel") == name:
+            if check and file.st_mtime < time.time() - _DAY:
+                with suppress(OSError):
+                    os.utime(path)
             return code, about["symbol"]
     return None
 
@@ -66,10 +74,11 @@ def keep(data: bytes, name: str, variant: str, target: Target, folder: Path | No
     Goes into `folder` (as TDINT_KERNELS_DIR will name it) if one is given, and an OSError is raised then.
     """
     if folder is not None:
-        return _write(data, folder / _fingerprinted() / file_name(name, variant, target))
+        return _write(data, folder / folder_name() / file_name(name, variant, target))
     for goal in _goals():
         with suppress(OSError):
             path = _write(data, goal / file_name(name, variant, target))
+            remove_unused("*.object", _DAYS_KEPT, keep=path)
             remove_unused("kernels-*", _DAYS_KEPT, keep=path.parent)
             return path
     return None
@@ -88,14 +97,15 @@ def writable() -> Path | None:
 def _goals() -> Iterator[Path]:
     """Folders for new objects; one that others may write to is none."""
     if not os.environ.get("TDINT_CACHE_DIR"):
-        yield _beside() / _fingerprinted()
-    if folder := cache_subfolder(_fingerprinted()):
+        yield _beside() / folder_name()
+    if folder := cache_subfolder(folder_name()):
         yield folder
 
 
 def file_name(name: str, variant: str, target: Target) -> str:
     """The file of a kernel."""
-    return f"{name.removeprefix('tdint.').replace(':', '.')}-{variant}-{target.text}.object"
+    sources = digest(name, parse(variant).laws)
+    return f"{name.removeprefix('tdint.').replace(':', '.')}-{variant}-{target.text}-{sources}.object"
 
 
 def _write(data: bytes, path: Path) -> Path:
@@ -137,23 +147,13 @@ def _beside() -> Path:
     return _PACKAGE / "kernels" / "__pycache__"
 
 
-def _fingerprinted() -> str:
-    return f"kernels-{fingerprint()}"
-
-
 @cache
-def fingerprint() -> str:
-    """Hash of all that a compiled kernel depends on but for the processor: kernel sources and versions."""
-    digest = hashlib.sha256()
-    for source in sorted([*_PACKAGE.glob("kernels/**/*.py"), *_PACKAGE.glob("methods/**/*.py")]):
-        if source.parent.name == "building" and source.stem not in _COMPILING:
-            continue
-        digest.update(source.relative_to(_PACKAGE).as_posix().encode())
-        digest.update(source.read_bytes())
+def folder_name() -> str:
+    """The folder of the objects that these versions of compiler and Python make."""
+    versions = hashlib.sha256(repr((sys.version_info[:2], sys.platform)).encode())
     for package in ("numba", "llvmlite"):
         # Not imported: that would take longer than all the rest.
         found = importlib.util.find_spec(package)
         if found and found.origin:
-            digest.update((Path(found.origin).parent / "_version.py").read_bytes())
-    digest.update(repr((sys.version_info[:2], sys.platform)).encode())
-    return digest.hexdigest()[:16]
+            versions.update((Path(found.origin).parent / "_version.py").read_bytes())
+    return f"kernels-{versions.hexdigest()[:16]}"

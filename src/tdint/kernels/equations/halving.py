@@ -7,8 +7,8 @@ moment4 asks that of all.
 
 from __future__ import annotations
 
+from tdint.kernels import layout as at
 from tdint.kernels.compiling import called, inlined
-from tdint.kernels.layout import INVERSE_MASS
 from tdint.kernels.stepping import LEAST
 
 _LESS = 1e-4  # of what is out of balance, by which a whole correction is to diminish it
@@ -19,7 +19,7 @@ def squares(chain, work, row, n):
     """Sum of the squares of a row of residuals over the masses."""
     total = 0.0
     for i in range(n):
-        total += chain[INVERSE_MASS, i] * work[row, i] * work[row, i]
+        total += chain[at.INVERSE_MASS, i] * work[row, i] * work[row, i]
     return total
 
 

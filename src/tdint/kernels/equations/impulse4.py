@@ -8,51 +8,13 @@ from __future__ import annotations
 
 import math
 
+from tdint.kernels import layout as at
 from tdint.kernels.chain import MODAL, add_modal_force, floor_impulse, floor_load, power_damper
 from tdint.kernels.compiling import called, inlined
+from tdint.kernels.equations import impulse_momentum as momentum
 from tdint.kernels.equations.halving import add_rows, copy_rows, squares, too_far
-from tdint.kernels.equations.impulse_momentum import (
-    A1,
-    DU,
-    DV,
-    FORCE_1,
-    FORCE_S,
-    IMPULSE,
-    LOAD,
-    MOMENTUM_ROWS,
-    R1,
-    R2,
-    SIZE,
-    U1,
-    V1,
-    correct,
-    guess,
-    in_balance,
-    residuals,
-    solve,
-)
+from tdint.kernels.equations.impulse_momentum import correct, guess, in_balance, residuals, solve
 from tdint.kernels.equations.tridiagonal import COUPLING_ROWS, assemble_blocks, factor_blocks
-from tdint.kernels.layout import (
-    ACCELERATION,
-    DISPLACEMENT,
-    DRIFT,
-    FIRST_TRIAL,
-    FLOOR_DAMPER,
-    FORCE,
-    GEOMETRIC,
-    INVERSE_MASS,
-    LINK,
-    MASS,
-    NOT_CONVERGED,
-    PEAK_ROWS,
-    POWER_DAMPER,
-    SECOND_TRIAL,
-    SLOPE,
-    SPRING_ROWS,
-    STIFFNESS,
-    STORY_DAMPER,
-    VELOCITY,
-)
 from tdint.kernels.stepping import CLOSE, ITERATIONS, PATIENCE, SAME_TANGENT, SMALL
 from tdint.kernels.stories.springs import reach
 
@@ -71,16 +33,16 @@ RATE_BY_VELOCITY_0 = 10
 RATE_BY_VELOCITY_1 = 11
 
 # Rows of work beyond those of the momentum equations
-_TANGENT_C = MOMENTUM_ROWS
-_TANGENT_1 = MOMENTUM_ROWS + 1
-_SLOPE_C = MOMENTUM_ROWS + 2  # of the power-law dashpots
-_SLOPE_1 = MOMENTUM_ROWS + 3
-_LAST_CORRECTION = MOMENTUM_ROWS + 4  # of DU and DV
-SAVED = MOMENTUM_ROWS + 6  # state and springs at the start of a step that is done in pieces
-PIECE = SAVED + 3 + SPRING_ROWS  # motion at the start of a piece
+_TANGENT_C = momentum.MOMENTUM_ROWS
+_TANGENT_1 = momentum.MOMENTUM_ROWS + 1
+_SLOPE_C = momentum.MOMENTUM_ROWS + 2  # of the power-law dashpots
+_SLOPE_1 = momentum.MOMENTUM_ROWS + 3
+_LAST_CORRECTION = momentum.MOMENTUM_ROWS + 4  # of DU and DV
+SAVED = momentum.MOMENTUM_ROWS + 6  # state and springs at the start of a step that is done in pieces
+PIECE = SAVED + 3 + at.SPRING_ROWS  # motion at the start of a piece
 TURNS = PIECE + 3  # drifts where stories turned in it
 PEAKS = TURNS + 1  # within such pieces
-FACTORS = PEAKS + 2 * PEAK_ROWS
+FACTORS = PEAKS + 2 * at.PEAK_ROWS
 
 # Rows of a block of factors
 _FACTORED_C = 0  # its tangents; the step stands in the last column
@@ -98,8 +60,8 @@ def factor_rows(modes: int) -> int:
 @inlined
 def loads(chain, forces, t, h, ground_0, ground_1, work):
     """Load at the end and exact impulse over [t, t + h]."""
-    floor_load(chain, forces, t + h, ground_1, work, LOAD)
-    floor_impulse(chain, forces, t, h, ground_0, ground_1, work, IMPULSE)
+    floor_load(chain, forces, t + h, ground_1, work, momentum.LOAD)
+    floor_impulse(chain, forces, t, h, ground_0, ground_1, work, momentum.IMPULSE)
 
 
 @inlined
@@ -108,8 +70,8 @@ def solve_linear(coefficients, chain, modal, h, state, springs, work, factors):
     n = chain.shape[1] - 1
     if _right_side(coefficients, chain, modal, h, state, springs, work, factors):
         for i in range(n):
-            work[_TANGENT_C, i] = springs[SLOPE, i]
-            work[_TANGENT_1, i] = springs[SLOPE, i]
+            work[_TANGENT_C, i] = springs[at.SLOPE, i]
+            work[_TANGENT_1, i] = springs[at.SLOPE, i]
         _factor(coefficients, chain, modal, h, work, factors)
     _solve(coefficients, modal, h, work, factors, n)
     _motion(chain, modal, state, springs, work)
@@ -127,21 +89,21 @@ def _right_side(coefficients, chain, modal, h, state, springs, work, factors):
     force_above = 0.0
     impulse_above = 0.0
     for i in range(n - 1, -1, -1):
-        stale |= springs[SLOPE, i] != work[factors + _FACTORED_1, i]
-        link = chain[LINK, i]
-        mass = chain[MASS, i]
-        geometric = chain[GEOMETRIC, i]
-        v = state[VELOCITY, i]
-        rate = v - link * state[VELOCITY, max(i - 1, 0)]
-        spring = springs[FORCE, i] + geometric * springs[DRIFT, i]
-        force = spring + chain[STORY_DAMPER, i] * rate
-        impulse = h * (spring + by_rate * (springs[SLOPE, i] + geometric) * rate)
-        inertia = work[LOAD, i] - chain[FLOOR_DAMPER, i] * v - (force - force_above)
-        work[R1, i] = mass * (h * v + by_a0 * state[ACCELERATION, i]) - by_a1 * inertia
-        work[R2, i] = work[IMPULSE, i] - (impulse - impulse_above)
+        stale |= springs[at.SLOPE, i] != work[factors + _FACTORED_1, i]
+        link = chain[at.LINK, i]
+        mass = chain[at.MASS, i]
+        geometric = chain[at.GEOMETRIC, i]
+        v = state[at.VELOCITY, i]
+        rate = v - link * state[at.VELOCITY, max(i - 1, 0)]
+        spring = springs[at.FORCE, i] + geometric * springs[at.DRIFT, i]
+        force = spring + chain[at.STORY_DAMPER, i] * rate
+        impulse = h * (spring + by_rate * (springs[at.SLOPE, i] + geometric) * rate)
+        inertia = work[momentum.LOAD, i] - chain[at.FLOOR_DAMPER, i] * v - (force - force_above)
+        work[momentum.R1, i] = mass * (h * v + by_a0 * state[at.ACCELERATION, i]) - by_a1 * inertia
+        work[momentum.R2, i] = work[momentum.IMPULSE, i] - (impulse - impulse_above)
         force_above = link * force
         impulse_above = link * impulse
-    add_modal_force(modal, state, VELOCITY, by_a1, work, R1, n)
+    add_modal_force(modal, state, at.VELOCITY, by_a1, work, momentum.R1, n)
     return stale
 
 
@@ -151,21 +113,21 @@ def _motion(chain, modal, state, springs, work):
     n = chain.shape[1] - 1
     force_above = 0.0
     for i in range(n - 1, -1, -1):
-        link = chain[LINK, i]
+        link = chain[at.LINK, i]
         below = max(i - 1, 0)
-        du = work[R1, i]
-        dv = work[R2, i]
-        v = state[VELOCITY, i] + dv
-        work[DU, i] = du
-        work[DV, i] = dv
-        work[U1, i] = state[DISPLACEMENT, i] + du
-        work[V1, i] = v
-        geometric = chain[GEOMETRIC, i]
-        force = springs[FORCE, i] + geometric * springs[DRIFT, i]
-        force += (springs[SLOPE, i] + geometric) * (du - link * work[R1, below])
-        force += chain[STORY_DAMPER, i] * (v - link * (state[VELOCITY, below] + work[R2, below]))
-        outer = work[LOAD, i] - chain[FLOOR_DAMPER, i] * v
-        work[A1, i] = chain[INVERSE_MASS, i] * (outer - (force - force_above))
+        du = work[momentum.R1, i]
+        dv = work[momentum.R2, i]
+        v = state[at.VELOCITY, i] + dv
+        work[momentum.DU, i] = du
+        work[momentum.DV, i] = dv
+        work[momentum.U1, i] = state[at.DISPLACEMENT, i] + du
+        work[momentum.V1, i] = v
+        geometric = chain[at.GEOMETRIC, i]
+        force = springs[at.FORCE, i] + geometric * springs[at.DRIFT, i]
+        force += (springs[at.SLOPE, i] + geometric) * (du - link * work[momentum.R1, below])
+        force += chain[at.STORY_DAMPER, i] * (v - link * (state[at.VELOCITY, below] + work[momentum.R2, below]))
+        outer = work[momentum.LOAD, i] - chain[at.FLOOR_DAMPER, i] * v
+        work[momentum.A1, i] = chain[at.INVERSE_MASS, i] * (outer - (force - force_above))
         force_above = link * force
     if MODAL and modal.shape[0] > 0:
         _add_modal_acceleration(chain, modal, work, n)
@@ -174,10 +136,10 @@ def _motion(chain, modal, state, springs, work):
 @called
 def _add_modal_acceleration(chain, modal, work, n):
     for i in range(n):
-        work[FORCE_1, i] = 0.0
-    add_modal_force(modal, work, V1, -1.0, work, FORCE_1, n)
+        work[momentum.FORCE_1, i] = 0.0
+    add_modal_force(modal, work, momentum.V1, -1.0, work, momentum.FORCE_1, n)
     for i in range(n):
-        work[A1, i] += chain[INVERSE_MASS, i] * work[FORCE_1, i]
+        work[momentum.A1, i] += chain[at.INVERSE_MASS, i] * work[momentum.FORCE_1, i]
 
 
 @called
@@ -200,21 +162,21 @@ def newton(frozen, coefficients, chain, modal, laws, h, state, springs, work, me
         if in_balance(iterations == ITERATIONS, coefficients[BETA], chain, h, state, work, memo) or last:
             break
         if iterations >= PATIENCE:
-            size = squares(chain, work, R1, n) / (h * h) + squares(chain, work, R2, n)
+            size = squares(chain, work, momentum.R1, n) / (h * h) + squares(chain, work, momentum.R2, n)
             if too_far(size, before, part):
                 part *= 0.5
-                add_rows(-part, work, _LAST_CORRECTION, DU, 2, n)
+                add_rows(-part, work, _LAST_CORRECTION, momentum.DU, 2, n)
                 continue
             before = size
             part = 1.0
         if iterations == ITERATIONS:
-            return NOT_CONVERGED
+            return at.NOT_CONVERGED
         if stale:
             _factor(coefficients, chain, modal, h, work, factors)
         last = _correct(coefficients, modal, h, work, factors, n)
         iterations += 1
         if iterations > PATIENCE:
-            copy_rows(work, R1, _LAST_CORRECTION, 2, n)
+            copy_rows(work, momentum.R1, _LAST_CORRECTION, 2, n)
     return max(iterations, 1)
 
 
@@ -232,47 +194,47 @@ def _path(frozen, coefficients, chain, laws, h, state, springs, work, factors):
     v_below = 0.0
     du_below = 0.0
     for i in range(n):
-        du = work[DU, i]
-        u = state[DISPLACEMENT, i] + du
-        v = state[VELOCITY, i] + work[DV, i]
+        du = work[momentum.DU, i]
+        u = state[at.DISPLACEMENT, i] + du
+        v = state[at.VELOCITY, i] + work[momentum.DV, i]
         uc = (
-            state[DISPLACEMENT, i]
+            state[at.DISPLACEMENT, i]
             + coefficients[BY_INCREMENT] * du
-            + h * (coefficients[BY_VELOCITY_0] * state[VELOCITY, i] + coefficients[BY_VELOCITY_1] * v)
+            + h * (coefficients[BY_VELOCITY_0] * state[at.VELOCITY, i] + coefficients[BY_VELOCITY_1] * v)
         )
-        work[U1, i] = u
-        work[V1, i] = v
-        link = chain[LINK, i]
+        work[momentum.U1, i] = u
+        work[momentum.V1, i] = v
+        link = chain[at.LINK, i]
         drift_c = uc - link * uc_below
         drift = u - link * u_below
         increment = du - link * du_below
         rate = v - link * v_below
-        if frozen and springs[SLOPE, i] < math.inf:
-            tangent_c = tangent = springs[SLOPE, i]
-            force_c = springs[FORCE, i] + tangent * (drift_c - springs[DRIFT, i])
-            force = springs[FORCE, i] + tangent * (drift - springs[DRIFT, i])
+        if frozen and springs[at.SLOPE, i] < math.inf:
+            tangent_c = tangent = springs[at.SLOPE, i]
+            force_c = springs[at.FORCE, i] + tangent * (drift_c - springs[at.DRIFT, i])
+            force = springs[at.FORCE, i] + tangent * (drift - springs[at.DRIFT, i])
         else:
-            tangent_c = reach(laws, springs, i, 0, FIRST_TRIAL, drift_c)
-            tangent = reach(laws, springs, i, FIRST_TRIAL, SECOND_TRIAL, drift)
-            force_c = springs[FIRST_TRIAL + FORCE, i]
-            force = springs[SECOND_TRIAL + FORCE, i]
-        same = SAME_TANGENT * laws[STIFFNESS, i]
+            tangent_c = reach(laws, springs, i, 0, at.FIRST_TRIAL, drift_c)
+            tangent = reach(laws, springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL, drift)
+            force_c = springs[at.FIRST_TRIAL + at.FORCE, i]
+            force = springs[at.SECOND_TRIAL + at.FORCE, i]
+        same = SAME_TANGENT * laws[at.STIFFNESS, i]
         stale = stale or abs(tangent_c - work[factors + _FACTORED_C, i]) > same
         stale = stale or abs(tangent - work[factors + _FACTORED_1, i]) > same
         # A drift is a difference: what the displacements round is not out of balance.
-        work[SIZE, i] = SMALL / CLOSE * laws[STIFFNESS, i] * (abs(u) + abs(link * u_below))
+        work[momentum.SIZE, i] = SMALL / CLOSE * laws[at.STIFFNESS, i] * (abs(u) + abs(link * u_below))
         work[_TANGENT_C, i] = tangent_c
         work[_TANGENT_1, i] = tangent
-        geometric = chain[GEOMETRIC, i]
+        geometric = chain[at.GEOMETRIC, i]
         mean = (
-            coefficients[WEIGHT_0] * (springs[FORCE, i] + geometric * springs[DRIFT, i])
+            coefficients[WEIGHT_0] * (springs[at.FORCE, i] + geometric * springs[at.DRIFT, i])
             + coefficients[WEIGHT_C] * (force_c + geometric * drift_c)
             + coefficients[WEIGHT_1] * (force + geometric * drift)
         )
-        damper = chain[STORY_DAMPER, i]
-        work[FORCE_1, i] = force + geometric * drift + damper * rate
-        work[FORCE_S, i] = h * mean + damper * increment
-        if chain[POWER_DAMPER, i] != 0.0:
+        damper = chain[at.STORY_DAMPER, i]
+        work[momentum.FORCE_1, i] = force + geometric * drift + damper * rate
+        work[momentum.FORCE_S, i] = h * mean + damper * increment
+        if chain[at.POWER_DAMPER, i] != 0.0:
             stale = _add_damper(coefficients, chain, i, h, increment, state, work, factors) or stale
         uc_below = uc
         u_below = u
@@ -285,9 +247,9 @@ def _path(frozen, coefficients, chain, laws, h, state, springs, work, factors):
 def _add_damper(coefficients, chain, i, h, increment, state, work, factors):
     """Add the power-law dashpot of story `i` to its force and impulse. True if the factorization does not fit its
     slope."""
-    link = chain[LINK, i]
-    rate_0 = state[VELOCITY, i] - link * state[VELOCITY, i - 1]
-    rate_1 = work[V1, i] - link * work[V1, i - 1]
+    link = chain[at.LINK, i]
+    rate_0 = state[at.VELOCITY, i] - link * state[at.VELOCITY, i - 1]
+    rate_1 = work[momentum.V1, i] - link * work[momentum.V1, i - 1]
     rate_c = (
         coefficients[RATE_BY_INCREMENT] / h * increment
         + coefficients[RATE_BY_VELOCITY_0] * rate_0
@@ -296,13 +258,13 @@ def _add_damper(coefficients, chain, i, h, increment, state, work, factors):
     force_0, _ = power_damper(chain, i, rate_0)
     force_c, slope_c = power_damper(chain, i, rate_c)
     force_1, slope_1 = power_damper(chain, i, rate_1)
-    work[FORCE_1, i] += force_1
-    work[FORCE_S, i] += h * (
+    work[momentum.FORCE_1, i] += force_1
+    work[momentum.FORCE_S, i] += h * (
         coefficients[WEIGHT_0] * force_0 + coefficients[WEIGHT_C] * force_c + coefficients[WEIGHT_1] * force_1
     )
     work[_SLOPE_C, i] = slope_c
     work[_SLOPE_1, i] = slope_1
-    return h * abs(slope_1 - work[factors + _FACTORED_SLOPE, i]) > SAME_TANGENT * chain[MASS, i]
+    return h * abs(slope_1 - work[factors + _FACTORED_SLOPE, i]) > SAME_TANGENT * chain[at.MASS, i]
 
 
 @inlined
@@ -335,9 +297,9 @@ def _factor(coefficients, chain, modal, h, work, factors):
         tangent_1 = work[_TANGENT_1, i]
         work[factors + _FACTORED_C, i] = tangent_c
         work[factors + _FACTORED_1, i] = tangent_1
-        tangent_c += chain[GEOMETRIC, i]
-        tangent_1 += chain[GEOMETRIC, i]
-        damper = chain[STORY_DAMPER, i]
+        tangent_c += chain[at.GEOMETRIC, i]
+        tangent_1 += chain[at.GEOMETRIC, i]
+        damper = chain[at.STORY_DAMPER, i]
         slope_c = coefficients[WEIGHT_C] * work[_SLOPE_C, i]
         slope_1 = work[_SLOPE_1, i]
         work[factors + _FACTORED_SLOPE, i] = slope_1

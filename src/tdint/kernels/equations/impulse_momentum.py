@@ -10,10 +10,10 @@ of the step, the story impulses S and the matrix of Newton's iteration.
 
 from __future__ import annotations
 
+from tdint.kernels import layout as at
 from tdint.kernels.chain import add_modal_force
 from tdint.kernels.compiling import inlined
 from tdint.kernels.equations.tridiagonal import solve_blocks_damped
-from tdint.kernels.layout import ACCELERATION, FLOOR_DAMPER, INVERSE_MASS, LINK, MASS, RESIDUAL, VELOCITY
 from tdint.kernels.stepping import CLOSE, SMALL, balanced
 
 # Rows of work
@@ -39,8 +39,8 @@ def guess(factor, h, state, work, n):
     In a linear building any guess will do, and no increment is the one that rounds least where omega h is large.
     """
     for i in range(n):
-        a = factor * state[ACCELERATION, i]
-        work[DU, i] = factor * h * state[VELOCITY, i] + 0.5 * h * h * a
+        a = factor * state[at.ACCELERATION, i]
+        work[DU, i] = factor * h * state[at.VELOCITY, i] + 0.5 * h * h * a
         work[DV, i] = h * a
 
 
@@ -49,18 +49,20 @@ def residuals(theta, alpha, beta, chain, modal, h, state, work):
     """Minus the residuals of kinematics (times M) and momentum into their rows, and the acceleration at the end."""
     n = chain.shape[1] - 1
     for i in range(n):
-        link = chain[LINK, i + 1]
+        link = chain[at.LINK, i + 1]
         force = work[FORCE_1, i] - link * work[FORCE_1, i + 1]
-        work[A1, i] = work[LOAD, i] - chain[FLOOR_DAMPER, i] * work[V1, i] - force
+        work[A1, i] = work[LOAD, i] - chain[at.FLOOR_DAMPER, i] * work[V1, i] - force
         impulse = work[FORCE_S, i] - link * work[FORCE_S, i + 1]
-        work[R2, i] = work[IMPULSE, i] - chain[MASS, i] * work[DV, i] - chain[FLOOR_DAMPER, i] * work[DU, i] - impulse
+        work[R2, i] = (
+            work[IMPULSE, i] - chain[at.MASS, i] * work[DV, i] - chain[at.FLOOR_DAMPER, i] * work[DU, i] - impulse
+        )
     add_modal_force(modal, work, V1, -1.0, work, A1, n)
     add_modal_force(modal, work, DU, -1.0, work, R2, n)
     for i in range(n):
-        work[A1, i] *= chain[INVERSE_MASS, i]
-        by_v = h * ((1.0 - theta) * state[VELOCITY, i] + theta * work[V1, i])
-        by_a = h * h * (alpha * state[ACCELERATION, i] - beta * work[A1, i])
-        work[R1, i] = chain[MASS, i] * (by_v + by_a - work[DU, i])
+        work[A1, i] *= chain[at.INVERSE_MASS, i]
+        by_v = h * ((1.0 - theta) * state[at.VELOCITY, i] + theta * work[V1, i])
+        by_a = h * h * (alpha * state[at.ACCELERATION, i] - beta * work[A1, i])
+        work[R1, i] = chain[at.MASS, i] * (by_v + by_a - work[DU, i])
 
 
 @inlined
@@ -68,14 +70,14 @@ def in_balance(last, beta, chain, h, state, work, memo):
     """Whether the rows of `residuals` are small beside their terms. At the last of them the worst is noted."""
     n = chain.shape[1] - 1
     by_a = beta * h * h
-    memo[RESIDUAL] = 0.0
+    memo[at.RESIDUAL] = 0.0
     small = True
     for i in range(n):
-        link = chain[LINK, i + 1]
-        mass = chain[MASS, i]
+        link = chain[at.LINK, i + 1]
+        mass = chain[at.MASS, i]
         rounding = work[SIZE, i] + link * work[SIZE, i + 1]
-        scale = abs(work[DU, i]) + h * (abs(state[VELOCITY, i]) + abs(work[V1, i]))
-        scale += h * h * abs(state[ACCELERATION, i]) + by_a * abs(work[A1, i])
+        scale = abs(work[DU, i]) + h * (abs(state[at.VELOCITY, i]) + abs(work[V1, i]))
+        scale += h * h * abs(state[at.ACCELERATION, i]) + by_a * abs(work[A1, i])
         small &= balanced(last, CLOSE, memo, i, work[R1, i], mass * scale + by_a * rounding)
         scale = abs(work[IMPULSE, i]) + abs(mass * work[DV, i]) + h * rounding
         scale += abs(work[FORCE_S, i]) + link * abs(work[FORCE_S, i + 1])

@@ -14,35 +14,12 @@ from __future__ import annotations
 
 import math
 
+from tdint.kernels import layout as at
 from tdint.kernels.chain import DASHPOTS, MODAL, add_modal_force
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.equations.halving import add_rows, too_far
 from tdint.kernels.equations.tridiagonal import COUPLING_ROWS, factor_blocks, link_blocks, solve_blocks_damped
 from tdint.kernels.laws.choosing import BENDING
-from tdint.kernels.layout import (
-    ACCELERATION,
-    ALL_BRANCHES,
-    BRANCHES,
-    DISPLACEMENT,
-    DRIFT,
-    FLOOR_DAMPER,
-    FORCE,
-    GEOMETRIC,
-    INVERSE_MASS,
-    LINEAR,
-    LINK,
-    MASS,
-    NOT_CONVERGED,
-    POWER_DAMPER,
-    POWER_DAMPERS,
-    RESIDUAL,
-    SLOPE,
-    STIFFNESS,
-    STORY_DAMPER,
-    VELOCITY,
-    WORK_DAMPED,
-    WORK_INPUT,
-)
 from tdint.kernels.stepping import ITERATIONS, SAME_TANGENT, SMALL, balanced
 from tdint.kernels.stories.branches import advance
 from tdint.kernels.stories.dashpot_path import follow_dashpot
@@ -105,10 +82,10 @@ def move(coefficients, chain, modal, laws, h, state, springs, work, memo):
     part = 1.0
     before = math.inf
     last = False
-    if memo[BRANCHES] == ALL_BRANCHES:
+    if memo[at.BRANCHES] == at.ALL_BRANCHES:
         before = _keep_to_branches(coefficients, chain, modal, laws, h, state, springs, work)
         iterations = 1
-        if not BENDING or memo[LINEAR] != 0.0:
+        if not BENDING or memo[at.LINEAR] != 0.0:
             return iterations
     else:
         _guess(h, state, work, n)
@@ -123,7 +100,7 @@ def move(coefficients, chain, modal, laws, h, state, springs, work, memo):
             add_rows(-part, work, _CORRECTION, RISE, 2, n)
             continue
         if failing:
-            return NOT_CONVERGED
+            return at.NOT_CONVERGED
         if stale:
             _factor(coefficients, chain, modal, laws, h, work)
         solve_blocks_damped(work, _BLOCKS, _COUPLING, modal, h, 0.0, 0.0, h, _STORE, _X, _X + 1, n)
@@ -141,26 +118,26 @@ def _keep_to_branches(coefficients, chain, modal, laws, h, state, springs, work)
     n = chain.shape[1] - 1
     stale = work[_FACTORED, n] != h
     for i in range(n):
-        slope = springs[SLOPE, i]
-        same = SAME_TANGENT * laws[STIFFNESS, i]
+        slope = springs[at.SLOPE, i]
+        same = SAME_TANGENT * laws[at.STIFFNESS, i]
         for row in range(4):
             stale |= abs(work[_FACTORED + row, i] - _BY_SLOPE[row] * slope) > same
-        work[_PATH + MEAN, i] = springs[FORCE, i] + chain[GEOMETRIC, i] * springs[DRIFT, i]
+        work[_PATH + MEAN, i] = springs[at.FORCE, i] + chain[at.GEOMETRIC, i] * springs[at.DRIFT, i]
         work[_LEFT, i] = 0.0
     size = 0.0
     for i in range(n):
-        mean = work[_PATH + MEAN, i] - chain[LINK, i + 1] * work[_PATH + MEAN, i + 1] - work[LOAD, i]
-        inertia = chain[MASS, i] * coefficients[BY_RISE] * h * state[VELOCITY, i]
+        mean = work[_PATH + MEAN, i] - chain[at.LINK, i + 1] * work[_PATH + MEAN, i + 1] - work[LOAD, i]
+        inertia = chain[at.MASS, i] * coefficients[BY_RISE] * h * state[at.VELOCITY, i]
         by_rise = coefficients[R] * inertia - h * h * mean
         by_bend = h * h * work[LOAD + 1, i] - inertia
         work[_X, i] = by_rise
         work[_X + 1, i] = by_bend
         if BENDING:
-            size += chain[INVERSE_MASS, i] * (by_rise * by_rise + by_bend * by_bend / 12.0)
+            size += chain[at.INVERSE_MASS, i] * (by_rise * by_rise + by_bend * by_bend / 12.0)
     if stale:
         for i in range(n):
             for row in range(4):
-                work[_PATH + MEAN_BY_RISE + row, i] = _BY_SLOPE[row] * springs[SLOPE, i]
+                work[_PATH + MEAN_BY_RISE + row, i] = _BY_SLOPE[row] * springs[at.SLOPE, i]
         _factor(coefficients, chain, modal, laws, h, work)
     solve_blocks_damped(work, _BLOCKS, _COUPLING, modal, h, 0.0, 0.0, h, _STORE, _X, _X + 1, n)
     for row in range(2):
@@ -174,8 +151,8 @@ def _keep_to_branches(coefficients, chain, modal, laws, h, state, springs, work)
 def _guess(h, state, work, n):
     """Constant acceleration, that of the end of the step before."""
     for i in range(n):
-        work[BEND, i] = h * h * state[ACCELERATION, i]
-        work[RISE, i] = h * state[VELOCITY, i] + 0.5 * work[BEND, i]
+        work[BEND, i] = h * h * state[at.ACCELERATION, i]
+        work[RISE, i] = h * state[at.VELOCITY, i] + 0.5 * work[BEND, i]
 
 
 @inlined
@@ -188,7 +165,7 @@ def _stories(coefficients, chain, laws, h, state, springs, work):
     bend_below = 0.0
     size_below = 0.0
     for i in range(n):
-        link = chain[LINK, i]
+        link = chain[at.LINK, i]
         rise = work[RISE, i] - link * rise_below
         bend = work[BEND, i] - link * bend_below
         rise_below = work[RISE, i]
@@ -199,21 +176,21 @@ def _stories(coefficients, chain, laws, h, state, springs, work):
         else:
             work[_LEFT, i] = 1.0
             follow(laws, springs, i, rise, bend, work, _PATH)
-        if DASHPOTS and chain[POWER_DAMPER, i] != 0.0:
+        if DASHPOTS and chain[at.POWER_DAMPER, i] != 0.0:
             follow_dashpot(chain, i, h, rise, bend, work, _PATH, _DASHPOT)
-        same = SAME_TANGENT * laws[STIFFNESS, i]
+        same = SAME_TANGENT * laws[at.STIFFNESS, i]
         for row in range(4):
             change = abs(work[_PATH + MEAN_BY_RISE + row, i] - work[_FACTORED + row, i])
             stale |= change > same
-        geometric = chain[GEOMETRIC, i]
-        damper = chain[STORY_DAMPER, i] / h
-        drift = springs[DRIFT, i]
-        stiffness = coefficients[R] * (laws[STIFFNESS, i] + geometric)
+        geometric = chain[at.GEOMETRIC, i]
+        damper = chain[at.STORY_DAMPER, i] / h
+        drift = springs[at.DRIFT, i]
+        stiffness = coefficients[R] * (laws[at.STIFFNESS, i] + geometric)
         work[_PATH + MEAN, i] += geometric * (drift + 0.5 * rise - bend / 12.0) + damper * rise
         work[_PATH + MOMENT, i] += geometric * rise + (damper + stiffness) * bend
         # A drift is a difference: what the displacements round is not out of balance.
-        size = abs(state[DISPLACEMENT, i]) + abs(rise_below)
-        work[_SIZE, i] = SMALL / CLOSE * laws[STIFFNESS, i] * (size + link * size_below)
+        size = abs(state[at.DISPLACEMENT, i]) + abs(rise_below)
+        work[_SIZE, i] = SMALL / CLOSE * laws[at.STIFFNESS, i] * (size + link * size_below)
         size_below = size
     return stale
 
@@ -229,37 +206,37 @@ def _residuals(coefficients, chain, modal, h, state, work):
     add_modal_force(modal, work, BEND, -h, work, _X + 1, n)
     total = 0.0
     for i in range(n):
-        link = chain[LINK, i + 1]
+        link = chain[at.LINK, i + 1]
         rise = work[RISE, i]
         bend = work[BEND, i]
-        a1 = coefficients[BY_RISE] * (0.5 * bend - rise + h * state[VELOCITY, i])
+        a1 = coefficients[BY_RISE] * (0.5 * bend - rise + h * state[at.VELOCITY, i])
         a0 = bend - coefficients[R] * a1
         work[A0, i] = a0
         work[A1, i] = a1
-        floor = h * chain[FLOOR_DAMPER, i]
+        floor = h * chain[at.FLOOR_DAMPER, i]
         mean = work[_PATH + MEAN, i] - link * work[_PATH + MEAN, i + 1] - work[LOAD, i]
         moment = work[_PATH + MOMENT, i] - link * work[_PATH + MOMENT, i + 1] - work[LOAD + 1, i]
-        work[_X, i] -= chain[MASS, i] * a0 + floor * rise + h * h * mean
-        work[_X + 1, i] -= chain[MASS, i] * a1 + floor * bend + h * h * moment
+        work[_X, i] -= chain[at.MASS, i] * a0 + floor * rise + h * h * mean
+        work[_X + 1, i] -= chain[at.MASS, i] * a1 + floor * bend + h * h * moment
         squares = work[_X, i] * work[_X, i] + work[_X + 1, i] * work[_X + 1, i] / 12.0
-        total += chain[INVERSE_MASS, i] * squares
+        total += chain[at.INVERSE_MASS, i] * squares
     return total
 
 
 @inlined
 def _in_balance(last, coefficients, chain, h, state, work, memo):
     """Whether the residuals are small beside the terms of their equations. At the last of them the worst is noted."""
-    memo[RESIDUAL] = 0.0
+    memo[at.RESIDUAL] = 0.0
     small = True
     for i in range(chain.shape[1] - 1):
-        link = chain[LINK, i + 1]
-        mass = chain[MASS, i]
+        link = chain[at.LINK, i + 1]
+        mass = chain[at.MASS, i]
         rounding = work[_SIZE, i] + link * work[_SIZE, i + 1]
         forces = abs(work[_PATH + MEAN, i]) + link * abs(work[_PATH + MEAN, i + 1]) + abs(work[LOAD, i])
         inner = abs(work[BEND, i]) + coefficients[R] * abs(work[A1, i])
         small &= balanced(last, CLOSE, memo, i, work[_X, i], mass * inner + h * h * (forces + rounding))
         forces = abs(work[_PATH + MOMENT, i]) + link * abs(work[_PATH + MOMENT, i + 1]) + abs(work[LOAD + 1, i])
-        inner = abs(work[BEND, i]) + abs(work[RISE, i]) + h * abs(state[VELOCITY, i])
+        inner = abs(work[BEND, i]) + abs(work[RISE, i]) + h * abs(state[at.VELOCITY, i])
         inner *= coefficients[BY_RISE]
         small &= balanced(last, CLOSE, memo, i, work[_X + 1, i], mass * inner + h * h * (forces + rounding))
     return small
@@ -273,7 +250,7 @@ def _correct(state, work, n):
         for row in range(2):
             work[_CORRECTION + row, i] = work[_X + row, i]
             work[RISE + row, i] += work[_X + row, i]
-        size = abs(state[DISPLACEMENT, i]) + abs(work[RISE, i]) + abs(work[BEND, i])
+        size = abs(state[at.DISPLACEMENT, i]) + abs(work[RISE, i]) + abs(work[BEND, i])
         small = small and abs(work[_X, i]) + abs(work[_X + 1, i]) <= SMALL * size
     return small
 
@@ -284,11 +261,11 @@ def _factor(coefficients, chain, modal, laws, h, work):
     n = chain.shape[1] - 1
     square = h * h
     for i in range(n):
-        mass = chain[MASS, i]
-        floor = h * chain[FLOOR_DAMPER, i]
-        geometric = chain[GEOMETRIC, i]
-        damper = h * chain[STORY_DAMPER, i]
-        numerical = coefficients[R] * (laws[STIFFNESS, i] + geometric)
+        mass = chain[at.MASS, i]
+        floor = h * chain[at.FLOOR_DAMPER, i]
+        geometric = chain[at.GEOMETRIC, i]
+        damper = h * chain[at.STORY_DAMPER, i]
+        numerical = coefficients[R] * (laws[at.STIFFNESS, i] + geometric)
         for row in range(4):
             work[_FACTORED + row, i] = work[_PATH + MEAN_BY_RISE + row, i]
         work[_COUPLING, i] = square * (work[_PATH + MEAN_BY_RISE, i] + 0.5 * geometric) + damper
@@ -319,32 +296,32 @@ def finish(coefficients, chain, modal, laws, h, state, springs, work, memo):
     for i in range(n):
         rise = work[RISE, i]
         bend = work[BEND, i]
-        a1 = coefficients[BY_RISE] * (0.5 * bend - rise + h * state[VELOCITY, i])
+        a1 = coefficients[BY_RISE] * (0.5 * bend - rise + h * state[at.VELOCITY, i])
         a0 = bend - coefficients[R] * a1
         by_rise += rise * work[LOAD, i]
         by_bend += bend * work[LOAD + 1, i]
-        damped_rise += chain[FLOOR_DAMPER, i] * rise * rise
-        damped_bend += chain[FLOOR_DAMPER, i] * bend * bend
-        state[DISPLACEMENT, i] += rise
-        state[VELOCITY, i] += by_h * a0
-        state[ACCELERATION, i] = by_h * by_h * (a0 + 0.5 * a1)
-        rise -= chain[LINK, i] * rise_below
-        bend -= chain[LINK, i] * bend_below
+        damped_rise += chain[at.FLOOR_DAMPER, i] * rise * rise
+        damped_bend += chain[at.FLOOR_DAMPER, i] * bend * bend
+        state[at.DISPLACEMENT, i] += rise
+        state[at.VELOCITY, i] += by_h * a0
+        state[at.ACCELERATION, i] = by_h * by_h * (a0 + 0.5 * a1)
+        rise -= chain[at.LINK, i] * rise_below
+        bend -= chain[at.LINK, i] * bend_below
         rise_below = work[RISE, i]
         bend_below = work[BEND, i]
-        damped_rise += chain[STORY_DAMPER, i] * rise * rise
-        damped_bend += chain[STORY_DAMPER, i] * bend * bend
+        damped_rise += chain[at.STORY_DAMPER, i] * rise * rise
+        damped_bend += chain[at.STORY_DAMPER, i] * bend * bend
         if not BENDING or work[_LEFT, i] == 0.0:
-            advance(laws, springs, i, 0, springs[DRIFT, i] + rise)
+            advance(laws, springs, i, 0, springs[at.DRIFT, i] + rise)
         else:
             arrive(laws, springs, i, rise)
     damped = by_h * (damped_rise + damped_bend / 12.0)
     if MODAL and modal.shape[0] > 0:
         damped += _modal_work(modal, h, work, n)
-    if DASHPOTS and memo[POWER_DAMPERS] != 0.0:
+    if DASHPOTS and memo[at.POWER_DAMPERS] != 0.0:
         damped += _dashpot_work(chain, work, n)
-    memo[WORK_INPUT] = by_rise + by_bend / 12.0
-    memo[WORK_DAMPED] = damped
+    memo[at.WORK_INPUT] = by_rise + by_bend / 12.0
+    memo[at.WORK_DAMPED] = damped
 
 
 @called
@@ -368,10 +345,10 @@ def _dashpot_work(chain, work, n):
     rise_below = 0.0
     bend_below = 0.0
     for i in range(n):
-        rise = work[RISE, i] - chain[LINK, i] * rise_below
-        bend = work[BEND, i] - chain[LINK, i] * bend_below
+        rise = work[RISE, i] - chain[at.LINK, i] * rise_below
+        bend = work[BEND, i] - chain[at.LINK, i] * bend_below
         rise_below = work[RISE, i]
         bend_below = work[BEND, i]
-        if chain[POWER_DAMPER, i] != 0.0:
+        if chain[at.POWER_DAMPER, i] != 0.0:
             total += rise * work[_DASHPOT, i] + bend * work[_DASHPOT + 1, i] / 12.0
     return total

@@ -57,13 +57,11 @@ _Q0 = 7  # what mean and moment of a story's force are more than the run's
 _Q1 = 8
 _CALM = 9  # 1 if the story is on the same linear branch in both motions
 _WALK = 10
-_NOW = _WALK + error_path.ERROR_PATH_ROWS  # displacement and velocity of the companion
-_NOW_A = _NOW + 2  # its absolute accelerations
-_OLD = _NOW + 3  # displacement, velocity, acceleration
-_OLDER = _OLD + 3  # velocity, acceleration
-_SUM = _OLDER + 2
+_SEEN = _WALK + error_path.ERROR_PATH_ROWS  # twice displacement, velocity, absolute acceleration of the companion,
+_SEEN_ROWS = 5  # with velocity and acceleration one step before that
+_SUM = _SEEN + 2 * _SEEN_ROWS
 _OTHER = _SUM + 1
-_TURN = _OTHER + 1
+_TURN = _OTHER + 1  # the run's acceleration at the end of the step before
 _VIEW = _TURN + 1  # drift and force
 PEAKS = _VIEW + 2
 ERROR_ROWS = PEAKS + 2 * at.PEAK_ROWS
@@ -157,6 +155,7 @@ def _calm_unbalanced(chain, h, state, springs, work, base):
     damping."""
     n = chain.shape[1] - 1
     square = h * h
+    by_h = 12.0 / h
     u_below = w0_below = w1_below = before_0 = before_1 = 0.0
     for i in range(n + 1):
         link = chain[at.LINK, i]
@@ -170,7 +169,7 @@ def _calm_unbalanced(chain, h, state, springs, work, base):
             stiffness = geometric + springs[at.SLOPE, i]
             bubble = w0 - link * w0_below
             q0 = springs[at.FORCE, c] - springs[at.FORCE, i] + geometric * (u - link * u_below) + stiffness * bubble
-            q1 = stiffness * (w1 - link * w1_below) - 12.0 / h * chain[at.STORY_DAMPER, i] * bubble
+            q1 = stiffness * (w1 - link * w1_below) - by_h * chain[at.STORY_DAMPER, i] * bubble
         if i > 0:
             mass = chain[at.MASS, i - 1]
             work[_X, i - 1] = -square * (before_0 - link * q0)
@@ -243,6 +242,9 @@ def _follow(chain, modal, laws, forces, h, load, state, springs, work, base):
         _add_modal(modal, h, work, base, n, True)
         if _solve(chain, modal, h, work, base, False) and passed > 0:
             break
+    for i in range(n):
+        if work[base + _CALM, i] == 0.0 and work[base + _WALK + error_path.EVENT, n + 1 + i] > 0.0:
+            _shake(chain, modal, h, state, springs, work, base, i)
     below = 0.0
     for i in range(n):
         c = n + 1 + i
@@ -257,6 +259,67 @@ def _follow(chain, modal, laws, forces, h, load, state, springs, work, base):
             arrive(laws, springs, c, gain)
         state[ERROR_U, i] += work[base + _E0, i]
         state[ERROR_V, i] += work[base + _E1, i] / h
+
+
+@called
+def _shake(chain, modal, h, state, springs, work, base, i):
+    """Raise the peak accelerations of the floors at both ends of story `i` by those at which it changes its branch."""
+    if (MODAL or FORCES) and modal.shape[0] > 0:
+        return
+    n = chain.shape[1] - 1
+    t = work[base + _WALK + error_path.EVENT, n + 1 + i]
+    for floor in range(max(i - 1, 0), i + 1):
+        if floor < i and chain[at.LINK, i] == 0.0:
+            continue
+        above = _story_at(chain, h, t, state, springs, work, base, floor + 1) if floor + 1 < n else 0.0
+        story = _story_at(chain, h, t, state, springs, work, base, floor)
+        v = _rate_at(t, work, base, floor) / h
+        inner = chain[at.LINK, floor + 1] * above - story - chain[at.FLOOR_DAMPER, floor] * v
+        raise_peak(work, base + PEAKS + at.PEAK_ACCELERATION, floor, chain[at.INVERSE_MASS, floor] * inner)
+
+
+@inlined
+def _rate_at(t, work, base, i):
+    """h times the velocity of a floor on the companion's path."""
+    s = t - 0.5
+    parabola = work[RISE, i] + work[base + _E0, i] + s * (work[BEND, i] + work[base + _E1, i])
+    return parabola + 120.0 * s * (s * s - 0.25) * work[base + _W0, i] + (2.5 - 30.0 * s * s) * work[base + _W1, i]
+
+
+@inlined
+def _way_at(t, work, base, i):
+    """Displacement of a floor since the start of the step on the companion's path."""
+    rise = work[RISE, i] + work[base + _E0, i]
+    bend = work[BEND, i] + work[base + _E1, i]
+    bubble = error_path.even(t - 0.5) * work[base + _W0, i] + error_path.odd(t - 0.5) * work[base + _W1, i]
+    return t * (rise + 0.5 * bend * (t - 1.0)) + bubble
+
+
+@called
+def _story_at(chain, h, t, state, springs, work, base, i):
+    """Force of story `i` and its linear damper at t. Between changes of branch it is taken as linear."""
+    n = chain.shape[1] - 1
+    c = n + 1 + i
+    link = chain[at.LINK, i]
+    way = _way_at(t, work, base, i)
+    rate = _rate_at(t, work, base, i)
+    if i > 0:
+        way -= link * _way_at(t, work, base, i - 1)
+        rate -= link * _rate_at(t, work, base, i - 1)
+    force = springs[at.FORCE, c]
+    if work[base + _CALM, i] != 0.0:
+        force += springs[at.SLOPE, c] * way
+    else:
+        event = work[base + _WALK + error_path.EVENT, c]
+        at_event = work[base + _WALK + error_path.EVENT + 1, c]
+        end = springs[at.FIRST_TRIAL + at.FORCE, c]
+        if event <= 0.0:
+            force += t * (end - force)
+        elif t <= event:
+            force += t / event * (at_event - force)
+        else:
+            force = at_event + (t - event) / (1.0 - event) * (end - at_event)
+    return force + chain[at.GEOMETRIC, i] * (springs[at.DRIFT, c] + way) + chain[at.STORY_DAMPER, i] * rate / h
 
 
 @called
@@ -450,54 +513,51 @@ def _unbalanced(chain, h, state, springs, work, base):
 def observe_error(h, chain, modal, laws, forces, t, load, state, springs, work, memo):
     """Peaks of the companion's motion.
 
-    Accelerations are found where they may be near their peaks, which those at the end of the run's step tell.
+    Accelerations are found where some value may be near its peak, which that at the end of the run's step tells.
     """
     n = chain.shape[1] - 1
     base = _first_row(modal)
     ground = load[at.GROUND_1] if h > 0.0 else load[at.GROUND_0]
+    side = int(memo[at.ERROR_SIDE])
+    old = base + _SEEN + side * _SEEN_ROWS
+    now = base + _SEEN + (1 - side) * _SEEN_ROWS
     peaks = base + PEAKS
     near = h == 0.0
-    shaken = h == 0.0
-    below = 0.0
+    turning = False
+    v_below = 0.0
+    old_below = 0.0
     for i in range(n):
         c = n + 1 + i
+        link = chain[at.LINK, i]
         u = state[at.DISPLACEMENT, i] + state[ERROR_U, i]
         v = state[at.VELOCITY, i] + state[ERROR_V, i]
-        work[base + _NOW, i] = u
-        work[base + _NOW + 1, i] = v
-        drift = springs[at.DRIFT, c]
-        force = springs[at.FORCE, c]
-        work[base + _VIEW, i] = drift
-        work[base + _VIEW + 1, i] = force
-        near |= _raise(work, peaks + at.PEAK_DRIFT, i, drift)
-        near |= _raise(work, peaks + at.PEAK_SHEAR, i, force)
-        near |= _raise(work, peaks + at.PEAK_DISPLACEMENT, i, u)
-        near |= _raise(work, peaks + at.PEAK_VELOCITY, i, v)
-        a = state[at.ACCELERATION, i] + ground
-        shaken |= abs(a) >= _NEAR * work[peaks + at.PEAK_ACCELERATION, i]
+        v_old = work[old + 1, i]
+        work[now, i] = u
+        work[now + 1, i] = v
+        a = state[at.ACCELERATION, i]
+        absolute = abs(a + ground) >= _NEAR * work[peaks + at.PEAK_ACCELERATION, i]
+        story = _raise(work, peaks + at.PEAK_DRIFT, i, springs[at.DRIFT, c])
+        story |= _raise(work, peaks + at.PEAK_SHEAR, i, springs[at.FORCE, c])
+        floor = _raise(work, peaks + at.PEAK_DISPLACEMENT, i, u)
+        fast = _raise(work, peaks + at.PEAK_VELOCITY, i, v)
+        turning |= absolute | (story & ((v - link * v_below) * (v_old - link * old_below) <= 0.0))
+        turning |= (floor & (v * v_old <= 0.0)) | (fast & (a * work[base + _TURN, i] <= 0.0))
+        near |= absolute | story | floor | fast
+        work[base + _TURN, i] = a
+        v_below = v
+        old_below = v_old
     known = 0.0
-    if near or shaken:
-        _accelerations(chain, modal, forces, t, state, springs, work, base)
+    if near:
+        _accelerations(chain, modal, forces, t, state, springs, work, base, now)
         known = 1.0
-        if memo[at.ERROR_NEAR] != 0.0:
-            for i in range(n):
-                work[base + _OLD + 2, i] -= load[at.GROUND_0]
-                work[base + _NOW_A, i] -= ground
-            turned = look_within(
-                True, memo[at.FAST] != 0.0, chain, laws, h, load[at.GROUND_0], load[at.GROUND_1], work, base + _OLD,
-                work[base + _NOW : base + _NOW + 2], work, base + _NOW_A, work[base + _VIEW : base + _VIEW + 2], work,
-                base + _TURN, work, peaks,
-            )  # fmt: skip
-            if turned > 0:
-                _raise_shears(laws, springs, work, base, n)
-            for i in range(n):
-                work[base + _NOW_A, i] += ground
+        if turning and memo[at.ERROR_NEAR] != 0.0:
+            _look(chain, laws, h, load[at.GROUND_0], ground, springs, work, memo, base, old, now)
     memo[at.ERROR_NEAR] = known
-    for i in range(n):
-        work[base + _OLDER, i] = work[base + _OLD + 1, i]
-        work[base + _OLDER + 1, i] = work[base + _OLD + 2, i]
-        for row in range(3):
-            work[base + _OLD + row, i] = work[base + _NOW + row, i]
+    memo[at.ERROR_SIDE] = 1.0 - side
+    if memo[at.FAST] != 0.0:
+        for i in range(n):
+            work[now + 3, i] = work[old + 1, i]
+            work[now + 4, i] = work[old + 2, i]
 
 
 @inlined
@@ -505,43 +565,58 @@ def _raise(work, row, i, value):
     """`raise_peak`; near is what a resolved motion may have beside its peak."""
     size = abs(value)
     peak = work[row, i]
-    if size > peak:
-        work[row, i] = size
+    work[row, i] = max(size, peak)
     return size >= _NEAR * peak
 
 
+@called
+def _look(chain, laws, h, ground_0, ground_1, springs, work, memo, base, old, now):
+    """Peaks within the step."""
+    n = chain.shape[1] - 1
+    for i in range(n):
+        work[old + 2, i] -= ground_0
+        work[now + 2, i] -= ground_1
+        work[base + _VIEW, i] = springs[at.DRIFT, n + 1 + i]
+        work[base + _VIEW + 1, i] = springs[at.FORCE, n + 1 + i]
+    turned = look_within(
+        True, memo[at.FAST] != 0.0, chain, laws, h, ground_0, ground_1, work, old, work[now : now + 2], work, now + 2,
+        work[base + _VIEW : base + _VIEW + 2], work, base + _SUM, work, base + PEAKS,
+    )  # fmt: skip
+    if turned > 0:
+        for i in range(n):
+            turn = work[base + _SUM, i]
+            if turn != work[base + _VIEW, i]:
+                reach(laws, springs, n + 1 + i, at.COMMITTED, at.FIRST_TRIAL, turn)
+                raise_peak(work, base + PEAKS + at.PEAK_SHEAR, i, springs[at.FIRST_TRIAL + at.FORCE, n + 1 + i])
+    for i in range(n):
+        work[old + 2, i] += ground_0
+        work[now + 2, i] += ground_1
+
+
 @inlined
-def _accelerations(chain, modal, forces, t, state, springs, work, base):
-    """Accelerations of the companion from equilibrium, and their peaks."""
+def _accelerations(chain, modal, forces, t, state, springs, work, base, now):
+    """Absolute accelerations of the companion from equilibrium, and their peaks."""
     n = chain.shape[1] - 1
     if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
         for i in range(n):
             work[base + _OTHER, i] = 0.0
         for j in range(forces.shape[0]):
             work[base + _OTHER, int(forces[j, at.FLOOR])] += force_value(forces, j, t)
-        add_modal_force(modal, work, base + _NOW + 1, -1.0, work, base + _OTHER, n)
-    before = v_below = a = 0.0
+        add_modal_force(modal, work, now + 1, -1.0, work, base + _OTHER, n)
+    before = v_below = 0.0
     for i in range(n + 1):
         story = v = 0.0
         link = chain[at.LINK, i]
         if i < n:
-            v = work[base + _NOW + 1, i]
+            c = n + 1 + i
+            v = work[now + 1, i]
             rate = v - link * v_below
-            story = work[base + _VIEW + 1, i] + chain[at.GEOMETRIC, i] * work[base + _VIEW, i]
+            story = springs[at.FORCE, c] + chain[at.GEOMETRIC, i] * springs[at.DRIFT, c]
             story += chain[at.STORY_DAMPER, i] * rate + power_damper(chain, i, rate)[0]
         if i > 0:
             inner = work[base + _OTHER, i - 1] - chain[at.FLOOR_DAMPER, i - 1] * v_below - before + link * story
             a = chain[at.INVERSE_MASS, i - 1] * inner
-            work[base + _NOW_A, i - 1] = a
+            work[now + 2, i - 1] = a
             raise_peak(work, base + PEAKS + at.PEAK_ACCELERATION, i - 1, a)
         v_below = v
         before = story
-
-
-@called
-def _raise_shears(laws, springs, work, base, n):
-    for i in range(n):
-        turn = work[base + _TURN, i]
-        if turn != work[base + _VIEW, i]:
-            reach(laws, springs, n + 1 + i, at.COMMITTED, at.FIRST_TRIAL, turn)
-            raise_peak(work, base + PEAKS + at.PEAK_SHEAR, i, springs[at.FIRST_TRIAL + at.FORCE, n + 1 + i])

@@ -13,23 +13,11 @@ from __future__ import annotations
 
 import math
 
+from tdint.kernels import layout as at
 from tdint.kernels.chain import add_modal_force, power_damper
 from tdint.kernels.compiling import inlined
 from tdint.kernels.equations.halving import copy_rows, squares, too_far
 from tdint.kernels.equations.tridiagonal import factor_combination, solve_damped
-from tdint.kernels.layout import (
-    FLOOR_DAMPER,
-    FORCE,
-    GEOMETRIC,
-    LINEAR,
-    LINK,
-    MASS,
-    NOT_CONVERGED,
-    POWER_DAMPERS,
-    RESIDUAL,
-    STIFFNESS,
-    STORY_DAMPER,
-)
 from tdint.kernels.stepping import CLOSE, ITERATIONS, PATIENCE, SAME_TANGENT, SMALL, balanced
 from tdint.kernels.stories.springs import restoring
 
@@ -96,7 +84,7 @@ def balance(by_u, by_v, by_a, factors, past, trial, chain, modal, laws, springs,
             before = size
             part = 1.0
         if iterations == ITERATIONS:
-            return NOT_CONVERGED
+            return at.NOT_CONVERGED
         if stale:
             for i in range(n):
                 work[tangents, i] = work[_TANGENT, i]
@@ -105,7 +93,7 @@ def balance(by_u, by_v, by_a, factors, past, trial, chain, modal, laws, springs,
         iterations += 1
         if iterations > PATIENCE:
             copy_rows(work, _RESIDUAL, _CORRECTION, 1, n)
-        done = memo[LINEAR] != 0.0 or (by_u == 0.0 and memo[POWER_DAMPERS] == 0.0)
+        done = memo[at.LINEAR] != 0.0 or (by_u == 0.0 and memo[at.POWER_DAMPERS] == 0.0)
         if _correct(1.0, _RESIDUAL, by_u, by_v, by_a, work, n) or done:
             _drift_laws(past, trial, chain, laws, springs, work)
             break
@@ -123,24 +111,26 @@ def _story_forces(by_u, by_v, factors, past, trial, chain, laws, springs, work):
     u_below = 0.0
     v_below = 0.0
     for i in range(chain.shape[1] - 1):
-        drift = work[U, i] - chain[LINK, i] * u_below
-        rate = work[V, i] - chain[LINK, i] * v_below
+        drift = work[U, i] - chain[at.LINK, i] * u_below
+        rate = work[V, i] - chain[at.LINK, i] * v_below
         u_below = work[U, i]
         v_below = work[V, i]
         tangent = restoring(laws, springs, i, past, trial, drift)
         damper, slope = power_damper(chain, i, rate)
-        scale = laws[STIFFNESS, i]
+        scale = laws[at.STIFFNESS, i]
         if by_u == 0.0:
-            tangent = by_v * slope - chain[GEOMETRIC, i]
-            scale = chain[MASS, i]
+            tangent = by_v * slope - chain[at.GEOMETRIC, i]
+            scale = chain[at.MASS, i]
         elif slope != 0.0:
             tangent += by_v / by_u * slope
         work[_TANGENT, i] = tangent
         stale = stale or abs(tangent - work[factors + _FACTORED, i]) > SAME_TANGENT * scale
-        total = springs[trial + FORCE, i] + chain[GEOMETRIC, i] * drift + chain[STORY_DAMPER, i] * rate + damper
+        total = (
+            springs[trial + at.FORCE, i] + chain[at.GEOMETRIC, i] * drift + chain[at.STORY_DAMPER, i] * rate + damper
+        )
         work[_SUM, i] = total
         # A drift is a difference: what the displacements round is not out of balance.
-        rounding = SMALL / CLOSE * laws[STIFFNESS, i]
+        rounding = SMALL / CLOSE * laws[at.STIFFNESS, i]
         work[_SIZE, i] = abs(total) + rounding * (abs(work[U, i]) + abs(work[U, i] - drift))
     return stale
 
@@ -150,15 +140,15 @@ def _in_balance(last, chain, modal, work, memo):
     """Unbalanced forces into their row, N; whether all are small. At the last of them the worst is noted."""
     n = chain.shape[1] - 1
     for i in range(n):
-        work[_RESIDUAL, i] = chain[FLOOR_DAMPER, i] * work[V, i]
+        work[_RESIDUAL, i] = chain[at.FLOOR_DAMPER, i] * work[V, i]
     add_modal_force(modal, work, V, 1.0, work, _RESIDUAL, n)
-    memo[RESIDUAL] = 0.0
+    memo[at.RESIDUAL] = 0.0
     small = True
     for i in range(n):
         load = work[LOAD, i]
-        inertia = chain[MASS, i] * work[A, i]
+        inertia = chain[at.MASS, i] * work[A, i]
         damping = work[_RESIDUAL, i]
-        link = chain[LINK, i + 1]
+        link = chain[at.LINK, i + 1]
         residual = load - inertia - damping - work[_SUM, i] + link * work[_SUM, i + 1]
         work[_RESIDUAL, i] = residual
         scale = abs(load) + abs(inertia) + abs(damping) + work[_SIZE, i] + link * work[_SIZE, i + 1]
@@ -171,7 +161,7 @@ def _drift_laws(past, trial, chain, laws, springs, work):
     """Drift laws at the present displacements."""
     below = 0.0
     for i in range(chain.shape[1] - 1):
-        restoring(laws, springs, i, past, trial, work[U, i] - chain[LINK, i] * below)
+        restoring(laws, springs, i, past, trial, work[U, i] - chain[at.LINK, i] * below)
         below = work[U, i]
 
 

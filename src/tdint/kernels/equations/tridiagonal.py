@@ -7,8 +7,8 @@ above a story, for which the same step is solvable.
 
 from __future__ import annotations
 
+from tdint.kernels import layout as at
 from tdint.kernels.compiling import VARIANT, called, inlined
-from tdint.kernels.layout import FLOOR_DAMPER, GEOMETRIC, LINK, MASS, STORY_DAMPER
 
 _MODAL = VARIANT.modal
 
@@ -129,9 +129,9 @@ def assemble_combination(chain, springs, row, by_m, by_c, by_k, work, diagonal, 
     """by_m M + by_c C + by_k K for `factor`, without the modal part of C; row `row` of `springs` is the stiffness of
     each story, to which the geometric one is added."""
     for i in range(n):
-        story = by_k * (springs[row, i] + chain[GEOMETRIC, i]) + by_c * chain[STORY_DAMPER, i]
-        work[diagonal, i] = by_m * chain[MASS, i] + by_c * chain[FLOOR_DAMPER, i] + story
-        work[coupling, i] = -chain[LINK, i] * story
+        story = by_k * (springs[row, i] + chain[at.GEOMETRIC, i]) + by_c * chain[at.STORY_DAMPER, i]
+        work[diagonal, i] = by_m * chain[at.MASS, i] + by_c * chain[at.FLOOR_DAMPER, i] + story
+        work[coupling, i] = -chain[at.LINK, i] * story
     for i in range(n - 1):
         work[diagonal, i] -= work[coupling, i + 1]
 
@@ -151,8 +151,8 @@ def assemble_blocks(chain, work, blocks, coupling, by_v, by_a, n):
     weights of v1 and -a1 in the kinematic line u1 - u0 = ... The couplings are cut where a story stands on the ground.
     """
     for i in range(n):
-        mass = chain[MASS, i]
-        floor = chain[FLOOR_DAMPER, i]
+        mass = chain[at.MASS, i]
+        floor = chain[at.FLOOR_DAMPER, i]
         work[blocks, i] = mass + work[coupling, i]
         work[blocks + 1, i] = work[coupling + 1, i] - by_v * mass - by_a * floor
         work[blocks + 2, i] = floor + work[coupling + 2, i]
@@ -165,7 +165,7 @@ def link_blocks(chain, work, blocks, coupling, n):
     """Add what each story brings to the block of the floor below it, and cut the coupling where there is none."""
     for i in range(n):
         for entry in range(4):
-            work[coupling + entry, i] *= chain[LINK, i]
+            work[coupling + entry, i] *= chain[at.LINK, i]
     for i in range(n - 1):
         for entry in range(4):
             work[blocks + entry, i] += work[coupling + entry, i + 1]

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.kernels import layout as at
 from tdint.kernels.compiling import COMPILES, F8, I8, TABLE, Kernel, called_at, inlined
 from tdint.kernels.laws import LAWS
-from tdint.kernels.layout import ADDRESS, CODE, FURTHER, SPRING_BLOCKS
 
 _SIGNATURE = F8(I8, TABLE, TABLE, I8, I8, I8, F8)  # hook, laws, springs, i, past or block, trial, drift or event
 _FORCE = 0
@@ -38,37 +38,37 @@ else:
 
     def _call(address, hook, laws, springs, i, past, trial, x):
         """Where nothing is compiled no address is needed."""
-        return _kernel(int(laws[CODE, i])).function(hook, laws, springs, i, past, trial, x)
+        return _kernel(int(laws[at.CODE, i])).function(hook, laws, springs, i, past, trial, x)
 
 
 @inlined
 def _force(laws, springs, i, past, trial, drift):
-    return _call(springs[ADDRESS, i], _FORCE, laws, springs, i, past, trial, drift)
+    return _call(springs[at.ADDRESS, i], _FORCE, laws, springs, i, past, trial, drift)
 
 
 @inlined
 def _recoverable(laws, springs, i):
-    return _call(springs[ADDRESS, i], _RECOVERABLE, laws, springs, i, 0, 0, 0.0)
+    return _call(springs[at.ADDRESS, i], _RECOVERABLE, laws, springs, i, 0, 0, 0.0)
 
 
 @inlined
 def _dissipated(laws, springs, i):
-    return _call(springs[ADDRESS, i], _DISSIPATED, laws, springs, i, 0, 0, 0.0)
+    return _call(springs[at.ADDRESS, i], _DISSIPATED, laws, springs, i, 0, 0, 0.0)
 
 
 @inlined
 def _keep(laws, springs, i, past, trial):
-    _call(springs[ADDRESS, i], _KEEP, laws, springs, i, past, trial, 0.0)
+    _call(springs[at.ADDRESS, i], _KEEP, laws, springs, i, past, trial, 0.0)
 
 
 @inlined
 def _enter(laws, springs, i):
-    _call(springs[ADDRESS, i], _ENTER, laws, springs, i, 0, 0, 0.0)
+    _call(springs[at.ADDRESS, i], _ENTER, laws, springs, i, 0, 0, 0.0)
 
 
 @inlined
 def _switch(laws, springs, i, block, event):
-    _call(springs[ADDRESS, i], _SWITCH, laws, springs, i, block, 0, event)
+    _call(springs[at.ADDRESS, i], _SWITCH, laws, springs, i, block, 0, event)
 
 
 HOOKS = {
@@ -129,7 +129,7 @@ def __getattr__(name: str) -> Kernel:
 
 def kernels_apart(laws: NDArray[np.float64] | None = None) -> list[Kernel]:
     """The kernels of the laws that stand apart: those in a table of laws, or all."""
-    codes = range(len(LAWS)) if laws is None else np.unique(laws[CODE, :-1].astype(int)).tolist()
+    codes = range(len(LAWS)) if laws is None else np.unique(laws[at.CODE, :-1].astype(int)).tolist()
     return [_kernel(code) for code in codes if LAWS[code].apart]
 
 
@@ -140,11 +140,11 @@ def _address(code: int) -> float:
 
 def spring_table(laws: NDArray[np.float64]) -> NDArray[np.float64]:
     """A fresh table of the state of drift laws (`tdint.kernels.layout`); what they need is compiled."""
-    codes = laws[CODE, :-1].astype(int)
+    codes = laws[at.CODE, :-1].astype(int)
     kinds = np.unique(codes).tolist()
     further = max((LAWS[code].further for code in kinds), default=0)
-    springs = np.zeros((FURTHER + SPRING_BLOCKS * further, laws.shape[1]))
+    springs = np.zeros((at.FURTHER + at.SPRING_BLOCKS * further, laws.shape[1]))
     for code in kinds:
         if LAWS[code].apart:
-            springs[ADDRESS, :-1][codes == code] = _address(code)
+            springs[at.ADDRESS, :-1][codes == code] = _address(code)
     return springs

@@ -9,20 +9,8 @@ from __future__ import annotations
 
 import math
 
+from tdint.kernels import layout as at
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
-from tdint.kernels.layout import (
-    DISSIPATED,
-    DRIFT,
-    FIRST_PARAMETER,
-    FORCE,
-    INTERNAL,
-    LOWER,
-    SLOPE,
-    STIFFNESS,
-    TURN,
-    TURNED,
-    UPPER,
-)
 
 
 def _functions() -> LawFunctions:
@@ -30,10 +18,10 @@ def _functions() -> LawFunctions:
 
     @inlined
     def force(laws, springs, i, past, trial, drift):
-        k = laws[STIFFNESS, i]
-        hardening = laws[FIRST_PARAMETER + 1, i]
-        strength = (1.0 - hardening) * laws[FIRST_PARAMETER, i]
-        z = springs[past + INTERNAL, i] + (1.0 - hardening) * k * (drift - springs[past + DRIFT, i])
+        k = laws[at.STIFFNESS, i]
+        hardening = laws[at.FIRST_PARAMETER + 1, i]
+        strength = (1.0 - hardening) * laws[at.FIRST_PARAMETER, i]
+        z = springs[past + at.INTERNAL, i] + (1.0 - hardening) * k * (drift - springs[past + at.DRIFT, i])
         tangent = k
         if z > strength:
             z = strength
@@ -41,64 +29,64 @@ def _functions() -> LawFunctions:
         elif z < -strength:
             z = -strength
             tangent = hardening * k
-        springs[trial + INTERNAL, i] = z
-        springs[trial + FORCE, i] = hardening * k * drift + z
+        springs[trial + at.INTERNAL, i] = z
+        springs[trial + at.FORCE, i] = hardening * k * drift + z
         return tangent
 
     @inlined
     def recoverable(laws, springs, i):
-        d = springs[DRIFT, i]
-        z = springs[INTERNAL, i]
-        k = laws[STIFFNESS, i]
-        hardening = laws[FIRST_PARAMETER + 1, i]
+        d = springs[at.DRIFT, i]
+        z = springs[at.INTERNAL, i]
+        k = laws[at.STIFFNESS, i]
+        hardening = laws[at.FIRST_PARAMETER + 1, i]
         return 0.5 * hardening * k * d * d + 0.5 * z * z / ((1.0 - hardening) * k)
 
     @inlined
     def settle(laws, springs, i, past, trial):
-        springs[trial + DISSIPATED, i] = springs[past + DISSIPATED, i]
-        z = springs[trial + INTERNAL, i]
-        soft = 1.0 - laws[FIRST_PARAMETER + 1, i]
-        if abs(z) == soft * laws[FIRST_PARAMETER, i]:  # else the way was elastic
-            stretch = springs[trial + DRIFT, i] - springs[past + DRIFT, i]
-            slip = stretch - (z - springs[past + INTERNAL, i]) / (soft * laws[STIFFNESS, i])
-            springs[trial + DISSIPATED, i] += abs(z * slip)
+        springs[trial + at.DISSIPATED, i] = springs[past + at.DISSIPATED, i]
+        z = springs[trial + at.INTERNAL, i]
+        soft = 1.0 - laws[at.FIRST_PARAMETER + 1, i]
+        if abs(z) == soft * laws[at.FIRST_PARAMETER, i]:  # else the way was elastic
+            stretch = springs[trial + at.DRIFT, i] - springs[past + at.DRIFT, i]
+            slip = stretch - (z - springs[past + at.INTERNAL, i]) / (soft * laws[at.STIFFNESS, i])
+            springs[trial + at.DISSIPATED, i] += abs(z * slip)
 
     @inlined
     def enter(laws, springs, i):
-        soft = 1.0 - laws[FIRST_PARAMETER + 1, i]
-        strength = soft * laws[FIRST_PARAMETER, i]
-        k = laws[STIFFNESS, i]
-        springs[UPPER, i] = springs[DRIFT, i] + (strength - springs[INTERNAL, i]) / (soft * k)
-        springs[LOWER, i] = springs[DRIFT, i] - (strength + springs[INTERNAL, i]) / (soft * k)
+        soft = 1.0 - laws[at.FIRST_PARAMETER + 1, i]
+        strength = soft * laws[at.FIRST_PARAMETER, i]
+        k = laws[at.STIFFNESS, i]
+        springs[at.UPPER, i] = springs[at.DRIFT, i] + (strength - springs[at.INTERNAL, i]) / (soft * k)
+        springs[at.LOWER, i] = springs[at.DRIFT, i] - (strength + springs[at.INTERNAL, i]) / (soft * k)
 
     @inlined
     def advance(laws, springs, i, block, step, mean_force):
-        if springs[block + TURN, i] == 0.0:
-            elastic = laws[FIRST_PARAMETER + 1, i] * laws[STIFFNESS, i] * springs[block + DRIFT, i]
-            springs[block + INTERNAL, i] = springs[block + FORCE, i] - elastic
+        if springs[block + at.TURN, i] == 0.0:
+            elastic = laws[at.FIRST_PARAMETER + 1, i] * laws[at.STIFFNESS, i] * springs[block + at.DRIFT, i]
+            springs[block + at.INTERNAL, i] = springs[block + at.FORCE, i] - elastic
         else:
-            springs[block + DISSIPATED, i] += abs(springs[block + INTERNAL, i] * step)
+            springs[block + at.DISSIPATED, i] += abs(springs[block + at.INTERNAL, i] * step)
 
     @inlined
     def switch(laws, springs, i, block, event):
-        k = laws[STIFFNESS, i]
-        hardening = laws[FIRST_PARAMETER + 1, i]
-        strength = (1.0 - hardening) * laws[FIRST_PARAMETER, i]
-        drift = springs[block + DRIFT, i]
-        if event == TURNED:
-            side = springs[block + TURN, i]
+        k = laws[at.STIFFNESS, i]
+        hardening = laws[at.FIRST_PARAMETER + 1, i]
+        strength = (1.0 - hardening) * laws[at.FIRST_PARAMETER, i]
+        drift = springs[block + at.DRIFT, i]
+        if event == at.TURNED:
+            side = springs[block + at.TURN, i]
             back = drift - side * 2.0 * strength / ((1.0 - hardening) * k)
-            springs[block + SLOPE, i] = k
-            springs[block + TURN, i] = 0.0
-            springs[block + UPPER, i] = max(drift, back)
-            springs[block + LOWER, i] = min(drift, back)
+            springs[block + at.SLOPE, i] = k
+            springs[block + at.TURN, i] = 0.0
+            springs[block + at.UPPER, i] = max(drift, back)
+            springs[block + at.LOWER, i] = min(drift, back)
         else:
-            springs[block + INTERNAL, i] = event * strength
-            springs[block + FORCE, i] = hardening * k * drift + event * strength
-            springs[block + SLOPE, i] = hardening * k
-            springs[block + TURN, i] = event
-            springs[block + UPPER, i] = math.inf
-            springs[block + LOWER, i] = -math.inf
+            springs[block + at.INTERNAL, i] = event * strength
+            springs[block + at.FORCE, i] = hardening * k * drift + event * strength
+            springs[block + at.SLOPE, i] = hardening * k
+            springs[block + at.TURN, i] = event
+            springs[block + at.UPPER, i] = math.inf
+            springs[block + at.LOWER, i] = -math.inf
 
     return LawFunctions(
         force=force, recoverable=recoverable, settle=settle, enter=enter, advance=advance, switch=switch

@@ -15,19 +15,8 @@ from __future__ import annotations
 
 import math
 
+from tdint.kernels import layout as at
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
-from tdint.kernels.layout import (
-    DISSIPATED,
-    DRIFT,
-    FIRST_PARAMETER,
-    FORCE,
-    INTERNAL,
-    LOWER,
-    STIFFNESS,
-    TURN,
-    TURNED,
-    UPPER,
-)
 
 _SUBSTEP = 0.125
 """Length of a substep times the exponent n, in yield drifts; classical Runge-Kutta is then good to about 1e-7 Fy."""
@@ -106,14 +95,14 @@ def _functions() -> LawFunctions:
 
     @called
     def force(laws, springs, i, past, trial, drift):
-        k = laws[STIFFNESS, i]
-        strength = laws[FIRST_PARAMETER, i]
-        hardening = laws[FIRST_PARAMETER + 1, i]
-        n = laws[FIRST_PARAMETER + 2, i]
-        q = 2.0 * laws[FIRST_PARAMETER + 3, i] - 1.0
-        stretch = drift - springs[past + DRIFT, i]
+        k = laws[at.STIFFNESS, i]
+        strength = laws[at.FIRST_PARAMETER, i]
+        hardening = laws[at.FIRST_PARAMETER + 1, i]
+        n = laws[at.FIRST_PARAMETER + 2, i]
+        q = 2.0 * laws[at.FIRST_PARAMETER + 3, i] - 1.0
+        stretch = drift - springs[past + at.DRIFT, i]
         side = 1.0 if stretch >= 0.0 else -1.0
-        w = side * springs[past + INTERNAL, i]
+        w = side * springs[past + at.INTERNAL, i]
         left = abs(stretch) * k / strength
         longest = _SUBSTEP / n
         loss = 0.0
@@ -168,19 +157,19 @@ def _functions() -> LawFunctions:
             rate = 1.0 - power(w, n)
         else:
             rate = 1.0 + q * power(-w, n)
-        springs[trial + INTERNAL, i] = side * w
-        springs[trial + FORCE, i] = hardening * k * drift + (1.0 - hardening) * strength * side * w
-        springs[trial + DISSIPATED, i] = (
-            springs[past + DISSIPATED, i] + (1.0 - hardening) * strength * strength / k * loss
+        springs[trial + at.INTERNAL, i] = side * w
+        springs[trial + at.FORCE, i] = hardening * k * drift + (1.0 - hardening) * strength * side * w
+        springs[trial + at.DISSIPATED, i] = (
+            springs[past + at.DISSIPATED, i] + (1.0 - hardening) * strength * strength / k * loss
         )
         return k * (hardening + (1.0 - hardening) * rate)
 
     @inlined
     def recoverable(laws, springs, i):
-        d = springs[DRIFT, i]
-        z = laws[FIRST_PARAMETER, i] * springs[INTERNAL, i]
-        k = laws[STIFFNESS, i]
-        hardening = laws[FIRST_PARAMETER + 1, i]
+        d = springs[at.DRIFT, i]
+        z = laws[at.FIRST_PARAMETER, i] * springs[at.INTERNAL, i]
+        k = laws[at.STIFFNESS, i]
+        hardening = laws[at.FIRST_PARAMETER + 1, i]
         return 0.5 * hardening * k * d * d + 0.5 * (1.0 - hardening) * z * z / k
 
     @inlined
@@ -190,52 +179,52 @@ def _functions() -> LawFunctions:
     @called
     def kink(laws, springs, i, block, side):
         """How far ahead on that side w changes its sign, by Gauss points in the root of w: dx = du / (1 + q u^n)."""
-        u = -side * springs[block + INTERNAL, i]
+        u = -side * springs[block + at.INTERNAL, i]
         if not u > 0.0:
             return math.inf
-        n = laws[FIRST_PARAMETER + 2, i]
-        q = 2.0 * laws[FIRST_PARAMETER + 3, i] - 1.0
+        n = laws[at.FIRST_PARAMETER + 2, i]
+        q = 2.0 * laws[at.FIRST_PARAMETER + 3, i] - 1.0
         way = 0.0
         for point in range(8):
             root = nodes[point]
             way += weights[point] * 2.0 * root / (1.0 + q * power(u * root * root, n))
-        return way * u * laws[FIRST_PARAMETER, i] / laws[STIFFNESS, i]
+        return way * u * laws[at.FIRST_PARAMETER, i] / laws[at.STIFFNESS, i]
 
     @called
     def look_ahead(laws, springs, i, past, block):
         """Let the branch in `block` end where w will change its sign, seen from the state in `past`."""
-        side = springs[block + TURN, i]
-        springs[block + UPPER, i] = math.inf
-        springs[block + LOWER, i] = -math.inf
-        if side * springs[past + INTERNAL, i] < 0.0:
+        side = springs[block + at.TURN, i]
+        springs[block + at.UPPER, i] = math.inf
+        springs[block + at.LOWER, i] = -math.inf
+        if side * springs[past + at.INTERNAL, i] < 0.0:
             way = kink(laws, springs, i, past, side)
-            if way * laws[STIFFNESS, i] > _THERE * laws[FIRST_PARAMETER, i]:
-                springs[block + (UPPER if side > 0.0 else LOWER), i] = springs[past + DRIFT, i] + side * way
+            if way * laws[at.STIFFNESS, i] > _THERE * laws[at.FIRST_PARAMETER, i]:
+                springs[block + (at.UPPER if side > 0.0 else at.LOWER), i] = springs[past + at.DRIFT, i] + side * way
 
     @inlined
     def keep(laws, springs, i, past, trial):
-        stretch = springs[trial + DRIFT, i] - springs[past + DRIFT, i]
+        stretch = springs[trial + at.DRIFT, i] - springs[past + at.DRIFT, i]
         if stretch != 0.0:
-            springs[TURN, i] = math.copysign(1.0, stretch)
-        if laws[FIRST_PARAMETER + 2, i] < _SMOOTH:
+            springs[at.TURN, i] = math.copysign(1.0, stretch)
+        if laws[at.FIRST_PARAMETER + 2, i] < _SMOOTH:
             look_ahead(laws, springs, i, trial, 0)
 
     @inlined
     def switch(laws, springs, i, block, event):
         """The drift rate has turned, and the tangent jumps; or w changes its sign."""
-        if event == TURNED:
-            springs[block + TURN, i] = -springs[block + TURN, i]
-            if laws[FIRST_PARAMETER + 2, i] < _SMOOTH:
+        if event == at.TURNED:
+            springs[block + at.TURN, i] = -springs[block + at.TURN, i]
+            if laws[at.FIRST_PARAMETER + 2, i] < _SMOOTH:
                 look_ahead(laws, springs, i, block, block)
         else:
-            springs[block + UPPER, i] = math.inf
-            springs[block + LOWER, i] = -math.inf
+            springs[block + at.UPPER, i] = math.inf
+            springs[block + at.LOWER, i] = -math.inf
 
     @inlined
     def points(laws, springs, i, way):
         """Good to about 1e-6 of the yield force."""
-        n = laws[FIRST_PARAMETER + 2, i]
-        return 1.9 + 4.0 * (n + 1.0) * way * laws[STIFFNESS, i] / laws[FIRST_PARAMETER, i]
+        n = laws[at.FIRST_PARAMETER + 2, i]
+        return 1.9 + 4.0 * (n + 1.0) * way * laws[at.STIFFNESS, i] / laws[at.FIRST_PARAMETER, i]
 
     return LawFunctions(
         force=force, recoverable=recoverable, settle=settle, keep=keep, switch=switch, points=points, kink=kink

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from tdint.kernels import layout as at
 from tdint.kernels.compiling import VARIANT, called, inlined, specialized
 from tdint.kernels.laws import LAWS
 from tdint.kernels.laws.apart import HOOKS
 from tdint.kernels.laws.law import LawFunctions
-from tdint.kernels.layout import CODE
 
 FUNCTIONS = tuple(LawFunctions(**HOOKS) if law.apart else law.functions() for law in LAWS)
 
@@ -58,7 +58,7 @@ def case_of_3(decorate: Any, code: int, own: Any, other: Any) -> Any:
 
     @decorate
     def choose(laws, springs, i):
-        if laws[CODE, i] == code:
+        if laws[at.CODE, i] == code:
             return own(laws, springs, i)
         return other(laws, springs, i)
 
@@ -70,7 +70,7 @@ def case_of_4(decorate: Any, code: int, own: Any, other: Any) -> Any:
 
     @decorate
     def choose(laws, springs, i, more):
-        if laws[CODE, i] == code:
+        if laws[at.CODE, i] == code:
             return own(laws, springs, i, more)
         return other(laws, springs, i, more)
 
@@ -82,7 +82,7 @@ def case_of_5(decorate: Any, code: int, own: Any, other: Any) -> Any:
 
     @decorate
     def choose(laws, springs, i, block, more):
-        if laws[CODE, i] == code:
+        if laws[at.CODE, i] == code:
             return own(laws, springs, i, block, more)
         return other(laws, springs, i, block, more)
 
@@ -94,7 +94,7 @@ def case_of_6(decorate: Any, code: int, own: Any, other: Any) -> Any:
 
     @decorate
     def choose(laws, springs, i, block, more, last):
-        if laws[CODE, i] == code:
+        if laws[at.CODE, i] == code:
             return own(laws, springs, i, block, more, last)
         return other(laws, springs, i, block, more, last)
 

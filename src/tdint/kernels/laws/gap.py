@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
+from tdint.kernels import layout as at
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter
-from tdint.kernels.layout import DRIFT, FIRST_PARAMETER, FORCE, LOWER, SLOPE, STIFFNESS, UPPER
 
 
 def _functions() -> LawFunctions:
@@ -13,40 +13,40 @@ def _functions() -> LawFunctions:
 
     @inlined
     def force(laws, springs, i, past, trial, drift):
-        force = laws[STIFFNESS, i] * drift
-        tangent = laws[STIFFNESS, i]
-        beyond = abs(drift) - laws[FIRST_PARAMETER, i]
+        force = laws[at.STIFFNESS, i] * drift
+        tangent = laws[at.STIFFNESS, i]
+        beyond = abs(drift) - laws[at.FIRST_PARAMETER, i]
         if beyond > 0.0:
-            force += math.copysign(laws[FIRST_PARAMETER + 1, i] * beyond, drift)
-            tangent += laws[FIRST_PARAMETER + 1, i]
-        springs[trial + FORCE, i] = force
+            force += math.copysign(laws[at.FIRST_PARAMETER + 1, i] * beyond, drift)
+            tangent += laws[at.FIRST_PARAMETER + 1, i]
+        springs[trial + at.FORCE, i] = force
         return tangent
 
     @inlined
     def recoverable(laws, springs, i):
-        d = springs[DRIFT, i]
-        beyond = max(abs(d) - laws[FIRST_PARAMETER, i], 0.0)
-        return 0.5 * laws[STIFFNESS, i] * d * d + 0.5 * laws[FIRST_PARAMETER + 1, i] * beyond * beyond
+        d = springs[at.DRIFT, i]
+        beyond = max(abs(d) - laws[at.FIRST_PARAMETER, i], 0.0)
+        return 0.5 * laws[at.STIFFNESS, i] * d * d + 0.5 * laws[at.FIRST_PARAMETER + 1, i] * beyond * beyond
 
     @called
     def go_to(laws, springs, i, block, side):
         """Put story `i` into the gap (side 0) or against the stop on that side of it."""
-        gap = laws[FIRST_PARAMETER, i]
-        drift = springs[block + DRIFT, i]
-        stop = abs(side) * laws[FIRST_PARAMETER + 1, i]
-        springs[block + FORCE, i] = laws[STIFFNESS, i] * drift + stop * (drift - side * gap)
-        springs[block + SLOPE, i] = laws[STIFFNESS, i] + stop
-        springs[block + UPPER, i] = math.inf if side > 0.0 else side * gap if side < 0.0 else gap
-        springs[block + LOWER, i] = -math.inf if side < 0.0 else side * gap if side > 0.0 else -gap
+        gap = laws[at.FIRST_PARAMETER, i]
+        drift = springs[block + at.DRIFT, i]
+        stop = abs(side) * laws[at.FIRST_PARAMETER + 1, i]
+        springs[block + at.FORCE, i] = laws[at.STIFFNESS, i] * drift + stop * (drift - side * gap)
+        springs[block + at.SLOPE, i] = laws[at.STIFFNESS, i] + stop
+        springs[block + at.UPPER, i] = math.inf if side > 0.0 else side * gap if side < 0.0 else gap
+        springs[block + at.LOWER, i] = -math.inf if side < 0.0 else side * gap if side > 0.0 else -gap
 
     @inlined
     def enter(laws, springs, i):
-        drift = springs[DRIFT, i]
-        go_to(laws, springs, i, 0, 0.0 if abs(drift) < laws[FIRST_PARAMETER, i] else math.copysign(1.0, drift))
+        drift = springs[at.DRIFT, i]
+        go_to(laws, springs, i, 0, 0.0 if abs(drift) < laws[at.FIRST_PARAMETER, i] else math.copysign(1.0, drift))
 
     @inlined
     def switch(laws, springs, i, block, event):
-        inside = springs[block + UPPER, i] + springs[block + LOWER, i] == 0.0
+        inside = springs[block + at.UPPER, i] + springs[block + at.LOWER, i] == 0.0
         go_to(laws, springs, i, block, event if inside else 0.0)
 
     return LawFunctions(force=force, recoverable=recoverable, enter=enter, switch=switch)

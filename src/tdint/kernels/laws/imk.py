@@ -16,39 +16,25 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+from tdint.kernels import layout as at
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
-from tdint.kernels.layout import (
-    DRIFT,
-    FIRST_PARAMETER,
-    FORCE,
-    HIGH_DRIFT,
-    HIGH_FORCE,
-    INTERNAL,
-    LOWER,
-    SLOPE,
-    STIFFNESS,
-    TURN,
-    TURNED,
-    UPPER,
-    WORK,
-)
 
 # Parameters: those of the positive side, of the negative one, of both
-_YIELD_FORCE = FIRST_PARAMETER
-_PLASTIC_DRIFT = FIRST_PARAMETER + 1
-_POST_CAPPING_DRIFT = FIRST_PARAMETER + 2
-_CAPPING_RATIO = FIRST_PARAMETER + 3
-_RESIDUAL_RATIO = FIRST_PARAMETER + 4
-_ULTIMATE_DRIFT = FIRST_PARAMETER + 5
-_RATE = FIRST_PARAMETER + 6
+_YIELD_FORCE = at.FIRST_PARAMETER
+_PLASTIC_DRIFT = at.FIRST_PARAMETER + 1
+_POST_CAPPING_DRIFT = at.FIRST_PARAMETER + 2
+_CAPPING_RATIO = at.FIRST_PARAMETER + 3
+_RESIDUAL_RATIO = at.FIRST_PARAMETER + 4
+_ULTIMATE_DRIFT = at.FIRST_PARAMETER + 5
+_RATE = at.FIRST_PARAMETER + 6
 _SIDE = 7
-_OF_STRENGTH = FIRST_PARAMETER + 14
-_OF_CAPPING = FIRST_PARAMETER + 15
-_OF_RELOADING = FIRST_PARAMETER + 16
-_OF_UNLOADING = FIRST_PARAMETER + 17
-_EXPONENT = FIRST_PARAMETER + 18
-_PINCHING_FORCE = FIRST_PARAMETER + 19
-_PINCHING_DRIFT = FIRST_PARAMETER + 20
+_OF_STRENGTH = at.FIRST_PARAMETER + 14
+_OF_CAPPING = at.FIRST_PARAMETER + 15
+_OF_RELOADING = at.FIRST_PARAMETER + 16
+_OF_UNLOADING = at.FIRST_PARAMETER + 17
+_EXPONENT = at.FIRST_PARAMETER + 18
+_PINCHING_FORCE = at.FIRST_PARAMETER + 19
+_PINCHING_DRIFT = at.FIRST_PARAMETER + 20
 
 # Further rows, from the block's first one
 _PEAK_DRIFT = 0  # the last turn point, of both sides
@@ -93,7 +79,7 @@ def _functions() -> LawFunctions:
     @inlined
     def plastic_line(laws, springs, i, block, side):
         """Force at zero drift and slope of the present hardening line of a side."""
-        k = laws[STIFFNESS, i]
+        k = laws[at.STIFFNESS, i]
         initial = given(laws, i, side, _YIELD_FORCE)
         left = springs[further(springs, block) + of(side, _STRENGTH), i]
         slope = left * (given(laws, i, side, _CAPPING_RATIO) - 1.0) * initial / given(laws, i, side, _PLASTIC_DRIFT)
@@ -105,7 +91,7 @@ def _functions() -> LawFunctions:
         initial = given(laws, i, side, _YIELD_FORCE)
         cap = given(laws, i, side, _CAPPING_RATIO) * initial
         slope = -cap / given(laws, i, side, _POST_CAPPING_DRIFT)
-        start = initial / laws[STIFFNESS, i] + given(laws, i, side, _PLASTIC_DRIFT)
+        start = initial / laws[at.STIFFNESS, i] + given(laws, i, side, _PLASTIC_DRIFT)
         return springs[further(springs, block) + of(side, _CAPPING), i] * (cap - slope * start), slope
 
     @inlined
@@ -135,50 +121,50 @@ def _functions() -> LawFunctions:
     def beta_of_turning(laws, springs, i, block):
         """Deterioration of the unloading stiffness if the story turned here."""
         first = further(springs, block)
-        force = springs[block + FORCE, i]
+        force = springs[block + at.FORCE, i]
         stored = 0.5 * force * force / springs[first + _UNLOADING_STIFFNESS, i]
-        before = springs[block + WORK, i] - stored
+        before = springs[block + at.WORK, i] - stored
         return beta(laws, i, _OF_UNLOADING, before - springs[first + _WORK_AT_ZERO, i], before)
 
     @inlined
     def fail(springs, i, block):
-        springs[block + INTERNAL, i] = _FAILED
-        springs[block + FORCE, i] = 0.0
-        springs[block + SLOPE, i] = 0.0
-        springs[block + TURN, i] = 0.0
-        springs[block + UPPER, i] = math.inf
-        springs[block + LOWER, i] = -math.inf
+        springs[block + at.INTERNAL, i] = _FAILED
+        springs[block + at.FORCE, i] = 0.0
+        springs[block + at.SLOPE, i] = 0.0
+        springs[block + at.TURN, i] = 0.0
+        springs[block + at.UPPER, i] = math.inf
+        springs[block + at.LOWER, i] = -math.inf
 
     @called
     def load(laws, springs, i, block, side, kind, slope, end):
         """Put the story on a loading branch of a side that goes up to the drift `end`."""
         ultimate = given(laws, i, side, _ULTIMATE_DRIFT)
-        if side * springs[block + DRIFT, i] >= ultimate * (1.0 - _HERE):
+        if side * springs[block + at.DRIFT, i] >= ultimate * (1.0 - _HERE):
             fail(springs, i, block)
             return
         end = min(end, ultimate)
-        springs[block + INTERNAL, i] = side * kind
-        springs[block + SLOPE, i] = slope
-        springs[block + TURN, i] = side
-        springs[block + UPPER, i] = end if side > 0.0 else math.inf
-        springs[block + LOWER, i] = -end if side < 0.0 else -math.inf
+        springs[block + at.INTERNAL, i] = side * kind
+        springs[block + at.SLOPE, i] = slope
+        springs[block + at.TURN, i] = side
+        springs[block + at.UPPER, i] = end if side > 0.0 else math.inf
+        springs[block + at.LOWER, i] = -end if side < 0.0 else -math.inf
 
     @called
     def go_along_backbone(laws, springs, i, block, side):
-        drift = side * springs[block + DRIFT, i]
+        drift = side * springs[block + at.DRIFT, i]
         plastic, rise = plastic_line(laws, springs, i, block, side)
         capping, fall = capping_line(laws, springs, i, block, side)
         rest = residual(laws, i, side)
         cap = (capping - plastic) / (rise - fall)
         near = _HERE * drift
         if drift < cap - near and plastic + rise * drift >= rest:
-            springs[block + FORCE, i] = side * (plastic + rise * drift)
+            springs[block + at.FORCE, i] = side * (plastic + rise * drift)
             load(laws, springs, i, block, side, _PLASTIC, rise, cap)
         elif drift >= cap - near and drift < (rest - capping) / fall - near:
-            springs[block + FORCE, i] = side * (capping + fall * drift)
+            springs[block + at.FORCE, i] = side * (capping + fall * drift)
             load(laws, springs, i, block, side, _SOFTENING, fall, (rest - capping) / fall)
         else:
-            springs[block + FORCE, i] = side * rest
+            springs[block + at.FORCE, i] = side * rest
             # A strength below the residual force may rise above it again before the capping point
             again = (rest - plastic) / rise if rise > 0.0 else math.inf
             end = again if drift < again - near and again < cap else math.inf
@@ -186,10 +172,10 @@ def _functions() -> LawFunctions:
 
     @called
     def go_to_farthest(laws, springs, i, block, side):
-        drift = side * springs[block + DRIFT, i]
-        far = springs[block + of(side, HIGH_DRIFT), i]
+        drift = side * springs[block + at.DRIFT, i]
+        far = springs[block + of(side, at.HIGH_DRIFT), i]
         if drift < far * (1.0 - _HERE):
-            rise = springs[block + of(side, HIGH_FORCE), i] - side * springs[block + FORCE, i]
+            rise = springs[block + of(side, at.HIGH_FORCE), i] - side * springs[block + at.FORCE, i]
             load(laws, springs, i, block, side, _TO_FARTHEST, rise / (far - drift), far)
         else:
             go_along_backbone(laws, springs, i, block, side)
@@ -198,10 +184,10 @@ def _functions() -> LawFunctions:
     def aim(laws, springs, i, block, side):
         """Load towards the last peak if the way there is the steeper one, else towards the farthest point."""
         first = further(springs, block)
-        drift = side * springs[block + DRIFT, i]
-        force = side * springs[block + FORCE, i]
-        far = springs[block + of(side, HIGH_DRIFT), i]
-        far_force = springs[block + of(side, HIGH_FORCE), i]
+        drift = side * springs[block + at.DRIFT, i]
+        force = side * springs[block + at.FORCE, i]
+        far = springs[block + of(side, at.HIGH_DRIFT), i]
+        far_force = springs[block + of(side, at.HIGH_FORCE), i]
         peak = springs[first + of(side, _PEAK_DRIFT), i]
         peak_force = springs[first + of(side, _PEAK_FORCE), i]
         if drift < peak - _HERE * far and force < peak_force and peak_force < far_force:
@@ -215,15 +201,15 @@ def _functions() -> LawFunctions:
     def unload(laws, springs, i, block, side):
         """Turn on a loading branch."""
         first = further(springs, block)
-        drift = side * springs[block + DRIFT, i]
-        force = side * springs[block + FORCE, i]
+        drift = side * springs[block + at.DRIFT, i]
+        force = side * springs[block + at.FORCE, i]
         springs[first + of(side, _PEAK_DRIFT), i] = drift
         springs[first + of(side, _PEAK_FORCE), i] = force
-        if drift > springs[block + of(side, HIGH_DRIFT), i]:
-            springs[block + of(side, HIGH_DRIFT), i] = drift
-            springs[block + of(side, HIGH_FORCE), i] = force
+        if drift > springs[block + of(side, at.HIGH_DRIFT), i]:
+            springs[block + of(side, at.HIGH_DRIFT), i] = drift
+            springs[block + of(side, at.HIGH_FORCE), i] = force
         lost = beta_of_turning(laws, springs, i, block)
-        if abs(side * drift - springs[first + _TURNED_AT, i]) <= _AGAIN * springs[block + of(side, HIGH_DRIFT), i]:
+        if abs(side * drift - springs[first + _TURNED_AT, i]) <= _AGAIN * springs[block + of(side, at.HIGH_DRIFT), i]:
             lost = 0.0
         springs[first + _TURNED_AT, i] = side * drift
         if lost >= 1.0:
@@ -232,17 +218,17 @@ def _functions() -> LawFunctions:
         slope = springs[first + _UNLOADING_STIFFNESS, i] * (1.0 - lost)
         springs[first + _UNLOADING_STIFFNESS, i] = slope
         zero = side * (drift - force / slope)
-        springs[block + INTERNAL, i] = side * _UNLOADING
-        springs[block + SLOPE, i] = slope
-        springs[block + TURN, i] = 0.0
-        springs[block + UPPER, i] = side * drift if side > 0.0 else zero
-        springs[block + LOWER, i] = zero if side > 0.0 else side * drift
+        springs[block + at.INTERNAL, i] = side * _UNLOADING
+        springs[block + at.SLOPE, i] = slope
+        springs[block + at.TURN, i] = 0.0
+        springs[block + at.UPPER, i] = side * drift if side > 0.0 else zero
+        springs[block + at.LOWER, i] = zero if side > 0.0 else side * drift
 
     @called
     def deteriorate(laws, springs, i, block, side):
         """Deterioration of a side that is loaded after a passage of zero force; whether the story has failed."""
         first = further(springs, block)
-        before = springs[block + WORK, i]
+        before = springs[block + at.WORK, i]
         work = before - springs[first + _WORK_AT_ZERO, i]
         rate = given(laws, i, side, _RATE)
         strength = beta(laws, i, _OF_STRENGTH, work, before)
@@ -251,27 +237,27 @@ def _functions() -> LawFunctions:
         springs[first + _WORK_AT_ZERO, i] = before
         springs[first + of(side, _STRENGTH), i] *= 1.0 - rate * strength
         springs[first + of(side, _CAPPING), i] *= 1.0 - rate * capping
-        springs[block + of(side, HIGH_DRIFT), i] *= 1.0 + rate * reloading
+        springs[block + of(side, at.HIGH_DRIFT), i] *= 1.0 + rate * reloading
         return max(strength, capping, reloading) > 1.0
 
     @called
     def cross(laws, springs, i, block, side):
         """Zero force is passed towards a side."""
         first = further(springs, block)
-        springs[block + FORCE, i] = 0.0
+        springs[block + at.FORCE, i] = 0.0
         springs[first + _TURNED_AT, i] = math.inf
         if deteriorate(laws, springs, i, block, side):
             fail(springs, i, block)
             return
         stiffness = springs[first + _UNLOADING_STIFFNESS, i]
-        zero = side * springs[block + DRIFT, i]
-        far = springs[block + of(side, HIGH_DRIFT), i]
+        zero = side * springs[block + at.DRIFT, i]
+        far = springs[block + of(side, at.HIGH_DRIFT), i]
         if far <= zero * (1.0 + _HERE) and zero > 0.0:
             # The other side unloaded so softly that it passed this side's farthest point: that is moved ahead.
             far = zero + max(backbone(laws, springs, i, block, side, far), _HERE * laws[_YIELD_FORCE, i]) / stiffness
-            springs[block + of(side, HIGH_DRIFT), i] = far
+            springs[block + of(side, at.HIGH_DRIFT), i] = far
         far_force = backbone(laws, springs, i, block, side, far)
-        springs[block + of(side, HIGH_FORCE), i] = far_force
+        springs[block + of(side, at.HIGH_FORCE), i] = far_force
         if laws[_PINCHING_FORCE, i] != 1.0 or laws[_PINCHING_DRIFT, i] != 1.0:
             drift = (1.0 - laws[_PINCHING_DRIFT, i]) * (far - far_force / stiffness)
             force = laws[_PINCHING_FORCE, i] * far_force * (drift - zero) / (far - zero)
@@ -286,10 +272,10 @@ def _functions() -> LawFunctions:
     def reload(laws, springs, i, block, side):
         """Go on from the last peak, to which the story came back while it unloaded."""
         first = further(springs, block)
-        drift = side * springs[block + DRIFT, i]
-        force = side * springs[block + FORCE, i]
-        far = springs[block + of(side, HIGH_DRIFT), i]
-        far_force = springs[block + of(side, HIGH_FORCE), i]
+        drift = side * springs[block + at.DRIFT, i]
+        force = side * springs[block + at.FORCE, i]
+        far = springs[block + of(side, at.HIGH_DRIFT), i]
+        far_force = springs[block + of(side, at.HIGH_FORCE), i]
         pinched = springs[first + _PINCHED_DRIFT, i]
         pinched_force = springs[first + _PINCHED_FORCE, i]
         if drift < pinched - _HERE * far and force < pinched_force and pinched < far and pinched_force < far_force:
@@ -301,19 +287,19 @@ def _functions() -> LawFunctions:
 
     @called
     def switch(laws, springs, i, block, event):
-        kind = abs(springs[block + INTERNAL, i])
-        if event == TURNED:
-            side = springs[block + TURN, i]
-            if side * springs[block + FORCE, i] > 0.0:
+        kind = abs(springs[block + at.INTERNAL, i])
+        if event == at.TURNED:
+            side = springs[block + at.TURN, i]
+            if side * springs[block + at.FORCE, i] > 0.0:
                 unload(laws, springs, i, block, side)
             else:
                 cross(laws, springs, i, block, -side)
         elif kind == _UNLOADING:
-            if event * springs[block + INTERNAL, i] < 0.0:
+            if event * springs[block + at.INTERNAL, i] < 0.0:
                 cross(laws, springs, i, block, event)
             else:
                 reload(laws, springs, i, block, event)
-        elif event * springs[block + DRIFT, i] >= given(laws, i, event, _ULTIMATE_DRIFT) * (1.0 - _HERE):
+        elif event * springs[block + at.DRIFT, i] >= given(laws, i, event, _ULTIMATE_DRIFT) * (1.0 - _HERE):
             fail(springs, i, block)
         elif kind == _PINCHED:
             aim(laws, springs, i, block, event)
@@ -325,25 +311,25 @@ def _functions() -> LawFunctions:
     @inlined
     def recoverable(laws, springs, i):
         """What unloading gives back: on a loading branch with the stiffness that it would have."""
-        force = springs[FORCE, i]
+        force = springs[at.FORCE, i]
         energy = 0.5 * force * force / springs[further(springs, 0) + _UNLOADING_STIFFNESS, i]
-        if abs(springs[INTERNAL, i]) > _UNLOADING and force != 0.0:
+        if abs(springs[at.INTERNAL, i]) > _UNLOADING and force != 0.0:
             energy /= 1.0 - min(beta_of_turning(laws, springs, i, 0), 0.9)
         return energy
 
     @inlined
     def enter(laws, springs, i):
-        k = laws[STIFFNESS, i]
+        k = laws[at.STIFFNESS, i]
         first = further(springs, 0)
         springs[first + _UNLOADING_STIFFNESS, i] = k
         springs[first + _TURNED_AT, i] = math.inf
         for side in (1.0, -1.0):
             strength = given(laws, i, side, _YIELD_FORCE)
-            springs[of(side, HIGH_DRIFT), i] = springs[first + of(side, _PEAK_DRIFT), i] = strength / k
-            springs[of(side, HIGH_FORCE), i] = springs[first + of(side, _PEAK_FORCE), i] = strength
+            springs[of(side, at.HIGH_DRIFT), i] = springs[first + of(side, _PEAK_DRIFT), i] = strength / k
+            springs[of(side, at.HIGH_FORCE), i] = springs[first + of(side, _PEAK_FORCE), i] = strength
             springs[first + of(side, _STRENGTH), i] = springs[first + of(side, _CAPPING), i] = 1.0
-        springs[UPPER, i] = given(laws, i, 1.0, _YIELD_FORCE) / k
-        springs[LOWER, i] = -given(laws, i, -1.0, _YIELD_FORCE) / k
+        springs[at.UPPER, i] = given(laws, i, 1.0, _YIELD_FORCE) / k
+        springs[at.LOWER, i] = -given(laws, i, -1.0, _YIELD_FORCE) / k
 
     return walking(switch, recoverable, enter)
 

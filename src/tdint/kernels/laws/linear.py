@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from tdint.kernels import layout as at
 from tdint.kernels.laws.law import DriftLaw, LawFunctions
-from tdint.kernels.layout import DRIFT, FORCE, STIFFNESS
 
 
 def _functions() -> LawFunctions:
@@ -11,12 +11,12 @@ def _functions() -> LawFunctions:
 
     @inlined
     def force(laws, springs, i, past, trial, drift):
-        springs[trial + FORCE, i] = laws[STIFFNESS, i] * drift
-        return laws[STIFFNESS, i]
+        springs[trial + at.FORCE, i] = laws[at.STIFFNESS, i] * drift
+        return laws[at.STIFFNESS, i]
 
     @inlined
     def recoverable(laws, springs, i):
-        return 0.5 * laws[STIFFNESS, i] * springs[DRIFT, i] * springs[DRIFT, i]
+        return 0.5 * laws[at.STIFFNESS, i] * springs[at.DRIFT, i] * springs[at.DRIFT, i]
 
     return LawFunctions(force=force, recoverable=recoverable)
 

@@ -18,23 +18,8 @@ from __future__ import annotations
 
 import math
 
+from tdint.kernels import layout as at
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
-from tdint.kernels.layout import (
-    DRIFT,
-    FIRST_PARAMETER,
-    FORCE,
-    HIGH_DRIFT,
-    HIGH_FORCE,
-    INTERNAL,
-    LOW_DRIFT,
-    LOW_FORCE,
-    LOWER,
-    SLOPE,
-    STIFFNESS,
-    TURN,
-    TURNED,
-    UPPER,
-)
 
 # Kinds of branches, in INTERNAL; negative on the negative side, 0 before the first yielding
 _YIELDING = 1.0
@@ -49,13 +34,15 @@ def _functions() -> LawFunctions:
     @inlined
     def unloading_stiffness(laws, springs, i, block, side):
         """k (dy / |largest drift on that side|)^unloading, within its bounds."""
-        k = laws[STIFFNESS, i]
-        strength = laws[FIRST_PARAMETER, i]
-        hardening = laws[FIRST_PARAMETER + 1, i]
-        unloading = laws[FIRST_PARAMETER + 2, i]
-        drift = springs[block + DRIFT, i]  # the farthest one where the story yields at present
+        k = laws[at.STIFFNESS, i]
+        strength = laws[at.FIRST_PARAMETER, i]
+        hardening = laws[at.FIRST_PARAMETER + 1, i]
+        unloading = laws[at.FIRST_PARAMETER + 2, i]
+        drift = springs[block + at.DRIFT, i]  # the farthest one where the story yields at present
         farthest = (
-            max(springs[block + HIGH_DRIFT, i], drift) if side > 0.0 else -min(springs[block + LOW_DRIFT, i], drift)
+            max(springs[block + at.HIGH_DRIFT, i], drift)
+            if side > 0.0
+            else -min(springs[block + at.LOW_DRIFT, i], drift)
         )
         part = strength / (k * farthest)
         to_origin = hardening + (1.0 - hardening) * part
@@ -63,54 +50,54 @@ def _functions() -> LawFunctions:
 
     @inlined
     def recoverable(laws, springs, i):
-        force = springs[FORCE, i]
+        force = springs[at.FORCE, i]
         return 0.5 * force * force / unloading_stiffness(laws, springs, i, 0, force)
 
     @inlined
     def enter(laws, springs, i):
-        strength = laws[FIRST_PARAMETER, i]
-        k = laws[STIFFNESS, i]
-        springs[HIGH_DRIFT, i] = springs[UPPER, i] = strength / k
-        springs[LOW_DRIFT, i] = springs[LOWER, i] = -strength / k
-        springs[HIGH_FORCE, i] = strength
-        springs[LOW_FORCE, i] = -strength
+        strength = laws[at.FIRST_PARAMETER, i]
+        k = laws[at.STIFFNESS, i]
+        springs[at.HIGH_DRIFT, i] = springs[at.UPPER, i] = strength / k
+        springs[at.LOW_DRIFT, i] = springs[at.LOWER, i] = -strength / k
+        springs[at.HIGH_FORCE, i] = strength
+        springs[at.LOW_FORCE, i] = -strength
 
     @called
     def switch(laws, springs, i, block, event):
-        kind = springs[block + INTERNAL, i]
-        drift = springs[block + DRIFT, i]
-        force = springs[block + FORCE, i]
-        if event == TURNED:
-            side = springs[block + TURN, i]
+        kind = springs[block + at.INTERNAL, i]
+        drift = springs[block + at.DRIFT, i]
+        force = springs[block + at.FORCE, i]
+        if event == at.TURNED:
+            side = springs[block + at.TURN, i]
             if abs(kind) == _YIELDING:
                 if side > 0.0:
-                    springs[block + HIGH_DRIFT, i] = drift
-                    springs[block + HIGH_FORCE, i] = force
+                    springs[block + at.HIGH_DRIFT, i] = drift
+                    springs[block + at.HIGH_FORCE, i] = force
                 else:
-                    springs[block + LOW_DRIFT, i] = drift
-                    springs[block + LOW_FORCE, i] = force
+                    springs[block + at.LOW_DRIFT, i] = drift
+                    springs[block + at.LOW_FORCE, i] = force
             slope = unloading_stiffness(laws, springs, i, block, side)
             zero = drift - force / slope
-            springs[block + INTERNAL, i] = side * _UNLOADING
-            springs[block + SLOPE, i] = slope
-            springs[block + TURN, i] = 0.0
-            springs[block + UPPER, i] = max(drift, zero)
-            springs[block + LOWER, i] = min(drift, zero)
+            springs[block + at.INTERNAL, i] = side * _UNLOADING
+            springs[block + at.SLOPE, i] = slope
+            springs[block + at.TURN, i] = 0.0
+            springs[block + at.UPPER, i] = max(drift, zero)
+            springs[block + at.LOWER, i] = min(drift, zero)
             return
         # The branch ended in the direction of `event`: load further on that side.
-        target = springs[block + HIGH_DRIFT, i] if event > 0.0 else springs[block + LOW_DRIFT, i]
-        target_force = springs[block + HIGH_FORCE, i] if event > 0.0 else springs[block + LOW_FORCE, i]
-        springs[block + TURN, i] = event
+        target = springs[block + at.HIGH_DRIFT, i] if event > 0.0 else springs[block + at.LOW_DRIFT, i]
+        target_force = springs[block + at.HIGH_FORCE, i] if event > 0.0 else springs[block + at.LOW_FORCE, i]
+        springs[block + at.TURN, i] = event
         if event * (target - drift) > 1e-12 * abs(target):
-            springs[block + INTERNAL, i] = event * _RELOADING
-            springs[block + SLOPE, i] = (target_force - force) / (target - drift)
-            springs[block + UPPER, i] = target if event > 0.0 else math.inf
-            springs[block + LOWER, i] = target if event < 0.0 else -math.inf
+            springs[block + at.INTERNAL, i] = event * _RELOADING
+            springs[block + at.SLOPE, i] = (target_force - force) / (target - drift)
+            springs[block + at.UPPER, i] = target if event > 0.0 else math.inf
+            springs[block + at.LOWER, i] = target if event < 0.0 else -math.inf
         else:
-            springs[block + INTERNAL, i] = event * _YIELDING
-            springs[block + SLOPE, i] = laws[FIRST_PARAMETER + 1, i] * laws[STIFFNESS, i]
-            springs[block + UPPER, i] = math.inf
-            springs[block + LOWER, i] = -math.inf
+            springs[block + at.INTERNAL, i] = event * _YIELDING
+            springs[block + at.SLOPE, i] = laws[at.FIRST_PARAMETER + 1, i] * laws[at.STIFFNESS, i]
+            springs[block + at.UPPER, i] = math.inf
+            springs[block + at.LOWER, i] = -math.inf
 
     return walking(switch, recoverable, enter)
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from tdint.kernels import layout as at
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter
-from tdint.kernels.layout import DRIFT, FIRST_PARAMETER, FORCE
 
 
 def _functions() -> LawFunctions:
@@ -14,25 +14,25 @@ def _functions() -> LawFunctions:
         """By Horner's rule."""
         force = 0.0
         tangent = 0.0
-        for row in range(laws.shape[0] - 1, FIRST_PARAMETER - 1, -1):
+        for row in range(laws.shape[0] - 1, at.FIRST_PARAMETER - 1, -1):
             force = force * drift + laws[row, i]
-            tangent = tangent * drift + (row - FIRST_PARAMETER + 1) * laws[row, i]
-        springs[trial + FORCE, i] = force * drift
+            tangent = tangent * drift + (row - at.FIRST_PARAMETER + 1) * laws[row, i]
+        springs[trial + at.FORCE, i] = force * drift
         return tangent
 
     @inlined
     def recoverable(laws, springs, i):
-        d = springs[DRIFT, i]
+        d = springs[at.DRIFT, i]
         energy = 0.0
-        for row in range(laws.shape[0] - 1, FIRST_PARAMETER - 1, -1):
-            energy = energy * d + laws[row, i] / (row - FIRST_PARAMETER + 2)
+        for row in range(laws.shape[0] - 1, at.FIRST_PARAMETER - 1, -1):
+            energy = energy * d + laws[row, i] / (row - at.FIRST_PARAMETER + 2)
         return energy * d * d
 
     @inlined
     def points(laws, springs, i, way):
         """Exact: of degree q in the drift, the force times s is of degree 2 q + 1 in time."""
-        degree = laws.shape[0] - FIRST_PARAMETER
-        while degree > 1 and laws[FIRST_PARAMETER + degree - 1, i] == 0.0:
+        degree = laws.shape[0] - at.FIRST_PARAMETER
+        while degree > 1 and laws[at.FIRST_PARAMETER + degree - 1, i] == 0.0:
             degree -= 1
         return degree + 1.0
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
+from tdint.kernels import layout as at
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter
-from tdint.kernels.layout import DRIFT, FIRST_PARAMETER, FORCE, STIFFNESS
 
 
 def _functions() -> LawFunctions:
@@ -13,22 +13,22 @@ def _functions() -> LawFunctions:
 
     @inlined
     def force(laws, springs, i, past, trial, drift):
-        strength = laws[FIRST_PARAMETER, i]
-        part = math.tanh(laws[STIFFNESS, i] * drift / strength)
-        springs[trial + FORCE, i] = strength * part
-        return laws[STIFFNESS, i] * (1.0 - part * part)
+        strength = laws[at.FIRST_PARAMETER, i]
+        part = math.tanh(laws[at.STIFFNESS, i] * drift / strength)
+        springs[trial + at.FORCE, i] = strength * part
+        return laws[at.STIFFNESS, i] * (1.0 - part * part)
 
     @inlined
     def recoverable(laws, springs, i):
-        strength = laws[FIRST_PARAMETER, i]
-        x = abs(laws[STIFFNESS, i] * springs[DRIFT, i] / strength)
+        strength = laws[at.FIRST_PARAMETER, i]
+        x = abs(laws[at.STIFFNESS, i] * springs[at.DRIFT, i] / strength)
         # ln cosh x, without overflow
-        return strength * strength / laws[STIFFNESS, i] * (x + math.log1p(math.exp(-2.0 * x)) - math.log(2.0))
+        return strength * strength / laws[at.STIFFNESS, i] * (x + math.log1p(math.exp(-2.0 * x)) - math.log(2.0))
 
     @inlined
     def points(laws, springs, i, way):
         """Good to about 1e-10 of the strength: the poles of tanh x are i pi / 2 away."""
-        return 3.0 + 3.2 * way * laws[STIFFNESS, i] / laws[FIRST_PARAMETER, i]
+        return 3.0 + 3.2 * way * laws[at.STIFFNESS, i] / laws[at.FIRST_PARAMETER, i]
 
     return LawFunctions(force=force, recoverable=recoverable, points=points)
 

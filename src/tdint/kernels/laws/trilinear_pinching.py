@@ -11,31 +11,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from tdint.kernels import layout as at
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
-from tdint.kernels.layout import (
-    DRIFT,
-    FIRST_PARAMETER,
-    FORCE,
-    HIGH_DRIFT,
-    HIGH_FORCE,
-    INTERNAL,
-    LOW_DRIFT,
-    LOWER,
-    SLOPE,
-    STIFFNESS,
-    TURN,
-    TURNED,
-    UPPER,
-)
 
 # Parameters
-_YIELD_FORCE = FIRST_PARAMETER
-_ULTIMATE_FORCE = FIRST_PARAMETER + 1
-_ULTIMATE_DRIFT = FIRST_PARAMETER + 2
-_PINCHING = FIRST_PARAMETER + 3
-_UNLOADING = FIRST_PARAMETER + 4
+_YIELD_FORCE = at.FIRST_PARAMETER
+_ULTIMATE_FORCE = at.FIRST_PARAMETER + 1
+_ULTIMATE_DRIFT = at.FIRST_PARAMETER + 2
+_PINCHING = at.FIRST_PARAMETER + 3
+_UNLOADING = at.FIRST_PARAMETER + 4
 
-_ZERO = HIGH_FORCE  # the drift at the last passage of zero force; the forces of the farthest points are the backbone's
+_ZERO = (
+    at.HIGH_FORCE
+)  # the drift at the last passage of zero force; the forces of the farthest points are the backbone's
 
 # Kinds of branches, in INTERNAL; negative on the negative side, 0 before the first yielding
 _YIELDING = 1.0  # on the backbone
@@ -54,7 +42,7 @@ def _functions() -> LawFunctions:
     def hardening(laws, i):
         """Slope of the backbone between the yield and the ultimate point, N/m."""
         strength = laws[_YIELD_FORCE, i]
-        return (laws[_ULTIMATE_FORCE, i] - strength) / (laws[_ULTIMATE_DRIFT, i] - strength / laws[STIFFNESS, i])
+        return (laws[_ULTIMATE_FORCE, i] - strength) / (laws[_ULTIMATE_DRIFT, i] - strength / laws[at.STIFFNESS, i])
 
     @inlined
     def backbone(laws, i, drift):
@@ -62,40 +50,40 @@ def _functions() -> LawFunctions:
         strength = laws[_YIELD_FORCE, i]
         if drift >= laws[_ULTIMATE_DRIFT, i]:
             return laws[_ULTIMATE_FORCE, i]
-        return strength + hardening(laws, i) * (drift - strength / laws[STIFFNESS, i])
+        return strength + hardening(laws, i) * (drift - strength / laws[at.STIFFNESS, i])
 
     @inlined
     def farthest(springs, i, block, side):
         """The farthest drift on a side, the present one included; positive on either side."""
-        reached = springs[block + HIGH_DRIFT, i] if side > 0.0 else -springs[block + LOW_DRIFT, i]
-        if springs[block + INTERNAL, i] == side * _YIELDING:
-            reached = max(reached, side * springs[block + DRIFT, i])
+        reached = springs[block + at.HIGH_DRIFT, i] if side > 0.0 else -springs[block + at.LOW_DRIFT, i]
+        if springs[block + at.INTERNAL, i] == side * _YIELDING:
+            reached = max(reached, side * springs[block + at.DRIFT, i])
         return reached
 
     @called
     def unloading_stiffness(laws, springs, i, block, side):
-        k = laws[STIFFNESS, i]
+        k = laws[at.STIFFNESS, i]
         return k * (laws[_YIELD_FORCE, i] / (k * farthest(springs, i, block, side))) ** laws[_UNLOADING, i]
 
     @inlined
     def lead(springs, i, block, side, kind, slope, end, turn):
         """Put the story on a branch that ends at `end` ahead on that side, and does not hold backwards where it
         turns."""
-        springs[block + INTERNAL, i] = side * kind
-        springs[block + SLOPE, i] = slope
-        springs[block + TURN, i] = turn
-        springs[block + UPPER, i] = end if side > 0.0 else math.inf
-        springs[block + LOWER, i] = -end if side < 0.0 else -math.inf
+        springs[block + at.INTERNAL, i] = side * kind
+        springs[block + at.SLOPE, i] = slope
+        springs[block + at.TURN, i] = turn
+        springs[block + at.UPPER, i] = end if side > 0.0 else math.inf
+        springs[block + at.LOWER, i] = -end if side < 0.0 else -math.inf
 
     @inlined
     def glide(laws, springs, i, block, side, slope, end):
         """The line of the unloading stiffness through the present point, from zero force up to `end`."""
-        zero = springs[block + DRIFT, i] - springs[block + FORCE, i] / slope
+        zero = springs[block + at.DRIFT, i] - springs[block + at.FORCE, i] / slope
         lead(springs, i, block, side, _GLIDING, slope, end, 0.0)
         if side > 0.0:
-            springs[block + LOWER, i] = zero
+            springs[block + at.LOWER, i] = zero
         else:
-            springs[block + UPPER, i] = zero
+            springs[block + at.UPPER, i] = zero
 
     @inlined
     def end_of_pinching(laws, springs, i, block, side, target, force, slope):
@@ -107,8 +95,8 @@ def _functions() -> LawFunctions:
     @called
     def load(laws, springs, i, block, side):
         """Further on that side from a point of the reloading or of the backbone."""
-        drift = side * springs[block + DRIFT, i]
-        here = side * springs[block + FORCE, i]
+        drift = side * springs[block + at.DRIFT, i]
+        here = side * springs[block + at.FORCE, i]
         target = farthest(springs, i, block, side)
         if drift < target * (1.0 - _HERE):
             force = backbone(laws, i, target)
@@ -120,7 +108,7 @@ def _functions() -> LawFunctions:
             else:
                 lead(springs, i, block, side, _RELOADING, (force - here) / (target - drift), target, side)
         else:
-            springs[block + FORCE, i] = side * backbone(laws, i, drift)
+            springs[block + at.FORCE, i] = side * backbone(laws, i, drift)
             ultimate = laws[_ULTIMATE_DRIFT, i]
             if drift < ultimate * (1.0 - _HERE):
                 lead(springs, i, block, side, _YIELDING, hardening(laws, i), ultimate, side)
@@ -130,9 +118,9 @@ def _functions() -> LawFunctions:
     @called
     def cross(laws, springs, i, block, side):
         """Zero force is passed towards a side: load there, not stiffer than with its unloading stiffness."""
-        zero = side * springs[block + DRIFT, i]
-        springs[block + FORCE, i] = 0.0
-        springs[block + _ZERO, i] = springs[block + DRIFT, i]
+        zero = side * springs[block + at.DRIFT, i]
+        springs[block + at.FORCE, i] = 0.0
+        springs[block + _ZERO, i] = springs[block + at.DRIFT, i]
         target = farthest(springs, i, block, side)
         force = backbone(laws, i, target)
         slope = unloading_stiffness(laws, springs, i, block, side)
@@ -152,23 +140,23 @@ def _functions() -> LawFunctions:
             meeting = zero + laws[_ULTIMATE_FORCE, i] / slope
             if slope > rise:
                 strength = laws[_YIELD_FORCE, i]
-                bent = (strength - rise * strength / laws[STIFFNESS, i] + slope * zero) / (slope - rise)
+                bent = (strength - rise * strength / laws[at.STIFFNESS, i] + slope * zero) / (slope - rise)
                 meeting = min(bent, meeting) if bent < laws[_ULTIMATE_DRIFT, i] else meeting
         glide(laws, springs, i, block, side, slope, meeting)
 
     @called
     def switch(laws, springs, i, block, event):
-        kind = springs[block + INTERNAL, i]
+        kind = springs[block + at.INTERNAL, i]
         if kind == 0.0:
             load(laws, springs, i, block, event)
-        elif event == TURNED:
-            side = springs[block + TURN, i]
+        elif event == at.TURNED:
+            side = springs[block + at.TURN, i]
             if side > 0.0:
-                springs[block + HIGH_DRIFT, i] = farthest(springs, i, block, side)
+                springs[block + at.HIGH_DRIFT, i] = farthest(springs, i, block, side)
             else:
-                springs[block + LOW_DRIFT, i] = -farthest(springs, i, block, side)
+                springs[block + at.LOW_DRIFT, i] = -farthest(springs, i, block, side)
             slope = unloading_stiffness(laws, springs, i, block, side)
-            glide(laws, springs, i, block, side, slope, side * springs[block + DRIFT, i])
+            glide(laws, springs, i, block, side, slope, side * springs[block + at.DRIFT, i])
         elif abs(kind) == _GLIDING and event * kind < 0.0:
             cross(laws, springs, i, block, event)
         else:
@@ -176,15 +164,15 @@ def _functions() -> LawFunctions:
 
     @inlined
     def recoverable(laws, springs, i):
-        force = springs[FORCE, i]
+        force = springs[at.FORCE, i]
         side = 1.0 if force > 0.0 else -1.0
         return 0.5 * force * force / unloading_stiffness(laws, springs, i, 0, side)
 
     @inlined
     def enter(laws, springs, i):
-        drift = laws[_YIELD_FORCE, i] / laws[STIFFNESS, i]
-        springs[HIGH_DRIFT, i] = springs[UPPER, i] = drift
-        springs[LOW_DRIFT, i] = springs[LOWER, i] = -drift
+        drift = laws[_YIELD_FORCE, i] / laws[at.STIFFNESS, i]
+        springs[at.HIGH_DRIFT, i] = springs[at.UPPER, i] = drift
+        springs[at.LOW_DRIFT, i] = springs[at.LOWER, i] = -drift
 
     return walking(switch, recoverable, enter)
 

@@ -4,24 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from tdint.kernels import layout as at
 from tdint.kernels.compiling import inlined, specialized
 from tdint.kernels.laws.law import LawFunctions
-from tdint.kernels.layout import (
-    ABOVE,
-    BELOW,
-    DRIFT,
-    FORCE,
-    FURTHER,
-    LOWER,
-    PLAIN_ROWS,
-    SLOPE,
-    SPRING_BLOCKS,
-    SPRING_ROWS,
-    TURN,
-    TURNED,
-    UPPER,
-    WORK,
-)
 
 _MOST = 16
 """Branches that a straight way may go over; no law has as many."""
@@ -34,19 +19,19 @@ def nothing(laws, springs, i, block, step, mean_force):
 
 def add_work(laws, springs, i, block, step, mean_force):
     """An `advance` of a law of which drift, force and the work done change on the way."""
-    springs[block + WORK, i] += mean_force * step
+    springs[block + at.WORK, i] += mean_force * step
 
 
 @inlined
 def further(springs, block):
     """First of the further rows that belong to a block."""
-    return FURTHER + block // SPRING_ROWS * ((springs.shape[0] - FURTHER) // SPRING_BLOCKS)
+    return at.FURTHER + block // at.SPRING_ROWS * ((springs.shape[0] - at.FURTHER) // at.SPRING_BLOCKS)
 
 
 @inlined
 def copy_further(springs, i, past, trial):
     """Copy the further rows of story `i` between two blocks, where there are any."""
-    for row in range((springs.shape[0] - FURTHER) // SPRING_BLOCKS):
+    for row in range((springs.shape[0] - at.FURTHER) // at.SPRING_BLOCKS):
         springs[further(springs, trial) + row, i] = springs[further(springs, past) + row, i]
 
 
@@ -55,11 +40,11 @@ def advancing(own: Any) -> Any:
 
     @inlined
     def advance(laws, springs, i, block, drift):
-        step = drift - springs[block + DRIFT, i]
-        force = springs[block + FORCE, i]
-        new = force + springs[block + SLOPE, i] * step
-        springs[block + DRIFT, i] = drift
-        springs[block + FORCE, i] = new
+        step = drift - springs[block + at.DRIFT, i]
+        force = springs[block + at.FORCE, i]
+        new = force + springs[block + at.SLOPE, i] * step
+        springs[block + at.DRIFT, i] = drift
+        springs[block + at.FORCE, i] = new
         own(laws, springs, i, block, step, 0.5 * (force + new))
 
     return advance
@@ -72,22 +57,22 @@ def walker(switch: Any, own: Any = None) -> Any:
 
     @specialized
     def walk(laws, springs, i, past, trial, drift):
-        for row in range(SPRING_ROWS):
+        for row in range(at.SPRING_ROWS):
             springs[trial + row, i] = springs[past + row, i]
         copy_further(springs, i, past, trial)
-        if springs[trial + TURN, i] * (drift - springs[trial + DRIFT, i]) < 0.0:
-            switch(laws, springs, i, trial, TURNED)
+        if springs[trial + at.TURN, i] * (drift - springs[trial + at.DRIFT, i]) < 0.0:
+            switch(laws, springs, i, trial, at.TURNED)
         for _ in range(_MOST):
-            if drift > springs[trial + UPPER, i]:
-                advance(laws, springs, i, trial, springs[trial + UPPER, i])
-                switch(laws, springs, i, trial, ABOVE)
-            elif drift < springs[trial + LOWER, i]:
-                advance(laws, springs, i, trial, springs[trial + LOWER, i])
-                switch(laws, springs, i, trial, BELOW)
+            if drift > springs[trial + at.UPPER, i]:
+                advance(laws, springs, i, trial, springs[trial + at.UPPER, i])
+                switch(laws, springs, i, trial, at.ABOVE)
+            elif drift < springs[trial + at.LOWER, i]:
+                advance(laws, springs, i, trial, springs[trial + at.LOWER, i])
+                switch(laws, springs, i, trial, at.BELOW)
             else:
                 break
         advance(laws, springs, i, trial, drift)
-        return springs[trial + SLOPE, i]
+        return springs[trial + at.SLOPE, i]
 
     return walk
 
@@ -98,11 +83,11 @@ def walking(switch: Any, recoverable: Any, enter: Any) -> LawFunctions:
 
     @inlined
     def dissipated(laws, springs, i):
-        return springs[WORK, i] - recoverable(laws, springs, i)
+        return springs[at.WORK, i] - recoverable(laws, springs, i)
 
     @inlined
     def keep(laws, springs, i, past, trial):
-        for row in range(PLAIN_ROWS, SPRING_ROWS):
+        for row in range(at.PLAIN_ROWS, at.SPRING_ROWS):
             springs[row, i] = springs[trial + row, i]
         copy_further(springs, i, trial, 0)
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+from tdint.kernels import layout as at
 from tdint.kernels.compiling import CUBE, F8, I8, TABLE, VECTOR, called_at, inlined, kernel
-from tdint.kernels.layout import DRIFT, OWN_PEAKS, PEAK_DISPLACEMENT, PEAK_VELOCITY
 from tdint.kernels.march.march import MARCH
-from tdint.kernels.march.observing import OBSERVED_SIZE
 from tdint.kernels.march.stories import BEGIN, RAISE_SHEARS, TAKE_STOCK
 from tdint.kernels.stepping import STEP
 
@@ -85,7 +84,7 @@ def many(
         _fill(watch, 0.0)
         for i in range(memo.size):
             memo[i] = memo_0[i]
-        for i in range(OBSERVED_SIZE):
+        for i in range(at.OBSERVED_SIZE):
             observed[r, i] = observed_0[i]
         done = 0
         steps = int(runs[r, STEPS])
@@ -94,10 +93,10 @@ def many(
         at_rest = 1.0 if windows == 0 else 0.0
         for w in range(windows + 1):
             for i in range(n):  # velocities of this window alone
-                kept[i] = peaks[r, PEAK_VELOCITY, i]
-                peaks[r, PEAK_VELOCITY, i] = 0.0
-                if memo[OWN_PEAKS] != 0.0:
-                    work[int(memo[OWN_PEAKS]) + PEAK_VELOCITY, i] = 0.0
+                kept[i] = peaks[r, at.PEAK_VELOCITY, i]
+                peaks[r, at.PEAK_VELOCITY, i] = 0.0
+                if memo[at.OWN_PEAKS] != 0.0:
+                    work[int(memo[at.OWN_PEAKS]) + at.PEAK_VELOCITY, i] = 0.0
             code = call_march(
                 march, step, begin, take_stock, raise_shears, last, done, last, int(runs[r, PER_SAMPLE]),
                 int(runs[r, STRIDE]), halvings, h, ground, coefficients, shifts, chain, modal, laws, forces,
@@ -106,9 +105,9 @@ def many(
             fastest = 0.0
             farthest = 0.0
             for i in range(n):
-                fastest = max(fastest, peaks[r, PEAK_VELOCITY, i])
-                farthest = max(farthest, peaks[r, PEAK_DISPLACEMENT, i])
-                peaks[r, PEAK_VELOCITY, i] = max(kept[i], peaks[r, PEAK_VELOCITY, i])
+                fastest = max(fastest, peaks[r, at.PEAK_VELOCITY, i])
+                farthest = max(farthest, peaks[r, at.PEAK_DISPLACEMENT, i])
+                peaks[r, at.PEAK_VELOCITY, i] = max(kept[i], peaks[r, at.PEAK_VELOCITY, i])
             if code < 0:
                 break
             done = last
@@ -119,7 +118,7 @@ def many(
         if code < 0:
             failed += 1
         for i in range(n):
-            drifts[r, i] = springs[DRIFT, i]
+            drifts[r, i] = springs[at.DRIFT, i]
         ends[r, CODE] = code
         ends[r, STEPS_TAKEN] = done
         ends[r, AT_REST] = at_rest

@@ -2,25 +2,11 @@
 
 from __future__ import annotations
 
+from tdint.kernels import layout as at
 from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, called, inlined, kernel
-from tdint.kernels.layout import (
-    ACCELERATION,
-    CARRIED_GROUND,
-    DISPLACEMENT,
-    GROUND_0,
-    GROUND_1,
-    NOT_FINITE,
-    STEPS_DONE,
-    TIME,
-)
 from tdint.kernels.march.ground import ground_at, straightened, straightened_samples
 from tdint.kernels.march.observing import (
     ACCELERATION_ROW,
-    COLLAPSE_STEP,
-    HALVINGS,
-    ITERATIONS,
-    NO_COLLAPSE,
-    STEPS_REACHED,
     TURN,
     begin_energies,
     beyond_limits,
@@ -84,8 +70,8 @@ def _start(begin, take_stock, chain, modal, laws, forces, ground, state, springs
     observe(chain, modal, forces, 0.0, 0.0, ground, 0.0, state, springs, memo, watch, peaks, observed)
     remember(state, watch, n)
     for i in range(n):
-        state[ACCELERATION, i] = watch[ACCELERATION_ROW, i]
-    memo[CARRIED_GROUND] = ground
+        state[at.ACCELERATION, i] = watch[ACCELERATION_ROW, i]
+    memo[at.CARRIED_GROUND] = ground
     call_take_stock(take_stock, chain, laws, state, springs, observed)
     begin_energies(chain, observed)
 
@@ -94,14 +80,14 @@ def _start(begin, take_stock, chain, modal, laws, forces, ground, state, springs
 def _ran_away(state, n):
     here = True
     for i in range(n):
-        here &= abs(state[DISPLACEMENT, i]) < RUNAWAY
+        here &= abs(state[at.DISPLACEMENT, i]) < RUNAWAY
     return not here
 
 
 @called
 def _watch(take_stock, chain, laws, state, springs, limits, peaks, steps, observed):
     """Note a collapse that has not been noted yet."""
-    if observed[COLLAPSE_STEP] == NO_COLLAPSE and beyond_limits(limits, springs, peaks, chain.shape[1] - 1):
+    if observed[at.COLLAPSE_STEP] == at.NO_COLLAPSE and beyond_limits(limits, springs, peaks, chain.shape[1] - 1):
         call_take_stock(take_stock, chain, laws, state, springs, observed)
         note_collapse(limits, springs, peaks, steps, observed)
 
@@ -142,56 +128,58 @@ def march(
         done = 0.0  # of the step
         piece = 1.0
         while done < 1.0:
-            load[TIME] = (s + done) * h
+            load[at.TIME] = (s + done) * h
             if stride > 1:
                 if per_sample == 1 and piece == 1.0:
-                    load[GROUND_0], load[GROUND_1] = straightened_samples(ground, s * stride, (s + 1) * stride)
+                    load[at.GROUND_0], load[at.GROUND_1] = straightened_samples(ground, s * stride, (s + 1) * stride)
                 else:
                     samples = stride / per_sample
                     begins, ends = (s + done) * samples, (s + done + piece) * samples
-                    load[GROUND_0], load[GROUND_1] = straightened(ground, begins, ends)
-                slope = (load[GROUND_1] - load[GROUND_0]) / (piece * h)
+                    load[at.GROUND_0], load[at.GROUND_1] = straightened(ground, begins, ends)
+                slope = (load[at.GROUND_1] - load[at.GROUND_0]) / (piece * h)
                 shift_ground(
-                    chain, modal, forces, load[TIME], memo[CARRIED_GROUND] - load[GROUND_0], load[GROUND_0], shifts,
-                    state, watch, observed,
+                    chain, modal, forces, load[at.TIME], memo[at.CARRIED_GROUND] - load[at.GROUND_0],
+                    load[at.GROUND_0], shifts, state, watch, observed,
                 )  # fmt: skip
-                memo[CARRIED_GROUND] = load[GROUND_0]
+                memo[at.CARRIED_GROUND] = load[at.GROUND_0]
             else:
-                load[GROUND_0] = ground_0 + done * (ground_1 - ground_0)
-                load[GROUND_1] = ground_1 if done + piece == 1.0 else ground_0 + (done + piece) * (ground_1 - ground_0)
+                load[at.GROUND_0] = ground_0 + done * (ground_1 - ground_0)
+                load[at.GROUND_1] = (
+                    ground_1 if done + piece == 1.0 else ground_0 + (done + piece) * (ground_1 - ground_0)
+                )
             code = call_step(
                 step, coefficients, chain, modal, laws, forces, piece * h, load, state, springs, work, memo
             )
             if code < 0:
-                if code == NOT_FINITE or piece <= smallest:
+                if code == at.NOT_FINITE or piece <= smallest:
                     _watch(take_stock, chain, laws, state, springs, limits, peaks, s, observed)
                     return code
                 piece *= 0.5
-                observed[HALVINGS] += 1.0
-                memo[STEPS_DONE] = 0.0
+                observed[at.HALVINGS] += 1.0
+                memo[at.STEPS_DONE] = 0.0
                 continue
             done += piece
-            observed[ITERATIONS] += code
-            memo[CARRIED_GROUND] = load[GROUND_1]
+            observed[at.ITERATIONS] += code
+            memo[at.CARRIED_GROUND] = load[at.GROUND_1]
             near = observe(
-                chain, modal, forces, (s + done) * h, piece * h, load[GROUND_1], slope,
+                chain, modal, forces, (s + done) * h, piece * h, load[at.GROUND_1], slope,
                 state, springs, memo, watch, peaks, observed,
             )  # fmt: skip
             turned = look_between(
-                near, chain, laws, piece * h, load[GROUND_0], load[GROUND_1], state, springs, watch, work, memo, peaks,
-                observed,
+                near, chain, laws, piece * h, load[at.GROUND_0], load[at.GROUND_1], state, springs, watch, work, memo,
+                peaks, observed,
             )  # fmt: skip
             if turned > 0:
                 call_raise_shears(raise_shears, laws, springs, watch, TURN, peaks)
-        memo[STEPS_DONE] = memo[STEPS_DONE] + 1.0 if piece == 1.0 else 0.0
-        observed[STEPS_REACHED] += 1.0
+        memo[at.STEPS_DONE] = memo[at.STEPS_DONE] + 1.0 if piece == 1.0 else 0.0
+        observed[at.STEPS_REACHED] += 1.0
         if _ran_away(state, n):
-            return NOT_FINITE
-        if observed[COLLAPSE_STEP] == NO_COLLAPSE and beyond_limits(limits, springs, peaks, n):
+            return at.NOT_FINITE
+        if observed[at.COLLAPSE_STEP] == at.NO_COLLAPSE and beyond_limits(limits, springs, peaks, n):
             _watch(take_stock, chain, laws, state, springs, limits, peaks, s + 1, observed)
         if history.shape[0] > 0 and (s + 1) % every == 0:
             call_take_stock(take_stock, chain, laws, state, springs, observed)
-            store(chain, ground_1, load[GROUND_1], state, springs, watch, observed, history, (s + 1) // every)
+            store(chain, ground_1, load[at.GROUND_1], state, springs, watch, observed, history, (s + 1) // every)
         ground_0 = ground_1
     if last == steps:
         call_take_stock(take_stock, chain, laws, state, springs, observed)

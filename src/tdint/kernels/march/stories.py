@@ -6,20 +6,8 @@ The march is given these as kernels of their own, as it is given the step, so th
 
 from __future__ import annotations
 
+from tdint.kernels import layout as at
 from tdint.kernels.compiling import I8, TABLE, VECTOR, called_at, kernel
-from tdint.kernels.layout import (
-    COMMITTED,
-    DISPLACEMENT,
-    DRIFT,
-    FIRST_TRIAL,
-    FORCE,
-    GEOMETRIC,
-    LINK,
-    MASS,
-    PEAK_SHEAR,
-    VELOCITY,
-)
-from tdint.kernels.march.observing import DISSIPATED_BEFORE, ENERGY_DISSIPATED, ENERGY_KINETIC, ENERGY_RECOVERABLE
 from tdint.kernels.march.within import raise_peak
 from tdint.kernels.stories.springs import dissipated, reach, recoverable, start
 
@@ -38,8 +26,8 @@ def begin(chain, laws, state, springs):
     """Bring all stories from rest to their initial drifts."""
     below = 0.0
     for i in range(chain.shape[1] - 1):
-        start(laws, springs, i, state[DISPLACEMENT, i] - chain[LINK, i] * below)
-        below = state[DISPLACEMENT, i]
+        start(laws, springs, i, state[at.DISPLACEMENT, i] - chain[at.LINK, i] * below)
+        below = state[at.DISPLACEMENT, i]
     return 0
 
 
@@ -50,13 +38,13 @@ def take_stock(chain, laws, state, springs, observed):
     stored = 0.0
     lost = 0.0
     for i in range(chain.shape[1] - 1):
-        drift = springs[DRIFT, i]
-        kinetic += 0.5 * chain[MASS, i] * state[VELOCITY, i] * state[VELOCITY, i]
-        stored += recoverable(laws, springs, i) + 0.5 * chain[GEOMETRIC, i] * drift * drift
+        drift = springs[at.DRIFT, i]
+        kinetic += 0.5 * chain[at.MASS, i] * state[at.VELOCITY, i] * state[at.VELOCITY, i]
+        stored += recoverable(laws, springs, i) + 0.5 * chain[at.GEOMETRIC, i] * drift * drift
         lost += dissipated(laws, springs, i)
-    observed[ENERGY_KINETIC] = kinetic
-    observed[ENERGY_RECOVERABLE] = stored
-    observed[ENERGY_DISSIPATED] = lost - observed[DISSIPATED_BEFORE]
+    observed[at.ENERGY_KINETIC] = kinetic
+    observed[at.ENERGY_RECOVERABLE] = stored
+    observed[at.ENERGY_DISSIPATED] = lost - observed[at.DISSIPATED_BEFORE]
     return 0
 
 
@@ -67,7 +55,7 @@ def raise_shears(laws, springs, turns, turn, peaks):
     From the end of the step the way leads back to where the story turned: there it finds the force again that it had.
     """
     for i in range(peaks.shape[1]):
-        if turns[turn, i] != springs[DRIFT, i]:
-            reach(laws, springs, i, COMMITTED, FIRST_TRIAL, turns[turn, i])
-            raise_peak(peaks, PEAK_SHEAR, i, springs[FIRST_TRIAL + FORCE, i])
+        if turns[turn, i] != springs[at.DRIFT, i]:
+            reach(laws, springs, i, at.COMMITTED, at.FIRST_TRIAL, turns[turn, i])
+            raise_peak(peaks, at.PEAK_SHEAR, i, springs[at.FIRST_TRIAL + at.FORCE, i])
     return 0

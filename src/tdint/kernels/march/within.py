@@ -21,21 +21,8 @@ from __future__ import annotations
 
 import math
 
+from tdint.kernels import layout as at
 from tdint.kernels.compiling import called, inlined
-from tdint.kernels.layout import (
-    DISPLACEMENT,
-    DRIFT,
-    FORCE,
-    LINK,
-    PEAK_ACCELERATION,
-    PEAK_DISPLACEMENT,
-    PEAK_DRIFT,
-    PEAK_ROWS,
-    PEAK_SHEAR,
-    PEAK_VELOCITY,
-    STIFFNESS,
-    VELOCITY,
-)
 
 _RESOLVED = 0.5  # what a change of velocity may miss the mean acceleration by, over the velocities
 _SMOOTH = 1.0  # what an acceleration inside may miss the straight line by, over those at the ends
@@ -92,25 +79,25 @@ def _may_pass(
 
     Without branches: of the many steps in which some value is near its peak few pass it.
     """
-    link = chain[LINK, i]
+    link = chain[at.LINK, i]
     u0 = old[first, i]
     v0 = old[first + 1, i]
     a0 = old[first + 2, i]
-    u1 = state[DISPLACEMENT, i]
-    v1 = state[VELOCITY, i]
+    u1 = state[at.DISPLACEMENT, i]
+    v1 = state[at.VELOCITY, i]
     a1 = accelerations[new, i]
-    drift = springs[DRIFT, i]
+    drift = springs[at.DRIFT, i]
     rate_0 = v0 - link * old[first + 1, below]
-    rate_1 = v1 - link * state[VELOCITY, below]
+    rate_1 = v1 - link * state[at.VELOCITY, below]
     swing = _SWING * h * (abs(rate_0) + abs(rate_1))
-    passed = abs(drift) + swing > peaks[top + PEAK_DRIFT, i]
-    sheared = abs(springs[FORCE, i]) + laws[STIFFNESS, i] * swing > peaks[top + PEAK_SHEAR, i]
+    passed = abs(drift) + swing > peaks[top + at.PEAK_DRIFT, i]
+    sheared = abs(springs[at.FORCE, i]) + laws[at.STIFFNESS, i] * swing > peaks[top + at.PEAK_SHEAR, i]
     rise = drift - (u0 - link * old[first, below])
     passing = _turns(on_path, h, rise, rate_0, rate_1) & (passed | sheared)
-    passed = abs(u1) + _SWING * h * (abs(v0) + abs(v1)) > peaks[top + PEAK_DISPLACEMENT, i]
+    passed = abs(u1) + _SWING * h * (abs(v0) + abs(v1)) > peaks[top + at.PEAK_DISPLACEMENT, i]
     passing |= _turns(on_path, h, u1 - u0, v0, v1) & passed
-    passing |= (a0 * a1 < 0.0) & (abs(v1) + _SWING * h * (abs(a0) + abs(a1)) > peaks[top + PEAK_VELOCITY, i])
-    peak = peaks[top + PEAK_ACCELERATION, i]
+    passing |= (a0 * a1 < 0.0) & (abs(v1) + _SWING * h * (abs(a0) + abs(a1)) > peaks[top + at.PEAK_VELOCITY, i])
+    peak = peaks[top + at.PEAK_ACCELERATION, i]
     absolute_0 = a0 + ground_0
     absolute_1 = a1 + ground_1
     bulge, tilt = _bend(h, u0, v0, a0, u1, v1, a1)
@@ -139,23 +126,23 @@ def _look_closely(
     v1_below = 0.0
     a1_below = 0.0
     for i in range(chain.shape[1] - 1):
-        link = chain[LINK, i]
+        link = chain[at.LINK, i]
         u0 = old[first, i]
         v0 = old[first + 1, i]
         a0 = old[first + 2, i]
         w0 = old[first + 3, i] if fast else v0
         b0 = old[first + 4, i] if fast else a0
-        u1 = state[DISPLACEMENT, i]
-        v1 = state[VELOCITY, i]
+        u1 = state[at.DISPLACEMENT, i]
+        v1 = state[at.VELOCITY, i]
         a1 = accelerations[new, i]
-        drift = springs[DRIFT, i]
+        drift = springs[at.DRIFT, i]
         rate_0 = v0 - link * v0_below
         rate_1 = v1 - link * v1_below
         turns[turn, i] = drift
         if on_path or rate_0 * rate_1 < 0.0:
             swing = _SWING * h * (abs(rate_0) + abs(rate_1))
-            passing = peaks[top + PEAK_DRIFT, i] - abs(drift)
-            shearing = (peaks[top + PEAK_SHEAR, i] - abs(springs[FORCE, i])) / laws[STIFFNESS, i]
+            passing = peaks[top + at.PEAK_DRIFT, i] - abs(drift)
+            shearing = (peaks[top + at.PEAK_SHEAR, i] - abs(springs[at.FORCE, i])) / laws[at.STIFFNESS, i]
             if swing > min(passing, shearing):
                 bend_0 = a0 - link * a0_below
                 bend_1 = a1 - link * a1_below
@@ -164,20 +151,20 @@ def _look_closely(
                 )  # fmt: skip
                 far = _turning_point(
                     on_path, calm, h, u0 - link * u0_below, rate_0, bend_0, drift, rate_1, bend_1,
-                    min(passing, shearing), peaks, top + PEAK_DRIFT, i,
+                    min(passing, shearing), peaks, top + at.PEAK_DRIFT, i,
                 )  # fmt: skip
                 # A story that has become stiffer may have its largest shear where its drift is largest.
                 if far != drift:
                     turns[turn, i] = far
                     turned += 1
-        passing = peaks[top + PEAK_DISPLACEMENT, i] - abs(u1)
+        passing = peaks[top + at.PEAK_DISPLACEMENT, i] - abs(u1)
         if (on_path or v0 * v1 < 0.0) and _SWING * h * (abs(v0) + abs(v1)) > passing:
             calm = not fast or _calm(w0, v0, v1, b0, a0, a1)
-            _turning_point(on_path, calm, h, u0, v0, a0, u1, v1, a1, passing, peaks, top + PEAK_DISPLACEMENT, i)
-        if a0 * a1 < 0.0 and abs(v1) + _SWING * h * (abs(a0) + abs(a1)) > peaks[top + PEAK_VELOCITY, i]:
+            _turning_point(on_path, calm, h, u0, v0, a0, u1, v1, a1, passing, peaks, top + at.PEAK_DISPLACEMENT, i)
+        if a0 * a1 < 0.0 and abs(v1) + _SWING * h * (abs(a0) + abs(a1)) > peaks[top + at.PEAK_VELOCITY, i]:
             calm = not fast or _calm(w0, v0, v1, b0, a0, a1)
             _fastest(calm, h, u0, v0, a0, u1, v1, a1, peaks, top, i)
-        peak = peaks[top + PEAK_ACCELERATION, i]
+        peak = peaks[top + at.PEAK_ACCELERATION, i]
         absolute_0 = a0 + ground_0
         absolute_1 = a1 + ground_1
         bulge, tilt = _bend(h, u0, v0, a0, u1, v1, a1)
@@ -223,7 +210,7 @@ def _turning_point(on_path, calm, h, u0, v0, a0, u1, v1, a1, passing, peaks, row
     if not _told(calm, h, v0, a0, v1, a1):
         rise = u1 - u0
         bend = 3.0 * rise - h * (2.0 * v0 + v1)
-        raise_peak(peaks, row + PEAK_ROWS, i, _extreme_of_cubic(u0, h * v0, bend, rise - h * v0 - bend))
+        raise_peak(peaks, row + at.PEAK_ROWS, i, _extreme_of_cubic(u0, h * v0, bend, rise - h * v0 - bend))
         return u1
     c3, c4, c5 = _quintic(h, u0, v0, a0, u1, v1, a1)
     far = _extreme(v0 / (v0 - v1), u0, h * v0, 0.5 * h * h * a0, c3, c4, c5)
@@ -243,7 +230,7 @@ def _fastest(calm, h, u0, v0, a0, u1, v1, a1, peaks, top, i):
     c3, c4, c5 = _quintic(h, u0, v0, a0, u1, v1, a1)
     bulge, tilt = _bend(h, u0, v0, a0, u1, v1, a1)
     told = calm and _smooth(bulge, tilt, abs(a0) + abs(a1))
-    row = top + PEAK_VELOCITY + (0 if told else PEAK_ROWS)
+    row = top + at.PEAK_VELOCITY + (0 if told else at.PEAK_ROWS)
     # Inside it is no larger than its Bezier points.
     early = v0 + 0.25 * h * a0
     late = v1 - 0.25 * h * a1
@@ -257,7 +244,7 @@ def _fastest(calm, h, u0, v0, a0, u1, v1, a1, peaks, top, i):
 def _most_accelerated(calm, absolute_0, absolute_1, bulge, tilt, peaks, top, i):
     """Raise the peak of absolute acceleration."""
     told = calm and _smooth(bulge, tilt, abs(absolute_0) + abs(absolute_1))
-    row = top + PEAK_ACCELERATION + (0 if told else PEAK_ROWS)
+    row = top + at.PEAK_ACCELERATION + (0 if told else at.PEAK_ROWS)
     change = absolute_1 - absolute_0 + bulge + tilt
     raise_peak(peaks, row, i, _extreme_of_cubic(absolute_0, change, -bulge - 3.0 * tilt, 2.0 * tilt))
 

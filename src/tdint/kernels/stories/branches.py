@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import math
 
+from tdint.kernels import layout as at
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.laws import CURVED
 from tdint.kernels.laws.choosing import case_of_3, case_of_5, case_of_6, chosen
 from tdint.kernels.laws.walking import add_work, advancing, nothing
-from tdint.kernels.layout import CODE, LOWER, SLOPE, STIFFNESS, TURN, UPPER
 
 advance = advancing(chosen("advance", case_of_6, nothing, rarely=add_work))
 """(laws, springs, i, block, drift): go to `drift` on the present linear branch of the state in `block`."""
@@ -41,10 +41,10 @@ _switch = chosen("switch", case_of_5, _without_branches)
 @called
 def enter(laws, springs, i):
     """Put the committed state of story `i` on the branch that it implies."""
-    springs[SLOPE, i] = math.inf if laws[CODE, i] in CURVED else laws[STIFFNESS, i]
-    springs[TURN, i] = 0.0
-    springs[UPPER, i] = math.inf
-    springs[LOWER, i] = -math.inf
+    springs[at.SLOPE, i] = math.inf if laws[at.CODE, i] in CURVED else laws[at.STIFFNESS, i]
+    springs[at.TURN, i] = 0.0
+    springs[at.UPPER, i] = math.inf
+    springs[at.LOWER, i] = -math.inf
     _enter(laws, springs, i)
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from tdint.kernels import layout as at
 from tdint.kernels.compiling import I8, TABLE, VECTOR, kernel
-from tdint.kernels.layout import COMMITTED, FIRST_TRIAL, FORCE
 from tdint.kernels.stories.springs import commit, dissipated, recoverable, restoring, start
 
 # Columns of the result
@@ -22,9 +22,9 @@ def follow(laws, i, drifts, springs, result):
     """
     start(laws, springs, i, drifts[0])
     for s in range(drifts.size):
-        result[s, TANGENT] = restoring(laws, springs, i, COMMITTED, FIRST_TRIAL, drifts[s])
-        commit(laws, springs, i, COMMITTED, FIRST_TRIAL)
-        result[s, SHEAR] = springs[FORCE, i]
+        result[s, TANGENT] = restoring(laws, springs, i, at.COMMITTED, at.FIRST_TRIAL, drifts[s])
+        commit(laws, springs, i, at.COMMITTED, at.FIRST_TRIAL)
+        result[s, SHEAR] = springs[at.FORCE, i]
         result[s, RECOVERABLE] = recoverable(laws, springs, i)
         result[s, DISSIPATION] = dissipated(laws, springs, i)
     return 0

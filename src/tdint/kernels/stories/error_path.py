@@ -19,15 +19,7 @@ from tdint.kernels.compiling import called, inlined
 from tdint.kernels.laws.choosing import CURVES, DISSIPATING
 from tdint.kernels.laws.walking import copy_further
 from tdint.kernels.stories.branches import advance, switch
-from tdint.kernels.stories.path import (
-    NODES,
-    WEIGHTS,
-    _at,
-    _kink,
-    _points,
-    _time_to,
-    _turning_point,
-)
+from tdint.kernels.stories.path import NODES, WEIGHTS, _at, _kink, _points, _time_to, _turning_point
 from tdint.kernels.stories.springs import reach, restoring, settle
 
 # Rows from `out` on
@@ -39,7 +31,8 @@ MEAN_BY_EVEN = 4
 MEAN_BY_ODD = 5
 MOMENT_BY_EVEN = 6
 MOMENT_BY_ODD = 7
-ERROR_PATH_ROWS = 8
+EVENT = 8  # when the story last reached the end of a branch, in (0, 1), 0 if it has not; and its force then
+ERROR_PATH_ROWS = 10
 
 _MOST_BRANCHES = 16
 _MOST_POINTS = 16
@@ -131,6 +124,9 @@ def _go(laws, springs, i, start, rise, bend, begin, end, work, out):
         advance(laws, springs, i, at.FIRST_TRIAL, limit if ends else target)
         if not ends:
             break
+        if there < 1.0:
+            work[out + EVENT, i] = there
+            work[out + EVENT + 1, i] = springs[at.FIRST_TRIAL + at.FORCE, i]
         switch(laws, springs, i, at.FIRST_TRIAL, at.ABOVE if side > 0.0 else at.BELOW)
         here = there
 

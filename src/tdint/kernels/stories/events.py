@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import math
 
+from tdint.kernels import layout as at
 from tdint.kernels.compiling import called, inlined
-from tdint.kernels.layout import ABOVE, BELOW, DRIFT, LINK, LOWER, TURN, TURNED, UPPER, VELOCITY
 
 NONE = 2.0
 """The fraction of the step for no event."""
@@ -24,39 +24,39 @@ def first_event(chain, h, state, springs, work, u1, v1):
     """
     first = NONE
     story = -1
-    how = TURNED
+    how = at.TURNED
     v_below = 0.0
     u1_below = 0.0
     v1_below = 0.0
     for i in range(chain.shape[1] - 1):
-        link = chain[LINK, i]
-        d0 = springs[DRIFT, i]
-        w0 = h * (state[VELOCITY, i] - link * v_below)
+        link = chain[at.LINK, i]
+        d0 = springs[at.DRIFT, i]
+        w0 = h * (state[at.VELOCITY, i] - link * v_below)
         d3 = work[u1, i] - link * u1_below
         w1 = h * (work[v1, i] - link * v1_below)
-        v_below = state[VELOCITY, i]
+        v_below = state[at.VELOCITY, i]
         u1_below = work[u1, i]
         v1_below = work[v1, i]
         # Bezier points: the drift lies between the smallest and the largest of them.
         d1 = d0 + w0 / 3.0
         d2 = d3 - w1 / 3.0
         slack = _SLACK * (abs(d0) + abs(d3))
-        upper = springs[UPPER, i]
-        lower = springs[LOWER, i]
+        upper = springs[at.UPPER, i]
+        lower = springs[at.LOWER, i]
         if max(d1, d2, d3) > upper + slack:
             fraction = _crossing(d0, d1, d2, d3, upper, slack, first)
             if fraction < first:
-                first, story, how = fraction, i, ABOVE
+                first, story, how = fraction, i, at.ABOVE
         if min(d1, d2, d3) < lower - slack:
             fraction = _crossing(-d0, -d1, -d2, -d3, -lower, slack, first)
             if fraction < first:
-                first, story, how = fraction, i, BELOW
-        turn = springs[TURN, i]
+                first, story, how = fraction, i, at.BELOW
+        turn = springs[at.TURN, i]
         slack = _TURNED / _SLACK * slack
         if turn != 0.0 and (turn * (d2 - d1) < -slack or turn * (d3 - d2) < -slack):
             fraction = turning(turn * (d1 - d0), turn * (d2 - d1), turn * (d3 - d2))
             if fraction < first:
-                first, story, how = fraction, i, TURNED
+                first, story, how = fraction, i, at.TURNED
     return first, story, how
 
 

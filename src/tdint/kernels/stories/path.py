@@ -17,25 +17,10 @@ import math
 
 import numpy as np
 
+from tdint.kernels import layout as at
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.laws.choosing import CURVES, DISSIPATING, case_of_4, case_of_5, chosen
 from tdint.kernels.laws.walking import copy_further
-from tdint.kernels.layout import (
-    ABOVE,
-    BELOW,
-    CODE,
-    DRIFT,
-    FIRST_TRIAL,
-    FORCE,
-    LOWER,
-    SECOND_TRIAL,
-    SLOPE,
-    SPRING_ROWS,
-    THIRD_TRIAL,
-    TURN,
-    TURNED,
-    UPPER,
-)
 from tdint.kernels.stories.branches import advance, switch
 from tdint.kernels.stories.springs import adopt, reach, restoring, settle
 
@@ -89,10 +74,10 @@ _kink = chosen("kink", case_of_5, _smooth)
 @inlined
 def stays(springs, i, rise, bend):
     """Whether story `i` keeps to its present linear branch all along the path."""
-    if not springs[SLOPE, i] < math.inf:
+    if not springs[at.SLOPE, i] < math.inf:
         return False
-    start = springs[DRIFT, i]
-    turn = springs[TURN, i]
+    start = springs[at.DRIFT, i]
+    turn = springs[at.TURN, i]
     first = rise - 0.5 * bend
     last = rise + 0.5 * bend
     if turn * first < 0.0 or turn * last < 0.0:
@@ -102,21 +87,21 @@ def stays(springs, i, rise, bend):
     end = start + rise
     highest = max(start, middle, end)
     lowest = min(start, middle, end)
-    if highest <= springs[UPPER, i] and lowest >= springs[LOWER, i]:
+    if highest <= springs[at.UPPER, i] and lowest >= springs[at.LOWER, i]:
         return True
     if first * last < 0.0:
         t = 0.5 - rise / bend
         middle = start + rise * t + 0.5 * bend * (t * t - t)
     else:
         middle = start
-    return max(start, middle, end) <= springs[UPPER, i] and min(start, middle, end) >= springs[LOWER, i]
+    return max(start, middle, end) <= springs[at.UPPER, i] and min(start, middle, end) >= springs[at.LOWER, i]
 
 
 @inlined
 def keep_to_branch(springs, i, rise, bend, work, out):
     """The results of a story that keeps to its present linear branch."""
-    slope = springs[SLOPE, i]
-    work[out + MEAN, i] = springs[FORCE, i] + slope * (0.5 * rise - bend / 12.0)
+    slope = springs[at.SLOPE, i]
+    work[out + MEAN, i] = springs[at.FORCE, i] + slope * (0.5 * rise - bend / 12.0)
     work[out + MOMENT, i] = slope * rise
     work[out + MEAN_BY_RISE, i] = 0.5 * slope
     work[out + MEAN_BY_BEND, i] = -slope / 12.0
@@ -128,9 +113,9 @@ def keep_to_branch(springs, i, rise, bend, work, out):
 def follow(laws, springs, i, rise, bend, work, out):
     """The results of any story into the rows from `out` on; its state on the way is left to `arrive`."""
     _clear(work, out, i)
-    if not CURVES or springs[SLOPE, i] < math.inf:
+    if not CURVES or springs[at.SLOPE, i] < math.inf:
         _over_branches(laws, springs, i, rise, bend, work, out)
-    elif laws[CODE, i] in DISSIPATING:
+    elif laws[at.CODE, i] in DISSIPATING:
         _with_memory(laws, springs, i, rise, bend, work, out)
     else:
         _elastic(laws, springs, i, rise, bend, work, out)
@@ -139,13 +124,13 @@ def follow(laws, springs, i, rise, bend, work, out):
 @called
 def arrive(laws, springs, i, rise):
     """Commit the end of the path that `follow` followed last."""
-    if not CURVES or springs[SLOPE, i] < math.inf:
-        _copy(springs, i, FIRST_TRIAL, 0)
+    if not CURVES or springs[at.SLOPE, i] < math.inf:
+        _copy(springs, i, at.FIRST_TRIAL, 0)
         return
-    past = FIRST_TRIAL if laws[CODE, i] in DISSIPATING else 0
-    reach(laws, springs, i, past, SECOND_TRIAL, springs[DRIFT, i] + rise)
-    settle(laws, springs, i, past, SECOND_TRIAL)
-    adopt(laws, springs, i, SECOND_TRIAL)
+    past = at.FIRST_TRIAL if laws[at.CODE, i] in DISSIPATING else 0
+    reach(laws, springs, i, past, at.SECOND_TRIAL, springs[at.DRIFT, i] + rise)
+    settle(laws, springs, i, past, at.SECOND_TRIAL)
+    adopt(laws, springs, i, at.SECOND_TRIAL)
 
 
 @inlined
@@ -161,7 +146,7 @@ def _clear(work, out, i):
 
 @inlined
 def _copy(springs, i, source, target):
-    for row in range(SPRING_ROWS):
+    for row in range(at.SPRING_ROWS):
         springs[target + row, i] = springs[source + row, i]
     copy_further(springs, i, source, target)
 
@@ -210,22 +195,22 @@ def _join(work, out, i, turn, shift):
 @called
 def _over_branches(laws, springs, i, rise, bend, work, out):
     """Two-point Gauss on each piece: force times s is a cubic there."""
-    start = springs[DRIFT, i]
-    _copy(springs, i, 0, FIRST_TRIAL)
+    start = springs[at.DRIFT, i]
+    _copy(springs, i, 0, at.FIRST_TRIAL)
     turn = _turning_point(rise, bend)
-    _go(laws, springs, i, FIRST_TRIAL, start, rise, bend, 0.0, turn, work, out)
+    _go(laws, springs, i, at.FIRST_TRIAL, start, rise, bend, 0.0, turn, work, out)
     if turn == 1.0:
         return
     back = math.copysign(1.0, bend)
     shift = 0.0
-    if springs[FIRST_TRIAL + TURN, i] * back < 0.0:  # else nothing happens at the turning point
-        _copy(springs, i, FIRST_TRIAL, SECOND_TRIAL)
+    if springs[at.FIRST_TRIAL + at.TURN, i] * back < 0.0:  # else nothing happens at the turning point
+        _copy(springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL)
         shift = -back * _SHIFT * (abs(rise) + abs(bend))
-        advance(laws, springs, i, SECOND_TRIAL, _at(start, rise, bend, turn) + shift)
+        advance(laws, springs, i, at.SECOND_TRIAL, _at(start, rise, bend, turn) + shift)
         _clear(work, out + _SHIFTED, i)
-        _go(laws, springs, i, SECOND_TRIAL, start, rise, bend, turn, 1.0, work, out + _SHIFTED)
+        _go(laws, springs, i, at.SECOND_TRIAL, start, rise, bend, turn, 1.0, work, out + _SHIFTED)
     _clear(work, out + _BACK, i)
-    _go(laws, springs, i, FIRST_TRIAL, start, rise, bend, turn, 1.0, work, out + _BACK)
+    _go(laws, springs, i, at.FIRST_TRIAL, start, rise, bend, turn, 1.0, work, out + _BACK)
     _join(work, out, i, turn, shift)
 
 
@@ -238,11 +223,11 @@ def _go(laws, springs, i, block, start, rise, bend, begin, end, work, out):
         _piece(springs, i, block, start, rise, bend, begin, end, work, out)
         return
     side = math.copysign(1.0, way)
-    if springs[block + TURN, i] * side < 0.0:
-        switch(laws, springs, i, block, TURNED)
+    if springs[block + at.TURN, i] * side < 0.0:
+        switch(laws, springs, i, block, at.TURNED)
     here = begin
     for passed in range(_MOST_BRANCHES):
-        limit = springs[block + UPPER, i] if side > 0.0 else springs[block + LOWER, i]
+        limit = springs[block + at.UPPER, i] if side > 0.0 else springs[block + at.LOWER, i]
         ends = side * (target - limit) > 0.0 and passed < _MOST_BRANCHES - 1
         there = end
         if ends:
@@ -251,7 +236,7 @@ def _go(laws, springs, i, block, start, rise, bend, begin, end, work, out):
         advance(laws, springs, i, block, limit if ends else target)
         if not ends:
             break
-        switch(laws, springs, i, block, ABOVE if side > 0.0 else BELOW)
+        switch(laws, springs, i, block, at.ABOVE if side > 0.0 else at.BELOW)
         here = there
 
 
@@ -269,10 +254,10 @@ def _time_to(limit, start, rise, bend, here, side):
 @inlined
 def _piece(springs, i, block, start, rise, bend, begin, end, work, out):
     length = end - begin
-    slope = springs[block + SLOPE, i]
+    slope = springs[block + at.SLOPE, i]
     for point in range(2):
         t = begin + length * NODES[2, point]
-        force = springs[block + FORCE, i] + slope * (_at(start, rise, bend, t) - springs[block + DRIFT, i])
+        force = springs[block + at.FORCE, i] + slope * (_at(start, rise, bend, t) - springs[block + at.DRIFT, i])
         _add(work, out, i, 0.5 * length, t, force, slope)
 
 
@@ -288,22 +273,22 @@ def _elastic(laws, springs, i, rise, bend, work, out):
 @called
 def _with_memory(laws, springs, i, rise, bend, work, out):
     """To the turning point, and from there to the last Gauss point: the state there is left in FIRST_TRIAL."""
-    start = springs[DRIFT, i]
+    start = springs[at.DRIFT, i]
     turn = _turning_point(rise, bend)
     past = _pass(laws, springs, i, 0, start, rise, bend, 0.0, turn, work, out)
     if turn < 1.0:
         drift = _at(start, rise, bend, turn)
-        reach(laws, springs, i, past, THIRD_TRIAL, drift)
-        settle(laws, springs, i, past, THIRD_TRIAL)
+        reach(laws, springs, i, past, at.THIRD_TRIAL, drift)
+        settle(laws, springs, i, past, at.THIRD_TRIAL)
         shift = -math.copysign(_SHIFT, bend) * (abs(rise) + abs(bend))
-        reach(laws, springs, i, THIRD_TRIAL, FIRST_TRIAL, drift + shift)
+        reach(laws, springs, i, at.THIRD_TRIAL, at.FIRST_TRIAL, drift + shift)
         _clear(work, out + _SHIFTED, i)
-        _pass(laws, springs, i, FIRST_TRIAL, start, rise, bend, turn, 1.0, work, out + _SHIFTED)
+        _pass(laws, springs, i, at.FIRST_TRIAL, start, rise, bend, turn, 1.0, work, out + _SHIFTED)
         _clear(work, out + _BACK, i)
-        past = _pass(laws, springs, i, THIRD_TRIAL, start, rise, bend, turn, 1.0, work, out + _BACK)
+        past = _pass(laws, springs, i, at.THIRD_TRIAL, start, rise, bend, turn, 1.0, work, out + _BACK)
         _join(work, out, i, turn, shift)
-    if past != FIRST_TRIAL:
-        _copy(springs, i, past, FIRST_TRIAL)
+    if past != at.FIRST_TRIAL:
+        _copy(springs, i, past, at.FIRST_TRIAL)
 
 
 @called
@@ -332,25 +317,25 @@ def _integrate(laws, springs, i, past, elastic, wanted, rise, bend, begin, end, 
 
     An elastic law needs no state to start from; others go from point to point, from that in `past`.
     """
-    start = springs[DRIFT, i]
+    start = springs[at.DRIFT, i]
     parts = math.ceil(wanted / _MOST_POINTS)
     points = math.ceil(wanted / parts)
     length = (end - begin) / parts
     mean = moment = 0.0
     mean_by_rise = mean_by_bend = moment_by_rise = moment_by_bend = 0.0
-    trial = FIRST_TRIAL
+    trial = at.FIRST_TRIAL
     for part in range(parts):
         for point in range(points):
             t = begin + length * (part + NODES[points, point])
             if not elastic:
-                trial = FIRST_TRIAL if past != FIRST_TRIAL else SECOND_TRIAL
+                trial = at.FIRST_TRIAL if past != at.FIRST_TRIAL else at.SECOND_TRIAL
             tangent = restoring(laws, springs, i, past, trial, _at(start, rise, bend, t))
             if not elastic:
                 settle(laws, springs, i, past, trial)
                 past = trial
             weight = length * WEIGHTS[points, point]
             by_moment = 12.0 * (t - 0.5)
-            force = weight * springs[trial + FORCE, i]
+            force = weight * springs[trial + at.FORCE, i]
             by_rise = weight * tangent * t
             by_bend = 0.5 * by_rise * (t - 1.0)
             mean += force

@@ -5,9 +5,9 @@ The laws themselves stand in `tdint.kernels.laws`, one file each.
 
 from __future__ import annotations
 
+from tdint.kernels import layout as at
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.laws.choosing import KNOWING, case_of_3, case_of_5, case_of_6, chosen
-from tdint.kernels.layout import CODE, DISSIPATED, DRIFT, FIRST_TRIAL, PLAIN_ROWS
 from tdint.kernels.stories.branches import enter
 
 _force = chosen("force", case_of_6)
@@ -18,7 +18,7 @@ recoverable = chosen("recoverable", case_of_3)
 
 @inlined
 def _dissipated(laws, springs, i):
-    return springs[DISSIPATED, i]
+    return springs[at.DISSIPATED, i]
 
 
 dissipated = chosen("dissipated", case_of_3, _dissipated)
@@ -27,7 +27,7 @@ dissipated = chosen("dissipated", case_of_3, _dissipated)
 
 @inlined
 def _elastic(laws, springs, i, past, trial):
-    springs[trial + DISSIPATED, i] = springs[past + DISSIPATED, i]
+    springs[trial + at.DISSIPATED, i] = springs[past + at.DISSIPATED, i]
 
 
 @inlined
@@ -47,7 +47,7 @@ def restoring(laws, springs, i, past, trial, drift):
 
     Returns the tangent stiffness, N/m.
     """
-    springs[trial + DRIFT, i] = drift
+    springs[trial + at.DRIFT, i] = drift
     return _force(laws, springs, i, past, trial, drift)
 
 
@@ -62,7 +62,7 @@ def commit(laws, springs, i, past, trial):
     """Make the trial state of story `i` the committed one; `past` is the block that it was reached from."""
     settle(laws, springs, i, past, trial)
     _keep(laws, springs, i, past, trial)
-    for row in range(PLAIN_ROWS):
+    for row in range(at.PLAIN_ROWS):
         springs[row, i] = springs[trial + row, i]
 
 
@@ -70,14 +70,14 @@ def commit(laws, springs, i, past, trial):
 def adopt(laws, springs, i, trial):
     """Make the trial state of story `i` the committed one; what it dissipated is settled."""
     _keep(laws, springs, i, 0, trial)
-    for row in range(PLAIN_ROWS):
+    for row in range(at.PLAIN_ROWS):
         springs[row, i] = springs[trial + row, i]
 
 
 @inlined
 def resume(laws, springs, i):
     """Put story `i` on the branch that its committed state implies, after a step that does not follow branches."""
-    if laws[CODE, i] not in KNOWING:
+    if laws[at.CODE, i] not in KNOWING:
         enter(laws, springs, i)
 
 
@@ -85,6 +85,6 @@ def resume(laws, springs, i):
 def start(laws, springs, i, drift):
     """Bring story `i` from rest to its initial drift."""
     enter(laws, springs, i)
-    restoring(laws, springs, i, 0, FIRST_TRIAL, drift)
-    commit(laws, springs, i, 0, FIRST_TRIAL)
+    restoring(laws, springs, i, 0, at.FIRST_TRIAL, drift)
+    commit(laws, springs, i, 0, at.FIRST_TRIAL)
     resume(laws, springs, i)

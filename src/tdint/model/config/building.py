@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from tdint.model.config.units import ModelUnits
-from tdint.model.inventory.definition import BuildingFacts, DerivedBuilding
+from tdint.model.inventory.derive import RULES
+from tdint.model.inventory.facts import BuildingFacts, DerivedBuilding
 from tdint.model.inventory.hazus import LEVELS
 from tdint.model.inventory.mdof_lu import MOST_STORIES, STRUCTURES, ZONES
-from tdint.model.inventory.rules import RULES
 from tdint.model.keys.fields import Section, Value
 from tdint.model.keys.kinds import POSITIVE, RATIO, Choice, Key, Keys, Whole
 

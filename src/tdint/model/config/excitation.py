@@ -1,17 +1,73 @@
-"""The `excitation` of a model file."""
+"""The `excitation` of a model file: forces, or a record, what of a text table it is, and what is done to it.
+
+Keys of `excitation.record` are named like the command's options.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
-from tdint.model.config.layout import LAYOUT, read_layout
-from tdint.model.config.processing import PROCESSING, read_processing
+from tdint.errors import UsageError
+from tdint.ground_motion.processing import BASELINES, MOST_CORNERS, Processing, parse_pad, parse_trim
+from tdint.ground_motion.text_layout import AS_STATED, MOST_LINES, TextLayout
 from tdint.model.config.units import ModelUnits, read_sample_units
 from tdint.model.definition import MAX_STORIES, Excitation, Force, RecordSource
+from tdint.model.keys.document import resolve_or_stdin
 from tdint.model.keys.fields import Section, Value
-from tdint.model.keys.kinds import ANY, NOT_NEGATIVE, Choice, Either, EntriesOf, Key, Keys, Whole, Words
-from tdint.model.keys.paths import resolve_or_stdin
+from tdint.model.keys.kinds import ANY, NOT_NEGATIVE, POSITIVE, Choice, Either, EntriesOf, Key, Keys, Whole, Words
+
+PROCESSING = (
+    Key("trim", Words(), "START:END in s from the first sample"),
+    Key("baseline", Choice(tuple(BASELINES)), "what is taken off the acceleration"),
+    Key("pad", Words(), "zeros before and after: SECONDS or BEFORE:AFTER"),
+    Key("highpass", POSITIVE, "corner frequency, Hz"),
+    Key("lowpass", POSITIVE, "corner frequency, Hz"),
+    Key("corners", Whole(1, MOST_CORNERS), "order of the filters"),
+    Key("resample", POSITIVE, "sampling interval, s"),
+)
+PROCESSING_KEYS = tuple(key.name for key in PROCESSING)
+
+
+def read_processing(section: Section) -> Processing:
+    """The processing that the entries of a section ask for; none of it if one of them is faulty."""
+    readers: dict[str, Callable[[Value], object]] = {
+        "trim": lambda value: value.parsed(parse_trim),
+        "baseline": lambda value: value.choice(BASELINES, "baseline"),
+        "pad": lambda value: value.parsed(parse_pad),
+        "highpass": Value.number_or_none,
+        "lowpass": Value.number_or_none,
+        "corners": Value.whole,
+        "resample": Value.number_or_none,
+    }
+    values = {name: readers[name](value) for name in PROCESSING_KEYS if (value := section.get(name))}
+    if None in values.values():
+        return Processing()
+    try:
+        return Processing(**values)  # type: ignore[arg-type]
+    except UsageError as error:
+        section.value.fault(str(error))
+        return Processing()
+
+
+LAYOUT = (
+    Key("step", POSITIVE, "sampling interval of a text table that does not tell it, s"),
+    Key("column", Words(), "column of a text table: its name, or its number from 1"),
+    Key("skip_lines", Whole(0, MOST_LINES), "lines before the numbers"),
+)
+
+
+def read_layout(section: Section) -> TextLayout:
+    """What the entries of a section say; nothing if one of them is faulty."""
+    step, column, skipped = (section.get(key.name) for key in LAYOUT)
+    interval = step.number() if step else None
+    name = column.text() if column else None
+    lines = skipped.whole() if skipped else None
+    if (step and math.isnan(interval or math.nan)) or (column and not name) or (skipped and lines is None):
+        return AS_STATED
+    return TextLayout(interval, (name,) if name else (), lines)
+
 
 _RECORD = Keys(
     (

@@ -1,4 +1,4 @@
-"""The `law` of a story: a name, or a mapping with `type` and the parameters that `tdint.model.laws` lists for it."""
+"""The `law` of a story: a name, or a mapping with `type` and the parameters that `LAWS` lists for it."""
 
 from __future__ import annotations
 
@@ -6,12 +6,11 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from tdint.kernels.laws.law import LawParameter
+from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.model.config.units import ModelUnits
-from tdint.model.definition import Law
+from tdint.model.definition import LAWS, Law
 from tdint.model.keys.fields import Section, Value
 from tdint.model.keys.kinds import Bounds, Choice, Either, EntriesOf, Key, Keys, Schema, ValueKind
-from tdint.model.laws import LAWS, DriftLaw
 
 LINEAR = Law("linear", ())
 _LIST = "a list of numbers"

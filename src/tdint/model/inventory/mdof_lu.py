@@ -12,7 +12,7 @@ import numpy as np
 
 from tdint.model.damping import rayleigh
 from tdint.model.definition import RayleighCoefficients, RayleighRatio
-from tdint.model.inventory.definition import BuildingFacts, DerivedBuilding, Scatter
+from tdint.model.inventory.facts import BuildingFacts, DerivedBuilding, Scatter
 from tdint.model.inventory.hazus import LEVELS, hazus_types
 from tdint.model.modes import solve_modes
 

@@ -16,8 +16,8 @@ from typing import TypeVar
 from tdint.errors import UsageError, did_you_mean, nearest
 from tdint.model.definition import MAX_STORIES
 from tdint.model.keys.kinds import ANY, Bounds, EntriesOf, Keys, ValueKind, Whole
-from tdint.model.keys.yaml_source import Faults, ListNode, MappingNode, Node, ScalarNode
-from tdint.quantities import LARGEST, SMALLEST
+from tdint.model.keys.nodes import Faults, ListNode, MappingNode, Node, ScalarNode
+from tdint.written_numbers import LARGEST, SMALLEST
 
 Parsed = TypeVar("Parsed")
 

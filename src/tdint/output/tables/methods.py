@@ -43,15 +43,19 @@ def failure_table(trials: Iterable[Trial]) -> Table:
     return Table.of_results(columns.FAILURE, trials)
 
 
-def example_table(runs: Sequence[ExampleRun]) -> Table:
-    """One row per example, step, method and variant; methods are ranked by the displacement's error, best first."""
-    return Table.of_results((*columns.EXAMPLE, columns.rank(lambda one: _rank(one, runs)), columns.OUTCOME), runs)
+def example_table(runs: Sequence[ExampleRun], reference: str = "paper") -> Table:
+    """One row per example, step, method and variant; methods are ranked by the displacement's error, best first.
+
+    The rank is by the error against this one of `tdint.analysis.assessment.paper_examples.REFERENCES`.
+    """
+    rank = columns.rank(lambda one: _rank(one, runs, reference))
+    return Table.of_results((*columns.EXAMPLE, rank, columns.OUTCOME), runs)
 
 
-def _rank(one: ExampleRun, runs: Sequence[ExampleRun]) -> int | None:
+def _rank(one: ExampleRun, runs: Sequence[ExampleRun], reference: str) -> int | None:
     """Place among the methods as they are; none for a variant and for a run without an end."""
-    error = one.error("displacement")
+    error = one.error("displacement", reference)
     if one.variant or math.isnan(error):
         return None
     rivals = [run for run in runs if (run.example, run.dt, run.variant) == (one.example, one.dt, "")]
-    return 1 + sum(run.error("displacement") < error for run in rivals)
+    return 1 + sum(run.error("displacement", reference) < error for run in rivals)

@@ -28,9 +28,15 @@ against = option(
     help="Difference to a published spectrum instead: CSV with names in its first line that say quantity and units "
     "(period_s, psa_g; T (s), SD (cm)); at its periods, unless others are given.",
 )
-column = option("--against-column", metavar="NAME", help="Which column of the published spectrum, if it has several.")
+column = option(
+    "--against-column",
+    needs="--against",
+    metavar="NAME",
+    help="Which column of the published spectrum, if it has several.",
+)
 interpolation = option(
     "--against-interpolation",
+    needs="--against",
     type=click.Choice(["log-log"]),
     help="Take the published spectrum between its periods on straight lines in logarithms.",
 )

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import click
 
 from tdint.analysis.spectra.defaults import PERIODS, STEPS_PER_PERIOD
-from tdint.errors import UsageError
 from tdint_cli.commands.ground_motions.spectra.kind import Kind, Results
 from tdint_cli.options import output
 from tdint_cli.options.spectra import option
@@ -38,6 +37,7 @@ interpolation = option(
 
 axes = output.option(
     "--axes",
+    needs="--plot",
     type=click.Choice(["periods", "tripartite", "adrs"]),
     help="Axes of the picture of elastic spectra: PSA and SD over the period (periods, the default), PSV over it with "
     "scales of the other two (tripartite), or PSA over SD (adrs).",
@@ -46,9 +46,6 @@ axes = output.option(
 
 def check(request: SpectrumRequest) -> None:
     """Refuse, before any work, what makes no sense together."""
-    if request.axes and not request.plot:
-        raise UsageError("--axes is for a picture; add --plot")
-    request.refuse(("hardening",), "is for oscillators that yield: add --ductility or --strength")
     _ = request.manner
 
 

@@ -37,6 +37,7 @@ strength = option(
 )
 hardening = option(
     "--hardening",
+    needs="--ductility or --strength",
     type=Ratio(0.0, 1.0, max_open=True),
     metavar="RATIO",
     help="With --ductility or --strength: stiffness after yielding over the initial one; 0 by default (elastoplastic).",

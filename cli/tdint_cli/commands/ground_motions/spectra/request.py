@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 from tdint.errors import UsageError
-from tdint.quantities import Grid, parse_grid
+from tdint.written_numbers import Grid, parse_grid
 from tdint_cli.options.plot import BESIDE
 from tdint_cli.options.record import RecordsRequest
 

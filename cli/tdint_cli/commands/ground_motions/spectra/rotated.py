@@ -33,7 +33,6 @@ rotd = option(
 
 def check(request: SpectrumRequest) -> None:
     """Refuse, before any work, what makes no sense together."""
-    request.refuse(("hardening",), "is for oscillators that yield: add --ductility or --strength")
     request.refuse(("axes", "method", "component"), "is for single components; leave it out with --rotd")
     _ = request.manner
 

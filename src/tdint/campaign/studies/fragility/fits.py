@@ -20,8 +20,8 @@ from scipy.special import ndtr
 from tdint.campaign.studies.fragility.likelihood import Observations, maximize
 from tdint.errors import AnalysisError, UsageError
 from tdint.output_units import OutputUnits
-from tdint.quantities import LARGEST
 from tdint.units import ACCELERATION, VELOCITY
+from tdint.written_numbers import LARGEST
 
 Array = NDArray[np.float64]
 

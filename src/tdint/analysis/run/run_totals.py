@@ -1,0 +1,126 @@
+"""What a march left in its arrays, as results."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import reduce
+from operator import add, sub
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.analysis.run.outcome import ENERGY_TERMS, Energy, EnergyHistory, History, StoryErrors, StoryPeaks
+from tdint.analysis.run.workspace import Workspace
+from tdint.kernels import layout
+from tdint.kernels import layout as at
+from tdint.model.building import Building
+
+Array = NDArray[np.float64]
+
+
+def story_peaks(building: Building, space: Workspace) -> StoryPeaks:
+    """The peaks of all stories."""
+    return peaks_of(building, space.peaks, space.springs[layout.DRIFT, :-1].copy())
+
+
+def peaks_of(building: Building, peaks: Array, residual_drift: Array) -> StoryPeaks:
+    """The peaks of all stories from the rows of `Workspace.peaks` and the drifts at the end."""
+    drift = peaks[layout.PEAK_DRIFT]
+    return StoryPeaks(
+        height=building.heights,
+        peak_drift=drift,
+        peak_drift_ratio=drift / building.heights,
+        residual_drift=residual_drift,
+        peak_shear=peaks[layout.PEAK_SHEAR],
+        ductility=drift / building.yield_drift,
+        peak_displacement=peaks[layout.PEAK_DISPLACEMENT],
+        peak_velocity=peaks[layout.PEAK_VELOCITY],
+        peak_acceleration=peaks[layout.PEAK_ACCELERATION],
+    )
+
+
+def unresolved(building: Building, space: Workspace) -> StoryErrors:
+    """How much larger the peaks may be between steps that do not resolve the motion."""
+    excess = np.maximum(space.peaks[layout.PEAK_ROWS :] - space.peaks[: layout.PEAK_ROWS], 0.0)
+    drift = excess[layout.PEAK_DRIFT]
+    return StoryErrors(
+        peak_drift=drift,
+        peak_drift_ratio=drift / building.heights,
+        residual_drift=np.zeros_like(drift),
+        peak_shear=excess[layout.PEAK_SHEAR],
+        ductility=drift / building.yield_drift,
+        peak_displacement=excess[layout.PEAK_DISPLACEMENT],
+        peak_velocity=excess[layout.PEAK_VELOCITY],
+        peak_acceleration=excess[layout.PEAK_ACCELERATION],
+    )
+
+
+def energy(space: Workspace) -> Energy:
+    """The energies at the end."""
+    return _energy(space.observed)
+
+
+def energy_errors(observed: Array) -> Array:
+    """`Energy.error` at the end of each run, from rows of `Workspace.observed`; shape (runs,)."""
+    terms = dict(zip(ENERGY_TERMS, observed.T[: at.ENERGY_TERMS], strict=True))
+    spent = reduce(add, [term for name, term in terms.items() if name != "input"])
+    largest = observed[:, at.ENERGY_LARGEST]
+    imbalance = observed[:, at.ENERGY_START] + terms["input"] - spent
+    return np.asarray(np.divide(imbalance, largest, out=np.zeros_like(largest), where=largest > 0.0))
+
+
+def _energy(numbers: Array) -> Energy:
+    terms = dict(zip(ENERGY_TERMS, numbers[: at.ENERGY_TERMS].tolist(), strict=True))
+    start, largest = float(numbers[at.ENERGY_START]), float(numbers[at.ENERGY_LARGEST])
+    return Energy(**terms, start=start, largest=largest)
+
+
+@dataclass(frozen=True)
+class NotedCollapse:
+    """After how many steps a drift was first beyond the collapse drift or a story failed, which from 1, and the
+    energies then."""
+
+    steps: int
+    story: int
+    failed: bool
+    energy: Energy
+
+
+def collapse(observed: Array) -> NotedCollapse | None:
+    """What a march noted of a collapse among its numbers (`Workspace.observed`); None if there was none."""
+    if observed[at.COLLAPSE_STEP] == at.NO_COLLAPSE:
+        return None
+    return NotedCollapse(
+        int(observed[at.COLLAPSE_STEP]),
+        int(observed[at.COLLAPSE_STORY]) + 1,
+        bool(observed[at.COLLAPSE_FAILED]),
+        _energy(observed[at.COLLAPSE_ENERGIES :]),
+    )
+
+
+def history(building: Building, space: Workspace, h: float) -> History:
+    """The history of a march with steps h (s)."""
+    n = building.stories
+    table = space.history
+    fields = at.HISTORY_FIELDS
+    displacement, velocity, acceleration, shear = (table[:, 1 + j * n : 1 + (j + 1) * n] for j in range(fields))
+    drift = displacement.copy()
+    drift[:, 1:] -= displacement[:, :-1]
+    return History(
+        time=h * np.arange(len(table), dtype=np.float64),
+        ground_acceleration=table[:, 0],
+        displacement=displacement,
+        velocity=velocity,
+        acceleration=acceleration,
+        drift=drift,
+        shear=shear,
+        energy=_energy_history(table[:, 1 + fields * n :], space.observed),
+    )
+
+
+def _energy_history(table: Array, observed: Array) -> EnergyHistory:
+    terms = list(table.T)
+    start, largest = observed[at.ENERGY_START], observed[at.ENERGY_LARGEST]
+    imbalance = reduce(sub, terms[1:], start + terms[0])
+    error = imbalance / largest if largest > 0.0 else np.zeros_like(imbalance)
+    return EnergyHistory(**dict(zip(ENERGY_TERMS, terms, strict=True)), error=error)

@@ -1,0 +1,108 @@
+"""Text files of the Central Weather Bureau of Taiwan: time and three components in columns.
+
+A header of lines `#Key: value`, among them the largest and smallest sample of each component and the order of the
+columns (`#DataSequence: Time U(+); N(+); E(+)`), then rows in 4F10.3 (CWB free-field strong-motion data, TSMIP).
+"""
+
+from __future__ import annotations
+
+import re
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tdint.errors import RecordError
+from tdint.ground_motion.formats.lines import NUMBER, is_row_of_numbers, read_lines, recognizes
+from tdint.ground_motion.formats.series import (
+    Series,
+    StatedPeak,
+    code,
+    first_match,
+    moment,
+    required_units,
+    stated_peak,
+    to_stream,
+)
+from tdint.ground_motion.header_checks.statement import SAMPLES, STEP, Statement, compare
+from tdint.ground_motion.sampling_interval import equal_steps
+
+if TYPE_CHECKING:
+    from obspy import Stream
+
+_STATION = re.compile(r"^#\s*StationCode\s*:\s*(\S+)", re.IGNORECASE)
+_START = re.compile(
+    r"^#\s*StartTime\(GMT([-+]\d+)\)\s*:\s*(\d+)/(\d+)/(\d+)-(\d+):(\d+):(\d+(?:\.\d*)?)", re.IGNORECASE
+)
+_LENGTH = re.compile(rf"^#\s*RecordLength\(sec\)\s*:\s*({NUMBER})", re.IGNORECASE)
+_RATE = re.compile(rf"^#\s*SampleRate\(Hz\)\s*:\s*({NUMBER})", re.IGNORECASE)
+_UNITS = re.compile(r"^#\s*AmplitudeUnit\s*:\s*([A-Z/^0-9]+)", re.IGNORECASE)
+_EXTREMES = re.compile(rf"^#\s*AmplitudeMAX\.\s*(\w)\s*:\s*({NUMBER})\s*~\s*({NUMBER})", re.IGNORECASE)
+_SEQUENCE = re.compile(r"^#\s*DataSequence\s*:\s*Time\s+(.*)", re.IGNORECASE)
+_MOST = 1e12
+"""Samples that a header may speak of."""
+
+_NAME = re.compile(r"(\w+)\s*\(\+\)")
+
+
+def is_cwb(file: Any, **_: Any) -> bool:
+    """Whether a file's header, in lines after #, tells station, rate and order of the columns."""
+    return recognizes(
+        file, lambda lines: all(first_match(pattern, lines[:60]) for pattern in (_STATION, _RATE, _SEQUENCE))
+    )
+
+
+def read_cwb(file: Any, headonly: bool = False, **_: Any) -> Stream:
+    """Read the components of a CWB file; see `tdint.ground_motion.formats`.
+
+    Raises
+    ------
+    RecordError
+        It is cut off, its times are not in equal steps, or what it holds is not what its header announces.
+    """
+    lines = read_lines(file)
+    texts = lines.take_until(is_row_of_numbers, "row of numbers")
+    sequence, units, rate = (first_match(pattern, texts) for pattern in (_SEQUENCE, _UNITS, _RATE))
+    names = _NAME.findall(sequence[1]) if sequence else []
+    if not (names and rate and units):
+        raise RecordError("its header does not give the sampling rate, the units and the order of the columns")
+    times, *columns = lines.rest(1 + len(names))
+    dt = equal_steps(times).dt
+    statements = [Statement(STEP, 1.0 / float(rate[1]) if float(rate[1]) else np.inf, dt, 1e-3 * dt, "s")]
+    length = first_match(_LENGTH, texts)
+    if length and abs(float(length[1]) * float(rate[1])) < _MOST:
+        # The length is that of all samples or, in some files, the time of the last one.
+        stated = round(float(length[1]) * float(rate[1]))
+        statements.append(Statement(SAMPLES, stated, times.size - (times.size == stated + 1)))
+    compared = compare(statements)
+    unit = required_units(units[1])
+    station = first_match(_STATION, texts)
+    series = [
+        Series(
+            column,
+            dt,
+            unit,
+            channel=code(name).upper(),
+            station=code(station[1]) if station else "",
+            start=_start(texts),
+            peak=_peak(texts, name, unit),
+            compared=compared,
+        )
+        for name, column in zip(names, columns, strict=True)
+    ]
+    return to_stream(series, headonly=headonly)
+
+
+def _peak(texts: list[str], name: str, units: str) -> StatedPeak | None:
+    for match in filter(None, map(_EXTREMES.search, texts)):
+        if match[1].upper() == name.upper():
+            return stated_peak(max(match[2], match[3], key=lambda number: abs(float(number))), units, units)
+    return None
+
+
+def _start(texts: list[str]) -> datetime | None:
+    match = first_match(_START, texts)
+    if not match:
+        return None
+    zone, year, month, day, hour, minute, second = map(float, match.groups())
+    return moment(year, month, day, hour, minute, second, zone)

@@ -1,0 +1,320 @@
+"""What stands above the numbers of a text table: declarations `key = value`, and the names of columns.
+
+A column is a time, an acceleration, a velocity, a displacement, or a component of the acceleration:
+`Time,Acc,Vel,Disp`, `t N V E`, `time_s,HNE_m_s2,HNN_m_s2`, `Time (s); Acceleration (g)`. Blanks, commas, semicolons or
+tabs divide the names, units stand in brackets or after an underscore.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+
+from tdint.errors import RecordError
+from tdint.ground_motion.formats.lines import NUMBER
+
+TIME, OTHER = "time", "other"
+SECONDS = {"": 1.0, "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3}
+"""Units of times, s."""
+
+MOTIONS = ("acceleration", "velocity", "displacement")
+
+_NAME = re.compile(r"[^\s(\[]+(?:\s*[(\[][^)\]]*[)\]])?")
+_UNITS_IN_BRACKETS = re.compile(r"(.*?)\s*[(\[]\s*(.*?)\s*[)\]]")
+_UNITS_AT_END = re.compile(r"(.*?)_((?:mm|cm|m|in|ft)_s2|(?:mm|cm|m|in|ft)_s|gal|g|sec|s|ms|mm|cm|m|in|ft)")
+_COMPONENT = (
+    r"[nsewudzvhxylr]\d?|[nsewud]-?[nsewud]|up|down|dn|ver(?:t(?:ical)?)?|north|south|east|west|"
+    r"trans(?:v(?:erse)?)?|long(?:itudinal)?|rad(?:ial)?|\d{1,3}|[a-z][hn][a-z0-9]|[ns]\d{1,2}[ew]"
+)
+_TIMES = ("t", "time", "times", "s", "sec")
+_KINDS = {
+    "acceleration": re.compile(rf"(?:ground )?(?:a|ag|acc|accel|acceleration)(?:[ -]({_COMPONENT}))?"),
+    "velocity": re.compile(rf"(?:ground )?(?:vg|vel|veloc|velocity)(?:[ -]({_COMPONENT}))?"),
+    "displacement": re.compile(rf"(?:ground )?(?:dg|dis|disp|displ|displacement)(?:[ -]({_COMPONENT}))?"),
+}
+_BARE = {"v": "velocity", "d": "displacement"}
+"""What these letters mean beside a column called acceleration; else they are components."""
+
+
+@dataclass(frozen=True)
+class ColumnName:
+    """What a column is.
+
+    Attributes
+    ----------
+    kind : str
+        `TIME`, one of `MOTIONS`, or `OTHER` for what the name does not tell.
+    component, units : str
+        Empty where the name has none.
+    text, plain : str
+        The name as it is written, and without its units.
+    """
+
+    kind: str
+    component: str = ""
+    units: str = ""
+    text: str = ""
+    plain: str = ""
+
+
+def column_names(text: str) -> list[ColumnName]:
+    """What a line says about the columns below it; empty if it is no line of names.
+
+    One name alone must be that of a motion; of several, the first may be a time.
+    """
+    columns = _columns(_parts(text))
+    if not columns or any(column.kind == OTHER for column in columns):
+        return []
+    motions = [column for column in columns if column.kind != TIME]
+    if not motions or (len(columns) == 1 and columns[0].component):
+        return []
+    if any(column.kind == "acceleration" and not column.component for column in motions):
+        columns = [_beside_acceleration(column) for column in columns]
+    return columns
+
+
+def any_names(text: str, width: int) -> tuple[ColumnName, ...]:
+    """The names of so many columns in any words, divided as above or by two blanks; empty if they are not so many.
+
+    A first column in seconds is a time, whatever it is called.
+
+    Raises
+    ------
+    RecordError
+        A time is in another unit.
+    """
+    for parts in (_parts(text), re.split(r"\s{2,}|\t", text.strip())):
+        columns = _columns(parts)
+        if len(columns) != width:
+            continue
+        first = columns[0]
+        if width > 1 and first.kind == OTHER and first.units and first.units in SECONDS:
+            columns[0] = first = replace(first, kind=TIME)
+        if first.kind == TIME and first.units not in SECONDS:
+            raise RecordError(f"its header gives the times in {first.units!r}, not in s or ms")
+        return tuple(columns)
+    return ()
+
+
+def place_of(wanted: str, names: tuple[ColumnName, ...], width: int) -> int:
+    """The place, counted from 0, of the column with a number, counted from 1, or a name; case does not matter.
+
+    Raises
+    ------
+    RecordError
+        There is none, or there are several, or it is that of the time.
+    """
+    if wanted.isdecimal():
+        place = int(wanted) - 1 if len(wanted) < 10 else -1
+        if not 0 <= place < width:
+            raise RecordError(f"there is no column {wanted[:40]}; the table has {width}")
+    elif not names:
+        raise RecordError(f"there is no column {wanted[:40]!r}: the table has no names of columns; give its number")
+    else:
+        place = _named(wanted, names)
+    if names and names[place].kind == TIME:
+        raise RecordError(f"column {wanted} is the time ({names[place].text})")
+    return place
+
+
+def _named(wanted: str, names: tuple[ColumnName, ...]) -> int:
+    name = " ".join(wanted.lower().split())
+    ways = [[one.text.lower() for one in names], [one.plain for one in names], [one.component.lower() for one in names]]
+    for way in ways:
+        found = [place for place, text in enumerate(way) if text == name]
+        if len(found) == 1:
+            return found[0]
+        if found:
+            numbers = " and ".join(str(place + 1) for place in found)
+            raise RecordError(f"columns {numbers} are called {wanted[:40]!r}; give the number")
+    raise RecordError(f"there is no column {wanted[:40]!r}; there are {', '.join(one.text[:40] for one in names)}")
+
+
+def _parts(text: str) -> list[str]:
+    return re.split("[,;\t]", text) if re.search("[,;\t]", text) else _NAME.findall(text)
+
+
+def _columns(parts: list[str]) -> list[ColumnName]:
+    """What each name says; nothing if one of them is empty."""
+    words = [name_and_units(part) for part in parts]
+    if not words or any(not name for name, _ in words):
+        return []
+    kinds = [_classified(name, units, place == 0 and len(words) > 1) for place, (name, units) in enumerate(words)]
+    return [
+        replace(kind, text=" ".join(part.strip().strip("\"'").split()), plain=name)
+        for kind, part, (name, _) in zip(kinds, parts, words, strict=True)
+    ]
+
+
+def _classified(name: str, units: str, may_be_time: bool) -> ColumnName:
+    if may_be_time and name in _TIMES:
+        return ColumnName(TIME, units=units)
+    for kind, pattern in _KINDS.items():
+        if match := pattern.fullmatch(name):
+            return ColumnName(kind, (match[1] or "").upper(), units)
+    if re.fullmatch(_COMPONENT, name):
+        return ColumnName("acceleration", name.upper(), units)
+    return ColumnName(OTHER, units=units)
+
+
+def _beside_acceleration(column: ColumnName) -> ColumnName:
+    kind = _BARE.get(column.component.lower())
+    return replace(column, kind=kind, component="") if kind else column
+
+
+def name_and_units(text: str) -> tuple[str, str]:
+    """`Time (s)` and `time_s` as time and s, `acceleration_m_s2` as acceleration and m/s^2."""
+    name = text.strip().strip("\"'").lower()
+    match = _UNITS_IN_BRACKETS.fullmatch(name) or _UNITS_AT_END.fullmatch(name)
+    name, units = (match[1], match[2]) if match else (name, "")
+    return name.replace("_", " ").strip(), re.sub("_s$", "/s", re.sub("_s2$", "/s^2", units))
+
+
+COMMENT = re.compile(r"\s*(?:[#%;!]|//)+\s*(.*)")
+
+_DECLARATION = re.compile(r"\s*([a-z][a-z _]*?)\s*[=:]\s*(\S.*?)\s*", re.IGNORECASE)
+_QUANTITY = re.compile(rf"({NUMBER})\s*([a-z/]*)", re.IGNORECASE)
+
+_KEYS = {
+    "dt": ("dt", "delta", "time step", "timestep", "sampling interval", "sample interval"),
+    "rate": ("sampling rate", "sample rate", "sampling frequency", "fs"),
+    "units": ("units", "unit", "acceleration units"),
+    "samples": ("samples", "npts", "number of samples", "number of points"),
+    "start": ("start", "start time", "starttime"),
+    "component": ("component", "channel"),
+    "station": ("station",),
+    "network": ("network",),
+    "location": ("location",),
+}
+COLUMNS = "columns"
+"""Key of the names of columns, as they stand in the header."""
+
+_MEANINGS = {name: meaning for meaning, names in _KEYS.items() for name in names}
+_PER_SECOND = {"": 1.0, "hz": 1.0, "sps": 1.0, "/s": 1.0}
+
+
+@dataclass(frozen=True)
+class TableHeader:
+    """What is declared, by the keys above, and the names of the columns; none if it has none."""
+
+    declared: dict[str, str]
+    names: tuple[ColumnName, ...] = ()
+
+    def get(self, key: str) -> str:
+        """What is declared for a key, empty if nothing."""
+        return self.declared.get(key, "")
+
+    def intervals(self) -> list[float]:
+        """The sampling intervals that are declared, s."""
+        stated = []
+        if "dt" in self.declared:
+            stated.append(_quantity(self.declared["dt"], SECONDS, "dt"))
+        if "rate" in self.declared:
+            stated.append(1.0 / _quantity(self.declared["rate"], _PER_SECOND, "the sampling rate"))
+        return stated
+
+    @property
+    def start(self) -> datetime | None:
+        """The time declared as ISO 8601, UTC if it names no zone; None for none, or another text."""
+        try:
+            start = datetime.fromisoformat(self.get("start"))
+            return start.astimezone(UTC).replace(tzinfo=None) if start.tzinfo else start
+        except (ValueError, OverflowError):
+            return None
+
+
+def read_header(lines: list[str], width: int) -> TableHeader:
+    """The header of a table that is recognized by it.
+
+    Parameters
+    ----------
+    lines : list of str
+        All that stands above the numbers.
+    width : int
+        Columns of the table.
+
+    Raises
+    ------
+    RecordError
+        It contradicts itself, or names more or fewer columns.
+    """
+    declared = _together(lines)
+    names = tuple(column_names(declared.get(COLUMNS, "")))
+    if names and len(names) != width:
+        raise RecordError(f"its header names {len(names)} columns, the rows have {width}")
+    return TableHeader(declared, names)
+
+
+def read_foreign_header(lines: list[str], width: int, skipped: int) -> TableHeader:
+    """The header of a table whose user tells what else is needed: its last line may name the columns in any words.
+
+    Raises
+    ------
+    RecordError
+        As above, or a line is neither understood nor such names: `skipped` lines were passed over before.
+    """
+    header = read_header(lines, width)
+    filled = [place for place, line in enumerate(lines) if line.strip()]
+    unknown = [place for place in filled if declared_in(lines[place]) is None]
+    last = lines[filled[-1]] if filled and not header.names else ""
+    comment = COMMENT.fullmatch(last)
+    names = any_names(comment[1] if comment else last, width) if last else ()
+    if comment and names and names[0].kind != TIME:
+        names = ()  # A sentence of so many words.
+    if not comment and names:
+        unknown = unknown[:-1]
+    if unknown:
+        place = unknown[-1]
+        raise RecordError(
+            f"line {skipped + place + 1}: {lines[place].strip()[:60]!r} is neither a declaration (dt = 0.01 s) nor the "
+            f"names of {width} columns; pass over it with skip lines {skipped + place + 1}"
+        )
+    return TableHeader(header.declared, header.names or names)
+
+
+def declared_in(line: str) -> list[tuple[str, str]] | None:
+    """What a line of the header declares; None if it is neither blank nor of the kinds above."""
+    comment = COMMENT.fullmatch(line)
+    content = comment[1] if comment else line
+    if names := column_names(content):
+        if names[0].kind == TIME and names[0].units not in SECONDS:
+            return None
+        units = {name.units for name in names if name.kind == "acceleration"}
+        return [(COLUMNS, content.strip()), *(("units", unit) for unit in units if unit and len(units) == 1)]
+    parts = [part for part in re.split("[,;]", content) if part.strip()]
+    declarations = list(filter(None, map(_declaration, parts)))
+    return declarations if comment or len(declarations) == len(parts) else None
+
+
+def _together(lines: list[str]) -> dict[str, str]:
+    """What lines declare, by the keys of _KEYS.
+
+    Raises
+    ------
+    RecordError
+        They contradict each other.
+    """
+    header: dict[str, str] = {}
+    for line in lines:
+        for key, value in declared_in(line) or []:
+            if header.setdefault(key, value) != value:
+                raise RecordError(f"its header gives {key} twice: {header[key]!r} and {value!r}")
+    return header
+
+
+def _declaration(text: str) -> tuple[str, str] | None:
+    """Meaning and value of `key = value` with a known key."""
+    match = _DECLARATION.fullmatch(text)
+    meaning = _MEANINGS.get(" ".join(match[1].lower().replace("_", " ").split())) if match else None
+    return (meaning, match[2]) if match and meaning else None
+
+
+def _quantity(text: str, units: dict[str, float], what: str) -> float:
+    """A positive number with one of these units."""
+    match = _QUANTITY.fullmatch(text)
+    factor = units.get(match[2].lower()) if match else None
+    if not match or factor is None or not float(match[1]) > 0.0:
+        known = ", ".join(filter(None, units))
+        raise RecordError(f"its header gives {what} as {text!r}; write a positive number, in {known}")
+    return float(match[1]) * factor

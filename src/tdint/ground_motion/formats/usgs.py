@@ -1,0 +1,143 @@
+"""SMC files of the U.S. Geological Survey, and volume 1 of the University of Southern California: one component a file.
+
+SMC, of the National Strong-Motion Program: eleven lines of text, 48 integers (8I10), 50 reals (5E15.7), comments,
+values (8(1PE10.4E1)), all in cm and s. The first integer and the first real mark what is not known (USGS, SMC-format
+data files, version 2).
+
+USC, of the Los Angeles Strong Motion Network: lines of text, 100 integers (16I5), 50 reals (8F10.3) and pairs of time
+and acceleration, 10F7.3, in seconds and g/10.
+"""
+
+from __future__ import annotations
+
+import re
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+from tdint.errors import RecordError
+from tdint.ground_motion.formats.csmip import REAL_WIDTH, REALS, read_pairs, text_header
+from tdint.ground_motion.formats.lines import read_lines, recognizes
+from tdint.ground_motion.formats.series import Series, StatedPeak, code, first_match, moment, to_stream
+
+if TYPE_CHECKING:
+    from obspy import Stream
+
+
+_TEXTS, _INTEGERS, _REALS = 11, 48, 50
+_INTEGER_WIDTH, _REAL_WIDTH, _VALUE_WIDTH = 10, 15, 10
+_KINDS = re.compile(
+    r"\s*([0-6])\s+(?:UNKNOWN|(?:UN)?CORRECTED ACCELEROGRAM|VELOCITY|DISPLACEMENT|RESPONSE SPECTRA|FOURIER AMPLITUDE)"
+)
+_UNITS = {"0": "", "1": "cm/s^2", "2": "cm/s^2", "3": "cm/s", "4": "cm"}
+"""By the kind of series, where it is or may be a ground motion."""
+
+_YEAR, _DAY, _HOUR, _MINUTE, _SECOND, _MILLISECOND = 1, 2, 3, 4, 5, 6
+_FROM_VERTICAL, _AZIMUTH, _COMMENTS, _SAMPLES = 12, 13, 15, 16
+_ROUNDING = 1e-4
+"""Part of a value by which its five digits may be off."""
+
+_RATE, _MAXIMUM, _MINIMUM = 1, 29, 31
+
+
+def is_smc(file: Any, **_: Any) -> bool:
+    """Whether a file begins with this format's kind of series and has eight integers in line 12."""
+    return recognizes(file, _matches)
+
+
+def _matches(lines: list[str]) -> bool:
+    integers = lines[_TEXTS].split()
+    return bool(_KINDS.match(lines[0])) and len(integers) == 8 and all(map(_is_integer, integers))
+
+
+def _is_integer(word: str) -> bool:
+    return word.lstrip("-").isdigit()
+
+
+def read_smc(file: Any, headonly: bool = False, **_: Any) -> Stream:
+    """Read an SMC file; see `tdint.ground_motion.formats`.
+
+    Raises
+    ------
+    RecordError
+        It is cut off, holds more or fewer values than its header announces, or something else than an acceleration.
+    """
+    lines = read_lines(file)
+    texts = [lines.take() for _ in range(_TEXTS)]
+    kind = _KINDS.match(texts[0])
+    if not kind or kind[1] not in _UNITS:
+        raise RecordError(f"the file holds {texts[0].strip().lower()!r}, no ground motion")
+    integers = lines.numbers(_INTEGERS, _INTEGER_WIDTH).tolist()
+    reals = lines.numbers(_REALS, _REAL_WIDTH).tolist()
+    if reals[_RATE] == reals[0] or not reals[_RATE] > 0.0:
+        raise RecordError("its header does not give the sampling rate: the samples may be unevenly spaced")
+    for _line in range(int(integers[_COMMENTS])):
+        comment = lines.take()
+        if not comment.startswith("|"):
+            raise RecordError(f"line {lines.number} should be one of {integers[_COMMENTS]:g} comments")
+    series = Series(
+        lines.numbers(int(integers[_SAMPLES]), _VALUE_WIDTH),
+        1.0 / reals[_RATE],
+        _UNITS[kind[1]],
+        channel=_component(integers),
+        station=code(texts[2].replace("*", "")),
+        start=_start(integers),
+        peak=_peak(reals, _UNITS[kind[1]]),
+        units_from="format",
+    )
+    if lines.at_numbers():
+        raise RecordError(f"line {lines.number + 1} holds more values than its header announces")
+    return to_stream([series], headonly=headonly)
+
+
+def _component(integers: list[float]) -> str:
+    """UP, DOWN or the azimuth in degrees; empty if it is not known."""
+    unknown, vertical, azimuth = integers[0], integers[_FROM_VERTICAL], integers[_AZIMUTH]
+    if vertical in (0, 180) and vertical != unknown:
+        return "DOWN" if vertical else "UP"
+    return "" if azimuth == unknown else f"{azimuth:g}"
+
+
+def _start(integers: list[float]) -> datetime | None:
+    """Time of the first sample, if it is known to the second."""
+    unknown = integers[0]
+    year, day, hour, minute, second, milliseconds = integers[_YEAR : _MILLISECOND + 1]
+    if unknown in (year, day, hour, minute, second) or not 1 <= day <= 366:
+        return None
+    thousandths = 0.0 if milliseconds == unknown else milliseconds
+    return moment(year, 1, 1, 0, 0, ((day - 1.0) * 24.0 + hour) * 3600.0 + minute * 60.0 + second + thousandths / 1e3)
+
+
+def _peak(reals: list[float], units: str) -> StatedPeak | None:
+    """The larger of the stated maximum and minimum, None if they are not known."""
+    known = [abs(reals[i]) for i in (_MAXIMUM, _MINIMUM) if reals[i] != reals[0]]
+    return StatedPeak(max(known), _ROUNDING * max(known), units) if len(known) == 2 else None
+
+
+_TITLE = re.compile(r"\s*FILE\s+\d+ OF UNCORRECTED ACCELEROGRAM DATA OF VOLUME I\b", re.IGNORECASE)
+_STATION = re.compile(r"^\s*STATION USC#\s*(\w+)", re.IGNORECASE)
+_COMPONENT = re.compile(r"^\s*COMP\s+(\w+)", re.IGNORECASE)
+
+
+def is_usc(file: Any, **_: Any) -> bool:
+    """Whether the first line is the title of this format."""
+    return recognizes(file, lambda lines: _TITLE.match(lines[0]))
+
+
+def read_usc(file: Any, headonly: bool = False, **_: Any) -> Stream:
+    """Read a USC file; see `tdint.ground_motion.formats`.
+
+    Raises
+    ------
+    RecordError
+        It is cut off, or its times are not in equal steps.
+    """
+    lines = read_lines(file)
+    texts = text_header(lines)
+    lines.numbers(REALS, REAL_WIDTH)
+    station, component = first_match(_STATION, texts), first_match(_COMPONENT, texts)
+    series = read_pairs(
+        lines, texts, station=code(station[1]) if station else "", channel=component[1].upper() if component else ""
+    )
+    if lines.peek() is not None:
+        raise RecordError(f"line {lines.number + 1} stands after the last point that the header announces")
+    return to_stream([series], headonly=headonly)

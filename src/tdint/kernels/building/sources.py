@@ -1,0 +1,94 @@
+"""The sources that a kernel is compiled from: its module, and what that imports of kernels and methods.
+
+An edit of one method's file leaves the objects of all other kernels as they are. Imports are found by a pattern over
+the text, at any depth of indentation (laws import in their functions): to parse the files takes longer than to start.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import sys
+from functools import cache
+from pathlib import Path
+
+from tdint.kernels.laws import LAWS
+
+_PACKAGE = Path(__file__).parents[2]
+_BUILDING = "tdint.kernels.building."
+_COMPILING = tuple(_BUILDING + name for name in ("compiler", "signature", "variant"))
+"""What of `building` an object depends on, whatever imports it."""
+
+_LAWS = "tdint.kernels.laws"
+_IMPORT = re.compile(rb"^[ \t]*from (tdint\.(?:kernels|methods)[\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
+_COMMENT = re.compile(rb"#[^\n]*")
+
+
+@cache
+def digest(kernel: str, laws: tuple[str, ...] = ()) -> str:
+    """Hash of the sources of a kernel, `package.module:function`.
+
+    Parameters
+    ----------
+    laws : tuple of str
+        The drift laws that the kernel is compiled for, by name; those left out do not count. Empty for all.
+    """
+    found = hashlib.sha256()
+    for name, file in sorted(closure(kernel.partition(":")[0], laws).items()):
+        found.update(name.encode() + b"\0" + _read(file)[0])
+    return found.hexdigest()[:12]
+
+
+@cache
+def digest_of_all() -> str:
+    """Hash of the sources of all kernels and methods, for what is computed by several of them."""
+    found = hashlib.sha256()
+    for folder in ("kernels", "methods"):
+        for file in sorted((_PACKAGE / folder).rglob("*.py")):
+            found.update(file.relative_to(_PACKAGE).as_posix().encode() + b"\0" + file.read_bytes() + b"\0")
+    return found.hexdigest()[:12]
+
+
+def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
+    """The modules that a kernel's module is compiled with, by name, itself among them; `laws` as in `digest`.
+
+    A module that is not the package's counts by the file it was loaded from.
+    """
+    left_out = {law.functions.__module__ for law in LAWS if laws and law.name not in laws}
+    found: dict[str, Path] = {}
+    new = [module, *_COMPILING]
+    while new:
+        name = new.pop()
+        file = _file(name)
+        if name in found or file is None:
+            continue
+        found[name] = file
+        new += [
+            imported
+            for imported in _read(file)[1]
+            if not imported.startswith(_BUILDING) and not (name == _LAWS and imported in left_out)
+        ]
+    return found
+
+
+@cache
+def _read(file: Path) -> tuple[bytes, tuple[str, ...]]:
+    """Hash of a file, and what it imports of kernels and methods; each may be a module, or a name in one."""
+    text = file.read_bytes()
+    names: list[str] = []
+    for package, words in _IMPORT.findall(text):
+        base = package.decode()
+        one_by_one = _COMMENT.sub(b"", words).strip(b"() \t\r\n").split(b",")
+        names += [base, *(f"{base}.{word.split()[0].decode()}" for word in one_by_one if word.strip())]
+    return hashlib.sha256(text).digest(), tuple(names)
+
+
+@cache
+def _file(module: str) -> Path | None:
+    """The source of a module; None for what is none."""
+    first, *rest = module.split(".")
+    if first != "tdint":
+        own = getattr(sys.modules.get(module), "__file__", None)
+        return Path(own) if own else None
+    path = _PACKAGE.joinpath(*rest)
+    return next((one for one in (path.with_suffix(".py"), path / "__init__.py") if one.is_file()), None)

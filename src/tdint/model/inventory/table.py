@@ -1,0 +1,149 @@
+"""Reading an inventory: a CSV file with a building per row, under the column names of SimCenter's regional workflow."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from tdint.csv_table import CsvTable, no_number, number, read_table
+from tdint.errors import ModelFault
+from tdint.model.inventory.facts import BuildingFacts
+from tdint.model.inventory.hazus import LEVELS
+from tdint.model.inventory.mdof_lu import MOST_STORIES, STRUCTURES, ZONES
+from tdint.model.keys.kinds import POSITIVE, RATIO, Bounds
+
+NEEDED = ("id", "NumberOfStories", "YearBuilt", "StructureType", "PlanArea")
+OPTIONAL = ("height", "seismicZone", "DampingRatio", "DesignLevel", "Latitude", "Longitude")
+_COLUMNS = (*NEEDED, *OPTIONAL)
+_NEEDS = f"an inventory is a CSV file with a building per row and the columns {', '.join(NEEDED)}"
+_DESIGN_LEVELS = (
+    {level: level for level in LEVELS}
+    | {f"{level}-code": level for level in LEVELS}
+    | {f"{level[0]}c": level for level in LEVELS}
+)
+_YEARS = (1000, 2200)
+
+
+@dataclass(frozen=True, slots=True)
+class InventoryRow:
+    """A building of an inventory: its id, what is said of it, and where it is (degrees), None if that is not said."""
+
+    id: str
+    facts: BuildingFacts
+    latitude: float | None = None
+    longitude: float | None = None
+
+
+def read_inventory(
+    source: str, length: float, *, mass_only: bool = False
+) -> tuple[list[InventoryRow], list[ModelFault]]:
+    """The buildings of a CSV file, and what is wrong with the rows that are left out.
+
+    Parameters
+    ----------
+    source : str
+        The file; `-` is standard input.
+    length : float
+        The unit of the file's lengths in m; areas are in its square.
+    mass_only : bool
+        Leave out the stiffness-proportional damping of all buildings.
+
+    Raises
+    ------
+    ModelError
+        The file cannot be read, or lacks a column.
+    """
+    table = read_table(source, _NEEDS, columns=_COLUMNS)
+    table.need(*NEEDED)
+    places = {name: table.header.index(name.lower()) for name in _COLUMNS if table.has(name)}
+    faults: list[ModelFault] = []
+    buildings: list[InventoryRow] = []
+    seen: dict[str, int] = {}
+    for line, cells in table.rows:
+        row = _Row(table, line, cells, places, faults)
+        if table.overfull(cells):
+            width = len(table.header)
+            row.fault(width, "", f"{len(cells)} cells under {width} columns")
+            continue
+        building = row.building(length, mass_only)
+        if building and building.id in seen:
+            row.fault(
+                places["id"],
+                "id",
+                f"{building.id!r} is already on line {seen[building.id]}; give each building its own",
+            )
+        elif building:
+            seen[building.id] = line
+            buildings.append(building)
+    return buildings, faults
+
+
+class _Row:
+    """A row whose cells are read; what is wrong is noted."""
+
+    def __init__(
+        self, table: CsvTable, line: int, cells: list[str], places: Mapping[str, int], faults: list[ModelFault]
+    ) -> None:
+        self._source, self._line, self._cells, self._places, self._faults = table.source, line, cells, places, faults
+        self._before = len(faults)
+
+    def fault(self, place: int, name: str, message: str) -> None:
+        """Note what is wrong with a cell."""
+        self._faults.append(ModelFault(self._source, self._line, place + 1, name, message))
+
+    def building(self, length: float, mass_only: bool) -> InventoryRow | None:
+        """The building; None after a fault."""
+        name = self._cell("id")
+        if not name:
+            self.fault(self._places["id"], "id", "is missing")
+        zones = {zone.lower(): zone for zone in ZONES}
+        given = self._given
+        facts = BuildingFacts(
+            structure=self._word("StructureType", {one.lower(): one for one in STRUCTURES}),
+            stories=self._whole("NumberOfStories", 1, MOST_STORIES),
+            year=self._whole("YearBuilt", *_YEARS),
+            area=self._number("PlanArea", POSITIVE) * length**2,
+            height=self._number("height", POSITIVE) * length if given("height") else None,
+            zone=self._word("seismicZone", zones) if given("seismicZone") else "Z4",
+            design_level=self._word("DesignLevel", _DESIGN_LEVELS) if given("DesignLevel") else None,
+            damping_ratio=self._number("DampingRatio", RATIO) if given("DampingRatio") else None,
+            mass_only=mass_only,
+        )
+        latitude = self._number("Latitude", Bounds(-90.0, 90.0)) if given("Latitude") else None
+        longitude = self._number("Longitude", Bounds(-360.0, 360.0)) if given("Longitude") else None
+        return InventoryRow(name, facts, latitude, longitude) if len(self._faults) == self._before else None
+
+    def _cell(self, name: str) -> str:
+        place = self._places.get(name)
+        return self._cells[place].strip() if place is not None and place < len(self._cells) else ""
+
+    def _given(self, name: str) -> bool:
+        return bool(self._cell(name))
+
+    def _number(self, name: str, bounds: Bounds, what: str = "") -> float:
+        text, what = self._cell(name), what or str(bounds)
+        value = number(text)
+        if not math.isnan(value) and bounds.allow(value):
+            return value
+        message = no_number(text, what) if text else f"is missing; give {what}"
+        self.fault(self._places[name], name, message)
+        return math.nan
+
+    def _whole(self, name: str, low: int, high: int) -> int:
+        what = f"a whole number from {low} to {high}"
+        value = self._number(name, Bounds(low, high), what)
+        if math.isnan(value):
+            return 0
+        if value != int(value):
+            self.fault(self._places[name], name, f"must be {what}, got {self._cell(name)!r}")
+        return int(value)
+
+    def _word(self, name: str, known: Mapping[str, str]) -> str:
+        text = self._cell(name)
+        if text.lower() in known:
+            return known[text.lower()]
+        words = ", ".join(dict.fromkeys(known.values()))
+        message = f"unknown {text!r}; known: {words}" if text else f"is missing; give one of {words}"
+        self.fault(self._places[name], name, message)
+        return ""
