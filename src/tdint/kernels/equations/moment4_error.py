@@ -244,7 +244,7 @@ def _follow(chain, modal, laws, forces, h, load, state, springs, work, base):
             break
     for i in range(n):
         if work[base + _CALM, i] == 0.0 and work[base + _WALK + error_path.EVENT, n + 1 + i] > 0.0:
-            _shake(chain, modal, h, state, springs, work, base, i)
+            _shake(chain, modal, forces, h, state, springs, work, base, i)
     below = 0.0
     for i in range(n):
         c = n + 1 + i
@@ -262,9 +262,9 @@ def _follow(chain, modal, laws, forces, h, load, state, springs, work, base):
 
 
 @called
-def _shake(chain, modal, h, state, springs, work, base, i):
+def _shake(chain, modal, forces, h, state, springs, work, base, i):
     """Raise the peak accelerations of the floors at both ends of story `i` by those at which it changes its branch."""
-    if (MODAL or FORCES) and modal.shape[0] > 0:
+    if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
         return
     n = chain.shape[1] - 1
     t = work[base + _WALK + error_path.EVENT, n + 1 + i]
