@@ -1,11 +1,13 @@
-"""Make the ground motions of this folder: python records/make_records.py [FOLDER]
+"""Make the ground motions of this folder: python records/make_records.py [FOLDER] [--geonet FOLDER]
 
-Everything is computed from the seeds below; no recorded motion is used. See README.md for what the motions are.
+The artificial ones are computed from the seeds below. Those of Kaikoura are recorded: with --geonet they are taken from
+GeoNet's own files, which lie in that folder, with their numbers unchanged. See README.md for what the motions are.
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
+import hashlib
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +18,7 @@ from numpy.typing import NDArray
 with warnings.catch_warnings():
     # obspy looks up its plugins through an interface that Python 3.11 deprecates.
     warnings.simplefilter("ignore", DeprecationWarning)
-    from obspy import Stream, Trace, UTCDateTime
+    from obspy import Stream, Trace, UTCDateTime, read
 
 Array = NDArray[np.float64]
 
@@ -170,24 +172,69 @@ RECORDS = {"firm-soil": ("FIRM", firm_soil), "near-fault": ("FAULT", near_fault)
 """File name: station code and the function that makes its components HN1 and HN2, m/s^2 at 0.01 s."""
 
 
+@dataclass(frozen=True)
+class Recording:
+    """A recording of GeoNet: its file there, the SHA-256 of it, and the azimuths of its horizontal components."""
+
+    file: str
+    sha256: str
+    azimuths: tuple[str, str]
+
+
+KAIKOURA = {
+    "WTMC": Recording(
+        "20161113_110259_WTMC_20.V2A",
+        "90675296305eee264ea42feafb7e2248222bb3a2ec727b2bd3839efe3bacef64",
+        ("N28W", "S62W"),
+    ),
+    "HSES": Recording(
+        "20161113_110300_HSES_20.V2A",
+        "45193523c08ed432f67346ec6b8efaf21d9647a6dd3315e18548b51a001d5c4c",
+        ("N10E", "N80W"),
+    ),
+}
+"""The recordings in the folder kaikoura by their stations."""
+
+
 def write_records(folder: Path) -> None:
-    """Write all motions as MiniSEED files (64-bit floating-point numbers, m/s^2)."""
+    """Write the artificial motions as MiniSEED files (64-bit floating-point numbers, m/s^2)."""
     for name, (station, make) in RECORDS.items():
-        traces = [
-            Trace(
-                data,
-                header={
-                    "network": NETWORK,
-                    "station": station,
-                    "channel": f"HN{number}",
-                    "starttime": START,
-                    "delta": 0.01,
-                },
-            )
-            for number, data in enumerate(make(), start=1)
-        ]
-        Stream(traces).write(str(folder / f"{name}.mseed"), format="MSEED", encoding="FLOAT64", reclen=4096)
+        header = {"network": NETWORK, "station": station, "starttime": START, "delta": 0.01}
+        traces = [Trace(data, header | {"channel": f"HN{number}"}) for number, data in enumerate(make(), start=1)]
+        _write(traces, folder / f"{name}.mseed")
+
+
+def write_recordings(folder: Path, geonet: Path) -> None:
+    """Write those of Kaikoura, from GeoNet's files in the folder `geonet`: mm/s^2 there, m/s^2 here.
+
+    tdint is to be installed: it is what lets ObsPy read GeoNet's format.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    for station, recording in KAIKOURA.items():
+        path = geonet / recording.file
+        if hashlib.sha256(path.read_bytes()).hexdigest() != recording.sha256:
+            raise SystemExit(f"{path} is not the file that these motions were made from")
+        codes = dict(zip((*recording.azimuths, "UP"), ("HN1", "HN2", "HNZ"), strict=True))
+        traces = [trace for trace in read(str(path)) if trace.stats.channel in codes]
+        for trace in traces:
+            header = {"network": "NZ", "station": station, "channel": codes[trace.stats.channel]}
+            header |= {"starttime": trace.stats.starttime, "delta": trace.stats.delta}
+            trace.stats = Trace(header=header).stats
+            # The file prints tenths of a millimeter per second squared.
+            trace.data = np.round(trace.data * 10.0) / 1e4
+        _write(traces, folder / f"{station}.mseed")
+
+
+def _write(traces: list[Trace], path: Path) -> None:
+    Stream(traces).write(str(path), format="MSEED", encoding="FLOAT64", reclen=4096)
 
 
 if __name__ == "__main__":
-    write_records(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent)
+    here = Path(__file__).parent
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", nargs="?", type=Path, default=here)
+    parser.add_argument("--geonet", type=Path, help="the folder of GeoNet's files")
+    asked = parser.parse_args()
+    write_records(asked.folder)
+    if asked.geonet:
+        write_recordings(asked.folder / "kaikoura", asked.geonet)

@@ -11,18 +11,18 @@ import pytest
 
 from tdint import csv_table
 from tdint.analysis.static.cyclic import read_drift_path
-from tdint.campaign.file.definition import GridFile
-from tdint.campaign.file.grid import read_grid
-from tdint.campaign.file.plan import read_factors
-from tdint.campaign.studies.fragility.tables import fit_table
-from tdint.campaign.studies.target import read_target
+from tdint.campaign.definition import FactorsFile, GridFile
+from tdint.campaign.fragility.fit_table import fit_table
+from tdint.campaign.grid_files import read_grid
+from tdint.campaign.inputs import read_factors
+from tdint.campaign.suites.target import read_target
 from tdint.csv_table import read_table
 from tdint.errors import ModelError, RecordError, UsageError
 from tdint.model.inventory.table import read_inventory
 
 
 def grid(source):
-    return read_grid(GridFile(source, "g", 2, 4, 7), ())
+    return read_grid(GridFile(source, "g", 2, 4, 7))
 
 
 READERS = {
@@ -30,7 +30,7 @@ READERS = {
     "target": (read_target, ModelError, b"sa_g"),
     "fragility": (fit_table, ModelError, b"im"),
     "path": (read_drift_path, UsageError, b"drift_m"),
-    "factors": (lambda source: read_factors(source, ()), ModelError, b"factor"),
+    "factors": (lambda source: read_factors(FactorsFile(source)), ModelError, b"factor"),
     "grid": (grid, ModelError, b"Longitude"),
 }
 """All that read such a file, the error that each raises, and a column that it reads."""

@@ -56,5 +56,6 @@ def test_a_column_is_declared_in_one_place():
     makers = {path for _, path, node in nodes(ast.Call) if getattr(node.func, "id", "") == "Column"}
     subjects = ("shared", "buildings", "spectra", "methods", "campaign", "studies")
     assert makers == {
-        f"src/tdint/output/tables/{name}.py" for name in (*(f"columns/{subject}" for subject in subjects), "table")
+        f"src/tdint/output/tables/{name}.py"
+        for name in (*(f"columns/{subject}" for subject in subjects), "table", "validation")
     }

@@ -60,6 +60,7 @@ GROUPS = {
     },
     "Housekeeping": {
         "compile": ("housekeeping.compile", "Compile time loops ahead of their first use."),
+        "validate": ("housekeeping.validate", "Published and exact results beside those of this installation."),
     },
 }
 """The commands in the groups and the order of the help: of each its module in `commands` and the first sentence of its

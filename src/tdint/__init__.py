@@ -42,10 +42,10 @@ if TYPE_CHECKING:
     from tdint.analysis.spectra.rotated import rotated_spectrum as rotated_spectrum
     from tdint.analysis.static.cyclic import cyclic_test as cyclic_test
     from tdint.analysis.static.pushover import pushover as pushover
-    from tdint.campaign.studies.fragility.fits import fit_capacities as fit_capacities
-    from tdint.campaign.studies.fragility.fits import fit_cloud as fit_cloud
-    from tdint.campaign.studies.fragility.fits import fit_stripes as fit_stripes
-    from tdint.campaign.studies.ida.study import ida as ida
+    from tdint.campaign.fragility.fits import fit_capacities as fit_capacities
+    from tdint.campaign.fragility.fits import fit_cloud as fit_cloud
+    from tdint.campaign.fragility.fits import fit_stripes as fit_stripes
+    from tdint.campaign.ida.study import ida as ida
     from tdint.ground_motion.processing import process as process
     from tdint.ground_motion.reading.read import make_record as make_record
     from tdint.ground_motion.reading.read import read_horizontals as read_horizontals
@@ -73,10 +73,10 @@ _HOMES = {
     "spectrum": "tdint.analysis.spectra.elastic",
     "constant_ductility": "tdint.analysis.spectra.inelastic",
     "constant_strength": "tdint.analysis.spectra.inelastic",
-    "fit_capacities": "tdint.campaign.studies.fragility.fits",
-    "fit_cloud": "tdint.campaign.studies.fragility.fits",
-    "fit_stripes": "tdint.campaign.studies.fragility.fits",
-    "ida": "tdint.campaign.studies.ida.study",
+    "fit_capacities": "tdint.campaign.fragility.fits",
+    "fit_cloud": "tdint.campaign.fragility.fits",
+    "fit_stripes": "tdint.campaign.fragility.fits",
+    "ida": "tdint.campaign.ida.study",
     "drift_spectrum": "tdint.analysis.spectra.drift",
     "read_horizontals": "tdint.ground_motion.reading.read",
     "rotated_spectrum": "tdint.analysis.spectra.rotated",

@@ -1,3 +1,3 @@
 """The version of tdint: for people, for packages, and for files that say what wrote them."""
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

@@ -22,12 +22,11 @@ import numpy as np
 import tdint
 from tdint.analysis.run.case import Case
 from tdint.campaign.buildings import GivenBuildings
-from tdint.campaign.engine.settings import RunSettings
-from tdint.campaign.engine.subject import Subject
+from tdint.campaign.carry_out import carry_out, compile_for, threads
+from tdint.campaign.draws import EveryMotion, suite_motions
+from tdint.campaign.engine.task import RunSettings, Subject
 from tdint.campaign.levels import Scales
-from tdint.campaign.motions import EveryMotion, suite_motions
 from tdint.campaign.plan import Plan
-from tdint.campaign.run import carry_out, compile_for, threads
 from tdint.campaign.store.store import open_store
 from tdint.ground_motion.record import Record
 

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from tdint import load_model, read_horizontals
-from tdint.campaign.studies.ida.study import ida
+from tdint.campaign.ida.study import ida
 from tdint.files import write_file
 from tdint.ground_motion.record import Record
 
@@ -57,7 +57,7 @@ def main():
     off = max(abs(run.energy_error) for run in runs if run.stable)
     print(f"largest energy error of a run that stands: {off:.1e}")
     if given.plot:
-        from tdint.output.figures.studies.ida import ida_picture
+        from tdint.output.figures.ida import ida_picture
 
         write_file(given.plot, ida_picture(study, given.plot.suffix), overwrite=True)
 

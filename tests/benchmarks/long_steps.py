@@ -20,9 +20,7 @@ from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import FailedRun, model_record
 from tdint.analysis.run.steps import choose_steps
 from tdint.campaign.engine.batch import Batch
-from tdint.campaign.engine.runs import Motions, Run
-from tdint.campaign.engine.settings import RunSettings
-from tdint.campaign.engine.subject import Subject
+from tdint.campaign.engine.task import Motions, Run, RunSettings, Subject
 from tdint.campaign.engine.tolerance import building_step
 from tdint.methods.catalogue import catalogue, parse
 

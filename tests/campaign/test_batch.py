@@ -12,9 +12,7 @@ from tdint.analysis.run.demands import demands
 from tdint.analysis.run.run import FailedRun
 from tdint.campaign.engine.batch import Batch
 from tdint.campaign.engine.rows import RunRow
-from tdint.campaign.engine.runs import Motions, Run
-from tdint.campaign.engine.settings import REPEATS, RunSettings
-from tdint.campaign.engine.subject import Subject
+from tdint.campaign.engine.task import REPEATS, Motions, Run, RunSettings, Subject
 from tdint.ground_motion.record import Record
 
 RECORDS = {

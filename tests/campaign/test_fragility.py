@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import minimize
 from scipy.stats import binom, norm
 
-from tdint.campaign.studies.fragility.fits import empirical, fit_capacities, fit_cloud, fit_stripes
+from tdint.campaign.fragility.fits import empirical, fit_capacities, fit_cloud, fit_stripes
 from tdint.errors import AnalysisError, UsageError
 
 # Public data of Baker (2015), https://www.jackwbaker.com/fragility.html

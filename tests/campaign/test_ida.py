@@ -15,11 +15,11 @@ from building_cases import model, story
 from tdint import load_model, spectrum
 from tdint.campaign.engine.batch import Batch
 from tdint.campaign.engine.rows import Intensity, row_of_failure
-from tdint.campaign.studies.ida.curve import IdaCurve, fractiles
-from tdint.campaign.studies.ida.levels import Levels, below_collapse
-from tdint.campaign.studies.ida.runs import IdaRun
-from tdint.campaign.studies.ida.study import JOURNAL, IdaSettings, ida
-from tdint.campaign.studies.intensity import pga, sa
+from tdint.campaign.ida.curve import IdaCurve, fractiles
+from tdint.campaign.ida.levels import Levels, below_collapse
+from tdint.campaign.ida.runs import IdaRun
+from tdint.campaign.ida.study import JOURNAL, IdaSettings, ida
+from tdint.campaign.suites.intensity import pga, sa
 from tdint.errors import ModelError, OutputError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.record import Record

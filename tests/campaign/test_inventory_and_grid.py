@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 import tdint
+from tdint.campaign.draws import EARTH_RADIUS, GridDraws, unit_vectors
 from tdint.campaign.engine.chunk import do
-from tdint.campaign.file.plan import make_plan
-from tdint.campaign.file.read import load_campaign
-from tdint.campaign.grid import EARTH_RADIUS, GridDraws, unit_vectors
-from tdint.campaign.plan import Plan
+from tdint.campaign.inputs import read_inputs
+from tdint.campaign.plan import Plan, make_plan
+from tdint.campaign.reader import load_campaign
 from tdint.errors import ModelError, RecordError
 from tdint.ground_motion.record import Record
 from tdint.model.inventory.derive import derive_all, model_text
@@ -57,7 +57,8 @@ def study(tmp_path: Path) -> Path:
 
 
 def plan(folder: Path) -> Plan:
-    return make_plan(load_campaign(folder / "campaign.yaml"))
+    campaign = load_campaign(folder / "campaign.yaml")
+    return make_plan(campaign, read_inputs(campaign))
 
 
 def test_buildings_are_those_of_their_model_files(study: Path) -> None:

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from tdint import read_record
-from tdint.campaign.studies.intensity import PeakVelocity, pga, pseudo_accelerations, sa, sa_average
-from tdint.campaign.studies.scaling import scale_asce7, scale_p695, scale_to_target, scale_to_value
-from tdint.campaign.studies.suite import read_components, read_pairs
-from tdint.campaign.studies.target import TargetSpectrum, read_target
+from tdint.campaign.suites.intensity import PeakVelocity, pga, pseudo_accelerations, sa, sa_average
+from tdint.campaign.suites.scaling import scale_asce7, scale_p695, scale_to_target, scale_to_value
+from tdint.campaign.suites.suite import read_components, read_pairs
+from tdint.campaign.suites.target import TargetSpectrum, read_target
 from tdint.errors import ModelError, RecordError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.record import Record

@@ -10,10 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tdint.campaign.buildings import GivenBuildings
-from tdint.campaign.engine.settings import RunSettings
-from tdint.campaign.engine.subject import Subject
+from tdint.campaign.draws import EveryMotion, suite_motions
+from tdint.campaign.engine.task import RunSettings, Subject
 from tdint.campaign.levels import GivenFactors
-from tdint.campaign.motions import EveryMotion, suite_motions
 from tdint.campaign.plan import Plan
 from tdint.campaign.store.place import refuse_network
 from tdint.errors import OutputError
@@ -52,13 +51,10 @@ def test_chunks_hold_every_run_once_in_order(sizes: list[int], factors: list[int
     subjects = [Subject(model, "newmark-average")] * buildings
     plan = Plan("", GivenBuildings.of(subjects), motions, EveryMotion(len(motions)), levels, RunSettings())
     found = [
-        (portion.number, run)
-        for number in range(plan.chunks)
-        for portion in plan.chunk(number).portions
-        for run in portion.runs
+        (one.number, run) for number in range(plan.chunks) for one in plan.chunk(number).buildings for run in one.runs
     ]
     wanted = [(b, (m, f, 0)) for b in range(buildings) for m in range(len(sizes)) for f in levels.by_motion[m]]
     assert found == wanted and len(found) == plan.runs
     assert [plan.size(number) for number in range(plan.chunks)] == [
-        sum(len(portion.runs) for portion in plan.chunk(number).portions) for number in range(plan.chunks)
+        sum(len(part.runs) for part in plan.chunk(number).buildings) for number in range(plan.chunks)
     ]

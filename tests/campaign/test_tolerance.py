@@ -11,9 +11,7 @@ import tdint
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.step_choice import choose_step, step_within
 from tdint.campaign.engine.batch import Batch, Rows
-from tdint.campaign.engine.runs import Motions, Run
-from tdint.campaign.engine.settings import RunSettings
-from tdint.campaign.engine.subject import Subject
+from tdint.campaign.engine.task import Motions, Run, RunSettings, Subject
 from tdint.campaign.engine.tolerance import building_step
 
 SHIPPED = [

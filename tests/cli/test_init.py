@@ -17,7 +17,7 @@ from click.testing import Result
 
 import readmes
 from json_schema import valid
-from tdint.campaign.file.read import campaign_schema
+from tdint.campaign.reader import campaign_schema
 from tdint.ground_motion.pulse import VelocityPulse
 from tdint.ground_motion.reading.read import read_record
 from tdint.model.building import assemble

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tdint.campaign.engine.batch import Batch
-from tdint.campaign.studies.ida.study import JOURNAL
+from tdint.campaign.ida.study import JOURNAL
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 FRAME = CONFIGS / "collapse-prone-frame.yaml"

@@ -31,18 +31,23 @@ SCALES = ", ".join(f"{0.1 * i:.1f}" for i in range(1, 61))
 KILLER = """\
 import os, random, shutil, signal, sys, time
 from pathlib import Path
-from tdint.campaign.file.plan import make_plan
-from tdint.campaign.file.read import load_campaign
-from tdint.campaign.run import compile_for, threads
+from tdint.campaign.inputs import read_inputs
+from tdint.campaign.plan import make_plan
+from tdint.campaign.reader import load_campaign
+from tdint.campaign.carry_out import compile_for, threads
 from tdint_cli.batch.campaigns import carry_out
 from tdint_cli.settings import Settings
 import click, tdint.output.tables.campaign, tdint.output.summaries.campaign
 
+def plan():
+    campaign = load_campaign("study.yaml")
+    return make_plan(campaign, read_inputs(campaign))
+
 def campaign(folder):
     with click.Context(click.Command("campaign"), obj=Settings(quiet=True)):
-        carry_out(make_plan(load_campaign("study.yaml")), threads(2), Path(folder))
+        carry_out(plan(), threads(2), Path(folder))
 
-compile_for(make_plan(load_campaign("study.yaml")))
+compile_for(plan())
 random.seed(int(sys.argv[1]))
 kills = rounds = 0
 while kills < 100:

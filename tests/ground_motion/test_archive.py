@@ -10,7 +10,8 @@ from ground_motion import format_files as files
 from ground_motion.files import trace, wave, write
 from tdint.errors import RecordError
 from tdint.ground_motion.reading import source
-from tdint.ground_motion.reading.read import is_record, read_record, read_records
+from tdint.ground_motion.reading.folders import is_record
+from tdint.ground_motion.reading.read import read_record, read_records
 
 
 def packed(members, compression=zipfile.ZIP_DEFLATED):

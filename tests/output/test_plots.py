@@ -17,9 +17,9 @@ from tdint.files import write_file
 from tdint.ground_motion.processing import process
 from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
-from tdint.output.figures.buildings.run import run_picture
-from tdint.output.figures.spectra.spectrum import spectrum_picture
-from tdint.output.figures.spectra.spectrum_axes import draw_adrs, draw_tripartite
+from tdint.output.figures.runs import run_picture
+from tdint.output.figures.spectrum_axes import draw_adrs, draw_tripartite
+from tdint.output.figures.spectrum_curves import spectrum_picture
 from tdint.output.figures.style import changed
 from tdint.output_units import parse_output_units
 
@@ -119,7 +119,7 @@ def test_many_spectra_are_drawn(tmp_path):
 
 
 def test_no_window_system_is_loaded():
-    code = "import sys, tdint.output.figures.buildings.run; sys.exit('matplotlib.pyplot' in sys.modules)"
+    code = "import sys, tdint.output.figures.runs; sys.exit('matplotlib.pyplot' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 

@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 
 from building_cases import model, story
-from tdint.campaign.studies.fragility.fits import fit_capacities, fit_cloud, fit_stripes
-from tdint.campaign.studies.ida.curve import IdaCurve
-from tdint.campaign.studies.ida.runs import IdaRun
-from tdint.campaign.studies.ida.study import IdaStudy
-from tdint.campaign.studies.intensity import PeakVelocity, pga, sa, sa_average
-from tdint.campaign.studies.scaling import Scaling, scale_p695, scale_to_target, scale_to_value
-from tdint.campaign.studies.target import TargetSpectrum
+from tdint.campaign.fragility.fits import fit_capacities, fit_cloud, fit_stripes
+from tdint.campaign.ida.curve import IdaCurve
+from tdint.campaign.ida.runs import IdaRun
+from tdint.campaign.ida.study import IdaStudy
+from tdint.campaign.suites.intensity import PeakVelocity, pga, sa, sa_average
+from tdint.campaign.suites.scaling import Scaling, scale_p695, scale_to_target, scale_to_value
+from tdint.campaign.suites.target import TargetSpectrum
 from tdint.files import write_file
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.record import Record
-from tdint.output.figures.studies.fragility import fragility_picture
-from tdint.output.figures.studies.ida import ida_picture
-from tdint.output.figures.studies.suite import suite_picture
+from tdint.output.figures.fragility import fragility_picture
+from tdint.output.figures.ida import ida_picture
+from tdint.output.figures.suites import suite_picture
 
 STATUS = {math.inf: "collapsed", -math.inf: "not-converged"}
 

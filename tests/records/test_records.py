@@ -99,3 +99,31 @@ def test_soft_soil_sways_at_two_seconds():
     frequency = np.fft.rfftfreq(record.acceleration.size, record.dt)
     near = (frequency > 1 / 3) & (frequency < 1 / 1.4)
     assert (spectrum[near] ** 2).sum() > 0.6 * (spectrum**2).sum()
+
+
+@pytest.mark.parametrize(
+    ("station", "component", "pga"),
+    [
+        ("WTMC", "HN1", 9.7331),
+        ("WTMC", "HN2", 7.9664),
+        ("WTMC", "HNZ", 18.0219),
+        ("HSES", "HN1", 2.3646),
+        ("HSES", "HN2", 2.5537),
+        ("HSES", "HNZ", 1.5712),
+    ],
+)
+def test_kaikoura_has_the_numbers_of_geonet(station, component, pga):
+    record = read_record(FOLDER / "kaikoura" / f"{station}.mseed", component=component, units="m/s^2")
+    assert (record.acceleration.size, record.dt, record.pga) == (8192, 0.02, pga)
+    # The files print tenths of a millimeter per second squared.
+    tenths = 1e4 * record.acceleration
+    assert np.array_equal(np.round(tenths) / 1e4, record.acceleration)
+    assert str(record.start).startswith("2016-11-13T11:02:")
+
+
+def test_kaikoura_is_made_of_the_files_that_are_meant(maker, tmp_path):
+    for recording in maker.KAIKOURA.values():
+        (tmp_path / recording.file).write_text("another file\n")
+    with pytest.raises(SystemExit, match="is not the file that these motions were made from"):
+        maker.write_recordings(tmp_path / "out", tmp_path)
+    assert not list((tmp_path / "out").iterdir())

@@ -14,8 +14,8 @@ from tdint_cli.terminal.progress import progress_bar
 from tdint_cli.terminal.streams import note, say, warn
 
 if TYPE_CHECKING:
+    from tdint.campaign.carry_out import Advance, Engine, Shard
     from tdint.campaign.plan import Plan
-    from tdint.campaign.run import Advance, Engine, Shard
     from tdint.campaign.store.store import Store
     from tdint.files import Writer
 
@@ -105,7 +105,7 @@ def advance_with_bar(
     plan: Plan, store: Store, engine: Engine, *, shard: Shard | None = None, limit: int | None = None
 ) -> Advance:
     """Do what is left, with a bar that tells the rate."""
-    from tdint.campaign.run import carry_out
+    from tdint.campaign.carry_out import carry_out
 
     with progress_bar(to_terminal=False) as progress:
 

@@ -1,18 +1,60 @@
-"""Options under the heading Spectrum: damping ratios and periods."""
+"""Options of spectra and of the motions of floors, and the files of floors that `tdint run` writes."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
-from typing import Any, TypeVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
 
+import click
+
+from tdint.analysis.spectra.defaults import PERIODS
+from tdint.errors import UsageError
 from tdint_cli.options import headings, output
 from tdint_cli.options.analysis import damping_ratio
 from tdint_cli.options.values import GridType, Number
 
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tdint.analysis.run.run import Response
+    from tdint.files import Writer
+    from tdint.output_units import OutputUnits
+    from tdint.written_numbers import Grid
+
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 option = partial(headings.option, heading=headings.SPECTRUM)
+
+
+tables = output.output(
+    "FILE|DIR",
+    "Write to this file instead of standard output; to one file per record in an existing folder or one that is named "
+    "with a / at its end. What the records are and how the numbers came about stands in a JSON file beside each.",
+)
+picture = output.plot(
+    "Also draw all records, to this file (.png, .pdf, .svg); alone, each CSV file of -o, as PNG beside it."
+)
+SPECTRA, MOTIONS = "floor-spectra.csv", "floors.mseed"
+"""The files of floors, in the folder of -o."""
+
+floor_spectra = option(
+    "--floor-spectra",
+    type=click.STRING,
+    many=True,
+    metavar="FLOOR,...",
+    help=f"Also write {SPECTRA}: elastic response spectra of the absolute accelerations of these floors (from 1, or "
+    "roof), exact for motions that are linear between the steps.",
+)
+export_floors = output.option(
+    "--export-floors",
+    type=click.Choice(["mseed"]),
+    help=f"Also write {MOTIONS}: the absolute accelerations of all floors, m/s^2, as MiniSEED; stations F01, F02, ...",
+)
 
 
 def damping(needs: str = "") -> Callable[[Function], Function]:
@@ -26,18 +68,6 @@ def damping(needs: str = "") -> Callable[[Function], Function]:
         metavar="RATIO,...",
         help="Damping ratios; 0.05 (or 5%) by default.",
     )
-
-
-tables = output.output(
-    "FILE|DIR",
-    "Write to this file instead of standard output; to one file per record in an existing folder or one that is named "
-    "with a / at its end. What the records are and how the numbers came about stands in a JSON file beside each.",
-)
-
-
-picture = output.plot(
-    "Also draw all records, to this file (.png, .pdf, .svg); alone, each CSV file of -o, as PNG beside it."
-)
 
 
 def periods(default: str, zero: str = "", needs: str = "") -> Callable[[Function], Function]:
@@ -58,3 +88,65 @@ def periods(default: str, zero: str = "", needs: str = "") -> Callable[[Function
         help=f"Single periods; in place of --periods.{zero}",
     )
     return lambda command: several(single(command))
+
+
+floor_damping = damping(needs="--floor-spectra")
+floor_periods = periods(
+    PERIODS, zero=" 0 gives the largest acceleration of the floor at the steps.", needs="--floor-spectra"
+)
+
+
+@dataclass(frozen=True)
+class FloorRequest:
+    """What a command line asks of the floors."""
+
+    floors: tuple[str, ...] | None
+    export: str | None
+    damping: tuple[float, ...]
+    periods: Grid | None
+    period: tuple[float, ...] | None
+
+    def __bool__(self) -> bool:
+        return bool(self.floors or self.export)
+
+    def check(self, folder: str | None) -> None:
+        """Raise UsageError for files without a folder, and periods given in two ways."""
+        if self and not folder:
+            raise UsageError(f"{'--floor-spectra' if self.floors else '--export-floors'} writes a file: add -o DIR")
+        if self.periods and self.period:
+            raise UsageError("--periods and --period are given; leave one of them out")
+
+    def chosen_floors(self, stories: int) -> tuple[int, ...]:
+        """The floors whose spectra are asked for; UsageError if the building has no such floor."""
+        from tdint.analysis.spectra.floors import floor_numbers
+
+        return floor_numbers(self.floors or (), stories)
+
+    def chosen_periods(self) -> NDArray[np.float64]:
+        """The periods, s."""
+        import numpy as np
+
+        from tdint.written_numbers import parse_grid
+
+        return np.array(self.period) if self.period else (self.periods or parse_grid(PERIODS)).values()
+
+    def files(self, response: Response, folder: Path, units: OutputUnits) -> tuple[dict[Path, Writer], Sequence[str]]:
+        """The files in a folder and what writes them, tables in these units; and notes on them."""
+        stories = len(response.model.stories)
+        files: dict[Path, Writer] = {}
+        notes: Sequence[str] = ()
+        if self.floors:
+            from tdint.analysis.spectra.floors import floor_spectra as spectra_of
+            from tdint.output.tables.spectra import floor_spectrum_table
+
+            found = spectra_of(response, self.chosen_floors(stories), self.chosen_periods(), self.damping)
+            table = floor_spectrum_table(found).in_units(units).csv()
+            files[folder / SPECTRA] = lambda stream: stream.write(table)
+        if self.export:
+            from tdint.analysis.spectra.floors import floor_motion
+            from tdint.ground_motion.export import to_mseed
+
+            exported = to_mseed([floor_motion(response, floor) for floor in range(1, stories + 1)])
+            files[folder / MOTIONS] = lambda stream: stream.write(exported.content)
+            notes = exported.notes
+        return files, notes

@@ -16,7 +16,7 @@ from tdint_cli.options.values import GridType, Ratio
 from tdint_cli.terminal.streams import note, warn
 
 if TYPE_CHECKING:
-    from tdint.campaign.studies.suite import RecordChoice, Suite
+    from tdint.campaign.suites.suite import RecordChoice, Suite
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -80,7 +80,7 @@ def read_suite(records: Sequence[str], choice: RecordChoice, *, pairs: bool) -> 
     TdintError
         Nothing could be read.
     """
-    from tdint.campaign.studies.suite import read_components, read_pairs
+    from tdint.campaign.suites.suite import read_components, read_pairs
     from tdint_cli.errors import Failures
 
     if pairs and choice.component is not None:

@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Protocol
 
-from tdint.campaign.engine.chunk import Source
-from tdint.campaign.engine.subject import Subject
+from tdint.campaign.engine.task import Source, Subject
 from tdint.model.definition import Analysis, Excitation, Initial, Model
 from tdint.model.inventory.derive import derive_row
 from tdint.model.inventory.table import InventoryRow

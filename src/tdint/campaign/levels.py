@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol, Self
 
-from tdint.campaign.motions import SuiteMotion
-from tdint.campaign.studies.intensity import GroundMotion, IntensityMeasure
-
-if TYPE_CHECKING:  # A campaign file is read without the engine that runs it.
-    from tdint.campaign.engine.chunk import Source
+from tdint.campaign.draws import SuiteMotion
+from tdint.campaign.suites.intensity import GroundMotion, IntensityMeasure
+from tdint.errors import ModelError
 
 
 class Levels(Protocol):
     """Factors on each motion."""
 
+    @property
+    def by_period(self) -> bool:
+        """Whether they hang on the building, by its first period; else nobody needs to find it."""
+
     def count(self, motion: int) -> int:
         """How many factors a motion has."""
 
-    def factors(self, sources: Sequence[Source], motion: int) -> Sequence[tuple[float, ...]]:
-        """The factors of a motion under each of some buildings."""
+    def factors(self, motion: int, periods: Sequence[float]) -> Sequence[tuple[float, ...]]:
+        """The factors of a motion under each of some buildings, by their first periods, s."""
 
     def description(self) -> dict[str, object]:
         """What was asked for, for the fingerprint."""
@@ -31,15 +34,48 @@ class Scales:
     """The same factors on all motions."""
 
     values: tuple[float, ...]
+    by_period: bool = field(default=False, init=False)
 
     def count(self, motion: int) -> int:
         return len(self.values)
 
-    def factors(self, sources: Sequence[Source], motion: int) -> Sequence[tuple[float, ...]]:
-        return [self.values] * len(sources)
+    def factors(self, motion: int, periods: Sequence[float]) -> Sequence[tuple[float, ...]]:
+        return [self.values] * len(periods)
 
     def description(self) -> dict[str, object]:
         return {"scales": list(self.values)}
+
+
+@dataclass(frozen=True)
+class FactorTable:
+    """Factors by the names of motions and components, as a CSV file has them; no component stands for all.
+
+    Attributes
+    ----------
+    source : str
+        The file as the user named it.
+    by_name : mapping
+        (record, component) -> factors.
+    """
+
+    source: str
+    by_name: Mapping[tuple[str, str], tuple[float, ...]]
+
+    def of(self, motion: SuiteMotion) -> tuple[float, ...]:
+        """The factors of a motion: by its own name, by its file's, by its pair's.
+
+        Raises
+        ------
+        ModelError
+            There are none.
+        """
+        whole = motion.whole
+        names = dict.fromkeys([motion.name, Path(motion.name).name, whole.source])
+        components = dict.fromkeys([motion.component, whole.component, ""])
+        for key in ((name, component) for name in names for component in components):
+            if key in self.by_name:
+                return self.by_name[key]
+        raise ModelError(f"{self.source}: no factor for {motion.name} {motion.component}")
 
 
 @dataclass(frozen=True)
@@ -47,12 +83,24 @@ class GivenFactors:
     """Factors of each motion by its number, as `tdint scale` finds them."""
 
     by_motion: Mapping[int, tuple[float, ...]]
+    by_period: bool = field(default=False, init=False)
+
+    @classmethod
+    def of(cls, table: FactorTable, motions: Sequence[SuiteMotion]) -> Self:
+        """Those that a table has for some motions.
+
+        Raises
+        ------
+        ModelError
+            It has none for one of them.
+        """
+        return cls({number: table.of(motion) for number, motion in enumerate(motions)})
 
     def count(self, motion: int) -> int:
         return len(self.by_motion[motion])
 
-    def factors(self, sources: Sequence[Source], motion: int) -> Sequence[tuple[float, ...]]:
-        return [self.by_motion[motion]] * len(sources)
+    def factors(self, motion: int, periods: Sequence[float]) -> Sequence[tuple[float, ...]]:
+        return [self.by_motion[motion]] * len(periods)
 
     def description(self) -> dict[str, object]:
         return {"factors": {str(motion): list(values) for motion, values in self.by_motion.items()}}
@@ -71,7 +119,7 @@ class MeasureLevels:
     values : tuple of float
         The values, in SI units.
     pair : str
-        What stands for a pair of components, a name of `tdint.campaign.studies.intensity.PAIRS`.
+        What stands for a pair of components, a name of `tdint.campaign.suites.intensity.PAIRS`.
     """
 
     measure: Callable[[float], IntensityMeasure]
@@ -101,11 +149,15 @@ class IntensityLevels:
     def count(self, motion: int) -> int:
         return len(self.wanted.values)
 
-    def factors(self, sources: Sequence[Source], motion: int) -> Sequence[tuple[float, ...]]:
+    @property
+    def by_period(self) -> bool:
+        return self.wanted.period is None
+
+    def factors(self, motion: int, periods: Sequence[float]) -> Sequence[tuple[float, ...]]:
         whole, period = self.motions[motion].whole, self.wanted.period
         if period is not None:
-            return [self.wanted.factors(whole, period)] * len(sources)
-        return [self.wanted.factors(whole, source.subject().period) for source in sources]
+            return [self.wanted.factors(whole, period)] * len(periods)
+        return [self.wanted.factors(whole, one) for one in periods]
 
     def description(self) -> dict[str, object]:
         return self.wanted.description()

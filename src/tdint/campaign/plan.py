@@ -1,4 +1,7 @@
-"""All runs of a campaign in their order, cut into chunks; which run is which does not depend on who does them."""
+"""All runs of a campaign in their order, cut into chunks; which run is which does not depend on who does them.
+
+A plan is made of what was read: nothing is opened here.
+"""
 
 from __future__ import annotations
 
@@ -12,14 +15,20 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.campaign.buildings import Buildings
-from tdint.campaign.engine.chunk import Chunk, Portion, Source
-from tdint.campaign.engine.runs import Run
-from tdint.campaign.engine.settings import RunSettings
+from tdint.campaign.buildings import Buildings, GivenBuildings, InventoryBuildings, Rules
+from tdint.campaign.definition import AnalysisWishes, CampaignFile, GridFile, InventoryFile
+from tdint.campaign.draws import Assignment, Draw, EveryMotion, GridDraws, SuiteMotion
+from tdint.campaign.engine.chunk import Chunk
+from tdint.campaign.engine.task import BuildingRuns, Run, RunSettings, Source, Subject
 from tdint.campaign.engine.tolerance import building_step
-from tdint.campaign.levels import Levels
-from tdint.campaign.motions import Assignment, Draw, SuiteMotion
+from tdint.campaign.inputs import Inputs
+from tdint.campaign.levels import GivenFactors, IntensityLevels, Levels, MeasureLevels, Scales
 from tdint.errors import TdintError, UsageError
+from tdint.methods.catalogue import DEFAULT_METHOD
+from tdint.model.definition import Model
+
+_COLLAPSE_DRIFT = 0.10
+"""Of buildings by rules, where a campaign says nothing of it."""
 
 _SECONDS_PER_STEP = 0.15e-6
 """Roughly, for each story; it decides on the size of chunks alone."""
@@ -91,9 +100,9 @@ class Plan:
             until = min(last, end)
             chosen.append((at, slice(first - start, until - start)))
             first, at = until, at + 1
-        portions = self._with_runs(chosen)
-        used = sorted({run.motion for portion in portions for run in portion.runs})
-        return Chunk(number, portions, {motion: self.motions[motion].record for motion in used}, self.settings)
+        parts = self._with_runs(chosen)
+        used = sorted({run.motion for part in parts for run in part.runs})
+        return Chunk(number, parts, {motion: self.motions[motion].record for motion in used}, self.settings)
 
     def check_steps(self) -> None:
         """Raise UsageError for a step that does not fit a record; of an inventory all buildings are alike in that."""
@@ -143,7 +152,7 @@ class Plan:
         cuts = self._starts[at] + np.ceil(into / each[at]).astype(np.int64)
         return np.unique(np.concatenate([[0], np.minimum(cuts, self.runs), [self.runs]]))
 
-    def _with_runs(self, chosen: Sequence[tuple[int, slice]]) -> tuple[Portion, ...]:
+    def _with_runs(self, chosen: Sequence[tuple[int, slice]]) -> tuple[BuildingRuns, ...]:
         """Buildings with some of their runs."""
         sources = [self.buildings.source(number) for number, _ in chosen]
         draws = [self.assignment.draws(number) for number, _ in chosen]
@@ -154,7 +163,7 @@ class Plan:
                 Run(draw.motion, scale, draw.sample) for draw in draws[place] for scale in factors[place, draw.motion]
             ]
             largest = self._largest_step(number, sources[place], runs)
-            found.append(Portion(number, sources[place], tuple(runs[part]), largest))
+            found.append(BuildingRuns(number, sources[place], tuple(runs[part]), largest))
         return tuple(found)
 
     def _largest_step(self, number: int, source: Source, runs: Sequence[Run]) -> float | None:
@@ -185,10 +194,83 @@ class Plan:
         for place, of_building in enumerate(draws):
             for motion in dict.fromkeys(draw.motion for draw in of_building):
                 users.setdefault(motion, []).append(place)
+        periods = [source.subject().period if self.levels.by_period else math.nan for source in sources]
         return {
             (place, motion): values
             for motion, places in users.items()
             for place, values in zip(
-                places, self.levels.factors([sources[place] for place in places], motion), strict=True
+                places, self.levels.factors(motion, [periods[place] for place in places]), strict=True
             )
         }
+
+
+def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
+    """The plan of a campaign, of what was read for it.
+
+    Raises
+    ------
+    ModelError
+        A file of factors has none for a motion.
+    UsageError
+        A time step that does not fit.
+    """
+    analysis, notes = campaign.analysis, list[str]()
+    plan = Plan(
+        name=campaign.name,
+        buildings=_buildings(campaign, inputs, notes),
+        motions=inputs.motions,
+        assignment=_assignment(campaign, inputs),
+        levels=_levels(campaign, inputs),
+        settings=RunSettings(analysis.dt, analysis.duration, analysis.until_rest, campaign.stories, analysis.tolerance),
+        failures=inputs.failures,
+        notes=(*notes, *inputs.notes),
+    )
+    plan.check_steps()
+    return plan
+
+
+def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buildings:
+    wanted, analysis = campaign.buildings, campaign.analysis
+    if isinstance(wanted, InventoryFile):
+        return InventoryBuildings(inputs.rows, _rules(wanted, analysis, notes))
+    return GivenBuildings.of([_subject(model, analysis.method, notes) for model in inputs.models])
+
+
+def _subject(model: Model, method: str | None, notes: list[str]) -> Subject:
+    """A building with its method: that of the campaign, of the model, or the default, which is noted."""
+    chosen = method or model.analysis.method
+    if chosen is None:
+        chosen = DEFAULT_METHOD
+        notes.append(f"{model.source}: names no method, {DEFAULT_METHOD} is used")
+    return Subject(model, chosen)
+
+
+def _rules(wanted: InventoryFile, analysis: AnalysisWishes, notes: list[str]) -> Rules:
+    if analysis.method is None:
+        notes.append(f"no method is named, {DEFAULT_METHOD} is used")
+    return Rules(
+        name=wanted.rules,
+        stiffness=wanted.stiffness_scatter,
+        damping=wanted.damping_scatter,
+        seed=wanted.seed,
+        method=analysis.method or DEFAULT_METHOD,
+        collapse_drift=analysis.collapse_drift or _COLLAPSE_DRIFT,
+        p_delta=bool(analysis.p_delta),
+    )
+
+
+def _assignment(campaign: CampaignFile, inputs: Inputs) -> Assignment:
+    wanted = campaign.records
+    if isinstance(wanted, GridFile) and inputs.grid is not None:
+        return GridDraws.of(inputs.rows, inputs.grid, wanted.neighbors, wanted.samples, wanted.seed)
+    return EveryMotion(len(inputs.motions))
+
+
+def _levels(campaign: CampaignFile, inputs: Inputs) -> Levels:
+    wanted = campaign.intensity
+    if isinstance(wanted, Scales):
+        return wanted
+    if isinstance(wanted, MeasureLevels):
+        return IntensityLevels(wanted, inputs.motions)
+    assert inputs.factors is not None
+    return GivenFactors.of(inputs.factors, inputs.motions)

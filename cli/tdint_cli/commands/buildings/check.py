@@ -83,8 +83,8 @@ def _named_by(file: str) -> tuple[str, ...] | None:
     """
     if file == "-" or not is_file(file) or not _CAMPAIGN.search(Path(file).read_bytes()):
         return None
-    from tdint.campaign.file.definition import ModelFiles
-    from tdint.campaign.file.read import load_campaign
+    from tdint.campaign.definition import ModelFiles
+    from tdint.campaign.reader import load_campaign
 
     campaign = load_campaign(file)
     say(f"{file}: a campaign without a fault")
@@ -92,7 +92,7 @@ def _named_by(file: str) -> tuple[str, ...] | None:
 
 
 def _print_schema(kind: str) -> None:
-    from tdint.campaign.file.read import campaign_schema
+    from tdint.campaign.reader import campaign_schema
     from tdint.model.config.model_file import model_schema
     from tdint.output.summaries.summary import json_bytes
     from tdint_cli.terminal.streams import emit

@@ -228,7 +228,7 @@ def _write(
         if fitted:
             add(FIT, fitted_table(fitted.values, units).csv())
     if request.picture:
-        from tdint.output.figures.buildings.comparison import comparison_picture
+        from tdint.output.figures.comparison import comparison_picture
 
         files[request.picture] = comparison_picture(
             comparisons, periods, request.damping, request.picture.suffix, units

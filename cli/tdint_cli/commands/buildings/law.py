@@ -128,7 +128,7 @@ def _run(request: Request) -> None:
         test = path_test(model, request.story, drifts, in_yield_drifts=request.units == "dy")
 
     def draw(suffix: str) -> Writer:
-        from tdint.output.figures.buildings.cyclic import cyclic_picture
+        from tdint.output.figures.statics import cyclic_picture
 
         return cyclic_picture(test, suffix, units)
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tdint.errors import RecordError, UsageError
+from tdint.errors import UsageError
 from tdint_cli.batch.campaigns import advance_with_bar, carry_out, forget, tell_outcomes
 from tdint_cli.errors import Failures
 from tdint_cli.options.building import BuildingRequest, with_motion
@@ -14,9 +14,8 @@ from tdint_cli.terminal.drawing import emit_table
 from tdint_cli.terminal.streams import note, say
 
 if TYPE_CHECKING:
-    from tdint.campaign.motions import SuiteMotion
+    from tdint.campaign.draws import SuiteMotion
     from tdint.campaign.plan import Plan
-    from tdint.errors import TdintError
     from tdint.model.definition import Model
     from tdint.output_units import OutputUnits
 
@@ -34,7 +33,7 @@ def run_many(
 ) -> None:
     """Do the runs of a building under some records (those of the model without any) at some scales; the table goes to
     standard output, and with `output` everything is kept in that folder as `tdint campaign` keeps it."""
-    from tdint.campaign.run import threads
+    from tdint.campaign.carry_out import threads
     from tdint.campaign.store.store import open_store
     from tdint.model.config.model_file import load_model
     from tdint.output.tables.campaign import runs_table
@@ -64,42 +63,27 @@ def run_many(
 def _plan(
     request: BuildingRequest, records: tuple[str, ...], model: Model, method: str | None, dt: float | None
 ) -> Plan:
-    from tdint.campaign.buildings import GivenBuildings
-    from tdint.campaign.engine.settings import RunSettings
-    from tdint.campaign.file.plan import subject_of
+    from tdint.campaign.definition import AnalysisWishes, CampaignFile, ModelFiles, RecordFiles
+    from tdint.campaign.inputs import FoundMotions, Inputs, read_motions
     from tdint.campaign.levels import Scales
-    from tdint.campaign.motions import EveryMotion
-    from tdint.campaign.plan import Plan
+    from tdint.campaign.plan import make_plan
 
-    notes: list[str] = []
-    failures: list[TdintError] = []
-    motions = _motions(request, records, model, failures, notes)
-    if not motions:
-        raise RecordError("\n".join(map(str, failures)))
-    plan = Plan(
+    campaign = CampaignFile(
         name=model.name,
-        buildings=GivenBuildings.of([subject_of(model, method, notes)]),
-        motions=motions,
-        assignment=EveryMotion(len(motions)),
-        levels=Scales(request.scale or (1.0,)),
-        settings=RunSettings(dt, request.duration),
-        failures=tuple(failures),
-        notes=tuple(notes),
+        source=model.source,
+        buildings=ModelFiles((model.source,)),
+        records=(wanted := RecordFiles(records, request.choice)),
+        intensity=Scales(request.scale or (1.0,)),
+        analysis=AnalysisWishes(method, dt, request.duration),
     )
-    plan.check_steps()
-    return plan
+    found = read_motions(wanted) if records else FoundMotions(_motions_of_model(request, model), ())
+    return make_plan(campaign, Inputs((model,), motions=found.motions, failures=found.failures, notes=found.notes))
 
 
-def _motions(
-    request: BuildingRequest, records: tuple[str, ...], model: Model, failures: list[TdintError], notes: list[str]
-) -> tuple[SuiteMotion, ...]:
+def _motions_of_model(request: BuildingRequest, model: Model) -> tuple[SuiteMotion, ...]:
     from tdint.analysis.run.run import model_record
-    from tdint.campaign.file.definition import RecordFiles
-    from tdint.campaign.file.plan import read_motions
-    from tdint.campaign.motions import suite_motions
+    from tdint.campaign.draws import suite_motions
 
-    if records:
-        return read_motions(RecordFiles(records, request.choice), failures, notes)
     record = model_record(with_motion(model, replace(request, scale=(1.0,))))
     if record is None:
         raise UsageError("--scale needs a record, the model has none: add a RECORD")

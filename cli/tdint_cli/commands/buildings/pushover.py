@@ -76,7 +76,7 @@ def command(
     outputs = outputs.else_in(units)
 
     def draw(suffix: str) -> Writer:
-        from tdint.output.figures.buildings.pushover import pushover_picture
+        from tdint.output.figures.statics import pushover_picture
 
         return pushover_picture(result, suffix, units)
 

@@ -15,9 +15,9 @@ from tdint.files import is_folder
 from tdint_cli import options
 from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.options.building import BuildingRequest, check_motion, with_motion
-from tdint_cli.options.floors import MOTIONS, SPECTRA, FloorRequest
 from tdint_cli.options.output import check_picture
 from tdint_cli.options.plot import BESIDE, picture_file
+from tdint_cli.options.spectra import MOTIONS, SPECTRA, FloorRequest
 from tdint_cli.options.values import FileName, Ratio
 from tdint_cli.terminal.drawing import emit_table
 from tdint_cli.terminal.streams import complain, note, say, warn
@@ -74,9 +74,9 @@ class Request(BuildingRequest):
 @options.building.model
 @click.argument("records", metavar="[RECORD]...", nargs=-1, type=FileName())
 @options.record.of_record
-@options.floors.floor_spectra
-@options.floors.damping
-@options.floors.periods
+@options.spectra.floor_spectra
+@options.spectra.floor_damping
+@options.spectra.floor_periods
 @options.analysis.method
 @options.analysis.dt
 @options.analysis.duration
@@ -97,7 +97,7 @@ class Request(BuildingRequest):
     metavar="COUNT",
     help="Every so many steps of --history, from the first one; every step by default.",
 )
-@options.floors.export_floors
+@options.spectra.export_floors
 @options.output.plot(
     f"Also draw roof displacement, energies, drifts, one hysteresis: to this file (.png, .pdf, .svg), or alone as "
     f"{PICTURE} into the folder of -o."
@@ -288,7 +288,7 @@ def _files(request: Request, response: Response, case: Case, inputs: list[Input]
         for text in notes:
             note(text)
     if picture := _picture(request):
-        from tdint.output.figures.buildings.run import run_picture
+        from tdint.output.figures.runs import run_picture
 
         files[picture] = run_picture(response, picture.suffix, units)
     if request.output:

@@ -11,9 +11,8 @@ import click
 from tdint.analysis.spectra.defaults import DRIFT_PERIODS, HEIGHT_PERIOD, STORY_HEIGHT
 from tdint.errors import UsageError
 from tdint_cli import options
-from tdint_cli.commands.ground_motions.spectra.kind import Kind, Results
-from tdint_cli.commands.ground_motions.spectra.request import TablesRequest
-from tdint_cli.commands.ground_motions.spectra.tables import make_tables
+from tdint_cli.commands.ground_motions.spectrum_request import Kind, Results, TablesRequest
+from tdint_cli.commands.ground_motions.spectrum_tables import make_tables
 from tdint_cli.options.values import Number
 
 if TYPE_CHECKING:
@@ -87,50 +86,54 @@ def command(**given: Any) -> None:
     1997, and in ASCE 7 frames of steel with eccentric or buckling-restrained braces; 0.0724,0.8 and 0.0466,0.9 moment
     frames of steel and of concrete in ASCE 7; 0.0488,0.75 other buildings in both.
     """
-    make_tables(DriftRequest(**given), KIND)
+    make_tables(DriftRequest(**given), _DriftSpectra())
 
 
-def _check(request: DriftRequest) -> None:
-    if request.stories is not None and request.story_height is not None:
-        raise UsageError("--stories and --story-height are given; leave one of them out")
-    if request.beam and (request.stories is not None or request.story_height is not None):
-        raise UsageError("--beam has no stories: leave out --stories and --story-height")
-    from tdint.analysis.spectra.drift import number_of_stories, parse_height_period
+class _DriftSpectra(Kind):
+    """Drift spectra of each component with each damping ratio."""
 
-    heights = parse_height_period(request.height_period).height(request.chosen_periods(DRIFT_PERIODS))
-    if not request.beam:
-        number_of_stories(heights, request.stories, request.story_height or STORY_HEIGHT)
+    command = "drift-spectrum"
+    default_periods = DRIFT_PERIODS
 
+    def check(self, request: DriftRequest) -> None:
+        """Refuse, before any work, what makes no sense together."""
+        if request.stories is not None and request.story_height is not None:
+            raise UsageError("--stories and --story-height are given; leave one of them out")
+        if request.beam and (request.stories is not None or request.story_height is not None):
+            raise UsageError("--beam has no stories: leave out --stories and --story-height")
+        from tdint.analysis.spectra.drift import number_of_stories, parse_height_period
 
-def _compute(request: DriftRequest, records: Sequence[Record]) -> Results:
-    from tdint.analysis.spectra.drift import drift_spectrum, parse_height_period
+        heights = parse_height_period(request.height_period).height(request.chosen_periods(DRIFT_PERIODS))
+        if not request.beam:
+            number_of_stories(heights, request.stories, request.story_height or STORY_HEIGHT)
 
-    results = [
-        drift_spectrum(
-            record,
-            request.chosen_periods(DRIFT_PERIODS),
-            damping,
-            stories=request.stories,
-            story_height=request.story_height or STORY_HEIGHT,
-            height_period=parse_height_period(request.height_period),
-            beam=request.beam,
-        )
-        for record in records
-        for damping in request.damping
-    ]
-    return Results(results, records)
+    def compute(self, request: DriftRequest, records: Sequence[Record]) -> Results:
+        """The spectra of each component with each damping ratio."""
+        from tdint.analysis.spectra.drift import drift_spectrum, parse_height_period
 
+        results = [
+            drift_spectrum(
+                record,
+                request.chosen_periods(DRIFT_PERIODS),
+                damping,
+                stories=request.stories,
+                story_height=request.story_height or STORY_HEIGHT,
+                height_period=parse_height_period(request.height_period),
+                beam=request.beam,
+            )
+            for record in records
+            for damping in request.damping
+        ]
+        return Results(results, records)
 
-def _table(_: DriftRequest, results: Sequence[DriftSpectrum]) -> Table:
-    from tdint.output.tables.spectra import drift_spectrum_table
+    def table(self, _: DriftRequest, results: Sequence[DriftSpectrum]) -> Table:
+        """A row for each spectrum and period."""
+        from tdint.output.tables.spectra import drift_spectrum_table
 
-    return drift_spectrum_table(results)
+        return drift_spectrum_table(results)
 
+    def picture(self, request: DriftRequest, results: Sequence[DriftSpectrum], suffix: str) -> Writer:
+        """A line for each spectrum."""
+        from tdint.output.figures.spectrum_curves import drift_spectrum_picture
 
-def _picture(request: DriftRequest, results: Sequence[DriftSpectrum], suffix: str) -> Writer:
-    from tdint.output.figures.spectra.drift import drift_spectrum_picture
-
-    return drift_spectrum_picture(results, suffix, request.shown_units)
-
-
-KIND = Kind("drift-spectrum", DRIFT_PERIODS, _check, _compute, _table, _picture)
+        return drift_spectrum_picture(results, suffix, request.shown_units)

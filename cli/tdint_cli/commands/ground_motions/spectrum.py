@@ -6,10 +6,9 @@ from typing import Any
 
 from tdint.analysis.spectra.defaults import PERIODS
 from tdint_cli import options
-from tdint_cli.commands.ground_motions.spectra import against, elastic, inelastic, rotated
-from tdint_cli.commands.ground_motions.spectra.kind import Kind
-from tdint_cli.commands.ground_motions.spectra.request import SpectrumRequest
-from tdint_cli.commands.ground_motions.spectra.tables import make_tables
+from tdint_cli.commands.ground_motions import spectrum_kinds as kinds
+from tdint_cli.commands.ground_motions.spectrum_request import Kind, SpectrumRequest
+from tdint_cli.commands.ground_motions.spectrum_tables import make_tables
 
 
 @options.command("spectrum")
@@ -17,18 +16,18 @@ from tdint_cli.commands.ground_motions.spectra.tables import make_tables
 @options.spectra.damping()
 @options.spectra.periods(PERIODS, zero=" 0 gives the peak ground acceleration.")
 @options.analysis.method
-@elastic.maxima
-@elastic.interpolation
-@rotated.rotd
-@inelastic.ductility
-@inelastic.strength
-@inelastic.hardening
-@against.against
-@against.column
-@against.interpolation
+@kinds.maxima
+@kinds.interpolation
+@kinds.rotd
+@kinds.ductility
+@kinds.strength
+@kinds.hardening
+@kinds.against
+@kinds.against_column
+@kinds.against_interpolation
 @options.spectra.tables
 @options.spectra.picture
-@elastic.axes
+@kinds.axes
 @options.output.jobs
 @options.output.units
 @options.output.overwrite
@@ -59,7 +58,7 @@ def command(**given: Any) -> None:
 def _kind(request: SpectrumRequest) -> Kind:
     """The kind of spectra that is asked for."""
     if request.against:
-        return against.KIND
+        return kinds.Against()
     if request.ductility or request.strength:
-        return inelastic.KIND
-    return rotated.KIND if request.rotd else elastic.KIND
+        return kinds.Inelastic()
+    return kinds.Rotated() if request.rotd else kinds.Elastic()

@@ -238,7 +238,7 @@ def _deliver(
     table = sizes_table(charts) if request.stories else chart_table(charts[0])
 
     def draw(suffix: str) -> Writer:
-        from tdint.output.figures.chart import chart_picture, sizes_picture
+        from tdint.output.figures.work_precision import chart_picture, sizes_picture
 
         if request.stories:
             return sizes_picture(charts, suffix, name=model.name, target=request.target)

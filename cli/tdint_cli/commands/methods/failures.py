@@ -75,7 +75,7 @@ def _run(request: Request) -> None:
     trials = [trial for problem in problems for integrator in integrators for trial in attempt(integrator, problem)]
 
     def draw(suffix: str) -> Writer:
-        from tdint.output.figures.failures import failure_picture
+        from tdint.output.figures.failure_matrix import failure_picture
 
         return failure_picture(trials, suffix)
 

@@ -18,8 +18,8 @@ from tdint_cli.terminal.drawing import emit_table
 from tdint_cli.terminal.streams import note, say
 
 if TYPE_CHECKING:
+    from tdint.campaign.carry_out import Engine, Shard
     from tdint.campaign.engine.cluster import Cluster
-    from tdint.campaign.run import Engine, Shard
 
 
 @dataclass(frozen=True)
@@ -100,10 +100,12 @@ def _run(request: CampaignRequest) -> None:
     if request.output is None:
         raise UsageError("a campaign is kept in a folder: give -o DIR")
     shard, engine = _shard(request.shard), _engine(request)
-    from tdint.campaign.file.plan import make_plan
-    from tdint.campaign.file.read import load_campaign
+    from tdint.campaign.inputs import read_inputs
+    from tdint.campaign.plan import make_plan
+    from tdint.campaign.reader import load_campaign
 
-    plan = make_plan(load_campaign(request.words[0]))
+    campaign = load_campaign(request.words[0])
+    plan = make_plan(campaign, read_inputs(campaign))
     carry_out(plan, engine, Path(request.output), shard=shard, limit=request.limit, units=request.units)
 
 
@@ -156,7 +158,7 @@ def _folder(request: CampaignRequest) -> Path:
 def _shard(text: str | None) -> Shard | None:
     if text is None:
         return None
-    from tdint.campaign.run import Shard
+    from tdint.campaign.carry_out import Shard
 
     first, slash, last = text.partition("/")
     if slash and first.isdecimal() and last.isdecimal() and 1 <= int(first) <= int(last):
@@ -165,7 +167,7 @@ def _shard(text: str | None) -> Shard | None:
 
 
 def _engine(request: CampaignRequest) -> Engine:
-    from tdint.campaign.run import cluster, threads
+    from tdint.campaign.carry_out import cluster, threads
 
     far = _cluster(request)
     if far is not None:

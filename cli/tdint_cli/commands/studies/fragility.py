@@ -16,7 +16,7 @@ from tdint_cli.options.values import FileName, Number, SpanType
 from tdint_cli.terminal.streams import complain, say, warn
 
 if TYPE_CHECKING:
-    from tdint.campaign.studies.fragility.fits import Fragility
+    from tdint.campaign.fragility.fits import Fragility
     from tdint.files import Writer
     from tdint.output_units import OutputUnits
 
@@ -75,7 +75,7 @@ def _fragility(
     im: str | None, beta_model: float, output: str | None, plot: str | None, overwrite: bool,
     output_units: OutputUnits | None,
 ) -> None:  # fmt: skip
-    from tdint.campaign.studies.fragility.tables import FragilityRequest, fit_table
+    from tdint.campaign.fragility.fit_table import FragilityRequest, fit_table
     from tdint.output.tables.studies import fragility_table
 
     if edp_range is not None and fit not in (None, "cloud"):
@@ -98,7 +98,7 @@ def _fragility(
     functions = [function.in_units(output_units) if output_units else function for function in result.functions]
 
     def draw(suffix: str) -> Writer:
-        from tdint.output.figures.studies.fragility import fragility_picture
+        from tdint.output.figures.fragility import fragility_picture
 
         return fragility_picture(functions, suffix)
 

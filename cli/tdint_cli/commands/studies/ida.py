@@ -22,8 +22,8 @@ from tdint_cli.terminal.progress import progress_bar
 from tdint_cli.terminal.streams import note, say, warn
 
 if TYPE_CHECKING:
-    from tdint.campaign.studies.ida.study import IdaSettings, IdaStudy
-    from tdint.campaign.studies.intensity import IntensityMeasure
+    from tdint.campaign.ida.study import IdaSettings, IdaStudy
+    from tdint.campaign.suites.intensity import IntensityMeasure
     from tdint.files import Writer
     from tdint.model.definition import Model
     from tdint.output_units import OutputUnits
@@ -143,7 +143,7 @@ def command(**given: Any) -> None:
 
 
 def _ida(request: IdaRequest) -> None:
-    from tdint.campaign.studies.ida.study import IdaSettings, ida
+    from tdint.campaign.ida.study import IdaSettings, ida
     from tdint.model.config.model_file import load_model
     from tdint.output.tables.studies import capacity_table
     from tdint.processors import processors
@@ -191,7 +191,7 @@ def _folder(request: IdaRequest) -> Path | None:
     OutputError
         Files are in the way.
     """
-    from tdint.campaign.studies.ida.study import JOURNAL
+    from tdint.campaign.ida.study import JOURNAL
     from tdint.files import check_outputs
 
     folder = Path(request.output) if request.output else None
@@ -220,7 +220,7 @@ def _measure(request: IdaRequest, model: Model) -> IntensityMeasure:
         Options that have no part in it.
     """
     from tdint.analysis.spectra.first_mode import first_mode
-    from tdint.campaign.studies import intensity
+    from tdint.campaign.suites import intensity
     from tdint.model.building import assemble
 
     if not request.im.startswith("sa"):
@@ -274,7 +274,7 @@ def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: O
         summary = json_bytes(in_units(table_summary("ida", said, records, meanings), units))
         files[Path(request.output) / SUMMARY] = lambda stream: stream.write(summary)
     if picture := request.picture:
-        from tdint.output.figures.studies.ida import ida_picture
+        from tdint.output.figures.ida import ida_picture
 
         files[picture] = ida_picture(study.in_units(units), picture.suffix)
     write_files(files, overwrite=request.overwrite or bool(request.output))
@@ -311,7 +311,7 @@ def _report(study: IdaStudy, precision: float) -> None:
 def _words(study: IdaStudy, runs: int) -> str:
     import numpy as np
 
-    from tdint.campaign.studies.ida.curve import fractiles
+    from tdint.campaign.ida.curve import fractiles
 
     count, unit = len(study.curves), study.measure.unit
     low, middle, high = fractiles(study.curves, np.array([study.model.collapse_drift]))[:, 0].tolist()

@@ -17,8 +17,8 @@ from tdint_cli.options.values import FileName, IntensityType, Number, RangeType
 from tdint_cli.terminal.streams import say
 
 if TYPE_CHECKING:
-    from tdint.campaign.studies.intensity import GroundMotion, IntensityMeasure
-    from tdint.campaign.studies.scaling import Scaling
+    from tdint.campaign.suites.intensity import GroundMotion, IntensityMeasure
+    from tdint.campaign.suites.scaling import Scaling
     from tdint.files import Writer
     from tdint.output_units import OutputUnits
     from tdint.units import Units
@@ -170,7 +170,7 @@ def _scale(request: ScaleRequest) -> None:
     table = factor_table(scaling)
 
     def draw(suffix: str) -> Writer:
-        from tdint.output.figures.studies.suite import suite_picture
+        from tdint.output.figures.suites import suite_picture
 
         return suite_picture(scaling, suffix, request.output_units or SI)
 
@@ -186,7 +186,7 @@ def _scale(request: ScaleRequest) -> None:
 
 def _aim(request: ScaleRequest) -> Any:
     """What scales a suite as the command line asks; the target is read and compared with the periods before."""
-    from tdint.campaign.studies import scaling
+    from tdint.campaign.suites import scaling
 
     value = request.value
     if request.p695:
@@ -198,7 +198,7 @@ def _aim(request: ScaleRequest) -> Any:
         name, number = value
         measure = _measure(request, name)
         return lambda motions: scaling.scale_to_value(motions, measure, number, request.pairs or PAIRS[0])
-    from tdint.campaign.studies.target import read_target
+    from tdint.campaign.suites.target import read_target
     from tdint.written_numbers import Grid
 
     target = read_target(request.target)
@@ -217,7 +217,7 @@ def _aim(request: ScaleRequest) -> Any:
 
 
 def _measure(request: ScaleRequest, name: str) -> IntensityMeasure:
-    from tdint.campaign.studies import intensity
+    from tdint.campaign.suites import intensity
 
     if name == "pga":
         return intensity.pga()

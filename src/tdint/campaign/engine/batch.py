@@ -28,9 +28,7 @@ from tdint.campaign.engine.rows import (
     run_key,
     story_rows,
 )
-from tdint.campaign.engine.runs import Motions, Run
-from tdint.campaign.engine.settings import AT_REST, REPEATS, REST_PERIODS, RunSettings
-from tdint.campaign.engine.subject import Subject
+from tdint.campaign.engine.task import AT_REST, REPEATS, REST_PERIODS, Motions, Run, RunSettings, Subject
 from tdint.kernels import layout
 from tdint.kernels import layout as at
 from tdint.kernels.march import many as lanes

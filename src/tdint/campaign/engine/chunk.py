@@ -2,50 +2,18 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.analysis.spectra.first_mode import SA_DAMPING
 from tdint.campaign.engine.batch import Batch, Rows
-from tdint.campaign.engine.runs import Motions, Run
-from tdint.campaign.engine.settings import RunSettings
-from tdint.campaign.engine.subject import Subject
+from tdint.campaign.engine.task import BuildingRuns, Motions, Run, RunSettings, Subject
 from tdint.errors import AnalysisError
 from tdint.ground_motion.record import Record
-
-
-class Source(Protocol):
-    """What makes a building: the building itself, or a row of an inventory with its rules."""
-
-    def subject(self) -> Subject:
-        """The building."""
-
-
-class Portion(NamedTuple):
-    """Runs of one building.
-
-    Attributes
-    ----------
-    number : int
-        Of the building in its campaign.
-    source : Source
-        What makes it.
-    runs : tuple of Run
-        The runs.
-    largest : float or None
-        Their largest step for a tolerance, s; None if no step is within it.
-    """
-
-    number: int
-    source: Source
-    runs: tuple[Run, ...]
-    largest: float | None = math.inf
 
 
 @dataclass(frozen=True)
@@ -56,14 +24,14 @@ class Chunk:
     ----------
     number : int
         Of the chunk in its campaign.
-    portions : tuple of Portion
+    buildings : tuple of BuildingRuns
         The buildings with their runs.
     records : mapping of int to Record
         The ground motions by their numbers.
     """
 
     number: int
-    portions: tuple[Portion, ...]
+    buildings: tuple[BuildingRuns, ...]
     records: Mapping[int, Record]
     settings: RunSettings
 
@@ -81,12 +49,12 @@ def do(chunk: Chunk) -> Done:
     """Integrate the runs of a chunk. Errors are those of `Batch.results`."""
     began = time.perf_counter()
     motions = Motions.of(chunk.records)
-    subjects = [portion.source.subject() for portion in chunk.portions]
-    spectral = _spectral(chunk.records, [(s, p.runs) for s, p in zip(subjects, chunk.portions, strict=True)])
+    subjects = [part.source.subject() for part in chunk.buildings]
+    spectral = _spectral(chunk.records, [(s, p.runs) for s, p in zip(subjects, chunk.buildings, strict=True)])
     rows = Rows()
-    for portion, subject, sa in zip(chunk.portions, subjects, spectral, strict=True):
-        batch = Batch(portion.number, subject, motions, sa, chunk.settings)
-        rows.extend(batch.results(portion.runs, portion.largest))
+    for part, subject, sa in zip(chunk.buildings, subjects, spectral, strict=True):
+        batch = Batch(part.number, subject, motions, sa, chunk.settings)
+        rows.extend(batch.results(part.runs, part.largest))
     return Done(chunk.number, rows, time.perf_counter() - began)
 
 

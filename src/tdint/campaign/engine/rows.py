@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tdint.analysis.run.demands import demands
 from tdint.analysis.run.outcome import Collapse, Response, StoryPeaks
-from tdint.campaign.engine.runs import Run
+from tdint.campaign.engine.task import Run
 
 Array = NDArray[np.float64]
 

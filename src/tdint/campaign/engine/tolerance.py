@@ -16,9 +16,7 @@ from tdint.analysis.run.case import Case
 from tdint.analysis.run.error_estimate import attempt
 from tdint.analysis.run.outcome import FailedRun, Response
 from tdint.analysis.run.step_choice import step_within
-from tdint.campaign.engine.runs import Run
-from tdint.campaign.engine.settings import RunSettings
-from tdint.campaign.engine.subject import Subject
+from tdint.campaign.engine.task import Run, RunSettings, Subject
 from tdint.ground_motion.record import Record
 
 Item = TypeVar("Item")

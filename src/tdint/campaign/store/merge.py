@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-from tdint.campaign.store.fingerprint import differences
 from tdint.campaign.store.schema import TABLES
-from tdint.campaign.store.store import FILE, Store, connect, in_words, open_existing, transaction
+from tdint.campaign.store.store import FILE, Store, connect, differences, in_words, open_existing, transaction
 from tdint.errors import UsageError
 
 _TABLES = ("buildings", "records")

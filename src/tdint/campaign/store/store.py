@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import sqlite3
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Self
 
 from tdint.campaign.engine.chunk import Done
 from tdint.campaign.plan import Plan
-from tdint.campaign.store.fingerprint import differences, fingerprint, settings_of
 from tdint.campaign.store.schema import INSERT_RUN, INSERT_STORY, RUN_COLUMNS, STORY_COLUMNS, TABLES, VERSION
 from tdint.errors import OutputError, UsageError
 from tdint.files import is_file
@@ -20,6 +22,7 @@ from tdint.version import __version__
 FILE = "campaign.sqlite"
 
 _SETTING = "setting "
+_MOST_DIFFERENCES = 8
 
 
 class Store:
@@ -198,6 +201,40 @@ def check_same(store: Store, plan: Plan) -> list[str]:
         raise UsageError(f"{store.name}: holds another campaign; give another folder with -o\n{lines}")
     version = store.meta("version")
     return [] if version == __version__ else [f"{store.name}: begun with tdint {version}, this is {__version__}"]
+
+
+def settings_of(plan: Plan) -> dict[str, str]:
+    """What is the same for all runs, by its name."""
+    parts = asdict(plan.settings) | plan.levels.description() | plan.assignment.description()
+    return {name: json.dumps(value, sort_keys=True) for name, value in sorted(parts.items())}
+
+
+def fingerprint(settings: dict[str, str], buildings: Iterable[str], records: Iterable[str]) -> str:
+    """SHA-256 over the settings and the SHA-256 of all buildings and records in order."""
+    whole = hashlib.sha256(json.dumps(settings, sort_keys=True).encode())
+    for kind, digests in (("buildings", buildings), ("records", records)):
+        whole.update(kind.encode())
+        for digest in digests:
+            whole.update(digest.encode())
+    return whole.hexdigest()
+
+
+def differences(
+    before: dict[str, str], now: dict[str, str], *, kind: str, known: str = "the store", given: str = "this campaign"
+) -> list[str]:
+    """What differs between two sides, one sentence each: from names to values, or to SHA-256 (kind `building`)."""
+    found = []
+    for name in dict.fromkeys([*before, *now]):
+        if name not in now:
+            found.append(f"{kind} {name}: in {known} alone")
+        elif name not in before:
+            found.append(f"{kind} {name}: in {given} alone")
+        elif before[name] != now[name]:
+            what = "differs" if kind != "setting" else f"{before[name]} in {known}, {now[name]} in {given}"
+            found.append(f"{kind} {name}: {what}")
+    if len(found) > _MOST_DIFFERENCES:
+        found[_MOST_DIFFERENCES:] = [f"and {len(found) - _MOST_DIFFERENCES} more of kind {kind}"]
+    return found
 
 
 def _building_digests(plan: Plan) -> dict[str, str]:

@@ -76,9 +76,6 @@ def _contents(folder: str, layout: TextLayout | None) -> tuple[list[str], list[s
     RecordError
         The folder cannot be read, or has no record in it.
     """
-    from tdint.ground_motion.reading.read import is_record
-    from tdint.ground_motion.text_layout import AS_STATED
-
     try:
         names = sorted(path.name for path in Path(folder).iterdir() if not path.name.startswith("."))
     except OSError as error:
@@ -88,7 +85,7 @@ def _contents(folder: str, layout: TextLayout | None) -> tuple[list[str], list[s
         file = os.path.join(folder, name)  # noqa: PTH118  Path would shorten what the user wrote
         if Path(file).is_dir():
             others.append(f"{name}/")
-        elif Path(file).is_file() and is_record(file, layout or AS_STATED):  # A pipe would never end.
+        elif Path(file).is_file() and is_record(file, layout):  # A pipe would never end.
             records.append(file)
         else:
             others.append(name)
@@ -100,3 +97,21 @@ def _contents(folder: str, layout: TextLayout | None) -> tuple[list[str], list[s
 def _listed(names: Sequence[str]) -> str:
     more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
     return ", ".join(names[:_MOST_NAMES]) + more
+
+
+def is_record(source: str | Path, layout: TextLayout | None = None) -> bool:
+    """Whether a file has one of the known formats; True as well for one that cannot be read, which reading will tell.
+
+    A file that has a known format may still be damaged.
+    """
+    from tdint.ground_motion.reading.plugins import has_known_format
+    from tdint.ground_motion.reading.source import is_archive, read_bytes
+    from tdint.ground_motion.text_layout import AS_STATED
+
+    try:
+        data = read_bytes(source)
+        if is_archive(data):  # Spreadsheets and others are zip files, too: the name tells.
+            return str(source).lower().endswith(".zip")
+        return has_known_format(data, layout or AS_STATED)
+    except RecordError:
+        return True

@@ -172,20 +172,6 @@ def read_horizontals(
     return find_horizontals([one for source in sources for one in read(source)])
 
 
-def is_record(source: str | Path, layout: TextLayout = AS_STATED) -> bool:
-    """Whether a file has one of the known formats; True as well for one that cannot be read, which reading will tell.
-
-    A file that has a known format may still be damaged.
-    """
-    try:
-        data = read_bytes(source)
-        if is_archive(data):  # Spreadsheets and others are zip files, too: the name tells.
-            return str(source).lower().endswith(".zip")
-        return has_known_format(data, layout)
-    except RecordError:
-        return True
-
-
 def _read(
     source: str | Path,
     units: str | None,

@@ -13,8 +13,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
 from tdint.files import Writer
-from tdint.output.figures.axes import plain_numbers
-from tdint.output.figures.style import COLORS, DASHES, LIGHT, MARKERS, add_legend, add_title, picture
+from tdint.output.figures.style import COLORS, DASHES, LIGHT, MARKERS, add_legend, add_title, picture, plain_numbers
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.order import ObservedOrder

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from textwrap import shorten
 from typing import Any, BinaryIO
@@ -15,6 +15,7 @@ from typing import Any, BinaryIO
 import matplotlib as mpl
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator
 
 from tdint.errors import OutputError
 from tdint.files import Writer
@@ -53,6 +54,19 @@ _METADATA: dict[str, dict[str, Any]] = {
     "pdf": {"Creator": "tdint", "CreationDate": None},
     "svg": {"Creator": "tdint", "Date": None},
 }
+
+
+_LABEL_SIZE = 6.5  # points
+_LETTER = 0.6  # of a character, over its height
+_MARKER = 3.5  # half the size of a marker, points
+_LABEL_PLACES = (
+    (8, 0, "left", "center"),
+    (0, 7, "center", "bottom"),
+    (0, -7, "center", "top"),
+    (-8, 0, "right", "center"),
+)
+_LABEL_PARTS = {"left": 0.0, "center": 0.5, "right": 1.0, "bottom": 0.0, "top": 1.0}
+Box = tuple[float, float, float, float]
 
 
 def picture_format(suffix: str) -> str:
@@ -139,3 +153,87 @@ def record_name(source: str) -> str:
     """What a picture calls a record; bytes of a file name that are no UTF-8 have no letters to be drawn with."""
     name = "standard input" if source == "-" else Path(source).name
     return name.encode("utf-8", "replace").decode("utf-8")
+
+
+def plain_numbers(axis: Any) -> None:
+    """Numbers as they are read aloud: 0.2, not a power of ten."""
+    axis.set_major_formatter(FuncFormatter(_plain))
+
+
+def plain_minor_numbers(axis: Any, *, every: bool = False) -> None:
+    """The same between the powers of ten: at 2 and 5, or at all ticks."""
+    axis.set_minor_formatter(FuncFormatter(lambda value, at: _plain(value, at) if every or _leads(value, "25") else ""))
+
+
+def plain_logarithmic(axes: Any) -> None:
+    """Both axes logarithmic with plain numbers, ticks at each digit."""
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    for axis in (axes.xaxis, axes.yaxis):
+        plain_numbers(axis)
+        minor_ticks(axis)
+
+
+def minor_ticks(axis: Any) -> None:
+    """Ticks of a logarithmic axis at each digit, numbers at 2 and 5."""
+    axis.set_minor_locator(LogLocator(subs=tuple(range(2, 10)), numticks=50))
+    plain_minor_numbers(axis)
+
+
+def _plain(value: float, _: Any) -> str:
+    return f"{value:g}"
+
+
+def _leads(value: float, digits: str) -> bool:
+    """Whether the first digit of a positive number is one of `digits`."""
+    return value > 0.0 and f"{value / 10.0 ** math.floor(math.log10(value) + 1e-9):.0f}" in digits
+
+
+def add_ratio_axis(axes: Any, height: float, label: str) -> None:
+    """On top of an axis of displacements their ratios to a height (of the same unit), in percent; none without one."""
+    if math.isnan(height):
+        return
+    percent = axes.secondary_xaxis(
+        "top", functions=(lambda length: 100.0 * length / height, lambda ratio: 0.01 * ratio * height)
+    )
+    percent.set_xlabel(label)
+
+
+def write_labels(
+    figure: Any, axes: Any, labels: Iterable[tuple[float, float, str]], marks: Sequence[tuple[float, float]]
+) -> None:
+    """Write each label (x, y, text) beside its point, the first ones first, where it covers no mark and no other label.
+
+    Labels that find no room are left out. Call this when everything else of the figure is in its place.
+
+    Parameters
+    ----------
+    marks : sequence of (x, y)
+        Points that no label may cover.
+    """
+    figure.draw_without_rendering()
+    unit = figure.dpi / 72.0
+    frame = axes.get_window_extent()
+    taken: list[Box] = []
+    if len(marks):
+        half = _MARKER * unit
+        taken = [(x - half, y - half, x + half, y + half) for x, y in axes.transData.transform(marks)]
+    for x, y, text in labels:
+        across, along = axes.transData.transform((x, y))
+        for dx, dy, horizontal, vertical in _LABEL_PLACES:
+            width, height = _LETTER * _LABEL_SIZE * unit * len(text), _LABEL_SIZE * unit
+            left = across + dx * unit - _LABEL_PARTS[horizontal] * width
+            low = along + dy * unit - _LABEL_PARTS[vertical] * height
+            box = (left, low, left + width, low + height)
+            inside = frame.x0 < left and box[2] < frame.x1 and frame.y0 < low and box[3] < frame.y1
+            if inside and not any(_overlap(box, other) for other in taken):
+                taken.append(box)
+                axes.annotate(
+                    text, (x, y), xytext=(dx, dy), textcoords="offset points", ha=horizontal, va=vertical,
+                    fontsize=_LABEL_SIZE, color="0.25",
+                )  # fmt: skip
+                break
+
+
+def _overlap(a: Box, b: Box) -> bool:
+    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from tdint.campaign.studies.fragility.fits import Fragility
-from tdint.campaign.studies.ida.curve import Capacity, IdaCurve
-from tdint.campaign.studies.ida.study import IdaStudy
-from tdint.campaign.studies.scaling import Scaling
-from tdint.campaign.studies.suite import components
+from tdint.campaign.fragility.fits import Fragility
+from tdint.campaign.ida.curve import Capacity, IdaCurve
+from tdint.campaign.ida.study import IdaStudy
+from tdint.campaign.suites.scaling import Scaling
+from tdint.campaign.suites.suite import components
 from tdint.ground_motion.record import component_names
 from tdint.output.tables.columns import studies as columns
 from tdint.output.tables.table import Table, rows_of

@@ -1,0 +1,329 @@
+"""What `tdint spectrum` makes of each record: elastic, inelastic and rotated spectra, or one beside a published one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import click
+
+from tdint.analysis.spectra.defaults import MOST_DUCTILE, PERIODS, STEPS_PER_PERIOD
+from tdint.errors import RecordError, UsageError
+from tdint_cli.batch.sources import STDIN
+from tdint_cli.commands.ground_motions.spectrum_request import Kind, Results, SpectrumRequest
+from tdint_cli.options import output
+from tdint_cli.options.spectra import option
+from tdint_cli.options.values import FileName, Number, Ratio
+
+if TYPE_CHECKING:
+    from tdint.analysis.spectra.elastic import Spectrum
+    from tdint.analysis.spectra.inelastic import InelasticSpectrum
+    from tdint.analysis.spectra.published import SpectrumDifference
+    from tdint.analysis.spectra.rotated import RotatedSpectrum
+    from tdint.files import Writer
+    from tdint.ground_motion.record import Record
+    from tdint.output.tables.table import Table
+
+maxima = option(
+    "--maxima",
+    type=click.Choice(["exact", "peer", "samples"]),
+    help="Where the largest values are looked for: between the samples, too (exact, the default), at ten or more steps "
+    "per period (peer, as PEER's own spectra), or at the record's samples (samples, as those of USGS). "
+    "Not with --method, whose steps have their own. Adds a column.",
+)
+interpolation = option(
+    "--interpolation",
+    type=click.Choice(["linear", "band-limited"]),
+    help="The ground motion between its samples: straight lines (linear, the default), or the motion without "
+    "frequencies above half the sampling rate (band-limited). Adds a column.",
+)
+
+
+axes = output.option(
+    "--axes",
+    needs="--plot",
+    type=click.Choice(["periods", "tripartite", "adrs"]),
+    help="Axes of the picture of elastic spectra: PSA and SD over the period (periods, the default), PSV over it with "
+    "scales of the other two (tripartite), or PSA over SD (adrs).",
+)
+
+rotd = option(
+    "--rotd",
+    type=click.IntRange(0, 100),
+    many=True,
+    metavar="P,...",
+    help="Spectra of two horizontal components instead: these percentiles of the pseudo-acceleration over all "
+    "directions, such as 0,50,100 (RotD00, RotD50, RotD100).",
+)
+ductility = option(
+    "--ductility",
+    type=Number(1.0, MOST_DUCTILE),
+    many=True,
+    metavar="MU,...",
+    help="Inelastic spectra instead: the yield strength for each of these ratios of largest to yield displacement (the "
+    "largest strength if there are several).",
+)
+strength = option(
+    "--strength",
+    type=Ratio(0.0, min_open=True),
+    many=True,
+    metavar="RATIO,...",
+    help="Inelastic spectra instead: the response for each of these ratios of yield force to weight.",
+)
+hardening = option(
+    "--hardening",
+    needs="--ductility or --strength",
+    type=Ratio(0.0, 1.0, max_open=True),
+    metavar="RATIO",
+    help="With --ductility or --strength: stiffness after yielding over the initial one; 0 by default (elastoplastic).",
+)
+against = option(
+    "--against",
+    type=FileName(),
+    metavar="FILE",
+    help="Difference to a published spectrum instead: CSV with names in its first line that say quantity and units "
+    "(period_s, psa_g; T (s), SD (cm)); at its periods, unless others are given.",
+)
+against_column = option(
+    "--against-column",
+    needs="--against",
+    metavar="NAME",
+    help="Which column of the published spectrum, if it has several.",
+)
+against_interpolation = option(
+    "--against-interpolation",
+    needs="--against",
+    type=click.Choice(["log-log"]),
+    help="Take the published spectrum between its periods on straight lines in logarithms.",
+)
+
+
+class _OfOscillators(Kind):
+    """Spectra over the periods that a command line asks for, with a remark on these."""
+
+    def remark(self, request: SpectrumRequest, interval: float) -> str:
+        """What a person should know of the periods."""
+        return "; ".join(filter(None, (_between_samples(request, interval), _between_periods(request))))
+
+
+class Elastic(_OfOscillators):
+    """Elastic spectra of single components."""
+
+    def check(self, request: SpectrumRequest) -> None:
+        """Refuse, before any work, what makes no sense together."""
+        _ = request.manner
+
+    def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
+        """The spectra of each component with each damping ratio."""
+        from tdint.analysis.spectra.elastic import spectrum
+
+        periods = request.chosen_periods(PERIODS)
+        lines = [
+            spectrum(
+                record,
+                periods,
+                damping,
+                method=request.method,
+                maxima=request.maxima,
+                interpolation=request.interpolation,
+            )
+            for record in records
+            for damping in request.damping
+        ]
+        return Results(lines, records)
+
+    def table(self, request: SpectrumRequest, lines: Sequence[Spectrum]) -> Table:
+        """A row for each spectrum and period."""
+        from tdint.output.tables.spectra import spectrum_table
+
+        return spectrum_table(lines, request.stated)
+
+    def picture(self, request: SpectrumRequest, lines: Sequence[Spectrum], suffix: str) -> Writer:
+        """A line for each spectrum."""
+        from tdint.output.figures.spectrum_curves import spectrum_picture
+
+        return spectrum_picture(lines, suffix, request.axes or "periods", request.shown_units)
+
+
+class Inelastic(_OfOscillators):
+    """Inelastic spectra: oscillators with bilinear hysteresis, of given ductility or of given strength."""
+
+    def check(self, request: SpectrumRequest) -> None:
+        """Refuse, before any work, what makes no sense together."""
+        if request.ductility and request.strength:
+            raise UsageError("--ductility and --strength are given; leave one of them out")
+        elastic = ("axes", "rotd", "method", "maxima", "interpolation")
+        request.refuse(elastic, "is for elastic spectra; leave it out with --ductility and --strength")
+
+    def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
+        """The spectra of each component with each damping ratio, and ductility or strength."""
+        from tdint.analysis.spectra.inelastic import constant_ductility, constant_strength
+
+        periods = request.chosen_periods(PERIODS)
+        hardening = request.hardening or 0.0
+        lines: list[InelasticSpectrum] = []
+        for record in records:
+            for damping in request.damping:
+                if request.ductility:
+                    lines += constant_ductility(record, periods, request.ductility, damping, hardening=hardening)
+                else:
+                    lines += constant_strength(record, periods, request.strength or (), damping, hardening=hardening)
+        return Results(lines, records)
+
+    def table(self, _: SpectrumRequest, lines: Sequence[InelasticSpectrum]) -> Table:
+        """A row for each spectrum and period."""
+        from tdint.output.tables.spectra import inelastic_table
+
+        return inelastic_table(lines)
+
+    def picture(self, request: SpectrumRequest, lines: Sequence[InelasticSpectrum], suffix: str) -> Writer:
+        """A line for each spectrum."""
+        from tdint.output.figures.spectrum_curves import inelastic_picture
+
+        return inelastic_picture(lines, suffix, request.shown_units)
+
+
+class Rotated(_OfOscillators):
+    """Spectra of two horizontal components together, over all directions."""
+
+    def check(self, request: SpectrumRequest) -> None:
+        """Refuse, before any work, what makes no sense together."""
+        request.refuse(("axes", "method", "component"), "is for single components; leave it out with --rotd")
+        _ = request.manner
+
+    def gather(self, request: SpectrumRequest, files: Sequence[str]) -> list[tuple[str, ...]]:
+        """The files of each motion: those that are named alike but for the component, in the order of the first ones.
+
+        Two files of a single horizontal component each are one motion, too, whatever their names are.
+        """
+        from tdint.ground_motion.horizontals import motion_name
+
+        motions: dict[str, list[str]] = {}
+        for file in files:
+            motions.setdefault(file if file == STDIN else motion_name(file), []).append(file)
+        result = [tuple(members) for members in motions.values()]
+        if len(files) == len(result) == 2 and STDIN not in files and all(_is_single(request, file) for file in files):
+            return [tuple(files)]
+        return result
+
+    def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
+        """The spectra of the two horizontals among the components of a motion, for each damping ratio."""
+        from tdint.analysis.spectra.rotated import rotated_spectrum
+        from tdint.ground_motion.horizontals import find_horizontals
+
+        motion = find_horizontals(records)
+        periods = request.chosen_periods(PERIODS)
+        lines = [
+            rotated_spectrum(
+                motion,
+                periods,
+                damping,
+                request.rotd or (),
+                maxima=request.maxima,
+                interpolation=request.interpolation,
+            )
+            for damping in request.damping
+        ]
+        return Results(lines, (motion.first, motion.second), [f"{motion.source}: {note}" for note in motion.notes])
+
+    def table(self, request: SpectrumRequest, lines: Sequence[RotatedSpectrum]) -> Table:
+        """A row for each damping ratio and period."""
+        from tdint.output.tables.spectra import rotated_table
+
+        return rotated_table(lines, request.stated)
+
+    def picture(self, request: SpectrumRequest, lines: Sequence[RotatedSpectrum], suffix: str) -> Writer:
+        """A line for each percentile."""
+        from tdint.output.figures.spectrum_curves import rotated_picture
+
+        return rotated_picture(lines, suffix, request.shown_units)
+
+
+class Against(Kind):
+    """Elastic spectra beside a published one."""
+
+    def check(self, request: SpectrumRequest) -> None:
+        """Refuse, before any work, what makes no sense together."""
+        Elastic().check(request)
+        request.refuse(
+            ("axes", "rotd", "ductility", "strength"), "has no published spectrum beside it; leave --against out"
+        )
+        for ratio in request.damping:
+            request.published(ratio)
+
+    def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
+        """The spectra of each component with each damping ratio, and the published values."""
+        from tdint.analysis.spectra.published import differences
+
+        log_log = request.against_interpolation is not None
+        own = request.periods is not None or bool(request.period)
+        lines: list[SpectrumDifference] = []
+        for ratio in request.damping:
+            published = request.published(ratio)
+            of_ratio = replace(request, damping=(ratio,))
+            if not own:
+                of_ratio = replace(of_ratio, period=tuple(published.periods.tolist()))
+            lines += differences(Elastic().compute(of_ratio, records).lines, published, log_log)
+        return Results(lines, records, [_largest(line) for line in lines])
+
+    def table(self, request: SpectrumRequest, lines: Sequence[SpectrumDifference]) -> Table:
+        """A row for each spectrum and period."""
+        from tdint.output.tables.spectra import difference_table
+
+        return difference_table(lines)
+
+    def picture(self, request: SpectrumRequest, lines: Sequence[SpectrumDifference], suffix: str) -> Writer:
+        """Both spectra, and their difference."""
+        from tdint.output.figures.spectrum_curves import difference_picture
+
+        return difference_picture(lines, suffix, request.shown_units)
+
+
+def _between_periods(request: SpectrumRequest) -> str:
+    """On a grid that nobody chose and that is coarser than half the width of resonance, which is the damping ratio."""
+    if request.period or request.periods is not None:
+        return ""
+    periods = request.chosen_periods(PERIODS)
+    apart, damping = float(periods[1] / periods[0]) - 1.0, min(request.damping)
+    if apart <= damping * (1.0 + 1e-9):
+        return ""
+    return (
+        f"the periods are {100.0 * apart:.2g} % apart: with {100.0 * damping:.3g} % damping the spectrum may be higher "
+        "between them; --periods takes more"
+    )
+
+
+def _between_samples(request: SpectrumRequest, interval: float) -> str:
+    """On periods at which the ground motion between the samples matters."""
+    periods = request.chosen_periods(PERIODS)
+    limit = STEPS_PER_PERIOD * interval
+    if not any((periods > 0.0) & (periods < limit * (1.0 - 1e-9))):
+        return ""
+    manner = request.manner
+    return (
+        f"below a period of {limit:.6g} s ({STEPS_PER_PERIOD} sampling intervals) the ground motion between its "
+        f"samples matters: taken as {manner.interpolation.words}, maxima {manner.maxima.words}"
+    )
+
+
+def _is_single(request: SpectrumRequest, file: str) -> bool:
+    from tdint.ground_motion.horizontals import is_vertical
+    from tdint.ground_motion.reading.read import read_records
+
+    try:
+        records = read_records(file, units=request.units, inventory=request.inventory, layout=request.layout)
+    except RecordError:
+        return False  # It will be told when its turn comes.
+    return sum(not is_vertical(record.component) for record in records) == 1
+
+
+def _largest(line: SpectrumDifference) -> str:
+    where = line.record.name
+    if line.largest is None:
+        return f"{where}: the published spectrum is zero"
+    difference, period = line.largest
+    return (
+        f"{where}, damping {line.damping:g}: largest difference of {line.published.quantity} to "
+        f"{line.published.source} {100.0 * difference:+.3g} % at {period:.4g} s"
+    )

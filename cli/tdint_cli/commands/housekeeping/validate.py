@@ -1,0 +1,43 @@
+"""`tdint validate`: a user's own check of an installation."""
+
+from __future__ import annotations
+
+from tdint.errors import AnalysisError
+from tdint_cli import options
+from tdint_cli.options.output import Outputs
+from tdint_cli.terminal.progress import progress_bar
+from tdint_cli.terminal.streams import say
+
+
+@options.command("validate")
+@options.output.output()
+@options.output.overwrite
+def command(output: str | None, overwrite: bool) -> None:
+    """Published and exact results beside those of this installation.
+
+    Closed forms, tables of textbooks and printed results of other programs that need no file, computed on this machine
+    with its compiled time loops. CSV: for each case its largest difference and what the case allows; exit code 5 if one
+    is beyond that. With all numbers, other programs and recordings the cases stand in tests/validation of the source.
+    """
+    from tdint.output.tables.validation import validation_table
+    from tdint.validation.case import carry_out
+    from tdint.validation.closed_forms import closed_form_cases
+    from tdint.validation.textbook import textbook_cases
+
+    outputs = Outputs.checked(output, None, overwrite)
+    cases = (*closed_form_cases(), *textbook_cases())
+    results = []
+    with progress_bar(to_terminal=output is None) as progress:
+        for done, case in enumerate(cases):
+            progress("validating", done / len(cases))
+            results.append(carry_out(case))
+    outputs.deliver(validation_table(results))
+    outside = [result for result in results if not result.within]
+    say(f"{len(results) - len(outside)} of {len(results)} cases are within their tolerances.")
+    if outside:
+        one = outside[0]
+        more = f", and {len(outside) - 1} more" if len(outside) > 1 else ""
+        raise AnalysisError(
+            f"{one.case.name}: the largest difference, {one.largest:.3g}, is beyond {one.case.tolerance:.3g}{more}: "
+            "this installation computes something else than the one that was released"
+        )

@@ -1,0 +1,133 @@
+"""What a campaign file says, as typed values in SI units; nothing here reads the files that it names."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tdint.campaign.levels import MeasureLevels, Scales
+from tdint.campaign.suites.suite import RecordChoice
+
+
+@dataclass(frozen=True)
+class ModelFiles:
+    """Buildings of model files, by their paths as seen from the working directory."""
+
+    files: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class InventoryFile:
+    """Buildings of an inventory by rules.
+
+    Attributes
+    ----------
+    file : str
+        The CSV file.
+    rules : str
+        The set of rules.
+    length : float
+        The unit of the file's lengths, m.
+    mass_only : bool
+        Leave out the stiffness-proportional damping.
+    stiffness_scatter, damping_scatter : float
+        Standard deviations of factors on stiffness and damping ratio.
+    seed : int
+        What the factors are drawn from.
+    """
+
+    file: str
+    rules: str
+    length: float
+    mass_only: bool = False
+    stiffness_scatter: float = 0.0
+    damping_scatter: float = 0.0
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class RecordFiles:
+    """Records by files and folders; `pairs`: the two horizontals of each motion together."""
+
+    files: tuple[str, ...]
+    choice: RecordChoice
+    pairs: bool = False
+
+
+@dataclass(frozen=True)
+class GridFile:
+    """Ground motions at points of a grid, drawn for each building among those near it.
+
+    Attributes
+    ----------
+    file : str
+        EventGrid.csv.
+    units : str
+        Of the motions' samples.
+    neighbors, samples : int
+        Points among which is drawn, and draws for each building.
+    seed : int
+        What is drawn from, with the building's id.
+    """
+
+    file: str
+    units: str
+    neighbors: int
+    samples: int
+    seed: int
+
+
+@dataclass(frozen=True)
+class FactorsFile:
+    """Factors of each motion from a CSV file, as `tdint scale` writes it."""
+
+    file: str
+
+
+@dataclass(frozen=True)
+class AnalysisWishes:
+    """What is the same for all runs; None leaves it to each model.
+
+    Attributes
+    ----------
+    method : str or None
+        Method with its parameters.
+    dt, duration : float or None
+        Time step and duration, s.
+    tolerance : float or None
+        Choose the step of each building so that the errors of its peak drifts stay within this part of them.
+    collapse_drift : float or None
+        Drift ratio over which a run is flagged as collapsed.
+    p_delta : bool or None
+        Whether gravity acts on the displaced buildings.
+    until_rest : bool
+        Go on with the ground at rest until the motion has died.
+    """
+
+    method: str | None = None
+    dt: float | None = None
+    duration: float | None = None
+    tolerance: float | None = None
+    collapse_drift: float | None = None
+    p_delta: bool | None = None
+    until_rest: bool = False
+
+
+@dataclass(frozen=True)
+class CampaignFile:
+    """A campaign file, checked.
+
+    Attributes
+    ----------
+    name, source : str
+        The campaign's name (the file's, where it gives none), and the file as the user named it.
+    stories : bool
+        Keep the peaks of every story.
+    """
+
+    name: str
+    source: str
+    buildings: ModelFiles | InventoryFile
+    records: RecordFiles | GridFile
+    intensity: Scales | MeasureLevels | FactorsFile
+    analysis: AnalysisWishes
+    stories: bool = False

@@ -1,0 +1,175 @@
+"""The ground motions of a campaign, and which of them each building gets: all, or draws among those near it.
+
+Draws are by nearest neighbors, as in the regional workflow of SimCenter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, NamedTuple, Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from tdint.campaign.suites.intensity import GroundMotion
+from tdint.campaign.suites.suite import components
+from tdint.ground_motion.record import Record, component_names
+from tdint.model.inventory.table import InventoryRow
+
+Array = NDArray[np.float64]
+
+EARTH_RADIUS = 6371.0088
+"""Mean radius of the earth, km (IUGG)."""
+
+
+@dataclass(frozen=True)
+class SuiteMotion:
+    """A component of a ground motion.
+
+    Attributes
+    ----------
+    record : Record
+        The motion.
+    name, component : str
+        What tables call it.
+    whole : Record or Horizontals
+        The component itself, or the pair that it belongs to and shares its factors with.
+    direction : int
+        1, or 2 for the second component of a pair.
+    """
+
+    record: Record
+    name: str
+    component: str
+    whole: GroundMotion
+    direction: int = 1
+
+
+def suite_motions(whole: Sequence[GroundMotion]) -> tuple[SuiteMotion, ...]:
+    """The components of motions, in order; those of the same name in one file are told apart by their full ids."""
+    found = [(one, records) for one in whole for records in [components(one)]]
+    names = iter(component_names([record for _, records in found for record in records]))
+    return tuple(
+        SuiteMotion(record, record.source, next(names), one, direction)
+        for one, records in found
+        for direction, record in enumerate(records, start=1)
+    )
+
+
+class Draw(NamedTuple):
+    """A motion by its number that a building gets, and the number of the draw; 0 where nothing is drawn."""
+
+    motion: int
+    sample: int
+
+
+class Assignment(Protocol):
+    """Which motions each building gets."""
+
+    def draws(self, building: int) -> Sequence[Draw]:
+        """The motions of a building."""
+
+    def description(self) -> dict[str, object]:
+        """What is drawn and how, for the fingerprint."""
+
+
+@dataclass(frozen=True)
+class EveryMotion:
+    """All buildings get all motions."""
+
+    count: int
+
+    def draws(self, building: int) -> Sequence[Draw]:
+        return [Draw(motion, 0) for motion in range(self.count)]
+
+    def description(self) -> dict[str, object]:
+        return {}
+
+
+@dataclass(frozen=True)
+class GridMotions:
+    """Ground motions at points of a grid.
+
+    Attributes
+    ----------
+    places : sequence of tuples of two floats
+        Longitude and latitude of the points that have motions, degrees.
+    motions : tuple of tuples of tuples of int
+        Of each point its ground motions: of each the numbers of its components.
+    """
+
+    places: Sequence[tuple[float, float]] = field(repr=False)
+    motions: tuple[tuple[tuple[int, ...], ...], ...] = field(repr=False)
+
+
+@dataclass(frozen=True)
+class GridDraws:
+    """Which motions each building draws.
+
+    Attributes
+    ----------
+    ids : sequence of str
+        Of the buildings.
+    places : ndarray, shape (buildings, 3)
+        Where they are, as unit vectors from the center of the earth.
+    points : ndarray, shape (points, 3)
+        The same of the grid's points that have motions.
+    motions : tuple of tuples of tuples of int
+        Of each point its ground motions: of each the numbers of its components.
+    neighbors, samples, seed : int
+        Points among which is drawn, draws, and what is drawn from, with the building's id.
+    """
+
+    ids: Sequence[str] = field(repr=False)
+    places: Array = field(repr=False)
+    points: Array = field(repr=False)
+    motions: tuple[tuple[tuple[int, ...], ...], ...] = field(repr=False)
+    neighbors: int
+    samples: int
+    seed: int
+
+    @classmethod
+    def of(cls, rows: Sequence[InventoryRow], grid: GridMotions, neighbors: int, samples: int, seed: int) -> Self:
+        """Draws among the points of a grid for the buildings of an inventory, all of which have a place."""
+        places = [(row.longitude or 0.0, row.latitude or 0.0) for row in rows]
+        ids = [row.id for row in rows]
+        here, there = unit_vectors(np.array(places)), unit_vectors(np.array(grid.places))
+        return cls(ids, here, there, grid.motions, neighbors, samples, seed)
+
+    def draws(self, building: int) -> Sequence[Draw]:
+        """Points by their weights, with replacement; then one of the point's ground motions, each as likely."""
+        random = np.random.default_rng([self.seed, *self.ids[building].encode()])
+        near, weights = self.weights(building)
+        points = random.choice(near, size=self.samples, p=weights)
+        found = []
+        for sample, point in enumerate(points.tolist(), start=1):
+            choices = self.motions[point]
+            chosen = choices[int(random.integers(len(choices)))]
+            found += [Draw(motion, sample) for motion in chosen]
+        return sorted(found)
+
+    def weights(self, building: int) -> tuple[NDArray[np.int64], Array]:
+        """The points near a building, and how likely each is: by 1 / distance^2."""
+        count = min(self.neighbors, len(self.points))
+        distances, near = self._tree.query(self.places[building], k=np.arange(1, count + 1))
+        at = distances == 0.0
+        weights = at.astype(float) if at.any() else (distances[0] / distances) ** 2
+        return near.astype(np.int64), weights / weights.sum()
+
+    def description(self) -> dict[str, object]:
+        return {"neighbors": self.neighbors, "samples": self.samples, "draw_seed": self.seed}
+
+    @cached_property
+    def _tree(self) -> Any:
+        return cKDTree(self.points)
+
+
+def unit_vectors(degrees: Array) -> Array:
+    """Directions from the center of the earth to places given as longitude and latitude; shape (k, 3)."""
+    longitude, latitude = np.radians(degrees).T
+    return np.column_stack(
+        [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)]
+    )

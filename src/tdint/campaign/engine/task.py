@@ -1,0 +1,156 @@
+"""What is run: a building with its method, ground motions and the factors on them, and how they are integrated."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.analysis.run.prepared import PreparedBuilding
+from tdint.ground_motion.record import Record
+from tdint.methods.catalogue import parse
+from tdint.methods.method import Integrator
+from tdint.model.definition import Model
+
+Array = NDArray[np.float64]
+
+REPEATS = 3
+"""How often a run that failed is repeated, each time with half of the step before."""
+
+REST_PERIODS = 100.0
+"""How long a run goes on with the ground at rest, in first periods of the building."""
+
+AT_REST = 1e-3
+"""Amplitude of what is left of the motion, over the largest displacement, from which a building is at rest."""
+
+
+@dataclass(frozen=True)
+class RunSettings:
+    """What is the same for all runs of a campaign.
+
+    Attributes
+    ----------
+    dt, duration : float or None
+        Time step and duration, s; None: those of the building's model, else those of the record.
+    until_rest : bool
+        Go on after that with the ground at rest, by whole first periods of the building, until the velocities in one
+        of them are those of an amplitude below `AT_REST` times the largest displacement; for `REST_PERIODS` at most.
+    stories : bool
+        Keep the peaks of every story, too.
+    tolerance : float or None
+        The step of a building is such that the estimated errors of its peak drifts are within this part of them.
+    """
+
+    dt: float | None = None
+    duration: float | None = None
+    until_rest: bool = False
+    stories: bool = False
+    tolerance: float | None = None
+
+
+@lru_cache(maxsize=64)
+def integrator_of(method: str) -> Integrator:
+    """The method of a specification, read once for all buildings that share it."""
+    return parse(method)
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A building and the method that integrates it; what follows from both is found once and kept.
+
+    Attributes
+    ----------
+    model : Model
+        The building; what it says of a record is not asked.
+    method : str
+        The method with its parameters.
+    """
+
+    model: Model
+    method: str
+
+    @cached_property
+    def prepared(self) -> PreparedBuilding:
+        """The building as arrays."""
+        return PreparedBuilding.of(self.model)
+
+    @cached_property
+    def integrator(self) -> Integrator:
+        """The method."""
+        return integrator_of(self.method)
+
+    @cached_property
+    def period(self) -> float:
+        """First period of the initial stiffness, s."""
+        return 2.0 * math.pi / self.prepared.building.vibration.frequency(1)
+
+    def __reduce__(self) -> tuple[type[Subject], tuple[Model, str]]:
+        return Subject, (self.model, self.method)  # what was kept is found again where it goes
+
+
+class Source(Protocol):
+    """What makes a building: the building itself, or a row of an inventory with its rules."""
+
+    def subject(self) -> Subject:
+        """The building."""
+
+
+class Run(NamedTuple):
+    """A ground motion by its number, the factor on it, and which of a building's draws it is (0: none was drawn)."""
+
+    motion: int
+    scale: float
+    sample: int = 0
+
+
+@dataclass(frozen=True)
+class Motions:
+    """Ground motions by their numbers, as compiled runs take them.
+
+    Attributes
+    ----------
+    records : mapping of int to Record
+        The motions.
+    samples : ndarray
+        The accelerations of all, one after the other, m/s^2.
+    starts : mapping of int to int
+        Where each begins in `samples`.
+    """
+
+    records: Mapping[int, Record]
+    samples: Array
+    starts: Mapping[int, int]
+
+    @classmethod
+    def of(cls, records: Mapping[int, Record]) -> Motions:
+        """Put some motions one after the other."""
+        sizes = [record.acceleration.size for record in records.values()]
+        starts = np.concatenate([[0], np.cumsum(sizes)])[:-1].astype(int).tolist()
+        samples = np.concatenate([record.acceleration for record in records.values()])
+        return cls(records, samples, dict(zip(records, starts, strict=True)))
+
+
+class BuildingRuns(NamedTuple):
+    """Runs of one building.
+
+    Attributes
+    ----------
+    number : int
+        Of the building in its campaign.
+    source : Source
+        What makes it.
+    runs : tuple of Run
+        The runs.
+    largest : float or None
+        Their largest step for a tolerance, s; None if no step is within it.
+    """
+
+    number: int
+    source: Source
+    runs: tuple[Run, ...]
+    largest: float | None = math.inf

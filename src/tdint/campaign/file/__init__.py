@@ -1,1 +1,0 @@
-"""From a campaign file to what it asks for: every fault of the file with its line and column."""

@@ -1,0 +1,352 @@
+"""Fragility functions: lognormal distributions of the intensity at which a threshold is exceeded, fitted three ways.
+
+Stripes: numbers of exceedances at levels of intensity (Baker 2015, Earthquake Spectra 31(1), doi
+10.1193/021113EQS025M). Capacities of an incremental dynamic analysis: by their moments, or if some are censored by
+maximum likelihood (Baker 2015, eq. 9). Cloud: a line through the logarithms of demand over intensity (Jalayer 2003),
+with demands that are known only to lie above a limit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+from tdint.campaign.fragility.likelihood import Observations, maximize
+from tdint.errors import AnalysisError, UsageError
+from tdint.output_units import OutputUnits
+from tdint.units import ACCELERATION, VELOCITY
+from tdint.written_numbers import LARGEST
+
+Array = NDArray[np.float64]
+
+STRIPES, IDA, CLOUD = "stripes", "ida", "cloud"
+FITS = (STRIPES, IDA, CLOUD)
+_EQUAL = 1e-9  # dispersions below this are rounding
+_TWO_SIDED = 1.959963984540054  # 95 % of a normal distribution lie within so many standard deviations
+
+
+@dataclass(frozen=True)
+class Points:
+    """What a picture shows of the observations behind a fit: intensities and the part that exceeds, both shape (k,)."""
+
+    im: Array
+    part: Array
+
+
+@dataclass(frozen=True)
+class CloudPoints:
+    """The observations of a cloud: intensities, demands and which of these are censored, all shape (n,); the line
+    ln EDP = intercept + slope ln IM with its standard deviation."""
+
+    im: Array
+    edp: Array
+    censored: NDArray[np.bool_]
+    intercept: float
+    slope: float
+    sigma: float
+
+
+@dataclass(frozen=True)
+class Fragility:
+    """A fragility function: the probability of exceedance is Phi(ln(im / theta) / beta).
+
+    Attributes
+    ----------
+    fit : str
+        `stripes`, `ida` or `cloud`.
+    theta, beta : float
+        Median intensity and standard deviation of its logarithm, from record to record.
+    covariance : ndarray, shape (2, 2)
+        Of the estimates of ln theta and beta: the inverse of the information matrix.
+    records : int
+        Records; of stripes those of the largest one.
+    censored : int
+        Records of which the value is known only to lie above a limit.
+    threshold : float
+        The demand whose exceedance is meant; nan where the observations tell none.
+    im, unit : str
+        The intensity measure and its unit, as far as known.
+    beta_model : float
+        Standard deviation of what is not known of the model; not part of `beta`.
+    """
+
+    fit: str
+    theta: float
+    beta: float
+    covariance: Array
+    records: int
+    censored: int = 0
+    threshold: float = math.nan
+    im: str = ""
+    unit: str = ""
+    beta_model: float = 0.0
+    points: Points | None = field(default=None, repr=False)
+    cloud: CloudPoints | None = field(default=None, repr=False)
+
+    @property
+    def theta_error(self) -> float:
+        """Standard error of ln theta."""
+        return math.sqrt(self.covariance[0, 0])
+
+    @property
+    def beta_error(self) -> float:
+        """Standard error of beta."""
+        return math.sqrt(self.covariance[1, 1])
+
+    @property
+    def beta_total(self) -> float:
+        """Standard deviation with that of the model: the root of the sum of squares."""
+        return math.hypot(self.beta, self.beta_model)
+
+    def probability(self, im: Array | float, *, total: bool = False) -> Array:
+        """Probability of exceedance at intensities; with `total` that of the total standard deviation."""
+        return np.asarray(ndtr(np.log(im / self.theta) / (self.beta_total if total else self.beta)))
+
+    def band(self, im: Array) -> tuple[Array, Array]:
+        """The 95 % confidence band of the probability at intensities, each of shape (k,), pointwise.
+
+        By the delta method on z = ln(im / theta) / beta, so that both bounds are probabilities.
+        """
+        z = np.log(np.asarray(im) / self.theta) / self.beta
+        (of_theta, mixed), (_, of_beta) = self.covariance
+        error = np.sqrt(np.maximum(of_theta + 2.0 * mixed * z + of_beta * z * z, 0.0)) / self.beta
+        return np.asarray(ndtr(z - _TWO_SIDED * error)), np.asarray(ndtr(z + _TWO_SIDED * error))
+
+    def named(self, threshold: float, im: str = "", unit: str = "") -> Fragility:
+        """The same function of a threshold and an intensity measure."""
+        return replace(self, threshold=threshold, im=im, unit=unit)
+
+    def in_units(self, units: OutputUnits) -> Fragility:
+        """The same function of an intensity in other units.
+
+        Raises
+        ------
+        UsageError
+            The unit that the intensity has is not known.
+        """
+        kinds = {"m/s^2": ACCELERATION, "m/s": VELOCITY}
+        si = next((si for si, known in kinds.items() if self.unit in known), "")
+        if not si:
+            raise UsageError(
+                f"output units are for intensities whose unit is known, not {self.unit!r}; give the table a column unit"
+            )
+        unit, value = units.unit(si)
+        factor = kinds[si][self.unit] / value
+        points, cloud = self.points, self.cloud
+        if points is not None:
+            points = replace(points, im=factor * points.im)
+        if cloud is not None:  # ln EDP = a + b ln IM
+            intercept = cloud.intercept - cloud.slope * math.log(factor)
+            cloud = replace(cloud, im=factor * cloud.im, intercept=intercept)
+        return replace(self, theta=factor * self.theta, unit=unit, points=points, cloud=cloud)
+
+
+def fit_stripes(
+    im: Sequence[float] | Array, exceeding: Sequence[int] | Array, records: Sequence[int] | Array
+) -> Fragility:
+    """The lognormal distribution of the largest likelihood, of numbers of exceedances at levels of intensity.
+
+    Parameters
+    ----------
+    im : array, shape (k,)
+        Levels, positive.
+    exceeding, records : array, shape (k,)
+        At each level the number of records that exceed, and of all records.
+
+    Raises
+    ------
+    UsageError
+        The numbers make no sense.
+    AnalysisError
+        The levels do not tell median and dispersion.
+    """
+    x, hits, total = (np.asarray(values, float) for values in (im, exceeding, records))
+    if not (x.ndim == 1 and x.shape == hits.shape == total.shape and x.size):
+        raise UsageError("stripes need as many levels as numbers of exceedances and of records")
+    _check_positive(x, "levels of intensity")
+    if not np.all((hits >= 0) & (hits <= total) & (total > 0)):
+        raise UsageError("stripes: at every level there must be records, and no more exceedances than records")
+    misses = total - hits
+    if not hits.any() or not misses.any():
+        what = "no record exceeds at any level" if not hits.any() else "every record exceeds at every level"
+        raise AnalysisError(f"{what}: neither median nor dispersion can be told; add levels")
+    if np.min(x[hits > 0]) >= np.max(x[misses > 0]):
+        raise AnalysisError(
+            "all records below some level do not exceed and all above it do: the dispersion cannot be told; add levels "
+            "between them"
+        )
+    levels = np.concatenate([x, x])
+    side = np.repeat([True, False], x.size)
+    found = _lognormal(levels, side, ~side, np.concatenate([hits, misses]))
+    if found is None:
+        raise AnalysisError("exceedances do not become more frequent with intensity: no lognormal distribution fits")
+    return _function(STRIPES, *found, records=int(np.max(total)), points=Points(x, hits / total))
+
+
+def fit_capacities(capacity: Sequence[float] | Array, censored: Sequence[bool] | None = None) -> Fragility:
+    """The lognormal distribution of capacities: intensities at which each record first exceeds.
+
+    Without censored ones theta is the geometric mean and beta the standard deviation of the logarithms (n - 1); with
+    them those of the largest likelihood.
+
+    Parameters
+    ----------
+    capacity : array, shape (n,)
+        Capacities, positive; of censored ones what they are known to lie above.
+    censored : sequence of bool, shape (n,), optional
+        Which are.
+
+    Raises
+    ------
+    UsageError
+        The numbers make no sense.
+    AnalysisError
+        They do not tell median and dispersion.
+    """
+    x = np.asarray(capacity, float)
+    above = np.zeros(x.size, bool) if censored is None else np.asarray(censored, bool)
+    if x.ndim != 1 or above.shape != x.shape:
+        raise UsageError("capacities need a row of numbers and as many marks of censored ones")
+    _check_positive(x, "capacities")
+    known = x.size - int(np.sum(above))
+    if known < 2:
+        raise AnalysisError(
+            f"of {x.size} capacities {known or 'none'} is known, the others are censored: "
+            "median and dispersion need two"
+        )
+    logarithms = np.log(x)
+    if not above.any():
+        beta = float(np.std(logarithms, ddof=1))
+        if not beta > _EQUAL:
+            raise AnalysisError("all capacities are equal: the dispersion cannot be told")
+        covariance = np.diag([beta**2 / x.size, beta**2 / (2.0 * x.size)])
+        found: tuple[float, float, Array] | None = (float(np.mean(logarithms)), beta, covariance)
+    else:
+        found = _lognormal(x, np.zeros(x.size, bool), above, np.ones(x.size))
+    if found is None:
+        raise AnalysisError("the capacities tell no dispersion: too many are equal or censored")
+    points = empirical(x, above)
+    return _function(IDA, *found, records=x.size, censored=int(np.sum(above)), points=points)
+
+
+def fit_cloud(
+    im: Sequence[float] | Array,
+    edp: Sequence[float] | Array,
+    thresholds: Sequence[float],
+    censored: Sequence[bool] | NDArray[np.bool_] | None = None,
+) -> list[Fragility]:
+    """A fragility function for each threshold, of ln EDP = b0 + b1 ln IM + sigma N by maximum likelihood.
+
+    theta = exp((ln threshold - b0) / b1), beta = sigma / b1. sigma is that of the largest likelihood: the root of the
+    mean square of the residuals where none is censored.
+
+    Parameters
+    ----------
+    im, edp : array, shape (n,)
+        Intensities and demands, positive; of censored demands what they are known to lie above.
+    thresholds : sequence of float
+        Demands whose exceedance is asked for, positive.
+    censored : sequence of bool, shape (n,), optional
+        Which are.
+
+    Raises
+    ------
+    UsageError
+        The numbers make no sense.
+    AnalysisError
+        No line with a positive slope fits.
+    """
+    x, y = np.asarray(im, float), np.asarray(edp, float)
+    above = np.zeros(x.size, bool) if censored is None else np.asarray(censored, bool)
+    if x.ndim != 1 or not x.shape == y.shape == above.shape:
+        raise UsageError("a cloud needs as many demands as intensities")
+    for values, what in ((x, "intensities"), (y, "demands"), (np.asarray(thresholds, float), "thresholds")):
+        _check_positive(values, what)
+    intercept, slope, sigma, covariance = _line(np.log(x), np.log(y), above)
+    points = CloudPoints(x, y, above, intercept, slope, sigma)
+    g1, results = slope / sigma, []
+    for threshold in thresholds:
+        mean = (math.log(threshold) - intercept) / slope
+        jacobian = np.array([[-1.0, -mean, math.log(threshold)], [0.0, -1.0 / g1, 0.0]]) / g1
+        results.append(
+            _function(
+                CLOUD,
+                mean,
+                1.0 / g1,
+                jacobian @ covariance @ jacobian.T,
+                records=x.size,
+                censored=int(np.sum(above)),
+                threshold=float(threshold),
+                cloud=points,
+            )
+        )
+    return results
+
+
+def _line(x: Array, y: Array, above: NDArray[np.bool_]) -> tuple[float, float, float, Array]:
+    """Intercept, slope and standard deviation, and the covariance of (b0 / sigma, b1 / sigma, 1 / sigma)."""
+    if np.unique(x[~above]).size < 3:
+        raise AnalysisError("a cloud needs demands at three different intensities at least that are not censored")
+    slope, intercept = np.polyfit(x[~above], y[~above], 1)
+    sigma = float(np.sqrt(np.mean((y[~above] - intercept - slope * x[~above]) ** 2)))
+    if not sigma > 1e-12 * float(np.ptp(y)):
+        raise AnalysisError("all demands lie on one line: the dispersion cannot be told")
+    observed = Observations(
+        np.column_stack([-np.ones(x.size), -x, y]), np.zeros(x.size, bool), above, np.ones(x.size), 2
+    )
+    found = maximize(observed, np.array([intercept, slope, 1.0]) / sigma)
+    if found is None or not found[0][1] > 0.0:
+        raise AnalysisError("demands do not grow with intensity: no line with a positive slope fits the cloud")
+    (g0, g1, h), covariance = found
+    return float(g0 / h), float(g1 / h), float(1.0 / h), covariance
+
+
+def _function(fit: str, logarithm: float, beta: float, covariance: Array, **observed: Any) -> Fragility:
+    """The function of a fit, of its ln theta; AnalysisError where the observations tell next to nothing of it."""
+    half = _TWO_SIDED * math.sqrt(covariance[0, 0])  # of the 95 % interval
+    if not abs(logarithm) + half + beta < math.log(LARGEST):
+        raise AnalysisError(
+            f"the observations do not tell the median: it is exp({logarithm:.3g} +- {half:.3g}), with a dispersion of "
+            f"{beta:.3g}"
+        )
+    return Fragility(fit, math.exp(logarithm), beta, covariance, **observed)
+
+
+def _lognormal(
+    x: Array, below: NDArray[np.bool_], above: NDArray[np.bool_], count: Array
+) -> tuple[float, float, Array] | None:
+    """ln theta, beta and the covariance of both; None where there is no maximum of the likelihood."""
+    logarithms = np.log(x)
+    middle, spread = float(np.mean(logarithms)), float(np.std(logarithms)) or 1.0
+    observed = Observations(np.column_stack([np.ones(x.size), (logarithms - middle) / spread]), below, above, count, 1)
+    found = maximize(observed, np.array([0.0, 1.0]))
+    if found is None:
+        return None
+    (a, b), covariance = found
+    jacobian = spread * np.array([[-1.0 / b, a / b**2], [0.0, -1.0 / b**2]])
+    return float(middle - spread * a / b), float(spread / b), jacobian @ covariance @ jacobian.T
+
+
+def empirical(capacity: Array, censored: NDArray[np.bool_]) -> Points:
+    """The part of records that exceed at each known capacity (Kaplan and Meier 1958), in the middle of each step."""
+    order = np.lexsort((censored, capacity))
+    survivors, share, im, part = capacity.size, 1.0, [], []
+    for place in order:
+        if not censored[place]:
+            after = share * (survivors - 1) / survivors
+            im.append(float(capacity[place]))
+            part.append(1.0 - 0.5 * (share + after))
+            share = after
+        survivors -= 1
+    return Points(np.array(im), np.array(part))
+
+
+def _check_positive(values: Array, what: str) -> None:
+    if not np.all(np.isfinite(values) & (values > 0.0)):
+        raise UsageError(f"{what} must be positive numbers")

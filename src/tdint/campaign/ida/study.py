@@ -1,0 +1,309 @@
+"""Incremental dynamic analysis of a building under many records: the work behind `tdint ida`."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tdint.campaign.engine.batch import Batch
+from tdint.campaign.engine.task import Motions, RunSettings, Subject
+from tdint.campaign.ida.curve import IdaCurve
+from tdint.campaign.ida.journal import Fingerprint, Keep, journal
+from tdint.campaign.ida.levels import Levels
+from tdint.campaign.ida.runs import IdaRun, run_level
+from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, GroundMotion, IntensityMeasure, SpectralIntensity, sa
+from tdint.campaign.suites.suite import components
+from tdint.errors import ModelError, UsageError
+from tdint.ground_motion.record import Record
+from tdint.methods.catalogue import DEFAULT_METHOD
+from tdint.model.building import Building
+from tdint.model.definition import Model
+from tdint.output_units import OutputUnits
+from tdint.processors import on_threads
+from tdint.version import __version__
+
+THRESHOLDS = (0.01, 0.02, 0.04)
+"""Drift ratios whose capacities are told beside that of collapse, where none are asked for."""
+
+PRECISION = 0.05
+
+_ELASTIC = 0.1
+"""Part of the collapse drift that the first run stays below, where no story yields before."""
+
+_BEFORE_YIELDING = 0.7
+"""Part of the smallest yield drift that the first run is aimed at."""
+
+Progress = Callable[[int, int], None]
+"""Told how many records are done, of how many."""
+
+
+@dataclass(frozen=True)
+class IdaSettings:
+    """What an incremental dynamic analysis asks for.
+
+    Attributes
+    ----------
+    precision : float
+        Bracket of the capacity: upper over lower level, less 1.
+    collapse_drift : float or None
+        Drift ratio over which the building has collapsed; by default the model's.
+    thresholds : tuple of float
+        Drift ratios whose capacities are told beside that of collapse.
+    max_im : float
+        The largest intensity, in the measure's unit: capacities above it are censored.
+    dt, duration : float or None
+        Step and duration of the runs, s; by default the model's, else those of the record.
+    until_rest : bool
+        Go on after that with the ground at rest until the building is: residual drifts are at rest then.
+    """
+
+    precision: float = PRECISION
+    collapse_drift: float | None = None
+    thresholds: tuple[float, ...] = THRESHOLDS
+    max_im: float = math.inf
+    dt: float | None = None
+    duration: float | None = None
+    until_rest: bool = False
+
+
+@dataclass(frozen=True)
+class IdaStudy:
+    """The curves of a building under many records.
+
+    Attributes
+    ----------
+    model : Model
+        The building, with the collapse drift of the study.
+    measure : IntensityMeasure
+        What the levels are levels of.
+    method : str
+        The method with all its parameters.
+    thresholds : tuple of float
+        Drift ratios whose capacities are asked for, rising, the collapse drift last.
+    curves : tuple of IdaCurve
+        One for each record, in the order given.
+    pair : str or None
+        What of a pair of components the levels are levels of: a name of `PAIRS`; None for those of each component.
+    resumed : int
+        Records whose runs were there already.
+    version : str
+        The version of tdint that did those, if it is another one.
+    """
+
+    model: Model
+    measure: IntensityMeasure
+    method: str
+    thresholds: tuple[float, ...]
+    curves: tuple[IdaCurve, ...]
+    pair: str | None = None
+    resumed: int = 0
+    version: str = ""
+
+    @property
+    def im_name(self) -> str:
+        """The intensity measure, with what stands for a pair before it."""
+        return self.measure.name if self.pair is None else f"{self.pair}-{self.measure.name}"
+
+    def in_units(self, units: OutputUnits) -> IdaStudy:
+        """The study with its intensities, and all that follows from them, in other units."""
+        unit, factor = units.unit(self.measure.unit)
+        if factor == 1.0:
+            return self
+        curves = (
+            replace(curve, runs=tuple(replace(run, im=run.im / factor) for run in curve.runs)) for curve in self.curves
+        )
+        return replace(self, measure=replace(self.measure, unit=unit), curves=tuple(curves))
+
+
+def ida(
+    model: Model,
+    motions: Sequence[GroundMotion],
+    measure: IntensityMeasure | None = None,
+    settings: IdaSettings | None = None,
+    *,
+    method: str | None = None,
+    pair: str = GEOMETRIC_MEAN,
+    jobs: int = 1,
+    folder: Path | None = None,
+    progress: Progress = lambda done, of: None,
+) -> IdaStudy:
+    """Run a building at levels of intensity until its collapse is bracketed, under each record for itself.
+
+    Parameters
+    ----------
+    model : Model
+        All stories have heights.
+    motions : sequence of Record or of Horizontals
+        Ground motions, none twice. Of a pair both components are run, each for itself, at levels of the pair's
+        intensity.
+    measure : IntensityMeasure, optional
+        Sa at the building's first period with 5 % damping by default.
+    method : str, optional
+        In place of the model's.
+    pair : str
+        What the intensity of a pair is: a name of `PAIRS`.
+    jobs : int
+        Threads; the result does not depend on it.
+    folder : Path, optional
+        Where the runs are kept as they are done, and found again by the next call with the same arguments.
+
+    Raises
+    ------
+    UsageError
+        Settings that make no sense; a record twice; a folder with another study.
+    ModelError
+        A story has no height.
+    RecordError
+        A record is zero.
+    AnalysisError
+        The step is beyond the method's limit, or the period too short for a record.
+    OutputError
+        The folder cannot be written.
+    """
+    settings = settings or IdaSettings()
+    subject, settings = _prepared(model, settings, method)
+    chosen = measure or sa(subject.period)
+    parts = [(motion, record) for motion in motions for record in components(motion)]
+    records = [record for _, record in parts]
+    names = _names(records)
+    units = {
+        name: _Work.of(subject, record, chosen.of(motion, pair), settings)
+        for name, (motion, record) in zip(names, parts, strict=True)
+    }
+    paired = pair if len(parts) > len(motions) else None
+    identity = {**_fingerprint(subject, chosen, settings, dict(zip(names, records, strict=True))), "pairs": paired}
+    subject.prepared.compile([subject.integrator])
+    keeper: Any = journal(folder / JOURNAL, identity) if folder else nullcontext(({}, lambda name, runs: None, ""))
+    with keeper as (kept, keep, version):
+        found = _done(units, {name: runs for name, runs in kept.items() if name in units}, keep, jobs, progress)
+    collapse_drift = subject.model.collapse_drift
+    curves = [IdaCurve(record, found[name], collapse_drift) for name, record in zip(names, records, strict=True)]
+    thresholds = (*sorted(set(settings.thresholds) - {collapse_drift}), collapse_drift)
+    return IdaStudy(
+        subject.model, chosen, subject.integrator.label, thresholds, tuple(curves), paired, len(kept), version
+    )
+
+
+JOURNAL = "ida.jsonl"
+"""The journal in the folder of a study."""
+
+
+@dataclass(frozen=True)
+class _Work:
+    """The runs of a record: what does them, the intensity of the record as it is, and what decides on the levels."""
+
+    batch: Batch
+    intensity: float
+    levels: Levels
+
+    @classmethod
+    def of(cls, subject: Subject, record: Record, intensity: float, settings: IdaSettings) -> _Work:
+        levels = Levels(
+            start=intensity * _elastic_scale(subject.prepared.building, record, subject.model.collapse_drift),
+            precision=settings.precision,
+            lowest_drift=min(settings.thresholds, default=math.inf),
+            most=settings.max_im,
+        )
+        how = RunSettings(settings.dt, settings.duration, settings.until_rest)
+        return cls(Batch(0, subject, Motions.of({0: record}), {0: None}, how), intensity, levels)
+
+    def runs(self) -> tuple[IdaRun, ...]:
+        """All runs of the record, from the lowest level."""
+        runs: list[IdaRun] = []
+        while (level := self.levels.next(runs)) is not None:
+            runs.append(run_level(self.batch, level, level / self.intensity))
+        return tuple(sorted(runs, key=lambda run: run.im))
+
+
+def _done(
+    units: dict[str, _Work], kept: dict[str, tuple[IdaRun, ...]], keep: Keep, jobs: int, progress: Progress
+) -> dict[str, tuple[IdaRun, ...]]:
+    """The runs of all records: those that are kept, and the others, shared by threads."""
+    found = dict(kept)
+    progress(len(found), len(units))
+
+    def work(name: str) -> tuple[str, tuple[IdaRun, ...]]:
+        return name, units[name].runs()
+
+    for name, runs in on_threads(work, [name for name in units if name not in found], max(1, jobs)):
+        found[name] = runs
+        keep(name, runs)
+        progress(len(found), len(units))
+    return found
+
+
+def _prepared(model: Model, settings: IdaSettings, method: str | None) -> tuple[Subject, IdaSettings]:
+    """The building, put together, and settings that make sense."""
+    collapse_drift = settings.collapse_drift or model.collapse_drift
+    if not 0.0 < settings.precision <= 0.5:
+        raise UsageError(f"the precision of a capacity must be above 0 and at most 50 %, got {settings.precision:g}")
+    for threshold in settings.thresholds:
+        if not 0.0 < threshold <= collapse_drift:
+            raise UsageError(
+                f"threshold {threshold:g}: a drift ratio above 0 and at most the collapse drift, {collapse_drift:g}"
+            )
+    if not settings.max_im > 0.0:
+        raise UsageError(f"the largest intensity must be positive, got {settings.max_im:g}")
+    without = [i for i, story in enumerate(model.stories, start=1) if story.height is None]
+    if without:
+        raise ModelError(
+            f"{model.source}: an incremental dynamic analysis needs drift ratios: give story {without[0]} a height"
+        )
+    subject = Subject(replace(model, collapse_drift=collapse_drift), method or model.analysis.method or DEFAULT_METHOD)
+    return subject, replace(settings, collapse_drift=collapse_drift)
+
+
+def _elastic_scale(building: Building, record: Record, collapse_drift: float) -> float:
+    """The factor on a record with which its first mode alone, if it stayed linear, would not yet yield."""
+    omega, shape = building.vibration.first
+    ratios = float(shape @ building.mass) * np.abs(np.diff(shape, prepend=0.0)) / building.heights
+    yielding = building.yield_drift / building.heights
+    limits = np.where(np.isfinite(yielding), yielding * _BEFORE_YIELDING, math.inf)
+    limits = np.minimum(limits, _ELASTIC * collapse_drift)
+    spectral = sa(2.0 * math.pi / omega).of(record) / omega**2
+    return float(np.min(limits / (ratios * spectral)))
+
+
+def _names(records: Sequence[Record]) -> list[str]:
+    names = [record.name for record in records]
+    twice = [name for i, name in enumerate(names) if name in names[:i]]
+    if twice:
+        raise UsageError(f"{twice[0]}: this record is given twice")
+    if not names:
+        raise UsageError("no record: an incremental dynamic analysis needs one at least")
+    return names
+
+
+def _fingerprint(
+    subject: Subject, measure: IntensityMeasure, settings: IdaSettings, records: dict[str, Record]
+) -> Fingerprint:
+    """What the runs depend on."""
+    spectral = measure if isinstance(measure, SpectralIntensity) else None
+    return {
+        "tdint": __version__,
+        "model": hashlib.sha256(repr(_building(subject.model)).encode()).hexdigest(),
+        "measure": measure.name,
+        "periods": list(spectral.periods) if spectral else [],
+        "damping": spectral.damping if spectral else None,
+        "method": subject.integrator.label,
+        "dt": settings.dt,
+        "duration": settings.duration,
+        "until rest": settings.until_rest,
+        "precision": settings.precision,
+        "collapse drift": settings.collapse_drift,
+        "thresholds": sorted(settings.thresholds),
+        "max im": settings.max_im,
+        "records": {name: record.digest for name, record in records.items()},
+    }
+
+
+def _building(model: Model) -> tuple[Any, ...]:
+    """What the runs depend on of a model."""
+    return model.stories, model.damping, model.p_delta, model.initial, model.excitation.forces, model.analysis

@@ -1,0 +1,210 @@
+"""What a campaign file names, read: models, an inventory, records or a grid, factors; each by a reader of its own."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from tdint.campaign.definition import (
+    AnalysisWishes,
+    CampaignFile,
+    FactorsFile,
+    GridFile,
+    InventoryFile,
+    ModelFiles,
+    RecordFiles,
+)
+from tdint.campaign.draws import GridMotions, SuiteMotion, suite_motions
+from tdint.campaign.grid_files import read_grid
+from tdint.campaign.levels import FactorTable
+from tdint.campaign.suites.suite import read_components, read_pairs
+from tdint.csv_table import no_number, number, read_table
+from tdint.errors import ModelError, RecordError, TdintError, UsageError
+from tdint.ground_motion.reading.folders import records_of
+from tdint.model.config.model_file import load_model
+from tdint.model.definition import Model
+from tdint.model.inventory.table import InventoryRow, read_inventory
+
+_FACTOR_COLUMNS = ("record", "component", "factor")
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What the files that a campaign names hold.
+
+    Attributes
+    ----------
+    models : tuple of Model
+        Of model files, with what the campaign says of all buildings.
+    rows : tuple of InventoryRow
+        Of an inventory.
+    motions : tuple of SuiteMotion
+        The ground motions.
+    grid : GridMotions or None
+        Where they are, if they belong to a grid.
+    factors : FactorTable or None
+        The factors on them, if a file has them.
+    failures : tuple of TdintError
+        Records and rows of an inventory that could not be used; the others are taken.
+    notes : tuple of str
+        What a person should know.
+    """
+
+    models: tuple[Model, ...] = ()
+    rows: tuple[InventoryRow, ...] = ()
+    motions: tuple[SuiteMotion, ...] = ()
+    grid: GridMotions | None = None
+    factors: FactorTable | None = None
+    failures: tuple[TdintError, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class FoundMotions:
+    """Ground motions that were read, what could not be, and what a person should know of them."""
+
+    motions: tuple[SuiteMotion, ...]
+    failures: tuple[TdintError, ...]
+    notes: tuple[str, ...] = ()
+    grid: GridMotions | None = None
+
+
+def read_inputs(campaign: CampaignFile) -> Inputs:
+    """Read all that a campaign file names.
+
+    Raises
+    ------
+    ModelError
+        A model or the inventory cannot be used: all faults of all of them. The file of factors cannot be read.
+    RecordError
+        No record can be used.
+    UsageError
+        A grid without an inventory.
+    """
+    models: tuple[Model, ...] = ()
+    rows: tuple[InventoryRow, ...] = ()
+    faults: tuple[ModelError, ...] = ()
+    if isinstance(campaign.buildings, ModelFiles):
+        models = read_models(campaign.buildings, campaign.analysis)
+    else:
+        rows, faults = read_rows(campaign.buildings)
+    if isinstance(campaign.records, GridFile):
+        _check_places(campaign.source, rows)
+        found = read_grid_motions(campaign.records)
+    else:
+        found = read_motions(campaign.records)
+    factors = read_factors(campaign.intensity) if isinstance(campaign.intensity, FactorsFile) else None
+    return Inputs(models, rows, found.motions, found.grid, factors, (*found.failures, *faults), found.notes)
+
+
+def read_models(wanted: ModelFiles, analysis: AnalysisWishes) -> tuple[Model, ...]:
+    """The models of files, with what a campaign says of all buildings.
+
+    Raises
+    ------
+    ModelError
+        Some cannot be used: all faults of all of them.
+    """
+    models: list[Model] = []
+    errors: list[ModelError] = []
+    for file in wanted.files:
+        try:
+            models.append(adapted(load_model(file), analysis))
+        except ModelError as error:
+            errors.append(error)
+    if errors:
+        faults = [fault for error in errors for fault in error.faults]
+        texts = [str(error) for error in errors if not error.faults]
+        raise ModelError(faults if not texts else "\n".join([*texts, *map(str, faults)]))
+    return tuple(models)
+
+
+def adapted(model: Model, analysis: AnalysisWishes) -> Model:
+    """A model with what a campaign says of all buildings.
+
+    Raises
+    ------
+    ModelError
+        P-delta of a model without heights.
+    """
+    if analysis.collapse_drift is not None:
+        model = replace(model, collapse_drift=analysis.collapse_drift)
+    if analysis.p_delta is not None:
+        if analysis.p_delta and any(story.height is None for story in model.stories):
+            raise ModelError(f"{model.source}: p_delta of the campaign needs the heights of all stories")
+        model = replace(model, p_delta=analysis.p_delta)
+    return model
+
+
+def read_rows(wanted: InventoryFile) -> tuple[tuple[InventoryRow, ...], tuple[ModelError, ...]]:
+    """The buildings of an inventory, and what is wrong with those that are left out.
+
+    Raises
+    ------
+    ModelError
+        It cannot be read, or no row can be used.
+    """
+    rows, faults = read_inventory(wanted.file, wanted.length, mass_only=wanted.mass_only)
+    if not rows:
+        raise ModelError(faults or f"{wanted.file}: has no building")
+    return tuple(rows), (ModelError(faults),) if faults else ()
+
+
+def _check_places(source: str, rows: tuple[InventoryRow, ...]) -> None:
+    """Raise UsageError without an inventory, and ModelError for buildings without a place."""
+    if not rows:
+        raise UsageError(f"{source}: a grid of ground motions needs an inventory with Latitude and Longitude")
+    lost = [row.id for row in rows if row.latitude is None or row.longitude is None]
+    if lost:
+        raise ModelError(
+            f"the inventory has no Latitude and Longitude of {', '.join(lost[:5])}{' ...' * (len(lost) > 5)}"
+        )
+
+
+def read_grid_motions(wanted: GridFile) -> FoundMotions:
+    """The ground motions of a grid. Errors are those of `tdint.campaign.grid_files.read_grid`."""
+    motions, grid, failures = read_grid(wanted)
+    return FoundMotions(motions, tuple(failures), grid=grid)
+
+
+def read_motions(wanted: RecordFiles) -> FoundMotions:
+    """The records of files and folders.
+
+    Raises
+    ------
+    RecordError
+        None can be used: why, one line each.
+    """
+    sources = records_of(wanted.files, wanted.choice.layout)
+    suite = (read_pairs if wanted.pairs else read_components)(sources.files, wanted.choice)
+    failures = (*sources.failures, *suite.failures)
+    if not suite.motions:
+        raise RecordError("\n".join(map(str, failures)) or "there is no record in this campaign")
+    said = [f"{record.source}: {record.component}: {text}" for record in suite.records for text in record.warnings]
+    return FoundMotions(suite_motions(suite.motions), failures, (*sources.notes, *suite.notes, *said))
+
+
+def read_factors(wanted: FactorsFile) -> FactorTable:
+    """Factors from a CSV file with the columns record, component (empty for all components) and factor.
+
+    Raises
+    ------
+    ModelError
+        It cannot be read.
+    """
+    file = wanted.file
+    needs = f"factors are a CSV file with the columns {', '.join(_FACTOR_COLUMNS)}; `tdint scale -o` writes such a file"
+    table = read_table(file, needs, columns=_FACTOR_COLUMNS)
+    table.need(*_FACTOR_COLUMNS)
+    names = zip(table.texts("record"), table.texts("component"), strict=True)
+    known: dict[tuple[str, str], dict[float, None]] = {}
+    for name, (line, text) in zip(names, table.lines("factor"), strict=True):
+        known.setdefault(name, {})[_factor(file, line, text)] = None
+    return FactorTable(file, {name: tuple(factors) for name, factors in known.items()})
+
+
+def _factor(file: str, line: int, text: str) -> float:
+    factor = number(text)
+    if math.isnan(factor) or factor == 0.0:
+        raise ModelError(f"{file}:{line}: factor: {no_number(text, 'a number that is not zero')}")
+    return factor

@@ -1,0 +1,380 @@
+"""Campaign files: YAML to a checked `CampaignFile`, with the same reader as models; nothing else is opened."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+
+from tdint.campaign.definition import (
+    AnalysisWishes,
+    CampaignFile,
+    FactorsFile,
+    GridFile,
+    InventoryFile,
+    ModelFiles,
+    RecordFiles,
+)
+from tdint.campaign.levels import MeasureLevels, Scales
+from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, PAIRS, IntensityMeasure, PeakVelocity, pga, sa, sa_average
+from tdint.campaign.suites.suite import RecordChoice
+from tdint.errors import UsageError
+from tdint.methods.catalogue import parse as parse_method
+from tdint.model.config.excitation import LAYOUT, PROCESSING, read_layout, read_processing
+from tdint.model.config.units import read_sample_units
+from tdint.model.inventory.derive import RULES
+from tdint.model.keys.document import read_document, resolve
+from tdint.model.keys.fields import Section, Value
+from tdint.model.keys.kinds import (
+    ANY,
+    POSITIVE,
+    POSITIVE_RATIO,
+    RATIO,
+    Bounds,
+    Choice,
+    Either,
+    EntriesOf,
+    Flag,
+    Key,
+    Keys,
+    Schema,
+    Whole,
+    Words,
+)
+from tdint.units import LENGTH, parse_units
+
+_SCATTER = Bounds(0.0, 0.5, ratio=True)
+_SEED = Whole(0, 2**31 - 1)
+_LENGTHS = ("m", "ft")
+_DAMPING = ("full", "mass-only")
+_UNITS = Keys((Key("length", Choice(_LENGTHS), "of the inventory; plan areas are in its square", needed=True),))
+_BUILDINGS = Keys(
+    (
+        Key("models", EntriesOf(Words(), least=1), "model files, relative to this file"),
+        Key("inventory", Words(), "CSV file with a building per row, relative to this file"),
+        Key("rules", Choice(tuple(RULES)), "by which the buildings follow from their rows"),
+        Key("units", _UNITS, "units of the inventory"),
+        Key("damping", Choice(_DAMPING), "mass-only leaves out the stiffness-proportional part"),
+        Key("stiffness_scatter", _SCATTER, "standard deviation of a factor on each stiffness"),
+        Key("damping_scatter", _SCATTER, "standard deviation of a factor on each damping ratio"),
+        Key("seed", _SEED, "what the factors are drawn from"),
+    ),
+    one_of=(("models", "inventory"),),
+)
+
+_FILES = (
+    Key("files", EntriesOf(Words(), least=1), "records and folders of records, relative to this file"),
+    Key("component", Words(), "component, where files hold several; all horizontal ones without it"),
+    Key("pairs", Flag(), "take the two horizontals of a motion together: they share their factors"),
+    Key("inventory", Words(), "station metadata, to remove the instrument's response"),
+    *LAYOUT,
+    *PROCESSING,
+)
+_GRID = (
+    Key("grid", Words(), "EventGrid.csv, relative to this file"),
+    Key("neighbors", Whole(1, 1000), "grid points among which each building draws"),
+    Key("samples", Whole(1, 100_000), "draws for each building"),
+    Key("seed", _SEED, "what is drawn from, with the building's id"),
+)
+_FILE_KEYS, _GRID_KEYS = (tuple(key.name for key in keys) for keys in (_FILES, _GRID))
+_SAMPLE_UNITS = Key("units", Words(), "units of the samples, where the files do not say them: m/s^2, g, ...")
+_RECORDS = Keys((*_FILES, *_GRID, _SAMPLE_UNITS), one_of=(("files", "grid"),))
+
+_OF_MEASURES = ("period", "damping", "levels", "pair")
+_FIRST = "T1"
+
+_MEASURES: Mapping[str, tuple[str, Callable[[float, float], IntensityMeasure]]] = {
+    "pga": ("acceleration", lambda period, damping: pga()),
+    "pgv": ("velocity", lambda period, damping: PeakVelocity()),
+    "sa": ("acceleration", sa),
+    "sa-avg": ("acceleration", sa_average),
+}
+"""Of each measure the quantity of its levels, and (period, damping) -> measure."""
+
+_WITHOUT_PERIOD = ("pga", "pgv")
+
+_INTENSITY = Keys(
+    (
+        Key("scales", EntriesOf(ANY, least=1), "factors on all motions"),
+        Key("measure", Choice(tuple(_MEASURES)), "intensity measure that takes the levels"),
+        Key("period", Either((Choice((_FIRST,)), POSITIVE)), "of sa and sa-avg; that of each building by default"),
+        Key("damping", RATIO, "damping ratio of sa and sa-avg; 5% by default"),
+        Key("levels", EntriesOf(Words(), least=1), "values with their unit: 0.1 g, 0.2 m/s"),
+        Key("pair", Choice(tuple(PAIRS)), "what stands for the two components of a pair"),
+        Key("factors", Words(), "CSV file of `tdint scale`, relative to this file"),
+    ),
+    one_of=(("scales", "measure", "factors"),),
+)
+
+_ANALYSIS = Keys(
+    (
+        Key("method", Words(), "time-integration method with its parameters, for all buildings"),
+        Key("dt", POSITIVE, "time step, s; that of each model, else of each record, where it is left out"),
+        Key("duration", POSITIVE, "time to integrate, s"),
+        Key("tolerance", RATIO, "choose the step of each building by the error of its peak drifts"),
+        Key("collapse_drift", POSITIVE_RATIO, "drift ratio beyond which a run counts as collapsed"),
+        Key("p_delta", Flag(), "whether gravity acts on the displaced buildings"),
+        Key("until_rest", Flag(), "go on with the ground at rest until the motion has died"),
+    )
+)
+_OUTPUTS = Keys((Key("stories", Flag(), "keep the peaks of every story"),))
+CAMPAIGN = Keys(
+    (
+        Key("name", Words(), "the campaign's name; that of the file where it is left out"),
+        Key("buildings", _BUILDINGS, "model files, or an inventory", needed=True),
+        Key("records", _RECORDS, "files and folders, or a grid", needed=True),
+        Key("intensity", _INTENSITY, "how strong the motions are made; as they are where it is left out"),
+        Key("analysis", _ANALYSIS, "what is the same for all runs"),
+        Key("outputs", _OUTPUTS, "what is kept beside a row for each run"),
+    )
+)
+"""The keys of a campaign file, and what may stand under them."""
+
+
+def campaign_schema() -> Schema:
+    """The JSON schema (draft 7) of campaign files, for editors."""
+    about = "Runs of buildings under ground motions for tdint"
+    draft = "http://json-schema.org/draft-07/schema#"
+    return {"$schema": draft, "title": "tdint campaign", "description": about, **CAMPAIGN.schema()}
+
+
+def load_campaign(source: str | Path) -> CampaignFile:
+    """Read a campaign file; the files that it names are not read yet.
+
+    Parameters
+    ----------
+    source : str or Path
+        The YAML file; `-` is standard input. Relative paths in it start from its folder.
+
+    Raises
+    ------
+    ModelError
+        It cannot be read, is not YAML, or has faults: all of them, with line and column.
+    """
+    origin, root = read_document(source, "campaign file", "`buildings` and `records`")
+    section = root.section(CAMPAIGN)
+    campaign = _read(section, origin.label, origin.name, origin.folder) if section else None
+    root.faults.raise_if_any()
+    assert campaign is not None
+    return campaign
+
+
+def _read(section: Section, label: str, name: str, folder: Path) -> CampaignFile:
+    buildings = section.need("buildings", "give `models` or an `inventory`")
+    records = section.need("records", "give `files` or a `grid`")
+    outputs = section.get("outputs")
+    kept = outputs.section(_OUTPUTS) if outputs else None
+    stories = kept.get("stories") if kept else None
+    return CampaignFile(
+        name=section.text("name") or name,
+        source=label,
+        buildings=(_read_buildings(buildings, folder) if buildings else None) or ModelFiles(()),
+        records=(_read_records(records, folder) if records else None) or RecordFiles((), RecordChoice()),
+        intensity=_read_intensity(section.get("intensity"), folder) or Scales((1.0,)),
+        analysis=_read_analysis(section.get("analysis")),
+        stories=stories.boolean() if stories else False,
+    )
+
+
+def _read_analysis(value: Value | None) -> AnalysisWishes:
+    section = value.section(_ANALYSIS) if value else None
+    if section is None:
+        return AnalysisWishes()
+    method = section.get("method")
+    named = method.parsed(parse_method) if method else None
+    p_delta, until_rest = section.get("p_delta"), section.get("until_rest")
+    return AnalysisWishes(
+        method=named.label if named else None,
+        dt=section.number_or_none("dt"),
+        duration=section.number_or_none("duration"),
+        tolerance=section.number_or_none("tolerance"),
+        collapse_drift=section.number_or_none("collapse_drift"),
+        p_delta=p_delta.boolean() if p_delta else None,
+        until_rest=until_rest.boolean() if until_rest else False,
+    )
+
+
+def _read_buildings(value: Value, folder: Path) -> ModelFiles | InventoryFile | None:
+    """Model files or an inventory; None after a fault."""
+    section = value.section(_BUILDINGS)
+    if section is None:
+        return None
+    models, inventory = section.get("models"), section.get("inventory")
+    if models and inventory:
+        inventory.fault("stands in place of `models`; give one of the two")
+        return None
+    if inventory:
+        return _inventory(section, inventory, folder)
+    if models is None:
+        section.need("models", "give a list of model files, or an inventory in its place")
+        return None
+    for name in tuple(_BUILDINGS)[2:]:
+        if entry := section.get(name):
+            entry.fault("belongs to an `inventory`")
+    items = models.items("a list of model files")
+    if items is not None and not items:
+        models.fault("is empty; give at least one model file")
+    return ModelFiles(tuple(resolve(text, folder) for item in items or () if (text := item.text())))
+
+
+def _inventory(section: Section, inventory: Value, folder: Path) -> InventoryFile | None:
+    file = inventory.text()
+    rules = section.get("rules")
+    name = rules.choice(RULES, "set of rules") if rules else next(iter(RULES))
+    units = section.need("units", "give {length: ft} or {length: m}; plan areas are in its square")
+    lengths = units.section(_UNITS) if units else None
+    length = lengths.need("length", "give ft or m") if lengths else None
+    unit = length.choice(_LENGTHS, "length unit of inventories") if length else None
+    damping = section.get("damping")
+    kind = damping.choice(_DAMPING, "damping") if damping else "full"
+    seed = section.get("seed")
+    if file is None or name is None or unit is None:
+        return None
+    return InventoryFile(
+        file=resolve(file, folder),
+        rules=name,
+        length=LENGTH[unit],
+        mass_only=kind == "mass-only",
+        stiffness_scatter=section.number("stiffness_scatter", default=0.0),
+        damping_scatter=section.number("damping_scatter", default=0.0),
+        seed=(seed.whole() if seed else 0) or 0,
+    )
+
+
+def _read_records(value: Value, folder: Path) -> RecordFiles | GridFile | None:
+    """Files or a grid; None after a fault."""
+    section = value.section(_RECORDS)
+    if section is None:
+        return None
+    units = section.get("units")
+    text = read_sample_units(units)
+    if section.has("grid"):
+        _refuse(section, _FILE_KEYS, "belongs to `files`, not to a `grid`")
+        section.need("units", "give the units of the grid's motions, such as g or m/s^2")
+        return _grid(section, text, folder)
+    _refuse(section, _GRID_KEYS, "belongs to a `grid`")
+    files = section.need("files", "give a list of files and folders, or a `grid` in its place")
+    items = files.items("a list of files and folders") if files else None
+    if files and items is not None and not items:
+        files.fault("is empty; give at least one record")
+    pairs, component, inventory = section.get("pairs"), section.get("component"), section.text("inventory")
+    both = pairs.boolean() if pairs else False
+    if both and component:
+        component.fault("pairs have both horizontal components; leave one of the two out")
+    if units and inventory:
+        units.fault("an inventory gives the units; leave one of the two out")
+    choice = RecordChoice(
+        units=text,
+        component=section.text("component"),
+        inventory=resolve(inventory, folder) if inventory else None,
+        processing=read_processing(section),
+        layout=read_layout(section),
+    )
+    return RecordFiles(tuple(resolve(text, folder) for item in items or () if (text := item.text())), choice, both)
+
+
+def _grid(section: Section, units: str | None, folder: Path) -> GridFile | None:
+    file = section.text("grid")
+    neighbors = section.need("neighbors", "give the number of grid points among which is drawn")
+    samples = section.need("samples", "give the number of draws for each building")
+    seed = section.get("seed")
+    numbers = (
+        neighbors.whole() if neighbors else None,
+        samples.whole() if samples else None,
+        seed.whole() if seed else 0,
+    )
+    if file is None or units is None or None in numbers:
+        return None
+    return GridFile(resolve(file, folder), units, *numbers)  # type: ignore[arg-type]
+
+
+def _refuse(section: Section, names: tuple[str, ...], reason: str) -> None:
+    for name in names:
+        if entry := section.get(name):
+            entry.fault(reason)
+
+
+def _read_intensity(value: Value | None, folder: Path) -> Scales | MeasureLevels | FactorsFile | None:
+    """Factors, levels of a measure, or a file of factors; None without any, or after a fault."""
+    section = value.section(_INTENSITY) if value else None
+    if value is None or section is None:
+        return None
+    ways = [name for name in ("scales", "measure", "factors") if section.has(name)]
+    if len(ways) != 1:
+        value.fault("give one of scales, measure and factors" + (f", not {' and '.join(ways)}" if ways else ""))
+        return None
+    if ways != ["measure"]:
+        for name in _OF_MEASURES:
+            if entry := section.get(name):
+                entry.fault("belongs to a `measure`")
+    if ways == ["measure"]:
+        return _levels(section)
+    if ways == ["factors"]:
+        file = section.text("factors")
+        return FactorsFile(resolve(file, folder)) if file else None
+    return Scales(_scales(section))
+
+
+def _scales(section: Section) -> tuple[float, ...]:
+    value = section.get("scales")
+    items = value.items("a list of factors") if value else None
+    if value and items is not None and not items:
+        value.fault("is empty; give at least one factor")
+    found: dict[float, None] = {}
+    for item in items or ():
+        number = item.number(ANY)
+        if number == 0.0:
+            item.fault("must not be zero")
+        found[number] = None
+    return tuple(found)
+
+
+def _levels(section: Section) -> MeasureLevels | None:
+    named = section.get("measure")
+    name = named.choice(_MEASURES, "measure") if named else None
+    pair = section.get("pair")
+    whole = pair.choice(PAIRS, "measure of pairs") if pair else GEOMETRIC_MEAN
+    damping = section.number("damping", default=0.05)
+    levels = section.need("levels", "give the values, such as [0.1 g, 0.2 g]")
+    items = levels.items("a list of values with their unit") if levels else None
+    if name is None:
+        return None
+    quantity = _MEASURES[name][0]
+    values = tuple(dict.fromkeys(_level(item, quantity) for item in items or ()))
+    period = _period(section, name)
+    return MeasureLevels(partial(_measure, name, damping), period, values, whole or GEOMETRIC_MEAN)
+
+
+def _measure(name: str, damping: float, period: float) -> IntensityMeasure:
+    return _MEASURES[name][1](period, damping)
+
+
+def _period(section: Section, name: str) -> float | None:
+    """The period of the measure; None for that of each building."""
+    value = section.get("period")
+    if name in _WITHOUT_PERIOD:
+        if value:
+            value.fault(f"{name} has no period")
+        return 1.0
+    if value is None or value.is_word(_FIRST):
+        return None
+    number = value.number(POSITIVE, what=f"{_FIRST} or a positive number of seconds")
+    return None if math.isnan(number) else number
+
+
+def _level(value: Value, quantity: str) -> float:
+    """A value with its unit in SI; nan after a fault."""
+    text = value.text()
+    if text is None:
+        return math.nan
+    example = "0.1 g" if quantity == "acceleration" else "0.2 m/s"
+    try:
+        units = parse_units(text)
+    except UsageError:
+        value.fault(f"must be a positive number with its unit, such as {example}, got {text!r}")
+        return math.nan
+    if units.quantity != quantity or not units.has_factor:
+        value.fault(f"must be a number with a unit of {quantity}, such as {example}, got {text!r}")
+        return math.nan
+    return units.scale

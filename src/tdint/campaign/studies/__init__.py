@@ -1,1 +1,0 @@
-"""Studies of many motions: measures of intensity, scaling, incremental dynamic analysis, fragility."""

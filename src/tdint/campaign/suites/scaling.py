@@ -1,0 +1,201 @@
+"""Factors that scale a suite of ground motions: to a value, to a target spectrum, by ASCE 7 and FEMA P-695.
+
+One factor for both components of a pair.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.analysis.spectra.first_mode import SA_DAMPING
+from tdint.campaign.suites.intensity import (
+    GEOMETRIC_MEAN,
+    GroundMotion,
+    IntensityMeasure,
+    PeakVelocity,
+    pseudo_accelerations,
+    sa,
+)
+from tdint.campaign.suites.suite import components
+from tdint.campaign.suites.target import TargetSpectrum
+from tdint.errors import UsageError
+from tdint.ground_motion.horizontals import Horizontals
+
+Array = NDArray[np.float64]
+
+LEAST_PAIRS = 11
+"""Ground motions that ASCE 7-16 asks for (16.2.2)."""
+
+LEAST_PART = 0.9
+"""Part of the target below which the average may nowhere fall (ASCE 7-16, 16.2.3.2)."""
+
+MAXIMUM_DIRECTION = "rotd100"
+
+
+@dataclass(frozen=True)
+class Scaling:
+    """The factors of a suite, and by which rule.
+
+    Attributes
+    ----------
+    motions : tuple of Record or of Horizontals
+        The suite, as it was read.
+    factors : ndarray, shape (n,)
+        One for each motion.
+    rule : str
+        `value`, `mean`, `asce7` or `p695`.
+    pair : str
+        What stands for a pair of components: a name of `PAIRS`.
+    damping : float
+        Damping ratio of spectra.
+    measure : IntensityMeasure or None, value : float or None
+        What the motions were scaled to, if it is a value (SI units).
+    target : TargetSpectrum or None
+        What they were scaled to, if it is a spectrum.
+    periods : ndarray, shape (k,)
+        Where the target was compared, s; none without a target.
+    least : tuple of two floats or None
+        Of the rule asce7: the least average over the target, and its period, s.
+    """
+
+    motions: tuple[GroundMotion, ...]
+    factors: Array
+    rule: str
+    pair: str
+    damping: float
+    measure: IntensityMeasure | None = None
+    value: float | None = None
+    target: TargetSpectrum | None = None
+    periods: Array | None = None
+    least: tuple[float, float] | None = None
+
+    def spectra(self, periods: Array) -> Array:
+        """Pseudo-accelerations of the scaled motions, m/s^2, shape (n, k)."""
+        return self.factors[:, None] * suite_spectra(self.motions, periods, self.damping, self.pair)
+
+
+def suite_spectra(motions: Sequence[GroundMotion], periods: Array, damping: float, pair: str) -> Array:
+    """Pseudo-accelerations of motions at periods (s), m/s^2, shape (n, k)."""
+    return np.array([pseudo_accelerations(motion, periods, damping, pair) for motion in motions])
+
+
+def scale_to_value(
+    motions: Sequence[GroundMotion], measure: IntensityMeasure, value: float, pair: str = GEOMETRIC_MEAN
+) -> Scaling:
+    """Scale each motion to a value of an intensity measure (SI units).
+
+    Raises
+    ------
+    UsageError
+        The value is not positive.
+    RecordError
+        A motion is zero.
+    """
+    if not (math.isfinite(value) and value > 0.0):
+        raise UsageError(f"{measure.name}: the value must be positive, got {value:g}")
+    factors = np.array([value / measure.of(motion, pair) for motion in motions])
+    damping = getattr(measure, "damping", SA_DAMPING)
+    return Scaling(tuple(motions), factors, "value", pair, damping, measure, value)
+
+
+def scale_to_target(
+    motions: Sequence[GroundMotion],
+    target: TargetSpectrum,
+    periods: Array,
+    *,
+    damping: float = SA_DAMPING,
+    pair: str = GEOMETRIC_MEAN,
+) -> Scaling:
+    """Scale each motion to a target spectrum: least squares of ln Sa over the periods, each with the same weight.
+
+    The factor is exp(mean(ln target - ln Sa)).
+
+    Parameters
+    ----------
+    periods : ndarray, shape (k,)
+        Periods, s, within those of the target.
+
+    Raises
+    ------
+    UsageError
+        A period is outside the target's.
+    """
+    aim = target.at(periods)
+    spectra = suite_spectra(motions, periods, damping, pair)
+    factors = np.exp(np.mean(np.log(aim) - np.log(spectra), axis=1))
+    return Scaling(tuple(motions), factors, "mean", pair, damping, target=target, periods=periods)
+
+
+def scale_asce7(
+    pairs: Sequence[GroundMotion], target: TargetSpectrum, periods: Array, *, damping: float = SA_DAMPING
+) -> Scaling:
+    """Scale pairs as ASCE 7-16 asks (16.2.3.2): the average of maximum-direction spectra is nowhere in the range below
+    90 % of the target.
+
+    Each pair is fitted to the target by `scale_to_target`; where the average then falls below 90 % of it, all are
+    raised by one more factor, so that it just does not.
+
+    Raises
+    ------
+    UsageError
+        Fewer than 11 pairs; single components; a period outside the target's.
+    """
+    _check_pairs(pairs, "asce7")
+    if len(pairs) < LEAST_PAIRS:
+        raise UsageError(f"the rule asce7 needs {LEAST_PAIRS} pairs of components at least (16.2.2), got {len(pairs)}")
+    fitted = scale_to_target(pairs, target, periods, damping=damping, pair=MAXIMUM_DIRECTION)
+    average = np.mean(fitted.spectra(periods), axis=0) / target.at(periods)
+    raised = max(1.0, LEAST_PART / float(np.min(average)))
+    place = int(np.argmin(average))
+    return Scaling(
+        tuple(pairs), raised * fitted.factors, "asce7", MAXIMUM_DIRECTION, damping, target=target, periods=periods,
+        least=(raised * float(average[place]), float(periods[place])),
+    )  # fmt: skip
+
+
+def scale_p695(
+    pairs: Sequence[GroundMotion], period: float | None = None, value: float | None = None,
+    *, damping: float = SA_DAMPING,
+) -> Scaling:  # fmt: skip
+    """Normalize pairs by their peak velocities, and scale the set, as FEMA P-695 does (A.8).
+
+    The factor of a pair is median(PGV) / PGV, with PGV the geometric mean of its components; with a period and a value
+    all get one more factor, by which the median Sa of all components at that period is the value.
+
+    Parameters
+    ----------
+    period, value : float, optional
+        Period, s, and pseudo-acceleration, m/s^2; both or none.
+
+    Raises
+    ------
+    UsageError
+        Single components; a value without a period, or one that is not positive.
+    RecordError
+        A motion is zero.
+    """
+    _check_pairs(pairs, "p695")
+    if (period is None) != (value is None):
+        raise UsageError("a set is scaled to a pseudo-acceleration at a period: give both or none")
+    velocities = np.array([PeakVelocity().of(pair) for pair in pairs])
+    factors = np.median(velocities) / velocities
+    if period is None or value is None:
+        return Scaling(tuple(pairs), factors, "p695", GEOMETRIC_MEAN, damping)
+    if not (math.isfinite(value) and value > 0.0):
+        raise UsageError(f"Sa({period:g} s): the value must be positive, got {value:g}")
+    measure = sa(period, damping)
+    values = [
+        factor * measure.of(record) for pair, factor in zip(pairs, factors, strict=True) for record in components(pair)
+    ]
+    factors = factors * (value / float(np.median(values)))
+    return Scaling(tuple(pairs), factors, "p695", GEOMETRIC_MEAN, damping, measure, value)
+
+
+def _check_pairs(pairs: Sequence[GroundMotion], rule: str) -> None:
+    if not all(isinstance(pair, Horizontals) for pair in pairs):
+        raise UsageError(f"the rule {rule} is for pairs of horizontal components")

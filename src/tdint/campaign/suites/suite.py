@@ -1,0 +1,107 @@
+"""Suites of ground motions: the horizontal components of many files, one by one or in pairs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from tdint.campaign.suites.intensity import GroundMotion
+from tdint.errors import RecordError
+from tdint.ground_motion.horizontals import Horizontals, find_horizontals, is_vertical, motion_name
+from tdint.ground_motion.processing import Processing
+from tdint.ground_motion.reading.read import read_records
+from tdint.ground_motion.record import Record
+from tdint.ground_motion.text_layout import AS_STATED, TextLayout
+from tdint.input_bytes import STDIN
+
+
+@dataclass(frozen=True)
+class RecordChoice:
+    """What is taken of each file, and what is done to it: as for `tdint.read_record`."""
+
+    units: str | None = None
+    component: str | None = None
+    inventory: str | None = None
+    processing: Processing = field(default_factory=Processing)
+    layout: TextLayout = AS_STATED
+
+
+@dataclass(frozen=True)
+class Suite:
+    """Ground motions, in the order of their files.
+
+    Attributes
+    ----------
+    motions : tuple of Record or of Horizontals
+        Single components, or pairs.
+    failures : tuple of RecordError
+        What could not be read or taken.
+    notes : tuple of str
+        What was left out or assumed, a sentence each.
+    """
+
+    motions: tuple[GroundMotion, ...]
+    failures: tuple[RecordError, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def records(self) -> list[Record]:
+        """All components, in order."""
+        return [record for motion in self.motions for record in components(motion)]
+
+
+def components(motion: GroundMotion) -> tuple[Record, ...]:
+    """The components of a motion, one or two."""
+    return (motion,) if isinstance(motion, Record) else (motion.first, motion.second)
+
+
+def read_components(files: Sequence[str], choice: RecordChoice | None = None) -> Suite:
+    """The horizontal components of files, each for itself; one that is named may be any.
+
+    A file that cannot be read does not keep the others from being taken.
+    """
+    choice = choice or RecordChoice()
+    records: list[GroundMotion] = []
+    failures: list[RecordError] = []
+    notes: list[str] = []
+    for file in files:
+        try:
+            found = _read(file, choice)
+        except RecordError as error:
+            failures.append(error)
+            continue
+        left = [one for one in found if choice.component is None and is_vertical(one.component)]
+        if left and len(left) == len(found):
+            failures.append(RecordError(f"{file}: has no horizontal component; name one to take it all the same"))
+            continue
+        if left:
+            notes.append(f"{file}: vertical, left out: {', '.join(one.component for one in left)}")
+        records += [one for one in found if not any(one is other for other in left)]
+    return Suite(tuple(records), tuple(failures), tuple(notes))
+
+
+def read_pairs(files: Sequence[str], choice: RecordChoice | None = None) -> Suite:
+    """Pairs of horizontal components: of one file, or of files that are named alike but for the component."""
+    choice = choice or RecordChoice()
+    groups: dict[str, list[str]] = {}
+    for file in files:
+        groups.setdefault(file if file == STDIN else motion_name(file), []).append(file)
+    pairs: list[GroundMotion] = []
+    failures: list[RecordError] = []
+    notes: list[str] = []
+    for group in groups.values():
+        try:
+            pair: Horizontals = find_horizontals([record for file in group for record in _read(file, choice)])
+        except RecordError as error:
+            failures.append(error)
+            continue
+        notes += [f"{pair.source}: {note}" for note in pair.notes]
+        pairs.append(pair)
+    return Suite(tuple(pairs), tuple(failures), tuple(notes))
+
+
+def _read(file: str, choice: RecordChoice) -> list[Record]:
+    found = read_records(
+        file, units=choice.units, component=choice.component, inventory=choice.inventory, layout=choice.layout
+    )
+    return [choice.processing.apply(record) for record in found]

@@ -1,1 +1,0 @@
-"""Pictures of buildings: runs, recordings beside results, pushovers, loops of a story."""

@@ -1,0 +1,133 @@
+"""Figure of a comparison: each floor's motion as recorded and as computed, and the spectra of both."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from tdint.files import Writer
+from tdint.output.figures.spectrum_axes import log_periods
+from tdint.output.figures.style import LIGHT, MARK, add_title, picture, record_name
+from tdint.output_units import SI, OutputUnits
+
+if TYPE_CHECKING:
+    from tdint.analysis.comparison.compare import Comparison, FloorComparison, FloorSpectra
+
+Array = NDArray[np.float64]
+
+_RECORDED, _COMPUTED = LIGHT, MARK
+_MOST_ROWS = 12
+_ENERGY = (0.0005, 0.9995)  # parts of the recorded energy between which the histories are shown
+_CYCLES = 8  # of the recording, that the close-up shows
+_UNITS = {"acceleration": "m/s^2", "displacement": "m"}
+"""By quantity its SI unit."""
+
+
+def comparison_picture(
+    comparisons: Sequence[Comparison], periods: Array, damping: float, suffix: str, units: OutputUnits = SI
+) -> Writer:
+    """Picture of results beside recordings, a row for each floor of each event, the roof on top.
+
+    Parameters
+    ----------
+    comparisons : sequence of Comparison
+        One at least.
+    periods : ndarray, shape (k,)
+        Of the spectra, s, and their damping ratio.
+    suffix : str
+        .png, .pdf or .svg; see `tdint.output.figures.style.picture`.
+    units : OutputUnits
+        Of lengths and accelerations.
+    """
+    return picture(suffix, lambda: _draw(comparisons, periods, damping, units.in_pictures))
+
+
+def _draw(comparisons: Sequence[Comparison], periods: Array, damping: float, units: OutputUnits) -> Figure:
+    rows = [
+        (one, floor, spectra)
+        for one in comparisons
+        for floor, spectra in reversed(list(zip(one.floors, one.spectra(periods, damping), strict=True)))
+    ]
+    left_out = len(rows) - _MOST_ROWS
+    rows = rows[:_MOST_ROWS]
+    figure = Figure(figsize=(7.5, 1.5 + 1.55 * len(rows)), layout="constrained")
+    panels = figure.subplots(len(rows), 3, squeeze=False, width_ratios=(2.2, 1.4, 1.1))
+    for (one, floor, spectra), (history, close, spectrum) in zip(rows, panels, strict=True):
+        event = record_name(one.event.recording.source) if len(comparisons) > 1 else ""
+        _draw_histories(history, floor, units)
+        history.set_xlim(*_shaken(one))
+        history.set_ylabel(f"{floor.quantity}\n({units.label(_UNITS[floor.quantity])})")
+        history.set_title(_agreement(floor, event), loc="left", fontsize=8.5, parse_math=False)
+        _draw_histories(close, floor, units)
+        close.set_xlim(*_strongest(one))
+        close.tick_params(labelleft=False)
+        _draw_spectra(spectrum, spectra, units)
+    panels[-1, 1].set_xlabel("time (s)")
+    panels[-1, 2].set_xlabel("period (s)")
+    panels[0, 2].set_title(f"spectra, {100.0 * damping:g} %", fontsize=8.5)
+    panels[-1, 0].set_xlabel("time (s)")
+    lines = panels[0, 0].get_lines()
+    figure.legend(lines[:2], ["recorded", "computed"], loc="outside lower center", ncols=2, handlelength=3.0)
+    add_title(figure, _title(comparisons[0], max(0, left_out)))
+    return figure
+
+
+def _title(one: Comparison, left_out: int) -> str:
+    band = one.event.recording.band
+    what = f"{one.response.model.name} beside {record_name(one.event.recording.source)}"
+    how = [f"{one.response.method}, dt {one.response.dt:.4g} s"]
+    if band:
+        how.append(f"{band[0]:g} to {band[1]:g} Hz")
+    if one.shift:
+        how.append(f"recordings shifted by {one.shift:.4g} s")
+    if left_out:
+        how.append(f"{left_out} more floors are not drawn")
+    return f"{what}\n{', '.join(how)}"
+
+
+def _draw_histories(axes: Any, floor: FloorComparison, units: OutputUnits) -> None:
+    unit = _UNITS[floor.quantity]
+    axes.plot(floor.time, units.of(floor.recorded, unit), color=_RECORDED, linewidth=1.6)
+    axes.plot(floor.time, units.of(floor.computed, unit), color=_COMPUTED, linewidth=0.7)
+    axes.yaxis.set_major_locator(MaxNLocator(5, symmetric=True))
+    axes.xaxis.set_major_locator(MaxNLocator(5))
+
+
+def _agreement(floor: FloorComparison, event: str) -> str:
+    place = f"{event}, floor {floor.floor}" if event else f"floor {floor.floor}"
+    return f"{place}: correlation {floor.correlation:.3f}, peaks {floor.peak_ratio:.3f}"
+
+
+def _shaken(one: Comparison) -> tuple[float, float]:
+    """The times between which the floors were shaken, s."""
+    ends = []
+    for floor in one.floors:
+        energy = np.cumsum(floor.recorded**2)
+        ends += [floor.time[int(np.searchsorted(energy, part * energy[-1]))] for part in _ENERGY]
+    return (min(ends), max(ends)) if min(ends) < max(ends) else (one.floors[0].time[0], one.floors[0].time[-1])
+
+
+def _strongest(one: Comparison) -> tuple[float, float]:
+    """Some cycles around the largest recorded value of the highest floor, s."""
+    floor = one.floors[-1]
+    crossings = np.flatnonzero(np.diff(np.signbit(floor.recorded)))
+    peak = int(np.argmax(np.abs(floor.recorded)))
+    middle = int(np.searchsorted(crossings, peak))
+    near = crossings[max(0, middle - _CYCLES) : middle + _CYCLES]
+    if near.size < 2:
+        return _shaken(one)
+    return float(floor.time[near[0]]), float(floor.time[near[-1]])
+
+
+def _draw_spectra(axes: Any, spectra: FloorSpectra, units: OutputUnits) -> None:
+    axes.plot(spectra.periods, units.of(spectra.recorded, "m/s^2"), color=_RECORDED, linewidth=1.5)
+    axes.plot(spectra.periods, units.of(spectra.computed, "m/s^2"), color=_COMPUTED, linewidth=0.9)
+    axes.set_ylim(bottom=0.0)
+    axes.set_ylabel(f"SA ({units.label('m/s^2')})")
+    axes.tick_params(axis="x", which="both", labelsize=7.0)
+    log_periods(axes, spectra.periods)

@@ -1,0 +1,135 @@
+"""Figure of fragility functions: probabilities over intensity with observations and 95 % confidence bands; of a cloud
+also its points and its line."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from tdint.campaign.fragility.fits import CloudPoints, Fragility
+from tdint.files import Writer
+from tdint.output.figures.style import COLORS, DASHES, MARKERS, add_title, picture, plain_logarithmic
+from tdint.output.figures.suites import GRAY, add_gravity_axis, measure_label
+
+_POINTS = 300
+_FAR = 2.6  # standard deviations above the largest median at which the axis ends
+_NAMES = {
+    "stripes": "Fragility of stripes, maximum likelihood",
+    "ida": "Fragility of capacities",
+    "cloud": "Cloud and its fragility, maximum likelihood",
+}
+
+
+def fragility_picture(functions: Sequence[Fragility], suffix: str) -> Writer:
+    """Picture of functions of one fit and one intensity measure, one at least.
+
+    Parameters, return value and errors are those of `tdint.output.figures.style.picture`.
+    """
+    return picture(suffix, lambda: _draw(functions))
+
+
+def _draw(functions: Sequence[Fragility]) -> Figure:
+    cloud = functions[0].cloud
+    figure = Figure(figsize=(9.2 if cloud else 6.8, 4.6), layout="constrained")
+    if cloud is None:
+        _draw_functions(figure.subplots(), functions)
+    else:
+        left, right = figure.subplots(1, 2)
+        _draw_cloud(left, cloud, functions)
+        _draw_functions(right, functions)
+    add_title(figure, _title(functions))
+    return figure
+
+
+def _draw_functions(axes: Any, functions: Sequence[Fragility]) -> None:
+    end = _end(functions)
+    im = np.linspace(0.0, end, _POINTS)[1:]
+    for i, function in enumerate(functions):
+        color, dash = COLORS[i % len(COLORS)], DASHES[i % len(DASHES)]
+        low, high = function.band(im)
+        axes.fill_between(im, low, high, color=color, alpha=0.18 if len(functions) == 1 else 0.08, linewidth=0.0)
+        for edge in (low, high):
+            axes.plot(im, edge, color=color, linestyle=dash, linewidth=0.5)
+        axes.plot(im, function.probability(im), color=color, linestyle=dash, linewidth=1.8, label=_label(function))
+        if function.beta_model:
+            axes.plot(
+                im, function.probability(im, total=True), color=color, linestyle=":", linewidth=1.2,
+                label=rf"with $\beta_{{model}}$: {function.beta_total:.2f}",
+            )  # fmt: skip
+        if function.points is not None:
+            shown = function.points.im <= end
+            axes.plot(
+                function.points.im[shown], function.points.part[shown], linestyle="none", color=color, markersize=4.5,
+                marker=MARKERS[i % len(MARKERS)], markerfacecolor="white", zorder=4,
+            )  # fmt: skip
+    axes.fill_between([], [], [], color="0.5", alpha=0.25, label="95 % confidence")
+    axes.set_xlim(0.0, end)
+    axes.set_ylim(-0.01, 1.01)
+    axes.set_xlabel(_im_label(functions[0]))
+    axes.set_ylabel("probability of exceedance")
+    add_gravity_axis(axes, functions[0].unit, horizontal=True)
+    title = None if math.isnan(functions[0].threshold) else "exceedance of"
+    axes.legend(loc="lower right", frameon=True, framealpha=0.85, edgecolor="none", title=title, alignment="left")
+
+
+def _end(functions: Sequence[Fragility]) -> float:
+    """Where the axis of intensity ends: behind the functions, but not far behind all observations."""
+    ends = []
+    for one in functions:
+        seen = one.points.im if one.points is not None else one.cloud.im if one.cloud is not None else np.array([])
+        curve = one.theta * math.exp(_FAR * one.beta)
+        most = float(np.max(seen)) if seen.size else curve
+        ends.append(min(curve, 2.0 * max(most, one.theta)))
+    return max(ends)
+
+
+def _draw_cloud(axes: Any, cloud: CloudPoints, functions: Sequence[Fragility]) -> None:
+    """Demands over intensities, both logarithmic, with the line and a standard deviation to both sides."""
+    known = ~cloud.censored
+    axes.scatter(cloud.im[known], cloud.edp[known], s=14, facecolor=GRAY, edgecolor="0.45", linewidth=0.5, label="runs")
+    if cloud.censored.any():
+        axes.scatter(
+            cloud.im[~known], cloud.edp[~known], s=22, marker="^", facecolor="white", edgecolor="0.35", linewidth=0.8,
+            label="above the limit",
+        )  # fmt: skip
+    im = np.geomspace(np.min(cloud.im), np.max(cloud.im), 50)
+    line = np.exp(cloud.intercept) * im**cloud.slope
+    axes.plot(im, line, color=COLORS[0], linewidth=1.8, label=f"slope {cloud.slope:.3g}")
+    for factor in (math.exp(-cloud.sigma), math.exp(cloud.sigma)):
+        last = axes.plot(im, factor * line, color=COLORS[0], linestyle=DASHES[1])[0]
+    last.set_label(rf"$\pm\sigma$ = {cloud.sigma:.3g}")
+    for i, function in enumerate(functions):
+        axes.axhline(
+            function.threshold, color=COLORS[i % len(COLORS)], linestyle=DASHES[i % len(DASHES)], linewidth=0.9
+        )
+    plain_logarithmic(axes)
+    edges = [*cloud.edp.tolist(), *(function.threshold for function in functions)]
+    axes.set_ylim(min(edges) / 1.6, 1.6 * max(edges))
+    axes.set_xlabel(_im_label(functions[0]))
+    axes.set_ylabel("demand")
+    axes.legend(loc="lower right", frameon=True, framealpha=0.85, edgecolor="none")
+
+
+def _im_label(function: Fragility) -> str:
+    return measure_label(function.im, function.unit)
+
+
+def _label(function: Fragility) -> str:
+    what = "" if math.isnan(function.threshold) else f"{function.threshold:g}: "
+    return rf"{what}$\theta$ = {function.theta:.3g}, $\beta$ = {function.beta:.2f}"
+
+
+def _title(functions: Sequence[Fragility]) -> str:
+    first = functions[0]
+    text = _NAMES[first.fit]
+    if first.fit == "ida":
+        text += ", maximum likelihood" if any(one.censored for one in functions) else ", method of moments"
+    count = f"{first.records} records" if first.fit != "cloud" else f"{first.records} runs"
+    numbers = {one.censored for one in functions}
+    most = max(numbers)
+    censored = f", {'up to ' * (len(numbers) > 1)}{most} censored" if most else ""
+    return f"{text}\n{count}{censored}"

@@ -1,0 +1,134 @@
+"""Figure of an incremental dynamic analysis: a gray curve for each record, fractiles, capacities."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from tdint.campaign.ida.curve import IdaCurve, fractiles
+from tdint.campaign.ida.study import IdaStudy
+from tdint.campaign.suites.intensity import PeakVelocity
+from tdint.files import Writer
+from tdint.output.figures.style import COLORS, DASHES, add_title, changed, picture, record_name
+from tdint.output.figures.suites import add_gravity_axis, measure_label, single_look
+
+Array = NDArray[np.float64]
+
+_PARTS = (0.16, 0.5, 0.84)
+_POINTS = 240
+_FEW = 3  # records: fewer have no fractiles
+_ROOM = 1.1  # the axis of intensity ends so far above the largest capacity
+_BEYOND = 1.04  # of drift: where flat lines end
+
+
+def ida_picture(study: IdaStudy, suffix: str) -> Writer:
+    """Picture of a study, in the units that its intensities have (`IdaStudy.in_units`).
+
+    Parameters, return value and errors are those of `tdint.output.figures.style.picture`.
+    """
+    return picture(suffix, lambda: _draw(study))
+
+
+def _draw(study: IdaStudy) -> Figure:
+    figure = Figure(figsize=(7.2, 5.2), layout="constrained")
+    axes = figure.subplots()
+    limit = _largest_drift(study)
+    several = len(study.curves) > 1
+    look = single_look(several)
+    axes.plot([], [], label=f"{len(study.curves)} record{'s' * several}", **look)
+    for curve in study.curves:
+        _draw_curve(axes, curve, limit, look)
+    _draw_fractiles(axes, study, limit)
+    _draw_capacities(axes, study, limit)
+    _draw_lost(axes, study, limit)
+    axes.set_xlim(0.0, 100.0 * _BEYOND * limit)
+    axes.set_ylim(0.0, _ROOM * (max(map(_highest, study.curves)) or 1.0))
+    axes.set_xlabel("largest drift ratio (%)")
+    axes.set_ylabel(measure_label(study.im_name, study.measure.unit))
+    add_gravity_axis(axes, study.measure.unit)
+    axes.legend(loc="lower right", frameon=True, framealpha=0.9, edgecolor="none")
+    add_title(figure, _title(study))
+    return figure
+
+
+def _highest(curve: IdaCurve) -> float:
+    """The largest intensity that is shown of a curve: its capacity, or the largest level that the building stands."""
+    known = [run.im for run in curve.stable]
+    if math.isfinite(curve.collapse.capacity):
+        known.append(curve.collapse.capacity)
+    return max(known, default=0.0)
+
+
+def _largest_drift(study: IdaStudy) -> float:
+    """The drift ratio at which the axis ends: that of collapse, where some building collapses or comes near to it."""
+    collapse_drift = study.model.collapse_drift
+    largest = max((run.drift_ratio for curve in study.curves for run in curve.stable), default=0.0)
+    collapses = any(not curve.collapse.censored for curve in study.curves)
+    if collapses or largest > 0.5 * collapse_drift or largest == 0.0:
+        return collapse_drift
+    return largest
+
+
+def _draw_curve(axes: Any, curve: IdaCurve, limit: float, look: dict[str, Any]) -> None:
+    """From the origin through the runs that stand; flat from the capacity on."""
+    drift = [0.0, *(run.drift_ratio for run in curve.stable)]
+    im = [0.0, *(run.im for run in curve.stable)]
+    if not curve.collapse.censored and curve.stable:
+        drift += [drift[-1], _BEYOND * limit]
+        im += [curve.collapse.capacity] * 2
+    axes.plot(100.0 * np.array(drift), im, zorder=1, **look)
+
+
+def _draw_fractiles(axes: Any, study: IdaStudy, limit: float) -> None:
+    if len(study.curves) < _FEW:
+        return
+    drifts = np.linspace(0.0, limit, _POINTS)[1:]
+    for part, row in reversed(list(zip(_PARTS, fractiles(study.curves, drifts, _PARTS), strict=True))):
+        if not np.isfinite(row).any():
+            continue
+        style = {"linewidth": 2.2} if part == 0.5 else {"linestyle": DASHES[1], "linewidth": 1.4}
+        label = "median" if part == 0.5 else "16 % and 84 %" if part == _PARTS[0] else None
+        axes.plot([0.0, *(100.0 * drifts)], [0.0, *row], color=COLORS[0], zorder=3, label=label, **style)
+
+
+def _draw_capacities(axes: Any, study: IdaStudy, limit: float) -> None:
+    """A mark where each curve becomes flat, another where it ends for want of higher levels."""
+    groups: dict[str, list[tuple[float, float]]] = {"collapse": [], "again": [], "censored": []}
+    for curve in study.curves:
+        if not curve.stable:
+            continue
+        drift = min(curve.stable[-1].drift_ratio, limit)
+        kind = "censored" if curve.collapse.censored else "again" if curve.resurrection else "collapse"
+        groups[kind].append((100.0 * drift, curve.collapse.capacity))
+    looks = {
+        "collapse": ("o", COLORS[1], "capacity against collapse"),
+        "again": ("D", "white", "the same, stands again above it"),
+        "censored": ("^", "white", "does not collapse up to here"),
+    }
+    for kind, points in groups.items():
+        if points:
+            marker, face, label = looks[kind]
+            x, y = zip(*points, strict=True)
+            axes.scatter(
+                x, y, s=26, marker=marker, facecolor=face, edgecolor=COLORS[1], linewidth=1.1, zorder=4, label=label
+            )
+
+
+def _draw_lost(axes: Any, study: IdaStudy, limit: float) -> None:
+    """Levels of runs without a result, at the edge."""
+    lost = [run.im for curve in study.curves for run in curve.runs if not (run.stable or run.collapsed)]
+    if lost:
+        axes.plot([100.0 * limit] * len(lost), lost, "x", color="0.4", label="run without a result", clip_on=False)
+
+
+def _title(study: IdaStudy) -> str:
+    records = [curve.record for curve in study.curves]
+    what = f"{len(records)} records" if len(records) > 1 else f"{record_name(records[0].source)} {records[0].component}"
+    text = f"{study.model.name}\nIncremental dynamic analysis, {what}{changed(records)}, {study.method}"
+    if isinstance(study.measure, PeakVelocity) or study.measure.periods == (0.0,):
+        return text
+    return f"{text}, {100.0 * study.measure.damping:g} % damping of Sa"

@@ -1,1 +1,0 @@
-"""Pictures of spectra: over the period, tripartite, acceleration over displacement; drift spectra."""

@@ -1,0 +1,309 @@
+"""Spectra: elastic (over the period, tripartite, ADRS), inelastic, rotated, drift, and beside a published one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
+from numpy.typing import NDArray
+
+from tdint.files import Writer
+from tdint.ground_motion.record import Record, component_names
+from tdint.output.figures.spectrum_axes import (
+    Panel,
+    draw_adrs,
+    draw_over_periods,
+    draw_tripartite,
+    line_labels,
+    over_periods_title,
+)
+from tdint.output.figures.style import LIGHT, add_title, picture, plain_numbers, record_name
+from tdint.output_units import SI, OutputUnits
+
+if TYPE_CHECKING:
+    from tdint.analysis.spectra.drift import DriftSpectrum
+    from tdint.analysis.spectra.elastic import Spectrum
+    from tdint.analysis.spectra.inelastic import InelasticSpectrum
+    from tdint.analysis.spectra.published import SpectrumDifference
+    from tdint.analysis.spectra.rotated import RotatedSpectrum
+
+
+Array = NDArray[np.float64]
+DrawSpectra = Callable[[Sequence["Spectrum"], Sequence[str], OutputUnits], Figure]
+
+_MOST = 4  # components that have panels of their own
+_NAMES = {
+    "sd": ("displacement SD", "m"),
+    "psv": ("pseudo-velocity PSV", "m/s"),
+    "psa": ("pseudo-acceleration PSA", "m/s^2"),
+    "sv": ("velocity SV", "m/s"),
+    "sa": ("absolute acceleration SA", "m/s^2"),
+}
+"""By quantity its name and SI unit."""
+
+_POINTS: dict[str, Any] = {"color": "0.25", "markersize": 3.0, "markerfacecolor": "none"}
+
+
+def spectrum_picture(
+    spectra: Sequence[Spectrum], suffix: str, axes: str = "periods", units: OutputUnits = SI
+) -> Writer:
+    """Picture of spectra, a line per component and damping ratio, or the fractiles of a suite.
+
+    Return value and errors are those of `tdint.output.figures.style.picture`.
+
+    Parameters
+    ----------
+    axes : str
+        A key of `DRAWN`: pseudo-acceleration and displacement over the `periods`, `tripartite` (pseudo-velocity over
+        the period, with scales of the other two), or `adrs` (pseudo-acceleration over displacement).
+    """
+    return picture(suffix, lambda: _draw_elastic(spectra, DRAWN[axes], units.in_pictures))
+
+
+def _draw_elastic(spectra: Sequence[Spectrum], draw: DrawSpectra, units: OutputUnits) -> Figure:
+    figure = draw(spectra, line_labels(spectra), units)
+    title = over_periods_title("Elastic response spectrum", "Elastic response spectra", spectra, _how(spectra[0]))
+    add_title(figure, title)
+    return figure
+
+
+def _draw_periods(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUnits) -> Figure:
+    panels: list[Panel[Spectrum]] = [
+        (f"pseudo-acceleration PSA ({units.label('m/s^2')})", lambda spectrum: units.of(spectrum.psa, "m/s^2")),
+        (f"displacement SD ({units.label('m')})", lambda spectrum: units.of(spectrum.sd, "m")),
+    ]
+    return draw_over_periods(spectra, panels, labels)
+
+
+DRAWN = {"periods": _draw_periods, "tripartite": draw_tripartite, "adrs": draw_adrs}
+"""What draws spectra, by the name of its axes."""
+
+
+def _how(spectrum: Spectrum) -> str:
+    """The method, and what was chosen beside it."""
+    words = ["exact solution" if spectrum.method == "exact" else spectrum.method]
+    if spectrum.method == "exact" and spectrum.maxima != "exact":
+        words.append(f"maxima: {spectrum.maxima}")
+    if spectrum.interpolation != "linear":
+        words.append(f"{spectrum.interpolation} motion")
+    return ", ".join(words)
+
+
+def inelastic_picture(spectra: Sequence[InelasticSpectrum], suffix: str, units: OutputUnits = SI) -> Writer:
+    """Picture of inelastic spectra: a line per component, damping ratio, and ductility or strength.
+
+    Return value and errors are those of `tdint.output.figures.style.picture`.
+
+    Parameters
+    ----------
+    spectra : sequence of InelasticSpectrum
+        One at least; all for ductilities or all for strengths.
+    """
+    return picture(suffix, lambda: _draw_inelastic(spectra, units))
+
+
+def _draw_inelastic(spectra: Sequence[InelasticSpectrum], units: OutputUnits) -> Figure:
+    panels: list[Panel[InelasticSpectrum]] = [
+        ("yield strength over weight", lambda spectrum: spectrum.yield_strength_ratio)
+        if spectra[0].target is not None
+        else ("ductility", lambda spectrum: spectrum.ductility),
+        (f"largest displacement ({units.label('m')})", lambda spectrum: units.of(spectrum.sd, "m")),
+    ]
+    given = [_given(spectrum) for spectrum in spectra]
+    several = len(set(given)) > 1
+    components = _components(spectra)
+    apart = 1 < len(set(components)) <= _MOST
+    ratios = len({spectrum.damping for spectrum in spectra}) > 1
+    labels = [
+        ", ".join(
+            filter(
+                None,
+                (
+                    (f"{100.0 * spectrum.damping:g} %" if ratios else "") if apart else label,
+                    what if several else "",
+                ),
+            )
+        )
+        for spectrum, label, what in zip(spectra, line_labels(spectra), given, strict=True)
+    ]
+    variants = [(spectrum.damping, what) for spectrum, what in zip(spectra, given, strict=True)]
+    figure = draw_over_periods(spectra, panels, labels, variants, columns=components if apart else None)
+    if spectra[0].target is None:
+        _show_ductility(figure.axes[0], spectra)
+    more = ("" if several else f"{given[0]}, ") + f"bilinear, hardening {spectra[0].hardening:g}"
+    add_title(figure, over_periods_title("Inelastic spectrum", "Inelastic spectra", spectra, more))
+    return figure
+
+
+def _components(spectra: Sequence[InelasticSpectrum]) -> list[str]:
+    """What each spectrum is of; the file, too, where there are several."""
+    several = len({spectrum.record.source for spectrum in spectra}) > 1
+    names = component_names([spectrum.record for spectrum in spectra])
+    return [
+        f"{record_name(spectrum.record.source)} {name}".rstrip() if several else name
+        for spectrum, name in zip(spectra, names, strict=True)
+    ]
+
+
+def _show_ductility(axes: Any, spectra: Sequence[InelasticSpectrum]) -> None:
+    """On a logarithmic axis, with a line at first yielding."""
+    if not any(np.any(spectrum.ductility > 0.0) for spectrum in spectra):
+        return
+    axes.set_yscale("log")
+    axes.autoscale(axis="y")
+    axes.axhline(1.0, color=LIGHT, linewidth=0.8)
+    plain_numbers(axes.yaxis)
+
+
+def _given(spectrum: InelasticSpectrum) -> str:
+    """What was asked for: a ductility, or a strength, which is the same at all periods."""
+    if spectrum.target is not None:
+        return f"ductility {spectrum.target:g}"
+    return f"strength {spectrum.yield_strength_ratio[0]:.4g}"
+
+
+@dataclass(frozen=True)
+class _Line:
+    """A line of the figure: a percentile or the geometric mean of a motion and damping ratio."""
+
+    name: str
+    record: Record
+    damping: float
+    periods: Array
+    psa: Array
+
+    @property
+    def sd(self) -> Array:
+        """Displacement, m."""
+        return self.psa * (self.periods / (2.0 * math.pi)) ** 2
+
+
+def rotated_picture(spectra: Sequence[RotatedSpectrum], suffix: str, units: OutputUnits = SI) -> Writer:
+    """Picture of spectra over all directions: a line per motion, damping ratio, percentile, and the geometric mean.
+
+    Return value and errors are those of `tdint.output.figures.style.picture`.
+
+    Parameters
+    ----------
+    spectra : sequence of RotatedSpectrum
+        One at least; all of the same percentiles.
+    """
+    return picture(suffix, lambda: _draw_rotated(spectra, units.in_pictures))
+
+
+def _draw_rotated(spectra: Sequence[RotatedSpectrum], units: OutputUnits) -> Figure:
+    lines = [line for spectrum in spectra for line in _lines(spectrum)]
+    panels: list[Panel[_Line]] = [
+        (f"pseudo-acceleration PSA ({units.label('m/s^2')})", lambda line: units.of(line.psa, "m/s^2")),
+        (f"displacement SD ({units.label('m')})", lambda line: units.of(line.sd, "m")),
+    ]
+    labels = [f"{label}, {line.name}" for label, line in zip(line_labels(lines), lines, strict=True)]
+    figure = draw_over_periods(lines, panels, labels, [(line.damping, line.name) for line in lines])
+    more = ["exact solution", "180 directions"]
+    if spectra[0].maxima != "exact":
+        more.append(f"maxima: {spectra[0].maxima}")
+    if spectra[0].interpolation != "linear":
+        more.append(f"{spectra[0].interpolation} motion")
+    add_title(figure, over_periods_title("RotD spectrum", "RotD spectra", lines, ", ".join(more)))
+    return figure
+
+
+def _lines(spectrum: RotatedSpectrum) -> Iterator[_Line]:
+    motion = spectrum.motion
+    names = dict.fromkeys((record_name(motion.first.source), record_name(motion.second.source)))
+    record = replace(motion.first, source="+".join(names), component=motion.component)
+    for percentile, psa in zip(spectrum.percentiles, spectrum.psa, strict=True):
+        yield _Line(f"RotD{percentile:02d}", record, spectrum.damping, spectrum.periods, psa)
+    yield _Line("geometric mean", record, spectrum.damping, spectrum.periods, spectrum.geometric_mean)
+
+
+def drift_spectrum_picture(spectra: Sequence[DriftSpectrum], suffix: str, units: OutputUnits = SI) -> Writer:
+    """Picture of drift spectra: a line per component and damping ratio.
+
+    Return value and errors are those of `tdint.output.figures.style.picture`.
+
+    Parameters
+    ----------
+    spectra : sequence of DriftSpectrum
+        One at least; all of the same kind of building.
+    """
+    return picture(suffix, lambda: _draw_drift(spectra, units))
+
+
+def _draw_drift(spectra: Sequence[DriftSpectrum], units: OutputUnits) -> Figure:
+    beam = spectra[0].stories[0] == 0
+    panels: list[Panel[DriftSpectrum]] = [
+        ("drift ratio at the base (%)" if beam else "largest story drift ratio (%)", _peaks),
+        ("roof displacement over height (%)", lambda spectrum: 100.0 * spectrum.roof_drift_ratio),
+    ]
+    figure = draw_over_periods(spectra, panels, line_labels(spectra))
+    _add_heights(figure.axes[0], spectra[0], units)
+    add_title(figure, over_periods_title("Drift spectrum", "Drift spectra", spectra, _buildings(spectra[0])))
+    return figure
+
+
+def _peaks(spectrum: DriftSpectrum) -> Any:
+    return 100.0 * spectrum.peak_drift_ratio
+
+
+def _buildings(spectrum: DriftSpectrum) -> str:
+    least, most = int(spectrum.stories.min()), int(spectrum.stories.max())
+    if most == 0:
+        return "continuous shear beam"
+    stories = f"{most}" if least == most else f"{least} to {most}"
+    return f"shear buildings of {stories} {'story' if most == 1 else 'stories'}"
+
+
+def _add_heights(axes: Any, spectrum: DriftSpectrum, units: OutputUnits) -> None:
+    """A scale of the heights on top; they are a power of the period."""
+    first, last = spectrum.periods.argmin(), spectrum.periods.argmax()
+    if spectrum.periods[first] == spectrum.periods[last]:
+        return
+    periods = spectrum.periods[[first, last]].tolist()
+    heights = units.of(spectrum.heights[[first, last]], "m").tolist()
+    power = math.log(heights[1] / heights[0]) / math.log(periods[1] / periods[0])
+    scale = axes.secondary_xaxis(
+        "top",
+        functions=(
+            lambda period: heights[0] * (abs(period) / periods[0]) ** power,
+            lambda height: periods[0] * (abs(height) / heights[0]) ** (1.0 / power),
+        ),
+    )
+    scale.set_xlabel(f"height ({units.label('m')})")
+    scale.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    plain_numbers(scale.xaxis)
+    scale.xaxis.set_minor_formatter(NullFormatter())
+
+
+def difference_picture(lines: Sequence[SpectrumDifference], suffix: str, units: OutputUnits = SI) -> Writer:
+    """Picture of spectra, the published values as points, and of the differences below.
+
+    Parameters, return value and errors are those of `tdint.output.figures.style.picture`.
+    """
+    return picture(suffix, lambda: _draw_differences(lines, units.in_pictures))
+
+
+def _draw_differences(lines: Sequence[SpectrumDifference], units: OutputUnits) -> Figure:
+    name, si = _NAMES[lines[0].published.quantity]
+    panels: list[Panel[SpectrumDifference]] = [
+        (f"{name} ({units.label(si)})", lambda line: units.of(line.computed, si)),
+        ("computed over published, less 1 (%)", lambda line: 100.0 * line.relative_difference),
+    ]
+    figure = draw_over_periods(lines, panels, line_labels(lines))
+    upper, lower = figure.axes
+    for line in {id(line.published): line for line in lines}.values():
+        upper.plot(line.periods, units.of(line.expected, si), "o", **_POINTS, zorder=3)
+    upper.plot([], [], "o", **_POINTS, label="published")
+    upper.legend(loc="best")
+    lower.autoscale(axis="y")
+    lower.axhline(0.0, color=LIGHT, linewidth=0.8, zorder=1.5)
+    title = over_periods_title(
+        "Spectrum", "Spectra", lines, f"beside {record_name(lines[0].published.source)} (points)"
+    )
+    add_title(figure, title)
+    return figure

@@ -1,0 +1,130 @@
+"""Figures of imposed displacements: the loops of a cyclic test and their energy, and a pushover."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from tdint.files import Writer
+from tdint.output.figures.style import COLORS, DASHES, LIGHT, add_ratio_axis, add_title, picture, scaled_unit
+from tdint.output_units import SI, OutputUnits
+
+if TYPE_CHECKING:
+    from tdint.analysis.static.cyclic import CyclicTest
+    from tdint.analysis.static.pushover import Pushover
+
+
+def cyclic_picture(test: CyclicTest, suffix: str, units: OutputUnits = SI) -> Writer:
+    """Picture of a cyclic test: shear over drift, and the energies over the cycles.
+
+    Return value and errors are those of `tdint.output.figures.style.picture`.
+
+    Parameters
+    ----------
+    test : CyclicTest
+        A result of `tdint.analysis.static.cyclic.cyclic_test`.
+    """
+    return picture(suffix, lambda: _draw_test(test, units))
+
+
+def _draw_test(test: CyclicTest, units: OutputUnits) -> Figure:
+    figure = Figure(figsize=(6.5, 7.6), layout="constrained")
+    loop, energy = figure.subplots(2, 1, height_ratios=(2.6, 1.0))
+    _draw_loop(loop, test, units)
+    _draw_energy(energy, test, units)
+    kind = "cyclic test" if test.points else "path of drifts"
+    add_title(figure, f"{test.model.name}\nStory {test.story}, {test.law} law: {kind} without dashpots")
+    return figure
+
+
+def _draw_loop(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
+    factor, unit = scaled_unit(float(np.max(np.abs(test.path.shear))), "N", units)
+    drift = units.of(test.path.drift, "m")
+    axes.axhline(0.0, color=LIGHT, linewidth=0.6)
+    axes.axvline(0.0, color=LIGHT, linewidth=0.6)
+    axes.plot(drift, test.path.shear * factor, color=COLORS[0], label="restoring force of the law")
+    if test.geometric_stiffness:
+        # Not dashed: the dashes of one cycle would fill the gaps of another.
+        force = test.shear_with_p_delta * factor
+        axes.plot(drift, force, color=LIGHT, linewidth=0.9, zorder=1.9, label="with P-delta")
+    _mark_yielding(axes, test, units)
+    if len(axes.get_legend_handles_labels()[0]) > 1:
+        axes.legend(loc="upper left")
+    axes.set_xlabel(f"drift ({units.label('m')})")
+    axes.set_ylabel(f"story shear ({unit})")
+    axes.xaxis.set_major_locator(MaxNLocator(9, steps=[1, 2, 5, 10]))
+    add_ratio_axis(axes, units.of(test.height, "m"), "drift ratio (%)")
+
+
+def _mark_yielding(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
+    """Dotted lines at the drifts of first yield, where the test goes beyond them."""
+    if not test.yield_drift < float(np.max(test.path.drift)):
+        return
+    for side in (1.0, -1.0):
+        axes.axvline(
+            side * units.of(test.yield_drift, "m"), color=LIGHT, linestyle=DASHES[2], linewidth=1.0,
+            label=f"yield drift {units.of(test.yield_drift, 'm'):.3g} {units.label('m')}" if side > 0.0 else None,
+        )  # fmt: skip
+
+
+def _draw_energy(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
+    cycle = np.arange(test.path.drift.size) / (4.0 * test.points if test.points else 1.0)
+    factor, unit = scaled_unit(float(np.max(test.path.recoverable + test.path.dissipated)), "J", units)
+    axes.plot(cycle, test.path.dissipated * factor, color=COLORS[0], label="dissipated")
+    axes.plot(cycle, test.path.recoverable * factor, color=COLORS[1], linestyle=DASHES[1], label="recoverable")
+    axes.legend(loc="upper left")
+    axes.set_xlim(0.0, max(cycle[-1], 1.0))
+    axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
+    axes.set_xlabel("cycle" if test.points else "step")
+    axes.set_ylabel(f"energy ({unit})")
+    axes.xaxis.set_major_locator(MaxNLocator(9, steps=[1, 2, 5, 10]))
+
+
+def pushover_picture(result: Pushover, suffix: str, units: OutputUnits = SI) -> Writer:
+    """Picture of a pushover; return value and errors are those of `tdint.output.figures.style.picture`."""
+    return picture(suffix, lambda: _draw_pushover(result, units))
+
+
+def _draw_pushover(result: Pushover, units: OutputUnits) -> Figure:
+    figure = Figure(figsize=(8.4, 4.6), layout="constrained")
+    curve, profile = figure.subplots(1, 2, width_ratios=(1.7, 1.0))
+    _draw_curve(curve, result, units)
+    _draw_profile(profile, result, units)
+    add_title(figure, f"{result.model.name}\nPushover, {result.pattern} pattern")
+    return figure
+
+
+def _draw_curve(axes: Any, result: Pushover, units: OutputUnits) -> None:
+    factor, unit = scaled_unit(float(np.max(np.abs(result.base_shear))), "N", units)
+    roof, shear = units.of(result.roof_displacement, "m"), result.base_shear * factor
+    axes.axhline(0.0, color=LIGHT, linewidth=0.6)
+    axes.plot(roof, shear, color=COLORS[0])
+    peak = result.peak
+    axes.plot(roof[peak], shear[peak], "o", color=COLORS[0], label=f"largest base shear {shear[peak]:.4g} {unit}")
+    axes.legend(loc="best")
+    axes.set_xlim(0.0, roof[-1])
+    axes.set_xlabel(f"roof displacement ({units.label('m')})")
+    axes.set_ylabel(f"base shear ({unit})")
+    add_ratio_axis(axes, units.of(result.height, "m"), "roof drift ratio (%)")
+
+
+def _draw_profile(axes: Any, result: Pushover, units: OutputUnits) -> None:
+    """Drifts of the stories at the largest base shear and at the end."""
+    stories = np.arange(result.drift.shape[1] + 1) + 0.5
+    heights = [story.height for story in result.model.stories]
+    ratio = all(height is not None for height in heights)
+    scale = 100.0 / np.array(heights, float) if ratio else np.full(len(heights), 1.0 / units.unit("m")[1])
+    for row, style, text in ((result.peak, DASHES[1], "at the largest base shear"), (-1, DASHES[0], "at the end")):
+        drift = result.drift[row] * scale
+        axes.stairs(
+            drift, stories, orientation="horizontal", baseline=None, linestyle=style, color=COLORS[0], label=text
+        )
+    axes.axvline(0.0, color=LIGHT, linewidth=0.6)
+    axes.legend(loc="best")
+    axes.set_ylim(stories[0], stories[-1])
+    axes.yaxis.get_major_locator().set_params(integer=True)
+    axes.set_ylabel("story")
+    axes.set_xlabel("drift ratio (%)" if ratio else f"drift ({units.label('m')})")

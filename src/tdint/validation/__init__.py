@@ -1,0 +1,1 @@
+"""Published and exact results, beside those of this installation"""

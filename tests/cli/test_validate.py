@@ -1,0 +1,28 @@
+"""`tdint validate`: the table of cases, and how it ends where one does not hold."""
+
+import csv
+import dataclasses
+import io
+
+from tdint.validation import textbook
+
+
+def test_all_cases_hold_here(tdint):
+    result = tdint("validate")
+    rows = list(csv.DictReader(io.StringIO(result.stdout)))
+    assert len(rows) == len({row["case"] for row in rows}) >= 20
+    assert all(row["within"] == "true" for row in rows)
+    assert all(float(row["largest_difference"]) <= float(row["tolerance"]) for row in rows)
+    assert result.stderr.endswith(f"{len(rows)} of {len(rows)} cases are within their tolerances.\n")
+
+
+def test_a_case_that_does_not_hold(tdint, tmp_path, monkeypatch):
+    right = textbook.textbook_cases()[:2]
+    wrong = dataclasses.replace(right[0], published=(1.0, *right[0].published[1:]))
+    monkeypatch.setattr(textbook, "textbook_cases", lambda: (wrong, right[1]))
+    out = tmp_path / "validation.csv"
+    result = tdint("validate", "-o", out)
+    assert result.exit_code == 5
+    assert "chopra-E5.1: the largest difference, 0.968, is beyond 0.0001" in result.stderr
+    rows = list(csv.DictReader(io.StringIO(out.read_text())))
+    assert [row["within"] for row in rows[-2:]] == ["false", "true"]

@@ -1,0 +1,283 @@
+"""Write the validation page: python tests/validation/run.py
+
+The page is README.md beside this file, with its pictures. Cases whose files are not here (`fetch.py`) are left out of
+it with a line that says how to get them. With --check nothing is written: the cases are carried out and compared with
+their tolerances, exit code 1 if one is outside.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+import os
+import platform
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+from fetch import SOURCES
+from file_cases import berkeley_cases, el_centro_cases, kaikoura_cases
+from manufactured import AMPLITUDE, STEPS, observe_all
+
+import tdint
+from tdint.errors import TdintError
+from tdint.methods.catalogue import parse
+from tdint.validation.case import MODEL, NUMERICAL, ROUNDING, ValidationCase, ValidationResult, carry_out
+from tdint.validation.closed_forms import closed_form_cases
+from tdint.validation.textbook import textbook_cases
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+PAGE = HERE / "README.md"
+
+INTRODUCTION = f"""# Validation
+
+Why believe what tdint prints? Here is what is known from elsewhere, beside what this version computes: exact solutions,
+tables of textbooks, other programs, spectra that networks publish, a recorded structure. This page is written by one
+command, on your machine, too, in a few minutes:
+
+```
+$ python tests/validation/run.py
+```
+
+`tdint validate` carries out the cases that need no file in seconds. Differences are made of three things, and each case
+says of which: **{NUMERICAL}** (of method and step), **{MODEL}** (a row of masses is not that structure, a sampled
+record not that motion), **{ROUNDING}** (printed digits, arithmetic of the book, its g). What is outside its
+tolerance stays on the page and is marked so.
+"""
+
+
+def tdint_command(*arguments: str) -> str:
+    """What a command of this installation prints on standard output."""
+    done = subprocess.run(
+        [sys.executable, "-c", "from tdint_cli.main import main; main()", *arguments],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"PYTHONWARNINGS": "ignore"},
+    )
+    if done.returncode:
+        raise RuntimeError(f"tdint {' '.join(arguments)}: {done.stderr.strip()}")
+    return done.stdout
+
+
+def number(value: float) -> str:
+    """A number as the page has it."""
+    return f"{value:.7g}" if value else "0"
+
+
+def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table."""
+    lines = [heads, ["---"] * len(heads), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
+
+
+def shown(result: ValidationResult) -> str:
+    """A case: what it is, and its numbers."""
+    case = result.case
+    unit = "" if case.unit == "1" else f", {case.unit}"
+    size = "relative difference" if case.relative else "difference"
+    verdict = "within" if result.within else "**outside**"
+    remark = f" ({case.remark})" if case.remark else ""
+    text = (
+        f"**{case.name}**: {case.title}. Source: {case.source}. Largest {size} {result.largest:.1e}, {verdict} "
+        f"{case.tolerance:.1e}: {case.difference_is}{remark}.\n\n"
+    )
+    numbers = (("published" + unit, case.published), ("computed" + unit, result.computed))
+    rows = [[name, *map(number, values)] for name, values in numbers]
+    return text + table(["", *case.quantities], [*rows, [size, *(f"{value:.1e}" for value in result.differences)]])
+
+
+def cases(results: list[ValidationResult], group: Sequence[ValidationCase]) -> str:
+    """The cases of a group, carried out."""
+    found = [carry_out(case) for case in group]
+    results += found
+    return "\n".join(map(shown, found))
+
+
+def with_file(results: list[ValidationResult], name: str, group: Callable[[], Sequence[ValidationCase]]) -> str:
+    """Cases that need a fetched file, or how to get it."""
+    source = SOURCES[name]
+    if not source.here():
+        return (
+            f"`{name}` is not here ({source.what}): `python tests/validation/fetch.py {name}`, then this page anew.\n"
+        )
+    return cases(results, group())
+
+
+# ---- Sections
+
+
+def code_verification(results: list[ValidationResult]) -> str:
+    """a."""
+    orders = []
+    for row in csv.DictReader(io.StringIO(tdint_command("order", "--frequency-ratio", "0.5"))):
+        orders.append(
+            [row["method"], f"{parse(row['method']).order:g}", *(_short(row[f"{q}_order"]) for q in _QUANTITIES)]
+        )
+    made = observe_all()
+    steps = [f"T/{steps * 2 * np.pi / (5.0 * 4.0):.0f}" for steps in STEPS]
+    manufactured = [
+        [one.law, one.method, f"{one.declared:g}", f"{one.order:.2f}", *(f"{error:.1e}" for error in one.errors)]
+        for one in made
+    ]
+    return (
+        "### Exact solutions\n\n" + cases(results, closed_form_cases()) + "\n### Observed orders, linear oscillator\n\n"
+        "Harmonic force at half the natural frequency, steps T/50 to T/800, against the exact motion "
+        "(`tdint order --frequency-ratio 0.5`): slopes of the errors of displacement, velocity and acceleration.\n\n"
+        + table(["method", "declared", *_QUANTITIES], orders)
+        + "\n### Manufactured solutions, smooth laws\n\n"
+        f"The motion {AMPLITUDE} sin 5t m is chosen and the force that makes it is given as its harmonics "
+        "([manufactured.py](manufactured.py)): largest error of the displacement over the amplitude, and the order "
+        "of the last two steps that are not rounding. T is the period of the motion.\n\n"
+        + table(["law", "method", "declared", "observed", *steps], manufactured)
+    )
+
+
+_QUANTITIES = ("displacement", "velocity", "acceleration")
+
+
+def _short(text: str) -> str:
+    return f"{float(text):.2f}" if text else "rounding"
+
+
+def other_programs() -> str:
+    """c."""
+    import opensees
+
+    kept = opensees.kept()
+    made = opensees.made_anew()
+    lines = []
+    for name, one in opensees.problems().items():
+        ours = opensees.ours(one)
+        theirs = made.get(name, kept[name]["peak_drift_m"])
+        worst = float(np.max(np.abs(ours / np.asarray(theirs) - 1.0)))
+        lines.append([name, one.what, number(theirs[0]), number(float(ours[0])), f"{worst:.1e}"])
+    origin = "made anew on this machine" if made else f"kept from {kept['version']}; OpenSeesPy is not installed here"
+    return (
+        f"Peak drifts at the steps of the same models with the same method and step: average acceleration, 0.01 s, "
+        f"[opensees.py](opensees.py). OpenSees' numbers: {origin}. Differences are {NUMERICAL}: OpenSees iterates to a "
+        "tolerance of 1e-9 of the largest inertia force.\n\n"
+        + table(
+            ["model", "what it is", "OpenSees, story 1, m", "tdint", "largest relative difference of a story"], lines
+        )
+    )
+
+
+def work_precision() -> str:
+    """g."""
+    picture = HERE / "work-precision.png"
+    text = tdint_command(
+        "chart",
+        "configs/ten-story-bilinear.yaml",
+        "--method",
+        _CHARTED,
+        "--peers",
+        "--no-cache",
+        "--repeat",
+        "3",
+        f"--plot={picture}",
+        "--overwrite",
+    )
+    rows = [row for row in csv.DictReader(io.StringIO(text)) if row["dt_s"] in ("0.01", "0.0025")]
+    shown_rows = [
+        [row["method"], row["dt_s"], f"{1e3 * float(row['time_s']):.3g}", f"{float(row['peak_drift_error']):.1e}"]
+        for row in rows
+        if row["outcome"] in ("done", "collapsed") and row["peak_drift_error"]
+    ]
+    return (
+        "`tdint chart configs/ten-story-bilinear.yaml --peers`: ten stories that yield, 40 s, wall time of the loops "
+        "alone on this machine (above), error of the worst story's peak drift against a reference that a second method "
+        "confirms.\n\n![Wall time over error of methods and of other programs](work-precision.png)\n\n"
+        + table(["method", "dt, s", "time, ms", "error of peak drift"], shown_rows)
+    )
+
+
+_CHARTED = "newmark-average,central-difference,hht,generalized-alpha,bathe,impulse,impulse4,moment4,gauss4,rk5"
+
+
+def recorded_structures(results: list[ValidationResult]) -> str:
+    """f."""
+    source = SOURCES["shake-table"]
+    if not source.here():
+        return (
+            f"`shake-table` is not here ({source.what}): `python tests/validation/fetch.py shake-table` says how to "
+            "get it.\n"
+        )
+    import shake_table
+
+    return cases(results, shake_table.shake_table_cases(source.path, tdint_command))
+
+
+def machine() -> str:
+    """The versions and the machine of this page."""
+    import numba
+    import obspy
+    import scipy
+
+    versions = {"tdint": tdint.__version__, "Python": platform.python_version(), "NumPy": np.__version__}
+    versions |= {"SciPy": scipy.__version__, "numba": numba.__version__, "ObsPy": obspy.__version__}
+    cores = os.cpu_count()
+    text = ", ".join(f"{name} {version}" for name, version in versions.items())
+    return f"{text}; {platform.system()} on {platform.machine()}, {cores} processors."
+
+
+def page() -> tuple[str, list[ValidationResult]]:
+    """The page, and the results that it is made of."""
+    results: list[ValidationResult] = []
+    sections = {
+        "Code verification": code_verification(results),
+        "Textbooks, and printed results of other programs": cases(results, textbook_cases()),
+        "Other programs, the same model": other_programs(),
+        "Published spectra and measures": "### El Centro\n\n"
+        + with_file(results, "elcentro", el_centro_cases)
+        + "\n### USGS, Berkeley 2018\n\n"
+        + with_file(results, "berkeley", berkeley_cases)
+        + "\n### GeoNet, Kaikoura 2016\n\nHorizontal HN1 and HN2, vertical HNZ "
+        "([records](../../records/README.md)).\n\n" + cases(results, kaikoura_cases()),
+        "A recorded structure": recorded_structures(results),
+        "Time against accuracy": work_precision(),
+    }
+    outside = [result.case.name for result in results if not result.within]
+    verdict = f"{len(results) - len(outside)} of {len(results)} cases are within their tolerances"
+    verdict += f"; outside: {', '.join(outside)}" if outside else ""
+    contents = "\n".join(f"- [{title}](#{_anchor(title)})" for title in sections)
+    body = "\n".join(f"## {title}\n\n{text}" for title, text in sections.items())
+    return f"{INTRODUCTION}\n{verdict}. Written with {machine()}\n\n{contents}\n\n{body}", results
+
+
+def _anchor(title: str) -> str:
+    return "".join(c for c in title.lower().replace(" ", "-") if c.isalnum() or c == "-")
+
+
+def main() -> int:
+    """The command."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--check", action="store_true", help="write nothing; exit code 1 if a case is outside")
+    asked = parser.parse_args()
+    begin = time.perf_counter()
+    if asked.check:
+        groups = [*closed_form_cases(), *textbook_cases(), *kaikoura_cases()]
+        groups += el_centro_cases() if SOURCES["elcentro"].here() else ()
+        groups += berkeley_cases() if SOURCES["berkeley"].here() else ()
+        results = [carry_out(case) for case in groups]
+    else:
+        text, results = page()
+        PAGE.write_text(text, encoding="utf-8")
+    for result in results:
+        if not result.within:
+            print(f"{result.case.name}: {result.largest:.3g} is beyond {result.case.tolerance:.3g}")
+    print(f"{sum(result.within for result in results)} of {len(results)} within, {time.perf_counter() - begin:.0f} s")
+    return 0 if all(result.within for result in results) else 1
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main())
+    except (TdintError, RuntimeError) as error:
+        sys.exit(f"{error}")
