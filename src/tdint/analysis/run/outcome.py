@@ -99,20 +99,23 @@ class StepChoice:
 
 @dataclass(frozen=True)
 class ErrorEstimate:
-    """What the repetition of a run with smaller steps says of it.
+    """How far off a run is: by the error that it has carried along, or by what its repetition with smaller steps says.
 
     Attributes
     ----------
     errors : StoryErrors
         Estimated errors of the run's peaks.
     dts : tuple of float
-        The steps of the repetitions, s.
+        The steps of the repetitions, s; none for an error that was carried along.
     drift_error : float or None
         Largest estimated error of a peak drift over that drift; None where there is no estimate.
     drift_story : int or None
         The story that has it, counted from 1.
     choice : StepChoice or None
         How the step was chosen, if it was for a tolerance.
+    corrected : StoryPeaks or None
+        The peaks of the motion that the run's is corrected to by the error carried along: nearer to the truth, with
+        the estimated errors as a bound. None where the error comes from repetitions.
     """
 
     errors: StoryErrors
@@ -120,6 +123,15 @@ class ErrorEstimate:
     drift_error: float | None
     drift_story: int | None
     choice: StepChoice | None = None
+    corrected: StoryPeaks | None = None
+
+    @classmethod
+    def of(cls, stories: StoryPeaks, errors: StoryErrors, **more: Any) -> ErrorEstimate:
+        """The estimate of a run with these peaks, the story with the largest error of a drift found."""
+        drift = stories.peak_drift
+        relative = np.divide(errors.peak_drift, drift, out=np.zeros_like(drift), where=drift > 0.0)
+        worst = int(np.argmax(relative))
+        return cls(errors, drift_error=float(relative[worst]), drift_story=worst + 1, **more)
 
 
 Amount = TypeVar("Amount")

@@ -2,20 +2,32 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import reduce
 from operator import add, sub
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.run.outcome import ENERGY_TERMS, Energy, EnergyHistory, History, StoryErrors, StoryPeaks
+from tdint.analysis.run.outcome import (
+    ENERGY_TERMS,
+    Energy,
+    EnergyHistory,
+    ErrorEstimate,
+    History,
+    StoryErrors,
+    StoryPeaks,
+)
 from tdint.analysis.run.workspace import Workspace
 from tdint.kernels import layout
 from tdint.kernels import layout as at
+from tdint.kernels.equations.moment4_error import error_peaks
 from tdint.model.building import Building
 
 Array = NDArray[np.float64]
+
+_ROUNDING = 1e-12
+"""Error over the peak that is always there."""
 
 
 def story_peaks(building: Building, space: Workspace) -> StoryPeaks:
@@ -53,6 +65,23 @@ def unresolved(building: Building, space: Workspace) -> StoryErrors:
         peak_velocity=excess[layout.PEAK_VELOCITY],
         peak_acceleration=excess[layout.PEAK_ACCELERATION],
     )
+
+
+def carried_error(building: Building, space: Workspace, stories: StoryPeaks, doubt: StoryErrors) -> ErrorEstimate:
+    """What the error that a run has carried along says of its peaks, which may be in `doubt` beside that."""
+    n = building.stories
+    first = error_peaks(building.modal.shape[0])
+    residual = space.springs[layout.DRIFT, n + 1 : 2 * n + 1].copy()
+    corrected = peaks_of(building, space.work[first : first + layout.PEAK_ROWS, :n].copy(), residual)
+
+    def error(name: str) -> Array:
+        own: Array = getattr(stories, name)
+        size = stories.peak_drift if name == "residual_drift" else own
+        known = np.abs(getattr(corrected, name) - own) + _ROUNDING * size
+        return np.maximum(known, getattr(doubt, name))
+
+    errors = StoryErrors(**{field.name: error(field.name) for field in fields(StoryErrors)})
+    return ErrorEstimate.of(stories, errors, dts=(), corrected=corrected)
 
 
 def energy(space: Workspace) -> Energy:

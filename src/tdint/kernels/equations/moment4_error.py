@@ -71,6 +71,11 @@ _NEAR = 0.7  # of a peak, from which on it may be passed within a step
 _SETTLED = 1e-3
 
 
+def error_peaks(modes: int) -> int:
+    """The first of the rows of work with the peaks of the corrected motion, rows as of `Workspace.peaks`."""
+    return _STORE + 6 * modes + 1 + PEAKS
+
+
 @inlined
 def _first_row(modal):
     return _STORE + 6 * modal.shape[0] + 1

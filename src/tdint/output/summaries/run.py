@@ -67,7 +67,7 @@ MEANINGS = {
     "ductility_story": "its story",
     "floor_absolute_acceleration_m_s2": "largest absolute acceleration of a floor",
     "floor_absolute_acceleration_floor": "its floor",
-    "dts_s": "time steps of the repetitions that the error estimates come from",
+    "dts_s": "time steps of the repetitions that the error estimates come from; none if the run itself carried its error along",
     "drift_error": "largest estimated error of a peak drift over that drift",
     "drift_error_story": "its story",
     "tolerance": "what drift_error was asked to stay below",
@@ -255,6 +255,7 @@ def _check(check: ErrorEstimate | None, stories: StoryPeaks) -> dict[str, Any] |
         "samples_in_the_step": choice.samples if choice else None,
         "solves_at_record_step": choice.solves_at_record if choice else None,
         "errors": peak_errors(stories, check.errors),
+        "corrected_peaks": peaks(check.corrected) if check.corrected else None,
     }
 
 
