@@ -145,11 +145,11 @@ class SingleSteps:
         no_forces = np.zeros((0, at.FORCE_COLUMNS))
         code = self.integrator.family.step.compiled(
             self.integrator.coefficients(self.building, no_forces, 1.0), self.building.chain, self.building.modal,
-            self.building.laws, no_forces, 1.0, np.array([0.0, ground_0, ground_1]),
-            self.space.state, self.space.springs, self.space.work, self.space.memo,
+            self.building.laws, no_forces, self.space.flags, 1.0, np.array([0.0, ground_0, ground_1]),
+            self.space.state, self.space.springs, self.space.work, self.space.report,
         )  # fmt: skip
         if code >= 0:
-            self.space.memo[at.STEPS_DONE] += 1.0
+            self.space.report[at.STEPS_DONE] += 1.0
         return code
 
     def memory(self):

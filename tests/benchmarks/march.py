@@ -147,7 +147,7 @@ class March:
         steps = choose_steps(None, None, record.dt, record.duration)
         marched = PreparedBuilding(self.building).march(integrator, steps, record.acceleration.copy())
         self.seconds = min(self.seconds, marched.seconds / steps.count) if marched.code == 0 else np.nan
-        self.events = int(marched.space.memo[at.EVENTS])
+        self.events = int(marched.space.report[at.EVENTS])
         self.solves = marched.space.observed[at.ITERATIONS] / steps.count
 
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tdint.kernels.bundles import Factors
 from tdint.kernels.equations.tridiagonal import (
     COUPLING_ROWS,
+    ModalBlocks,
     factor_blocks,
     factor_damped,
     solve_blocks_damped,
@@ -28,8 +30,9 @@ def test_tridiagonal_with_low_rank(n, modes):
     dense = np.diag(diagonal) + np.diag(coupling[1:], 1) + np.diag(coupling[1:], -1) + scale * w[:, :n].T @ w[:, :n]
     work = np.zeros((3 + 2 * modes + 1, max(n, 2 * modes) + 1))
     work[0, :n], work[1, :n], work[2, :n] = diagonal, coupling, right
-    factor_damped(work, 0, 1, w, scale, 3, n)
-    solve_damped(work, 0, 1, w, 3, 2, n)
+    factors = Factors(work, 0, 1, 3)
+    factor_damped(factors, w, scale, n)
+    solve_damped(factors, w, 2, n)
     assert work[2, :n] == pytest.approx(np.linalg.solve(dense, right), rel=1e-12, abs=1e-13)
 
 
@@ -54,6 +57,7 @@ def test_blocks_with_low_rank(n, modes):
     x = 4 + COUPLING_ROWS
     work = np.zeros((x + 2 + 6 * modes + 1, max(n, 2 * modes) + 1))
     work[:4, :n], work[4:8, :n], work[x : x + 2, :n] = blocks, b, right
-    factor_blocks(0, 4, work, w, *s, x + 2, n)
-    solve_blocks_damped(work, 0, 4, w, *s, x + 2, x, x + 1, n)
+    factors, damping = Factors(work, 0, 4, x + 2), ModalBlocks(w, *s)
+    factor_blocks(factors, damping, n)
+    solve_blocks_damped(factors, damping, x, x + 1, n)
     assert work[x : x + 2, :n] == pytest.approx(expected, rel=1e-11, abs=1e-12)

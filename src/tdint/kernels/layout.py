@@ -1,8 +1,35 @@
-"""Rows of the tables that kernels work on.
+"""Rows of the tables that kernels work on, and how rows of scratch follow each other.
 
 Every table has one column per story (and the floor above it), counted from the ground, and one more that stays zero:
 the free end of the chain, so that a loop may look one story up without asking.
 """
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+_Kind = TypeVar("_Kind", bound=tuple[int, ...])
+
+
+def chained(counts: type[_Kind], first: int = 0) -> tuple[_Kind, int]:
+    """Rows that follow each other from `first` on.
+
+    Parameters
+    ----------
+    counts : type
+        A named tuple whose defaults say how many rows each field has.
+
+    Returns
+    -------
+    named tuple, int
+        The first row of each field; the row behind the last one.
+    """
+    firsts = []
+    for count in counts():
+        firsts.append(first)
+        first += count
+    return counts(*firsts), first  # type: ignore[arg-type]
+
 
 # chain: what is linear in the building
 MASS = 0
@@ -50,6 +77,8 @@ DISPLACEMENT = 0
 VELOCITY = 1
 ACCELERATION = 2
 FIRST_OLDER = 3
+ERROR_DISPLACEMENT = 3  # where the error is carried along: true less computed
+ERROR_VELOCITY = 4
 
 # load over a step: ground acceleration is linear in it
 TIME = 0
@@ -67,6 +96,18 @@ PEAK_VELOCITY = 3
 PEAK_ACCELERATION = 4  # absolute: relative to the ground, plus the ground's
 PEAK_ROWS = 5
 
+# watch: what an observer of the motion keeps
+ACCELERATION_NOW = 0  # that of equilibrium, whatever the method carries
+OTHER_FORCE = 1  # forces on floors less modal damping
+STORY_FORCE = 2  # columns and dampers
+U_BEFORE = 3  # at the last observed time
+V_BEFORE = 4
+A_BEFORE = 5
+V_EARLIER = 6  # one step before that
+A_EARLIER = 7
+TURNED_AT = 8  # drifts where stories turned
+WATCH_ROWS = 9
+
 # forces on floors, one row each
 FLOOR = 0
 COSINE = 1
@@ -75,10 +116,12 @@ OMEGA = 3
 FORCE_COLUMNS = 4
 
 # history: per stored time the ground acceleration, then for all floors displacement, velocity, absolute acceleration,
-# and for all stories the shear, then the energies
+# and for all stories the shear, then the energies; where the error is carried along, then that of displacement and
+# velocity of all floors, and of all shears
 HISTORY_FIELDS = 4
+ERROR_FIELDS = 3
 
-# observed: numbers of the whole run, the energies first: so many, and a history has them at each stored time. Those at
+# totals: numbers of the whole run, the energies first: so many, and a history has them at each stored time. Those at
 # the end of the run, J
 ENERGY_INPUT = 0  # work of the load on the motion relative to the ground
 ENERGY_KINETIC = 1  # of the motion relative to the ground
@@ -96,19 +139,18 @@ RATE_INPUT = ENERGY_TERMS + 6  # without the ground's own rate
 MOMENTUM = ENERGY_TERMS + 7
 POWER_DAMPED = ENERGY_TERMS + 8
 RATE_DAMPED = ENERGY_TERMS + 9
-ON_PATH = ENERGY_TERMS + 10  # set before the march: 1 if displacements follow parabolas within a step
-DISSIPATED_BEFORE = ENERGY_TERMS + 11  # by the drift laws on the way to the initial drifts, J
-COLLAPSE_STEP = ENERGY_TERMS + 12  # whole steps after which a story was first beyond a limit; NO_COLLAPSE for none
-COLLAPSE_STORY = ENERGY_TERMS + 13  # the first story that failed, else the one farthest beyond its limit then
-COLLAPSE_FAILED = ENERGY_TERMS + 14  # 1 if it failed
-COLLAPSE_ENERGIES = ENERGY_TERMS + 15  # the energies then, ENERGY_START and ENERGY_LARGEST after them
+DISSIPATED_BEFORE = ENERGY_TERMS + 10  # by the drift laws on the way to the initial drifts, J
+COLLAPSE_STEP = ENERGY_TERMS + 11  # whole steps after which a story was first beyond a limit; NO_COLLAPSE for none
+COLLAPSE_STORY = ENERGY_TERMS + 12  # the first story that failed, else the one farthest beyond its limit then
+COLLAPSE_FAILED = ENERGY_TERMS + 13  # 1 if it failed
+COLLAPSE_ENERGIES = ENERGY_TERMS + 14  # the energies then, ENERGY_START and ENERGY_LARGEST after them
 NEAR_PEAK = COLLAPSE_ENERGIES + ENERGY_TERMS + 2  # 1 if a value at the last observed time was near its peak
 ALL_FORCES = NEAR_PEAK + 1  # masses times accelerations at that time
 DAMPED_BY_ALL = NEAR_PEAK + 2  # half of what the damped power's rate gains where floors accelerate by 1 m/s^2 more
 ALL_MASSES = NEAR_PEAK + 3
-OBSERVED_SIZE = NEAR_PEAK + 4
+TOTALS_SIZE = NEAR_PEAK + 4
 
-# observed[COLLAPSE_STEP]
+# totals[COLLAPSE_STEP]
 NO_COLLAPSE = -1.0
 
 # limits: by story
@@ -116,31 +158,39 @@ LIMIT = 0  # drift ratio beyond which it has collapsed
 HEIGHT = 1  # m; nan for a story without a limit
 FAILED = 2  # what INTERNAL is once the story carries nothing any more; nan where that does not happen
 
-# memo: numbers that a step leaves for the next one and for whoever asks why it failed
+# flags: set before a march and never written
 LINEAR = 0  # 1 if every law is linear
-FACTORED_STEP = 1  # the step size of the factorization in work, 0 for none
-STEPS_DONE = 2  # since the start, or since a step that was halved
-WORST_STORY = 3
-RESIDUAL = 4
-BRANCHES = 5  # which laws have branches, whose changes can be located
-EVENTS = 6  # changes of branch located so far
-POWER_DAMPERS = 7  # 1 if a story has a power-law dashpot
-OWN_WORK = 8  # 1 if the step tells what work it does
-WORK_INPUT = 9  # of the load in the last step, J
-WORK_DAMPED = 10  # of the viscous dampers in the last step, J
-CARRIED_GROUND = 11  # ground acceleration that the acceleration of the state stands with, where steps are long
-WITHIN = 12  # row of work from which on the step has raised its own peaks between its ends; 0 if it has not
-FAST = 13  # 1 if the building has modes that the step does not follow
-OWN_PEAKS = 14  # row of work from which on the step keeps peaks of the run beside those it has raised; 0 for none
-ERROR_BEGUN = 15  # 1 once the error is carried along
-ERROR_NEAR = 16  # 1 if the accelerations of the corrected motion are known
-ERROR_SIDE = 17  # which of two sets of rows holds the last step's
-MEMO_SIZE = 18
+BRANCHES = 1  # which laws have branches, whose changes can be located
+POWER_DAMPERS = 2  # 1 if a story has a power-law dashpot
+OWN_WORK = 3  # 1 if the step tells what work it does
+FAST = 4  # 1 if the building has modes that the step does not follow
+ON_PATH = 5  # 1 if displacements follow parabolas within a step
+CARRIES_ERROR = 6  # 1 if the step carries the run's error along
+FLAGS_SIZE = 7
 
-# memo[BRANCHES]
+# flags[BRANCHES]
 NO_BRANCHES = 0
 ALL_BRANCHES = 1  # every law is linear, or linear branch by branch
 SOME_BRANCHES = 2  # some laws have branches, some are curved
+
+# report: what a step leaves for the next one
+CARRIED_GROUND = 0  # ground acceleration that the acceleration of the state stands with, where steps are long
+STEPS_DONE = 1  # since the start, or since a step that was halved
+FACTORED_STEP = 2  # the step size of the factorization in work, 0 for none
+# for the march
+WITHIN = 3  # row of work from which on the step has raised its own peaks between its ends; 0 if it has not
+OWN_PEAKS = 4  # row of work from which on the step keeps peaks of the run beside those it has raised; 0 for none
+WORK_INPUT = 5  # of the load in the last step, J
+WORK_DAMPED = 6  # of the viscous dampers in the last step, J
+# for people
+WORST_STORY = 7
+RESIDUAL = 8
+EVENTS = 9  # changes of branch located so far
+# of the error carried along
+ERROR_BEGUN = 10  # 1 once it is
+ERROR_SIDE = 11  # which of two sets of rows is the last step's
+ERROR_KNOWN = 12  # 1 if accelerations are known there
+REPORT_SIZE = 13
 
 # what a step returns instead of its number of iterations
 NOT_CONVERGED = -1

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 
 from tdint.kernels import layout as at
+from tdint.kernels.bundles import Memory, Scene, Weights
 from tdint.kernels.chain import finite, floor_load
 from tdint.kernels.compiling import inlined, kernel
 from tdint.kernels.equations.newton import BALANCE_ROWS, LOAD, A, U, V, balance, factor_rows, forget
@@ -36,15 +37,17 @@ def work_rows(modes: int) -> int:
 
 
 @kernel(STEP)
-def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
+def step(coefficients, chain, modal, laws, forces, flags, h, load, state, springs, work, report):
     """One step: two sub-steps, each in equilibrium at its end."""
+    scene = Scene(chain, modal, laws, forces, flags)
+    memory = Memory(state, springs, work, report)
     n = chain.shape[1] - 1
     one_matrix = coefficients[Q2] == 0.5 * coefficients[GAMMA]
     second_factors = _FACTORS if one_matrix else (_FACTORS + work.shape[0]) // 2
-    if memo[at.FACTORED_STEP] != h:
+    if report[at.FACTORED_STEP] != h:
         forget(work, _FACTORS, n)
         forget(work, second_factors, n)
-        memo[at.FACTORED_STEP] = h
+        report[at.FACTORED_STEP] = h
     iterations = 0
     for second in range(2):
         if second == 0:
@@ -63,7 +66,7 @@ def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work
             _guess_end(coefficients, h, state, work, n)
         ground = load[at.GROUND_0] + part * (load[at.GROUND_1] - load[at.GROUND_0])
         floor_load(chain, forces, load[at.TIME] + part * h, ground, work, LOAD)
-        code = balance(by_v * by_v, by_v, 1.0, factors, past, trial, chain, modal, laws, springs, work, memo)
+        code = balance(Weights(by_v * by_v, by_v, 1.0), factors, past, trial, scene, memory)
         if code < 0:
             return code
         iterations += code

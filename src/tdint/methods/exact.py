@@ -32,7 +32,7 @@ def work_rows(modes: int) -> int:
 
 
 @kernel(STEP)
-def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
+def step(coefficients, chain, modal, laws, forces, flags, h, load, state, springs, work, report):
     """One step: a matrix times (u0, v0, loads at the start, loads at the end), column by column.
 
     A column is 2 n numbers. The loads are the ground acceleration and the floor forces, one column each per end.

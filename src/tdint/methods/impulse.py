@@ -12,13 +12,15 @@ K q is f0 h + K_T(u1) (q - h u0) (eqs. 46-54): the tangent at the end of the ste
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from tdint.kernels import layout as at
+from tdint.kernels.bundles import Factors, Memory
 from tdint.kernels.chain import finite, floor_load
 from tdint.kernels.compiling import called, inlined, kernel
 from tdint.kernels.equations import impulse_momentum as momentum
 from tdint.kernels.equations.impulse_momentum import correct, guess, in_balance, residuals
-from tdint.kernels.equations.tridiagonal import COUPLING_ROWS, assemble_blocks, factor_blocks
+from tdint.kernels.equations.tridiagonal import COUPLING_ROWS, ModalBlocks, assemble_blocks, factor_blocks
 from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, STEP
 from tdint.kernels.stories.springs import commit, restoring
 from tdint.methods.method import Family, Method, Parameter
@@ -29,12 +31,17 @@ BETA = 0
 _THETA = 0.5
 _BY_A = 1.0 / 12.0  # weight of a0 and -a1 in the kinematic line
 
-# Rows of work beyond those of the momentum equations
-_TANGENT = momentum.MOMENTUM_ROWS
-_FACTORED = momentum.MOMENTUM_ROWS + 1
-_BLOCKS = momentum.MOMENTUM_ROWS + 2
-_COUPLING = _BLOCKS + 4
-_STORE = _COUPLING + COUPLING_ROWS
+
+class _Rows(NamedTuple):
+    """Rows of work beyond those of the momentum equations."""
+
+    TANGENT: int = 1
+    FACTORED: int = 1
+    BLOCKS: int = 4
+    COUPLING: int = COUPLING_ROWS
+
+
+_ROW, _STORE = at.chained(_Rows, momentum.MOMENTUM_ROWS)
 
 
 def work_rows(modes: int) -> int:
@@ -43,24 +50,26 @@ def work_rows(modes: int) -> int:
 
 
 @kernel(STEP)
-def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
+def step(coefficients, chain, modal, laws, forces, flags, h, load, state, springs, work, report):
     """One step; Newton with unknowns (u1 - u0, v1 - v0) per floor, the change of the tangent left out of the matrix."""
     n = chain.shape[1] - 1
+    memory = Memory(state, springs, work, report)
+    factors = Factors(work, _ROW.BLOCKS, _ROW.COUPLING, _STORE)
     _loads(chain, forces, h, load, work)
-    guess(0.0 if memo[at.LINEAR] != 0.0 else 1.0, h, state, work, n)
+    guess(0.0 if flags[at.LINEAR] != 0.0 else 1.0, h, state, work, n)
     iterations = 0
     last = False
     while True:
-        stale = _end(coefficients, chain, laws, h, state, springs, work, memo)
+        stale = _end(coefficients, chain, laws, h, memory)
         residuals(_THETA, _BY_A, _BY_A, chain, modal, h, state, work)
-        if in_balance(iterations == ITERATIONS, _BY_A, chain, h, state, work, memo) or last:
+        if in_balance(iterations == ITERATIONS, _BY_A, chain, h, state, work, report) or last:
             break
         if iterations == ITERATIONS:
             return at.NOT_CONVERGED
         if stale:
-            _factor(coefficients, chain, modal, h, work)
-            memo[at.FACTORED_STEP] = h
-        last = correct(_BY_A, modal, h, work, _BLOCKS, _COUPLING, _STORE, n) or memo[at.LINEAR] != 0.0
+            _factor(coefficients, chain, modal, h, factors)
+            report[at.FACTORED_STEP] = h
+        last = correct(_BY_A, modal, h, factors, n) or flags[at.LINEAR] != 0.0
         iterations += 1
     for i in range(n):
         state[at.DISPLACEMENT, i] += work[momentum.DU, i]
@@ -80,11 +89,12 @@ def _loads(chain, forces, h, load, work):
 
 
 @inlined
-def _end(coefficients, chain, laws, h, state, springs, work, memo):
+def _end(coefficients, chain, laws, h, memory):
     """Story forces at the end of the step and story impulses. True if the factorization does not fit the tangents."""
+    state, springs, work, report = memory
     n = chain.shape[1] - 1
     beta = coefficients[BETA]
-    stale = memo[at.FACTORED_STEP] != h
+    stale = report[at.FACTORED_STEP] != h
     u_below = 0.0
     v_below = 0.0
     du_below = 0.0
@@ -110,10 +120,10 @@ def _end(coefficients, chain, laws, h, state, springs, work, memo):
         du_below = du
         q_below = q
         tangent = restoring(laws, springs, i, 0, at.FIRST_TRIAL, drift)
-        work[_TANGENT, i] = tangent
+        work[_ROW.TANGENT, i] = tangent
         # A drift is a difference: what the displacements round is not out of balance.
         work[momentum.SIZE, i] = SMALL / CLOSE * laws[at.STIFFNESS, i] * (abs(u) + abs(u - drift))
-        stale = stale or abs(tangent - work[_FACTORED, i]) > SAME_TANGENT * laws[at.STIFFNESS, i]
+        stale = stale or abs(tangent - work[_ROW.FACTORED, i]) > SAME_TANGENT * laws[at.STIFFNESS, i]
         geometric = chain[at.GEOMETRIC, i]
         damper = chain[at.STORY_DAMPER, i]
         work[momentum.FORCE_1, i] = springs[at.FIRST_TRIAL + at.FORCE, i] + geometric * drift + damper * rate
@@ -126,21 +136,22 @@ def _end(coefficients, chain, laws, h, state, springs, work, memo):
 
 
 @called
-def _factor(coefficients, chain, modal, h, work):
+def _factor(coefficients, chain, modal, h, factors):
     """Factor the Newton matrix for the present tangents."""
+    work = factors.table
     n = chain.shape[1] - 1
     beta = coefficients[BETA]
     by_a = _BY_A * h * h
     for i in range(n):
-        work[_FACTORED, i] = work[_TANGENT, i]
-        tangent = work[_TANGENT, i] + chain[at.GEOMETRIC, i]
+        work[_ROW.FACTORED, i] = work[_ROW.TANGENT, i]
+        tangent = work[_ROW.TANGENT, i] + chain[at.GEOMETRIC, i]
         damper = chain[at.STORY_DAMPER, i]
-        work[_COUPLING, i] = -by_a * tangent
-        work[_COUPLING + 1, i] = -by_a * damper
-        work[_COUPLING + 2, i] = damper + h * (1.0 - 72.0 * beta) * tangent
-        work[_COUPLING + 3, i] = h * h * (24.0 * beta - 0.25) * tangent
-    assemble_blocks(chain, work, _BLOCKS, _COUPLING, _THETA * h, by_a, n)
-    factor_blocks(_BLOCKS, _COUPLING, work, modal, 0.0, -by_a, 1.0, 0.0, _STORE, n)
+        work[_ROW.COUPLING, i] = -by_a * tangent
+        work[_ROW.COUPLING + 1, i] = -by_a * damper
+        work[_ROW.COUPLING + 2, i] = damper + h * (1.0 - 72.0 * beta) * tangent
+        work[_ROW.COUPLING + 3, i] = h * h * (24.0 * beta - 0.25) * tangent
+    assemble_blocks(chain, factors, _THETA * h, by_a, n)
+    factor_blocks(factors, ModalBlocks(modal, 0.0, -by_a, 1.0, 0.0), n)
 
 
 def _limit(beta: float) -> float:

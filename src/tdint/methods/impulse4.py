@@ -16,24 +16,14 @@ from __future__ import annotations
 import math
 
 from tdint.kernels import layout as at
+from tdint.kernels.bundles import Memory, Passage, Scene, Span
 from tdint.kernels.chain import finite
 from tdint.kernels.compiling import called, inlined, kernel
 from tdint.kernels.equations import impulse_momentum as momentum
-from tdint.kernels.equations.impulse4 import (
-    FACTORS,
-    PEAKS,
-    PIECE,
-    SAVED,
-    STORE,
-    TURNS,
-    factor_rows,
-    loads,
-    newton,
-    solve_linear,
-)
+from tdint.kernels.equations.impulse4 import FACTORS, ROW, STORE, factor_rows, loads, newton, solve_linear
 from tdint.kernels.laws.choosing import BENDING, CURVING
 from tdint.kernels.laws.walking import copy_further
-from tdint.kernels.march.within import look_within, raise_peak
+from tdint.kernels.march.peaks_between_steps import look_within, raise_peak
 from tdint.kernels.stepping import STEP
 from tdint.kernels.stories.branches import advance, go_along, switch
 from tdint.kernels.stories.events import NONE, first_event
@@ -53,29 +43,31 @@ def work_rows(modes: int) -> int:
 
 
 @kernel(STEP)
-def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
+def step(coefficients, chain, modal, laws, forces, flags, h, load, state, springs, work, report):
     """One step from kink to kink of the laws that have any; where kinks pile up, and without any, straight on."""
+    scene = Scene(chain, modal, laws, forces, flags)
+    memory = Memory(state, springs, work, report)
     if not BENDING:
-        return _by_branches(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo)
+        return _by_branches(coefficients, scene, h, load, memory)
     n = chain.shape[1] - 1
-    if memo[at.BRANCHES] != at.NO_BRANCHES:
-        code = _by_branches(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo)
+    if flags[at.BRANCHES] != at.NO_BRANCHES:
+        code = _by_branches(coefficients, scene, h, load, memory)
         if code != at.NOT_CONVERGED:
             return code
-    memo[at.WITHIN] = 0.0
+    report[at.WITHIN] = 0.0
     loads(chain, forces, load[at.TIME], h, load[at.GROUND_0], load[at.GROUND_1], work)
-    code = newton(False, coefficients, chain, modal, laws, h, state, springs, work, memo, FACTORS)
+    code = newton(False, coefficients, scene, h, memory, FACTORS)
     if code < 0:
         return code
     _arrive(False, chain, laws, state, springs, work)
-    if memo[at.BRANCHES] != at.NO_BRANCHES:
+    if flags[at.BRANCHES] != at.NO_BRANCHES:
         for i in range(n):
             resume(laws, springs, i)
     return code if finite(state, n) else at.NOT_FINITE
 
 
 @called
-def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
+def _by_branches(coefficients, scene, h, load, memory):
     """One step in which no law changes its branch, or one piece for each part of it between two such changes.
 
     The first change is looked for on the cubic Hermite interpolant of the drifts, the step done again up to there, and
@@ -85,8 +77,10 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
     is looked for again on the interpolant of the piece. Where there are more than a few such pieces per story, the
     state is left as it was.
     """
+    chain, modal, laws, forces, flags = scene
+    state, springs, work, report = memory
     n = chain.shape[1] - 1
-    straight = memo[at.BRANCHES] == at.ALL_BRANCHES
+    straight = flags[at.BRANCHES] == at.ALL_BRANCHES
     slope = (load[at.GROUND_1] - load[at.GROUND_0]) / h
     most = 20 + 4 * n
     done = 0.0
@@ -102,16 +96,16 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
         ground = load[at.GROUND_0] + slope * done
         loads(chain, forces, load[at.TIME] + done, piece, ground, ground + slope * piece, work)
         if not CURVING or straight:
-            solve_linear(coefficients, chain, modal, piece, state, springs, work, factors)
+            solve_linear(coefficients, scene, piece, memory, factors)
             solves += 1
         else:
-            code = newton(True, coefficients, chain, modal, laws, piece, state, springs, work, memo, factors)
+            code = newton(True, coefficients, scene, piece, memory, factors)
             if code < 0:
                 if pieces > 0:
                     _restore(state, springs, work, n)
                 return code
             solves += code
-        if BENDING and memo[at.LINEAR] == 0.0:
+        if BENDING and flags[at.LINEAR] == 0.0:
             miss = _miss(chain, piece, state, springs, work, story, how) if ending else _BEYOND
             if miss == _BEYOND:
                 ending = False
@@ -136,15 +130,15 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
         if BENDING and pieces > 0:
             for row in range(3):
                 for i in range(n):
-                    work[PIECE + row, i] = state[row, i]
+                    work[ROW.PIECE + row, i] = state[row, i]
         if not CURVING or straight:
             _advance(chain, laws, state, springs, work)
         else:
             _arrive(True, chain, laws, state, springs, work)
         if BENDING and pieces > 0:
-            _look(memo[at.FAST] == 0.0, chain, laws, piece, ground, ground + slope * piece, state, springs, work)
-            memo[at.WITHIN] = PEAKS
-            memo[at.OWN_PEAKS] = PEAKS
+            _look(scene, Span(piece, ground, ground + slope * piece, False, flags[at.FAST] != 0.0), memory)
+            report[at.WITHIN] = ROW.PEAKS
+            report[at.OWN_PEAKS] = ROW.PEAKS
         done += piece
         if BENDING and ending:
             _change(chain, laws, state, springs, story, how)
@@ -153,7 +147,7 @@ def _by_branches(coefficients, chain, modal, laws, forces, h, load, state, sprin
         piece = h - done
         if not BENDING or piece <= _AT_ONCE * h:
             break
-    memo[at.EVENTS] += events
+    report[at.EVENTS] += events
     return solves if finite(state, n) else at.NOT_FINITE
 
 
@@ -243,24 +237,23 @@ def _arrive(frozen, chain, laws, state, springs, work):
 
 
 @called
-def _look(within, chain, laws, h, ground_0, ground_1, state, springs, work):
-    """Raise the peaks by what the motion has at the end of a piece, and `within` it."""
+def _look(scene, span, memory):
+    """Raise the peaks by what the motion has at the end of a piece, and, unless it is fast, within it."""
+    state, springs, work, _ = memory
     turned = 0
-    if within:
-        turned = look_within(
-            False, False, chain, laws, h, ground_0, ground_1, work, PIECE, state, state, at.ACCELERATION, springs, work,
-            TURNS, work, PEAKS,
-        )  # fmt: skip
-    for i in range(chain.shape[1] - 1):
+    if not span.fast:
+        passage = Passage(work, ROW.PIECE, state, state, at.ACCELERATION)
+        turned = look_within(span, scene, passage, springs, work, ROW.TURNS, work, ROW.PEAKS)
+    for i in range(scene.chain.shape[1] - 1):
         drift = springs[at.DRIFT, i]
-        raise_peak(work, PEAKS + at.PEAK_DRIFT, i, drift)
-        raise_peak(work, PEAKS + at.PEAK_SHEAR, i, springs[at.FORCE, i])
-        raise_peak(work, PEAKS + at.PEAK_DISPLACEMENT, i, state[at.DISPLACEMENT, i])
-        raise_peak(work, PEAKS + at.PEAK_VELOCITY, i, state[at.VELOCITY, i])
-        raise_peak(work, PEAKS + at.PEAK_ACCELERATION, i, state[at.ACCELERATION, i] + ground_1)
-        if turned > 0 and work[TURNS, i] != drift:
-            reach(laws, springs, i, 0, at.FIRST_TRIAL, work[TURNS, i])
-            raise_peak(work, PEAKS + at.PEAK_SHEAR, i, springs[at.FIRST_TRIAL + at.FORCE, i])
+        raise_peak(work, ROW.PEAKS + at.PEAK_DRIFT, i, drift)
+        raise_peak(work, ROW.PEAKS + at.PEAK_SHEAR, i, springs[at.FORCE, i])
+        raise_peak(work, ROW.PEAKS + at.PEAK_DISPLACEMENT, i, state[at.DISPLACEMENT, i])
+        raise_peak(work, ROW.PEAKS + at.PEAK_VELOCITY, i, state[at.VELOCITY, i])
+        raise_peak(work, ROW.PEAKS + at.PEAK_ACCELERATION, i, state[at.ACCELERATION, i] + span.ground_1)
+        if turned > 0 and work[ROW.TURNS, i] != drift:
+            reach(scene.laws, springs, i, 0, at.FIRST_TRIAL, work[ROW.TURNS, i])
+            raise_peak(work, ROW.PEAKS + at.PEAK_SHEAR, i, springs[at.FIRST_TRIAL + at.FORCE, i])
 
 
 @called
@@ -268,9 +261,9 @@ def _save(state, springs, work, n):
     """Keep what a step begins with."""
     for i in range(n):
         for row in range(3):
-            work[SAVED + row, i] = state[row, i]
+            work[ROW.SAVED + row, i] = state[row, i]
         for row in range(at.SPRING_ROWS):
-            work[SAVED + 3 + row, i] = springs[row, i]
+            work[ROW.SAVED + 3 + row, i] = springs[row, i]
     if springs.shape[0] > at.FURTHER:
         for i in range(n):
             copy_further(springs, i, 0, at.THIRD_TRIAL)
@@ -281,11 +274,11 @@ def _restore(state, springs, work, n):
     """Give up a step: what peaks it had within its pieces are none."""
     for i in range(n):
         for row in range(2 * at.PEAK_ROWS):
-            work[PEAKS + row, i] = 0.0
+            work[ROW.PEAKS + row, i] = 0.0
         for row in range(3):
-            state[row, i] = work[SAVED + row, i]
+            state[row, i] = work[ROW.SAVED + row, i]
         for row in range(at.SPRING_ROWS):
-            springs[row, i] = work[SAVED + 3 + row, i]
+            springs[row, i] = work[ROW.SAVED + 3 + row, i]
     if springs.shape[0] > at.FURTHER:
         for i in range(n):
             copy_further(springs, i, at.THIRD_TRIAL, 0)

@@ -27,9 +27,17 @@ import math
 from collections.abc import Callable
 
 from tdint.kernels import layout as at
+from tdint.kernels.bundles import Factors, Memory
 from tdint.kernels.chain import add_modal_force, finite, floor_load, internal_forces
 from tdint.kernels.compiling import inlined, kernel
-from tdint.kernels.equations.tridiagonal import assemble_combination, factor, factor_combination, solve, solve_damped
+from tdint.kernels.equations.tridiagonal import (
+    Combination,
+    assemble_combination,
+    factor,
+    factor_combination,
+    solve,
+    solve_damped,
+)
 from tdint.kernels.stepping import STEP
 from tdint.kernels.stories.springs import commit, restoring
 from tdint.methods.method import Family, Method, Parameter
@@ -54,23 +62,23 @@ _STORE = 9
 
 
 @kernel(STEP)
-def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
+def step(coefficients, chain, modal, laws, forces, flags, h, load, state, springs, work, report):
     """One step of KR-alpha or CR: one solve with (1 - alpha_m) M + (1 - alpha_f) X for the change of q."""
     n = chain.shape[1] - 1
+    memory = Memory(state, springs, work, report)
+    factors = Factors(work, _PIVOT, _COUPLING, _STORE)
     weight = 1.0 - coefficients[ALPHA_F]
     by_c = coefficients[GAMMA] * h
     by_k = coefficients[BETA] * h * h
-    if memo[at.STEPS_DONE] == 0.0:
-        _start(chain, laws, by_k, state, work, n)
-        memo[at.FACTORED_STEP] = 0.0
-    if memo[at.FACTORED_STEP] != h:
-        factor_combination(
-            chain, modal, laws, at.STIFFNESS, 1.0 - coefficients[ALPHA_M], weight * by_c, weight * by_k, work, _PIVOT,
-            _COUPLING, _STORE, n,
-        )  # fmt: skip
-        memo[at.FACTORED_STEP] = h
+    if report[at.STEPS_DONE] == 0.0:
+        _start(chain, laws, by_k, state, factors, n)
+        report[at.FACTORED_STEP] = 0.0
+    if report[at.FACTORED_STEP] != h:
+        combination = Combination(1.0 - coefficients[ALPHA_M], weight * by_c, weight * by_k)
+        factor_combination(chain, modal, laws, at.STIFFNESS, combination, factors, n)
+        report[at.FACTORED_STEP] = h
     _weighted_load(chain, forces, weight, h, load, work, n)
-    _advance(chain, laws, weight, by_k, h, state, springs, work, n)
+    _advance(chain, laws, weight, by_k, h, memory)
     for i in range(n):
         inner = work[_SUM, i] - chain[at.LINK, i + 1] * work[_SUM, i + 1]
         work[_X, i] = (
@@ -80,7 +88,7 @@ def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work
             - inner
         )
     add_modal_force(modal, work, _V, -1.0, work, _X, n)
-    solve_damped(work, _PIVOT, _COUPLING, modal, _STORE, _X, n)
+    solve_damped(factors, modal, _X, n)
     for i in range(n):
         q = state[at.ACCELERATION, i]
         state[at.VELOCITY, i] += h * q + by_c * work[_X, i]
@@ -89,13 +97,14 @@ def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work
 
 
 @inlined
-def _start(chain, laws, by_k, state, work, n):
+def _start(chain, laws, by_k, state, factors, n):
     """q0 from the acceleration of equilibrium: (M + beta h^2 K0) q0 = M a0."""
-    assemble_combination(chain, laws, at.STIFFNESS, 1.0, 0.0, by_k, work, _PIVOT, _COUPLING, n)
-    factor(work, _PIVOT, _COUPLING, n)
+    work = factors.table
+    assemble_combination(chain, laws, at.STIFFNESS, Combination(1.0, 0.0, by_k), factors, n)
+    factor(factors, n)
     for i in range(n):
         work[_X, i] = chain[at.MASS, i] * state[at.ACCELERATION, i]
-    solve(work, _PIVOT, _COUPLING, _X, n)
+    solve(factors, _X, n)
     for i in range(n):
         state[at.ACCELERATION, i] = work[_X, i]
 
@@ -111,8 +120,10 @@ def _weighted_load(chain, forces, weight, h, load, work, n):
 
 
 @inlined
-def _advance(chain, laws, weight, by_k, h, state, springs, work, n):
+def _advance(chain, laws, weight, by_k, h, memory):
     """Displacement and drift laws to the end of the step; weighted velocity and story forces for q1 = q0."""
+    state, springs, work, _ = memory
+    n = chain.shape[1] - 1
     u_below = 0.0
     v_below = 0.0
     q_below = 0.0
@@ -140,19 +151,17 @@ def _advance(chain, laws, weight, by_k, h, state, springs, work, n):
 
 
 @kernel(STEP)
-def chang_step(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
+def chang_step(coefficients, chain, modal, laws, forces, flags, h, load, state, springs, work, report):
     """One step of Chang (2002): u1 = u0 + h v0 + h^2/2 D^-1 (M a0 - h/2 K0 v0) with D = M + h/2 C + h^2/4 K0, which is
     the published line without the matrix C on its right; then average acceleration with equilibrium at u1."""
     n = chain.shape[1] - 1
     half = 0.5 * h
-    second_store = _STORE + 2 * modal.shape[0] + 1
-    if memo[at.FACTORED_STEP] != h:
-        for second in range(2):
-            by_k = 0.0 if second else half * half
-            store = second_store if second else _STORE
-            pivot = _PIVOT + 2 * second
-            factor_combination(chain, modal, laws, at.STIFFNESS, 1.0, half, by_k, work, pivot, pivot + 1, store, n)
-        memo[at.FACTORED_STEP] = h
+    first = Factors(work, _PIVOT, _COUPLING, _STORE)
+    second = Factors(work, _SECOND_PIVOT, _SECOND_COUPLING, _STORE + 2 * modal.shape[0] + 1)
+    if report[at.FACTORED_STEP] != h:
+        factor_combination(chain, modal, laws, at.STIFFNESS, Combination(1.0, half, half * half), first, n)
+        factor_combination(chain, modal, laws, at.STIFFNESS, Combination(1.0, half, 0.0), second, n)
+        report[at.FACTORED_STEP] = h
     v_below = 0.0
     for i in range(n):
         v = state[at.VELOCITY, i]
@@ -161,7 +170,7 @@ def chang_step(coefficients, chain, modal, laws, forces, h, load, state, springs
     for i in range(n):
         inner = work[_SUM, i] - chain[at.LINK, i + 1] * work[_SUM, i + 1]
         work[_X, i] = chain[at.MASS, i] * state[at.ACCELERATION, i] - inner
-    solve_damped(work, _PIVOT, _COUPLING, modal, _STORE, _X, n)
+    solve_damped(first, modal, _X, n)
     below = 0.0
     for i in range(n):
         v = state[at.VELOCITY, i]
@@ -175,7 +184,7 @@ def chang_step(coefficients, chain, modal, laws, forces, h, load, state, springs
     internal_forces(chain, modal, work, springs, 0, _V, work, _X, _SUM)
     for i in range(n):
         work[_X, i] = work[_LOAD, i] - work[_X, i]
-    solve_damped(work, _SECOND_PIVOT, _SECOND_COUPLING, modal, second_store, _X, n)
+    solve_damped(second, modal, _X, n)
     for i in range(n):
         state[at.VELOCITY, i] = work[_V, i] + half * work[_X, i]
         state[at.ACCELERATION, i] = work[_X, i]

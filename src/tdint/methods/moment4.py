@@ -33,43 +33,44 @@ import math
 from dataclasses import replace
 
 from tdint.kernels import layout as at
+from tdint.kernels.bundles import Memory, Scene
 from tdint.kernels.chain import finite, mean_load
 from tdint.kernels.compiling import kernel
-from tdint.kernels.equations.moment4 import LOAD, R, finish, move, work_rows
-from tdint.kernels.equations.moment4_error import (
-    ERROR_ROWS,
-    STATE_ROWS,
-    begin_error,
-    carry_error,
-    observe_error,
-)
+from tdint.kernels.equations.moment4 import ROW, R, finish, move, work_rows
+from tdint.kernels.equations.moment4_error import ERROR_ROWS, STATE_ROWS, begin_error, carry_error
+from tdint.kernels.equations.moment4_peaks import observe_error
 from tdint.kernels.stepping import STEP
 from tdint.methods.method import Family, Method, Parameter
 
 
 @kernel(STEP)
-def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
+def step(coefficients, chain, modal, laws, forces, flags, h, load, state, springs, work, report):
     """One step. State row ACCELERATION is the next one's first guess, where it needs one."""
-    mean_load(chain, forces, load[at.TIME], h, load[at.GROUND_0], load[at.GROUND_1], coefficients[R], work, LOAD)
-    code = move(coefficients, chain, modal, laws, h, state, springs, work, memo)
+    mean_load(chain, forces, load[at.TIME], h, load[at.GROUND_0], load[at.GROUND_1], coefficients[R], work, ROW.LOAD)
+    scene = Scene(chain, modal, laws, forces, flags)
+    memory = Memory(state, springs, work, report)
+    code = move(coefficients, scene, h, memory)
     if code < 0:
         return code
-    finish(coefficients, chain, modal, laws, h, state, springs, work, memo)
+    finish(coefficients, scene, h, memory)
     return code if finite(state, chain.shape[1] - 1) else at.NOT_FINITE
 
 
 @kernel(STEP)
-def step_with_error(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
+def step_with_error(coefficients, chain, modal, laws, forces, flags, h, load, state, springs, work, report):
     """The same step, and the error that the run has come to (`tdint.kernels.equations.moment4_error`)."""
-    if memo[at.ERROR_BEGUN] == 0.0:
-        begin_error(chain, modal, laws, forces, load, state, springs, work, memo)
-    mean_load(chain, forces, load[at.TIME], h, load[at.GROUND_0], load[at.GROUND_1], coefficients[R], work, LOAD)
-    code = move(coefficients, chain, modal, laws, h, state, springs, work, memo)
+    scene = Scene(chain, modal, laws, forces, flags)
+    memory = Memory(state, springs, work, report)
+    if report[at.ERROR_BEGUN] == 0.0:
+        begin_error(scene, load, memory)
+        observe_error(scene, 0.0, load, memory)
+    mean_load(chain, forces, load[at.TIME], h, load[at.GROUND_0], load[at.GROUND_1], coefficients[R], work, ROW.LOAD)
+    code = move(coefficients, scene, h, memory)
     if code < 0:
         return code
-    carry_error(chain, modal, laws, forces, h, load, state, springs, work, memo)
-    finish(coefficients, chain, modal, laws, h, state, springs, work, memo)
-    observe_error(h, chain, modal, laws, forces, load[at.TIME] + h, load, state, springs, work, memo)
+    carry_error(scene, h, load, memory)
+    finish(coefficients, scene, h, memory)
+    observe_error(scene, h, load, memory)
     return code if finite(state, chain.shape[1] - 1) else at.NOT_FINITE
 
 

@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 
 from tdint.kernels import layout as at
+from tdint.kernels.bundles import Memory, Scene, Weights
 from tdint.kernels.chain import finite, floor_load
 from tdint.kernels.compiling import inlined, kernel
 from tdint.kernels.equations.newton import BALANCE_ROWS, LOAD, A, U, V, X, balance, factor_rows, forget
@@ -52,11 +53,13 @@ def work_rows(modes: int) -> int:
 
 
 @kernel(STEP)
-def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
+def step(coefficients, chain, modal, laws, forces, flags, h, load, state, springs, work, report):
     """One step of the family, of average acceleration for the first two."""
+    scene = Scene(chain, modal, laws, forces, flags)
+    memory = Memory(state, springs, work, report)
     n = chain.shape[1] - 1
     c = coefficients
-    if memo[at.STEPS_DONE] < START:
+    if report[at.STEPS_DONE] < START:
         by_w = 0.25 * h
         by_v = 0.5 * h
         by_a = 1.0
@@ -66,11 +69,11 @@ def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work
         by_v = c[V_BY_W] * h
         by_a = c[A_BY_W] + c[A_BY_B] * c[V_BY_W]
         _guess(c, h, state, work, n)
-    if memo[at.FACTORED_STEP] != by_v:  # tells h, and the start from what follows
+    if report[at.FACTORED_STEP] != by_v:  # tells h, and the start from what follows
         forget(work, _FACTORS, n)
-        memo[at.FACTORED_STEP] = by_v
+        report[at.FACTORED_STEP] = by_v
     floor_load(chain, forces, load[at.TIME] + h, load[at.GROUND_1], work, LOAD)
-    code = balance(h * by_w, by_v, by_a, _FACTORS, 0, at.FIRST_TRIAL, chain, modal, laws, springs, work, memo)
+    code = balance(Weights(h * by_w, by_v, by_a), _FACTORS, 0, at.FIRST_TRIAL, scene, memory)
     if code < 0:
         return code
     for i in range(n):

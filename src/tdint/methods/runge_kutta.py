@@ -10,15 +10,23 @@ at the start of the step; those of the implicit one lie one after the other, and
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import Polynomial
 
 from tdint.kernels import layout as at
+from tdint.kernels.bundles import Factors, Memory, Scene
 from tdint.kernels.chain import add_modal_force, finite, floor_load, internal_forces, power_damper
 from tdint.kernels.compiling import inlined, kernel
 from tdint.kernels.equations.halving import add_rows, copy_rows, squares, too_far
-from tdint.kernels.equations.tridiagonal import COUPLING_ROWS, factor_blocks, link_blocks, solve_blocks_damped
+from tdint.kernels.equations.tridiagonal import (
+    COUPLING_ROWS,
+    ModalBlocks,
+    factor_blocks,
+    link_blocks,
+    solve_blocks_damped,
+)
 from tdint.kernels.stepping import CLOSE, ITERATIONS, PATIENCE, SAME_TANGENT, SMALL, STEP, balanced
 from tdint.kernels.stories.springs import commit, restoring, settle
 from tdint.methods.method import Family, Method
@@ -40,7 +48,7 @@ _EXPLICIT_ROWS = _A + _MOST_STAGES + 1
 
 
 @kernel(STEP)
-def explicit_step(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
+def explicit_step(coefficients, chain, modal, laws, forces, flags, h, load, state, springs, work, report):
     """One explicit step. The first stage is the end of the step before: state row ACCELERATION, from equilibrium."""
     n = chain.shape[1] - 1
     for i in range(n):
@@ -131,82 +139,95 @@ A2 = 6  # A^2
 B = 10
 BA = 12  # b A
 
-# Rows of work, two each
-_STAGE_LOAD = 0
-_STAGE_A = 2
-_STAGE_U = 4
-_STAGE_V = 6
-_STAGE_SUM = 8  # story forces, dampers included
-_SIZE = 10  # of the terms in them
-_R = 12
-_TANGENT = 14
-_SLOPE = 16  # of the power-law dashpots
-_FACTORED = 18
-_FACTORED_SLOPE = 20
-_CORRECTION = 22  # the last one
-_BLOCKS = 24
-_COUPLING = 28
-_STORE = _COUPLING + COUPLING_ROWS
+
+class _Rows(NamedTuple):
+    """Rows of work, one for each stage and more."""
+
+    STAGE_LOAD: int = 2
+    STAGE_A: int = 2
+    STAGE_U: int = 2
+    STAGE_V: int = 2
+    STAGE_SUM: int = 2  # story forces, dampers included
+    SIZE: int = 2  # of the terms in them
+    R: int = 2  # residuals, then corrections
+    TANGENT: int = 2
+    SLOPE: int = 2  # of the power-law dashpots
+    FACTORED: int = 2
+    FACTORED_SLOPE: int = 2
+    CORRECTION: int = 2  # the last one
+    BLOCKS: int = 4
+    COUPLING: int = COUPLING_ROWS
+
+
+_ROW, _STORE = at.chained(_Rows)
 
 
 @kernel(STEP)
-def implicit_step(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
+def implicit_step(coefficients, chain, modal, laws, forces, flags, h, load, state, springs, work, report):
     """One step of a two-stage method; Newton on all stories and both stages at once.
 
     Where it goes round in a cycle, corrections are halved until they bring the equations closer to balance.
     """
     n = chain.shape[1] - 1
-    s00, s01, s10, s11 = h * coefficients[A], h * coefficients[A + 1], h * coefficients[A + 2], h * coefficients[A + 3]
-    _predict(coefficients, chain, forces, h, load, state, work, memo)
+    scene = Scene(chain, modal, laws, forces, flags)
+    memory = Memory(state, springs, work, report)
+    factors = Factors(work, _ROW.BLOCKS, _ROW.COUPLING, _STORE)
+    first, second = h * coefficients[A], h * coefficients[A + 1]
+    damping = ModalBlocks(modal, first, second, h * coefficients[A + 2], h * coefficients[A + 3])
+    _predict(coefficients, scene, h, load, memory)
     iterations = 0
     part = 1.0
     before = math.inf
     while True:
-        stale = _stages(coefficients, chain, laws, h, state, springs, work, memo)
-        if _in_balance(iterations == ITERATIONS, chain, modal, work, memo):
+        stale = _stages(coefficients, chain, laws, h, memory)
+        if _in_balance(iterations == ITERATIONS, chain, modal, work, report):
             break
         if iterations >= PATIENCE:
-            size = squares(chain, work, _R, n) + squares(chain, work, _R + 1, n)
+            size = squares(chain, work, _ROW.R, n) + squares(chain, work, _ROW.R + 1, n)
             if too_far(size, before, part):
                 part *= 0.5
-                add_rows(-part, work, _CORRECTION, _STAGE_A, 2, n)
+                add_rows(-part, work, _ROW.CORRECTION, _ROW.STAGE_A, 2, n)
                 continue
             before = size
             part = 1.0
         if iterations == ITERATIONS:
             return at.NOT_CONVERGED
         if stale:
-            _factor(coefficients, chain, modal, h, work)
-            memo[at.FACTORED_STEP] = h
-        solve_blocks_damped(work, _BLOCKS, _COUPLING, modal, s00, s01, s10, s11, _STORE, _R, _R + 1, n)
+            _factor(coefficients, chain, h, factors, damping)
+            report[at.FACTORED_STEP] = h
+        solve_blocks_damped(factors, damping, _ROW.R, _ROW.R + 1, n)
         iterations += 1
         for stage in range(2):
             for i in range(n):
-                work[_STAGE_A + stage, i] += work[_R + stage, i]
+                work[_ROW.STAGE_A + stage, i] += work[_ROW.R + stage, i]
         if iterations > PATIENCE:
-            copy_rows(work, _R, _CORRECTION, 2, n)
-        if memo[at.LINEAR] != 0.0:
+            copy_rows(work, _ROW.R, _ROW.CORRECTION, 2, n)
+        if flags[at.LINEAR] != 0.0:
             break
-    return _finish(coefficients, chain, laws, h, state, springs, work, max(iterations, 1))
+    _finish(coefficients, chain, laws, h, memory)
+    return max(iterations, 1) if finite(state, n) else at.NOT_FINITE
 
 
 @inlined
-def _predict(coefficients, chain, forces, h, load, state, work, memo):
+def _predict(coefficients, scene, h, load, memory):
     """Load at the stages; constant acceleration as the first guess, none in a linear building: that rounds least."""
-    guess = 0.0 if memo[at.LINEAR] != 0.0 else 1.0
+    chain, _, _, forces, flags = scene
+    state, _, work, _ = memory
+    guess = 0.0 if flags[at.LINEAR] != 0.0 else 1.0
     for stage in range(2):
         c = coefficients[C + stage]
         ground = load[at.GROUND_0] + c * (load[at.GROUND_1] - load[at.GROUND_0])
-        floor_load(chain, forces, load[at.TIME] + c * h, ground, work, _STAGE_LOAD + stage)
+        floor_load(chain, forces, load[at.TIME] + c * h, ground, work, _ROW.STAGE_LOAD + stage)
         for i in range(chain.shape[1] - 1):
-            work[_STAGE_A + stage, i] = guess * state[at.ACCELERATION, i]
+            work[_ROW.STAGE_A + stage, i] = guess * state[at.ACCELERATION, i]
 
 
 @inlined
-def _stages(coefficients, chain, laws, h, state, springs, work, memo):
+def _stages(coefficients, chain, laws, h, memory):
     """Motion and story forces at both stages, one reached from the other. True if the factorization does not fit."""
+    state, springs, work, report = memory
     n = chain.shape[1] - 1
-    stale = memo[at.FACTORED_STEP] != h
+    stale = report[at.FACTORED_STEP] != h
     for stage in range(2):
         past = stage * at.FIRST_TRIAL
         trial = past + at.FIRST_TRIAL
@@ -218,22 +239,22 @@ def _stages(coefficients, chain, laws, h, state, springs, work, memo):
         u_below = 0.0
         v_below = 0.0
         for i in range(n):
-            a_1 = work[_STAGE_A, i]
-            a_2 = work[_STAGE_A + 1, i]
+            a_1 = work[_ROW.STAGE_A, i]
+            a_2 = work[_ROW.STAGE_A + 1, i]
             u = state[at.DISPLACEMENT, i] + shift * state[at.VELOCITY, i] + (u_by_1 * a_1 + u_by_2 * a_2)
             v = state[at.VELOCITY, i] + (v_by_1 * a_1 + v_by_2 * a_2)
             drift = u - chain[at.LINK, i] * u_below
             rate = v - chain[at.LINK, i] * v_below
             u_below = u
             v_below = v
-            work[_STAGE_U + stage, i] = u
-            work[_STAGE_V + stage, i] = v
+            work[_ROW.STAGE_U + stage, i] = u
+            work[_ROW.STAGE_V + stage, i] = v
             tangent = restoring(laws, springs, i, past, trial, drift)
-            work[_TANGENT + stage, i] = tangent
-            stale = stale or abs(tangent - work[_FACTORED + stage, i]) > SAME_TANGENT * laws[at.STIFFNESS, i]
+            work[_ROW.TANGENT + stage, i] = tangent
+            stale = stale or abs(tangent - work[_ROW.FACTORED + stage, i]) > SAME_TANGENT * laws[at.STIFFNESS, i]
             damper, slope = power_damper(chain, i, rate)
-            work[_SLOPE + stage, i] = slope
-            change = abs(slope - work[_FACTORED_SLOPE + stage, i])
+            work[_ROW.SLOPE + stage, i] = slope
+            change = abs(slope - work[_ROW.FACTORED_SLOPE + stage, i])
             stale = stale or change * h * abs(coefficients[A]) > SAME_TANGENT * chain[at.MASS, i]
             total = (
                 springs[trial + at.FORCE, i]
@@ -241,41 +262,42 @@ def _stages(coefficients, chain, laws, h, state, springs, work, memo):
                 + chain[at.STORY_DAMPER, i] * rate
                 + damper
             )
-            work[_STAGE_SUM + stage, i] = total
+            work[_ROW.STAGE_SUM + stage, i] = total
             # A drift is a difference: what the displacements round is not out of balance.
             rounding = SMALL / CLOSE * laws[at.STIFFNESS, i]
-            work[_SIZE + stage, i] = abs(total) + rounding * (abs(u) + abs(u - drift))
+            work[_ROW.SIZE + stage, i] = abs(total) + rounding * (abs(u) + abs(u - drift))
     return stale
 
 
 @inlined
-def _in_balance(last, chain, modal, work, memo):
+def _in_balance(last, chain, modal, work, report):
     """Unbalanced forces at both stages into their rows, N. Whether all are small. At the last of them the worst is
     noted."""
     n = chain.shape[1] - 1
-    memo[at.RESIDUAL] = 0.0
+    report[at.RESIDUAL] = 0.0
     small = True
     for stage in range(2):
-        total = _STAGE_SUM + stage
+        total = _ROW.STAGE_SUM + stage
         for i in range(n):
-            work[_R + stage, i] = 0.0
-        add_modal_force(modal, work, _STAGE_V + stage, 1.0, work, _R + stage, n)
+            work[_ROW.R + stage, i] = 0.0
+        add_modal_force(modal, work, _ROW.STAGE_V + stage, 1.0, work, _ROW.R + stage, n)
         for i in range(n):
             link = chain[at.LINK, i + 1]
-            outer = work[_STAGE_LOAD + stage, i]
-            inertia = chain[at.MASS, i] * work[_STAGE_A + stage, i]
-            damping = chain[at.FLOOR_DAMPER, i] * work[_STAGE_V + stage, i] + work[_R + stage, i]
+            outer = work[_ROW.STAGE_LOAD + stage, i]
+            inertia = chain[at.MASS, i] * work[_ROW.STAGE_A + stage, i]
+            damping = chain[at.FLOOR_DAMPER, i] * work[_ROW.STAGE_V + stage, i] + work[_ROW.R + stage, i]
             residual = outer - inertia - damping - work[total, i] + link * work[total, i + 1]
-            work[_R + stage, i] = residual
+            work[_ROW.R + stage, i] = residual
             scale = abs(outer) + abs(inertia) + abs(damping)
-            scale += work[_SIZE + stage, i] + link * work[_SIZE + stage, i + 1]
-            small &= balanced(last, CLOSE, memo, i, residual, scale)
+            scale += work[_ROW.SIZE + stage, i] + link * work[_ROW.SIZE + stage, i + 1]
+            small &= balanced(last, CLOSE, report, i, residual, scale)
     return small
 
 
 @inlined
-def _factor(coefficients, chain, modal, h, work):
+def _factor(coefficients, chain, h, factors, damping):
     """Factor I2 (x) M + h A (x) C + h^2 A^2 (x) K, each stage with its own tangents."""
+    work = factors.table
     n = chain.shape[1] - 1
     for entry in range(4):
         stage = entry // 2
@@ -283,33 +305,31 @@ def _factor(coefficients, chain, modal, h, work):
         by_c = h * coefficients[A + entry]
         by_k = h * h * coefficients[A2 + entry]
         for i in range(n):
-            damper = chain[at.STORY_DAMPER, i] + work[_SLOPE + stage, i]
-            story = by_k * (work[_TANGENT + stage, i] + chain[at.GEOMETRIC, i]) + by_c * damper
-            work[_COUPLING + entry, i] = story
-            work[_BLOCKS + entry, i] = by_m * chain[at.MASS, i] + by_c * chain[at.FLOOR_DAMPER, i] + story
+            damper = chain[at.STORY_DAMPER, i] + work[_ROW.SLOPE + stage, i]
+            story = by_k * (work[_ROW.TANGENT + stage, i] + chain[at.GEOMETRIC, i]) + by_c * damper
+            work[_ROW.COUPLING + entry, i] = story
+            work[_ROW.BLOCKS + entry, i] = by_m * chain[at.MASS, i] + by_c * chain[at.FLOOR_DAMPER, i] + story
     for stage in range(2):
         for i in range(n):
-            work[_FACTORED + stage, i] = work[_TANGENT + stage, i]
-            work[_FACTORED_SLOPE + stage, i] = work[_SLOPE + stage, i]
-    link_blocks(chain, work, _BLOCKS, _COUPLING, n)
-    factor_blocks(
-        _BLOCKS, _COUPLING, work, modal, h * coefficients[A], h * coefficients[A + 1], h * coefficients[A + 2],
-        h * coefficients[A + 3], _STORE, n,
-    )  # fmt: skip
+            work[_ROW.FACTORED + stage, i] = work[_ROW.TANGENT + stage, i]
+            work[_ROW.FACTORED_SLOPE + stage, i] = work[_ROW.SLOPE + stage, i]
+    link_blocks(chain, factors, n)
+    factor_blocks(factors, damping, n)
 
 
 @inlined
-def _finish(coefficients, chain, laws, h, state, springs, work, iterations):
+def _finish(coefficients, chain, laws, h, memory):
     """Update the state and commit the drift laws, reached from the second stage.
 
     State row ACCELERATION, the next step's first guess, is the line through both stages.
     """
+    state, springs, work, _ = memory
     n = chain.shape[1] - 1
     beyond = (1.0 - coefficients[C + 1]) / (coefficients[C + 1] - coefficients[C])
     below = 0.0
     for i in range(n):
-        a_1 = work[_STAGE_A, i]
-        a_2 = work[_STAGE_A + 1, i]
+        a_1 = work[_ROW.STAGE_A, i]
+        a_2 = work[_ROW.STAGE_A + 1, i]
         v = state[at.VELOCITY, i]
         u = state[at.DISPLACEMENT, i] + h * v + h * h * (coefficients[BA] * a_1 + coefficients[BA + 1] * a_2)
         state[at.DISPLACEMENT, i] = u
@@ -320,7 +340,6 @@ def _finish(coefficients, chain, laws, h, state, springs, work, iterations):
         restoring(laws, springs, i, at.SECOND_TRIAL, at.THIRD_TRIAL, u - chain[at.LINK, i] * below)
         commit(laws, springs, i, at.SECOND_TRIAL, at.THIRD_TRIAL)
         below = u
-    return iterations if finite(state, n) else at.NOT_FINITE
 
 
 def implicit_row(a: Table, b: tuple[float, ...]) -> tuple[float, ...]:

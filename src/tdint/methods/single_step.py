@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.kernels import layout as at
+from tdint.kernels.bundles import Memory, Scene, Weights
 from tdint.kernels.chain import finite, floor_load
 from tdint.kernels.compiling import inlined, kernel
 from tdint.kernels.equations.newton import BALANCE_ROWS, LOAD, A, U, V, X, balance, factor_rows, forget
@@ -45,16 +46,17 @@ def work_rows(modes: int) -> int:
 
 
 @kernel(STEP)
-def step(coefficients, chain, modal, laws, forces, h, load, state, springs, work, memo):
+def step(coefficients, chain, modal, laws, forces, flags, h, load, state, springs, work, report):
     """One step of the family; the unknown of the balance is da."""
+    scene = Scene(chain, modal, laws, forces, flags)
+    memory = Memory(state, springs, work, report)
     n = chain.shape[1] - 1
-    if memo[at.FACTORED_STEP] != h:
+    if report[at.FACTORED_STEP] != h:
         forget(work, _FACTORS, n)
-        memo[at.FACTORED_STEP] = h
+        report[at.FACTORED_STEP] = h
     _predict(coefficients, chain, forces, h, load, state, work)
-    by_u = coefficients[L3W3] * h * h
-    by_v = coefficients[L5W2] * h
-    code = balance(by_u, by_v, coefficients[L6W1], _FACTORS, 0, at.FIRST_TRIAL, chain, modal, laws, springs, work, memo)
+    weights = Weights(coefficients[L3W3] * h * h, coefficients[L5W2] * h, coefficients[L6W1])
+    code = balance(weights, _FACTORS, 0, at.FIRST_TRIAL, scene, memory)
     if code < 0:
         return code
     below = 0.0

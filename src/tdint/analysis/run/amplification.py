@@ -64,10 +64,10 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
         space.state[:] = 0.0
         space.state[row, :k] = 1.0
         _settle(building, space.state, space.springs, at.ACCELERATION in memory)
-        space.memo[at.STEPS_DONE] = _SETTLED
+        space.report[at.STEPS_DONE] = _SETTLED
         code = step(
-            coefficients, building.chain, building.modal, building.laws, forces, h, np.zeros(at.LOAD_SIZE),
-            space.state, space.springs, space.work, space.memo,
+            coefficients, building.chain, building.modal, building.laws, forces, space.flags, h,
+            np.zeros(at.LOAD_SIZE), space.state, space.springs, space.work, space.report,
         )  # fmt: skip
         if code < 0:
             raise AnalysisError(f"{integrator.label}: a step of an oscillator failed")

@@ -176,12 +176,12 @@ class Case:
         raise FailedRun(message, "unstable-step", self.integrator.label, h, largest_stable_dt=stable)
 
     def _failure(self, steps: Steps, space: Workspace, code: int) -> FailedRun:
-        residual = float(space.memo[layout.RESIDUAL])
+        residual = float(space.report[layout.RESIDUAL])
         if code == layout.NOT_FINITE or not residual < _OVERFLOW:
             story = _runaway_story(space)
             return self._diverged(steps, *self._reached(steps, space), f"the drift of story {story} ran away", story)
         reached = float(space.observed[at.STEPS_REACHED]) * steps.h
-        story = int(space.memo[layout.WORST_STORY]) + 1
+        story = int(space.report[layout.WORST_STORY]) + 1
         message = (
             f"{self.integrator.label} with dt {steps.h:.6g} s did not converge after {reached:.6g} s, with the step "
             f"halved {HALVINGS} times: story {story} is out of balance by {residual:.1e} of its forces; {_CURE}"
@@ -250,7 +250,7 @@ class Case:
             steps=steps.count,
             iterations=int(space.observed[at.ITERATIONS]),
             halvings=int(space.observed[at.HALVINGS]),
-            events=int(space.memo[layout.EVENTS]),
+            events=int(space.report[layout.EVENTS]),
             march_time=marched.seconds,
             stories=stories,
             energy=energy,

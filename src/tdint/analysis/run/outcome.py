@@ -56,7 +56,7 @@ class StoryPeaks(Tabular, StoryValues):
 
     All are looked for between the steps too, on the quintic through displacement, velocity and acceleration at both
     ends of a step, or of each piece of it between two changes of branch that the method locates
-    (`tdint.kernels.march.within`).
+    (`tdint.kernels.march.peaks_between_steps`).
 
     Attributes
     ----------

@@ -26,9 +26,9 @@ from tdint.analysis.run.workspace import (
 from tdint.kernels import layout as at
 from tdint.kernels.building.obtaining import obtain
 from tdint.kernels.building.variant import Variant
+from tdint.kernels.march.law_energies import begin, raise_shears, take_stock
 from tdint.kernels.march.many import END_COLUMNS, GROUND_SIZE, many
 from tdint.kernels.march.march import march
-from tdint.kernels.march.stories import begin, raise_shears, take_stock
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, assemble, force_table
 from tdint.model.definition import Model
@@ -58,7 +58,7 @@ class MarchedRuns:
         As `Workspace.peaks`.
     drifts : ndarray, shape (runs, n)
         At the end, m.
-    observed : ndarray, shape (runs, OBSERVED_SIZE)
+    observed : ndarray, shape (runs, TOTALS_SIZE)
         As `Workspace.observed`.
     ends : ndarray, shape (runs, END_COLUMNS)
         The columns of `tdint.kernels.march.many`: code, steps taken, whether at rest.
@@ -232,16 +232,16 @@ class PreparedBuilding:
         marched = MarchedRuns(
             peaks=np.zeros((count, 2 * at.PEAK_ROWS, n)),
             drifts=np.zeros((count, n)),
-            observed=np.zeros((count, at.OBSERVED_SIZE)),
+            observed=np.zeros((count, at.TOTALS_SIZE)),
             ends=np.zeros((count, END_COLUMNS)),
         )
         many.compiled(
             *(one.variant(self.variant) for one in (march, integrator.family.step, begin, take_stock, raise_shears)),
             HALVINGS if integrator.family.halvable else 0, h, samples, runs, self.coefficients(integrator, h),
             shifts(integrator, h),
-            self.building.chain, self.building.modal, self.building.laws, self.forces,
-            space.state, space.springs, space.memo, space.observed,
-            space.state.copy(), space.springs.copy(), space.work, space.memo.copy(),
+            self.building.chain, self.building.modal, self.building.laws, self.forces, space.flags,
+            space.state, space.springs, space.work, space.report, space.observed,
+            space.state.copy(), space.springs.copy(), space.work, space.report.copy(),
             np.zeros(at.LOAD_SIZE), np.zeros(int(np.max(runs[:, GROUND_SIZE]))), space.watch, space.limits,
             np.zeros(n), space.history, rest.window, rest.windows, rest.quiet,
             marched.peaks, marched.drifts, marched.observed, marched.ends,
@@ -255,5 +255,5 @@ class PreparedBuilding:
         space = workspace(self.building, integrator, rows, collapse_drift)
         space.state[at.DISPLACEMENT, :-1] = self.displacement
         space.state[at.VELOCITY, :-1] = self.velocity
-        space.memo[at.FAST] = self.building.fastest * h > _RESOLVED
+        space.flags[at.FAST] = self.building.fastest * h > _RESOLVED
         return space

@@ -16,9 +16,8 @@ from tdint.kernels import layout as at
 from tdint.kernels.building.variant import EVERYTHING, Variant
 from tdint.kernels.compiling import Kernel
 from tdint.kernels.laws.apart import spring_table
+from tdint.kernels.march.law_energies import begin, raise_shears, take_stock
 from tdint.kernels.march.march import march
-from tdint.kernels.march.observing import OBSERVER_ROWS
-from tdint.kernels.march.stories import begin, raise_shears, take_stock
 from tdint.methods.method import Integrator
 from tdint.model.building import Building
 from tdint.model.definition import CODES, LAWS
@@ -39,7 +38,8 @@ class Workspace:
     state: Array
     springs: Array
     work: Array
-    memo: Array
+    flags: Array
+    report: Array
     watch: Array
     peaks: Array
     limits: Array
@@ -60,24 +60,27 @@ def workspace(
     n = building.stories
     modes = building.modal.shape[0]
     family = integrator.family
-    memo = np.zeros(at.MEMO_SIZE)
-    memo[at.LINEAR] = building.linear
-    memo[at.BRANCHES] = _branches(building)
-    memo[at.POWER_DAMPERS] = building.power_damped
-    memo[at.OWN_WORK] = family.own_work
-    observed = np.zeros(at.OBSERVED_SIZE)
-    observed[at.ON_PATH] = family.parabolic
+    flags = np.zeros(at.FLAGS_SIZE)
+    flags[at.LINEAR] = building.linear
+    flags[at.BRANCHES] = _branches(building)
+    flags[at.POWER_DAMPERS] = building.power_damped
+    flags[at.OWN_WORK] = family.own_work
+    flags[at.ON_PATH] = family.parabolic
+    flags[at.CARRIES_ERROR] = family.carries_error
+    fields = at.HISTORY_FIELDS + (at.ERROR_FIELDS if family.carries_error else 0)
+    observed = np.zeros(at.TOTALS_SIZE)
     observed[at.COLLAPSE_STEP] = at.NO_COLLAPSE
     return Workspace(
         state=np.zeros((family.state_rows, n + 1)),
         springs=spring_table(_laws(building, integrator)),
         work=np.zeros((family.work_rows(modes), max((2 if family.carries_error else 1) * (n + 1), 2 * modes + 1))),
-        memo=memo,
-        watch=np.zeros((OBSERVER_ROWS, n + 1)),
+        flags=flags,
+        report=np.zeros(at.REPORT_SIZE),
+        watch=np.zeros((at.WATCH_ROWS, n + 1)),
         peaks=np.zeros((2 * at.PEAK_ROWS, n)),
         limits=np.array([np.full(n, collapse_drift), building.heights, _failed(building)]),
         observed=observed,
-        history=np.zeros((steps + 1 if steps else 0, 1 + at.HISTORY_FIELDS * n + at.ENERGY_TERMS)),
+        history=np.zeros((steps + 1 if steps else 0, 1 + fields * n + at.ENERGY_TERMS)),
     )
 
 
@@ -167,10 +170,11 @@ def integrate(
             building.modal,
             laws,
             forces,
+            space.flags,
             space.state,
             space.springs,
             space.work,
-            space.memo,
+            space.report,
             np.zeros(at.LOAD_SIZE),
             space.watch,
             space.peaks,

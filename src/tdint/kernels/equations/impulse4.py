@@ -7,14 +7,16 @@ the step by a quadrature with one point inside it; `tdint.methods.impulse4` give
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from tdint.kernels import layout as at
+from tdint.kernels.bundles import Factors
 from tdint.kernels.chain import MODAL, add_modal_force, floor_impulse, floor_load, power_damper
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.equations import impulse_momentum as momentum
 from tdint.kernels.equations.halving import add_rows, copy_rows, squares, too_far
 from tdint.kernels.equations.impulse_momentum import correct, guess, in_balance, residuals, solve
-from tdint.kernels.equations.tridiagonal import COUPLING_ROWS, assemble_blocks, factor_blocks
+from tdint.kernels.equations.tridiagonal import COUPLING_ROWS, ModalBlocks, assemble_blocks, factor_blocks
 from tdint.kernels.stepping import CLOSE, ITERATIONS, PATIENCE, SAME_TANGENT, SMALL
 from tdint.kernels.stories.springs import reach
 
@@ -32,25 +34,33 @@ RATE_BY_INCREMENT = 9  # vc = these times (u1 - u0) / h, v0 and v1
 RATE_BY_VELOCITY_0 = 10
 RATE_BY_VELOCITY_1 = 11
 
-# Rows of work beyond those of the momentum equations
-_TANGENT_C = momentum.MOMENTUM_ROWS
-_TANGENT_1 = momentum.MOMENTUM_ROWS + 1
-_SLOPE_C = momentum.MOMENTUM_ROWS + 2  # of the power-law dashpots
-_SLOPE_1 = momentum.MOMENTUM_ROWS + 3
-_LAST_CORRECTION = momentum.MOMENTUM_ROWS + 4  # of DU and DV
-SAVED = momentum.MOMENTUM_ROWS + 6  # state and springs at the start of a step that is done in pieces
-PIECE = SAVED + 3 + at.SPRING_ROWS  # motion at the start of a piece
-TURNS = PIECE + 3  # drifts where stories turned in it
-PEAKS = TURNS + 1  # within such pieces
-FACTORS = PEAKS + 2 * at.PEAK_ROWS
 
-# Rows of a block of factors
-_FACTORED_C = 0  # its tangents; the step stands in the last column
-_FACTORED_1 = 1
-_FACTORED_SLOPE = 2  # the one at the end
-_BLOCKS = 3
-_COUPLING = 7
-STORE = _COUPLING + COUPLING_ROWS
+class _Rows(NamedTuple):
+    """Rows of work beyond those of the momentum equations."""
+
+    TANGENT_C: int = 1
+    TANGENT_1: int = 1
+    SLOPE_C: int = 1  # of the power-law dashpots
+    SLOPE_1: int = 1
+    LAST_CORRECTION: int = 2  # of DU and DV
+    SAVED: int = 3 + at.SPRING_ROWS  # state and springs at the start of a step that is done in pieces
+    PIECE: int = 3  # motion at the start of a piece
+    TURNS: int = 1  # drifts where stories turned in it
+    PEAKS: int = 2 * at.PEAK_ROWS  # within such pieces
+
+
+class _Block(NamedTuple):
+    """Rows of a block of factors."""
+
+    FACTORED_C: int = 1  # its tangents; the step stands in the last column
+    FACTORED_1: int = 1
+    FACTORED_SLOPE: int = 1  # the one at the end
+    BLOCKS: int = 4
+    COUPLING: int = COUPLING_ROWS
+
+
+ROW, FACTORS = at.chained(_Rows, momentum.MOMENTUM_ROWS)
+_BLOCK, STORE = at.chained(_Block)
 
 
 def factor_rows(modes: int) -> int:
@@ -65,31 +75,35 @@ def loads(chain, forces, t, h, ground_0, ground_1, work):
 
 
 @inlined
-def solve_linear(coefficients, chain, modal, h, state, springs, work, factors):
+def solve_linear(coefficients, scene, h, memory, factors):
     """Motion over a step in which no story leaves its branch: linear, so one solve, from no motion at all."""
+    chain, modal, _, _, _ = scene
+    _, springs, work, _ = memory
     n = chain.shape[1] - 1
-    if _right_side(coefficients, chain, modal, h, state, springs, work, factors):
+    if _right_side(coefficients, scene, h, memory, factors):
         for i in range(n):
-            work[_TANGENT_C, i] = springs[at.SLOPE, i]
-            work[_TANGENT_1, i] = springs[at.SLOPE, i]
+            work[ROW.TANGENT_C, i] = springs[at.SLOPE, i]
+            work[ROW.TANGENT_1, i] = springs[at.SLOPE, i]
         _factor(coefficients, chain, modal, h, work, factors)
-    _solve(coefficients, modal, h, work, factors, n)
-    _motion(chain, modal, state, springs, work)
+    solve(coefficients[BETA], modal, h, _kept(work, factors), n)
+    _motion(chain, modal, memory.state, springs, work)
 
 
 @inlined
-def _right_side(coefficients, chain, modal, h, state, springs, work, factors):
+def _right_side(coefficients, scene, h, memory, factors):
     """What is out of balance without any motion into the rows of residuals. True if the factorization does not fit the
     branches."""
+    chain, modal, _, _, _ = scene
+    state, springs, work, _ = memory
     n = chain.shape[1] - 1
     by_rate = coefficients[WEIGHT_C] * h * (coefficients[BY_VELOCITY_0] + coefficients[BY_VELOCITY_1])
     by_a0 = coefficients[ALPHA] * h * h
     by_a1 = coefficients[BETA] * h * h
-    stale = work[factors + _FACTORED_1, n] != h
+    stale = work[factors + _BLOCK.FACTORED_1, n] != h
     force_above = 0.0
     impulse_above = 0.0
     for i in range(n - 1, -1, -1):
-        stale |= springs[at.SLOPE, i] != work[factors + _FACTORED_1, i]
+        stale |= springs[at.SLOPE, i] != work[factors + _BLOCK.FACTORED_1, i]
         link = chain[at.LINK, i]
         mass = chain[at.MASS, i]
         geometric = chain[at.GEOMETRIC, i]
@@ -143,13 +157,15 @@ def _add_modal_acceleration(chain, modal, work, n):
 
 
 @called
-def newton(frozen, coefficients, chain, modal, laws, h, state, springs, work, memo, factors):
+def newton(frozen, coefficients, scene, h, memory, factors):
     """Motion over a step by Newton on all stories at once, unknowns (u1 - u0, v1 - v0) per floor, a1 eliminated by
     equilibrium.
 
     With `frozen`, stories that are linear on their branches stay on them. Where it goes round in a cycle, corrections
     are halved until they bring the equations closer to balance.
     """
+    chain, modal, _, _, _ = scene
+    state, _, work, report = memory
     n = chain.shape[1] - 1
     guess(1.0, h, state, work, n)
     iterations = 0
@@ -157,15 +173,15 @@ def newton(frozen, coefficients, chain, modal, laws, h, state, springs, work, me
     before = math.inf
     last = False
     while True:
-        stale = _path(frozen, coefficients, chain, laws, h, state, springs, work, factors)
-        _residuals(coefficients, chain, modal, h, state, work)
-        if in_balance(iterations == ITERATIONS, coefficients[BETA], chain, h, state, work, memo) or last:
+        stale = _path(frozen, coefficients, scene, h, memory, factors)
+        residuals(coefficients[THETA], coefficients[ALPHA], coefficients[BETA], chain, modal, h, state, work)
+        if in_balance(iterations == ITERATIONS, coefficients[BETA], chain, h, state, work, report) or last:
             break
         if iterations >= PATIENCE:
             size = squares(chain, work, momentum.R1, n) / (h * h) + squares(chain, work, momentum.R2, n)
             if too_far(size, before, part):
                 part *= 0.5
-                add_rows(-part, work, _LAST_CORRECTION, momentum.DU, 2, n)
+                add_rows(-part, work, ROW.LAST_CORRECTION, momentum.DU, 2, n)
                 continue
             before = size
             part = 1.0
@@ -173,22 +189,24 @@ def newton(frozen, coefficients, chain, modal, laws, h, state, springs, work, me
             return at.NOT_CONVERGED
         if stale:
             _factor(coefficients, chain, modal, h, work, factors)
-        last = _correct(coefficients, modal, h, work, factors, n)
+        last = correct(coefficients[BETA], modal, h, _kept(work, factors), n)
         iterations += 1
         if iterations > PATIENCE:
-            copy_rows(work, momentum.R1, _LAST_CORRECTION, 2, n)
+            copy_rows(work, momentum.R1, ROW.LAST_CORRECTION, 2, n)
     return max(iterations, 1)
 
 
 @inlined
-def _path(frozen, coefficients, chain, laws, h, state, springs, work, factors):
+def _path(frozen, coefficients, scene, h, memory, factors):
     """Drift laws along the step: at the inner point and from there to the end.
 
     With `frozen`, stories that are linear on their branches stay on them. Leaves the story forces at the end and the
     story impulses. True if the factorization does not fit the tangents.
     """
+    chain, _, laws, _, _ = scene
+    state, springs, work, _ = memory
     n = chain.shape[1] - 1
-    stale = work[factors + _FACTORED_1, n] != h
+    stale = work[factors + _BLOCK.FACTORED_1, n] != h
     uc_below = 0.0
     u_below = 0.0
     v_below = 0.0
@@ -219,12 +237,12 @@ def _path(frozen, coefficients, chain, laws, h, state, springs, work, factors):
             force_c = springs[at.FIRST_TRIAL + at.FORCE, i]
             force = springs[at.SECOND_TRIAL + at.FORCE, i]
         same = SAME_TANGENT * laws[at.STIFFNESS, i]
-        stale = stale or abs(tangent_c - work[factors + _FACTORED_C, i]) > same
-        stale = stale or abs(tangent - work[factors + _FACTORED_1, i]) > same
+        stale = stale or abs(tangent_c - work[factors + _BLOCK.FACTORED_C, i]) > same
+        stale = stale or abs(tangent - work[factors + _BLOCK.FACTORED_1, i]) > same
         # A drift is a difference: what the displacements round is not out of balance.
         work[momentum.SIZE, i] = SMALL / CLOSE * laws[at.STIFFNESS, i] * (abs(u) + abs(link * u_below))
-        work[_TANGENT_C, i] = tangent_c
-        work[_TANGENT_1, i] = tangent
+        work[ROW.TANGENT_C, i] = tangent_c
+        work[ROW.TANGENT_1, i] = tangent
         geometric = chain[at.GEOMETRIC, i]
         mean = (
             coefficients[WEIGHT_0] * (springs[at.FORCE, i] + geometric * springs[at.DRIFT, i])
@@ -235,7 +253,7 @@ def _path(frozen, coefficients, chain, laws, h, state, springs, work, factors):
         work[momentum.FORCE_1, i] = force + geometric * drift + damper * rate
         work[momentum.FORCE_S, i] = h * mean + damper * increment
         if chain[at.POWER_DAMPER, i] != 0.0:
-            stale = _add_damper(coefficients, chain, i, h, increment, state, work, factors) or stale
+            stale = _add_damper(coefficients, chain, i, h, increment, memory, factors) or stale
         uc_below = uc
         u_below = u
         v_below = v
@@ -244,9 +262,10 @@ def _path(frozen, coefficients, chain, laws, h, state, springs, work, factors):
 
 
 @called
-def _add_damper(coefficients, chain, i, h, increment, state, work, factors):
+def _add_damper(coefficients, chain, i, h, increment, memory, factors):
     """Add the power-law dashpot of story `i` to its force and impulse. True if the factorization does not fit its
     slope."""
+    state, _, work, _ = memory
     link = chain[at.LINK, i]
     rate_0 = state[at.VELOCITY, i] - link * state[at.VELOCITY, i - 1]
     rate_1 = work[momentum.V1, i] - link * work[momentum.V1, i - 1]
@@ -262,27 +281,15 @@ def _add_damper(coefficients, chain, i, h, increment, state, work, factors):
     work[momentum.FORCE_S, i] += h * (
         coefficients[WEIGHT_0] * force_0 + coefficients[WEIGHT_C] * force_c + coefficients[WEIGHT_1] * force_1
     )
-    work[_SLOPE_C, i] = slope_c
-    work[_SLOPE_1, i] = slope_1
-    return h * abs(slope_1 - work[factors + _FACTORED_SLOPE, i]) > SAME_TANGENT * chain[at.MASS, i]
+    work[ROW.SLOPE_C, i] = slope_c
+    work[ROW.SLOPE_1, i] = slope_1
+    return h * abs(slope_1 - work[factors + _BLOCK.FACTORED_SLOPE, i]) > SAME_TANGENT * chain[at.MASS, i]
 
 
 @inlined
-def _residuals(coefficients, chain, modal, h, state, work):
-    residuals(coefficients[THETA], coefficients[ALPHA], coefficients[BETA], chain, modal, h, state, work)
-
-
-@inlined
-def _solve(coefficients, modal, h, work, factors, n):
-    """Corrections, or increments, from the rows of residuals, in their place."""
-    blocks = factors + _BLOCKS
-    solve(coefficients[BETA], modal, h, work, blocks, factors + _COUPLING, factors + STORE, n)
-
-
-@inlined
-def _correct(coefficients, modal, h, work, factors, n):
-    blocks = factors + _BLOCKS
-    return correct(coefficients[BETA], modal, h, work, blocks, factors + _COUPLING, factors + STORE, n)
+def _kept(work, factors):
+    """The factorization in a block of rows."""
+    return Factors(work, factors + _BLOCK.BLOCKS, factors + _BLOCK.COUPLING, factors + STORE)
 
 
 @called
@@ -291,24 +298,24 @@ def _factor(coefficients, chain, modal, h, work, factors):
     n = chain.shape[1] - 1
     by_a = coefficients[BETA] * h * h
     inner = h * (coefficients[THETA] - coefficients[WEIGHT_1])  # = h wc gd
-    coupling = factors + _COUPLING
+    coupling = factors + _BLOCK.COUPLING
     for i in range(n):
-        tangent_c = work[_TANGENT_C, i]
-        tangent_1 = work[_TANGENT_1, i]
-        work[factors + _FACTORED_C, i] = tangent_c
-        work[factors + _FACTORED_1, i] = tangent_1
+        tangent_c = work[ROW.TANGENT_C, i]
+        tangent_1 = work[ROW.TANGENT_1, i]
+        work[factors + _BLOCK.FACTORED_C, i] = tangent_c
+        work[factors + _BLOCK.FACTORED_1, i] = tangent_1
         tangent_c += chain[at.GEOMETRIC, i]
         tangent_1 += chain[at.GEOMETRIC, i]
         damper = chain[at.STORY_DAMPER, i]
-        slope_c = coefficients[WEIGHT_C] * work[_SLOPE_C, i]
-        slope_1 = work[_SLOPE_1, i]
-        work[factors + _FACTORED_SLOPE, i] = slope_1
+        slope_c = coefficients[WEIGHT_C] * work[ROW.SLOPE_C, i]
+        slope_1 = work[ROW.SLOPE_1, i]
+        work[factors + _BLOCK.FACTORED_SLOPE, i] = slope_1
         work[coupling, i] = -by_a * tangent_1
         work[coupling + 1, i] = -by_a * (damper + slope_1)
         work[coupling + 2, i] = damper + inner * tangent_c + h * coefficients[WEIGHT_1] * tangent_1
         work[coupling + 2, i] += coefficients[RATE_BY_INCREMENT] * slope_c
         work[coupling + 3, i] = -by_a * tangent_c
         work[coupling + 3, i] += h * (coefficients[RATE_BY_VELOCITY_1] * slope_c + coefficients[WEIGHT_1] * slope_1)
-    work[factors + _FACTORED_1, n] = h
-    assemble_blocks(chain, work, factors + _BLOCKS, coupling, h * coefficients[THETA], by_a, n)
-    factor_blocks(factors + _BLOCKS, coupling, work, modal, 0.0, -by_a, 1.0, 0.0, factors + STORE, n)
+    work[factors + _BLOCK.FACTORED_1, n] = h
+    assemble_blocks(chain, _kept(work, factors), h * coefficients[THETA], by_a, n)
+    factor_blocks(_kept(work, factors), ModalBlocks(modal, 0.0, -by_a, 1.0, 0.0), n)

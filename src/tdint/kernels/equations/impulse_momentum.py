@@ -13,7 +13,7 @@ from __future__ import annotations
 from tdint.kernels import layout as at
 from tdint.kernels.chain import add_modal_force
 from tdint.kernels.compiling import inlined
-from tdint.kernels.equations.tridiagonal import solve_blocks_damped
+from tdint.kernels.equations.tridiagonal import ModalBlocks, solve_blocks_damped
 from tdint.kernels.stepping import CLOSE, SMALL, balanced
 
 # Rows of work
@@ -66,11 +66,11 @@ def residuals(theta, alpha, beta, chain, modal, h, state, work):
 
 
 @inlined
-def in_balance(last, beta, chain, h, state, work, memo):
+def in_balance(last, beta, chain, h, state, work, report):
     """Whether the rows of `residuals` are small beside their terms. At the last of them the worst is noted."""
     n = chain.shape[1] - 1
     by_a = beta * h * h
-    memo[at.RESIDUAL] = 0.0
+    report[at.RESIDUAL] = 0.0
     small = True
     for i in range(n):
         link = chain[at.LINK, i + 1]
@@ -78,24 +78,24 @@ def in_balance(last, beta, chain, h, state, work, memo):
         rounding = work[SIZE, i] + link * work[SIZE, i + 1]
         scale = abs(work[DU, i]) + h * (abs(state[at.VELOCITY, i]) + abs(work[V1, i]))
         scale += h * h * abs(state[at.ACCELERATION, i]) + by_a * abs(work[A1, i])
-        small &= balanced(last, CLOSE, memo, i, work[R1, i], mass * scale + by_a * rounding)
+        small &= balanced(last, CLOSE, report, i, work[R1, i], mass * scale + by_a * rounding)
         scale = abs(work[IMPULSE, i]) + abs(mass * work[DV, i]) + h * rounding
         scale += abs(work[FORCE_S, i]) + link * abs(work[FORCE_S, i + 1])
-        small &= balanced(last, CLOSE, memo, i, work[R2, i], scale)
+        small &= balanced(last, CLOSE, report, i, work[R2, i], scale)
     return small
 
 
 @inlined
-def solve(beta, modal, h, work, blocks, coupling, store, n):
+def solve(beta, modal, h, factors, n):
     """Solve with the factors in work for the residuals in the rows of `residuals`, in their place."""
-    by_a = beta * h * h
-    solve_blocks_damped(work, blocks, coupling, modal, 0.0, -by_a, 1.0, 0.0, store, R1, R2, n)
+    solve_blocks_damped(factors, ModalBlocks(modal, 0.0, -beta * h * h, 1.0, 0.0), R1, R2, n)
 
 
 @inlined
-def correct(beta, modal, h, work, blocks, coupling, store, n):
+def correct(beta, modal, h, factors, n):
     """Solve for the corrections with the factors in work and add them. True if they are rounding."""
-    solve(beta, modal, h, work, blocks, coupling, store, n)
+    work = factors.table
+    solve(beta, modal, h, factors, n)
     small = True
     for i in range(n):
         work[DU, i] += work[R1, i]

@@ -13,50 +13,52 @@ with the means F0 and moments F1 of `tdint.kernels.stories.path`, and K the init
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from tdint.kernels import layout as at
+from tdint.kernels.bundles import Factors
 from tdint.kernels.chain import DASHPOTS, MODAL, add_modal_force
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.equations.halving import add_rows, too_far
-from tdint.kernels.equations.tridiagonal import COUPLING_ROWS, factor_blocks, link_blocks, solve_blocks_damped
+from tdint.kernels.equations.tridiagonal import (
+    COUPLING_ROWS,
+    ModalBlocks,
+    factor_blocks,
+    link_blocks,
+    solve_blocks_damped,
+)
 from tdint.kernels.laws.choosing import BENDING
 from tdint.kernels.stepping import ITERATIONS, SAME_TANGENT, SMALL, balanced
+from tdint.kernels.stories import path
 from tdint.kernels.stories.branches import advance
 from tdint.kernels.stories.dashpot_path import follow_dashpot
-from tdint.kernels.stories.path import (
-    MEAN,
-    MEAN_BY_BEND,
-    MEAN_BY_RISE,
-    MOMENT,
-    MOMENT_BY_BEND,
-    MOMENT_BY_RISE,
-    PATH_ROWS,
-    arrive,
-    follow,
-    keep_to_branch,
-    stays,
-)
+from tdint.kernels.stories.path import arrive, follow, keep_to_branch, stays
 
 # Coefficients
 R = 0  # of dissipation
 BY_RISE = 1  # 12 / (1 + 6 r)
 
-# Rows of work
-LOAD = 0  # P0, then P1
-RISE = 2
-BEND = 3
-A0 = 4  # a0 and a1 as in the equations above
-A1 = 5
-_X = 6  # residuals, then corrections, of the rises, then the bends
-_CORRECTION = 8  # likewise
-_SIZE = 10  # of what the displacements round, as a force
-_LEFT = 11  # 1 if the story leaves its branch
-_PATH = 12
-_DASHPOT = _PATH + PATH_ROWS  # mean and moment of the power-law dashpot's force
-_FACTORED = _DASHPOT + 2  # tangents; the step stands in the last column
-_BLOCKS = _FACTORED + 4
-_COUPLING = _BLOCKS + 4
-_STORE = _COUPLING + COUPLING_ROWS
+
+class _Rows(NamedTuple):
+    """Rows of work."""
+
+    LOAD: int = 2  # P0, then P1
+    RISE: int = 1
+    BEND: int = 1
+    A0: int = 1  # a0 and a1 as in the equations above
+    A1: int = 1
+    X: int = 2  # residuals, then corrections, of the rises, then the bends
+    CORRECTION: int = 2  # likewise
+    SIZE: int = 1  # of what the displacements round, as a force
+    LEFT: int = 1  # 1 if the story leaves its branch
+    PATH: int = path.PATH_ROWS
+    DASHPOT: int = 2  # mean and moment of the power-law dashpot's force
+    FACTORED: int = 4  # tangents; the step stands in the last column
+    BLOCKS: int = 4
+    COUPLING: int = COUPLING_ROWS
+
+
+ROW, STORE = at.chained(_Rows)
 
 _BY_SLOPE = (0.5, -1.0 / 12.0, 1.0, 0.0)  # tangents of a linear branch over its slope: of mean and moment
 
@@ -66,44 +68,46 @@ CLOSE = 1e-13
 
 def work_rows(modes: int) -> int:
     """Rows of work that the step needs for a building with `modes` modally damped modes."""
-    return _STORE + 6 * modes + 1
+    return STORE + 6 * modes + 1
 
 
 @inlined
-def move(coefficients, chain, modal, laws, h, state, springs, work, memo):
+def move(coefficients, scene, h, memory):
     """Motion over the step; returns the number of solves, or NOT_CONVERGED.
 
     Where all laws are linear on their branches, the first solve is that of the branches on which the stories are: in a
     linear building the only one. Otherwise Newton's iteration with the complete tangents. A correction that does not
     bring the equations closer to balance is halved.
     """
+    chain, modal, laws, _, flags = scene
+    state, _, work, report = memory
     n = chain.shape[1] - 1
     iterations = 0
     part = 1.0
     before = math.inf
     last = False
-    if memo[at.BRANCHES] == at.ALL_BRANCHES:
-        before = _keep_to_branches(coefficients, chain, modal, laws, h, state, springs, work)
+    if flags[at.BRANCHES] == at.ALL_BRANCHES:
+        before = _keep_to_branches(coefficients, scene, h, memory)
         iterations = 1
-        if not BENDING or memo[at.LINEAR] != 0.0:
+        if not BENDING or flags[at.LINEAR] != 0.0:
             return iterations
     else:
         _guess(h, state, work, n)
     while BENDING:
-        stale = _stories(coefficients, chain, laws, h, state, springs, work)
+        stale = _stories(coefficients, scene, h, memory)
         size = _residuals(coefficients, chain, modal, h, state, work)
         failing = iterations == ITERATIONS or not size < math.inf
-        if last or _in_balance(failing, coefficients, chain, h, state, work, memo):
+        if last or _in_balance(failing, coefficients, chain, h, state, work, report):
             break
         if too_far(size, before, part):
             part *= 0.5
-            add_rows(-part, work, _CORRECTION, RISE, 2, n)
+            add_rows(-part, work, ROW.CORRECTION, ROW.RISE, 2, n)
             continue
         if failing:
             return at.NOT_CONVERGED
         if stale:
             _factor(coefficients, chain, modal, laws, h, work)
-        solve_blocks_damped(work, _BLOCKS, _COUPLING, modal, h, 0.0, 0.0, h, _STORE, _X, _X + 1, n)
+        solve(modal, h, work, n)
         last = _correct(state, work, n)
         iterations += 1
         before = size
@@ -112,38 +116,44 @@ def move(coefficients, chain, modal, laws, h, state, springs, work, memo):
 
 
 @inlined
-def _keep_to_branches(coefficients, chain, modal, laws, h, state, springs, work):
+def _keep_to_branches(coefficients, scene, h, memory):
     """Motion with all stories on their present linear branches: one solve, from no motion at all, which is also the
     correction. Returns the size of what that left out of balance."""
+    chain, modal, laws, _, _ = scene
+    state, springs, work, _ = memory
     n = chain.shape[1] - 1
-    stale = work[_FACTORED, n] != h
+    stale = work[ROW.FACTORED, n] != h
     for i in range(n):
         slope = springs[at.SLOPE, i]
         same = SAME_TANGENT * laws[at.STIFFNESS, i]
         for row in range(4):
-            stale |= abs(work[_FACTORED + row, i] - _BY_SLOPE[row] * slope) > same
-        work[_PATH + MEAN, i] = springs[at.FORCE, i] + chain[at.GEOMETRIC, i] * springs[at.DRIFT, i]
-        work[_LEFT, i] = 0.0
+            stale |= abs(work[ROW.FACTORED + row, i] - _BY_SLOPE[row] * slope) > same
+        work[ROW.PATH + path.MEAN, i] = springs[at.FORCE, i] + chain[at.GEOMETRIC, i] * springs[at.DRIFT, i]
+        work[ROW.LEFT, i] = 0.0
     size = 0.0
     for i in range(n):
-        mean = work[_PATH + MEAN, i] - chain[at.LINK, i + 1] * work[_PATH + MEAN, i + 1] - work[LOAD, i]
+        mean = (
+            work[ROW.PATH + path.MEAN, i]
+            - chain[at.LINK, i + 1] * work[ROW.PATH + path.MEAN, i + 1]
+            - work[ROW.LOAD, i]
+        )
         inertia = chain[at.MASS, i] * coefficients[BY_RISE] * h * state[at.VELOCITY, i]
         by_rise = coefficients[R] * inertia - h * h * mean
-        by_bend = h * h * work[LOAD + 1, i] - inertia
-        work[_X, i] = by_rise
-        work[_X + 1, i] = by_bend
+        by_bend = h * h * work[ROW.LOAD + 1, i] - inertia
+        work[ROW.X, i] = by_rise
+        work[ROW.X + 1, i] = by_bend
         if BENDING:
             size += chain[at.INVERSE_MASS, i] * (by_rise * by_rise + by_bend * by_bend / 12.0)
     if stale:
         for i in range(n):
             for row in range(4):
-                work[_PATH + MEAN_BY_RISE + row, i] = _BY_SLOPE[row] * springs[at.SLOPE, i]
+                work[ROW.PATH + path.MEAN_BY_RISE + row, i] = _BY_SLOPE[row] * springs[at.SLOPE, i]
         _factor(coefficients, chain, modal, laws, h, work)
-    solve_blocks_damped(work, _BLOCKS, _COUPLING, modal, h, 0.0, 0.0, h, _STORE, _X, _X + 1, n)
+    solve(modal, h, work, n)
     for row in range(2):
         for i in range(n):
-            work[_CORRECTION + row, i] = work[_X + row, i]
-            work[RISE + row, i] = work[_X + row, i]
+            work[ROW.CORRECTION + row, i] = work[ROW.X + row, i]
+            work[ROW.RISE + row, i] = work[ROW.X + row, i]
     return size
 
 
@@ -151,46 +161,48 @@ def _keep_to_branches(coefficients, chain, modal, laws, h, state, springs, work)
 def _guess(h, state, work, n):
     """Constant acceleration, that of the end of the step before."""
     for i in range(n):
-        work[BEND, i] = h * h * state[at.ACCELERATION, i]
-        work[RISE, i] = h * state[at.VELOCITY, i] + 0.5 * work[BEND, i]
+        work[ROW.BEND, i] = h * h * state[at.ACCELERATION, i]
+        work[ROW.RISE, i] = h * state[at.VELOCITY, i] + 0.5 * work[ROW.BEND, i]
 
 
 @inlined
-def _stories(coefficients, chain, laws, h, state, springs, work):
+def _stories(coefficients, scene, h, memory):
     """Means, moments and tangents of the stories, dampers included, for the present motion. True if the factorization
     does not fit the tangents."""
+    chain, _, laws, _, _ = scene
+    state, springs, work, _ = memory
     n = chain.shape[1] - 1
-    stale = work[_FACTORED, n] != h
+    stale = work[ROW.FACTORED, n] != h
     rise_below = 0.0
     bend_below = 0.0
     size_below = 0.0
     for i in range(n):
         link = chain[at.LINK, i]
-        rise = work[RISE, i] - link * rise_below
-        bend = work[BEND, i] - link * bend_below
-        rise_below = work[RISE, i]
-        bend_below = work[BEND, i]
+        rise = work[ROW.RISE, i] - link * rise_below
+        bend = work[ROW.BEND, i] - link * bend_below
+        rise_below = work[ROW.RISE, i]
+        bend_below = work[ROW.BEND, i]
         if stays(springs, i, rise, bend):
-            work[_LEFT, i] = 0.0
-            keep_to_branch(springs, i, rise, bend, work, _PATH)
+            work[ROW.LEFT, i] = 0.0
+            keep_to_branch(springs, i, rise, bend, work, ROW.PATH)
         else:
-            work[_LEFT, i] = 1.0
-            follow(laws, springs, i, rise, bend, work, _PATH)
+            work[ROW.LEFT, i] = 1.0
+            follow(laws, springs, i, rise, bend, work, ROW.PATH)
         if DASHPOTS and chain[at.POWER_DAMPER, i] != 0.0:
-            follow_dashpot(chain, i, h, rise, bend, work, _PATH, _DASHPOT)
+            follow_dashpot(chain, i, h, rise, bend, work, ROW.PATH, ROW.DASHPOT)
         same = SAME_TANGENT * laws[at.STIFFNESS, i]
         for row in range(4):
-            change = abs(work[_PATH + MEAN_BY_RISE + row, i] - work[_FACTORED + row, i])
+            change = abs(work[ROW.PATH + path.MEAN_BY_RISE + row, i] - work[ROW.FACTORED + row, i])
             stale |= change > same
         geometric = chain[at.GEOMETRIC, i]
         damper = chain[at.STORY_DAMPER, i] / h
         drift = springs[at.DRIFT, i]
         stiffness = coefficients[R] * (laws[at.STIFFNESS, i] + geometric)
-        work[_PATH + MEAN, i] += geometric * (drift + 0.5 * rise - bend / 12.0) + damper * rise
-        work[_PATH + MOMENT, i] += geometric * rise + (damper + stiffness) * bend
+        work[ROW.PATH + path.MEAN, i] += geometric * (drift + 0.5 * rise - bend / 12.0) + damper * rise
+        work[ROW.PATH + path.MOMENT, i] += geometric * rise + (damper + stiffness) * bend
         # A drift is a difference: what the displacements round is not out of balance.
         size = abs(state[at.DISPLACEMENT, i]) + abs(rise_below)
-        work[_SIZE, i] = SMALL / CLOSE * laws[at.STIFFNESS, i] * (size + link * size_below)
+        work[ROW.SIZE, i] = SMALL / CLOSE * laws[at.STIFFNESS, i] * (size + link * size_below)
         size_below = size
     return stale
 
@@ -200,45 +212,51 @@ def _residuals(coefficients, chain, modal, h, state, work):
     """Minus the residuals of both equations into their rows; returns their size."""
     n = chain.shape[1] - 1
     for i in range(n):
-        work[_X, i] = 0.0
-        work[_X + 1, i] = 0.0
-    add_modal_force(modal, work, RISE, -h, work, _X, n)
-    add_modal_force(modal, work, BEND, -h, work, _X + 1, n)
+        work[ROW.X, i] = 0.0
+        work[ROW.X + 1, i] = 0.0
+    add_modal_force(modal, work, ROW.RISE, -h, work, ROW.X, n)
+    add_modal_force(modal, work, ROW.BEND, -h, work, ROW.X + 1, n)
     total = 0.0
     for i in range(n):
         link = chain[at.LINK, i + 1]
-        rise = work[RISE, i]
-        bend = work[BEND, i]
+        rise = work[ROW.RISE, i]
+        bend = work[ROW.BEND, i]
         a1 = coefficients[BY_RISE] * (0.5 * bend - rise + h * state[at.VELOCITY, i])
         a0 = bend - coefficients[R] * a1
-        work[A0, i] = a0
-        work[A1, i] = a1
+        work[ROW.A0, i] = a0
+        work[ROW.A1, i] = a1
         floor = h * chain[at.FLOOR_DAMPER, i]
-        mean = work[_PATH + MEAN, i] - link * work[_PATH + MEAN, i + 1] - work[LOAD, i]
-        moment = work[_PATH + MOMENT, i] - link * work[_PATH + MOMENT, i + 1] - work[LOAD + 1, i]
-        work[_X, i] -= chain[at.MASS, i] * a0 + floor * rise + h * h * mean
-        work[_X + 1, i] -= chain[at.MASS, i] * a1 + floor * bend + h * h * moment
-        squares = work[_X, i] * work[_X, i] + work[_X + 1, i] * work[_X + 1, i] / 12.0
+        mean = work[ROW.PATH + path.MEAN, i] - link * work[ROW.PATH + path.MEAN, i + 1] - work[ROW.LOAD, i]
+        moment = work[ROW.PATH + path.MOMENT, i] - link * work[ROW.PATH + path.MOMENT, i + 1] - work[ROW.LOAD + 1, i]
+        work[ROW.X, i] -= chain[at.MASS, i] * a0 + floor * rise + h * h * mean
+        work[ROW.X + 1, i] -= chain[at.MASS, i] * a1 + floor * bend + h * h * moment
+        squares = work[ROW.X, i] * work[ROW.X, i] + work[ROW.X + 1, i] * work[ROW.X + 1, i] / 12.0
         total += chain[at.INVERSE_MASS, i] * squares
     return total
 
 
 @inlined
-def _in_balance(last, coefficients, chain, h, state, work, memo):
+def _in_balance(last, coefficients, chain, h, state, work, report):
     """Whether the residuals are small beside the terms of their equations. At the last of them the worst is noted."""
-    memo[at.RESIDUAL] = 0.0
+    report[at.RESIDUAL] = 0.0
     small = True
     for i in range(chain.shape[1] - 1):
         link = chain[at.LINK, i + 1]
         mass = chain[at.MASS, i]
-        rounding = work[_SIZE, i] + link * work[_SIZE, i + 1]
-        forces = abs(work[_PATH + MEAN, i]) + link * abs(work[_PATH + MEAN, i + 1]) + abs(work[LOAD, i])
-        inner = abs(work[BEND, i]) + coefficients[R] * abs(work[A1, i])
-        small &= balanced(last, CLOSE, memo, i, work[_X, i], mass * inner + h * h * (forces + rounding))
-        forces = abs(work[_PATH + MOMENT, i]) + link * abs(work[_PATH + MOMENT, i + 1]) + abs(work[LOAD + 1, i])
-        inner = abs(work[BEND, i]) + abs(work[RISE, i]) + h * abs(state[at.VELOCITY, i])
+        rounding = work[ROW.SIZE, i] + link * work[ROW.SIZE, i + 1]
+        forces = (
+            abs(work[ROW.PATH + path.MEAN, i]) + link * abs(work[ROW.PATH + path.MEAN, i + 1]) + abs(work[ROW.LOAD, i])
+        )
+        inner = abs(work[ROW.BEND, i]) + coefficients[R] * abs(work[ROW.A1, i])
+        small &= balanced(last, CLOSE, report, i, work[ROW.X, i], mass * inner + h * h * (forces + rounding))
+        forces = (
+            abs(work[ROW.PATH + path.MOMENT, i])
+            + link * abs(work[ROW.PATH + path.MOMENT, i + 1])
+            + abs(work[ROW.LOAD + 1, i])
+        )
+        inner = abs(work[ROW.BEND, i]) + abs(work[ROW.RISE, i]) + h * abs(state[at.VELOCITY, i])
         inner *= coefficients[BY_RISE]
-        small &= balanced(last, CLOSE, memo, i, work[_X + 1, i], mass * inner + h * h * (forces + rounding))
+        small &= balanced(last, CLOSE, report, i, work[ROW.X + 1, i], mass * inner + h * h * (forces + rounding))
     return small
 
 
@@ -248,10 +266,10 @@ def _correct(state, work, n):
     small = True
     for i in range(n):
         for row in range(2):
-            work[_CORRECTION + row, i] = work[_X + row, i]
-            work[RISE + row, i] += work[_X + row, i]
-        size = abs(state[at.DISPLACEMENT, i]) + abs(work[RISE, i]) + abs(work[BEND, i])
-        small = small and abs(work[_X, i]) + abs(work[_X + 1, i]) <= SMALL * size
+            work[ROW.CORRECTION + row, i] = work[ROW.X + row, i]
+            work[ROW.RISE + row, i] += work[ROW.X + row, i]
+        size = abs(state[at.DISPLACEMENT, i]) + abs(work[ROW.RISE, i]) + abs(work[ROW.BEND, i])
+        small = small and abs(work[ROW.X, i]) + abs(work[ROW.X + 1, i]) <= SMALL * size
     return small
 
 
@@ -267,24 +285,34 @@ def _factor(coefficients, chain, modal, laws, h, work):
         damper = h * chain[at.STORY_DAMPER, i]
         numerical = coefficients[R] * (laws[at.STIFFNESS, i] + geometric)
         for row in range(4):
-            work[_FACTORED + row, i] = work[_PATH + MEAN_BY_RISE + row, i]
-        work[_COUPLING, i] = square * (work[_PATH + MEAN_BY_RISE, i] + 0.5 * geometric) + damper
-        work[_COUPLING + 1, i] = square * (work[_PATH + MEAN_BY_BEND, i] - geometric / 12.0)
-        work[_COUPLING + 2, i] = square * (work[_PATH + MOMENT_BY_RISE, i] + geometric)
-        work[_COUPLING + 3, i] = square * (work[_PATH + MOMENT_BY_BEND, i] + numerical) + damper
+            work[ROW.FACTORED + row, i] = work[ROW.PATH + path.MEAN_BY_RISE + row, i]
+        work[ROW.COUPLING, i] = square * (work[ROW.PATH + path.MEAN_BY_RISE, i] + 0.5 * geometric) + damper
+        work[ROW.COUPLING + 1, i] = square * (work[ROW.PATH + path.MEAN_BY_BEND, i] - geometric / 12.0)
+        work[ROW.COUPLING + 2, i] = square * (work[ROW.PATH + path.MOMENT_BY_RISE, i] + geometric)
+        work[ROW.COUPLING + 3, i] = square * (work[ROW.PATH + path.MOMENT_BY_BEND, i] + numerical) + damper
         by_rise = mass * coefficients[BY_RISE]
-        work[_BLOCKS, i] = coefficients[R] * by_rise + floor + work[_COUPLING, i]
-        work[_BLOCKS + 1, i] = mass - 0.5 * coefficients[R] * by_rise + work[_COUPLING + 1, i]
-        work[_BLOCKS + 2, i] = work[_COUPLING + 2, i] - by_rise
-        work[_BLOCKS + 3, i] = 0.5 * by_rise + floor + work[_COUPLING + 3, i]
-    work[_FACTORED, n] = h
-    link_blocks(chain, work, _BLOCKS, _COUPLING, n)
-    factor_blocks(_BLOCKS, _COUPLING, work, modal, h, 0.0, 0.0, h, _STORE, n)
+        work[ROW.BLOCKS, i] = coefficients[R] * by_rise + floor + work[ROW.COUPLING, i]
+        work[ROW.BLOCKS + 1, i] = mass - 0.5 * coefficients[R] * by_rise + work[ROW.COUPLING + 1, i]
+        work[ROW.BLOCKS + 2, i] = work[ROW.COUPLING + 2, i] - by_rise
+        work[ROW.BLOCKS + 3, i] = 0.5 * by_rise + floor + work[ROW.COUPLING + 3, i]
+    work[ROW.FACTORED, n] = h
+    factors = Factors(work, ROW.BLOCKS, ROW.COUPLING, STORE)
+    link_blocks(chain, factors, n)
+    factor_blocks(factors, ModalBlocks(modal, h, 0.0, 0.0, h), n)
 
 
 @inlined
-def finish(coefficients, chain, modal, laws, h, state, springs, work, memo):
+def solve(modal, h, work, n):
+    """Corrections, or the motion, from the residuals, in their place."""
+    factors = Factors(work, ROW.BLOCKS, ROW.COUPLING, STORE)
+    solve_blocks_damped(factors, ModalBlocks(modal, h, 0.0, 0.0, h), ROW.X, ROW.X + 1, n)
+
+
+@inlined
+def finish(coefficients, scene, h, memory):
     """Update the state, and the work done by the load and the dampers along the paths."""
+    chain, modal, laws, _, flags = scene
+    state, springs, work, report = memory
     n = chain.shape[1] - 1
     by_h = 1.0 / h
     by_rise = 0.0
@@ -294,12 +322,12 @@ def finish(coefficients, chain, modal, laws, h, state, springs, work, memo):
     rise_below = 0.0
     bend_below = 0.0
     for i in range(n):
-        rise = work[RISE, i]
-        bend = work[BEND, i]
+        rise = work[ROW.RISE, i]
+        bend = work[ROW.BEND, i]
         a1 = coefficients[BY_RISE] * (0.5 * bend - rise + h * state[at.VELOCITY, i])
         a0 = bend - coefficients[R] * a1
-        by_rise += rise * work[LOAD, i]
-        by_bend += bend * work[LOAD + 1, i]
+        by_rise += rise * work[ROW.LOAD, i]
+        by_bend += bend * work[ROW.LOAD + 1, i]
         damped_rise += chain[at.FLOOR_DAMPER, i] * rise * rise
         damped_bend += chain[at.FLOOR_DAMPER, i] * bend * bend
         state[at.DISPLACEMENT, i] += rise
@@ -307,21 +335,21 @@ def finish(coefficients, chain, modal, laws, h, state, springs, work, memo):
         state[at.ACCELERATION, i] = by_h * by_h * (a0 + 0.5 * a1)
         rise -= chain[at.LINK, i] * rise_below
         bend -= chain[at.LINK, i] * bend_below
-        rise_below = work[RISE, i]
-        bend_below = work[BEND, i]
+        rise_below = work[ROW.RISE, i]
+        bend_below = work[ROW.BEND, i]
         damped_rise += chain[at.STORY_DAMPER, i] * rise * rise
         damped_bend += chain[at.STORY_DAMPER, i] * bend * bend
-        if not BENDING or work[_LEFT, i] == 0.0:
+        if not BENDING or work[ROW.LEFT, i] == 0.0:
             advance(laws, springs, i, 0, springs[at.DRIFT, i] + rise)
         else:
             arrive(laws, springs, i, rise)
     damped = by_h * (damped_rise + damped_bend / 12.0)
     if MODAL and modal.shape[0] > 0:
         damped += _modal_work(modal, h, work, n)
-    if DASHPOTS and memo[at.POWER_DAMPERS] != 0.0:
+    if DASHPOTS and flags[at.POWER_DAMPERS] != 0.0:
         damped += _dashpot_work(chain, work, n)
-    memo[at.WORK_INPUT] = by_rise + by_bend / 12.0
-    memo[at.WORK_DAMPED] = damped
+    report[at.WORK_INPUT] = by_rise + by_bend / 12.0
+    report[at.WORK_DAMPED] = damped
 
 
 @called
@@ -332,8 +360,8 @@ def _modal_work(modal, h, work, n):
         rise = 0.0
         bend = 0.0
         for i in range(n):
-            rise += modal[j, i] * work[RISE, i]
-            bend += modal[j, i] * work[BEND, i]
+            rise += modal[j, i] * work[ROW.RISE, i]
+            bend += modal[j, i] * work[ROW.BEND, i]
         total += (rise * rise + bend * bend / 12.0) / h
     return total
 
@@ -345,10 +373,10 @@ def _dashpot_work(chain, work, n):
     rise_below = 0.0
     bend_below = 0.0
     for i in range(n):
-        rise = work[RISE, i] - chain[at.LINK, i] * rise_below
-        bend = work[BEND, i] - chain[at.LINK, i] * bend_below
-        rise_below = work[RISE, i]
-        bend_below = work[BEND, i]
+        rise = work[ROW.RISE, i] - chain[at.LINK, i] * rise_below
+        bend = work[ROW.BEND, i] - chain[at.LINK, i] * bend_below
+        rise_below = work[ROW.RISE, i]
+        bend_below = work[ROW.BEND, i]
         if chain[at.POWER_DAMPER, i] != 0.0:
-            total += rise * work[_DASHPOT, i] + bend * work[_DASHPOT + 1, i] / 12.0
+            total += rise * work[ROW.DASHPOT, i] + bend * work[ROW.DASHPOT + 1, i] / 12.0
     return total

@@ -14,10 +14,11 @@ from __future__ import annotations
 import math
 
 from tdint.kernels import layout as at
+from tdint.kernels.bundles import Factors
 from tdint.kernels.chain import add_modal_force, power_damper
 from tdint.kernels.compiling import inlined
 from tdint.kernels.equations.halving import copy_rows, squares, too_far
-from tdint.kernels.equations.tridiagonal import factor_combination, solve_damped
+from tdint.kernels.equations.tridiagonal import Combination, factor_combination, solve_damped
 from tdint.kernels.stepping import CLOSE, ITERATIONS, PATIENCE, SAME_TANGENT, SMALL, balanced
 from tdint.kernels.stories.springs import restoring
 
@@ -54,32 +55,33 @@ def forget(work, factors, n):
 
 
 @inlined
-def balance(by_u, by_v, by_a, factors, past, trial, chain, modal, laws, springs, work, memo):
+def balance(weights, factors, past, trial, scene, memory):
     """Bring the floors into equilibrium; returns the number of solves, or a negative code.
 
     The drift laws go from the state in block `past` of springs to block `trial`. Rows `factors` and following of work
     hold the factors of by_a M + by_v C + by_u K for the weights of this call, or are marked by `forget`.
     """
+    by_u, by_v, by_a = weights
+    chain, modal, _, _, flags = scene
+    work, report = memory.work, memory.report
     n = chain.shape[1] - 1
     tangents = factors + _FACTORED
-    pivot = factors + _PIVOT
-    coupling = factors + _COUPLING
-    store = factors + _STORE
-    by_k = by_u if by_u != 0.0 else 1.0
+    kept = Factors(work, factors + _PIVOT, factors + _COUPLING, factors + _STORE)
+    combination = Combination(by_a, by_v, by_u if by_u != 0.0 else 1.0)
     for i in range(n):
         work[X, i] = 0.0
     iterations = 0
     part = 1.0
     before = math.inf
     while True:
-        stale = _story_forces(by_u, by_v, factors, past, trial, chain, laws, springs, work)
-        if _in_balance(iterations == ITERATIONS, chain, modal, work, memo):
+        stale = _story_forces(weights, factors, past, trial, scene, memory)
+        if _in_balance(iterations == ITERATIONS, chain, modal, work, report):
             break
         if iterations >= PATIENCE:
             size = squares(chain, work, _RESIDUAL, n)
             if too_far(size, before, part):
                 part *= 0.5
-                _correct(-part, _CORRECTION, by_u, by_v, by_a, work, n)
+                _correct(-part, _CORRECTION, weights, work, n)
                 continue
             before = size
             part = 1.0
@@ -88,25 +90,28 @@ def balance(by_u, by_v, by_a, factors, past, trial, chain, modal, laws, springs,
         if stale:
             for i in range(n):
                 work[tangents, i] = work[_TANGENT, i]
-            factor_combination(chain, modal, work, tangents, by_a, by_v, by_k, work, pivot, coupling, store, n)
-        solve_damped(work, pivot, coupling, modal, store, _RESIDUAL, n)
+            factor_combination(chain, modal, work, tangents, combination, kept, n)
+        solve_damped(kept, modal, _RESIDUAL, n)
         iterations += 1
         if iterations > PATIENCE:
             copy_rows(work, _RESIDUAL, _CORRECTION, 1, n)
-        done = memo[at.LINEAR] != 0.0 or (by_u == 0.0 and memo[at.POWER_DAMPERS] == 0.0)
-        if _correct(1.0, _RESIDUAL, by_u, by_v, by_a, work, n) or done:
-            _drift_laws(past, trial, chain, laws, springs, work)
+        done = flags[at.LINEAR] != 0.0 or (by_u == 0.0 and flags[at.POWER_DAMPERS] == 0.0)
+        if _correct(1.0, _RESIDUAL, weights, work, n) or done:
+            _drift_laws(past, trial, scene, memory)
             break
     return max(iterations, 1)
 
 
 @inlined
-def _story_forces(by_u, by_v, factors, past, trial, chain, laws, springs, work):
+def _story_forces(weights, factors, past, trial, scene, memory):
     """Story forces of the present motion. True if the factors do not fit its tangents.
 
     The tangent of a power-law dashpot is a stiffness by_v / by_u times as large. Where by_u is 0 no stiffness matters,
     and the factors are made with 1 in its place.
     """
+    by_u, by_v, _ = weights
+    chain, _, laws, _, _ = scene
+    _, springs, work, _ = memory
     stale = False
     u_below = 0.0
     v_below = 0.0
@@ -136,13 +141,13 @@ def _story_forces(by_u, by_v, factors, past, trial, chain, laws, springs, work):
 
 
 @inlined
-def _in_balance(last, chain, modal, work, memo):
+def _in_balance(last, chain, modal, work, report):
     """Unbalanced forces into their row, N; whether all are small. At the last of them the worst is noted."""
     n = chain.shape[1] - 1
     for i in range(n):
         work[_RESIDUAL, i] = chain[at.FLOOR_DAMPER, i] * work[V, i]
     add_modal_force(modal, work, V, 1.0, work, _RESIDUAL, n)
-    memo[at.RESIDUAL] = 0.0
+    report[at.RESIDUAL] = 0.0
     small = True
     for i in range(n):
         load = work[LOAD, i]
@@ -152,13 +157,15 @@ def _in_balance(last, chain, modal, work, memo):
         residual = load - inertia - damping - work[_SUM, i] + link * work[_SUM, i + 1]
         work[_RESIDUAL, i] = residual
         scale = abs(load) + abs(inertia) + abs(damping) + work[_SIZE, i] + link * work[_SIZE, i + 1]
-        small &= balanced(last, CLOSE, memo, i, residual, scale)
+        small &= balanced(last, CLOSE, report, i, residual, scale)
     return small
 
 
 @inlined
-def _drift_laws(past, trial, chain, laws, springs, work):
+def _drift_laws(past, trial, scene, memory):
     """Drift laws at the present displacements."""
+    chain, _, laws, _, _ = scene
+    _, springs, work, _ = memory
     below = 0.0
     for i in range(chain.shape[1] - 1):
         restoring(laws, springs, i, past, trial, work[U, i] - chain[at.LINK, i] * below)
@@ -166,8 +173,9 @@ def _drift_laws(past, trial, chain, laws, springs, work):
 
 
 @inlined
-def _correct(part, row, by_u, by_v, by_a, work, n):
+def _correct(part, row, weights, work, n):
     """Add a part of the correction of x in `row` to x and to the motion. True if it was rounding."""
+    by_u, by_v, by_a = weights
     small = True
     for i in range(n):
         dx = part * work[row, i]

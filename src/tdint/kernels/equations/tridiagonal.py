@@ -7,7 +7,10 @@ above a story, for which the same step is solvable.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from tdint.kernels import layout as at
+from tdint.kernels.bundles import Array
 from tdint.kernels.compiling import VARIANT, called, inlined
 
 _MODAL = VARIANT.modal
@@ -16,13 +19,32 @@ COUPLING_ROWS = 8
 """Rows that the factors of `factor_blocks` have for the couplings, of which the first half is given to it."""
 
 
+class Combination(NamedTuple):
+    """by_m M + by_c C + by_k K."""
+
+    by_m: float
+    by_c: float
+    by_k: float
+
+
+class ModalBlocks(NamedTuple):
+    """[[xx, xy], [yx, yy]] (x) W^T W: modal damping where unknowns are pairs (x, y) per floor."""
+
+    modal: Array
+    xx: float
+    xy: float
+    yx: float
+    yy: float
+
+
 @inlined
-def factor(work, diagonal, coupling, n):
+def factor(factors, n):
     """L D L^T of a symmetric tridiagonal matrix in place.
 
-    Row `diagonal` becomes the inverse pivots; row `coupling`, entry i the coupling of i with i - 1, becomes the
-    multipliers.
+    The row of pivots, which holds the diagonal, becomes the inverse pivots; that of couplings, entry i the coupling of
+    i with i - 1, the multipliers.
     """
+    work, diagonal, coupling, _ = factors
     work[diagonal, 0] = 1.0 / work[diagonal, 0]
     for i in range(1, n):
         multiplier = work[coupling, i] * work[diagonal, i - 1]
@@ -31,8 +53,9 @@ def factor(work, diagonal, coupling, n):
 
 
 @inlined
-def solve(work, diagonal, coupling, x, n):
-    """Solve with the factors of `factor`; row `x` holds the right side and becomes the solution."""
+def solve(factors, x, n):
+    """Solve with the factors of `factor`; row `x` of their table holds the right side and becomes the solution."""
+    work, diagonal, coupling, _ = factors
     carried = work[x, 0]
     for i in range(1, n):
         carried = work[x, i] - work[coupling, i] * carried
@@ -65,26 +88,27 @@ def invert(work, first, size):
 
 
 @called
-def factor_damped(work, diagonal, coupling, modal, scale, store, n):
+def factor_damped(factors, modal, scale, n):
     """Factor T + scale * W^T W, T as for `factor`.
 
-    Rows of work from `store` on are kept for `solve_damped`: T^-1 W^T (one row per mode), then
+    Rows from `factors.store` on are kept for `solve_damped`: T^-1 W^T (one row per mode), then
     scale * (I + scale W T^-1 W^T)^-1, then one row of scratch.
     """
-    factor(work, diagonal, coupling, n)
+    factor(factors, n)
     if _MODAL:
-        _store_damped(work, diagonal, coupling, modal, scale, store, n)
+        _store_damped(factors, modal, scale, n)
 
 
 @called
-def _store_damped(work, diagonal, coupling, modal, scale, store, n):
+def _store_damped(factors, modal, scale, n):
     """What `factor_damped` keeps of the modes."""
+    work, _, _, store = factors
     modes = modal.shape[0]
     small = store + modes
     for j in range(modes):
         for i in range(n):
             work[store + j, i] = modal[j, i]
-        solve(work, diagonal, coupling, store + j, n)
+        solve(factors, store + j, n)
     for j in range(modes):
         for k in range(modes):
             product = 0.0
@@ -98,11 +122,11 @@ def _store_damped(work, diagonal, coupling, modal, scale, store, n):
 
 
 @inlined
-def solve_damped(work, diagonal, coupling, modal, store, x, n):
+def solve_damped(factors, modal, x, n):
     """Solve with the factors of `factor_damped`; row `x` holds the right side and becomes the solution."""
-    solve(work, diagonal, coupling, x, n)
+    solve(factors, x, n)
     if _MODAL and modal.shape[0] > 0:
-        _correct_damped(work, modal, store, x, n)
+        _correct_damped(factors.table, modal, factors.store, x, n)
 
 
 @called
@@ -125,9 +149,11 @@ def _correct_damped(work, modal, store, x, n):
 
 
 @inlined
-def assemble_combination(chain, springs, row, by_m, by_c, by_k, work, diagonal, coupling, n):
+def assemble_combination(chain, springs, row, combination, factors, n):
     """by_m M + by_c C + by_k K for `factor`, without the modal part of C; row `row` of `springs` is the stiffness of
     each story, to which the geometric one is added."""
+    by_m, by_c, by_k = combination
+    work, diagonal, coupling, _ = factors
     for i in range(n):
         story = by_k * (springs[row, i] + chain[at.GEOMETRIC, i]) + by_c * chain[at.STORY_DAMPER, i]
         work[diagonal, i] = by_m * chain[at.MASS, i] + by_c * chain[at.FLOOR_DAMPER, i] + story
@@ -137,19 +163,20 @@ def assemble_combination(chain, springs, row, by_m, by_c, by_k, work, diagonal, 
 
 
 @called
-def factor_combination(chain, modal, springs, row, by_m, by_c, by_k, work, diagonal, coupling, store, n):
+def factor_combination(chain, modal, springs, row, combination, factors, n):
     """Factor by_m M + by_c C + by_k K as `factor_damped` does; `springs` as for `assemble_combination`."""
-    assemble_combination(chain, springs, row, by_m, by_c, by_k, work, diagonal, coupling, n)
-    factor_damped(work, diagonal, coupling, modal, by_c, store, n)
+    assemble_combination(chain, springs, row, combination, factors, n)
+    factor_damped(factors, modal, combination.by_c, n)
 
 
 @inlined
-def assemble_blocks(chain, work, blocks, coupling, by_v, by_a, n):
+def assemble_blocks(chain, factors, by_v, by_a, n):
     """Newton matrix of a step with the unknowns (u1 - u0, v1 - v0) per floor and a1 eliminated by equilibrium.
 
-    Rows from `coupling` on hold the four entries that each story brings, springs and dampers; by_v and by_a are the
+    The rows of couplings hold the four entries that each story brings, springs and dampers; by_v and by_a are the
     weights of v1 and -a1 in the kinematic line u1 - u0 = ... The couplings are cut where a story stands on the ground.
     """
+    work, blocks, coupling, _ = factors
     for i in range(n):
         mass = chain[at.MASS, i]
         floor = chain[at.FLOOR_DAMPER, i]
@@ -157,12 +184,13 @@ def assemble_blocks(chain, work, blocks, coupling, by_v, by_a, n):
         work[blocks + 1, i] = work[coupling + 1, i] - by_v * mass - by_a * floor
         work[blocks + 2, i] = floor + work[coupling + 2, i]
         work[blocks + 3, i] = mass + work[coupling + 3, i]
-    link_blocks(chain, work, blocks, coupling, n)
+    link_blocks(chain, factors, n)
 
 
 @called
-def link_blocks(chain, work, blocks, coupling, n):
+def link_blocks(chain, factors, n):
     """Add what each story brings to the block of the floor below it, and cut the coupling where there is none."""
+    work, blocks, coupling, _ = factors
     for i in range(n):
         for entry in range(4):
             work[coupling + entry, i] *= chain[at.LINK, i]
@@ -172,16 +200,17 @@ def link_blocks(chain, work, blocks, coupling, n):
 
 
 @called
-def factor_blocks(blocks, coupling, work, modal, s00, s01, s10, s11, store, n):
-    """Factor a block tridiagonal matrix with 2 x 2 blocks, plus [[s00, s01], [s10, s11]] (x) W^T W.
+def factor_blocks(factors, damping, n):
+    """Factor a block tridiagonal matrix with 2 x 2 blocks, plus a `ModalBlocks`.
 
-    Rows of `work` from `blocks` on: the four entries of each diagonal block, row by row; they become the inverses A of
-    the block pivots. Rows from `coupling` on: the four entries of B, where -B is both the block left of the diagonal in
-    row i and, in row i - 1, the one right of it; they become those of B_i A_(i-1), and the next COUPLING_ROWS / 2 rows
-    those of A_i B_(i+1), so that a solve waits for one product a floor. Unknowns are pairs (x, y) per floor. From
-    `store` on, four rows for each mode (both columns of T^-1 (I2 (x) W^T), x then y), the small inverse in 2 modes
-    rows, one row of scratch.
+    Four rows from `factors.pivot` on: the entries of each diagonal block, row by row; they become the inverses A of
+    the block pivots. Rows from `factors.coupling` on: the four entries of B, where -B is both the block left of the
+    diagonal in row i and, in row i - 1, the one right of it; they become those of B_i A_(i-1), and the next
+    COUPLING_ROWS / 2 rows those of A_i B_(i+1), so that a solve waits for one product a floor. Unknowns are pairs
+    (x, y) per floor. From `factors.store` on, four rows for each mode (both columns of T^-1 (I2 (x) W^T), x then y),
+    the small inverse in 2 modes rows, one row of scratch.
     """
+    work, blocks, coupling, _ = factors
     upper = coupling + COUPLING_ROWS // 2
     for i in range(n):
         p = work[blocks, i]
@@ -190,12 +219,8 @@ def factor_blocks(blocks, coupling, work, modal, s00, s01, s10, s11, store, n):
         s = work[blocks + 3, i]
         if i > 0:
             b0, b1, b2, b3 = work[coupling, i], work[coupling + 1, i], work[coupling + 2, i], work[coupling + 3, i]
-            i0, i1, i2, i3 = (
-                work[blocks, i - 1],
-                work[blocks + 1, i - 1],
-                work[blocks + 2, i - 1],
-                work[blocks + 3, i - 1],
-            )
+            i0, i1 = work[blocks, i - 1], work[blocks + 1, i - 1]
+            i2, i3 = work[blocks + 2, i - 1], work[blocks + 3, i - 1]
             x0 = i0 * b0 + i1 * b2
             x1 = i0 * b1 + i1 * b3
             x2 = i2 * b0 + i3 * b2
@@ -220,12 +245,14 @@ def factor_blocks(blocks, coupling, work, modal, s00, s01, s10, s11, store, n):
     for entry in range(4):
         work[upper + entry, n - 1] = 0.0
     if _MODAL:
-        _store_blocks_damped(blocks, coupling, work, modal, s00, s01, s10, s11, store, n)
+        _store_blocks_damped(factors, damping, n)
 
 
 @called
-def _store_blocks_damped(blocks, coupling, work, modal, s00, s01, s10, s11, store, n):
+def _store_blocks_damped(factors, damping, n):
     """What `factor_blocks` keeps of the modes."""
+    work, _, _, store = factors
+    modal, xx, xy, yx, yy = damping
     modes = modal.shape[0]
     small = store + 4 * modes
     for j in range(2 * modes):
@@ -233,7 +260,7 @@ def _store_blocks_damped(blocks, coupling, work, modal, s00, s01, s10, s11, stor
         for i in range(n):
             work[x, i] = modal[j, i] if j < modes else 0.0
             work[x + 1, i] = 0.0 if j < modes else modal[j - modes, i]
-        solve_blocks(work, blocks, coupling, x, x + 1, n)
+        solve_blocks(factors, x, x + 1, n)
     for j in range(modes):
         for k in range(2 * modes):
             in_x = 0.0
@@ -241,14 +268,15 @@ def _store_blocks_damped(blocks, coupling, work, modal, s00, s01, s10, s11, stor
             for i in range(n):
                 in_x += modal[j, i] * work[store + 2 * k, i]
                 in_y += modal[j, i] * work[store + 2 * k + 1, i]
-            work[small + j, k] = s00 * in_x + s01 * in_y + (1.0 if j == k else 0.0)
-            work[small + modes + j, k] = s10 * in_x + s11 * in_y + (1.0 if modes + j == k else 0.0)
+            work[small + j, k] = xx * in_x + xy * in_y + (1.0 if j == k else 0.0)
+            work[small + modes + j, k] = yx * in_x + yy * in_y + (1.0 if modes + j == k else 0.0)
     invert(work, small, 2 * modes)
 
 
 @inlined
-def solve_blocks(work, blocks, coupling, x, y, n):
+def solve_blocks(factors, x, y, n):
     """Solve with the blocks of `factor_blocks`, without the modal part; rows `x` and `y` become the solution."""
+    work, blocks, coupling, _ = factors
     upper = coupling + COUPLING_ROWS // 2
     x0 = work[x, 0]
     y0 = work[y, 0]
@@ -271,16 +299,18 @@ def solve_blocks(work, blocks, coupling, x, y, n):
 
 
 @inlined
-def solve_blocks_damped(work, blocks, coupling, modal, s00, s01, s10, s11, store, x, y, n):
+def solve_blocks_damped(factors, damping, x, y, n):
     """Solve with the factors of `factor_blocks`; rows `x` and `y` hold the right side and become the solution."""
-    solve_blocks(work, blocks, coupling, x, y, n)
-    if _MODAL and modal.shape[0] > 0:
-        _correct_blocks_damped(work, modal, s00, s01, s10, s11, store, x, y, n)
+    solve_blocks(factors, x, y, n)
+    if _MODAL and damping.modal.shape[0] > 0:
+        _correct_blocks_damped(factors, damping, x, y, n)
 
 
 @called
-def _correct_blocks_damped(work, modal, s00, s01, s10, s11, store, x, y, n):
+def _correct_blocks_damped(factors, damping, x, y, n):
     """Woodbury's correction of `solve_blocks_damped`."""
+    work, _, _, store = factors
+    modal, xx, xy, yx, yy = damping
     modes = modal.shape[0]
     small = store + 4 * modes
     scratch = small + 2 * modes
@@ -290,8 +320,8 @@ def _correct_blocks_damped(work, modal, s00, s01, s10, s11, store, x, y, n):
         for i in range(n):
             in_x += modal[j, i] * work[x, i]
             in_y += modal[j, i] * work[y, i]
-        work[scratch, j] = s00 * in_x + s01 * in_y
-        work[scratch, modes + j] = s10 * in_x + s11 * in_y
+        work[scratch, j] = xx * in_x + xy * in_y
+        work[scratch, modes + j] = yx * in_x + yy * in_y
     for j in range(2 * modes):
         amplitude = 0.0
         for k in range(2 * modes):

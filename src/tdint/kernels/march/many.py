@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from tdint.kernels import layout as at
+from tdint.kernels.bundles import MEMORY, SCENE, Array, Memory, Scene, Seen
 from tdint.kernels.compiling import CUBE, F8, I8, TABLE, VECTOR, called_at, inlined, kernel
+from tdint.kernels.march.law_energies import BEGIN, RAISE_SHEARS, TAKE_STOCK
 from tdint.kernels.march.march import MARCH
-from tdint.kernels.march.stories import BEGIN, RAISE_SHEARS, TAKE_STOCK
 from tdint.kernels.stepping import STEP
 
 # runs: one row each
@@ -23,7 +26,7 @@ STEPS_TAKEN = 1
 AT_REST = 2  # 1 if the motion has died, or that was not asked for
 END_COLUMNS = 3
 
-call_march = called_at(MARCH)
+_call_march = called_at(MARCH)
 
 
 @inlined
@@ -40,37 +43,95 @@ def _fill(target, value):
             target[i, j] = value
 
 
-@kernel(
-    I8(
-        MARCH, STEP, BEGIN, TAKE_STOCK, RAISE_SHEARS,
-        I8,  # how often a step may be halved
-        F8,  # h
-        VECTOR,  # samples of all ground motions
-        TABLE,  # runs
-        VECTOR, VECTOR,  # coefficients, shifts
-        TABLE, TABLE, TABLE, TABLE,  # chain, modal, laws, forces
-        TABLE, TABLE, VECTOR, VECTOR,  # what state, springs, memo and observed are at the start
-        TABLE, TABLE, TABLE,  # state, springs, work
-        VECTOR, VECTOR, VECTOR,  # memo, load, ground: as long as the longest motion
-        TABLE, TABLE,  # watch, limits
-        VECTOR,  # kept: a number for each story
-        TABLE,  # history, without rows
-        I8,  # steps of a window at the end in which the motion is seen to have died
-        I8,  # most windows; 0: runs end with their steps
-        F8,  # largest velocity in a window at rest, over the largest displacement of the run, 1/s
-        CUBE,  # peaks of each run
-        TABLE,  # drifts of each run at its end
-        TABLE,  # observed of each run
-        TABLE,  # ends
-    ),
-    parts=(),
-)  # fmt: skip
+MANY = I8(
+    MARCH,
+    STEP,
+    BEGIN,
+    TAKE_STOCK,
+    RAISE_SHEARS,
+    I8,  # how often a step may be halved
+    F8,  # h
+    VECTOR,  # samples of all ground motions
+    TABLE,  # runs
+    VECTOR,  # coefficients
+    VECTOR,  # shifts
+    *SCENE,
+    *MEMORY,  # as it is at the start
+    VECTOR,  # totals, likewise
+    *MEMORY,
+    VECTOR,  # load
+    VECTOR,  # ground: as long as the longest motion
+    TABLE,  # watch
+    TABLE,  # limits
+    VECTOR,  # kept: a number for each story
+    TABLE,  # history, without rows
+    I8,  # steps of a window at the end in which the motion is seen to have died
+    I8,  # most windows; 0: runs end with their steps
+    F8,  # largest velocity in a window at rest, over the largest displacement of the run, 1/s
+    CUBE,  # peaks of each run
+    TABLE,  # drifts of each run at its end
+    TABLE,  # totals of each run
+    TABLE,  # ends
+)
+
+
+class _Called(NamedTuple):
+    """The kernels of a march."""
+
+    march: int
+    step: int
+    begin: int
+    take_stock: int
+    raise_shears: int
+
+
+class _Motion(NamedTuple):
+    """What all runs have in common: how a step is taken, and scratch for the run's own ground motion."""
+
+    halvings: int
+    h: float
+    coefficients: Array
+    shifts: Array
+    load: Array
+    ground: Array
+
+
+@inlined
+def _go_on(kernels, motion, run, steps, done, scene, memory, seen):
+    """March on from `done` steps to `steps` of them; `run` is the number of steps per sample and samples per step."""
+    return _call_march(
+        kernels.march, kernels.step, kernels.begin, kernels.take_stock, kernels.raise_shears,
+        steps, done, steps, run[0], run[1],
+        motion.halvings, motion.h, motion.ground, motion.coefficients, motion.shifts,
+        scene.chain, scene.modal, scene.laws, scene.forces, scene.flags,
+        memory.state, memory.springs, memory.work, memory.report, motion.load,
+        seen.watch, seen.peaks, seen.limits, seen.totals, seen.history,
+    )  # fmt: skip
+
+
+@inlined
+def _begin(initial, memory, watch):
+    """Bring all memory to what it is at the start."""
+    _copy(initial.state, memory.state)
+    _copy(initial.springs, memory.springs)
+    _fill(memory.work, 0.0)
+    _fill(watch, 0.0)
+    for i in range(memory.report.size):
+        memory.report[i] = initial.report[i]
+
+
+@kernel(MANY, parts=())
 def many(
-    march, step, begin, take_stock, raise_shears, halvings, h, samples, runs, coefficients, shifts, chain, modal, laws,
-    forces, state_0, springs_0, memo_0, observed_0, state, springs, work, memo, load, ground, watch, limits, kept,
-    history, window, windows, quiet, peaks, drifts, observed, ends,
+    march, step, begin, take_stock, raise_shears, halvings, h, samples, runs, coefficients, shifts,
+    chain, modal, laws, forces, flags, state_0, springs_0, work_0, report_0, totals_0, state, springs, work, report,
+    load, ground, watch, limits, kept, history, window, windows, quiet, peaks, drifts, totals, ends,
 ):  # fmt: skip
     """March through all runs; each begins as if it were alone. Returns how many of them did not get to their end."""
+    kernels = _Called(march, step, begin, take_stock, raise_shears)
+    motion = _Motion(halvings, h, coefficients, shifts, load, ground)
+    scene = Scene(chain, modal, laws, forces, flags)
+    initial = Memory(state_0, springs_0, work_0, report_0)
+    memory = Memory(state, springs, work, report)
     failed = 0
     n = chain.shape[1] - 1
     for r in range(runs.shape[0]):
@@ -78,30 +139,22 @@ def many(
         size = int(runs[r, GROUND_SIZE])
         for i in range(ground.size):
             ground[i] = samples[first + i] * runs[r, SCALE] if i < size else 0.0
-        _copy(state_0, state)
-        _copy(springs_0, springs)
-        _fill(work, 0.0)
-        _fill(watch, 0.0)
-        for i in range(memo.size):
-            memo[i] = memo_0[i]
-        for i in range(at.OBSERVED_SIZE):
-            observed[r, i] = observed_0[i]
+        _begin(initial, memory, watch)
+        for i in range(at.TOTALS_SIZE):
+            totals[r, i] = totals_0[i]
+        seen = Seen(watch, peaks[r], limits, totals[r], history)
+        run = (int(runs[r, PER_SAMPLE]), int(runs[r, STRIDE]))
         done = 0
-        steps = int(runs[r, STEPS])
-        last = steps
+        last = int(runs[r, STEPS])
         code = 0
         at_rest = 1.0 if windows == 0 else 0.0
         for w in range(windows + 1):
             for i in range(n):  # velocities of this window alone
                 kept[i] = peaks[r, at.PEAK_VELOCITY, i]
                 peaks[r, at.PEAK_VELOCITY, i] = 0.0
-                if memo[at.OWN_PEAKS] != 0.0:
-                    work[int(memo[at.OWN_PEAKS]) + at.PEAK_VELOCITY, i] = 0.0
-            code = call_march(
-                march, step, begin, take_stock, raise_shears, last, done, last, int(runs[r, PER_SAMPLE]),
-                int(runs[r, STRIDE]), halvings, h, ground, coefficients, shifts, chain, modal, laws, forces,
-                state, springs, work, memo, load, watch, peaks[r], limits, observed[r], history,
-            )  # fmt: skip
+                if report[at.OWN_PEAKS] != 0.0:
+                    work[int(report[at.OWN_PEAKS]) + at.PEAK_VELOCITY, i] = 0.0
+            code = _go_on(kernels, motion, run, last, done, scene, memory, seen)
             fastest = 0.0
             farthest = 0.0
             for i in range(n):

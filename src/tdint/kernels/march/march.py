@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from tdint.kernels import layout as at
-from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, called, inlined, kernel
-from tdint.kernels.march.ground import ground_at, straightened, straightened_samples
+from tdint.kernels.bundles import MEMORY, SCENE, SEEN, Memory, Scene, Seen, Span
+from tdint.kernels.compiling import F8, I8, VECTOR, called, inlined, kernel
+from tdint.kernels.march.ground import beyond_line, ground_at, straightened, straightened_samples
+from tdint.kernels.march.law_energies import BEGIN, RAISE_SHEARS, TAKE_STOCK, begin_laws, sum_up, take_shears
 from tdint.kernels.march.observing import (
-    ACCELERATION_ROW,
-    TURN,
     begin_energies,
     beyond_limits,
     look_between,
@@ -17,15 +17,7 @@ from tdint.kernels.march.observing import (
     shift_ground,
     store,
 )
-from tdint.kernels.march.stories import (
-    BEGIN,
-    RAISE_SHEARS,
-    TAKE_STOCK,
-    call_begin,
-    call_raise_shears,
-    call_take_stock,
-)
-from tdint.kernels.stepping import STEP, call_step
+from tdint.kernels.stepping import STEP, take_step
 
 MARCH = I8(
     STEP,  # step
@@ -42,20 +34,10 @@ MARCH = I8(
     VECTOR,  # ground acceleration
     VECTOR,  # coefficients
     VECTOR,  # what of a jump of the ground acceleration each row of the state takes
-    TABLE,  # chain
-    TABLE,  # modal
-    TABLE,  # laws
-    TABLE,  # forces
-    TABLE,  # state
-    TABLE,  # springs
-    TABLE,  # work of the step
-    VECTOR,  # memo
+    *SCENE,
+    *MEMORY,
     VECTOR,  # load, LOAD_SIZE numbers of scratch
-    TABLE,  # work of the observer
-    TABLE,  # peaks
-    TABLE,  # limits of the drifts
-    VECTOR,  # observed
-    TABLE,  # history: the start and each k-th step, k = steps / (rows - 1) a whole number; no rows for none
+    *SEEN,
 )
 
 RUNAWAY = 1e6
@@ -63,17 +45,18 @@ RUNAWAY = 1e6
 
 
 @inlined
-def _start(begin, take_stock, chain, modal, laws, forces, ground, state, springs, memo, watch, peaks, observed):
+def _start(begin, take_stock, scene, ground, memory, seen):
     """Drift laws, acceleration and energy of the initial state."""
-    n = chain.shape[1] - 1
-    call_begin(begin, chain, laws, state, springs)
-    observe(chain, modal, forces, 0.0, 0.0, ground, 0.0, state, springs, memo, watch, peaks, observed)
-    remember(state, watch, n)
+    n = scene.chain.shape[1] - 1
+    state = memory.state
+    begin_laws(begin, scene, memory)
+    observe(scene, 0.0, Span(0.0, ground, ground, False, False), 0.0, memory, seen)
+    remember(state, seen.watch, n)
     for i in range(n):
-        state[at.ACCELERATION, i] = watch[ACCELERATION_ROW, i]
-    memo[at.CARRIED_GROUND] = ground
-    call_take_stock(take_stock, chain, laws, state, springs, observed)
-    begin_energies(chain, observed)
+        state[at.ACCELERATION, i] = seen.watch[at.ACCELERATION_NOW, i]
+    memory.report[at.CARRIED_GROUND] = ground
+    sum_up(take_stock, scene, memory, seen)
+    begin_energies(scene.chain, seen.totals)
 
 
 @inlined
@@ -85,18 +68,18 @@ def _ran_away(state, n):
 
 
 @called
-def _watch(take_stock, chain, laws, state, springs, limits, peaks, steps, observed):
+def _watch(take_stock, scene, memory, steps, seen):
     """Note a collapse that has not been noted yet."""
-    if observed[at.COLLAPSE_STEP] == at.NO_COLLAPSE and beyond_limits(limits, springs, peaks, chain.shape[1] - 1):
-        call_take_stock(take_stock, chain, laws, state, springs, observed)
-        note_collapse(limits, springs, peaks, steps, observed)
+    if seen.totals[at.COLLAPSE_STEP] == at.NO_COLLAPSE and beyond_limits(memory.springs, seen):
+        sum_up(take_stock, scene, memory, seen)
+        note_collapse(memory.springs, steps, seen)
 
 
 @kernel(MARCH, parts=())
 def march(
     step, begin, take_stock, raise_shears, steps, first, last, per_sample, stride, halvings,
-    h, ground, coefficients, shifts, chain, modal, laws, forces,
-    state, springs, work, memo, load, watch, peaks, limits, observed, history,
+    h, ground, coefficients, shifts, chain, modal, laws, forces, flags,
+    state, springs, work, report, load, watch, peaks, limits, totals, history,
 ):  # fmt: skip
     """Integrate over the steps `first` to `last` of a run of `steps` steps of h; returns 0, or the code of the step
     that failed.
@@ -110,16 +93,20 @@ def march(
 
     A step that does not converge is halved up to `halvings` times over; the rest of it goes on in the smaller pieces.
     A multi-step method, whose memory holds whole steps, starts anew in and after such a step.
-    `observed[STEPS_REACHED]` counts the whole steps done.
+    `totals[STEPS_REACHED]` counts the whole steps done.
     """
-    n = chain.shape[1] - 1
+    scene = Scene(chain, modal, laws, forces, flags)
+    memory = Memory(state, springs, work, report)
+    seen = Seen(watch, peaks, limits, totals, history)
+    on_path = flags[at.ON_PATH] != 0.0
+    fast = flags[at.FAST] != 0.0
     ground_0 = ground_at(ground, first, per_sample, stride)
     if first == 0:
-        _start(begin, take_stock, chain, modal, laws, forces, ground_0, state, springs, memo, watch, peaks, observed)
-        if beyond_limits(limits, springs, peaks, n):
-            note_collapse(limits, springs, peaks, 0, observed)
+        _start(begin, take_stock, scene, ground_0, memory, seen)
+        if beyond_limits(springs, seen):
+            note_collapse(springs, 0, seen)
         if history.shape[0] > 0:
-            store(chain, ground_0, ground_0, state, springs, watch, observed, history, 0)
+            store(ground_0, ground_0, memory, seen, 0)
     every = steps // max(history.shape[0] - 1, 1)
     smallest = 0.5**halvings
     for s in range(first, last):
@@ -130,57 +117,47 @@ def march(
         while done < 1.0:
             load[at.TIME] = (s + done) * h
             if stride > 1:
+                samples = stride / per_sample
+                begins, ends = (s + done) * samples, (s + done + piece) * samples
                 if per_sample == 1 and piece == 1.0:
                     load[at.GROUND_0], load[at.GROUND_1] = straightened_samples(ground, s * stride, (s + 1) * stride)
                 else:
-                    samples = stride / per_sample
-                    begins, ends = (s + done) * samples, (s + done + piece) * samples
                     load[at.GROUND_0], load[at.GROUND_1] = straightened(ground, begins, ends)
+                if flags[at.CARRIES_ERROR] != 0.0:
+                    load[at.GROUND_2], load[at.GROUND_3] = beyond_line(ground, begins, ends)
                 slope = (load[at.GROUND_1] - load[at.GROUND_0]) / (piece * h)
-                shift_ground(
-                    chain, modal, forces, load[at.TIME], memo[at.CARRIED_GROUND] - load[at.GROUND_0],
-                    load[at.GROUND_0], shifts, state, watch, observed,
-                )  # fmt: skip
-                memo[at.CARRIED_GROUND] = load[at.GROUND_0]
+                shift_ground(scene, load, shifts, memory, seen)
             else:
                 load[at.GROUND_0] = ground_0 + done * (ground_1 - ground_0)
                 load[at.GROUND_1] = (
                     ground_1 if done + piece == 1.0 else ground_0 + (done + piece) * (ground_1 - ground_0)
                 )
-            code = call_step(
-                step, coefficients, chain, modal, laws, forces, piece * h, load, state, springs, work, memo
-            )
+            code = take_step(step, coefficients, scene, piece * h, load, memory)
             if code < 0:
                 if code == at.NOT_FINITE or piece <= smallest:
-                    _watch(take_stock, chain, laws, state, springs, limits, peaks, s, observed)
+                    _watch(take_stock, scene, memory, s, seen)
                     return code
                 piece *= 0.5
-                observed[at.HALVINGS] += 1.0
-                memo[at.STEPS_DONE] = 0.0
+                totals[at.HALVINGS] += 1.0
+                report[at.STEPS_DONE] = 0.0
                 continue
             done += piece
-            observed[at.ITERATIONS] += code
-            memo[at.CARRIED_GROUND] = load[at.GROUND_1]
-            near = observe(
-                chain, modal, forces, (s + done) * h, piece * h, load[at.GROUND_1], slope,
-                state, springs, memo, watch, peaks, observed,
-            )  # fmt: skip
-            turned = look_between(
-                near, chain, laws, piece * h, load[at.GROUND_0], load[at.GROUND_1], state, springs, watch, work, memo,
-                peaks, observed,
-            )  # fmt: skip
-            if turned > 0:
-                call_raise_shears(raise_shears, laws, springs, watch, TURN, peaks)
-        memo[at.STEPS_DONE] = memo[at.STEPS_DONE] + 1.0 if piece == 1.0 else 0.0
-        observed[at.STEPS_REACHED] += 1.0
-        if _ran_away(state, n):
+            totals[at.ITERATIONS] += code
+            report[at.CARRIED_GROUND] = load[at.GROUND_1]
+            span = Span(piece * h, load[at.GROUND_0], load[at.GROUND_1], on_path, fast)
+            near = observe(scene, (s + done) * h, span, slope, memory, seen)
+            if look_between(near, scene, span, memory, seen) > 0:
+                take_shears(raise_shears, scene, memory, seen)
+        report[at.STEPS_DONE] = report[at.STEPS_DONE] + 1.0 if piece == 1.0 else 0.0
+        totals[at.STEPS_REACHED] += 1.0
+        if _ran_away(state, chain.shape[1] - 1):
             return at.NOT_FINITE
-        if observed[at.COLLAPSE_STEP] == at.NO_COLLAPSE and beyond_limits(limits, springs, peaks, n):
-            _watch(take_stock, chain, laws, state, springs, limits, peaks, s + 1, observed)
+        if totals[at.COLLAPSE_STEP] == at.NO_COLLAPSE and beyond_limits(springs, seen):
+            _watch(take_stock, scene, memory, s + 1, seen)
         if history.shape[0] > 0 and (s + 1) % every == 0:
-            call_take_stock(take_stock, chain, laws, state, springs, observed)
-            store(chain, ground_1, load[at.GROUND_1], state, springs, watch, observed, history, (s + 1) // every)
+            sum_up(take_stock, scene, memory, seen)
+            store(ground_1, load[at.GROUND_1], memory, seen, (s + 1) // every)
         ground_0 = ground_1
     if last == steps:
-        call_take_stock(take_stock, chain, laws, state, springs, observed)
+        sum_up(take_stock, scene, memory, seen)
     return 0

@@ -7,71 +7,78 @@ Whatever the error, the dashpot takes energy: weights are positive, and at each 
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+from tdint.kernels.bundles import Array
 from tdint.kernels.chain import power_damper
 from tdint.kernels.compiling import called, inlined
-from tdint.kernels.stories.path import (
-    MEAN,
-    MEAN_BY_BEND,
-    MEAN_BY_RISE,
-    MOMENT,
-    MOMENT_BY_BEND,
-    MOMENT_BY_RISE,
-    NODES,
-    WEIGHTS,
-)
+from tdint.kernels.stories import path
 
-_STEADY = 0.5  # least rate over the largest up to which the rate itself will do
-_STEADY_POINTS = 6
-_POINTS = 12
+STEADY = 0.5  # least rate over the largest up to which the rate itself will do
+STEADY_POINTS = 6
+POINTS = 12
+
+
+class _Move(NamedTuple):
+    """A parabola of drift over a step of h, and where its integrals go: rows of a table, those of the whole story and
+    those of the dashpot alone."""
+
+    rise: float
+    bend: float
+    h: float
+    work: Array
+    whole: int
+    own: int
 
 
 @called
-def follow_dashpot(chain, i, h, rise, bend, work, path, own):
+def follow_dashpot(chain, i, h, rise, bend, work, whole, own):
     """Mean and moment of the dashpot's force along the path (as in `path.follow`) into rows `own` and `own` + 1; they
-    and the tangents are added to the rows from `path` on."""
-    work[own + MEAN, i] = 0.0
-    work[own + MOMENT, i] = 0.0
+    and the tangents are added to the rows from `whole` on."""
+    move = _Move(rise, bend, h, work, whole, own)
+    work[own + path.MEAN, i] = 0.0
+    work[own + path.MOMENT, i] = 0.0
     first = rise - 0.5 * bend  # h times the rates at the ends
     last = rise + 0.5 * bend
     if first * last < 0.0:
         rest = -rise / bend
-        _part(chain, i, h, rise, bend, rest, -0.5, work, path, own)
-        _part(chain, i, h, rise, bend, rest, 0.5, work, path, own)
+        _part(chain, i, move, rest, -0.5)
+        _part(chain, i, move, rest, 0.5)
     elif abs(first) < abs(last):
-        _part(chain, i, h, rise, bend, -0.5, 0.5, work, path, own)
+        _part(chain, i, move, -0.5, 0.5)
     else:
-        _part(chain, i, h, rise, bend, 0.5, -0.5, work, path, own)
-    work[path + MEAN, i] += work[own + MEAN, i]
-    work[path + MOMENT, i] += work[own + MOMENT, i]
+        _part(chain, i, move, 0.5, -0.5)
+    work[whole + path.MEAN, i] += work[own + path.MEAN, i]
+    work[whole + path.MOMENT, i] += work[own + path.MOMENT, i]
 
 
 @called
-def _part(chain, i, h, rise, bend, slow, fast, work, path, own):
+def _part(chain, i, move, slow, fast):
     """The part of the path between s = `slow` and s = `fast`, where the rate is larger and of the same sign."""
-    least = abs(rise + bend * slow)
-    largest = abs(rise + bend * fast)
+    least = abs(move.rise + move.bend * slow)
+    largest = abs(move.rise + move.bend * fast)
     length = abs(fast - slow)
-    if least >= _STEADY * largest:
-        for point in range(_STEADY_POINTS):
-            s = slow + (fast - slow) * NODES[_STEADY_POINTS, point]
-            _add(chain, i, h, rise, bend, s, length * WEIGHTS[_STEADY_POINTS, point], work, path, own)
+    if least >= STEADY * largest:
+        for point in range(STEADY_POINTS):
+            s = slow + (fast - slow) * path.NODES[STEADY_POINTS, point]
+            _add(chain, i, move, s, length * path.WEIGHTS[STEADY_POINTS, point])
         return
     root = (least / largest) ** (1.0 / 3.0) if least > 0.0 else 0.0
     whole = 1.0 - root * root * root
-    for point in range(_POINTS):
-        x = root + (1.0 - root) * NODES[_POINTS, point]
+    for point in range(POINTS):
+        x = root + (1.0 - root) * path.NODES[POINTS, point]
         s = slow + (fast - slow) * (x * x * x - root * root * root) / whole
-        weight = length * 3.0 * x * x / whole * (1.0 - root) * WEIGHTS[_POINTS, point]
-        _add(chain, i, h, rise, bend, s, weight, work, path, own)
+        _add(chain, i, move, s, length * 3.0 * x * x / whole * (1.0 - root) * path.WEIGHTS[POINTS, point])
 
 
 @inlined
-def _add(chain, i, h, rise, bend, s, weight, work, path, own):
+def _add(chain, i, move, s, weight):
+    rise, bend, h, work, whole, own = move
     force, slope = power_damper(chain, i, (rise + bend * s) / h)
     moment = 12.0 * weight * s
-    work[own + MEAN, i] += weight * force
-    work[own + MOMENT, i] += moment * force
-    work[path + MEAN_BY_RISE, i] += weight * slope / h
-    work[path + MEAN_BY_BEND, i] += weight * slope * s / h
-    work[path + MOMENT_BY_RISE, i] += moment * slope / h
-    work[path + MOMENT_BY_BEND, i] += moment * slope * s / h
+    work[own + path.MEAN, i] += weight * force
+    work[own + path.MOMENT, i] += moment * force
+    work[whole + path.MEAN_BY_RISE, i] += weight * slope / h
+    work[whole + path.MEAN_BY_BEND, i] += weight * slope * s / h
+    work[whole + path.MOMENT_BY_RISE, i] += moment * slope / h
+    work[whole + path.MOMENT_BY_BEND, i] += moment * slope * s / h

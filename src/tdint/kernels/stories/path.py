@@ -18,6 +18,7 @@ import math
 import numpy as np
 
 from tdint.kernels import layout as at
+from tdint.kernels.bundles import Rows, Stretch
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.laws.choosing import CURVES, DISSIPATING, case_of_4, case_of_5, chosen
 from tdint.kernels.laws.walking import copy_further
@@ -36,17 +37,17 @@ _BACK = 6  # the same of the way back from a turning point
 _SHIFTED = 12  # and with this point shifted
 PATH_ROWS = 18
 
-_MOST_BRANCHES = 16  # on the way to a turning point; a law has fewer
+MOST_BRANCHES = 16  # on the way to a turning point; a law has fewer
 _SHIFT = 1e-6  # of a turning point over the path, to see what hangs on it
-_MOST_POINTS = 16  # in one part of the path
+MOST_POINTS = 16  # in one part of the path
 _USUAL_POINTS = 16.0
 
 
 def _gauss() -> tuple[np.ndarray, np.ndarray]:
     """Nodes and weights of Gauss and Legendre on [0, 1]; row n holds the rule with n points."""
-    nodes = np.zeros((_MOST_POINTS + 1, _MOST_POINTS))
+    nodes = np.zeros((MOST_POINTS + 1, MOST_POINTS))
     weights = np.zeros_like(nodes)
-    for n in range(1, _MOST_POINTS + 1):
+    for n in range(1, MOST_POINTS + 1):
         x, w = np.polynomial.legendre.leggauss(n)
         nodes[n, :n], weights[n, :n] = 0.5 * (x + 1.0), 0.5 * w
     return nodes, weights
@@ -60,7 +61,7 @@ def _as_usual(laws, springs, i, way):
     return _USUAL_POINTS
 
 
-_points = chosen("points", case_of_4, _as_usual)
+points_wanted = chosen("points", case_of_4, _as_usual)
 
 
 @inlined
@@ -68,7 +69,7 @@ def _smooth(laws, springs, i, block, side):
     return math.inf
 
 
-_kink = chosen("kink", case_of_5, _smooth)
+kink = chosen("kink", case_of_5, _smooth)
 
 
 @inlined
@@ -112,20 +113,23 @@ def keep_to_branch(springs, i, rise, bend, work, out):
 @called
 def follow(laws, springs, i, rise, bend, work, out):
     """The results of any story into the rows from `out` on; its state on the way is left to `arrive`."""
-    _clear(work, out, i)
+    whole = Stretch(springs[at.DRIFT, i], rise, bend, 0.0, 1.0)
+    results = Rows(work, out)
+    _clear(results, i)
     if not CURVES or springs[at.SLOPE, i] < math.inf:
-        _over_branches(laws, springs, i, rise, bend, work, out)
+        _over_branches(laws, springs, i, whole, results)
     elif laws[at.CODE, i] in DISSIPATING:
-        _with_memory(laws, springs, i, rise, bend, work, out)
+        _with_memory(laws, springs, i, whole, results)
     else:
-        _elastic(laws, springs, i, rise, bend, work, out)
+        wanted = points_wanted(laws, springs, i, abs(rise) + 0.5 * abs(bend))
+        _integrate(laws, springs, i, 0, True, wanted, whole, results)
 
 
 @called
 def arrive(laws, springs, i, rise):
     """Commit the end of the path that `follow` followed last."""
     if not CURVES or springs[at.SLOPE, i] < math.inf:
-        _copy(springs, i, at.FIRST_TRIAL, 0)
+        copy(springs, i, at.FIRST_TRIAL, 0)
         return
     past = at.FIRST_TRIAL if laws[at.CODE, i] in DISSIPATING else 0
     reach(laws, springs, i, past, at.SECOND_TRIAL, springs[at.DRIFT, i] + rise)
@@ -134,35 +138,43 @@ def arrive(laws, springs, i, rise):
 
 
 @inlined
-def _at(start, rise, bend, t):
-    return start + t * (rise + 0.5 * bend * (t - 1.0))
+def drift_at(stretch, t):
+    """The drift at t."""
+    return stretch.start + t * (stretch.rise + 0.5 * stretch.bend * (t - 1.0))
 
 
 @inlined
-def _clear(work, out, i):
+def part_of(stretch, begin, end):
+    """Another part of the same parabola."""
+    return Stretch(stretch.start, stretch.rise, stretch.bend, begin, end)
+
+
+@inlined
+def _clear(results, i):
     for row in range(_RESULTS):
-        work[out + row, i] = 0.0
+        results.table[results.first + row, i] = 0.0
 
 
 @inlined
-def _copy(springs, i, source, target):
+def copy(springs, i, source, target):
     for row in range(at.SPRING_ROWS):
         springs[target + row, i] = springs[source + row, i]
     copy_further(springs, i, source, target)
 
 
 @inlined
-def _turning_point(rise, bend):
+def turning_point(stretch):
     """Where in (0, 1) the path turns; 1 if it does not."""
-    if 2.0 * abs(rise) >= abs(bend):
+    if 2.0 * abs(stretch.rise) >= abs(stretch.bend):
         return 1.0
-    t = 0.5 - rise / bend
+    t = 0.5 - stretch.rise / stretch.bend
     return t if 0.0 < t < 1.0 else 1.0
 
 
 @inlined
-def _add(work, out, i, weight, t, force, tangent):
+def _add(results, i, weight, t, force, tangent):
     """Add a point of the path to the integrals."""
+    work, out = results
     by_bend = 0.5 * (t * t - t)
     moment = 12.0 * weight * (t - 0.5)
     work[out + MEAN, i] += weight * force
@@ -174,9 +186,10 @@ def _add(work, out, i, weight, t, force, tangent):
 
 
 @inlined
-def _join(work, out, i, turn, shift):
+def _join(results, i, turn, shift):
     """Add the way back from a turning point. What hangs on that point is seen from the same way after a shift of it
     (no shift: nothing does)."""
+    work, out = results
     for row in range(_RESULTS):
         work[out + row, i] += work[out + _BACK + row, i]
     if shift != 0.0:
@@ -193,46 +206,48 @@ def _join(work, out, i, turn, shift):
 
 
 @called
-def _over_branches(laws, springs, i, rise, bend, work, out):
+def _over_branches(laws, springs, i, whole, results):
     """Two-point Gauss on each piece: force times s is a cubic there."""
-    start = springs[at.DRIFT, i]
-    _copy(springs, i, 0, at.FIRST_TRIAL)
-    turn = _turning_point(rise, bend)
-    _go(laws, springs, i, at.FIRST_TRIAL, start, rise, bend, 0.0, turn, work, out)
+    copy(springs, i, 0, at.FIRST_TRIAL)
+    turn = turning_point(whole)
+    _go(laws, springs, i, at.FIRST_TRIAL, part_of(whole, 0.0, turn), results)
     if turn == 1.0:
         return
-    back = math.copysign(1.0, bend)
+    back = Rows(results.table, results.first + _BACK)
+    shifted = Rows(results.table, results.first + _SHIFTED)
+    way_back = part_of(whole, turn, 1.0)
+    side = math.copysign(1.0, whole.bend)
     shift = 0.0
-    if springs[at.FIRST_TRIAL + at.TURN, i] * back < 0.0:  # else nothing happens at the turning point
-        _copy(springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL)
-        shift = -back * _SHIFT * (abs(rise) + abs(bend))
-        advance(laws, springs, i, at.SECOND_TRIAL, _at(start, rise, bend, turn) + shift)
-        _clear(work, out + _SHIFTED, i)
-        _go(laws, springs, i, at.SECOND_TRIAL, start, rise, bend, turn, 1.0, work, out + _SHIFTED)
-    _clear(work, out + _BACK, i)
-    _go(laws, springs, i, at.FIRST_TRIAL, start, rise, bend, turn, 1.0, work, out + _BACK)
-    _join(work, out, i, turn, shift)
+    if springs[at.FIRST_TRIAL + at.TURN, i] * side < 0.0:  # else nothing happens at the turning point
+        copy(springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL)
+        shift = -side * _SHIFT * (abs(whole.rise) + abs(whole.bend))
+        advance(laws, springs, i, at.SECOND_TRIAL, drift_at(whole, turn) + shift)
+        _clear(shifted, i)
+        _go(laws, springs, i, at.SECOND_TRIAL, way_back, shifted)
+    _clear(back, i)
+    _go(laws, springs, i, at.FIRST_TRIAL, way_back, back)
+    _join(results, i, turn, shift)
 
 
 @called
-def _go(laws, springs, i, block, start, rise, bend, begin, end, work, out):
-    """From `begin` to `end` of the path, between which it does not turn, with the state in `block`."""
-    target = _at(start, rise, bend, end)
-    way = target - _at(start, rise, bend, begin)
+def _go(laws, springs, i, block, stretch, results):
+    """Along a stretch in which the path does not turn, with the state in `block`."""
+    target = drift_at(stretch, stretch.end)
+    way = target - drift_at(stretch, stretch.begin)
     if way == 0.0:
-        _piece(springs, i, block, start, rise, bend, begin, end, work, out)
+        _piece(springs, i, block, stretch, results)
         return
     side = math.copysign(1.0, way)
     if springs[block + at.TURN, i] * side < 0.0:
         switch(laws, springs, i, block, at.TURNED)
-    here = begin
-    for passed in range(_MOST_BRANCHES):
+    here = stretch.begin
+    for passed in range(MOST_BRANCHES):
         limit = springs[block + at.UPPER, i] if side > 0.0 else springs[block + at.LOWER, i]
-        ends = side * (target - limit) > 0.0 and passed < _MOST_BRANCHES - 1
-        there = end
+        ends = side * (target - limit) > 0.0 and passed < MOST_BRANCHES - 1
+        there = stretch.end
         if ends:
-            there = min(here + _time_to(limit, start, rise, bend, here, side), end)
-        _piece(springs, i, block, start, rise, bend, here, there, work, out)
+            there = min(here + time_to(limit, stretch, here, side), stretch.end)
+        _piece(springs, i, block, part_of(stretch, here, there), results)
         advance(laws, springs, i, block, limit if ends else target)
         if not ends:
             break
@@ -241,95 +256,93 @@ def _go(laws, springs, i, block, start, rise, bend, begin, end, work, out):
 
 
 @inlined
-def _time_to(limit, start, rise, bend, here, side):
+def time_to(limit, stretch, here, side):
     """How long the path, moving to `side`, takes from `here` to the drift `limit`."""
-    rate = side * (rise + bend * (here - 0.5))
-    left = side * (limit - _at(start, rise, bend, here))
+    rate = side * (stretch.rise + stretch.bend * (here - 0.5))
+    left = side * (limit - drift_at(stretch, here))
     if not left > 0.0:
         return 0.0
-    root = math.sqrt(max(rate * rate + 2.0 * side * bend * left, 0.0))
+    root = math.sqrt(max(rate * rate + 2.0 * side * stretch.bend * left, 0.0))
     return 2.0 * left / (max(rate, 0.0) + root) if max(rate, 0.0) + root > 0.0 else 1.0
 
 
 @inlined
-def _piece(springs, i, block, start, rise, bend, begin, end, work, out):
-    length = end - begin
+def _piece(springs, i, block, stretch, results):
+    length = stretch.end - stretch.begin
     slope = springs[block + at.SLOPE, i]
     for point in range(2):
-        t = begin + length * NODES[2, point]
-        force = springs[block + at.FORCE, i] + slope * (_at(start, rise, bend, t) - springs[block + at.DRIFT, i])
-        _add(work, out, i, 0.5 * length, t, force, slope)
+        t = stretch.begin + length * NODES[2, point]
+        force = springs[block + at.FORCE, i] + slope * (drift_at(stretch, t) - springs[block + at.DRIFT, i])
+        _add(results, i, 0.5 * length, t, force, slope)
 
 
 # ---- Curved
 
 
 @called
-def _elastic(laws, springs, i, rise, bend, work, out):
-    wanted = _points(laws, springs, i, abs(rise) + 0.5 * abs(bend))
-    _integrate(laws, springs, i, 0, True, wanted, rise, bend, 0.0, 1.0, work, out)
-
-
-@called
-def _with_memory(laws, springs, i, rise, bend, work, out):
+def _with_memory(laws, springs, i, whole, results):
     """To the turning point, and from there to the last Gauss point: the state there is left in FIRST_TRIAL."""
-    start = springs[at.DRIFT, i]
-    turn = _turning_point(rise, bend)
-    past = _pass(laws, springs, i, 0, start, rise, bend, 0.0, turn, work, out)
+    turn = turning_point(whole)
+    past = _pass(laws, springs, i, 0, part_of(whole, 0.0, turn), results)
     if turn < 1.0:
-        drift = _at(start, rise, bend, turn)
+        back = Rows(results.table, results.first + _BACK)
+        shifted = Rows(results.table, results.first + _SHIFTED)
+        way_back = part_of(whole, turn, 1.0)
+        drift = drift_at(whole, turn)
         reach(laws, springs, i, past, at.THIRD_TRIAL, drift)
         settle(laws, springs, i, past, at.THIRD_TRIAL)
-        shift = -math.copysign(_SHIFT, bend) * (abs(rise) + abs(bend))
+        shift = -math.copysign(_SHIFT, whole.bend) * (abs(whole.rise) + abs(whole.bend))
         reach(laws, springs, i, at.THIRD_TRIAL, at.FIRST_TRIAL, drift + shift)
-        _clear(work, out + _SHIFTED, i)
-        _pass(laws, springs, i, at.FIRST_TRIAL, start, rise, bend, turn, 1.0, work, out + _SHIFTED)
-        _clear(work, out + _BACK, i)
-        past = _pass(laws, springs, i, at.THIRD_TRIAL, start, rise, bend, turn, 1.0, work, out + _BACK)
-        _join(work, out, i, turn, shift)
+        _clear(shifted, i)
+        _pass(laws, springs, i, at.FIRST_TRIAL, way_back, shifted)
+        _clear(back, i)
+        past = _pass(laws, springs, i, at.THIRD_TRIAL, way_back, back)
+        _join(results, i, turn, shift)
     if past != at.FIRST_TRIAL:
-        _copy(springs, i, past, at.FIRST_TRIAL)
+        copy(springs, i, past, at.FIRST_TRIAL)
 
 
 @called
-def _pass(laws, springs, i, past, start, rise, bend, begin, end, work, out):
-    """From `begin` to `end` of the path, between which it does not turn, from the state in `past`.
+def _pass(laws, springs, i, past, stretch, results):
+    """Along a stretch in which the path does not turn, from the state in `past`; returns the block of the state at its
+    last Gauss point.
 
     In two parts where the force bends sharply between."""
-    here = _at(start, rise, bend, begin)
-    way = _at(start, rise, bend, end) - here
+    here = drift_at(stretch, stretch.begin)
+    way = drift_at(stretch, stretch.end) - here
     side = math.copysign(1.0, way)
     way = abs(way)
-    ahead = _kink(laws, springs, i, past, side)
+    begin = stretch.begin
+    ahead = kink(laws, springs, i, past, side)
     if ahead < way:
-        wanted = _points(laws, springs, i, ahead)
-        there = min(begin + _time_to(here + side * ahead, start, rise, bend, begin, side), end)
-        past = _integrate(laws, springs, i, past, False, wanted, rise, bend, begin, there, work, out)
+        wanted = points_wanted(laws, springs, i, ahead)
+        there = min(begin + time_to(here + side * ahead, stretch, begin, side), stretch.end)
+        past = _integrate(laws, springs, i, past, False, wanted, part_of(stretch, begin, there), results)
         begin = there
         way -= ahead
-    return _integrate(laws, springs, i, past, False, _points(laws, springs, i, way), rise, bend, begin, end, work, out)
+    wanted = points_wanted(laws, springs, i, way)
+    return _integrate(laws, springs, i, past, False, wanted, part_of(stretch, begin, stretch.end), results)
 
 
 @called
-def _integrate(laws, springs, i, past, elastic, wanted, rise, bend, begin, end, work, out):
-    """Add the part of the path from `begin` to `end`, by at least `wanted` Gauss points; returns the block of the state
-    at the last of them.
+def _integrate(laws, springs, i, past, elastic, wanted, stretch, results):
+    """Add a stretch, by at least `wanted` Gauss points; returns the block of the state at the last of them.
 
     An elastic law needs no state to start from; others go from point to point, from that in `past`.
     """
-    start = springs[at.DRIFT, i]
-    parts = math.ceil(wanted / _MOST_POINTS)
+    work, out = results
+    parts = math.ceil(wanted / MOST_POINTS)
     points = math.ceil(wanted / parts)
-    length = (end - begin) / parts
+    length = (stretch.end - stretch.begin) / parts
     mean = moment = 0.0
     mean_by_rise = mean_by_bend = moment_by_rise = moment_by_bend = 0.0
     trial = at.FIRST_TRIAL
     for part in range(parts):
         for point in range(points):
-            t = begin + length * (part + NODES[points, point])
+            t = stretch.begin + length * (part + NODES[points, point])
             if not elastic:
                 trial = at.FIRST_TRIAL if past != at.FIRST_TRIAL else at.SECOND_TRIAL
-            tangent = restoring(laws, springs, i, past, trial, _at(start, rise, bend, t))
+            tangent = restoring(laws, springs, i, past, trial, drift_at(stretch, t))
             if not elastic:
                 settle(laws, springs, i, past, trial)
                 past = trial

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from tdint.kernels import layout as at
-from tdint.kernels.march.within import _extreme_of_cubic, _look_closely, look_within
+from tdint.kernels.bundles import Passage, Scene, Span
+from tdint.kernels.march.peaks_between_steps import _extreme_of_cubic, _look_closely, look_within
 
 STORIES = 4
 K = 50.0
@@ -41,7 +42,14 @@ def scene(seed):
     peaks = np.vstack([ends * generator.uniform(1.0, 1.5, ends.shape), np.zeros_like(ends)])
     on_path, fast = (bool(one) for one in generator.integers(0, 2, 2))
     turns = np.zeros((1, STORIES + 1))
-    return [on_path, fast, chain, laws, h, *ground, old, 0, state, state, at.ACCELERATION, springs, turns, 0, peaks, 0]
+    return arguments(Span(h, *ground, on_path, fast), chain, laws, old, state, springs, turns, peaks)
+
+
+def arguments(span, chain, laws, old, state, springs, turns, peaks):
+    """Arguments of `look_within`."""
+    nothing = np.zeros((0, chain.shape[1]))
+    building = Scene(chain, nothing, laws, np.zeros((0, at.FORCE_COLUMNS)), np.zeros(at.FLAGS_SIZE))
+    return [span, building, Passage(old, 0, state, state, at.ACCELERATION), springs, turns, 0, peaks, 0]
 
 
 @pytest.mark.parametrize("seed", range(300))
@@ -76,7 +84,6 @@ def errors(h):
             start = middle / omega - part * h
             times = omega * np.array([start, start + h])
             u, v, a = np.sin(times), omega * np.cos(times), -(omega**2) * np.sin(times)
-            one = scene(0)
             chain = np.zeros((at.CHAIN_ROWS, 2))
             laws, springs, turns = np.full((3, 2), K), np.zeros((at.SPRING_ROWS, 2)), np.zeros((1, 2))
             springs[at.DRIFT, 0] = u[1]
@@ -84,8 +91,8 @@ def errors(h):
             old[:3, 0], state[:, 0] = (u[0], v[0], a[0]), (u[1], v[1], a[1])
             ends = [max(abs(u)), 0.0, max(abs(u)), max(abs(v)), max(abs(a - 1.0))]
             peaks = np.array([[*ends, 0.0, 0.0, 0.0, 0.0, 0.0]]).T
-            one = [False, False, chain, laws, h, -1.0, -1.0, old, 0, state, state, at.ACCELERATION, springs, turns, 0]
-            look_within(*one, peaks, 0)
+            span = Span(h, -1.0, -1.0, False, False)
+            look_within(*arguments(span, chain, laws, old, state, springs, turns, peaks))
             found = peaks[(at.PEAK_DISPLACEMENT, at.PEAK_VELOCITY, at.PEAK_ACCELERATION)[quantity], 0]
             exact = (1.0, omega, omega**2 + 1.0)[quantity]
             missed[quantity] = max(missed[quantity], abs(found / exact - 1.0))

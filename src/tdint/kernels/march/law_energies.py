@@ -7,18 +7,35 @@ The march is given these as kernels of their own, as it is given the step, so th
 from __future__ import annotations
 
 from tdint.kernels import layout as at
-from tdint.kernels.compiling import I8, TABLE, VECTOR, called_at, kernel
-from tdint.kernels.march.within import raise_peak
+from tdint.kernels.compiling import I8, TABLE, VECTOR, called_at, inlined, kernel
+from tdint.kernels.march.peaks_between_steps import raise_peak
 from tdint.kernels.stories.springs import dissipated, reach, recoverable, start
 
 BEGIN = I8(TABLE, TABLE, TABLE, TABLE)
 TAKE_STOCK = I8(TABLE, TABLE, TABLE, TABLE, VECTOR)
-
 RAISE_SHEARS = I8(TABLE, TABLE, TABLE, I8, TABLE)
 
-call_begin = called_at(BEGIN)
-call_take_stock = called_at(TAKE_STOCK)
-call_raise_shears = called_at(RAISE_SHEARS)
+_call_begin = called_at(BEGIN)
+_call_take_stock = called_at(TAKE_STOCK)
+_call_raise_shears = called_at(RAISE_SHEARS)
+
+
+@inlined
+def begin_laws(begin, scene, memory):
+    """Call the kernel `begin` that a march was given."""
+    _call_begin(begin, scene.chain, scene.laws, memory.state, memory.springs)
+
+
+@inlined
+def sum_up(take_stock, scene, memory, seen):
+    """Call the kernel `take_stock` that a march was given."""
+    _call_take_stock(take_stock, scene.chain, scene.laws, memory.state, memory.springs, seen.totals)
+
+
+@inlined
+def take_shears(raise_shears, scene, memory, seen):
+    """Call the kernel `raise_shears` that a march was given."""
+    _call_raise_shears(raise_shears, scene.laws, memory.springs, seen.watch, at.TURNED_AT, seen.peaks)
 
 
 @kernel(BEGIN, parts=("laws",))
@@ -32,7 +49,7 @@ def begin(chain, laws, state, springs):
 
 
 @kernel(TAKE_STOCK, parts=("laws",))
-def take_stock(chain, laws, state, springs, observed):
+def take_stock(chain, laws, state, springs, totals):
     """Kinetic, recoverable and dissipated energy of the present state, J."""
     kinetic = 0.0
     stored = 0.0
@@ -42,9 +59,9 @@ def take_stock(chain, laws, state, springs, observed):
         kinetic += 0.5 * chain[at.MASS, i] * state[at.VELOCITY, i] * state[at.VELOCITY, i]
         stored += recoverable(laws, springs, i) + 0.5 * chain[at.GEOMETRIC, i] * drift * drift
         lost += dissipated(laws, springs, i)
-    observed[at.ENERGY_KINETIC] = kinetic
-    observed[at.ENERGY_RECOVERABLE] = stored
-    observed[at.ENERGY_DISSIPATED] = lost - observed[at.DISSIPATED_BEFORE]
+    totals[at.ENERGY_KINETIC] = kinetic
+    totals[at.ENERGY_RECOVERABLE] = stored
+    totals[at.ENERGY_DISSIPATED] = lost - totals[at.DISSIPATED_BEFORE]
     return 0
 
 

@@ -1,0 +1,289 @@
+"""Peaks within a step, or within the piece of one between two changes of branch.
+
+Between both ends a floor moves on the quintic that has its displacement, velocity and acceleration there; drifts are
+differences of such. It errs by (omega h)^4 / 1900 of an acceleration with the frequency omega, and by what a step's
+displacements miss over h^2: with a method of order 2 that is of the size of what the acceleration changes by in a step.
+Beside the straight line between its ends an acceleration has a bulge, which the velocities tell, and a tilt of it,
+which needs the displacements. Where the tilt is no larger, the bulge lies on one side of that line, and is taken; where
+it is larger, with methods of order 2 as a rule, displacements do not tell, and the acceleration is largest at an end.
+
+It is looked at closely only where a peak could be passed: where some value is at least half its peak at an end, and
+there the displacement (or drift) where its rate changes sign, the velocity where the acceleration does, the absolute
+acceleration where it is that large.
+
+Where both accelerations do not tell about what the velocities changed by, or, with modes that the step does not follow,
+the rates at the ends of two steps do not lie about on a line, the floor moves otherwise than the interpolant: then
+nothing is told, and what the peak might be goes to the rows of doubt. A method whose displacements follow parabolas
+tells by these what they do there.
+"""
+
+from __future__ import annotations
+
+import math
+
+from tdint.kernels import layout as at
+from tdint.kernels.bundles import Ends
+from tdint.kernels.compiling import called, inlined
+
+_RESOLVED = 0.5  # what a change of velocity may miss the mean acceleration by, over the velocities
+_SMOOTH = 1.0  # what an acceleration inside may miss the straight line by, over those at the ends
+_SWING = 0.5  # of h times the rates at both ends: what a parabola may go beyond the value at its end
+
+
+@inlined
+def raise_peak(peaks, row, i, value):
+    """Raise a peak to the size of a value. Returns whether that is near the peak: at least half of it."""
+    size = abs(value)
+    peak = peaks[row, i]
+    if size > peak:
+        peaks[row, i] = size
+    return 2.0 * size >= peak
+
+
+@inlined
+def look_within(span, scene, passage, springs, turns, turn, peaks, top):
+    """Raise the peaks, rows of `peaks` from `top` on, that a step has between its ends.
+
+    Row `turn` of `turns` receives the drift at which a story turns with what may be its largest shear, for others the
+    present drift; returns how many there are of these.
+    """
+    passing = False
+    for i in range(scene.chain.shape[1] - 1):
+        floor = _floor(False, passage, i)
+        below = _floor(False, passage, max(i - 1, 0))
+        story = _story(floor, below, scene.chain[at.LINK, i], springs[at.DRIFT, i])
+        shear = springs[at.FORCE, i]
+        passing |= _may_pass(span, floor, story, shear, scene.laws[at.STIFFNESS, i], peaks, top, i)
+    if not passing:
+        return 0
+    return _look_closely(span, scene, passage, springs, turns, turn, peaks, top)
+
+
+@inlined
+def _floor(fast, passage, i):
+    """Floor `i` at both ends of a step."""
+    old, first, state, accelerations, new = passage
+    v0 = old[first + 1, i]
+    a0 = old[first + 2, i]
+    w = old[first + 3, i] if fast else v0
+    b = old[first + 4, i] if fast else a0
+    return Ends(old[first, i], v0, a0, state[at.DISPLACEMENT, i], state[at.VELOCITY, i], accelerations[new, i], w, b)
+
+
+@inlined
+def _story(floor, below, link, drift):
+    """The story between a floor and the one below."""
+    return Ends(
+        u0=floor.u0 - link * below.u0,
+        v0=floor.v0 - link * below.v0,
+        a0=floor.a0 - link * below.a0,
+        u1=drift,
+        v1=floor.v1 - link * below.v1,
+        a1=floor.a1 - link * below.a1,
+        w=floor.w - link * below.w,
+        b=floor.b - link * below.b,
+    )
+
+
+@inlined
+def _may_pass(span, floor, story, shear, stiffness, peaks, top, i):
+    """Whether floor `i` or its story may pass a peak.
+
+    Without branches: of the many steps in which some value is near its peak few pass it.
+    """
+    h = span.h
+    swing = _SWING * h * (abs(story.v0) + abs(story.v1))
+    passed = abs(story.u1) + swing > peaks[top + at.PEAK_DRIFT, i]
+    sheared = abs(shear) + stiffness * swing > peaks[top + at.PEAK_SHEAR, i]
+    passing = _turns(span, story) & (passed | sheared)
+    passed = abs(floor.u1) + _SWING * h * (abs(floor.v0) + abs(floor.v1)) > peaks[top + at.PEAK_DISPLACEMENT, i]
+    passing |= _turns(span, floor) & passed
+    fastest = abs(floor.v1) + _SWING * h * (abs(floor.a0) + abs(floor.a1))
+    passing |= (floor.a0 * floor.a1 < 0.0) & (fastest > peaks[top + at.PEAK_VELOCITY, i])
+    peak = peaks[top + at.PEAK_ACCELERATION, i]
+    absolute_0 = floor.a0 + span.ground_0
+    absolute_1 = floor.a1 + span.ground_1
+    bulge, tilt = _bend(h, floor)
+    near = (2.0 * abs(absolute_0) > peak) | (2.0 * abs(absolute_1) > peak)
+    return passing | (near & (_most(absolute_0, absolute_1, bulge, tilt) > peak) & (abs(tilt) <= abs(bulge)))
+
+
+@inlined
+def _turns(span, ends):
+    """Whether a displacement has an extremum inside the step."""
+    bends = 2.0 * abs(ends.u1 - ends.u0) < span.h * abs(ends.v1 - ends.v0)
+    return (span.on_path & bends) | (ends.v0 * ends.v1 < 0.0)
+
+
+@called
+def _look_closely(span, scene, passage, springs, turns, turn, peaks, top):
+    """What `look_within` does where a peak may be passed."""
+    h = span.h
+    turned = 0
+    below = Ends(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    for i in range(scene.chain.shape[1] - 1):
+        floor = _floor(span.fast, passage, i)
+        story = _story(floor, below, scene.chain[at.LINK, i], springs[at.DRIFT, i])
+        below = floor
+        turns[turn, i] = story.u1
+        if span.on_path or story.v0 * story.v1 < 0.0:
+            passing = peaks[top + at.PEAK_DRIFT, i] - abs(story.u1)
+            shearing = (peaks[top + at.PEAK_SHEAR, i] - abs(springs[at.FORCE, i])) / scene.laws[at.STIFFNESS, i]
+            if _SWING * h * (abs(story.v0) + abs(story.v1)) > min(passing, shearing):
+                far = _turning_point(span, story, min(passing, shearing), peaks, top + at.PEAK_DRIFT, i)
+                # A story that has become stiffer may have its largest shear where its drift is largest.
+                if far != story.u1:
+                    turns[turn, i] = far
+                    turned += 1
+        passing = peaks[top + at.PEAK_DISPLACEMENT, i] - abs(floor.u1)
+        if (span.on_path or floor.v0 * floor.v1 < 0.0) and _SWING * h * (abs(floor.v0) + abs(floor.v1)) > passing:
+            _turning_point(span, floor, passing, peaks, top + at.PEAK_DISPLACEMENT, i)
+        fastest = abs(floor.v1) + _SWING * h * (abs(floor.a0) + abs(floor.a1))
+        if floor.a0 * floor.a1 < 0.0 and fastest > peaks[top + at.PEAK_VELOCITY, i]:
+            _fastest(span, floor, peaks, top, i)
+        _most_accelerated(span, floor, peaks, top, i)
+    return turned
+
+
+@called
+def _turning_point(span, ends, passing, peaks, row, i):
+    """Raise a peak of displacement by the extremum between both ends, if it may be more than `passing` beyond u1; that
+    is returned, u1 if there is none."""
+    h = span.h
+    u0, v0, a0, u1, v1, a1, _, _ = ends
+    # Both accelerations tell about what the velocities changed by.
+    told = _calm(span, ends) and abs(v1 - v0 - 0.5 * h * (a0 + a1)) <= _RESOLVED * (abs(v0) + abs(v1))
+    if span.on_path and not told:
+        rise = u1 - u0
+        bend = h * (v1 - v0)
+        if 2.0 * abs(rise) >= abs(bend):
+            return u1
+        s = 0.5 - rise / bend
+        far = u0 + s * (rise + 0.5 * bend * (s - 1.0))
+        raise_peak(peaks, row, i, far)
+        return far
+    if v0 * v1 >= 0.0:
+        return u1
+    # Bezier points of the quintic, or beyond these, and of the cubic. It turns where it goes at first.
+    way = math.copysign(1.0, v0)
+    back = way * (u0 - u1)
+    early = max(h * abs(v0) / 3.0, 0.4 * h * abs(v0) + 0.05 * h * h * way * a0)
+    late = max(h * abs(v1) / 3.0, 0.4 * h * abs(v1) + 0.05 * h * h * way * a1)
+    if max(back + early, late) <= passing:
+        return u1
+    if not told:
+        rise = u1 - u0
+        bend = 3.0 * rise - h * (2.0 * v0 + v1)
+        raise_peak(peaks, row + at.PEAK_ROWS, i, _extreme_of_cubic(u0, h * v0, bend, rise - h * v0 - bend))
+        return u1
+    c3, c4, c5 = _quintic(h, ends)
+    far = _extreme(v0 / (v0 - v1), (u0, h * v0, 0.5 * h * h * a0, c3, c4, c5))
+    raise_peak(peaks, row, i, far)
+    return far
+
+
+@called
+def _fastest(span, ends, peaks, top, i):
+    """Raise the peak of velocity."""
+    h = span.h
+    u0, v0, a0, u1, v1, a1, _, _ = ends
+    c3, c4, c5 = _quintic(h, ends)
+    bulge, tilt = _bend(h, ends)
+    told = _calm(span, ends) and _smooth(bulge, tilt, abs(a0) + abs(a1))
+    row = top + at.PEAK_VELOCITY + (0 if told else at.PEAK_ROWS)
+    # Inside it is no larger than its Bezier points.
+    early = v0 + 0.25 * h * a0
+    late = v1 - 0.25 * h * a1
+    middle = 5.0 * (u1 - u0) / h - (v0 + early + late + v1)
+    if max(abs(early), abs(middle), abs(late)) > peaks[row, i]:
+        far = _extreme(a0 / (a0 - a1), (v0, h * a0, 3.0 * c3 / h, 4.0 * c4 / h, 5.0 * c5 / h, 0.0))
+        raise_peak(peaks, row, i, far)
+
+
+@inlined
+def _most_accelerated(span, ends, peaks, top, i):
+    """Raise the peak of absolute acceleration, if it may be passed."""
+    peak = peaks[top + at.PEAK_ACCELERATION, i]
+    absolute_0 = ends.a0 + span.ground_0
+    absolute_1 = ends.a1 + span.ground_1
+    bulge, tilt = _bend(span.h, ends)
+    near = 2.0 * max(abs(absolute_0), abs(absolute_1)) > peak
+    if near and _most(absolute_0, absolute_1, bulge, tilt) > peak and abs(tilt) <= abs(bulge):
+        told = _calm(span, ends) and _smooth(bulge, tilt, abs(absolute_0) + abs(absolute_1))
+        row = top + at.PEAK_ACCELERATION + (0 if told else at.PEAK_ROWS)
+        change = absolute_1 - absolute_0 + bulge + tilt
+        raise_peak(peaks, row, i, _extreme_of_cubic(absolute_0, change, -bulge - 3.0 * tilt, 2.0 * tilt))
+
+
+@inlined
+def _bend(h, ends):
+    """What the acceleration of the quintic has inside beside the straight line between its ends: s (1 - s) times the
+    first of these numbers plus (1 - 2 s) times the second."""
+    u0, v0, a0, u1, v1, a1, _, _ = ends
+    by_h = 1.0 / h
+    tilt = 60.0 * by_h * (by_h * (u1 - u0) - 0.5 * (v0 + v1)) + 5.0 * (a1 - a0)
+    return 6.0 * by_h * (v1 - v0) - 3.0 * (a0 + a1), tilt
+
+
+@inlined
+def _most(absolute_0, absolute_1, bulge, tilt):
+    """The larger of the absolute acceleration's Bezier points inside: it is no larger than these and its ends."""
+    one = abs(2.0 * absolute_0 + absolute_1 + bulge + tilt)
+    other = abs(absolute_0 + 2.0 * absolute_1 + bulge - tilt)
+    return max(one, other) / 3.0
+
+
+@inlined
+def _smooth(bulge, tilt, size):
+    """Whether the acceleration's Bezier points inside lie about on the straight line between both ends."""
+    return abs(bulge) + abs(tilt) <= 3.0 * _SMOOTH * size
+
+
+@inlined
+def _calm(span, ends):
+    """Whether velocities and accelerations at the ends of two steps lie about on lines, in a fast span."""
+    velocities = abs(ends.v1 - 2.0 * ends.v0 + ends.w) <= abs(ends.v0) + abs(ends.v1)
+    accelerations = abs(ends.a1 - 2.0 * ends.a0 + ends.b) <= abs(ends.a0) + abs(ends.a1)
+    return not span.fast or (velocities and accelerations)
+
+
+@inlined
+def _quintic(h, ends):
+    """Coefficients of s^3, s^4 and s^5, s in [0, 1], of the quintic with these values, rates and accelerations at its
+    ends."""
+    u0, v0, a0, u1, v1, a1, _, _ = ends
+    rise = u1 - u0 - h * (v0 + 0.5 * h * a0)
+    change = h * (v1 - v0 - h * a0)
+    bend = 0.5 * h * h * (a1 - a0)
+    return 10.0 * rise - 4.0 * change + bend, -15.0 * rise + 7.0 * change - 2.0 * bend, 6.0 * rise - 3.0 * change + bend
+
+
+@inlined
+def _extreme(s, coefficients):
+    """Value of p0 + p1 s + ... + p5 s^5 on [0, 1] where its rate is zero, by Newton's iteration from s."""
+    p0, p1, p2, p3, p4, p5 = coefficients
+    for _ in range(3):
+        rate = p1 + s * (2.0 * p2 + s * (3.0 * p3 + s * (4.0 * p4 + s * 5.0 * p5)))
+        bend = 2.0 * p2 + s * (6.0 * p3 + s * (12.0 * p4 + s * 20.0 * p5))
+        # Not towards an extremum of the other kind
+        s -= rate / bend if bend * p1 < 0.0 else 0.0
+        s = min(max(s, 0.0), 1.0)
+    return p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5))))
+
+
+@inlined
+def _extreme_of_cubic(p0, p1, p2, p3):
+    """Value of the largest size of p0 + p1 s + p2 s^2 + p3 s^3 at 0 and at its extrema in [0, 1]."""
+    best = p0
+    discriminant = p2 * p2 - 3.0 * p1 * p3
+    if discriminant >= 0.0:
+        root = -(p2 + math.copysign(math.sqrt(discriminant), p2))
+        s = root / (3.0 * p3) if p3 != 0.0 else 0.0
+        if 0.0 < s < 1.0:
+            value = p0 + s * (p1 + s * (p2 + s * p3))
+            best = value if abs(value) > abs(best) else best
+        s = p1 / root if root != 0.0 else 0.0
+        if 0.0 < s < 1.0:
+            value = p0 + s * (p1 + s * (p2 + s * p3))
+            best = value if abs(value) > abs(best) else best
+    return best
