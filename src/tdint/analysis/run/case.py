@@ -114,8 +114,8 @@ class Case:
         record = self.record
         return choose_steps(dt, duration, record.dt if record else None, record.duration if record else 0.0)
 
-    def carrying_error(self, steps: Steps) -> tuple[Case | None, str]:
-        """The case with the error of its runs carried along; None, and why, where a run with these steps cannot.
+    def carrying_error(self) -> tuple[Case | None, str]:
+        """The case with the error of its runs carried along; None, and why, where a run cannot.
 
         Methods that never do need no reason.
         """
@@ -124,8 +124,6 @@ class Case:
             return None, ""
         if self.integrator.rho_inf != 1.0:
             return None, f"{self.integrator.label} does not carry it along; rho_inf=1 does"
-        if steps.stride > 1:
-            return None, "a step over several samples does not carry it along"
         method = replace(self.integrator.method, family=family)
         return replace(self, integrator=replace(self.integrator, method=method)), ""
 

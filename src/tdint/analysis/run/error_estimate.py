@@ -54,13 +54,13 @@ def checked_run(case: Case, steps: Steps, history: bool = False) -> Response:
     FailedRun
         As from `Case.march`.
     """
-    carrying, reason = case.carrying_error(steps)
+    carrying, reason = case.carrying_error()
     if carrying is None:
         response = case.march(steps, history)
     else:
         response = carrying.march(steps, history)
         assert response.check is not None
-        reason = _doubt(response.check)
+        reason = doubt(response.check)
         if not reason:
             return response
         response = replace(response, check=None)
@@ -69,7 +69,7 @@ def checked_run(case: Case, steps: Steps, history: bool = False) -> Response:
     return checked(case, steps, response)
 
 
-def _doubt(check: ErrorEstimate) -> str:
+def doubt(check: ErrorEstimate) -> str:
     """Why the error that a run has carried along does not do, in words; empty if it does."""
     values = [getattr(check.errors, name) for name in ("peak_drift", "peak_shear", "peak_acceleration")]
     if not all(np.isfinite(value).all() for value in values):

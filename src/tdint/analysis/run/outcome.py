@@ -185,11 +185,23 @@ class EnergyHistory(EnergyTerms[Array]):
     error: Array
 
 
+@dataclass(frozen=True)
+class ErrorHistory:
+    """The error that a run has carried along at all steps, true less computed: of displacement and drift (m), velocity
+    (m/s) and shear (N); shape (steps + 1, n)."""
+
+    displacement: Array
+    velocity: Array
+    drift: Array
+    shear: Array
+
+
 @dataclass(frozen=True, repr=False)
 class History(Tabular):
     """Response at all steps: `time` (s) and `ground_acceleration` (m/s^2), shape (steps + 1,); the rest (steps + 1, n).
 
     Displacement (m) and velocity (m/s) relative to the ground, acceleration absolute (m/s^2), drift (m), shear (N).
+    `error` is what all but the accelerations are off by, where the run has carried that along; else None.
     """
 
     time: Array
@@ -200,6 +212,7 @@ class History(Tabular):
     drift: Array
     shear: Array
     energy: EnergyHistory
+    error: ErrorHistory | None = None
 
     def _headline(self) -> str:
         return f"of {self.displacement.shape[1]} stories, {len(self.time) - 1} steps to {self.time[-1]:.6g} s"
@@ -209,8 +222,11 @@ class History(Tabular):
         energy = EnergyHistory(
             **{field.name: getattr(self.energy, field.name)[::steps] for field in fields(self.energy)}
         )
-        own = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "energy"}
-        return History(**{name: values[::steps] for name, values in own.items()}, energy=energy)
+        error = self.error and ErrorHistory(
+            **{field.name: getattr(self.error, field.name)[::steps] for field in fields(self.error)}
+        )
+        own = {field.name: getattr(self, field.name) for field in fields(self) if field.name not in ("energy", "error")}
+        return History(**{name: values[::steps] for name, values in own.items()}, energy=energy, error=error)
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from tdint.analysis.run.outcome import (
     Energy,
     EnergyHistory,
     ErrorEstimate,
+    ErrorHistory,
     History,
     StoryErrors,
     StoryPeaks,
@@ -143,8 +144,18 @@ def history(building: Building, space: Workspace, h: float) -> History:
         acceleration=acceleration,
         drift=drift,
         shear=shear,
-        energy=_energy_history(table[:, 1 + fields * n :], space.observed),
+        energy=_energy_history(table[:, 1 + fields * n : 1 + fields * n + at.ENERGY_TERMS], space.observed),
+        error=_error_history(table[:, 1 + fields * n + at.ENERGY_TERMS :], n),
     )
+
+
+def _error_history(table: Array, n: int) -> ErrorHistory | None:
+    if not table.size:
+        return None
+    displacement, velocity, shear = (table[:, j * n : (j + 1) * n] for j in range(at.ERROR_FIELDS))
+    drift = displacement.copy()
+    drift[:, 1:] -= displacement[:, :-1]
+    return ErrorHistory(displacement, velocity, drift, shear)
 
 
 def _energy_history(table: Array, observed: Array) -> EnergyHistory:

@@ -15,7 +15,7 @@ import math
 from typing import NamedTuple
 
 from tdint.kernels import layout as at
-from tdint.kernels.bundles import Array, RowsXX
+from tdint.kernels.bundles import Array
 from tdint.kernels.chain import power_damper
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.laws.choosing import CURVES, DISSIPATING

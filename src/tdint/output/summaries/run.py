@@ -67,7 +67,7 @@ MEANINGS = {
     "ductility_story": "its story",
     "floor_absolute_acceleration_m_s2": "largest absolute acceleration of a floor",
     "floor_absolute_acceleration_floor": "its floor",
-    "dts_s": "time steps of the repetitions that the error estimates come from; none if the run itself carried its error along",
+    "dts_s": "time steps of the repetitions that the errors come from; none if the run itself carried its error along",
     "drift_error": "largest estimated error of a peak drift over that drift",
     "drift_error_story": "its story",
     "tolerance": "what drift_error was asked to stay below",
