@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import time
+from pathlib import Path
 
 import pytest
 
@@ -16,11 +18,21 @@ os.environ.setdefault("TDINT_KERNELS", "whole")
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-def pytest_configure(config: pytest.Config) -> None:
-    """Compile all kernels before several processes of the whole suite would each compile what they meet first."""
-    several = getattr(config.option, "numprocesses", None) and not hasattr(config, "workerinput")
-    if several and not config.option.collectonly and config.args_source is pytest.Config.ArgsSource.TESTPATHS:
-        from tdint.analysis.run.compilation import of_everything
-        from tdint.kernels.building.ahead import compile_ahead
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compile the kernels before the first of several tests: side by side, and none of them in two processes.
 
-        compile_ahead(of_everything(), ["native"], None, lambda done: None)
+    Only where more than one file of tests is asked for; a test alone compiles what it meets.
+    """
+    config = session.config
+    files = {name.partition("::")[0] for name in config.args}
+    alone = len(files) == 1 and Path(*files).suffix == ".py"
+    if alone or config.option.collectonly or hasattr(config, "workerinput"):
+        return
+    from tdint.analysis.run.compilation import of_everything
+    from tdint.kernels.building.ahead import compile_ahead
+
+    began = time.perf_counter()
+    written = compile_ahead(of_everything(), ["native"], None, lambda done: None)
+    terminal = config.pluginmanager.get_plugin("terminalreporter")
+    if written and terminal:
+        terminal.write_line(f"{len(written)} time loops compiled for all tests in {time.perf_counter() - began:.0f} s")

@@ -3,9 +3,11 @@ all laws that are linear branch by branch."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from building_cases import Law, model, noise, story
+from building_cases import LINEAR, Law, ModalDamping, RayleighCoefficients, model, noise, story
 from tdint.model.building import assemble
 
 BEND = 0.02
@@ -104,3 +106,67 @@ def piecewise_building(rng):
     ]
     motion = noise(samples=601, peak=rng.uniform(3.0, 8.0), seed=int(rng.integers(1 << 30)))
     return model(stories, p_delta=bool(rng.random() < 0.4)), motion
+
+
+def shaken_building(rng, laws=("linear", "tanh", "polynomial", "bouc-wen"), samples=601):
+    """A building of one to six stories of smooth laws, and a motion that takes it beyond where they bend."""
+    n = int(rng.integers(1, 7))
+    period = rng.uniform(0.1, 0.25) * n**0.75 + 0.1
+    masses = 1e5 * rng.uniform(0.7, 1.4, n)
+    springs = (2.0 * np.pi / period) ** 2 * masses.mean() * (n + 1) ** 2 / 2.5 * np.linspace(1.5, 0.7, n)
+    springs *= rng.uniform(0.8, 1.2, n)
+    strengths = rng.uniform(0.08, 0.3) * 9.81 * np.cumsum(masses[::-1])[::-1]
+    smooth = {
+        "linear": lambda k, f: Law("linear", ()),
+        "tanh": lambda k, f: Law("tanh", (1.5 * f,)),
+        "polynomial": lambda k, f: Law("polynomial", (k, 0.0, rng.uniform(0.05, 0.5) * k * (k / f) ** 2)),
+        "bouc-wen": lambda k, f: Law("bouc-wen", (f, rng.uniform(0.02, 0.2), 2.0, 0.5)),
+    }
+    names = rng.choice(list(laws), n)
+    stories = [
+        story(m, k, smooth[name](k, f), height=3.2, dashpot=rng.uniform(0.01, 0.06) * np.sqrt(m * k))
+        for m, k, f, name in zip(masses, springs, strengths, names, strict=True)
+    ]
+    return model(stories), noise(samples=samples, peak=rng.uniform(3.0, 8.0), seed=int(rng.integers(1 << 30)))
+
+
+METHODS = ("impulse4", "newmark-average", "bathe", "generalized-alpha", "gauss4", "impulse", "park", "wilson")
+LAWS = ("linear", "bilinear", "peak-oriented", "tanh", "polynomial", "bouc-wen")
+
+
+def random_law(name, generator, stiffness, strength):
+    """A law by name with parameters that matter at the strength, N."""
+    hardening = float(generator.uniform(0.01, 0.1))
+    return {
+        "linear": LINEAR,
+        "bilinear": Law("bilinear", (strength, hardening)),
+        "peak-oriented": Law("peak-oriented", (strength, hardening, float(generator.uniform(0.0, 0.5)))),
+        "tanh": Law("tanh", (1.5 * strength,)),
+        "polynomial": Law("polynomial", (stiffness, 0.0, float(generator.uniform(-5.0, 200.0)) * stiffness)),
+        "bouc-wen": Law("bouc-wen", (strength, hardening, 2.0, 0.5)),
+    }[name]
+
+
+def checked_building(seed, samples=501, step=0.01):
+    """One to eight stories of one law or of all, under a smooth or a rough motion, and a method."""
+    generator = np.random.default_rng(seed)
+    n = int(generator.integers(1, 9))
+    mass = 2e5
+    omega = 2.0 * np.pi / (0.1 + n * generator.uniform(0.08, 0.16))
+    stiffness = mass * (omega / (2.0 * np.sin(np.pi / (4 * n + 2)))) ** 2
+    base = generator.uniform(0.1, 0.4) * n * mass * 9.81
+    peak = generator.uniform(2.0, 6.0)
+    name = (*LAWS, "mixed")[seed % 7]
+    stories = []
+    for i in range(n):
+        k = float(stiffness * generator.uniform(0.8, 1.2))
+        kind = str(generator.choice(LAWS)) if name == "mixed" else name
+        law = random_law(kind, generator, k, float(base * (1.0 - 0.7 * (i / n) ** 2)))
+        stories.append(story(float(mass * generator.uniform(0.8, 1.2)), k, law))
+    damping = [RayleighCoefficients(0.3, 0.001), ModalDamping((0.05,)), None][seed % 3]
+    record = noise(samples, step, seed=seed, peak=peak)
+    if seed % 2:
+        rough = 0.3 * peak * generator.normal(size=samples) * np.sin(np.pi * np.linspace(0.0, 1.0, samples)) ** 2
+        record = replace(record, acceleration=record.acceleration + rough)
+    method = "exact" if name == "linear" and seed % 14 == 0 else METHODS[seed % len(METHODS)]
+    return replace(model(stories, damping=damping, p_delta=seed % 5 == 0), collapse_drift=1e9), record, method

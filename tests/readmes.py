@@ -24,8 +24,8 @@ from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
 from tdint.model.definition import LAWS
-from tdint.output.tables.columns import buildings, campaign, methods, shared, spectra, studies
-from tdint.output.tables.table import Column
+from tdint.output.tables import buildings, campaign, methods, spectra, studies
+from tdint.output.tables import table as shared
 from tdint_cli.main import COMMANDS, GROUPS, cli
 
 ROOT = Path(__file__).parents[1]
@@ -171,19 +171,9 @@ def command_list():
 
 def column_tables():
     """The columns of every table, by command."""
-    history = [
-        Column(f"{prefix}{column.name}", column.value, column.meaning)
-        for prefix, group in (
-            ("", buildings.HISTORY_START),
-            ("floor_1_", buildings.HISTORY_FLOOR),
-            ("story_1_", buildings.HISTORY_STORY),
-            ("", buildings.HISTORY_ENERGY),
-        )
-        for column in group
-    ]
     tables = {
         "tdint run": buildings.STORY,
-        "history.csv of tdint run": history,
+        "history.csv of tdint run": buildings.history_columns(1),
         "floor-spectra.csv of tdint run": (shared.FLOOR, *spectra.SPECTRUM),
         "tdint check": buildings.OVERVIEW,
         "tdint modes": (*buildings.MODE, buildings.mode_damping(None), *buildings.MODE_END),

@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     from tdint.ground_motion.text_layout import TextLayout as TextLayout
     from tdint.model.building import modes as modes
     from tdint.model.config.model_file import load_model as load_model
-    from tdint.output.tables.frames import to_dict as to_dict
+    from tdint.output.tables.to_dict import to_dict as to_dict
 
 _HOMES = {
     "make_record": "tdint.ground_motion.reading.read",
@@ -62,7 +62,7 @@ _HOMES = {
     "pushover": "tdint.analysis.static.pushover",
     "stability": "tdint.analysis.assessment.stability",
     "floor_spectra": "tdint.analysis.spectra.floors",
-    "to_dict": "tdint.output.tables.frames",
+    "to_dict": "tdint.output.tables.to_dict",
     "TextLayout": "tdint.ground_motion.text_layout",
     "process": "tdint.ground_motion.processing",
     "read_record": "tdint.ground_motion.reading.read",

@@ -2,41 +2,15 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, replace
 from typing import Any
 
 from tdint.errors import UsageError, did_you_mean
+from tdint.quantity import suffix
 from tdint.units import ACCELERATION, FORCE, LENGTH, MASS, VELOCITY, canonical
-
-ENDS = {
-    "_m_s2": "m/s^2",
-    "_m_s": "m/s",
-    "_N_m": "N/m",
-    "_deg": "degree",
-    "_kg": "kg",
-    "_hz": "Hz",
-    "_m": "m",
-    "_s": "s",
-    "_N": "N",
-    "_J": "J",
-}
-"""Ends of names and the SI units that they stand for, the longest ends first."""
 
 _QUANTITIES = {"length": LENGTH, "force": FORCE, "mass": MASS, "velocity": VELOCITY, "acceleration": ACCELERATION}
 _UNITS = {unit: quantity for quantity, units in _QUANTITIES.items() for unit in units}
-_NAME = re.compile(r"\b[a-z][A-Za-z0-9]*(?:_[A-Za-z0-9]+)+\b")
-
-
-def end_of(name: str) -> str:
-    """The end of a column's or a key's name that says its unit; empty for a number without one."""
-    bare = name.removesuffix("_error")
-    return next((end for end in ENDS if bare.endswith(end)), "")
-
-
-def unit_of(name: str) -> str:
-    """The SI unit in a column's or a key's name; 1 for a number without one."""
-    return ENDS.get(end_of(name), "1")
 
 
 @dataclass(frozen=True)
@@ -88,22 +62,18 @@ class OutputUnits:
         """The units that pictures are drawn in: accelerations in g, as people think of them, unless a unit is named."""
         return self if self.acceleration else replace(self, acceleration="g")
 
-    def column(self, name: str) -> tuple[str, float]:
-        """The name of a column or key with the unit that it has here, and the value of that unit in SI.
+    def column(self, name: str, unit: str) -> tuple[str, float]:
+        """The name of a column or key in an SI unit with the unit that it has here, and the value of that unit in SI.
 
-        `column("peak_shear_N")` is `("peak_shear_kip", 4448.22...)`. A product of units is written without a sign: an
-        energy in kip*in ends in `kipin`, a stiffness in kip/in in `kip_in`.
+        `column("peak_shear_N", "N")` is `("peak_shear_kip", 4448.22...)`. A product of units is written without a sign:
+        an energy in kip*in ends in `kipin`, a stiffness in kip/in in `kip_in`. A name that does not say its unit stays.
         """
-        end = end_of(name)
-        unit, factor = self.unit(ENDS.get(end, ""))
-        if not end or unit == ENDS[end]:
-            return name, 1.0
-        error = "_error" if name.endswith("_error") else ""
-        return f"{name.removesuffix('_error').removesuffix(end)}_{in_a_name(unit)}{error}", factor
-
-    def renamed(self, text: str) -> str:
-        """A text for people in which names of columns stand, with their names here."""
-        return _NAME.sub(lambda match: self.column(match[0])[0], text)
+        shown, factor = self.unit(unit)
+        error = "_error" * name.endswith("_error")
+        bare, end = name.removesuffix("_error"), suffix(unit)
+        if shown == unit or not end or not bare.endswith(end):
+            return name, factor
+        return f"{bare.removesuffix(end)}{suffix(shown)}{error}", factor
 
 
 SI = OutputUnits()
@@ -127,8 +97,3 @@ def parse_output_units(text: str) -> OutputUnits:
         if found.setdefault(quantity, unit) != unit:
             raise UsageError(f"output units {text[:60]!r}: two units of {quantity}, {found[quantity]} and {unit}")
     return OutputUnits(**found)
-
-
-def in_a_name(unit: str) -> str:
-    """A unit as names of columns have it: m/s^2 is m_s2, kip*in is kipin."""
-    return unit.replace("*", "").replace("^", "").replace("/", "_")

@@ -178,7 +178,7 @@ def tolerance():
 
     def drifts(building, method, step):
         batch = Batch(0, Subject(building, method), motions, dict.fromkeys(records), RunSettings(stories=True))
-        return np.array([row.peak_drift for row in batch.results(runs, step).stories]).reshape(len(runs), -1)
+        return np.array([row.of("peak_drift") for row in batch.results(runs, step).stories]).reshape(len(runs), -1)
 
     truths = [drifts(building, "impulse4", 0.01 / 16) for building in buildings]
     print("runs beyond the tolerance, % / largest error of a peak drift / processor time of choice and runs, s")

@@ -62,7 +62,7 @@ def test_rows_are_those_of_single_runs(model: str, method: str) -> None:
         stories = [one for one in results.stories if (one.motion, one.scale) == (run.motion, run.scale)]
         assert [one.story for one in stories] == list(range(1, len(of.subject.model.stories) + 1))
         for name in ("peak_drift", "residual_drift", "peak_shear", "peak_velocity", "peak_acceleration"):
-            np.testing.assert_array_equal([getattr(one, name) for one in stories], getattr(response.stories, name))
+            np.testing.assert_array_equal([one.of(name) for one in stories], getattr(response.stories, name))
     if model == "collapse-prone-frame":
         assert {"done", "collapsed"} <= {row.status for row in rows.values()}
 

@@ -14,7 +14,7 @@ import pytest
 from building_cases import model, story
 from tdint import load_model, spectrum
 from tdint.campaign.engine.batch import Batch
-from tdint.campaign.engine.rows import Intensity, row_of_failure
+from tdint.campaign.engine.rows import RunRow, run_key
 from tdint.campaign.ida.curve import IdaCurve, fractiles
 from tdint.campaign.ida.levels import Levels, below_collapse
 from tdint.campaign.ida.runs import IdaRun
@@ -189,6 +189,23 @@ def test_levels_go_around_runs_without_a_result():
     assert len(runs) < 60
 
 
+@pytest.mark.parametrize("ratio", [1.06, 1.4, 30.0])
+def test_a_bracket_in_which_a_run_has_no_result_is_tried_elsewhere(ratio):
+    """At a quarter of its logarithm, then at three: however narrow or wide the bracket is."""
+    runs = [IdaRun(2.0, 2.0, "done", 0.02), IdaRun(2.0 * ratio, 2.0 * ratio, "collapsed", 0.1)]
+    for place in (0.5, 0.25, 0.75):
+        level = Levels(1.0).next(runs)
+        assert level == pytest.approx(2.0 * ratio**place, rel=1e-12)
+        runs.append(IdaRun(level, level, "not-converged", math.nan))
+
+
+@pytest.mark.parametrize(("drift", "part"), [(0.02, 0.4), (0.0105, 1.0 / 1.5), (0.5, 0.1)])
+def test_levels_go_down_to_the_lowest_threshold(drift, part):
+    """To four fifths of the level at which a linear building has it; by a third at least, to a tenth at most."""
+    runs = [IdaRun(2.0, 2.0, "done", drift), IdaRun(2.04, 2.04, "collapsed", 0.1)]
+    assert Levels(1.0, lowest_drift=0.01).next(runs) == pytest.approx(2.0 * part, rel=1e-12)
+
+
 def test_levels_go_down_from_a_start_that_is_too_high():
     runs = drive(Levels(8.0), lambda im: ("collapsed", 0.1) if im > 1.0 else ("done", 0.05 * im))
     stable = [run.im for run in below_collapse(runs)]
@@ -212,7 +229,7 @@ def test_what_the_engine_says_of_repeated_runs(frame, monkeypatch):
         if 1.0 < pga < 1.3:
             rows.runs[0] = rows.runs[0]._replace(repeats=2)
         if 2.0 < pga < 2.2:
-            rows.runs[0] = row_of_failure(0, runs[0], 0.0025, "diverged", Intensity(pga, None), 3)
+            rows.runs[0] = RunRow(0, *run_key(runs[0]), 0.0025, "diverged", pga=pga, repeats=3)
         return rows
 
     monkeypatch.setattr(Batch, "results", results)

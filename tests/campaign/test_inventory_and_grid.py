@@ -71,11 +71,11 @@ def test_buildings_are_those_of_their_model_files(study: Path) -> None:
     for number, one in enumerate(derive_all(rows, "mdof-lu")):
         (study / "model.yaml").write_text(model_text(one.row.id, one.building, "mdof-lu"))
         model = tdint.load_model(study / "model.yaml")
-        row = next(row for row in done if row.building == number and row.scale == 2.0)
+        assert whole.buildings.source(number).subject().model.collapse_drift == model.collapse_drift
+        row = max((row for row in done if row.building == number), key=lambda row: row.scale)
         motion = whole.motions[row.motion]
-        name, _, factor = motion.name.partition(" x ")
-        samples = json.loads((study / f"{name}.json").read_text())[f"data_{motion.component}"]
-        scale = 2.0 * float(factor or 1.0) * STANDARD_GRAVITY
+        samples = json.loads((study / f"{motion.name}.json").read_text())[f"data_{motion.component}"]
+        scale = row.scale * STANDARD_GRAVITY
         record = Record(scale * np.array(samples), 0.01, "", "", "", "")
         response = tdint.run(model, record, method="newmark-average")
         np.testing.assert_allclose(row.peak_drift_ratio, response.stories.peak_drift_ratio.max(), rtol=1e-9)
@@ -110,7 +110,7 @@ def test_weights_are_the_inverse_squares_of_distances() -> None:
     place = np.array([[10.0, 0.0]])
     points = np.array([[10.0, 2.0 * degree], [10.0, 4.0 * degree], [10.0 - 1.0 * degree, 0.0], [20.0, 0.0]])
     draws = GridDraws(
-        ["x"], unit_vectors(place), unit_vectors(points), tuple((((i,)),) for i in range(4)), 3, 20_000, 1
+        ["x"], unit_vectors(place), unit_vectors(points), tuple((((i,), 1.0),) for i in range(4)), 3, 20_000, 1
     )
     near, weights = draws.weights(0)
     found = dict(zip(near.tolist(), weights.tolist(), strict=True))
@@ -124,7 +124,7 @@ def test_weights_are_the_inverse_squares_of_distances() -> None:
 
 def test_a_building_on_a_point_draws_from_it_alone(study: Path) -> None:
     whole = plan(study)
-    near = {whole.motions[draw.motion].name.partition(" ")[0] for draw in whole.assignment.draws(0)}
+    near = {whole.motions[draw.motion].name for draw in whole.assignment.draws(0)}
     assert near <= {"m10", "m11"}
 
 
@@ -174,3 +174,31 @@ def test_rows_that_cannot_be_used_are_told_and_the_others_done(study: Path) -> N
     (failure,) = whole.failures
     assert isinstance(failure, ModelError) and len(failure.faults) == 2 and failure.exit_code == 3
     assert len(whole.buildings) == 3
+
+
+def test_the_factor_of_a_grid_is_in_the_scale(study: Path) -> None:
+    """m00 and m01 are one file's motions with factors 1 and .5: the name is that of the file, the factor in `scale`; of
+    levels of a measure the scale is level over what the file's motion has, whatever its factor."""
+    whole = plan(study)
+    assert [motion.name for motion in whole.motions] == [f"m{i}{j}" for i in range(3) for j in range(2) for _ in "xy"]
+    runs = {
+        (run.motion, run.scale) for n in range(whole.chunks) for one in whole.chunk(n).buildings for run in one.runs
+    }
+    levels = (1.0, 2.0)
+    factors = {motion: 1.0 if whole.motions[motion].name.endswith("0") else 0.5 for motion, _ in runs}
+    assert runs == {(motion, factor * level) for motion, factor in factors.items() for level in levels}
+    intensity = next(line for line in STUDY.splitlines() if line.startswith("intensity"))
+    (study / "campaign.yaml").write_text(STUDY.replace(intensity, "intensity: {measure: pga, levels: [0.1 g]}"))
+    of_measure = plan(study)
+    for run in (run for n in range(of_measure.chunks) for one in of_measure.chunk(n).buildings for run in one.runs):
+        whole_motion = of_measure.motions[run.motion].whole
+        mean = np.sqrt(whole_motion.first.pga * whole_motion.second.pga)
+        np.testing.assert_allclose(run.scale, 0.1 * STANDARD_GRAVITY / mean, rtol=1e-12)
+
+
+def test_another_grid_is_another_campaign(study: Path) -> None:
+    """Points elsewhere, or other motions at them, change the draws: the fingerprint knows them."""
+    before = plan(study).assignment.description()
+    assert plan(study).assignment.description() == before
+    (study / "site2.csv").write_text("TH_file,factor\nm20,1.0\nm21,0.25\n")
+    assert plan(study).assignment.description() != before

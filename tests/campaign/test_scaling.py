@@ -12,10 +12,11 @@ import pytest
 from tdint import read_record
 from tdint.campaign.suites.intensity import PeakVelocity, pga, pseudo_accelerations, sa, sa_average
 from tdint.campaign.suites.scaling import scale_asce7, scale_p695, scale_to_target, scale_to_value
-from tdint.campaign.suites.suite import read_components, read_pairs
+from tdint.campaign.suites.suite import RecordChoice, read_components, read_pairs
 from tdint.campaign.suites.target import TargetSpectrum, read_target
 from tdint.errors import ModelError, RecordError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
+from tdint.ground_motion.messages import quiet_import
 from tdint.ground_motion.record import Record
 from tdint.written_numbers import Grid
 
@@ -120,6 +121,25 @@ def test_suites():
     both = read_pairs([*FILES, "none.mseed"])
     assert (len(both.motions), len(both.records)) == (3, 6)
     assert "none.mseed" in str(both.failures[0])
+
+
+def test_vertical_components_are_left_out_unless_they_are_named(tmp_path):
+    """And said so; a file with nothing else is a fault, not an empty suite."""
+    with quiet_import():
+        from obspy import Stream, Trace
+    samples = np.sin(np.arange(200.0))
+    for name, channels in (("both", ("HNE", "HNN", "HNZ")), ("up", ("HNZ",)), ("flat", ("HNE",))):
+        traces = [Trace(samples * i, {"channel": one, "delta": 0.01}) for i, one in enumerate(channels, start=1)]
+        Stream(traces).write(str(tmp_path / f"{name}.mseed"), format="MSEED")
+    files = [str(tmp_path / f"{name}.mseed") for name in ("both", "up", "flat")]
+    suite = read_components(files, RecordChoice(units="m/s^2"))
+    assert [record.component for record in suite.records] == ["HNE", "HNN", "HNE"]
+    assert [str(failure).partition(": ")[2] for failure in suite.failures] == [
+        "has no horizontal component; name one to take it all the same"
+    ]
+    assert [note for note in suite.notes if "vertical" in note] == [f"{files[0]}: vertical, left out: HNZ"]
+    named = read_components(files[1:2], RecordChoice(component="HNZ", units="m/s^2"))
+    assert [record.component for record in named.records] == ["HNZ"]
 
 
 def test_scaling_to_a_value_of_the_shipped_records():

@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tdint import spectrum
 from tdint.campaign.buildings import GivenBuildings
+from tdint.campaign.carry_out import Advance
 from tdint.campaign.draws import EveryMotion, suite_motions
+from tdint.campaign.engine.chunk import do, spectral_accelerations
 from tdint.campaign.engine.task import RunSettings, Subject
 from tdint.campaign.levels import GivenFactors
 from tdint.campaign.plan import Plan
+from tdint.campaign.store.merge import merge
 from tdint.campaign.store.place import refuse_network
-from tdint.errors import OutputError
+from tdint.campaign.store.store import open_store
+from tdint.errors import OutputError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
 
@@ -58,3 +65,65 @@ def test_chunks_hold_every_run_once_in_order(sizes: list[int], factors: list[int
     assert [plan.size(number) for number in range(plan.chunks)] == [
         sum(len(part.runs) for part in plan.chunk(number).buildings) for number in range(plan.chunks)
     ]
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "words"),
+    [
+        ({}, {"duration": 0.4}, "setting duration"),
+        ({}, {"names": ("b", "a")}, "the order of buildings or records: differs"),
+        ({}, {"peak": 2.0}, "record"),
+    ],
+)
+def test_parts_of_different_campaigns_are_not_merged(tmp_path: Path, one: Any, other: Any, words: str) -> None:
+    """And what differs is said: that alone."""
+    for name, changed in (("one", one), ("other", other)):
+        (tmp_path / name).mkdir()
+        open_store(tmp_path / name, small_plan(**changed))[0].connection.close()
+    with pytest.raises(UsageError) as caught:
+        merge([tmp_path / "one", tmp_path / "other"], tmp_path)
+    _, *lines = str(caught.value).splitlines()
+    assert len(lines) == 1 and lines[0].startswith(words)
+
+
+def test_parts_that_divide_a_campaign_in_other_ways_are_not_merged(tmp_path: Path) -> None:
+    for name in ("one", "other"):
+        (tmp_path / name).mkdir()
+        store, _ = open_store(tmp_path / name, small_plan())
+        if name == "other":
+            store.connection.execute("UPDATE meta SET value = value + 1 WHERE key = 'chunks'")
+        store.connection.close()
+    with pytest.raises(UsageError, match="are of different campaigns"):
+        merge([tmp_path / "one", tmp_path / "other"], tmp_path)
+
+
+def small_plan(names: tuple[str, ...] = ("a", "b"), peak: float = 1.0, duration: float = 0.3) -> Plan:
+    """Two short motions, the first of which has a peak, on one building."""
+    model = load_model("configs/two-story-polynomial.yaml")
+    peaks = {"a": peak, "b": 3.0}
+    motions = suite_motions([Record(np.full(30, peaks[name]), 0.01, "", "", name, "r") for name in names])
+    levels = GivenFactors(dict.fromkeys(range(2), (1.0, 2.0)))
+    settings = RunSettings(duration=duration)
+    return Plan("", GivenBuildings.of([Subject(model, "newmark-average")]), motions, EveryMotion(2), levels, settings)
+
+
+def test_the_time_of_a_chunk_is_a_part_of_the_time_around_it() -> None:
+    began = time.perf_counter()
+    seconds = do(small_plan().chunk(0)).seconds
+    assert 0.0 < seconds < time.perf_counter() - began
+
+
+def test_runs_in_a_second_are_those_of_this_call() -> None:
+    assert Advance(done=30, runs=40, before=10, seconds=4.0).rate == 5.0
+    assert Advance(done=30, runs=40, before=30, seconds=0.0).rate == 0.0
+
+
+def test_a_period_that_is_too_short_for_a_record_takes_no_other_along() -> None:
+    """Sa of several buildings is asked for at once: each has what it has alone."""
+    record = Record(np.sin(np.arange(400.0)), 0.01, "", "", "", "r")
+    short = 0.01 * record.dt  # oscillators need a twentieth
+    periods = [1.0, short, 0.5, short]
+    together = spectral_accelerations(record, periods)
+    assert together == [spectral_accelerations(record, [period])[0] for period in periods]
+    assert [value is None for value in together] == [False, True, False, True]
+    assert together[0] == pytest.approx(spectrum(record, np.array([1.0]), 0.05).psa[0], rel=1e-12)

@@ -38,7 +38,7 @@ def test_drifts_of_all_runs_are_within_the_tolerance(method: str, beyond: float)
     assert step is not None
     assert step > beyond if beyond else step < 0.01
     coarse, fine = (
-        {(row.motion, row.scale, row.story): row.peak_drift for row in results(of, RUNS, largest).stories}
+        {(row.motion, row.scale, row.story): row.of("peak_drift") for row in results(of, RUNS, largest).stories}
         for of, largest in ((subject, step), (Subject(subject.model, "impulse4"), 0.01 / 16))
     )
     assert len(coarse) == 10 * len(RUNS)

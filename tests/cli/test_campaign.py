@@ -387,3 +387,89 @@ def test_the_schema_knows_every_key_of_the_reader(study: Path, tdint: Run) -> No
         said = tdint("campaign", "bad.yaml", "-o", "out").stderr
         known = said.partition("known: ")[2].partition("\n")[0].split(", ")
         assert known == list(schema["properties"][name]["properties"])
+
+
+def test_inputs_that_could_not_be_used_are_listed_and_counted(study: Path, tdint: Run) -> None:
+    """In summary.json and by `status`, as they are at the last call."""
+    Path("broken.mseed").write_bytes(b"no record at all")
+    change("study.yaml", ("other.mseed]", "broken.mseed, nowhere.mseed, other.mseed]"))
+    assert tdint("campaign", "study.yaml", "-o", "out").exit_code == 4
+    unused = json.loads(Path("out/summary.json").read_text())["not_used"]
+    assert (unused["records"]["count"], unused["buildings"]) == (2, {"count": 0, "reasons": []})
+    assert [name in text for name, text in zip(("broken", "nowhere"), unused["records"]["reasons"], strict=True)] == [
+        True, True,
+    ]  # fmt: skip
+    told = tdint("campaign", "status", "out")
+    assert told.exit_code == 0 and "2 records could not be used" in told.stderr and "nowhere.mseed" in told.stderr
+    change("study.yaml", ("broken.mseed, ", ""))
+    assert tdint("campaign", "study.yaml", "-o", "out").exit_code == 4
+    assert "1 record could not be used" in tdint("campaign", "status", "out").stderr
+    tdint("campaign", "merge", "out", "-o", "all")
+    assert json.loads(Path("all/summary.json").read_text())["not_used"]["records"]["count"] == 1
+
+
+def test_rows_of_an_inventory_that_could_not_be_used_are_counted_by_building(study: Path, tdint: Run) -> None:
+    change("study.yaml", ("{models: [shaken.yaml, stiff.yaml]}", "{inventory: rows.csv, units: {length: m}}"))
+    Path("rows.csv").write_text(
+        "id,NumberOfStories,YearBuilt,StructureType,PlanArea\na,2,1968,C1,900\nb,0,1968,X9,900\nc,2,x,C1,900\n"
+    )
+    assert tdint("campaign", "study.yaml", "-o", "out").exit_code == 3
+    unused = json.loads(Path("out/summary.json").read_text())["not_used"]
+    assert (unused["records"]["count"], unused["buildings"]["count"]) == (0, 2)  # b has two faults, and is one building
+    assert "rows.csv:3" in unused["buildings"]["reasons"][0] and "X9" in unused["buildings"]["reasons"][0]
+
+
+def test_exports_of_an_earlier_state_do_not_stay(study: Path, tdint: Run) -> None:
+    assert tdint("campaign", "study.yaml", "-o", "out", "--limit", "1").exit_code == 0
+    assert tdint("campaign", "export", "out", "--simcenter").exit_code == 0
+    before = len(rows("out/simcenter.csv"))
+    told = tdint("campaign", "study.yaml", "-o", "out")
+    assert "simcenter.csv: written anew" in told.stderr
+    exported = Path("out/simcenter.csv").read_bytes()
+    assert len(rows("out/simcenter.csv")) == RUNS > before
+    tdint("campaign", "export", "out", "--simcenter")
+    assert Path("out/simcenter.csv").read_bytes() == exported
+
+
+def test_components_that_are_no_pairs_are_told_apart_in_simcenters_table(study: Path, tdint: Run) -> None:
+    tdint("campaign", "study.yaml", "-o", "out")
+    tdint("campaign", "export", "out", "--simcenter")
+    table = rows("out/simcenter.csv")
+    keys = [tuple(row[name] for name in ("building", "record", "component", "scale", "sample")) for row in table]
+    assert keys == [
+        tuple(row[name] for name in ("building", "record", "component", "scale", "sample"))
+        for row in rows("out/runs.csv")
+    ]
+    assert len(set(keys)) == RUNS
+
+
+def test_a_campaign_writes_in_the_units_of_its_models(study: Path, tdint: Run) -> None:
+    """Where all of them want the same ones; also by export and merge, and as --output-units does."""
+    tdint("campaign", "study.yaml", "-o", "si", "--output-units", "kip,in,g")
+    for model in ("shaken.yaml", "stiff.yaml"):
+        Path(model).write_text("output_units: kip, in, g\n" + Path(model).read_text())
+    result = tdint("campaign", "study.yaml", "-o", "out")
+    assert (result.exit_code, "different units" in result.stderr) == (0, False)
+    for name in ("runs.csv", "stories.csv"):
+        assert Path("out", name).read_bytes() == Path("si", name).read_bytes()
+    assert "peak_base_shear_kip" in Path("out/runs.csv").read_text()
+    tdint("campaign", "export", "out")
+    assert Path("out/runs.csv").read_bytes() == Path("si/runs.csv").read_bytes()
+    tdint("campaign", "export", "out", "--output-units", "N,m")
+    assert Path("out/runs.csv").read_text().splitlines()[0] == COLUMNS
+    tdint("campaign", "merge", "out", "-o", "all")
+    assert Path("all/runs.csv").read_bytes() == Path("si/runs.csv").read_bytes()
+    change("stiff.yaml", ("output_units: kip, in, g", "output_units: kN"))
+    mixed = tdint("campaign", "study.yaml", "-o", "out")
+    assert "different units" in mixed.stderr
+    assert Path("out/runs.csv").read_text().splitlines()[0] == COLUMNS
+
+
+def test_processor_time_is_that_of_the_processors(study: Path, tdint: Run) -> None:
+    """However many threads wait for one processor: the sum over all chunks is less than what the process has used."""
+    import time
+
+    began = time.process_time()
+    tdint("campaign", "study.yaml", "-o", "out", "--jobs", "8")
+    used = time.process_time() - began
+    assert 0.0 < json.loads(Path("out/summary.json").read_text())["processor_time_s"] <= used

@@ -16,7 +16,7 @@ NUMBERS = [(1, 0.123456789, None), (2, -1234567.0, None), (10, 0.0, None)]
 
 
 def test_numbers_stand_under_each_other_in_few_digits_without_empty_columns():
-    text = draw(("story", "peak_drift_m", "ductility"), NUMBERS, 80)
+    text = draw(("story", "peak_drift_m", "ductility"), NUMBERS, 80, {"peak_drift_m": "m"})
     assert text == (
         "        peak drift\n"
         "story            m\n"

@@ -101,7 +101,8 @@ def test_the_summary(folder, tdint):
     summary = json.loads((folder / "out" / "summary.json").read_text())
     assert list(summary) == [
         "schema", "status", "name", "method", "dt_s", "steps", "duration_s", "iterations", "halved_steps", "events",
-        "wall_time_s", "time_loop_s", "building", "energy", "peaks", "check", "collapse_drift", "collapse", "record",
+        "wall_time_s", "time_loop_s", "building", "energy", "peaks", "check", "at_end", "collapse_drift", "collapse",
+        "record",
         "settings", "notes", "inputs", "versions", "meanings",
     ]  # fmt: skip
     assert summary["schema"] == {"name": "tdint run", "version": 1}
@@ -266,6 +267,22 @@ def test_stories_without_a_value_have_no_error(folder, tdint):
     table = rows(tdint("run", "forced.yaml", "--check").stdout)
     assert table[0]["ductility"] == table[0]["ductility_error"] == ""
     assert float(table[0]["peak_drift_m_error"]) > 0.0
+
+
+def test_until_rest(folder, tdint):
+    """The residual drifts are at rest, and the summary says from when; without it a note says by how much they move."""
+    plain = tdint("run", "shaken.yaml", "-o", "plain")
+    rest = tdint("run", "shaken.yaml", "-o", "rest", "--until-rest")
+    assert "still moves at the end" in plain.stderr and "--until-rest" in plain.stderr
+    assert "still moves" not in rest.stderr
+    summaries = [json.loads((folder / name / "summary.json").read_text()) for name in ("plain", "rest")]
+    ends = [summary["at_end"] for summary in summaries]
+    assert ends[0]["rest_s"] is None and ends[1]["rest_s"] == summaries[1]["duration_s"] > 2.99
+    assert f"The building is at rest at {ends[1]['rest_s']:.6g} s." in rest.stderr
+    assert ends[1]["moving_drift_m"] < 0.1 * ends[0]["moving_drift_m"]
+    for summary, more in zip(summaries, ((), ("--until-rest",)), strict=True):
+        one = rows(tdint("run", "shaken.yaml", "--scale", "1,2", *more).stdout)[0]
+        assert float(one["residual_drift_ratio"]) == pytest.approx(summary["peaks"]["residual_drift_ratio"], rel=1e-9)
 
 
 @pytest.mark.parametrize("tolerance", ["0.1%", "0.001", " 0.1 %"])

@@ -7,6 +7,7 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tdint.campaign.engine.batch import Batch
@@ -264,6 +265,10 @@ def test_a_bad_record_is_named_and_the_others_are_done(folder, tdint):
     assert (low["censored"], collapse["censored"], collapse["capacity"]) == ("false", "true", "1.2")
     assert "none.mseed" in result.stderr
     assert "1 of 1 censored" in result.stderr
+    kept = tdint("ida", FRAME, "motion.mseed", "none.mseed", "--component", "HNE", *FEW, "-o", "kept")
+    assert kept.exit_code == 4
+    unused = json.loads((folder / "kept/ida.json").read_text())["not_used"]["records"]
+    assert unused["count"] == 1 and "none.mseed" in unused["reasons"][0]
 
 
 @pytest.mark.parametrize(
@@ -369,6 +374,12 @@ def test_runs_of_a_campaign(folder, tdint):
     (row,) = rows(result.stdout)
     assert (row["fit"], row["im"], row["unit"], row["records"]) == ("stripes", "sa(T1)", "m/s^2", "3")
     assert "1 of 10 runs have no result and are left out" in result.stderr
+    assert row["failed"] == "1" and "counted as exceeding, and as not" in result.stderr
+    for hits, word in ((1, "exceed"), (0, "stand")):  # the fourth run of the first level
+        (folder / "stripes.csv").write_text(f"im,collapses,records\n1,{hits},4\n2,1,3\n3,2,3\n")
+        (bound,) = rows(tdint("fragility", "stripes.csv").stdout)
+        assert (bound["theta"], bound["beta"]) == (row[f"theta_failed_{word}"], row[f"beta_failed_{word}"])
+        assert "failed" not in bound
     (folder / "stripes.csv").write_text("im,collapses,records\n1,0,3\n2,1,3\n3,2,3\n")
     (same,) = rows(tdint("fragility", "stripes.csv").stdout)
     assert (same["theta"], same["beta"]) == (row["theta"], row["beta"])
@@ -434,3 +445,31 @@ def test_standard_input(folder, tdint):
     result = tdint("fragility", "-", stdin=b"capacity\n1\n2\n3\n")
     assert result.exit_code == 0
     assert rows(result.stdout)[0]["records"] == "3"
+
+
+def test_the_line_of_a_cloud_is_written(folder, tdint):
+    """b0, b1 and sigma are those of least squares of ln EDP where nothing is censored, also in other units."""
+    im, edp = np.array([1.0, 2.0, 3.0, 4.0, 5.0]), np.array([0.011, 0.018, 0.033, 0.037, 0.052])
+    lines = [f"{x},{y},m/s^2" for x, y in zip(im, edp, strict=True)]
+    (folder / "cloud.csv").write_text("\n".join(["im,edp,unit", *lines]) + "\n")
+    design = np.column_stack([np.ones(5), np.log(im)])
+    (b0, b1), (square,), *_ = np.linalg.lstsq(design, np.log(edp), rcond=None)
+    (row,) = rows(tdint("fragility", "cloud.csv", "--threshold", "2%").stdout)
+    assert [float(row[name]) for name in ("b0", "b1", "sigma")] == pytest.approx(
+        [b0, b1, np.sqrt(square / 5)], rel=1e-9
+    )
+    assert float(row["theta"]) == pytest.approx(np.exp((np.log(0.02) - b0) / b1), rel=1e-9)
+    (other,) = rows(tdint("fragility", "cloud.csv", "--threshold", "2%", "--output-units", "N,m,g").stdout)
+    assert float(other["b0"]) == pytest.approx(b0 + b1 * np.log(9.80665), rel=1e-9)
+    assert (other["b1"], other["sigma"]) == (row["b1"], row["sigma"])
+
+
+def test_runs_in_other_units_are_understood(folder, tdint):
+    """A campaign's runs.csv in the units of its models: the column's end tells the unit of the intensity."""
+    body = [f"a,{k},done,{0.01 * k * (1 + 0.3 * (k % 2))},{0.1 * k}" for k in range(1, 8)]
+    found = {}
+    for unit, name in (("g", "sa_t1_g"), ("m/s^2", "sa_t1_m_s2")):
+        (folder / "runs.csv").write_text("\n".join([f"building,record,status,peak_drift_ratio,{name}", *body]) + "\n")
+        (found[unit],) = rows(tdint("fragility", ".", "--threshold", "3%", "--fit", "cloud").stdout)
+        assert found[unit]["unit"] == unit
+    assert found["g"]["theta"] == found["m/s^2"]["theta"]

@@ -37,7 +37,7 @@ from tdint.campaign.reader import load_campaign
 from tdint.campaign.carry_out import compile_for, threads
 from tdint_cli.batch.campaigns import carry_out
 from tdint_cli.settings import Settings
-import click, tdint.output.tables.campaign, tdint.output.summaries.campaign
+import click, tdint.output.tables.campaign, tdint.output.summaries.summary
 
 def plan():
     campaign = load_campaign("study.yaml")

@@ -15,10 +15,11 @@ TRAP = "open('trapped', 'w').close()\nraise SystemExit('trapped')\n"
 def test_modules_of_the_working_directory_are_not_run(folder, start):
     for name in ("numpy", "scipy", "numba", "obspy", "click", "yaml", "json", "tdint"):
         (folder / f"{name}.py").write_text(TRAP)
-    assert start("info", "r0.csv").end()[0] == 0
-    few = ("--method", "newmark-average,hht", "--halvings", "2", "--duration", "1")
-    cache = str(folder.parent / "cache")
-    code, _, words = start("chart", "model.yaml", *few, TDINT_CACHE_DIR=cache, TDINT_KERNELS=None).end(300.0)
+    cache = str(folder.parent / "cache")  # Empty: a process that compiles is started, too.
+    code, _, words = start("info", "r0.csv", TDINT_CACHE_DIR=cache).end(300.0)
+    assert code == 0 and "note: compiling 1 time loop" in words, words
+    few = ("--method", "newmark-average,hht", "--halvings", "2", "--duration", "1", "--no-cache")
+    code, _, words = start("chart", "model.yaml", *few).end(300.0)
     assert code == 0, words
     assert not (folder / "trapped").exists()
 

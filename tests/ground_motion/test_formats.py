@@ -331,6 +331,21 @@ class TestSmc:
         assert (trace.id, trace.stats.delta, trace.stats.tdint_units) == (".SAF0A..360", 0.005, "cm/s^2")
         assert str(trace.stats.starttime) == "1989-10-18T00:04:07.250000Z"
 
+    def test_month_and_day_in_place_of_the_day_of_the_year(self):
+        """The text of the header decides: it has the earthquake's date. A header that fits neither way has no date."""
+        days = "".join(f"{number:10d}" for number in (1989, 291, 0, 4, 7, 250, -32768))
+
+        def start(text, *numbers):
+            integers = [*numbers, *[-32768] * (7 - len(numbers))]
+            changed = files.smc().replace(days, "".join(f"{number:10d}" for number in integers))
+            return str(only(changed.replace("1989  10  18", text)).stats.starttime)
+
+        assert start("2018  01  04", 2018, 1, 4, 10, 39, 37, 500) == "2018-01-04T10:39:37.500000Z"
+        assert start("2018  01  04", 2018, 4, 10, 39, 37, 500) == "2018-01-04T10:39:37.500000Z"
+        assert start("1989  10  18", 1989, 290, 23, 59, 58, 0) == "1989-10-17T23:59:58.000000Z"
+        assert start("2018  03  04", 2018, 1, 4, 10, 39, 37, 500).startswith("1970-01-01")
+        assert start("somewhere", 2018, 4, 10, 39, 37, 500).startswith("2018-01-04")
+
     def test_vertical_and_unknown(self):
         assert only(files.smc().replace("        90       360", "         0       360")).stats.channel == "UP"
         assert only(files.smc().replace("        90       360", "    -32768    -32768")).stats.channel == ""

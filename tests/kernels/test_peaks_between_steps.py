@@ -30,6 +30,9 @@ def scene(seed):
     old[:3, :STORIES] = scale * generator.normal(size=(3, STORIES))
     old[3:, :STORIES] = scale[1:] * generator.normal(size=(2, STORIES))
     state[:, :STORIES] = scale * generator.normal(size=(3, STORIES))
+    if seed % 2:  # displacements that fit velocities and accelerations: else they tell nothing of what lies between
+        rise = 0.5 * h * (old[1] + state[at.VELOCITY]) - h**2 / 12.0 * (state[at.ACCELERATION] - old[2])
+        state[at.DISPLACEMENT] = old[0] + rise
     springs[at.DRIFT, :STORIES] = np.diff(state[at.DISPLACEMENT, :STORIES], prepend=0.0)
     springs[at.FORCE, :STORIES] = K * generator.uniform(-1.0, 1.0, STORIES) * springs[at.DRIFT, :STORIES]
     ground = scale[2, 0] * generator.normal(size=2)

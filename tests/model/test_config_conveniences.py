@@ -183,3 +183,14 @@ def test_what_no_file_could_say() -> None:
     loop["stories"] = loop
     assert faults(loop) == ["model: nested more than 32 levels deep; this is no model"]
     assert faults({"stories": {1, 2}}) == ["model: a model holds mappings, lists, numbers and text, not set"]
+
+
+@pytest.mark.parametrize("units", ["length: in, force: kip", "force: kip", "length: ft"])
+def test_a_mass_beside_inches_or_kips_needs_its_unit(units):
+    """T would be .0024 s for 1 s if it were taken as kg without a word."""
+    stories = "stories: [{mass: 0.25, stiffness: 10}]\n"
+    with pytest.raises(ModelError, match=r"stories\[1\].mass: its unit is not said.*weight"):
+        load(f"units: {{{units}}}\n{stories}")
+    told = load(f"units: {{{units}, mass: kip*s^2/in}}\n{stories}")
+    assert told.stories[0].mass == pytest.approx(0.25 * 4448.2216152605 / 0.0254)
+    assert load("units: {length: mm, force: kN}\n" + stories).stories[0].mass == 0.25

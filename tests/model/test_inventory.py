@@ -190,6 +190,10 @@ def test_scatter_is_drawn_for_each_building_by_its_id(tmp_path):
     assert np.std(factors) == pytest.approx(0.2, rel=0.15)
     assert np.std([made.damping_ratio / 0.07 for made in many]) == pytest.approx(0.1, rel=0.15)
     assert {made.yield_force[0] for made in many} == {plain.yield_force[0]}
+    # Studies that go on, in parts or in another version, need the same draws: two normal numbers by seed and id.
+    first, second = np.random.default_rng([5, *b"b7"]).standard_normal(2)
+    assert factors[7] == pytest.approx(1.0 + 0.2 * first, rel=1e-12)
+    assert many[7].damping_ratio == pytest.approx(0.07 * (1.0 + 0.1 * second), rel=1e-12)
     alone = derive_all(rows[7:8], "mdof-lu", stiffness=0.2, damping=0.1, seed=5)[0].building
     assert alone.stiffness[0] == many[7].stiffness[0]
     with pytest.raises(UsageError, match="scatter of the stiffness"):

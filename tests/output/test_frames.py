@@ -58,7 +58,7 @@ def test_a_history_is_the_file_that_the_command_writes(response):
     write_history(response.history, stream)
     header, *rows = csv.reader(io.StringIO(stream.getvalue().decode()))
     columns = response.history.to_dict()
-    assert list(columns) == header == list(history_columns(2))
+    assert list(columns) == header == [column.name for column in history_columns(2)]
     written = np.array([[float(cell) for cell in row] for row in rows])
     np.testing.assert_allclose(np.column_stack(list(columns.values())), written, rtol=1e-11, atol=1e-300)
 

@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 
 from tdint.errors import UsageError
 from tdint.output.summaries.summary import in_units
-from tdint.output.tables.columns import buildings, spectra
-from tdint.output.tables.table import Column, Table, describe
-from tdint.output_units import ENDS, SI, OutputUnits, parse_output_units
+from tdint.output.tables import buildings, spectra
+from tdint.output.tables.table import TEXT, Column, Table, describe
+from tdint.output_units import SI, OutputUnits, parse_output_units
+from tdint.quantity import suffix
 from tdint.units import ACCELERATION, FORCE, LENGTH, MASS
 
 US = parse_output_units("kip,in,g")
@@ -21,23 +22,23 @@ EVERY = (*buildings.STORY, *buildings.STORY_ERROR, *buildings.HISTORY_ENERGY, *s
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "renamed", "expected"),
+    ("name", "unit", "value", "renamed", "expected"),
     [  # exact by the definitions of inch (0.0254 m), pound (0.45359237 kg) and standard gravity
-        ("peak_drift_m", 0.0254, "peak_drift_in", 1.0),
-        ("peak_shear_N", 4448.2216152605, "peak_shear_kip", 1.0),
-        ("peak_absolute_acceleration_m_s2", 9.80665, "peak_absolute_acceleration_g", 1.0),
-        ("peak_velocity_m_s", 0.254, "peak_velocity_in_s", 10.0),
-        ("tangent_stiffness_N_m", 4448.2216152605 / 0.0254, "tangent_stiffness_kip_in", 1.0),
-        ("energy_input_J", 4448.2216152605 * 0.0254, "energy_input_kipin", 1.0),
-        ("peak_drift_m_error", 0.0254, "peak_drift_in_error", 1.0),
-        ("time_s", 3.0, "time_s", 3.0),
-        ("peak_drift_ratio", 0.02, "peak_drift_ratio", 0.02),
-        ("dt_over_t", 0.02, "dt_over_t", 0.02),
-        ("mass_kg", 5.0, "mass_kg", 5.0),  # no unit of mass was asked for
+        ("peak_drift_m", "m", 0.0254, "peak_drift_in", 1.0),
+        ("peak_shear_N", "N", 4448.2216152605, "peak_shear_kip", 1.0),
+        ("peak_absolute_acceleration_m_s2", "m/s^2", 9.80665, "peak_absolute_acceleration_g", 1.0),
+        ("peak_velocity_m_s", "m/s", 0.254, "peak_velocity_in_s", 10.0),
+        ("tangent_stiffness_N_m", "N/m", 4448.2216152605 / 0.0254, "tangent_stiffness_kip_in", 1.0),
+        ("energy_input_J", "J", 4448.2216152605 * 0.0254, "energy_input_kipin", 1.0),
+        ("peak_drift_m_error", "m", 0.0254, "peak_drift_in_error", 1.0),
+        ("time_s", "s", 3.0, "time_s", 3.0),
+        ("peak_drift_ratio", "1", 0.02, "peak_drift_ratio", 0.02),
+        ("dt_over_t", "1", 0.02, "dt_over_t", 0.02),
+        ("mass_kg", "kg", 5.0, "mass_kg", 5.0),  # no unit of mass was asked for
     ],
 )
-def test_names_and_numbers(name: str, value: float, renamed: str, expected: float) -> None:
-    column, factor = US.column(name)
+def test_names_and_numbers(name: str, unit: str, value: float, renamed: str, expected: float) -> None:
+    column, factor = US.column(name, unit)
     assert column == renamed
     assert value / factor == pytest.approx(expected, rel=1e-13)
 
@@ -45,8 +46,8 @@ def test_names_and_numbers(name: str, value: float, renamed: str, expected: floa
 def test_an_acceleration_without_a_unit_of_its_own_goes_by_the_length() -> None:
     units = parse_output_units("kN, mm, t")
     assert units.unit("m/s^2") == ("mm/s^2", 0.001)
-    assert units.column("pga_m_s2")[0] == "pga_mm_s2"
-    assert units.column("mass_kg") == ("mass_t", 1000.0)
+    assert units.column("pga_m_s2", "m/s^2")[0] == "pga_mm_s2"
+    assert units.column("mass_kg", "kg") == ("mass_t", 1000.0)
     assert units.unit("J") == ("kN*mm", 1.0)
 
 
@@ -61,7 +62,9 @@ def test_no_two_columns_get_one_name_and_the_way_back_is_the_inverse(
 ) -> None:
     units = parse_output_units(",".join(filter(None, (force, length, mass, acceleration))))
     assert units == OutputUnits(length=length, force=force, mass=mass, acceleration=acceleration)
-    names = [units.column(f"x{end}")[0] for end in ENDS]
+    names = [
+        units.column(f"x{suffix(unit)}", unit)[0] for unit in ("m", "s", "N", "kg", "J", "N/m", "m/s", "m/s^2", "Hz")
+    ]
     assert len(set(names)) == len(names)
     assert units.unit("N")[1] / units.unit("m")[1] == pytest.approx(units.unit("N/m")[1], rel=1e-15)
     assert units.unit("N")[1] * units.unit("m")[1] == pytest.approx(units.unit("J")[1], rel=1e-15)
@@ -72,7 +75,8 @@ def test_a_table_there_and_back() -> None:
     table = Table.of(EVERY, [tuple(rng.standard_normal(len(EVERY))) for _ in range(4)])
     there = table.in_units(US)
     back = [
-        tuple(value * US.column(name)[1] for name, value in zip(table.columns, row, strict=True)) for row in there.rows
+        tuple(value * US.column(one.name, one.unit)[1] for one, value in zip(EVERY, row, strict=True))
+        for row in there.rows
     ]
     np.testing.assert_allclose(back, table.rows, rtol=1e-14)
     assert there.columns != table.columns and len(there.columns) == len(table.columns)
@@ -84,7 +88,11 @@ def test_a_table_there_and_back() -> None:
 
 
 def test_what_is_no_number_stays() -> None:
-    own = (Column("place_m", "x", "a word", text=True), Column("start_m", "x", "maybe"), Column("at_m", "x", "whole"))
+    own = (
+        Column("place", TEXT, "x", "a word"),
+        Column("start_m", "m", "x", "maybe"),
+        Column("at_m", "m", "x", "whole"),
+    )
     table = Table.of(own, [("here", None, 254), ("there", math.nan, True)]).in_units(US)
     assert table.rows[0] == ("here", None, pytest.approx(1e4))
     assert table.rows[1][0] == "there" and math.isnan(float(table.rows[1][1] or 0)) and table.rows[1][2] is True
@@ -98,15 +106,21 @@ def test_a_summary() -> None:
         "dts_s": [0.1, 0.2],
         "levels_m": [0.0254, 0.0508],
         "settings": {"drift_m": 1.0},
-        "meanings": {"drift_m": {"meaning": "with drift_m_error", "unit": "m"}},
+        "meanings": {
+            "drift_m": {"meaning": "with base_shear_N", "unit": "m"},
+            "base_shear_N": {"meaning": "force", "unit": "N"},
+        },
     }
     assert in_units(content, SI) is content
-    told = in_units(content, US)
+    told = in_units(content, US, {"drift_m": "m", "base_shear_N": "N", "levels_m": "m", "dts_s": "s"})
     assert told["peaks"] == {"drift_in": pytest.approx(10.0), "drift_story": 1, "base_shear_kip": None}
     assert told["record"] == {"pga_g": pytest.approx(1.0), "file": "a_m.csv"}
     assert told["levels_in"] == pytest.approx([1.0, 2.0]) and told["dts_s"] == [0.1, 0.2]
     assert told["settings"] == {"drift_m": 1.0, "output_units": "kip,in,kg,g"}
-    assert told["meanings"] == {"drift_in": {"meaning": "with drift_in_error", "unit": "in"}}
+    assert told["meanings"] == {
+        "drift_in": {"meaning": "with base_shear_kip", "unit": "in"},
+        "base_shear_kip": {"meaning": "force", "unit": "kip"},
+    }
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from tdint import prepare, run_case, spectrum
 from tdint.analysis.run.run import FailedRun, StoryErrors, StoryPeaks
 from tdint.analysis.spectra.first_mode import first_mode
 from tdint.model.building import assemble
-from tdint.output.summaries.run import MEANINGS, failure_summary, peak_errors, peaks, run_summary
+from tdint.output.summaries.of_run import MEANINGS, failure_summary, peak_errors, peaks, run_summary
 from tdint.output.summaries.summary import json_bytes
 
 

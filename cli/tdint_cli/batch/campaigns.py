@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tdint.errors import OutputError
-from tdint.files import is_folder
+from tdint.files import is_file, is_folder
 from tdint.output_units import SI, OutputUnits
 from tdint_cli.errors import Failures
 from tdint_cli.terminal.drawing import emit_table
@@ -33,9 +33,10 @@ def carry_out(
     shard: Shard | None = None,
     limit: int | None = None,
     show: bool = False,
-    units: OutputUnits = SI,
+    units: OutputUnits | None = None,
 ) -> None:
-    """Do what is left of a campaign and write its tables, in these units; `show` the runs on standard output, too.
+    """Do what is left of a campaign and write its tables, in these units or those of the models; `show` the runs on
+    standard output, too.
 
     Raises
     ------
@@ -57,6 +58,7 @@ def carry_out(
         for text in (*plan.notes, *remarks):
             note(text)
         with store:
+            units = units or store.output_units()
             advance = advance_with_bar(plan, store, engine, shard=shard, limit=limit)
             finish(store, folder, units)
             if show:
@@ -120,21 +122,32 @@ def _rate(advance: Advance) -> str:
 
 
 def finish(store: Store, folder: Path, units: OutputUnits = SI) -> None:
-    """Write what stands beside a store: runs.csv, stories.csv if there are stories, summary.json."""
-    _write(folder, store, {RUNS: _runs(store, units)}, units)
+    """Write what stands beside a store: runs.csv, stories.csv if there are stories, summary.json; and what was exported
+    of an earlier state anew."""
+    writers = {RUNS: _runs(store, units)}
+    again = {name: writer for name, writer in _exports(store).items() if is_file(folder / name)}
+    _write(folder, store, {**writers, **{name: writer for name, writer in again.items() if writer}}, units)
+    for name, writer in again.items():
+        if writer:
+            note(f"{folder / name}: written anew, as the campaign is now")
+        else:
+            (folder / name).unlink(missing_ok=True)
+            note(f"{folder / name}: removed, for it was of an earlier state and cannot be written here")
 
 
 def export(store: Store, folder: Path, *, simcenter: bool, units: OutputUnits = SI) -> None:
     """Write all tables of a store anew; runs.parquet if pyarrow is there: that one and SimCenter's have SI units."""
+    wanted = {PARQUET, *(SIMCENTER,) * (simcenter or is_file(folder / SIMCENTER))}
+    others = {name: writer for name, writer in _exports(store).items() if writer and name in wanted}
+    _write(folder, store, {RUNS: _runs(store, units), **others}, units)
+
+
+def _exports(store: Store) -> dict[str, Writer | None]:
+    """What is written on request alone; None for what cannot be written here."""
     from tdint.output.tables.campaign import parquet_writer
     from tdint.output.tables.simcenter import write_simcenter
 
-    writers = {RUNS: _runs(store, units)}
-    if parquet := parquet_writer(store):
-        writers[PARQUET] = parquet
-    if simcenter:
-        writers[SIMCENTER] = lambda stream: write_simcenter(store, stream)
-    _write(folder, store, writers, units)
+    return {PARQUET: parquet_writer(store), SIMCENTER: lambda stream: write_simcenter(store, stream)}
 
 
 def _runs(store: Store, units: OutputUnits) -> Writer:
@@ -145,8 +158,7 @@ def _runs(store: Store, units: OutputUnits) -> Writer:
 
 def _write(folder: Path, store: Store, writers: dict[str, Writer], units: OutputUnits) -> None:
     from tdint.files import write_files
-    from tdint.output.summaries.campaign import campaign_summary
-    from tdint.output.summaries.summary import in_units, json_bytes
+    from tdint.output.summaries.summary import campaign_summary, in_units, json_bytes
     from tdint.output.tables.campaign import write_stories
 
     if store.meta("setting stories") == "true":

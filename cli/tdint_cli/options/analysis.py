@@ -96,6 +96,12 @@ duration = option(
     "--duration", type=float, metavar="SECONDS", help="Time to integrate; by default the model's, else the record's."
 )
 
+until_rest = option(
+    "--until-rest",
+    is_flag=True,
+    help="Go on after that with the ground at rest until the building is: residual drifts are at rest then.",
+)
+
 
 DRAWN = (
     "newmark-average",

@@ -46,7 +46,7 @@ def emit_table(table: Table) -> None:
 def draw(
     columns: Sequence[str], rows: Sequence[Sequence[object]], width: int, units: Mapping[str, str] | None = None
 ) -> str:
-    """A table as text, lines of at most `width` characters if that can be done; `units` of columns that are not SI.
+    """A table as text, lines of at most `width` characters if that can be done; `units` of the columns.
 
     Columns without any value are left out, a text that is the same in all rows stands above, names of columns stand on
     several lines. What is too wide is drawn in blocks of columns, each with the columns before it that name the row; a
@@ -112,13 +112,10 @@ def _broken(name: Sequence[str], room: int) -> list[str]:
 
 def _words(name: str, units: Mapping[str, str]) -> list[str]:
     """The words of a column's name, its unit last and whole."""
-    from tdint.output_units import ENDS, end_of, in_a_name
+    from tdint.quantity import suffix
 
-    bare, end = name.removesuffix("_error"), end_of(name)
-    unit = ENDS.get(end, "")
-    other = units.get(name, "1")
-    if bare.endswith(f"_{in_a_name(other)}"):  # in_s is in/s, and no second
-        end, unit = f"_{in_a_name(other)}", other
+    bare, unit = name.removesuffix("_error"), units.get(name, "1")
+    end = suffix(unit) if bare.endswith(suffix(unit)) else ""
     error = ["error"] if bare != name else []
     return [*bare.removesuffix(end).split("_"), *error, *([unit] if end else [])]
 

@@ -12,6 +12,7 @@ from tdint.campaign.engine.task import Source, Subject
 from tdint.model.definition import Analysis, Excitation, Initial, Model
 from tdint.model.inventory.derive import derive_row
 from tdint.model.inventory.table import InventoryRow
+from tdint.output_units import SI, OutputUnits
 
 
 class Buildings(Protocol):
@@ -36,6 +37,10 @@ class Buildings(Protocol):
 
     def wishes(self, number: int) -> tuple[float | None, float | None]:
         """The time step and the duration that its model asks for, s."""
+
+    @property
+    def output_units(self) -> OutputUnits:
+        """The units in which all of their models want results; SI where they do not agree."""
 
 
 @dataclass(frozen=True)
@@ -96,6 +101,11 @@ class GivenBuildings:
     def wishes(self, number: int) -> tuple[float | None, float | None]:
         analysis = self.sources[number].made.model.analysis
         return analysis.dt, analysis.duration
+
+    @property
+    def output_units(self) -> OutputUnits:
+        wanted = {source.made.model.output_units for source in self.sources}
+        return wanted.pop() if len(wanted) == 1 else SI
 
 
 def digest_of(model: Model, method: str) -> str:
@@ -189,3 +199,7 @@ class InventoryBuildings:
 
     def wishes(self, number: int) -> tuple[float | None, float | None]:
         return None, None
+
+    @property
+    def output_units(self) -> OutputUnits:
+        return SI

@@ -5,6 +5,7 @@ Draws are by nearest neighbors, as in the regional workflow of SimCenter.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -45,7 +46,7 @@ class SuiteMotion:
     name: str
     component: str
     whole: GroundMotion
-    direction: int = 1
+    direction: int
 
 
 def suite_motions(whole: Sequence[GroundMotion]) -> tuple[SuiteMotion, ...]:
@@ -60,10 +61,16 @@ def suite_motions(whole: Sequence[GroundMotion]) -> tuple[SuiteMotion, ...]:
 
 
 class Draw(NamedTuple):
-    """A motion by its number that a building gets, and the number of the draw; 0 where nothing is drawn."""
+    """A motion by its number that a building gets, the number of the draw (0 where nothing is drawn), and the factor
+    that the motion has where it is drawn."""
 
     motion: int
     sample: int
+    factor: float = 1.0
+
+
+PointMotion = tuple[tuple[int, ...], float]
+"""A ground motion at a point of a grid: the numbers of its components, and the factor on it there."""
 
 
 class Assignment(Protocol):
@@ -97,12 +104,12 @@ class GridMotions:
     ----------
     places : sequence of tuples of two floats
         Longitude and latitude of the points that have motions, degrees.
-    motions : tuple of tuples of tuples of int
-        Of each point its ground motions: of each the numbers of its components.
+    motions : tuple of tuples of PointMotion
+        Of each point its ground motions.
     """
 
     places: Sequence[tuple[float, float]] = field(repr=False)
-    motions: tuple[tuple[tuple[int, ...], ...], ...] = field(repr=False)
+    motions: tuple[tuple[PointMotion, ...], ...] = field(repr=False)
 
 
 @dataclass(frozen=True)
@@ -117,8 +124,8 @@ class GridDraws:
         Where they are, as unit vectors from the center of the earth.
     points : ndarray, shape (points, 3)
         The same of the grid's points that have motions.
-    motions : tuple of tuples of tuples of int
-        Of each point its ground motions: of each the numbers of its components.
+    motions : tuple of tuples of PointMotion
+        Of each point its ground motions.
     neighbors, samples, seed : int
         Points among which is drawn, draws, and what is drawn from, with the building's id.
     """
@@ -126,7 +133,7 @@ class GridDraws:
     ids: Sequence[str] = field(repr=False)
     places: Array = field(repr=False)
     points: Array = field(repr=False)
-    motions: tuple[tuple[tuple[int, ...], ...], ...] = field(repr=False)
+    motions: tuple[tuple[PointMotion, ...], ...] = field(repr=False)
     neighbors: int
     samples: int
     seed: int
@@ -147,8 +154,8 @@ class GridDraws:
         found = []
         for sample, point in enumerate(points.tolist(), start=1):
             choices = self.motions[point]
-            chosen = choices[int(random.integers(len(choices)))]
-            found += [Draw(motion, sample) for motion in chosen]
+            chosen, factor = choices[int(random.integers(len(choices)))]
+            found += [Draw(motion, sample, factor) for motion in chosen]
         return sorted(found)
 
     def weights(self, building: int) -> tuple[NDArray[np.int64], Array]:
@@ -160,7 +167,8 @@ class GridDraws:
         return near.astype(np.int64), weights / weights.sum()
 
     def description(self) -> dict[str, object]:
-        return {"neighbors": self.neighbors, "samples": self.samples, "draw_seed": self.seed}
+        grid = hashlib.sha256(repr((self.points.tolist(), self.motions)).encode()).hexdigest()
+        return {"neighbors": self.neighbors, "samples": self.samples, "draw_seed": self.seed, "grid_sha256": grid}
 
     @cached_property
     def _tree(self) -> Any:

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from tdint.campaign.definition import GridFile
-from tdint.campaign.draws import GridMotions, SuiteMotion
+from tdint.campaign.draws import GridMotions, PointMotion, SuiteMotion
 from tdint.csv_table import read_table
 from tdint.errors import RecordError
 from tdint.ground_motion.header_checks.statement import LONGEST_STEP, SHORTEST_STEP
@@ -37,25 +37,26 @@ def read_grid(grid: GridFile) -> tuple[tuple[SuiteMotion, ...], GridMotions, lis
     RecordError
         No point has a motion.
     """
-    factor = parse_units(grid.units)
-    if factor.quantity != "acceleration":
+    unit = parse_units(grid.units)
+    if unit.quantity != "acceleration":
         raise RecordError(
             f"{grid.file}: the motions of a grid are accelerations, their units are given as {grid.units}"
         )
     folder = Path(grid.file).parent
     motions: list[SuiteMotion] = []
-    numbers: dict[tuple[str, float], tuple[int, ...]] = {}
+    numbers: dict[str, tuple[int, ...]] = {}
     failures: list[RecordError] = []
     points, of_points = [], []
     for file, place in _points(grid.file):
-        found = []
-        for key in _motions_at(str(folder / file)):
-            if key not in numbers:
-                numbers[key] = _add(motions, folder, *key, factor.scale, failures)
-            found.append(numbers[key])
-        if any(found):
+        found: list[PointMotion] = []
+        for name, factor in _motions_at(str(folder / file)):
+            if name not in numbers:
+                numbers[name] = _add(motions, folder, name, unit.scale, failures)
+            if numbers[name]:
+                found.append((numbers[name], factor))
+        if found:
             points.append(place)
-            of_points.append(tuple(one for one in found if one))
+            of_points.append(tuple(found))
     if not points:
         raise RecordError("\n".join(map(str, failures)) or f"{grid.file}: no point has a ground motion")
     return tuple(motions), GridMotions(points, tuple(of_points)), failures
@@ -85,19 +86,18 @@ def _motions_at(file: str) -> list[tuple[str, float]]:
 
 
 def _add(
-    motions: list[SuiteMotion], folder: Path, name: str, factor: float, unit: float, failures: list[RecordError]
+    motions: list[SuiteMotion], folder: Path, name: str, unit: float, failures: list[RecordError]
 ) -> tuple[int, ...]:
     """Add the components of a ground motion; their numbers, none if it cannot be read."""
     try:
-        records = _read_motion(folder, name, factor * unit)
+        records = _read_motion(folder, name, unit)
     except RecordError as error:
         failures.append(error)
         return ()
     whole = records[0] if len(records) == 1 else Horizontals(records[0], records[1])
     first = len(motions)
     for direction, record in enumerate(records, start=1):
-        label = name if factor == 1.0 else f"{name} x {factor:.12g}"
-        motions.append(SuiteMotion(record, label, record.component, whole, direction))
+        motions.append(SuiteMotion(record, name, record.component, whole, direction))
     return tuple(range(first, len(motions)))
 
 

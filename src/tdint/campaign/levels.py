@@ -19,6 +19,10 @@ class Levels(Protocol):
     def by_period(self) -> bool:
         """Whether they hang on the building, by its first period; else nobody needs to find it."""
 
+    @property
+    def of_value(self) -> bool:
+        """Whether they bring a motion to a value, whatever factor it has in a grid; else they come on top of it."""
+
     def count(self, motion: int) -> int:
         """How many factors a motion has."""
 
@@ -35,6 +39,7 @@ class Scales:
 
     values: tuple[float, ...]
     by_period: bool = field(default=False, init=False)
+    of_value: bool = field(default=False, init=False)
 
     def count(self, motion: int) -> int:
         return len(self.values)
@@ -84,6 +89,7 @@ class GivenFactors:
 
     by_motion: Mapping[int, tuple[float, ...]]
     by_period: bool = field(default=False, init=False)
+    of_value: bool = field(default=False, init=False)
 
     @classmethod
     def of(cls, table: FactorTable, motions: Sequence[SuiteMotion]) -> Self:
@@ -145,6 +151,7 @@ class IntensityLevels:
 
     wanted: MeasureLevels
     motions: Sequence[SuiteMotion]
+    of_value: bool = field(default=True, init=False)
 
     def count(self, motion: int) -> int:
         return len(self.wanted.values)

@@ -23,7 +23,7 @@ from tdint.campaign.engine.task import BuildingRuns, Run, RunSettings, Source, S
 from tdint.campaign.engine.tolerance import building_step
 from tdint.campaign.inputs import Inputs
 from tdint.campaign.levels import GivenFactors, IntensityLevels, Levels, MeasureLevels, Scales
-from tdint.errors import TdintError, UsageError
+from tdint.errors import ModelError, TdintError, UsageError
 from tdint.methods.catalogue import DEFAULT_METHOD
 from tdint.model.definition import Model
 
@@ -75,6 +75,18 @@ class Plan:
     notes: tuple[str, ...] = ()
     _chosen: dict[int, Future[float | None]] = field(default_factory=dict, init=False, repr=False, compare=False)
     _choosing: Lock = field(default_factory=Lock, init=False, repr=False, compare=False)
+
+    @property
+    def unused(self) -> list[tuple[str, str]]:
+        """Of each record and row of an inventory that could not be used `record` or `building`, and why."""
+        found: dict[tuple[str, str], list[str]] = {}
+        for error in self.failures:
+            if not isinstance(error, ModelError):
+                found[("record", str(error))] = [str(error)]
+            else:
+                for fault in error.faults:
+                    found.setdefault(("building", f"{fault.source}:{fault.line}"), []).append(str(fault))
+        return [(kind, "; ".join(reasons)) for (kind, _), reasons in found.items()]
 
     @property
     def runs(self) -> int:
@@ -160,11 +172,17 @@ class Plan:
         found = []
         for place, (number, part) in enumerate(chosen):
             runs = [
-                Run(draw.motion, scale, draw.sample) for draw in draws[place] for scale in factors[place, draw.motion]
+                Run(draw.motion, self._in_grid(draw) * scale, draw.sample)
+                for draw in draws[place]
+                for scale in factors[place, draw.motion]
             ]
             largest = self._largest_step(number, sources[place], runs)
             found.append(BuildingRuns(number, sources[place], tuple(runs[part]), largest))
         return tuple(found)
+
+    def _in_grid(self, draw: Draw) -> float:
+        """What a draw's own factor leaves to be multiplied: of levels of a value its sign alone."""
+        return math.copysign(1.0, draw.factor) if self.levels.of_value else draw.factor
 
     def _largest_step(self, number: int, source: Source, runs: Sequence[Run]) -> float | None:
         """The largest step of a building for the tolerance, s: found once, whatever chunks its runs are in."""
@@ -233,6 +251,8 @@ def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buil
     wanted, analysis = campaign.buildings, campaign.analysis
     if isinstance(wanted, InventoryFile):
         return InventoryBuildings(inputs.rows, _rules(wanted, analysis, notes))
+    if len({model.output_units for model in inputs.models}) > 1:
+        notes.append("the models want results in different units: they are written in SI; --output-units names others")
     return GivenBuildings.of([_subject(model, analysis.method, notes) for model in inputs.models])
 
 

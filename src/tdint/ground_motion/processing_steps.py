@@ -98,8 +98,12 @@ def butterworth(record: Record, kind: str, corner: float, corners: int) -> Recor
     return _done(record, samples, note)
 
 
-def zero_phase(samples: Array, dt: float, kind: str, corner: float, corners: int, label: str) -> Array:
+def zero_phase(
+    samples: Array, dt: float, kind: str, corner: float, corners: int, label: str, *, held: bool = False
+) -> Array:
     """The samples (along the first axis, dt seconds apart) after the filter of `butterworth`; `label` names them.
+
+    Before and after them is rest, or with `held` their last value after them.
 
     Raises
     ------
@@ -116,7 +120,7 @@ def zero_phase(samples: Array, dt: float, kind: str, corner: float, corners: int
     sections = zpk2sos(zeros, poles, gain)
     settling = math.ceil(math.log(_SETTLED) / math.log(float(np.max(np.abs(poles)))))
     after = [(0, settling), *[(0, 0)] * (samples.ndim - 1)]
-    forwards = sosfilt(sections, np.pad(samples, after), axis=0)
+    forwards = sosfilt(sections, np.pad(samples, after, mode="edge" if held else "constant"), axis=0)
     return np.asarray(sosfilt(sections, forwards[::-1], axis=0)[::-1][: len(samples)])
 
 

@@ -15,6 +15,9 @@ from tdint.ground_motion.record import Input
 
 Array = NDArray[np.float64]
 
+_QUIET = 1e-6
+"""Part of the squared velocities of a displacement that comes before the shaking."""
+
 _SAME = 1e-9
 """Relative difference up to which two sampling intervals are one."""
 
@@ -58,17 +61,29 @@ class Signal:
         return replace(self, samples=samples, quantity=quantity or self.quantity)
 
     def centered(self) -> Signal:
-        """Without the sensor's offset, the median of the samples."""
-        return self.with_samples(self.samples - np.median(self.samples))
+        """Without the sensor's offset."""
+        return self.with_samples(without_offset(self.samples, self.quantity))
 
     def times(self, factor: float) -> Signal:
         """Multiplied by a factor."""
         return self.with_samples(factor * self.samples)
 
 
-def in_band(samples: Array, dt: float, band: tuple[float, float] | None, label: str) -> Array:
+def without_offset(samples: Array, quantity: str) -> Array:
+    """Samples less what they are at rest: an acceleration its median; a displacement, which may remain when all is
+    over, the median of what it is before the shaking."""
+    if quantity != "displacement":
+        return np.asarray(samples - np.median(samples))
+    moved = np.cumsum(np.diff(samples) ** 2)
+    before = int(np.searchsorted(moved, _QUIET * moved[-1])) + 1 if moved.size else samples.size
+    return np.asarray(samples - np.median(samples[:before]))
+
+
+def in_band(
+    samples: Array, dt: float, band: tuple[float, float] | None, label: str, quantity: str = "acceleration"
+) -> Array:
     """Samples (along the first axis) between two frequencies, Hz, by filters without shift of phase; as they are
-    without a band.
+    without a band. A displacement stays where it ends.
 
     Raises
     ------
@@ -77,7 +92,8 @@ def in_band(samples: Array, dt: float, band: tuple[float, float] | None, label: 
     """
     if band is None:
         return samples
-    lower = zero_phase(samples, dt, "highpass", band[0], CORNERS, label)
+    held = quantity == "displacement"
+    lower = zero_phase(samples, dt, "highpass", band[0], CORNERS, label, held=held)
     return zero_phase(lower, dt, "lowpass", band[1], CORNERS, label)
 
 

@@ -106,8 +106,8 @@ class Weights(NamedTuple):
     by_a: float
 
 
-class Rows(NamedTuple):
-    """Rows of a table from `first` on."""
+class Integrals(NamedTuple):
+    """Where those along a path go (`tdint.kernels.stories.path`): rows of a table from `first` on."""
 
     table: Array
     first: int

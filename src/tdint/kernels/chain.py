@@ -76,7 +76,9 @@ def force_third(forces, j, t, h):
         share = -q * (1.0 / 16800.0 - q * 8.2672e-7)
     else:
         x = 0.5 * k
-        cubes = 2.0 * (-0.125 * math.cos(x) + (0.75 * math.sin(x) + (3.0 * math.cos(x) - 6.0 * math.sin(x) / k) / k) / k)
+        cubes = 2.0 * (
+            -0.125 * math.cos(x) + (0.75 * math.sin(x) + (3.0 * math.cos(x) - 6.0 * math.sin(x) / k) / k) / k
+        )
         share = (cubes + 0.15 * math.cos(x) - 0.3 * math.sin(x) / k) / q
     return share * h * force_rate(forces, j, t + 0.5 * h)
 

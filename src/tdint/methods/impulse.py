@@ -32,7 +32,7 @@ _THETA = 0.5
 _BY_A = 1.0 / 12.0  # weight of a0 and -a1 in the kinematic line
 
 
-class _Rows(NamedTuple):
+class _TangentRows(NamedTuple):
     """Rows of work beyond those of the momentum equations."""
 
     TANGENT: int = 1
@@ -41,7 +41,7 @@ class _Rows(NamedTuple):
     COUPLING: int = COUPLING_ROWS
 
 
-_ROW, _STORE = at.chained(_Rows, momentum.MOMENTUM_ROWS)
+_ROW, _STORE = at.chained(_TangentRows, momentum.MOMENTUM_ROWS)
 
 
 def work_rows(modes: int) -> int:

@@ -140,7 +140,7 @@ B = 10
 BA = 12  # b A
 
 
-class _Rows(NamedTuple):
+class _StageRows(NamedTuple):
     """Rows of work, one for each stage and more."""
 
     STAGE_LOAD: int = 2
@@ -159,7 +159,7 @@ class _Rows(NamedTuple):
     COUPLING: int = COUPLING_ROWS
 
 
-_ROW, _STORE = at.chained(_Rows)
+_ROW, _STORE = at.chained(_StageRows)
 
 
 @kernel(STEP)

@@ -82,7 +82,7 @@ def story_model(name: str, *, stories: int, period: float, system: str, motion: 
 def type_model(
     name: str, *, structure: str, stories: int, year: int, area: float, system: str, motion: str | None
 ) -> str:
-    """A building of a Hazus type by rules: see `tdint.model.config.building`; the area in m^2 or ft^2."""
+    """A building of a Hazus type by rules: see `tdint.model.config.building_facts`; the area in m^2 or ft^2."""
     units = SYSTEMS[system]
     lengths = units.units if system == "si" else "{length: ft, force: kip}"
     return "\n".join(

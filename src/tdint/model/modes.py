@@ -171,10 +171,8 @@ def singular_value(root_spring: Array, root_mass: Array, link: Array, number: in
     beside[::2] = root_spring / root_mass
     beside[1::2] = (root_spring * link)[1:] / root_mass[:-1]
     place = n + number - 1
-    found = eigh_tridiagonal(
-        np.zeros(2 * n), beside, eigvals_only=True, select="i", select_range=(place, place), lapack_driver="stebz",
-        tol=np.finfo(float).tiny,
-    )  # fmt: skip
+    one = {"eigvals_only": True, "select": "i", "select_range": (place, place)}
+    found = eigh_tridiagonal(np.zeros(2 * n), beside, **one, lapack_driver="stebz", tol=np.finfo(float).tiny)
     return float(found[0])
 
 

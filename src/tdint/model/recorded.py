@@ -60,7 +60,7 @@ class Recording:
         The file's content, for its SHA-256.
     base : tuple of Sensor
         Those whose mean is the ground motion: accelerations, or what is differentiated to be one.
-    floors : tuple of (int, Sensor)
+    floors : tuple of (int, tuple of Sensor)
         Floors, counted from 1 at the bottom, and their sensors: absolute acceleration, or displacement relative to the
         base.
     band : tuple of two floats or None
@@ -75,7 +75,7 @@ class Recording:
     source: str
     text: bytes
     base: tuple[Sensor, ...]
-    floors: tuple[tuple[int, Sensor], ...]
+    floors: tuple[tuple[int, tuple[Sensor, ...]], ...]
     band: tuple[float, float] | None
     window: tuple[float, float] | None
     shift: float | str
@@ -83,7 +83,7 @@ class Recording:
     @property
     def sensors(self) -> tuple[Sensor, ...]:
         """All sensors, those of the base first."""
-        return (*self.base, *(sensor for _, sensor in self.floors))
+        return (*self.base, *(sensor for _, sensors in self.floors for sensor in sensors))
 
 
 _KEYS = ("name", "base", "floors", "band", "window", "shift")
@@ -115,7 +115,7 @@ def load_recording(source: str | Path, stories: int) -> Recording:
             name=section.text("name") or origin.name,
             source=origin.label,
             text=origin.data,
-            base=_read_base(base, origin.folder) if base else (),
+            base=_read_place(base, origin.folder) if base else (),
             floors=_read_floors(floors, stories, origin.folder) if floors else (),
             band=_read_pair(section, "band", "two frequencies (Hz), the lower one first", lowest_open=True),
             window=_read_pair(section, "window", "two times (s), the earlier one first", lowest_open=False),
@@ -126,7 +126,7 @@ def load_recording(source: str | Path, stories: int) -> Recording:
     return recording
 
 
-def _read_base(value: Value, folder: Path) -> tuple[Sensor, ...]:
+def _read_place(value: Value, folder: Path) -> tuple[Sensor, ...]:
     """One sensor or a list of them."""
     if not value.is_list:
         return tuple(filter(None, [_read_sensor(value, folder)]))
@@ -136,7 +136,7 @@ def _read_base(value: Value, folder: Path) -> tuple[Sensor, ...]:
     return tuple(filter(None, [_read_sensor(item, folder) for item in items]))
 
 
-def _read_floors(value: Value, stories: int, folder: Path) -> tuple[tuple[int, Sensor], ...]:
+def _read_floors(value: Value, stories: int, folder: Path) -> tuple[tuple[int, tuple[Sensor, ...]], ...]:
     """The sensors by floor, from the ground up."""
     node = value.node
     if not isinstance(node, MappingNode):
@@ -147,7 +147,7 @@ def _read_floors(value: Value, stories: int, folder: Path) -> tuple[tuple[int, S
     assert section is not None
     if not node.entries:
         value.fault("must name at least one floor")
-    found: dict[int, Sensor] = {}
+    found: dict[int, tuple[Sensor, ...]] = {}
     for name in dict.fromkeys(names):
         entry = section.get(name)
         if entry is None:
@@ -157,8 +157,8 @@ def _read_floors(value: Value, stories: int, folder: Path) -> tuple[tuple[int, S
             entry.fault(f"must be a floor from 1 to {stories} (the number of stories), or {ROOF}")
         elif floor in found:
             entry.fault(f"floor {floor} is given twice")
-        if sensor := _read_sensor(entry, folder):
-            found[floor] = sensor
+        if sensors := _read_place(entry, folder):
+            found[floor] = sensors
     return tuple(sorted(found.items()))
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from tdint.analysis.assessment.stability import critical_step, stability
+from tdint.analysis.assessment.stability import critical_step, false_limit, stability
 from tdint.analysis.run.amplification import amplification
 from tdint.analysis.run.steps import Steps
 from tdint.analysis.run.workspace import integrate, workspace
@@ -161,7 +161,7 @@ def test_k_steps_are_the_kth_power_of_the_matrix(method, damping):
     units = h ** -np.array([float(family.derivatives[row]) for row in memory])[:, None]
     space = workspace(building, integrator)
     space.state[memory, :-1] = units * np.random.default_rng(3).standard_normal((len(memory), omega.size))
-    space.memo[at.STEPS_DONE] = 100.0
+    space.report[at.STEPS_DONE] = 100.0
     if at.ACCELERATION in memory:  # the march starts it from equilibrium
         u, v = space.state[0, :-1], space.state[at.VELOCITY, :-1]
         space.state[at.ACCELERATION, :-1] = -(omega**2) * u - building.chain[at.STORY_DAMPER, :-1] * v
@@ -208,3 +208,14 @@ def test_damping_of_the_oscillator_is_not_counted():
     curve = one_point("newmark-average", 0.1, xi)
     assert curve.period_error[0] == pytest.approx(z.imag / root.imag - 1.0, rel=1e-9)
     assert curve.numerical_damping[0] == pytest.approx(-root.real / abs(root) - xi, rel=1e-9)
+
+
+def test_declared_limits_are_the_measured_ones():
+    """None of the catalogue's is false; one made false is told with both numbers, a wrong infinity as well."""
+    for name in ("central-difference", "newmark-linear", "wilson", "impulse4", "rk5"):
+        integrator = parse(name)
+        assert false_limit(integrator, critical_step(integrator)) == ""
+    explicit, implicit = parse("central-difference"), parse("newmark-average")
+    assert "declares it stable up to omega dt 2, measured is 1.9" in false_limit(explicit, 1.9)
+    assert "measured is none up to 10000" in false_limit(explicit, math.inf)
+    assert "declares it stable up to omega dt inf, measured is 3.5" in false_limit(implicit, 3.5)

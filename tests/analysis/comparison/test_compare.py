@@ -9,7 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tdint.analysis.comparison.compare import compare
+from building_cases import LINEAR, Force, Law, model, story
+from tdint.analysis.comparison.compare import absolute_displacements, case_under, compare
 from tdint.analysis.comparison.event import Event
 from tdint.analysis.comparison.fit import fit
 from tdint.analysis.run.run import prepare, run_case
@@ -80,6 +81,16 @@ def test_a_result_agrees_with_itself(made, band):
         assert floor.rms_difference < 1e-9
         assert floor.peak_ratio == pytest.approx(1.0, abs=1e-9)
         assert floor.correlation == pytest.approx(1.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("law", [LINEAR, Law("bilinear", (5.0, 0.1))])
+@pytest.mark.parametrize("forces", [[], [Force(1, 1.0, 0.0, 5.0)]])
+def test_exact_is_taken_for_what_it_has_no_error_in(made, law, forces):
+    """A linear building that only its base moves; harmonic forces it would see at the steps alone."""
+    made.usual()
+    case = model([story(1.0, 900.0, law), story(1.0, 700.0), story(0.8, 500.0)], forces=forces)
+    taken = case_under(case, made.event()).integrator.family.linear_only
+    assert taken == (law is LINEAR and not forces)
 
 
 def test_noise_lowers_the_correlation_by_what_it_adds(made):
@@ -213,7 +224,7 @@ def test_what_cannot_be_fitted_is_refused(made):
     event = made.event()
     with pytest.raises(UsageError, match="no damping to be fitted"):
         fit(replace(made.model, damping=None), event, ["damping"])
-    with pytest.raises(UsageError, match="fit stiffness, damping, got 'mass'"):
+    with pytest.raises(UsageError, match="fit stiffness, stiffness-factor, damping, got 'mass'"):
         fit(made.model, event, ["mass"])
 
 
@@ -253,3 +264,75 @@ def test_a_building_that_collapses_has_nothing_to_compare(made):
     stories = (replace(made.model.stories[0], law=law, height=3.0), *made.model.stories[1:])
     with pytest.raises(AnalysisError):
         compare(replace(made.model, stories=stories), made.event(), method="impulse4")
+
+
+# ---- Displacements that stay, absolute ones, several sensors
+
+
+def test_a_displacement_that_remains_leaves_no_jump(made):
+    """A slow ramp to a residual: its median would make a jump at t = 0, and an acceleration of 1 / dt^2."""
+    time = DT * np.arange(SIZE)
+    ramp = 0.05 * 0.5 * (1.0 + np.tanh((time - 6.0) / 0.8))
+    motion = made.displacements["floor_3"] + ramp
+    made.usual(floor_3_m=motion)
+    text = FLOORS.replace("floor_3_m_s2", "floor_3_m, quantity: displacement") + "band: [0.2, 20]\n"
+    (floor,) = compare(made.model, made.event(text)).floors[1:]
+    (_, spectra) = compare(made.model, made.event(text)).spectra(np.array([0.05]), 0.05)
+    without = np.max(np.abs(made.motions["floor_3"]))
+    assert np.max(np.abs(floor.recorded[:5])) < 0.02 * np.max(np.abs(floor.recorded))
+    assert spectra.recorded[0] < 2.0 * without
+
+
+def test_an_absolute_displacement_is_told(made):
+    wave = np.cumsum(np.cumsum(made.base)) * DT * DT
+    made.usual(floor_3_m=made.displacements["floor_3"] + wave, right_m=made.displacements["floor_3"])
+    absolute = FLOORS.replace("floor_3_m_s2", "floor_3_m, quantity: displacement") + "band: [0.5, 20]\n"
+    (text,) = absolute_displacements(compare(made.model, made.event(absolute)))
+    assert text.startswith("floor 3: less the base's displacement the recording has a correlation of ")
+    relative = absolute.replace("floor_3_m,", "right_m,")
+    assert absolute_displacements(compare(made.model, made.event(relative))) == []
+
+
+def test_the_sensors_of_a_floor_are_averaged(made):
+    """Two at the ends of a floor that turns: the mean is the translation; of different quantities they are refused."""
+    turn = 0.5 * noise(7)
+    roof = made.motions["floor_3"]
+    made.usual(west_m_s2=roof + turn, east_m_s2=roof - turn)
+    west, east = ("{file: event.csv, column: " + f"{side}_m_s2}}" for side in ("west", "east"))
+    event = made.event(FLOORS.replace("{file: event.csv, column: floor_3_m_s2}", f"[{west}, {east}]"))
+    assert "floor 3: the mean of 2 sensors is compared" in event.notes
+    assert compare(made.model, event).floors[-1].correlation == pytest.approx(1.0, abs=1e-6)
+    made.usual(west_m_s2=roof, east_m=made.displacements["floor_3"])
+    pair = f"[{west}, {east}]".replace("east_m_s2", "east_m")
+    mixed = FLOORS.replace("{file: event.csv, column: floor_3_m_s2}", pair)
+    with pytest.raises(RecordError, match="floor 3: its sensors are of acceleration and displacement"):
+        made.event(mixed)
+
+
+# ---- Fits
+
+
+def test_a_common_factor_is_what_a_roof_sensor_tells(made):
+    """All stiffnesses 30 % off, one sensor: the factor is found, with a small standard error."""
+    made.usual()
+    soft = replace(made.model, stories=tuple(replace(one, stiffness=one.stiffness / 1.3) for one in made.model.stories))
+    only_roof = FLOORS.replace("  1: {file: event.csv, column: floor_1_m_s2}\n", "")
+    found = fit(soft, made.event(only_roof), ["stiffness-factor"])
+    (value,) = found.values
+    assert (value.name, value.place, value.low, value.high) == ("stiffness_factor", None, 0.1, 10.0)
+    assert value.value == pytest.approx(1.3, rel=1e-5)
+    assert [one.stiffness for one in found.model.stories] == pytest.approx([900, 700, 500], rel=1e-5)
+    assert not value.on_bound
+    with pytest.raises(UsageError, match="stiffness or stiffness-factor"):
+        fit(soft, made.event(only_roof), ["stiffness", "stiffness-factor"])
+
+
+def test_a_fit_that_ends_on_a_bound_says_so(made):
+    """Without damping the best ratio is 0, below the least one."""
+    bare = replace(made.model, damping=None)
+    record = Record(made.base, DT, "", "", "", "noise")
+    history = run_case(prepare(bare, record, method="exact"), history=True).history
+    made.usual(floor_1_m_s2=history.acceleration[:, 0], floor_3_m_s2=history.acceleration[:, 2])
+    found = fit(replace(made.model, damping=ModalDamping((0.02,))), made.event(), ["damping"])
+    assert found.values[0].on_bound
+    assert any(note.startswith("damping_ratio ended on a bound of the fit, 0.0001 to 0.5") for note in found.notes)

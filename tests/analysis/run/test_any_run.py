@@ -19,14 +19,14 @@ from tdint import run
 from tdint.analysis.run.run import FailedRun
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model.definition import PowerDashpot
-from tdint.output.summaries.run import failure_summary, run_summary
+from tdint.output.summaries.of_run import failure_summary, run_summary
 from tdint.output.summaries.summary import json_bytes
 from tdint.output.tables.buildings import history_columns, story_table
 
 pytestmark = pytest.mark.long
 
 RUNS = 1000
-BATCH = 100
+BATCH = 50
 STIFFNESS = 1e6
 METHODS = [name for name in catalogue() if name != "exact"] + [
     "impulse4:rho_inf=0",

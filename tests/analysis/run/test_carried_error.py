@@ -10,11 +10,7 @@ import pytest
 from building_cases import FIVE_PERCENT, Law, model, noise, oscillator, story, ten_bilinear, ten_linear
 from random_buildings import piecewise_building
 from tdint import run
-from tdint.analysis.run.outcome import StoryErrors
-from tdint.model.config.building import PowerDashpot
-from tdint.model.definition import Force, ModalDamping
-
-PEAKS = [field.name for field in fields(StoryErrors) if field.name not in ("peak_drift_ratio", "ductility")]
+from tdint.model.definition import Force, ModalDamping, PowerDashpot
 
 
 def worst(values, others, size):

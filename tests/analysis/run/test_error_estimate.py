@@ -8,10 +8,7 @@ import numpy as np
 import pytest
 
 from building_cases import (
-    LINEAR,
     Law,
-    ModalDamping,
-    RayleighCoefficients,
     model,
     noise,
     oscillator,
@@ -19,6 +16,7 @@ from building_cases import (
     ten_bilinear,
     ten_linear,
 )
+from random_buildings import checked_building
 from tdint import run
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.error_estimate import estimate, finer
@@ -89,46 +87,6 @@ def test_an_agreement_by_accident_is_not_believed():
 
 SEEDS = 20
 STEP, SAMPLES, FINE = 0.01, 501, 64
-METHODS = ["impulse4", "newmark-average", "bathe", "generalized-alpha", "gauss4", "impulse", "park", "wilson"]
-LAWS = ("linear", "bilinear", "peak-oriented", "tanh", "polynomial", "bouc-wen")
-
-
-def random_law(name, generator, stiffness, strength):
-    """A law by name with parameters that matter at the strength, N."""
-    hardening = float(generator.uniform(0.01, 0.1))
-    return {
-        "linear": LINEAR,
-        "bilinear": Law("bilinear", (strength, hardening)),
-        "peak-oriented": Law("peak-oriented", (strength, hardening, float(generator.uniform(0.0, 0.5)))),
-        "tanh": Law("tanh", (1.5 * strength,)),
-        "polynomial": Law("polynomial", (stiffness, 0.0, float(generator.uniform(-5.0, 200.0)) * stiffness)),
-        "bouc-wen": Law("bouc-wen", (strength, hardening, 2.0, 0.5)),
-    }[name]
-
-
-def random_building(seed):
-    """One to eight stories of one law or of all, under a smooth or a rough motion, and a method."""
-    generator = np.random.default_rng(seed)
-    n = int(generator.integers(1, 9))
-    mass = 2e5
-    omega = 2.0 * np.pi / (0.1 + n * generator.uniform(0.08, 0.16))
-    stiffness = mass * (omega / (2.0 * np.sin(np.pi / (4 * n + 2)))) ** 2
-    base = generator.uniform(0.1, 0.4) * n * mass * 9.81
-    peak = generator.uniform(2.0, 6.0)
-    name = (*LAWS, "mixed")[seed % 7]
-    stories = []
-    for i in range(n):
-        k = float(stiffness * generator.uniform(0.8, 1.2))
-        kind = str(generator.choice(LAWS)) if name == "mixed" else name
-        law = random_law(kind, generator, k, float(base * (1.0 - 0.7 * (i / n) ** 2)))
-        stories.append(story(float(mass * generator.uniform(0.8, 1.2)), k, law))
-    damping = [RayleighCoefficients(0.3, 0.001), ModalDamping((0.05,)), None][seed % 3]
-    record = noise(SAMPLES, STEP, seed=seed, peak=peak)
-    if seed % 2:
-        rough = 0.3 * peak * generator.normal(size=SAMPLES) * np.sin(np.pi * np.linspace(0.0, 1.0, SAMPLES)) ** 2
-        record = replace(record, acceleration=record.acceleration + rough)
-    method = "exact" if name == "linear" and seed % 14 == 0 else METHODS[seed % len(METHODS)]
-    return replace(model(stories, damping=damping, p_delta=seed % 5 == 0), collapse_drift=1e9), record, method
 
 
 def test_random_buildings():
@@ -138,7 +96,7 @@ def test_random_buildings():
     """
     good, ratios = [], []
     for seed in range(SEEDS):
-        case, record, method = random_building(seed)
+        case, record, method = checked_building(seed, SAMPLES, STEP)
         response = run(case, record, method=method, check=True)
         truth, other = (run(case, record, method=fine, dt=STEP / FINE) for fine in ("impulse4", "gauss4"))
         for (name, found, true), doubt in zip(

@@ -51,7 +51,7 @@ def command(models: tuple[str, ...], schema: str | None, output_units: OutputUni
     if not models:
         raise UsageError("nothing to check: give a MODEL.yaml, or --schema")
     from tdint.analysis.run.overview import overview
-    from tdint.output.tables.columns import buildings as columns
+    from tdint.output.tables import buildings as columns
     from tdint.output.tables.table import Table
     from tdint.output_units import SI
     from tdint_cli.terminal.drawing import emit_table

@@ -107,10 +107,12 @@ TABLE, SPECTRA, FIT, SUMMARY = "comparison.csv", "spectra.csv", "fit.csv", "summ
 )
 @options.option(
     "--fit",
-    type=click.Choice(["stiffness", "damping"]),
+    type=click.Choice(["stiffness", "stiffness-factor", "damping"]),
     many=True,
-    metavar="stiffness,damping",
-    help="First fit the stiffnesses of the stories, or the damping, to the recording.",
+    metavar="stiffness|stiffness-factor,damping",
+    help="First fit the stiffnesses of the stories, or one factor on all of them, which is what a single sensor can "
+    "tell, or the damping to the recording: stiffnesses from a tenth to ten times, ratios from 0.01 to 50 %, "
+    "Rayleigh's coefficients from a thousandth to a thousand times the model's.",
 )
 @options.option(
     "--blind",
@@ -162,10 +164,12 @@ TABLE, SPECTRA, FIT, SUMMARY = "comparison.csv", "spectra.csv", "fit.csv", "summ
 def command(**given: Any) -> None:
     """A building's result beside what was recorded in it.
 
-    MODEL.yaml is a model file; the mean of the base's recordings drives it, in place of the record that it names. Each
-    recording loses its offset (the median), and the same filters without shift of phase, forwards and backwards, take
-    recording and result to the band. CSV, a row per floor: correlation, largest value computed over that recorded, rms
-    of the difference over that of the recording. With -o also the spectra of the floors' absolute accelerations.
+    MODEL.yaml is a model file; the mean of the base's recordings drives it, in place of the record that it names.
+    Several sensors of a floor are averaged. Each recording loses its offset (an acceleration its median, a
+    displacement, which may remain, what it is before the shaking), and the same filters without shift of phase,
+    forwards and backwards, take recording and result to the band. CSV, a row per floor: correlation, largest value
+    computed over that recorded, rms of the difference over that of the recording. With -o also the spectra of the
+    floors' absolute accelerations.
     """
     _run(Request(**given))
 
@@ -176,7 +180,7 @@ def _run(request: Request) -> None:
     from tdint.analysis.comparison.fit import fit
     from tdint.model.config.model_file import load_model
     from tdint.model.recorded import load_recording
-    from tdint.output.tables.comparison import comparison_table
+    from tdint.output.tables.buildings import comparison_table
 
     _check(request)
     model = load_model(request.model)
@@ -211,9 +215,9 @@ def _write(
     request: Request, model: Model, comparisons: Sequence[Comparison], fitted: Fit | None, units: OutputUnits
 ) -> None:
     from tdint.files import write_files
-    from tdint.output.summaries.comparison import comparison_summary
+    from tdint.output.summaries.of_comparison import comparison_summary
     from tdint.output.summaries.summary import in_units, json_bytes
-    from tdint.output.tables.comparison import comparison_spectra_table, comparison_table, fitted_table
+    from tdint.output.tables.buildings import comparison_spectra_table, comparison_table, fitted_table
 
     periods = _periods(request, comparisons[0].event)
     files: dict[Path, Writer] = {}
@@ -265,7 +269,8 @@ def _settings(request: Request) -> dict[str, Any]:
 
 def _remark(comparisons: Sequence[Comparison], fitted: Fit | None, units: OutputUnits) -> None:
     """What was done, in a few sentences; then warnings and notes."""
-    from tdint.output.tables.comparison import fitted_in
+    from tdint.analysis.comparison.compare import absolute_displacements
+    from tdint.output.tables.buildings import fitted_in
 
     acceleration, g = units.unit("m/s^2")
     for one in comparisons:
@@ -277,7 +282,7 @@ def _remark(comparisons: Sequence[Comparison], fitted: Fit | None, units: Output
             + f"PGA {event.base.pga / g:.3g} {acceleration}; {run.method}, dt {run.dt:.6g} s"
             + (f"; recordings shifted by {one.shift:.6g} s." if one.shift else ".")
         )
-        for text in (*event.warnings, *one.response.warnings):
+        for text in (*event.warnings, *one.response.warnings, *absolute_displacements(one)):
             warn(text)
     if fitted:
         values = [fitted_in(one, units) for one in fitted.values]

@@ -90,7 +90,7 @@ def _run(
     from tdint.files import write_files
     from tdint.model.inventory.derive import derive_all
     from tdint.model.inventory.table import read_inventory
-    from tdint.output.tables.columns import buildings as columns
+    from tdint.output.tables import buildings as columns
     from tdint.output.tables.table import Table
     from tdint.units import LENGTH
 

@@ -14,6 +14,7 @@ from tdint_cli.terminal.drawing import emit_table
 from tdint_cli.terminal.streams import note, say
 
 if TYPE_CHECKING:
+    from tdint.campaign.definition import AnalysisWishes
     from tdint.campaign.draws import SuiteMotion
     from tdint.campaign.plan import Plan
     from tdint.model.definition import Model
@@ -24,8 +25,7 @@ def run_many(
     request: BuildingRequest,
     records: tuple[str, ...],
     *,
-    method: str | None,
-    dt: float | None,
+    wishes: AnalysisWishes,
     output: str | None,
     overwrite: bool,
     jobs: int | None,
@@ -40,7 +40,7 @@ def run_many(
     from tdint.processors import processors
 
     model = load_model(request.model)
-    plan = _plan(request, records, model, method, dt)
+    plan = _plan(request, records, model, wishes)
     units = units or model.output_units
     engine = threads(jobs or processors())
     if output is None:
@@ -60,10 +60,8 @@ def run_many(
     carry_out(plan, engine, Path(output), show=True, units=units)
 
 
-def _plan(
-    request: BuildingRequest, records: tuple[str, ...], model: Model, method: str | None, dt: float | None
-) -> Plan:
-    from tdint.campaign.definition import AnalysisWishes, CampaignFile, ModelFiles, RecordFiles
+def _plan(request: BuildingRequest, records: tuple[str, ...], model: Model, wishes: AnalysisWishes) -> Plan:
+    from tdint.campaign.definition import CampaignFile, ModelFiles, RecordFiles
     from tdint.campaign.inputs import FoundMotions, Inputs, read_motions
     from tdint.campaign.levels import Scales
     from tdint.campaign.plan import make_plan
@@ -74,7 +72,7 @@ def _plan(
         buildings=ModelFiles((model.source,)),
         records=(wanted := RecordFiles(records, request.choice)),
         intensity=Scales(request.scale or (1.0,)),
-        analysis=AnalysisWishes(method, dt, request.duration),
+        analysis=wishes,
     )
     found = read_motions(wanted) if records else FoundMotions(_motions_of_model(request, model), ())
     return make_plan(campaign, Inputs((model,), motions=found.motions, failures=found.failures, notes=found.notes))

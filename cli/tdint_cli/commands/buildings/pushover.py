@@ -67,7 +67,7 @@ def command(
     outputs = Outputs.checked(output, plot, overwrite, units=output_units)
     from tdint.analysis.static.pushover import pushover
     from tdint.model.config.model_file import load_model
-    from tdint.output.tables.columns import buildings as columns
+    from tdint.output.tables import buildings as columns
     from tdint.output.tables.table import Table
 
     loaded = load_model(model)
@@ -86,12 +86,12 @@ def command(
 
 def _words(result: Pushover, units: OutputUnits) -> str:
     """Peak and end in a sentence each."""
-    peak, last = result.peak, -1
+    last = -1
     text = f"{result.model.name}, {result.pattern} pattern: largest base shear "
-    text += f"{units.text(result.base_shear[peak], 'N')} at a roof displacement of "
-    text += units.text(result.roof_displacement[peak], "m")
+    text += f"{units.text(result.largest_base_shear, 'N')} at a roof displacement of "
+    text += units.text(result.roof_at_largest, "m")
     if not math.isnan(result.height):
-        text += f" ({100.0 * result.roof_drift_ratio[peak]:.3g} % of the height)"
+        text += f" ({100.0 * result.roof_at_largest / result.height:.3g} % of the height)"
     most = int(result.drift[last].argmax())
     text += f".\nAt the end {units.text(result.base_shear[last], 'N')}; story {most + 1} has the largest drift, "
     text += f"{units.text(result.drift[last, most], 'm')}."

@@ -24,7 +24,7 @@ from tdint_cli.terminal.streams import complain, note, say, warn
 
 if TYPE_CHECKING:
     from tdint.analysis.run.outcome import Collapse
-    from tdint.analysis.run.run import Case, FailedRun, Response, StepChoice
+    from tdint.analysis.run.run import Case, FailedRun, Response, StepChoice, StoryPeaks
     from tdint.files import Writer
     from tdint.ground_motion.record import Input, Record
     from tdint.output.tables.table import Table
@@ -41,6 +41,7 @@ class Request(BuildingRequest):
 
     method: str | None
     dt: float | None
+    until_rest: bool
     output: str | None
     output_units: OutputUnits | None
     history: str | None
@@ -80,6 +81,7 @@ class Request(BuildingRequest):
 @options.analysis.method
 @options.analysis.dt
 @options.analysis.duration
+@options.analysis.until_rest
 @options.output.output("DIR", f"Write {STORIES} and {SUMMARY} into this folder, which is made if it is missing.")
 @options.output.option(
     "--history",
@@ -107,8 +109,8 @@ class Request(BuildingRequest):
 @options.analysis.option(
     "--check",
     is_flag=True,
-    help="Columns <name>_error with the estimated errors. moment4 carries them along in the run; another method repeats "
-    "the run with a half and a quarter of the step.",
+    help="Columns <name>_error with the estimated errors. moment4 carries them along in the run; with another method it "
+    "is repeated with a half and a quarter of the step.",
 )
 @options.analysis.option(
     "--tolerance",
@@ -150,13 +152,15 @@ def command(record: str | None, records: tuple[str, ...], **given: Any) -> None:
 
 
 def _run_many(request: Request, records: tuple[str, ...]) -> None:
+    from tdint.campaign.definition import AnalysisWishes
     from tdint_cli.commands.buildings.many_runs import run_many
 
     request.refuse_of_one()
     if "-" in (request.model, *records):
         raise UsageError("several records or scales take files, not standard input")
+    wishes = AnalysisWishes(request.method, request.dt, request.duration, until_rest=request.until_rest)
     run_many(
-        request, records, method=request.method, dt=request.dt, output=request.output, overwrite=request.overwrite,
+        request, records, wishes=wishes, output=request.output, overwrite=request.overwrite,
         jobs=request.jobs, units=request.output_units,
     )  # fmt: skip
 
@@ -182,6 +186,7 @@ def _run(request: Request) -> None:
             history=bool(request.history or request.plot or request.of_floors),
             check=request.check,
             tolerance=request.tolerance,
+            until_rest=request.until_rest,
         )
     except FailedRun as failure:
         _remark(record, failure.notes)
@@ -271,7 +276,7 @@ def _stories(request: Request, response: Response) -> Table:
 def _files(request: Request, response: Response, case: Case, inputs: list[Input], began: float) -> dict[Path, Writer]:
     """The files of a run and what writes them."""
     from tdint.analysis.spectra.first_mode import first_mode
-    from tdint.output.summaries.run import run_summary
+    from tdint.output.summaries.of_run import UNITS, run_summary
     from tdint.output.summaries.summary import in_units, json_bytes
     from tdint.output.tables.buildings import write_history
 
@@ -296,7 +301,7 @@ def _files(request: Request, response: Response, case: Case, inputs: list[Input]
         wall_time = time.perf_counter() - began
         first = first_mode(case.building, case.record)
         content = run_summary(response, inputs, wall_time, first=first, settings=_settings(request))
-        summary = json_bytes(in_units(content, units))
+        summary = json_bytes(in_units(content, units, UNITS))
         files[Path(request.output) / SUMMARY] = lambda stream: stream.write(summary)
     return files
 
@@ -305,14 +310,14 @@ def _failed_files(
     request: Request, failure: FailedRun, case: Case, inputs: list[Input], began: float
 ) -> dict[Path, Writer]:
     from tdint.analysis.spectra.first_mode import first_mode
-    from tdint.output.summaries.run import failure_summary
+    from tdint.output.summaries.of_run import UNITS, failure_summary
     from tdint.output.summaries.summary import in_units, json_bytes
 
     wall_time = time.perf_counter() - began
     first = first_mode(case.building, case.record)
     settings = _settings(request)
     content = failure_summary(failure, case.model, case.record, inputs, wall_time, first=first, settings=settings)
-    summary = json_bytes(in_units(content, _units(request)))
+    summary = json_bytes(in_units(content, _units(request), UNITS))
     return {file: lambda stream: stream.write(summary) for file in _in_folder(request, (SUMMARY,))}
 
 
@@ -322,6 +327,7 @@ def _settings(request: Request) -> dict[str, Any]:
         "method": request.method,
         "dt_s": request.dt,
         "duration_s": request.duration,
+        "until_rest": request.until_rest,
         "check": request.check,
         "tolerance": request.tolerance,
         "allow_unstable": request.allow_unstable,
@@ -359,6 +365,8 @@ def _paragraph(response: Response, units: OutputUnits) -> str:
         f"Largest {worst}, roof displacement {units.text(found.roof_displacement.value, 'm')}, "
         f"base shear {units.text(found.base_shear.value, 'N')}.",
     ]
+    if response.rest_time is not None:
+        lines.append(f"The building is at rest at {response.rest_time:.6g} s.")
     if (check := response.check) and check.drift_error is not None:
         runs = " and ".join(f"{dt:.6g}" for dt in check.dts)
         source = f"from runs with dt {runs} s" if runs else "carried along in the run"

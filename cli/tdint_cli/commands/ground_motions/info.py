@@ -19,7 +19,7 @@ from tdint_cli.terminal.streams import note, warn
 if TYPE_CHECKING:
     from tdint.files import Writer
     from tdint.ground_motion.record import Record
-    from tdint.output.tables.records import RecordInfo
+    from tdint.output.tables.spectra import RecordInfo
     from tdint.output.tables.table import Table
     from tdint.output_units import OutputUnits
 
@@ -151,7 +151,7 @@ def _work(request: Request, task: Task) -> Product:
     """All components of a record; it may run in another process."""
     from tdint.ground_motion.measures import measure
     from tdint.output.summaries.summary import record_summary
-    from tdint.output.tables.records import RecordInfo, info_table
+    from tdint.output.tables.spectra import RecordInfo, info_table
 
     records = request.read(task.source)
     infos = [RecordInfo(record, measure(record), _housner_intensity(record)) for record in records]

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from tdint.files import Writer
     from tdint.ground_motion.record import Record
     from tdint.model.definition import Model
-    from tdint.output.summaries.chart import Advice
+    from tdint.output.summaries.of_chart import Advice
 
 
 TARGETS = tuple(QUANTITIES)
@@ -214,8 +214,8 @@ def _steps(request: Request, problem: Problem, methods: int) -> Sequence[float]:
 
 def _advice(request: Request, points: Sequence[Point]) -> list[Advice]:
     from tdint.analysis.chart.work_precision import cheapest, ties
-    from tdint.output.summaries.chart import Advice
-    from tdint.output.tables.chart import PEER
+    from tdint.output.summaries.of_chart import Advice
+    from tdint.output.tables.methods import PEER
 
     own = [point for point in points if PEER not in point.line]
     return [Advice(limit, cheapest(own, request.target, limit), ties(own, request.target, limit)) for limit in LIMITS]
@@ -232,8 +232,8 @@ def _deliver(
     request: Request, outputs: Outputs, charts: list[Chart], model: Model, record: Record | None,
     advice: list[Advice], notes: list[str],
 ) -> None:  # fmt: skip
-    from tdint.output.summaries.chart import chart_summary
-    from tdint.output.tables.chart import chart_table, sizes_table
+    from tdint.output.summaries.of_chart import chart_summary
+    from tdint.output.tables.methods import chart_table, sizes_table
 
     table = sizes_table(charts) if request.stories else chart_table(charts[0])
 

@@ -9,7 +9,7 @@ from tdint.written_numbers import Grid
 from tdint_cli import options
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.values import GridType
-from tdint_cli.terminal.streams import say_table
+from tdint_cli.terminal.streams import say_table, warn
 
 if TYPE_CHECKING:
     import numpy as np
@@ -113,12 +113,15 @@ def _steps(request: Request) -> NDArray[np.float64]:
 
 
 def _say_critical_steps(integrators: list[Integrator], dampings: list[float]) -> None:
-    from tdint.analysis.assessment.stability import LARGEST, critical_step
+    from tdint.analysis.assessment.stability import LARGEST, critical_step, false_limit
 
     rows = [("method", "damping", "critical omega dt")]
     for integrator in integrators:
+        limits = {damping: critical_step(integrator, damping) for damping in (*dampings, 0.0)}
+        if text := false_limit(integrator, limits[0.0]):
+            warn(text)
         for damping in dampings:
-            limit = critical_step(integrator, damping)
+            limit = limits[damping]
             words = f"{limit:#.6g}" if limit < float("inf") else f"none up to omega dt {_power_of_ten(LARGEST)}"
             rows.append((integrator.label, f"{damping:g}", words))
     say_table(rows)

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tdint.errors import UsageError
-from tdint.output_units import SI, OutputUnits
+from tdint.output_units import OutputUnits
 from tdint_cli import options
 from tdint_cli.batch.campaigns import carry_out, export, finish
 from tdint_cli.options.values import FileName
 from tdint_cli.terminal.drawing import emit_table
-from tdint_cli.terminal.streams import note, say
+from tdint_cli.terminal.streams import note, say, warn
 
 if TYPE_CHECKING:
     from tdint.campaign.carry_out import Engine, Shard
@@ -37,11 +37,6 @@ class CampaignRequest:
     tls_key: str | None
     simcenter: bool
     output_units: OutputUnits | None
-
-    @property
-    def units(self) -> OutputUnits:
-        """The units of runs.csv, stories.csv and summary.json."""
-        return self.output_units or SI
 
     def refuse(self, *names: str) -> None:
         """Raise UsageError for options that the action does not take."""
@@ -106,7 +101,7 @@ def _run(request: CampaignRequest) -> None:
 
     campaign = load_campaign(request.words[0])
     plan = make_plan(campaign, read_inputs(campaign))
-    carry_out(plan, engine, Path(request.output), shard=shard, limit=request.limit, units=request.units)
+    carry_out(plan, engine, Path(request.output), shard=shard, limit=request.limit, units=request.output_units)
 
 
 def _status(request: CampaignRequest) -> None:
@@ -119,6 +114,9 @@ def _status(request: CampaignRequest) -> None:
         done = sum(statuses.values())
         emit_table(status_table(statuses, every - done))
         say(f"{store.meta('name')}: {done} of {every} runs are done.")
+        for kind, reasons in store.unused().items():
+            if reasons:
+                warn(f"{len(reasons)} {kind}{'s' * (len(reasons) > 1)} could not be used:\n" + "\n".join(reasons))
 
 
 def _export(request: CampaignRequest) -> None:
@@ -127,7 +125,7 @@ def _export(request: CampaignRequest) -> None:
 
     folder = _folder(request)
     with open_existing(folder) as store:
-        export(store, folder, simcenter=request.simcenter, units=request.units)
+        export(store, folder, simcenter=request.simcenter, units=request.output_units or store.output_units())
 
 
 def _merge(request: CampaignRequest) -> None:
@@ -142,7 +140,7 @@ def _merge(request: CampaignRequest) -> None:
     target = Path(request.output)
     make_folder(target)
     with locked(target), merge(folders, target) as store:
-        finish(store, target, request.units)
+        finish(store, target, request.output_units or store.output_units())
         every = int(store.meta("runs"))
         done = sum(store.statuses().values())
     if done < every:

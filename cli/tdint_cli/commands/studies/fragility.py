@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tdint.output_units import OutputUnits
 
 _FITS = ("stripes", "ida", "cloud")
-_IM = {"sa": "sa_t1_m_s2", "pga": "pga_m_s2"}
+_IM = {"sa": "sa_t1", "pga": "pga"}
 
 
 @options.command("fragility")

@@ -110,11 +110,7 @@ class IdaRequest(RecordsRequest):
 @options.analysis.method
 @options.analysis.dt
 @options.analysis.duration
-@options.analysis.option(
-    "--until-rest",
-    is_flag=True,
-    help="Let each run go on with the ground at rest until the building is: residual drifts are at rest then.",
-)
+@options.analysis.until_rest
 @options.output.output(
     "DIR",
     f"Write {RUNS}, {CAPACITIES} and {SUMMARY} into this folder, and go on there with what an interrupted call of the "
@@ -177,7 +173,7 @@ def _ida(request: IdaRequest) -> None:
         )
     if folder is None:
         emit_table(capacity_table(study.in_units(units)))
-    _write(request, study, settings, units)
+    _write(request, study, settings, units, [str(error) for error in failures])
     _report(study.in_units(units), request.precision)
     if failures:
         raise Failures(failures)
@@ -242,7 +238,7 @@ def _largest(request: IdaRequest, measure: IntensityMeasure) -> float:
     return request.max_im.scale
 
 
-def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: OutputUnits) -> None:
+def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: OutputUnits, unused: list[str]) -> None:
     from tdint.files import write_files
     from tdint.output.summaries.summary import (
         in_units,
@@ -271,7 +267,9 @@ def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: O
         }
         records = [record_summary(curve.record) for curve in study.curves]
         meanings = {**tables[RUNS].meanings, **tables[CAPACITIES].meanings}
-        summary = json_bytes(in_units(table_summary("ida", said, records, meanings), units))
+        content = table_summary("ida", said, records, meanings)
+        content |= {"not_used": {"records": {"count": len(unused), "reasons": unused}}}
+        summary = json_bytes(in_units(content, units))
         files[Path(request.output) / SUMMARY] = lambda stream: stream.write(summary)
     if picture := request.picture:
         from tdint.output.figures.ida import ida_picture
@@ -295,7 +293,10 @@ def _report(study: IdaStudy, precision: float) -> None:
         note(f"{finer} runs were repeated with a finer step, for they had no result with the first one")
     again = sum(curve.resurrection for curve in study.curves)
     if again:
-        note(f"the building stands again above its first collapse under {again} of {len(study.curves)} records")
+        note(
+            f"the building stands again at a level tried above its first collapse under {again} of {len(study.curves)} "
+            "records"
+        )
     lost = sum(not (run.stable or run.collapsed) for run in runs)
     if lost:
         warn(f"{lost} of {len(runs)} runs have no result, also with a finer step; they count neither way")
@@ -320,5 +321,7 @@ def _words(study: IdaStudy, runs: int) -> str:
     known = f"{study.im_name} = {middle:.4g} {unit}" if middle == middle else "above the largest intensity"
     text += f"Median capacity against collapse: {known}"
     if count > 1 and low == low and high == high:
-        text += f", 16 and 84 %: {low:.4g} and {high:.4g}"
+        text += (
+            f", 16 and 84 %: {low:.4g} and {high:.4g} (by rank; the median of `tdint fragility` is a geometric mean)"
+        )
     return text + (f"; {censored} of {count} censored." if censored else ".")

@@ -21,6 +21,7 @@ _LEAD = 60  # points between there and the first one that was asked for
 LARGEST = 1e4
 """omega dt up to which a critical step is searched."""
 
+_AGREEMENT = 1e-3  # of a declared and a measured limit
 _ROUNDING = 1e-15  # over (omega dt)^2: how far rounding alone lifts a spectral radius above 1
 
 
@@ -123,6 +124,20 @@ def critical_step(integrator: Integrator, damping: float = 0.0, largest: float =
         else:
             low = middle
     return float(low)
+
+
+def false_limit(integrator: Integrator, measured: float) -> str:
+    """What there is to say of a declared stability limit that is not the measured one (`critical_step` without
+    damping); nothing where they agree or none is declared (nan)."""
+    declared = integrator.stability_limit
+    unlimited = declared > LARGEST and measured == math.inf
+    if math.isnan(declared) or unlimited or math.isclose(declared, measured, rel_tol=_AGREEMENT):
+        return ""
+    found = f"{measured:.6g}" if math.isfinite(measured) else f"none up to {LARGEST:g}"
+    return (
+        f"{integrator.label}: the catalogue declares it stable up to omega dt {declared:.6g}, measured is {found}; "
+        "`tdint run` goes by what is declared"
+    )
 
 
 def _grows(integrator: Integrator, omega_h: Array, damping: float) -> NDArray[np.bool_]:

@@ -124,10 +124,8 @@ def _solve(
     begin = time.perf_counter()
     rate = _rate(problem, law, begin + seconds)
     try:
-        found = solve_ivp(
-            rate, (0.0, times[-1]), start, method=method, t_eval=times, rtol=tolerance,
-            atol=tolerance * np.concatenate(sizes),
-        )  # fmt: skip
+        near = {"rtol": tolerance, "atol": tolerance * np.concatenate(sizes)}
+        found = solve_ivp(rate, (0.0, times[-1]), start, method=method, t_eval=times, **near)
     except _TooLong:
         return None
     taken = time.perf_counter() - begin

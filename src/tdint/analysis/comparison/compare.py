@@ -28,6 +28,9 @@ _LONGEST_SHIFT = 10.0
 
 _ROUNDING = 1e-6
 
+_BETTER = 0.05
+"""By how much a correlation must rise to say that a displacement seems to be absolute."""
+
 _SHORT = 0.25
 """omega dt of a step that is short for a mode: errors of the fourth order are below 1e-4 there."""
 
@@ -133,6 +136,24 @@ class Comparison:
         )
 
 
+def absolute_displacements(comparison: Comparison) -> list[str]:
+    """A sentence for each floor whose recorded displacement agrees much better once the base's is subtracted."""
+    event, found = comparison.event, []
+    for one in comparison.floors:
+        if one.quantity != "displacement":
+            continue
+        first = round(one.time[0] / event.base.dt)
+        base = event.base_displacement[first : first + one.time.size]
+        relative = replace(one, recorded=one.recorded - base)
+        if relative.correlation > one.correlation + _BETTER and relative.rms_difference < one.rms_difference:
+            found.append(
+                f"floor {one.floor}: less the base's displacement the recording has a correlation of "
+                f"{relative.correlation:.3f} instead of {one.correlation:.3f}: it seems to be absolute, and a "
+                "displacement is compared relative to the base; subtract the base's from it in the file"
+            )
+    return found
+
+
 def compare(
     model: Model, event: Event, *, method: str | None = None, dt: float | None = None, shift: float | None = None
 ) -> Comparison:
@@ -215,8 +236,10 @@ def computed_floors(response: Response, event: Event) -> list[Array]:
             "there is nothing to compare"
         )
     motions = {"acceleration": history.acceleration, "displacement": history.displacement}
-    chosen = [motions[one.quantity][::every, one.floor - 1] for one in event.floors]
-    return list(event.filtered(np.column_stack(chosen).astype(np.float64)).T)
+    return [
+        event.filtered(motions[one.quantity][::every, one.floor - 1].astype(np.float64), one.quantity)
+        for one in event.floors
+    ]
 
 
 def compared_floors(event: Event, computed: Sequence[Array], shift: float) -> tuple[FloorComparison, ...]:

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 
 from tdint.errors import RecordError
 from tdint.ground_motion.reading.named_table import read_column
 from tdint.ground_motion.reading.read import read_signal
 from tdint.ground_motion.reading.scale import differentiated
 from tdint.ground_motion.record import Input, Record
-from tdint.ground_motion.signal import Signal, at_times, in_band
+from tdint.ground_motion.signal import Signal, at_times, in_band, without_offset
 from tdint.model.recorded import Recording, Sensor
 from tdint.units import GROUND_MOTION
 
@@ -89,20 +90,21 @@ class Event:
             band is out of reach of their samples.
         """
         base = [_read(sensor) for sensor in recording.base]
-        floors = [_read(sensor) for _, sensor in recording.floors]
+        floors = [[_read(sensor) for sensor in sensors] for _, sensors in recording.floors]
         notes: dict[str, None] = {}
         record, lead = _base_record(recording, base, notes)
         recorded = []
-        for (number, _), signal in zip(recording.floors, floors, strict=True):
+        for (number, _), signals in zip(recording.floors, floors, strict=True):
+            signal = _mean(signals, f"floor {number}", notes)
             if signal.quantity == "velocity":
                 raise RecordError(f"{signal.label}: is a velocity; an acceleration or a displacement is compared")
             first = _later(signal, base[0], notes) - lead
             if first >= record.duration or first + (signal.samples.size - 1) * signal.dt <= 0.0:
                 raise RecordError(f"{signal.label}: recorded at another time than {base[0].label}; see their starts")
             centered = signal.centered()
-            samples = in_band(centered.samples, signal.dt, recording.band, signal.label)
+            samples = in_band(centered.samples, signal.dt, recording.band, signal.label, signal.quantity)
             recorded.append(RecordedFloor(number, centered.with_samples(samples), first))
-        every = [*base, *floors]
+        every = [*base, *(signal for signals in floors for signal in signals)]
         return cls(
             recording,
             record,
@@ -120,13 +122,19 @@ class Event:
     @cached_property
     def base_in_band(self) -> Array:
         """Acceleration of the base in the band of the comparison, m/s^2, shape (count,)."""
-        return self.filtered(self.base.acceleration)
+        return self.filtered(self.base.acceleration, "acceleration")
 
-    def filtered(self, samples: Array) -> Array:
-        """What was computed at the base's times (along the first axis), made what the recordings are: centered, in the
-        band."""
-        centered = samples - np.median(samples, axis=0)
-        return in_band(centered, self.base.dt, self.recording.band, self.base.source)
+    def filtered(self, samples: Array, quantity: str) -> Array:
+        """What was computed at the base's times made what the recordings are: without its offset, in the band."""
+        centered = without_offset(samples, quantity)
+        return in_band(centered, self.base.dt, self.recording.band, self.base.source, quantity)
+
+    @cached_property
+    def base_displacement(self) -> Array:
+        """Displacement of the base in the band, m, shape (count,)."""
+        velocity = cumulative_trapezoid(self.base.acceleration, dx=self.base.dt, initial=0.0)
+        moved = cumulative_trapezoid(velocity, dx=self.base.dt, initial=0.0)
+        return self.filtered(moved, "displacement")
 
     def window(self, recorded: Array, label: str) -> slice:
         """The times at which a floor is compared: in the window, and where it was recorded (not nan).
@@ -178,23 +186,37 @@ def _cure(sensor: Sensor) -> str:
 def _base_record(recording: Recording, signals: Sequence[Signal], notes: dict[str, None]) -> tuple[Record, float]:
     """The ground motion, over the time that all sensors of the base have in common, and where that begins, s from the
     first sample of the first one."""
-    accelerations = [_acceleration(signal, notes) for signal in signals]
-    first = accelerations[0]
-    starts = [_later(signal, first, notes) for signal in accelerations]
+    mean, lead = _common([_acceleration(signal, notes) for signal in signals], f"{recording.source}: the base", notes)
+    if len(signals) > 1:
+        notes[f"the model is driven by the mean of {len(signals)} sensors of the base"] = None
+    motion = without_offset(mean.samples, mean.quantity)
+    return Record(motion, mean.dt, start="", id="", component="base", source=recording.source), lead
+
+
+def _mean(signals: Sequence[Signal], place: str, notes: dict[str, None]) -> Signal:
+    """The mean of the sensors of a floor: its translation, without what the floor turns."""
+    if len({signal.quantity for signal in signals}) > 1:
+        raise RecordError(f"{place}: its sensors are of {' and '.join(sorted({one.quantity for one in signals}))}")
+    mean, lead = _common([signal.centered() for signal in signals], place, notes)
+    if len(signals) > 1:
+        notes[f"{place}: the mean of {len(signals)} sensors is compared"] = None
+    return replace(mean, start=None if mean.start is None else mean.start + lead)
+
+
+def _common(signals: Sequence[Signal], place: str, notes: dict[str, None]) -> tuple[Signal, float]:
+    """The mean of signals over the time that they have in common, as the first one with other samples; and where that
+    begins, s from the first one's first sample."""
+    first = signals[0]
+    starts = [_later(signal, first, notes) for signal in signals]
     lead = max(starts)
-    ends = [start + (one.samples.size - 1) * one.dt for start, one in zip(starts, accelerations, strict=True)]
+    ends = [start + (one.samples.size - 1) * one.dt for start, one in zip(starts, signals, strict=True)]
     count = math.floor((min(ends) - lead) / first.dt + 1e-6) + 1
     if count < _FEWEST:
-        raise RecordError(f"{recording.source}: the sensors of the base recorded at different times")
+        raise RecordError(f"{place}: its sensors recorded at different times")
     rows = [
-        at_times(one.samples, one.dt, start - lead, first.dt, count)
-        for start, one in zip(starts, accelerations, strict=True)
+        at_times(one.samples, one.dt, start - lead, first.dt, count) for start, one in zip(starts, signals, strict=True)
     ]
-    if len(rows) > 1:
-        notes[f"the model is driven by the mean of {len(rows)} sensors of the base"] = None
-    mean = np.nan_to_num(np.mean(rows, axis=0))
-    record = Record(mean - np.median(mean), first.dt, start="", id="", component="base", source=recording.source)
-    return record, lead
+    return first.with_samples(np.nan_to_num(np.mean(rows, axis=0))), lead
 
 
 def _acceleration(signal: Signal, notes: dict[str, None]) -> Signal:

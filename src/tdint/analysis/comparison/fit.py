@@ -30,9 +30,10 @@ from tdint.model.recorded import AUTO
 
 Array = NDArray[np.float64]
 
-FITTED = ("stiffness", "damping")
+FITTED = ("stiffness", "stiffness-factor", "damping")
 
-_STIFFNESS = "stiffness_N_m"
+_STIFFNESS, _COMMON = "stiffness_N_m", "stiffness_factor"
+_UNITS = {_STIFFNESS: "N/m"}
 
 _FACTOR = 10.0  # by which a stiffness may change, either way
 _RATIOS = (1e-4, 0.5)
@@ -43,6 +44,7 @@ _BANDWIDTH = 0.1  # of the smoothing, in the logarithm of frequency, either side
 _FREQUENCIES = 120
 _LOWEST_CYCLES = 5  # periods of the lowest frequency of a spectrum that the recording holds
 _UNTOLD = 0.1  # relative standard error from which a value is not told by the recording
+_AT = 1e-2  # of a bound, on which a value lies
 _FAILED = 10.0  # rms difference of a run without result
 
 
@@ -53,12 +55,14 @@ class FittedValue:
     Attributes
     ----------
     name : str
-        `stiffness_N_m`, `damping_ratio`, or a Rayleigh coefficient: `mass_coefficient_1_s`,
+        `stiffness_N_m`, `stiffness_factor`, `damping_ratio`, or a Rayleigh coefficient: `mass_coefficient_1_s`,
         `stiffness_coefficient_s`.
     place : int or None
         The story or mode, from 1; None for a value that is common to all.
     start, value : float
         Before and after.
+    low, high : float
+        The bounds of the fit.
     standard_error : float
         Of the value, if what remains of the difference were independent from sample to sample; inf where the recording
         does not tell the value.
@@ -68,7 +72,19 @@ class FittedValue:
     place: int | None
     start: float
     value: float
+    low: float
+    high: float
     standard_error: float
+
+    @property
+    def on_bound(self) -> bool:
+        """Whether the fit ended on one of its bounds."""
+        return self.value <= self.low * (1.0 + _AT) or self.value >= self.high * (1.0 - _AT)
+
+    @property
+    def unit(self) -> str:
+        """Of the value, in SI, as far as it has one that other units stand for; else 1."""
+        return _UNITS.get(self.name, "1")
 
 
 @dataclass(frozen=True)
@@ -98,8 +114,8 @@ def fit(model: Model, event: Event, what: Sequence[str], *, progress: Callable[[
     Parameters
     ----------
     what : sequence of str
-        What may change, of `FITTED`: the stiffness of each story (yield forces stay), the values of `damping` as the
-        model has them.
+        What may change, of `FITTED`: the stiffness of each story (yield forces stay), or one factor on all of them; the
+        values of `damping` as the model has them.
     progress : callable
         Told the number of runs so far.
 
@@ -115,7 +131,7 @@ def fit(model: Model, event: Event, what: Sequence[str], *, progress: Callable[[
     bounds = np.log([value.bounds for value in free]).T
     start = np.clip(np.log([value.start for value in free]), *bounds)
     candidates = []
-    for first in _starts(problem, start, bounds, "stiffness" in what):
+    for first in _starts(problem, start, bounds, any(name.startswith("stiffness") for name in what)):
         found = least_squares(
             problem.spectral, first, bounds=bounds, diff_step=_SMALLEST, xtol=1e-4, ftol=1e-4, max_nfev=15
         )
@@ -131,7 +147,7 @@ def fit(model: Model, event: Event, what: Sequence[str], *, progress: Callable[[
         raise AnalysisError("the fit found no values with which the model has a result; start from other ones")
     errors = _standard_errors(best)
     values = tuple(
-        FittedValue(one.name, one.place, one.start, math.exp(x), math.exp(x) * error)
+        FittedValue(one.name, one.place, one.start, math.exp(x), *one.bounds, math.exp(x) * error)
         for one, x, error in zip(free, best.x, errors, strict=True)
     )
     notes = [
@@ -139,6 +155,12 @@ def fit(model: Model, event: Event, what: Sequence[str], *, progress: Callable[[
         + (f"{100.0 * error:.0f} %" if math.isfinite(error) else "beyond measure")
         for one, error in zip(values, errors, strict=True)
         if error > _UNTOLD
+    ]
+    notes += [
+        f"{_called(one)} ended on a bound of the fit, {one.low:.4g} to {one.high:.4g}: the best value may lie beyond, "
+        "or the model is another one"
+        for one in values
+        if one.on_bound
     ]
     return Fit(problem.model(best.x), values, problem.runs, tuple(notes))
 
@@ -200,7 +222,7 @@ def _starts(problem: _Problem, start: Array, bounds: Array, stiffness: bool) -> 
     """Values to begin with: those given and, where stiffnesses are fitted, the best common factors on them."""
     if not stiffness:
         return [start]
-    stiff = np.array([one.name == _STIFFNESS for one in problem.free])
+    stiff = np.array([one.name in (_STIFFNESS, _COMMON) for one in problem.free])
     points = [np.clip(start + np.where(stiff, math.log(factor), 0.0), *bounds) for factor in _SCAN]
     costs = np.array([float(np.sum(problem.spectral(point) ** 2)) for point in points])
     lowest = [i for i in range(costs.size) if costs[i] == costs[max(0, i - 1) : i + 2].min()]
@@ -238,11 +260,27 @@ def _free_values(model: Model, what: Sequence[str]) -> list[_Free]:
     if unknown or not what:
         raise UsageError(f"fit {', '.join(FITTED)}, got {', '.join(map(repr, unknown)) or 'nothing'}")
     free: list[_Free] = []
+    if "stiffness" in what and "stiffness-factor" in what:
+        raise UsageError("fit stiffness or stiffness-factor: the stiffness of each story, or one factor on all of them")
+    if "stiffness-factor" in what:
+        free.append(_common_factor(model))
     if "stiffness" in what:
         free += [_stiffness(model, i) for i in range(len(model.stories))]
     if "damping" in what:
         free += _damping(model.damping)
     return free
+
+
+def _common_factor(model: Model) -> _Free:
+    """One factor on the stiffnesses of all stories."""
+    every = [_stiffness(model, i) for i in range(len(model.stories))]
+
+    def put(model: Model, value: float) -> Model:
+        for one in every:
+            model = one.put(model, value * one.start)
+        return model
+
+    return _Free(_COMMON, None, 1.0, (1.0 / _FACTOR, _FACTOR), put)
 
 
 def _stiffness(model: Model, i: int) -> _Free:

@@ -37,6 +37,9 @@ RUNAWAY = 100.0
 _UNRESOLVED = 0.05
 """Part of a peak that may be hidden between the steps without a note."""
 
+_MOVING = 0.01
+"""Part of the largest drift by which one still moves at the end without a note."""
+
 _OVERFLOW = 1e300
 """Residual from which a step that did not converge is one whose numbers ran away."""
 
@@ -237,8 +240,10 @@ class Case:
     def _response(self, steps: Steps, marched: Marched, collapse: Collapse | None) -> Response:
         space = marched.space
         energy = run_totals.energy(space)
-        stories, unresolved = run_totals.story_peaks(self.building, space), run_totals.unresolved(self.building, space)
+        stories = run_totals.story_peaks(self.building, space)
+        unresolved = run_totals.unresolved(self.building, space, steps.late)
         notes = self._notes(steps, int(space.observed[at.HALVINGS]))
+        moving = run_totals.moving_drift(self.building, space, self.prepared.period)
         return Response(
             model=self.model,
             record=self.record,
@@ -253,8 +258,9 @@ class Case:
             stories=stories,
             energy=energy,
             history=run_totals.history(self.building, space, steps.h) if space.history.size else None,
-            notes=(*notes, *_unresolved_note(stories, unresolved)),
+            notes=(*notes, *_unresolved_note(stories, unresolved), *self._moving_note(stories, moving)),
             unresolved=unresolved,
+            moving_drift=moving,
             collapse=collapse,
             check=run_totals.carried_error(self.building, space, stories, unresolved) if self._carries_error else None,
             warnings=_imbalance(energy),
@@ -275,6 +281,16 @@ class Case:
         if halvings:
             notes.append(f"steps that did not converge were halved, {halvings} times in all")
         return tuple(notes)
+
+    def _moving_note(self, stories: StoryPeaks, moving: Array) -> tuple[str, ...]:
+        """That the drifts at the end are not residual ones. Under forces on floors there is no rest."""
+        i = int(np.argmax(moving))
+        if self.record is None or self.model.excitation.forces or moving[i] <= _MOVING * np.max(stories.peak_drift):
+            return ()
+        return (
+            f"the building still moves at the end, the drift of story {i + 1} by about {1e3 * moving[i]:.2g} mm to "
+            "either side: residual drifts are those of the last moment; --until-rest goes on until it is at rest",
+        )
 
     def _stiffening_note(self) -> tuple[str, ...]:
         if not self.integrator.family.limited_by_stiffening:

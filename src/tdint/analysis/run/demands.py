@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
-from typing import NamedTuple
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated, Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.run.outcome import StoryErrors, StoryPeaks
+from tdint.analysis.run.outcome import STORY, StoryErrors, StoryPeaks
+from tdint.quantity import Quantity, quantities
 
 Array = NDArray[np.float64]
 
@@ -20,84 +22,152 @@ class Largest(NamedTuple):
     value: float
     place: int | None
 
-    @classmethod
-    def of(cls, values: Array) -> Largest:
-        """The largest of some values over the stories, shape (n,); nan is passed over."""
-        if np.all(np.isnan(values)):
-            return cls(math.nan, None)
-        i = int(np.nanargmax(values))
-        return cls(float(values[i]), i + 1)
+
+class LargestOfRuns(NamedTuple):
+    """Largest values of many runs and their stories or floors from 1, shape (runs,); nan and 0 where there is none."""
+
+    value: Array
+    place: NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class Demands:
-    """The largest demands of a run, SI units.
+class Demand(Quantity):
+    """A demand, as the annotation of its field; `value` gives the numbers of the stories from their values and heights.
 
     Attributes
     ----------
-    roof_displacement : Largest
-        Of the roof relative to the ground, m.
-    base_shear : Largest
-        Restoring force of the first story, N.
-    drift, drift_ratio : Largest
-        Peak drift, m, and over the story's height.
-    residual_drift, residual_drift_ratio : Largest
-        Absolute drift at the end of the run, m, and over the story's height.
-    ductility : Largest
-        Peak drift over drift at first yield.
-    acceleration : Largest
-        Absolute acceleration of a floor, m/s^2.
+    story : int or None
+        The one whose number is meant, as an index; None for the largest of all.
+    place : str
+        What a place is: story or floor.
     """
 
-    roof_displacement: Largest
-    base_shear: Largest
-    drift: Largest
-    drift_ratio: Largest
-    residual_drift: Largest
-    residual_drift_ratio: Largest
-    ductility: Largest
-    acceleration: Largest
+    story: int | None = None
+    place: str = "story"
+
+    @property
+    def of_place(self) -> str:
+        """The name of its place: that of the number, without its unit."""
+        return f"{self.called or self.name}_{self.place}"
+
+    def of(self, stories: StoryPeaks) -> LargestOfRuns:
+        """The largest of each run, from peaks of shape (runs, n) or (n,); nan is passed over."""
+        values = np.atleast_2d(self.values(stories))
+        bare = np.where(np.isnan(values), -1.0, values)
+        place = np.argmax(bare, axis=1) if self.story is None else np.full(len(values), self.story) % values.shape[1]
+        value = values[np.arange(len(values)), place]
+        return LargestOfRuns(value, np.where(np.isnan(value), 0, place + 1))
+
+    def error(self, stories: StoryPeaks, errors: StoryErrors) -> float:
+        """Its estimated error in a run; nan where there is none.
+
+        Any story may have the largest value that could with its error: the largest error among those.
+        """
+        values, own = self.values(stories), self.value(errors, stories.height) if self.value else np.empty(0)
+        if self.story is not None:
+            return float(own[self.story])
+        known = np.isfinite(values) & np.isfinite(own)
+        if not known.any():
+            return math.nan
+        values, own = values[known], own[known]
+        return float(np.max(own[values + own >= np.max(values)]))
+
+    def values(self, stories: StoryPeaks) -> Array:
+        """The numbers of the stories, shape (..., n)."""
+        return np.asarray(self.value(stories, stories.height) if self.value else getattr(stories, self.name))
 
 
-DEMANDS = tuple(field.name for field in fields(Demands))
+Found = TypeVar("Found")
 
 
-def demands(stories: StoryPeaks) -> Demands:
+@dataclass(frozen=True)
+class Demands(Generic[Found]):
+    """The largest demands of a run (`Largest`), or of many (`LargestOfRuns`), SI units."""
+
+    roof_displacement: Annotated[
+        Found,
+        Demand(
+            "m",
+            "largest displacement of the roof, relative to the ground",
+            lambda stories, height: stories.peak_displacement,
+            story=-1,
+        ),
+    ]
+    base_shear: Annotated[
+        Found,
+        Demand(
+            "N",
+            "largest restoring force of the first story, without viscous forces",
+            lambda stories, height: stories.peak_shear,
+            story=0,
+        ),
+    ]
+    drift: Annotated[
+        Found,
+        Demand(
+            "m",
+            "largest drift of a story, relative to the floor below",
+            lambda stories, height: stories.peak_drift,
+        ),
+    ]
+    drift_ratio: Annotated[
+        Found, Demand("1", "largest drift over story height", lambda stories, height: stories.peak_drift_ratio)
+    ]
+    residual_drift: Annotated[
+        Found,
+        Demand(
+            "m",
+            "largest absolute drift at the end of the run",
+            lambda stories, height: np.abs(stories.residual_drift),
+        ),
+    ]
+    residual_drift_ratio: Annotated[
+        Found,
+        Demand(
+            "1",
+            "largest absolute drift at the end over story height",
+            lambda stories, height: np.abs(stories.residual_drift) / height,
+        ),
+    ]
+    ductility: Annotated[
+        Found, Demand("1", "largest drift over drift at first yield", lambda stories, height: stories.ductility)
+    ]
+    acceleration: Annotated[
+        Found,
+        Demand(
+            "m/s^2",
+            "largest absolute acceleration of a floor",
+            lambda stories, height: stories.peak_acceleration,
+            called="floor_absolute_acceleration",
+            place="floor",
+        ),
+    ]
+
+
+_DECLARED: tuple[Demand, ...] = tuple(one for one in quantities(Demands) if isinstance(one, Demand))
+
+
+def _further() -> Iterator[Demand]:
+    """The largest of what stories have and no demand above is made of."""
+    for one in STORY:
+        if "summary" in one.shown:
+            yield Demand(one.unit, f"{one.meaning}; of all stories", called=one.called, name=one.name)
+
+
+DEMANDS: tuple[Demand, ...] = (*_DECLARED, *_further())
+"""What a summary tells of a run, in its order."""
+
+
+def demands(stories: StoryPeaks) -> Demands[Largest]:
     """The largest demands in the building."""
-    residual = np.abs(stories.residual_drift)
-    return Demands(
-        roof_displacement=Largest(float(stories.peak_displacement[-1]), stories.peak_displacement.size),
-        base_shear=Largest(float(stories.peak_shear[0]), 1),
-        drift=Largest.of(stories.peak_drift),
-        drift_ratio=Largest.of(stories.peak_drift_ratio),
-        residual_drift=Largest.of(residual),
-        residual_drift_ratio=Largest.of(residual / stories.height),
-        ductility=Largest.of(stories.ductility),
-        acceleration=Largest.of(stories.peak_acceleration),
-    )
+    return Demands(**{one.name: only(one.of(stories)) for one in _DECLARED})
 
 
-def demand_errors(stories: StoryPeaks, errors: StoryErrors) -> dict[str, float]:
-    """Estimated errors of the demands, by their names, in their units; nan where there is none.
-
-    Any story may have the largest value that could with its error: the largest error among those.
-    """
-    residual = np.abs(stories.residual_drift)
-    return {
-        "roof_displacement": float(errors.peak_displacement[-1]),
-        "base_shear": float(errors.peak_shear[0]),
-        "drift": _error_of_largest(stories.peak_drift, errors.peak_drift),
-        "drift_ratio": _error_of_largest(stories.peak_drift_ratio, errors.peak_drift_ratio),
-        "residual_drift": _error_of_largest(residual, errors.residual_drift),
-        "residual_drift_ratio": _error_of_largest(residual / stories.height, errors.residual_drift / stories.height),
-        "ductility": _error_of_largest(stories.ductility, errors.ductility),
-        "acceleration": _error_of_largest(stories.peak_acceleration, errors.peak_acceleration),
-    }
+def demands_of_runs(stories: StoryPeaks) -> Demands[LargestOfRuns]:
+    """Those of many runs of a building, whose peaks have the shape (runs, n)."""
+    return Demands(**{one.name: one.of(stories) for one in _DECLARED})
 
 
-def _error_of_largest(values: Array, errors: Array) -> float:
-    known = np.isfinite(values) & np.isfinite(errors)
-    if not known.any():
-        return math.nan
-    values, errors = values[known], errors[known]
-    return float(np.max(errors[values + errors >= np.max(values)]))
+def only(found: Any) -> Largest:
+    """The one run's."""
+    return Largest(float(found.value[0]), int(found.place[0]) or None)

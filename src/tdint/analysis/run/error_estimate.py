@@ -16,6 +16,9 @@ accident, as happens where yielding leaves no order to observe. Accidents of all
 no error is taken for less than a part of their root mean square, relative to the peaks, nor for less than what a peak
 may be larger by between steps that do not resolve the motion. Higher orders are not counted on: a declared order 4 is
 lost at the first kink that is not located.
+
+A run of long steps ends after the time that was asked for, the record's end as a rule: what the drifts have changed by
+since then is added to the errors of residual drifts.
 """
 
 from __future__ import annotations
@@ -128,7 +131,8 @@ def _errors(response: Response, others: list[Response]) -> StoryErrors:
         coarse, half, quarter = (getattr(stories, name) for stories in runs)
         size = response.stories.peak_drift if name == "residual_drift" else coarse
         unresolved: Array = getattr(response.unresolved, name)
-        return np.maximum(estimate(coarse, half, quarter, size), unresolved)
+        own = estimate(coarse, half, quarter, size)
+        return own + unresolved if name == "residual_drift" else np.maximum(own, unresolved)
 
     return StoryErrors(**{field.name: estimated(field.name) for field in fields(StoryErrors)})
 

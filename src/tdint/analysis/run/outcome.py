@@ -11,43 +11,106 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import AnalysisError
+from tdint.kernels import layout as at
+from tdint.quantity import Quantity, quantities
 from tdint.tabular import Tabular
 
 if TYPE_CHECKING:
     from tdint.ground_motion.record import Record
+    from tdint.model.building import Building
     from tdint.model.definition import Model
 
 Array = NDArray[np.float64]
 
 
+_TABLE = ("table",)
+
+
 @dataclass(frozen=True)
 class StoryValues:
-    """A number of each kind for each story, or for the floor above it; arrays of shape (n,).
+    """A number of each kind for each story, or for the floor above it; arrays of shape (n,), of several runs (runs, n).
 
-    Attributes
-    ----------
-    peak_drift, residual_drift : ndarray
-        Largest absolute drift and drift at the end of the run, m.
-    peak_drift_ratio : ndarray
-        Peak drift over height; nan without height.
-    peak_shear : ndarray
-        Largest absolute restoring force of the story, N, without dashpots, damping and P-delta.
-    ductility : ndarray
-        Peak drift over drift at first yield; nan where the law does not yield.
-    peak_displacement, peak_velocity : ndarray
-        Of the floor above, relative to the ground, m and m/s.
-    peak_acceleration : ndarray
-        Of the floor above, absolute, m/s^2, from equilibrium.
+    A field is all there is to a quantity: it has its column in tables, stores and units, its error, its meaning. Its
+    value follows from the building, the rows of peaks, shape (..., PEAK_ROWS, n), and the drifts at the end, (..., n).
+    It is shown in tables, and the largest of all stories in summaries, unless `Demands` says that better.
     """
 
-    peak_drift: Array
-    peak_drift_ratio: Array
-    residual_drift: Array
-    peak_shear: Array
-    ductility: Array
-    peak_displacement: Array
-    peak_velocity: Array
-    peak_acceleration: Array
+    peak_drift: Annotated[
+        Array,
+        Quantity(
+            "m",
+            "largest drift to either side: displacement relative to the floor below",
+            lambda building, peaks, end: peaks[..., at.PEAK_DRIFT, :],
+            _TABLE,
+        ),
+    ]
+    peak_drift_ratio: Annotated[
+        Array,
+        Quantity(
+            "1",
+            "peak drift over story height",
+            lambda building, peaks, end: peaks[..., at.PEAK_DRIFT, :] / building.heights,
+            _TABLE,
+        ),
+    ]
+    residual_drift: Annotated[
+        Array, Quantity("m", "drift at the end of the run", lambda building, peaks, end: end, _TABLE)
+    ]
+    peak_shear: Annotated[
+        Array,
+        Quantity(
+            "N",
+            "largest restoring force of the story to either side, without viscous forces",
+            lambda building, peaks, end: peaks[..., at.PEAK_SHEAR, :],
+            _TABLE,
+        ),
+    ]
+    ductility: Annotated[
+        Array,
+        Quantity(
+            "1",
+            "peak drift over drift at first yield",
+            lambda building, peaks, end: peaks[..., at.PEAK_DRIFT, :] / building.yield_drift,
+            _TABLE,
+        ),
+    ]
+    peak_displacement: Annotated[
+        Array,
+        Quantity(
+            "m",
+            "largest displacement of the floor, relative to the ground",
+            lambda building, peaks, end: peaks[..., at.PEAK_DISPLACEMENT, :],
+            _TABLE,
+        ),
+    ]
+    peak_velocity: Annotated[
+        Array,
+        Quantity(
+            "m/s",
+            "largest velocity of the floor, relative to the ground",
+            lambda building, peaks, end: peaks[..., at.PEAK_VELOCITY, :],
+            _TABLE,
+        ),
+    ]
+    peak_acceleration: Annotated[
+        Array,
+        Quantity(
+            "m/s^2",
+            "largest absolute acceleration of the floor",
+            lambda building, peaks, end: peaks[..., at.PEAK_ACCELERATION, :],
+            _TABLE,
+            called="peak_absolute_acceleration",
+        ),
+    ]
+
+
+STORY = quantities(StoryValues)
+"""The quantities of a story, in the order of their columns."""
+
+
+def story_values(building: Building, peaks: Array, end: Array) -> dict[str, Array]:
+    """The quantities of all stories by their names."""
+    return {one.name: one.value(building, peaks, end) for one in STORY if one.value}
 
 
 @dataclass(frozen=True, repr=False)
@@ -198,19 +261,20 @@ class ErrorHistory:
 
 @dataclass(frozen=True, repr=False)
 class History(Tabular):
-    """Response at all steps: `time` (s) and `ground_acceleration` (m/s^2), shape (steps + 1,); the rest (steps + 1, n).
+    """Response at all steps: `time` and `ground_acceleration` of shape (steps + 1,), the rest (steps + 1, n).
 
-    Displacement (m) and velocity (m/s) relative to the ground, acceleration absolute (m/s^2), drift (m), shear (N).
     `error` is what all but the accelerations are off by, where the run has carried that along; else None.
     """
 
-    time: Array
-    ground_acceleration: Array
-    displacement: Array
-    velocity: Array
-    acceleration: Array
-    drift: Array
-    shear: Array
+    time: Annotated[Array, Quantity("s", "time from the first sample", shown=("ground",))]
+    ground_acceleration: Annotated[Array, Quantity("m/s^2", "acceleration of the ground", shown=("ground",))]
+    displacement: Annotated[Array, Quantity("m", "relative to the ground", shown=("floor",))]
+    velocity: Annotated[Array, Quantity("m/s", "relative to the ground", shown=("floor",))]
+    acceleration: Annotated[
+        Array, Quantity("m/s^2", "absolute, from equilibrium", shown=("floor",), called="absolute_acceleration")
+    ]
+    drift: Annotated[Array, Quantity("m", "relative to the floor below", shown=("story",))]
+    shear: Annotated[Array, Quantity("N", "restoring force, without viscous forces", shown=("story",))]
     energy: EnergyHistory
     error: ErrorHistory | None = None
 
@@ -274,9 +338,14 @@ class Response(Tabular):
         When and where, if the status is `collapsed` or `failed-story`.
     unresolved : StoryErrors
         How much larger peaks may be between steps that do not resolve the motion, in their units; 0 where the step
-        does.
+        does. Of residual drifts: by how much they have changed since the time that was asked for, after which a long
+        step ends.
+    moving_drift : ndarray, shape (n,)
+        Amplitudes with which the drifts still move about their rest at the end, about, m; without forces on floors.
     check : ErrorEstimate or None
         Estimated errors, if they were asked for.
+    rest_time : float or None
+        Time by which the building was at rest, s, if the run was to go on until then and came to that.
     notes : tuple of str
         What a person should know of the run.
     warnings : tuple of str
@@ -298,8 +367,10 @@ class Response(Tabular):
     history: History | None
     notes: tuple[str, ...]
     unresolved: StoryErrors
+    moving_drift: Array
     collapse: Collapse | None = None
     check: ErrorEstimate | None = None
+    rest_time: float | None = None
     warnings: tuple[str, ...] = ()
 
     def _headline(self) -> str:

@@ -134,6 +134,11 @@ class PreparedBuilding:
         """What the kernels need for the building."""
         return variant(self.building, self.forces)
 
+    @cached_property
+    def period(self) -> float:
+        """First period of the initial stiffness, s."""
+        return 2.0 * math.pi / self.building.vibration.frequency(1)
+
     def compile(self, integrators: Iterable[Integrator], progress: Callable[[float], None] = lambda part: None) -> None:
         """Load what marches with these methods call, compiled if it is not yet: before a clock starts.
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.error_estimate import checked_run
 from tdint.analysis.run.outcome import (
@@ -17,6 +19,7 @@ from tdint.analysis.run.outcome import (
     StoryPeaks,
 )
 from tdint.analysis.run.prepared import PreparedBuilding
+from tdint.analysis.run.rest import until_rest as go_on
 from tdint.analysis.run.step_choice import choose_step
 from tdint.ground_motion.reading.read import read_record
 from tdint.ground_motion.record import Record
@@ -53,6 +56,7 @@ def run(
     allow_unstable: bool = False,
     check: bool = False,
     tolerance: float | None = None,
+    until_rest: bool = False,
 ) -> Response:
     """Integrate a model in time.
 
@@ -78,6 +82,9 @@ def run(
         Take the largest step with which the estimated error of every peak drift is within this part of it: from
         several sampling intervals of the record, or from dt where one is given, down to a 256th of either
         (`tdint.analysis.run.step_choice`). The response is checked.
+    until_rest : bool
+        Go on after that with the ground at rest until the building is (`tdint.analysis.run.rest`): residual drifts are
+        at rest then.
 
     Returns
     -------
@@ -94,7 +101,9 @@ def run(
         (`FailedRun`).
     """
     case = prepare(model, record, method=method, allow_unstable=allow_unstable)
-    return run_case(case, dt=dt, duration=duration, history=history, check=check, tolerance=tolerance)
+    return run_case(
+        case, dt=dt, duration=duration, history=history, check=check, tolerance=tolerance, until_rest=until_rest
+    )
 
 
 def prepare(
@@ -121,8 +130,15 @@ def run_case(
     history: bool = False,
     check: bool = False,
     tolerance: float | None = None,
+    until_rest: bool = False,
 ) -> Response:
     """Integrate a case in time. Parameters and errors are those of `run`."""
+    if until_rest:
+        steps, at_rest = go_on(case, case.steps(dt, duration))
+        response = run_case(
+            case, dt=dt, duration=steps.count * steps.h, history=history, check=check, tolerance=tolerance
+        )
+        return replace(response, rest_time=response.steps * response.dt) if at_rest else response
     if tolerance is not None:
         return choose_step(case, tolerance, dt=dt, duration=duration, history=history)
     steps = case.steps(dt, duration)

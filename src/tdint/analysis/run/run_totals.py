@@ -18,6 +18,7 @@ from tdint.analysis.run.outcome import (
     History,
     StoryErrors,
     StoryPeaks,
+    story_values,
 )
 from tdint.analysis.run.workspace import Workspace
 from tdint.kernels import layout
@@ -38,34 +39,32 @@ def story_peaks(building: Building, space: Workspace) -> StoryPeaks:
 
 def peaks_of(building: Building, peaks: Array, residual_drift: Array) -> StoryPeaks:
     """The peaks of all stories from the rows of `Workspace.peaks` and the drifts at the end."""
-    drift = peaks[layout.PEAK_DRIFT]
-    return StoryPeaks(
-        height=building.heights,
-        peak_drift=drift,
-        peak_drift_ratio=drift / building.heights,
-        residual_drift=residual_drift,
-        peak_shear=peaks[layout.PEAK_SHEAR],
-        ductility=drift / building.yield_drift,
-        peak_displacement=peaks[layout.PEAK_DISPLACEMENT],
-        peak_velocity=peaks[layout.PEAK_VELOCITY],
-        peak_acceleration=peaks[layout.PEAK_ACCELERATION],
-    )
+    return StoryPeaks(height=building.heights, **story_values(building, peaks, residual_drift))
 
 
-def unresolved(building: Building, space: Workspace) -> StoryErrors:
-    """How much larger the peaks may be between steps that do not resolve the motion."""
+def moving_drift(building: Building, space: Workspace, period: float) -> Array:
+    """Amplitudes with which the drifts move about their rest at the end of a march, about, m; shape (n,).
+
+    At rest no story has a force. One is as far from that as the force it has takes by its initial stiffness, and moves
+    with the first period (s).
+    """
+    drift, force = space.springs[at.DRIFT, :-1], space.springs[at.FORCE, :-1]
+    away = (force + building.chain[at.GEOMETRIC, :-1] * drift) / building.initial_stiffness
+    return np.asarray(np.hypot(away, _of_drifts(building, space.state[at.VELOCITY]) * period / (2.0 * np.pi)))
+
+
+def _of_drifts(building: Building, floors: Array) -> Array:
+    """Rates of the drifts from those of the floors, a row of a table."""
+    return np.asarray(floors[:-1] - building.chain[at.LINK, :-1] * np.roll(floors, 1)[:-1])
+
+
+def unresolved(building: Building, space: Workspace, late: float) -> StoryErrors:
+    """How much larger the peaks may be between steps that do not resolve the motion; and by how much, about, the drifts
+    have changed since the time that was asked for, which was `late` (s) before the end."""
     excess = np.maximum(space.peaks[layout.PEAK_ROWS :] - space.peaks[: layout.PEAK_ROWS], 0.0)
-    drift = excess[layout.PEAK_DRIFT]
-    return StoryErrors(
-        peak_drift=drift,
-        peak_drift_ratio=drift / building.heights,
-        residual_drift=np.zeros_like(drift),
-        peak_shear=excess[layout.PEAK_SHEAR],
-        ductility=drift / building.yield_drift,
-        peak_displacement=excess[layout.PEAK_DISPLACEMENT],
-        peak_velocity=excess[layout.PEAK_VELOCITY],
-        peak_acceleration=excess[layout.PEAK_ACCELERATION],
-    )
+    rate, bend = (_of_drifts(building, row) for row in (space.state[at.VELOCITY], space.watch[at.ACCELERATION_NOW]))
+    changed = late * np.abs(rate) + 0.5 * late**2 * np.abs(bend)
+    return StoryErrors(**story_values(building, excess, changed))
 
 
 def carried_error(building: Building, space: Workspace, stories: StoryPeaks, doubt: StoryErrors) -> ErrorEstimate:
@@ -79,7 +78,7 @@ def carried_error(building: Building, space: Workspace, stories: StoryPeaks, dou
         own: Array = getattr(stories, name)
         size = stories.peak_drift if name == "residual_drift" else own
         known = np.abs(getattr(corrected, name) - own) + _ROUNDING * size
-        return np.maximum(known, getattr(doubt, name))
+        return np.asarray(np.maximum(known, getattr(doubt, name)))
 
     errors = StoryErrors(**{field.name: error(field.name) for field in fields(StoryErrors)})
     return ErrorEstimate.of(stories, errors, dts=(), corrected=corrected)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 from tdint.errors import UsageError
 
@@ -12,12 +12,21 @@ _SAME = 1e-9  # steps that differ by less than this part are the same
 
 @dataclass(frozen=True)
 class Steps:
-    """Time steps on a ground motion: `per_sample` of them take `stride` sampling intervals."""
+    """Time steps on a ground motion: `per_sample` of them take `stride` sampling intervals.
+
+    They end at the time that was asked for, `end` (s), or less than a step after it.
+    """
 
     h: float
     count: int
     per_sample: int = 1
     stride: int = 1
+    end: float = field(default=math.inf, compare=False)
+
+    @property
+    def late(self) -> float:
+        """How long after the time that was asked for the last step ends, s."""
+        return max(self.count * self.h - self.end, 0.0)
 
 
 MOST_STEPS = 1_000_000_000
@@ -40,17 +49,17 @@ def choose_steps(dt: float | None, duration: float | None, record_dt: float | No
             raise UsageError("no time step: without a record, give --dt or analysis.dt in the model file")
         if duration is None:
             raise UsageError("no duration: without a record, give --duration or analysis.duration in the model file")
-        return Steps(dt, _count(duration, dt))
+        return Steps(dt, _count(duration, dt), end=duration)
     if dt is not None and not record_dt / MOST_STEPS <= dt <= record_dt * MOST_STEPS:
         raise UsageError(f"dt {dt:.6g} s is out of all proportion to the record's sampling interval {record_dt:.6g} s")
     duration = record_duration if duration is None else duration
     if dt is None:
-        return Steps(record_dt, _count(duration, record_dt))
+        return Steps(record_dt, _count(duration, record_dt), end=duration)
     for ratio, per_sample in ((record_dt / dt, True), (dt / record_dt, False)):
         whole = round(ratio)
         if whole >= 1 and abs(ratio - whole) <= _SAME * whole:
             h = record_dt / whole if per_sample else record_dt * whole
-            return Steps(h, _count(duration, h), *((whole, 1) if per_sample else (1, whole)))
+            return Steps(h, _count(duration, h), *((whole, 1) if per_sample else (1, whole)), end=duration)
     below, above = _neighbours(dt, record_dt)
     raise UsageError(
         f"dt {dt:.12g} s does not fit the record's sampling interval {record_dt:.12g} s: "
@@ -79,5 +88,5 @@ def _neighbours(dt: float, record_dt: float) -> tuple[float, float]:
 def finer(steps: Steps) -> Steps:
     """Half the step over the same time."""
     if steps.per_sample == 1 and steps.stride % 2 == 0:
-        return Steps(steps.h / 2, 2 * steps.count, 1, steps.stride // 2)
-    return Steps(steps.h / 2, 2 * steps.count, 2 * steps.per_sample, steps.stride)
+        return replace(steps, h=steps.h / 2, count=2 * steps.count, stride=steps.stride // 2)
+    return replace(steps, h=steps.h / 2, count=2 * steps.count, per_sample=2 * steps.per_sample)

@@ -148,13 +148,9 @@ def constant_ductility(
             ratio = largest_ratio(oscillator.ductility, target, ratio)
             strength = ratio * elastic[i]
             results[j, i] = (strength, *oscillator.response(strength)) if target > 1.0 else (strength, strength, 0.0)
-    return [
-        InelasticSpectrum(
-            record, damping, hardening, target, periods,
-            *_columns(results[rising.index(target)], elastic),
-        )
-        for target in ductilities
-    ]  # fmt: skip
+    given = record, damping, hardening
+    found = {target: _columns(results[rising.index(target)], elastic) for target in ductilities}
+    return [InelasticSpectrum(*given, target, periods, *found[target]) for target in ductilities]
 
 
 def constant_strength(

@@ -48,6 +48,10 @@ class Pushover(Tabular):
         Drifts of the stories, m.
     base_shear : ndarray, shape (rows,)
         Sum of the forces, N.
+    largest_base_shear : float
+        The largest of the whole path, between the rows, too, N.
+    drift_at_largest : ndarray, shape (n,)
+        Drifts of the stories there, m.
     """
 
     model: Model
@@ -55,9 +59,11 @@ class Pushover(Tabular):
     forces: Array
     drift: Array
     base_shear: Array
+    largest_base_shear: float
+    drift_at_largest: Array
 
     def _headline(self) -> str:
-        return f"of {self.model.name!r}, {self.pattern} pattern, largest base shear {np.max(self.base_shear):.4g} N"
+        return f"of {self.model.name!r}, {self.pattern} pattern, largest base shear {self.largest_base_shear:.4g} N"
 
     @property
     def roof_displacement(self) -> Array:
@@ -80,9 +86,9 @@ class Pushover(Tabular):
         return bool(self.base_shear[-1] <= 0.0)
 
     @property
-    def peak(self) -> int:
-        """The row of the largest base shear."""
-        return int(np.argmax(self.base_shear))
+    def roof_at_largest(self) -> float:
+        """Displacement of the roof at the largest base shear, m."""
+        return float(self.drift_at_largest.sum())
 
 
 def _first_mode(building: Building) -> Array:
@@ -144,7 +150,7 @@ def pushover(model: Model, size: DriftSize | str, *, pattern: str = "first-mode"
         shears.append(chain.factor)
         if chain.factor <= 0.0:
             break
-    return Pushover(model, pattern, forces, np.array(drifts), np.array(shears))
+    return Pushover(model, pattern, forces, np.array(drifts), np.array(shears), *chain.largest)
 
 
 def _target(size: DriftSize, building: Building) -> float:
@@ -165,6 +171,8 @@ class _Chain:
         Present drifts, m.
     factor : float
         Present base shear, N.
+    largest : tuple of (float, ndarray)
+        The largest base shear of the way so far, N, and the drifts there.
     """
 
     def __init__(self, building: Building, forces: Array) -> None:
@@ -172,6 +180,7 @@ class _Chain:
         self.stories = [_Story(building, i) for i in range(building.stories)]
         self.drift = np.zeros(building.stories)
         self.factor = 0.0
+        self.largest = (0.0, self.drift)
 
     def push(self, displacement: float, step: float) -> None:
         """On to the next state at which the roof has moved that far; `step` is about how far it moves."""
@@ -181,14 +190,14 @@ class _Chain:
             lead, drift, factor = self._advance(lead, size)
             if drift.sum() >= displacement:
                 break
-            self._keep(drift, factor)
+            self._keep(lead, drift, factor)
             lead = self._softest()
         else:
             raise AnalysisError(
                 f"the pushover found no way on to a roof displacement of {displacement:.6g} m: the other stories move "
                 f"back as story {lead + 1} goes on; give more --points or a smaller --drift"
             )
-        self._keep(*self._meet(displacement, lead, size, drift, factor))
+        self._keep(lead, *self._meet(displacement, lead, size, drift, factor))
 
     def _meet(self, displacement: float, lead: int, size: float, drift: Array, factor: float) -> tuple[Array, float]:
         """Between here and a step of the leading story with these results, the state with a roof displacement: by the
@@ -237,7 +246,22 @@ class _Chain:
                 drift[i] = found
         return drift, factor
 
-    def _keep(self, drift: Array, factor: float) -> None:
+    def _note_largest(self, lead: int, drift: Array, factor: float) -> None:
+        """Note the largest base shear on the way to these drifts: at its end, or where the leading story stops to rise.
+
+        The factor follows from the force of that story alone.
+        """
+        story, low, high = self.stories[lead], 0.0, float(drift[lead] - self.drift[lead])
+        if story.tangent > 0.0 and story.at(float(drift[lead]))[1] <= 0.0:
+            for _ in range(_ITERATIONS):
+                middle = 0.5 * (low + high)
+                low, high = (middle, high) if story.at(self.drift[lead] + middle)[1] > 0.0 else (low, middle)
+            if top := self._trial(lead, high):
+                drift, factor = max((top, (drift, factor)), key=lambda state: state[1])
+        self.largest = max(self.largest, (factor, drift), key=lambda state: state[0])
+
+    def _keep(self, lead: int, drift: Array, factor: float) -> None:
+        self._note_largest(lead, drift, factor)
         for story, new in zip(self.stories, drift, strict=True):
             story.go(float(new))
         self.drift, self.factor = drift, factor

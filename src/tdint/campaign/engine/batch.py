@@ -7,8 +7,9 @@ What comes to its end without a collapse is taken from the arrays as it is. All 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,19 +18,10 @@ from tdint.analysis.run import run_totals
 from tdint.analysis.run.case import RUNAWAY, Case
 from tdint.analysis.run.outcome import Collapse, FailedRun, Response, StoryPeaks
 from tdint.analysis.run.prepared import MarchedRuns, Rest
+from tdint.analysis.run.rest import windows
 from tdint.analysis.run.steps import Steps, finer
-from tdint.campaign.engine.rows import (
-    Extremes,
-    Intensity,
-    RunRow,
-    StoryRow,
-    row_of_failure,
-    row_of_response,
-    run_key,
-    story_rows,
-)
-from tdint.campaign.engine.task import AT_REST, REPEATS, REST_PERIODS, Motions, Run, RunSettings, Subject
-from tdint.kernels import layout
+from tdint.campaign.engine.rows import RunRow, StoryRow, demand_cells, run_key, story_rows
+from tdint.campaign.engine.task import REPEATS, Motions, Run, RunSettings, Subject
 from tdint.kernels import layout as at
 from tdint.kernels.march import many as lanes
 
@@ -198,10 +190,7 @@ class Batch:
         )  # fmt: skip
 
     def _rest(self, h: float) -> Rest:
-        if not self.settings.until_rest:
-            return Rest()
-        period = self.subject.period
-        return Rest(math.ceil(period / h), round(REST_PERIODS), AT_REST * 2.0 * math.pi / period)
+        return windows(self.subject.prepared, h) if self.settings.until_rest else Rest()
 
     def _take(
         self, jobs: list[_Job], marched: MarchedRuns, places: NDArray[np.intp], results: Rows,
@@ -211,8 +200,7 @@ class Batch:
         if not places.size:
             return
         chosen = jobs if len(jobs) == places.size else [jobs[i] for i in places.tolist()]
-        for row in self._rows(chosen, marched, places, collapse):
-            results.runs.append(row)
+        results.runs += self._rows(chosen, marched, places, collapse)
         if self.settings.stories:
             for job, i in zip(chosen, places.tolist(), strict=True):
                 results.stories += story_rows(self.number, job.run, self._story_peaks(marched, i))
@@ -220,46 +208,45 @@ class Batch:
     def _rows(
         self, jobs: list[_Job], marched: MarchedRuns, places: NDArray[np.intp], collapse: Collapse | None
     ) -> Iterator[RunRow]:
-        heights = self.subject.prepared.building.heights
-        peaks, residual = marched.peaks[places], np.abs(marched.drifts[places])
-        drifts = peaks[:, layout.PEAK_DRIFT]
-        drift, ratio = Extremes.of(drifts), Extremes.of(drifts / heights)
-        acceleration = Extremes.of(peaks[:, layout.PEAK_ACCELERATION])
-        columns = (
-            ratio.value, np.where(ratio.place > 0, ratio.place, drift.place), drift.value,
-            Extremes.of(residual / heights).value, acceleration.value, acceleration.place,
-            peaks[:, layout.PEAK_DISPLACEMENT, -1], peaks[:, layout.PEAK_SHEAR, 0],
-            run_totals.energy_errors(marched.observed[places]), marched.ends[places, lanes.STEPS_TAKEN].astype(int),
-        )  # fmt: skip
-        status, time, story = "done", None, None
+        building = self.subject.prepared.building
+        demanded = demand_cells(run_totals.peaks_of(building, marched.peaks[places], marched.drifts[places]))
+        errors = run_totals.energy_errors(marched.observed[places]).tolist()
+        ends = marched.ends[places].astype(int)
+        for job, cells, error, end in zip(jobs, demanded, errors, ends, strict=True):
+            cells |= {"energy_error": error, "steps": int(end[lanes.STEPS_TAKEN]), "at_rest": int(end[lanes.AT_REST])}
+            yield self._row(job, job.steps.h, "done", collapse, cells)
+
+    def _row(
+        self,
+        job: _Job,
+        dt: float,
+        status: str,
+        collapse: Collapse | None = None,
+        cells: Mapping[str, Any] | None = None,
+    ) -> RunRow:
+        """The row of a run; without cells of one without a result."""
+        found = dict(cells or {})
         if collapse:
             status = "failed-story" if collapse.failed else "collapsed"
-            time, story = collapse.time, collapse.story
-        cells = zip(*(column.tolist() for column in columns), strict=True)
-        for job, i, row in zip(jobs, places.tolist(), cells, strict=True):
-            measures = self._measures(job.run)
-            rest = int(marched.ends[i, lanes.AT_REST])
-            start = (self.number, *run_key(job.run), job.steps.h, status, time, story)
-            yield RunRow._make((*start, *row, measures.pga, measures.sa_t1, rest, job.repeats))
+            found |= {"collapse_time": collapse.time, "collapse_story": collapse.story}
+        spectral, factor = self.spectral[job.run.motion], abs(job.run.scale)
+        found["pga"] = self.motions.records[job.run.motion].pga * factor
+        found["sa_t1"] = None if spectral is None else spectral * factor
+        return RunRow(self.number, *run_key(job.run), dt, status, repeats=job.repeats, **found)
 
     def _story_peaks(self, marched: MarchedRuns, i: int) -> StoryPeaks:
         building = self.subject.prepared.building
         return run_totals.peaks_of(building, marched.peaks[i], marched.drifts[i])
 
     def _take_response(self, job: _Job, response: Response, results: Rows) -> None:
-        results.runs.append(row_of_response(self.number, job.run, response, self._measures(job.run), job.repeats))
+        (cells,) = demand_cells(response.stories)
+        cells |= {"energy_error": response.energy.error, "steps": response.steps}
+        results.runs.append(self._row(job, response.dt, response.status, response.collapse, cells))
         if self.settings.stories:
             results.stories += story_rows(self.number, job.run, response.stories)
 
     def _take_failure(self, job: _Job, status: str, results: Rows) -> None:
-        results.runs.append(
-            row_of_failure(self.number, job.run, job.steps.h, status, self._measures(job.run), job.repeats)
-        )
-
-    def _measures(self, run: Run) -> Intensity:
-        spectral, factor = self.spectral[run.motion], abs(run.scale)
-        pga = self.motions.records[run.motion].pga
-        return Intensity(pga * factor, None if spectral is None else spectral * factor)
+        results.runs.append(self._row(job, job.steps.h, status))
 
 
 def _doubtful(marched: MarchedRuns) -> NDArray[np.bool_]:

@@ -38,7 +38,7 @@ class Chunk:
 
 @dataclass(frozen=True)
 class Done:
-    """A chunk that is done: its rows, and how long it took, s."""
+    """A chunk that is done: its rows, and the processor time that it took, s."""
 
     number: int
     rows: Rows
@@ -47,7 +47,7 @@ class Done:
 
 def do(chunk: Chunk) -> Done:
     """Integrate the runs of a chunk. Errors are those of `Batch.results`."""
-    began = time.perf_counter()
+    began = time.thread_time()
     motions = Motions.of(chunk.records)
     subjects = [part.source.subject() for part in chunk.buildings]
     spectral = _spectral(chunk.records, [(s, p.runs) for s, p in zip(subjects, chunk.buildings, strict=True)])
@@ -55,7 +55,7 @@ def do(chunk: Chunk) -> Done:
     for part, subject, sa in zip(chunk.buildings, subjects, spectral, strict=True):
         batch = Batch(part.number, subject, motions, sa, chunk.settings)
         rows.extend(batch.results(part.runs, part.largest))
-    return Done(chunk.number, rows, time.perf_counter() - began)
+    return Done(chunk.number, rows, time.thread_time() - began)
 
 
 def _spectral(

@@ -2,49 +2,95 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.run.demands import demands
-from tdint.analysis.run.outcome import Collapse, Response, StoryPeaks
+from tdint.analysis.run.demands import Demands, LargestOfRuns, demands_of_runs
+from tdint.analysis.run.outcome import STORY, StoryPeaks
 from tdint.campaign.engine.task import Run
+from tdint.quantity import Quantity, quantities
 
 Array = NDArray[np.float64]
 
+HIDDEN: tuple[str, ...] = ()
+"""Where a quantity appears that only the store has."""
+
 
 class RunRow(NamedTuple):
-    """A run and its demands, SI units; None or nan where there is none. In the order of the store's columns."""
+    """A run and its demands, SI units; None or nan where there is none.
+
+    A field after the first four, which tell runs apart, is all there is to a column: in the store, runs.csv,
+    runs.parquet. `value` takes `Demands` of many runs.
+    """
 
     building: int
     motion: int
     scale: float
     sample: int
-    dt: float
-    status: str
-    collapse_time: float | None = None
-    collapse_story: int | None = None
-    peak_drift_ratio: float | None = None
-    peak_drift_story: int | None = None
-    peak_drift: float | None = None
-    residual_drift_ratio: float | None = None
-    peak_acceleration: float | None = None
-    peak_acceleration_floor: int | None = None
-    peak_roof_displacement: float | None = None
-    peak_base_shear: float | None = None
-    energy_error: float | None = None
-    steps: int | None = None
-    pga: float | None = None
-    sa_t1: float | None = None
-    at_rest: int | None = None
-    repeats: int = 0
+    dt: Annotated[float, Quantity("s", "time step, after repetitions with finer ones")]
+    status: Annotated[str, Quantity("text", "how the run ended")]
+    collapse_time: Annotated[float | None, Quantity("s", "time of the collapse")] = None
+    collapse_story: Annotated[int | None, Quantity("1", "story that collapsed first")] = None
+    peak_drift_ratio: Annotated[
+        float | None, Quantity("1", "largest peak drift over story height", lambda found: found.drift_ratio.value)
+    ] = None
+    peak_drift_story: Annotated[
+        int | None,
+        Quantity(
+            "1",
+            "story that has it; without heights that of the largest drift",
+            lambda found: np.where(found.drift_ratio.place > 0, found.drift_ratio.place, found.drift.place),
+        ),
+    ] = None
+    peak_drift: Annotated[
+        float | None, Quantity("m", "largest peak drift, of any story", lambda found: found.drift.value)
+    ] = None
+    residual_drift_ratio: Annotated[
+        float | None,
+        Quantity(
+            "1",
+            "largest drift over story height at the end of the run",
+            lambda found: found.residual_drift_ratio.value,
+        ),
+    ] = None
+    peak_acceleration: Annotated[
+        float | None,
+        Quantity(
+            "m/s^2",
+            "largest absolute acceleration of a floor",
+            lambda found: found.acceleration.value,
+            called="peak_absolute_acceleration",
+        ),
+    ] = None
+    peak_acceleration_floor: Annotated[
+        int | None, Quantity("1", "floor that has it", lambda found: found.acceleration.place)
+    ] = None
+    peak_roof_displacement: Annotated[
+        float | None, Quantity("m", "largest displacement of the roof", lambda found: found.roof_displacement.value)
+    ] = None
+    peak_base_shear: Annotated[
+        float | None, Quantity("N", "largest restoring force of the first story", lambda found: found.base_shear.value)
+    ] = None
+    energy_error: Annotated[float | None, Quantity("1", "imbalance over the largest input energy")] = None
+    steps: Annotated[int | None, Quantity("1", "time steps")] = None
+    pga: Annotated[float | None, Quantity("m/s^2", "peak ground acceleration, scaled")] = None
+    sa_t1: Annotated[
+        float | None,
+        Quantity("m/s^2", "pseudo-acceleration at the building's first period, 5 % damping, scaled"),
+    ] = None
+    at_rest: Annotated[int | None, Quantity("1", "whether it came to rest before its last time", shown=HIDDEN)] = None
+    repeats: Annotated[int, Quantity("1", "how often it was repeated with half of the step", shown=HIDDEN)] = 0
+
+
+RUN = quantities(RunRow)
+"""The quantities of a run, in the order of their columns."""
 
 
 class StoryRow(NamedTuple):
-    """The peaks of a story in a run, in the order of the store's columns."""
+    """The values of a story in a run, those of `STORY` in their order."""
 
     building: int
     motion: int
@@ -52,79 +98,27 @@ class StoryRow(NamedTuple):
     sample: int
     story: int
     height: float
-    peak_drift: float
-    peak_drift_ratio: float
-    residual_drift: float
-    peak_shear: float
-    ductility: float
-    peak_displacement: float
-    peak_velocity: float
-    peak_acceleration: float
+    values: tuple[float, ...]
+
+    def of(self, name: str) -> float:
+        """The value of a quantity."""
+        return self.values[[one.name for one in STORY].index(name)]
 
 
-@dataclass(frozen=True)
-class Intensity:
-    """How strong a run's ground motion is: PGA and Sa(T1), m/s^2; None where there is no Sa(T1)."""
-
-    pga: float
-    sa_t1: float | None
-
-
-@dataclass(frozen=True)
-class Extremes:
-    """Extremes values over the stories of many runs, shape (runs,), and their places from 1; nan and 0 for none."""
-
-    value: Array
-    place: NDArray[np.int64]
-
-    @classmethod
-    def of(cls, values: Array) -> Extremes:
-        """Over the second axis; nan is passed over."""
-        bare = np.where(np.isnan(values), -1.0, values)
-        place = np.argmax(bare, axis=1)
-        value = values[np.arange(len(values)), place]
-        return cls(value, np.where(np.isnan(value), 0, place + 1))
+def demand_cells(stories: StoryPeaks) -> list[dict[str, Any]]:
+    """Of each run, whose peaks have the shape (runs, n), the fields of `RunRow` that follow from its demands."""
+    found: Demands[LargestOfRuns] = demands_of_runs(stories)
+    columns = {one.name: one.value(found).tolist() for one in RUN if one.value}
+    return [dict(zip(columns, cells, strict=True)) for cells in zip(*columns.values(), strict=True)]
 
 
-def row_of_failure(building: int, run: Run, dt: float, status: str, measures: Intensity, repeats: int) -> RunRow:
-    """The row of a run without a result."""
-    return RunRow(
-        building, run.motion, run.scale, run.sample, dt, status,
-        pga=measures.pga, sa_t1=measures.sa_t1, repeats=repeats,
-    )  # fmt: skip
-
-
-def row_of_response(building: int, run: Run, response: Response, measures: Intensity, repeats: int) -> RunRow:
-    """The row of a run by itself, such as one that ended with a collapse."""
-    found = demands(response.stories)
-    return RunRow(
-        building, run.motion, run.scale, run.sample, response.dt, response.status,
-        *_of_collapse(response.collapse),
-        _number(found.drift_ratio.value), found.drift_ratio.place or found.drift.place, found.drift.value,
-        _number(found.residual_drift_ratio.value), found.acceleration.value, found.acceleration.place,
-        found.roof_displacement.value, found.base_shear.value,
-        response.energy.error, response.steps, measures.pga, measures.sa_t1, None, repeats,
-    )  # fmt: skip
-
-
-def story_rows(building: int, run: Run, peaks: StoryPeaks) -> list[StoryRow]:
+def story_rows(building: int, run: Run, stories: StoryPeaks) -> list[StoryRow]:
     """The rows of the stories of a run, from the ground up."""
-    columns = (
-        peaks.height, peaks.peak_drift, peaks.peak_drift_ratio, peaks.residual_drift, peaks.peak_shear, peaks.ductility,
-        peaks.peak_displacement, peaks.peak_velocity, peaks.peak_acceleration,
-    )  # fmt: skip
-    cells = zip(*(column.tolist() for column in columns), strict=True)
+    columns: Sequence[Array] = [getattr(stories, one.name) for one in STORY]
+    cells = zip(stories.height.tolist(), zip(*(column.tolist() for column in columns), strict=True), strict=True)
     return [StoryRow(building, *run_key(run), story, *row) for story, row in enumerate(cells, start=1)]
 
 
 def run_key(run: Run) -> tuple[int, float, int]:
     """What tells a run from the others of its building."""
     return run.motion, run.scale, run.sample
-
-
-def _of_collapse(collapse: Collapse | None) -> tuple[float | None, int | None]:
-    return (collapse.time, collapse.story) if collapse else (None, None)
-
-
-def _number(value: float) -> float | None:
-    return None if math.isnan(value) else value

@@ -22,12 +22,6 @@ Array = NDArray[np.float64]
 REPEATS = 3
 """How often a run that failed is repeated, each time with half of the step before."""
 
-REST_PERIODS = 100.0
-"""How long a run goes on with the ground at rest, in first periods of the building."""
-
-AT_REST = 1e-3
-"""Amplitude of what is left of the motion, over the largest displacement, from which a building is at rest."""
-
 
 @dataclass(frozen=True)
 class RunSettings:
@@ -38,8 +32,7 @@ class RunSettings:
     dt, duration : float or None
         Time step and duration, s; None: those of the building's model, else those of the record.
     until_rest : bool
-        Go on after that with the ground at rest, by whole first periods of the building, until the velocities in one
-        of them are those of an amplitude below `AT_REST` times the largest displacement; for `REST_PERIODS` at most.
+        Go on after that with the ground at rest until the building is (`tdint.analysis.run.rest`).
     stories : bool
         Keep the peaks of every story, too.
     tolerance : float or None
@@ -87,7 +80,7 @@ class Subject:
     @cached_property
     def period(self) -> float:
         """First period of the initial stiffness, s."""
-        return 2.0 * math.pi / self.prepared.building.vibration.frequency(1)
+        return self.prepared.period
 
     def __reduce__(self) -> tuple[type[Subject], tuple[Model, str]]:
         return Subject, (self.model, self.method)  # what was kept is found again where it goes

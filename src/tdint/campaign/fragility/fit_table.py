@@ -29,6 +29,8 @@ from tdint.campaign.ida.runs import COLLAPSED, DONE
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.files import is_folder
+from tdint.quantity import suffix
+from tdint.units import ACCELERATION
 
 Array = NDArray[np.float64]
 
@@ -37,8 +39,8 @@ NEEDS = (
     "or is one of tdint ida or tdint campaign"
 )
 _RUNS = ("status", "peak_drift_ratio")
-_MEASURES = {"im": "", "sa_t1_m_s2": "sa(T1)", "pga_m_s2": "pga"}
-"""Columns of runs in which their intensity may stand, and its name; that of `im` stands in the table."""
+_MEASURES = {"sa_t1": "sa(T1)", "pga": "pga"}
+"""Columns of runs in which their intensity may stand, without their unit, and its name."""
 
 _SAME = 1e-6  # intensities that differ by less than this part are one level
 _LEAST_STRIPE = 3  # runs a level has at the least
@@ -59,7 +61,7 @@ class FragilityRequest:
     beta_model : float
         Standard deviation of what is not known of the model.
     measure : str or None
-        Of a table of runs: the column of their intensity; sa_t1_m_s2 by default.
+        Of a table of runs: the column of their intensity without its unit, sa_t1 or pga; the first by default.
     """
 
     fit: str | None = None
@@ -145,41 +147,92 @@ def _fit_cloud(table: CsvTable, request: FragilityRequest) -> FragilityResult:
 
 def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     """Stripes or a cloud of the runs of a study; a run without a result counts neither as standing nor as collapse."""
-    table.only("building")
-    status = np.array(table.texts("status"))
-    drift = np.array(table.numbers("peak_drift_ratio", empty=True))
-    column = request.measure or next((name for name in _MEASURES if name in table.header), "sa_t1_m_s2")
-    im = np.array(table.numbers(column, empty=True))
-    collapsed = np.isin(status, COLLAPSED)
-    used = (collapsed | (status == DONE)) & (drift > 0.0) & (im > 0.0)
-    lost = int(np.sum(~used))
-    warnings = (f"{table.source}: {lost} of {used.size} runs have no result and are left out",) * (lost > 0)
-    if not used.any():
-        raise ModelError(f"{table.source}: no run has a result")
-    im, drift, collapsed = im[used], drift[used], collapsed[used]
-    names = (
-        _MEASURES.get(column) or table.only("im_name"),
-        table.only("unit") or ("m/s^2" if "_m_s2" in column else ""),
-    )
-    levels = _levels(im)
-    in_stripes = all(np.sum(levels == level) >= _LEAST_STRIPE for level in np.unique(levels))
+    runs = _runs_of(table, request)
+    stripes = [runs.result & (runs.level == level) for level in np.unique(runs.level[runs.result])]
+    in_stripes = all(np.sum(stripe) >= _LEAST_STRIPE for stripe in stripes)
     fit = request.fit or (STRIPES if in_stripes else CLOUD)
     if fit == STRIPES and not in_stripes:
-        raise UsageError(f"{table.source}: the runs do not stand at common levels of {column}; use --fit cloud")
+        raise UsageError(f"{table.source}: the runs do not stand at common levels of intensity; use --fit cloud")
     _check_thresholds(table, request)
+    lost = int(np.sum(runs.failed))
+    warnings = [f"{table.source}: {lost} of {lost + int(np.sum(runs.result))} runs have no result and are left out"]
     if fit == CLOUD:
-        result = _cloud(table, request, im, drift, collapsed, names)
-        return replace(result, warnings=warnings)
-    places = [levels == level for level in np.unique(levels)]
-    count = [int(np.sum(place)) for place in places]
-    middle = [float(np.exp(np.mean(np.log(im[place])))) for place in places]
+        of = runs.result
+        result = _cloud(table, request, runs.im[of], runs.drift[of], runs.collapsed[of], runs.names)
+        of_cloud = tuple(replace(one, failed=lost) for one in result.functions)
+        return replace(result, functions=of_cloud, warnings=tuple(warnings * (lost > 0)))
     functions: list[Fragility] = []
     failures: list[AnalysisError] = []
     for threshold in request.thresholds:
-        over = collapsed | (drift > threshold)
-        hits = [int(np.sum(over[place])) for place in places]
-        _attempt(functions, failures, threshold, names, partial(fit_stripes, middle, hits, count))
-    return FragilityResult(tuple(functions), tuple(failures), warnings)
+        _attempt(functions, failures, threshold, runs.names, partial(_of_stripes, runs, threshold))
+    warnings[0] += (
+        ", which leans the fits; how far at most tell those with all of them counted as exceeding, and as not"
+    )
+    return FragilityResult(tuple(functions), tuple(failures), tuple(warnings * (lost > 0)))
+
+
+@dataclass(frozen=True)
+class _Runs:
+    """Runs of a study, all arrays of shape (n,): intensity and the number of its level, largest drift, whether the
+    building collapsed, whether there is a result, whether there is none; the intensity's name and unit."""
+
+    im: Array
+    level: NDArray[np.intp]
+    drift: Array
+    collapsed: NDArray[np.bool_]
+    result: NDArray[np.bool_]
+    failed: NDArray[np.bool_]
+    names: tuple[str, str]
+
+
+def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
+    table.only("building")
+    status = np.array(table.texts("status"))
+    drift = np.array(table.numbers("peak_drift_ratio", empty=True))
+    column, name, unit = _intensity(table, request)
+    im = np.array(table.numbers(column, empty=True))
+    collapsed = np.isin(status, COLLAPSED)
+    known = im > 0.0
+    result = (collapsed | (status == DONE)) & (drift > 0.0) & known
+    if not result.any():
+        raise ModelError(f"{table.source}: no run has a result")
+    im, drift, collapsed, result = im[known], drift[known], collapsed[known], result[known]
+    return _Runs(im, _levels(im), drift, collapsed, result, ~result, (name, unit))
+
+
+def _intensity(table: CsvTable, request: FragilityRequest) -> tuple[str, str, str]:
+    """The column of the runs' intensity, what the intensity is called, and its unit."""
+    if request.measure is None and table.has("im"):
+        return "im", table.only("im_name"), table.only("unit")
+    wanted = request.measure or "sa_t1"
+    for unit in ACCELERATION:
+        column = f"{wanted}{suffix(unit)}"
+        if table.has(column):
+            return column, _MEASURES[wanted], unit
+    return f"{wanted}{suffix('m/s^2')}", _MEASURES[wanted], "m/s^2"
+
+
+def _of_stripes(runs: _Runs, threshold: float) -> Fragility:
+    """The fit of the runs that have a result; of the others, if there are any, what they may change."""
+    over = runs.collapsed | (runs.drift > threshold)
+    found = _stripes(runs, over, runs.result)
+    lost = int(np.sum(runs.failed))
+    if not lost:
+        return found
+    every = np.ones_like(runs.result)
+    bounds: list[Fragility | None] = []
+    for counted in ((over & runs.result) | runs.failed, over & runs.result):
+        try:
+            bounds.append(_stripes(runs, counted, every))
+        except AnalysisError:
+            bounds.append(None)
+    return replace(found, failed=lost, bounds=(bounds[0], bounds[1]))
+
+
+def _stripes(runs: _Runs, over: NDArray[np.bool_], taken: NDArray[np.bool_]) -> Fragility:
+    places = [taken & (runs.level == level) for level in np.unique(runs.level[taken])]
+    middle = [float(np.exp(np.mean(np.log(runs.im[place])))) for place in places]
+    return fit_stripes(middle, [int(np.sum(over[place])) for place in places], [int(np.sum(place)) for place in places])
 
 
 def _cloud(

@@ -74,6 +74,10 @@ class Fragility:
         The intensity measure and its unit, as far as known.
     beta_model : float
         Standard deviation of what is not known of the model; not part of `beta`.
+    failed : int
+        Runs without a result, which the fit leaves out.
+    bounds : tuple of Fragility or None
+        Of stripes with such runs the fits with all of them counted as exceeding, and as not; None without one.
     """
 
     fit: str
@@ -86,6 +90,8 @@ class Fragility:
     im: str = ""
     unit: str = ""
     beta_model: float = 0.0
+    failed: int = 0
+    bounds: tuple[Fragility | None, Fragility | None] = (None, None)
     points: Points | None = field(default=None, repr=False)
     cloud: CloudPoints | None = field(default=None, repr=False)
 
@@ -144,7 +150,9 @@ class Fragility:
         if cloud is not None:  # ln EDP = a + b ln IM
             intercept = cloud.intercept - cloud.slope * math.log(factor)
             cloud = replace(cloud, im=factor * cloud.im, intercept=intercept)
-        return replace(self, theta=factor * self.theta, unit=unit, points=points, cloud=cloud)
+        bounds = tuple(replace(one, theta=factor * one.theta, unit=unit) if one else None for one in self.bounds)
+        low, high = bounds
+        return replace(self, theta=factor * self.theta, unit=unit, points=points, cloud=cloud, bounds=(low, high))
 
 
 def fit_stripes(

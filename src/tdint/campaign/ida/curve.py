@@ -65,7 +65,10 @@ class IdaCurve:
 
     @property
     def resurrection(self) -> bool:
-        """Whether the building stands again at some level above its first collapse."""
+        """Whether the building stands again at a level that was run above its first collapse.
+
+        Two are tried for that, 1.25 and 1.5 times it, others are met in the search; of those between nothing is known.
+        """
         collapse = first_collapse(self.runs)
         return collapse is not None and any(run.stable and run.im > collapse.im for run in self.runs)
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-from tdint.campaign.store.schema import TABLES
+from tdint.campaign.store.schema import TABLES, UNUSED
 from tdint.campaign.store.store import FILE, Store, connect, differences, in_words, open_existing, transaction
 from tdint.errors import UsageError
 
@@ -47,6 +47,7 @@ def merge(folders: Sequence[Path], target: Path) -> Store:
         for source in sources:
             with in_words(name):
                 _take_chunks(source, store)
+                _take_unused(source, store)
         failed.pop_all()  # whoever asked closes it
     return store
 
@@ -74,3 +75,10 @@ def _copy(source: Store, target: Store, tables: Sequence[str]) -> None:
 def _take_chunks(source: Store, target: Store) -> None:
     with transaction(target.connection):
         _copy(source, target, _ROWS)
+
+
+def _take_unused(source: Store, target: Store) -> None:
+    rows = [(kind, reason) for kind, reasons in source.unused().items() for reason in reasons]
+    with transaction(target.connection):
+        target.connection.execute(UNUSED)
+        target.connection.executemany("INSERT OR IGNORE INTO unused VALUES(?, ?)", rows)

@@ -3,38 +3,34 @@ under the columns of the CSV files."""
 
 from __future__ import annotations
 
+from tdint.analysis.run.outcome import STORY
+from tdint.campaign.engine.rows import HIDDEN, RUN
+
 VERSION = "1"
 
-RUN_COLUMNS = (
-    "building", "record", "scale", "sample", "dt_s", "status", "collapse_time_s", "collapse_story",
-    "peak_drift_ratio", "peak_drift_story", "peak_drift_m", "residual_drift_ratio", "peak_absolute_acceleration_m_s2",
-    "peak_acceleration_floor", "peak_roof_displacement_m", "peak_base_shear_N", "energy_error", "steps", "pga_m_s2",
-    "sa_t1_m_s2", "at_rest", "repeats",
-)  # fmt: skip
+_KEY = {"building": int, "record": int, "scale": float, "sample": int}
+
+_RUN = _KEY | {one.column: one.kind for one in RUN}
+_STORY = _KEY | {"story": int, "height_m": float} | {one.column: one.kind for one in STORY}
+
+RUN_COLUMNS = tuple(_RUN)
 """Of the table of runs, in the order of `tdint.campaign.engine.rows.RunRow`."""
 
-STORY_COLUMNS = (
-    "building", "record", "scale", "sample", "story", "height_m", "peak_drift_m", "peak_drift_ratio",
-    "residual_drift_m", "peak_shear_N", "ductility", "peak_displacement_m", "peak_velocity_m_s",
-    "peak_absolute_acceleration_m_s2",
-)  # fmt: skip
+STORY_COLUMNS = tuple(_STORY)
 """Of the table of stories, in the order of `tdint.campaign.engine.rows.StoryRow`."""
 
-SHOWN_RUN = tuple(name for name in RUN_COLUMNS if name not in ("at_rest", "repeats"))
+SHOWN_RUN = (*_KEY, *(one.column for one in RUN if one.shown != HIDDEN))
 """What runs.csv shows of a run, after its names."""
 
-_TYPES = {"status": "TEXT NOT NULL"} | dict.fromkeys(
-    ("building", "record", "sample", "collapse_story", "peak_drift_story", "peak_acceleration_floor", "steps", "story",
-     "at_rest", "repeats"), "INTEGER",
-)  # fmt: skip
+_TYPES = {int: "INTEGER", str: "TEXT NOT NULL"}
 
 
-def _columns(names: tuple[str, ...]) -> str:
-    return ", ".join(f"{name} {_TYPES.get(name, 'REAL')}" for name in names)
+def _columns(kinds: dict[str, type]) -> str:
+    return ", ".join(f"{name} {_TYPES.get(kind, 'REAL')}" for name, kind in kinds.items())
 
 
 def _view(name: str, table: str, names: tuple[str, ...], key: str) -> str:
-    shown = ", ".join(f"{table}.{one}" for one in names if one not in ("building", "record", "scale", "sample", "dt_s"))
+    shown = ", ".join(f"{table}.{one}" for one in names if one not in (*_KEY, "dt_s"))
     method = "b.method AS method, " if table == "run_rows" else ""
     step = f"{table}.dt_s, " if table == "run_rows" else ""
     return (
@@ -43,8 +39,6 @@ def _view(name: str, table: str, names: tuple[str, ...], key: str) -> str:
         f"JOIN buildings b ON b.id = {table}.building JOIN records m ON m.id = {table}.record ORDER BY {key}"
     )
 
-
-_KEY = ("building", "record", "scale", "sample")
 
 TABLES = (
     "CREATE TABLE meta(key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID",
@@ -55,12 +49,15 @@ TABLES = (
     " NULL, dt_s REAL NOT NULL, samples INTEGER NOT NULL, pga_m_s2 REAL NOT NULL, pgv_m_s REAL NOT NULL, sha256 TEXT"
     " NOT NULL)",
     "CREATE TABLE chunks(id INTEGER PRIMARY KEY, state TEXT NOT NULL, runs INTEGER NOT NULL, seconds REAL NOT NULL)",
-    f"CREATE TABLE run_rows({_columns(RUN_COLUMNS)}, PRIMARY KEY({', '.join(_KEY)})) WITHOUT ROWID",
-    f"CREATE TABLE story_rows({_columns(STORY_COLUMNS)}, PRIMARY KEY({', '.join(_KEY)}, story)) WITHOUT ROWID",
+    f"CREATE TABLE run_rows({_columns(_RUN)}, PRIMARY KEY({', '.join(_KEY)})) WITHOUT ROWID",
+    f"CREATE TABLE story_rows({_columns(_STORY)}, PRIMARY KEY({', '.join(_KEY)}, story)) WITHOUT ROWID",
     _view("runs", "run_rows", SHOWN_RUN, ", ".join(f"run_rows.{name}" for name in _KEY)),
     _view("stories", "story_rows", STORY_COLUMNS, ", ".join(f"story_rows.{name}" for name in (*_KEY, "story"))),
 )
 """What makes an empty store."""
+
+UNUSED = "CREATE TABLE IF NOT EXISTS unused(kind TEXT NOT NULL, reason TEXT NOT NULL, PRIMARY KEY(kind, reason))"
+"""Records and buildings that could not be used; stores of tdint before 0.9 come without it."""
 
 INSERT_RUN = f"INSERT INTO run_rows VALUES({', '.join('?' * len(RUN_COLUMNS))})"
 INSERT_STORY = f"INSERT INTO story_rows VALUES({', '.join('?' * len(STORY_COLUMNS))})"

@@ -13,10 +13,11 @@ from typing import Any, Self
 
 from tdint.campaign.engine.chunk import Done
 from tdint.campaign.plan import Plan
-from tdint.campaign.store.schema import INSERT_RUN, INSERT_STORY, RUN_COLUMNS, STORY_COLUMNS, TABLES, VERSION
+from tdint.campaign.store.schema import INSERT_RUN, INSERT_STORY, RUN_COLUMNS, STORY_COLUMNS, TABLES, UNUSED, VERSION
 from tdint.errors import OutputError, UsageError
 from tdint.files import is_file
 from tdint.ground_motion.measures import measure
+from tdint.output_units import SI, OutputUnits, parse_output_units
 from tdint.version import __version__
 
 FILE = "campaign.sqlite"
@@ -71,7 +72,7 @@ class Store:
         return {number for (number,) in self.connection.execute("SELECT id FROM chunks")}
 
     def seconds(self) -> float:
-        """How long the chunks took that are done, s, each on one processor."""
+        """The processor time of the chunks that are done, s."""
         return float(self.connection.execute("SELECT total(seconds) FROM chunks").fetchone()[0])
 
     def statuses(self) -> dict[str, int]:
@@ -93,9 +94,31 @@ class Store:
         """
         with in_words(self.name), transaction(self.connection):
             self.connection.executemany(INSERT_RUN, done.rows.runs)
-            self.connection.executemany(INSERT_STORY, done.rows.stories)
+            self.connection.executemany(INSERT_STORY, ((*row[:-1], *row.values) for row in done.rows.stories))
             values = (done.number, "done", len(done.rows.runs), done.seconds)
             self.connection.execute("INSERT INTO chunks VALUES(?, ?, ?, ?)", values)
+
+    def unused(self) -> dict[str, list[str]]:
+        """Why records and buildings could not be used, a line for each, by `record` and `building`."""
+        found: dict[str, list[str]] = {"record": [], "building": []}
+        if self.connection.execute("SELECT count(*) FROM sqlite_master WHERE name = 'unused'").fetchone()[0]:
+            for kind, reason in self.connection.execute("SELECT kind, reason FROM unused ORDER BY rowid"):
+                found[kind].append(reason)
+        return found
+
+    def output_units(self) -> OutputUnits:
+        """The units in which the models want their results."""
+        found = self.connection.execute("SELECT value FROM meta WHERE key = 'output_units'").fetchone()
+        return parse_output_units(found[0]) if found else SI
+
+    def tell(self, plan: Plan) -> None:
+        """Keep what a plan says of itself beside what its runs depend on: inputs that could not be used, units."""
+        with in_words(self.name), transaction(self.connection):
+            self.connection.execute(UNUSED)
+            self.connection.execute("DELETE FROM unused")
+            self.connection.executemany("INSERT OR IGNORE INTO unused VALUES(?, ?)", plan.unused)
+            units = ("output_units", str(plan.buildings.output_units))
+            self.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", units)
 
     def runs(self) -> Iterator[tuple[Any, ...]]:
         """All runs: the columns of `RUN_COLUMNS`, in the order of their key."""
@@ -139,8 +162,11 @@ def open_store(folder: Path | None, plan: Plan) -> tuple[Store, list[str]]:
         with in_words(name):
             if _is_empty(store):
                 _create(store, plan)
+                store.tell(plan)
                 return store, []
-        return store, check_same(store, plan)
+        remarks = check_same(store, plan)
+        store.tell(plan)
+        return store, remarks
     except BaseException:
         store.connection.close()
         raise

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -152,16 +152,17 @@ def scale_asce7(
     average = np.mean(fitted.spectra(periods), axis=0) / target.at(periods)
     raised = max(1.0, LEAST_PART / float(np.min(average)))
     place = int(np.argmin(average))
-    return Scaling(
-        tuple(pairs), raised * fitted.factors, "asce7", MAXIMUM_DIRECTION, damping, target=target, periods=periods,
-        least=(raised * float(average[place]), float(periods[place])),
-    )  # fmt: skip
+    least = raised * float(average[place]), float(periods[place])
+    return replace(fitted, factors=raised * fitted.factors, rule="asce7", least=least)
 
 
 def scale_p695(
-    pairs: Sequence[GroundMotion], period: float | None = None, value: float | None = None,
-    *, damping: float = SA_DAMPING,
-) -> Scaling:  # fmt: skip
+    pairs: Sequence[GroundMotion],
+    period: float | None = None,
+    value: float | None = None,
+    *,
+    damping: float = SA_DAMPING,
+) -> Scaling:
     """Normalize pairs by their peak velocities, and scale the set, as FEMA P-695 does (A.8).
 
     The factor of a pair is median(PGV) / PGV, with PGV the geometric mean of its components; with a period and a value

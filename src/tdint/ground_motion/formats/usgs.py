@@ -11,7 +11,7 @@ and acceleration, 10F7.3, in seconds and g/10.
 from __future__ import annotations
 
 import re
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
 from tdint.errors import RecordError
@@ -32,6 +32,9 @@ _UNITS = {"0": "", "1": "cm/s^2", "2": "cm/s^2", "3": "cm/s", "4": "cm"}
 """By the kind of series, where it is or may be a ground motion."""
 
 _YEAR, _DAY, _HOUR, _MINUTE, _SECOND, _MILLISECOND = 1, 2, 3, 4, 5, 6
+_TOLD = re.compile(r"^\s*(\d{4})\s+(\d{1,2})\s+(\d{1,2})\b")
+"""Year, month and day of the earthquake in the text."""
+_NEAR = timedelta(days=1.5)
 _FROM_VERTICAL, _AZIMUTH, _COMMENTS, _SAMPLES = 12, 13, 15, 16
 _ROUNDING = 1e-4
 """Part of a value by which its five digits may be off."""
@@ -80,7 +83,7 @@ def read_smc(file: Any, headonly: bool = False, **_: Any) -> Stream:
         _UNITS[kind[1]],
         channel=_component(integers),
         station=code(texts[2].replace("*", "")),
-        start=_start(integers),
+        start=_start(integers, texts),
         peak=_peak(reals, _UNITS[kind[1]]),
         units_from="format",
     )
@@ -97,14 +100,31 @@ def _component(integers: list[float]) -> str:
     return "" if azimuth == unknown else f"{azimuth:g}"
 
 
-def _start(integers: list[float]) -> datetime | None:
-    """Time of the first sample, if it is known to the second."""
-    unknown = integers[0]
-    year, day, hour, minute, second, milliseconds = integers[_YEAR : _MILLISECOND + 1]
-    if unknown in (year, day, hour, minute, second) or not 1 <= day <= 366:
+def _start(integers: list[float], texts: list[str]) -> datetime | None:
+    """Time of the first sample, if it is known to the second and no further than a day from that of the text.
+
+    The format has the day of the year; some writers have month and day instead, and all that follows one place on.
+    """
+    year, day = integers[_YEAR], integers[_DAY]
+    by_day = _moment(integers[0], year, 1.0, day, *integers[_HOUR : _MILLISECOND + 1])
+    told = first_match(_TOLD, texts)
+    if told is None:
+        return by_day
+    year_told, month_told, day_told = map(float, told.groups())
+    event = moment(year_told, month_told, day_told, 12, 0, 0)
+    by_month = _moment(integers[0], year, day, *integers[_DAY + 1 : _MILLISECOND + 2])
+    fitting = (one for one in (by_day, by_month) if one and event and abs(one - event) <= _NEAR)
+    return next(fitting, None)
+
+
+def _moment(
+    unknown: float, year: float, month: float, day: float, hour: float, minute: float, second: float, thousandths: float
+) -> datetime | None:
+    """A time of the integer header; the day may be counted from the first one of any month."""
+    if unknown in (year, month, day, hour, minute, second) or not 1 <= day <= 366:
         return None
-    thousandths = 0.0 if milliseconds == unknown else milliseconds
-    return moment(year, 1, 1, 0, 0, ((day - 1.0) * 24.0 + hour) * 3600.0 + minute * 60.0 + second + thousandths / 1e3)
+    rest = 0.0 if thousandths == unknown else thousandths / 1e3
+    return moment(year, month, 1, 0, 0, ((day - 1.0) * 24.0 + hour) * 3600.0 + minute * 60.0 + second + rest)
 
 
 def _peak(reals: list[float], units: str) -> StatedPeak | None:

@@ -2,12 +2,12 @@
 
 The impulse and the first moment of `tdint.kernels.equations.moment4` hold for the true motion as well. What is not true
 is the path along which the story forces are taken: the true one is a parabola plus motions that start and end where
-they are. With r what the acceleration (p - f - C u') / M on the path has beyond its line A0 + A1 s, these "bubbles" have
+they are. With r what the acceleration (p - f - C u') / M on the path has beyond its line A0 + A1 s, these have
 
     mean w = h^2 r2 / 360,  r2 = 180 mean((s^2 - 1/12) r)          (even, 30 (s^2 - 1/4)^2)
     12 mean(s w) = -h^2 A1 / 60 + 2 h^2 mean(s^3 r)                (odd, -10 s (s^2 - 1/4))
 
-so that the second moment, the first one that the step leaves unbalanced, is its local error: in one mode of a linear
+("bubbles"), so that the second moment, the first one that the step leaves unbalanced, is its local error: in one mode of a linear
 building h^5 omega^2 u'''' / 720.
 
 A second state of the drift laws, the companion's, follows the run's parabolas plus those of the error, and the
@@ -25,8 +25,8 @@ import math
 from typing import NamedTuple
 
 from tdint.kernels import layout as at
-from tdint.kernels.bundles import Array, Memory, Rows, Scene, Stretch
-from tdint.kernels.chain import DASHPOTS, FORCES, MODAL, add_modal_force, force_second, force_third
+from tdint.kernels.bundles import Array, Integrals, Memory, Scene, Stretch
+from tdint.kernels.chain import DASHPOTS, FORCES, MODAL, add_modal_force, force_second, force_third, force_value
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.equations.moment4 import ROW, STORE, solve
 from tdint.kernels.laws.choosing import BENDING
@@ -295,8 +295,8 @@ def _of_story(carried, row, i):
 
 @inlined
 def _paths(carried, knowing):
-    """Find the stories that are on the same linear branch in both motions, and follow the others, with the bubbles where
-    these are known."""
+    """Find the stories that are on the same linear branch in both motions, and follow the others, with their bubbles
+    once these are known."""
     scene, memory, _, h, base = carried
     _, springs, work, _ = memory
     n = scene.chain.shape[1] - 1
@@ -312,7 +312,7 @@ def _paths(carried, knowing):
         bubbles = (0.0, 0.0)
         if knowing:
             bubbles = (_of_story(carried, base + OWN.EVEN, i), _of_story(carried, base + OWN.ODD, i))
-        results = Rows(work, base + OWN.PATH)
+        results = Integrals(work, base + OWN.PATH)
         error_path.follow(scene.laws, springs, c, whole, bubbles, results)
         if damped:
             error_path.add_dashpot(scene.chain, i, h, whole, _of_story(carried, base + OWN.A1, i), results, c)
@@ -479,29 +479,51 @@ def _solve(carried, anew):
     return change <= _SETTLED * size
 
 
-# ---- Accelerations where stories change their branches
+# ---- Accelerations and shears where stories change their branches
 
 
 @inlined
 def _shake_at_events(carried):
-    """Raise the peak accelerations of the floors at both ends of a story by those at which it changes its branch."""
-    scene, memory, _, h, base = carried
-    chain = scene.chain
+    """Raise the peaks of shears, and of accelerations of the floors at both ends of a story, by those at which it turns
+    or changes its branch."""
+    scene, memory, _, _, base = carried
+    work = memory.work
+    n = scene.chain.shape[1] - 1
+    for i in range(n):
+        if work[base + OWN.CALM, i] != 0.0:
+            continue
+        row = base + OWN.PEAKS + at.PEAK_SHEAR
+        work[row, i] = max(work[row, i], work[base + OWN.PATH + RESULT.LARGEST, n + 1 + i])
+        first = work[base + OWN.PATH + RESULT.EVENT, n + 1 + i]
+        last = work[base + OWN.PATH + RESULT.LAST_EVENT, n + 1 + i]
+        if first > 0.0:
+            _shake(scene, carried.h, carried.load, memory, base, i, first)
+        if last > first:
+            _shake(scene, carried.h, carried.load, memory, base, i, last)
+
+
+@called
+def _shake(scene, h, load, memory, base, i, t):
+    """Raise the peak accelerations of the floors at both ends of story `i` by those at t."""
+    carried = Carried(scene, memory, load, h, base)
+    chain, modal, _, forces, _ = scene
     work = memory.work
     n = chain.shape[1] - 1
-    if (MODAL or FORCES) and scene.forces.shape[0] + scene.modal.shape[0] > 0:
-        return
-    for i in range(n):
-        t = work[base + OWN.PATH + RESULT.EVENT, n + 1 + i]
-        if work[base + OWN.CALM, i] != 0.0 or t <= 0.0:
-            continue
-        for floor in range(max(i - 1, 0), i + 1):
-            above = _story_at(carried, t, floor + 1) if floor + 1 < n else 0.0
-            story = _story_at(carried, t, floor)
-            damped = chain[at.FLOOR_DAMPER, floor] * _rate_at(work, base, t, floor) / h
-            force = chain[at.LINK, floor + 1] * above - story - damped
-            row = base + OWN.PEAKS + at.PEAK_ACCELERATION
-            work[row, floor] = max(work[row, floor], abs(chain[at.INVERSE_MASS, floor] * force))
+    if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
+        for floor in range(n):
+            work[base + OWN.TURN, floor] = _rate_at(work, base, t, floor) / h
+            work[base + OWN.OTHER, floor] = 0.0
+        for j in range(forces.shape[0]):
+            work[base + OWN.OTHER, int(forces[j, at.FLOOR])] += force_value(forces, j, load[at.TIME] + t * h)
+        add_modal_force(modal, work, base + OWN.TURN, -1.0, work, base + OWN.OTHER, n)
+    for floor in range(max(i - 1, 0), i + 1):
+        above = _story_at(carried, t, floor + 1) if floor + 1 < n else 0.0
+        damped = chain[at.FLOOR_DAMPER, floor] * _rate_at(work, base, t, floor) / h
+        force = (
+            chain[at.LINK, floor + 1] * above - _story_at(carried, t, floor) - damped + work[base + OWN.OTHER, floor]
+        )
+        row = base + OWN.PEAKS + at.PEAK_ACCELERATION
+        work[row, floor] = max(work[row, floor], abs(chain[at.INVERSE_MASS, floor] * force))
 
 
 @inlined
@@ -530,13 +552,16 @@ def _story_at(carried, t, i):
     if work[base + OWN.CALM, i] != 0.0:
         force += springs[at.SLOPE, c] * (drift - whole.start)
     else:
-        event = work[base + OWN.PATH + RESULT.EVENT, c]
-        then = work[base + OWN.PATH + RESULT.EVENT_FORCE, c]
-        end = springs[at.FIRST_TRIAL + at.FORCE, c]
-        if event <= 0.0:
-            force += t * (end - force)
-        elif t <= event:
-            force += t / event * (then - force)
-        else:
-            force = then + (t - event) / (1.0 - event) * (end - then)
+        out = base + OWN.PATH
+        first, last = work[out + RESULT.EVENT, c], work[out + RESULT.LAST_EVENT, c]
+        begin, end, following = 0.0, 1.0, springs[at.FIRST_TRIAL + at.FORCE, c]
+        if first > 0.0 and t <= first:
+            end, following = first, work[out + RESULT.EVENT_FORCE, c]
+        elif first > 0.0:
+            begin, force = first, work[out + RESULT.EVENT_FORCE, c]
+            if t <= last and last > first:
+                end, following = last, work[out + RESULT.LAST_EVENT_FORCE, c]
+            elif last > first:
+                begin, force = last, work[out + RESULT.LAST_EVENT_FORCE, c]
+        force += (t - begin) / (end - begin) * (following - force)
     return force + chain[at.GEOMETRIC, i] * drift + chain[at.STORY_DAMPER, i] * rate / h

@@ -36,8 +36,11 @@ class _Results(NamedTuple):
     MEAN_BY_ODD: int = 1
     MOMENT_BY_EVEN: int = 1
     MOMENT_BY_ODD: int = 1
-    EVENT: int = 1  # when the story last reached the end of a branch, in (0, 1); 0 if it has not
+    EVENT: int = 1  # when the story first reached the end of a branch, in (0, 1); 0 if it has not
     EVENT_FORCE: int = 1  # its force then
+    LAST_EVENT: int = 1  # the same of the last time
+    LAST_EVENT_FORCE: int = 1
+    LARGEST: int = 1  # force at an event or a turning point
 
 
 RESULT, ERROR_PATH_ROWS = at.chained(_Results)
@@ -104,6 +107,7 @@ def _over_branches(laws, springs, i, whole, turn, moved, results):
         return
     if springs[at.FIRST_TRIAL + at.TURN, i] * whole.bend < 0.0:
         advance(laws, springs, i, at.FIRST_TRIAL, path.drift_at(whole, turn) + moved)
+    _note(results, i, 1.0, springs[at.FIRST_TRIAL + at.FORCE, i])
     _go(laws, springs, i, path.part_of(whole, turn, 1.0), results)
 
 
@@ -129,11 +133,22 @@ def _go(laws, springs, i, stretch, results):
         advance(laws, springs, i, at.FIRST_TRIAL, limit if ends else target)
         if not ends:
             break
-        if there < 1.0:
-            results.table[results.first + RESULT.EVENT, i] = there
-            results.table[results.first + RESULT.EVENT_FORCE, i] = springs[at.FIRST_TRIAL + at.FORCE, i]
+        _note(results, i, there, springs[at.FIRST_TRIAL + at.FORCE, i])
         switch(laws, springs, i, at.FIRST_TRIAL, at.ABOVE if side > 0.0 else at.BELOW)
         here = there
+
+
+@inlined
+def _note(results, i, t, force):
+    """Keep an event."""
+    work, out = results
+    work[out + RESULT.LARGEST, i] = max(work[out + RESULT.LARGEST, i], abs(force))
+    if t < 1.0:
+        if work[out + RESULT.EVENT, i] == 0.0:
+            work[out + RESULT.EVENT, i] = t
+            work[out + RESULT.EVENT_FORCE, i] = force
+        work[out + RESULT.LAST_EVENT, i] = t
+        work[out + RESULT.LAST_EVENT_FORCE, i] = force
 
 
 @inlined
@@ -154,6 +169,7 @@ def _with_memory(laws, springs, i, whole, turn, moved, results):
     if turn < 1.0:
         reach(laws, springs, i, past, at.THIRD_TRIAL, path.drift_at(whole, turn) + moved)
         settle(laws, springs, i, past, at.THIRD_TRIAL)
+        _note(results, i, 1.0, springs[at.THIRD_TRIAL + at.FORCE, i])
         past = _pass(laws, springs, i, at.THIRD_TRIAL, path.part_of(whole, turn, 1.0), results)
     if past != at.FIRST_TRIAL:
         path.copy(springs, i, past, at.FIRST_TRIAL)

@@ -18,7 +18,7 @@ import math
 import numpy as np
 
 from tdint.kernels import layout as at
-from tdint.kernels.bundles import Rows, Stretch
+from tdint.kernels.bundles import Integrals, Stretch
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.laws.choosing import CURVES, DISSIPATING, case_of_4, case_of_5, chosen
 from tdint.kernels.laws.walking import copy_further
@@ -114,7 +114,7 @@ def keep_to_branch(springs, i, rise, bend, work, out):
 def follow(laws, springs, i, rise, bend, work, out):
     """The results of any story into the rows from `out` on; its state on the way is left to `arrive`."""
     whole = Stretch(springs[at.DRIFT, i], rise, bend, 0.0, 1.0)
-    results = Rows(work, out)
+    results = Integrals(work, out)
     _clear(results, i)
     if not CURVES or springs[at.SLOPE, i] < math.inf:
         _over_branches(laws, springs, i, whole, results)
@@ -213,8 +213,8 @@ def _over_branches(laws, springs, i, whole, results):
     _go(laws, springs, i, at.FIRST_TRIAL, part_of(whole, 0.0, turn), results)
     if turn == 1.0:
         return
-    back = Rows(results.table, results.first + _BACK)
-    shifted = Rows(results.table, results.first + _SHIFTED)
+    back = Integrals(results.table, results.first + _BACK)
+    shifted = Integrals(results.table, results.first + _SHIFTED)
     way_back = part_of(whole, turn, 1.0)
     side = math.copysign(1.0, whole.bend)
     shift = 0.0
@@ -285,8 +285,8 @@ def _with_memory(laws, springs, i, whole, results):
     turn = turning_point(whole)
     past = _pass(laws, springs, i, 0, part_of(whole, 0.0, turn), results)
     if turn < 1.0:
-        back = Rows(results.table, results.first + _BACK)
-        shifted = Rows(results.table, results.first + _SHIFTED)
+        back = Integrals(results.table, results.first + _BACK)
+        shifted = Integrals(results.table, results.first + _SHIFTED)
         way_back = part_of(whole, turn, 1.0)
         drift = drift_at(whole, turn)
         reach(laws, springs, i, past, at.THIRD_TRIAL, drift)

@@ -68,7 +68,7 @@ _ANALYSIS = Keys(
 
 def model_keys() -> Keys:
     """The keys of a model file, and what may stand under them."""
-    from tdint.model.config.building import BUILDING  # needs numpy, which most models are read without
+    from tdint.model.config.building_facts import BUILDING  # needs numpy, which most models are read without
 
     kinds = {"building": BUILDING}
     return Keys(tuple(replace(key, kind=kinds.get(key.name, key.kind)) for key in _MODEL.declared), _MODEL.one_of)
@@ -185,7 +185,7 @@ def _read_stories(section: Section, unit: ModelUnits, p_delta: bool) -> tuple[tu
         entries = section.get("stories") if section.mentions("building") else section.need("stories", advice)
         stories, count = read_stories(entries, unit, p_delta)
         return stories, count, read_damping(damping, count)
-    from tdint.model.config.building import read_building  # needs numpy, which other models are read without
+    from tdint.model.config.building_facts import read_building  # needs numpy, which other models are read without
 
     derived = read_building(building, unit)
     if section.has("stories"):

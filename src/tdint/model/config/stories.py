@@ -9,7 +9,7 @@ from tdint.model.config.units import ModelUnits
 from tdint.model.definition import MAX_STORIES, Law, PowerDashpot, Story
 from tdint.model.keys.fields import Section, Value
 from tdint.model.keys.kinds import NOT_NEGATIVE, POSITIVE, Bounds, Either, EntriesOf, Key, Keys, Whole
-from tdint.units import STANDARD_GRAVITY
+from tdint.units import MASS, STANDARD_GRAVITY
 
 _EXPONENT = Bounds(0.0, 2.0, low_allowed=False)
 _DASHPOT = Keys(
@@ -84,6 +84,12 @@ def _read_mass(section: Section, unit: ModelUnits) -> float:
     if not section.mentions("mass", "weight"):
         section.need("mass", "give a positive number, or the weight in its place")
         return math.nan
+    mass = section.get("mass")
+    if mass and unit.mass_is_open:
+        mass.fault(
+            "its unit is not said, and the file's units are not SI: add mass to `units` "
+            f"({', '.join(MASS)}), or give the story's `weight`"
+        )
     return section.number("mass", scale=unit.mass, default=math.nan)
 
 

@@ -15,11 +15,18 @@ _WEIGHT = (
     "or kip*s^2/ft"
 )
 
+_NOT_SI = ("in", "ft", "lbf", "kip")
+"""Units of length and force that leave open what a mass is in."""
+
 UNITS = Keys(
     (
         Key("length", Choice(tuple(units.LENGTH)), "unit of length; m where it is left out"),
         Key("force", Choice(tuple(units.FORCE)), "unit of force; N where it is left out"),
-        Key("mass", Choice(tuple(units.MASS)), "unit of mass; kg where it is left out"),
+        Key(
+            "mass",
+            Choice(tuple(units.MASS)),
+            "unit of mass; kg where it is left out, but needed for masses beside in, ft, lbf or kip",
+        ),
     )
 )
 
@@ -31,6 +38,8 @@ class ModelUnits:
     length: float
     force: float
     mass: float
+    mass_is_open: bool = False
+    """Lengths or forces are in units that are not SI, and that of mass is not said: kg would be a guess."""
 
     def factor(self, force: int = 0, length: float = 0) -> float:
         """The factor of the dimension force^`force` length^`length`, inf beyond double precision."""
@@ -52,7 +61,14 @@ def read_units(value: Value | None) -> ModelUnits:
         unit = entry.choice(known, f"{name} unit") if entry else None
         return known[unit] if unit else 1.0
 
-    return ModelUnits(factor("length", units.LENGTH), factor("force", units.FORCE), factor("mass", units.MASS))
+    words = [entry for name in ("length", "force") if section and (entry := section.get(name))]
+    foreign = any(word.is_word(unit) for word in words for unit in _NOT_SI)
+    return ModelUnits(
+        factor("length", units.LENGTH),
+        factor("force", units.FORCE),
+        factor("mass", units.MASS),
+        mass_is_open=foreign and not (section and section.mentions("mass")),
+    )
 
 
 def read_sample_units(value: Value | None, quantity: str | None = None) -> str | None:

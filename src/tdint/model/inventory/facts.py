@@ -100,9 +100,8 @@ class DerivedBuilding:
     @property
     def stories(self) -> tuple[Story, ...]:
         """The stories of a model."""
-        columns = (
-            self.mass, self.height, self.stiffness, self.yield_force, self.ultimate_force, self.ultimate_drift,
-        )  # fmt: skip
+        strengths = self.yield_force, self.ultimate_force, self.ultimate_drift
+        columns = (self.mass, self.height, self.stiffness, *strengths)
         return tuple(
             Story(
                 mass=mass,

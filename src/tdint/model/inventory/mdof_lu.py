@@ -16,9 +16,7 @@ from tdint.model.inventory.facts import BuildingFacts, DerivedBuilding, Scatter
 from tdint.model.inventory.hazus import LEVELS, hazus_types
 from tdint.model.modes import solve_modes
 
-STRUCTURES = (
-    "W1", "W2", "S1", "S2", "S3", "S4", "S5", "C1", "C2", "C3", "PC1", "PC2", "RM1", "RM2", "URM", "MH",
-)  # fmt: skip
+STRUCTURES = ("W1", "W2", "S1", "S2", "S3", "S4", "S5", "C1", "C2", "C3", "PC1", "PC2", "RM1", "RM2", "URM", "MH")
 ZONES = ("Z0", "Z1", "Z2A", "Z2B", "Z3", "Z4")
 MOST_STORIES = 50
 

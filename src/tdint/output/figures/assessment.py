@@ -262,10 +262,9 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
     )
     for quantity, marker, size, fill in marks:
         orders = [one.order(quantity) for one in measured]
-        axes.plot(
-            orders, rows, marker, markersize=size, markerfacecolor=fill, markeredgecolor=COLORS[0],
-            label="the method's own acceleration" if quantity == "own_acceleration" else quantity,
-        )  # fmt: skip
+        label = "the method's own acceleration" if quantity == "own_acceleration" else quantity
+        mark: dict[str, Any] = {"markersize": size, "markerfacecolor": fill, "markeredgecolor": COLORS[0]}
+        axes.plot(orders, rows, marker, **mark, label=label)
     for one, row in zip(measured, rows, strict=True):
         if math.isnan(one.order("displacement")):
             axes.text(0.08, row, "errors are rounding", va="center", fontsize=8.0, color="0.35")

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _RECORDED, _COMPUTED = LIGHT, MARK
-_MOST_ROWS = 12
+_MOST_ROWS, _WORST = 6, 4  # floors that are drawn; of more, those that agree least, and an overview
 _ENERGY = (0.0005, 0.9995)  # parts of the recorded energy between which the histories are shown
 _CYCLES = 8  # of the recording, that the close-up shows
 _UNITS = {"acceleration": "m/s^2", "displacement": "m"}
@@ -53,10 +53,16 @@ def _draw(comparisons: Sequence[Comparison], periods: Array, damping: float, uni
         for one in comparisons
         for floor, spectra in reversed(list(zip(one.floors, one.spectra(periods, damping), strict=True)))
     ]
-    left_out = len(rows) - _MOST_ROWS
-    rows = rows[:_MOST_ROWS]
-    figure = Figure(figsize=(7.5, 1.5 + 1.55 * len(rows)), layout="constrained")
-    panels = figure.subplots(len(rows), 3, squeeze=False, width_ratios=(2.2, 1.4, 1.1))
+    left_out = len(rows) - _WORST if len(rows) > _MOST_ROWS else 0
+    if left_out:
+        rows = sorted(rows, key=lambda row: row[1].correlation)[:_WORST]
+    figure = Figure(figsize=(7.5, 1.5 + 1.55 * len(rows) + 2.6 * bool(left_out)), layout="constrained")
+    top: Any = figure
+    if left_out:
+        parts: Any = figure.subfigures(2, 1, height_ratios=(1.55 * len(rows), 2.6))
+        top, below = parts
+        _draw_overview(below.subplots(2, 1, sharex=True), comparisons)
+    panels = top.subplots(len(rows), 3, squeeze=False, width_ratios=(2.2, 1.4, 1.1))
     for (one, floor, spectra), (history, close, spectrum) in zip(rows, panels, strict=True):
         event = record_name(one.event.recording.source) if len(comparisons) > 1 else ""
         _draw_histories(history, floor, units)
@@ -73,7 +79,7 @@ def _draw(comparisons: Sequence[Comparison], periods: Array, damping: float, uni
     panels[-1, 0].set_xlabel("time (s)")
     lines = panels[0, 0].get_lines()
     figure.legend(lines[:2], ["recorded", "computed"], loc="outside lower center", ncols=2, handlelength=3.0)
-    add_title(figure, _title(comparisons[0], max(0, left_out)))
+    add_title(figure, _title(comparisons[0], left_out))
     return figure
 
 
@@ -86,8 +92,25 @@ def _title(one: Comparison, left_out: int) -> str:
     if one.shift:
         how.append(f"recordings shifted by {one.shift:.4g} s")
     if left_out:
-        how.append(f"{left_out} more floors are not drawn")
+        how.append(f"the {_WORST} floors that agree least; below all {left_out + _WORST}")
     return f"{what}\n{', '.join(how)}"
+
+
+def _draw_overview(panels: Any, comparisons: Sequence[Comparison]) -> None:
+    """Correlation and ratio of the peaks of every floor: over the events, or over the floors of a single one."""
+    above, below = panels
+    for place, one in enumerate(comparisons, start=1):
+        for floor in one.floors:
+            x = place if len(comparisons) > 1 else floor.floor
+            dark = "0.15" if floor is one.floors[-1] else LIGHT
+            above.plot([x], [floor.correlation], "o", color=dark, markersize=3.0)
+            below.plot([x], [floor.peak_ratio], "o", color=dark, markersize=3.0)
+    above.set_ylabel("correlation")
+    above.set_title("all floors, the highest dark", loc="left", fontsize=8.5)
+    below.set_ylabel("peaks, computed\nover recorded")
+    below.axhline(1.0, color=LIGHT, linewidth=0.8)
+    below.xaxis.set_major_locator(MaxNLocator(12, integer=True))
+    below.set_xlabel("event, in the order of the command line" if len(comparisons) > 1 else "floor")
 
 
 def _draw_histories(axes: Any, floor: FloorComparison, units: OutputUnits) -> None:

@@ -76,10 +76,9 @@ def _draw(trials: Sequence[Trial]) -> Figure:
         if columns[first][0] != columns[first - 1][0]:
             axes.axvline(first - 0.5, color="black", linewidth=1.2)
     handles = [_patch(0.0, 0.0, _MARKS[name]) for name, _ in _LEGEND]
-    legend = figure.legend(
-        handles, [text for _, text in _LEGEND], loc="outside lower center", ncols=3, handlelength=2.4,
-        handleheight=1.4, title=_EXPLANATION, title_fontsize=7.5,
-    )  # fmt: skip
+    size = {"ncols": 3, "handlelength": 2.4, "handleheight": 1.4, "title_fontsize": 7.5}
+    texts = [text for _, text in _LEGEND]
+    legend = figure.legend(handles, texts, loc="outside lower center", title=_EXPLANATION, **size)
     legend.get_title().set_multialignment("center")
     add_title(figure, "Problems on which methods fail")
     return figure

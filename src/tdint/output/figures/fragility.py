@@ -56,16 +56,13 @@ def _draw_functions(axes: Any, functions: Sequence[Fragility]) -> None:
             axes.plot(im, edge, color=color, linestyle=dash, linewidth=0.5)
         axes.plot(im, function.probability(im), color=color, linestyle=dash, linewidth=1.8, label=_label(function))
         if function.beta_model:
-            axes.plot(
-                im, function.probability(im, total=True), color=color, linestyle=":", linewidth=1.2,
-                label=rf"with $\beta_{{model}}$: {function.beta_total:.2f}",
-            )  # fmt: skip
+            whole, label = function.probability(im, total=True), rf"with $\beta_{{model}}$: {function.beta_total:.2f}"
+            axes.plot(im, whole, color=color, linestyle=":", linewidth=1.2, label=label)
         if function.points is not None:
             shown = function.points.im <= end
-            axes.plot(
-                function.points.im[shown], function.points.part[shown], linestyle="none", color=color, markersize=4.5,
-                marker=MARKERS[i % len(MARKERS)], markerfacecolor="white", zorder=4,
-            )  # fmt: skip
+            mark = {"marker": MARKERS[i % len(MARKERS)], "markersize": 4.5, "markerfacecolor": "white"}
+            points = function.points.im[shown], function.points.part[shown]
+            axes.plot(*points, linestyle="none", color=color, **mark, zorder=4)
     axes.fill_between([], [], [], color="0.5", alpha=0.25, label="95 % confidence")
     axes.set_xlim(0.0, end)
     axes.set_ylim(-0.01, 1.01)
@@ -92,10 +89,8 @@ def _draw_cloud(axes: Any, cloud: CloudPoints, functions: Sequence[Fragility]) -
     known = ~cloud.censored
     axes.scatter(cloud.im[known], cloud.edp[known], s=14, facecolor=GRAY, edgecolor="0.45", linewidth=0.5, label="runs")
     if cloud.censored.any():
-        axes.scatter(
-            cloud.im[~known], cloud.edp[~known], s=22, marker="^", facecolor="white", edgecolor="0.35", linewidth=0.8,
-            label="above the limit",
-        )  # fmt: skip
+        mark = {"s": 22, "marker": "^", "facecolor": "white", "edgecolor": "0.35", "linewidth": 0.8}
+        axes.scatter(cloud.im[~known], cloud.edp[~known], **mark, label="above the limit")
     im = np.geomspace(np.min(cloud.im), np.max(cloud.im), 50)
     line = np.exp(cloud.intercept) * im**cloud.slope
     axes.plot(im, line, color=COLORS[0], linewidth=1.8, label=f"slope {cloud.slope:.3g}")

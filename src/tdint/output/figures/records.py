@@ -11,8 +11,8 @@ from matplotlib.ticker import MaxNLocator
 
 from tdint.files import Writer
 from tdint.ground_motion.measures import cumulative_energy, integrate, time_of_energy
-from tdint.output.figures.style import COLORS, LIGHT, MARK, changed, picture, record_name
-from tdint.output.tables.records import RecordInfo
+from tdint.output.figures.style import COLORS, LIGHT, MARK, changed, picture, record_name, write_note
+from tdint.output.tables.spectra import RecordInfo
 from tdint.output_units import SI, OutputUnits
 
 MOST_RECORDS = 3
@@ -57,7 +57,7 @@ def _draw_record(column: Any, info: RecordInfo, units: OutputUnits) -> None:
         axes.plot(time, units.of(values, si), color=COLORS[0], linewidth=0.8)
         axes.axhline(0.0, color=LIGHT, linewidth=0.6)
         axes.yaxis.set_major_locator(MaxNLocator(5, symmetric=True))
-        _write(axes, f"peak {units.of(peak, si):.3g} {units.label(si)}")
+        write_note(axes, f"peak {units.of(peak, si):.3g} {units.label(si)}")
     title = f"{record_name(record.source)} {record.component}".rstrip() + changed([record])
     column[0].set_title(title, parse_math=False)
     _draw_husid(column[3], info, time, units)
@@ -78,11 +78,4 @@ def _draw_husid(axes: Any, info: RecordInfo, time: Any, units: OutputUnits) -> N
     measures = info.measures
     text = f"{units.of(measures.arias, 'm/s'):.3g} {units.label('m/s')}\n"
     text += f"D5-75 {measures.d5_75:.3g} s\nD5-95 {measures.d5_95:.3g} s"
-    _write(axes, text, top=0.5)
-
-
-def _write(axes: Any, text: str, top: float = 0.95) -> None:
-    axes.text(
-        0.99, top, text, transform=axes.transAxes, ha="right", va="top", fontsize=8.0, color=MARK,
-        bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0},
-    )  # fmt: skip
+    write_note(axes, text, y=0.5)

@@ -22,6 +22,7 @@ from tdint.output.figures.style import (
     picture,
     record_name,
     scaled_unit,
+    write_note,
 )
 from tdint.output_units import SI, OutputUnits
 
@@ -120,10 +121,8 @@ def _draw_energies(axes: Any, response: Response, history: History, units: Outpu
     axes.set_xlabel("time (s)")
     axes.set_xlim(history.time[0], history.time[-1])
     # Above the panel: inside, it would lie over what it names.
-    axes.legend(
-        loc="lower left", bbox_to_anchor=(0.0, 0.99), ncols=5, reverse=True, borderaxespad=0.0, columnspacing=1.2,
-        handlelength=1.6,
-    )  # fmt: skip
+    narrow = {"borderaxespad": 0.0, "columnspacing": 1.2, "handlelength": 1.6}
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 0.99), ncols=5, reverse=True, **narrow)
     if np.any(given):
         error = f"balance off by {100.0 * abs(response.energy.error):.1g} %"
         axes.set_title(error, loc="right", fontsize=8.0)
@@ -136,10 +135,7 @@ def _mark_peak(axes: Any, time: Array, values: Array, unit: str) -> None:
     i = int(np.argmax(np.abs(values)))
     axes.plot(time[i], values[i], "o", color=MARK, markersize=4)
     axes.margins(y=0.12)
-    axes.text(
-        0.995, 0.95, f"peak {abs(values[i]):.3g} {unit} at {time[i]:.4g} s", transform=axes.transAxes, ha="right",
-        va="top", fontsize=8.0, color=MARK, bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0},
-    )  # fmt: skip
+    write_note(axes, f"peak {abs(values[i]):.3g} {unit} at {time[i]:.4g} s", x=0.995)
 
 
 def _draw_hysteresis(axes: Any, response: Response, history: History, units: OutputUnits) -> None:
@@ -254,10 +250,8 @@ def _mark_apart(axes: Any, peaks: Array, unit: str, drifts: _Drifts) -> None:
     for place in np.flatnonzero(drifts.apart):
         axes.barh(place + 1, end, height=1.0, facecolor="none", edgecolor=LIGHT, hatch="////", linewidth=0.0)
         text = f"{peaks[place]:#.3g} {unit}"
-        axes.text(
-            0.5 * end, place + 1, text, ha="center", va="center", fontsize=8.0, color=MARK,
-            bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0},
-        )  # fmt: skip
+        white = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
+        axes.text(0.5 * end, place + 1, text, ha="center", va="center", fontsize=8.0, color=MARK, bbox=white)
     if drifts.apart.any():
         axes.set_xlim(right=end)
 

@@ -349,10 +349,9 @@ def _name_scale(axes: Any, ends: Array, speeds: Array, text: str, limits: tuple[
     if not bottom + 0.04 * (top - bottom) < at[1] < bottom + (_ROOM + 0.05) * (top - bottom):
         return
     white = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
-    axes.text(
-        math.exp(at[0]), math.exp(at[1]), text, rotation=45.0 if y[1] > y[0] else -45.0, ha="center", va="center",
-        fontsize=7.5, color=LIGHT, clip_on=True, zorder=1.8, bbox=white,
-    )  # fmt: skip
+    look = {"ha": "center", "va": "center", "fontsize": 7.5, "color": LIGHT, "clip_on": True, "zorder": 1.8}
+    rotation = 45.0 if y[1] > y[0] else -45.0
+    axes.text(math.exp(at[0]), math.exp(at[1]), text, rotation=rotation, **look, bbox=white)
 
 
 def draw_adrs(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUnits) -> Figure:
@@ -371,12 +370,10 @@ def draw_adrs(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputU
         slope = units.of(units.unit("m")[1] * (2.0 * math.pi / period) ** 2, "m/s^2")
         end = min(right, top / slope)
         axes.plot([0.0, end], [0.0, slope * end], color=_SCALE, linewidth=0.8, zorder=1.2)
-        side = "left" if end == right else "center"
-        axes.annotate(
-            f"{period:g} s", (end, slope * end), xytext=(2, 0) if side == "left" else (0, 2), ha=side,
-            textcoords="offset points", va="center" if side == "left" else "bottom", fontsize=7.5, color=LIGHT,
-            annotation_clip=False,
-        )  # fmt: skip
+        place = ((2, 0), "left", "center") if end == right else ((0, 2), "center", "bottom")
+        look: dict[str, Any] = dict(zip(("xytext", "ha", "va"), place, strict=True))
+        look |= {"textcoords": "offset points", "fontsize": 7.5, "color": LIGHT, "annotation_clip": False}
+        axes.annotate(f"{period:g} s", (end, slope * end), **look)
     axes.set_xlim(0.0, right)
     axes.set_ylim(0.0, top)
     axes.set_xlabel(f"displacement SD ({units.label('m')})")

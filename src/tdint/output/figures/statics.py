@@ -63,11 +63,10 @@ def _mark_yielding(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
     """Dotted lines at the drifts of first yield, where the test goes beyond them."""
     if not test.yield_drift < float(np.max(test.path.drift)):
         return
-    for side in (1.0, -1.0):
-        axes.axvline(
-            side * units.of(test.yield_drift, "m"), color=LIGHT, linestyle=DASHES[2], linewidth=1.0,
-            label=f"yield drift {units.of(test.yield_drift, 'm'):.3g} {units.label('m')}" if side > 0.0 else None,
-        )  # fmt: skip
+    drift = units.of(test.yield_drift, "m")
+    label = f"yield drift {drift:.3g} {units.label('m')}"
+    for at, said in ((drift, label), (-drift, None)):
+        axes.axvline(at, color=LIGHT, linestyle=DASHES[2], linewidth=1.0, label=said)
 
 
 def _draw_energy(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
@@ -102,8 +101,8 @@ def _draw_curve(axes: Any, result: Pushover, units: OutputUnits) -> None:
     roof, shear = units.of(result.roof_displacement, "m"), result.base_shear * factor
     axes.axhline(0.0, color=LIGHT, linewidth=0.6)
     axes.plot(roof, shear, color=COLORS[0])
-    peak = result.peak
-    axes.plot(roof[peak], shear[peak], "o", color=COLORS[0], label=f"largest base shear {shear[peak]:.4g} {unit}")
+    at, most = units.of(result.roof_at_largest, "m"), result.largest_base_shear * factor
+    axes.plot(at, most, "o", color=COLORS[0], label=f"largest base shear {most:.4g} {unit}")
     axes.legend(loc="best")
     axes.set_xlim(0.0, roof[-1])
     axes.set_xlabel(f"roof displacement ({units.label('m')})")
@@ -117,10 +116,19 @@ def _draw_profile(axes: Any, result: Pushover, units: OutputUnits) -> None:
     heights = [story.height for story in result.model.stories]
     ratio = all(height is not None for height in heights)
     scale = 100.0 / np.array(heights, float) if ratio else np.full(len(heights), 1.0 / units.unit("m")[1])
-    for row, style, text in ((result.peak, DASHES[1], "at the largest base shear"), (-1, DASHES[0], "at the end")):
-        drift = result.drift[row] * scale
+    shown = (
+        (result.drift_at_largest, DASHES[1], "at the largest base shear"),
+        (result.drift[-1], DASHES[0], "at the end"),
+    )
+    for drift, style, text in shown:
         axes.stairs(
-            drift, stories, orientation="horizontal", baseline=None, linestyle=style, color=COLORS[0], label=text
+            drift * scale,
+            stories,
+            orientation="horizontal",
+            baseline=None,
+            linestyle=style,
+            color=COLORS[0],
+            label=text,
         )
     axes.axvline(0.0, color=LIGHT, linewidth=0.6)
     axes.legend(loc="best")

@@ -113,6 +113,13 @@ def add_title(figure: Figure, title: str) -> None:
     figure.suptitle("\n".join(lines), fontsize=10.5, parse_math=False)
 
 
+def write_note(axes: Any, text: str, x: float = 0.99, y: float = 0.95) -> None:
+    """Numbers in the upper right of a panel, the corner of the text at x and y of the axes, from 0 to 1."""
+    white = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
+    place = {"transform": axes.transAxes, "ha": "right", "va": "top"}
+    axes.text(x, y, text, **place, fontsize=8.0, color=MARK, bbox=white)
+
+
 def add_legend(figure: Figure, axes: Any, lines: list[Any], labels: list[str], narrow: int = 24) -> None:
     """A legend below the panels, for which the figure grows; none for a single line.
 
@@ -228,10 +235,8 @@ def write_labels(
             inside = frame.x0 < left and box[2] < frame.x1 and frame.y0 < low and box[3] < frame.y1
             if inside and not any(_overlap(box, other) for other in taken):
                 taken.append(box)
-                axes.annotate(
-                    text, (x, y), xytext=(dx, dy), textcoords="offset points", ha=horizontal, va=vertical,
-                    fontsize=_LABEL_SIZE, color="0.25",
-                )  # fmt: skip
+                place = {"xytext": (dx, dy), "textcoords": "offset points", "ha": horizontal, "va": vertical}
+                axes.annotate(text, (x, y), **place, fontsize=_LABEL_SIZE, color="0.25")
                 break
 
 

@@ -152,10 +152,8 @@ def _draw_aim(axes: Any, scaling: Scaling, periods: Array, spectra: Array, units
         axes.plot(target.periods, psa, color=red, linewidth=2.2, label="target", zorder=5)
         if scaling.rule == "asce7":
             axes.plot(target.periods, LEAST_PART * psa, color=red, linestyle=DASHES[2], zorder=5, label="90 % of it")
-            axes.plot(
-                periods, np.mean(spectra, axis=0), color=COLORS[2], linewidth=2.0, linestyle=DASHES[3], zorder=5,
-                label="average",
-            )  # fmt: skip
+            style = {"color": COLORS[2], "linewidth": 2.0, "linestyle": DASHES[3], "zorder": 5}
+            axes.plot(periods, np.mean(spectra, axis=0), **style, label="average")
     periods_aimed = _aimed(scaling)
     if scaling.value is None or not periods_aimed:
         return

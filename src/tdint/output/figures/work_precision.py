@@ -23,7 +23,7 @@ from tdint.output.figures.style import (
     plain_numbers,
     write_labels,
 )
-from tdint.output.tables.chart import PEER
+from tdint.output.tables.methods import PEER
 
 if TYPE_CHECKING:
     from tdint.analysis.chart.work_precision import Chart, Point
@@ -149,10 +149,8 @@ def _draw_times(drawing: _Drawing, name: str) -> Figure:
         axes.plot(*_columns(drawing, known), **style | {"linestyle": "none"})
         axes.plot(*_columns(drawing, below), linestyle="none", marker="<", markersize=7.0, color=style["color"])
         handles += axes.plot([], [], **style)
-    axes.plot(
-        *_columns(drawing, drawing.own()), linestyle="none", marker="o", markersize=10.0, markerfacecolor="none",
-        markeredgecolor="0.25", markeredgewidth=0.8,
-    )  # fmt: skip
+    rings: dict[str, Any] = {"marker": "o", "markersize": 10.0, "markerfacecolor": "none", "markeredgecolor": "0.25"}
+    axes.plot(*_columns(drawing, drawing.own()), linestyle="none", **rings, markeredgewidth=0.8)
     _frame(axes)
     axes.set_xlim(right=min(axes.get_xlim()[1], _LARGEST_ERROR))
     axes.set_xlabel(f"{QUANTITIES[drawing.target]}\n{_footnote(drawing)}")

@@ -9,20 +9,26 @@ import math
 import platform
 from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
-from typing import Any
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tdint.ground_motion.record import Input, Record
 from tdint.model.definition import Model
-from tdint.output.tables.table import converted, described_in
+from tdint.output.tables.table import converted, describe, described_in
 from tdint.output_units import SI, OutputUnits
 from tdint.version import __version__
+
+if TYPE_CHECKING:
+    from tdint.campaign.store.store import Store
 
 Array = NDArray[np.float64]
 
 _SCHEMA = 1
+
+_UNITS = {"pga_m_s2": "m/s^2", "pgv_m_s": "m/s"}
 
 _PACKAGES = ("numpy", "scipy", "numba", "obspy")
 
@@ -72,18 +78,54 @@ def table_summary(
     }
 
 
+def campaign_summary(store: Store) -> dict[str, Any]:
+    """What a campaign is, how far it has come, and what the columns of runs.csv mean."""
+    from tdint.output.tables.campaign import RUNS
+
+    statuses, unused = store.statuses(), store.unused()
+    records = store.connection.execute(
+        "SELECT name, component, direction, dt_s, samples, pga_m_s2, pgv_m_s, sha256 FROM records ORDER BY id"
+    )
+    keys = ("file", "component", "direction", "dt_s", "samples", "pga_m_s2", "pgv_m_s", "sha256")
+    buildings = store.connection.execute("SELECT count(*) FROM buildings").fetchone()[0]
+    return {
+        "schema": schema("campaign"),
+        "name": store.meta("name"),
+        "fingerprint": store.meta("fingerprint"),
+        "settings": {name: json.loads(value) for name, value in store.settings().items()},
+        "buildings": buildings,
+        "records": [dict(zip(keys, row, strict=True)) for row in records],
+        "runs": {"all": int(store.meta("runs")), "done": sum(statuses.values()), "by_status": statuses},
+        "not_used": {f"{kind}s": {"count": len(reasons), "reasons": reasons} for kind, reasons in unused.items()},
+        "repeated_with_finer_steps": store.count("repeats > 0"),
+        "not_at_rest_at_their_end": store.count("at_rest = 0"),
+        "processor_time_s": store.seconds(),
+        "columns": describe(RUNS),
+        "versions": versions(),
+    }
+
+
 def schema(name: str) -> dict[str, str | int]:
     """Name and version of a JSON file's layout; the version grows when a key changes or goes."""
     return {"name": f"tdint {name}", "version": _SCHEMA}
 
 
-def in_units(content: dict[str, Any], units: OutputUnits) -> dict[str, Any]:
+def in_units(
+    content: dict[str, Any], units: OutputUnits, keys: Mapping[str, str] = MappingProxyType({})
+) -> dict[str, Any]:
     """A summary with its numbers in other units, under keys that say so.
 
     What `columns` and `meanings` tell of names changes with them; `settings` stay as they were given.
+
+    Parameters
+    ----------
+    keys : mapping
+        SI units of keys, beside those that summaries share.
     """
-    if units == SI:
-        return content
+    return content if units == SI else _converted(content, units, {**_UNITS, **keys})
+
+
+def _converted(content: dict[str, Any], units: OutputUnits, keys: Mapping[str, str]) -> dict[str, Any]:
     result: dict[str, Any] = {}
     for key, value in content.items():
         if key == "settings":
@@ -91,16 +133,16 @@ def in_units(content: dict[str, Any], units: OutputUnits) -> dict[str, Any]:
         elif key in ("columns", "meanings") and isinstance(value, Mapping):
             result[key] = described_in(value, units)
         else:
-            name, factor = units.column(key)
-            result[name] = _in_units(value, units, factor)
+            name, factor = units.column(key, keys.get(key, "1"))
+            result[name] = _value_in(value, units, keys, factor)
     return result
 
 
-def _in_units(value: Any, units: OutputUnits, factor: float) -> Any:
+def _value_in(value: Any, units: OutputUnits, keys: Mapping[str, str], factor: float) -> Any:
     if isinstance(value, dict):
-        return in_units(value, units)
+        return _converted(value, units, keys)
     if isinstance(value, list | tuple):
-        return [_in_units(item, units, factor) for item in value]
+        return [_value_in(item, units, keys, factor) for item in value]
     return converted(value, factor)
 
 

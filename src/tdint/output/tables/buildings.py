@@ -1,20 +1,163 @@
-"""Tables of buildings: runs and their histories, cyclic tests, modes."""
+"""Tables of buildings: runs and their histories, statics, modes, inventories, results beside recordings."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, BinaryIO
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.output.tables.columns import buildings as columns
-from tdint.output.tables.table import Table, rows_of
+from tdint.analysis.run.outcome import ENERGY_TERMS, History
+from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
+from tdint.output.tables.table import FLOOR, METHOD_SPEC, PERIOD, Cell, Column, Table, error_columns, rows_of
 from tdint.output_units import SI, OutputUnits
+from tdint.quantity import quantities
 
 if TYPE_CHECKING:
-    from tdint.analysis.run.outcome import History, StoryErrors, StoryPeaks
+    from tdint.analysis.comparison.compare import Comparison
+    from tdint.analysis.comparison.fit import FittedValue
+    from tdint.analysis.run.outcome import StoryErrors, StoryPeaks
     from tdint.analysis.static.cyclic import CyclicTest
     from tdint.model.modes import Modes
+
+
+def _counted(result: Any) -> Any:
+    return np.arange(1, result.peak_drift.size + 1)
+
+
+STORY = (
+    Column("story", "1", _counted, "story, or the floor above it, from 1 at the ground"),
+    Column("height_m", "m", "height", "story height"),
+    *(Column.of_quantity(one) for one in STORY_QUANTITIES if "table" in one.shown),
+)
+STORY_ERROR = error_columns(STORY[2:])
+
+HISTORY_START, HISTORY_FLOOR, HISTORY_STORY = (
+    tuple(Column.of_quantity(one) for one in quantities(History) if one.shown == (place,))
+    for place in ("ground", "floor", "story")
+)
+HISTORY_ENERGY = (
+    *(Column(f"energy_{name}_J", "J", f"energy.{name}", meaning) for name, meaning in ENERGY_TERMS.items()),
+    Column("energy_error", "1", "energy.error", "imbalance over the largest input energy of the run"),
+)
+
+CYCLIC = (
+    Column("story", "1", "story", "story, from 1 at the ground"),
+    Column("step", "1", lambda test: np.arange(test.path.drift.size), "point of the path; 0 is the start at rest"),
+    Column("cycle", "1", "cycle_numbers", "cycle, from 1; 0 for the start; empty for a path given"),
+    Column("drift_m", "m", "path.drift", "imposed drift"),
+    Column("drift_ratio", "1", lambda test: test.path.drift / test.height, "drift over story height"),
+    Column("shear_N", "N", "path.shear", "restoring force of the law"),
+    Column("shear_with_p_delta_N", "N", "shear_with_p_delta", "restoring force with the geometric stiffness"),
+    Column("tangent_stiffness_N_m", "N/m", "path.tangent", "tangent stiffness of the law"),
+    Column("recoverable_energy_J", "J", "path.recoverable", "energy that the law stores"),
+    Column("dissipated_energy_J", "J", "path.dissipated", "energy dissipated so far"),
+)
+INVENTORY = (
+    Column("id", "text", "row.id", "id of the building"),
+    Column("design_level", "text", "building.design_level", "design level: pre, low, moderate, high"),
+    Column("hazus_type", "text", "building.type", "structure type with its class of height"),
+    Column("period_rule_s", "s", "building.rule_period", "fundamental period by the rules"),
+    Column("period_shear_beam_s", "s", "building.period", "fundamental period of the shear building"),
+    Column("damping_ratio", "1", "building.damping_ratio", "viscous damping ratio"),
+    Column("story", "1", lambda one: np.arange(1, one.building.mass.size + 1), "story, from 1 at the ground"),
+    Column("mass_kg", "kg", "building.mass", "mass of the floor"),
+    Column("height_m", "m", "building.height", "story height"),
+    Column("stiffness_N_m", "N/m", "building.stiffness", "initial stiffness"),
+    Column("yield_force_N", "N", "building.yield_force", "force at first yield"),
+    Column("ultimate_force_N", "N", "building.ultimate_force", "largest force"),
+    Column("yield_drift_m", "m", "building.yield_drift", "drift at first yield"),
+    Column("ultimate_drift_m", "m", "building.ultimate_drift", "drift at which the largest force is reached"),
+    Column("pinching", "1", "building.pinching", "part of the force at which the first part of reloading ends"),
+    Column("unloading_exponent", "1", "building.unloading", "exponent of the unloading stiffness"),
+)
+
+
+def pushover(stories: int) -> tuple[Column, ...]:
+    """The columns of a pushover of a building with so many stories."""
+
+    def drift(i: int) -> Callable[[Any], Any]:
+        return lambda result: result.drift[:, i]
+
+    return (
+        Column("step", "1", lambda result: np.arange(result.base_shear.size), "step; 0 is the start at rest"),
+        Column("roof_displacement_m", "m", "roof_displacement", "relative to the ground"),
+        Column("roof_drift_ratio", "1", "roof_drift_ratio", "roof displacement over the height of the building"),
+        Column("base_shear_N", "N", "base_shear", "sum of the forces on the floors"),
+        *(Column(f"story_{i + 1}_drift_m", "m", drift(i), "relative to the floor below") for i in range(stories)),
+    )
+
+
+OVERVIEW = (
+    Column("model", "text", "model.source", "the model file"),
+    Column("name", "text", "model.name", "the building's name"),
+    Column("stories", "1", "stories", "number of stories"),
+    Column("height_m", "m", "height", "height of the building; empty where a story has none"),
+    Column("mass_kg", "kg", "mass", "mass of all floors"),
+    Column("t1_s", "s", "period", "fundamental period of the initial stiffness, P-delta included"),
+    Column("t1_damping", "1", "damping", "viscous damping ratio of the first mode, without power-law dashpots"),
+    Column("laws", "text", "laws", "drift laws, with the number of stories of each where there are several"),
+    METHOD_SPEC,
+    Column("record", "text", "record", "file of the ground motion"),
+)
+
+MODE = (
+    Column("mode", "1", lambda modes: np.arange(1, modes.omega.size + 1), "mode, from 1 at the longest period"),
+    Column("period_s", "s", lambda modes: 2.0 * math.pi / modes.omega, "natural period"),
+    Column("frequency_hz", "Hz", lambda modes: modes.omega / (2.0 * math.pi), "natural frequency"),
+)
+MODE_END = (
+    Column("participation", "1", "participation", "participation factor for unit roof displacement"),
+    Column("mass_ratio", "1", "mass_ratio", "effective modal mass over the total mass"),
+    Column("cumulative_mass_ratio", "1", lambda modes: np.cumsum(modes.mass_ratio), "sum of that up to this mode"),
+)
+
+
+def mode_damping(ratios: Any) -> Column:
+    """The column of the modes' damping ratios, shape (n,)."""
+    return Column("damping", "1", lambda modes: ratios, "damping ratio; empty where damping couples the modes")
+
+
+COMPARISON = (
+    FLOOR,
+    Column("quantity", "text", "quantity", "absolute acceleration, or displacement relative to the base"),
+    Column("correlation", "1", "correlation", "Pearson's coefficient of the computed and the recorded motion"),
+    Column("peak_ratio", "1", "peak_ratio", "largest absolute value computed over that recorded"),
+    Column("rms_difference", "1", "rms_difference", "root mean square of the difference over that of the recording"),
+)
+COMPARISON_SPECTRA = (
+    FLOOR,
+    PERIOD,
+    Column(
+        "computed_sa_m_s2", "m/s^2", "computed", "largest absolute acceleration on the computed motion of the floor"
+    ),
+    Column(
+        "recorded_sa_m_s2", "m/s^2", "recorded", "largest absolute acceleration on the recorded motion of the floor"
+    ),
+)
+FITTED = (
+    Column("parameter", "text", "name", "what was fitted, with its unit"),
+    Column("place", "1", "place", "its story or mode, from 1; empty where it holds for all"),
+    Column("start", "1", "start", "value of the model file"),
+    Column("fitted", "1", "value", "value with which the model comes closest to the recording"),
+    Column("lower_bound", "1", "low", "least value that the fit may take"),
+    Column("upper_bound", "1", "high", "largest value that the fit may take"),
+    Column(
+        "standard_error",
+        "1",
+        "standard_error",
+        "of the fitted value, for differences that are independent; inf: untold",
+    ),
+)
+
+
+def of_event(name: str) -> Column:
+    """The column that tells events apart, the last one."""
+    return Column("recorded", "text", lambda _: name, "file of the recordings")
+
 
 Array = NDArray[np.float64]
 
@@ -23,47 +166,43 @@ _ROWS_AT_ONCE = 256
 
 def story_table(stories: StoryPeaks, errors: StoryErrors | None = None) -> Table:
     """One row per story, from the ground up; with errors a column `<name>_error` for each peak, after all peaks."""
-    rows = rows_of(columns.STORY, stories)
+    rows = rows_of(STORY, stories)
     if errors is None:
-        return Table.of(columns.STORY, rows)
-    both = [peaks + of for peaks, of in zip(rows, rows_of(columns.STORY_ERROR, errors), strict=True)]
-    return Table.of((*columns.STORY, *columns.STORY_ERROR), both)
+        return Table.of(STORY, rows)
+    both = [peaks + of for peaks, of in zip(rows, rows_of(STORY_ERROR, errors), strict=True)]
+    return Table.of((*STORY, *STORY_ERROR), both)
 
 
 def cyclic_table(test: CyclicTest) -> Table:
     """One row per point of the path; row 0 is the start at rest."""
-    return Table.of_results(columns.CYCLIC, [test])
+    return Table.of_results(CYCLIC, [test])
 
 
 def mode_table(modes: Modes, damping: Array | None) -> Table:
     """One row per mode, longest period first; empty cells for damping ratios (shape (n,)) that are None."""
     ratios = np.full_like(modes.omega, np.nan) if damping is None else damping
-    return Table.of_results((*columns.MODE, columns.mode_damping(ratios), *columns.MODE_END), [modes])
+    return Table.of_results((*MODE, mode_damping(ratios), *MODE_END), [modes])
 
 
-def history_columns(stories: int) -> tuple[str, ...]:
+def history_columns(stories: int) -> tuple[Column, ...]:
     """Columns of a history."""
     places = range(1, stories + 1)
     return (
-        *(column.name for column in columns.HISTORY_START),
-        *(f"floor_{i}_{column.name}" for i in places for column in columns.HISTORY_FLOOR),
-        *(f"story_{i}_{column.name}" for i in places for column in columns.HISTORY_STORY),
-        *(column.name for column in columns.HISTORY_ENERGY),
+        *HISTORY_START,
+        *(replace(column, name=f"floor_{i}_{column.name}") for i in places for column in HISTORY_FLOOR),
+        *(replace(column, name=f"story_{i}_{column.name}") for i in places for column in HISTORY_STORY),
+        *HISTORY_ENERGY,
     )
 
 
 def write_history(history: History, stream: BinaryIO, units: OutputUnits = SI) -> None:
     """Write a history as CSV, one row per step; some hundred rows are held as text at a time."""
-    header = [units.column(name) for name in history_columns(history.displacement.shape[1])]
+    header = [units.column(one.name, one.unit) for one in history_columns(history.displacement.shape[1])]
     stream.write((",".join(name for name, _ in header) + "\n").encode())
     factors = None if units == SI else np.array([factor for _, factor in header])
     line = ",".join(["%.12g"] * len(header)) + "\n"
-    start, floors, springs, energies = (
-        [column.of(history) for column in group]
-        for group in (
-            columns.HISTORY_START, columns.HISTORY_FLOOR, columns.HISTORY_STORY, columns.HISTORY_ENERGY,
-        )
-    )  # fmt: skip
+    declared = (HISTORY_START, HISTORY_FLOOR, HISTORY_STORY, HISTORY_ENERGY)
+    start, floors, springs, energies = ([column.of(history) for column in group] for group in declared)
     for first in range(0, len(history.time), _ROWS_AT_ONCE):
         part = slice(first, first + _ROWS_AT_ONCE)
         groups = [np.stack([values[part] for values in group], axis=2) for group in (floors, springs)]
@@ -79,3 +218,33 @@ def write_history(history: History, stream: BinaryIO, units: OutputUnits = SI) -
         table += 0.0  # zero has no sign
         text = line * len(table) % tuple(table.ravel().tolist())
         stream.write((text.replace("nan", "") if np.isnan(table).any() else text).encode("ascii"))
+
+
+def comparison_table(comparisons: Sequence[Comparison]) -> Table:
+    """A row per floor; of several events, the file of each in the last column."""
+    return _by_event(COMPARISON, [(one, one.floors) for one in comparisons])
+
+
+def comparison_spectra_table(comparisons: Sequence[Comparison], periods: Array, damping: float) -> Table:
+    """A row per floor and period; of several events, the file of each in the last column."""
+    return _by_event(COMPARISON_SPECTRA, [(one, one.spectra(periods, damping)) for one in comparisons])
+
+
+def fitted_table(values: Sequence[FittedValue], units: OutputUnits = SI) -> Table:
+    """A row per fitted value, whose name says its unit."""
+    return Table.of_results(FITTED, [fitted_in(value, units) for value in values])
+
+
+def fitted_in(value: FittedValue, units: OutputUnits) -> FittedValue:
+    """A fitted value in other units, with the name that goes with them."""
+    name, factor = units.column(value.name, value.unit)
+    numbers = {key: getattr(value, key) / factor for key in ("start", "value", "low", "high", "standard_error")}
+    return replace(value, name=name, **numbers)
+
+
+def _by_event(own: Sequence[Column], events: Sequence[tuple[Comparison, Sequence[object]]]) -> Table:
+    rows: list[tuple[Cell, ...]] = []
+    for one, results in events:
+        every = (*own, of_event(one.event.recording.source)) if len(events) > 1 else own
+        rows += [row for result in results for row in rows_of(every, result)]
+    return Table.of((*own, of_event("")) if len(events) > 1 else own, rows)

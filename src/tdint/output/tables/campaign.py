@@ -8,12 +8,38 @@ from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from tdint.output.tables.columns.campaign import OF_BUILDING, RUNS, STATUS, STORIES
-from tdint.output.tables.table import Cell, Table, cell_text, names
+from tdint.campaign.engine.rows import HIDDEN, RUN
+from tdint.output.tables.buildings import STORY
+from tdint.output.tables.table import METHOD_SPEC, OF_NAMED_RECORD, TEXT, Cell, Column, Table, cell_text, names
 from tdint.output_units import SI, OutputUnits
 
 if TYPE_CHECKING:
     from tdint.campaign.store.store import Store
+
+OF_BUILDING = (
+    Column("building", "text", "building", "name of the building"),
+    *OF_NAMED_RECORD,
+    Column("scale", "1", "scale", "factor on the ground acceleration"),
+)
+SAMPLE = Column(
+    "sample", "1", "sample", "number of the draw from a grid of ground motions, from 1; 0 where nothing is drawn"
+)
+RUNS = (
+    *OF_BUILDING,
+    SAMPLE,
+    METHOD_SPEC,
+    *(Column.of_quantity(one) for one in RUN if one.shown != HIDDEN),
+)
+"""Of runs.csv."""
+
+STORIES = (*OF_BUILDING, *STORY)
+"""Of stories.csv of a campaign."""
+
+STATUS = (
+    Column("status", "text", "status", "how runs ended; left: not done yet"),
+    Column("runs", "1", "runs", "how many"),
+)
+
 
 _ROWS_AT_ONCE = 2048
 
@@ -40,20 +66,20 @@ def story_rows(store: Store) -> Iterator[list[Any]]:
 
 def write_runs(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
     """Write runs.csv."""
-    write_rows(names(RUNS), run_rows(store), stream, units)
+    write_rows(RUNS, run_rows(store), stream, units)
 
 
 def write_stories(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
     """Write stories.csv; with a column `sample` where motions were drawn, for two draws may be the same motion."""
-    columns = list(names(STORIES))
+    columns = list(STORIES)
     if store.count("sample > 0"):
-        columns.insert(len(OF_BUILDING), "sample")
+        columns.insert(len(OF_BUILDING), SAMPLE)
     write_rows(columns, story_rows(store), stream, units)
 
 
-def write_rows(columns: Iterable[str], rows: Iterable[list[Any]], stream: BinaryIO, units: OutputUnits = SI) -> None:
+def write_rows(columns: Iterable[Column], rows: Iterable[list[Any]], stream: BinaryIO, units: OutputUnits = SI) -> None:
     """Write rows whose texts are as they shall be (`cell_text`), a few thousand at a time."""
-    found = [units.column(name) for name in columns]
+    found = [units.column(one.name, one.unit) for one in columns]
     waiting = iter([[name for name, _ in found]])
     source = iter(rows if units == SI else _converted(rows, [factor for _, factor in found]))
     while True:
@@ -101,12 +127,8 @@ def parquet_writer(store: Store) -> Callable[[BinaryIO], None] | None:
         from pyarrow import parquet
     except ImportError:
         return None
-    kinds = {
-        **dict.fromkeys(("building", "record", "component", "method", "status"), pyarrow.string()),
-        **dict.fromkeys(
-            ("sample", "collapse_story", "peak_drift_story", "peak_acceleration_floor", "steps"), pyarrow.int64()
-        ),
-    }
+    counted = {SAMPLE.name, *(one.column for one in RUN if one.kind is int)}
+    kinds = {one.name: pyarrow.string() for one in RUNS if one.unit == TEXT} | dict.fromkeys(counted, pyarrow.int64())
     schema = pyarrow.schema([(name, kinds.get(name, pyarrow.float64())) for name in names(RUNS)])
 
     def write(stream: BinaryIO) -> None:

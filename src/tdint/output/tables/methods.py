@@ -1,13 +1,14 @@
-"""Tables of methods: what they are, and what is measured of them."""
+"""Tables of methods: what they are, what is measured of them, what they cost."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING, Any
 
-from tdint.output.tables.columns import methods as columns
-from tdint.output.tables.table import Table
+import numpy as np
+
+from tdint.output.tables.table import DAMPING, METHOD_SPEC, Column, Table, cell_text, rows_of
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.failures import Trial
@@ -15,32 +16,186 @@ if TYPE_CHECKING:
     from tdint.analysis.assessment.overshoot import Overshoot
     from tdint.analysis.assessment.paper_examples import ExampleRun
     from tdint.analysis.assessment.stability import StabilityCurve
+    from tdint.analysis.chart.work_precision import Chart
     from tdint.methods.method import Integrator
+
+
+def _power(value: float) -> float:
+    """A power; nan for that of nothing, minus infinity."""
+    return value if math.isfinite(value) else math.nan
+
+
+METHOD = (
+    Column("name", "text", "method.name", "name"),
+    Column("family", "text", "family.name", "methods that share one compiled step"),
+    Column("parameters", "text", lambda one: _parameters(one), "defaults and ranges"),
+    Column("order", "1", "order", "order of displacement and velocity for a smooth load"),
+    Column("implicit", "text", "implicit", "whether a step solves for the restoring force at its end"),
+    Column(
+        "stability_limit",
+        "1",
+        lambda one: "none" if math.isinf(one.stability_limit) else one.stability_limit,
+        "largest stable omega dt without damping; none for stable at any step",
+    ),
+    Column("rho_inf", "1", "rho_inf", "spectral radius for omega dt to infinity"),
+    Column("source", "text", "method.source", "who published it"),
+)
+
+
+def _parameters(one: Integrator) -> str:
+    """`beta=0.25 in [0, 1]; theta=1.02 in [1, 10], computed`: a computed default follows from the ones before it."""
+    return "; ".join(
+        f"{parameter.name}={cell_text(value)} in {parameter.range}" + (", computed" * callable(parameter.default))
+        for parameter, value in zip(one.method.parameters, one.values, strict=True)
+    )
+
+
+_DT_OVER_T = Column("dt_over_t", "1", "dt_over_t", "step over the undamped period of the oscillator")
+
+STABILITY = (
+    METHOD_SPEC,
+    DAMPING,
+    _DT_OVER_T,
+    Column("spectral_radius", "1", "spectral_radius", "largest modulus of the eigenvalues of the amplification matrix"),
+    Column("period_error", "1", "period_error", "numerical over exact damped period, less 1"),
+    Column(
+        "numerical_damping", "1", "numerical_damping", "damping ratio of the numerical oscillation less the exact one"
+    ),
+    Column("amplitude_decay", "1", "amplitude_decay", "part of the amplitude that the method takes in one cycle"),
+)
+OVERSHOOT = (
+    METHOD_SPEC,
+    DAMPING,
+    _DT_OVER_T,
+    Column("start", "text", "start", "what the oscillator starts from"),
+    Column("step", "1", lambda motion: np.arange(motion.displacement.size), "step; 0 is the start"),
+    Column("displacement", "1", "displacement", "over the amplitude of the exact motion"),
+    Column("velocity", "1", "velocity", "over omega times that amplitude"),
+    Column(
+        "displacement_power",
+        "1",
+        lambda one: _power(one.displacement_power),
+        "power of omega dt in the first step's displacement; empty where the step leaves nothing of it",
+    ),
+    Column(
+        "velocity_power",
+        "1",
+        lambda one: _power(one.velocity_power),
+        "power of omega dt in the first step's velocity times dt; empty where the step leaves nothing of it",
+    ),
+)
+
+
+def _order(quantity: str) -> Column:
+    return Column(f"{quantity}_order", "1", lambda one: one.order(quantity), f"observed order of the {quantity}")
+
+
+ORDER = (
+    METHOD_SPEC,
+    Column("load", "text", "load", "load of the oscillator"),
+    Column("law", "text", "law", "drift law of the oscillator"),
+    Column("frequency_ratio", "1", "frequency_ratio", "frequency of the load over that of the oscillator"),
+    *map(_order, ("displacement", "velocity", "acceleration", "own_acceleration")),
+    Column(
+        "displacement_error",
+        "1",
+        lambda one: float(one.displacement[-1]),
+        "largest error with the smallest step, over the largest displacement",
+    ),
+)
+
+
+def _chart_error(quantity: str, meaning: str, name: str = "") -> Column:
+    return Column(
+        f"{name or quantity}_error",
+        "1",
+        lambda point: math.nan if point.errors is None else getattr(point.errors, quantity),
+        f"{meaning}, over that of the reference",
+    )
+
+
+CHART_STORIES = Column("stories", "1", "stories", "stories of the building")
+CHART = (
+    METHOD_SPEC,
+    Column("dt_s", "s", "dt", "time step"),
+    Column("steps", "1", "steps", "time steps"),
+    Column("iterations", "1", "iterations", "solves; of scipy evaluations of the rate"),
+    Column("time_s", "s", "time", "median wall time of the compiled loop"),
+    Column("time_min_s", "s", "fastest", "least wall time of the compiled loop"),
+    _chart_error("displacement", "error of the displacements relative to the ground (L2 of the history)"),
+    _chart_error("drift", "error of the drifts (L2 of the history)"),
+    _chart_error("peak_drift", "largest error of a story's peak drift"),
+    _chart_error(
+        "acceleration", "error of the absolute accelerations (L2 of the history)", name="absolute_acceleration"
+    ),
+    Column("outcome", "text", "outcome", "how `tdint run` ends"),
+    _chart_error("velocity", "error of the velocities relative to the ground (L2 of the history)"),
+)
+FAILURE = (
+    Column("problem", "text", "problem", "problem"),
+    METHOD_SPEC,
+    Column("dt_s", "s", "dt", "time step"),
+    Column("energy_ratio_min", "1", "energy_ratio_min", "least energy over the largest of the exact motion"),
+    Column("energy_ratio_max", "1", "energy_ratio_max", "largest energy over the largest of the exact motion"),
+    Column("error", "1", "error", "what error_of says"),
+    Column("outcome", "text", "outcome", "how `tdint run` ends"),
+    Column("verdict", "text", "verdict", "pass, the fault found, or how the run failed"),
+    Column("end_s", "s", "time", "last time reached"),
+    Column("error_of", "text", "error_of", "what the error is"),
+)
+
+
+def _example_errors(reference: str, against: str, prefix: str = "") -> tuple[Column, ...]:
+    def column(quantity: str, name: str, unit: str) -> Column:
+        about = f"largest error of the {quantity}, all floors, against {against}"
+        return Column(f"{prefix}{name}_error", unit, lambda run: run.error(quantity, reference), about)
+
+    return (
+        column("displacement", "displacement_m", "m"),
+        column("velocity", "velocity_m_s", "m/s"),
+        column("acceleration", "acceleration_m_s2", "m/s^2"),
+    )
+
+
+EXAMPLE = (
+    Column("example", "1", "example", "example of the paper"),
+    METHOD_SPEC,
+    Column("variant", "text", lambda run: run.variant or None, "what was done otherwise"),
+    Column("dt_s", "s", "dt", "time step"),
+    *_example_errors("paper", "what the paper calls exact: newmark-linear with 0.001 or 0.002 s"),
+    *_example_errors("finer", "rk5 with steps 8 times finer", "finer_"),
+)
+OUTCOME = Column("outcome", "text", "outcome", "how the run ended")
+
+
+def rank(of: Callable[[Any], int | None]) -> Column:
+    """The column of a method's rank among others."""
+    return Column("rank", "1", of, "place by the displacement's error (that of --reference) among the methods, from 1")
 
 
 def method_table(integrators: Iterable[Integrator]) -> Table:
     """One row per method with its parameters' defaults and ranges; the other values are those at the defaults."""
-    return Table.of_results(columns.METHOD, integrators)
+    return Table.of_results(METHOD, integrators)
 
 
 def stability_table(curves: Iterable[StabilityCurve]) -> Table:
     """One row per method, damping ratio and step over period."""
-    return Table.of_results(columns.STABILITY, curves)
+    return Table.of_results(STABILITY, curves)
 
 
 def overshoot_table(motions: Iterable[Overshoot]) -> Table:
     """One row per method, start and step; step 0 is the start."""
-    return Table.of_results(columns.OVERSHOOT, motions)
+    return Table.of_results(OVERSHOOT, motions)
 
 
 def order_table(measured: Iterable[ObservedOrder]) -> Table:
     """One row per method and frequency ratio."""
-    return Table.of_results(columns.ORDER, measured)
+    return Table.of_results(ORDER, measured)
 
 
 def failure_table(trials: Iterable[Trial]) -> Table:
     """One row per problem, method and step."""
-    return Table.of_results(columns.FAILURE, trials)
+    return Table.of_results(FAILURE, trials)
 
 
 def example_table(runs: Sequence[ExampleRun], reference: str = "paper") -> Table:
@@ -48,8 +203,8 @@ def example_table(runs: Sequence[ExampleRun], reference: str = "paper") -> Table
 
     The rank is by the error against this one of `tdint.analysis.assessment.paper_examples.REFERENCES`.
     """
-    rank = columns.rank(lambda one: _rank(one, runs, reference))
-    return Table.of_results((*columns.EXAMPLE, rank, columns.OUTCOME), runs)
+    place = rank(lambda one: _rank(one, runs, reference))
+    return Table.of_results((*EXAMPLE, place, OUTCOME), runs)
 
 
 def _rank(one: ExampleRun, runs: Sequence[ExampleRun], reference: str) -> int | None:
@@ -59,3 +214,18 @@ def _rank(one: ExampleRun, runs: Sequence[ExampleRun], reference: str) -> int | 
         return None
     rivals = [run for run in runs if (run.example, run.dt, run.variant) == (one.example, one.dt, "")]
     return 1 + sum(run.error("displacement", reference) < error for run in rivals)
+
+
+PEER = "/"
+"""In the name of a line that is another program's: program/method."""
+
+
+def chart_table(chart: Chart) -> Table:
+    """One row per method and step; empty cells for what there is not."""
+    return Table.of_results(CHART, chart.points)
+
+
+def sizes_table(charts: Iterable[Chart]) -> Table:
+    """The tables of several charts, with the number of stories before all."""
+    rows = [(chart.stories, *row) for chart in charts for point in chart.points for row in rows_of(CHART, point)]
+    return Table.of((CHART_STORIES, *CHART), rows)

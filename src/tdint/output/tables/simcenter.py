@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 from tdint.campaign.store.schema import STORY_COLUMNS
 from tdint.errors import UsageError
 from tdint.output.tables.campaign import write_rows
-from tdint.output.tables.table import cell_text
+from tdint.output.tables.table import Column, cell_text
 
 if TYPE_CHECKING:
     from tdint.campaign.store.store import Store
@@ -20,7 +20,8 @@ _AT = {name: place for place, name in enumerate(STORY_COLUMNS)}
 def write_simcenter(store: Store, stream: BinaryIO) -> None:
     """Write building, record, scale, sample and, for each direction: 1-PFA-FLOOR-DIR (absolute acceleration, m/s^2;
     floor 0 is the ground), 1-PID-STORY-DIR (drift ratio), 1-PRD-1-DIR (roof displacement over height), 1-PFD-FLOOR-DIR
-    (displacement, m). The two components of a pair share a row; cells of runs without a result are empty.
+    (displacement, m). The two components of a pair share a row; components that are no pairs but of one record are told
+    apart by a column `component` after `record`. Cells of runs without a result are empty.
 
     Raises
     ------
@@ -29,8 +30,10 @@ def write_simcenter(store: Store, stream: BinaryIO) -> None:
     """
     stories, directions = _sizes(store)
     names = [name for direction in range(1, directions + 1) for name in demand_names(stories, direction)]
-    rows = ([*head, *cells] for head, cells in _rows(store, stories, directions))
-    write_rows(["building", "record", "scale", "sample", *names], rows, stream)
+    apart = _share_a_name(store)
+    rows = ([*head[: 2 + apart], *head[3:], *cells] for head, cells in _rows(store, stories, directions))
+    header = ("building", "record", *("component",) * apart, "scale", "sample", *names)
+    write_rows([Column(name, "1", name, name) for name in header], rows, stream)
 
 
 def demand_names(stories: int, direction: int) -> list[str]:
@@ -69,7 +72,14 @@ def _rows(store: Store, stories: int, directions: int) -> Iterator[tuple[list[An
             start = size * (direction - 1)
             cells[start : start + size] = _demands(list(of_run), abs(scale) * peaks[record], stories)
         for (record, scale, sample), cells in found.items():
-            yield [cell_text(buildings[building][0]), cell_text(records[record][0]), scale, sample], cells
+            name, component, _ = records[record]
+            yield [cell_text(buildings[building][0]), cell_text(name), cell_text(component), scale, sample], cells
+
+
+def _share_a_name(store: Store) -> bool:
+    """Whether motions that have rows of their own bear one name."""
+    names = [name for name, _, direction in store.records().values() if direction == 1]
+    return len(set(names)) < len(names)
 
 
 def _ground(store: Store) -> Iterator[tuple[int, float]]:

@@ -1,14 +1,17 @@
-"""Tables of spectra: elastic ones, over all directions, inelastic, of drifts and floors, beside published ones."""
+"""Tables of ground motions: what they are and how strong, and their spectra."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from tdint.ground_motion.record import component_names
-from tdint.output.tables.columns import spectra as columns
-from tdint.output.tables.columns.shared import FLOOR, OF_RECORD
-from tdint.output.tables.table import Cell, Column, Table, rows_of
+import numpy as np
+
+from tdint.ground_motion.measures import Measures
+from tdint.ground_motion.record import Record, component_names
+from tdint.output.tables.table import DAMPING, FLOOR, OF_RECORD, PERIOD, Cell, Column, Table, rows_of
 
 if TYPE_CHECKING:
     from tdint.analysis.spectra.drift import DriftSpectrum
@@ -17,6 +20,144 @@ if TYPE_CHECKING:
     from tdint.analysis.spectra.inelastic import InelasticSpectrum
     from tdint.analysis.spectra.published import SpectrumDifference
     from tdint.analysis.spectra.rotated import RotatedSpectrum
+
+
+def _units(info: Any) -> str:
+    return f"{info.record.units} ({info.record.units_from})"
+
+
+def _remarks(info: Any) -> str:
+    return "; ".join((*info.record.warnings, *info.record.notes, *info.measures.notes))
+
+
+INFO = (
+    *OF_RECORD,
+    Column("id", "text", lambda info: info.record.id if info.record.id.strip(".") else "", "full id of the channel"),
+    Column("start", "text", "record.start", "time of the first sample, UTC"),
+    Column("samples", "1", "record.acceleration.size", "samples"),
+    Column("dt_s", "s", "record.dt", "sampling interval"),
+    Column("duration_s", "s", "record.duration", "time from the first to the last sample"),
+    Column("units", "text", _units, "units of the file's samples and how they are known"),
+    Column("pga_m_s2", "m/s^2", "measures.pga", "peak ground acceleration"),
+    Column("pgv_m_s", "m/s", "measures.pgv", "peak ground velocity"),
+    Column("pgd_m", "m", "measures.pgd", "peak ground displacement"),
+    Column("arias_intensity_m_s", "m/s", "measures.arias", "Arias intensity"),
+    Column("cav_m_s", "m/s", "measures.cav", "cumulative absolute velocity"),
+    Column("d5_75_s", "s", "measures.d5_75", "time between 5 and 75 % of the Arias intensity"),
+    Column("d5_95_s", "s", "measures.d5_95", "time between 5 and 95 % of the Arias intensity"),
+    Column("housner_intensity_m", "m", "housner_intensity", "Housner's spectrum intensity"),
+    Column("mean_m_s2", "m/s^2", "measures.mean", "mean of the acceleration"),
+    Column("leading_zeros", "1", "measures.leading_zeros", "samples at the start that are zero"),
+    Column("trailing_zeros", "1", "measures.trailing_zeros", "samples at the end that are zero"),
+    Column("notes", "text", _remarks, "remarks"),
+)
+
+SAMPLES = (
+    Column("time_s", "s", lambda record: record.dt * np.arange(record.acceleration.size), "time from the first sample"),
+    Column("acceleration_m_s2", "m/s^2", "acceleration", "acceleration of the ground"),
+)
+"""Of a record itself."""
+
+OF_MOTION = (
+    Column("record", "text", "motion.source", "file of the first component"),
+    Column("component", "text", "motion.component", "both components"),
+)
+"""The first columns of tables over pairs of components."""
+
+CHOICES = (
+    Column("maxima", "text", "maxima", "where the largest values were looked for"),
+    Column("interpolation", "text", "interpolation", "the ground motion between its samples"),
+)
+"""Last columns of a spectrum, where they are asked for."""
+
+SPECTRUM = (
+    DAMPING,
+    PERIOD,
+    Column("sd_m", "m", "sd", "largest displacement relative to the ground"),
+    Column("psv_m_s", "m/s", "psv", "pseudo-velocity, omega sd"),
+    Column("psa_m_s2", "m/s^2", "psa", "pseudo-acceleration, omega^2 sd"),
+    Column("sv_m_s", "m/s", "sv", "largest velocity relative to the ground"),
+    Column("sa_m_s2", "m/s^2", "sa", "largest absolute acceleration"),
+)
+
+
+def difference(published: str) -> tuple[Column, ...]:
+    """The columns of spectra beside a published one, of this column of `SPECTRUM`."""
+    own = next(column for column in SPECTRUM if column.name == published)
+    return (
+        *SPECTRUM[:2],
+        Column(own.name, own.unit, "computed", own.meaning),
+        Column(f"published_{own.name}", own.unit, "expected", f"published: {own.meaning}"),
+        Column("relative_difference", "1", "relative_difference", "computed over published value, less 1"),
+    )
+
+
+ROTATED_START = (DAMPING, PERIOD)
+ROTATED_END = (
+    Column(
+        "geometric_mean_psa_m_s2",
+        "m/s^2",
+        "geometric_mean",
+        "geometric mean of the pseudo-accelerations of both components",
+    ),
+    Column(
+        "rotd100_angle_deg", "degree", "angle", "direction of the largest, from the first component towards the second"
+    ),
+)
+
+
+def rotated(percentiles: Sequence[int]) -> tuple[Column, ...]:
+    """The columns of a spectrum over all directions with these percentiles."""
+
+    def percentile(place: int) -> Callable[[Any], Any]:
+        return lambda spectrum: spectrum.psa[place]
+
+    middle = (
+        Column(
+            f"rotd{p:02d}_psa_m_s2", "m/s^2", percentile(i), f"pseudo-acceleration, percentile {p} over all directions"
+        )
+        for i, p in enumerate(percentiles)
+    )
+    return (*ROTATED_START, *middle, *ROTATED_END)
+
+
+INELASTIC = (
+    DAMPING,
+    Column("hardening", "1", "hardening", "stiffness after yielding over the initial one"),
+    Column("target_ductility", "1", "target", "ductility asked for"),
+    Column("period_s", "s", "periods", "natural period of the initial stiffness"),
+    Column("yield_strength_ratio", "1", "yield_strength_ratio", "yield force over weight"),
+    Column("ductility", "1", "ductility", "largest over yield displacement"),
+    Column("residual_m", "m", "residual", "displacement at rest after the record, with its sign"),
+    Column("sd_m", "m", "sd", "largest displacement relative to the ground"),
+    Column("yield_sd_m", "m", "yield_displacement", "displacement at first yield"),
+    Column("yield_psa_m_s2", "m/s^2", "yield_acceleration", "yield force over mass"),
+    Column("reduction_factor", "1", "reduction_factor", "largest elastic force over yield force"),
+)
+DRIFT_SPECTRUM = (
+    DAMPING,
+    Column("period_s", "s", "periods", "fundamental period"),
+    Column("height_m", "m", "heights", "height of the building"),
+    Column("peak_drift_ratio", "1", "peak_drift_ratio", "largest story drift over story height"),
+    Column("story", "1", lambda spectrum: np.where(spectrum.story > 0, spectrum.story, None), "where that is, from 1"),
+    Column(
+        "roof_drift_ratio", "1", "roof_drift_ratio", "largest roof displacement relative to the ground, over the height"
+    ),
+)
+
+
+@dataclass(frozen=True)
+class RecordInfo:
+    """A record, its measures and its spectrum intensity, m."""
+
+    record: Record
+    measures: Measures
+    housner_intensity: float = math.nan
+
+
+def info_table(infos: Iterable[RecordInfo]) -> Table:
+    """One row per record."""
+    return Table.of_results(INFO, infos)
 
 
 def record_table(own: Sequence[Column], results: Sequence[Any]) -> Table:
@@ -33,38 +174,38 @@ def spectrum_table(spectra: Sequence[Spectrum], stated: Sequence[str] = ()) -> T
 
     `stated`: which of the choices `maxima` and `interpolation` have columns of their own, at the end.
     """
-    return record_table((*columns.SPECTRUM, *_choices(stated)), spectra)
+    return record_table((*SPECTRUM, *_choices(stated)), spectra)
 
 
 def difference_table(lines: Sequence[SpectrumDifference]) -> Table:
     """One row per record, component, damping ratio and period: computed and published values and their difference."""
     from tdint.analysis.spectra.published import QUANTITIES
 
-    return record_table(columns.difference(QUANTITIES[lines[0].published.quantity][1]), lines)
+    return record_table(difference(QUANTITIES[lines[0].published.quantity][1]), lines)
 
 
 def rotated_table(spectra: Sequence[RotatedSpectrum], stated: Sequence[str] = ()) -> Table:
     """One row per motion, damping ratio and period, a column per percentile; `stated` as for `spectrum_table`."""
-    own = (*columns.rotated(spectra[0].percentiles), *_choices(stated))
-    return Table.of_results((*columns.OF_MOTION, *own), spectra)
+    own = (*rotated(spectra[0].percentiles), *_choices(stated))
+    return Table.of_results((*OF_MOTION, *own), spectra)
 
 
 def _choices(stated: Sequence[str]) -> list[Column]:
-    choices = {column.name: column for column in columns.CHOICES}
+    choices = {column.name: column for column in CHOICES}
     return [choices[name] for name in stated]
 
 
 def inelastic_table(spectra: Sequence[InelasticSpectrum]) -> Table:
     """One row per record, component, damping ratio, ductility or strength, and period, in the order given."""
-    return record_table(columns.INELASTIC, spectra)
+    return record_table(INELASTIC, spectra)
 
 
 def drift_spectrum_table(spectra: Sequence[DriftSpectrum]) -> Table:
     """One row per record, component, damping ratio and period, in the order given; no story for a beam."""
-    return record_table(columns.DRIFT_SPECTRUM, spectra)
+    return record_table(DRIFT_SPECTRUM, spectra)
 
 
 def floor_spectrum_table(spectra: Sequence[FloorSpectrum]) -> Table:
     """A row per floor, damping ratio and period, in the order given."""
-    rows = [(one.floor, *row) for one in spectra for row in rows_of(columns.SPECTRUM, one.spectrum)]
-    return Table.of((FLOOR, *columns.SPECTRUM), rows)
+    rows = [(one.floor, *row) for one in spectra for row in rows_of(SPECTRUM, one.spectrum)]
+    return Table.of((FLOOR, *SPECTRUM), rows)

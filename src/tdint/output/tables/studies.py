@@ -14,8 +14,108 @@ from tdint.campaign.ida.study import IdaStudy
 from tdint.campaign.suites.scaling import Scaling
 from tdint.campaign.suites.suite import components
 from tdint.ground_motion.record import component_names
-from tdint.output.tables.columns import studies as columns
-from tdint.output.tables.table import Table, rows_of
+from tdint.output.tables.table import OF_NAMED_RECORD, OF_RECORD, Column, Table, rows_of
+
+FACTORS = (*OF_RECORD, Column("factor", "1", "factor", "factor on the record, the same for both components of a pair"))
+
+_RECORD = (
+    *OF_NAMED_RECORD,
+    Column("im_name", "text", "study.im_name", "intensity measure: sa(T) and sa-avg(T) with the period in s, pga, pgv"),
+    Column("unit", "text", "study.measure.unit", "its unit"),
+)
+"""The first columns of the tables of an incremental dynamic analysis."""
+
+IDA = (
+    *_RECORD,
+    Column(
+        "level",
+        "1",
+        lambda one: np.arange(1, len(one.curve.runs) + 1),
+        "number of the level of intensity, from the lowest",
+    ),
+    Column("im", "1", lambda one: one.of_runs("im"), "intensity"),
+    Column("scale", "1", lambda one: one.of_runs("scale"), "factor on the record"),
+    Column("status", "text", lambda one: one.of_runs("status"), "how the run ended"),
+    Column("peak_drift_ratio", "1", lambda one: one.of_runs("drift_ratio"), "largest peak drift over story height"),
+    Column(
+        "peak_absolute_acceleration_m_s2",
+        "m/s^2",
+        lambda one: one.of_runs("acceleration"),
+        "largest absolute acceleration of a floor",
+    ),
+    Column(
+        "residual_drift_ratio",
+        "1",
+        lambda one: one.of_runs("residual_drift_ratio"),
+        "largest drift at the end of the run over story height",
+    ),
+)
+INTENSITIES = ("im", "capacity", "lower", "upper")
+"""Columns in the unit that the column `unit` tells."""
+
+CAPACITIES = (
+    *_RECORD,
+    Column(
+        "threshold", "1", "capacity.threshold", "drift ratio; the collapse drift, the largest one, stands for collapse"
+    ),
+    Column(
+        "capacity",
+        "1",
+        "capacity.capacity",
+        "intensity at which it is first exceeded; if censored one that it is above",
+    ),
+    Column("lower", "1", "capacity.lower", "level next below at which the building was run"),
+    Column("upper", "1", "capacity.upper", "level next above at which the building was run; empty if censored"),
+    Column("censored", "text", "capacity.censored", "whether it was not exceeded up to the largest level"),
+    Column(
+        "resurrection",
+        "text",
+        "curve.resurrection",
+        "whether the building stood again at a level tried above its first collapse: 1.25 and 1.5 times it, and those "
+        "of the search",
+    ),
+)
+FRAGILITY = (
+    Column("threshold", "1", "threshold", "demand whose exceedance is meant"),
+    Column("fit", "text", "fit", "stripes, ida or cloud"),
+    Column("theta", "1", "theta", "median intensity"),
+    Column("beta", "1", "beta", "standard deviation of the logarithm of the intensity, from record to record"),
+    Column("theta_error", "1", "theta_error", "standard error of ln theta: of theta, as a part of it"),
+    Column("beta_error", "1", "beta_error", "standard error of beta"),
+    Column("records", "1", "records", "records; of stripes those of the largest one, of a cloud of runs the runs"),
+    Column("censored", "1", "censored", "records of which the value is known only to lie above a limit"),
+    Column("im", "text", "im", "intensity measure, as far as the table tells it"),
+    Column("unit", "text", "unit", "its unit, as far as the table tells it"),
+)
+CLOUD = (
+    Column("b0", "1", lambda one: _of_line(one, "intercept"), "of a cloud: intercept of ln EDP over ln IM"),
+    Column("b1", "1", lambda one: _of_line(one, "slope"), "of a cloud: slope of ln EDP over ln IM"),
+    Column("sigma", "1", lambda one: _of_line(one, "sigma"), "of a cloud: standard deviation of ln EDP"),
+)
+"""Beside a cloud: its line."""
+
+
+def _of_line(function: Fragility, name: str) -> float:
+    return getattr(function.cloud, name, np.nan)
+
+
+def _bound(place: int, name: str) -> Column:
+    word, meaning = (("exceed", "exceeding"), ("stand", "not exceeding"))[place]
+    return Column(
+        f"{name}_failed_{word}",
+        "1",
+        lambda one: getattr(one.bounds[place], name, np.nan),
+        f"{name} with all failed runs counted as {meaning}; empty where that tells none",
+    )
+
+
+FAILED = (
+    Column("failed", "1", "failed", "runs without a result, which the fit leaves out"),
+    *(_bound(place, name) for place in (0, 1) for name in ("theta", "beta")),
+)
+"""Beside a fit of runs some of which have no result."""
+
+FRAGILITY_TOTAL = Column("beta_total", "1", "beta_total", "beta with what is not known of the model (--beta-model)")
 
 
 def factor_table(scaling: Scaling) -> Table:
@@ -25,7 +125,7 @@ def factor_table(scaling: Scaling) -> Table:
         factor for motion, factor in zip(scaling.motions, scaling.factors, strict=True) for _ in components(motion)
     ]
     rows = zip((record.source for record in records), component_names(records), map(float, factors), strict=True)
-    return Table.of(columns.FACTORS, list(rows))
+    return Table.of(FACTORS, list(rows))
 
 
 @dataclass(frozen=True)
@@ -45,28 +145,35 @@ class _CurveRows:
 
 def ida_table(study: IdaStudy) -> Table:
     """A row for each run of each record, from the lowest level."""
-    table = Table.of(columns.IDA, [row for one in _curves(study) for row in rows_of(columns.IDA, one)])
+    table = Table.of(IDA, [row for one in _curves(study) for row in rows_of(IDA, one)])
     return _with_unit(table, study.measure.unit)
 
 
 def capacity_table(study: IdaStudy) -> Table:
     """A row for each record and threshold."""
     rows = [
-        rows_of(columns.CAPACITIES, _CurveRows(one.record, one.component, study, one.curve, capacity))[0]
+        rows_of(CAPACITIES, _CurveRows(one.record, one.component, study, one.curve, capacity))[0]
         for one in _curves(study)
         for capacity in map(one.curve.capacity, study.thresholds)
     ]
-    return _with_unit(Table.of(columns.CAPACITIES, rows), study.measure.unit)
+    return _with_unit(Table.of(CAPACITIES, rows), study.measure.unit)
 
 
 def fragility_table(functions: Sequence[Fragility], *, total: bool = False) -> Table:
-    """A row for each function; with `total` a column of the standard deviation with that of the model."""
-    return Table.of_results((*columns.FRAGILITY, *(columns.FRAGILITY_TOTAL,) * total), functions)
+    """A row for each function; with `total` a column of the standard deviation with that of the model. Clouds bring the
+    columns of their line, runs without a result those that bound what they may change."""
+    wanted = (
+        *FRAGILITY,
+        *(CLOUD if any(one.cloud for one in functions) else ()),
+        *(FAILED if any(one.failed for one in functions) else ()),
+        *(FRAGILITY_TOTAL,) * total,
+    )
+    return Table.of_results(wanted, functions)
 
 
 def _with_unit(table: Table, unit: str) -> Table:
     """The table with the unit of its intensities among its meanings: their columns' names do not tell it."""
-    told = {name: {**table.meanings[name], "unit": unit} for name in columns.INTENSITIES if name in table.meanings}
+    told = {name: {**table.meanings[name], "unit": unit} for name in INTENSITIES if name in table.meanings}
     return replace(table, meanings=table.meanings | told)
 
 

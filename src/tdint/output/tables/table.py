@@ -1,5 +1,10 @@
 """A table as CSV: UTF-8, LF ends, a header, 12 significant digits, true/false, an empty cell for no value; and what a
-column of it is."""
+column of it is.
+
+Every column is declared once, in the module of its subject: its name, its unit, where its value comes from, and what it
+means. A name ends with the unit's `tdint.quantity.suffix`; a quantity that is absolute says so, all others are relative
+to the ground or to the floor below. An estimated error of a column is called `<column>_error`.
+"""
 
 from __future__ import annotations
 
@@ -8,18 +13,23 @@ import io
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import repeat
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
-from tdint.output_units import SI, OutputUnits, unit_of
+from tdint.output_units import SI, OutputUnits
+from tdint.quantity import Quantity
 
 Cell = bool | int | float | str | None
 
+TEXT = "text"
+"""Unit of a column of words."""
+
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
+_WORD = re.compile(r"\w+")
 _FORMULA = re.compile(r"[=@]|[-+][A-Za-z(]")
 
 
@@ -31,19 +41,24 @@ class Column:
     ----------
     name : str
         As in the header.
+    unit : str
+        In SI; 1 for a number without one, `text` for words.
     value : str or callable
         The attribute of a result (dots lead on) or the function of it that gives the cells: one for each row if it is
         an array, else the same for all rows of the result.
     meaning : str
         What it is, for people.
-    text : bool
-        Whether the cells are words and not numbers.
     """
 
     name: str
+    unit: str
     value: str | Callable[[Any], Any]
     meaning: str
-    text: bool = False
+
+    @classmethod
+    def of_quantity(cls, one: Quantity) -> Column:
+        """The column of a declared quantity, which is an attribute of the result."""
+        return cls(one.column, one.unit, one.name, one.meaning)
 
     def of(self, result: Any) -> Any:
         """The value for a result."""
@@ -58,18 +73,19 @@ def names(columns: Iterable[Column]) -> tuple[str, ...]:
 def describe(columns: Iterable[Column]) -> dict[str, dict[str, str]]:
     """Unit and meaning of each column, for a JSON file beside the table."""
     return {
-        column.name: {"meaning": column.meaning} | ({} if column.text else {"unit": unit_of(column.name)})
+        column.name: {"meaning": column.meaning} | ({} if column.unit == TEXT else {"unit": column.unit})
         for column in columns
     }
 
 
 def described_in(meanings: Mapping[str, Mapping[str, str]], units: OutputUnits) -> dict[str, dict[str, str]]:
     """What columns or keys mean (`describe`), under the names that they have in these units."""
+    shown = {name: units.column(name, said.get("unit", TEXT))[0] for name, said in meanings.items()}
     result = {}
     for name, said in meanings.items():
-        told = {"meaning": units.renamed(said["meaning"])} if "meaning" in said else {}
+        told = {"meaning": _WORD.sub(lambda word: shown.get(word[0], word[0]), said["meaning"])}
         told |= {"unit": units.unit(said["unit"])[0]} if "unit" in said else {}
-        result[units.column(name)[0]] = {**said, **told}
+        result[shown[name]] = {**said, **told}
     return result
 
 
@@ -94,7 +110,8 @@ def rows_of(columns: Sequence[Column], result: Any) -> list[tuple[Cell, ...]]:
 def error_columns(columns: Iterable[Column]) -> tuple[Column, ...]:
     """The columns of the estimated errors of others."""
     return tuple(
-        Column(f"{column.name}_error", column.value, f"estimated absolute error of {column.name}") for column in columns
+        replace(column, name=f"{column.name}_error", meaning=f"estimated absolute error of {column.name}")
+        for column in columns
     )
 
 
@@ -120,7 +137,7 @@ class Table:
         """The same table in other units: columns renamed with them, numbers converted."""
         if units == SI:
             return self
-        found = [units.column(name) for name in self.columns]
+        found = [units.column(name, self.meanings.get(name, {}).get("unit", TEXT)) for name in self.columns]
         factors = [factor for _, factor in found]
         rows = [tuple(map(converted, row, factors)) for row in self.rows]
         return Table(tuple(name for name, _ in found), rows, described_in(self.meanings, units))
@@ -156,3 +173,21 @@ def _harmless(text: str) -> str:
     """
     plain = _CONTROL.sub(lambda match: repr(match[0])[1:-1], text)
     return f"'{plain}" if _FORMULA.match(plain) else plain
+
+
+OF_RECORD = (
+    Column("record", "text", "record.source", "file of the record"),
+    Column("component", "text", "record.component", "component of the record"),
+)
+"""The first columns of tables over records; of several records the components' cells are found together."""
+
+OF_NAMED_RECORD = (
+    Column("record", "text", "record", "file of the record"),
+    Column("component", "text", "component", "component of the record"),
+)
+"""The same, of what has the names alone."""
+
+DAMPING = Column("damping", "1", "damping", "viscous damping ratio")
+PERIOD = Column("period_s", "s", "periods", "natural period")
+FLOOR = Column("floor", "1", "floor", "floor, from 1 at the bottom")
+METHOD_SPEC = Column("method", "text", "method", "time-integration method with its parameters")

@@ -11,16 +11,16 @@ if TYPE_CHECKING:
     from tdint.validation.case import ValidationResult
 
 VALIDATION = (
-    Column("case", "case.name", "name of the case", text=True),
-    Column("what", "case.title", "what it shows", text=True),
-    Column("source", "case.source", "where its numbers come from", text=True),
-    Column("numbers", lambda one: len(one.case.published), "how many numbers are compared"),
-    Column("unit", "case.unit", "unit of the numbers", text=True),
-    Column("relative", "case.relative", "whether differences are over the published numbers", text=True),
-    Column("largest_difference", "largest", "largest difference of computed from published numbers"),
-    Column("tolerance", "case.tolerance", "the largest difference that the case allows"),
-    Column("difference_is", "case.difference_is", "what differences are made of", text=True),
-    Column("within", "within", "whether all numbers are within the tolerance", text=True),
+    Column("case", "text", "case.name", "name of the case"),
+    Column("what", "text", "case.title", "what it shows"),
+    Column("source", "text", "case.source", "where its numbers come from"),
+    Column("numbers", "1", lambda one: len(one.case.published), "how many numbers are compared"),
+    Column("unit", "text", "case.unit", "unit of the numbers"),
+    Column("relative", "text", "case.relative", "whether differences are over the published numbers"),
+    Column("largest_difference", "1", "largest", "largest difference of computed from published numbers"),
+    Column("tolerance", "1", "case.tolerance", "the largest difference that the case allows"),
+    Column("difference_is", "text", "case.difference_is", "what differences are made of"),
+    Column("within", "text", "within", "whether all numbers are within the tolerance"),
 )
 
 

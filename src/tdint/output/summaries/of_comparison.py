@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from tdint.analysis.comparison.compare import absolute_displacements
 from tdint.output.summaries.summary import input_of, inputs_summary, model_input, schema, versions
-from tdint.output.tables.comparison import comparison_table, fitted_table
+from tdint.output.tables.buildings import comparison_table, fitted_table
 from tdint.output_units import SI, OutputUnits
 
 if TYPE_CHECKING:
@@ -76,7 +77,7 @@ def _event(one: Comparison) -> dict[str, Any]:
             for floor in one.floors
         ],
         "notes": [*event.notes, *response.notes],
-        "warnings": [*event.warnings, *response.warnings],
+        "warnings": [*event.warnings, *response.warnings, *absolute_displacements(one)],
     }
 
 

@@ -21,11 +21,9 @@ from tdint.analysis.static.pushover import Pushover
 from tdint.errors import UsageError
 from tdint.ground_motion.record import Record
 from tdint.model.modes import Modes
-from tdint.output.tables.buildings import history_columns
-from tdint.output.tables.columns import buildings, spectra
-from tdint.output.tables.columns.methods import STABILITY
-from tdint.output.tables.columns.shared import FLOOR, OF_RECORD
-from tdint.output.tables.table import Column
+from tdint.output.tables import buildings, spectra
+from tdint.output.tables.methods import STABILITY
+from tdint.output.tables.table import FLOOR, OF_RECORD, Column
 from tdint.output_units import SI, parse_output_units
 
 _ROWS = 20
@@ -49,10 +47,10 @@ def to_dict(result: Any, units: str = "") -> dict[str, Any]:
     """
     wanted = parse_output_units(units) if units else SI
     values = _values(result)
-    size = max((len(value) for value in values.values() if isinstance(value, np.ndarray)), default=1)
+    size = max((len(value) for _, value in values if isinstance(value, np.ndarray)), default=1)
     found: dict[str, Any] = {}
-    for name, value in values.items():
-        renamed, factor = wanted.column(name)
+    for column, value in values:
+        renamed, factor = wanted.column(column.name, column.unit)
         if isinstance(value, str):
             found[renamed] = [value] * size
         elif isinstance(value, np.ndarray):
@@ -79,22 +77,21 @@ def _cell(value: Any) -> str:
     return "" if value is None else str(value)
 
 
+_Values = list[tuple[Column, Any]]
+
+
 @singledispatch
-def _values(result: object) -> dict[str, Any]:
+def _values(result: object) -> _Values:
     """The value of each column: an array, or what all rows have."""
     raise UsageError(f"{type(result).__name__} has no table")
 
 
-def _of(own: Sequence[Column], result: Any) -> dict[str, Any]:
-    return {column.name: column.of(result) for column in own}
+def _of(own: Sequence[Column], result: Any) -> _Values:
+    return [(column, column.of(result)) for column in own]
 
 
-def _of_record(own: Sequence[Column], result: Any) -> dict[str, Any]:
+def _of_record(own: Sequence[Column], result: Any) -> _Values:
     return _of((*OF_RECORD, *own), result)
-
-
-def _of_samples(record: Record) -> dict[str, Any]:
-    return {"time_s": record.dt * np.arange(record.acceleration.size), "acceleration_m_s2": record.acceleration}
 
 
 _values.register(StoryPeaks, lambda result: _of(buildings.STORY, result))
@@ -104,36 +101,36 @@ _values.register(DriftSpectrum, partial(_of_record, spectra.DRIFT_SPECTRUM))
 _values.register(CyclicTest, lambda result: _of(buildings.CYCLIC, result))
 _values.register(Pushover, lambda result: _of(buildings.pushover(result.drift.shape[1]), result))
 _values.register(StabilityCurve, lambda result: _of(STABILITY, result))
-_values.register(Record, _of_samples)
+_values.register(Record, partial(_of, spectra.SAMPLES))
 
 
 @_values.register
-def _(result: Response) -> dict[str, Any]:
-    errors = _of(buildings.STORY_ERROR, result.check.errors) if result.check else {}
-    return _values(result.stories) | errors
+def _(result: Response) -> _Values:
+    errors = _of(buildings.STORY_ERROR, result.check.errors) if result.check else []
+    return _values(result.stories) + errors
 
 
 @_values.register
-def _(result: FloorSpectrum) -> dict[str, Any]:
-    return _of([FLOOR], result) | _of(spectra.SPECTRUM, result.spectrum)
+def _(result: FloorSpectrum) -> _Values:
+    return _of([FLOOR], result) + _of(spectra.SPECTRUM, result.spectrum)
 
 
 @_values.register
-def _(result: RotatedSpectrum) -> dict[str, Any]:
+def _(result: RotatedSpectrum) -> _Values:
     return _of((*spectra.OF_MOTION, *spectra.rotated(result.percentiles)), result)
 
 
 @_values.register
-def _(result: Modes) -> dict[str, Any]:
+def _(result: Modes) -> _Values:
     ratios = np.full_like(result.omega, np.nan) if result.damping is None else result.damping
     return _of((*buildings.MODE, buildings.mode_damping(ratios), *buildings.MODE_END), result)
 
 
 @_values.register
-def _(result: History) -> dict[str, Any]:
+def _(result: History) -> _Values:
     start, energy = _of(buildings.HISTORY_START, result), _of(buildings.HISTORY_ENERGY, result)
     floors, stories = _of(buildings.HISTORY_FLOOR, result), _of(buildings.HISTORY_STORY, result)
     places = range(result.displacement.shape[1])
-    inner = [values[:, i] for group in (floors, stories) for i in places for values in group.values()]
-    names = history_columns(len(places))
-    return dict(zip(names, [*start.values(), *inner, *energy.values()], strict=True))
+    inner = [values[:, i] for group in (floors, stories) for i in places for _, values in group]
+    values = [*(value for _, value in start), *inner, *(value for _, value in energy)]
+    return list(zip(buildings.history_columns(len(places)), values, strict=True))

@@ -6,83 +6,65 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from tdint.analysis.run.demands import demand_errors, demands
+from tdint.analysis.run.demands import DEMANDS, only
 from tdint.analysis.run.outcome import ENERGY_TERMS
 from tdint.ground_motion.record import Input, Record
 from tdint.model.definition import Damping, ModalDamping, Model, RayleighCoefficients
 from tdint.output.summaries.summary import inputs_summary, motion_summary, schema, versions
-from tdint.output_units import unit_of
 
 if TYPE_CHECKING:
     from tdint.analysis.run.outcome import Collapse, Energy, ErrorEstimate, FailedRun, Response, StoryErrors, StoryPeaks
     from tdint.analysis.spectra.first_mode import FirstMode
 
-PEAKS = {
-    "roof_displacement": ("roof_displacement_m", None),
-    "base_shear": ("base_shear_N", None),
-    "drift": ("drift_m", "drift_story"),
-    "drift_ratio": ("drift_ratio", "drift_ratio_story"),
-    "residual_drift": ("residual_drift_m", "residual_drift_story"),
-    "residual_drift_ratio": ("residual_drift_ratio", "residual_drift_ratio_story"),
-    "ductility": ("ductility", "ductility_story"),
-    "acceleration": ("floor_absolute_acceleration_m_s2", "floor_absolute_acceleration_floor"),
-}
-"""By the names in `tdint.analysis.run.demands`, the keys of a largest value and of the story or floor that has it."""
-
 MEANINGS = {
-    "time_s": "last time reached",
-    "story": "story of the failure or collapse, from 1 at the ground",
-    "residual": "forces out of balance over the story's forces",
-    "largest_stable_dt_s": "largest stable time step",
-    "dt_s": "time step; of a record its sampling interval",
-    "steps": "time steps",
-    "duration_s": "time integrated; of a record from its first to its last sample",
-    "iterations": "solves of the equations",
-    "halved_steps": "steps divided because they did not converge",
-    "events": "changes of branch of a drift law that were located in time",
-    "wall_time_s": "wall time of the command",
-    "time_loop_s": "wall time of the compiled time loop alone",
-    "stories": "number of stories",
-    "t1_s": "fundamental period of the initial stiffness, P-delta included",
-    "t1_damping": "viscous damping ratio of the first mode, without power-law dashpots",
-    "sa_t1_m_s2": "pseudo-acceleration of the ground motion at t1_s",
-    "sa_t1_damping": "viscous damping ratio of sa_t1_m_s2",
-    "ratios": "viscous damping ratios of the modes",
-    "modes": "modes that the ratios belong to, from 1",
-    "mass_1_s": "Rayleigh coefficient of the mass matrix",
-    "stiffness_s": "Rayleigh coefficient of the initial stiffness matrix",
-    "start_J": "kinetic and stored energy at the start, relative to the ground",
-    "error": "imbalance of the energies over the largest input energy",
-    "roof_displacement_m": "largest displacement of the roof, relative to the ground",
-    "base_shear_N": "largest restoring force of the first story, without viscous forces",
-    "drift_m": "largest drift of a story, relative to the floor below",
-    "drift_story": "its story",
-    "drift_ratio": "largest drift over story height",
-    "drift_ratio_story": "its story",
-    "residual_drift_m": "largest absolute drift at the end of the run",
-    "residual_drift_story": "its story",
-    "residual_drift_ratio": "largest absolute drift at the end over story height",
-    "residual_drift_ratio_story": "its story",
-    "ductility": "largest drift over drift at first yield",
-    "ductility_story": "its story",
-    "floor_absolute_acceleration_m_s2": "largest absolute acceleration of a floor",
-    "floor_absolute_acceleration_floor": "its floor",
-    "dts_s": "time steps of the repetitions that the errors come from; none if the run itself carried its error along",
-    "drift_error": "largest estimated error of a peak drift over that drift",
-    "drift_error_story": "its story",
-    "tolerance": "what drift_error was asked to stay below",
-    "runs_for_the_step": "runs that were made to choose the step for the tolerance",
-    "samples_in_the_step": "sampling intervals of the record in the step that was chosen",
-    "solves_at_record_step": "solves of a run with the record's own step, where one was made to choose",
-    "collapse_drift": "drift ratio beyond which a run counts as collapsed",
-    "samples": "samples of the record",
-    "pga_m_s2": "peak ground acceleration",
-    "scale": "factor on the record's acceleration",
-    "version": "version of this file's layout",
+    "time_s": ("s", "last time reached"),
+    "story": ("1", "story of the failure or collapse, from 1 at the ground"),
+    "residual": ("1", "forces out of balance over the story's forces"),
+    "largest_stable_dt_s": ("s", "largest stable time step"),
+    "dt_s": ("s", "time step; of a record its sampling interval"),
+    "steps": ("1", "time steps"),
+    "duration_s": ("s", "time integrated; of a record from its first to its last sample"),
+    "iterations": ("1", "solves of the equations"),
+    "halved_steps": ("1", "steps divided because they did not converge"),
+    "events": ("1", "changes of branch of a drift law that were located in time"),
+    "wall_time_s": ("s", "wall time of the command"),
+    "time_loop_s": ("s", "wall time of the compiled time loop alone"),
+    "stories": ("1", "number of stories"),
+    "t1_s": ("s", "fundamental period of the initial stiffness, P-delta included"),
+    "t1_damping": ("1", "viscous damping ratio of the first mode, without power-law dashpots"),
+    "sa_t1_m_s2": ("m/s^2", "pseudo-acceleration of the ground motion at t1_s"),
+    "sa_t1_damping": ("1", "viscous damping ratio of sa_t1_m_s2"),
+    "ratios": ("1", "viscous damping ratios of the modes"),
+    "modes": ("1", "modes that the ratios belong to, from 1"),
+    "mass_1_s": ("s", "Rayleigh coefficient of the mass matrix"),
+    "stiffness_s": ("s", "Rayleigh coefficient of the initial stiffness matrix"),
+    "start_J": ("J", "kinetic and stored energy at the start, relative to the ground"),
+    "error": ("1", "imbalance of the energies over the largest input energy"),
+    "dts_s": ("s", "time steps of the repetitions that the errors come from; none where the run carried them along"),
+    "drift_error": ("1", "largest estimated error of a peak drift over that drift"),
+    "drift_error_story": ("1", "its story"),
+    "tolerance": ("1", "what drift_error was asked to stay below"),
+    "runs_for_the_step": ("1", "runs that were made to choose the step for the tolerance"),
+    "samples_in_the_step": ("1", "sampling intervals of the record in the step that was chosen"),
+    "solves_at_record_step": ("1", "solves of a run with the record's own step, where one was made to choose"),
+    "moving_drift_m": ("m", "amplitude with which a drift still moves about its rest at the end, about"),
+    "moving_drift_story": ("1", "its story"),
+    "rest_s": ("s", "time by which the building was at rest, where the run went on until then"),
+    "collapse_drift": ("1", "drift ratio beyond which a run counts as collapsed"),
+    "samples": ("1", "samples of the record"),
+    "pga_m_s2": ("m/s^2", "peak ground acceleration"),
+    "scale": ("1", "factor on the record's acceleration"),
+    "version": ("1", "version of this file's layout"),
 }
-MEANINGS |= {f"{name}_J": f"{meaning}, at the end or the last time reached" for name, meaning in ENERGY_TERMS.items()}
-MEANINGS |= {f"{key}_error": f"estimated absolute error of {key}" for key, _ in PEAKS.values()}
-"""What the number under a key is; its unit is in its name."""
+MEANINGS |= {
+    f"{name}_J": ("J", f"{meaning}, at the end or the last time reached") for name, meaning in ENERGY_TERMS.items()
+}
+MEANINGS |= {one.column: (one.unit, one.meaning) for one in DEMANDS}
+MEANINGS |= {one.of_place: ("1", f"its {one.place}") for one in DEMANDS}
+MEANINGS |= {f"{one.column}_error": (one.unit, f"estimated absolute error of {one.column}") for one in DEMANDS}
+"""Unit and meaning of the number under a key."""
+
+UNITS = {key: unit for key, (unit, _) in MEANINGS.items()}
 
 
 def run_summary(
@@ -123,6 +105,7 @@ def run_summary(
         "energy": _energy(response.energy),
         "peaks": peaks(response.stories),
         "check": _check(response.check, response.stories),
+        "at_end": _at_end(response),
         "collapse_drift": response.model.collapse_drift,
         "collapse": _collapse(response.collapse),
     }
@@ -180,7 +163,7 @@ def _ended(
 def meanings(content: Mapping[str, Any]) -> dict[str, dict[str, str]]:
     """Unit and meaning of every key of a summary under which there is a number."""
     found = dict.fromkeys(_numbers({key: part for key, part in content.items() if key != "settings"}))
-    return {key: {"meaning": MEANINGS[key], "unit": unit_of(key)} for key in found}
+    return {key: {"meaning": MEANINGS[key][1], "unit": MEANINGS[key][0]} for key in found}
 
 
 def _numbers(content: Mapping[str, Any]) -> Iterator[str]:
@@ -199,19 +182,18 @@ def _is_number(value: object) -> bool:
 def peaks(stories: StoryPeaks) -> dict[str, float | int | None]:
     """The largest demands, SI units, and the story or floor (from 1) that has them; None where unknown."""
     result: dict[str, float | int | None] = {}
-    found = demands(stories)
-    for name, (key, place) in PEAKS.items():
-        largest = getattr(found, name)
-        result[key] = None if math.isnan(largest.value) else largest.value
-        if place:
-            result[place] = largest.place
+    for one in DEMANDS:
+        largest = only(one.of(stories))
+        result[one.column] = None if math.isnan(largest.value) else largest.value
+        if one.story is None:
+            result[one.of_place] = largest.place
     return result
 
 
 def peak_errors(stories: StoryPeaks, errors: StoryErrors) -> dict[str, float | None]:
     """Estimated errors of the numbers in `peaks`; None where there is none."""
-    found = demand_errors(stories, errors)
-    return {f"{key}_error": None if math.isnan(found[name]) else found[name] for name, (key, _) in PEAKS.items()}
+    found = {f"{one.column}_error": one.error(stories, errors) for one in DEMANDS}
+    return {key: None if math.isnan(error) else error for key, error in found.items()}
 
 
 def _building(model: Model, first: FirstMode | None) -> dict[str, Any]:
@@ -235,6 +217,15 @@ def _damping(damping: Damping) -> dict[str, Any] | None:
     if isinstance(damping, ModalDamping):
         return {"type": "modal", "ratios": list(damping.ratios)}
     return {"type": "rayleigh", "ratios": list(damping.ratios), "modes": list(damping.modes)}
+
+
+def _at_end(response: Response) -> dict[str, Any]:
+    story = int(response.moving_drift.argmax())
+    return {
+        "moving_drift_m": float(response.moving_drift[story]),
+        "moving_drift_story": story + 1,
+        "rest_s": response.rest_time,
+    }
 
 
 def _energy(energy: Energy) -> dict[str, float]:

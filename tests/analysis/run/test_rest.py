@@ -1,0 +1,91 @@
+"""Runs that go on until the building is at rest, what is said of others, and residual drifts of long steps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from building_cases import Force, noise, oscillator, ten_bilinear, ten_linear
+from random_buildings import checked_building
+from tdint import run
+from tdint.analysis.run.rest import AT_REST, REST_PERIODS
+from tdint.campaign.engine.batch import Batch
+from tdint.campaign.engine.task import Motions, Run, RunSettings, Subject
+
+MOVES = "the building still moves at the end, the drift of story"
+
+
+def moves(response):
+    return any(note.startswith(MOVES) for note in response.notes)
+
+
+def test_it_is_the_run_of_a_campaign():
+    record = noise(seed=3)
+    response = run(ten_bilinear(), record, method="impulse4", until_rest=True)
+    of = Batch(0, Subject(ten_bilinear(), "impulse4"), Motions.of({0: record}), {0: None}, RunSettings(until_rest=True))
+    row = of.results([Run(0, 1.0)]).runs[0]
+    assert (row.steps, row.at_rest) == (response.steps, 1)
+    ratios = np.abs(response.stories.residual_drift) / response.stories.height
+    assert row.residual_drift_ratio == np.max(ratios)
+
+
+@pytest.mark.parametrize("more", [{}, {"tolerance": 0.01}, {"check": True, "dt": 0.04}, {"history": True}])
+def test_residual_drifts_are_at_rest(more):
+    """Those of a run ten times as long, which without the option moves at the record's end and says so."""
+    record = noise(seed=3)
+    plain = run(ten_bilinear(), record, method="impulse4")
+    rest = run(ten_bilinear(), record, method="impulse4", until_rest=True, **more)
+    last = run(ten_bilinear(), record, method="impulse4", duration=10.0 * rest.rest_time, dt=more.get("dt"))
+    scale = np.max(rest.stories.peak_displacement)
+    assert rest.rest_time == pytest.approx(rest.steps * rest.dt) and rest.rest_time > record.duration
+    assert not moves(rest) and moves(plain) and plain.rest_time is None
+    if "tolerance" not in more:
+        assert np.max(np.abs(rest.stories.residual_drift - last.stories.residual_drift)) < 2.0 * AT_REST * scale
+    far = np.abs(plain.stories.residual_drift - last.stories.residual_drift)
+    assert np.max(far) > 5.0 * AT_REST * scale
+    assert np.max(far) < 2.0 * np.max(plain.moving_drift)
+    if rest.history is not None:
+        assert rest.history.time[-1] == pytest.approx(rest.rest_time)
+
+
+def test_peaks_before_are_the_same():
+    plain, rest = (run(ten_bilinear(), noise(), method="impulse4", until_rest=one) for one in (False, True))
+    assert np.array_equal(plain.stories.peak_drift, rest.stories.peak_drift)
+
+
+def test_an_undamped_building_never_rests():
+    response = run(oscillator(10.0), noise(), method="impulse4", until_rest=True)
+    assert response.rest_time is None and moves(response)
+    assert response.steps * response.dt == pytest.approx(8.0 + REST_PERIODS * 0.2 * np.pi, rel=0.01)
+
+
+@pytest.mark.parametrize("duration", [1.0, 1.37, 2.5])
+def test_the_amplitude_of_what_still_moves(duration):
+    """One story in free vibration: that of its start, at any time; no note without ground motion."""
+    response = run(oscillator(10.0, velocity=(0.3,)), method="exact", dt=0.01, duration=duration)
+    assert response.moving_drift[0] == pytest.approx(0.03, rel=1e-6)
+    assert not moves(response)
+
+
+def test_there_is_no_rest_under_forces():
+    shaken = replace(ten_linear(), excitation=replace(ten_linear().excitation, forces=(Force(10, 1e5, 0.0, 5.0),)))
+    assert not moves(run(shaken, noise(), method="impulse4"))
+
+
+@pytest.mark.parametrize("samples", [2, 4])
+def test_residual_drifts_of_steps_that_end_after_the_record(samples):
+    """They are not those at the record's end, and their errors say so."""
+    good, changed = [], []
+    for seed in range(16):
+        building, record, method = checked_building(seed, 502)
+        response = run(building, record, method=method, dt=samples * record.dt, check=True)
+        if response.check.drift_error is None:
+            continue
+        truth = run(building, record, method="impulse4", dt=record.dt / 16, duration=record.duration).stories
+        far = np.abs(response.stories.residual_drift - truth.residual_drift)
+        good.append(far <= 2.0 * response.check.errors.residual_drift + 1e-6 * truth.peak_drift)
+        changed.append(np.max(response.unresolved.residual_drift))
+    assert len(good) >= 12 and min(changed) > 0.0
+    assert np.mean(np.concatenate(good)) >= 0.98

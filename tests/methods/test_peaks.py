@@ -1,0 +1,116 @@
+"""Reported peaks of all methods: no farther off than the largest values at the steps or the motion itself.
+
+The limit is that of `benchmarks/peaks.py`, which measures more.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from building_cases import Law, model, noise, story
+from random_buildings import piecewise_building, shaken_building
+from tdint import run
+from tdint.errors import AnalysisError
+from tdint.methods.catalogue import catalogue, parse
+
+QUANTITIES = ("drift", "displacement", "velocity", "acceleration", "shear")
+METHODS = (*catalogue(), "hht:alpha=-0.3", "newmark:gamma=0.6", "impulse4:rho_inf=0.5", "moment4:rho_inf=0.5")
+PARTS, FINE = (1, 2, 4), 64
+
+
+def linear(rng):
+    return shaken_building(rng, laws=("linear",))
+
+
+@pytest.fixture(scope="module")
+def buildings():
+    """Linear ones and such with smooth laws and with kinks, each with its motion and a fine run."""
+    found = []
+    for seed, draw in enumerate((linear, linear, shaken_building, shaken_building, piecewise_building)):
+        rng = np.random.default_rng(seed)
+        building, record = draw(rng)
+        # Rough, as records are: accelerations change from sample to sample.
+        size = record.acceleration.size
+        rough = 0.5 * rng.normal(size=size) * np.sin(np.pi * np.linspace(0.0, 1.0, size)) ** 2
+        record = replace(record, acceleration=record.acceleration + rough)
+        found.append((building, record, run(building, record, method="impulse4", dt=record.dt / FINE, history=True)))
+    return found
+
+
+def errors(building, record, method, parts, truth):
+    """Of each quantity: how far off the reported peaks are, and what they may be."""
+    response = run(building, record, method=method, dt=record.dt / parts, history=True)
+    for one in QUANTITIES:
+        peak = getattr(truth.stories, f"peak_{one}")
+        history, exact = getattr(response.history, one), getattr(truth.history, one)[:: FINE // parts]
+        at_steps = np.abs(np.max(np.abs(history), axis=0) / peak - 1.0)
+        own = np.max(np.abs(history - exact), axis=0) / peak
+        reported = np.abs(getattr(response.stories, f"peak_{one}") / peak - 1.0)
+        yield reported, 1.1 * np.maximum(at_steps, own) + 1e-4
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_reported_peak_is_no_worse_than_the_motion_or_the_steps(buildings, method):
+    good = []
+    for building, record, truth in buildings:
+        for parts in PARTS:
+            try:
+                found = errors(building, record, method, parts, truth)
+                good.append([np.all(reported <= limit) for reported, limit in found])
+            except AnalysisError:  # it does not integrate such a building, or the step is too long for it
+                continue
+    assert len(good) >= 5
+    assert np.all(np.mean(good, axis=0) >= 0.9)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_peaks_of_linear_buildings_fall_with_the_order(buildings, method):
+    """From dt/2 to dt/8, in the mean of the stories of two buildings; accelerations with order 2 at least."""
+    errors = np.zeros((len(QUANTITIES), 2))
+    for building, record, truth in buildings[:2]:
+        for column, parts in enumerate((2, 8)):
+            stories = run(building, record, method=method, dt=record.dt / parts).stories
+            for row, one in enumerate(QUANTITIES):
+                found, exact = (getattr(stories, f"peak_{one}"), getattr(truth.stories, f"peak_{one}"))
+                errors[row, column] += np.sum(np.abs(found / exact - 1.0))
+    order = parse(method).order
+    expected = [min(order, 2 if one == "acceleration" else 4) for one in QUANTITIES]
+    observed = np.log2(errors[:, 0] / errors[:, 1]) / 2.0
+    assert np.all((observed >= np.array(expected) - 0.5) | (errors[:, 1] <= 1e-7))
+
+
+def test_the_truth_is_that_of_dop853():
+    """Two stories of tanh springs, without a line of this project's kernels: all five peaks."""
+    masses, springs, strength = np.array([1e5, 8e4]), np.array([4e7, 3e7]), 3e5
+    dampers = 0.04 * np.sqrt(masses * springs)
+    record = noise(samples=401, peak=5.0, seed=11)
+    building = model(
+        [story(m, k, Law("tanh", (strength,)), dashpot=c) for m, k, c in zip(masses, springs, dampers, strict=True)]
+    )
+    times = np.arange(401) * record.dt
+
+    def forces(u):
+        return strength * np.tanh(springs[:, None] * np.diff(u, prepend=0.0, axis=0) / strength)
+
+    def absolute(u, v):
+        shear = forces(u) + dampers[:, None] * np.diff(v, prepend=0.0, axis=0)
+        return np.diff(shear, append=0.0, axis=0) / masses[:, None]
+
+    def rate(t, y):
+        y = y[:, None]
+        return np.append(y[2:], absolute(y[:2], y[2:]) - np.interp(t, times, record.acceleration))
+
+    y, peaks = np.zeros(4), np.zeros((5, 2))
+    for start in times[:-1]:  # the ground bends at each sample
+        fine = np.linspace(start, start + record.dt, 41)
+        solved = solve_ivp(rate, (fine[0], fine[-1]), y, method="DOP853", t_eval=fine, rtol=1e-11, atol=1e-13)
+        y, u, v = solved.y[:, -1], solved.y[:2], solved.y[2:]
+        values = (np.diff(u, prepend=0.0, axis=0), u, v, absolute(u, v), forces(u))
+        peaks = np.maximum(peaks, [np.max(np.abs(one), axis=1) for one in values])
+    stories = run(building, record, method="impulse4", dt=record.dt / FINE).stories
+    for one, peak in zip(QUANTITIES, peaks, strict=True):
+        assert getattr(stories, f"peak_{one}") == pytest.approx(peak, rel=2e-5)

@@ -1,0 +1,113 @@
+"""The pictures of the READMEs in configs: `python tests/pictures.py` draws those anew that are out of date.
+
+What a picture is made from, its command, the files that this names, the methods of the catalogue where it shows them,
+and the sources that draw it, has a digest in configs/pictures.json; tests/documentation compares. Pixels are not
+compared: they differ between machines. Charts tell times, so they are drawn on a quiet machine, and only by name:
+`python tests/pictures.py chain-150-chart.png`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import readmes
+from tdint.methods.catalogue import catalogue
+
+FOLDER = readmes.ROOT / "configs"
+DIGESTS = FOLDER / "pictures.json"
+_FIGURES = readmes.ROOT / "src" / "tdint" / "output" / "figures"
+_IDA = "tdint ida configs/collapse-prone-frame.yaml records --units m/s^2 -q"
+
+
+@dataclass(frozen=True)
+class Picture:
+    """How a picture is made: a shell command, with `{file}` for it, and the module of figures that draws it."""
+
+    command: str
+    module: str
+    of_methods: bool = False
+    timed: bool = False
+
+
+PICTURES = {
+    "ten-story-bilinear.png": Picture("tdint run configs/ten-story-bilinear.yaml --plot={file}", "runs"),
+    "three-story-concrete-loops.png": Picture(
+        "tdint law configs/three-story-concrete.yaml --drift 1% --drift 2% --drift 3% --cycles 2 --plot={file}",
+        "statics",
+    ),
+    "design-spectrum.png": Picture(
+        "tdint scale records --units m/s^2 --target configs/design-spectrum.csv --range 0.2:2 --plot={file}", "suites"
+    ),
+    "collapse-prone-frame-ida.png": Picture(f"{_IDA} --plot={{file}}", "ida"),
+    "collapse-prone-frame-fragility.png": Picture(
+        f"{_IDA} | tdint fragility - --threshold 10% --beta-model 0.35 --plot={{file}}", "fragility"
+    ),
+    "failures.png": Picture("tdint failures --plot={file}", "failure_matrix", of_methods=True),
+    "ten-story-bilinear-chart.png": Picture(
+        "tdint chart configs/ten-story-bilinear.yaml --peers --repeat 20 --plot={file}", "work_precision", timed=True
+    ),
+    "chain-150-chart.png": Picture(
+        "tdint chart configs/chain-150.yaml --repeat 5 --plot={file}", "work_precision", timed=True
+    ),
+}
+
+
+def _sources(module: str) -> set[Path]:
+    """The module and what it imports of the figures, files in turn."""
+    found: set[Path] = set()
+    names = {module}
+    while names:
+        file = _FIGURES / f"{names.pop()}.py"
+        if file not in found:
+            found.add(file)
+            names |= set(re.findall(r"from tdint\.output\.figures\.(\w+) import", file.read_text()))
+    return found
+
+
+def _inputs(command: str) -> set[Path]:
+    """The files that a command names; of a model its record, of a folder what records it holds, as well."""
+    named = [readmes.ROOT / word for word in command.split() if (readmes.ROOT / word).exists()]
+    files = {file for one in named for file in (one.glob("*.mseed") if one.is_dir() else [one])}
+    told = (re.findall(r"\.\./records/[\w.-]+", file.read_text()) for file in files if file.suffix == ".yaml")
+    return files | {readmes.ROOT / name.removeprefix("../") for names in told for name in names}
+
+
+def digest(picture: Picture) -> str:
+    """Of all that a picture is made from; the names of files count, their folders do not."""
+    whole = hashlib.sha256(picture.command.encode())
+    if picture.of_methods:
+        whole.update(" ".join(catalogue()).encode())
+    for file in sorted(_sources(picture.module) | _inputs(picture.command), key=lambda file: file.name):
+        whole.update(file.name.encode() + b"\0" + file.read_bytes())
+    return whole.hexdigest()
+
+
+def out_of_date() -> list[str]:
+    """The pictures whose digest is another one than when they were drawn, or that are not there."""
+    known = json.loads(DIGESTS.read_text()) if DIGESTS.exists() else {}
+    return [name for name, one in PICTURES.items() if known.get(name) != digest(one) or not (FOLDER / name).exists()]
+
+
+def draw(names: list[str]) -> None:
+    """Draw pictures, and write their digests."""
+    known = json.loads(DIGESTS.read_text()) if DIGESTS.exists() else {}
+    for name in names:
+        print(name, flush=True)
+        with readmes.checkout() as (folder, environment):
+            code, _, said = readmes.shell(PICTURES[name].command.format(file=name), folder, environment)
+            assert code == 0, said
+            (FOLDER / name).write_bytes((folder / name).read_bytes())
+        known[name] = digest(PICTURES[name])
+        DIGESTS.write_text(json.dumps(known, indent=1, sort_keys=True) + "\n")
+
+
+if __name__ == "__main__":
+    stale = out_of_date()
+    draw(sys.argv[1:] or [name for name in stale if not PICTURES[name].timed])
+    if left := [name for name in stale if PICTURES[name].timed and name not in sys.argv]:
+        print("drawn by name, on a quiet machine:", *left)

@@ -1,0 +1,127 @@
+"""The plan of the house: what the contracts of import-linter cannot say. Its numbers are ceilings."""
+
+from __future__ import annotations
+
+import ast
+from collections import Counter, defaultdict
+from functools import cache
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+LAYERS = ("kernels", "ground_motion", "model", "methods", "analysis", "campaign", "output")
+
+NAMED_MORE_OFTEN = {"modes.py"}
+SKIPS = 21
+LONG_SIGNATURES = {"kernels": 13, "analysis": 2, "campaign": 1, "cli": 2}
+
+
+@cache
+def trees():
+    """Each module's layer (the command line and the ground are two), path and syntax tree."""
+    found = []
+    for home in ("src", "cli"):
+        for path in sorted((ROOT / home).rglob("*.py")):
+            part = path.relative_to(ROOT / home).parts[1]
+            layer = "cli" if home == "cli" else part if part in LAYERS else "ground"
+            found.append((layer, path.relative_to(ROOT).as_posix(), ast.parse(path.read_text(encoding="utf-8"))))
+    return found
+
+
+def nodes(kind):
+    """All nodes of a kind with their layer and path."""
+    return [(layer, path, node) for layer, path, tree in trees() for node in ast.walk(tree) if isinstance(node, kind)]
+
+
+def test_no_class_name_stands_in_two_layers():
+    layers = defaultdict(set)
+    for layer, _, node in nodes(ast.ClassDef):
+        layers[node.name].add(layer)
+    assert {name: found for name, found in layers.items() if len(found) > 1} == {}
+
+
+def test_the_arrays_of_a_march_are_made_in_two_places():
+    """For a march, and for the single steps of which an amplification matrix is made."""
+    calls = {path for _, path, node in nodes(ast.Call) if getattr(node.func, "id", "") == "workspace"}
+    assert calls == {f"src/tdint/analysis/run/{name}.py" for name in ("prepared", "amplification")}
+
+
+def test_no_result_is_declared_twice():
+    """The output takes the analyses' own results: a protocol there is of what several results have in common."""
+    protocols = [
+        node.name
+        for layer, _, node in nodes(ast.ClassDef)
+        if layer == "output" and any(getattr(base, "id", "") == "Protocol" for base in node.bases)
+    ]
+    assert protocols == ["OverPeriods"]
+
+
+def test_a_column_is_declared_in_one_place():
+    """Columns are made where their tables are."""
+    makers = {path for _, path, node in nodes(ast.Call) if getattr(node.func, "id", "") == "Column"}
+    subjects = ("buildings", "spectra", "methods", "campaign", "studies", "simcenter", "table", "validation")
+    assert makers == {f"src/tdint/output/tables/{name}.py" for name in subjects}
+
+
+def modules():
+    """The paths of all modules, below the folder of their package: tdint/..., tdint_cli/..."""
+    return [Path(*Path(path).parts[1:]) for _, path, _ in trees()]
+
+
+def test_modules_are_few_and_their_folders_flat():
+    found = [module for module in modules() if module.name != "__init__.py"]
+    assert len(modules()) <= 350
+    assert [folder for folder, count in Counter(module.parent for module in found).items() if count > 14] == []
+    assert [module for module in found if len(module.parts) > 5] == []  # the package and three folders
+
+
+def test_a_name_stands_for_two_modules_at_most():
+    names = Counter(module.name for module in modules() if module.name != "__init__.py")
+    assert {name for name, count in names.items() if count > 2} <= NAMED_MORE_OFTEN
+
+
+def imported(tree, known):
+    """The modules that a module needs to be imported: those of its own level, not those for types or in functions."""
+    for node in tree.body:
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names if alias.name in known)
+        elif isinstance(node, ast.ImportFrom):
+            inner = [f"{node.module}.{alias.name}" for alias in node.names]
+            yield from (name for name in inner if name in known)
+            if node.module in known and not known.issuperset(inner):
+                yield node.module
+
+
+def test_no_module_needs_itself():
+    named = {}
+    for _, path, tree in trees():
+        parts = Path(path).with_suffix("").parts[1:]
+        named[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = tree
+    known = set(named)
+    order = TopologicalSorter({name: set(imported(tree, known)) for name, tree in named.items()})
+    assert len(tuple(order.static_order())) == len(known)  # a circle raises CycleError, which names it
+
+
+def test_code_is_laid_out_by_the_formatter():
+    """Where it is not, in src, a table reads as one."""
+    skips = [path for _, path, _ in trees() for _ in range((ROOT / path).read_text().count("# fmt: skip"))]
+    assert len([path for path in skips if path.startswith("src")]) <= SKIPS
+
+
+@pytest.mark.parametrize("layer", [*LAYERS, "cli", "ground"])
+def test_functions_take_at_most_eight_arguments(layer):
+    """But for kernels, which are entered with flat arguments, and what calls through an address."""
+    long = []
+    for found, path, node in nodes(ast.FunctionDef):
+        count = len(node.args.posonlyargs) + len(node.args.args) + len(node.args.kwonlyargs)
+        if found == layer and count > 8 and not is_border(node):
+            long.append(f"{path}: {node.name} {count}")
+    assert len(long) <= LONG_SIGNATURES.get(layer, 0), long
+
+
+def is_border(node):
+    """Whether a function is compiled by itself (`@kernel`) or calls through an address (`@intrinsic`, `call_...`)."""
+    decorators = [ast.unparse(one).partition("(")[0] for one in node.decorator_list]
+    return bool({"kernel", "intrinsic"} & set(decorators)) or node.name.startswith("call_")
