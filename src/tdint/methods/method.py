@@ -84,7 +84,7 @@ class Family:
         (building, forces, h) -> the step's coefficients, where they depend on the building.
     with_error : Family, optional
         The same steps with the run's error carried along: states of the drift laws, and work, have a second set of
-        columns for the motion that is corrected by it, and work the rows of `tdint.kernels.equations.moment4_error`.
+        columns for the motion that is corrected by it, and work the rows of `tdint.kernels.equations.carried.error`.
     carries_error : bool
         Whether this is such a family.
     """

@@ -36,9 +36,10 @@ from tdint.kernels import layout as at
 from tdint.kernels.bundles import Memory, Scene
 from tdint.kernels.chain import finite, mean_load
 from tdint.kernels.compiling import kernel
+from tdint.kernels.equations.carried.error import begin_error, carry_error
+from tdint.kernels.equations.carried.peaks import observe_error
+from tdint.kernels.equations.carried.rows import ERROR_ROWS, STATE_ROWS
 from tdint.kernels.equations.moment4 import ROW, R, finish, move, work_rows
-from tdint.kernels.equations.moment4_error import ERROR_ROWS, STATE_ROWS, begin_error, carry_error
-from tdint.kernels.equations.moment4_peaks import observe_error
 from tdint.kernels.stepping import STEP
 from tdint.methods.method import Family, Method, Parameter
 
@@ -58,7 +59,7 @@ def step(coefficients, chain, modal, laws, forces, flags, h, load, state, spring
 
 @kernel(STEP)
 def step_with_error(coefficients, chain, modal, laws, forces, flags, h, load, state, springs, work, report):
-    """The same step, and the error that the run has come to (`tdint.kernels.equations.moment4_error`)."""
+    """The same step, and the error that the run has come to (`tdint.kernels.equations.carried.error`)."""
     scene = Scene(chain, modal, laws, forces, flags)
     memory = Memory(state, springs, work, report)
     if report[at.ERROR_BEGUN] == 0.0:

@@ -109,8 +109,8 @@ class Request(BuildingRequest):
 @options.analysis.option(
     "--check",
     is_flag=True,
-    help="Columns <name>_error with the estimated errors. moment4 carries them along in the run; with another method it "
-    "is repeated with a half and a quarter of the step.",
+    help="Columns <name>_error with the estimated errors. moment4 carries them along in the run; with another method "
+    "it is repeated with a half and a quarter of the step.",
 )
 @options.analysis.option(
     "--tolerance",

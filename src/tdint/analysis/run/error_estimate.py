@@ -1,6 +1,6 @@
 """How far off the peaks of a run are.
 
-A run of moment4 carries its error along (`tdint.kernels.equations.moment4_error`). Below 1e-3 of the peak drift the
+A run of moment4 carries its error along (`tdint.kernels.equations.carried.error`). Below 1e-3 of the peak drift the
 estimate is a bound for what the corrected peaks are off by, and within a fourth of the error of the run's own in 95 of
 100 runs; up to 1e-2 it is right within a factor of 3; above, the step is too long for it to tell.
 

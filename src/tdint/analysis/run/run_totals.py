@@ -23,7 +23,7 @@ from tdint.analysis.run.outcome import (
 from tdint.analysis.run.workspace import Workspace
 from tdint.kernels import layout
 from tdint.kernels import layout as at
-from tdint.kernels.equations.moment4_error import error_peaks
+from tdint.kernels.equations.carried.rows import error_peaks
 from tdint.model.building import Building
 
 Array = NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""Drift laws along a parabola of drift as the error of a step asks for them (`tdint.kernels.equations.moment4_error`).
+"""Drift laws along a parabola of drift as the error of a step asks for them (`tdint.kernels.equations.carried.error`).
 
 Beside mean and first moment of the force, its second and third moment beyond these, and what mean and moment gain by
 motions that start and end where they are ("bubbles"), s = t - 1/2:

@@ -6,7 +6,7 @@ from tdint.kernels import layout as at
 from tdint.kernels.bundles import Passage, Span
 from tdint.kernels.chain import FORCES, MODAL, add_modal_force, force_value, power_damper
 from tdint.kernels.compiling import called, inlined
-from tdint.kernels.equations.moment4_error import OWN, first_row
+from tdint.kernels.equations.carried.rows import OWN, first_row
 from tdint.kernels.march.peaks_between_steps import look_within, raise_peak
 from tdint.kernels.stories.springs import reach
 
