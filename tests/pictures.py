@@ -78,11 +78,12 @@ def _inputs(command: str) -> set[Path]:
 
 
 def digest(picture: Picture) -> str:
-    """Of all that a picture is made from; the names of files count, their folders do not."""
+    """Of all that a picture is made from, of a chart without what draws it; names of files count, folders do not."""
     whole = hashlib.sha256(picture.command.encode())
     if picture.of_methods:
         whole.update(" ".join(catalogue()).encode())
-    for file in sorted(_sources(picture.module) | _inputs(picture.command), key=lambda file: file.name):
+    sources = set() if picture.timed else _sources(picture.module)
+    for file in sorted(sources | _inputs(picture.command), key=lambda file: file.name):
         whole.update(file.name.encode() + b"\0" + file.read_bytes())
     return whole.hexdigest()
 

@@ -125,3 +125,14 @@ def is_border(node):
     """Whether a function is compiled by itself (`@kernel`) or calls through an address (`@intrinsic`, `call_...`)."""
     decorators = [ast.unparse(one).partition("(")[0] for one in node.decorator_list]
     return bool({"kernel", "intrinsic"} & set(decorators)) or node.name.startswith("call_")
+
+
+def test_terms_of_the_field_are_said_where_shorter_words_are_used():
+    said = {
+        "src/tdint/kernels/laws/README.md": ("hysteretic model", "backbone"),
+        "src/tdint/analysis/run/demands.py": ("Engineering demand parameters",),
+    }
+    assert [
+        (path, term) for path, terms in said.items() for term in terms if term not in (ROOT / path).read_text()
+    ] == []
+    assert [path for _, path, _ in trees() if "storey" in (ROOT / path).read_text().lower()] == []

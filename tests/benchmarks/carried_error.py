@@ -70,9 +70,7 @@ def honesty(count, folder):
             rows += list(errors(building, record))
         except FailedRun:
             continue
-    print(
-        "quantity, estimate from | runs | within 1.25, 2 | largest | corrected over own: median, 95 % | two runs in 1.25"
-    )
+    print("quantity, estimate from | runs | within 1.25, 2 | largest | corrected over own: median, 95 % | two runs")
     for name in NAMES:
         for low, high in zip(BOUNDS, (*BOUNDS[1:], np.inf), strict=True):
             found = [row[1:] for row in rows if row[0] == name and low <= row[2] < high and row[5] < 0.2 * row[1]]

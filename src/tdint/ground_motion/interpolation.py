@@ -93,27 +93,14 @@ def band_limited(samples: Array, parts: int, *, for_lines: bool = False) -> Arra
     -------
     ndarray, shape ((n - 1) parts + 1,)
     """
-    size = _fast_size(2 * samples.size)
+    from scipy.fft import next_fast_len
+
+    size = 2 * next_fast_len(samples.size, real=True)  # even, with no prime factors above 5
     spectrum = np.fft.rfft(samples, size)
     spectrum[-1] *= 0.5  # half the sampling rate, which now has a mirror of its own
     if for_lines:
         spectrum /= np.sinc(np.arange(spectrum.size) / (size * parts)) ** 2
     return parts * np.fft.irfft(spectrum, size * parts)[: (samples.size - 1) * parts + 1]
-
-
-def _fast_size(least: int) -> int:
-    """The smallest even number with no prime factors above 5 that is not below `least`."""
-    size = least + least % 2
-    while _without_small_factors(size) > 1:
-        size += 2
-    return size
-
-
-def _without_small_factors(number: int) -> int:
-    for factor in (2, 3, 5):
-        while number % factor == 0:
-            number //= factor
-    return number
 
 
 LINEAR = Interpolation("linear", _straight, _straight_peak, "straight lines")

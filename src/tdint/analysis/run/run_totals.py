@@ -21,7 +21,6 @@ from tdint.analysis.run.outcome import (
     story_values,
 )
 from tdint.analysis.run.workspace import Workspace
-from tdint.kernels import layout
 from tdint.kernels import layout as at
 from tdint.kernels.equations.carried.rows import error_peaks
 from tdint.model.building import Building
@@ -34,7 +33,7 @@ _ROUNDING = 1e-12
 
 def story_peaks(building: Building, space: Workspace) -> StoryPeaks:
     """The peaks of all stories."""
-    return peaks_of(building, space.peaks, space.springs[layout.DRIFT, :-1].copy())
+    return peaks_of(building, space.peaks, space.springs[at.DRIFT, : building.stories].copy())
 
 
 def peaks_of(building: Building, peaks: Array, residual_drift: Array) -> StoryPeaks:
@@ -48,7 +47,7 @@ def moving_drift(building: Building, space: Workspace, period: float) -> Array:
     At rest no story has a force. One is as far from that as the force it has takes by its initial stiffness, and moves
     with the first period (s).
     """
-    drift, force = space.springs[at.DRIFT, :-1], space.springs[at.FORCE, :-1]
+    drift, force = (space.springs[row, : building.stories] for row in (at.DRIFT, at.FORCE))
     away = (force + building.chain[at.GEOMETRIC, :-1] * drift) / building.initial_stiffness
     return np.asarray(np.hypot(away, _of_drifts(building, space.state[at.VELOCITY]) * period / (2.0 * np.pi)))
 
@@ -61,18 +60,20 @@ def _of_drifts(building: Building, floors: Array) -> Array:
 def unresolved(building: Building, space: Workspace, late: float) -> StoryErrors:
     """How much larger the peaks may be between steps that do not resolve the motion; and by how much, about, the drifts
     have changed since the time that was asked for, which was `late` (s) before the end."""
-    excess = np.maximum(space.peaks[layout.PEAK_ROWS :] - space.peaks[: layout.PEAK_ROWS], 0.0)
+    peaks, rest = space.peaks[: at.PEAK_ROWS], np.zeros(building.stories)
     rate, bend = (_of_drifts(building, row) for row in (space.state[at.VELOCITY], space.watch[at.ACCELERATION_NOW]))
     changed = late * np.abs(rate) + 0.5 * late**2 * np.abs(bend)
-    return StoryErrors(**story_values(building, excess, changed))
+    told = story_values(building, peaks, rest)
+    doubt = story_values(building, np.maximum(space.peaks[at.PEAK_ROWS :], peaks), changed)
+    return StoryErrors(**{name: doubt[name] - values for name, values in told.items()})
 
 
 def carried_error(building: Building, space: Workspace, stories: StoryPeaks, doubt: StoryErrors) -> ErrorEstimate:
     """What the error that a run has carried along says of its peaks, which may be in `doubt` beside that."""
     n = building.stories
     first = error_peaks(building.modal.shape[0])
-    residual = space.springs[layout.DRIFT, n + 1 : 2 * n + 1].copy()
-    corrected = peaks_of(building, space.work[first : first + layout.PEAK_ROWS, :n].copy(), residual)
+    residual = space.springs[at.DRIFT, n + 1 : 2 * n + 1].copy()
+    corrected = peaks_of(building, space.work[first : first + at.PEAK_ROWS, :n].copy(), residual)
 
     def error(name: str) -> Array:
         own: Array = getattr(stories, name)
@@ -127,22 +128,27 @@ def collapse(observed: Array) -> NotedCollapse | None:
     )
 
 
-def history(building: Building, space: Workspace, h: float) -> History:
-    """The history of a march with steps h (s)."""
+def history(building: Building, forces: Array, space: Workspace, h: float) -> History:
+    """The history of a march with steps h (s) under forces on floors (`force_table`)."""
     n = building.stories
     table = space.history
     fields = at.HISTORY_FIELDS
     displacement, velocity, acceleration, shear = (table[:, 1 + j * n : 1 + (j + 1) * n] for j in range(fields))
     drift = displacement.copy()
     drift[:, 1:] -= displacement[:, :-1]
+    rate = velocity.copy()
+    rate[:, 1:] -= velocity[:, :-1]
+    time = h * np.arange(len(table), dtype=np.float64)
     return History(
-        time=h * np.arange(len(table), dtype=np.float64),
+        time=time,
         ground_acceleration=table[:, 0],
         displacement=displacement,
         velocity=velocity,
         acceleration=acceleration,
         drift=drift,
         shear=shear,
+        damper_force=building.device_force(rate),
+        total_shear=_total_shear(building, forces, time, acceleration),
         energy=_energy_history(table[:, 1 + fields * n : 1 + fields * n + at.ENERGY_TERMS], space.observed),
         error=_error_history(table[:, 1 + fields * n + at.ENERGY_TERMS :], n),
     )
@@ -155,6 +161,15 @@ def _error_history(table: Array, n: int) -> ErrorHistory | None:
     drift = displacement.copy()
     drift[:, 1:] -= displacement[:, :-1]
     return ErrorHistory(displacement, velocity, drift, shear)
+
+
+def _total_shear(building: Building, forces: Array, time: Array, acceleration: Array) -> Array:
+    """What moves the floors above each story: forces on them less masses times absolute accelerations."""
+    moved = -building.chain[at.MASS, :-1] * acceleration
+    for force in forces:
+        angle = force[at.OMEGA] * time
+        moved[:, int(force[at.FLOOR])] += force[at.COSINE] * np.cos(angle) + force[at.SINE] * np.sin(angle)
+    return np.asarray(np.cumsum(moved[:, ::-1], axis=1)[:, ::-1])
 
 
 def _energy_history(table: Array, observed: Array) -> EnergyHistory:

@@ -110,7 +110,7 @@ def variant(building: Building, forces: Array | None = None) -> Variant:
         laws=tuple(name for name, code in CODES.items() if code in codes or name == "linear"),
         modal=len(building.modal) > 0,
         forces=forces is not None and len(forces) > 0,
-        dashpots=building.power_damped,
+        dashpots=building.damped_by_devices,
     )
 
 
