@@ -65,7 +65,7 @@ def step_with_error(coefficients, chain, modal, laws, forces, flags, h, load, st
     if report[at.ERROR_BEGUN] == 0.0:
         begin_error(scene, load, memory)
         observe_error(scene, 0.0, load, memory)
-    mean_load(chain, forces, load[at.TIME], h, load[at.GROUND_0], load[at.GROUND_1], coefficients[R], work, ROW.LOAD)
+    mean_load(chain, forces, load, h, coefficients[R], work, ROW.LOAD)
     code = move(coefficients, scene, h, memory)
     if code < 0:
         return code
