@@ -424,4 +424,4 @@ def test_a_record_is_read_where_there_is_no_folder_for_temporary_files(monkeypat
     monkeypatch.setattr(tempfile, "tempdir", None)
     monkeypatch.setattr(tempfile, "_get_default_tempdir", none)
     records = Path(__file__).parents[2] / "records"
-    assert read_record(records / "firm-soil.mseed").dt == 0.01
+    assert read_record(records / "firm-soil.mseed", component="HN1").dt == 0.01

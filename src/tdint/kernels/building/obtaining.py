@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from zlib import crc32
 
 import numpy as np
 
@@ -61,7 +62,10 @@ def _obtain(wanted: Sequence[tuple[Compilable, Variant]], progress: Callable[[fl
     if not (absent := _not_found(dict.fromkeys(missing))):
         return
     folder = store.writable()
-    with locked(folder and folder / ".lock", lambda: LOG.info("waiting for another tdint that compiles time loops")):
+    # Who wants the same waits; who wants something else mostly does not.
+    word = "".join(f"{kernel.name} {variant.text}\n" for kernel, variant in absent)
+    file = folder and folder / f".lock-{crc32(word.encode()) % 16}"
+    with locked(file, lambda: LOG.info("waiting for another tdint that compiles time loops")):
         # What another process has compiled meanwhile is there now.
         if absent := _not_found(absent):
             _compile(absent, progress, folder)
