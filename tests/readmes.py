@@ -202,6 +202,7 @@ def column_tables():
         "tdint info": spectra.INFO,
         "tdint spectrum": (*shared.OF_RECORD, *spectra.SPECTRUM, *spectra.CHOICES),
         "tdint spectrum --against": (*shared.OF_RECORD, *spectra.difference("psa_m_s2")),
+        "tdint spectrum --target": spectra.TARGET,
         "tdint spectrum --rotd 50,100": (*spectra.OF_MOTION, *spectra.rotated((50, 100)), *spectra.CHOICES),
         "tdint spectrum --ductility": (*shared.OF_RECORD, *spectra.INELASTIC),
         "tdint drift-spectrum": (*shared.OF_RECORD, *spectra.DRIFT_SPECTRUM),
