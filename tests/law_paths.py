@@ -6,7 +6,7 @@ import numpy as np
 
 from tdint.kernels import layout
 from tdint.kernels import layout as at
-from tdint.kernels.laws.apart import spring_table
+from tdint.kernels.laws.compiled_separately import spring_table
 from tdint.kernels.stories.springs import commit, dissipated, recoverable, restoring, start
 from tdint.model.definition import CODES
 

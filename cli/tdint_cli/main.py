@@ -6,6 +6,7 @@ and one line in GROUPS.
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
 from functools import partial
@@ -19,7 +20,6 @@ from tdint_cli.errors import exit_code_of
 from tdint_cli.interruption import end_in_time
 from tdint_cli.options.headings import general, write_options
 from tdint_cli.settings import Settings
-from tdint_cli.startup import use_one_thread
 
 GROUPS = {
     "Buildings": {
@@ -137,6 +137,17 @@ def cli() -> None:
     Data go to standard output or to -o, words to standard error. Exit codes: 0 done, 1 a bug, 2 usage, 3 model file,
     4 record, 5 analysis, 6 output, 130 interrupted, 143 terminated.
     """
+
+
+def use_one_thread() -> None:
+    """Let linear algebra use one thread, unless the environment says how many.
+
+    Its matrices are small: the threads take longer to start than they save, and in a busy machine they wait for each
+    other.
+    """
+    for library in ("OPENBLAS", "OMP", "MKL", "VECLIB", "BLIS"):
+        name = "VECLIB_MAXIMUM_THREADS" if library == "VECLIB" else f"{library}_NUM_THREADS"
+        os.environ.setdefault(name, "1")
 
 
 def main() -> None:

@@ -112,10 +112,12 @@ __all__ = [
 Tabular.tables = _HOMES["to_dict"]
 
 
-def __getattr__(name: str) -> Any:
-    if name in _HOMES:
-        return getattr(import_module(_HOMES[name]), name)
-    raise AttributeError(f"module 'tdint' has no attribute {name!r}")
+if not TYPE_CHECKING:  # to a checker of types every name would be one of tdint's
+
+    def __getattr__(name: str) -> Any:
+        if name in _HOMES:
+            return getattr(import_module(_HOMES[name]), name)
+        raise AttributeError(f"module 'tdint' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

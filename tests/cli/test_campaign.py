@@ -123,6 +123,17 @@ def test_a_campaign_goes_on_where_it_stopped(study: Path, tdint: Run) -> None:
     assert (again.exit_code, f"All {RUNS} runs were done before" in again.stderr) == (0, True)
 
 
+def test_a_store_with_other_columns_is_refused_in_words(study: Path, tdint: Run) -> None:
+    tdint("campaign", "study.yaml", "-o", "out")
+    connection = sqlite3.connect(f"out/{FILE}")
+    connection.execute("DROP VIEW stories")
+    connection.execute("ALTER TABLE story_rows DROP COLUMN peak_total_shear_N")
+    connection.close()
+    for words in (("campaign", "study.yaml", "-o", "out"), ("campaign", "export", "out")):
+        result = tdint(*words)
+        assert result.exit_code == 2 and "whose runs have other columns than those of" in result.stderr
+
+
 def test_a_folder_holds_one_campaign(study: Path, tdint: Run, make_record: Callable[..., None]) -> None:
     """What differs is told: settings, buildings, records; a new name of the file or another folder is nothing."""
     tdint("campaign", "study.yaml", "-o", "out")

@@ -10,8 +10,8 @@ import json
 import pytest
 
 COLUMNS = (
-    "story,height_m,peak_drift_m,peak_drift_ratio,residual_drift_m,peak_shear_N,ductility,"
-    "peak_displacement_m,peak_velocity_m_s,peak_absolute_acceleration_m_s2"
+    "story,height_m,peak_drift_m,peak_drift_ratio,residual_drift_m,peak_shear_N,peak_damper_force_N,"
+    "peak_total_shear_N,ductility,peak_displacement_m,peak_velocity_m_s,peak_absolute_acceleration_m_s2"
 )
 UNSTABLE = ("--method", "central-difference", "--dt", 0.5, "--duration", 2000, "--allow-unstable")
 
@@ -349,9 +349,9 @@ def test_the_energies_are_in_the_history(folder, tdint):
     assert tdint("run", "shaken.yaml", "-o", "out", "--history").exit_code == 0
     history = rows((folder / "out" / "history.csv").read_text())
     energy = json.loads((folder / "out" / "summary.json").read_text())["energy"]
-    assert list(history[0])[-6:] == [
-        "energy_input_J", "energy_kinetic_J", "energy_damping_J", "energy_recoverable_J", "energy_dissipated_J",
-        "energy_error",
+    assert list(history[0])[-7:] == [
+        "energy_input_J", "energy_kinetic_J", "energy_damping_J", "energy_devices_J", "energy_recoverable_J",
+        "energy_dissipated_J", "energy_error",
     ]  # fmt: skip
     for name, value in energy.items():
         if name != "start_J":

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from law_paths import CYCLE, FY, HARDENING, K, follow, law_table
 from tdint.kernels import layout
 from tdint.kernels import layout as at
-from tdint.kernels.laws.apart import spring_table
+from tdint.kernels.laws.compiled_separately import spring_table
 from tdint.kernels.stories.springs import commit, restoring, start
 
 pytestmark = pytest.mark.long

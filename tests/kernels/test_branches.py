@@ -10,7 +10,7 @@ import pytest
 from law_paths import CYCLE, FY, HARDENING, K, follow, law_table
 from tdint.kernels import layout
 from tdint.kernels import layout as at
-from tdint.kernels.laws.apart import spring_table
+from tdint.kernels.laws.compiled_separately import spring_table
 from tdint.kernels.laws.walking import walker
 from tdint.kernels.stories.events import NONE, _crossing, turning
 from tdint.kernels.stories.springs import restoring, start

@@ -18,8 +18,7 @@ from tdint.errors import OutputError
 from tdint.kernels.building import store
 from tdint.kernels.building.ahead import compile_ahead
 from tdint.kernels.building.compiler import called, object_of, specialized
-from tdint.kernels.building.loading import Loaded
-from tdint.kernels.building.objects import pack, unpack
+from tdint.kernels.building.loading import Loaded, pack, unpack
 from tdint.kernels.building.obtaining import obtain
 from tdint.kernels.building.target import Target, named, native, runnable
 from tdint.kernels.building.variant import EVERYTHING, Variant, parse

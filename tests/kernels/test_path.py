@@ -10,7 +10,7 @@ from law_paths import FY, K, law_table
 from path_kernels import begin, energies, go, integrate, integrate_on_branch, walk
 from tdint.kernels import layout as at
 from tdint.kernels.laws import LAWS as COMPILED
-from tdint.kernels.laws.apart import spring_table
+from tdint.kernels.laws.compiled_separately import spring_table
 from tdint.kernels.stories.path import PATH_ROWS
 
 pytestmark = pytest.mark.long

@@ -20,6 +20,7 @@ def scene(seed):
     scale = np.array([[1.0], [1.0 / h], [1.0 / h**2]]) * 10.0 ** generator.uniform(-1.0, 1.0, (3, 1))
     chain = np.zeros((at.CHAIN_ROWS, STORIES + 1))
     chain[at.LINK, 1:STORIES] = 1.0
+    chain[at.MASS, :STORIES] = np.linspace(1.0, 2.0, STORIES)
     laws = np.zeros((3, STORIES + 1))
     laws[at.STIFFNESS, :STORIES] = K
     old, state, springs = (
@@ -42,6 +43,11 @@ def scene(seed):
     ends[at.PEAK_DISPLACEMENT] = np.maximum(abs(state[at.DISPLACEMENT]), abs(old[0]))[:STORIES]
     ends[at.PEAK_VELOCITY] = np.maximum(abs(state[at.VELOCITY]), abs(old[1]))[:STORIES]
     ends[at.PEAK_ACCELERATION] = np.maximum(abs(state[at.ACCELERATION] + ground[1]), abs(old[2] + ground[0]))[:STORIES]
+    for a, rate, one in ((old[2], old[1], ground[0]), (state[at.ACCELERATION], state[at.VELOCITY], ground[1])):
+        moved = np.cumsum((chain[at.MASS] * (a + one))[:STORIES][::-1])[::-1]
+        ends[at.PEAK_TOTAL_SHEAR] = np.maximum(ends[at.PEAK_TOTAL_SHEAR], abs(moved))
+        rates = abs(np.diff(rate[:STORIES], prepend=0.0))
+        ends[at.PEAK_DRIFT_RATE] = np.maximum(ends[at.PEAK_DRIFT_RATE], rates)
     peaks = np.vstack([ends * generator.uniform(1.0, 1.5, ends.shape), np.zeros_like(ends)])
     on_path, fast = (bool(one) for one in generator.integers(0, 2, 2))
     turns = np.zeros((1, STORIES + 1))

@@ -46,6 +46,8 @@ def test_peaks_name_story_and_pass_over_what_is_missing():
             peak_drift_ratio=np.array([nan, 0.1, 0.2]),
             residual_drift=np.array([0.0, 0.1, -0.5]),
             peak_shear=three * 10.0,
+            peak_damper_force=three,
+            peak_total_shear=three * 11.0,
             ductility=np.full(3, nan),
             peak_displacement=np.array([0.1, 0.2, 0.15]),
             peak_velocity=three,
@@ -55,6 +57,7 @@ def test_peaks_name_story_and_pass_over_what_is_missing():
     assert found == {
         "roof_displacement_m": 0.15,
         "base_shear_N": 10.0,
+        "total_base_shear_N": 11.0,
         "drift_m": 3.0,
         "drift_story": 2,
         "drift_ratio": 0.2,
@@ -67,6 +70,8 @@ def test_peaks_name_story_and_pass_over_what_is_missing():
         "ductility_story": None,
         "floor_absolute_acceleration_m_s2": 4.0,
         "floor_absolute_acceleration_floor": 1,
+        "peak_damper_force_N": 3.0,
+        "peak_damper_force_story": 2,
     }
 
 
@@ -79,6 +84,8 @@ def test_the_error_of_a_largest_peak_is_that_of_any_story_that_may_have_it():
         peak_drift_ratio=np.array([nan, 0.3, 0.1]),
         residual_drift=-values,
         peak_shear=values,
+        peak_damper_force=values,
+        peak_total_shear=values,
         ductility=np.full(3, nan),
         peak_displacement=values,
         peak_velocity=values,
@@ -89,6 +96,8 @@ def test_the_error_of_a_largest_peak_is_that_of_any_story_that_may_have_it():
         peak_drift_ratio=np.array([nan, 0.01, 0.1]),
         residual_drift=np.array([2.5, 0.0, 0.0]),
         peak_shear=np.array([7.0, 8.0, 9.0]),
+        peak_damper_force=np.array([0.1, 0.2, 0.4]),
+        peak_total_shear=np.array([6.0, 8.0, 9.0]),
         ductility=np.full(3, nan),
         peak_displacement=np.array([4.0, 5.0, 6.0]),
         peak_velocity=values,
@@ -97,12 +106,14 @@ def test_the_error_of_a_largest_peak_is_that_of_any_story_that_may_have_it():
     assert peak_errors(stories, errors) == {
         "roof_displacement_m_error": 6.0,
         "base_shear_N_error": 7.0,
+        "total_base_shear_N_error": 6.0,
         "drift_m_error": 0.2,
         "drift_ratio_error": 0.01,
         "residual_drift_m_error": 2.5,
         "residual_drift_ratio_error": 0.0,
         "ductility_error": None,
         "floor_absolute_acceleration_m_s2_error": None,
+        "peak_damper_force_N_error": 0.4,
     }
 
 

@@ -38,8 +38,8 @@ def record(component="HNE", source="a.mseed", id_=None) -> Record:
 
 def history(steps: int, stories: int, seed: int = 1) -> History:
     random = np.random.default_rng(seed)
-    tables = [random.normal(size=(steps, stories)) * 10.0**power for power in (-2, -1, 0, -3, 6)]
-    terms = dict(zip((*ENERGY_TERMS, "error"), random.normal(size=(6, steps)), strict=True))
+    tables = [random.normal(size=(steps, stories)) * 10.0**power for power in (-2, -1, 0, -3, 6, 5, 7)]
+    terms = dict(zip((*ENERGY_TERMS, "error"), random.normal(size=(7, steps)), strict=True))
     energy = EnergyHistory(**terms)
     return History(np.arange(steps) * 0.01, random.normal(size=steps), *tables, energy=energy)
 
@@ -79,16 +79,19 @@ def test_story_table():
         peak_drift_ratio=np.array([nan, 2 / 21]),
         residual_drift=np.array([-0.0, -0.001]),
         peak_shear=np.array([1e7, 5e6]),
+        peak_damper_force=np.array([0.0, 2.0]),
+        peak_total_shear=np.array([2e7, 6e6]),
         ductility=np.array([nan, 4.0]),
         peak_displacement=np.array([0.1, 0.2]),
         peak_velocity=np.array([1.0, 2.0]),
         peak_acceleration=np.array([9.80665, 1e-20]),
     )
     assert buildings.story_table(peaks).csv().decode() == (
-        "story,height_m,peak_drift_m,peak_drift_ratio,residual_drift_m,peak_shear_N,ductility,peak_displacement_m,"
+        "story,height_m,peak_drift_m,peak_drift_ratio,residual_drift_m,peak_shear_N,peak_damper_force_N,"
+        "peak_total_shear_N,ductility,peak_displacement_m,"
         "peak_velocity_m_s,peak_absolute_acceleration_m_s2\n"
-        "1,,0.1,,0,10000000,,0.1,1,9.80665\n"
-        "2,3.5,0.333333333333,0.0952380952381,-0.001,5000000,4,0.2,2,1e-20\n"
+        "1,,0.1,,0,10000000,0,20000000,,0.1,1,9.80665\n"
+        "2,3.5,0.333333333333,0.0952380952381,-0.001,5000000,2,6000000,4,0.2,2,1e-20\n"
     )
 
 
@@ -154,18 +157,24 @@ def test_history(monkeypatch, stories, rows_at_once):
         for i in range(1, stories + 1)
         for x in ("displacement_m", "velocity_m_s", "absolute_acceleration_m_s2")
     ]
-    springs = [f"story_{i}_{x}" for i in range(1, stories + 1) for x in ("drift_m", "shear_N")]
-    energies = [f"energy_{x}" for x in ("input_J", "kinetic_J", "damping_J", "recoverable_J", "dissipated_J", "error")]
+    springs = [
+        f"story_{i}_{x}"
+        for i in range(1, stories + 1)
+        for x in ("drift_m", "shear_N", "damper_force_N", "total_shear_N")
+    ]
+    energies = [
+        f"energy_{x}"
+        for x in ("input_J", "kinetic_J", "damping_J", "devices_J", "recoverable_J", "dissipated_J", "error")
+    ]
     assert rows[0] == ["time_s", "ground_acceleration_m_s2", *floors, *springs, *energies]
     for k, row in enumerate(rows[1:]):
         values = [whole.time[k], whole.ground_acceleration[k]]
         for i in range(stories):
             values += [whole.displacement[k, i], whole.velocity[k, i], whole.acceleration[k, i]]
         for i in range(stories):
-            values += [whole.drift[k, i], whole.shear[k, i]]
+            values += [whole.drift[k, i], whole.shear[k, i], whole.damper_force[k, i], whole.total_shear[k, i]]
         energy = whole.energy
-        parts = (energy.input, energy.kinetic, energy.damping, energy.recoverable, energy.dissipated, energy.error)
-        values += [part[k] for part in parts]
+        values += [getattr(energy, name)[k] for name in (*ENERGY_TERMS, "error")]
         assert row == [cell_text(value) for value in values]
     assert len(rows) == 6
 

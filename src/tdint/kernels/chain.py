@@ -86,18 +86,18 @@ def _add_impulses(forces, t, h, work, row):
 
 
 @inlined
-def mean_load(chain, forces, t, h, ground_0, ground_1, r, work, row):
-    """Mean of the load over [t, t + h] into a row of work, and its first moment, twelve times the mean of the load
+def mean_load(chain, forces, load, h, r, work, row):
+    """Mean of the load over a step into a row of work, and its first moment, twelve times the mean of the load
     times s in [-1/2, 1/2], into the next, N; the ground acceleration is linear.
 
     With r > 0 the moment of a floor force is the one that makes a part so stiff that it has no mass follow the force
     at the ends of the steps: p1 - p0 + 12 r ((p0 + p1) / 2 - mean), the first moment where the force is linear.
     """
     for i in range(chain.shape[1] - 1):
-        work[row, i] = -0.5 * chain[at.MASS, i] * (ground_0 + ground_1)
-        work[row + 1, i] = -chain[at.MASS, i] * (ground_1 - ground_0)
+        work[row, i] = -0.5 * chain[at.MASS, i] * (load[at.GROUND_0] + load[at.GROUND_1])
+        work[row + 1, i] = -chain[at.MASS, i] * (load[at.GROUND_1] - load[at.GROUND_0])
     if forces.shape[0] > 0:
-        _add_means(forces, t, h, r, work, row)
+        _add_means(forces, load[at.TIME], h, r, work, row)
 
 
 @called
@@ -150,15 +150,15 @@ def _power_damper(chain, i, rate):
 
 
 @inlined
-def internal_forces(chain, modal, state, springs, block, velocity, work, row, sums):
+def internal_forces(chain, modal, springs, block, work, velocity, row, sums):
     """C v + f(u) of every floor into row `row` of work, N; story forces from the spring states in `block`.
 
-    Row `velocity` of `state` is the velocity; row `sums` of work receives the force of each story, column and damper.
+    Row `velocity` of work is the velocity; its row `sums` receives the force of each story, column and damper.
     """
     n = chain.shape[1] - 1
     below = 0.0
     for i in range(n):
-        v = state[velocity, i]
+        v = work[velocity, i]
         rate = v - chain[at.LINK, i] * below
         below = v
         work[sums, i] = (
@@ -170,9 +170,9 @@ def internal_forces(chain, modal, state, springs, block, velocity, work, row, su
     work[sums, n] = 0.0
     for i in range(n):
         work[row, i] = (
-            chain[at.FLOOR_DAMPER, i] * state[velocity, i] + work[sums, i] - chain[at.LINK, i + 1] * work[sums, i + 1]
+            chain[at.FLOOR_DAMPER, i] * work[velocity, i] + work[sums, i] - chain[at.LINK, i + 1] * work[sums, i + 1]
         )
-    add_modal_force(modal, state, velocity, 1.0, work, row, n)
+    add_modal_force(modal, work, velocity, 1.0, work, row, n)
 
 
 @inlined

@@ -41,7 +41,8 @@ LINK = 5  # 1: the story stands on the floor below; 0: it stands on the ground
 POWER_DAMPER = 6  # power-law dashpot of the story: c v (v^2 + v0^2)^e, c in N (s/m)^(2 e + 1); 0 for none
 POWER = 7  # e, half of the exponent less 1
 THRESHOLD = 8  # v0^2, (m/s)^2
-CHAIN_ROWS = 9
+DASHPOT = 9  # of STORY_DAMPER what is a dashpot that the model has, N s/m
+CHAIN_ROWS = 10
 
 # laws: drift laws by story
 CODE = 0
@@ -90,7 +91,9 @@ PEAK_SHEAR = 1
 PEAK_DISPLACEMENT = 2
 PEAK_VELOCITY = 3
 PEAK_ACCELERATION = 4  # absolute: relative to the ground, plus the ground's
-PEAK_ROWS = 5
+PEAK_TOTAL_SHEAR = 5  # of springs, P-delta and all viscous forces: what moves all floors above
+PEAK_DRIFT_RATE = 6  # of stories, in a building with dashpots
+PEAK_ROWS = 7
 
 # watch: what an observer of the motion keeps
 ACCELERATION_NOW = 0  # that of equilibrium, whatever the method carries
@@ -102,7 +105,8 @@ A_BEFORE = 5
 V_EARLIER = 6  # one step before that
 A_EARLIER = 7
 TURNED_AT = 8  # drifts where stories turned
-WATCH_ROWS = 9
+MODAL_FORCE = 9  # of modal damping on floors
+WATCH_ROWS = 10
 
 # forces on floors, one row each
 FLOOR = 0
@@ -119,10 +123,11 @@ HISTORY_FIELDS = 4
 # the end of the run, J
 ENERGY_INPUT = 0  # work of the load on the motion relative to the ground
 ENERGY_KINETIC = 1  # of the motion relative to the ground
-ENERGY_DAMPED = 2  # work of the viscous dampers
-ENERGY_RECOVERABLE = 3  # stored in the stories
-ENERGY_DISSIPATED = 4  # by the drift laws since the start
-ENERGY_TERMS = 5
+ENERGY_DAMPED = 2  # work of viscous damping, without dashpots
+ENERGY_DEVICES = 3  # work of the dashpots
+ENERGY_RECOVERABLE = 4  # stored in the stories
+ENERGY_DISSIPATED = 5  # by the drift laws since the start
+ENERGY_TERMS = 6
 ENERGY_START = ENERGY_TERMS  # kinetic and stored energy at the start, J
 ENERGY_LARGEST = ENERGY_TERMS + 1  # largest ENERGY_START + ENERGY_INPUT on the way, J
 ITERATIONS = ENERGY_TERMS + 2
@@ -131,7 +136,7 @@ STEPS_REACHED = ENERGY_TERMS + 4
 POWER_INPUT = ENERGY_TERMS + 5  # powers and their rates at the last observed time
 RATE_INPUT = ENERGY_TERMS + 6  # without the ground's own rate
 MOMENTUM = ENERGY_TERMS + 7
-POWER_DAMPED = ENERGY_TERMS + 8
+POWER_DAMPED = ENERGY_TERMS + 8  # of all dampers
 RATE_DAMPED = ENERGY_TERMS + 9
 DISSIPATED_BEFORE = ENERGY_TERMS + 10  # by the drift laws on the way to the initial drifts, J
 COLLAPSE_STEP = ENERGY_TERMS + 11  # whole steps after which a story was first beyond a limit; NO_COLLAPSE for none
@@ -142,7 +147,10 @@ NEAR_PEAK = COLLAPSE_ENERGIES + ENERGY_TERMS + 2  # 1 if a value at the last obs
 ALL_FORCES = NEAR_PEAK + 1  # masses times accelerations at that time
 DAMPED_BY_ALL = NEAR_PEAK + 2  # half of what the damped power's rate gains where floors accelerate by 1 m/s^2 more
 ALL_MASSES = NEAR_PEAK + 3
-TOTALS_SIZE = NEAR_PEAK + 4
+POWER_DEVICES = NEAR_PEAK + 4  # of the dashpots alone
+RATE_DEVICES = NEAR_PEAK + 5
+DEVICES_BY_ALL = NEAR_PEAK + 6
+TOTALS_SIZE = NEAR_PEAK + 7
 
 # totals[COLLAPSE_STEP]
 NO_COLLAPSE = -1.0

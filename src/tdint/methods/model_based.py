@@ -181,7 +181,7 @@ def chang_step(coefficients, chain, modal, laws, forces, flags, h, load, state, 
         state[at.DISPLACEMENT, i] = u
         work[_V, i] = v + half * state[at.ACCELERATION, i]
     floor_load(chain, forces, load[at.TIME] + h, load[at.GROUND_1], work, _LOAD)
-    internal_forces(chain, modal, work, springs, 0, _V, work, _X, _SUM)
+    internal_forces(chain, modal, springs, 0, work, _V, _X, _SUM)
     for i in range(n):
         work[_X, i] = work[_LOAD, i] - work[_X, i]
     solve_damped(second, modal, _X, n)

@@ -43,7 +43,7 @@ from tdint.methods.method import Family, Method, Parameter
 @kernel(STEP)
 def step(coefficients, chain, modal, laws, forces, flags, h, load, state, springs, work, report):
     """One step. State row ACCELERATION is the next one's first guess, where it needs one."""
-    mean_load(chain, forces, load[at.TIME], h, load[at.GROUND_0], load[at.GROUND_1], coefficients[R], work, ROW.LOAD)
+    mean_load(chain, forces, load, h, coefficients[R], work, ROW.LOAD)
     scene = Scene(chain, modal, laws, forces, flags)
     memory = Memory(state, springs, work, report)
     code = move(coefficients, scene, h, memory)

@@ -72,7 +72,7 @@ def explicit_step(coefficients, chain, modal, laws, forces, flags, h, load, stat
         c = coefficients[row]
         ground = load[at.GROUND_0] + c * (load[at.GROUND_1] - load[at.GROUND_0])
         floor_load(chain, forces, load[at.TIME] + c * h, ground, work, _LOAD)
-        internal_forces(chain, modal, work, springs, at.FIRST_TRIAL, _V + stage, work, _A + stage, _SUM)
+        internal_forces(chain, modal, springs, at.FIRST_TRIAL, work, _V + stage, _A + stage, _SUM)
         for i in range(n):
             work[_A + stage, i] = chain[at.INVERSE_MASS, i] * (work[_LOAD, i] - work[_A + stage, i])
         row += stage + 1

@@ -73,6 +73,20 @@ class Building:
         return bool(np.any(self.chain[at.POWER_DAMPER, :-1] != 0.0))
 
     @cached_property
+    def damped_by_devices(self) -> bool:
+        """Whether some story has a dashpot."""
+        return self.power_damped or bool(np.any(self.chain[at.DASHPOT, :-1] != 0.0))
+
+    def device_force(self, rate: Array) -> Array:
+        """Force of the stories' dashpots at drift rates, m/s, shape (..., n); N."""
+        secant = self.chain[at.DASHPOT, :-1] * np.ones_like(rate)
+        size = rate**2 + self.chain[at.THRESHOLD, :-1]
+        power = self.chain[at.POWER, :-1] * np.ones_like(rate)
+        moving = (size > 0.0) & (self.chain[at.POWER_DAMPER, :-1] != 0.0)
+        grown = np.power(size, power, out=np.zeros_like(size), where=moving)
+        return np.asarray((secant + self.chain[at.POWER_DAMPER, :-1] * grown) * rate)
+
+    @cached_property
     def piecewise_linear(self) -> bool:
         """Whether every story has a law that is linear branch by branch."""
         codes = [CODES[name] for name, law in LAWS.items() if not law.curved]
@@ -150,7 +164,7 @@ def assemble(model: Model) -> Building:
     chain = np.zeros((at.CHAIN_ROWS, n + 1))
     chain[at.MASS, :n] = [story.mass for story in stories]
     chain[at.INVERSE_MASS, :n] = 1.0 / chain[at.MASS, :n]
-    chain[at.STORY_DAMPER, :n] = [story.dashpot for story in stories]
+    chain[at.STORY_DAMPER, :n] = chain[at.DASHPOT, :n] = [story.dashpot for story in stories]
     for i, story in enumerate(stories):
         if (dashpot := story.power_dashpot) is not None:
             chain[at.POWER_DAMPER, i] = dashpot.coefficient

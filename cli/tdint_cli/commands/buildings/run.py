@@ -357,12 +357,15 @@ def _paragraph(response: Response, units: OutputUnits) -> str:
         ratio = f"drift ratio {found.drift_ratio.value:.4g} in story {found.drift_ratio.place}"
         # Where a story has no height, its drift is not among the ratios.
         worst = ratio if all(story.height for story in response.model.stories) else f"{ratio}, {worst}"
+    viscous = ""
+    if any(story.dashpot or story.power_dashpot for story in response.model.stories):
+        viscous = f" ({units.text(found.total_base_shear.value, 'N')} with viscous forces)"
     lines = [
         f"{response.model.name}: {stories} {'story' if stories == 1 else 'stories'}, {motion}.",
         f"{response.method}: {response.steps} {'step' if response.steps == 1 else 'steps'} of {response.dt:.6g} s, "
         f"{1e6 * response.march_time / response.steps:.3g} us per step, energy error {response.energy.error:.1e}.",
         f"Largest {worst}, roof displacement {units.text(found.roof_displacement.value, 'm')}, "
-        f"base shear {units.text(found.base_shear.value, 'N')}.",
+        f"base shear {units.text(found.base_shear.value, 'N')}{viscous}.",
     ]
     if response.rest_time is not None:
         lines.append(f"The building is at rest at {response.rest_time:.6g} s.")

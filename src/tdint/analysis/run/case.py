@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.run import run_totals
-from tdint.analysis.run.outcome import Collapse, Energy, FailedRun, Response, StoryErrors, StoryPeaks
+from tdint.analysis.run.outcome import Collapse, Energy, FailedRun, History, Response, StoryErrors, StoryPeaks
 from tdint.analysis.run.prepared import Marched, PreparedBuilding
 from tdint.analysis.run.steps import Steps, choose_steps
 from tdint.analysis.run.workspace import HALVINGS, Workspace
@@ -196,6 +196,9 @@ class Case:
     def _failure_notes(self) -> tuple[str, ...]:
         return (*self.remarks, *(self.record.notes if self.record else ()), *self._stiffening_note())
 
+    def _history(self, space: Workspace, h: float) -> History | None:
+        return run_totals.history(self.building, self.prepared.forces, space, h) if space.history.size else None
+
     def judge(self, steps: Steps, code: int, numbers: Array) -> Collapse | None:
         """When the drift first exceeded the collapse drift or a story failed, as a march noted it that ended with a
         code and left these `numbers` (`Workspace.observed`).
@@ -244,7 +247,7 @@ class Case:
             march_time=marched.seconds,
             stories=stories,
             energy=energy,
-            history=run_totals.history(self.building, space, steps.h) if space.history.size else None,
+            history=self._history(space, steps.h),
             notes=(*notes, *_unresolved_note(stories, unresolved), *self._moving_note(stories, moving)),
             unresolved=unresolved,
             moving_drift=moving,

@@ -6,11 +6,11 @@ from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.workspace import kernels
 from tdint.kernels.building.variant import EVERYTHING, Variant
 from tdint.kernels.compiling import Kernel
-from tdint.kernels.laws.apart import kernels_apart
+from tdint.kernels.laws.compiled_separately import kernels_apart
 from tdint.kernels.march.many import many
 from tdint.kernels.oscillators.bilinear import bilinear_response
 from tdint.kernels.oscillators.elastic import peaks
-from tdint.kernels.oscillators.modes import largest_drifts
+from tdint.kernels.oscillators.modal_sums import largest_drifts
 from tdint.kernels.oscillators.rotated import rotated_peaks
 from tdint.kernels.stories.cyclic import follow
 from tdint.methods.catalogue import catalogue, parse

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Generic, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.run.outcome import STORY, StoryErrors, StoryPeaks
+from tdint.analysis.run.outcome import STORY, StoryErrors, StoryPeaks, StoryValues
 from tdint.quantity import Quantity, quantities
 
 Array = NDArray[np.float64]
@@ -63,7 +63,7 @@ class Demand(Quantity):
 
         Any story may have the largest value that could with its error: the largest error among those.
         """
-        values, own = self.values(stories), self.value(errors, stories.height) if self.value else np.empty(0)
+        values, own = self.values(stories), self._of(errors, stories.height)
         if self.story is not None:
             return float(own[self.story])
         known = np.isfinite(values) & np.isfinite(own)
@@ -74,7 +74,10 @@ class Demand(Quantity):
 
     def values(self, stories: StoryPeaks) -> Array:
         """The numbers of the stories, shape (..., n)."""
-        return np.asarray(self.value(stories, stories.height) if self.value else getattr(stories, self.name))
+        return self._of(stories, stories.height)
+
+    def _of(self, given: StoryValues, height: Array) -> Array:
+        return np.asarray(self.value(given, height) if self.value else getattr(given, self.name))
 
 
 Found = TypeVar("Found")
@@ -99,6 +102,15 @@ class Demands(Generic[Found]):
             "N",
             "largest restoring force of the first story, without viscous forces",
             lambda stories, height: stories.peak_shear,
+            story=0,
+        ),
+    ]
+    total_base_shear: Annotated[
+        Found,
+        Demand(
+            "N",
+            "largest force between building and ground: restoring, P-delta and all viscous forces",
+            lambda stories, height: stories.peak_total_shear,
             story=0,
         ),
     ]

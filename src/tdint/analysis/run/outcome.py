@@ -65,6 +65,23 @@ class StoryValues:
             _TABLE,
         ),
     ]
+    peak_damper_force: Annotated[
+        Array,
+        Quantity(
+            "N",
+            "largest force of the story's dashpots to either side; 0 without",
+            lambda building, peaks, end: building.device_force(peaks[..., at.PEAK_DRIFT_RATE, :]),
+        ),
+    ]
+    peak_total_shear: Annotated[
+        Array,
+        Quantity(
+            "N",
+            "largest force that moves all floors above, to either side: restoring, P-delta and all viscous forces",
+            lambda building, peaks, end: peaks[..., at.PEAK_TOTAL_SHEAR, :],
+            _TABLE,
+        ),
+    ]
     ductility: Annotated[
         Array,
         Quantity(
@@ -194,7 +211,8 @@ class EnergyTerms(Generic[Amount]):
 
     input: Annotated[Amount, "work of the load on the motion relative to the ground"]
     kinetic: Annotated[Amount, "kinetic energy of the motion relative to the ground"]
-    damping: Annotated[Amount, "work of viscous damping"]
+    damping: Annotated[Amount, "work of viscous damping (Rayleigh, modal), without dashpots"]
+    devices: Annotated[Amount, "work of the dashpots"]
     recoverable: Annotated[Amount, "stored in the stories, P-delta included"]
     dissipated: Annotated[Amount, "dissipated by the drift laws"]
 
@@ -249,6 +267,10 @@ class History(Tabular):
     ]
     drift: Annotated[Array, Quantity("m", "relative to the floor below", shown=("story",))]
     shear: Annotated[Array, Quantity("N", "restoring force, without viscous forces", shown=("story",))]
+    damper_force: Annotated[Array, Quantity("N", "force of the story's dashpots", shown=("story",))]
+    total_shear: Annotated[
+        Array, Quantity("N", "moves all floors above: restoring, P-delta and all viscous forces", shown=("story",))
+    ]
     energy: EnergyHistory
 
     def _headline(self) -> str:

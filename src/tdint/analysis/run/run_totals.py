@@ -55,10 +55,12 @@ def _of_drifts(building: Building, floors: Array) -> Array:
 def unresolved(building: Building, space: Workspace, late: float) -> StoryErrors:
     """How much larger the peaks may be between steps that do not resolve the motion; and by how much, about, the drifts
     have changed since the time that was asked for, which was `late` (s) before the end."""
-    excess = np.maximum(space.peaks[layout.PEAK_ROWS :] - space.peaks[: layout.PEAK_ROWS], 0.0)
+    peaks, rest = space.peaks[: at.PEAK_ROWS], np.zeros(building.stories)
     rate, bend = (_of_drifts(building, row) for row in (space.state[at.VELOCITY], space.watch[at.ACCELERATION_NOW]))
     changed = late * np.abs(rate) + 0.5 * late**2 * np.abs(bend)
-    return StoryErrors(**story_values(building, excess, changed))
+    told = story_values(building, peaks, rest)
+    doubt = story_values(building, np.maximum(space.peaks[at.PEAK_ROWS :], peaks), changed)
+    return StoryErrors(**{name: doubt[name] - values for name, values in told.items()})
 
 
 def energy(space: Workspace) -> Energy:
@@ -104,24 +106,38 @@ def collapse(observed: Array) -> NotedCollapse | None:
     )
 
 
-def history(building: Building, space: Workspace, h: float) -> History:
-    """The history of a march with steps h (s)."""
+def history(building: Building, forces: Array, space: Workspace, h: float) -> History:
+    """The history of a march with steps h (s) under forces on floors (`force_table`)."""
     n = building.stories
     table = space.history
     fields = at.HISTORY_FIELDS
     displacement, velocity, acceleration, shear = (table[:, 1 + j * n : 1 + (j + 1) * n] for j in range(fields))
     drift = displacement.copy()
     drift[:, 1:] -= displacement[:, :-1]
+    rate = velocity.copy()
+    rate[:, 1:] -= velocity[:, :-1]
+    time = h * np.arange(len(table), dtype=np.float64)
     return History(
-        time=h * np.arange(len(table), dtype=np.float64),
+        time=time,
         ground_acceleration=table[:, 0],
         displacement=displacement,
         velocity=velocity,
         acceleration=acceleration,
         drift=drift,
         shear=shear,
+        damper_force=building.device_force(rate),
+        total_shear=_total_shear(building, forces, time, acceleration),
         energy=_energy_history(table[:, 1 + fields * n :], space.observed),
     )
+
+
+def _total_shear(building: Building, forces: Array, time: Array, acceleration: Array) -> Array:
+    """What moves the floors above each story: forces on them less masses times absolute accelerations."""
+    moved = -building.chain[at.MASS, :-1] * acceleration
+    for force in forces:
+        angle = force[at.OMEGA] * time
+        moved[:, int(force[at.FLOOR])] += force[at.COSINE] * np.cos(angle) + force[at.SINE] * np.sin(angle)
+    return np.asarray(np.cumsum(moved[:, ::-1], axis=1)[:, ::-1])
 
 
 def _energy_history(table: Array, observed: Array) -> EnergyHistory:

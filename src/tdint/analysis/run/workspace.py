@@ -15,7 +15,7 @@ from tdint.errors import AnalysisError
 from tdint.kernels import layout as at
 from tdint.kernels.building.variant import EVERYTHING, Variant
 from tdint.kernels.compiling import Kernel
-from tdint.kernels.laws.apart import spring_table
+from tdint.kernels.laws.compiled_separately import spring_table
 from tdint.kernels.march.law_energies import begin, raise_shears, take_stock
 from tdint.kernels.march.march import march
 from tdint.methods.method import Integrator
@@ -103,7 +103,7 @@ def variant(building: Building, forces: Array | None = None) -> Variant:
         laws=tuple(name for name, code in CODES.items() if code in codes or name == "linear"),
         modal=len(building.modal) > 0,
         forces=forces is not None and len(forces) > 0,
-        dashpots=building.power_damped,
+        dashpots=building.damped_by_devices,
     )
 
 

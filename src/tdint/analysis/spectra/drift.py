@@ -19,7 +19,7 @@ from tdint.analysis.spectra.inelastic import SHORTEST
 from tdint.analysis.spectra.oscillators import check_shortest, recursion_table
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
-from tdint.kernels.oscillators import modes as drifts
+from tdint.kernels.oscillators import modal_sums as drifts
 from tdint.tabular import Tabular
 
 Array = NDArray[np.float64]

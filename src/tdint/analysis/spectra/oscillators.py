@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tdint.analysis.spectra.defaults import STEPS_PER_PERIOD
 from tdint.errors import AnalysisError
 from tdint.kernels.oscillators import elastic as spectra
-from tdint.kernels.oscillators.recursion import A11, A12, A21, B10, B11, B20, B21, RECURSION_ROWS
+from tdint.kernels.oscillators.between import A11, A12, A21, B10, B11, B20, B21, RECURSION_ROWS
 from tdint.methods.exact import oscillator
 
 Array = NDArray[np.float64]
@@ -29,7 +29,7 @@ def recursion_table(omega: Array, h: Array, damping: float, more: int) -> Array:
     Returns
     -------
     ndarray, shape (RECURSION_ROWS + more, k)
-        The rows of `tdint.kernels.oscillators.recursion`, and room for so many `more`.
+        The rows of `tdint.kernels.oscillators.between`, and room for so many `more`.
     """
     steps = oscillator(omega * h, np.full_like(omega, damping))
     table = np.empty((RECURSION_ROWS + more, omega.size))

@@ -13,7 +13,7 @@ from tdint.analysis.run.workspace import variant
 from tdint.csv_table import read_table
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as at
-from tdint.kernels.laws.apart import spring_table
+from tdint.kernels.laws.compiled_separately import spring_table
 from tdint.kernels.stories.cyclic import DISSIPATION, RECOVERABLE, RESULT_COLUMNS, SHEAR, TANGENT, follow
 from tdint.model.building import Building, assemble
 from tdint.model.definition import Model

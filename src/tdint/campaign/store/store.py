@@ -164,6 +164,7 @@ def open_store(folder: Path | None, plan: Plan) -> tuple[Store, list[str]]:
                 _create(store, plan)
                 store.tell(plan)
                 return store, []
+            check_columns(store)
         remarks = check_same(store, plan)
         store.tell(plan)
         return store, remarks
@@ -188,7 +189,25 @@ def open_existing(folder: Path) -> Store:
         if _is_empty(store):
             store.connection.close()
             raise UsageError(f"{folder}: the campaign in it has not begun; call `tdint campaign` again")
+        check_columns(store)
     return store
+
+
+def check_columns(store: Store) -> None:
+    """Refuse a store whose tables have other columns than those of today.
+
+    Raises
+    ------
+    UsageError
+        It has.
+    """
+    for table, columns in (("run_rows", RUN_COLUMNS), ("story_rows", STORY_COLUMNS)):
+        found = tuple(row[1] for row in store.connection.execute(f"PRAGMA table_info({table})"))
+        if found != columns:
+            raise UsageError(
+                f"{store.name}: begun with tdint {store.meta('version')}, whose runs have other columns than those of "
+                f"{__version__}; go on with that version, or give another folder with -o"
+            )
 
 
 def connect(name: str) -> sqlite3.Connection:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, is_row_of_numbers, recognizes, row_of_numbers
-from tdint.ground_motion.formats.series import Series, code, first_match, read_parts, required_units
+from tdint.ground_motion.formats.series import Series, code, first_match, header_field, read_parts, required_units
 from tdint.ground_motion.header_checks.statement import SAMPLES, STEP, Statement, compare
 
 if TYPE_CHECKING:
@@ -71,14 +71,13 @@ def _component(lines: Lines) -> list[Series]:
     if (line := lines.peek()) is None or not line.lstrip().startswith(_END):
         raise RecordError(f"after line {lines.number} the line with the end of the data is missing")
     lines.take()
-    station = first_match(_STATION, texts)
     return [
         Series(
             samples,
             1.0 / rate if rate > 0.0 else dt,
             required_units(units[1]),
             channel=_direction(component[1].upper(), texts),
-            station=code(station[1]) if station else "",
+            station=code(header_field(_STATION, texts)),
             compared=compared,
         )
     ]

@@ -19,6 +19,7 @@ from tdint.ground_motion.formats.series import (
     StatedPeak,
     code,
     first_match,
+    header_field,
     moment,
     required_units,
     stated_peak,
@@ -76,14 +77,13 @@ def read_cwb(file: Any, headonly: bool = False, **_: Any) -> Stream:
         statements.append(Statement(SAMPLES, stated, times.size - (times.size == stated + 1)))
     compared = compare(statements)
     unit = required_units(units[1])
-    station = first_match(_STATION, texts)
     series = [
         Series(
             column,
             dt,
             unit,
             channel=code(name).upper(),
-            station=code(station[1]) if station else "",
+            station=code(header_field(_STATION, texts)),
             start=_start(texts),
             peak=_peak(texts, name, unit),
             compared=compared,

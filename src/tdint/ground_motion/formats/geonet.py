@@ -15,7 +15,7 @@ import numpy as np
 
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import NUMBER, Lines, recognizes
-from tdint.ground_motion.formats.series import Series, code, first_match, moment, read_parts, stated_peak
+from tdint.ground_motion.formats.series import Series, code, first_match, header_field, moment, read_parts, stated_peak
 
 if TYPE_CHECKING:
     from obspy import Stream
@@ -67,13 +67,13 @@ def _component(lines: Lines) -> list[Series]:
         accelerations,
         reals[_STEP],
         _units(texts),
-        channel=code(_first(_COMPONENT, texts)).upper(),
-        station=code(_first(_SITE, texts)),
+        channel=code(header_field(_COMPONENT, texts)).upper(),
+        station=code(header_field(_SITE, texts)),
         start=_start(integers),
         units_from="format",
         pgv=pgv,
         pgd=pgd,
-        peak=stated_peak(_first(_PEAK, texts), "mm/s^2", _units(texts)) if _first(_PEAK, texts) else None,
+        peak=stated_peak(header_field(_PEAK, texts), "mm/s^2", _units(texts)) if header_field(_PEAK, texts) else None,
     )
     return [series]
 
@@ -86,16 +86,10 @@ def _check_step(dt: float, texts: list[str]) -> None:
 
 
 def _units(texts: list[str]) -> str:
-    factor = _first(_RAW_UNITS, texts)
+    factor = header_field(_RAW_UNITS, texts)
     if factor and not 0.0 < float(factor) < inf:
         raise RecordError(f"its header gives readings in units of {factor} mm/s/s")
     return f"{factor} mm/s^2" if factor and float(factor) != 1.0 else "mm/s^2"
-
-
-def _first(pattern: re.Pattern[str], texts: list[str]) -> str:
-    """What the pattern's group finds in the first line that fits, empty if none does."""
-    match = first_match(pattern, texts)
-    return match[1] if match else ""
 
 
 def _start(integers: list[float]) -> datetime | None:

@@ -242,6 +242,12 @@ def first_match(pattern: re.Pattern[str], texts: Sequence[str]) -> re.Match[str]
     return next(filter(None, map(pattern.search, texts)), None)
 
 
+def header_field(pattern: re.Pattern[str], texts: Sequence[str]) -> str:
+    """What a pattern's group finds in the first line of text that fits, empty if none does."""
+    match = first_match(pattern, texts)
+    return match[1] if match else ""
+
+
 def moment(
     year: float, month: float, day: float, hour: float, minute: float, second: float, zone: float = 0.0
 ) -> datetime | None:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.csmip import REAL_WIDTH, REALS, read_pairs, text_header
 from tdint.ground_motion.formats.lines import read_lines, recognizes
-from tdint.ground_motion.formats.series import Series, StatedPeak, code, first_match, moment, to_stream
+from tdint.ground_motion.formats.series import Series, StatedPeak, code, first_match, header_field, moment, to_stream
 
 if TYPE_CHECKING:
     from obspy import Stream
@@ -154,10 +154,8 @@ def read_usc(file: Any, headonly: bool = False, **_: Any) -> Stream:
     lines = read_lines(file)
     texts = text_header(lines)
     lines.numbers(REALS, REAL_WIDTH)
-    station, component = first_match(_STATION, texts), first_match(_COMPONENT, texts)
-    series = read_pairs(
-        lines, texts, station=code(station[1]) if station else "", channel=component[1].upper() if component else ""
-    )
+    station, component = code(header_field(_STATION, texts)), header_field(_COMPONENT, texts)
+    series = read_pairs(lines, texts, station=station, channel=component.upper())
     if lines.peek() is not None:
         raise RecordError(f"line {lines.number + 1} stands after the last point that the header announces")
     return to_stream([series], headonly=headonly)

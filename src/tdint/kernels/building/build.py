@@ -1,6 +1,6 @@
 """A process that compiles one kernel: `python -P -m tdint.kernels.building.build MODULE:KERNEL [FILE]`.
 
-The object goes to standard output as `tdint.kernels.building.objects` packs it. FILE is that of a module that cannot be
+The object goes to standard output as `tdint.kernels.building.loading` packs it. FILE is that of a module that cannot be
 found by its name. The process ends when its standard input does, so that none is left behind.
 """
 
@@ -30,7 +30,7 @@ def main() -> None:
         module = importlib.import_module(module_name)
 
     from tdint.kernels.building.compiler import object_of
-    from tdint.kernels.building.objects import pack
+    from tdint.kernels.building.loading import pack
 
     kernel = getattr(module, attribute)
     code, symbol = object_of(kernel.function, kernel.signature)

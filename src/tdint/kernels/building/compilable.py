@@ -1,13 +1,45 @@
-"""What is compiled: a function with its signature, and the parts of a scene that it depends on."""
+"""What is compiled: a function with its signature, what it takes and returns, and the parts of a scene that it depends
+on."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
-from tdint.kernels.building.signature import Signature
 from tdint.kernels.building.variant import EVERYTHING, Variant
+
+
+@dataclass(frozen=True)
+class Signature:
+    """What a kernel returns and takes. A signature among the arguments stands for a function of that kind."""
+
+    returns: Scalar
+    arguments: tuple[Argument, ...]
+
+
+@dataclass(frozen=True)
+class Scalar:
+    """A number; called with the types of arguments it is the signature of a function that returns such a number."""
+
+    name: str
+
+    def __call__(self, *arguments: Argument) -> Signature:
+        return Signature(self, arguments)
+
+
+@dataclass(frozen=True)
+class ArrayOf:
+    """An array of floating-point numbers in C order."""
+
+    dimensions: int
+
+
+Argument = Scalar | ArrayOf | Signature
+
+F8 = Scalar("float64")
+I8 = Scalar("int64")
 
 WHOLE = os.environ.get("TDINT_KERNELS") == "whole"
 """Whether one variant serves all scenes: where many different buildings are integrated, less is compiled."""

@@ -16,7 +16,7 @@ from numba.core import cgutils, types
 from numba.core.types.misc import maybe_literal, unliteral
 from numba.extending import intrinsic
 
-from tdint.kernels.building.signature import Argument, ArrayOf, Scalar, Signature
+from tdint.kernels.building.compilable import Argument, ArrayOf, Scalar, Signature
 
 # Without reference counts (the arrays outlive the call; kernels allocate none) a step costs a third: counting is
 # atomic.

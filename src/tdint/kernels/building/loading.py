@@ -1,18 +1,47 @@
-"""From an object file to a function that can be called."""
+"""From an object file to a function that can be called.
+
+The form of a kernel in a file: a line of JSON that describes the object, then the object.
+"""
 
 from __future__ import annotations
 
 import ctypes
+import hashlib
+import json
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import llvmlite.binding as llvm
 import numpy as np
 
-from tdint.kernels.building.signature import Argument, ArrayOf, Scalar, Signature
+from tdint.kernels.building.compilable import Argument, ArrayOf, Scalar, Signature
 from tdint.kernels.building.target import machine
 
+_FORM = "tdint object 1"
 _NUMBERS = {"float64": (ctypes.c_double, float), "int64": (ctypes.c_int64, int)}
+
+
+def pack(code: bytes, about: dict[str, Any]) -> bytes:
+    """An object and what is known about it."""
+    about = {"form": _FORM, "size": len(code), "sha256": hashlib.sha256(code).hexdigest(), **about}
+    return json.dumps(about).encode() + b"\n" + code
+
+
+def unpack(data: bytes) -> tuple[bytes, dict[str, Any]]:
+    """What `pack` packed.
+
+    Raises
+    ------
+    ValueError
+        The data are something else, cut off or damaged.
+    """
+    head, _, code = data.partition(b"\n")
+    about = json.loads(head)
+    if not isinstance(about, dict) or about.get("form") != _FORM or not isinstance(about.get("symbol"), str):
+        raise ValueError("not an object of tdint")
+    if len(code) != about.get("size") or hashlib.sha256(code).hexdigest() != about.get("sha256"):
+        raise ValueError("cut off or damaged")
+    return code, about
 
 
 class Loaded:

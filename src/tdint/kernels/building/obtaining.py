@@ -72,7 +72,7 @@ def _obtain(wanted: Sequence[tuple[Compilable, Variant]], progress: Callable[[fl
 
 def _compile(wanted: Sequence[tuple[Compilable, Variant]], progress: Callable[[float], None]) -> None:
     from tdint.kernels.building import store
-    from tdint.kernels.building.objects import unpack
+    from tdint.kernels.building.loading import unpack
     from tdint.kernels.building.process import Compilation, run_all
     from tdint.kernels.building.target import native
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tdint.kernels.building.signature import Signature
+from tdint.kernels.building.compilable import Signature
 
 
 def inlined(function: Callable[..., Any]) -> Any:

@@ -16,7 +16,7 @@ from tdint.kernels.laws import LAWS
 
 _PACKAGE = Path(__file__).parents[2]
 _BUILDING = "tdint.kernels.building."
-_COMPILING = tuple(_BUILDING + name for name in ("compiler", "signature", "variant"))
+_COMPILING = tuple(_BUILDING + name for name in ("compiler", "compilable", "variant"))
 """What of `building` an object depends on, whatever imports it."""
 
 _LAWS = "tdint.kernels.laws"

@@ -25,7 +25,7 @@ from functools import cache
 from pathlib import Path
 
 from tdint.cache import cache_home, cache_subfolder, remove_unused
-from tdint.kernels.building.objects import unpack
+from tdint.kernels.building.loading import unpack
 from tdint.kernels.building.sources import digest
 from tdint.kernels.building.target import Target
 from tdint.kernels.building.variant import parse

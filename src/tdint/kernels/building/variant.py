@@ -18,7 +18,7 @@ class Variant:
     forces : bool
         Forces on floors.
     dashpots : bool
-        Power-law dashpots.
+        Dashpots, linear ones or of a power law.
     """
 
     laws: tuple[str, ...] = ()

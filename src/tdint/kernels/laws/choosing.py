@@ -8,7 +8,7 @@ from typing import Any
 from tdint.kernels import layout as at
 from tdint.kernels.compiling import VARIANT, called, inlined, specialized
 from tdint.kernels.laws import LAWS
-from tdint.kernels.laws.apart import HOOKS
+from tdint.kernels.laws.compiled_separately import HOOKS
 from tdint.kernels.laws.law import LawFunctions
 
 FUNCTIONS = tuple(LawFunctions(**HOOKS) if law.apart else law.functions() for law in LAWS)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from tdint.kernels import layout as at
 from tdint.kernels.bundles import Passage
-from tdint.kernels.chain import FORCES, MODAL, add_modal_force, force_rate, force_value, power_damper
+from tdint.kernels.chain import DASHPOTS, FORCES, MODAL, add_modal_force, force_rate, force_value, power_damper
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.march.peaks_between_steps import look_within, raise_peak
 
@@ -21,6 +21,8 @@ class _Powers(NamedTuple):
     momentum: float
     damped: float
     damped_rate: float
+    devices: float
+    devices_rate: float
 
 
 @inlined
@@ -43,6 +45,9 @@ def observe(scene, t, span, slope, memory, seen):
     damped = 0.0
     damped_rate = 0.0
     by_all = 0.0
+    devices = 0.0
+    devices_rate = 0.0
+    devices_by_all = 0.0
     v_below = 0.0
     a_below = 0.0
     for i in range(n):
@@ -63,21 +68,29 @@ def observe(scene, t, span, slope, memory, seen):
         by_story += 0.5 * (story + tangent * rate_of_drift)
         damped_rate += by_floor * a + by_story * (a - link * a_below)
         by_all += by_floor + (1.0 - link) * by_story
+        if DASHPOTS:
+            device = chain[at.DASHPOT, i] * rate_of_drift
+            devices += (device + story) * rate_of_drift
+            device += 0.5 * (story + tangent * rate_of_drift)
+            devices_rate += device * (a - link * a_below)
+            devices_by_all += (1.0 - link) * device
         momentum += chain[at.MASS, i] * v
         force += chain[at.MASS, i] * a
         v_below = v
         a_below = a
+    near |= _total_shears(scene, state, watch, peaks)
     power = -ground * momentum
     rate = -ground * force
     totals[at.ALL_FORCES] = force
     totals[at.DAMPED_BY_ALL] = by_all
+    totals[at.DEVICES_BY_ALL] = devices_by_all
     if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
         others = _other_powers(modal, forces, t, state, watch, n)
         power += others[0]
         rate += others[1]
         damped += others[2]
         damped_rate += others[3]
-    now = _Powers(power, rate, momentum, damped, 2.0 * damped_rate)
+    now = _Powers(power, rate, momentum, damped, 2.0 * damped_rate, devices, 2.0 * devices_rate)
     _add_work(span, slope, now, scene, memory.report, totals)
     return near
 
@@ -188,6 +201,7 @@ def shift_ground(scene, load, shifts, memory, seen):
     totals[at.POWER_INPUT] += shift * totals[at.MOMENTUM]
     totals[at.RATE_INPUT] += shift * (totals[at.ALL_FORCES] - ground * totals[at.ALL_MASSES])
     totals[at.RATE_DAMPED] += 2.0 * shift * totals[at.DAMPED_BY_ALL]
+    totals[at.RATE_DEVICES] += 2.0 * shift * totals[at.DEVICES_BY_ALL]
     if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
         rate, damped_rate = _by_all(modal, forces, load[at.TIME], state, n)
         totals[at.RATE_INPUT] += shift * rate
@@ -210,6 +224,24 @@ def _story_forces(chain, state, springs, watch, peaks):
         below = v
         near |= raise_peak(peaks, at.PEAK_DRIFT, i, drift)
         near |= raise_peak(peaks, at.PEAK_SHEAR, i, shear)
+        if DASHPOTS:
+            near |= raise_peak(peaks, at.PEAK_DRIFT_RATE, i, rate)
+    return near
+
+
+@inlined
+def _total_shears(scene, state, watch, peaks):
+    """Peaks of what moves all floors above a story: its own force, and the damping of these floors."""
+    chain = scene.chain
+    n = chain.shape[1] - 1
+    near = False
+    above = 0.0
+    for j in range(1, n + 1):
+        i = n - j
+        above = chain[at.LINK, i + 1] * above + chain[at.FLOOR_DAMPER, i] * state[at.VELOCITY, i]
+        if MODAL:
+            above += watch[at.MODAL_FORCE, i]
+        near |= raise_peak(peaks, at.PEAK_TOTAL_SHEAR, i, watch[at.STORY_FORCE, i] + above)
     return near
 
 
@@ -218,9 +250,12 @@ def _other_forces(modal, forces, t, state, watch, n):
     """Forces on floors less modal damping into their row; the row stays zero where a building has neither."""
     for i in range(n):
         watch[at.OTHER_FORCE, i] = 0.0
+        watch[at.MODAL_FORCE, i] = 0.0
     for j in range(forces.shape[0]):
         watch[at.OTHER_FORCE, int(forces[j, at.FLOOR])] += force_value(forces, j, t)
-    add_modal_force(modal, state, at.VELOCITY, -1.0, watch, at.OTHER_FORCE, n)
+    add_modal_force(modal, state, at.VELOCITY, 1.0, watch, at.MODAL_FORCE, n)
+    for i in range(n):
+        watch[at.OTHER_FORCE, i] -= watch[at.MODAL_FORCE, i]
 
 
 @inlined
@@ -238,6 +273,13 @@ def _add_work(span, slope, now, scene, report, totals):
         ends = totals[at.RATE_DAMPED] - now.damped_rate
         totals[at.ENERGY_DAMPED] += 0.5 * h * (totals[at.POWER_DAMPED] + now.damped) + h * h / 12.0 * ends
         totals[at.ENERGY_LARGEST] = max(totals[at.ENERGY_LARGEST], totals[at.ENERGY_START] + totals[at.ENERGY_INPUT])
+    if DASHPOTS and h > 0.0:
+        ends = totals[at.RATE_DEVICES] - now.devices_rate
+        devices = 0.5 * h * (totals[at.POWER_DEVICES] + now.devices) + h * h / 12.0 * ends
+        totals[at.ENERGY_DEVICES] += devices
+        totals[at.ENERGY_DAMPED] -= devices
+    totals[at.POWER_DEVICES] = now.devices
+    totals[at.RATE_DEVICES] = now.devices_rate
     totals[at.POWER_INPUT] = now.power
     totals[at.RATE_INPUT] = now.rate
     totals[at.MOMENTUM] = now.momentum

@@ -23,10 +23,12 @@ import math
 
 from tdint.kernels import layout as at
 from tdint.kernels.bundles import Ends
+from tdint.kernels.chain import DASHPOTS, FORCES
 from tdint.kernels.compiling import called, inlined
 
 _RESOLVED = 0.5  # what a change of velocity may miss the mean acceleration by, over the velocities
 _SMOOTH = 1.0  # what an acceleration inside may miss the straight line by, over those at the ends
+_NOTHING = Ends(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _SWING = 0.5  # of h times the rates at both ends: what a parabola may go beyond the value at its end
 
 
@@ -48,12 +50,17 @@ def look_within(span, scene, passage, springs, turns, turn, peaks, top):
     present drift; returns how many there are of these.
     """
     passing = False
-    for i in range(scene.chain.shape[1] - 1):
+    above, mass = _NOTHING, 0.0
+    n = scene.chain.shape[1] - 1
+    for j in range(1, n + 1):
+        i = n - j
         floor = _floor(False, passage, i)
         below = _floor(False, passage, max(i - 1, 0))
         story = _story(floor, below, scene.chain[at.LINK, i], springs[at.DRIFT, i])
         shear = springs[at.FORCE, i]
         passing |= _may_pass(span, floor, story, shear, scene.laws[at.STIFFNESS, i], peaks, top, i)
+        above, mass = _moved(scene.chain, i, floor, above, mass)
+        passing |= _may_accelerate(span, above, mass, peaks[top + at.PEAK_TOTAL_SHEAR, i])
     if not passing:
         return 0
     return _look_closely(span, scene, passage, springs, turns, turn, peaks, top)
@@ -100,12 +107,37 @@ def _may_pass(span, floor, story, shear, stiffness, peaks, top, i):
     passing |= _turns(span, floor) & passed
     fastest = abs(floor.v1) + _SWING * h * (abs(floor.a0) + abs(floor.a1))
     passing |= (floor.a0 * floor.a1 < 0.0) & (fastest > peaks[top + at.PEAK_VELOCITY, i])
-    peak = peaks[top + at.PEAK_ACCELERATION, i]
-    absolute_0 = floor.a0 + span.ground_0
-    absolute_1 = floor.a1 + span.ground_1
-    bulge, tilt = _bend(h, floor)
+    if DASHPOTS:
+        fastest = abs(story.v1) + _SWING * h * (abs(story.a0) + abs(story.a1))
+        passing |= (story.a0 * story.a1 < 0.0) & (fastest > peaks[top + at.PEAK_DRIFT_RATE, i])
+    return passing | _may_accelerate(span, floor, 1.0, peaks[top + at.PEAK_ACCELERATION, i])
+
+
+@inlined
+def _may_accelerate(span, ends, mass, peak):
+    """Whether an absolute acceleration may pass its peak, or masses times such, `mass` in all."""
+    absolute_0 = ends.a0 + mass * span.ground_0
+    absolute_1 = ends.a1 + mass * span.ground_1
+    bulge, tilt = _bend(span.h, ends)
     near = (2.0 * abs(absolute_0) > peak) | (2.0 * abs(absolute_1) > peak)
-    return passing | (near & (_most(absolute_0, absolute_1, bulge, tilt) > peak) & (abs(tilt) <= abs(bulge)))
+    return near & (_most(absolute_0, absolute_1, bulge, tilt) > peak) & (abs(tilt) <= abs(bulge))
+
+
+@inlined
+def _moved(chain, i, floor, above, mass):
+    """Motion times mass of floor `i` and all above, of which that of those above is given; and their mass."""
+    link, own = chain[at.LINK, i + 1], chain[at.MASS, i]
+    ends = Ends(
+        u0=link * above.u0 + own * floor.u0,
+        v0=link * above.v0 + own * floor.v0,
+        a0=link * above.a0 + own * floor.a0,
+        u1=link * above.u1 + own * floor.u1,
+        v1=link * above.v1 + own * floor.v1,
+        a1=link * above.a1 + own * floor.a1,
+        w=link * above.w + own * floor.w,
+        b=link * above.b + own * floor.b,
+    )
+    return ends, link * mass + own
 
 
 @inlined
@@ -120,7 +152,7 @@ def _look_closely(span, scene, passage, springs, turns, turn, peaks, top):
     """What `look_within` does where a peak may be passed."""
     h = span.h
     turned = 0
-    below = Ends(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    below = _NOTHING
     for i in range(scene.chain.shape[1] - 1):
         floor = _floor(span.fast, passage, i)
         story = _story(floor, below, scene.chain[at.LINK, i], springs[at.DRIFT, i])
@@ -140,9 +172,30 @@ def _look_closely(span, scene, passage, springs, turns, turn, peaks, top):
             _turning_point(span, floor, passing, peaks, top + at.PEAK_DISPLACEMENT, i)
         fastest = abs(floor.v1) + _SWING * h * (abs(floor.a0) + abs(floor.a1))
         if floor.a0 * floor.a1 < 0.0 and fastest > peaks[top + at.PEAK_VELOCITY, i]:
-            _fastest(span, floor, peaks, top, i)
-        _most_accelerated(span, floor, peaks, top, i)
+            _fastest(span, floor, peaks, top + at.PEAK_VELOCITY, i)
+        if DASHPOTS:
+            fastest = abs(story.v1) + _SWING * h * (abs(story.a0) + abs(story.a1))
+            if story.a0 * story.a1 < 0.0 and fastest > peaks[top + at.PEAK_DRIFT_RATE, i]:
+                _fastest(span, story, peaks, top + at.PEAK_DRIFT_RATE, i)
+        _most_accelerated(span, floor, 1.0, peaks, top + at.PEAK_ACCELERATION, i)
+    _most_sheared(span, scene, passage, peaks, top)
     return turned
+
+
+@called
+def _most_sheared(span, scene, passage, peaks, top):
+    """Raise the peaks of total shear: masses above times their absolute accelerations.
+
+    With forces on floors it is taken as far as the ends of steps tell it.
+    """
+    if FORCES and scene.forces.shape[0] > 0:
+        return
+    above, mass = _NOTHING, 0.0
+    n = scene.chain.shape[1] - 1
+    for j in range(1, n + 1):
+        i = n - j
+        above, mass = _moved(scene.chain, i, _floor(span.fast, passage, i), above, mass)
+        _most_accelerated(span, above, mass, peaks, top + at.PEAK_TOTAL_SHEAR, i)
 
 
 @called
@@ -183,14 +236,14 @@ def _turning_point(span, ends, passing, peaks, row, i):
 
 
 @called
-def _fastest(span, ends, peaks, top, i):
-    """Raise the peak of velocity."""
+def _fastest(span, ends, peaks, peak_row, i):
+    """Raise the peak of a velocity or a drift rate."""
     h = span.h
     u0, v0, a0, u1, v1, a1, _, _ = ends
     c3, c4, c5 = _quintic(h, ends)
     bulge, tilt = _bend(h, ends)
     told = _calm(span, ends) and _smooth(bulge, tilt, abs(a0) + abs(a1))
-    row = top + at.PEAK_VELOCITY + (0 if told else at.PEAK_ROWS)
+    row = peak_row + (0 if told else at.PEAK_ROWS)
     # Inside it is no larger than its Bezier points.
     early = v0 + 0.25 * h * a0
     late = v1 - 0.25 * h * a1
@@ -201,16 +254,16 @@ def _fastest(span, ends, peaks, top, i):
 
 
 @inlined
-def _most_accelerated(span, ends, peaks, top, i):
-    """Raise the peak of absolute acceleration, if it may be passed."""
-    peak = peaks[top + at.PEAK_ACCELERATION, i]
-    absolute_0 = ends.a0 + span.ground_0
-    absolute_1 = ends.a1 + span.ground_1
+def _most_accelerated(span, ends, mass, peaks, peak_row, i):
+    """Raise the peak of an absolute acceleration, or of masses times such, if it may be passed."""
+    peak = peaks[peak_row, i]
+    absolute_0 = ends.a0 + mass * span.ground_0
+    absolute_1 = ends.a1 + mass * span.ground_1
     bulge, tilt = _bend(span.h, ends)
     near = 2.0 * max(abs(absolute_0), abs(absolute_1)) > peak
     if near and _most(absolute_0, absolute_1, bulge, tilt) > peak and abs(tilt) <= abs(bulge):
         told = _calm(span, ends) and _smooth(bulge, tilt, abs(absolute_0) + abs(absolute_1))
-        row = top + at.PEAK_ACCELERATION + (0 if told else at.PEAK_ROWS)
+        row = peak_row + (0 if told else at.PEAK_ROWS)
         change = absolute_1 - absolute_0 + bulge + tilt
         raise_peak(peaks, row, i, _extreme_of_cubic(absolute_0, change, -bulge - 3.0 * tilt, 2.0 * tilt))
 

@@ -2,13 +2,29 @@
 
 Under a ground motion that is linear over the step every quantity q that is asked for has a q'' that vibrates freely.
 That bounds how far q can rise above its values at both ends, and with omega h <= 1 a short Taylor series is q itself.
+
+At the ends the recursion from one step to the next is exact (Nigam and Jennings 1969): u1 = A11 u0 + A12 v0 - B10 g0 -
+B11 g1 and v1 = A21 u0 + A22 v0 - B20 g0 - B21 g1 for a ground acceleration that goes in a straight line from g0 to g1;
+`tdint.analysis.spectra.oscillators` fills the tables.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from tdint.kernels.compiling import called, inlined
+
+# Rows of the tables of oscillators
+A11 = 0
+A12 = 1
+B10 = 2
+B11 = 3
+A21 = 4
+A22 = 5
+B20 = 6
+B21 = 7
+RECURSION_ROWS = 8
 
 TERMS = 15
 """Most terms of a Taylor series: with omega h <= 1 less than 1e-9 is left out."""
@@ -19,6 +35,14 @@ _NEWTON = 30
 _NEAR = 1e-4  # of a step: the last correction by Newton's method
 _CLOSE = 1e-5  # of a step: an error of the place, whose square is the error of the largest value
 _INVERSE = tuple(1.0 / max(k, 1) for k in range(TERMS + 1))
+
+
+class Vibration(NamedTuple):
+    """How an oscillator vibrates, and how long its steps are."""
+
+    by_u: float  # omega^2
+    by_v: float  # 2 xi omega
+    h: float
 
 
 @called
@@ -32,12 +56,13 @@ def divide(samples, parts, ground):
 
 
 @inlined
-def rise(by_u, by_v, h):
+def rise(vibration):
     """By how much, at most, a quantity exceeds its values at both ends of a step, over the larger of its q'' there.
 
     q lies within h^2/8 max |q''| of the chord. q'' is a free vibration: over omega h <= 1 its largest value is at most
-    exp(xi omega h) / cos(omega h / 2) times the larger one at the ends. by_u is omega^2, by_v is 2 xi omega.
+    exp(xi omega h) / cos(omega h / 2) times the larger one at the ends.
     """
+    by_u, by_v, h = vibration
     return 0.125 * h * h * math.exp(0.5 * by_v * h) / math.cos(0.5 * math.sqrt(by_u) * h)
 
 
@@ -53,10 +78,13 @@ def may_exceed(best, rise, q0, d0, e0, q1, d1, e1):
 
 
 @called
-def largest_between(q, d, e, f, d1, by_u, by_v, h, n, series):
-    """Largest absolute value at the extremes of q within a step; q, q', q'', q''' are those at its start, d1 is q' at
-    its end. n is the number of `terms`; `series`, shape (3, TERMS), is room for the series of q, q' and q''.
+def largest_between(q, rates, d1, vibration, n, series):
+    """Largest absolute value at the extremes of q within a step; q and its `rates` q', q'', q''' are those at its
+    start, d1 is q' at its end. n is the number of `terms`; `series`, shape (3, TERMS), is room for the series of q, q'
+    and q''.
     """
+    d, e, f = rates
+    by_u, by_v, h = vibration
     w, z = h * h * by_u, h * by_v
     value, speed, bend, jerk = series[0], series[1], series[2], f * h * h * h
     bend[0], bend[1] = e * h * h, jerk
@@ -83,11 +111,12 @@ def largest_between(q, d, e, f, d1, by_u, by_v, h, n, series):
 
 
 @called
-def terms(by_u, by_v, h):
+def terms(vibration):
     """Terms of the series of q that matter beside the cubic one.
 
     From the third on each derivative is about omega times the one before; the ground's slope is in the third.
     """
+    by_u, by_v, h = vibration
     reach = h * max(math.sqrt(by_u), by_v)
     n, term = 3, 1.0
     while n < TERMS and (n < _LEAST or term > _LEFT_OUT):
@@ -126,3 +155,22 @@ def _value(coefficients, n, x):
         slope = slope * x + value
         value = value * x + coefficients[k]
     return value, slope
+
+
+@inlined
+def narrowed(left, at_left, right, at_right, side, t, value):
+    """A root's bracket narrowed by false position with halved weights, the Illinois method (Dowell and Jarratt 1971):
+    the bracket after a look at t, with its values; the value of an end that stays twice in a row is halved.
+
+    `side` is 1 if the right end was moved last, -1 for the left one, 0 at first; returned with the bracket, as is the
+    distance by which an end was moved. `value` is not zero.
+    """
+    if (value > 0.0) == (at_right > 0.0):
+        moved = right - t
+        if side > 0:
+            at_left *= 0.5
+        return left, at_left, t, value, 1, moved
+    moved = t - left
+    if side < 0:
+        at_right *= 0.5
+    return t, value, right, at_right, -1, moved

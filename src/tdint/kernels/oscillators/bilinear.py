@@ -13,9 +13,10 @@ one zero within a step, so between the zeros of u'' the velocity is monotone, an
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from tdint.kernels.compiling import F8, I8, VECTOR, called, inlined, kernel, local
-from tdint.kernels.oscillators.bracket import narrowed
+from tdint.kernels.oscillators.between import narrowed
 
 # Rows of the state of an oscillator
 U = 0
@@ -40,6 +41,15 @@ NEVER = -1.0
 _ORDER = 44
 _EVENTS = 60  # within a step
 _FREE_STEPS = 600  # radians of free vibration after the motion
+
+
+class _Hysteretic(NamedTuple):
+    """Elastic stiffness and damping over the mass, and what yields."""
+
+    k: float
+    c: float
+    hardening: float
+    strength: float  # of the elastic-plastic part, (1 - hardening) times the yield force
 
 
 @called
@@ -152,8 +162,9 @@ def _elastic_until(series, terms, state, middle, rest):
 
 
 @called
-def _unload(state, strength, hardening, k):
+def _unload(state, oscillator):
     """Elastic again, from where the yielding ended back by twice the yield displacement."""
+    k, _, hardening, strength = oscillator
     u, side = state[U], state[SIDE]
     back = u - side * 2.0 * strength / ((1.0 - hardening) * k)
     state[SIDE] = 0.0
@@ -173,9 +184,10 @@ def _yield(state, strength):
 
 
 @called
-def _within(state, series, strength, hardening, k, c, g, slope, h):
+def _within(state, series, oscillator, g, slope, h):
     """A step of length h, through all branches, under the ground acceleration g + slope t; number of events, or a
     negative code."""
+    k, c, hardening, strength = oscillator
     t = 0.0
     for events in range(_EVENTS):
         side = state[SIDE]
@@ -199,7 +211,7 @@ def _within(state, series, strength, hardening, k, c, g, slope, h):
         if event == NEVER:
             return events
         if side != 0.0:
-            _unload(state, strength, hardening, k)
+            _unload(state, oscillator)
         t += event
     return NO_END
 
@@ -218,17 +230,13 @@ def _coefficients(steps, first, series, k, c, h):
 
 
 @called
-def _respond(ground, parts, h, k, c, hardening, strength, steps, series, state):
-    """From rest over the whole motion; the number of events, or a negative code.
-
-    `strength` is that of the elastic-plastic part, (1 - hardening) times the yield force. The state's limits are set.
-    """
-    e00, e01, e02, e03, e10, e11, e12, e13 = (
-        steps[0], steps[1], steps[2], steps[3], steps[4], steps[5], steps[6], steps[7],
-    )  # fmt: skip
-    y00, y01, y02, y03, y10, y11, y12, y13 = (
-        steps[8], steps[9], steps[10], steps[11], steps[12], steps[13], steps[14], steps[15],
-    )  # fmt: skip
+def _respond(ground, parts, h, oscillator, steps, series, state):
+    """From rest over the whole motion; the number of events, or a negative code. The state's limits are set."""
+    k, c, hardening, _ = oscillator
+    e00, e01, e02, e03 = steps[0], steps[1], steps[2], steps[3]
+    e10, e11, e12, e13 = steps[4], steps[5], steps[6], steps[7]
+    y00, y01, y02, y03 = steps[8], steps[9], steps[10], steps[11]
+    y10, y11, y12, y13 = steps[12], steps[13], steps[14], steps[15]
     # Within a step u leaves its chord by h^2/8 max |u''| at most, and |u''|, a decaying sine over at most a radian,
     # exceeds the larger of its ends by 1.14 e^(c h / 2) at most.
     reach = 0.25 * h * h * math.exp(0.5 * c * h)
@@ -265,7 +273,7 @@ def _respond(ground, parts, h, k, c, hardening, strength, steps, series, state):
                 continue
             state[U], state[V], state[SIDE], state[OFFSET] = u, v, side, offset
             state[UPPER], state[LOWER], state[PEAK] = upper, lower, peak
-            found = _within(state, series, strength, hardening, k, c, g0, rise / h, h)
+            found = _within(state, series, oscillator, g0, rise / h, h)
             if found < 0:
                 return found
             events += found
@@ -279,8 +287,9 @@ def _respond(ground, parts, h, k, c, hardening, strength, steps, series, state):
 
 
 @called
-def _come_to_rest(state, series, strength, hardening, k, c):
+def _come_to_rest(state, series, oscillator):
     """Displacement after the free vibration that follows; where it vibrates for ever, its center."""
+    k = oscillator.k
     h = 1.0 / math.sqrt(k)
     for _ in range(_FREE_STEPS):
         if state[SIDE] == 0.0:
@@ -289,7 +298,7 @@ def _come_to_rest(state, series, strength, hardening, k, c):
             slack = 1e-9 * (state[UPPER] - state[LOWER])
             if center + swing <= state[UPPER] + slack and center - swing >= state[LOWER] - slack:
                 return center
-        if _within(state, series, strength, hardening, k, c, 0.0, 0.0, h) < 0:
+        if _within(state, series, oscillator, 0.0, 0.0, h) < 0:
             return math.nan
     return -state[OFFSET] / k if state[SIDE] == 0.0 else state[U]
 
@@ -327,7 +336,8 @@ def bilinear_response(ground, dt, omega, xi, hardening, yield_displacement, resu
     if yield_displacement < math.inf:
         strength = (1.0 - hardening) * k * yield_displacement
     state[UPPER], state[LOWER] = yield_displacement, -yield_displacement
-    events = _respond(ground, parts, h, k, c, hardening, strength, steps, series, state)
+    oscillator = _Hysteretic(k, c, hardening, strength)
+    events = _respond(ground, parts, h, oscillator, steps, series, state)
     results[LARGEST] = state[PEAK]
-    results[RESIDUAL] = _come_to_rest(state, series, strength, hardening, k, c) if events > 0 else 0.0
+    results[RESIDUAL] = _come_to_rest(state, series, oscillator) if events > 0 else 0.0
     return events

@@ -16,12 +16,31 @@ Steps longer than that are divided by the caller, for each oscillator as it need
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.kernels.compiling import CUBE, F8, I8, TABLE, VECTOR, called, kernel, local, local_table
-from tdint.kernels.oscillators.between import TERMS, divide, largest_between, may_exceed, rise, terms
-from tdint.kernels.oscillators.recursion import A11, A12, A21, A22, B10, B11, B20, B21, RECURSION_ROWS
+from tdint.kernels.bundles import Array
+from tdint.kernels.compiling import CUBE, F8, I8, TABLE, VECTOR, called, inlined, kernel, local, local_table
+from tdint.kernels.oscillators.between import (
+    A11,
+    A12,
+    A21,
+    A22,
+    B10,
+    B11,
+    B20,
+    B21,
+    RECURSION_ROWS,
+    TERMS,
+    Vibration,
+    divide,
+    largest_between,
+    may_exceed,
+    rise,
+    terms,
+)
 
 # Rows of the table of oscillators behind those of the recursion
 BY_DISPLACEMENT = RECURSION_ROWS  # omega^2
@@ -111,7 +130,8 @@ def peaks(samples, dt, parts, oscillators, lanes, between, result, ground, start
         for i in range(min(lanes, result.shape[1] - group)):
             starts[i, whole, 0], starts[i, whole, 1] = us[i], vs[i]
             best[:] = 0.0
-            _search(ground, h, oscillators, group + i, starts[i], tops[i], shaking, between, series, best)
+            one = _One(ground, h, oscillators, group + i, starts[i], between, series, best)
+            _search(one, tops[i], shaking)
             for k in range(PEAKS):
                 result[k, group + i] = best[k]
     return 0
@@ -128,9 +148,29 @@ def _measure_shaking(ground, h, stretch, shaking):
     shaking[stretch, 0], shaking[stretch, 1] = size, slope / h
 
 
+class _One(NamedTuple):
+    """One oscillator of the table that is marched by itself."""
+
+    ground: Array
+    h: float
+    oscillators: Array
+    column: int
+    starts: Array  # displacement and velocity at the start of each stretch
+    between: int  # 1 to look between the steps, too
+    series: Array  # of q, q' and q''
+    best: Array  # largest values so far
+
+
+@inlined
+def _vibration(one):
+    oscillators, column = one.oscillators, one.column
+    return Vibration(oscillators[BY_DISPLACEMENT, column], oscillators[BY_VELOCITY, column], one.h)
+
+
 @called
-def _search(ground, h, oscillators, column, starts, tops, shaking, between, series, best):
+def _search(one, tops, shaking):
     """Largest values of one oscillator, from its largest at the samples of each stretch."""
+    best = one.best
     whole = tops.shape[0]
     at_u = at_v = at_a = whole
     for c in range(whole):
@@ -140,18 +180,19 @@ def _search(ground, h, oscillators, column, starts, tops, shaking, between, seri
             at_v, best[1] = c, tops[c, 1]
         if tops[c, 2] > best[2]:
             at_a, best[2] = c, tops[c, 2]
-    _march(ground, h, oscillators, column, starts, whole, between, series, best)
-    if between == 0:
+    _march(one, whole)
+    if one.between == 0:
         return
     # The stretches of the largest samples come first: what they leave is hard to exceed.
     if at_u < whole:
-        _march(ground, h, oscillators, column, starts, at_u, between, series, best)
+        _march(one, at_u)
     if at_v < whole and at_v != at_u:
-        _march(ground, h, oscillators, column, starts, at_v, between, series, best)
+        _march(one, at_v)
     if at_a < whole and at_a != at_u and at_a != at_v:
-        _march(ground, h, oscillators, column, starts, at_a, between, series, best)
-    by_u, by_v = oscillators[BY_DISPLACEMENT, column], oscillators[BY_VELOCITY, column]
-    margin = rise(by_u, by_v, h)
+        _march(one, at_a)
+    vibration = _vibration(one)
+    by_u, by_v, _ = vibration
+    margin = rise(vibration)
     for c in range(whole):
         if c in (at_u, at_v, at_a):
             continue
@@ -163,26 +204,20 @@ def _search(ground, h, oscillators, column, starts, tops, shaking, between, seri
             or tops[c, 1] + margin * bend_v > best[1]
             or tops[c, 2] + margin * bend_a > best[2]
         ):
-            _march(ground, h, oscillators, column, starts, c, between, series, best)
+            _march(one, c)
 
 
 @called
-def _march(ground, h, oscillators, column, starts, stretch, between, series, best):
+def _march(one, stretch):
     """March one oscillator over a stretch (or the steps after the last whole one) and look between the samples."""
-    a11, a12, b10, b11 = (
-        oscillators[A11, column],
-        oscillators[A12, column],
-        oscillators[B10, column],
-        oscillators[B11, column],
-    )
-    a21, a22, b20, b21 = (
-        oscillators[A21, column],
-        oscillators[A22, column],
-        oscillators[B20, column],
-        oscillators[B21, column],
-    )
-    by_u, by_v = oscillators[BY_DISPLACEMENT, column], oscillators[BY_VELOCITY, column]
-    margin, n = rise(by_u, by_v, h), terms(by_u, by_v, h)
+    ground, h, oscillators, column, starts, between, series, best = one
+    a11, a12 = oscillators[A11, column], oscillators[A12, column]
+    b10, b11 = oscillators[B10, column], oscillators[B11, column]
+    a21, a22 = oscillators[A21, column], oscillators[A22, column]
+    b20, b21 = oscillators[B20, column], oscillators[B21, column]
+    vibration = _vibration(one)
+    by_u, by_v, _ = vibration
+    margin, n = rise(vibration), terms(vibration)
     u, v = starts[stretch, 0], starts[stretch, 1]
     g0 = ground[stretch * STRETCH]
     p = by_u * u + by_v * v  # less the absolute acceleration
@@ -202,10 +237,10 @@ def _march(ground, h, oscillators, column, starts, stretch, between, series, bes
             j, j1 = -dp - slope, -dp1 - slope
             ddp, ddp1 = by_u * a + by_v * j, by_u * a1 + by_v * j1
             if may_exceed(best[0], margin, u, v, a, u1, v1, a1):
-                best[0] = max(best[0], largest_between(u, v, a, j, v1, by_u, by_v, h, n, series))
+                best[0] = max(best[0], largest_between(u, (v, a, j), v1, vibration, n, series))
             if may_exceed(best[1], margin, v, a, j, v1, a1, j1):
-                best[1] = max(best[1], largest_between(v, a, j, -ddp, a1, by_u, by_v, h, n, series))
+                best[1] = max(best[1], largest_between(v, (a, j, -ddp), a1, vibration, n, series))
             if may_exceed(best[2], margin, p, dp, ddp, p1, dp1, ddp1):
                 dddp = by_u * j - by_v * ddp
-                best[2] = max(best[2], largest_between(p, dp, ddp, dddp, dp1, by_u, by_v, h, n, series))
+                best[2] = max(best[2], largest_between(p, (dp, ddp, dddp), dp1, vibration, n, series))
         u, v, p, a, g0 = u1, v1, p1, a1, g1

@@ -10,14 +10,31 @@ displacement; in these, by the same rule for narrower sectors, few steps and dir
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.kernels.bundles import Array
 from tdint.kernels.compiling import CUBE, F8, I8, TABLE, VECTOR, called, inlined, kernel, local, local_table
-from tdint.kernels.oscillators.between import TERMS, divide, largest_between, may_exceed, rise, terms
+from tdint.kernels.oscillators.between import (
+    A11,
+    A12,
+    A21,
+    A22,
+    B10,
+    B11,
+    B20,
+    B21,
+    TERMS,
+    Vibration,
+    divide,
+    largest_between,
+    may_exceed,
+    rise,
+    terms,
+)
 from tdint.kernels.oscillators.elastic import BY_DISPLACEMENT, BY_VELOCITY, COEFFICIENTS, STRETCH
-from tdint.kernels.oscillators.recursion import A11, A12, A21, A22, B10, B11, B20, B21
 
 ANGLES = 180
 """Directions, one degree apart from the first motion towards the second."""
@@ -105,7 +122,10 @@ def rotated_peaks(first, second, dt, parts, oscillators, directions, between, re
                 tops[i, c, _BEND] = math.sqrt(lane[(_TOPS + _BEND) * LANES + i])
         for i in range(min(LANES, result.shape[0] - group)):
             best[:] = 0.0
-            _search(ground, h, oscillators, group + i, directions, starts[i], tops[i], between, work, series, best)
+            column = group + i
+            vibration = Vibration(oscillators[BY_DISPLACEMENT, column], oscillators[BY_VELOCITY, column], h)
+            one = _One(ground, oscillators, column, vibration, directions, starts[i], work, series, best)
+            _search(one, tops[i], between * rise(vibration))
             for k in range(ANGLES):
                 result[group + i, k] = best[k]
     return 0
@@ -148,14 +168,30 @@ def _advance(ground, s, lane):
         lane[(_TOPS + _BEND) * LANES + i] = bend
 
 
+class _One(NamedTuple):
+    """One oscillator of the table that is marched by itself."""
+
+    ground: Array
+    oscillators: Array
+    column: int
+    vibration: Vibration
+    directions: Array
+    starts: Array  # displacements and velocities at the start of each stretch
+    work: Array
+    series: Array  # of q, q' and q''
+    best: Array  # largest displacements so far
+
+
 @called
-def _search(ground, h, oscillators, column, directions, starts, tops, between, work, series, best):
-    """Largest displacements of one oscillator in all directions, from those along the axes in each stretch."""
+def _search(one, tops, margin):
+    """Largest displacements of one oscillator in all directions, from those along the axes in each stretch.
+
+    `margin` is its `rise`, 0 if nobody asks for what lies between the steps."""
+    work, best = one.work, one.best
     whole = tops.shape[0]
-    margin = between * rise(oscillators[BY_DISPLACEMENT, column], oscillators[BY_VELOCITY, column], h)
     lows = work[_LOWS]
     # The stretches of the largest displacements along the axes come first: what they leave is hard to exceed.
-    _march(ground, h, oscillators, column, directions, starts, whole, margin, True, work, series, best)
+    _march(one, whole, margin, True)
     last = whole
     for k in range(AXES):
         place = 0
@@ -163,15 +199,15 @@ def _search(ground, h, oscillators, column, directions, starts, tops, between, w
             if tops[c, k] > tops[place, k]:
                 place = c
         if whole > 0 and place != last:
-            _march(ground, h, oscillators, column, directions, starts, place, margin, True, work, series, best)
+            _march(one, place, margin, True)
             last = place
     for k in range(_SECTORS):
         lows[k] = _lowest(best, k)
-    _march(ground, h, oscillators, column, directions, starts, whole, margin, False, work, series, best)
+    _march(one, whole, margin, False)
     for c in range(whole):
         _interpolate(tops[c], work)
         if _count_higher(work, margin * tops[c, _BEND]) > 0:
-            _march(ground, h, oscillators, column, directions, starts, c, margin, False, work, series, best)
+            _march(one, c, margin, False)
 
 
 @called
@@ -198,25 +234,18 @@ def _lowest(best, sector):
 
 
 @called
-def _march(ground, h, oscillators, column, directions, starts, stretch, margin, coarse, work, series, best):
+def _march(one, stretch, margin, coarse):
     """March one oscillator over a stretch (or the steps after the last whole one) and raise `best`.
 
     `coarse`: by the values at the steps' ends in all directions; else also by those between, where they may be larger.
     """
-    a11, a12, b10, b11 = (
-        oscillators[A11, column],
-        oscillators[A12, column],
-        oscillators[B10, column],
-        oscillators[B11, column],
-    )
-    a21, a22, b20, b21 = (
-        oscillators[A21, column],
-        oscillators[A22, column],
-        oscillators[B20, column],
-        oscillators[B21, column],
-    )
-    by_u, by_v = oscillators[BY_DISPLACEMENT, column], oscillators[BY_VELOCITY, column]
-    n = terms(by_u, by_v, h)
+    ground, oscillators, column, vibration, directions, starts, work, series, best = one
+    a11, a12 = oscillators[A11, column], oscillators[A12, column]
+    b10, b11 = oscillators[B10, column], oscillators[B11, column]
+    a21, a22 = oscillators[A21, column], oscillators[A22, column]
+    b20, b21 = oscillators[B20, column], oscillators[B21, column]
+    by_u, by_v, h = vibration
+    n = terms(vibration)
     lows, before, after = work[_LOWS], work[_BEFORE], work[_AFTER]
     x, v, y, w = starts[stretch, 0], starts[stretch, 1], starts[stretch, 2], starts[stretch, 3]
     f0, g0 = ground[0, stretch * STRETCH], ground[1, stretch * STRETCH]
@@ -247,7 +276,7 @@ def _march(ground, h, oscillators, column, directions, starts, stretch, margin, 
                     speed, e0, e1 = c * v1 + d * w1, c * a + d * b, c * a1 + d * b1
                     best[k] = max(best[k], abs(u1))
                     if margin > 0.0 and may_exceed(best[k], margin, u0, v0, e0, u1, speed, e1):
-                        size = largest_between(u0, v0, e0, c * p + d * q, speed, by_u, by_v, h, n, series)
+                        size = largest_between(u0, (v0, e0, c * p + d * q), speed, vibration, n, series)
                         best[k] = max(best[k], size)
                 lows[sector] = _lowest(best, sector)
             for k in range(_SECTORS + 1):

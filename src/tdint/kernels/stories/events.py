@@ -44,11 +44,11 @@ def first_event(chain, h, state, springs, work, u1, v1):
         upper = springs[at.UPPER, i]
         lower = springs[at.LOWER, i]
         if max(d1, d2, d3) > upper + slack:
-            fraction = _crossing(d0, d1, d2, d3, upper, slack, first)
+            fraction = _crossing((d0, d1, d2, d3), upper, slack, first)
             if fraction < first:
                 first, story, how = fraction, i, at.ABOVE
         if min(d1, d2, d3) < lower - slack:
-            fraction = _crossing(-d0, -d1, -d2, -d3, -lower, slack, first)
+            fraction = _crossing((-d0, -d1, -d2, -d3), -lower, slack, first)
             if fraction < first:
                 first, story, how = fraction, i, at.BELOW
         turn = springs[at.TURN, i]
@@ -61,19 +61,21 @@ def first_event(chain, h, state, springs, work, u1, v1):
 
 
 @inlined
-def _bezier(d0, d1, d2, d3, s):
+def _bezier(cubic, s):
+    d0, d1, d2, d3 = cubic
     r = 1.0 - s
     return r * r * (r * d0 + 3.0 * s * d1) + s * s * (3.0 * r * d2 + s * d3)
 
 
 @called
-def _crossing(d0, d1, d2, d3, limit, slack, before):
+def _crossing(cubic, limit, slack, before):
     """Smallest s in [0, 1] at which the cubic goes beyond `limit`; NONE if that is not before `before`, or if it
     nowhere goes beyond it by `slack`.
 
     A cubic that starts beyond it by what the last event was missed by comes inside first, or turns outside: it goes
     beyond where it then rises.
     """
+    d0, d1, d2, d3 = cubic
     # Between its extrema the cubic is monotone.
     a = d3 - d0 + 3.0 * (d1 - d2)
     b = d0 - 2.0 * d1 + d2
@@ -89,17 +91,17 @@ def _crossing(d0, d1, d2, d3, limit, slack, before):
         other = c / q if q != 0.0 else 1.0
         s_low = min(max(min(one, other), 0.0), 1.0)
         s_high = min(max(max(one, other), 0.0), 1.0)
-        low = _bezier(d0, d1, d2, d3, s_low)
-        high = _bezier(d0, d1, d2, d3, s_high)
+        low = _bezier(cubic, s_low)
+        high = _bezier(cubic, s_high)
     if not _rises_beyond(d0, d1, low, high, d3, limit + slack):
         return NONE
     if d0 >= limit and d1 > d0:
         return 0.0
     if low > limit and low > d0:
-        return _root(d0, d1, d2, d3, limit, 0.0, s_low, d0, low, before)
+        return _root(cubic, limit, (0.0, d0), (s_low, low), before)
     if high > limit and high > low:
-        return _root(d0, d1, d2, d3, limit, s_low, s_high, low, high, before)
-    return _root(d0, d1, d2, d3, limit, s_high, 1.0, high, d3, before)
+        return _root(cubic, limit, (s_low, low), (s_high, high), before)
+    return _root(cubic, limit, (s_high, high), (1.0, d3), before)
 
 
 @inlined
@@ -111,16 +113,19 @@ def _rises_beyond(d0, d1, low, high, d3, limit):
 
 
 @called
-def _root(d0, d1, d2, d3, limit, left, right, from_value, to_value, before):
-    """Where the cubic, rising from `from_value` at `left` to `to_value` at `right`, crosses `limit`, by safeguarded
-    Newton from where a line would; `left` if it is beyond it there; NONE if that is not before `before`."""
+def _root(cubic, limit, low, high, before):
+    """Where the cubic, rising from one place and its value there to another, crosses `limit`, by safeguarded Newton
+    from where a line would; the former place if it is beyond it there; NONE if that is not before `before`."""
+    d0, d1, d2, d3 = cubic
+    left, from_value = low
+    right, to_value = high
     if from_value >= limit:
         return left
-    if before < right and (before <= left or _bezier(d0, d1, d2, d3, before) <= limit):
+    if before < right and (before <= left or _bezier(cubic, before) <= limit):
         return NONE
     s = left + (right - left) * (limit - from_value) / (to_value - from_value)
     for _ in range(60):
-        value = _bezier(d0, d1, d2, d3, s) - limit
+        value = _bezier(cubic, s) - limit
         if value > 0.0:
             right = s
         else:

@@ -104,6 +104,7 @@ def _draw_energies(axes: Any, response: Response, history: History, units: Outpu
     layers = (
         (energy.dissipated, "dissipated by stories", "0.35", None),
         (energy.damping, "damping", "0.62", None),
+        (energy.devices, "dashpots", "0.74", "...."),
         (energy.recoverable, "stored", "0.85", None),
         (energy.kinetic, "kinetic", "1.0", "//////"),
     )
@@ -269,8 +270,13 @@ def _draw_accelerations(axes: Any, response: Response, units: OutputUnits) -> No
 
 
 def _draw_shears(axes: Any, response: Response, units: OutputUnits) -> None:
-    shears = response.stories.peak_shear
-    factor, unit = scaled_unit(float(np.max(shears)), "N", units)
+    shears, devices = response.stories.peak_shear, response.stories.peak_damper_force
+    total = response.stories.peak_total_shear if np.any(devices) else shears
+    factor, unit = scaled_unit(float(np.max(total)), "N", units)
     _bars(axes, factor * shears, fill=True, color=INK, alpha=0.18)
     _bars(axes, factor * shears, color=INK, linewidth=1.4)
+    if np.any(devices):
+        _bars(axes, factor * total, color=INK, linewidth=1.0, linestyle=DASHES[1], label="with viscous forces")
+        _bars(axes, factor * devices, color=INK, linewidth=1.0, linestyle=DASHES[2], label="dashpots")
+        axes.legend(loc="upper right", handlelength=1.6)
     axes.set_xlabel(f"story shear ({unit})")

@@ -8,13 +8,14 @@ hold the largest value between the steps, and finds it there from the closed for
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.kernels.bundles import Array
 from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, called, inlined, kernel, local
-from tdint.kernels.oscillators.bracket import narrowed
-from tdint.kernels.oscillators.recursion import A11, A12, A21, A22, B10, B11, B20, B21, RECURSION_ROWS
+from tdint.kernels.oscillators.between import A11, A12, A21, A22, B10, B11, B20, B21, RECURSION_ROWS, narrowed
 
 # Rows of the table of modes behind those of the recursion, whose u and v are a mode's coordinate q and its rate r
 OMEGA = RECURSION_ROWS
@@ -32,6 +33,25 @@ RESULTS = 3
 
 _CHUNK = 64  # steps
 _SLACK = 0.5  # over the second difference, which exceeds eight times what a maximum gains between two steps
+
+
+class _Sum(NamedTuple):
+    """What columns are summed up of."""
+
+    modes: Array
+    shapes: Array
+    static: Array
+    h: float
+
+
+class _Steps(NamedTuple):
+    """The steps of a chunk: modes, ground acceleration and columns."""
+
+    q: Array
+    rate: Array
+    motion: Array
+    drift: Array
+    rows: int
 
 
 @called
@@ -92,17 +112,20 @@ def _tops(drift, rows, top, bend):
 
 
 @inlined
-def _rate(rate, row, shapes, static, slope, c):
+def _rate(sums, steps, row, slope, c):
     """Rate of a column at a step."""
-    total = -static[c] * slope
-    for j in range(shapes.shape[0]):
-        total += shapes[j, c] * rate[row, j]
+    total = -sums.static[c] * slope
+    for j in range(sums.shapes.shape[0]):
+        total += sums.shapes[j, c] * steps.rate[row, j]
     return total
 
 
 @called
-def _inside(q, rate, row, modes, shapes, static, g0, slope, t, c):
+def _inside(sums, steps, row, slope, t, c):
     """A column and its rate at the time t after a step, from the closed form of every mode."""
+    modes, shapes, static, _ = sums
+    q, rate, motion, _, _ = steps
+    g0 = motion[row]
     value = -static[c] * (g0 + slope * t)
     speed = -static[c] * slope
     for j in range(shapes.shape[0]):
@@ -123,11 +146,12 @@ def _inside(q, rate, row, modes, shapes, static, g0, slope, t, c):
 
 
 @called
-def _summit(q, rate, row, modes, shapes, static, motion, h, c, size):
+def _summit(sums, steps, row, c, size):
     """Largest absolute value of a column between a step and the next, `size` that at the step if it is not between."""
-    slope = (motion[row + 1] - motion[row]) / h
-    left_speed = _rate(rate, row, shapes, static, slope, c)
-    right_speed = _rate(rate, row + 1, shapes, static, slope, c)
+    h = sums.h
+    slope = (steps.motion[row + 1] - steps.motion[row]) / h
+    left_speed = _rate(sums, steps, row, slope, c)
+    right_speed = _rate(sums, steps, row + 1, slope, c)
     if left_speed * right_speed >= 0.0:
         return size
     left, right = 0.0, h  # The rate changes its sign between.
@@ -136,7 +160,7 @@ def _summit(q, rate, row, modes, shapes, static, motion, h, c, size):
         t = (left * right_speed - right * left_speed) / (right_speed - left_speed)
         if not left < t < right:
             break
-        value, speed = _inside(q, rate, row, modes, shapes, static, motion[row], slope, t, c)
+        value, speed = _inside(sums, steps, row, slope, t, c)
         size = max(size, abs(value))
         if speed == 0.0 or right - left < 1e-7 * h:
             break
@@ -149,16 +173,18 @@ def _summit(q, rate, row, modes, shapes, static, motion, h, c, size):
 
 
 @called
-def _refine(q, rate, drift, modes, shapes, static, motion, h, rows, first, last, slack, at_steps, best):
-    """Largest absolute value of the columns `first` to `last` in a chunk, between the steps too, if above `best`."""
+def _refine(sums, steps, first, last, least, best):
+    """Largest absolute value of the columns `first` to `last` in a chunk, between the steps too, if above `best`; at
+    steps less than `least` there is none."""
     value, column = best
+    _, _, _, drift, rows = steps
     for c in range(first, last):
         for row in range(rows):
-            if abs(drift[row, c]) < at_steps - slack:
+            if abs(drift[row, c]) < least:
                 continue
             for start in (row - 1, row):
                 if 0 <= start < rows - 1:
-                    size = _summit(q, rate, start, modes, shapes, static, motion, h, c, abs(drift[row, c]))
+                    size = _summit(sums, steps, start, c, abs(drift[row, c]))
                     if size > value:
                         value, column = size, float(c)
     return value, column
@@ -202,6 +228,7 @@ def largest_drifts(
     q, rate, motion, drift, start_q, start_rate, top, bend, tops
         Of `scratch`.
     """
+    sums = _Sum(modes, shapes, static, h)
     steps = (ground.size - 1) * parts
     count, columns = shapes.shape
     chunks = (steps + _CHUNK - 1) // _CHUNK
@@ -234,14 +261,10 @@ def largest_drifts(
             q[0, j], rate[0, j] = start_q[chunk, j], start_rate[chunk, j]
         _march(ground, parts, chunk * _CHUNK, rows, modes, q, rate, motion)
         _superpose(q, shapes, static, motion, drift)
+        here = _Steps(q, rate, motion, drift, rows)
         if in_stories:
-            story = _refine(
-                q, rate, drift, modes, shapes, static, motion, h, rows, 0, columns - 1, slack, at_steps, story
-            )
+            story = _refine(sums, here, 0, columns - 1, at_steps - slack, story)
         if in_roof:
-            roof = _refine(
-                q, rate, drift, modes, shapes, static, motion, h, rows, columns - 1, columns, slack_roof, at_steps_roof,
-                roof,
-            )  # fmt: skip
+            roof = _refine(sums, here, columns - 1, columns, at_steps_roof - slack_roof, roof)
     results[PEAK], results[STORY], results[ROOF] = story[0], story[1], roof[0]
     return 0

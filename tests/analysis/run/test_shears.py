@@ -1,0 +1,89 @@
+"""Forces of a story: of its springs, of its dashpots, and all that moves the floors above; and the dashpots' work."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tdint import load_model
+from tdint.analysis.run.outcome import STORY
+from tdint.analysis.run.run import run
+from tdint.kernels import layout as at
+from tdint.model.building import assemble
+from tdint.model.definition import ModalDamping
+
+DAMPED = "configs/fluid-dampers.yaml"
+
+
+def by_parts(model, history):
+    """The total shear from its parts: springs, P-delta, dashpots, Rayleigh or modal damping; shape (steps + 1, n)."""
+    building = assemble(model)
+    chain = building.chain[:, :-1]
+    rate = np.diff(history.velocity, axis=1, prepend=0.0)
+    own = history.shear + chain[at.GEOMETRIC] * history.drift + history.damper_force
+    own += (chain[at.STORY_DAMPER] - chain[at.DASHPOT]) * rate
+    rows = building.modal[:, :-1]
+    floors = chain[at.FLOOR_DAMPER] * history.velocity + history.velocity @ rows.T @ rows
+    return own + np.cumsum(floors[:, ::-1], axis=1)[:, ::-1]
+
+
+@pytest.mark.parametrize("method", ["impulse4", "newmark-average"])
+def test_the_total_shear_is_the_sum_of_its_parts_and_of_masses_times_accelerations(method):
+    model = replace(load_model(DAMPED), p_delta=True)
+    response = run(model, method=method, history=True, duration=12.0)
+    history, stories = response.history, response.stories
+    mass = np.array([story.mass for story in model.stories])
+    moved = -np.cumsum((mass * history.acceleration)[:, ::-1], axis=1)[:, ::-1]
+    size = np.max(np.abs(moved))
+    np.testing.assert_allclose(history.total_shear, moved, atol=1e-12 * size)
+    np.testing.assert_allclose(history.total_shear, by_parts(model, history), atol=1e-9 * size)
+    for peaks, values in (
+        (stories.peak_total_shear, history.total_shear),
+        (stories.peak_damper_force, history.damper_force),
+    ):
+        at_the_steps = np.max(np.abs(values), axis=0)
+        assert np.all(peaks >= at_the_steps * (1.0 - 1e-12))
+        assert np.all(peaks <= at_the_steps * 1.02)
+
+
+def test_modal_damping_is_in_the_total_shear():
+    model = load_model("configs/ten-story.yaml")
+    response = run(replace(model, damping=ModalDamping((0.05,))), history=True, duration=8.0)
+    history = response.history
+    size = np.max(np.abs(history.total_shear))
+    np.testing.assert_allclose(history.total_shear, by_parts(response.model, history), atol=1e-9 * size)
+    assert np.all(response.stories.peak_total_shear >= np.max(np.abs(history.total_shear), axis=0) * (1.0 - 1e-12))
+    assert not np.any(response.stories.peak_damper_force)
+
+
+def test_peaks_of_forces_come_to_those_of_fine_steps_within_their_estimated_errors():
+    model = load_model(DAMPED)
+    checked = run(model, method="newmark-average", check=True, duration=12.0)
+    fine = run(model, method="impulse4", dt=0.01 / 8, duration=12.0).stories
+    for name in ("peak_damper_force", "peak_total_shear"):
+        error = np.abs(getattr(checked.stories, name) - getattr(fine, name))
+        assert np.all(error <= getattr(checked.check.errors, name))
+        assert np.all(error < 0.02 * getattr(fine, name))
+
+
+def test_the_work_of_dashpots_is_apart_from_that_of_damping():
+    model = load_model(DAMPED)
+    response = run(model, history=True, dt=0.0025, duration=12.0)
+    history, energy = response.history, response.energy
+    power = np.sum(history.damper_force * np.diff(history.velocity, axis=1, prepend=0.0), axis=1)
+    work = np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * response.dt)])
+    np.testing.assert_allclose(history.energy.devices, work, atol=2e-4 * energy.devices)
+    assert abs(energy.error) < 1e-4 and energy.damping > 0.0
+    bare = replace(model, stories=tuple(replace(one, dashpot=0.0, power_dashpot=None) for one in model.stories))
+    without = run(bare, duration=12.0)
+    assert without.energy.devices == 0.0 and not np.any(without.stories.peak_damper_force)
+    undamped = run(replace(model, damping=None), duration=12.0).energy
+    assert abs(undamped.damping) < 1e-3 * undamped.devices
+
+
+def test_columns_of_a_story_stand_in_their_order():
+    names = [one.column for one in STORY]
+    first = names.index("peak_shear_N")
+    assert names[first : first + 3] == ["peak_shear_N", "peak_damper_force_N", "peak_total_shear_N"]
