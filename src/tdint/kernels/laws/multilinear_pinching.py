@@ -126,9 +126,9 @@ def _functions() -> LawFunctions:
     @inlined
     def yielded(laws, springs, i, block):
         side = 1.0 if springs[block + at.INTERNAL, i] > 0.0 else -1.0
-        if abs(springs[block + at.INTERNAL, i]) == _ON_BACKBONE:
-            if side * springs[block + at.DRIFT, i] > drift_of(laws, i, side, 1):
-                return True
+        loading = abs(springs[block + at.INTERNAL, i]) == _ON_BACKBONE
+        if loading and side * springs[block + at.DRIFT, i] > drift_of(laws, i, side, 1):
+            return True
         above = springs[block + at.HIGH_DRIFT, i] > drift_of(laws, i, 1.0, 1)
         return above or springs[block + at.LOW_DRIFT, i] > drift_of(laws, i, -1.0, 1)
 
@@ -200,9 +200,7 @@ def _functions() -> LawFunctions:
         b = u + (fb - f) / back
         if b < u:
             b, fb = 0.5 * (u + c), 0.5 * (f + fc)
-        elif (c > b and fc - fb > max(k, back) * (c - b)) or (c == b and fc > fb):
-            return d, fd, d, fd, d, fd
-        elif c < b and fc - fb < max(k, back) * (c - b):
+        elif (c != b and (fc - fb) / (c - b) > max(k, back)) or (c == b and fc > fb):
             return d, fd, d, fd, d, fd
         elif c < b or fc < fb:
             if b > 0.0:
