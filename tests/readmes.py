@@ -20,6 +20,7 @@ from tempfile import TemporaryDirectory
 from click.testing import CliRunner
 
 from tdint.analysis.assessment.hard_problems import HardProblem, problems
+from tdint.kernels import layout
 from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
@@ -141,6 +142,21 @@ def problem_table():
     return "\n".join(rows) + "\n"
 
 
+def layout_table():
+    """The rows of each array that kernels work on, from the comments of `tdint.kernels.layout`."""
+    parts = []
+    for text in Path(layout.__file__).read_text(encoding="utf-8").split("\n\n"):
+        head = re.match(r"(?:# .*\n)+", text)
+        rows = re.findall(r"^([A-Z]\w*) = .*?(?:  # (.*))?$", text, re.MULTILINE)
+        if not head or not rows:
+            continue
+        name, colon, words = " ".join(line[2:] for line in head.group().splitlines()).partition(": ")
+        title = f"`{name}`: {words}" if colon else name[0].upper() + name[1:]
+        lines = [f"| `{row}` | {getattr(layout, row):g} | {meaning} |" for row, meaning in rows]
+        parts.append("\n".join([f"{title.rstrip('.')}.", "", "| name | row | |", "|---|---|---|", *lines, ""]))
+    return "\n".join(parts)
+
+
 def _first_sentence(path: Path):
     """Of a module's docstring: up to the first end of a sentence."""
     text = ast.get_docstring(ast.parse(path.read_text())) or ""
@@ -189,6 +205,7 @@ def column_tables():
         "tdint info": spectra.INFO,
         "tdint spectrum": (*shared.OF_RECORD, *spectra.SPECTRUM, *spectra.CHOICES),
         "tdint spectrum --against": (*shared.OF_RECORD, *spectra.difference("psa_m_s2")),
+        "tdint spectrum --target": spectra.TARGET,
         "tdint spectrum --rotd 50,100": (*spectra.OF_MOTION, *spectra.rotated((50, 100)), *spectra.CHOICES),
         "tdint spectrum --ductility": (*shared.OF_RECORD, *spectra.INELASTIC),
         "tdint drift-spectrum": (*shared.OF_RECORD, *spectra.DRIFT_SPECTRUM),
@@ -220,6 +237,7 @@ PARTS = {
     "help": help_text,
     "layers": layer_table,
     "laws": law_table,
+    "layout": layout_table,
     "methods": method_table,
     "models": model_table,
     "problems": problem_table,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import hashlib
 import os
 import secrets
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -68,7 +69,13 @@ def check_outputs(files: Iterable[Path], *, overwrite: bool) -> None:
             _check_free(file, overwrite)
 
 
-def write_files(writers: Mapping[Path, Writer], *, overwrite: bool, stale: Iterable[Path] = ()) -> None:
+def write_files(
+    writers: Mapping[Path, Writer],
+    *,
+    overwrite: bool,
+    stale: Iterable[Path] = (),
+    tell: Callable[[Mapping[Path, str]], None] | None = None,
+) -> None:
     """Write files so that each is there whole or not at all, in the order given; missing folders are made.
 
     All are written under temporary names first; only then they take their places. Whatever goes wrong before, Ctrl-C
@@ -82,6 +89,8 @@ def write_files(writers: Mapping[Path, Writer], *, overwrite: bool, stale: Itera
         Whether existing files may be replaced.
     stale : iterable of Path
         Files of an earlier run that do not belong to the new ones: removed, with `overwrite` only.
+    tell : callable, optional
+        Told the SHA-256 of each file when all are written, before any takes its place.
 
     Raises
     ------
@@ -100,6 +109,8 @@ def write_files(writers: Mapping[Path, Writer], *, overwrite: bool, stale: Itera
             _unfinished.add(temporary)
             with _in_words(file), temporary.open("xb") as stream:
                 _write(file, writer, stream)
+        if tell:
+            tell({file: digest_of(temporary) for file, temporary in zip(writers, temporaries, strict=True)})
         for file, temporary in zip(writers, temporaries, strict=True):
             _move(temporary, file, overwrite)
     except BaseException:
@@ -115,6 +126,21 @@ def write_files(writers: Mapping[Path, Writer], *, overwrite: bool, stale: Itera
     for file in stale if overwrite else ():
         with _in_words(file):
             file.unlink(missing_ok=True)
+
+
+def digest_of(file: Path) -> str:
+    """SHA-256 of what a file holds.
+
+    Raises
+    ------
+    OutputError
+        It cannot be read.
+    """
+    try:
+        with file.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError as error:
+        raise OutputError(f"{file}: cannot be read: {error.strerror or error}") from None
 
 
 def _write(file: Path, writer: Writer, stream: BinaryIO) -> None:

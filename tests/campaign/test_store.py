@@ -92,6 +92,7 @@ def test_parts_that_divide_a_campaign_in_other_ways_are_not_merged(tmp_path: Pat
         store, _ = open_store(tmp_path / name, small_plan())
         if name == "other":
             store.connection.execute("UPDATE meta SET value = value + 1 WHERE key = 'chunks'")
+            store.seal()
         store.connection.close()
     with pytest.raises(UsageError, match="are of different campaigns"):
         merge([tmp_path / "one", tmp_path / "other"], tmp_path)

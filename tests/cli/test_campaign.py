@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from click.testing import Result
 
+from tdint.campaign.store.checksums import seal_of
 from tdint.campaign.store.place import locked
 from tdint.campaign.store.store import FILE
 
@@ -131,7 +132,7 @@ def test_a_store_with_other_columns_is_refused_in_words(study: Path, tdint: Run)
     connection.close()
     for words in (("campaign", "study.yaml", "-o", "out"), ("campaign", "export", "out")):
         result = tdint(*words)
-        assert result.exit_code == 2 and "whose runs have other columns than those of" in result.stderr
+        assert result.exit_code == 6 and "its tables are not those of a campaign" in result.stderr
 
 
 def test_a_folder_holds_one_campaign(study: Path, tdint: Run, make_record: Callable[..., None]) -> None:
@@ -163,6 +164,7 @@ def test_another_version_of_tdint_goes_on_and_is_noted(study: Path, tdint: Run) 
     connection = sqlite3.connect(f"out/{FILE}")
     with connection:
         connection.execute("UPDATE meta SET value = '0.0' WHERE key = 'version'")
+        connection.execute("UPDATE meta SET value = ? WHERE key = 'seal'", (seal_of(connection),))
     connection.close()
     result = tdint("campaign", "study.yaml", "-o", "out")
     assert (result.exit_code, "begun with tdint 0.0" in result.stderr) == (0, True)

@@ -97,7 +97,6 @@ def test_version(tdint):
             "--history is for one record and one scale; call it once",
         ),
         (["run", "x.yaml", "a.mseed", "--record", "b.mseed"], "--record b.mseed and a.mseed are given"),
-        (["run", "x.yaml", "--scale", "1,2", "--every", "2"], "--every is for one record and one scale; call it once"),
     ],
 )
 def test_usage_errors(tdint, arguments, message):

@@ -268,3 +268,44 @@ def test_axes_are_those_of_a_picture_of_elastic_spectra(folder, tdint):
     assert (alone.exit_code, "--axes has nothing to act on without --plot" in alone.stderr) == (2, True)
     yielding = tdint("spectrum", "other.mseed", "--axes", "adrs", "--ductility", "2", "--plot=x.svg")
     assert (yielding.exit_code, "--axes is for elastic spectra" in yielding.stderr) == (2, True)
+
+
+EC8 = "ec8:type=1,soil=B,ag=0.25g"
+
+
+def test_a_design_spectrum_is_written_and_read_again_as_a_target(folder, tdint):
+    result = tdint("spectrum", "--target", EC8, "-o", "ec8.csv", "--plot")
+    assert result.exit_code == 0, result.output
+    assert files(folder).count("ec8.png") == 1
+    again = tdint("spectrum", "--target", "ec8.csv", "--period", "0.3,1,3")
+    named = tdint("spectrum", "--target", EC8, "--period", "0.3,1,3")
+    for one, other in zip(rows(again.stdout), rows(named.stdout), strict=True):
+        # 2.5 ag S on the plateau to TC = 0.5 s, then falling with T; straight lines in logarithms cost little.
+        assert float(one["psa_m_s2"]) == pytest.approx(float(other["psa_m_s2"]), rel=2e-4)
+    assert [float(row["psa_m_s2"]) for row in rows(named.stdout)][:2] == pytest.approx(
+        [2.5 * 0.25 * 1.2 * 9.80665, 2.5 * 0.25 * 1.2 * 9.80665 * 0.5]
+    )
+
+
+def test_a_target_is_drawn_over_the_spectra_of_records(folder, tdint):
+    result = tdint("spectrum", "other.mseed", "--target", EC8, "--plot=both.png", "-o", "other.csv", *PERIODS)
+    assert result.exit_code == 0, result.output
+    assert {"both.png", "other.csv"} <= set(files(folder))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("other.mseed", "--target", EC8), "--target beside records is drawn: add --plot"),
+        (("other.mseed", "--target", EC8, "--plot=p.png", "--axes", "adrs"), "leave --axes out"),
+        (("other.mseed", "--target", EC8, "--plot=p.png", "--ductility", "2"), "--target is for elastic spectra"),
+        (("--target", EC8, "--damping", "2%"), "a design spectrum takes it by name"),
+        (("--target", EC8, "--rotd", "50"), "--rotd is for records, and there is none"),
+        (("--target", EC8, "--period", "5"), "asked for are 5 to 5 s"),
+        (("--target", "ec8:type=1"), "ec8 needs soil, ag"),
+    ],
+)
+def test_what_a_target_is_refused_with(folder, tdint, arguments, said):
+    result = tdint("spectrum", *arguments)
+    assert result.exit_code == 2
+    assert said in result.stderr

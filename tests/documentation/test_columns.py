@@ -31,6 +31,7 @@ COMMANDS = {
     "tdint info": "records/firm-soil.mseed",
     "tdint spectrum": f"{RECORD} --maxima exact --interpolation linear",
     "tdint spectrum --against": f"{{folder}}/published.csv {RECORD}",
+    "tdint spectrum --target": "ec8:type=1,soil=B,ag=0.25g --period 1",
     "tdint spectrum --rotd 50,100": f"{RECORD} --maxima exact --interpolation linear",
     "tdint spectrum --ductility": f"2 {RECORD}",
     "tdint drift-spectrum": RECORD,

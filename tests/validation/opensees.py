@@ -8,7 +8,6 @@ make them anew, not to compare.
 
 from __future__ import annotations
 
-import ctypes
 import json
 import math
 import subprocess
@@ -27,7 +26,6 @@ HERE = Path(__file__).parent
 KEPT = HERE / "opensees.json"
 RECORD = HERE.parents[1] / "records" / "firm-soil.mseed"
 DT = 0.01
-_BUNDLED = ("libquadmath.so.0", "libgfortran.so.4", "libblas.so.3", "liblapack.so.3")
 
 
 @dataclass(frozen=True)
@@ -106,19 +104,6 @@ def made_anew() -> dict[str, list[float]]:
     return {name: one["peak_drift_m"] for name, one in found.items() if name != "version"}
 
 
-def _load() -> Any:
-    """OpenSeesPy; the libraries that come along with it first, which the system may lack."""
-    spec = find_spec("openseespylinux")
-    if spec is not None and spec.origin:
-        for name in _BUNDLED:
-            library = Path(spec.origin).parent / "lib" / name
-            if library.exists():
-                ctypes.CDLL(str(library), mode=ctypes.RTLD_GLOBAL)
-    import openseespy.opensees as ops
-
-    return ops
-
-
 def _peak_drifts(ops: Any, frame: Frame, ground: Array) -> list[float]:
     ops.wipe()
     ops.model("basic", "-ndm", 1, "-ndf", 1)
@@ -158,7 +143,9 @@ def main() -> None:
     """Make the numbers anew; with --print they are printed, not kept."""
     from obspy import read
 
-    ops = _load()
+    from tdint.analysis.chart.opensees_worker import load
+
+    ops = load()
     ground = np.asarray(next(trace.data for trace in read(str(RECORD)) if trace.stats.channel == "HN1"), float)
     result: dict[str, Any] = {"version": f"OpenSeesPy, OpenSees {ops.version()}"}
     for name, frame in problems().items():

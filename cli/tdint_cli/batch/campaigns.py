@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tdint.errors import OutputError
-from tdint.files import is_file, is_folder
+from tdint.errors import OutputError, UsageError
+from tdint.files import digest_of, is_file
 from tdint.output_units import SI, OutputUnits
 from tdint_cli.errors import Failures
 from tdint_cli.terminal.drawing import emit_table
@@ -32,35 +32,36 @@ def carry_out(
     *,
     shard: Shard | None = None,
     limit: int | None = None,
+    overwrite: bool = False,
     show: bool = False,
     units: OutputUnits | None = None,
 ) -> None:
     """Do what is left of a campaign and write its tables, in these units or those of the models; `show` the runs on
-    standard output, too.
+    standard output, too. `overwrite`: replace another campaign, and tables that this one did not write.
 
     Raises
     ------
     UsageError
         The folder holds another campaign.
     OutputError
-        It cannot be written, or another process is at it.
+        It cannot be written, holds tables of another command, or another process is at it.
     Failures
         Records that could not be read, when all else is done.
     """
     from tdint.campaign.store.place import locked, refuse_network
-    from tdint.campaign.store.store import open_store
     from tdint.output.tables.campaign import runs_table
 
     make_folder(folder)
     refuse_network(folder)
     with locked(folder):
-        store, remarks = open_store(folder, plan)
+        refuse_foreign(folder, plan.settings.stories, overwrite=overwrite)
+        store, remarks = _opened(folder, plan, overwrite)
         for text in (*plan.notes, *remarks):
             note(text)
         with store:
             units = units or store.output_units()
             advance = advance_with_bar(plan, store, engine, shard=shard, limit=limit)
-            finish(store, folder, units)
+            finish(store, folder, units, overwrite=overwrite)
             if show:
                 emit_table(runs_table(store).in_units(units))
             _say(store, advance)
@@ -82,25 +83,58 @@ def make_folder(folder: Path) -> None:
         raise OutputError(f"{folder}: cannot be made: {error.strerror or error}") from None
 
 
-def forget(folder: Path) -> None:
-    """Remove a campaign from a folder, with the tables that were made of it.
+def _opened(folder: Path, plan: Plan, overwrite: bool) -> tuple[Store, list[str]]:
+    """The store in a folder and what to say of it; with `overwrite` a new one in place of one that cannot be used."""
+    from tdint.campaign.store.connection import UntrustedStoreError
+    from tdint.campaign.store.store import open_store
+
+    try:
+        return open_store(folder, plan)
+    except (UntrustedStoreError, UsageError):
+        if not overwrite:
+            raise
+    forget(folder)
+    return open_store(folder, plan)
+
+
+def refuse_foreign(folder: Path, stories: bool, *, overwrite: bool) -> None:
+    """Refuse tables where no campaign has begun: another command wrote them.
 
     Raises
     ------
     OutputError
-        Another process is at it, or it cannot be removed.
+        There is one, and it may not be replaced.
     """
-    from tdint.campaign.store.place import locked
     from tdint.campaign.store.store import FILE
 
-    if not is_folder(folder):
-        return
-    with locked(folder):
-        for name in (FILE, f"{FILE}-wal", f"{FILE}-shm", RUNS, STORIES, PARQUET, SIMCENTER, SUMMARY):
-            try:
-                (folder / name).unlink(missing_ok=True)
-            except OSError as error:
-                raise OutputError(f"{folder / name}: cannot be removed: {error.strerror or error}") from None
+    if not (folder / FILE).exists() and not overwrite:
+        for name in (RUNS, *(STORIES,) * stories, SUMMARY):
+            if (folder / name).exists():
+                raise _foreign(folder / name)
+
+
+def _foreign(file: Path) -> OutputError:
+    return OutputError(
+        f"{file}: exists already, and is not as this campaign wrote it; give another folder with -o, or --overwrite to "
+        "replace it"
+    )
+
+
+def forget(folder: Path) -> None:
+    """Remove a campaign from a folder that is locked, with the tables that were made of it.
+
+    Raises
+    ------
+    OutputError
+        It cannot be removed.
+    """
+    from tdint.campaign.store.store import FILE
+
+    for name in (FILE, f"{FILE}-wal", f"{FILE}-shm", RUNS, STORIES, PARQUET, SIMCENTER, SUMMARY):
+        try:
+            (folder / name).unlink(missing_ok=True)
+        except OSError as error:
+            raise OutputError(f"{folder / name}: cannot be removed: {error.strerror or error}") from None
 
 
 def advance_with_bar(
@@ -121,12 +155,13 @@ def _rate(advance: Advance) -> str:
     return f"{3600.0 * advance.rate:.3g} an hour"
 
 
-def finish(store: Store, folder: Path, units: OutputUnits = SI) -> None:
+def finish(store: Store, folder: Path, units: OutputUnits = SI, *, overwrite: bool = False) -> None:
     """Write what stands beside a store: runs.csv, stories.csv if there are stories, summary.json; and what was exported
     of an earlier state anew."""
     writers = {RUNS: _runs(store, units)}
-    again = {name: writer for name, writer in _exports(store).items() if is_file(folder / name)}
-    _write(folder, store, {**writers, **{name: writer for name, writer in again.items() if writer}}, units)
+    again = {name: writer for name, writer in _exports(store).items() if _is_ours(store, folder / name)}
+    written = {name: writer for name, writer in again.items() if writer}
+    _write(folder, store, {**writers, **written}, units, overwrite=overwrite)
     for name, writer in again.items():
         if writer:
             note(f"{folder / name}: written anew, as the campaign is now")
@@ -135,11 +170,16 @@ def finish(store: Store, folder: Path, units: OutputUnits = SI) -> None:
             note(f"{folder / name}: removed, for it was of an earlier state and cannot be written here")
 
 
-def export(store: Store, folder: Path, *, simcenter: bool, units: OutputUnits = SI) -> None:
+def export(store: Store, folder: Path, *, simcenter: bool, units: OutputUnits = SI, overwrite: bool = False) -> None:
     """Write all tables of a store anew; runs.parquet if pyarrow is there: that one and SimCenter's have SI units."""
-    wanted = {PARQUET, *(SIMCENTER,) * (simcenter or is_file(folder / SIMCENTER))}
+    wanted = {PARQUET, *(SIMCENTER,) * (simcenter or _is_ours(store, folder / SIMCENTER))}
     others = {name: writer for name, writer in _exports(store).items() if writer and name in wanted}
-    _write(folder, store, {RUNS: _runs(store, units), **others}, units)
+    _write(folder, store, {RUNS: _runs(store, units), **others}, units, overwrite=overwrite)
+
+
+def _is_ours(store: Store, file: Path) -> bool:
+    """Whether a file is there and as it was made of a store."""
+    return is_file(file) and (file.name, digest_of(file)) in store.written()
 
 
 def _exports(store: Store) -> dict[str, Writer | None]:
@@ -156,7 +196,7 @@ def _runs(store: Store, units: OutputUnits) -> Writer:
     return lambda stream: write_runs(store, stream, units)
 
 
-def _write(folder: Path, store: Store, writers: dict[str, Writer], units: OutputUnits) -> None:
+def _write(folder: Path, store: Store, writers: dict[str, Writer], units: OutputUnits, *, overwrite: bool) -> None:
     from tdint.files import write_files
     from tdint.output.summaries.summary import campaign_summary, in_units, json_bytes
     from tdint.output.tables.campaign import write_stories
@@ -165,7 +205,14 @@ def _write(folder: Path, store: Store, writers: dict[str, Writer], units: Output
         writers = writers | {STORIES: lambda stream: write_stories(store, stream, units)}
     summary = json_bytes(in_units(campaign_summary(store), units))
     writers = writers | {SUMMARY: lambda stream: stream.write(summary)}
-    write_files({folder / name: writer for name, writer in writers.items()}, overwrite=True)
+    for file in (folder / name for name in writers):
+        if not overwrite and is_file(file) and not _is_ours(store, file):
+            raise _foreign(file)
+    write_files(
+        {folder / name: writer for name, writer in writers.items()},
+        overwrite=True,
+        tell=lambda found: store.will_write({file.name: digest for file, digest in found.items()}),
+    )
 
 
 def _say(store: Store, advance: Advance) -> None:

@@ -71,6 +71,7 @@ def _units() -> list[str]:
 
 
 records = click.argument("records", metavar="RECORD...", nargs=-1, required=True, type=FileName())
+records_if_any = click.argument("records", metavar="[RECORD]...", nargs=-1, type=FileName())
 record = option(
     "--record",
     type=FileName(),
@@ -197,6 +198,11 @@ def _with(options: Iterable[Callable[[Any], Any]], command: Function) -> Functio
 def of_records(command: Function) -> Function:
     """All that command lines with records as arguments have in common, for a RecordsRequest."""
     return _with((records, units, component, layout, inventory, processing), command)
+
+
+def of_records_if_any(command: Function) -> Function:
+    """The same, where there need be none."""
+    return _with((records_if_any, units, component, layout, inventory, processing), command)
 
 
 def of_record(command: Function) -> Function:

@@ -12,7 +12,7 @@ from tdint.errors import TdintError, UsageError
 from tdint_cli.batch.sources import records_of
 from tdint_cli.options import headings
 from tdint_cli.options.analysis import damping_ratio
-from tdint_cli.options.values import GridType, Ratio
+from tdint_cli.options.values import FileName, GridType, Ratio
 from tdint_cli.terminal.streams import note, warn
 
 if TYPE_CHECKING:
@@ -23,6 +23,15 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 option = partial(headings.option, heading=headings.INTENSITY)
 
 PAIRS = ("geometric-mean", "rotd50", "rotd100")
+
+
+def target(text: str, heading: str = headings.OWN) -> Callable[[Function], Function]:
+    """The option --target; what becomes of it differs between the commands."""
+    named = (
+        "a design spectrum by name, asce7:sds=1.0,sd1=0.6,tl=8 (mcer: 1.5 times it) or "
+        "ec8:type=1,soil=B,ag=0.25g[,damping=5%], or a CSV file with the columns period_s and sa_g or sa_m_s2."
+    )
+    return headings.option("--target", heading=heading, type=FileName(), metavar="SPECTRUM", help=f"{text}: {named}")
 
 
 def pairs(text: str) -> Callable[[Function], Function]:

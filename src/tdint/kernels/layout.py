@@ -79,7 +79,7 @@ VELOCITY = 1
 ACCELERATION = 2
 FIRST_OLDER = 3
 
-# load over a step: ground acceleration is linear in it
+# load: over a step, in which the ground acceleration is linear
 TIME = 0
 GROUND_0 = 1
 GROUND_1 = 2
@@ -108,7 +108,7 @@ TURNED_AT = 8  # drifts where stories turned
 MODAL_FORCE = 9  # of modal damping on floors
 WATCH_ROWS = 10
 
-# forces on floors, one row each
+# forces: on floors, one row each with these columns
 FLOOR = 0
 COSINE = 1
 SINE = 2
@@ -174,18 +174,16 @@ NO_BRANCHES = 0
 ALL_BRANCHES = 1  # every law is linear, or linear branch by branch
 SOME_BRANCHES = 2  # some laws have branches, some are curved
 
-# report: what a step leaves for the next one
+# report: what a step leaves: for the next one, for the march, and for people
 CARRIED_GROUND = 0  # ground acceleration that the acceleration of the state stands with, where steps are long
 STEPS_DONE = 1  # since the start, or since a step that was halved
 FACTORED_STEP = 2  # the step size of the factorization in work, 0 for none
-# for the march
 WITHIN = 3  # row of work from which on the step has raised its own peaks between its ends; 0 if it has not
 OWN_PEAKS = 4  # row of work from which on the step keeps peaks of the run beside those it has raised; 0 for none
 WORK_INPUT = 5  # of the load in the last step, J
 WORK_DAMPED = 6  # of the viscous dampers in the last step, J
-# for people
-WORST_STORY = 7
-RESIDUAL = 8
+WORST_STORY = 7  # where the equations are farthest from balance, if they are
+RESIDUAL = 8  # there: what is out of balance over the sizes of the terms
 EVENTS = 9  # changes of branch located so far
 REPORT_SIZE = 10
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tdint.errors import UsageError
-from tdint_cli.batch.campaigns import advance_with_bar, carry_out, forget, tell_outcomes
+from tdint_cli.batch.campaigns import advance_with_bar, carry_out, tell_outcomes
 from tdint_cli.errors import Failures
 from tdint_cli.options.building import BuildingRequest, with_motion
 from tdint_cli.terminal.drawing import emit_table
@@ -55,9 +55,7 @@ def run_many(
         if plan.failures:
             raise Failures(list(plan.failures))
         return
-    if overwrite:
-        forget(Path(output))
-    carry_out(plan, engine, Path(output), show=True, units=units)
+    carry_out(plan, engine, Path(output), overwrite=overwrite, show=True, units=units)
 
 
 def _plan(request: BuildingRequest, records: tuple[str, ...], model: Model, wishes: AnalysisWishes) -> Plan:

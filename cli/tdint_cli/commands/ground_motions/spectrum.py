@@ -9,10 +9,11 @@ from tdint_cli import options
 from tdint_cli.commands.ground_motions import spectrum_kinds as kinds
 from tdint_cli.commands.ground_motions.spectrum_request import Kind, SpectrumRequest
 from tdint_cli.commands.ground_motions.spectrum_tables import make_tables
+from tdint_cli.commands.ground_motions.target_table import write_target
 
 
 @options.command("spectrum")
-@options.record.of_records
+@options.record.of_records_if_any
 @options.spectra.damping()
 @options.spectra.periods(PERIODS, zero=" 0 gives the peak ground acceleration.")
 @options.analysis.method
@@ -22,6 +23,10 @@ from tdint_cli.commands.ground_motions.spectrum_tables import make_tables
 @kinds.ductility
 @kinds.strength
 @kinds.hardening
+@options.studies.target(
+    "Draw this spectrum over those of the records (--plot) or, without RECORD, write it as a table",
+    options.headings.SPECTRUM,
+)
 @kinds.against
 @kinds.against_column
 @kinds.against_interpolation
@@ -49,9 +54,14 @@ def command(**given: Any) -> None:
     the first named component towards the second. They stand in one file, or in two that are named alike (K-NET, PEER,
     channel codes) or given as the only ones.
 
+    --target without RECORD writes the design spectrum itself: displacement, pseudo-velocity, pseudo-acceleration.
+
     --against makes another table, of one column of a published spectrum and what is computed at its periods.
     """
     request = SpectrumRequest(**given)
+    if not request.records:
+        write_target(request)
+        return
     make_tables(request, _kind(request))
 
 

@@ -113,6 +113,10 @@ class Elastic(_OfOscillators):
     def check(self, request: SpectrumRequest) -> None:
         """Refuse, before any work, what makes no sense together."""
         _ = request.manner
+        if request.aim and not request.plot:
+            raise UsageError("--target beside records is drawn: add --plot; without records its table is written")
+        if request.aim and request.axes not in (None, "periods"):
+            raise UsageError("--target is drawn over the period; leave --axes out")
 
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
         """The spectra of each component with each damping ratio."""
@@ -143,7 +147,7 @@ class Elastic(_OfOscillators):
         """A line for each spectrum."""
         from tdint.output.figures.spectrum_curves import spectrum_picture
 
-        return spectrum_picture(lines, suffix, request.axes or "periods", request.shown_units)
+        return spectrum_picture(lines, suffix, request.axes or "periods", request.shown_units, request.aim)
 
 
 class Inelastic(_OfOscillators):
@@ -153,7 +157,7 @@ class Inelastic(_OfOscillators):
         """Refuse, before any work, what makes no sense together."""
         if request.ductility and request.strength:
             raise UsageError("--ductility and --strength are given; leave one of them out")
-        elastic = ("axes", "rotd", "method", "maxima", "interpolation")
+        elastic = ("axes", "rotd", "method", "maxima", "interpolation", "target")
         request.refuse(elastic, "is for elastic spectra; leave it out with --ductility and --strength")
 
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
@@ -190,7 +194,7 @@ class Rotated(_OfOscillators):
     def check(self, request: SpectrumRequest) -> None:
         """Refuse, before any work, what makes no sense together."""
         request.refuse(("axes", "method", "component"), "is for single components; leave it out with --rotd")
-        _ = request.manner
+        Elastic().check(request)
 
     def gather(self, request: SpectrumRequest, files: Sequence[str]) -> list[tuple[str, ...]]:
         """The files of each motion: those that are named alike but for the component, in the order of the first ones.
@@ -237,7 +241,7 @@ class Rotated(_OfOscillators):
         """A line for each percentile."""
         from tdint.output.figures.spectrum_curves import rotated_picture
 
-        return rotated_picture(lines, suffix, request.shown_units)
+        return rotated_picture(lines, suffix, request.shown_units, request.aim)
 
 
 class Against(Kind):
@@ -247,7 +251,8 @@ class Against(Kind):
         """Refuse, before any work, what makes no sense together."""
         Elastic().check(request)
         request.refuse(
-            ("axes", "rotd", "ductility", "strength"), "has no published spectrum beside it; leave --against out"
+            ("axes", "rotd", "ductility", "strength", "target"),
+            "has no published spectrum beside it; leave --against out",
         )
         for ratio in request.damping:
             request.published(ratio)

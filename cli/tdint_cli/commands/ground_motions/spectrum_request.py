@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from tdint.analysis.spectra.elastic import SpectrumSettings
     from tdint.analysis.spectra.published import PublishedSpectrum
+    from tdint.campaign.suites.target import TargetSpectrum
     from tdint.files import Writer
     from tdint.ground_motion.record import Record
     from tdint.output.tables.table import Table
@@ -141,6 +142,7 @@ class SpectrumRequest(TablesRequest):
     strength: tuple[float, ...] | None
     hardening: float | None
     axes: str | None
+    target: str | None
     against: str | None
     against_column: str | None
     against_interpolation: str | None
@@ -163,6 +165,13 @@ class SpectrumRequest(TablesRequest):
 
         assert self.against is not None
         return read_published(self.against, damping, self.against_column)
+
+    @property
+    def aim(self) -> TargetSpectrum | None:
+        """The target spectrum, if one is asked for."""
+        from tdint.campaign.suites.target import read_target
+
+        return read_target(self.target) if self.target is not None else None
 
     @property
     def manner(self) -> SpectrumSettings:

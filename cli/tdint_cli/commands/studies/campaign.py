@@ -12,7 +12,7 @@ import click
 from tdint.errors import UsageError
 from tdint.output_units import OutputUnits
 from tdint_cli import options
-from tdint_cli.batch.campaigns import carry_out, export, finish
+from tdint_cli.batch.campaigns import carry_out, export, finish, make_folder, refuse_foreign
 from tdint_cli.options.values import FileName
 from tdint_cli.terminal.drawing import emit_table
 from tdint_cli.terminal.streams import note, say, warn
@@ -20,6 +20,7 @@ from tdint_cli.terminal.streams import note, say, warn
 if TYPE_CHECKING:
     from tdint.campaign.carry_out import Engine, Shard
     from tdint.campaign.engine.cluster import Cluster
+    from tdint.campaign.store.store import Store
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,7 @@ class CampaignRequest:
     tls_key: str | None
     simcenter: bool
     output_units: OutputUnits | None
+    overwrite: bool
 
     def refuse(self, *names: str) -> None:
         """Raise UsageError for options that the action does not take."""
@@ -74,6 +76,7 @@ _OF_RUNS = ("jobs", "shard", "limit", "dask", "tls_ca", "tls_cert", "tls_key")
     help="With export: also simcenter.csv, the demands under SimCenter's names (1-PFA-1-1).",
 )
 @options.output.units
+@options.output.overwrite
 def command(**given: Any) -> None:
     """Runs of many buildings under many records at many levels.
 
@@ -101,15 +104,24 @@ def _run(request: CampaignRequest) -> None:
 
     campaign = load_campaign(request.words[0])
     plan = make_plan(campaign, read_inputs(campaign))
-    carry_out(plan, engine, Path(request.output), shard=shard, limit=request.limit, units=request.output_units)
+    carry_out(
+        plan,
+        engine,
+        Path(request.output),
+        shard=shard,
+        limit=request.limit,
+        overwrite=request.overwrite,
+        units=request.output_units,
+    )
 
 
 def _status(request: CampaignRequest) -> None:
-    request.refuse(*_OF_RUNS, "simcenter", "output", "output_units")
-    from tdint.campaign.store.store import open_existing
+    request.refuse(*_OF_RUNS, "simcenter", "output", "output_units", "overwrite")
+    from tdint.campaign.store.store import check_chunks, open_existing
     from tdint.output.tables.campaign import status_table
 
     with open_existing(_folder(request)) as store:
+        check_chunks(store)
         statuses, every = store.statuses(), int(store.meta("runs"))
         done = sum(statuses.values())
         emit_table(status_table(statuses, every - done))
@@ -121,11 +133,13 @@ def _status(request: CampaignRequest) -> None:
 
 def _export(request: CampaignRequest) -> None:
     request.refuse(*_OF_RUNS, "output")
-    from tdint.campaign.store.store import open_existing
+    from tdint.campaign.store.store import check_chunks, open_existing
 
     folder = _folder(request)
-    with open_existing(folder) as store:
-        export(store, folder, simcenter=request.simcenter, units=request.output_units or store.output_units())
+    with open_existing(folder, write=True) as store:
+        check_chunks(store)
+        units = request.output_units or store.output_units()
+        export(store, folder, simcenter=request.simcenter, units=units, overwrite=request.overwrite)
 
 
 def _merge(request: CampaignRequest) -> None:
@@ -135,14 +149,18 @@ def _merge(request: CampaignRequest) -> None:
         raise UsageError("give the folders to merge and -o DIR: tdint campaign merge out-*/ -o all/")
     from tdint.campaign.store.merge import merge
     from tdint.campaign.store.place import locked
-    from tdint_cli.batch.campaigns import make_folder
 
     target = Path(request.output)
     make_folder(target)
-    with locked(target), merge(folders, target) as store:
-        finish(store, target, request.output_units or store.output_units())
-        every = int(store.meta("runs"))
-        done = sum(store.statuses().values())
+    with locked(target):
+        refuse_foreign(target, stories=True, overwrite=request.overwrite)
+        with merge(folders, target) as store:
+            finish(store, target, request.output_units or store.output_units(), overwrite=request.overwrite)
+            _say_left(store, target)
+
+
+def _say_left(store: Store, target: Path) -> None:
+    every, done = int(store.meta("runs")), sum(store.statuses().values())
     if done < every:
         note(f"{every - done} of {every} runs are in none of them; `tdint campaign FILE -o {target}` does the rest")
 

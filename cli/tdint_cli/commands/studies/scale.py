@@ -13,7 +13,7 @@ from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import RecordsRequest
 from tdint_cli.options.studies import PAIRS, read_suite
-from tdint_cli.options.values import FileName, IntensityType, Number, RangeType
+from tdint_cli.options.values import IntensityType, Number, RangeType
 from tdint_cli.terminal.streams import say
 
 if TYPE_CHECKING:
@@ -95,12 +95,7 @@ class ScaleRequest(RecordsRequest):
 
 @options.command("scale")
 @options.record.of_records
-@options.option(
-    "--target",
-    type=FileName(),
-    metavar="FILE",
-    help="Scale to this spectrum: CSV with the columns period_s and sa_g or sa_m_s2.",
-)
+@options.studies.target("Scale to this spectrum")
 @options.option(
     "--range",
     needs="--target",
@@ -210,6 +205,11 @@ def _aim(request: ScaleRequest) -> Any:
         grid = Grid(float(target.periods[0]), float(target.periods[-1]), 100)
     periods = grid.values()
     target.at(periods)
+    if target.damping is not None and abs(target.damping - request.damping) > 1e-9:
+        raise UsageError(
+            f"{target.source}: is for {100.0 * target.damping:g} % damping, the spectra of the records for "
+            f"{100.0 * request.damping:g} %; say the same by --damping"
+        )
     if request.rule == "asce7":
         return lambda motions: scaling.scale_asce7(motions, target, periods, damping=request.damping)
     pair = request.pairs or PAIRS[0]

@@ -41,7 +41,7 @@ def main() -> int:
     answer = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     try:
-        ops = _load()
+        ops = load()
     except (ImportError, OSError, RuntimeError) as error:
         sys.stderr.write(f"{error}\n")
         return NOT_LOADED
@@ -65,7 +65,7 @@ def main() -> int:
     return 0
 
 
-def _load() -> Any:
+def load() -> Any:
     """OpenSeesPy; the libraries that come along with it first, which the system may lack."""
     spec = find_spec("openseespylinux")
     if spec is not None and spec.origin:

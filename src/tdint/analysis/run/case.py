@@ -233,7 +233,7 @@ class Case:
         stories = run_totals.story_peaks(self.building, space)
         unresolved = run_totals.unresolved(self.building, space, steps.late)
         notes = self._notes(steps, int(space.observed[at.HALVINGS]))
-        moving = run_totals.moving_drift(self.building, space, self.prepared.period)
+        moving = run_totals.moving_drift(self.building, space)
         return Response(
             model=self.model,
             record=self.record,

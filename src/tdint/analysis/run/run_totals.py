@@ -36,15 +36,17 @@ def peaks_of(building: Building, peaks: Array, residual_drift: Array) -> StoryPe
     return StoryPeaks(height=building.heights, **story_values(building, peaks, residual_drift))
 
 
-def moving_drift(building: Building, space: Workspace, period: float) -> Array:
+def moving_drift(building: Building, space: Workspace) -> Array:
     """Amplitudes with which the drifts move about their rest at the end of a march, about, m; shape (n,).
 
     At rest no story has a force. One is as far from that as the force it has takes by its initial stiffness, and moves
-    with the first period (s).
+    with the largest displacement of the run over the largest velocity (s).
     """
+    displacement, velocity = (np.max(space.peaks[row]) for row in (at.PEAK_DISPLACEMENT, at.PEAK_VELOCITY))
+    seconds = displacement / velocity if velocity > 0.0 else 0.0
     drift, force = space.springs[at.DRIFT, :-1], space.springs[at.FORCE, :-1]
     away = (force + building.chain[at.GEOMETRIC, :-1] * drift) / building.initial_stiffness
-    return np.asarray(np.hypot(away, _of_drifts(building, space.state[at.VELOCITY]) * period / (2.0 * np.pi)))
+    return np.asarray(np.hypot(away, _of_drifts(building, space.state[at.VELOCITY]) * seconds))
 
 
 def _of_drifts(building: Building, floors: Array) -> Array:

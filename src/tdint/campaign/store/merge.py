@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import logging
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
-from tdint.campaign.store.schema import TABLES, UNUSED
-from tdint.campaign.store.store import FILE, Store, connect, differences, in_words, open_existing, transaction
+from tdint.campaign.store.checksums import check_store, damaged_chunks
+from tdint.campaign.store.connection import connect, in_words, transaction
+from tdint.campaign.store.schema import TABLES
+from tdint.campaign.store.store import FILE, Store, differences, is_empty, open_existing
 from tdint.errors import UsageError
 
 _TABLES = ("buildings", "records")
-_ROWS = ("run_rows", "story_rows", "chunks")
+_ROWS = {"run_rows": -1, "story_rows": -1, "chunks": 0}
+"""Tables, and where in their rows the number of the chunk stands."""
+
+_log = logging.getLogger(__name__)
 
 
 def merge(folders: Sequence[Path], target: Path) -> Store:
@@ -38,16 +45,22 @@ def merge(folders: Sequence[Path], target: Path) -> Store:
         failed = opened.enter_context(ExitStack())
         failed.callback(store.connection.close)
         with in_words(name):
-            if not store.connection.execute("SELECT count(*) FROM sqlite_master WHERE name = 'meta'").fetchone()[0]:
-                with transaction(store.connection):
+            if is_empty(store):
+                with transaction(store.connection, name):
                     for statement in TABLES:
                         store.connection.execute(statement)
-                    _copy(sources[0], store, ("meta", *_TABLES))
+                    for table in ("meta", *_TABLES):
+                        _copy(sources[0], store, table)
+                    store.seal()
+            check_store(store.connection, name)
         _check_same(store, sources[0])
+        _tell(store, store.heal())
         for source in sources:
+            with in_words(source.name):
+                bad = damaged_chunks(source.connection)
+            _tell(source, len(bad))
             with in_words(name):
-                _take_chunks(source, store)
-                _take_unused(source, store)
+                _take_chunks(source, store, bad)
         failed.pop_all()  # whoever asked closes it
     return store
 
@@ -65,20 +78,22 @@ def _check_same(one: Store, other: Store) -> None:
     raise UsageError(f"{one.name} and {other.name} are of different campaigns\n{lines}")
 
 
-def _copy(source: Store, target: Store, tables: Sequence[str]) -> None:
-    for table in tables:
-        rows = source.connection.execute(f"SELECT * FROM {table}")
-        marks = ", ".join("?" * len(rows.description))
-        target.connection.executemany(f"INSERT OR IGNORE INTO {table} VALUES({marks})", rows)
+def _tell(store: Store, damaged: int) -> None:
+    if damaged:
+        _log.warning("%s: %d chunks of runs are not as they were written and are left out", store.name, damaged)
 
 
-def _take_chunks(source: Store, target: Store) -> None:
-    with transaction(target.connection):
-        _copy(source, target, _ROWS)
+def _copy(source: Store, target: Store, table: str, wanted: Callable[[Any], bool] = lambda row: True) -> None:
+    rows = source.connection.execute(f"SELECT * FROM {table}")
+    marks = ", ".join("?" * len(rows.description))
+    target.connection.executemany(f"INSERT OR IGNORE INTO {table} VALUES({marks})", filter(wanted, rows))
 
 
-def _take_unused(source: Store, target: Store) -> None:
-    rows = [(kind, reason) for kind, reasons in source.unused().items() for reason in reasons]
-    with transaction(target.connection):
-        target.connection.execute(UNUSED)
-        target.connection.executemany("INSERT OR IGNORE INTO unused VALUES(?, ?)", rows)
+def _take_chunks(source: Store, target: Store, bad: set[int]) -> None:
+    """Take the chunks that a source has alone: of one that both have, the rows are not mixed."""
+    new = source.done() - bad - target.done()
+    with transaction(target.connection, target.name):
+        for table, place in _ROWS.items():
+            _copy(source, target, table, lambda row, place=place: row[place] in new)  # type: ignore[misc]
+        target.add_unused((kind, reason) for kind, reasons in source.unused().items() for reason in reasons)
+        target.seal()

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from tdint.errors import OutputError
-from tdint.files import remove_abandoned
+from tdint.files import is_file, remove_abandoned
 
 LOCK = ".campaign.lock"
 """Held by the one that writes; an empty SQLite file, for its locks end with their process on every system."""
@@ -66,6 +66,8 @@ def locked(folder: Path) -> Iterator[None]:
     OutputError
         Another process has it.
     """
+    if (folder / LOCK).exists() and not is_file(folder / LOCK):
+        raise OutputError(f"{folder / LOCK}: is not a regular file; remove it, or write elsewhere")
     try:
         connection = sqlite3.connect(folder / LOCK, timeout=0.0, isolation_level=None)
     except sqlite3.Error as error:
@@ -76,6 +78,10 @@ def locked(folder: Path) -> Iterator[None]:
         except sqlite3.OperationalError as error:
             reason = "another tdint is at work on it" if "locked" in str(error) else str(error)
             raise OutputError(f"{folder}: {reason}; wait for its end, or write elsewhere") from None
+        except sqlite3.Error as error:
+            raise OutputError(
+                f"{folder / LOCK}: is no lock of tdint ({error}); remove it, or write elsewhere"
+            ) from None
         remove_abandoned(folder)
         yield
     finally:

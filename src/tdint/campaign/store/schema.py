@@ -3,10 +3,14 @@ under the columns of the CSV files."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+from typing import Any
+
 from tdint.analysis.run.outcome import STORY
 from tdint.campaign.engine.rows import HIDDEN, RUN
 
-VERSION = "1"
+VERSION = "2"
+"""Of the layout; another one is not read."""
 
 _KEY = {"building": int, "record": int, "scale": float, "sample": int}
 
@@ -48,16 +52,33 @@ TABLES = (
     "CREATE TABLE records(id INTEGER PRIMARY KEY, name TEXT NOT NULL, component TEXT NOT NULL, direction INTEGER NOT"
     " NULL, dt_s REAL NOT NULL, samples INTEGER NOT NULL, pga_m_s2 REAL NOT NULL, pgv_m_s REAL NOT NULL, sha256 TEXT"
     " NOT NULL)",
-    "CREATE TABLE chunks(id INTEGER PRIMARY KEY, state TEXT NOT NULL, runs INTEGER NOT NULL, seconds REAL NOT NULL)",
-    f"CREATE TABLE run_rows({_columns(_RUN)}, PRIMARY KEY({', '.join(_KEY)})) WITHOUT ROWID",
-    f"CREATE TABLE story_rows({_columns(_STORY)}, PRIMARY KEY({', '.join(_KEY)}, story)) WITHOUT ROWID",
+    "CREATE TABLE chunks(id INTEGER PRIMARY KEY, runs INTEGER NOT NULL, stories INTEGER NOT NULL, seconds REAL NOT"
+    " NULL, sha256 TEXT NOT NULL)",
+    f"CREATE TABLE run_rows({_columns(_RUN)}, chunk INTEGER NOT NULL, PRIMARY KEY({', '.join(_KEY)})) WITHOUT ROWID",
+    f"CREATE TABLE story_rows({_columns(_STORY)}, chunk INTEGER NOT NULL, PRIMARY KEY({', '.join(_KEY)}, story))"
+    " WITHOUT ROWID",
+    "CREATE TABLE unused(kind TEXT NOT NULL, reason TEXT NOT NULL, PRIMARY KEY(kind, reason))",
+    "CREATE TABLE written(file TEXT NOT NULL, sha256 TEXT NOT NULL, PRIMARY KEY(file, sha256))",
     _view("runs", "run_rows", SHOWN_RUN, ", ".join(f"run_rows.{name}" for name in _KEY)),
     _view("stories", "story_rows", STORY_COLUMNS, ", ".join(f"story_rows.{name}" for name in (*_KEY, "story"))),
 )
 """What makes an empty store."""
 
-UNUSED = "CREATE TABLE IF NOT EXISTS unused(kind TEXT NOT NULL, reason TEXT NOT NULL, PRIMARY KEY(kind, reason))"
-"""Records and buildings that could not be used; stores of tdint before 0.9 come without it."""
+INSERT_RUN = f"INSERT INTO run_rows VALUES({', '.join('?' * (len(RUN_COLUMNS) + 1))})"
+INSERT_STORY = f"INSERT INTO story_rows VALUES({', '.join('?' * (len(STORY_COLUMNS) + 1))})"
 
-INSERT_RUN = f"INSERT INTO run_rows VALUES({', '.join('?' * len(RUN_COLUMNS))})"
-INSERT_STORY = f"INSERT INTO story_rows VALUES({', '.join('?' * len(STORY_COLUMNS))})"
+
+def plain_run(row: Sequence[Any]) -> tuple[Any, ...]:
+    """The values of a run as SQLite gives them back: nan is nothing there, and a column has one type."""
+    return _plain(_RUN.values(), row)
+
+
+def plain_story(row: Sequence[Any]) -> tuple[Any, ...]:
+    """The values of a story as SQLite gives them back."""
+    return _plain(_STORY.values(), row)
+
+
+def _plain(kinds: Iterable[type], row: Sequence[Any]) -> tuple[Any, ...]:
+    return tuple(
+        None if value is None or value != value else kind(value) for kind, value in zip(kinds, row, strict=True)
+    )

@@ -6,16 +6,26 @@ import hashlib
 import json
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Self
 
 from tdint.campaign.engine.chunk import Done
 from tdint.campaign.plan import Plan
-from tdint.campaign.store.schema import INSERT_RUN, INSERT_STORY, RUN_COLUMNS, STORY_COLUMNS, TABLES, UNUSED, VERSION
+from tdint.campaign.store.checksums import SEAL, check_store, chunk_digest, damaged_chunks, seal_of
+from tdint.campaign.store.connection import UntrustedStoreError, connect, connect_to_read, in_words, transaction
+from tdint.campaign.store.schema import (
+    INSERT_RUN,
+    INSERT_STORY,
+    RUN_COLUMNS,
+    STORY_COLUMNS,
+    TABLES,
+    VERSION,
+    plain_run,
+    plain_story,
+)
 from tdint.errors import OutputError, UsageError
-from tdint.files import is_file
 from tdint.ground_motion.measures import measure
 from tdint.output_units import SI, OutputUnits, parse_output_units
 from tdint.version import __version__
@@ -48,7 +58,7 @@ class Store:
         """Bring all into the one file, unless something failed, and close it."""
         try:
             if error is None:
-                with in_words(self.name):
+                with in_words(self.name), suppress(sqlite3.OperationalError):  # another program may read it
                     self.connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
         finally:
             self.connection.close()
@@ -92,18 +102,58 @@ class Store:
         OutputError
             The disk is full, the file is damaged, somebody else writes.
         """
-        with in_words(self.name), transaction(self.connection):
-            self.connection.executemany(INSERT_RUN, done.rows.runs)
-            self.connection.executemany(INSERT_STORY, ((*row[:-1], *row.values) for row in done.rows.stories))
-            values = (done.number, "done", len(done.rows.runs), done.seconds)
-            self.connection.execute("INSERT INTO chunks VALUES(?, ?, ?, ?)", values)
+        runs = sorted(map(plain_run, done.rows.runs), key=lambda row: row[:4])
+        stories = sorted((plain_story((*row[:-1], *row.values)) for row in done.rows.stories), key=lambda row: row[:5])
+        number, seconds = done.number, float(done.seconds)
+        with in_words(self.name), transaction(self.connection, self.name):
+            self.connection.executemany(INSERT_RUN, ((*row, number) for row in runs))
+            self.connection.executemany(INSERT_STORY, ((*row, number) for row in stories))
+            values = (number, len(runs), len(stories), seconds, chunk_digest(number, seconds, runs, stories))
+            self.connection.execute("INSERT INTO chunks VALUES(?, ?, ?, ?, ?)", values)
+
+    def heal(self, plan: Plan | None = None) -> int:
+        """Take out the chunks that are not as they were written, or not of this plan: they are left to be done.
+
+        Returns
+        -------
+        int
+            How many.
+
+        Raises
+        ------
+        UntrustedStoreError
+            They cannot be taken out.
+        """
+        with in_words(self.name):
+            bad = damaged_chunks(self.connection)
+            if plan is not None:
+                chunks = self.connection.execute("SELECT id, runs FROM chunks")
+                bad |= {one for one, runs in chunks if not (0 <= one < plan.chunks and plan.size(one) == runs)}
+            if not bad:
+                return 0
+            with transaction(self.connection, self.name):
+                for table, column in (("run_rows", "chunk"), ("story_rows", "chunk"), ("chunks", "id")):
+                    self.connection.executemany(f"DELETE FROM {table} WHERE {column} IS ?", ((one,) for one in bad))
+            if damaged_chunks(self.connection):
+                raise UntrustedStoreError(self.name, "chunks that are not as they were written cannot be taken out")
+            return len(bad)
+
+    def written(self) -> set[tuple[str, str]]:
+        """Name and SHA-256 of the files that were made of this store."""
+        return set(self.connection.execute("SELECT file, sha256 FROM written"))
+
+    def will_write(self, files: Mapping[str, str]) -> None:
+        """Keep the names and SHA-256 of files that are about to take their places."""
+        new = set(files.items()) - self.written()
+        if new:
+            with in_words(self.name), transaction(self.connection, self.name):
+                self.connection.executemany("INSERT INTO written VALUES(?, ?)", sorted(new))
 
     def unused(self) -> dict[str, list[str]]:
         """Why records and buildings could not be used, a line for each, by `record` and `building`."""
         found: dict[str, list[str]] = {"record": [], "building": []}
-        if self.connection.execute("SELECT count(*) FROM sqlite_master WHERE name = 'unused'").fetchone()[0]:
-            for kind, reason in self.connection.execute("SELECT kind, reason FROM unused ORDER BY rowid"):
-                found[kind].append(reason)
+        for kind, reason in self.connection.execute("SELECT kind, reason FROM unused ORDER BY rowid"):
+            found.setdefault(kind, []).append(reason)
         return found
 
     def output_units(self) -> OutputUnits:
@@ -113,12 +163,25 @@ class Store:
 
     def tell(self, plan: Plan) -> None:
         """Keep what a plan says of itself beside what its runs depend on: inputs that could not be used, units."""
-        with in_words(self.name), transaction(self.connection):
-            self.connection.execute(UNUSED)
+        units = str(plan.buildings.output_units)
+        known = self.connection.execute("SELECT value FROM meta WHERE key = 'output_units'").fetchone()
+        before = [(kind, reason) for kind, reasons in self.unused().items() for reason in reasons]
+        if known == (units,) and sorted(before) == sorted(dict.fromkeys(plan.unused)):
+            return
+        with in_words(self.name), transaction(self.connection, self.name):
             self.connection.execute("DELETE FROM unused")
-            self.connection.executemany("INSERT OR IGNORE INTO unused VALUES(?, ?)", plan.unused)
-            units = ("output_units", str(plan.buildings.output_units))
-            self.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", units)
+            self.add_unused(plan.unused)
+            self.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", ("output_units", units))
+            self.seal()
+
+    def add_unused(self, found: Iterable[tuple[str, str]]) -> None:
+        """Add inputs that could not be used; `seal` follows."""
+        self.connection.executemany("INSERT OR IGNORE INTO unused VALUES(?, ?)", found)
+
+    def seal(self) -> None:
+        """Keep the checksum over what the campaign is, in the transaction that changes it."""
+        values = (SEAL, seal_of(self.connection))
+        self.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", values)
 
     def runs(self) -> Iterator[tuple[Any, ...]]:
         """All runs: the columns of `RUN_COLUMNS`, in the order of their key."""
@@ -160,12 +223,14 @@ def open_store(folder: Path | None, plan: Plan) -> tuple[Store, list[str]]:
         store = Store(connect(name), name)
     try:
         with in_words(name):
-            if _is_empty(store):
+            if is_empty(store):
                 _create(store, plan)
                 store.tell(plan)
                 return store, []
-            check_columns(store)
+            check_store(store.connection, name)
         remarks = check_same(store, plan)
+        if healed := store.heal(plan):
+            remarks.append(f"{name}: {healed} chunks of runs are not as they were written; they are done again")
         store.tell(plan)
         return store, remarks
     except BaseException:
@@ -173,53 +238,46 @@ def open_store(folder: Path | None, plan: Plan) -> tuple[Store, list[str]]:
         raise
 
 
-def open_existing(folder: Path) -> Store:
-    """The store in a folder, to be read.
+def open_existing(folder: Path, *, write: bool = False) -> Store:
+    """The store in a folder, to be read; chunks in it may be damaged (`check_chunks`).
+
+    Parameters
+    ----------
+    write : bool
+        Whether it can be written, too.
 
     Raises
     ------
     UsageError
         There is none.
+    OutputError
+        It cannot be used, or not be trusted.
     """
     file = folder / FILE
-    if not is_file(file):
+    if not file.exists():
         raise UsageError(f"{folder}: holds no campaign ({FILE}); give the folder of -o of `tdint campaign`")
     with in_words(str(file)):
-        store = Store(connect(str(file)), str(file))
-        if _is_empty(store):
-            store.connection.close()
-            raise UsageError(f"{folder}: the campaign in it has not begun; call `tdint campaign` again")
-        check_columns(store)
+        store = Store(connect(str(file)) if write else connect_to_read(file), str(file))
+    try:
+        with in_words(store.name):
+            if is_empty(store):
+                raise UsageError(f"{folder}: the campaign in it has not begun; call `tdint campaign` again")
+            check_store(store.connection, store.name)
+    except BaseException:
+        store.connection.close()
+        raise
     return store
 
 
-def check_columns(store: Store) -> None:
-    """Refuse a store whose tables have other columns than those of today.
-
-    Raises
-    ------
-    UsageError
-        It has.
-    """
-    for table, columns in (("run_rows", RUN_COLUMNS), ("story_rows", STORY_COLUMNS)):
-        found = tuple(row[1] for row in store.connection.execute(f"PRAGMA table_info({table})"))
-        if found != columns:
-            raise UsageError(
-                f"{store.name}: begun with tdint {store.meta('version')}, whose runs have other columns than those of "
-                f"{__version__}; go on with that version, or give another folder with -o"
-            )
-
-
-def connect(name: str) -> sqlite3.Connection:
-    """A connection that writes safely and fast: a log ahead of the file, which a killed process leaves whole."""
-    connection = sqlite3.connect(name, isolation_level=None, timeout=30.0)
-    try:
-        connection.execute("PRAGMA journal_mode=WAL")
-        connection.execute("PRAGMA synchronous=NORMAL")
-    except sqlite3.Error:
-        connection.close()
-        raise
-    return connection
+def check_chunks(store: Store) -> None:
+    """Raise OutputError if runs of a store are not as they were written."""
+    with in_words(store.name):
+        bad = damaged_chunks(store.connection)
+    if bad:
+        raise OutputError(
+            f"{store.name}: {len(bad)} chunks of runs are not as they were written; call `tdint campaign FILE -o "
+            f"{Path(store.name).parent}` again, which does them anew"
+        )
 
 
 def check_same(store: Store, plan: Plan) -> list[str]:
@@ -294,8 +352,9 @@ def _record_digests(plan: Plan) -> dict[str, str]:
     return digests
 
 
-def _is_empty(store: Store) -> bool:
-    found = store.connection.execute("SELECT count(*) FROM sqlite_master WHERE name = 'meta'").fetchone()
+def is_empty(store: Store) -> bool:
+    """Whether nothing is in it yet."""
+    found = store.connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
     return int(found[0]) == 0
 
 
@@ -309,7 +368,7 @@ def _create(store: Store, plan: Plan) -> None:
         "runs": str(plan.runs), "chunks": str(plan.chunks),
     } | {f"{_SETTING}{name}": value for name, value in settings.items()}  # fmt: skip
     buildings = plan.buildings
-    with transaction(store.connection):
+    with transaction(store.connection, store.name):
         for statement in TABLES:
             store.connection.execute(statement)
         store.connection.executemany("INSERT INTO meta VALUES(?, ?)", about.items())
@@ -330,31 +389,9 @@ def _create(store: Store, plan: Plan) -> None:
                 for number, (motion, digest) in enumerate(zip(plan.motions, records, strict=True))
             ),
         )  # fmt: skip
+        store.seal()
 
 
 def _text(name: str) -> str:
     """A name as a database takes it: bytes of a file's name that are no UTF-8 are written out."""
     return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
-
-
-@contextmanager
-def transaction(connection: sqlite3.Connection) -> Iterator[None]:
-    """All statements or none."""
-    connection.execute("BEGIN IMMEDIATE")
-    try:
-        yield
-    except BaseException:
-        if connection.in_transaction:
-            connection.execute("ROLLBACK")
-        raise
-    connection.execute("COMMIT")
-
-
-@contextmanager
-def in_words(name: str) -> Iterator[None]:
-    """Turn what SQLite says about a file into an OutputError."""
-    try:
-        yield
-    except sqlite3.Error as error:
-        hint = "; is it the file of a campaign?" if "not a database" in str(error) else ""
-        raise OutputError(f"{name}: cannot be used: {error}{hint}") from error

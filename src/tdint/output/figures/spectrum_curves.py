@@ -1,4 +1,4 @@
-"""Spectra: elastic (over the period, tripartite, ADRS), inelastic, rotated, drift, and beside a published one."""
+"""Spectra: elastic (over the period, tripartite, ADRS), inelastic, rotated, drift; beside a published one; targets."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from tdint.output.figures.spectrum_axes import (
     draw_over_periods,
     draw_tripartite,
     line_labels,
+    log_periods,
     over_periods_title,
 )
 from tdint.output.figures.style import LIGHT, add_title, picture, plain_numbers, record_name
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from tdint.analysis.spectra.inelastic import InelasticSpectrum
     from tdint.analysis.spectra.published import SpectrumDifference
     from tdint.analysis.spectra.rotated import RotatedSpectrum
+    from tdint.campaign.suites.target import TargetSpectrum
 
 
 Array = NDArray[np.float64]
@@ -46,11 +48,16 @@ _NAMES = {
 }
 """By quantity its name and SI unit."""
 
+_TARGET: dict[str, Any] = {"color": "0.1", "linewidth": 2.2, "zorder": 6}
 _POINTS: dict[str, Any] = {"color": "0.25", "markersize": 3.0, "markerfacecolor": "none"}
 
 
 def spectrum_picture(
-    spectra: Sequence[Spectrum], suffix: str, axes: str = "periods", units: OutputUnits = SI
+    spectra: Sequence[Spectrum],
+    suffix: str,
+    axes: str = "periods",
+    units: OutputUnits = SI,
+    target: TargetSpectrum | None = None,
 ) -> Writer:
     """Picture of spectra, a line per component and damping ratio, or the fractiles of a suite.
 
@@ -61,12 +68,18 @@ def spectrum_picture(
     axes : str
         A key of `DRAWN`: pseudo-acceleration and displacement over the `periods`, `tripartite` (pseudo-velocity over
         the period, with scales of the other two), or `adrs` (pseudo-acceleration over displacement).
+    target : TargetSpectrum, optional
+        Drawn over them on the axes `periods`.
     """
-    return picture(suffix, lambda: _draw_elastic(spectra, DRAWN[axes], units.in_pictures))
+    return picture(suffix, lambda: _draw_elastic(spectra, DRAWN[axes], units.in_pictures, target))
 
 
-def _draw_elastic(spectra: Sequence[Spectrum], draw: DrawSpectra, units: OutputUnits) -> Figure:
+def _draw_elastic(
+    spectra: Sequence[Spectrum], draw: DrawSpectra, units: OutputUnits, target: TargetSpectrum | None
+) -> Figure:
     figure = draw(spectra, line_labels(spectra), units)
+    if target is not None:
+        _add_target(figure, target, units)
     title = over_periods_title("Elastic response spectrum", "Elastic response spectra", spectra, _how(spectra[0]))
     add_title(figure, title)
     return figure
@@ -183,7 +196,9 @@ class _Line:
         return self.psa * (self.periods / (2.0 * math.pi)) ** 2
 
 
-def rotated_picture(spectra: Sequence[RotatedSpectrum], suffix: str, units: OutputUnits = SI) -> Writer:
+def rotated_picture(
+    spectra: Sequence[RotatedSpectrum], suffix: str, units: OutputUnits = SI, target: TargetSpectrum | None = None
+) -> Writer:
     """Picture of spectra over all directions: a line per motion, damping ratio, percentile, and the geometric mean.
 
     Return value and errors are those of `tdint.output.figures.style.picture`.
@@ -192,11 +207,13 @@ def rotated_picture(spectra: Sequence[RotatedSpectrum], suffix: str, units: Outp
     ----------
     spectra : sequence of RotatedSpectrum
         One at least; all of the same percentiles.
+    target : TargetSpectrum, optional
+        Drawn over them.
     """
-    return picture(suffix, lambda: _draw_rotated(spectra, units.in_pictures))
+    return picture(suffix, lambda: _draw_rotated(spectra, units.in_pictures, target))
 
 
-def _draw_rotated(spectra: Sequence[RotatedSpectrum], units: OutputUnits) -> Figure:
+def _draw_rotated(spectra: Sequence[RotatedSpectrum], units: OutputUnits, target: TargetSpectrum | None) -> Figure:
     lines = [line for spectrum in spectra for line in _lines(spectrum)]
     panels: list[Panel[_Line]] = [
         (f"pseudo-acceleration PSA ({units.label('m/s^2')})", lambda line: units.of(line.psa, "m/s^2")),
@@ -204,6 +221,8 @@ def _draw_rotated(spectra: Sequence[RotatedSpectrum], units: OutputUnits) -> Fig
     ]
     labels = [f"{label}, {line.name}" for label, line in zip(line_labels(lines), lines, strict=True)]
     figure = draw_over_periods(lines, panels, labels, [(line.damping, line.name) for line in lines])
+    if target is not None:
+        _add_target(figure, target, units)
     more = ["exact solution", "180 directions"]
     if spectra[0].maxima != "exact":
         more.append(f"maxima: {spectra[0].maxima}")
@@ -307,3 +326,48 @@ def _draw_differences(lines: Sequence[SpectrumDifference], units: OutputUnits) -
     )
     add_title(figure, title)
     return figure
+
+
+def target_picture(target: TargetSpectrum, suffix: str, units: OutputUnits = SI) -> Writer:
+    """Picture of a target spectrum: pseudo-acceleration and displacement over the period.
+
+    Parameters, return value and errors are those of `tdint.output.figures.style.picture`.
+    """
+    return picture(suffix, lambda: _draw_target(target, units.in_pictures))
+
+
+def _draw_target(target: TargetSpectrum, units: OutputUnits) -> Figure:
+    figure = Figure(figsize=(7.5, 7.2), layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.25, 1.0))
+    _add_target(figure, target, units, legend=False)
+    upper.set_ylabel(f"pseudo-acceleration Sa ({units.label('m/s^2')})")
+    lower.set_ylabel(f"displacement SD ({units.label('m')})")
+    lower.set_xlabel("period (s)")
+    log_periods(lower, target.periods)
+    for axes in (upper, lower):
+        axes.set_ylim(bottom=0.0)
+    damping = "" if target.damping is None else f"\n{100.0 * target.damping:g} % damping"
+    add_title(figure, f"Target spectrum {_target_name(target)}{damping}")
+    return figure
+
+
+def _target_name(target: TargetSpectrum) -> str:
+    """A design spectrum as it was named, or the name of the file without its folder."""
+    return target.source if target.curve else record_name(target.source)
+
+
+def _add_target(figure: Figure, target: TargetSpectrum, units: OutputUnits, *, legend: bool = True) -> None:
+    """Draw a target into the panels of pseudo-acceleration and of displacement of a figure over the period."""
+    upper, lower = figure.axes[:2]
+    low, high = upper.get_xlim()
+    psa, sd = units.of(target.psa, "m/s^2"), units.of(target.sd, "m")
+    upper.plot(target.periods, psa, label=f"target {_target_name(target)}", **_TARGET)
+    lower.plot(target.periods, sd, **_TARGET)
+    if not legend:
+        return
+    upper.set_xlim(low, high)
+    shown = (target.periods >= low) & (target.periods <= high)
+    for axes, values in ((upper, psa), (lower, sd)):
+        if np.any(shown):
+            axes.set_ylim(top=max(axes.get_ylim()[1], 1.05 * float(np.max(values[shown]))))
+    upper.legend(loc="upper right")

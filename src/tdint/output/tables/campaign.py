@@ -48,9 +48,11 @@ def run_rows(store: Store) -> Iterator[list[Any]]:
     """The rows of runs.csv, in the order of buildings, records, scales and draws."""
     buildings, records = store.buildings(), store.records()
     building_names = {number: cell_text(name) for number, (name, _) in buildings.items()}
-    for building, record, scale, sample, *rest in store.runs():
+    method_names = {number: cell_text(method) for number, (_, method) in buildings.items()}
+    for building, record, scale, sample, dt, status, *rest in store.runs():
         name, component, _ = records[record]
-        head = [building_names[building], cell_text(name), cell_text(component), scale, sample, buildings[building][1]]
+        head = [building_names[building], cell_text(name), cell_text(component), scale, sample, method_names[building]]
+        head += [dt, cell_text(status)]
         yield head + rest[: len(RUNS) - len(head)]
 
 

@@ -81,6 +81,16 @@ SPECTRUM = (
 )
 
 
+TARGET = (
+    Column("target", "text", "source", "design spectrum with its parameters, or file"),
+    PERIOD,
+    Column("sd_m", "m", "sd", "displacement, psa over omega^2"),
+    Column("psv_m_s", "m/s", "psv", "pseudo-velocity, psa over omega"),
+    Column("psa_m_s2", "m/s^2", "psa", "pseudo-acceleration"),
+)
+"""A target spectrum alone."""
+
+
 def difference(published: str) -> tuple[Column, ...]:
     """The columns of spectra beside a published one, of this column of `SPECTRUM`."""
     own = next(column for column in SPECTRUM if column.name == published)

@@ -1,0 +1,122 @@
+"""Connections to the file of a store: how they wait for others, and what SQLite says put in words."""
+
+from __future__ import annotations
+
+import logging
+import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from tdint.errors import OutputError
+from tdint.files import is_file
+
+_SILENT, _LONGEST = 1000, 9000
+"""Milliseconds that a lock of another program is waited for without a word, and with one."""
+
+_log = logging.getLogger(__name__)
+
+
+class UntrustedStoreError(OutputError):
+    """The file of a store is none, or not as it was written."""
+
+    def __init__(self, name: str, why: str) -> None:
+        super().__init__(
+            f"{name}: cannot be trusted: {why}; is it the file of a campaign? Give another folder with -o, or "
+            "--overwrite to begin anew"
+        )
+
+
+def connect(name: str) -> sqlite3.Connection:
+    """A connection that writes safely and fast: a log ahead of the file, which a killed process leaves whole.
+
+    Raises
+    ------
+    OutputError
+        It is no file, or another program keeps it locked.
+    """
+    _refuse_what_is_no_file(name)
+    connection = sqlite3.connect(name, isolation_level=None)
+    try:
+        _guard(connection)
+        wait_for(connection, name, "PRAGMA journal_mode=WAL")
+        connection.execute("PRAGMA synchronous=NORMAL")
+    except BaseException:
+        connection.close()
+        raise
+    return connection
+
+
+def connect_to_read(file: Path) -> sqlite3.Connection:
+    """A connection that changes nothing and needs no lock that a writer has. Errors are those of `connect`."""
+    _refuse_what_is_no_file(str(file))
+    connection = sqlite3.connect(f"{file.absolute().as_uri()}?mode=ro", uri=True, isolation_level=None)
+    try:
+        _guard(connection)
+        connection.execute("BEGIN")  # one state of the store for all that is read
+        wait_for(connection, str(file), "SELECT count(*) FROM sqlite_master")
+    except BaseException:
+        connection.close()
+        raise
+    return connection
+
+
+def _guard(connection: sqlite3.Connection) -> None:
+    """Believe nothing that a damaged or foreign file says of itself."""
+    connection.execute("PRAGMA trusted_schema=OFF")
+    connection.execute("PRAGMA cell_size_check=ON")
+
+
+def _refuse_what_is_no_file(name: str) -> None:
+    """A named pipe, say, would be waited for without end."""
+    if name != ":memory:" and Path(name).exists() and not is_file(name):
+        raise OutputError(f"{name}: is not a regular file; remove it, or give another folder with -o")
+
+
+def wait_for(connection: sqlite3.Connection, name: str, statement: str) -> None:
+    """Execute a statement that another program's lock may hold up: that is said after a second, and ends after ten.
+
+    Raises
+    ------
+    OutputError
+        The lock stays.
+    """
+    try:
+        for patience in (_SILENT, _LONGEST):
+            connection.execute(f"PRAGMA busy_timeout={patience}")
+            try:
+                connection.execute(statement)
+            except sqlite3.OperationalError as error:
+                if "locked" not in str(error):
+                    raise
+            else:
+                return
+            if patience == _SILENT:
+                _log.info("%s: another program has locked it; waiting for ten seconds at most", name)
+    finally:
+        connection.execute("PRAGMA busy_timeout=0")
+    raise OutputError(f"{name}: another program keeps it locked; end that one, then call again")
+
+
+@contextmanager
+def transaction(connection: sqlite3.Connection, name: str) -> Iterator[None]:
+    """All statements or none."""
+    wait_for(connection, name, "BEGIN IMMEDIATE")
+    try:
+        yield
+    except BaseException:
+        if connection.in_transaction:
+            connection.execute("ROLLBACK")
+        raise
+    connection.execute("COMMIT")
+
+
+@contextmanager
+def in_words(name: str) -> Iterator[None]:
+    """Turn what SQLite says about a file into an OutputError."""
+    try:
+        yield
+    except sqlite3.OperationalError as error:
+        raise OutputError(f"{name}: cannot be used: {error}") from error
+    except sqlite3.Error as error:
+        raise UntrustedStoreError(name, str(error)) from error

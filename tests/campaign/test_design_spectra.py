@@ -1,0 +1,99 @@
+"""Design spectra by name, against values computed and published elsewhere (design_spectra.csv tells the source)."""
+
+from __future__ import annotations
+
+import csv
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tdint.campaign.suites.design_spectra import EXAMPLES
+from tdint.campaign.suites.target import read_target
+from tdint.errors import ModelError, UsageError
+from tdint.units import STANDARD_GRAVITY
+
+VALUES = Path(__file__).with_name("design_spectra.csv")
+
+
+def _named(text):
+    """The design spectrum of mapped values: SDS = 2/3 Fa SS, SD1 = 2/3 Fv S1 (ASCE 7-16, 11.4.4 and 11.4.5)."""
+    name, _, rest = text.partition(":")
+    if name != "map":
+        return text
+    given = {key: float(value) for key, value in (part.split("=") for part in rest.split(","))}
+    sds, sd1 = 2.0 / 3.0 * given["fa"] * given["ss"], 2.0 / 3.0 * given["fv"] * given["s1"]
+    return f"asce7:sds={sds!r},sd1={sd1!r},tl={given['tl']!r}"
+
+
+def test_values_of_codes():
+    with VALUES.open(encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == 271
+    for row in rows:
+        target = read_target(_named(row["spectrum"]))
+        period, tolerance = float(row["period_s"]), float(row["tolerance_g"])
+        value = target.zero if period == 0.0 else float(target.at(np.array([min(period, 10.0)]))[0])
+        if period > 10.0:
+            value = float(target.curve(np.array([period]))[0])
+        if row["sa_g"]:
+            assert value / STANDARD_GRAVITY == pytest.approx(float(row["sa_g"]), abs=tolerance + 1e-9), row
+        if row["sd_m"] and period > 0.0:
+            assert value * (period / (2.0 * np.pi)) ** 2 == pytest.approx(float(row["sd_m"]), rel=1e-8), row
+
+
+@pytest.mark.parametrize("text", EXAMPLES.values())
+def test_points_are_on_the_curve(text):
+    target = read_target(text)
+    assert target.psa == pytest.approx(target.at(target.periods), rel=1e-14)
+    assert target.zero == pytest.approx(float(target.curve(np.array([1e-9]))[0]), rel=1e-6)
+    assert target.damping == 0.05
+
+
+def test_a_national_annex_and_damping():
+    greece = read_target("ec8:type=1,soil=B,ag=0.25g,td=2.5")
+    recommended = read_target("ec8:type=1,soil=B,ag=2.4516625m/s^2")
+    assert greece.at([2.0]) == pytest.approx(recommended.at([2.0]))
+    assert greece.at([3.0]) / recommended.at([3.0]) == pytest.approx(1.25)
+    # eta = sqrt(10/(5 + xi)) is not below 0.55, which it reaches at 28.06 %.
+    plateaus = [read_target(f"ec8:type=1,soil=A,ag=1g,damping={xi}%").at([0.3])[0] for xi in (5, 10, 28.1, 40)]
+    assert np.array(plateaus) / STANDARD_GRAVITY == pytest.approx([2.5, 2.5 * (10 / 15) ** 0.5, 1.375, 1.375])
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("asce7", "asce7 needs sds, sd1, tl, such as asce7:sds=1.0"),
+        ("asce7:sds=1,sd1=0.6", "asce7 needs tl"),
+        ("ASCE7:sds=1,sd1=x,tl=8", "sd1 must be a positive number, got 'x'"),
+        ("asce7:sds=1,sd1=0.6,tl=0.5", "tl = 0.5 s must be longer than TS"),
+        ("asce7:sds=1,sds=2,sd1=0.6,tl=8", "sds is given twice"),
+        ("ec9:type=1", "no design spectrum 'ec9'; there are asce7, mcer, ec8"),
+        ("ec8:type=3,soil=B,ag=0.25g", "type must be 1 or 2"),
+        ("ec8:type=1,soil=F,ag=0.25g", "soil must be one of A, B, C, D, E"),
+        ("ec8:type=1,soil=B,ag=0.25", "ag must be a number with its unit"),
+        ("ec8:type=1,soil=B,ag=0.25g,dampin=2%", "did you mean 'damping'"),
+        ("ec8:type=1,soil=B,ag=0.25g,tc=3", "tb, tc, td must rise"),
+        ("ec8:type=1,soil=B,ag=0.25g,damping=0", "damping must lie between"),
+    ],
+)
+def test_wrong_names_and_parameters(text, said):
+    with pytest.raises(UsageError, match=re.escape(said)):
+        read_target(text)
+
+
+@pytest.mark.parametrize("header", ["T (s),Sa (g)", "Period [s],PSA [g]", "period_s,sa_g", "T,psa_g"])
+def test_tables_with_headings(tmp_path, header):
+    file = tmp_path / "target.csv"
+    file.write_text(f"{header}\n0,0.4\n0.5,1\n1,0.6\n")
+    target = read_target(str(file))
+    assert target.periods.tolist() == [0.5, 1.0]
+    assert target.psa / STANDARD_GRAVITY == pytest.approx([1.0, 0.6])
+    assert target.zero == pytest.approx(0.4 * STANDARD_GRAVITY)
+
+
+def test_a_heading_without_a_unit_is_refused(tmp_path):
+    (file := tmp_path / "target.csv").write_text("T (s),Sa\n0.5,1\n1,0.6\n")
+    with pytest.raises(ModelError, match="no column sa_g"):
+        read_target(str(file))
