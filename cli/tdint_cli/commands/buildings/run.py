@@ -24,7 +24,7 @@ from tdint_cli.terminal.streams import complain, note, say, warn
 
 if TYPE_CHECKING:
     from tdint.analysis.run.outcome import Collapse
-    from tdint.analysis.run.run import Case, FailedRun, Response, StepChoice
+    from tdint.analysis.run.run import Case, FailedRun, Response, StepChoice, StoryPeaks
     from tdint.files import Writer
     from tdint.ground_motion.record import Input, Record
     from tdint.output.tables.table import Table
@@ -116,7 +116,8 @@ class Request(BuildingRequest):
 @options.analysis.option(
     "--check",
     is_flag=True,
-    help="Repeat the run with a half and a quarter of the step: columns <name>_error with the estimated errors.",
+    help="Columns <name>_error with the estimated errors. moment4 carries them along in the run; with another method "
+    "it is repeated with a half and a quarter of the step.",
 )
 @options.analysis.option(
     "--tolerance",
@@ -380,13 +381,28 @@ def _paragraph(response: Response, units: OutputUnits) -> str:
         lines.append(f"The building is at rest at {response.rest_time:.6g} s.")
     if (check := response.check) and check.drift_error is not None:
         runs = " and ".join(f"{dt:.6g}" for dt in check.dts)
+        source = f"from runs with dt {runs} s" if runs else "carried along in the run"
         if check.choice is not None:
             lines.append(_chosen(response, check.choice))
         lines.append(
             f"Largest estimated error of a peak drift: {100.0 * check.drift_error:.2g} % (story {check.drift_story}), "
-            f"from runs with dt {runs} s."
+            f"{source}."
         )
+        if check.corrected is not None:
+            lines.append(_corrected(check.corrected, units))
     return "\n".join(lines)
+
+
+def _corrected(stories: StoryPeaks, units: OutputUnits) -> str:
+    """The largest demands once they are corrected by that error."""
+    from tdint.analysis.run.demands import demands
+
+    found = demands(stories)
+    return (
+        f"Corrected by it: largest drift {units.text(found.drift.value, 'm')} in story {found.drift.place}, roof "
+        f"displacement {units.text(found.roof_displacement.value, 'm')}, base shear "
+        f"{units.text(found.base_shear.value, 'N')}."
+    )
 
 
 def _chosen(response: Response, choice: StepChoice) -> str:
