@@ -266,7 +266,7 @@ def test_a_check_adds_the_estimated_errors(folder, tdint):
 def test_moment4_carries_its_error_along(folder, tdint):
     plain = tdint("run", "shaken.yaml", "--method", "moment4")
     result = tdint("run", "shaken.yaml", "--method", "moment4", "--check", "-o", "out")
-    assert result.exit_code == 0
+    assert result.exit_code == 0, result.stderr
     header, *lines = result.stdout.splitlines()
     assert header == f"{COLUMNS},{ERRORS}"
     columns = COLUMNS.count(",") + 1
