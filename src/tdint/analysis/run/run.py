@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tdint.analysis.given import number_of, ratio_of, record_of
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.error_estimate import checked
+from tdint.analysis.run.error_estimate import checked_run
 from tdint.analysis.run.outcome import (
     Collapse,
     Energy,
@@ -79,8 +79,9 @@ def run(
         Run a conditionally stable method beyond its limit, and take a motion on energy that the method made for a
         result.
     check : bool
-        Repeat the run with a half and a quarter of the step, and estimate the errors of its peaks from that
-        (`Response.check`). A repetition that fails leaves them unknown.
+        Estimate the errors of the peaks (`Response.check`): moment4 carries them along in the run; the run of another
+        method, and one whose step is too long for that, is repeated with a half and a quarter of the step. A repetition
+        that fails leaves them unknown.
     tolerance : float or str, optional
         Take the largest step with which the estimated error of every peak drift is within this part of it: from
         several sampling intervals of the record, or from dt where one is given, down to a 256th of either
@@ -154,8 +155,7 @@ def run_case(
     if tolerance is not None:
         return choose_step(case, tolerance, dt=dt, duration=duration, history=history)
     steps = case.steps(dt, duration)
-    response = case.march(steps, history)
-    return checked(case, steps, response) if check else response
+    return checked_run(case, steps, history) if check else case.march(steps, history)
 
 
 def model_record(model: Model) -> Record | None:
