@@ -53,6 +53,7 @@ class Request(BuildingRequest):
     tolerance: float | None
     of_floors: FloorRequest
     jobs: int | None
+    factors: str | None
 
     def refuse_of_one(self) -> None:
         """Raise UsageError for options of a single run.
@@ -75,6 +76,12 @@ class Request(BuildingRequest):
 @options.building.model
 @click.argument("records", metavar="[RECORD]...", nargs=-1, type=FileName())
 @options.record.of_record
+@options.record.option(
+    "--factors",
+    type=FileName(),
+    metavar="FILE",
+    help="Run the records with the factors that `tdint scale -o` wrote, in place of --scale.",
+)
 @options.spectra.floor_spectra
 @options.spectra.floor_damping
 @options.spectra.floor_periods
@@ -135,8 +142,8 @@ def command(record: str | None, records: tuple[str, ...], **given: Any) -> None:
     --method, --dt and --duration replace what it says of the analysis. --overwrite replaces all files of an earlier
     run: those the new one does not write are removed.
 
-    With several records, a folder of records, or several scales (--scale 0.5,1,2) the table has a row for each run
-    instead, of all horizontal components without --component. With -o it is a small campaign: runs.csv and
+    With several records, a folder of records, several scales (--scale 0.5,1,2) or --factors the table has a row for
+    each run instead, of all horizontal components without --component. With -o it is a small campaign: runs.csv and
     campaign.sqlite, which `tdint campaign status`, `export` and `merge` take; a call that was ended goes on.
     """
     if record is not None and records:
@@ -145,7 +152,9 @@ def command(record: str | None, records: tuple[str, ...], **given: Any) -> None:
     names = {"floors": "floor_spectra", "export": "export_floors"}
     wanted = {field.name: given.pop(names.get(field.name, field.name)) for field in fields(FloorRequest)}
     request = Request(**given, record=named[0] if named else None, of_floors=FloorRequest(**wanted))
-    if len(named) > 1 or len(request.scale or ()) > 1 or (named and is_folder(named[0])):
+    if request.factors is not None and (request.scale or not named):
+        raise UsageError("--factors stands in place of --scale, and is for the RECORDs that were scaled: name them")
+    if request.factors is not None or len(named) > 1 or len(request.scale or ()) > 1 or (named and is_folder(named[0])):
         _run_many(request, named)
     else:
         _run(request)
@@ -161,7 +170,7 @@ def _run_many(request: Request, records: tuple[str, ...]) -> None:
     wishes = AnalysisWishes(request.method, request.dt, request.duration, until_rest=request.until_rest)
     run_many(
         request, records, wishes=wishes, output=request.output, overwrite=request.overwrite,
-        jobs=request.jobs, units=request.output_units,
+        jobs=request.jobs, units=request.output_units, factors=request.factors,
     )  # fmt: skip
 
 
