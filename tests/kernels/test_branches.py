@@ -138,24 +138,24 @@ def test_the_first_crossing_of_a_cubic(seed):
     s = np.linspace(0.0, 1.0, 200001)
     values = (1 - s) ** 3 * d[0] + 3 * s * (1 - s) ** 2 * d[1] + 3 * s * s * (1 - s) * d[2] + s**3 * d[3]
     above = np.flatnonzero(values > limit)
-    found = _crossing(*d, limit, 0.0, NONE)
+    found = _crossing(d, limit, 0.0, NONE)
     assert found == pytest.approx(s[above[0]], abs=1e-5) if above.size else found == NONE
 
 
 def test_a_cubic_that_starts_beyond_comes_inside_first():
     """As where the last event was missed by a little; or it turns outside, and goes beyond from there."""
-    assert _crossing(1.0, 0.0, 0.0, 1.0, 0.999, 0.0, NONE) == pytest.approx(1.0, abs=1e-3)
-    assert _crossing(1.0, 0.0, 0.0, 1.0, 0.2, 0.0, NONE) == pytest.approx(0.5)
-    assert _crossing(1.0, 0.5, 0.2, 0.1, 0.999, 0.0, NONE) == NONE
-    assert _crossing(1.0, 1.1, 1.2, 1.3, 0.999, 0.0, NONE) == 0.0
+    assert _crossing((1.0, 0.0, 0.0, 1.0), 0.999, 0.0, NONE) == pytest.approx(1.0, abs=1e-3)
+    assert _crossing((1.0, 0.0, 0.0, 1.0), 0.2, 0.0, NONE) == pytest.approx(0.5)
+    assert _crossing((1.0, 0.5, 0.2, 0.1), 0.999, 0.0, NONE) == NONE
+    assert _crossing((1.0, 1.1, 1.2, 1.3), 0.999, 0.0, NONE) == 0.0
 
 
 def test_a_crossing_counts_if_it_is_the_first_one_and_goes_beyond_by_the_slack():
     straight = (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)
-    assert _crossing(*straight, 0.5, 0.4, NONE) == pytest.approx(0.5)
-    assert _crossing(*straight, 0.5, 0.6, NONE) == NONE
-    assert _crossing(*straight, 0.5, 0.0, 0.51) == pytest.approx(0.5)
-    assert _crossing(*straight, 0.5, 0.0, 0.49) == NONE
+    assert _crossing(straight, 0.5, 0.4, NONE) == pytest.approx(0.5)
+    assert _crossing(straight, 0.5, 0.6, NONE) == NONE
+    assert _crossing(straight, 0.5, 0.0, 0.51) == pytest.approx(0.5)
+    assert _crossing(straight, 0.5, 0.0, 0.49) == NONE
 
 
 @pytest.mark.parametrize("seed", range(40))
