@@ -8,10 +8,11 @@ import math
 from tdint.kernels import layout as at
 from tdint.kernels.bundles import Integrals
 from tdint.kernels.compiling import called, inlined
-from tdint.kernels.equations.carried.events import shake_at_events
-from tdint.kernels.equations.carried.rows import OWN, Carried, add_loads, correct, of_story, whole_path
+from tdint.kernels.equations.carried.rows import OWN, Carried, add_loads, bubbles_of, correct, of_story, whole_path
+from tdint.kernels.equations.carried.within import look_within, may_pass
 from tdint.kernels.equations.moment4 import ROW
 from tdint.kernels.linear_terms import DASHPOTS, MODAL, add_modal_force
+from tdint.kernels.march.peaks_between_steps import raise_peak
 from tdint.kernels.stories import error_path, path
 from tdint.kernels.stories.branches import advance
 from tdint.kernels.stories.error_path import RESULT
@@ -29,6 +30,8 @@ def follow_anew(scene, h, load, memory, base):
     n = linear_terms.shape[1] - 1
     for i in range(n):
         work[base + OWN.A1, i] = 12.0 * (0.5 * work[ROW.BEND, i] - work[ROW.RISE, i] + h * state[at.VELOCITY, i])
+        for row in range(2):
+            work[base + OWN.FOUR + row, i] = 0.0
     for passed in range(PASSES):
         _paths(carried, passed > 0)
         _moments(carried)
@@ -38,7 +41,11 @@ def follow_anew(scene, h, load, memory, base):
         _unbalanced(carried)
         if correct(carried, False) and passed > 0:
             break
-    shake_at_events(carried)
+    for i in range(n):
+        if work[base + OWN.CALM, i] == 0.0:
+            raise_peak(work, base + OWN.PEAKS + at.PEAK_SHEAR, i, work[base + OWN.PATH + RESULT.LARGEST, n + 1 + i])
+    if may_pass(carried, False):
+        look_within(scene, h, load, memory, base, False)
     below = 0.0
     for i in range(n):
         c = n + 1 + i
@@ -71,9 +78,7 @@ def _paths(carried, knowing):
             work[base + OWN.CALM, i] = 1.0
             continue
         work[base + OWN.CALM, i] = 0.0
-        bubbles = (0.0, 0.0)
-        if knowing:
-            bubbles = (of_story(carried, base + OWN.EVEN, i), of_story(carried, base + OWN.ODD, i))
+        bubbles = bubbles_of(carried, i) if knowing else (0.0, 0.0, 0.0, 0.0)
         results = Integrals(work, base + OWN.PATH)
         error_path.follow(scene.law_parameters, springs, c, whole, bubbles, results)
         if damped:
@@ -82,7 +87,7 @@ def _paths(carried, knowing):
 
 @inlined
 def _moments(carried):
-    """Second and third moment of the story forces, dampers included."""
+    """Second and further moments of the story forces, dampers included."""
     scene, memory, _, h, base = carried
     _, springs, work, _ = memory
     linear_terms = scene.linear_terms
@@ -93,15 +98,19 @@ def _moments(carried):
             linear_terms[at.STORY_DAMPER, i] / h * of_story(carried, base + OWN.A1, i)
             + linear_terms[at.GEOMETRIC, i] * bend
         )
-        third = 0.0
+        third = fourth = fifth = 0.0
         if work[base + OWN.CALM, i] != 0.0:
             second += springs[at.SLOPE, i] * bend
         second *= 0.5
         if work[base + OWN.CALM, i] == 0.0:
             second += work[base + OWN.PATH + RESULT.SECOND, n + 1 + i]
             third = work[base + OWN.PATH + RESULT.THIRD, n + 1 + i]
+            fourth = work[base + OWN.PATH + RESULT.FOURTH, n + 1 + i]
+            fifth = work[base + OWN.PATH + RESULT.FIFTH, n + 1 + i]
         work[base + OWN.SECOND, i] = second
         work[base + OWN.THIRD, i] = third
+        work[base + OWN.FOURTH, i] = fourth
+        work[base + OWN.FIFTH, i] = fifth
 
 
 @inlined
@@ -112,8 +121,8 @@ def _bubbles(carried):
     linear_terms = scene.linear_terms
     n = linear_terms.shape[1] - 1
     square = h * h
-    work[base + OWN.SECOND, n] = 0.0
-    work[base + OWN.THIRD, n] = 0.0
+    for row in (OWN.SECOND, OWN.THIRD, OWN.FOURTH, OWN.FIFTH):
+        work[base + row, n] = 0.0
     for i in range(n):
         link = linear_terms[at.LINK, i + 1]
         a1 = work[base + OWN.A1, i]
@@ -123,6 +132,10 @@ def _bubbles(carried):
         third = work[base + OWN.THIRD, i] - link * work[base + OWN.THIRD, i + 1]
         work[base + OWN.EVEN, i] = -square / 360.0 * (second * inverse + 180.0 * load[at.GROUND_2])
         work[base + OWN.ODD, i] = -a1 / 60.0 - 2.0 * square * (third * inverse + load[at.GROUND_3])
+        fourth = work[base + OWN.FOURTH, i] - link * work[base + OWN.FOURTH, i + 1]
+        fifth = work[base + OWN.FIFTH, i] - link * work[base + OWN.FIFTH, i + 1]
+        work[base + OWN.FOUR, i] = -2.25 * square * inverse * fourth
+        work[base + OWN.FIVE, i] = -2.75 * square * inverse * fifth
 
 
 @inlined
@@ -150,9 +163,11 @@ def _story_forces(carried):
             out = base + OWN.PATH
             run_mean, run_moment = _of_run(carried, i)
             mean += work[out + RESULT.MEAN, c] - run_mean
-            mean += work[out + RESULT.MEAN_BY_EVEN, c] * even + work[out + RESULT.MEAN_BY_ODD, c] * odd
             moment += work[out + RESULT.MOMENT, c] - run_moment
-            moment += work[out + RESULT.MOMENT_BY_EVEN, c] * even + work[out + RESULT.MOMENT_BY_ODD, c] * odd
+            factors = bubbles_of(carried, i)
+            for j in range(error_path.BUBBLES):
+                mean += work[out + RESULT.MEAN_BY + j, c] * factors[j]
+                moment += work[out + RESULT.MOMENT_BY + j, c] * factors[j]
         work[base + OWN.MEAN, i] = mean
         work[base + OWN.MOMENT, i] = moment
         below = u

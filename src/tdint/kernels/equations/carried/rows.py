@@ -12,6 +12,7 @@ from tdint.kernels.linear_terms import FORCES, MODAL, add_modal_force, force_sec
 from tdint.kernels.stories import error_path
 
 STATE_ROWS = 5
+NODES = 24  # at most, within a step at which it is looked closely
 
 
 class _Rows(NamedTuple):
@@ -24,15 +25,18 @@ class _Rows(NamedTuple):
     A1: int = 1  # h^2 A1
     SECOND: int = 1  # moments of the story forces
     THIRD: int = 1
+    FOUR: int = 1  # further bubbles, of stories that change their branch or are curved
+    FIVE: int = 1
+    FOURTH: int = 1
+    FIFTH: int = 1
     MEAN: int = 1  # what mean and first moment of a story's force are more than the run's
     MOMENT: int = 1
     CALM: int = 1  # 1 if the story is on the same linear branch in both motions
     PATH: int = error_path.ERROR_PATH_ROWS
-    SEEN: int = 10  # twice displacement, velocity, absolute acceleration of the corrected motion, then both one before
-    OTHER: int = 1  # forces on floors less modal damping
-    BEFORE: int = 1  # the run's acceleration at the end of the step before
-    STORY: int = 2  # drift and force
-    TURN: int = 1
+    OTHER: int = 2  # modal damping, and forces on floors
+    RATE: int = 1  # velocities at a node
+    FORCES: int = NODES  # of stories at the nodes within a step, later total shears; their times in column n
+    MOTION: int = NODES  # accelerations of the floors there, that of the ground in column n
     PEAKS: int = 2 * at.PEAK_ROWS  # of the corrected motion
 
 
@@ -82,6 +86,18 @@ def of_story(carried, row, i):
     """What story `i` has of a row of the floors."""
     below = carried.memory.work[row, i - 1] if i > 0 else 0.0
     return carried.memory.work[row, i] - carried.scene.linear_terms[at.LINK, i] * below
+
+
+@inlined
+def bubbles_of(carried, i):
+    """The factors of the bubbles of story `i`."""
+    base = carried.base
+    return (
+        of_story(carried, base + OWN.EVEN, i),
+        of_story(carried, base + OWN.ODD, i),
+        of_story(carried, base + OWN.FOUR, i),
+        of_story(carried, base + OWN.FIVE, i),
+    )
 
 
 @inlined

@@ -1,0 +1,334 @@
+"""Peaks that the corrected motion has within a step.
+
+Nodes are the ends of the step, where stories turn or change their branches, and even numbers of equal parts between.
+There the companion's path, bubbles included, tells the forces of the stories, and equilibrium the accelerations. Over
+each two parts both are quadratic; what accelerations integrate to, and a line of them that brings that to where the
+corrected motion arrives, are velocities and displacements.
+"""
+
+from __future__ import annotations
+
+import math
+
+from tdint.kernels import layout as at
+from tdint.kernels.bundles import Integrals
+from tdint.kernels.compiling import called, inlined
+from tdint.kernels.equations.carried.rows import NODES, OWN, Carried, bubbles_of, of_story, whole_path
+from tdint.kernels.equations.moment4 import ROW
+from tdint.kernels.laws.choosing import BENDING, DISSIPATING
+from tdint.kernels.linear_terms import DASHPOTS, FORCES, MODAL, add_modal_force, force_value, power_damper
+from tdint.kernels.march.peaks_between_steps import raise_peak
+from tdint.kernels.stories import error_path, path
+from tdint.kernels.stories.error_path import RESULT
+
+_EVENTS = 6  # that become nodes
+_PAIRS = 4.0  # of equal parts, in a step without events
+
+# Above the larger value at both ends, what a value may reach within a step: parts of the change of its rate, and of the
+# bulge of the acceleration, 360 times the even bubble (r2 / 12 of it are exact).
+_TURN = 0.2
+_BULGE = 75.0
+
+
+@inlined
+def may_pass(carried, calm):
+    """Whether some value of the corrected motion may pass its peak within the step, whose state is still that at its
+    start. `calm`: all stories keep to their linear branches."""
+    scene, memory, load, h, base = carried
+    linear_terms = scene.linear_terms
+    state, springs, work, _ = memory
+    n = linear_terms.shape[1] - 1
+    square = h * h
+    peaks = base + OWN.PEAKS
+    ground_0 = square * load[at.GROUND_0]
+    ground_1 = square * load[at.GROUND_1]
+    passing = False
+    sum_0 = sum_1 = bulges = 0.0
+    for j in range(1, n + 1):
+        i = n - j
+        link = linear_terms[at.LINK, i]
+        u0 = state[at.DISPLACEMENT, i] + state[at.ERROR_DISPLACEMENT, i]
+        v0 = h * (state[at.VELOCITY, i] + state[at.ERROR_VELOCITY, i])
+        rise = work[ROW.RISE, i] + work[base + OWN.RISE, i]
+        bend = work[ROW.BEND, i] + work[base + OWN.BEND, i]
+        most = max(abs(u0), abs(u0 + rise)) + _TURN * abs(bend)
+        passing |= (v0 * (v0 + bend) <= 0.0) & (most >= work[peaks + at.PEAK_DISPLACEMENT, i])
+        a0 = work[ROW.BEND, i] - 0.5 * work[base + OWN.A1, i]
+        a1 = work[ROW.BEND, i] + 0.5 * work[base + OWN.A1, i]
+        most = max(abs(v0), abs(v0 + bend)) + _TURN * abs(a1 - a0)
+        passing |= (a0 * a1 <= 0.0) & (most >= h * work[peaks + at.PEAK_VELOCITY, i])
+        a0 += ground_0
+        a1 += ground_1
+        bulge = _BULGE * abs(work[base + OWN.EVEN, i])
+        if not calm:
+            bulge += 0.5 * abs(a1 - a0)
+        passing |= max(abs(a0), abs(a1)) + bulge >= square * work[peaks + at.PEAK_ACCELERATION, i]
+        mass = linear_terms[at.MASS, i]
+        above = linear_terms[at.LINK, i + 1]
+        sum_0 = above * sum_0 + mass * a0
+        sum_1 = above * sum_1 + mass * a1
+        bulges = above * bulges + mass * bulge
+        passing |= max(abs(sum_0), abs(sum_1)) + bulges >= square * work[peaks + at.PEAK_TOTAL_SHEAR, i]
+        if i > 0:
+            rise -= link * (work[ROW.RISE, i - 1] + work[base + OWN.RISE, i - 1])
+            bend -= link * (work[ROW.BEND, i - 1] + work[base + OWN.BEND, i - 1])
+            v0 -= link * h * (state[at.VELOCITY, i - 1] + state[at.ERROR_VELOCITY, i - 1])
+        u0 = springs[at.DRIFT, n + 1 + i]
+        swing = _TURN * abs(bend)
+        passed = max(abs(u0), abs(u0 + rise)) + swing >= work[peaks + at.PEAK_DRIFT, i]
+        force = springs[at.FORCE, n + 1 + i]
+        slope = springs[at.SLOPE, n + 1 + i] if calm else 0.0  # else the path tells its largest force
+        passed |= max(abs(force), abs(force + slope * rise)) + slope * swing >= work[peaks + at.PEAK_SHEAR, i]
+        passing |= (v0 * (v0 + bend) <= 0.0) & passed
+        if DASHPOTS:
+            passing |= max(abs(v0), abs(v0 + bend)) >= 0.8 * h * work[peaks + at.PEAK_DRIFT_RATE, i]
+    return passing
+
+
+@called
+def look_within(scene, h, load, memory, base, calm):
+    """Raise the peaks by what the step has between its ends, and there."""
+    carried = Carried(scene, memory, load, h, base)
+    work = memory.work
+    memory.report[at.ERROR_KNOWN] += 1.0
+    n = scene.linear_terms.shape[1] - 1
+    count = _place(carried, calm)
+    for i in range(n):
+        still = not BENDING or calm or work[base + OWN.CALM, i] != 0.0
+        _force(carried, i, still, count)
+    for k in range(count):
+        _accelerate(carried, k)
+    peaks = base + OWN.PEAKS
+    for i in range(n):
+        _move(carried, i, 0.0, count, at.PEAK_DISPLACEMENT, at.PEAK_VELOCITY)
+        drifting = i if i > 0 and scene.linear_terms[at.LINK, i] != 0.0 else -1
+        _move(carried, i, float(drifting > 0), count, at.PEAK_DRIFT, at.PEAK_DRIFT_RATE)
+        _raise_most(work, base + OWN.MOTION, n + 1 + i, count, peaks + at.PEAK_ACCELERATION, i)
+        _raise_most(work, base + OWN.FORCES, n + 1 + i, count, peaks + at.PEAK_SHEAR, i)
+        _raise_most(work, base + OWN.FORCES, i, count, peaks + at.PEAK_TOTAL_SHEAR, i)
+
+
+@called
+def _place(carried, calm):
+    """Put the times of the nodes in their places; returns how many there are."""
+    base, work = carried.base, carried.memory.work
+    n = carried.scene.linear_terms.shape[1] - 1
+    row = base + OWN.MOTION  # events go here at first
+    events = 0
+    if BENDING and not calm:
+        for i in range(n):
+            if work[base + OWN.CALM, i] == 0.0:
+                out = base + OWN.PATH
+                times = (
+                    path.turning_point(whole_path(carried, i)),
+                    work[out + RESULT.EVENT, n + 1 + i],
+                    work[out + RESULT.LAST_EVENT, n + 1 + i],
+                )
+                for t in times:
+                    if 0.0 < t < 1.0 and events < _EVENTS:
+                        at_place = events
+                        while at_place > 0 and work[row + at_place - 1, n] > t:
+                            work[row + at_place, n] = work[row + at_place - 1, n]
+                            at_place -= 1
+                        work[row + at_place, n] = t
+                        events += 1
+    row = base + OWN.FORCES
+    work[row, n] = 0.0
+    count = 1
+    begin = 0.0
+    for event in range(events + 1):
+        end = work[base + OWN.MOTION + event, n] if event < events else 1.0
+        if end - begin > 1e-9:
+            parts = 2 * int(math.ceil(_PAIRS * (end - begin)))
+            for part in range(1, parts + 1):
+                work[row + count, n] = begin + (end - begin) * part / parts if part < parts else end
+                count += 1
+            begin = end
+    return count
+
+
+@called
+def _force(carried, i, still, count):
+    """Forces of story `i` at the nodes: of its spring alone, and with dampers and P-delta."""
+    scene, memory, _, h, base = carried
+    _, springs, work, _ = memory
+    linear_terms = scene.linear_terms
+    n = linear_terms.shape[1] - 1
+    c = n + 1 + i
+    whole = whole_path(carried, i)
+    bubbles = bubbles_of(carried, i)
+    if still:
+        bubbles = (bubbles[0], bubbles[1], 0.0, 0.0)
+    results = Integrals(work, base + OWN.PATH)
+    past = 0
+    here = 0.0
+    if BENDING and not still:
+        error_path.set_out(springs, c)
+    for k in range(count):
+        t = work[base + OWN.FORCES + k, n]
+        drift = path.drift_at(whole, t) + error_path.bubble(bubbles, t - 0.5)
+        force = springs[at.FORCE, c]
+        if not BENDING or still:
+            force += springs[at.SLOPE, c] * (drift - whole.start)
+        elif k > 0:
+            force, past = error_path.go_on(scene.law_parameters, springs, c, whole, bubbles, here, t, past, results)
+        here = t
+        rate = _rate(work, base, t, i)
+        if i > 0:
+            rate -= linear_terms[at.LINK, i] * _rate(work, base, t, i - 1)
+        rate /= h
+        work[base + OWN.FORCES + k, c] = force
+        force += linear_terms[at.GEOMETRIC, i] * drift + linear_terms[at.STORY_DAMPER, i] * rate
+        work[base + OWN.FORCES + k, i] = force + power_damper(linear_terms, i, rate)[0]
+    if BENDING and not still and scene.law_parameters[at.CODE, c] in DISSIPATING:
+        # Its state at the last Gauss point, which the nodes have moved
+        error_path.follow(scene.law_parameters, springs, c, whole, bubbles, results)
+
+
+@inlined
+def _rate(work, base, t, i):
+    """h times the velocity of a floor on the companion's path."""
+    s = t - 0.5
+    parabola = work[ROW.RISE, i] + work[base + OWN.RISE, i] + s * (work[ROW.BEND, i] + work[base + OWN.BEND, i])
+    even = 120.0 * s * (s * s - 0.25) * work[base + OWN.EVEN, i]
+    return parabola + even + (2.5 - 30.0 * s * s) * work[base + OWN.ODD, i]
+
+
+@called
+def _accelerate(carried, k):
+    """Accelerations at node `k` from equilibrium; total shears in place of the forces of the stories."""
+    scene, memory, load, h, base = carried
+    linear_terms, modal, _, forces, _ = scene
+    work = memory.work
+    n = linear_terms.shape[1] - 1
+    row = base + OWN.FORCES + k
+    motion = base + OWN.MOTION + k
+    t = work[row, n]
+    s = t - 0.5
+    ground = load[at.GROUND_0] + t * (load[at.GROUND_1] - load[at.GROUND_0])
+    # Beyond the line, in a step over several samples
+    ground += 180.0 * load[at.GROUND_2] * (s * s - 1.0 / 12.0) + 2800.0 * load[at.GROUND_3] * s * (s * s - 0.15)
+    work[motion, n] = ground
+    for i in range(n):
+        work[base + OWN.OTHER, i] = 0.0
+        work[base + OWN.OTHER + 1, i] = 0.0
+        work[base + OWN.RATE, i] = _rate(work, base, t, i) / h
+    if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
+        add_modal_force(modal, work, base + OWN.RATE, 1.0, work, base + OWN.OTHER, n)
+        for j in range(forces.shape[0]):
+            work[base + OWN.OTHER + 1, int(forces[j, at.FLOOR])] += force_value(forces, j, load[at.TIME] + t * h)
+    damped = before = 0.0
+    for j in range(1, n + 1):
+        i = n - j
+        link = linear_terms[at.LINK, i + 1]
+        own = linear_terms[at.FLOOR_DAMPER, i] * work[base + OWN.RATE, i] + work[base + OWN.OTHER, i]
+        story = work[row, i]
+        inner = link * before - story - own + work[base + OWN.OTHER + 1, i]
+        a = linear_terms[at.INVERSE_MASS, i] * inner
+        work[motion, n + 1 + i] = a
+        work[motion, i] = a - ground
+        damped = link * damped + own
+        before = story
+        work[row, i] = story + damped
+
+
+@called
+def _move(carried, i, link, count, peak, fastest):
+    """Raise the peaks of displacement and velocity of floor `i`, or with a link of its drift and drift rate."""
+    _, memory, _, h, base = carried
+    state, _, work, _ = memory
+    n = carried.scene.linear_terms.shape[1] - 1
+    below = max(i - 1, 0)
+    square = h * h
+    u = state[at.DISPLACEMENT, i] + state[at.ERROR_DISPLACEMENT, i]
+    u -= link * (state[at.DISPLACEMENT, below] + state[at.ERROR_DISPLACEMENT, below])
+    v = h * (state[at.VELOCITY, i] + state[at.ERROR_VELOCITY, i])
+    v -= link * h * (state[at.VELOCITY, below] + state[at.ERROR_VELOCITY, below])
+    rise = work[ROW.RISE, i] + work[base + OWN.RISE, i]
+    rise -= link * (work[ROW.RISE, below] + work[base + OWN.RISE, below])
+    bend = work[ROW.BEND, i] + work[base + OWN.BEND, i]
+    bend -= link * (work[ROW.BEND, below] + work[base + OWN.BEND, below])
+    row = base + OWN.MOTION
+    far, fast = 0.0, v
+    for k in range(0, count - 2, 2):
+        d = work[base + OWN.FORCES + k + 1, n] - work[base + OWN.FORCES + k, n]
+        a0 = square * (work[row + k, i] - link * work[row + k, below])
+        a1 = square * (work[row + k + 1, i] - link * work[row + k + 1, below])
+        a2 = square * (work[row + k + 2, i] - link * work[row + k + 2, below])
+        far += 2.0 * d * fast + d * d * (2.0 * a0 + 4.0 * a1) / 3.0
+        fast += d * (a0 + 4.0 * a1 + a2) / 3.0
+    level = v + bend - fast
+    tilt = 12.0 * (0.5 * level - (rise - far))
+    peaks = base + OWN.PEAKS
+    raise_peak(work, peaks + peak, i, u)
+    raise_peak(work, peaks + fastest, i, v / h)
+    for k in range(0, count - 2, 2):
+        t = work[base + OWN.FORCES + k, n]
+        d = work[base + OWN.FORCES + k + 1, n] - t
+        a0 = square * (work[row + k, i] - link * work[row + k, below]) + level + tilt * (t - 0.5)
+        a1 = square * (work[row + k + 1, i] - link * work[row + k + 1, below]) + level + tilt * (t + d - 0.5)
+        a2 = square * (work[row + k + 2, i] - link * work[row + k + 2, below]) + level + tilt * (t + 2.0 * d - 0.5)
+        b = 0.5 * (4.0 * a1 - 3.0 * a0 - a2)
+        c = 0.5 * (a0 - 2.0 * a1 + a2)
+        for half in range(2):
+            start = float(half)
+            v_start = _speed(v, d, a0, b, c, start)
+            v_end = _speed(v, d, a0, b, c, start + 1.0)
+            a_start = a0 if half == 0 else a1
+            a_end = a1 if half == 0 else a2
+            if v_start * v_end < 0.0:
+                x = start + v_start / (v_start - v_end)
+                for _ in range(3):
+                    slope = d * (a0 + x * (b + x * c))
+                    x -= _speed(v, d, a0, b, c, x) / slope if slope * (v_end - v_start) > 0.0 else 0.0
+                    x = min(max(x, start), start + 1.0)
+                raise_peak(work, peaks + peak, i, _way(u, v, d, a0, b, c, x))
+            if a_start * a_end < 0.0:
+                x = start + a_start / (a_start - a_end)
+                for _ in range(2):
+                    slope = b + 2.0 * c * x
+                    x -= (a0 + x * (b + x * c)) / slope if slope * (a_end - a_start) > 0.0 else 0.0
+                    x = min(max(x, start), start + 1.0)
+                raise_peak(work, peaks + fastest, i, _speed(v, d, a0, b, c, x) / h)
+        u = _way(u, v, d, a0, b, c, 2.0)
+        v = _speed(v, d, a0, b, c, 2.0)
+        raise_peak(work, peaks + peak, i, u)
+        raise_peak(work, peaks + fastest, i, v / h)
+
+
+@inlined
+def _speed(v, d, a0, b, c, x):
+    return v + d * x * (a0 + x * (0.5 * b + x * c / 3.0))
+
+
+@inlined
+def _way(u, v, d, a0, b, c, x):
+    return u + d * x * (v + d * x * (0.5 * a0 + x * (b / 6.0 + x * c / 12.0)))
+
+
+@called
+def _raise_most(work, first, column, count, row, i):
+    """Raise a peak by what is given at the nodes in a column of rows from `first` on."""
+    raise_peak(work, row, i, work[first, column])
+    for k in range(0, count - 2, 2):
+        a0, a1, a2 = work[first + k, column], work[first + k + 1, column], work[first + k + 2, column]
+        raise_peak(work, row, i, a1)
+        raise_peak(work, row, i, a2)
+        b = 0.5 * (4.0 * a1 - 3.0 * a0 - a2)
+        c = 0.5 * (a0 - 2.0 * a1 + a2)
+        if abs(b + 2.0 * c) < 2.0 * abs(c):
+            raise_peak(work, row, i, a0 - 0.25 * b * b / c)
+
+
+@inlined
+def raise_ends(carried):
+    """Raise the peaks of displacements, velocities, drifts and shears by those that have been reached."""
+    memory, base = carried.memory, carried.base
+    state, springs, work, _ = memory
+    peaks = base + OWN.PEAKS
+    n = carried.scene.linear_terms.shape[1] - 1
+    for i in range(n):
+        raise_peak(work, peaks + at.PEAK_DISPLACEMENT, i, state[at.DISPLACEMENT, i] + state[at.ERROR_DISPLACEMENT, i])
+        raise_peak(work, peaks + at.PEAK_VELOCITY, i, state[at.VELOCITY, i] + state[at.ERROR_VELOCITY, i])
+        raise_peak(work, peaks + at.PEAK_DRIFT, i, springs[at.DRIFT, n + 1 + i])
+        raise_peak(work, peaks + at.PEAK_SHEAR, i, springs[at.FORCE, n + 1 + i])
