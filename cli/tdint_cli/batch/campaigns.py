@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from tdint.errors import OutputError, UsageError
 from tdint.output_units import SI, OutputUnits
-from tdint_cli.batch.profiles import PICTURE, PROFILES, ProfileRequest, Profiles
+from tdint_cli.batch.profiles import PICTURE, PROFILES, Profiles, SuiteRequest
 from tdint_cli.errors import Failures
 from tdint_cli.terminal.drawing import emit_table
 from tdint_cli.terminal.progress import progress_bar
@@ -34,12 +34,10 @@ def carry_out(
     limit: int | None = None,
     overwrite: bool = False,
     show: bool = False,
-    units: OutputUnits | None = None,
-    of_profiles: ProfileRequest | None = None,
+    of_suite: SuiteRequest,
 ) -> None:
-    """Do what is left of a campaign and write its tables, in these units or those of the models; `show` the runs on
-    standard output, too. `overwrite`: replace another campaign, and tables that this one did not write. `of_profiles`:
-    what more is made of the profiles than their table.
+    """Do what is left of a campaign and write its tables, and what more is asked of the suite; `show` the runs on
+    standard output, too. `overwrite`: replace another campaign, and tables that this one did not write.
 
     Raises
     ------
@@ -61,9 +59,9 @@ def carry_out(
         for text in (*plan.notes, *remarks):
             note(text)
         with store:
-            units = units or store.output_units()
+            units = of_suite.units or store.output_units()
             advance = advance_with_bar(plan, store, engine, shard=shard, limit=limit)
-            profiles = Profiles(store, of_profiles or ProfileRequest(), units)
+            profiles = Profiles(store, of_suite, units)
             finish(store, folder, units, overwrite=overwrite, profiles=profiles)
             if show:
                 emit_table(runs_table(store).in_units(units))
@@ -217,7 +215,7 @@ def _write(folder: Path, store: Store, writers: dict[str, Writer], units: Output
     if store.meta("setting stories") == "true":
         writers = writers | {STORIES: lambda stream: write_stories(store, stream, units)}
     if store.settings().get("profiles") == "true" and is_complete(store):
-        writers = writers | {PROFILES: Profiles(store, ProfileRequest(), units).table()}
+        writers = writers | {PROFILES: Profiles(store, SuiteRequest(), units).table()}
     summary = json_bytes(in_units(campaign_summary(store), units))
     writers = writers | {SUMMARY: lambda stream: stream.write(summary)}
     files = {folder / name: writer for name, writer in writers.items()}

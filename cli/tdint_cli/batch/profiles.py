@@ -48,15 +48,14 @@ def drift_limit(*names: str) -> Callable[[Function], Function]:
 
 
 @dataclass(frozen=True)
-class ProfileRequest:
-    """What a command line asks of profiles."""
+class SuiteRequest:
+    """What a command line asks of a suite: units of tables and pictures (None: those of the models), a picture of the
+    profiles, a limit of drifts."""
 
+    units: OutputUnits | None = None
     plot: str | None = None
     limit: float | None = None
     require: bool = False
-
-    def __bool__(self) -> bool:
-        return self.plot is not None or self.limit is not None
 
     def picture(self, folder: Path | None) -> Path | None:
         """The file of the picture, if one is asked for.
@@ -81,7 +80,7 @@ class Profiles:
     """Those of a store, found once for all that is made of them."""
 
     store: Store
-    request: ProfileRequest
+    request: SuiteRequest
     units: OutputUnits
 
     @cached_property
@@ -105,7 +104,7 @@ class Profiles:
         AnalysisError
             No stories were kept.
         """
-        from tdint.output.figures.profiles import profile_picture
+        from tdint.output.figures.demands.story_profiles import profile_picture
 
         self._need("--plot")
         return profile_picture(

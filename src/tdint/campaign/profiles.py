@@ -130,27 +130,57 @@ def profiles(store: Store) -> Iterator[Profile]:
     """Of each building and level, in their order; one building is held at a time. None where no stories are kept."""
     if store.connection.execute("SELECT 1 FROM story_rows LIMIT 1").fetchone() is None:
         return
-    records = store.records()
-    motions = _motions(records)
-    levels, told = sorted(json.loads(store.settings().get("levels", "[]")), key=abs), has_levels(store)
-    counts = dict(store.connection.execute("SELECT id, stories FROM buildings"))
+    records, counts = store.records(), dict(store.connection.execute("SELECT id, stories FROM buildings"))
     for number, (name, _) in store.buildings().items():
-        runs = _runs(store, number)
         kept = _stories(store, number)
-        ranked = _by_level(runs)
-        for rank, keys in enumerate(ranked):
-            scales = {key.scale for key in keys}
-            level = levels[rank] if levels else rank + 1.0 if told else math.nan
-            grouped: dict[tuple[int, int], list[_Key]] = defaultdict(list)
-            for key in keys:
-                grouped[motions[key.record], key.sample].append(key)
-            scale = math.nan if told or len(scales) > 1 else scales.pop()
-            found = _Suite.of(grouped, runs, kept, counts[number])
-            names = tuple(motion_name(records[keys[0].record][0]) for keys in found.stood)
-            pairs = sum(len(keys) > 1 for keys in grouped.values())
-            yield Profile(
-                name, scale, level, names, pairs, found.collapsed, found.failed, found.height, found.peaks
-            )  # fmt: skip
+        for level in suite_levels(store, number):
+            motions = tuple(motion_name(records[keys[0].record][0]) for keys in level.stood)
+            height, peaks = _peaks(level, kept, counts[number])
+            counts_of = (level.pairs, level.collapsed, level.failed)
+            yield Profile(name, level.scale, level.value, motions, *counts_of, height, peaks)
+
+
+class RunKey(NamedTuple):
+    """A run of a building."""
+
+    record: int
+    scale: float
+    sample: int
+
+
+class SuiteLevel(NamedTuple):
+    """The motions of a building at one level: `scale`, `value`, `pairs`, `collapsed` and `failed` as in `Profile`, and
+    in `stood` the runs of each motion that came to its end, two of a pair."""
+
+    scale: float
+    value: float
+    stood: list[list[RunKey]]
+    pairs: int
+    collapsed: int
+    failed: int
+
+
+def suite_levels(store: Store, building: int) -> Iterator[SuiteLevel]:
+    """The levels of a building by its number, from the smallest factor."""
+    query = "SELECT record, scale, sample, status FROM run_rows WHERE building = ? ORDER BY record, scale, sample"
+    status = {RunKey(*key): told for *key, told in store.connection.execute(query, (building,))}
+    motions = _motions(store.records())
+    values, several = sorted(json.loads(store.settings().get("levels", "[]")), key=abs), has_levels(store)
+    for rank, keys in enumerate(_by_level(status)):
+        scales = {key.scale for key in keys}
+        grouped: dict[tuple[int, int], list[RunKey]] = defaultdict(list)
+        for key in keys:
+            grouped[motions[key.record], key.sample].append(key)
+        failed = [runs for runs in grouped.values() if any(status[key] not in ("done", *_COLLAPSED) for key in runs)]
+        fell = [runs for runs in grouped.values() if any(status[key] in _COLLAPSED for key in runs)]
+        yield SuiteLevel(
+            math.nan if several or len(scales) > 1 else scales.pop(),
+            values[rank] if values else rank + 1.0 if several else math.nan,
+            [runs for runs in grouped.values() if runs not in failed and runs not in fell],
+            sum(len(runs) > 1 for runs in grouped.values()),
+            sum(runs not in failed for runs in fell),
+            len(failed),
+        )
 
 
 def has_levels(store: Store) -> bool:
@@ -160,41 +190,13 @@ def has_levels(store: Store) -> bool:
     return "levels" in settings or several or ("grid_sha256" in settings and len(settings.get("scales", ())) > 1)
 
 
-class _Key(NamedTuple):
-    """A run of a building."""
-
-    record: int
-    scale: float
-    sample: int
-
-
-class _Suite(NamedTuple):
-    """The motions of one level: the runs of those that came to their end, and what became of the others."""
-
-    stood: list[list[_Key]]
-    collapsed: int
-    failed: int
-    height: Array
-    peaks: dict[str, Array]
-
-    @classmethod
-    def of(
-        cls,
-        grouped: Mapping[tuple[int, int], list[_Key]],
-        runs: Mapping[_Key, str],
-        kept: Mapping[_Key, Array],
-        stories: int,
-    ) -> _Suite:
-        """Of the runs of each motion, their statuses, and their rows: height and quantities, shape (n, 1 + k)."""
-        failed = [keys for keys in grouped.values() if any(runs[key] not in ("done", *_COLLAPSED) for key in keys)]
-        fell = [keys for keys in grouped.values() if any(runs[key] in _COLLAPSED for key in keys)]
-        stood = [keys for keys in grouped.values() if keys not in failed and keys not in fell]
-        # Of both components the larger; a residual drift has a sign.
-        largest = [np.max([np.abs(kept[key]) for key in keys], axis=0) for keys in stood]
-        rows = np.array(largest).reshape(len(stood), stories, 1 + len(STORY))
-        height = rows[0, :, 0] if len(rows) else np.full(stories, math.nan)
-        peaks = {one.name: rows[:, :, 1 + i] for i, one in enumerate(STORY)}
-        return cls(stood, sum(keys not in failed for keys in fell), len(failed), height, peaks)
+def _peaks(level: SuiteLevel, kept: Mapping[RunKey, Array], stories: int) -> tuple[Array, dict[str, Array]]:
+    """Story heights, shape (n,), and the quantities by their names, shape (motions, n), from the rows of the runs."""
+    # Of both components the larger; a residual drift has a sign.
+    largest = [np.max([np.abs(kept[key]) for key in keys], axis=0) for keys in level.stood]
+    rows = np.array(largest).reshape(len(largest), stories, 1 + len(STORY))
+    height = rows[0, :, 0] if len(rows) else np.full(stories, math.nan)
+    return height, {one.name: rows[:, :, 1 + i] for i, one in enumerate(STORY)}
 
 
 def _motions(records: Mapping[int, tuple[str, str, int]]) -> dict[int, int]:
@@ -213,26 +215,21 @@ def _motions(records: Mapping[int, tuple[str, str, int]]) -> dict[int, int]:
     return found
 
 
-def _runs(store: Store, building: int) -> dict[_Key, str]:
-    query = "SELECT record, scale, sample, status FROM run_rows WHERE building = ? ORDER BY record, scale, sample"
-    return {_Key(*key): status for *key, status in store.connection.execute(query, (building,))}
-
-
-def _stories(store: Store, building: int) -> dict[_Key, Array]:
+def _stories(store: Store, building: int) -> dict[RunKey, Array]:
     columns = ", ".join(("height_m", *(one.column for one in STORY)))
     query = f"SELECT record, scale, sample, {columns} FROM story_rows WHERE building = ? ORDER BY 1, 2, 3, story"
-    found: dict[_Key, list[list[float]]] = defaultdict(list)
+    found: dict[RunKey, list[list[float]]] = defaultdict(list)
     for record, scale, sample, *values in store.connection.execute(query, (building,)):
-        found[_Key(record, scale, sample)].append(values)
+        found[RunKey(record, scale, sample)].append(values)
     return {key: np.array(rows, dtype=np.float64) for key, rows in found.items()}
 
 
-def _by_level(runs: Mapping[_Key, str]) -> list[list[_Key]]:
+def _by_level(runs: Mapping[RunKey, str]) -> list[list[RunKey]]:
     """The runs of each level: the smallest factor of every motion, the next one, and so on."""
-    factors: dict[tuple[int, int], list[_Key]] = defaultdict(list)
+    factors: dict[tuple[int, int], list[RunKey]] = defaultdict(list)
     for key in runs:
         factors[key.record, key.sample].append(key)
-    levels: dict[int, list[_Key]] = defaultdict(list)
+    levels: dict[int, list[RunKey]] = defaultdict(list)
     for keys in factors.values():
         for rank, key in enumerate(sorted(keys, key=lambda key: abs(key.scale))):
             levels[rank].append(key)

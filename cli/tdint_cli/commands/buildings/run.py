@@ -13,7 +13,7 @@ import click
 from tdint.errors import UsageError
 from tdint.files import is_folder
 from tdint_cli import options
-from tdint_cli.batch.profiles import ProfileRequest, drift_limit
+from tdint_cli.batch.profiles import SuiteRequest, drift_limit
 from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.options.building import BuildingRequest, check_motion, with_motion
 from tdint_cli.options.output import check_picture
@@ -175,8 +175,8 @@ def _run_many(request: Request, records: tuple[str, ...]) -> None:
     wishes = AnalysisWishes(request.method, request.dt, request.duration, until_rest=request.until_rest)
     run_many(
         request, records, wishes=wishes, output=request.output, overwrite=request.overwrite,
-        jobs=request.jobs, units=request.output_units, factors=request.factors,
-        of_profiles=ProfileRequest(request.plot, request.drift_limit, request.require),
+        jobs=request.jobs, factors=request.factors,
+        of_suite=SuiteRequest(request.output_units, request.plot, request.drift_limit, request.require),
     )  # fmt: skip
 
 

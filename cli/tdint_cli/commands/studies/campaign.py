@@ -13,7 +13,7 @@ from tdint.errors import UsageError
 from tdint.output_units import OutputUnits
 from tdint_cli import options
 from tdint_cli.batch.campaigns import carry_out, export, finish, make_folder, refuse_foreign
-from tdint_cli.batch.profiles import ProfileRequest, Profiles, drift_limit
+from tdint_cli.batch.profiles import Profiles, SuiteRequest, drift_limit
 from tdint_cli.errors import Failures
 from tdint_cli.options.values import FileName
 from tdint_cli.terminal.drawing import emit_table
@@ -46,9 +46,9 @@ class CampaignRequest:
     require: bool
 
     @property
-    def of_profiles(self) -> ProfileRequest:
-        """What is asked of profiles."""
-        return ProfileRequest(self.plot, self.drift_limit, self.require)
+    def of_suite(self) -> SuiteRequest:
+        """What is asked of the suite."""
+        return SuiteRequest(self.output_units, self.plot, self.drift_limit, self.require)
 
     def refuse(self, *names: str) -> None:
         """Raise UsageError for options that the action does not take."""
@@ -129,8 +129,7 @@ def _run(request: CampaignRequest) -> None:
         shard=shard,
         limit=request.limit,
         overwrite=request.overwrite,
-        units=request.output_units,
-        of_profiles=request.of_profiles,
+        of_suite=request.of_suite,
     )
 
 
@@ -158,7 +157,7 @@ def _export(request: CampaignRequest) -> None:
     with open_existing(folder, write=True) as store:
         check_chunks(store)
         units = request.output_units or store.output_units()
-        profiles = Profiles(store, request.of_profiles, units)
+        profiles = Profiles(store, request.of_suite, units)
         export(
             store, folder, simcenter=request.simcenter, units=units, overwrite=request.overwrite, profiles=profiles
         )  # fmt: skip
@@ -180,7 +179,7 @@ def _merge(request: CampaignRequest) -> None:
         refuse_foreign(target, stories=True, profiles=True, overwrite=request.overwrite)
         with merge(folders, target) as store:
             units = request.output_units or store.output_units()
-            profiles = Profiles(store, request.of_profiles, units)
+            profiles = Profiles(store, request.of_suite, units)
             finish(store, target, units, overwrite=request.overwrite, profiles=profiles)
             _say_left(store, target)
             if unmet := profiles.tell():
