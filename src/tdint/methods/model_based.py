@@ -50,7 +50,7 @@ BETA = 2
 GAMMA = 3
 
 
-class _Rows(NamedTuple):
+class _StepRows(NamedTuple):
     """Rows of work."""
 
     LOAD: int = 1
@@ -64,7 +64,7 @@ class _Rows(NamedTuple):
     SECOND_COUPLING: int = 1
 
 
-_ROW, _STORE = at.chained(_Rows)
+_ROW, _STORE = at.chained(_StepRows)
 
 
 @kernel(STEP)
