@@ -9,7 +9,7 @@ from tdint.kernels import layout as at
 from tdint.kernels.bundles import Integrals
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.equations.carried.rows import OWN, Carried, add_loads, bubbles_of, correct, of_story, whole_path
-from tdint.kernels.equations.carried.within import look_within, may_pass
+from tdint.kernels.equations.carried.within import look_within, passes
 from tdint.kernels.equations.moment4 import ROW
 from tdint.kernels.linear_terms import DASHPOTS, MODAL, add_modal_force
 from tdint.kernels.march.peaks_between_steps import raise_peak
@@ -44,8 +44,9 @@ def follow_anew(scene, h, load, memory, base):
     for i in range(n):
         if work[base + OWN.CALM, i] == 0.0:
             raise_peak(work, base + OWN.PEAKS + at.PEAK_SHEAR, i, work[base + OWN.PATH + RESULT.LARGEST, n + 1 + i])
-    if may_pass(carried, False):
-        look_within(scene, h, load, memory, base, False)
+    kind, low, high = passes(carried)
+    if kind > 0:
+        look_within(scene, h, load, memory, base, False, (2, low, high))
     below = 0.0
     for i in range(n):
         c = n + 1 + i

@@ -25,7 +25,7 @@ from tdint.kernels import layout as at
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.equations.carried.companion import follow_anew
 from tdint.kernels.equations.carried.rows import OWN, Carried, add_loads, correct, first_row
-from tdint.kernels.equations.carried.within import look_within, may_pass, raise_ends
+from tdint.kernels.equations.carried.within import look_within, passes, raise_ends
 from tdint.kernels.equations.moment4 import ROW
 from tdint.kernels.laws.choosing import BENDING
 from tdint.kernels.linear_terms import DASHPOTS, MODAL, add_modal_force
@@ -64,8 +64,9 @@ def carry_error(scene, h, load, memory):
             work[base + OWN.RISE, i] = h * state[at.ERROR_VELOCITY, i]
             work[base + OWN.BEND, i] = 0.0
     if calm:
-        if may_pass(carried, True):
-            look_within(scene, h, load, memory, base, True)
+        passing = passes(carried)
+        if passing[0] > 0:
+            look_within(scene, h, load, memory, base, True, passing)
         _commit(carried)
     else:
         follow_anew(scene, h, load, memory, base)

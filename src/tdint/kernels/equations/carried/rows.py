@@ -34,9 +34,10 @@ class _Rows(NamedTuple):
     CALM: int = 1  # 1 if the story is on the same linear branch in both motions
     PATH: int = error_path.ERROR_PATH_ROWS
     OTHER: int = 2  # modal damping, and forces on floors
-    RATE: int = 1  # velocities at a node
     FORCES: int = NODES  # of stories at the nodes within a step, later total shears; their times in column n
-    MOTION: int = NODES  # accelerations of the floors there, that of the ground in column n
+    MOTION: int = (
+        NODES  # accelerations of the floors there, absolute ones in columns n + 1 ..., that of the ground in column n
+    )
     PEAKS: int = 2 * at.PEAK_ROWS  # of the corrected motion
 
 

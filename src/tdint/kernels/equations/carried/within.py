@@ -13,7 +13,7 @@ import math
 from tdint.kernels import layout as at
 from tdint.kernels.bundles import Integrals
 from tdint.kernels.compiling import called, inlined
-from tdint.kernels.equations.carried.rows import NODES, OWN, Carried, bubbles_of, of_story, whole_path
+from tdint.kernels.equations.carried.rows import OWN, Carried, bubbles_of, whole_path
 from tdint.kernels.equations.moment4 import ROW
 from tdint.kernels.laws.choosing import BENDING, DISSIPATING
 from tdint.kernels.linear_terms import DASHPOTS, FORCES, MODAL, add_modal_force, force_value, power_damper
@@ -22,97 +22,129 @@ from tdint.kernels.stories import error_path, path
 from tdint.kernels.stories.error_path import RESULT
 
 _EVENTS = 6  # that become nodes
-_PAIRS = 4.0  # of equal parts, in a step without events
+_PAIRS = (3.0, 2.0)  # of equal parts in a step, and in a calm one
 
-# Above the larger value at both ends, what a value may reach within a step: parts of the change of its rate, and of the
-# bulge of the acceleration, 360 times the even bubble (r2 / 12 of it are exact).
-_TURN = 0.2
-_BULGE = 75.0
+# What values may go beyond where a parabola turns: parts of the change of their rate, and of the even bubble, of which
+# the acceleration's bulge is 360 times.
+_TURN = 0.03
+_BULGE = 10.0
+
+_OF_MOTION = (at.PEAK_DISPLACEMENT, at.PEAK_VELOCITY, at.PEAK_DRIFT, at.PEAK_DRIFT_RATE)
+_AT_NODES = (at.PEAK_ACCELERATION, at.PEAK_SHEAR, at.PEAK_TOTAL_SHEAR)
 
 
 @inlined
-def may_pass(carried, calm):
-    """Whether some value of the corrected motion may pass its peak within the step, whose state is still that at its
-    start. `calm`: all stories keep to their linear branches."""
+def passes(carried):
+    """What may pass its peak within the step, whose state is still that at its start: nothing (0), accelerations or
+    total shears at its end (1), something inside (2); and the first and the last floor of which something does."""
     scene, memory, load, h, base = carried
     linear_terms = scene.linear_terms
     state, springs, work, _ = memory
     n = linear_terms.shape[1] - 1
     square = h * h
     peaks = base + OWN.PEAKS
-    ground_0 = square * load[at.GROUND_0]
-    ground_1 = square * load[at.GROUND_1]
-    passing = False
-    sum_0 = sum_1 = bulges = 0.0
+    turning = ending = False
+    low, high = n, -1
+    sum_0 = sum_1 = even = 0.0
     for j in range(1, n + 1):
         i = n - j
-        link = linear_terms[at.LINK, i]
         u0 = state[at.DISPLACEMENT, i] + state[at.ERROR_DISPLACEMENT, i]
         v0 = h * (state[at.VELOCITY, i] + state[at.ERROR_VELOCITY, i])
-        rise = work[ROW.RISE, i] + work[base + OWN.RISE, i]
         bend = work[ROW.BEND, i] + work[base + OWN.BEND, i]
-        most = max(abs(u0), abs(u0 + rise)) + _TURN * abs(bend)
-        passing |= (v0 * (v0 + bend) <= 0.0) & (most >= work[peaks + at.PEAK_DISPLACEMENT, i])
+        here = (v0 * (v0 + bend) <= 0.0) & _beyond(u0, v0, bend, 0.0, work[peaks + at.PEAK_DISPLACEMENT, i])
         a0 = work[ROW.BEND, i] - 0.5 * work[base + OWN.A1, i]
         a1 = work[ROW.BEND, i] + 0.5 * work[base + OWN.A1, i]
-        most = max(abs(v0), abs(v0 + bend)) + _TURN * abs(a1 - a0)
-        passing |= (a0 * a1 <= 0.0) & (most >= h * work[peaks + at.PEAK_VELOCITY, i])
-        a0 += ground_0
-        a1 += ground_1
-        bulge = _BULGE * abs(work[base + OWN.EVEN, i])
-        if not calm:
-            bulge += 0.5 * abs(a1 - a0)
-        passing |= max(abs(a0), abs(a1)) + bulge >= square * work[peaks + at.PEAK_ACCELERATION, i]
+        more = _BULGE * abs(work[base + OWN.EVEN, i])
+        here |= (a0 * a1 <= 0.0) & _beyond(v0, a0, a1 - a0, more, h * work[peaks + at.PEAK_VELOCITY, i])
+        a0 += square * load[at.GROUND_0]
+        a1 += square * load[at.GROUND_1]
+        beyond, inside = _bulges(a0, a1, work[base + OWN.EVEN, i], square * work[peaks + at.PEAK_ACCELERATION, i])
+        here |= inside
+        end = beyond
         mass = linear_terms[at.MASS, i]
         above = linear_terms[at.LINK, i + 1]
         sum_0 = above * sum_0 + mass * a0
         sum_1 = above * sum_1 + mass * a1
-        bulges = above * bulges + mass * bulge
-        passing |= max(abs(sum_0), abs(sum_1)) + bulges >= square * work[peaks + at.PEAK_TOTAL_SHEAR, i]
-        if i > 0:
-            rise -= link * (work[ROW.RISE, i - 1] + work[base + OWN.RISE, i - 1])
-            bend -= link * (work[ROW.BEND, i - 1] + work[base + OWN.BEND, i - 1])
-            v0 -= link * h * (state[at.VELOCITY, i - 1] + state[at.ERROR_VELOCITY, i - 1])
-        u0 = springs[at.DRIFT, n + 1 + i]
-        swing = _TURN * abs(bend)
-        passed = max(abs(u0), abs(u0 + rise)) + swing >= work[peaks + at.PEAK_DRIFT, i]
-        force = springs[at.FORCE, n + 1 + i]
-        slope = springs[at.SLOPE, n + 1 + i] if calm else 0.0  # else the path tells its largest force
-        passed |= max(abs(force), abs(force + slope * rise)) + slope * swing >= work[peaks + at.PEAK_SHEAR, i]
-        passing |= (v0 * (v0 + bend) <= 0.0) & passed
+        even = above * even + mass * work[base + OWN.EVEN, i]
+        beyond, inside = _bulges(sum_0, sum_1, even, square * work[peaks + at.PEAK_TOTAL_SHEAR, i])
+        here |= inside
+        end |= beyond
+        link = linear_terms[at.LINK, i] if i > 0 else 0.0
+        below = max(i - 1, 0)
+        v0 -= link * h * (state[at.VELOCITY, below] + state[at.ERROR_VELOCITY, below])
+        bend -= link * (work[ROW.BEND, below] + work[base + OWN.BEND, below])
+        passed = _beyond(springs[at.DRIFT, n + 1 + i], v0, bend, 0.0, work[peaks + at.PEAK_DRIFT, i])
+        force, slope = springs[at.FORCE, n + 1 + i], springs[at.SLOPE, n + 1 + i]
+        passed |= _beyond(force, slope * v0, slope * bend, 0.0, work[peaks + at.PEAK_SHEAR, i])
+        here |= (v0 * (v0 + bend) <= 0.0) & passed
         if DASHPOTS:
-            passing |= max(abs(v0), abs(v0 + bend)) >= 0.8 * h * work[peaks + at.PEAK_DRIFT_RATE, i]
-    return passing
+            here |= max(abs(v0), abs(v0 + bend)) >= 0.8 * h * work[peaks + at.PEAK_DRIFT_RATE, i]
+        turning |= here
+        ending |= end
+        low = i if here | end else low
+        high = max(high, i) if here | end else high
+    return 2 if turning else 1 if ending else 0, low, high
+
+
+@inlined
+def _beyond(value, rate, change, more, peak):
+    """Whether a value may pass a peak where its rate, which changes by `change` over the step, is zero: on a parabola
+    that is at value + rate |rate| / (2 |change|). A little more, and `more`, is allowed for."""
+    size = abs(change)
+    return abs(value * size + 0.5 * rate * abs(rate)) + _TURN * size * size >= (peak - more) * size
+
+
+@inlined
+def _bulges(a0, a1, even, peak):
+    """Whether a value that goes from about a0 to a1 may pass a peak at the end, and whether it turns away from zero
+    inside and may there; its bulge is 360 times the even bubble."""
+    bulge = abs(360.0 * even)
+    middle = abs(a0 + a1) * 0.5 + _BULGE * abs(even) - peak
+    change = abs(a1 - a0)
+    inside = (middle + bulge / 12.0) * bulge + 0.25 * change * change >= 0.0
+    inside &= (change <= 1.3 * bulge) & ((a0 + a1) * even <= 0.0)
+    return middle + 0.5 * change + bulge / 6.0 >= 0.0, inside
 
 
 @called
-def look_within(scene, h, load, memory, base, calm):
-    """Raise the peaks by what the step has between its ends, and there."""
+def look_within(scene, h, load, memory, base, calm, passing):
+    """Raise the peaks of what may pass them (`passes`). `calm`: all stories keep to their linear branches."""
+    kind, low, high = passing
+    turning = kind > 1
     carried = Carried(scene, memory, load, h, base)
     work = memory.work
-    memory.report[at.ERROR_KNOWN] += 1.0
     n = scene.linear_terms.shape[1] - 1
-    count = _place(carried, calm)
-    for i in range(n):
+    count = _place(carried, calm, turning)
+    for k in range(count):
+        for i in range(n):
+            work[base + OWN.MOTION + k, i] = _rate(work, base, work[base + OWN.FORCES + k, n], i) / h
+    for i in range(max(low - 1, 0), min(high + 2, n)):
         still = not BENDING or calm or work[base + OWN.CALM, i] != 0.0
         _force(carried, i, still, count)
     for k in range(count):
-        _accelerate(carried, k)
+        _accelerate(carried, k, low, high)
     peaks = base + OWN.PEAKS
-    for i in range(n):
-        _move(carried, i, 0.0, count, at.PEAK_DISPLACEMENT, at.PEAK_VELOCITY)
-        drifting = i if i > 0 and scene.linear_terms[at.LINK, i] != 0.0 else -1
-        _move(carried, i, float(drifting > 0), count, at.PEAK_DRIFT, at.PEAK_DRIFT_RATE)
-        _raise_most(work, base + OWN.MOTION, n + 1 + i, count, peaks + at.PEAK_ACCELERATION, i)
-        _raise_most(work, base + OWN.FORCES, n + 1 + i, count, peaks + at.PEAK_SHEAR, i)
-        _raise_most(work, base + OWN.FORCES, i, count, peaks + at.PEAK_TOTAL_SHEAR, i)
+    memory.report[at.ERROR_KNOWN] += 1.0 if turning else 0.0
+    memory.report[at.ERROR_SIDE] += 0.0 if turning else 1.0
+    for i in range(low, high + 1):
+        for given in range(2):
+            if turning:
+                link = scene.linear_terms[at.LINK, i] if i > 0 and given > 0 else 0.0
+                _move(carried, i, link, count, _OF_MOTION[2 * given], _OF_MOTION[2 * given + 1])
+        for given in range(3):
+            column = i if given == 2 else n + 1 + i
+            first = base + (OWN.MOTION if given == 0 else OWN.FORCES)
+            _raise_most(work, first, column, count, peaks + _AT_NODES[given], i)
 
 
-@called
-def _place(carried, calm):
-    """Put the times of the nodes in their places; returns how many there are."""
+@inlined
+def _place(carried, calm, turning):
+    """Put the times of the nodes in their places; returns how many there are. One at the end if nothing turns."""
     base, work = carried.base, carried.memory.work
     n = carried.scene.linear_terms.shape[1] - 1
+    if not turning:
+        work[base + OWN.FORCES, n] = 1.0
+        return 1
     row = base + OWN.MOTION  # events go here at first
     events = 0
     if BENDING and not calm:
@@ -139,7 +171,7 @@ def _place(carried, calm):
     for event in range(events + 1):
         end = work[base + OWN.MOTION + event, n] if event < events else 1.0
         if end - begin > 1e-9:
-            parts = 2 * int(math.ceil(_PAIRS * (end - begin)))
+            parts = 2 * math.ceil(_PAIRS[int(calm)] * (end - begin))
             for part in range(1, parts + 1):
                 work[row + count, n] = begin + (end - begin) * part / parts if part < parts else end
                 count += 1
@@ -147,18 +179,18 @@ def _place(carried, calm):
     return count
 
 
-@called
+@inlined
 def _force(carried, i, still, count):
     """Forces of story `i` at the nodes: of its spring alone, and with dampers and P-delta."""
-    scene, memory, _, h, base = carried
+    scene, memory, _, _, base = carried
     _, springs, work, _ = memory
     linear_terms = scene.linear_terms
     n = linear_terms.shape[1] - 1
     c = n + 1 + i
     whole = whole_path(carried, i)
     bubbles = bubbles_of(carried, i)
-    if still:
-        bubbles = (bubbles[0], bubbles[1], 0.0, 0.0)
+    damper, geometric = linear_terms[at.STORY_DAMPER, i], linear_terms[at.GEOMETRIC, i]
+    link = linear_terms[at.LINK, i] if i > 0 else 0.0
     results = Integrals(work, base + OWN.PATH)
     past = 0
     here = 0.0
@@ -166,20 +198,21 @@ def _force(carried, i, still, count):
         error_path.set_out(springs, c)
     for k in range(count):
         t = work[base + OWN.FORCES + k, n]
-        drift = path.drift_at(whole, t) + error_path.bubble(bubbles, t - 0.5)
+        s = t - 0.5
         force = springs[at.FORCE, c]
         if not BENDING or still:
+            drift = path.drift_at(whole, t) + bubbles[0] * error_path.even(s) + bubbles[1] * error_path.odd(s)
             force += springs[at.SLOPE, c] * (drift - whole.start)
-        elif k > 0:
-            force, past = error_path.go_on(scene.law_parameters, springs, c, whole, bubbles, here, t, past, results)
+        else:
+            drift = path.drift_at(whole, t) + error_path.bubble(bubbles, s)
+            if t > here:
+                force, past = error_path.go_on(scene.law_parameters, springs, c, whole, bubbles, here, t, past, results)
         here = t
-        rate = _rate(work, base, t, i)
-        if i > 0:
-            rate -= linear_terms[at.LINK, i] * _rate(work, base, t, i - 1)
-        rate /= h
+        rate = work[base + OWN.MOTION + k, i] - link * work[base + OWN.MOTION + k, max(i - 1, 0)]
         work[base + OWN.FORCES + k, c] = force
-        force += linear_terms[at.GEOMETRIC, i] * drift + linear_terms[at.STORY_DAMPER, i] * rate
-        work[base + OWN.FORCES + k, i] = force + power_damper(linear_terms, i, rate)[0]
+        work[base + OWN.FORCES + k, i] = (
+            force + geometric * drift + damper * rate + power_damper(linear_terms, i, rate)[0]
+        )
     if BENDING and not still and scene.law_parameters[at.CODE, c] in DISSIPATING:
         # Its state at the last Gauss point, which the nodes have moved
         error_path.follow(scene.law_parameters, springs, c, whole, bubbles, results)
@@ -194,9 +227,10 @@ def _rate(work, base, t, i):
     return parabola + even + (2.5 - 30.0 * s * s) * work[base + OWN.ODD, i]
 
 
-@called
-def _accelerate(carried, k):
-    """Accelerations at node `k` from equilibrium; total shears in place of the forces of the stories."""
+@inlined
+def _accelerate(carried, k, low, high):
+    """Accelerations at node `k` from equilibrium, of floors `low` - 1 to `high`; total shears in place of the forces of
+    the stories."""
     scene, memory, load, h, base = carried
     linear_terms, modal, _, forces, _ = scene
     work = memory.work
@@ -209,30 +243,35 @@ def _accelerate(carried, k):
     # Beyond the line, in a step over several samples
     ground += 180.0 * load[at.GROUND_2] * (s * s - 1.0 / 12.0) + 2800.0 * load[at.GROUND_3] * s * (s * s - 0.15)
     work[motion, n] = ground
-    for i in range(n):
-        work[base + OWN.OTHER, i] = 0.0
-        work[base + OWN.OTHER + 1, i] = 0.0
-        work[base + OWN.RATE, i] = _rate(work, base, t, i) / h
-    if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
-        add_modal_force(modal, work, base + OWN.RATE, 1.0, work, base + OWN.OTHER, n)
+    if MODAL or FORCES:
+        for i in range(n):
+            work[base + OWN.OTHER, i] = 0.0
+            work[base + OWN.OTHER + 1, i] = 0.0
+        add_modal_force(modal, work, motion, 1.0, work, base + OWN.OTHER, n)
         for j in range(forces.shape[0]):
             work[base + OWN.OTHER + 1, int(forces[j, at.FLOOR])] += force_value(forces, j, load[at.TIME] + t * h)
     damped = before = 0.0
     for j in range(1, n + 1):
         i = n - j
         link = linear_terms[at.LINK, i + 1]
-        own = linear_terms[at.FLOOR_DAMPER, i] * work[base + OWN.RATE, i] + work[base + OWN.OTHER, i]
+        own = linear_terms[at.FLOOR_DAMPER, i] * work[motion, i]
+        if MODAL:
+            own += work[base + OWN.OTHER, i]
+        damped = link * damped + own
+        if i > high + 1 or i < low - 1:
+            continue
         story = work[row, i]
-        inner = link * before - story - own + work[base + OWN.OTHER + 1, i]
+        inner = link * before - story - own
+        if FORCES:
+            inner += work[base + OWN.OTHER + 1, i]
         a = linear_terms[at.INVERSE_MASS, i] * inner
         work[motion, n + 1 + i] = a
         work[motion, i] = a - ground
-        damped = link * damped + own
         before = story
         work[row, i] = story + damped
 
 
-@called
+@inlined
 def _move(carried, i, link, count, peak, fastest):
     """Raise the peaks of displacement and velocity of floor `i`, or with a link of its drift and drift rate."""
     _, memory, _, h, base = carried
@@ -249,12 +288,14 @@ def _move(carried, i, link, count, peak, fastest):
     bend = work[ROW.BEND, i] + work[base + OWN.BEND, i]
     bend -= link * (work[ROW.BEND, below] + work[base + OWN.BEND, below])
     row = base + OWN.MOTION
+    if v * (v + bend) > 0.0 and _relative(work, row, i, link) * _relative(work, row + count - 1, i, link) > 0.0:
+        return
     far, fast = 0.0, v
     for k in range(0, count - 2, 2):
         d = work[base + OWN.FORCES + k + 1, n] - work[base + OWN.FORCES + k, n]
-        a0 = square * (work[row + k, i] - link * work[row + k, below])
-        a1 = square * (work[row + k + 1, i] - link * work[row + k + 1, below])
-        a2 = square * (work[row + k + 2, i] - link * work[row + k + 2, below])
+        a0 = square * _relative(work, row + k, i, link)
+        a1 = square * _relative(work, row + k + 1, i, link)
+        a2 = square * _relative(work, row + k + 2, i, link)
         far += 2.0 * d * fast + d * d * (2.0 * a0 + 4.0 * a1) / 3.0
         fast += d * (a0 + 4.0 * a1 + a2) / 3.0
     level = v + bend - fast
@@ -265,9 +306,9 @@ def _move(carried, i, link, count, peak, fastest):
     for k in range(0, count - 2, 2):
         t = work[base + OWN.FORCES + k, n]
         d = work[base + OWN.FORCES + k + 1, n] - t
-        a0 = square * (work[row + k, i] - link * work[row + k, below]) + level + tilt * (t - 0.5)
-        a1 = square * (work[row + k + 1, i] - link * work[row + k + 1, below]) + level + tilt * (t + d - 0.5)
-        a2 = square * (work[row + k + 2, i] - link * work[row + k + 2, below]) + level + tilt * (t + 2.0 * d - 0.5)
+        a0 = square * _relative(work, row + k, i, link) + level + tilt * (t - 0.5)
+        a1 = square * _relative(work, row + k + 1, i, link) + level + tilt * (t + d - 0.5)
+        a2 = square * _relative(work, row + k + 2, i, link) + level + tilt * (t + 2.0 * d - 0.5)
         b = 0.5 * (4.0 * a1 - 3.0 * a0 - a2)
         c = 0.5 * (a0 - 2.0 * a1 + a2)
         for half in range(2):
@@ -297,6 +338,12 @@ def _move(carried, i, link, count, peak, fastest):
 
 
 @inlined
+def _relative(work, row, i, link):
+    """Acceleration of a floor, or with a link of its drift."""
+    return work[row, i] - link * work[row, max(i - 1, 0)]
+
+
+@inlined
 def _speed(v, d, a0, b, c, x):
     return v + d * x * (a0 + x * (0.5 * b + x * c / 3.0))
 
@@ -306,7 +353,7 @@ def _way(u, v, d, a0, b, c, x):
     return u + d * x * (v + d * x * (0.5 * a0 + x * (b / 6.0 + x * c / 12.0)))
 
 
-@called
+@inlined
 def _raise_most(work, first, column, count, row, i):
     """Raise a peak by what is given at the nodes in a column of rows from `first` on."""
     raise_peak(work, row, i, work[first, column])
@@ -328,7 +375,15 @@ def raise_ends(carried):
     peaks = base + OWN.PEAKS
     n = carried.scene.linear_terms.shape[1] - 1
     for i in range(n):
-        raise_peak(work, peaks + at.PEAK_DISPLACEMENT, i, state[at.DISPLACEMENT, i] + state[at.ERROR_DISPLACEMENT, i])
-        raise_peak(work, peaks + at.PEAK_VELOCITY, i, state[at.VELOCITY, i] + state[at.ERROR_VELOCITY, i])
-        raise_peak(work, peaks + at.PEAK_DRIFT, i, springs[at.DRIFT, n + 1 + i])
-        raise_peak(work, peaks + at.PEAK_SHEAR, i, springs[at.FORCE, n + 1 + i])
+        u = abs(state[at.DISPLACEMENT, i] + state[at.ERROR_DISPLACEMENT, i])
+        v = abs(state[at.VELOCITY, i] + state[at.ERROR_VELOCITY, i])
+        _raise(work, peaks + at.PEAK_DISPLACEMENT, i, u)
+        _raise(work, peaks + at.PEAK_VELOCITY, i, v)
+        _raise(work, peaks + at.PEAK_DRIFT, i, abs(springs[at.DRIFT, n + 1 + i]))
+        _raise(work, peaks + at.PEAK_SHEAR, i, abs(springs[at.FORCE, n + 1 + i]))
+
+
+@inlined
+def _raise(work, row, i, size):
+    """`raise_peak` without a branch."""
+    work[row, i] = max(work[row, i], size)
