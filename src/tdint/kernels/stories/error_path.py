@@ -6,11 +6,6 @@ motions that start and end where they are ("bubbles"), s = t - 1/2:
     even   w0 b0(s),  b0 = 30 (s^2 - 1/4)^2      of mean w0
     odd    w1 b1(s),  b1 = -10 s (s^2 - 1/4)     of moment 12 mean(s w) = w1
 
-and two more, which have neither mean nor moment and come from what the force has of Legendre's polynomials P4 and P5:
-
-    w2 b2(s),  b2 = (P6 - P4) / 99 - (P4 - P2) / 63       b2'' = 4 P4,  P of 2 s
-    w3 b3(s),  b3 = (P7 - P5) / 143 - (P5 - P3) / 99      b3'' = 4 P5
-
 linearized on the pieces of the path; the point where it turns is moved by them.
 """
 
@@ -29,8 +24,6 @@ from tdint.kernels.stories.branches import advance, go_along, switch
 from tdint.kernels.stories.dashpot_path import POINTS, STEADY, STEADY_POINTS
 from tdint.kernels.stories.law_state import reach, restoring, settle
 
-BUBBLES = 4
-
 
 class _Results(NamedTuple):
     """Rows from the first one on."""
@@ -39,10 +32,10 @@ class _Results(NamedTuple):
     MOMENT: int = 1
     SECOND: int = 1  # 180 mean((s^2 - 1/12) f)
     THIRD: int = 1  # mean(s (s^2 - 3/20) f)
-    FOURTH: int = 1  # mean(P4 f)
-    FIFTH: int = 1
-    MEAN_BY: int = BUBBLES  # what the mean gains by the bubbles
-    MOMENT_BY: int = BUBBLES
+    MEAN_BY_EVEN: int = 1
+    MEAN_BY_ODD: int = 1
+    MOMENT_BY_EVEN: int = 1
+    MOMENT_BY_ODD: int = 1
     EVENT: int = 1  # when the story first reached the end of a branch, in (0, 1); 0 if it has not
     LAST_EVENT: int = 1  # the same of the last time
     LARGEST: int = 1  # force at an event or a turning point
@@ -50,7 +43,7 @@ class _Results(NamedTuple):
 
 RESULT, ERROR_PATH_ROWS = at.chained(_Results)
 
-_PIECE_POINTS = 4  # force times P5 is of degree 7 on a piece
+_PIECE_POINTS = 3  # force times s^3 is of degree 5 on a piece
 
 
 @inlined
@@ -68,22 +61,8 @@ def odd(s):
 
 @inlined
 def bubble(bubbles, s):
-    """What the bubbles, factors of b0 to b3, are together."""
-    y = 4.0 * s * s
-    fourth, fifth, sixth, seventh = _legendre(2.0 * s, y)
-    two = (sixth - fourth) / 99.0 - (fourth - 1.5 * y + 0.5) / 63.0
-    three = (seventh - fifth) / 143.0 - (fifth - s * (5.0 * y - 3.0)) / 99.0
-    return bubbles[0] * even(s) + bubbles[1] * odd(s) + bubbles[2] * two + bubbles[3] * three
-
-
-@inlined
-def _legendre(x, y):
-    """P4 to P7 of x, y = x^2."""
-    fourth = 0.125 * ((35.0 * y - 30.0) * y + 3.0)
-    fifth = 0.125 * x * ((63.0 * y - 70.0) * y + 15.0)
-    sixth = 0.0625 * (((231.0 * y - 315.0) * y + 105.0) * y - 5.0)
-    seventh = 0.0625 * x * (((429.0 * y - 693.0) * y + 315.0) * y - 35.0)
-    return fourth, fifth, sixth, seventh
+    """What the bubbles, factors of b0 and b1, are together."""
+    return bubbles[0] * even(s) + bubbles[1] * odd(s)
 
 
 @called
@@ -111,29 +90,17 @@ def follow(law_parameters, springs, i, whole, bubbles, results):
 def _add(results, i, weight, s, force, tangent):
     """Add a point of the path to the integrals."""
     work, out = results
-    y = 4.0 * s * s
-    fourth, fifth, sixth, seventh = _legendre(2.0 * s, y)
+    by_even = weight * tangent * even(s)
+    by_odd = weight * tangent * odd(s)
     weighted = weight * force
-    moment = 12.0 * s
     work[out + RESULT.MEAN, i] += weighted
-    work[out + RESULT.MOMENT, i] += moment * weighted
+    work[out + RESULT.MOMENT, i] += 12.0 * s * weighted
     work[out + RESULT.SECOND, i] += (180.0 * s * s - 15.0) * weighted
     work[out + RESULT.THIRD, i] += s * (s * s - 0.15) * weighted
-    work[out + RESULT.FOURTH, i] += fourth * weighted
-    work[out + RESULT.FIFTH, i] += fifth * weighted
-    slope = weight * tangent
-    one = slope * even(s)
-    work[out + RESULT.MEAN_BY, i] += one
-    work[out + RESULT.MOMENT_BY, i] += moment * one
-    one = slope * odd(s)
-    work[out + RESULT.MEAN_BY + 1, i] += one
-    work[out + RESULT.MOMENT_BY + 1, i] += moment * one
-    one = slope * ((sixth - fourth) / 99.0 - (fourth - 1.5 * y + 0.5) / 63.0)
-    work[out + RESULT.MEAN_BY + 2, i] += one
-    work[out + RESULT.MOMENT_BY + 2, i] += moment * one
-    one = slope * ((seventh - fifth) / 143.0 - (fifth - s * (5.0 * y - 3.0)) / 99.0)
-    work[out + RESULT.MEAN_BY + 3, i] += one
-    work[out + RESULT.MOMENT_BY + 3, i] += moment * one
+    work[out + RESULT.MEAN_BY_EVEN, i] += by_even
+    work[out + RESULT.MEAN_BY_ODD, i] += by_odd
+    work[out + RESULT.MOMENT_BY_EVEN, i] += 12.0 * s * by_even
+    work[out + RESULT.MOMENT_BY_ODD, i] += 12.0 * s * by_odd
 
 
 @called
@@ -358,7 +325,7 @@ def _add_rate(linear_terms, i, move, s, weight):
     work[out + RESULT.MOMENT, column] += 12.0 * s * force
     work[out + RESULT.SECOND, column] += (180.0 * s * s - 15.0) * beyond
     work[out + RESULT.THIRD, column] += s * (s * s - 0.15) * beyond
-    work[out + RESULT.MEAN_BY, column] += by_even
-    work[out + RESULT.MEAN_BY + 1, column] += by_odd
-    work[out + RESULT.MOMENT_BY, column] += 12.0 * s * by_even
-    work[out + RESULT.MOMENT_BY + 1, column] += 12.0 * s * by_odd
+    work[out + RESULT.MEAN_BY_EVEN, column] += by_even
+    work[out + RESULT.MEAN_BY_ODD, column] += by_odd
+    work[out + RESULT.MOMENT_BY_EVEN, column] += 12.0 * s * by_even
+    work[out + RESULT.MOMENT_BY_ODD, column] += 12.0 * s * by_odd

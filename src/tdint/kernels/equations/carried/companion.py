@@ -30,8 +30,6 @@ def follow_anew(scene, h, load, memory, base):
     n = linear_terms.shape[1] - 1
     for i in range(n):
         work[base + OWN.A1, i] = 12.0 * (0.5 * work[ROW.BEND, i] - work[ROW.RISE, i] + h * state[at.VELOCITY, i])
-        for row in range(2):
-            work[base + OWN.FOUR + row, i] = 0.0
     for passed in range(PASSES):
         _paths(carried, passed > 0)
         _moments(carried)
@@ -79,7 +77,7 @@ def _paths(carried, knowing):
             work[base + OWN.CALM, i] = 1.0
             continue
         work[base + OWN.CALM, i] = 0.0
-        bubbles = bubbles_of(carried, i) if knowing else (0.0, 0.0, 0.0, 0.0)
+        bubbles = bubbles_of(carried, i) if knowing else (0.0, 0.0)
         results = Integrals(work, base + OWN.PATH)
         error_path.follow(scene.law_parameters, springs, c, whole, bubbles, results)
         if damped:
@@ -88,7 +86,7 @@ def _paths(carried, knowing):
 
 @inlined
 def _moments(carried):
-    """Second and further moments of the story forces, dampers included."""
+    """Second and third moment of the story forces, dampers included."""
     scene, memory, _, h, base = carried
     _, springs, work, _ = memory
     linear_terms = scene.linear_terms
@@ -99,19 +97,15 @@ def _moments(carried):
             linear_terms[at.STORY_DAMPER, i] / h * of_story(carried, base + OWN.A1, i)
             + linear_terms[at.GEOMETRIC, i] * bend
         )
-        third = fourth = fifth = 0.0
+        third = 0.0
         if work[base + OWN.CALM, i] != 0.0:
             second += springs[at.SLOPE, i] * bend
         second *= 0.5
         if work[base + OWN.CALM, i] == 0.0:
             second += work[base + OWN.PATH + RESULT.SECOND, n + 1 + i]
             third = work[base + OWN.PATH + RESULT.THIRD, n + 1 + i]
-            fourth = work[base + OWN.PATH + RESULT.FOURTH, n + 1 + i]
-            fifth = work[base + OWN.PATH + RESULT.FIFTH, n + 1 + i]
         work[base + OWN.SECOND, i] = second
         work[base + OWN.THIRD, i] = third
-        work[base + OWN.FOURTH, i] = fourth
-        work[base + OWN.FIFTH, i] = fifth
 
 
 @inlined
@@ -122,8 +116,8 @@ def _bubbles(carried):
     linear_terms = scene.linear_terms
     n = linear_terms.shape[1] - 1
     square = h * h
-    for row in (OWN.SECOND, OWN.THIRD, OWN.FOURTH, OWN.FIFTH):
-        work[base + row, n] = 0.0
+    work[base + OWN.SECOND, n] = 0.0
+    work[base + OWN.THIRD, n] = 0.0
     for i in range(n):
         link = linear_terms[at.LINK, i + 1]
         a1 = work[base + OWN.A1, i]
@@ -133,10 +127,6 @@ def _bubbles(carried):
         third = work[base + OWN.THIRD, i] - link * work[base + OWN.THIRD, i + 1]
         work[base + OWN.EVEN, i] = -square / 360.0 * (second * inverse + 180.0 * load[at.GROUND_2])
         work[base + OWN.ODD, i] = -a1 / 60.0 - 2.0 * square * (third * inverse + load[at.GROUND_3])
-        fourth = work[base + OWN.FOURTH, i] - link * work[base + OWN.FOURTH, i + 1]
-        fifth = work[base + OWN.FIFTH, i] - link * work[base + OWN.FIFTH, i + 1]
-        work[base + OWN.FOUR, i] = -2.25 * square * inverse * fourth
-        work[base + OWN.FIVE, i] = -2.75 * square * inverse * fifth
 
 
 @inlined
@@ -164,11 +154,9 @@ def _story_forces(carried):
             out = base + OWN.PATH
             run_mean, run_moment = _of_run(carried, i)
             mean += work[out + RESULT.MEAN, c] - run_mean
+            mean += work[out + RESULT.MEAN_BY_EVEN, c] * even + work[out + RESULT.MEAN_BY_ODD, c] * odd
             moment += work[out + RESULT.MOMENT, c] - run_moment
-            factors = bubbles_of(carried, i)
-            for j in range(error_path.BUBBLES):
-                mean += work[out + RESULT.MEAN_BY + j, c] * factors[j]
-                moment += work[out + RESULT.MOMENT_BY + j, c] * factors[j]
+            moment += work[out + RESULT.MOMENT_BY_EVEN, c] * even + work[out + RESULT.MOMENT_BY_ODD, c] * odd
         work[base + OWN.MEAN, i] = mean
         work[base + OWN.MOMENT, i] = moment
         below = u

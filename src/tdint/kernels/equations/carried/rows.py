@@ -25,10 +25,6 @@ class _Rows(NamedTuple):
     A1: int = 1  # h^2 A1
     SECOND: int = 1  # moments of the story forces
     THIRD: int = 1
-    FOUR: int = 1  # further bubbles, of stories that change their branch or are curved
-    FIVE: int = 1
-    FOURTH: int = 1
-    FIFTH: int = 1
     MEAN: int = 1  # what mean and first moment of a story's force are more than the run's
     MOMENT: int = 1
     CALM: int = 1  # 1 if the story is on the same linear branch in both motions
@@ -93,12 +89,7 @@ def of_story(carried, row, i):
 def bubbles_of(carried, i):
     """The factors of the bubbles of story `i`."""
     base = carried.base
-    return (
-        of_story(carried, base + OWN.EVEN, i),
-        of_story(carried, base + OWN.ODD, i),
-        of_story(carried, base + OWN.FOUR, i),
-        of_story(carried, base + OWN.FIVE, i),
-    )
+    return of_story(carried, base + OWN.EVEN, i), of_story(carried, base + OWN.ODD, i)
 
 
 @inlined

@@ -30,7 +30,7 @@ _TURN = 0.03
 _BULGE = 10.0
 
 _OF_MOTION = (at.PEAK_DISPLACEMENT, at.PEAK_VELOCITY, at.PEAK_DRIFT, at.PEAK_DRIFT_RATE)
-_AT_NODES = (at.PEAK_ACCELERATION, at.PEAK_SHEAR, at.PEAK_TOTAL_SHEAR)
+_AT_NODES = (at.PEAK_ACCELERATION, at.PEAK_TOTAL_SHEAR, at.PEAK_SHEAR)
 
 
 @inlined
@@ -124,15 +124,15 @@ def look_within(scene, h, load, memory, base, calm, passing):
     for k in range(count):
         _accelerate(carried, k, low, high)
     peaks = base + OWN.PEAKS
-    memory.report[at.ERROR_KNOWN] += 1.0 if turning else 0.0
-    memory.report[at.ERROR_SIDE] += 0.0 if turning else 1.0
     for i in range(low, high + 1):
+        still = not BENDING or calm or work[base + OWN.CALM, i] != 0.0
         for given in range(2):
             if turning:
                 link = scene.linear_terms[at.LINK, i] if i > 0 and given > 0 else 0.0
-                _move(carried, i, link, count, _OF_MOTION[2 * given], _OF_MOTION[2 * given + 1])
-        for given in range(3):
-            column = i if given == 2 else n + 1 + i
+                sheared = still and given > 0
+                _move(carried, i, link, sheared, count, _OF_MOTION[2 * given], _OF_MOTION[2 * given + 1])
+        for given in range(2 if still else 3):
+            column = i if given == 1 else n + 1 + i
             first = base + (OWN.MOTION if given == 0 else OWN.FORCES)
             _raise_most(work, first, column, count, peaks + _AT_NODES[given], i)
 
@@ -198,15 +198,12 @@ def _force(carried, i, still, count):
         error_path.set_out(springs, c)
     for k in range(count):
         t = work[base + OWN.FORCES + k, n]
-        s = t - 0.5
         force = springs[at.FORCE, c]
+        drift = path.drift_at(whole, t) + error_path.bubble(bubbles, t - 0.5)
         if not BENDING or still:
-            drift = path.drift_at(whole, t) + bubbles[0] * error_path.even(s) + bubbles[1] * error_path.odd(s)
             force += springs[at.SLOPE, c] * (drift - whole.start)
-        else:
-            drift = path.drift_at(whole, t) + error_path.bubble(bubbles, s)
-            if t > here:
-                force, past = error_path.go_on(scene.law_parameters, springs, c, whole, bubbles, here, t, past, results)
+        elif t > here:
+            force, past = error_path.go_on(scene.law_parameters, springs, c, whole, bubbles, here, t, past, results)
         here = t
         rate = work[base + OWN.MOTION + k, i] - link * work[base + OWN.MOTION + k, max(i - 1, 0)]
         work[base + OWN.FORCES + k, c] = force
@@ -272,10 +269,11 @@ def _accelerate(carried, k, low, high):
 
 
 @inlined
-def _move(carried, i, link, count, peak, fastest):
-    """Raise the peaks of displacement and velocity of floor `i`, or with a link of its drift and drift rate."""
+def _move(carried, i, link, still, count, peak, fastest):
+    """Raise the peaks of displacement and velocity of floor `i`, or with a link of its drift and drift rate, and of the
+    shear of a story that keeps to a linear branch (`still`)."""
     _, memory, _, h, base = carried
-    state, _, work, _ = memory
+    state, springs, work, _ = memory
     n = carried.scene.linear_terms.shape[1] - 1
     below = max(i - 1, 0)
     square = h * h
@@ -323,7 +321,11 @@ def _move(carried, i, link, count, peak, fastest):
                     slope = d * (a0 + x * (b + x * c))
                     x -= _speed(v, d, a0, b, c, x) / slope if slope * (v_end - v_start) > 0.0 else 0.0
                     x = min(max(x, start), start + 1.0)
-                raise_peak(work, peaks + peak, i, _way(u, v, d, a0, b, c, x))
+                far = _way(u, v, d, a0, b, c, x)
+                raise_peak(work, peaks + peak, i, far)
+                if still:
+                    stretched = springs[at.SLOPE, n + 1 + i] * (far - springs[at.DRIFT, n + 1 + i])
+                    raise_peak(work, peaks + at.PEAK_SHEAR, i, springs[at.FORCE, n + 1 + i] + stretched)
             if a_start * a_end < 0.0:
                 x = start + a_start / (a_start - a_end)
                 for _ in range(2):
