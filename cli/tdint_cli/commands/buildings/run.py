@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +18,7 @@ from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.options.building import BuildingRequest, check_motion, with_motion
 from tdint_cli.options.output import check_picture
 from tdint_cli.options.plot import BESIDE, picture_file
-from tdint_cli.options.spectra import MOTIONS, SPECTRA, FloorRequest
+from tdint_cli.options.spectra import MOTIONS, SPECTRA, SPECTRA_PICTURE, FloorRequest
 from tdint_cli.options.values import FileName, Ratio
 from tdint_cli.terminal.drawing import emit_table
 from tdint_cli.terminal.streams import complain, note, say, warn
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from tdint.output_units import OutputUnits
 
 STORIES, HISTORY, PICTURE, SUMMARY = "stories.csv", "history.csv", "response.png", "summary.json"
-ALL_FILES = (STORIES, HISTORY, SPECTRA, MOTIONS, PICTURE, SUMMARY)
+ALL_FILES = (STORIES, HISTORY, SPECTRA, SPECTRA_PICTURE, MOTIONS, PICTURE, SUMMARY)
 """The files of a run. The summary is written last: where it says `done`, all is there."""
 
 
@@ -71,8 +71,9 @@ class Request(BuildingRequest):
                 raise UsageError(f"--{name.replace('_', '-')} is for one record and one scale; call it once for each")
         if self.every > 1:
             raise UsageError("--every is for one record and one scale; call it once for each")
-        if self.of_floors:
-            raise UsageError("--floor-spectra and --export-floors are for one record and one scale")
+        if self.of_floors.export:
+            raise UsageError("--export-floors is for one record and one scale; call it once for each")
+        self.of_floors.check(self.output)
 
 
 @options.command("run")
@@ -154,9 +155,8 @@ def command(record: str | None, records: tuple[str, ...], **given: Any) -> None:
     if record is not None and records:
         raise UsageError(f"--record {record} and {records[0]} are given; leave one of them out")
     named = (record,) if record is not None else records
-    names = {"floors": "floor_spectra", "export": "export_floors"}
-    wanted = {field.name: given.pop(names.get(field.name, field.name)) for field in fields(FloorRequest)}
-    request = Request(**given, record=named[0] if named else None, of_floors=FloorRequest(**wanted))
+    of_floors = FloorRequest.taken_from(given)
+    request = Request(**given, record=named[0] if named else None, of_floors=of_floors)
     if request.factors is not None and (request.scale or not named):
         raise UsageError("--factors stands in place of --scale, and is for the RECORDs that were scaled: name them")
     if request.factors is not None or len(named) > 1 or len(request.scale or ()) > 1 or (named and is_folder(named[0])):
@@ -176,7 +176,10 @@ def _run_many(request: Request, records: tuple[str, ...]) -> None:
     run_many(
         request, records, wishes=wishes, output=request.output, overwrite=request.overwrite,
         jobs=request.jobs, factors=request.factors,
-        of_suite=SuiteRequest(request.output_units, request.plot, request.drift_limit, request.require),
+        of_suite=SuiteRequest(
+            request.output_units, request.plot, request.drift_limit, request.require,
+            of_floors=request.of_floors, jobs=request.jobs,
+        ),
     )  # fmt: skip
 
 
@@ -306,7 +309,7 @@ def _files(request: Request, response: Response, case: Case, inputs: list[Input]
     if (file := _history(request)) and history is not None:
         files[file] = lambda stream: write_history(history.every(request.every), stream, units)
     if request.output:
-        of_floors, notes = request.of_floors.files(response, Path(request.output), units)
+        of_floors, notes = request.of_floors.files(response, Path(request.output), units, plot=request.plot is not None)
         files |= of_floors
         for text in notes:
             note(text)
