@@ -73,7 +73,8 @@ def test_columns(name, monkeypatch, tmp_path):
     (tmp_path / "other.yaml").write_text("{stories: [{mass: 1, stiffness: 500}], damping: {modal: 0.05}}")
     (tmp_path / "published.csv").write_text("period_s,psa_g\n1,0.1\n2,0.1\n")
     (tmp_path / "campaign.yaml").write_text(
-        f"buildings: {{models: [frame.yaml, other.yaml]}}\nrecords: {{files: [{readmes.ROOT / 'records' / 'firm-soil.mseed'}]}}\n"
+        f"buildings: {{models: [frame.yaml, other.yaml]}}\n"
+        f"records: {{files: [{readmes.ROOT / 'records' / 'firm-soil.mseed'}]}}\n"
         "analysis: {method: newmark-average}\noutputs: {stories: true}\n"
     )
     file, _, command = name.rpartition("tdint ")

@@ -149,7 +149,7 @@ class Profiles:
             lost = {"collapsed": one.collapsed, "failed": one.failed}
             told = " and ".join(f"{count} {what}" for what, count in lost.items() if count)
             if told:
-                means = f"the means are those of the {len(one.motions)} others"
+                means = f"the means are those of the {len(one.motions)} others" if one.motions else "there is no mean"
                 warn(f"{_name(one, self.found) or one.building}: of {one.runs} motions {told}; {means}")
         if limit is None:
             return []

@@ -377,7 +377,7 @@ def _paragraph(response: Response, units: OutputUnits) -> str:
     if found.drift_ratio.place is not None:
         ratio = f"drift ratio {found.drift_ratio.value:.4g} in story {found.drift_ratio.place}"
         # Where a story has no height, its drift is not among the ratios.
-        worst = ratio if all(story.height for story in response.model.stories) else f"{ratio}, {worst}"
+        worst = ratio if all(story.drift_height for story in response.model.stories) else f"{ratio}, {worst}"
     viscous = ""
     if any(story.dashpot or story.power_dashpot for story in response.model.stories):
         viscous = f" ({units.text(found.total_base_shear.value, 'N')} with viscous forces)"
