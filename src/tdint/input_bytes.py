@@ -38,7 +38,7 @@ def read_at_most(source: str | Path, most: int, error: type[TdintError]) -> byte
         The system cannot read it, or no file can have this name: readers say it in their own words.
     """
     if str(source) != STDIN:
-        if _is_named_pipe(source):
+        if is_named_pipe(source):
             raise error(f"{source}: is a named pipe, which may never end; read from it with - and <")
         with Path(source).open("rb") as file:
             return _read(file, most)
@@ -56,7 +56,7 @@ def _read(file: BinaryIO, most: int) -> bytes:
     return bytes(content)
 
 
-def _is_named_pipe(source: str | Path) -> bool:
+def is_named_pipe(source: str | Path) -> bool:
     """Whether opening a file may wait for ever; pipes that a shell has opened (`<(command)`) are none of those."""
     if str(source).startswith(("/dev/fd/", "/proc/")):
         return False

@@ -486,3 +486,43 @@ def test_processor_time_is_that_of_the_processors(study: Path, tdint: Run) -> No
     tdint("campaign", "study.yaml", "-o", "out", "--jobs", "8")
     used = time.process_time() - began
     assert 0.0 < json.loads(Path("out/summary.json").read_text())["processor_time_s"] <= used
+
+
+def test_a_run_with_the_factors_of_a_suite(study: Path, tdint: Run) -> None:
+    """What `tdint scale` writes, `tdint run` takes: each component with its factor, as by --scale alone."""
+    scaled = tdint(
+        "scale", "motion.mseed", "other.mseed", "--units", "m/s^2", "--target", "ec8:type=1,soil=B,ag=0.1g",
+        "--range", "0.2:2", "-o", "suite.csv",
+    )  # fmt: skip
+    assert scaled.exit_code == 0, scaled.output
+    several = ("run", "shaken.yaml", "motion.mseed", "other.mseed", "--units", "m/s^2", "--factors", "suite.csv")
+    result = tdint(*several, "-o", "out")
+    assert result.exit_code == 0, result.output
+    table, factors = rows("out/runs.csv"), rows("suite.csv")
+    assert [(row["record"], row["component"], row["scale"]) for row in table] == [
+        (row["record"], row["component"], row["factor"]) for row in factors
+    ]
+    one = tdint(
+        "run", "shaken.yaml", "motion.mseed", "--units", "m/s^2", "--component", "HNN", "--scale",
+        factors[1]["factor"], "-o", "one",
+    )  # fmt: skip
+    assert one.exit_code == 0, one.output
+    assert float(table[1]["peak_drift_ratio"]) == pytest.approx(
+        max(float(story["peak_drift_ratio"]) for story in rows("one/stories.csv")), rel=1e-9
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (("--factors", "suite.csv"), 2, "for the RECORDs that were scaled: name them"),
+        (("other.mseed", "--scale", "2", "--factors", "suite.csv"), 2, "--factors stands in place of --scale"),
+        (("other.mseed", "--factors", "none.csv"), 3, "none.csv: no such file"),
+        (("motion.mseed", "other.mseed", "--factors", "suite.csv"), 3, "no factor for motion.mseed HNE"),
+    ],
+)
+def test_factors_that_do_not_fit(study: Path, tdint: Run, arguments, code, said) -> None:
+    Path("suite.csv").write_text("record,component,factor\nother.mseed,HNE,2\n")
+    result = tdint("run", "shaken.yaml", "--units", "m/s^2", *arguments)
+    assert result.exit_code == code
+    assert said in result.stderr

@@ -197,3 +197,22 @@ def test_a_campaign_is_checked_with_its_models(folder: Path, tdint: Run) -> None
     (folder / "study.yaml").write_text("buildings: {models: [shaken.yaml, forced.yaml]}\nrecords: {files: [a]}\n")
     done = tdint("check", "study.yaml")
     assert [row["model"] for row in rows(done.stdout)] == ["shaken.yaml", "forced.yaml"]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["-", "--period", "nan"], ["-", "--period", "1e-300"], [""], ["a\nb.yaml"], ["\udcff.yaml"], [".."], ["/"]],
+)
+def test_a_name_or_a_period_that_no_model_has(tdint, tmp_path, monkeypatch, words) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = tdint("init", *words)
+    assert (result.exit_code, result.stdout) == (2, ""), result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("command", ["check", "run", "modes", "campaign"])
+def test_a_named_pipe_is_not_waited_for(tdint, tmp_path, monkeypatch, command) -> None:
+    monkeypatch.chdir(tmp_path)
+    os.mkfifo("pipe.yaml")
+    result = tdint(command, "pipe.yaml", *(["-o", "out"] if command == "campaign" else []))
+    assert (result.exit_code, "is a named pipe" in result.stderr) == (3, True), result.stderr

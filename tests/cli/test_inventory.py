@@ -118,3 +118,13 @@ def test_what_a_pushover_refuses(folder, tdint, arguments, code, message):
     result = tdint("pushover", *arguments)
     assert (result.exit_code, result.stdout) == (code, "")
     assert message in result.stderr
+
+
+def test_of_many_faults_the_first_ten_and_their_number_are_shown(tdint, tmp_path) -> None:
+    rows = "".join(f"{i},x,1985,C1,400\n" for i in range(1000))
+    file = tmp_path / "many.csv"
+    file.write_text("id,NumberOfStories,YearBuilt,StructureType,PlanArea\n" + rows)
+    result = tdint("inventory", file, "--units", "m")
+    lines = [line for line in result.stderr.splitlines() if line.startswith("Error")]
+    assert (result.exit_code, len(lines)) == (3, 11)
+    assert lines[-1].endswith("and 990 more faults, 1000 in all")

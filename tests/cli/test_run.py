@@ -263,6 +263,22 @@ def test_a_check_adds_the_estimated_errors(folder, tdint):
     assert "estimated" not in plain.stderr
 
 
+def test_moment4_carries_its_error_along(folder, tdint):
+    plain = tdint("run", "shaken.yaml", "--method", "moment4")
+    result = tdint("run", "shaken.yaml", "--method", "moment4", "--check", "-o", "out")
+    assert result.exit_code == 0
+    header, *lines = result.stdout.splitlines()
+    assert header == f"{COLUMNS},{ERRORS}"
+    columns = COLUMNS.count(",") + 1
+    assert [line.split(",")[:columns] for line in lines] == [line.split(",") for line in plain.stdout.splitlines()[1:]]
+    summary = json.loads((folder / "out" / "summary.json").read_text())
+    check, worst = summary["check"], max(rows(result.stdout), key=lambda row: float(row["peak_drift_m"]))
+    assert check["dts_s"] == [] and 0.0 < check["drift_error"] < 0.01
+    off = abs(check["corrected_peaks"]["drift_m"] - summary["peaks"]["drift_m"])
+    assert off == pytest.approx(float(worst["peak_drift_m_error"]), rel=1e-3)
+    assert ", carried along in the run." in result.stderr and "Corrected by it: largest drift " in result.stderr
+
+
 def test_stories_without_a_value_have_no_error(folder, tdint):
     table = rows(tdint("run", "forced.yaml", "--check").stdout)
     assert table[0]["ductility"] == table[0]["ductility_error"] == ""

@@ -96,6 +96,47 @@ def test_the_rule_of_asce7(folder, tdint, make_record):
     assert settings["pairs"] == "rotd100"
 
 
+EC8 = ("--target", "ec8:type=1,soil=B,ag=0.25g")
+
+
+def test_the_rule_of_ec8_over_the_periods_of_a_building(folder, tdint):
+    """Mean of the scaled spectra against those that `tdint spectrum` writes, and the mean PGA against ag S."""
+    building = CONFIGS / "ten-story.yaml"
+    (modes,) = [one for one in rows(tdint("modes", building).stdout) if one["mode"] == "1"]
+    period = float(modes["period_s"])
+    files = ("motion.mseed", "other.mseed")
+    result = tdint("scale", *files, *UNITS, *EC8, "--rule", "ec8", "--building", building, "-o", "f.csv", "--plot")
+    assert result.exit_code == 0, result.output
+    settings = json.loads((folder / "f.json").read_text())["settings"]
+    first, last, count = settings["periods_s"]
+    assert (first, last, count) == (pytest.approx(0.2 * period), pytest.approx(2.0 * period), 100)
+    grid = ("--periods", f"{first!r}:{last!r}:{count}")
+    spectra = rows(tdint("spectrum", *files, *UNITS, *grid).stdout)
+    aim = [float(row["psa_m_s2"]) for row in rows(tdint("spectrum", *EC8, *grid).stdout)]
+    factors = [float(row["factor"]) for row in rows((folder / "f.csv").read_text())]
+    peaks = [float(row["pga_m_s2"]) for row in rows(tdint("info", *files, *UNITS).stdout)]
+    ratios = [
+        sum(factor * float(spectra[100 * i + k]["psa_m_s2"]) for i, factor in enumerate(factors)) / 3.0 / aim[k]
+        for k in range(100)
+    ]
+    zero = sum(factor * peak for factor, peak in zip(factors, peaks, strict=True)) / 3.0 / (0.25 * 1.2 * 9.80665)
+    assert min(ratios) >= 0.9 * (1.0 - 1e-9)
+    assert zero >= 1.0 - 1e-9
+    assert min(min(ratios) / 0.9, zero) == pytest.approx(1.0)  # raised no further than needed
+    assert settings["least_average_over_target"] == pytest.approx(min(ratios))
+
+
+def test_factors_that_are_too_large_are_told_or_refused(folder, tdint):
+    target = ("--target", "ec8:type=1,soil=B,ag=50g", "--range", "0.2:2")
+    result = tdint("scale", "motion.mseed", *UNITS, *target)
+    assert result.exit_code == 0
+    assert "Warning: factors beyond 0.25 to 4, the bounds of common practice: motion.mseed HNE" in result.stderr
+    refused = tdint("scale", "motion.mseed", *UNITS, *target, "--max-factor", 5, "-o", "f.csv")
+    assert refused.exit_code == 5
+    assert "larger than --max-factor 5: motion.mseed HNE" in refused.stderr
+    assert not (folder / "f.csv").exists()
+
+
 TARGET = ("--target", CONFIGS / "design-spectrum.csv")
 
 
@@ -116,7 +157,13 @@ TARGET = ("--target", CONFIGS / "design-spectrum.csv")
         (("--p695", "--pairs", "rotd50"), "--pairs: --p695 says itself"),
         ((*TARGET, "--range", "2"), "'2' is no range; write FIRST:LAST"),
         ((*TARGET, "--range", "0.2:9"), "has periods from 0.02 to 5 s; asked for are 0.2 to 9 s"),
-        ((*TARGET, "--rule", "asce7"), "give the period T by --at, or --range"),
+        ((*TARGET, "--rule", "asce7"), "give the period T by --at, or --building, or --range"),
+        ((*TARGET, "--rule", "ec8"), "--rule ec8 compares over 0.2 T to 2 T"),
+        ((*TARGET, "--rule", "ec8", "--at", 0.5), "the rule ec8 compares at the period 0, too"),
+        ((*TARGET, "--building", "x.yaml", "--at", 0.5), "--at is for --sa"),
+        ((*TARGET, "--building", "x.yaml", "--range", "0.2:2"), "--building and --range are given"),
+        (("--pga", "0.4g", "--building", "x.yaml"), "--building has nothing to act on without --target"),
+        (("--target", "ec8:type=1,soil=B,ag=0.25g", "--damping", "2%"), "is for 5 % damping"),
         ((*TARGET, "--rule", "asce7", "--at", 0.5), "11 pairs of components at least (16.2.2), got 1"),
         ((*TARGET, "--rule", "asce7", "--at", 0.5, "--component", "HNE"), "--component names single components"),
     ],

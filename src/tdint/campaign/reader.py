@@ -44,6 +44,10 @@ from tdint.model.keys.kinds import (
 )
 from tdint.units import LENGTH, parse_units
 
+_TOLERANCE = Bounds(0.0, 1.0, low_allowed=False, high_allowed=False, ratio=True)
+_LEAST_LEVEL, _MOST_LEVEL = 1e-6, 1e6
+"""Of an intensity, m/s^2 or m/s: beyond them lies no ground motion."""
+
 _SCATTER = Bounds(0.0, 0.5, ratio=True)
 _SEED = Whole(0, 2**31 - 1)
 _LENGTHS = ("m", "ft")
@@ -112,7 +116,7 @@ _ANALYSIS = Keys(
         Key("method", Words(), "time-integration method with its parameters, for all buildings"),
         Key("dt", POSITIVE, "time step, s; that of each model, else of each record, where it is left out"),
         Key("duration", POSITIVE, "time to integrate, s"),
-        Key("tolerance", RATIO, "choose the step of each building by the error of its peak drifts"),
+        Key("tolerance", _TOLERANCE, "choose the step of each building by the error of its peak drifts"),
         Key("collapse_drift", POSITIVE_RATIO, "drift ratio beyond which a run counts as collapsed"),
         Key("p_delta", Flag(), "whether gravity acts on the displaced buildings"),
         Key("until_rest", Flag(), "go on with the ground at rest until the motion has died"),
@@ -163,6 +167,7 @@ def load_campaign(source: str | Path) -> CampaignFile:
 def _read(section: Section, label: str, name: str, folder: Path) -> CampaignFile:
     buildings = section.need("buildings", "give `models` or an `inventory`")
     records = section.need("records", "give `files` or a `grid`")
+    _check_pair(section)
     outputs = section.get("outputs")
     kept = outputs.section(_OUTPUTS) if outputs else None
     stories = kept.get("stories") if kept else None
@@ -175,6 +180,18 @@ def _read(section: Section, label: str, name: str, folder: Path) -> CampaignFile
         analysis=_read_analysis(section.get("analysis")),
         stories=stories.boolean() if stories else False,
     )
+
+
+def _check_pair(section: Section) -> None:
+    """What stands for a pair needs pairs."""
+    intensity, records = section.get("intensity"), section.get("records")
+    of = intensity.section(_INTENSITY) if intensity else None
+    among = records.section(_RECORDS) if records else None
+    pair = of.get("pair") if of else None
+    if pair and among and not among.has("grid"):
+        pairs = among.get("pairs")
+        if pairs is None or pairs.boolean() is False:
+            pair.fault("has nothing to act on without `pairs: true` of the records")
 
 
 def _read_analysis(value: Value | None) -> AnalysisWishes:
@@ -377,4 +394,6 @@ def _level(value: Value, quantity: str) -> float:
     if units.quantity != quantity or not units.has_factor:
         value.fault(f"must be a number with a unit of {quantity}, such as {example}, got {text!r}")
         return math.nan
+    if not _LEAST_LEVEL <= units.scale <= _MOST_LEVEL:
+        value.fault(f"must be from {_LEAST_LEVEL:g} to {_MOST_LEVEL:g} in SI units, got {text!r}")
     return units.scale

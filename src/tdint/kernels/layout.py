@@ -78,12 +78,16 @@ DISPLACEMENT = 0
 VELOCITY = 1
 ACCELERATION = 2
 FIRST_OLDER = 3
+ERROR_DISPLACEMENT = 3  # where the error is carried along: true less computed
+ERROR_VELOCITY = 4
 
 # load: over a step, in which the ground acceleration is linear
 TIME = 0
 GROUND_0 = 1
 GROUND_1 = 2
-LOAD_SIZE = 3
+GROUND_2 = 3  # second and third moment of what the ground acceleration has beyond that line
+GROUND_3 = 4
+LOAD_SIZE = 5
 
 # peaks: largest absolute values; as many rows more for what they may be where a step does not tell
 PEAK_DRIFT = 0
@@ -116,8 +120,10 @@ OMEGA = 3
 FORCE_COLUMNS = 4
 
 # history: per stored time the ground acceleration, then for all floors displacement, velocity, absolute acceleration,
-# and for all stories the shear, then the energies
+# and for all stories the shear, then the energies; where the error is carried along, then that of displacement and
+# velocity of all floors, and of all shears
 HISTORY_FIELDS = 4
+ERROR_FIELDS = 3
 
 # totals: numbers of the whole run, the energies first: so many, and a history has them at each stored time. Those at
 # the end of the run, J
@@ -167,7 +173,8 @@ POWER_DAMPERS = 2  # 1 if a story has a power-law dashpot
 OWN_WORK = 3  # 1 if the step tells what work it does
 FAST = 4  # 1 if the building has modes that the step does not follow
 ON_PATH = 5  # 1 if displacements follow parabolas within a step
-FLAGS_SIZE = 6
+CARRIES_ERROR = 6  # 1 if the step carries the run's error along
+FLAGS_SIZE = 7
 
 # flags[BRANCHES]
 NO_BRANCHES = 0
@@ -185,7 +192,11 @@ WORK_DAMPED = 6  # of the viscous dampers in the last step, J
 WORST_STORY = 7  # where the equations are farthest from balance, if they are
 RESIDUAL = 8  # there: what is out of balance over the sizes of the terms
 EVENTS = 9  # changes of branch located so far
-REPORT_SIZE = 10
+# of the error carried along
+ERROR_BEGUN = 10  # 1 once it is
+ERROR_SIDE = 11  # which of two sets of rows is the last step's
+ERROR_KNOWN = 12  # 1 if accelerations are known there
+REPORT_SIZE = 13
 
 # what a step returns instead of its number of iterations
 NOT_CONVERGED = -1

@@ -30,11 +30,15 @@ method of degree 2 in time (Betsch and Steinmann 2000).
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from tdint.kernels import layout as at
 from tdint.kernels.bundles import Memory, Scene
 from tdint.kernels.chain import finite, mean_load
 from tdint.kernels.compiling import kernel
+from tdint.kernels.equations.carried.error import begin_error, carry_error
+from tdint.kernels.equations.carried.peaks import observe_error
+from tdint.kernels.equations.carried.rows import ERROR_ROWS, STATE_ROWS
 from tdint.kernels.equations.moment4 import ROW, R, finish, move, work_rows
 from tdint.kernels.stepping import STEP
 from tdint.methods.method import Family, Method, Parameter
@@ -53,19 +57,47 @@ def step(coefficients, chain, modal, laws, forces, flags, h, load, state, spring
     return code if finite(state, chain.shape[1] - 1) else at.NOT_FINITE
 
 
+@kernel(STEP)
+def step_with_error(coefficients, chain, modal, laws, forces, flags, h, load, state, springs, work, report):
+    """The same step, and the error that the run has come to (`tdint.kernels.equations.carried.error`)."""
+    scene = Scene(chain, modal, laws, forces, flags)
+    memory = Memory(state, springs, work, report)
+    if report[at.ERROR_BEGUN] == 0.0:
+        begin_error(scene, load, memory)
+        observe_error(scene, 0.0, load, memory)
+    mean_load(chain, forces, load, h, coefficients[R], work, ROW.LOAD)
+    code = move(coefficients, scene, h, memory)
+    if code < 0:
+        return code
+    carry_error(scene, h, load, memory)
+    finish(coefficients, scene, h, memory)
+    observe_error(scene, h, load, memory)
+    return code if finite(state, chain.shape[1] - 1) else at.NOT_FINITE
+
+
 def coefficients(rho_inf: float) -> tuple[float, ...]:
     """r, and 12 / (1 + 6 r), for a spectral radius rho_inf at infinity."""
     r = (1.0 - rho_inf) / (6.0 * (1.0 + rho_inf))
     return r, 12.0 / (1.0 + 6.0 * r)
 
 
-FAMILY = Family(
+_FAMILY = Family(
     "moment4",
     step,
     work_rows,
     memory=(at.DISPLACEMENT, at.VELOCITY),
     own_work=True,
     parabolic=True,
+)
+FAMILY = replace(
+    _FAMILY,
+    with_error=replace(
+        _FAMILY,
+        step=step_with_error,
+        work_rows=lambda modes: work_rows(modes) + ERROR_ROWS,
+        state_rows=STATE_ROWS,
+        carries_error=True,
+    ),
 )
 
 METHODS = (

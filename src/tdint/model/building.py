@@ -198,7 +198,9 @@ def modes(model: Model) -> Modes:
     ModelError
         P-delta larger than a story's stiffness.
     """
-    building = assemble(model)
+    from tdint.model.config.model_file import model_of  # which needs this module
+
+    building = assemble(model_of(model))
     found = building.modes()
     return replace(found, damping=found.damping_ratios(building.damping_matrix()))
 

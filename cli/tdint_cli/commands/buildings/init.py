@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 FILE = "building.yaml"
 _DT, _DURATION = 0.01, 20.0
 _STORIES, _PERIOD_OF_A_STORY = 5, 0.1
+_SHORTEST = 0.001
+"""Period of a building, s: shorter ones are slips of the pen."""
 
 
 def _structures() -> list[str]:
@@ -118,8 +120,14 @@ def _check(request: Request) -> None:
     Raises
     ------
     UsageError
-        A period beside a type, or a type without its facts.
+        A name or a period that no model has; a period beside a type, or a type without its facts.
     """
+    if not request.file or Path(request.file).name in ("", ".."):
+        raise UsageError(f"{request.file!r} is no name of a file; give one such as {FILE}")
+    if not request.file.isprintable():  # nor are bytes that are no UTF-8
+        raise UsageError(f"{request.file!a:.100}: a model's name is a line of UTF-8 without control characters")
+    if request.period is not None and not request.period >= _SHORTEST:
+        raise UsageError(f"--period must be from {_SHORTEST:g} to 100 s, got {request.period:g}")
     if request.structure is None:
         return
     structures = _structures()

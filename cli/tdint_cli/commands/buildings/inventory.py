@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from tdint.output_units import OutputUnits
 
 RULES = ("mdof-lu",)
+_SHOWN = 10
+"""Faults of a table that are shown; of more their number."""
+
 _FILE_NAME = re.compile(r"[\w][\w .+-]{0,120}")
 
 
@@ -103,6 +106,9 @@ def _run(
         write_files(files, overwrite=overwrite)
     outputs.deliver(Table.of_results(columns.INVENTORY, derived))
     say(f"{len(derived)} of {len(derived) + len({fault.line for fault in faults})} buildings by the rules {rules}.")
+    if len(faults) > _SHOWN:
+        more = f"{buildings}: and {len(faults) - _SHOWN} more faults, {len(faults)} in all"
+        raise ModelError("\n".join([*map(str, faults[:_SHOWN]), more]))
     if faults:
         raise ModelError(faults)
 

@@ -30,9 +30,11 @@ def run_many(
     overwrite: bool,
     jobs: int | None,
     units: OutputUnits | None,
+    factors: str | None = None,
 ) -> None:
-    """Do the runs of a building under some records (those of the model without any) at some scales; the table goes to
-    standard output, and with `output` everything is kept in that folder as `tdint campaign` keeps it."""
+    """Do the runs of a building under some records (those of the model without any) at some scales, or with the
+    factors of a file; the table goes to standard output, and with `output` everything is kept in that folder as `tdint
+    campaign` keeps it."""
     from tdint.campaign.carry_out import threads
     from tdint.campaign.store.store import open_store
     from tdint.model.config.model_file import load_model
@@ -40,7 +42,7 @@ def run_many(
     from tdint.processors import processors
 
     model = load_model(request.model)
-    plan = _plan(request, records, model, wishes)
+    plan = _plan(request, records, model, wishes, factors)
     units = units or model.output_units
     engine = threads(jobs or processors())
     if output is None:
@@ -58,22 +60,27 @@ def run_many(
     carry_out(plan, engine, Path(output), overwrite=overwrite, show=True, units=units)
 
 
-def _plan(request: BuildingRequest, records: tuple[str, ...], model: Model, wishes: AnalysisWishes) -> Plan:
-    from tdint.campaign.definition import CampaignFile, ModelFiles, RecordFiles
-    from tdint.campaign.inputs import FoundMotions, Inputs, read_motions
+def _plan(
+    request: BuildingRequest, records: tuple[str, ...], model: Model, wishes: AnalysisWishes, factors: str | None
+) -> Plan:
+    from tdint.campaign.definition import CampaignFile, FactorsFile, ModelFiles, RecordFiles
+    from tdint.campaign.inputs import FoundMotions, Inputs, read_factors, read_motions
     from tdint.campaign.levels import Scales
     from tdint.campaign.plan import make_plan
 
+    of_file = FactorsFile(factors) if factors is not None else None
+    table = read_factors(of_file) if of_file else None
     campaign = CampaignFile(
         name=model.name,
         source=model.source,
         buildings=ModelFiles((model.source,)),
         records=(wanted := RecordFiles(records, request.choice)),
-        intensity=Scales(request.scale or (1.0,)),
+        intensity=of_file or Scales(request.scale or (1.0,)),
         analysis=wishes,
     )
     found = read_motions(wanted) if records else FoundMotions(_motions_of_model(request, model), ())
-    return make_plan(campaign, Inputs((model,), motions=found.motions, failures=found.failures, notes=found.notes))
+    inputs = Inputs((model,), motions=found.motions, factors=table, failures=found.failures, notes=found.notes)
+    return make_plan(campaign, inputs)
 
 
 def _motions_of_model(request: BuildingRequest, model: Model) -> tuple[SuiteMotion, ...]:

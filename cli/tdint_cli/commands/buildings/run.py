@@ -24,7 +24,7 @@ from tdint_cli.terminal.streams import complain, note, say, warn
 
 if TYPE_CHECKING:
     from tdint.analysis.run.outcome import Collapse
-    from tdint.analysis.run.run import Case, FailedRun, Response, StepChoice
+    from tdint.analysis.run.run import Case, FailedRun, Response, StepChoice, StoryPeaks
     from tdint.files import Writer
     from tdint.ground_motion.record import Input, Record
     from tdint.output.tables.table import Table
@@ -53,6 +53,7 @@ class Request(BuildingRequest):
     tolerance: float | None
     of_floors: FloorRequest
     jobs: int | None
+    factors: str | None
 
     def refuse_of_one(self) -> None:
         """Raise UsageError for options of a single run.
@@ -75,6 +76,12 @@ class Request(BuildingRequest):
 @options.building.model
 @click.argument("records", metavar="[RECORD]...", nargs=-1, type=FileName())
 @options.record.of_record
+@options.record.option(
+    "--factors",
+    type=FileName(),
+    metavar="FILE",
+    help="Run the records with the factors that `tdint scale -o` wrote, in place of --scale.",
+)
 @options.spectra.floor_spectra
 @options.spectra.floor_damping
 @options.spectra.floor_periods
@@ -109,7 +116,8 @@ class Request(BuildingRequest):
 @options.analysis.option(
     "--check",
     is_flag=True,
-    help="Repeat the run with a half and a quarter of the step: columns <name>_error with the estimated errors.",
+    help="Columns <name>_error with the estimated errors. moment4 carries them along in the run; with another method "
+    "it is repeated with a half and a quarter of the step.",
 )
 @options.analysis.option(
     "--tolerance",
@@ -134,8 +142,8 @@ def command(record: str | None, records: tuple[str, ...], **given: Any) -> None:
     --method, --dt and --duration replace what it says of the analysis. --overwrite replaces all files of an earlier
     run: those the new one does not write are removed.
 
-    With several records, a folder of records, or several scales (--scale 0.5,1,2) the table has a row for each run
-    instead, of all horizontal components without --component. With -o it is a small campaign: runs.csv and
+    With several records, a folder of records, several scales (--scale 0.5,1,2) or --factors the table has a row for
+    each run instead, of all horizontal components without --component. With -o it is a small campaign: runs.csv and
     campaign.sqlite, which `tdint campaign status`, `export` and `merge` take; a call that was ended goes on.
     """
     if record is not None and records:
@@ -144,7 +152,9 @@ def command(record: str | None, records: tuple[str, ...], **given: Any) -> None:
     names = {"floors": "floor_spectra", "export": "export_floors"}
     wanted = {field.name: given.pop(names.get(field.name, field.name)) for field in fields(FloorRequest)}
     request = Request(**given, record=named[0] if named else None, of_floors=FloorRequest(**wanted))
-    if len(named) > 1 or len(request.scale or ()) > 1 or (named and is_folder(named[0])):
+    if request.factors is not None and (request.scale or not named):
+        raise UsageError("--factors stands in place of --scale, and is for the RECORDs that were scaled: name them")
+    if request.factors is not None or len(named) > 1 or len(request.scale or ()) > 1 or (named and is_folder(named[0])):
         _run_many(request, named)
     else:
         _run(request)
@@ -160,7 +170,7 @@ def _run_many(request: Request, records: tuple[str, ...]) -> None:
     wishes = AnalysisWishes(request.method, request.dt, request.duration, until_rest=request.until_rest)
     run_many(
         request, records, wishes=wishes, output=request.output, overwrite=request.overwrite,
-        jobs=request.jobs, units=request.output_units,
+        jobs=request.jobs, units=request.output_units, factors=request.factors,
     )  # fmt: skip
 
 
@@ -371,13 +381,28 @@ def _paragraph(response: Response, units: OutputUnits) -> str:
         lines.append(f"The building is at rest at {response.rest_time:.6g} s.")
     if (check := response.check) and check.drift_error is not None:
         runs = " and ".join(f"{dt:.6g}" for dt in check.dts)
+        source = f"from runs with dt {runs} s" if runs else "carried along in the run"
         if check.choice is not None:
             lines.append(_chosen(response, check.choice))
         lines.append(
             f"Largest estimated error of a peak drift: {100.0 * check.drift_error:.2g} % (story {check.drift_story}), "
-            f"from runs with dt {runs} s."
+            f"{source}."
         )
+        if check.corrected is not None:
+            lines.append(_corrected(check.corrected, units))
     return "\n".join(lines)
+
+
+def _corrected(stories: StoryPeaks, units: OutputUnits) -> str:
+    """The largest demands once they are corrected by that error."""
+    from tdint.analysis.run.demands import demands
+
+    found = demands(stories)
+    return (
+        f"Corrected by it: largest drift {units.text(found.drift.value, 'm')} in story {found.drift.place}, roof "
+        f"displacement {units.text(found.roof_displacement.value, 'm')}, base shear "
+        f"{units.text(found.base_shear.value, 'N')}."
+    )
 
 
 def _chosen(response: Response, choice: StepChoice) -> str:

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tdint.errors import UsageError
+from tdint.errors import AnalysisError, UsageError
 from tdint_cli import options
 from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import RecordsRequest
 from tdint_cli.options.studies import PAIRS, read_suite
-from tdint_cli.options.values import IntensityType, Number, RangeType
-from tdint_cli.terminal.streams import say
+from tdint_cli.options.values import FileName, IntensityType, Number, RangeType
+from tdint_cli.terminal.streams import say, warn
 
 if TYPE_CHECKING:
     from tdint.campaign.suites.intensity import GroundMotion, IntensityMeasure
@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from tdint.written_numbers import Grid
 
 _VALUES = ("sa", "sa_avg", "pga", "pgv")
-_RULES = ("mean", "asce7")
+_RULES = ("mean", "asce7", "ec8")
+_BY_PERIOD = ("asce7", "ec8")
 _ACCELERATION = IntensityType("acceleration")
 
 
@@ -36,6 +37,8 @@ class ScaleRequest(RecordsRequest):
     target: str | None
     range: Grid | None
     rule: str | None
+    building: tuple[str, ...] | None
+    max_factor: float | None
     sa: Units | None
     sa_avg: Units | None
     pga: Units | None
@@ -77,13 +80,20 @@ class ScaleRequest(RecordsRequest):
         if self.p695 and value and value[0] != "sa":
             raise UsageError("--p695 is scaled on by --sa with --at")
         needs_period = value is not None and value[0].startswith("sa")
-        takes_period = needs_period or (self.rule == "asce7" and self.range is None)
+        by_period = self.rule in _BY_PERIOD and self.range is None
+        takes_period = needs_period or by_period
         if needs_period and self.at is None:
             raise UsageError(f"--{value[0].replace('_', '-') if value else ''} needs a period: add --at SECONDS")
         if self.at is not None and not takes_period:
-            raise UsageError("--at is for --sa, --sa-avg, and for --rule asce7 without --range")
-        if self.rule == "asce7" and self.range is None and self.at is None:
-            raise UsageError("--rule asce7 compares over 0.2 T to 2 T: give the period T by --at, or --range")
+            raise UsageError("--at is for --sa, --sa-avg, and for --rule asce7 and ec8 without --range")
+        if self.building and (self.at is not None or self.range is not None):
+            raise UsageError(
+                f"--building and --{'range' if self.at is None else 'at'} are given; leave one of them out"
+            )
+        if by_period and self.at is None and not self.building:
+            raise UsageError(
+                f"--rule {self.rule} compares over 0.2 T to 2 T: give the period T by --at, or --building, or --range"
+            )
         if (self.p695 or self.rule == "asce7") and self.pairs is not None:
             raise UsageError(f"--pairs: {'--p695' if self.p695 else '--rule asce7'} says itself what stands for a pair")
 
@@ -102,14 +112,30 @@ class ScaleRequest(RecordsRequest):
     type=RangeType(100),
     metavar="FIRST:LAST",
     help="Periods over which the target is met, s, at 100 in equal ratios (or FIRST:LAST:COUNT); by default all of the "
-    "target, with --rule asce7 and --at T 0.2 T to 2 T.",
+    "target; with --building, or --at T and a rule of a code, 0.2 T to 2 T.",
 )
 @options.option(
     "--rule",
     needs="--target",
     type=click.Choice(_RULES),
     help="mean (by default): least squares of ln Sa, each motion for itself. asce7: 11 pairs at least; the average of "
-    "the maximum-direction spectra is nowhere below 90 % of the target (ASCE 7-16, 16.2.3.2).",
+    "the maximum-direction spectra is nowhere below 90 % of the target (ASCE 7-16, 16.2.3.2). ec8: the mean spectrum "
+    "is nowhere below 90 % of it, the mean PGA not below its value at the period 0 (EN 1998-1:2004, 3.2.3.1.2).",
+)
+@options.option(
+    "--building",
+    needs="--target",
+    many=True,
+    type=FileName(),
+    metavar="MODEL.yaml,...",
+    help="The target is met from 0.2 times the first period of this building to 2 times it; of several, from the "
+    "shortest to the longest.",
+)
+@options.option(
+    "--max-factor",
+    type=Number(0.0, min_open=True),
+    metavar="FACTOR",
+    help="Refuse (exit code 5) a suite of which a motion needs a larger factor, and name it.",
 )
 @options.option("--sa", type=_ACCELERATION, metavar="VALUE", help="Scale to this Sa at the period --at: 0.6g.")
 @options.option("--sa-avg", type=_ACCELERATION, metavar="VALUE", help="Scale to this Sa_avg about the period --at.")
@@ -143,7 +169,7 @@ def command(**given: Any) -> None:
     table says what the records are and how the factors came about.
 
     A record that fails does not keep the others from being done, unless the factors depend on the whole set (--p695,
-    --rule asce7).
+    --rule asce7 and ec8).
     """
     _scale(ScaleRequest(**given))
 
@@ -156,12 +182,13 @@ def _scale(request: ScaleRequest) -> None:
 
     request.check()
     outputs = Outputs.checked(request.output, request.plot, request.overwrite, summary=True, units=request.output_units)
-    refuse_inputs(outputs.files, [*request.records, request.target, request.inventory])
+    refuse_inputs(outputs.files, [*request.records, request.target, request.inventory, *(request.building or ())])
     aim = _aim(request)
     suite, failures = read_suite(request.records, request.choice, pairs=request.in_pairs)
-    if failures and (request.p695 or request.rule == "asce7"):
+    if failures and (request.p695 or request.rule in _BY_PERIOD):
         raise Failures(failures)
     scaling = aim(suite.motions)
+    _check_factors(request, scaling)
     table = factor_table(scaling)
 
     def draw(suffix: str) -> Writer:
@@ -175,6 +202,8 @@ def _scale(request: ScaleRequest) -> None:
 
     outputs.deliver(table, draw, summarize)
     say(_words(scaling, request.output_units or SI))
+    for text in _doubts(scaling):
+        warn(text)
     if failures:
         raise Failures(failures)
 
@@ -201,6 +230,9 @@ def _aim(request: ScaleRequest) -> Any:
         grid = request.range
     elif request.at is not None:
         grid = Grid(0.2 * request.at, 2.0 * request.at, 100)
+    elif request.building:
+        first = _first_periods(request.building)
+        grid = Grid(0.2 * min(first), 2.0 * max(first), 100)
     else:
         grid = Grid(float(target.periods[0]), float(target.periods[-1]), 100)
     periods = grid.values()
@@ -213,7 +245,42 @@ def _aim(request: ScaleRequest) -> Any:
     if request.rule == "asce7":
         return lambda motions: scaling.scale_asce7(motions, target, periods, damping=request.damping)
     pair = request.pairs or PAIRS[0]
-    return lambda motions: scaling.scale_to_target(motions, target, periods, damping=request.damping, pair=pair)
+    scale = scaling.scale_ec8 if request.rule == "ec8" else scaling.scale_to_target
+    return lambda motions: scale(motions, target, periods, damping=request.damping, pair=pair)
+
+
+def _first_periods(files: tuple[str, ...]) -> list[float]:
+    """The first periods of buildings, s."""
+    from math import tau
+
+    from tdint.model.building import assemble
+    from tdint.model.config.model_file import load_model
+
+    return [tau / assemble(load_model(file)).first_mode()[0] for file in files]
+
+
+def _check_factors(request: ScaleRequest, scaling: Scaling) -> None:
+    """Raise AnalysisError for motions that need a larger factor than is allowed."""
+    if request.max_factor is None:
+        return
+    larger = scaling.beyond(0.0, request.max_factor)
+    if larger:
+        named = ", ".join(f"{name} {factor:.4g}" for name, factor in larger)
+        raise AnalysisError(f"larger than --max-factor {request.max_factor:g}: {named}; leave them out of the suite")
+
+
+def _doubts(scaling: Scaling) -> list[str]:
+    """What a reviewer would ask about a suite."""
+    from tdint.campaign.suites.scaling import BOUNDS, FEW
+
+    doubts = []
+    if scaling.rule == "ec8" and len(scaling.motions) < FEW:
+        doubts.append(f"{len(scaling.motions)} of the {FEW} motions that a mean needs at least")
+    if scaling.target is not None and (beyond := scaling.beyond(*BOUNDS)):
+        named = ", ".join(f"{name} {factor:.4g}" for name, factor in beyond[:5])
+        named += f" and {len(beyond) - 5} more" if len(beyond) > 5 else ""
+        doubts.append(f"factors beyond {BOUNDS[0]:g} to {BOUNDS[1]:g}, the bounds of common practice: {named}")
+    return doubts
 
 
 def _measure(request: ScaleRequest, name: str) -> IntensityMeasure:
@@ -238,6 +305,8 @@ def _settings(request: ScaleRequest, scaling: Scaling) -> dict[str, Any]:
         "value": scaling.value,
         "unit": scaling.measure.unit if scaling.measure else None,
         "target": request.target,
+        "building": list(request.building or ()),
+        "max_factor": request.max_factor,
         "periods_s": None if periods is None else [float(periods[0]), float(periods[-1]), int(periods.size)],
         "damping": scaling.damping,
         "pairs": scaling.pair if request.in_pairs else None,
@@ -263,10 +332,8 @@ def _words(scaling: Scaling, units: OutputUnits) -> str:
     text += f": factors {np.min(factors):.4g} to {np.max(factors):.4g}, median {np.median(factors):.4g}."
     if scaling.least is not None:
         part, period = scaling.least
-        text += (
-            f"\nThe average of the maximum-direction spectra is {100.0 * part:.3g} % of the target at the least, at "
-            f"{period:.4g} s."
-        )
+        spectra = "maximum-direction spectra" if scaling.rule == "asce7" else "spectra"
+        text += f"\nThe average of the {spectra} is {100.0 * part:.3g} % of the target at the least, at {period:.4g} s."
     return text
 
 

@@ -117,6 +117,19 @@ class Case:
         record = self.record
         return choose_steps(dt, duration, record.dt if record else None, record.duration if record else 0.0)
 
+    def carrying_error(self) -> tuple[Case | None, str]:
+        """The case with the error of its runs carried along; None, and why, where a run cannot.
+
+        Methods that never do need no reason.
+        """
+        family = self.integrator.family.with_error
+        if family is None:
+            return None, ""
+        if self.integrator.rho_inf != 1.0:
+            return None, f"{self.integrator.label} does not carry it along; rho_inf=1 does"
+        method = replace(self.integrator.method, family=family)
+        return replace(self, integrator=replace(self.integrator, method=method)), ""
+
     def march(self, steps: Steps, history: bool = False) -> Response:
         """Integrate over the steps.
 
@@ -252,8 +265,13 @@ class Case:
             unresolved=unresolved,
             moving_drift=moving,
             collapse=collapse,
+            check=run_totals.carried_error(self.building, space, stories, unresolved) if self._carries_error else None,
             warnings=_imbalance(energy),
         )
+
+    @property
+    def _carries_error(self) -> bool:
+        return self.integrator.family.carries_error
 
     def _notes(self, steps: Steps, halvings: int) -> tuple[str, ...]:
         record = self.record

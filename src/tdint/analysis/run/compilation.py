@@ -28,5 +28,7 @@ def of_model(model: Model, integrator: Integrator) -> list[tuple[Kernel, Variant
 def of_everything() -> list[tuple[Kernel, Variant]]:
     """All kernels, each for all scenes."""
     steps = [one for name in catalogue() for one in kernels(parse(name), EVERYTHING)]
+    families = {parse(name).family.name: parse(name).family for name in catalogue()}
+    steps += [(one.with_error.step, EVERYTHING) for one in families.values() if one.with_error]
     others = (many, follow, peaks, rotated_peaks, largest_drifts, bilinear_response, *kernels_apart())
     return [*steps, *((kernel, EVERYTHING) for kernel in others)]

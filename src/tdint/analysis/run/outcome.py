@@ -179,20 +179,23 @@ class StepChoice:
 
 @dataclass(frozen=True)
 class ErrorEstimate:
-    """What the repetition of a run with smaller steps says of it.
+    """How far off a run is: by the error that it has carried along, or by what its repetition with smaller steps says.
 
     Attributes
     ----------
     errors : StoryErrors
         Estimated errors of the run's peaks.
     dts : tuple of float
-        The steps of the repetitions, s.
+        The steps of the repetitions, s; none for an error that was carried along.
     drift_error : float or None
         Largest estimated error of a peak drift over that drift; None where there is no estimate.
     drift_story : int or None
         The story that has it, counted from 1.
     choice : StepChoice or None
         How the step was chosen, if it was for a tolerance.
+    corrected : StoryPeaks or None
+        The peaks of the motion that the run's is corrected to by the error carried along: nearer to the truth, with
+        the estimated errors as a bound. None where the error comes from repetitions.
     """
 
     errors: StoryErrors
@@ -200,6 +203,15 @@ class ErrorEstimate:
     drift_error: float | None
     drift_story: int | None
     choice: StepChoice | None = None
+    corrected: StoryPeaks | None = None
+
+    @classmethod
+    def of(cls, stories: StoryPeaks, errors: StoryErrors, **more: Any) -> ErrorEstimate:
+        """The estimate of a run with these peaks, the story with the largest error of a drift found."""
+        drift = stories.peak_drift
+        relative = np.divide(errors.peak_drift, drift, out=np.zeros_like(drift), where=drift > 0.0)
+        worst = int(np.argmax(relative))
+        return cls(errors, drift_error=float(relative[worst]), drift_story=worst + 1, **more)
 
 
 Amount = TypeVar("Amount")
@@ -254,9 +266,23 @@ class EnergyHistory(EnergyTerms[Array]):
     error: Array
 
 
+@dataclass(frozen=True)
+class ErrorHistory:
+    """The error that a run has carried along at all steps, true less computed: of displacement and drift (m), velocity
+    (m/s) and shear (N); shape (steps + 1, n)."""
+
+    displacement: Array
+    velocity: Array
+    drift: Array
+    shear: Array
+
+
 @dataclass(frozen=True, repr=False)
 class History(Tabular):
-    """Response at all steps: `time` and `ground_acceleration` of shape (steps + 1,), the rest (steps + 1, n)."""
+    """Response at all steps: `time` and `ground_acceleration` of shape (steps + 1,), the rest (steps + 1, n).
+
+    `error` is what all but the accelerations are off by, where the run has carried that along; else None.
+    """
 
     time: Annotated[Array, Quantity("s", "time from the first sample", shown=("ground",))]
     ground_acceleration: Annotated[Array, Quantity("m/s^2", "acceleration of the ground", shown=("ground",))]
@@ -272,6 +298,7 @@ class History(Tabular):
         Array, Quantity("N", "moves all floors above: restoring, P-delta and all viscous forces", shown=("story",))
     ]
     energy: EnergyHistory
+    error: ErrorHistory | None = None
 
     def _headline(self) -> str:
         return f"of {self.displacement.shape[1]} stories, {len(self.time) - 1} steps to {self.time[-1]:.6g} s"
@@ -281,8 +308,11 @@ class History(Tabular):
         energy = EnergyHistory(
             **{field.name: getattr(self.energy, field.name)[::steps] for field in fields(self.energy)}
         )
-        own = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "energy"}
-        return History(**{name: values[::steps] for name, values in own.items()}, energy=energy)
+        error = self.error and ErrorHistory(
+            **{field.name: getattr(self.error, field.name)[::steps] for field in fields(self.error)}
+        )
+        own = {field.name: getattr(self, field.name) for field in fields(self) if field.name not in ("energy", "error")}
+        return History(**{name: values[::steps] for name, values in own.items()}, energy=energy, error=error)
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
+from tdint.analysis.given import number_of, ratio_of, record_of
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.error_estimate import checked
+from tdint.analysis.run.error_estimate import checked_run
 from tdint.analysis.run.outcome import (
     Collapse,
     Energy,
@@ -21,9 +23,11 @@ from tdint.analysis.run.outcome import (
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.rest import until_rest as go_on
 from tdint.analysis.run.step_choice import choose_step
+from tdint.errors import UsageError
 from tdint.ground_motion.reading.read import read_record
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
+from tdint.model.config.model_file import model_of
 from tdint.model.definition import Model
 
 __all__ = [
@@ -46,8 +50,8 @@ __all__ = [
 
 
 def run(
-    model: Model,
-    record: Record | None = None,
+    model: Model | str | Path,
+    record: Record | str | Path | None = None,
     *,
     method: str | None = None,
     dt: float | None = None,
@@ -55,17 +59,17 @@ def run(
     history: bool = False,
     allow_unstable: bool = False,
     check: bool = False,
-    tolerance: float | None = None,
+    tolerance: float | str | None = None,
     until_rest: bool = False,
 ) -> Response:
     """Integrate a model in time.
 
     Parameters
     ----------
-    model : Model
-        From `load_model`.
-    record : Record, optional
-        Ground motion in place of the one that the model names.
+    model : Model, str, Path or mapping
+        From `load_model`, or what that takes.
+    record : Record, str, Path or ObsPy trace, optional
+        Ground motion in place of the one that the model names; a file's needs to tell its units and one component.
     method, dt, duration : optional
         In place of what the model's analysis says: a specification such as `hht:alpha=-0.1`, s, s. Without either the
         method is `tdint.methods.catalogue.DEFAULT_METHOD` (a note says so), step and duration those of the record.
@@ -75,9 +79,10 @@ def run(
         Run a conditionally stable method beyond its limit, and take a motion on energy that the method made for a
         result.
     check : bool
-        Repeat the run with a half and a quarter of the step, and estimate the errors of its peaks from that
-        (`Response.check`). A repetition that fails leaves them unknown.
-    tolerance : float, optional
+        Estimate the errors of the peaks (`Response.check`): moment4 carries them along in the run; the run of another
+        method, and one whose step is too long for that, is repeated with a half and a quarter of the step. A repetition
+        that fails leaves them unknown.
+    tolerance : float or str, optional
         Take the largest step with which the estimated error of every peak drift is within this part of it: from
         several sampling intervals of the record, or from dt where one is given, down to a 256th of either
         (`tdint.analysis.run.step_choice`). The response is checked.
@@ -93,8 +98,10 @@ def run(
     ------
     UsageError
         An unknown method, a step that does not fit, or a tolerance that is none.
+    ModelError
+        The model is none.
     RecordError
-        The model's record cannot be read.
+        The record is none, or cannot be read.
     AnalysisError
         The step is beyond the method's limit; the run diverged or did not converge; no step is within the tolerance
         (`FailedRun`).
@@ -106,19 +113,25 @@ def run(
 
 
 def prepare(
-    model: Model, record: Record | None = None, *, method: str | None = None, allow_unstable: bool = False
+    model: Model | str | Path,
+    record: Record | str | Path | None = None,
+    *,
+    method: str | None = None,
+    allow_unstable: bool = False,
 ) -> Case:
     """Put a model together for any number of runs: `run_case(case)`, `run_case(case.scaled(2.0))`, ...
 
     The building is assembled, and what a method needs of it found, once for all cases that are made of this one by
     `Case.scaled` and `Case.under`. Parameters and errors are those of `run`.
     """
+    model = model_of(model)
+    if not isinstance(method, str | None):
+        raise UsageError(f"a method is a text such as 'hht:alpha=-0.1', got {method!r:.60}")
     specification = method or model.analysis.method
     remarks = () if specification else (f"no method is named: it is {DEFAULT_METHOD}",)
     integrator = parse(specification or DEFAULT_METHOD)
-    if record is None:
-        record = model_record(model)
-    return Case(model, PreparedBuilding.of(model), record, integrator, allow_unstable, remarks)
+    ground = model_record(model) if record is None else record_of(record)
+    return Case(model, PreparedBuilding.of(model), ground, integrator, allow_unstable, remarks)
 
 
 def run_case(
@@ -128,10 +141,11 @@ def run_case(
     duration: float | None = None,
     history: bool = False,
     check: bool = False,
-    tolerance: float | None = None,
+    tolerance: float | str | None = None,
     until_rest: bool = False,
 ) -> Response:
     """Integrate a case in time. Parameters and errors are those of `run`."""
+    dt, duration, tolerance = number_of(dt, "dt"), number_of(duration, "duration"), ratio_of(tolerance, "tolerance")
     if until_rest:
         steps, at_rest = go_on(case, case.steps(dt, duration))
         response = run_case(
@@ -141,8 +155,7 @@ def run_case(
     if tolerance is not None:
         return choose_step(case, tolerance, dt=dt, duration=duration, history=history)
     steps = case.steps(dt, duration)
-    response = case.march(steps, history)
-    return checked(case, steps, response) if check else response
+    return checked_run(case, steps, history) if check else case.march(steps, history)
 
 
 def model_record(model: Model) -> Record | None:

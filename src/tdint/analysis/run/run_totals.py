@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import reduce
 from operator import add, sub
 
@@ -13,22 +13,27 @@ from tdint.analysis.run.outcome import (
     ENERGY_TERMS,
     Energy,
     EnergyHistory,
+    ErrorEstimate,
+    ErrorHistory,
     History,
     StoryErrors,
     StoryPeaks,
     story_values,
 )
 from tdint.analysis.run.workspace import Workspace
-from tdint.kernels import layout
 from tdint.kernels import layout as at
+from tdint.kernels.equations.carried.rows import error_peaks
 from tdint.model.building import Building
 
 Array = NDArray[np.float64]
 
+_ROUNDING = 1e-12
+"""Error over the peak that is always there."""
+
 
 def story_peaks(building: Building, space: Workspace) -> StoryPeaks:
     """The peaks of all stories."""
-    return peaks_of(building, space.peaks, space.springs[layout.DRIFT, :-1].copy())
+    return peaks_of(building, space.peaks, space.springs[at.DRIFT, : building.stories].copy())
 
 
 def peaks_of(building: Building, peaks: Array, residual_drift: Array) -> StoryPeaks:
@@ -44,7 +49,7 @@ def moving_drift(building: Building, space: Workspace) -> Array:
     """
     displacement, velocity = (np.max(space.peaks[row]) for row in (at.PEAK_DISPLACEMENT, at.PEAK_VELOCITY))
     seconds = displacement / velocity if velocity > 0.0 else 0.0
-    drift, force = space.springs[at.DRIFT, :-1], space.springs[at.FORCE, :-1]
+    drift, force = (space.springs[row, : building.stories] for row in (at.DRIFT, at.FORCE))
     away = (force + building.chain[at.GEOMETRIC, :-1] * drift) / building.initial_stiffness
     return np.asarray(np.hypot(away, _of_drifts(building, space.state[at.VELOCITY]) * seconds))
 
@@ -63,6 +68,23 @@ def unresolved(building: Building, space: Workspace, late: float) -> StoryErrors
     told = story_values(building, peaks, rest)
     doubt = story_values(building, np.maximum(space.peaks[at.PEAK_ROWS :], peaks), changed)
     return StoryErrors(**{name: doubt[name] - values for name, values in told.items()})
+
+
+def carried_error(building: Building, space: Workspace, stories: StoryPeaks, doubt: StoryErrors) -> ErrorEstimate:
+    """What the error that a run has carried along says of its peaks, which may be in `doubt` beside that."""
+    n = building.stories
+    first = error_peaks(building.modal.shape[0])
+    residual = space.springs[at.DRIFT, n + 1 : 2 * n + 1].copy()
+    corrected = peaks_of(building, space.work[first : first + at.PEAK_ROWS, :n].copy(), residual)
+
+    def error(name: str) -> Array:
+        own: Array = getattr(stories, name)
+        size = stories.peak_drift if name == "residual_drift" else own
+        known = np.abs(getattr(corrected, name) - own) + _ROUNDING * size
+        return np.asarray(np.maximum(known, getattr(doubt, name)))
+
+    errors = StoryErrors(**{field.name: error(field.name) for field in fields(StoryErrors)})
+    return ErrorEstimate.of(stories, errors, dts=(), corrected=corrected)
 
 
 def energy(space: Workspace) -> Energy:
@@ -129,8 +151,18 @@ def history(building: Building, forces: Array, space: Workspace, h: float) -> Hi
         shear=shear,
         damper_force=building.device_force(rate),
         total_shear=_total_shear(building, forces, time, acceleration),
-        energy=_energy_history(table[:, 1 + fields * n :], space.observed),
+        energy=_energy_history(table[:, 1 + fields * n : 1 + fields * n + at.ENERGY_TERMS], space.observed),
+        error=_error_history(table[:, 1 + fields * n + at.ENERGY_TERMS :], n),
     )
+
+
+def _error_history(table: Array, n: int) -> ErrorHistory | None:
+    if not table.size:
+        return None
+    displacement, velocity, shear = (table[:, j * n : (j + 1) * n] for j in range(at.ERROR_FIELDS))
+    drift = displacement.copy()
+    drift[:, 1:] -= displacement[:, :-1]
+    return ErrorHistory(displacement, velocity, drift, shear)
 
 
 def _total_shear(building: Building, forces: Array, time: Array, acceleration: Array) -> Array:

@@ -2,8 +2,8 @@
 
 It is looked for among steps that are halves of one another, from a coarse one on: several sampling intervals of the
 record, as far as the building's first mode allows, or the step that was asked for. Each is judged by runs with its half
-and its quarter, which are the next ones in the row: to come down from far above costs little more than to begin at the
-step that is taken.
+and its quarter, which are the next ones in the row, or by the error that its own run carries along: to come down from
+far above costs little more than to begin at the step that is taken.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass, field, replace
 
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.error_estimate import FINER, attempt, checked, with_check
+from tdint.analysis.run.error_estimate import FINER, attempt, checked_run, doubt, with_check
 from tdint.analysis.run.outcome import FailedRun, Response, StepChoice
 from tdint.analysis.run.steps import Steps, choose_steps, finer
 from tdint.errors import UsageError
@@ -119,6 +119,13 @@ class _Search:
 
     def checked(self, level: int) -> Response | FailedRun:
         """The response of a level with its estimated errors."""
+        carrying, _ = self.case.carrying_error()
+        if carrying is not None and not isinstance(self.runs.get(level), FailedRun):
+            if level not in self.runs:
+                self.runs[level] = attempt(carrying, self.steps(level))
+            carried = self.runs[level]
+            if isinstance(carried, FailedRun) or (carried.check is not None and not doubt(carried.check)):
+                return carried
         for one in range(level, level + FINER + 1):
             if one not in self.runs:
                 self.runs[one] = attempt(self.case, self.steps(one))
@@ -165,7 +172,7 @@ class _Search:
         steps = replace(steps, count=min(steps.count, math.ceil(end / steps.h * (1.0 - _SAME))))
         kept = found
         if steps.count != self.steps(level).count:
-            kept = checked(self.case, steps, self.case.march(steps, history))
+            kept = checked_run(self.case, steps, history)
         elif history:
             kept = replace(self.case.march(steps, history), check=found.check)
         own = self.runs.get(self.power)  # with the record's step

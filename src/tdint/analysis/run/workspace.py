@@ -66,20 +66,27 @@ def workspace(
     flags[at.POWER_DAMPERS] = building.power_damped
     flags[at.OWN_WORK] = family.own_work
     flags[at.ON_PATH] = family.parabolic
+    flags[at.CARRIES_ERROR] = family.carries_error
+    fields = at.HISTORY_FIELDS + (at.ERROR_FIELDS if family.carries_error else 0)
     observed = np.zeros(at.TOTALS_SIZE)
     observed[at.COLLAPSE_STEP] = at.NO_COLLAPSE
     return Workspace(
         state=np.zeros((family.state_rows, n + 1)),
-        springs=spring_table(building.laws),
-        work=np.zeros((family.work_rows(modes), max(n, 2 * modes) + 1)),
+        springs=spring_table(_laws(building, integrator)),
+        work=np.zeros((family.work_rows(modes), max((2 if family.carries_error else 1) * (n + 1), 2 * modes + 1))),
         flags=flags,
         report=np.zeros(at.REPORT_SIZE),
         watch=np.zeros((at.WATCH_ROWS, n + 1)),
         peaks=np.zeros((2 * at.PEAK_ROWS, n)),
         limits=np.array([np.full(n, collapse_drift), building.heights, _failed(building)]),
         observed=observed,
-        history=np.zeros((steps + 1 if steps else 0, 1 + at.HISTORY_FIELDS * n + at.ENERGY_TERMS)),
+        history=np.zeros((steps + 1 if steps else 0, 1 + fields * n + at.ENERGY_TERMS)),
     )
+
+
+def _laws(building: Building, integrator: Integrator) -> Array:
+    """The laws; twice where the error is carried along."""
+    return np.hstack([building.laws, building.laws]) if integrator.family.carries_error else building.laws
 
 
 def _failed(building: Building) -> Array:
@@ -140,6 +147,7 @@ def integrate(
     """
     if len(space.history) > 1 and steps.count % (len(space.history) - 1):
         raise ValueError(f"{steps.count} steps do not fit into a history of {len(space.history) - 1}")
+    laws = _laws(building, integrator)
     return _in_pieces(
         steps.count,
         _FIRST_PIECE // (building.stories * (1 + len(building.modal))),
@@ -160,7 +168,7 @@ def integrate(
             shifts(integrator, steps.h),
             building.chain,
             building.modal,
-            building.laws,
+            laws,
             forces,
             space.flags,
             space.state,

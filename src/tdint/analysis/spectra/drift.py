@@ -9,11 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.analysis.given import damping_of, numbers_of, record_of
 from tdint.analysis.spectra.defaults import HEIGHT_PERIOD, STORY_HEIGHT
 from tdint.analysis.spectra.inelastic import SHORTEST
 from tdint.analysis.spectra.oscillators import check_shortest, recursion_table
@@ -91,7 +93,7 @@ class DriftSpectrum(Tabular):
 
 
 def drift_spectrum(
-    record: Record,
+    record: Record | str | Path,
     periods: Array,
     damping: float = 0.05,
     *,
@@ -108,7 +110,7 @@ def drift_spectrum(
 
     Parameters
     ----------
-    record : Record
+    record : Record, str, Path or ObsPy trace
         Ground motion; the buildings are at rest at its first sample.
     periods : ndarray, shape (k,)
         Fundamental periods, s, positive.
@@ -132,11 +134,10 @@ def drift_spectrum(
     AnalysisError
         Periods that are too short or, for a beam, too long for the record's sampling interval.
     """
-    periods = np.atleast_1d(np.asarray(periods, dtype=np.float64))
+    record, damping = record_of(record), damping_of(damping)
+    periods = numbers_of(periods, "periods")
     if periods.size == 0 or not np.all(np.isfinite(periods) & (periods > 0.0)):
         raise UsageError("periods must be positive numbers of seconds")
-    if not 0.0 <= damping < 1.0:
-        raise UsageError(f"damping must be a ratio in [0, 1), got {damping!r}")
     check_shortest(periods, record.dt, SHORTEST)
     heights = height_period.height(periods)
     pairs = list(zip(periods.tolist(), heights.tolist(), strict=True))

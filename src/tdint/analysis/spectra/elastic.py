@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.analysis.given import damping_of, numbers_of, record_of
 from tdint.analysis.spectra.oscillators import EXACT, INTERPOLATED, MAXIMA, Maxima, check_shortest, largest
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.interpolation import INTERPOLATIONS, LINEAR, Interpolation
@@ -74,7 +76,7 @@ class SpectrumSettings:
 
 
 def spectrum(
-    record: Record,
+    record: Record | str | Path,
     periods: Array,
     damping: float = 0.05,
     *,
@@ -86,7 +88,7 @@ def spectrum(
 
     Parameters
     ----------
-    record : Record
+    record : Record, str, Path or ObsPy trace
         Ground motion; the oscillators are at rest at its first sample and watched until its last one. For what they do
         after it, append zeros to it.
     periods : ndarray, shape (k,)
@@ -116,7 +118,8 @@ def spectrum(
     AnalysisError
         A period is too short for the record, or the method is unstable at a period.
     """
-    periods = checked_periods(periods, damping)
+    record, damping = record_of(record), damping_of(damping)
+    periods = checked_periods(periods)
     settings = choose_settings(method, maxima, interpolation)
     positive = periods > 0.0
     omega = np.divide(2.0 * math.pi, periods, out=np.zeros_like(periods), where=positive)
@@ -148,15 +151,13 @@ LONGEST_PERIOD = 1e6
 """s; squares of longer ones leave what floats hold."""
 
 
-def checked_periods(periods: Array, damping: float) -> Array:
-    """The periods as an array, shape (k,); UsageError if they or the damping ratio make no sense."""
-    periods = np.atleast_1d(np.asarray(periods, dtype=np.float64))
+def checked_periods(periods: Array) -> Array:
+    """The periods as an array, shape (k,); UsageError if they make no sense."""
+    periods = numbers_of(periods, "periods")
     if periods.size == 0 or not np.all(np.isfinite(periods) & (periods >= 0.0)):
         raise UsageError("periods must be numbers of seconds, 0 or positive")
     if np.max(periods) > LONGEST_PERIOD:
         raise UsageError(f"a period of {np.max(periods):.3g} s is beyond {LONGEST_PERIOD:.0e} s: no structure has it")
-    if not 0.0 <= damping < 1.0:
-        raise UsageError(f"damping must be a ratio in [0, 1), got {damping!r}")
     return periods
 
 

@@ -52,12 +52,12 @@ def floor_motion(response: Response, floor: int) -> Record:
 
     Raises
     ------
-    ValueError
+    UsageError
         The run kept no history.
     """
     history = response.history
     if history is None:
-        raise ValueError("the motion of a floor needs the run's history: run(..., history=True)")
+        raise UsageError("the motion of a floor needs the run's history: run(..., history=True)")
     ground = response.record
     channel = ground.component if ground and len(ground.component) == 3 and ground.component.isalnum() else _CHANNEL
     station = f"F{floor:0{max(2, len(str(len(response.model.stories))))}d}"
@@ -72,7 +72,7 @@ def floor_motion(response: Response, floor: int) -> Record:
 
 
 def floor_spectra(
-    response: Response, floors: Sequence[int], periods: Array, damping: Sequence[float] = (0.05,)
+    response: Response, floors: Sequence[int | str], periods: Array, damping: Sequence[float] = (0.05,)
 ) -> tuple[FloorSpectrum, ...]:
     """Elastic response spectra of floors: exact for motions that are linear between the steps of the run.
 
@@ -81,7 +81,7 @@ def floor_spectra(
     response : Response
         With its history.
     floors : sequence of int
-        From 1 at the bottom.
+        From 1 at the bottom, or `roof`.
     periods : ndarray, shape (k,)
         s; 0 gives the largest absolute acceleration of the floor at the steps.
     damping : sequence of float
@@ -92,7 +92,8 @@ def floor_spectra(
     UsageError, AnalysisError
         As `spectrum`.
     """
-    motions = [(floor, floor_motion(response, floor)) for floor in floors]
+    numbers = floor_numbers([str(floor) for floor in floors], len(response.model.stories))
+    motions = [(floor, floor_motion(response, floor)) for floor in numbers]
     return tuple(
         FloorSpectrum(floor, spectrum(motion, periods, ratio)) for floor, motion in motions for ratio in damping
     )

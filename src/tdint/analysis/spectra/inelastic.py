@@ -6,10 +6,12 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.analysis.given import damping_of, numbers_of, record_of
 from tdint.analysis.spectra.defaults import MOST_DUCTILE
 from tdint.analysis.spectra.elastic import checked_periods
 from tdint.analysis.spectra.oscillators import check_shortest
@@ -97,7 +99,7 @@ def _quotient(above: Array, below: Array) -> Array:
 
 
 def constant_ductility(
-    record: Record,
+    record: Record | str | Path,
     periods: Array,
     ductilities: Sequence[float],
     damping: float = 0.05,
@@ -111,7 +113,7 @@ def constant_ductility(
 
     Parameters
     ----------
-    record : Record
+    record : Record, str, Path or ObsPy trace
         Ground motion; linear between its samples, the oscillators at rest at its first one.
     periods : ndarray, shape (k,)
         Periods of the initial stiffness, s, positive.
@@ -134,7 +136,8 @@ def constant_ductility(
     AnalysisError
         No strength leads to a ductility, or a period is too short for the record's sampling interval.
     """
-    periods = _checked(record, periods, damping, hardening)
+    record, damping = record_of(record), damping_of(damping)
+    periods = _checked(record, periods, hardening)
     if not all(1.0 <= ductility <= MOST_DUCTILE for ductility in ductilities):
         raise UsageError(f"ductilities must be numbers from 1 to {MOST_DUCTILE:g}")
     rising = sorted(set(ductilities))
@@ -154,7 +157,7 @@ def constant_ductility(
 
 
 def constant_strength(
-    record: Record,
+    record: Record | str | Path,
     periods: Array,
     strengths: Sequence[float],
     damping: float = 0.05,
@@ -165,7 +168,8 @@ def constant_strength(
 
     Other parameters and errors are those of `constant_ductility`.
     """
-    periods = _checked(record, periods, damping, hardening)
+    record, damping = record_of(record), damping_of(damping)
+    periods = _checked(record, periods, hardening)
     if not all(_WEAKEST <= strength <= _STRONGEST for strength in strengths):
         raise UsageError(f"yield strength ratios must be positive numbers from {_WEAKEST:g} to {_STRONGEST:g}")
     results = np.zeros((len(strengths), periods.size, 3))
@@ -185,11 +189,11 @@ def _columns(result: Array, elastic: Array) -> tuple[Array, Array, Array, Array]
     return yield_displacement, sd, elastic, residual
 
 
-def _checked(record: Record, periods: Array, damping: float, hardening: float) -> Array:
-    periods = np.atleast_1d(np.asarray(periods, dtype=np.float64))
+def _checked(record: Record, periods: Array, hardening: float) -> Array:
+    periods = numbers_of(periods, "periods")
     if periods.size == 0 or not np.all(np.isfinite(periods) & (periods > 0.0)):
         raise UsageError("periods of inelastic spectra must be positive numbers of seconds")
-    periods = checked_periods(periods, damping)
+    periods = checked_periods(periods)
     if not 0.0 <= hardening < 1.0:
         raise UsageError(f"hardening must be a ratio in [0, 1), got {hardening!r}")
     check_shortest(periods, record.dt, SHORTEST)

@@ -9,11 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.analysis.given import damping_of, horizontals_of
 from tdint.analysis.spectra.elastic import OR_ZERO, SHORTEST, checked_periods, choose_settings
 from tdint.analysis.spectra.oscillators import Maxima, check_shortest, groups
 from tdint.errors import UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.interpolation import Interpolation
+from tdint.ground_motion.record import Record
 from tdint.kernels.oscillators import rotated as rotation
 from tdint.tabular import Tabular
 
@@ -57,7 +59,7 @@ class RotatedSpectrum(Tabular):
 
 
 def rotated_spectrum(
-    motion: Horizontals,
+    motion: Horizontals | Sequence[Record],
     periods: Array,
     damping: float = 0.05,
     percentiles: Sequence[int] = (0, 50, 100),
@@ -72,7 +74,7 @@ def rotated_spectrum(
 
     Parameters
     ----------
-    motion : Horizontals
+    motion : Horizontals or sequence of two Records
         Two components at right angles.
     percentiles : sequence of int
         From 0 to 100.
@@ -88,7 +90,9 @@ def rotated_spectrum(
     """
     if not percentiles or not all(0 <= percentile <= 100 for percentile in percentiles):
         raise UsageError(f"percentiles must be from 0 to 100, got {', '.join(map(str, percentiles)) or 'none'}")
-    periods = checked_periods(periods, damping)
+    motion = horizontals_of(motion)
+    damping = damping_of(damping)
+    periods = checked_periods(periods)
     settings = choose_settings(None, maxima, interpolation)
     positive = periods > 0.0
     psa = np.empty((periods.size, rotation.ANGLES))

@@ -16,6 +16,7 @@ from tdint.kernels import layout as at
 from tdint.kernels.laws.compiled_separately import spring_table
 from tdint.kernels.stories.cyclic import DISSIPATION, RECOVERABLE, RESULT_COLUMNS, SHEAR, TANGENT, follow
 from tdint.model.building import Building, assemble
+from tdint.model.config.model_file import model_of
 from tdint.model.definition import Model
 from tdint.tabular import Tabular
 from tdint.units import DriftSize, parse_drift
@@ -183,6 +184,7 @@ def cyclic_test(
     AnalysisError
         The law has no finite force along the path.
     """
+    model = model_of(model)
     _check_story(model, story)
     if len(sizes) * cycles * 4 * points > MOST_POINTS:
         raise UsageError(f"{len(sizes) * cycles} cycles of {4 * points} points are more than {MOST_POINTS:,} points")

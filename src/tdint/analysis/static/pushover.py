@@ -19,6 +19,7 @@ from tdint.analysis.static.cyclic import follow_path
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as at
 from tdint.model.building import Building, assemble
+from tdint.model.config.model_file import model_of
 from tdint.model.definition import Model
 from tdint.tabular import Tabular
 from tdint.units import DriftSize, parse_drift
@@ -137,6 +138,7 @@ def pushover(model: Model, size: DriftSize | str, *, pattern: str = "first-mode"
         raise UsageError(f"unknown pattern {pattern!r}; known: {', '.join(PATTERNS)}")
     if not 1 <= points <= MOST_POINTS:
         raise UsageError(f"points must be from 1 to {MOST_POINTS}, got {points}")
+    model = model_of(model)
     building = assemble(replace(model, damping=None))
     target = _target(parse_drift(size) if isinstance(size, str) else size, building)
     forces = PATTERNS[pattern](building)

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from tdint.analysis.given import horizontals_of, record_of
 from tdint.campaign.engine.batch import Batch
 from tdint.campaign.engine.task import Motions, RunSettings, Subject
 from tdint.campaign.ida.curve import IdaCurve
@@ -21,9 +22,11 @@ from tdint.campaign.ida.runs import IdaRun, run_level
 from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, GroundMotion, IntensityMeasure, SpectralIntensity, sa
 from tdint.campaign.suites.suite import components
 from tdint.errors import ModelError, UsageError
+from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import DEFAULT_METHOD
 from tdint.model.building import Building
+from tdint.model.config.model_file import model_of
 from tdint.model.definition import Model
 from tdint.output_units import OutputUnits
 from tdint.processors import on_threads
@@ -168,7 +171,12 @@ def ida(
         The folder cannot be written.
     """
     settings = settings or IdaSettings()
-    subject, settings = _prepared(model, settings, method)
+    if isinstance(motions, Record | Horizontals | str):
+        motions = [motions]
+    subject, settings = _prepared(model_of(model), settings, method)
+    motions = [
+        horizontals_of(one) if isinstance(one, tuple | list | Horizontals) else record_of(one) for one in motions
+    ]
     chosen = measure or sa(subject.period)
     parts = [(motion, record) for motion in motions for record in components(motion)]
     records = [record for _, record in parts]

@@ -1,4 +1,4 @@
-"""Factors that scale a suite of ground motions: to a value, to a target spectrum, by ASCE 7 and FEMA P-695.
+"""Factors that scale a suite of ground motions: to a value, to a target spectrum, by ASCE 7, EN 1998-1, FEMA P-695.
 
 One factor for both components of a pair.
 """
@@ -18,6 +18,7 @@ from tdint.campaign.suites.intensity import (
     GroundMotion,
     IntensityMeasure,
     PeakVelocity,
+    pga,
     pseudo_accelerations,
     sa,
 )
@@ -32,7 +33,13 @@ LEAST_PAIRS = 11
 """Ground motions that ASCE 7-16 asks for (16.2.2)."""
 
 LEAST_PART = 0.9
-"""Part of the target below which the average may nowhere fall (ASCE 7-16, 16.2.3.2)."""
+"""Part of the target below which the average may nowhere fall (ASCE 7-16, 16.2.3.2; EN 1998-1:2004, 3.2.3.1.2(4))."""
+
+FEW = 3
+"""Motions below which a mean of them is hardly one."""
+
+BOUNDS = (0.25, 4.0)
+"""Factors beyond which a motion is asked for what it was not: bounds of common practice, of no code."""
 
 MAXIMUM_DIRECTION = "rotd100"
 
@@ -48,7 +55,7 @@ class Scaling:
     factors : ndarray, shape (n,)
         One for each motion.
     rule : str
-        `value`, `mean`, `asce7` or `p695`.
+        `value`, `mean`, `asce7`, `ec8` or `p695`.
     pair : str
         What stands for a pair of components: a name of `PAIRS`.
     damping : float
@@ -60,7 +67,7 @@ class Scaling:
     periods : ndarray, shape (k,)
         Where the target was compared, s; none without a target.
     least : tuple of two floats or None
-        Of the rule asce7: the least average over the target, and its period, s.
+        Of the rules asce7 and ec8: the least average over the target, and its period, s.
     """
 
     motions: tuple[GroundMotion, ...]
@@ -73,6 +80,14 @@ class Scaling:
     target: TargetSpectrum | None = None
     periods: Array | None = None
     least: tuple[float, float] | None = None
+
+    def beyond(self, low: float, high: float) -> list[tuple[str, float]]:
+        """The motions whose factors lie outside these, and the factors."""
+        return [
+            (f"{components(motion)[0].source} {motion.component}".rstrip(), float(factor))
+            for motion, factor in zip(self.motions, self.factors, strict=True)
+            if not low <= abs(factor) <= high
+        ]
 
     def spectra(self, periods: Array) -> Array:
         """Pseudo-accelerations of the scaled motions, m/s^2, shape (n, k)."""
@@ -149,11 +164,44 @@ def scale_asce7(
     if len(pairs) < LEAST_PAIRS:
         raise UsageError(f"the rule asce7 needs {LEAST_PAIRS} pairs of components at least (16.2.2), got {len(pairs)}")
     fitted = scale_to_target(pairs, target, periods, damping=damping, pair=MAXIMUM_DIRECTION)
-    average = np.mean(fitted.spectra(periods), axis=0) / target.at(periods)
-    raised = max(1.0, LEAST_PART / float(np.min(average)))
+    return _raised(fitted, "asce7")
+
+
+def scale_ec8(
+    motions: Sequence[GroundMotion],
+    target: TargetSpectrum,
+    periods: Array,
+    *,
+    damping: float = SA_DAMPING,
+    pair: str = GEOMETRIC_MEAN,
+) -> Scaling:
+    """Scale motions as EN 1998-1:2004 asks (3.2.3.1.2(4)): the mean spectrum is nowhere in the range below 90 % of the
+    target, and the mean of the peak ground accelerations not below the target at the period 0, which is ag S.
+
+    Each motion is fitted to the target by `scale_to_target`; where the mean then falls short, all are raised by one
+    more factor, so that it just does not.
+
+    Raises
+    ------
+    UsageError
+        A period outside the target's; a target without a value at the period 0.
+    """
+    if target.zero is None:
+        raise UsageError(f"{target.source}: the rule ec8 compares at the period 0, too, which the table does not have")
+    fitted = scale_to_target(motions, target, periods, damping=damping, pair=pair)
+    peaks = fitted.factors * np.array([pga().of(motion, pair) for motion in motions])
+    return _raised(fitted, "ec8", target.zero / float(np.mean(peaks)))
+
+
+def _raised(fitted: Scaling, rule: str, at_least: float = 1.0) -> Scaling:
+    """Fitted motions, all raised by one factor of `at_least` this or 1, by which their average is nowhere too low."""
+    assert fitted.target is not None
+    assert fitted.periods is not None
+    average = np.mean(fitted.spectra(fitted.periods), axis=0) / fitted.target.at(fitted.periods)
     place = int(np.argmin(average))
-    least = raised * float(average[place]), float(periods[place])
-    return replace(fitted, factors=raised * fitted.factors, rule="asce7", least=least)
+    raised = max(1.0, at_least, LEAST_PART / float(average[place]))
+    least = (raised * float(average[place]), float(fitted.periods[place]))
+    return replace(fitted, factors=raised * fitted.factors, rule=rule, least=least)
 
 
 def scale_p695(

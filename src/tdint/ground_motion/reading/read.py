@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from tdint.errors import RecordError, UsageError
+from tdint.ground_motion.header_checks.statement import LONGEST_STEP
 from tdint.ground_motion.horizontals import Horizontals, find_horizontals
 from tdint.ground_motion.messages import quiet_import
 from tdint.ground_motion.reading.instrument import Instruments, read_instruments, remove_response
@@ -136,6 +137,8 @@ def make_record(
         if dt is None or wanted is None:
             raise UsageError("samples in an array tell neither their interval nor their units; give dt and units")
         label = name or "array"
+        if isinstance(dt, int | float) and not dt <= LONGEST_STEP:
+            raise RecordError(f"{label}: a sampling interval of {dt:.6g} s is beyond {LONGEST_STEP:g} s")
         checked = Record(data, dt, start="", id="", component=component or "", source=label)
         traces = [_trace(checked, component or "")]
         component = None
@@ -218,6 +221,8 @@ def _components(
     source: str | Path, component: str | None, layout: TextLayout, *, single: bool
 ) -> tuple[list[tuple[_Component, Any]], Input]:
     """The components of a file, or the one of this name, each with its trace; and the file."""
+    if not isinstance(source, str | Path):
+        raise RecordError(f"a record is a file's name, got {source!r:.60}")
     name = str(source)
     data = read_bytes(source)
     parts = _records_in(data, name, layout) if is_archive(data) else [(name, data)]

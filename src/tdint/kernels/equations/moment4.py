@@ -58,7 +58,7 @@ class _Rows(NamedTuple):
     COUPLING: int = COUPLING_ROWS
 
 
-ROW, _STORE = at.chained(_Rows)
+ROW, STORE = at.chained(_Rows)
 
 _BY_SLOPE = (0.5, -1.0 / 12.0, 1.0, 0.0)  # tangents of a linear branch over its slope: of mean and moment
 
@@ -68,7 +68,7 @@ CLOSE = 1e-13
 
 def work_rows(modes: int) -> int:
     """Rows of work that the step needs for a building with `modes` modally damped modes."""
-    return _STORE + 6 * modes + 1
+    return STORE + 6 * modes + 1
 
 
 @inlined
@@ -107,7 +107,7 @@ def move(coefficients, scene, h, memory):
             return at.NOT_CONVERGED
         if stale:
             _factor(coefficients, chain, modal, laws, h, work)
-        _solve(modal, h, work, n)
+        solve(modal, h, work, n)
         last = _correct(state, work, n)
         iterations += 1
         before = size
@@ -149,7 +149,7 @@ def _keep_to_branches(coefficients, scene, h, memory):
             for row in range(4):
                 work[ROW.PATH + path.MEAN_BY_RISE + row, i] = _BY_SLOPE[row] * springs[at.SLOPE, i]
         _factor(coefficients, chain, modal, laws, h, work)
-    _solve(modal, h, work, n)
+    solve(modal, h, work, n)
     for row in range(2):
         for i in range(n):
             work[ROW.CORRECTION + row, i] = work[ROW.X + row, i]
@@ -296,15 +296,15 @@ def _factor(coefficients, chain, modal, laws, h, work):
         work[ROW.BLOCKS + 2, i] = work[ROW.COUPLING + 2, i] - by_rise
         work[ROW.BLOCKS + 3, i] = 0.5 * by_rise + floor + work[ROW.COUPLING + 3, i]
     work[ROW.FACTORED, n] = h
-    factors = Factors(work, ROW.BLOCKS, ROW.COUPLING, _STORE)
+    factors = Factors(work, ROW.BLOCKS, ROW.COUPLING, STORE)
     link_blocks(chain, factors, n)
     factor_blocks(factors, ModalBlocks(modal, h, 0.0, 0.0, h), n)
 
 
 @inlined
-def _solve(modal, h, work, n):
+def solve(modal, h, work, n):
     """Corrections, or the motion, from the residuals, in their place."""
-    factors = Factors(work, ROW.BLOCKS, ROW.COUPLING, _STORE)
+    factors = Factors(work, ROW.BLOCKS, ROW.COUPLING, STORE)
     solve_blocks_damped(factors, ModalBlocks(modal, h, 0.0, 0.0, h), ROW.X, ROW.X + 1, n)
 
 

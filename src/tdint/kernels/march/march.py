@@ -5,7 +5,7 @@ from __future__ import annotations
 from tdint.kernels import layout as at
 from tdint.kernels.bundles import MEMORY, SCENE, SEEN, Memory, Scene, Seen, Span
 from tdint.kernels.compiling import F8, I8, VECTOR, called, inlined, kernel
-from tdint.kernels.march.ground import ground_at, straightened, straightened_samples
+from tdint.kernels.march.ground import beyond_line, ground_at, straightened, straightened_samples
 from tdint.kernels.march.law_energies import BEGIN, RAISE_SHEARS, TAKE_STOCK, begin_laws, sum_up, take_shears
 from tdint.kernels.march.observing import (
     begin_energies,
@@ -117,12 +117,14 @@ def march(
         while done < 1.0:
             load[at.TIME] = (s + done) * h
             if stride > 1:
+                samples = stride / per_sample
+                begins, ends = (s + done) * samples, (s + done + piece) * samples
                 if per_sample == 1 and piece == 1.0:
                     load[at.GROUND_0], load[at.GROUND_1] = straightened_samples(ground, s * stride, (s + 1) * stride)
                 else:
-                    samples = stride / per_sample
-                    begins, ends = (s + done) * samples, (s + done + piece) * samples
                     load[at.GROUND_0], load[at.GROUND_1] = straightened(ground, begins, ends)
+                if flags[at.CARRIES_ERROR] != 0.0:
+                    load[at.GROUND_2], load[at.GROUND_3] = beyond_line(ground, begins, ends)
                 slope = (load[at.GROUND_1] - load[at.GROUND_0]) / (piece * h)
                 shift_ground(scene, load, shifts, memory, seen)
             else:

@@ -314,6 +314,12 @@ def store(ground, line, memory, seen, row):
     energies = 1 + at.HISTORY_FIELDS * n
     for j in range(at.ENERGY_TERMS):
         history[row, energies + j] = totals[j]
+    errors = energies + at.ENERGY_TERMS
+    if history.shape[1] > errors:
+        for i in range(n):
+            history[row, errors + i] = state[at.ERROR_DISPLACEMENT, i]
+            history[row, errors + n + i] = state[at.ERROR_VELOCITY, i]
+            history[row, errors + 2 * n + i] = springs[at.FORCE, n + 1 + i] - springs[at.FORCE, i]
 
 
 @inlined

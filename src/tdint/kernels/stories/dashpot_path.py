@@ -14,9 +14,9 @@ from tdint.kernels.chain import power_damper
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.stories import path
 
-_STEADY = 0.5  # least rate over the largest up to which the rate itself will do
-_STEADY_POINTS = 6
-_POINTS = 12
+STEADY = 0.5  # least rate over the largest up to which the rate itself will do
+STEADY_POINTS = 6
+POINTS = 12
 
 
 class _Move(NamedTuple):
@@ -58,17 +58,17 @@ def _part(chain, i, move, slow, fast):
     least = abs(move.rise + move.bend * slow)
     largest = abs(move.rise + move.bend * fast)
     length = abs(fast - slow)
-    if least >= _STEADY * largest:
-        for point in range(_STEADY_POINTS):
-            s = slow + (fast - slow) * path.NODES[_STEADY_POINTS, point]
-            _add(chain, i, move, s, length * path.WEIGHTS[_STEADY_POINTS, point])
+    if least >= STEADY * largest:
+        for point in range(STEADY_POINTS):
+            s = slow + (fast - slow) * path.NODES[STEADY_POINTS, point]
+            _add(chain, i, move, s, length * path.WEIGHTS[STEADY_POINTS, point])
         return
     root = (least / largest) ** (1.0 / 3.0) if least > 0.0 else 0.0
     whole = 1.0 - root * root * root
-    for point in range(_POINTS):
-        x = root + (1.0 - root) * path.NODES[_POINTS, point]
+    for point in range(POINTS):
+        x = root + (1.0 - root) * path.NODES[POINTS, point]
         s = slow + (fast - slow) * (x * x * x - root * root * root) / whole
-        _add(chain, i, move, s, length * 3.0 * x * x / whole * (1.0 - root) * path.WEIGHTS[_POINTS, point])
+        _add(chain, i, move, s, length * 3.0 * x * x / whole * (1.0 - root) * path.WEIGHTS[POINTS, point])
 
 
 @inlined

@@ -37,17 +37,17 @@ _BACK = 6  # the same of the way back from a turning point
 _SHIFTED = 12  # and with this point shifted
 PATH_ROWS = 18
 
-_MOST_BRANCHES = 16  # on the way to a turning point; a law has fewer
+MOST_BRANCHES = 16  # on the way to a turning point; a law has fewer
 _SHIFT = 1e-6  # of a turning point over the path, to see what hangs on it
-_MOST_POINTS = 16  # in one part of the path
+MOST_POINTS = 16  # in one part of the path
 _USUAL_POINTS = 16.0
 
 
 def _gauss() -> tuple[np.ndarray, np.ndarray]:
     """Nodes and weights of Gauss and Legendre on [0, 1]; row n holds the rule with n points."""
-    nodes = np.zeros((_MOST_POINTS + 1, _MOST_POINTS))
+    nodes = np.zeros((MOST_POINTS + 1, MOST_POINTS))
     weights = np.zeros_like(nodes)
-    for n in range(1, _MOST_POINTS + 1):
+    for n in range(1, MOST_POINTS + 1):
         x, w = np.polynomial.legendre.leggauss(n)
         nodes[n, :n], weights[n, :n] = 0.5 * (x + 1.0), 0.5 * w
     return nodes, weights
@@ -61,7 +61,7 @@ def _as_usual(laws, springs, i, way):
     return _USUAL_POINTS
 
 
-_points = chosen("points", case_of_4, _as_usual)
+points_wanted = chosen("points", case_of_4, _as_usual)
 
 
 @inlined
@@ -69,7 +69,7 @@ def _smooth(laws, springs, i, block, side):
     return math.inf
 
 
-_kink = chosen("kink", case_of_5, _smooth)
+kink = chosen("kink", case_of_5, _smooth)
 
 
 @inlined
@@ -121,7 +121,7 @@ def follow(laws, springs, i, rise, bend, work, out):
     elif laws[at.CODE, i] in DISSIPATING:
         _with_memory(laws, springs, i, whole, results)
     else:
-        wanted = _points(laws, springs, i, abs(rise) + 0.5 * abs(bend))
+        wanted = points_wanted(laws, springs, i, abs(rise) + 0.5 * abs(bend))
         _integrate(laws, springs, i, 0, True, wanted, whole, results)
 
 
@@ -129,7 +129,7 @@ def follow(laws, springs, i, rise, bend, work, out):
 def arrive(laws, springs, i, rise):
     """Commit the end of the path that `follow` followed last."""
     if not CURVES or springs[at.SLOPE, i] < math.inf:
-        _copy(springs, i, at.FIRST_TRIAL, 0)
+        copy(springs, i, at.FIRST_TRIAL, 0)
         return
     past = at.FIRST_TRIAL if laws[at.CODE, i] in DISSIPATING else 0
     reach(laws, springs, i, past, at.SECOND_TRIAL, springs[at.DRIFT, i] + rise)
@@ -138,13 +138,13 @@ def arrive(laws, springs, i, rise):
 
 
 @inlined
-def _at(stretch, t):
+def drift_at(stretch, t):
     """The drift at t."""
     return stretch.start + t * (stretch.rise + 0.5 * stretch.bend * (t - 1.0))
 
 
 @inlined
-def _part(stretch, begin, end):
+def part_of(stretch, begin, end):
     """Another part of the same parabola."""
     return Stretch(stretch.start, stretch.rise, stretch.bend, begin, end)
 
@@ -156,14 +156,14 @@ def _clear(results, i):
 
 
 @inlined
-def _copy(springs, i, source, target):
+def copy(springs, i, source, target):
     for row in range(at.SPRING_ROWS):
         springs[target + row, i] = springs[source + row, i]
     copy_further(springs, i, source, target)
 
 
 @inlined
-def _turning_point(stretch):
+def turning_point(stretch):
     """Where in (0, 1) the path turns; 1 if it does not."""
     if 2.0 * abs(stretch.rise) >= abs(stretch.bend):
         return 1.0
@@ -208,20 +208,20 @@ def _join(results, i, turn, shift):
 @called
 def _over_branches(laws, springs, i, whole, results):
     """Two-point Gauss on each piece: force times s is a cubic there."""
-    _copy(springs, i, 0, at.FIRST_TRIAL)
-    turn = _turning_point(whole)
-    _go(laws, springs, i, at.FIRST_TRIAL, _part(whole, 0.0, turn), results)
+    copy(springs, i, 0, at.FIRST_TRIAL)
+    turn = turning_point(whole)
+    _go(laws, springs, i, at.FIRST_TRIAL, part_of(whole, 0.0, turn), results)
     if turn == 1.0:
         return
     back = Integrals(results.table, results.first + _BACK)
     shifted = Integrals(results.table, results.first + _SHIFTED)
-    way_back = _part(whole, turn, 1.0)
+    way_back = part_of(whole, turn, 1.0)
     side = math.copysign(1.0, whole.bend)
     shift = 0.0
     if springs[at.FIRST_TRIAL + at.TURN, i] * side < 0.0:  # else nothing happens at the turning point
-        _copy(springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL)
+        copy(springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL)
         shift = -side * _SHIFT * (abs(whole.rise) + abs(whole.bend))
-        advance(laws, springs, i, at.SECOND_TRIAL, _at(whole, turn) + shift)
+        advance(laws, springs, i, at.SECOND_TRIAL, drift_at(whole, turn) + shift)
         _clear(shifted, i)
         _go(laws, springs, i, at.SECOND_TRIAL, way_back, shifted)
     _clear(back, i)
@@ -232,8 +232,8 @@ def _over_branches(laws, springs, i, whole, results):
 @called
 def _go(laws, springs, i, block, stretch, results):
     """Along a stretch in which the path does not turn, with the state in `block`."""
-    target = _at(stretch, stretch.end)
-    way = target - _at(stretch, stretch.begin)
+    target = drift_at(stretch, stretch.end)
+    way = target - drift_at(stretch, stretch.begin)
     if way == 0.0:
         _piece(springs, i, block, stretch, results)
         return
@@ -241,13 +241,13 @@ def _go(laws, springs, i, block, stretch, results):
     if springs[block + at.TURN, i] * side < 0.0:
         switch(laws, springs, i, block, at.TURNED)
     here = stretch.begin
-    for passed in range(_MOST_BRANCHES):
+    for passed in range(MOST_BRANCHES):
         limit = springs[block + at.UPPER, i] if side > 0.0 else springs[block + at.LOWER, i]
-        ends = side * (target - limit) > 0.0 and passed < _MOST_BRANCHES - 1
+        ends = side * (target - limit) > 0.0 and passed < MOST_BRANCHES - 1
         there = stretch.end
         if ends:
-            there = min(here + _time_to(limit, stretch, here, side), stretch.end)
-        _piece(springs, i, block, _part(stretch, here, there), results)
+            there = min(here + time_to(limit, stretch, here, side), stretch.end)
+        _piece(springs, i, block, part_of(stretch, here, there), results)
         advance(laws, springs, i, block, limit if ends else target)
         if not ends:
             break
@@ -256,10 +256,10 @@ def _go(laws, springs, i, block, stretch, results):
 
 
 @inlined
-def _time_to(limit, stretch, here, side):
+def time_to(limit, stretch, here, side):
     """How long the path, moving to `side`, takes from `here` to the drift `limit`."""
     rate = side * (stretch.rise + stretch.bend * (here - 0.5))
-    left = side * (limit - _at(stretch, here))
+    left = side * (limit - drift_at(stretch, here))
     if not left > 0.0:
         return 0.0
     root = math.sqrt(max(rate * rate + 2.0 * side * stretch.bend * left, 0.0))
@@ -272,7 +272,7 @@ def _piece(springs, i, block, stretch, results):
     slope = springs[block + at.SLOPE, i]
     for point in range(2):
         t = stretch.begin + length * NODES[2, point]
-        force = springs[block + at.FORCE, i] + slope * (_at(stretch, t) - springs[block + at.DRIFT, i])
+        force = springs[block + at.FORCE, i] + slope * (drift_at(stretch, t) - springs[block + at.DRIFT, i])
         _add(results, i, 0.5 * length, t, force, slope)
 
 
@@ -282,13 +282,13 @@ def _piece(springs, i, block, stretch, results):
 @called
 def _with_memory(laws, springs, i, whole, results):
     """To the turning point, and from there to the last Gauss point: the state there is left in FIRST_TRIAL."""
-    turn = _turning_point(whole)
-    past = _pass(laws, springs, i, 0, _part(whole, 0.0, turn), results)
+    turn = turning_point(whole)
+    past = _pass(laws, springs, i, 0, part_of(whole, 0.0, turn), results)
     if turn < 1.0:
         back = Integrals(results.table, results.first + _BACK)
         shifted = Integrals(results.table, results.first + _SHIFTED)
-        way_back = _part(whole, turn, 1.0)
-        drift = _at(whole, turn)
+        way_back = part_of(whole, turn, 1.0)
+        drift = drift_at(whole, turn)
         reach(laws, springs, i, past, at.THIRD_TRIAL, drift)
         settle(laws, springs, i, past, at.THIRD_TRIAL)
         shift = -math.copysign(_SHIFT, whole.bend) * (abs(whole.rise) + abs(whole.bend))
@@ -299,7 +299,7 @@ def _with_memory(laws, springs, i, whole, results):
         past = _pass(laws, springs, i, at.THIRD_TRIAL, way_back, back)
         _join(results, i, turn, shift)
     if past != at.FIRST_TRIAL:
-        _copy(springs, i, past, at.FIRST_TRIAL)
+        copy(springs, i, past, at.FIRST_TRIAL)
 
 
 @called
@@ -308,20 +308,20 @@ def _pass(laws, springs, i, past, stretch, results):
     last Gauss point.
 
     In two parts where the force bends sharply between."""
-    here = _at(stretch, stretch.begin)
-    way = _at(stretch, stretch.end) - here
+    here = drift_at(stretch, stretch.begin)
+    way = drift_at(stretch, stretch.end) - here
     side = math.copysign(1.0, way)
     way = abs(way)
     begin = stretch.begin
-    ahead = _kink(laws, springs, i, past, side)
+    ahead = kink(laws, springs, i, past, side)
     if ahead < way:
-        wanted = _points(laws, springs, i, ahead)
-        there = min(begin + _time_to(here + side * ahead, stretch, begin, side), stretch.end)
-        past = _integrate(laws, springs, i, past, False, wanted, _part(stretch, begin, there), results)
+        wanted = points_wanted(laws, springs, i, ahead)
+        there = min(begin + time_to(here + side * ahead, stretch, begin, side), stretch.end)
+        past = _integrate(laws, springs, i, past, False, wanted, part_of(stretch, begin, there), results)
         begin = there
         way -= ahead
-    wanted = _points(laws, springs, i, way)
-    return _integrate(laws, springs, i, past, False, wanted, _part(stretch, begin, stretch.end), results)
+    wanted = points_wanted(laws, springs, i, way)
+    return _integrate(laws, springs, i, past, False, wanted, part_of(stretch, begin, stretch.end), results)
 
 
 @called
@@ -331,7 +331,7 @@ def _integrate(laws, springs, i, past, elastic, wanted, stretch, results):
     An elastic law needs no state to start from; others go from point to point, from that in `past`.
     """
     work, out = results
-    parts = math.ceil(wanted / _MOST_POINTS)
+    parts = math.ceil(wanted / MOST_POINTS)
     points = math.ceil(wanted / parts)
     length = (stretch.end - stretch.begin) / parts
     mean = moment = 0.0
@@ -342,7 +342,7 @@ def _integrate(laws, springs, i, past, elastic, wanted, stretch, results):
             t = stretch.begin + length * (part + NODES[points, point])
             if not elastic:
                 trial = at.FIRST_TRIAL if past != at.FIRST_TRIAL else at.SECOND_TRIAL
-            tangent = restoring(laws, springs, i, past, trial, _at(stretch, t))
+            tangent = restoring(laws, springs, i, past, trial, drift_at(stretch, t))
             if not elastic:
                 settle(laws, springs, i, past, trial)
                 past = trial

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, TextIO
 
 from tdint.errors import ModelError
+from tdint.input_bytes import is_named_pipe
 from tdint.model.keys.fields import Value
 from tdint.model.keys.nodes import Faults, decode, nodes_of, parse, text_of
 
@@ -56,6 +57,8 @@ def read_source(source: str | Path | TextIO, kind: str = "model file") -> Source
 
 
 def _read_file(path: Path, label: str, kind: str) -> bytes:
+    if is_named_pipe(path):
+        raise ModelError(f"{label}: is a named pipe, which may never end; read from it with - and <")
     try:
         with path.open("rb") as stream:
             return _read_stream(stream, label, kind)

@@ -150,7 +150,7 @@ def _draw_aim(axes: Any, scaling: Scaling, periods: Array, spectra: Array, units
         target, psa = scaling.target, units.of(scaling.target.psa, "m/s^2")
         axes.axvspan(scaling.periods[0], scaling.periods[-1], color="0.95", zorder=0)
         axes.plot(target.periods, psa, color=red, linewidth=2.2, label="target", zorder=5)
-        if scaling.rule == "asce7":
+        if scaling.least is not None:
             axes.plot(target.periods, LEAST_PART * psa, color=red, linestyle=DASHES[2], zorder=5, label="90 % of it")
             style = {"color": COLORS[2], "linewidth": 2.0, "linestyle": DASHES[3], "zorder": 5}
             axes.plot(periods, np.mean(spectra, axis=0), **style, label="average")
@@ -184,7 +184,8 @@ def _periods(scaling: Scaling) -> Array:
 
 
 def _title(scaling: Scaling, units: OutputUnits) -> str:
-    target = record_name(scaling.target.source) if scaling.target else ""
+    named = scaling.target
+    target = "" if named is None else named.source if named.curve else record_name(named.source)
     value = ""
     if scaling.measure is not None and scaling.value is not None:
         unit = scaling.measure.unit
@@ -193,6 +194,7 @@ def _title(scaling: Scaling, units: OutputUnits) -> str:
         "value": f"scaled to {value}",
         "mean": f"scaled to {target}, least squares of ln Sa",
         "asce7": f"scaled to {target} by ASCE 7",
+        "ec8": f"scaled to {target} by EN 1998-1",
         "p695": "normalized by FEMA P-695" + (f", scaled to median {value}" if value else ""),
     }
     records = [record for motion in scaling.motions for record in components(motion)]

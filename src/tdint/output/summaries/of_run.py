@@ -40,7 +40,7 @@ MEANINGS = {
     "stiffness_s": ("s", "Rayleigh coefficient of the initial stiffness matrix"),
     "start_J": ("J", "kinetic and stored energy at the start, relative to the ground"),
     "error": ("1", "imbalance of the energies over the largest input energy"),
-    "dts_s": ("s", "time steps of the repetitions that the error estimates come from"),
+    "dts_s": ("s", "time steps of the repetitions that the errors come from; none where the run carried them along"),
     "drift_error": ("1", "largest estimated error of a peak drift over that drift"),
     "drift_error_story": ("1", "its story"),
     "tolerance": ("1", "what drift_error was asked to stay below"),
@@ -246,6 +246,7 @@ def _check(check: ErrorEstimate | None, stories: StoryPeaks) -> dict[str, Any] |
         "samples_in_the_step": choice.samples if choice else None,
         "solves_at_record_step": choice.solves_at_record if choice else None,
         "errors": peak_errors(stories, check.errors),
+        "corrected_peaks": peaks(check.corrected) if check.corrected else None,
     }
 
 

@@ -1,0 +1,96 @@
+"""What callers give in the place of a record or a number: taken as it is meant, or refused in words."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.errors import RecordError, UsageError
+from tdint.ground_motion.horizontals import Horizontals, find_horizontals
+from tdint.ground_motion.reading.read import make_record, read_record
+from tdint.ground_motion.record import Record
+from tdint.written_numbers import parse_ratio
+
+
+def record_of(given: Any) -> Record:
+    """A record, or that of a file or of an ObsPy Trace or Stream.
+
+    Raises
+    ------
+    RecordError
+        It is none of these, or cannot be read.
+    UsageError
+        Its units are unknown.
+    """
+    if isinstance(given, Record):
+        return given
+    if isinstance(given, str | os.PathLike):
+        return read_record(Path(given) if given != "-" else given)
+    if hasattr(given, "stats") or hasattr(given, "traces"):
+        return make_record(given)
+    raise RecordError(
+        f"a record is what read_record gives, a path or a trace, got {_kind(given)}; of samples make_record(samples, "
+        "dt=0.01, units='m/s^2') makes one"
+    )
+
+
+def horizontals_of(given: Any) -> Horizontals:
+    """A pair of components, or that of a sequence of two records or paths. Errors are those of `record_of`, and of
+    `find_horizontals`."""
+    if isinstance(given, Horizontals):
+        return given
+    if isinstance(given, tuple | list):
+        return find_horizontals([record_of(one) for one in given])
+    raise RecordError(f"a pair is what read_horizontals gives, or two records, got {_kind(given)}")
+
+
+def number_of(given: Any, name: str) -> float | None:
+    """A number, or nothing.
+
+    Raises
+    ------
+    UsageError
+        It is neither.
+    """
+    if given is None:
+        return None
+    try:
+        number = float(given)
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if math.isnan(number) or isinstance(given, str | bytes):
+        raise UsageError(f"{name} must be a number, got {given!r:.60}")
+    return number
+
+
+def ratio_of(given: Any, name: str) -> float | None:
+    """A number or a text such as `0.1%`, or nothing. UsageError as `number_of`."""
+    return parse_ratio(given) if isinstance(given, str) else number_of(given, name)
+
+
+def numbers_of(given: Any, name: str) -> NDArray[np.float64]:
+    """Numbers as an array of one axis. UsageError as `number_of`."""
+    try:
+        found = np.atleast_1d(np.asarray(given, dtype=np.float64))
+    except (TypeError, ValueError, OverflowError):
+        found = np.empty((0, 0))
+    if found.ndim != 1:
+        raise UsageError(f"{name} must be numbers in a row, got {given!r:.60}")
+    return found
+
+
+def damping_of(given: Any) -> float:
+    """A damping ratio in [0, 1). UsageError as `number_of`."""
+    ratio = ratio_of(given, "damping")
+    if ratio is None or not 0.0 <= ratio < 1.0:
+        raise UsageError(f"damping must be a ratio in [0, 1), got {given!r:.60}")
+    return ratio
+
+
+def _kind(given: Any) -> str:
+    return "nothing" if given is None else f"a {type(given).__name__}"

@@ -1,0 +1,199 @@
+"""A step of the companion (`tdint.kernels.equations.carried.error`) where stories change their branches, or are curved:
+Newton's iteration with the matrix of the run's step."""
+
+from __future__ import annotations
+
+import math
+
+from tdint.kernels import layout as at
+from tdint.kernels.bundles import Integrals
+from tdint.kernels.chain import DASHPOTS, MODAL, add_modal_force
+from tdint.kernels.compiling import called, inlined
+from tdint.kernels.equations.carried.events import shake_at_events
+from tdint.kernels.equations.carried.rows import OWN, Carried, add_loads, correct, of_story, whole_path
+from tdint.kernels.equations.moment4 import ROW
+from tdint.kernels.stories import error_path, path
+from tdint.kernels.stories.branches import advance
+from tdint.kernels.stories.error_path import RESULT
+from tdint.kernels.stories.path import arrive, stays
+
+PASSES = 3  # Newton steps
+
+
+@called
+def follow_anew(scene, h, load, memory, base):
+    """Rise and bend of the error by Newton's iteration from those that are there, and the companion's new state."""
+    carried = Carried(scene, memory, load, h, base)
+    chain, _, laws, _, _ = scene
+    state, springs, work, _ = memory
+    n = chain.shape[1] - 1
+    for i in range(n):
+        work[base + OWN.A1, i] = 12.0 * (0.5 * work[ROW.BEND, i] - work[ROW.RISE, i] + h * state[at.VELOCITY, i])
+    for passed in range(PASSES):
+        _paths(carried, passed > 0)
+        _moments(carried)
+        _bubbles(carried)
+        add_loads(carried)
+        _story_forces(carried)
+        _unbalanced(carried)
+        if correct(carried, False) and passed > 0:
+            break
+    shake_at_events(carried)
+    below = 0.0
+    for i in range(n):
+        c = n + 1 + i
+        rise = work[ROW.RISE, i] + work[base + OWN.RISE, i]
+        gain = rise - chain[at.LINK, i] * below
+        below = rise
+        if work[base + OWN.CALM, i] != 0.0:
+            advance(laws, springs, c, 0, springs[at.DRIFT, c] + gain)
+        else:
+            if springs[at.SLOPE, c] < math.inf:
+                advance(laws, springs, c, at.FIRST_TRIAL, springs[at.DRIFT, c] + gain)
+            arrive(laws, springs, c, gain)
+        state[at.ERROR_DISPLACEMENT, i] += work[base + OWN.RISE, i]
+        state[at.ERROR_VELOCITY, i] += work[base + OWN.BEND, i] / h
+
+
+@inlined
+def _paths(carried, knowing):
+    """Find the stories that are on the same linear branch in both motions, and follow the others, with their bubbles
+    once these are known."""
+    scene, memory, _, h, base = carried
+    _, springs, work, _ = memory
+    n = scene.chain.shape[1] - 1
+    for i in range(n):
+        c = n + 1 + i
+        whole = whole_path(carried, i)
+        damped = DASHPOTS and scene.chain[at.POWER_DAMPER, i] != 0.0
+        calm = work[ROW.LEFT, i] == 0.0 and springs[at.SLOPE, i] == springs[at.SLOPE, c] and not damped
+        if calm and stays(springs, c, whole.rise, whole.bend):
+            work[base + OWN.CALM, i] = 1.0
+            continue
+        work[base + OWN.CALM, i] = 0.0
+        bubbles = (0.0, 0.0)
+        if knowing:
+            bubbles = (of_story(carried, base + OWN.EVEN, i), of_story(carried, base + OWN.ODD, i))
+        results = Integrals(work, base + OWN.PATH)
+        error_path.follow(scene.laws, springs, c, whole, bubbles, results)
+        if damped:
+            error_path.add_dashpot(scene.chain, i, h, whole, of_story(carried, base + OWN.A1, i), results, c)
+
+
+@inlined
+def _moments(carried):
+    """Second and third moment of the story forces, dampers included."""
+    scene, memory, _, h, base = carried
+    _, springs, work, _ = memory
+    chain = scene.chain
+    n = chain.shape[1] - 1
+    for i in range(n):
+        bend = of_story(carried, ROW.BEND, i)
+        second = chain[at.STORY_DAMPER, i] / h * of_story(carried, base + OWN.A1, i) + chain[at.GEOMETRIC, i] * bend
+        third = 0.0
+        if work[base + OWN.CALM, i] != 0.0:
+            second += springs[at.SLOPE, i] * bend
+        second *= 0.5
+        if work[base + OWN.CALM, i] == 0.0:
+            second += work[base + OWN.PATH + RESULT.SECOND, n + 1 + i]
+            third = work[base + OWN.PATH + RESULT.THIRD, n + 1 + i]
+        work[base + OWN.SECOND, i] = second
+        work[base + OWN.THIRD, i] = third
+
+
+@inlined
+def _bubbles(carried):
+    """Bubbles of the floors, but for modal damping and floor forces."""
+    scene, memory, load, h, base = carried
+    work = memory.work
+    chain = scene.chain
+    n = chain.shape[1] - 1
+    square = h * h
+    work[base + OWN.SECOND, n] = 0.0
+    work[base + OWN.THIRD, n] = 0.0
+    for i in range(n):
+        link = chain[at.LINK, i + 1]
+        a1 = work[base + OWN.A1, i]
+        inverse = chain[at.INVERSE_MASS, i]
+        second = work[base + OWN.SECOND, i] - link * work[base + OWN.SECOND, i + 1]
+        second += 0.5 / h * chain[at.FLOOR_DAMPER, i] * a1
+        third = work[base + OWN.THIRD, i] - link * work[base + OWN.THIRD, i + 1]
+        work[base + OWN.EVEN, i] = -square / 360.0 * (second * inverse + 180.0 * load[at.GROUND_2])
+        work[base + OWN.ODD, i] = -a1 / 60.0 - 2.0 * square * (third * inverse + load[at.GROUND_3])
+
+
+@inlined
+def _story_forces(carried):
+    """What mean and moment of the stories' forces, dampers included, are more than the run's."""
+    scene, memory, _, h, base = carried
+    state, springs, work, _ = memory
+    chain = scene.chain
+    n = chain.shape[1] - 1
+    below = 0.0
+    for i in range(n):
+        c = n + 1 + i
+        u = state[at.ERROR_DISPLACEMENT, i]
+        rise, bend = of_story(carried, base + OWN.RISE, i), of_story(carried, base + OWN.BEND, i)
+        even, odd = of_story(carried, base + OWN.EVEN, i), of_story(carried, base + OWN.ODD, i)
+        geometric = chain[at.GEOMETRIC, i]
+        damper = chain[at.STORY_DAMPER, i] / h
+        mean = geometric * (u - chain[at.LINK, i] * below + 0.5 * rise - bend / 12.0 + even) + damper * rise
+        moment = geometric * (rise + odd) + damper * (bend - 12.0 * even)
+        if work[base + OWN.CALM, i] != 0.0:
+            slope = springs[at.SLOPE, i]
+            mean += springs[at.FORCE, c] - springs[at.FORCE, i] + slope * (0.5 * rise - bend / 12.0 + even)
+            moment += slope * (rise + odd)
+        else:
+            out = base + OWN.PATH
+            run_mean, run_moment = _of_run(carried, i)
+            mean += work[out + RESULT.MEAN, c] - run_mean
+            mean += work[out + RESULT.MEAN_BY_EVEN, c] * even + work[out + RESULT.MEAN_BY_ODD, c] * odd
+            moment += work[out + RESULT.MOMENT, c] - run_moment
+            moment += work[out + RESULT.MOMENT_BY_EVEN, c] * even + work[out + RESULT.MOMENT_BY_ODD, c] * odd
+        work[base + OWN.MEAN, i] = mean
+        work[base + OWN.MOMENT, i] = moment
+        below = u
+
+
+@inlined
+def _of_run(carried, i):
+    """Mean and moment of story `i` in the run, power-law dashpot included."""
+    scene, memory, _, h, _ = carried
+    _, springs, work, _ = memory
+    chain = scene.chain
+    rise, bend = of_story(carried, ROW.RISE, i), of_story(carried, ROW.BEND, i)
+    if work[ROW.LEFT, i] == 0.0 and not (DASHPOTS and chain[at.POWER_DAMPER, i] != 0.0):
+        slope = springs[at.SLOPE, i]
+        return springs[at.FORCE, i] + slope * (0.5 * rise - bend / 12.0), slope * rise
+    geometric = chain[at.GEOMETRIC, i]
+    damper = chain[at.STORY_DAMPER, i] / h
+    middle = springs[at.DRIFT, i] + 0.5 * rise - bend / 12.0
+    mean = work[ROW.PATH + path.MEAN, i] - geometric * middle - damper * rise
+    return mean, work[ROW.PATH + path.MOMENT, i] - geometric * rise - damper * bend
+
+
+@inlined
+def _unbalanced(carried):
+    """Minus what the companion's motion leaves out of balance."""
+    scene, memory, _, h, base = carried
+    state, _, work, _ = memory
+    chain, modal = scene.chain, scene.modal
+    n = chain.shape[1] - 1
+    square = h * h
+    work[base + OWN.MEAN, n] = 0.0
+    work[base + OWN.MOMENT, n] = 0.0
+    for i in range(n):
+        link = chain[at.LINK, i + 1]
+        mass = chain[at.MASS, i]
+        floor = h * chain[at.FLOOR_DAMPER, i]
+        rise = work[base + OWN.RISE, i]
+        bend = work[base + OWN.BEND, i]
+        mean = work[base + OWN.MEAN, i] - link * work[base + OWN.MEAN, i + 1]
+        moment = work[base + OWN.MOMENT, i] - link * work[base + OWN.MOMENT, i + 1]
+        inertia = 12.0 * mass * (0.5 * bend - rise + h * state[at.ERROR_VELOCITY, i])
+        work[ROW.X, i] = -mass * bend - floor * rise - square * mean
+        work[ROW.X + 1, i] = -inertia - floor * (bend - 12.0 * work[base + OWN.EVEN, i]) - square * moment
+    if MODAL and modal.shape[0] > 0:
+        add_modal_force(modal, work, base + OWN.RISE, -h, work, ROW.X, n)
+        add_modal_force(modal, work, base + OWN.BEND, -h, work, ROW.X + 1, n)
+        add_modal_force(modal, work, base + OWN.EVEN, 12.0 * h, work, ROW.X + 1, n)

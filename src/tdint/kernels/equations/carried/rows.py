@@ -1,0 +1,126 @@
+"""What carries the error of moment4 along: its rows of work, and what its modules share."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from tdint.kernels import layout as at
+from tdint.kernels.bundles import Array, Memory, Scene, Stretch
+from tdint.kernels.chain import FORCES, MODAL, add_modal_force, force_second, force_third
+from tdint.kernels.compiling import inlined
+from tdint.kernels.equations.moment4 import ROW, STORE, solve
+from tdint.kernels.stories import error_path
+
+STATE_ROWS = 5
+
+
+class _Rows(NamedTuple):
+    """Rows of work behind those of the run's step."""
+
+    RISE: int = 1  # of the error
+    BEND: int = 1
+    EVEN: int = 1  # bubbles of the floors
+    ODD: int = 1
+    A1: int = 1  # h^2 A1
+    SECOND: int = 1  # moments of the story forces
+    THIRD: int = 1
+    MEAN: int = 1  # what mean and first moment of a story's force are more than the run's
+    MOMENT: int = 1
+    CALM: int = 1  # 1 if the story is on the same linear branch in both motions
+    PATH: int = error_path.ERROR_PATH_ROWS
+    SEEN: int = 10  # twice displacement, velocity, absolute acceleration of the corrected motion, then both one before
+    OTHER: int = 1  # forces on floors less modal damping
+    BEFORE: int = 1  # the run's acceleration at the end of the step before
+    STORY: int = 2  # drift and force
+    TURN: int = 1
+    PEAKS: int = 2 * at.PEAK_ROWS  # of the corrected motion
+
+
+OWN, ERROR_ROWS = at.chained(_Rows)
+
+_SETTLED = 1e-3  # correction over the error after which there is none more
+
+
+class Carried(NamedTuple):
+    """What the error's step works on; `base` is the first of its own rows of work."""
+
+    scene: Scene
+    memory: Memory
+    load: Array
+    h: float
+    base: int
+
+
+def error_peaks(modes: int) -> int:
+    """The first of the rows of work with the peaks of the corrected motion, rows as of `Workspace.peaks`."""
+    return STORE + 6 * modes + 1 + OWN.PEAKS
+
+
+@inlined
+def first_row(modal):
+    """The first of the error's rows of work."""
+    return STORE + 6 * modal.shape[0] + 1
+
+
+@inlined
+def whole_path(carried, i):
+    """The companion's parabola of story `i`, without its bubbles."""
+    link = carried.scene.chain[at.LINK, i]
+    _, springs, work, _ = carried.memory
+    base = carried.base
+    rise = work[ROW.RISE, i] + work[base + OWN.RISE, i]
+    bend = work[ROW.BEND, i] + work[base + OWN.BEND, i]
+    if i > 0:
+        rise -= link * (work[ROW.RISE, i - 1] + work[base + OWN.RISE, i - 1])
+        bend -= link * (work[ROW.BEND, i - 1] + work[base + OWN.BEND, i - 1])
+    n = carried.scene.chain.shape[1] - 1
+    return Stretch(springs[at.DRIFT, n + 1 + i], rise, bend, 0.0, 1.0)
+
+
+@inlined
+def of_story(carried, row, i):
+    """What story `i` has of a row of the floors."""
+    below = carried.memory.work[row, i - 1] if i > 0 else 0.0
+    return carried.memory.work[row, i] - carried.scene.chain[at.LINK, i] * below
+
+
+@inlined
+def add_loads(carried):
+    """What modal damping and floor forces add to the bubbles."""
+    scene, memory, load, h, base = carried
+    modal, forces = scene.modal, scene.forces
+    work = memory.work
+    if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
+        n = scene.chain.shape[1] - 1
+        for i in range(n):
+            work[base + OWN.SECOND, i] = 0.0
+            work[base + OWN.THIRD, i] = 0.0
+        add_modal_force(modal, work, base + OWN.A1, 0.5 / h, work, base + OWN.SECOND, n)
+        for j in range(forces.shape[0]):
+            floor = int(forces[j, at.FLOOR])
+            work[base + OWN.SECOND, floor] -= force_second(forces, j, load[at.TIME], h)
+            work[base + OWN.THIRD, floor] -= force_third(forces, j, load[at.TIME], h)
+        for i in range(n):
+            inverse = h * h * scene.chain[at.INVERSE_MASS, i]
+            work[base + OWN.EVEN, i] -= inverse / 360.0 * work[base + OWN.SECOND, i]
+            work[base + OWN.ODD, i] -= 2.0 * inverse * work[base + OWN.THIRD, i]
+
+
+@inlined
+def correct(carried, anew):
+    """Rise and bend of the error, or their corrections. Returns whether these are small."""
+    scene, memory, _, h, base = carried
+    work = memory.work
+    n = scene.chain.shape[1] - 1
+    solve(scene.modal, h, work, n)
+    change = 0.0
+    size = 0.0
+    for i in range(n):
+        for row in range(2):
+            if anew:
+                work[base + OWN.RISE + row, i] = work[ROW.X + row, i]
+            else:
+                work[base + OWN.RISE + row, i] += work[ROW.X + row, i]
+                change += abs(work[ROW.X + row, i])
+                size += abs(work[base + OWN.RISE + row, i])
+    return change <= _SETTLED * size

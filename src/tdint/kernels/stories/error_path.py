@@ -1,0 +1,286 @@
+"""Drift laws along a parabola of drift as the error of a step asks for them (`tdint.kernels.equations.carried.error`).
+
+Beside mean and first moment of the force, its second and third moment beyond these, and what mean and moment gain by
+motions that start and end where they are ("bubbles"), s = t - 1/2:
+
+    even   w0 b0(s),  b0 = 30 (s^2 - 1/4)^2      of mean w0
+    odd    w1 b1(s),  b1 = -10 s (s^2 - 1/4)     of moment 12 mean(s w) = w1
+
+linearized on the pieces of the path; the point where it turns is moved by them.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from tdint.kernels import layout as at
+from tdint.kernels.bundles import Array
+from tdint.kernels.chain import power_damper
+from tdint.kernels.compiling import called, inlined
+from tdint.kernels.laws.choosing import CURVES, DISSIPATING
+from tdint.kernels.stories import path
+from tdint.kernels.stories.branches import advance, switch
+from tdint.kernels.stories.dashpot_path import POINTS, STEADY, STEADY_POINTS
+from tdint.kernels.stories.springs import reach, restoring, settle
+
+
+class _Results(NamedTuple):
+    """Rows from the first one on."""
+
+    MEAN: int = 1
+    MOMENT: int = 1
+    SECOND: int = 1  # 180 mean((s^2 - 1/12) f)
+    THIRD: int = 1  # mean(s (s^2 - 3/20) f)
+    MEAN_BY_EVEN: int = 1
+    MEAN_BY_ODD: int = 1
+    MOMENT_BY_EVEN: int = 1
+    MOMENT_BY_ODD: int = 1
+    EVENT: int = 1  # when the story first reached the end of a branch, in (0, 1); 0 if it has not
+    EVENT_FORCE: int = 1  # its force then
+    LAST_EVENT: int = 1  # the same of the last time
+    LAST_EVENT_FORCE: int = 1
+    LARGEST: int = 1  # force at an event or a turning point
+
+
+RESULT, ERROR_PATH_ROWS = at.chained(_Results)
+
+_PIECE_POINTS = 3  # force times s^3 is of degree 5 on a piece
+
+
+@inlined
+def even(s):
+    """The bubble b0."""
+    e = s * s - 0.25
+    return 30.0 * e * e
+
+
+@inlined
+def odd(s):
+    """The bubble b1."""
+    return -10.0 * s * (s * s - 0.25)
+
+
+@called
+def follow(laws, springs, i, whole, bubbles, results):
+    """The results of any story along a whole parabola; its state on the way is left to `path.arrive`.
+
+    At a turning point inside, the story turns where the bubbles, factors of b0 and b1, have led it.
+    """
+    for row in range(ERROR_PATH_ROWS):
+        results.table[results.first + row, i] = 0.0
+    turn = path.turning_point(whole)
+    moved = 0.0
+    if turn < 1.0:
+        moved = bubbles[0] * even(turn - 0.5) + bubbles[1] * odd(turn - 0.5)
+    if not CURVES or springs[at.SLOPE, i] < math.inf:
+        _over_branches(laws, springs, i, whole, turn, moved, results)
+    elif laws[at.CODE, i] in DISSIPATING:
+        _with_memory(laws, springs, i, whole, turn, moved, results)
+    else:
+        wanted = path.points_wanted(laws, springs, i, abs(whole.rise) + 0.5 * abs(whole.bend))
+        _integrate(laws, springs, i, 0, True, wanted, whole, results)
+
+
+@inlined
+def _add(results, i, weight, s, force, tangent):
+    """Add a point of the path to the integrals."""
+    work, out = results
+    by_even = weight * tangent * even(s)
+    by_odd = weight * tangent * odd(s)
+    weighted = weight * force
+    work[out + RESULT.MEAN, i] += weighted
+    work[out + RESULT.MOMENT, i] += 12.0 * s * weighted
+    work[out + RESULT.SECOND, i] += (180.0 * s * s - 15.0) * weighted
+    work[out + RESULT.THIRD, i] += s * (s * s - 0.15) * weighted
+    work[out + RESULT.MEAN_BY_EVEN, i] += by_even
+    work[out + RESULT.MEAN_BY_ODD, i] += by_odd
+    work[out + RESULT.MOMENT_BY_EVEN, i] += 12.0 * s * by_even
+    work[out + RESULT.MOMENT_BY_ODD, i] += 12.0 * s * by_odd
+
+
+@called
+def _over_branches(laws, springs, i, whole, turn, moved, results):
+    path.copy(springs, i, 0, at.FIRST_TRIAL)
+    _go(laws, springs, i, path.part_of(whole, 0.0, turn), results)
+    if turn == 1.0:
+        return
+    if springs[at.FIRST_TRIAL + at.TURN, i] * whole.bend < 0.0:
+        advance(laws, springs, i, at.FIRST_TRIAL, path.drift_at(whole, turn) + moved)
+    _note(results, i, 1.0, springs[at.FIRST_TRIAL + at.FORCE, i])
+    _go(laws, springs, i, path.part_of(whole, turn, 1.0), results)
+
+
+@called
+def _go(laws, springs, i, stretch, results):
+    """Along a stretch in which the path does not turn, as in `path`, with the state in FIRST_TRIAL."""
+    target = path.drift_at(stretch, stretch.end)
+    way = target - path.drift_at(stretch, stretch.begin)
+    if way == 0.0:
+        _piece(springs, i, stretch, results)
+        return
+    side = math.copysign(1.0, way)
+    if springs[at.FIRST_TRIAL + at.TURN, i] * side < 0.0:
+        switch(laws, springs, i, at.FIRST_TRIAL, at.TURNED)
+    here = stretch.begin
+    for passed in range(path.MOST_BRANCHES):
+        limit = springs[at.FIRST_TRIAL + at.UPPER, i] if side > 0.0 else springs[at.FIRST_TRIAL + at.LOWER, i]
+        ends = side * (target - limit) > 0.0 and passed < path.MOST_BRANCHES - 1
+        there = stretch.end
+        if ends:
+            there = min(here + path.time_to(limit, stretch, here, side), stretch.end)
+        _piece(springs, i, path.part_of(stretch, here, there), results)
+        advance(laws, springs, i, at.FIRST_TRIAL, limit if ends else target)
+        if not ends:
+            break
+        _note(results, i, there, springs[at.FIRST_TRIAL + at.FORCE, i])
+        switch(laws, springs, i, at.FIRST_TRIAL, at.ABOVE if side > 0.0 else at.BELOW)
+        here = there
+
+
+@inlined
+def _note(results, i, t, force):
+    """Keep an event."""
+    work, out = results
+    work[out + RESULT.LARGEST, i] = max(work[out + RESULT.LARGEST, i], abs(force))
+    if t < 1.0:
+        if work[out + RESULT.EVENT, i] == 0.0:
+            work[out + RESULT.EVENT, i] = t
+            work[out + RESULT.EVENT_FORCE, i] = force
+        work[out + RESULT.LAST_EVENT, i] = t
+        work[out + RESULT.LAST_EVENT_FORCE, i] = force
+
+
+@inlined
+def _piece(springs, i, stretch, results):
+    length = stretch.end - stretch.begin
+    slope = springs[at.FIRST_TRIAL + at.SLOPE, i]
+    for point in range(_PIECE_POINTS):
+        t = stretch.begin + length * path.NODES[_PIECE_POINTS, point]
+        force = springs[at.FIRST_TRIAL + at.FORCE, i]
+        force += slope * (path.drift_at(stretch, t) - springs[at.FIRST_TRIAL + at.DRIFT, i])
+        _add(results, i, length * path.WEIGHTS[_PIECE_POINTS, point], t - 0.5, force, slope)
+
+
+@called
+def _with_memory(laws, springs, i, whole, turn, moved, results):
+    """To the turning point, and from there to the last Gauss point: the state there is left in FIRST_TRIAL."""
+    past = _pass(laws, springs, i, 0, path.part_of(whole, 0.0, turn), results)
+    if turn < 1.0:
+        reach(laws, springs, i, past, at.THIRD_TRIAL, path.drift_at(whole, turn) + moved)
+        settle(laws, springs, i, past, at.THIRD_TRIAL)
+        _note(results, i, 1.0, springs[at.THIRD_TRIAL + at.FORCE, i])
+        past = _pass(laws, springs, i, at.THIRD_TRIAL, path.part_of(whole, turn, 1.0), results)
+    if past != at.FIRST_TRIAL:
+        path.copy(springs, i, past, at.FIRST_TRIAL)
+
+
+@called
+def _pass(laws, springs, i, past, stretch, results):
+    """As in `path`."""
+    here = path.drift_at(stretch, stretch.begin)
+    way = path.drift_at(stretch, stretch.end) - here
+    side = math.copysign(1.0, way)
+    way = abs(way)
+    begin = stretch.begin
+    ahead = path.kink(laws, springs, i, past, side)
+    if ahead < way:
+        wanted = path.points_wanted(laws, springs, i, ahead)
+        there = min(begin + path.time_to(here + side * ahead, stretch, begin, side), stretch.end)
+        past = _integrate(laws, springs, i, past, False, wanted, path.part_of(stretch, begin, there), results)
+        begin = there
+        way -= ahead
+    wanted = path.points_wanted(laws, springs, i, way)
+    return _integrate(laws, springs, i, past, False, wanted, path.part_of(stretch, begin, stretch.end), results)
+
+
+@called
+def _integrate(laws, springs, i, past, elastic, wanted, stretch, results):
+    """As in `path`."""
+    parts = math.ceil(wanted / path.MOST_POINTS)
+    points = max(math.ceil(wanted / parts), _PIECE_POINTS)
+    length = (stretch.end - stretch.begin) / parts
+    trial = at.FIRST_TRIAL
+    for part in range(parts):
+        for point in range(points):
+            t = stretch.begin + length * (part + path.NODES[points, point])
+            if not elastic:
+                trial = at.FIRST_TRIAL if past != at.FIRST_TRIAL else at.SECOND_TRIAL
+            tangent = restoring(laws, springs, i, past, trial, path.drift_at(stretch, t))
+            if not elastic:
+                settle(laws, springs, i, past, trial)
+                past = trial
+            weight = length * path.WEIGHTS[points, point]
+            _add(results, i, weight, t - 0.5, springs[trial + at.FORCE, i], tangent)
+    return trial
+
+
+# ---- Power-law dashpots
+
+
+class _Dashpot(NamedTuple):
+    """The motion of a dashpot, and where its results go: column `column` of rows from `first` on."""
+
+    rise: float
+    bend: float
+    cubic: float
+    h: float
+    work: Array
+    first: int
+    column: int
+
+
+@called
+def add_dashpot(chain, i, h, whole, cubic, results, column):
+    """Add a power-law dashpot along the same path; its rate has `cubic` (3 s^2 - 1/4) / 6 beside that of the
+    parabola."""
+    rise, bend = whole.rise, whole.bend
+    move = _Dashpot(rise, bend, cubic, h, results.table, results.first, column)
+    first = rise - 0.5 * bend
+    last = rise + 0.5 * bend
+    if first * last < 0.0:
+        _stretch(chain, i, move, -rise / bend, -0.5)
+        _stretch(chain, i, move, -rise / bend, 0.5)
+    elif abs(first) < abs(last):
+        _stretch(chain, i, move, -0.5, 0.5)
+    else:
+        _stretch(chain, i, move, 0.5, -0.5)
+
+
+@called
+def _stretch(chain, i, move, slow, fast):
+    """As `dashpot_path` parts it."""
+    least = abs(move.rise + move.bend * slow)
+    largest = abs(move.rise + move.bend * fast)
+    length = abs(fast - slow)
+    steady = least >= STEADY * largest
+    points = STEADY_POINTS if steady else POINTS
+    root = (least / largest) ** (1.0 / 3.0) if least > 0.0 else 0.0
+    whole = 1.0 - root * root * root
+    for point in range(points):
+        x = path.NODES[points, point]
+        weight = length * path.WEIGHTS[points, point]
+        if not steady:
+            x = root + (1.0 - root) * x
+            weight *= 3.0 * x * x / whole * (1.0 - root)
+            x = (x * x * x - root * root * root) / whole
+        _add_rate(chain, i, move, slow + (fast - slow) * x, weight)
+
+
+@inlined
+def _add_rate(chain, i, move, s, weight):
+    rise, bend, cubic, h, work, out, column = move
+    force, slope = power_damper(chain, i, (rise + bend * s) / h)
+    slope *= weight / h
+    force *= weight
+    by_even = slope * 120.0 * s * (s * s - 0.25)
+    by_odd = slope * (2.5 - 30.0 * s * s)
+    beyond = force - by_odd * cubic / 60.0
+    work[out + RESULT.MEAN, column] += force
+    work[out + RESULT.MOMENT, column] += 12.0 * s * force
+    work[out + RESULT.SECOND, column] += (180.0 * s * s - 15.0) * beyond
+    work[out + RESULT.THIRD, column] += s * (s * s - 0.15) * beyond
+    work[out + RESULT.MEAN_BY_EVEN, column] += by_even
+    work[out + RESULT.MEAN_BY_ODD, column] += by_odd
+    work[out + RESULT.MOMENT_BY_EVEN, column] += 12.0 * s * by_even
+    work[out + RESULT.MOMENT_BY_ODD, column] += 12.0 * s * by_odd

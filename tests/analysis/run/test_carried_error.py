@@ -1,0 +1,102 @@
+"""The error that a run of moment4 carries along: against closed forms, finer runs, and the run without it."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from building_cases import Law, model, noise, oscillator, story, ten_bilinear, ten_linear
+from random_buildings import piecewise_building
+from tdint import run
+from tdint.model.definition import Force, ModalDamping, PowerDashpot
+
+
+def worst(values, others, size):
+    return float(np.max(np.abs(values - others) / size))
+
+
+@pytest.mark.parametrize("omega_h", [0.1, 0.4])
+def test_free_vibration(omega_h):
+    """The frequency of an oscillator without damping is too low by (omega h)^4 / 720: the leading term."""
+    omega, h = 10.0, omega_h / 10.0
+    case = replace(oscillator(omega), initial=replace(oscillator(omega).initial, displacement=(0.01,)))
+    steps = round(20.3 / h)
+    response = run(case, method="moment4", dt=h, duration=steps * h, check=True)
+    true = 0.01 * np.cos(omega * steps * h)
+    computed = 0.01 * np.cos(omega * steps * h * (1.0 - omega_h**4 / 720.0))
+    found = response.check.corrected.residual_drift[0] - response.stories.residual_drift[0]
+    assert found == pytest.approx(true - computed, rel=0.6 * omega_h**2)
+    assert response.check.dts == ()
+    assert response.check.errors.residual_drift[0] == pytest.approx(abs(found), rel=1e-6)
+    assert abs(response.check.corrected.residual_drift[0] - true) < omega_h**2 * abs(found)
+
+
+def test_corrected_peaks_are_of_order_6():
+    record = noise(401, 0.02)
+    truth = run(ten_linear(), record, method="exact", dt=0.02 / 32).stories
+    errors = []
+    for dt in (0.02, 0.01):
+        response = run(ten_linear(), record, method="moment4", dt=dt, check=True)
+        own = worst(response.stories.peak_drift, truth.peak_drift, truth.peak_drift)
+        errors.append(worst(response.check.corrected.peak_drift, truth.peak_drift, truth.peak_drift))
+        assert response.check.drift_error == pytest.approx(own, rel=0.2)
+        assert errors[-1] < 0.1 * own
+    assert errors[0] > 30.0 * errors[1]
+
+
+def buildings():
+    rng = np.random.default_rng(5)
+    shaken = noise(301, 0.01)
+    soft = Law("bouc-wen", (2e5, 0.05, 2.0, 0.5))
+    two = [story(1e5, 4e7, soft), story(1e5, 4e7, Law("tanh", (6e5,)))]
+    yield "curved", model(two, damping=ModalDamping((0.05,))), shaken
+    dashpot = PowerDashpot(2e5, 0.4, 1e-3)
+    yield "dashpot", model([replace(story(1e5, 4e7), power_dashpot=dashpot), story(1e5, 4e7)]), shaken
+    yield "force", model([story(1e5, 4e7)] * 2, damping=ModalDamping((0.05,)), forces=[Force(2, 5e4, 2e4, 9.0)]), shaken
+    yield "bilinear", ten_bilinear(), shaken
+    for seed in range(3):
+        yield f"piecewise {seed}", *piecewise_building(rng)
+
+
+@pytest.mark.parametrize(("name", "case", "record"), [pytest.param(*one, id=one[0]) for one in buildings()])
+def test_the_run_is_the_one_without_it_and_the_estimate_is_honest(name, case, record):
+    """Bit for bit; the error of the worst story's drift is told within a half of it below 1e-3."""
+    case = replace(case, collapse_drift=1e9)
+    dt = record.dt / 2
+    plain = run(case, record, method="moment4", dt=dt)
+    response = run(case, record, method="moment4", dt=dt, check=True)
+    for field in fields(plain.stories):
+        assert np.array_equal(getattr(plain.stories, field.name), getattr(response.stories, field.name), equal_nan=True)
+    assert plain.energy == response.energy and plain.iterations == response.iterations
+    assert response.check.dts == ()
+    truth = run(case, record, method="moment4", dt=dt / 16).stories
+    doubt = run(case, record, method="impulse4", dt=dt / 16).stories
+    own = worst(response.stories.peak_drift, truth.peak_drift, truth.peak_drift)
+    unsure = worst(doubt.peak_drift, truth.peak_drift, truth.peak_drift)
+    assert own <= 1.5 * response.check.drift_error + unsure
+    assert response.check.drift_error <= 1.5 * own + unsure
+    assert worst(response.check.corrected.peak_drift, truth.peak_drift, truth.peak_drift) <= 0.6 * own + unsure
+
+
+def test_steps_over_several_samples():
+    """What the record has beyond a straight line within the step is part of the error."""
+    record = noise(801, 0.005)
+    truth = run(ten_linear(), record, method="exact").stories
+    response = run(ten_linear(), record, method="moment4", dt=0.01, check=True)
+    own = worst(response.stories.peak_drift, truth.peak_drift, truth.peak_drift)
+    assert response.check.dts == () and response.check.drift_error == pytest.approx(own, rel=0.3)
+    assert worst(response.check.corrected.peak_drift, truth.peak_drift, truth.peak_drift) < 0.3 * own
+
+
+def test_where_it_is_not_carried_the_run_is_repeated_and_that_is_said():
+    record = noise(201, 0.01)
+    damped = run(ten_linear(), record, method="moment4:rho_inf=0.5", check=True)
+    assert damped.check.dts == (0.005, 0.0025) and damped.check.corrected is None
+    assert any("rho_inf=1 does" in note for note in damped.notes)
+    coarse = run(ten_bilinear(), record, method="moment4", dt=0.08, check=True)
+    assert coarse.check.dts == (0.04, 0.02)
+    assert any("says only that the step is too long" in note for note in coarse.notes)
+    other = run(ten_linear(), record, method="impulse4", check=True)
+    assert other.check.dts == (0.005, 0.0025) and not any("repetitions" in note for note in other.notes)

@@ -1,0 +1,83 @@
+"""What callers of the Python interface give in the place of a model, a record or a number."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import tdint
+from tdint.errors import ModelError, RecordError, UsageError
+
+MODEL = "configs/ten-story.yaml"
+SAMPLES = np.sin(np.arange(300) * 0.1)
+
+
+def record(component: str = "HNE", factor: float = 1.0) -> Any:
+    return tdint.make_record(factor * SAMPLES, dt=0.01, units="m/s^2", component=component)
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "motion.csv"
+    path.write_text("# dt = 0.01 s, units = m/s^2, samples = 300\n" + "".join(f"{x:.17g}\n" for x in SAMPLES))
+    return path
+
+
+def test_paths_stand_for_what_they_name(file: Path) -> None:
+    model = tdint.load_model(MODEL)
+    wanted = tdint.run(model, record()).stories.peak_drift
+    for given in (str(file), file):
+        np.testing.assert_array_equal(tdint.run(model, given).stories.peak_drift, wanted)
+        np.testing.assert_array_equal(tdint.run(MODEL, given).stories.peak_drift, wanted)
+        assert tdint.spectrum(given, np.array([1.0])).psa == tdint.spectrum(record(), np.array([1.0])).psa
+    np.testing.assert_array_equal(tdint.modes(MODEL).omega, tdint.modes(model).omega)  # type: ignore[arg-type]
+
+
+def test_two_records_are_a_pair() -> None:
+    pair = record(), record("HNN", 2.0)
+    found = tdint.rotated_spectrum(pair, np.array([1.0]))
+    assert found.motion.first.component == "HNN"
+    assert found.psa[-1, 0] == pytest.approx(np.sqrt(5.0) * tdint.spectrum(pair[0], np.array([1.0])).psa[0], rel=1e-4)
+
+
+def test_texts_that_mean_numbers() -> None:
+    model = tdint.load_model(MODEL)
+    assert tdint.run(model, record(), tolerance="1%").dt == tdint.run(model, record(), tolerance=0.01).dt
+    assert tdint.spectrum(record(), np.array([1.0]), "5%").damping == 0.05  # type: ignore[arg-type]
+    response = tdint.run(model, record(), history=True)
+    (roof,) = tdint.floor_spectra(response, ["roof"], np.array([1.0]))
+    assert roof.floor == 10
+
+
+WRONG: list[tuple[type[Exception], Callable[[Any], Any]]] = [
+    (RecordError, lambda model: tdint.run(model, SAMPLES)),
+    (RecordError, lambda model: tdint.run(model, "nowhere")),
+    (ModelError, lambda model: tdint.run(None, record())),  # type: ignore[arg-type]
+    (UsageError, lambda model: tdint.run(model, record(), tolerance="little")),
+    (UsageError, lambda model: tdint.run(model, record(), dt="x")),  # type: ignore[arg-type]
+    (UsageError, lambda model: tdint.run(model, record(), duration=[1])),  # type: ignore[arg-type]
+    (UsageError, lambda model: tdint.run(model, record(), method=5)),  # type: ignore[arg-type]
+    (UsageError, lambda model: tdint.floor_spectra(tdint.run(model, record()), ["roof"], np.array([1.0]))),
+    (UsageError, lambda model: tdint.spectrum(record(), ["x"])),  # type: ignore[arg-type]
+    (UsageError, lambda model: tdint.spectrum(record(), [1.0], None)),  # type: ignore[arg-type]
+    (RecordError, lambda model: tdint.rotated_spectrum((record(), 5), np.array([1.0]))),  # type: ignore[arg-type]
+    (RecordError, lambda model: tdint.rotated_spectrum(record(), np.array([1.0]))),
+    (RecordError, lambda model: tdint.drift_spectrum(SAMPLES, np.array([1.0]))),  # type: ignore[arg-type]
+    (RecordError, lambda model: tdint.constant_ductility(SAMPLES, np.array([1.0]), [2.0])),  # type: ignore[arg-type]
+    (RecordError, lambda model: tdint.make_record(SAMPLES, dt=1e300, units="g")),
+    (RecordError, lambda model: tdint.read_record(5)),  # type: ignore[arg-type]
+    (ModelError, lambda model: tdint.modes(None)),  # type: ignore[arg-type]
+    (ModelError, lambda model: tdint.pushover(5, "2%")),  # type: ignore[arg-type]
+    (ModelError, lambda model: tdint.cyclic_test(None, 1, ["1%"])),  # type: ignore[arg-type]
+    (RecordError, lambda model: tdint.ida(model, [SAMPLES])),  # type: ignore[list-item]
+]
+
+
+@pytest.mark.parametrize(("kind", "call"), WRONG)
+def test_what_is_meant_by_nothing_is_refused_in_words(kind: type[Exception], call: Callable[[Any], Any]) -> None:
+    with pytest.raises(kind):
+        call(tdint.load_model(MODEL))
