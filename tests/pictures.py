@@ -35,7 +35,7 @@ class Picture:
 
 
 PICTURES = {
-    "ten-story-bilinear.png": Picture("tdint run configs/ten-story-bilinear.yaml --plot={file}", "runs"),
+    "kaikoura-frame.png": Picture("tdint run configs/kaikoura-frame.yaml --method moment4 --plot={file}", "runs"),
     "three-story-concrete-loops.png": Picture(
         "tdint law configs/three-story-concrete.yaml --drift 1% --drift 2% --drift 3% --cycles 2 --plot={file}",
         "statics",
@@ -73,7 +73,7 @@ def _inputs(command: str) -> set[Path]:
     """The files that a command names; of a model its record, of a folder what records it holds, as well."""
     named = [readmes.ROOT / word for word in command.split() if (readmes.ROOT / word).exists()]
     files = {file for one in named for file in (one.glob("*.mseed") if one.is_dir() else [one])}
-    told = (re.findall(r"\.\./records/[\w.-]+", file.read_text()) for file in files if file.suffix == ".yaml")
+    told = (re.findall(r"\.\./records/[\w./-]+", file.read_text()) for file in files if file.suffix == ".yaml")
     return files | {readmes.ROOT / name.removeprefix("../") for names in told for name in names}
 
 

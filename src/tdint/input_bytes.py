@@ -62,5 +62,5 @@ def is_named_pipe(source: str | Path) -> bool:
         return False
     try:
         return stat.S_ISFIFO(Path(source).stat().st_mode)
-    except OSError:  # Opening it tells why.
+    except (OSError, ValueError):  # Opening it tells why.
         return False

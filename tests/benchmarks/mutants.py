@@ -52,7 +52,6 @@ def survives(package: Path, module: Path, text: str, tests: list[str]) -> bool:
     before = file.read_text(encoding="utf-8")
     file.write_text(text, encoding="utf-8")
     environment = {**os.environ, "PYTHONPATH": str(package), "PYTHONDONTWRITEBYTECODE": "1"}
-    environment["TDINT_KERNELS_DIR"] = str(ROOT / "src" / "tdint" / "kernels" / "__pycache__")
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *tests]
     try:
         return not subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, timeout=SECONDS).returncode

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from small_kernel import scaled
@@ -9,6 +11,9 @@ from tdint.analysis.run import compilation
 from tdint.kernels.building import store
 from tdint.kernels.building.target import named
 from tdint.kernels.building.variant import EVERYTHING
+from tdint.kernels.oscillators.elastic import peaks
+from tdint.methods.catalogue import parse as parse_method
+from tdint.model.config.model_file import load_model
 
 
 @pytest.fixture(autouse=True)
@@ -25,6 +30,22 @@ def test_everything_is_compiled_once_for_each_processor(tdint, folder):
     assert {file.name for file in (folder / goal).iterdir()} == names
     again = tdint("compile", "--all", "-o", "shared/kernels")
     assert (again.exit_code, again.stderr) == (0, "All of it is compiled already.\n")
+
+
+def test_which_objects_are_used_is_shown_and_they_are_removed(tdint, folder, monkeypatch):
+    monkeypatch.setenv("TDINT_CACHE_DIR", str(folder / "cache"))
+    assert tdint("compile", "--all", "--show").stdout.splitlines()[1].endswith(f"{scaled.name},{EVERYTHING.text},")
+    assert tdint("compile", "--all").exit_code == 0
+    (file,) = (folder / "cache").rglob("*.object")
+    shown = tdint("compile", "--all", "--show").stdout
+    assert shown == f"loop,variant,object\n{scaled.name},{EVERYTHING.text},{file}\n"
+    assert tdint("compile", "--clean").stderr == "1 compiled time loops removed.\n"
+    assert not file.exists()
+
+
+def test_a_model_is_compiled_with_what_its_tables_need():
+    model = load_model(Path(__file__).parents[2] / "configs" / "ten-story.yaml")
+    assert peaks in [kernel for kernel, _ in compilation.of_model(model, parse_method("impulse4"))]
 
 
 @pytest.mark.parametrize(

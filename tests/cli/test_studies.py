@@ -457,6 +457,7 @@ def test_what_cannot_be_fitted_is_told_beside_what_can(folder, tdint):
     ("text", "arguments", "code", "message"),
     [
         ("im,collapses,records\n1,0,3\nx,1,3\n", (), 3, "t.csv:3: im must be a number, got 'x'"),
+        ("im,collapses,records\n1,0,3\n2,1.5,3\n", (), 3, "t.csv:3: collapses must be a whole number"),
         ("im,collapses,records\n1,0,3\n2,4,3\n", (), 3, "t.csv:3: collapses must be from 0 to the number of records"),
         ("im,collapses,records\n0,0,3\n2,3,3\n", (), 3, "t.csv:2: im must be positive, got '0'"),
         ("im,collapses,records\n1,0,3\n2,0,3\n", (), 5, "no record exceeds at any level"),

@@ -40,7 +40,7 @@ def test_a_new_method_and_another_input_count(monkeypatch):
     before = pictures.digest(one)
     monkeypatch.setattr(pictures, "catalogue", lambda: {"another": None})
     assert pictures.digest(one) != before
-    files = {file.name for file in pictures._inputs(pictures.PICTURES["ten-story-bilinear.png"].command)}
-    assert files == {"ten-story-bilinear.yaml", "firm-soil.mseed"}
+    files = {file.name for file in pictures._inputs(pictures.PICTURES["kaikoura-frame.png"].command)}
+    assert files == {"kaikoura-frame.yaml", "WTMC.mseed"}
     names = {file.name for file in pictures._inputs(pictures.PICTURES["design-spectrum.png"].command)}
     assert {"design-spectrum.csv", "firm-soil.mseed", "near-fault.mseed", "soft-soil.mseed"} == names

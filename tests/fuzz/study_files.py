@@ -99,7 +99,7 @@ FILES = _RECORDINGS | _CAMPAIGNS | _TABLES
 
 COMPARE = (
     ("linear.yaml", "--recorded", "recorded.yaml", "-o", "out/compared"),
-    ("bilinear.yaml", "--recorded", "recorded.yaml", "--periods", "0.1:1:5"),
+    ("bilinear.yaml", "--recorded", "recorded.yaml", "--periods", "0.1:1:5", "-o", "out/periods"),
     ("linear.yaml", "--recorded", "sensors.yaml", "--require", "peak_ratio=0.0001"),
 )
 """Arguments of `tdint compare`; a fit takes seconds."""

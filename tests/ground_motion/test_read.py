@@ -3,6 +3,8 @@
 import io
 import subprocess
 import sys
+import tempfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -413,3 +415,13 @@ class TestDoubts:
     )
     def test_notes(self, tmp_path, data, note):
         assert any(note in text for text in read_record(write(tmp_path / "a", trace(data)), units="10 m/s^2").notes)
+
+
+def test_a_record_is_read_where_there_is_no_folder_for_temporary_files(monkeypatch):
+    def none():
+        raise FileNotFoundError("No usable temporary directory found")
+
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    monkeypatch.setattr(tempfile, "_get_default_tempdir", none)
+    records = Path(__file__).parents[2] / "records"
+    assert read_record(records / "firm-soil.mseed", component="HN1").dt == 0.01

@@ -81,7 +81,9 @@ def _refuse_idle(ctx: click.Context, parameters: Sequence[click.Parameter]) -> N
 
 
 def _is_given(ctx: click.Context, parameter: click.Parameter) -> bool:
-    return ctx.get_parameter_source(parameter.name or "") == ParameterSource.COMMANDLINE
+    # To click before 8.2 an argument of any number of values, given none, comes from the command line, too.
+    name = parameter.name or ""
+    return ctx.get_parameter_source(name) == ParameterSource.COMMANDLINE and ctx.params.get(name) != ()
 
 
 def _is_met(ctx: click.Context, needs: str, named: Mapping[str, click.Parameter]) -> bool:

@@ -185,13 +185,12 @@ def _read(section: Section, label: str, name: str, folder: Path) -> CampaignFile
 def _check_pair(section: Section) -> None:
     """What stands for a pair needs pairs."""
     intensity, records = section.get("intensity"), section.get("records")
-    of = intensity.section(_INTENSITY) if intensity else None
-    among = records.section(_RECORDS) if records else None
-    pair = of.get("pair") if of else None
-    if pair and among and not among.has("grid"):
-        pairs = among.get("pairs")
-        if pairs is None or pairs.boolean() is False:
-            pair.fault("has nothing to act on without `pairs: true` of the records")
+    pair = intensity.peek("pair") if intensity else None
+    if pair is None or records is None or records.peek("grid"):
+        return
+    pairs = records.peek("pairs")
+    if pairs is None or pairs.boolean() is False:
+        pair.fault("has nothing to act on without `pairs: true` of the records")
 
 
 def _read_analysis(value: Value | None) -> AnalysisWishes:

@@ -8,6 +8,8 @@ import tempfile
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
+from typing import IO
 
 _LONGEST = 300
 """Characters of a message; ObsPy's may quote a whole file."""
@@ -80,7 +82,7 @@ def _printed_by_c() -> Iterator[list[str]]:
     except OSError:  # There is no standard error to guard.
         yield lines
         return
-    with tempfile.TemporaryFile() as spool:
+    with _spool() as spool:
         if sys.stderr is not None:
             sys.stderr.flush()
         os.dup2(spool.fileno(), 2)
@@ -91,6 +93,16 @@ def _printed_by_c() -> Iterator[list[str]]:
             os.close(saved)
         spool.seek(0)
         lines.extend(filter(None, map(one_line, spool.read().decode("utf-8", "replace").splitlines())))
+
+
+def _spool() -> IO[bytes]:
+    """A file without a name; in memory where there is no folder for temporary files."""
+    try:
+        return tempfile.TemporaryFile()
+    except OSError:
+        if hasattr(os, "memfd_create"):
+            return os.fdopen(os.memfd_create("tdint"), "w+b")
+        return Path(os.devnull).open("w+b")
 
 
 def one_line(text: str) -> str:

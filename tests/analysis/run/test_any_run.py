@@ -16,6 +16,7 @@ import pytest
 
 from building_cases import LINEAR, Force, Law, ModalDamping, RayleighCoefficients, model, noise, story
 from tdint import run
+from tdint.analysis.run.outcome import ENERGY_TERMS
 from tdint.analysis.run.run import FailedRun
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model.definition import PowerDashpot
@@ -102,7 +103,7 @@ def check_response(response):
         assert np.all(np.isfinite(values))
     assert b"nan" not in story_table(stories).csv() and b"inf" not in story_table(stories).csv()
     history = response.history
-    assert len(history_columns(len(stories.height))) == 2 + 5 * len(stories.height) + 6
+    assert len(history_columns(len(stories.height))) == 2 + 7 * len(stories.height) + len(ENERGY_TERMS) + 1
     for values in (history.displacement, history.velocity, history.acceleration, history.drift, history.shear,
                    *vars(history.energy).values()):  # fmt: skip
         assert np.all(np.isfinite(values))

@@ -108,7 +108,8 @@ def test_random_buildings():
             size = getattr(truth.stories, "peak_drift" if name == "residual_drift" else name)
             assert np.all(doubt <= 2e-4 * np.max(size[np.isfinite(size)], initial=0.0))
             good.append(true <= 2.0 * found + doubt)
-            ratios.append((found / true)[true > 10.0 * doubt])
+            told = true > 10.0 * doubt
+            ratios.append(found[told] / true[told])
     good, ratios = np.concatenate(good), np.concatenate(ratios)
     print(f"{good.size} peaks, {100 * good.mean():.2f} %, ratio {np.median(ratios):.2f}, {np.mean(ratios >= 1):.3f}")
     assert good.size > 400

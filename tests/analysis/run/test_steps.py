@@ -58,7 +58,7 @@ def test_the_method_where_none_is_named_is_said():
 
 @pytest.mark.parametrize(("dt", "duration"), [(0.0, 1.0), (-1.0, 1.0), (np.nan, 1.0), (0.1, np.inf), (0.1, 0.0)])
 def test_steps_and_durations_are_positive_numbers(dt, duration):
-    with pytest.raises(UsageError, match="must be a positive number of seconds"):
+    with pytest.raises(UsageError, match=r"must be a (positive number of seconds|number, got nan)"):
         run(oscillator(1.0), method="impulse4", dt=dt, duration=duration)
 
 

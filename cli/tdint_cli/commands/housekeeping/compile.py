@@ -26,21 +26,31 @@ TARGETS = ("native", "x86-64-v4", "x86-64-v3", "x86-64-v2", "x86-64")
     help=f"Processors to compile for: {', '.join(TARGETS)}; native, this machine's, by default.",
 )
 @options.analysis.method_of("MODEL.yaml")
+@options.headings.option("--show", is_flag=True, help="Tell for each loop which object is used; compile nothing.")
+@options.headings.option("--clean", is_flag=True, help="Remove all compiled loops from the user's cache.")
 @options.output.output("DIR", "Write to this folder, which TDINT_KERNELS_DIR then names.")
 def command(
     models: tuple[str, ...],
     everything: bool,
     targets: tuple[str, ...] | None,
     method: str | None,
+    show: bool,
+    clean: bool,
     output: str | None,
 ) -> None:
     """Compile time loops ahead of their first use.
 
     tdint compiles what a building needs when it is first integrated: 5 to 20 s once. This does it before: for images,
     clusters and laboratories where users cannot write, and for other processors. For each MODEL.yaml what its run
-    needs, with --all one variant of everything that serves any building, in a few minutes. Without -o the objects lie
-    beside the installed package or, where that cannot be written, in the user's cache.
+    needs, with --all one variant of everything that serves any building, in a few minutes. Without -o the objects
+    lie in the user's cache, never in the installed package; --clean removes them, before tdint is uninstalled, say.
     """
+    if clean:
+        from tdint.kernels.building import store
+
+        say(f"{store.clean()} compiled time loops removed.")
+        if not (models or everything):
+            return
     if not models and not everything:
         raise UsageError("nothing to compile: give a MODEL.yaml, or --all")
     from tdint.analysis.run.compilation import of_everything, of_model
@@ -52,6 +62,13 @@ def command(
     for file in models:
         model = load_model(file)
         wanted += of_model(model, parse(method or model.analysis.method or DEFAULT_METHOD))
+    if show:
+        from tdint.kernels.building.ahead import shown
+
+        click.echo("loop,variant,object")
+        for row in shown(wanted):
+            click.echo(",".join(row))
+        return
     with progress_bar(to_terminal=False) as progress:
         folder = Path(output) if output else None
         written = compile_ahead(wanted, targets or ("native",), folder, lambda part: progress("compiling", part))

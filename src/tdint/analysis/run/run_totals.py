@@ -75,7 +75,9 @@ def carried_error(building: Building, space: Workspace, stories: StoryPeaks, dou
     n = building.stories
     first = error_peaks(building.modal.shape[0])
     residual = space.springs[at.DRIFT, n + 1 : 2 * n + 1].copy()
-    corrected = peaks_of(building, space.work[first : first + at.PEAK_ROWS, :n].copy(), residual)
+    peaks = space.work[first : first + at.PEAK_ROWS, :n].copy()
+    peaks[[at.PEAK_TOTAL_SHEAR, at.PEAK_DRIFT_RATE]] = np.nan  # not followed
+    corrected = peaks_of(building, peaks, residual)
 
     def error(name: str) -> Array:
         own: Array = getattr(stories, name)

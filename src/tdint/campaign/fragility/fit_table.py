@@ -125,6 +125,8 @@ def _fit_stripes(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     im, hits, total = (np.array(table.numbers(name)) for name in ("im", "collapses", "records"))
     table.check("im", im > 0.0, "must be positive")
     table.check("records", total > 0.0, "must be positive")
+    for name, counts in (("records", total), ("collapses", hits)):
+        table.check(name, counts == np.floor(counts), "must be a whole number")
     table.check("collapses", (hits >= 0.0) & (hits <= total), "must be from 0 to the number of records")
     return _by_threshold(table, request, lambda chosen: fit_stripes(im[chosen], hits[chosen], total[chosen]))
 

@@ -15,6 +15,7 @@ from typing import Any
 
 from tdint.campaign.ida.runs import IdaRun
 from tdint.errors import OutputError, UsageError
+from tdint.system import lock
 
 _VERSION = "tdint"
 """The key of what may differ without the study being another one."""
@@ -112,15 +113,5 @@ def _difference(name: str, before: Any, now: Any) -> str:
 
 def _lock(descriptor: int, file: Path) -> None:
     """Keep others from the journal while this process lives."""
-    try:
-        import fcntl
-    except ImportError:  # Windows: two studies into one folder are the user's to avoid.
-        return
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise OutputError(
-            f"{file.parent}: another process writes this study; wait for it or give another folder"
-        ) from None
-    except OSError:  # A file system without locks.
-        return
+    if not lock(descriptor):
+        raise OutputError(f"{file.parent}: another process writes this study; wait for it or give another folder")

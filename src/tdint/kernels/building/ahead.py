@@ -9,8 +9,8 @@ from tdint.errors import OutputError
 from tdint.kernels.building import store
 from tdint.kernels.building.compilable import Compilable
 from tdint.kernels.building.process import Compilation, run_all
-from tdint.kernels.building.target import Target, named
-from tdint.kernels.building.variant import Variant
+from tdint.kernels.building.target import Target, named, runnable
+from tdint.kernels.building.variant import EVERYTHING, Variant
 
 
 def compile_ahead(
@@ -61,7 +61,17 @@ def compile_ahead(
     return written
 
 
+def shown(wanted: Iterable[tuple[Compilable, Variant]]) -> list[tuple[str, str, str]]:
+    """Each kernel, its variant, and the file that is loaded for it: empty for one to be compiled."""
+    rows = []
+    for kernel, variant in dict.fromkeys((kernel, kernel.needs(variant)) for kernel, variant in wanted):
+        tried = (store.look_up(kernel.name, one.text, runnable()) for one in (variant, EVERYTHING))
+        found = next(filter(None, tried), None)
+        rows.append((kernel.name, variant.text.replace(",", " "), str(found[0]) if found else ""))
+    return rows
+
+
 def _there(kernel: Compilable, variant: Variant, target: Target, folder: Path | None) -> bool:
     if folder is None:
-        return store.find(kernel.name, variant.text, (target,)) is not None
-    return store.find_in(folder, kernel.name, variant.text, (target,), check=False) is not None
+        return store.is_kept(kernel.name, variant.text, target)
+    return store.is_in(folder, kernel.name, variant.text, target)

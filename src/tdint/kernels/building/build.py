@@ -15,7 +15,6 @@ import threading
 
 def main() -> None:
     """Compile the kernel named on the command line."""
-    threading.Thread(target=_end_with_the_parent, daemon=True).start()
     # numba looks for SciPy's linear algebra, which kernels have no use for.
     sys.modules["scipy.linalg"] = None  # type: ignore[assignment]
     name, *file = sys.argv[1:]
@@ -31,10 +30,16 @@ def main() -> None:
 
     from tdint.kernels.building.compiler import object_of
     from tdint.kernels.building.loading import pack
+    from tdint.kernels.building.store import identity
+    from tdint.kernels.building.target import Target
 
+    # After the imports: on Windows numpy's would wait for the pipe that the thread reads.
+    threading.Thread(target=_end_with_the_parent, daemon=True).start()
     kernel = getattr(module, attribute)
     code, symbol = object_of(kernel.function, kernel.signature)
-    sys.stdout.buffer.write(pack(code, {"kernel": name, "symbol": symbol}))
+    target = Target(os.environ["NUMBA_CPU_NAME"], os.environ["NUMBA_CPU_FEATURES"])
+    about = identity(name, os.environ["TDINT_KERNELS_VARIANT"], target)
+    sys.stdout.buffer.write(pack(code, {**about, "symbol": symbol}))
     sys.stdout.buffer.flush()
 
 

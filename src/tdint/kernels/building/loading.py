@@ -17,14 +17,15 @@ import numpy as np
 from tdint.kernels.building.compilable import Argument, ArrayOf, Scalar, Signature
 from tdint.kernels.building.target import machine
 
-_FORM = "tdint object 1"
+_FORM = "tdint object 2"
+_LONGEST_HEAD = 4096
 _NUMBERS = {"float64": (ctypes.c_double, float), "int64": (ctypes.c_int64, int)}
 
 
 def pack(code: bytes, about: dict[str, Any]) -> bytes:
-    """An object and what is known about it."""
-    about = {"form": _FORM, "size": len(code), "sha256": hashlib.sha256(code).hexdigest(), **about}
-    return json.dumps(about).encode() + b"\n" + code
+    """An object and what is known about it, hashed together."""
+    about = {"form": _FORM, **about}
+    return json.dumps({**about, "sha256": _hash(about, code)}).encode() + b"\n" + code
 
 
 def unpack(data: bytes) -> tuple[bytes, dict[str, Any]]:
@@ -36,12 +37,18 @@ def unpack(data: bytes) -> tuple[bytes, dict[str, Any]]:
         The data are something else, cut off or damaged.
     """
     head, _, code = data.partition(b"\n")
+    if len(head) > _LONGEST_HEAD:  # deep enough it would exhaust the reader's stack
+        raise ValueError("not an object of tdint")
     about = json.loads(head)
     if not isinstance(about, dict) or about.get("form") != _FORM or not isinstance(about.get("symbol"), str):
         raise ValueError("not an object of tdint")
-    if len(code) != about.get("size") or hashlib.sha256(code).hexdigest() != about.get("sha256"):
+    if about.pop("sha256", None) != _hash(about, code):
         raise ValueError("cut off or damaged")
     return code, about
+
+
+def _hash(about: dict[str, Any], code: bytes) -> str:
+    return hashlib.sha256(json.dumps(about, sort_keys=True).encode() + b"\n" + code).hexdigest()
 
 
 class Loaded:

@@ -5,13 +5,16 @@ from __future__ import annotations
 import logging
 import os
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from zlib import crc32
 
 import numpy as np
 
 from tdint.kernels.building.variant import EVERYTHING, Variant
 from tdint.processors import processors
+from tdint.system import locked
 
 if TYPE_CHECKING:
     from tdint.kernels.building.compilable import Compilable
@@ -55,10 +58,26 @@ def _obtain(wanted: Sequence[tuple[Compilable, Variant]], progress: Callable[[fl
     if not missing:
         return
     from tdint.kernels.building import store
+
+    if not (absent := _not_found(dict.fromkeys(missing))):
+        return
+    folder = store.writable()
+    # Who wants the same waits; who wants something else mostly does not.
+    word = "".join(f"{kernel.name} {variant.text}\n" for kernel, variant in absent)
+    file = folder and folder / f".lock-{crc32(word.encode()) % 16}"
+    with locked(file, lambda: LOG.info("waiting for another tdint that compiles time loops")):
+        # What another process has compiled meanwhile is there now.
+        if absent := _not_found(absent):
+            _compile(absent, progress, folder)
+
+
+def _not_found(wanted: Iterable[tuple[Compilable, Variant]]) -> list[tuple[Compilable, Variant]]:
+    """Load what a store has; the rest."""
+    from tdint.kernels.building import store
     from tdint.kernels.building.target import runnable
 
     absent = []
-    for kernel, variant in dict.fromkeys(missing):
+    for kernel, variant in wanted:
         # One for everything does as well; `tdint compile --all` makes these.
         for one in (variant, EVERYTHING):
             found = store.find(kernel.name, one.text, runnable())
@@ -66,17 +85,17 @@ def _obtain(wanted: Sequence[tuple[Compilable, Variant]], progress: Callable[[fl
                 break
         else:
             absent.append((kernel, variant))
-    if absent:
-        _compile(absent, progress)
+    return absent
 
 
-def _compile(wanted: Sequence[tuple[Compilable, Variant]], progress: Callable[[float], None]) -> None:
+def _compile(
+    wanted: Sequence[tuple[Compilable, Variant]], progress: Callable[[float], None], folder: Path | None
+) -> None:
     from tdint.kernels.building import store
     from tdint.kernels.building.loading import unpack
     from tdint.kernels.building.process import Compilation, run_all
     from tdint.kernels.building.target import native
 
-    folder = store.writable()
     kept = f"kept in {folder}" if folder else "not kept: no folder to write to"
     count = len(wanted)
     LOG.info(

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import subprocess
 import sys
-import tempfile
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from typing import TYPE_CHECKING
@@ -39,28 +39,23 @@ class Compilation:
         """
         if self._stopped:
             return b""
-        with tempfile.TemporaryFile() as words:
-            try:
-                self._process = subprocess.Popen(
-                    self._command(),
-                    stdin=subprocess.PIPE,
-                    stdout=subprocess.PIPE,
-                    stderr=words,
-                    env=self._environment(),
-                )
-            except OSError as error:
-                raise AnalysisError(
-                    f"{self.kernel.name} cannot be compiled: no process can be started ({error})"
-                ) from None
-            with self._process as process:
-                assert process.stdout is not None
-                data = process.stdout.read()
-                code = process.wait()
-            if code and not self._stopped:
-                words.seek(0)
-                text = words.read().decode(errors="replace").strip().splitlines()
-                reason = text[-1] if text else f"exit code {code}"
-                raise AnalysisError(f"{self.kernel.name} cannot be compiled: {reason}")
+        pipe = subprocess.PIPE
+        try:
+            self._process = subprocess.Popen(
+                self._command(), stdin=pipe, stdout=pipe, stderr=pipe, env=self._environment()
+            )
+        except OSError as error:
+            raise AnalysisError(f"{self.kernel.name} cannot be compiled: no process can be started ({error})") from None
+        # `communicate` would close its standard input, which ends it; and a temporary file needs a folder for it.
+        with self._process as process, ThreadPoolExecutor(1) as beside:
+            assert process.stdout is not None and process.stderr is not None
+            words = beside.submit(process.stderr.read)
+            data = process.stdout.read()
+            code = process.wait()
+            text = words.result().decode(errors="replace").strip().splitlines()
+        if code and not self._stopped:
+            reason = text[-1] if text else f"exit code {code}"
+            raise AnalysisError(f"{self.kernel.name} cannot be compiled: {reason}")
         return data
 
     def stop(self) -> None:
@@ -92,7 +87,16 @@ class Compilation:
 
 
 def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, bytes]]:
-    """Run as many processes side by side as there are processors; each one's object as it is done."""
+    """Run as many processes side by side as there are processors; each one's object as it is done.
+
+    Raises
+    ------
+    AnalysisError
+        One cannot be compiled.
+    """
+    if compilations and importlib.util.find_spec("numba") is None:
+        names = ", ".join(dict.fromkeys(one.kernel.name for one in compilations))
+        raise AnalysisError(f"{names}: not among the compiled loops that came with tdint; to compile, install numba")
     with ThreadPoolExecutor(processors()) as pool:
         try:
             running = {pool.submit(one.run): one for one in compilations}

@@ -1,14 +1,13 @@
 """Where compiled kernels are kept.
 
 Objects lie in a folder that is named by a hash of the compiler's and Python's versions; in it, each is named by kernel,
-variant, processor and a hash of the sources that it is compiled from (`sources`), so a stale one cannot be found.
-Folders are looked through in this order:
+variant, processor and a hash of the sources that it is compiled from (`sources`), so a stale one cannot be found. The
+same stands inside and is hashed with the code. Folders are looked through in this order:
 
-1. TDINT_KERNELS_DIR, which is never written: a shared one, made by `tdint compile`;
-2. TDINT_CACHE_DIR if that is set, else `__pycache__` beside the kernels of the installed package (an image, or a
-   cluster's shared installation, compiles once), then the user's cache.
-
-The first of the second kind that can be written takes new objects. What is not loaded for a month is removed from it.
+1. TDINT_KERNELS_DIR, which is never written: a shared one, made by `tdint compile -o`;
+2. TDINT_CACHE_DIR if that is set, else the user's cache, which takes new objects; what is not loaded for a month is
+   removed from it;
+3. those that came with the package, for any version of Python and the compiler.
 """
 
 from __future__ import annotations
@@ -16,6 +15,7 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import os
+import shutil
 import sys
 import tempfile
 import time
@@ -33,6 +33,21 @@ from tdint.kernels.building.variant import parse
 _DAYS_KEPT = 30
 _DAY = 86400.0
 _PACKAGE = Path(__file__).parents[2]
+_PREBUILT = _PACKAGE / "kernels" / "prebuilt"
+_CONVENTION = "numba 1"
+"""How `loading` calls an object, and what a header says: another one is another number."""
+
+
+def identity(name: str, variant: str, target: Target) -> dict[str, str]:
+    """What an object is: of which kernel, variant and processor, from which sources, and how it is called."""
+    return {
+        "kernel": name,
+        "variant": variant,
+        "platform": sys.platform,
+        "target": target.text,
+        "sources": digest(name, parse(variant).laws),
+        "convention": _CONVENTION,
+    }
 
 
 def find(name: str, variant: str, targets: tuple[Target, ...]) -> tuple[bytes, str] | None:
@@ -40,19 +55,43 @@ def find(name: str, variant: str, targets: tuple[Target, ...]) -> tuple[bytes, s
 
     What is damaged, or belongs to someone else who is not the package's owner, does not count.
     """
-    shared = _shared()
-    if shared and (found := find_in(shared, name, variant, targets, check=False)):
-        return found
-    return next(filter(None, (find_in(home, name, variant, targets, check=True) for home in _homes())), None)
+    found = look_up(name, variant, targets)
+    return found[1:] if found else None
 
 
-def find_in(
-    home: Path, name: str, variant: str, targets: tuple[Target, ...], *, check: bool
-) -> tuple[bytes, str] | None:
-    """`find` in one folder; with `check` what belongs to others does not count."""
+def look_up(name: str, variant: str, targets: tuple[Target, ...]) -> tuple[Path, bytes, str] | None:
+    """`find`, and the file."""
+    return next(filter(None, (_look_up_in(*place, name, variant, targets) for place in _places())), None)
+
+
+def is_in(folder: Path, name: str, variant: str, target: Target) -> bool:
+    """Whether a folder (as TDINT_KERNELS_DIR names it) has a kernel."""
+    return _look_up_in(folder / folder_name(), False, name, variant, (target,)) is not None
+
+
+def is_kept(name: str, variant: str, target: Target) -> bool:
+    """Whether this user's store has a kernel, whatever else could serve."""
+    home = cache_home()
+    return home is not None and _look_up_in(home / folder_name(), True, name, variant, (target,)) is not None
+
+
+def _places() -> Iterator[tuple[Path, bool]]:
+    """Folders of objects, and whether what belongs to others does not count there."""
+    if shared := os.environ.get("TDINT_KERNELS_DIR"):
+        yield Path(shared) / folder_name(), False
+    if home := cache_home():
+        yield home / folder_name(), True
+    yield _PREBUILT / sys.platform, False
+
+
+def _look_up_in(
+    folder: Path, check: bool, name: str, variant: str, targets: tuple[Target, ...]
+) -> tuple[Path, bytes, str] | None:
     for target in targets:
-        path = home / folder_name() / file_name(name, variant, target)
+        path = folder / file_name(name, variant, target)
         try:
+            if not path.is_file():
+                continue
             with path.open("rb") as stream:
                 file = os.fstat(stream.fileno())
                 if check and not _trusted(file):
@@ -60,11 +99,11 @@ def find_in(
                 code, about = unpack(stream.read())
         except (OSError, ValueError):
             continue
-        if about.get("kernel") == name:
+        if about.items() >= identity(name, variant, target).items():
             if check and file.st_mtime < time.time() - _DAY:
                 with suppress(OSError):
                     os.utime(path)
-            return code, about["symbol"]
+            return path, code, about["symbol"]
     return None
 
 
@@ -74,8 +113,9 @@ def keep(data: bytes, name: str, variant: str, target: Target, folder: Path | No
     Goes into `folder` (as TDINT_KERNELS_DIR will name it) if one is given, and an OSError is raised then.
     """
     if folder is not None:
+        _make_for_all(folder / folder_name())
         return _write(data, folder / folder_name() / file_name(name, variant, target))
-    for goal in _goals():
+    if goal := cache_subfolder(folder_name()):
         with suppress(OSError):
             path = _write(data, goal / file_name(name, variant, target))
             remove_unused("*.object", _DAYS_KEPT, keep=path)
@@ -86,20 +126,28 @@ def keep(data: bytes, name: str, variant: str, target: Target, folder: Path | No
 
 def writable() -> Path | None:
     """The folder that new objects go to, None if there is none."""
-    for goal in _goals():
-        with suppress(OSError):
-            goal.mkdir(parents=True, exist_ok=True)
-            if os.access(goal, os.W_OK):
-                return goal
-    return None
+    return cache_subfolder(folder_name())
 
 
-def _goals() -> Iterator[Path]:
-    """Folders for new objects; one that others may write to is none."""
-    if not os.environ.get("TDINT_CACHE_DIR"):
-        yield _beside() / folder_name()
-    if folder := cache_subfolder(folder_name()):
-        yield folder
+def clean() -> int:
+    """Remove all objects from this user's store, those of other versions, too; how many there were.
+
+    Also those that earlier versions left in the installed package.
+    """
+    homes = [_PACKAGE / "kernels" / "__pycache__", *filter(None, [cache_home()])]
+    folders = [one for home in homes for one in home.glob("kernels-*") if one.is_dir() and not one.is_symlink()]
+    count = sum(1 for folder in folders for _ in folder.glob("*.object"))
+    for folder in folders:
+        shutil.rmtree(folder, ignore_errors=True)
+    return count
+
+
+def _make_for_all(folder: Path) -> None:
+    """Make a folder that others can read, whatever this user lets them otherwise."""
+    if not folder.exists():
+        _make_for_all(folder.parent)
+        folder.mkdir(exist_ok=True)
+        folder.chmod(0o755)
 
 
 def file_name(name: str, variant: str, target: Target) -> str:
@@ -130,27 +178,10 @@ def _trusted(file: os.stat_result) -> bool:
     return file.st_uid in owners and not file.st_mode & 0o022
 
 
-def _shared() -> Path | None:
-    named = os.environ.get("TDINT_KERNELS_DIR")
-    return Path(named) if named else None
-
-
-def _homes() -> Iterator[Path]:
-    """Where objects may be kept, the first that can be written before the others."""
-    if not os.environ.get("TDINT_CACHE_DIR"):
-        yield _beside()
-    if home := cache_home():
-        yield home
-
-
-def _beside() -> Path:
-    return _PACKAGE / "kernels" / "__pycache__"
-
-
 @cache
 def folder_name() -> str:
     """The folder of the objects that these versions of compiler and Python make."""
-    versions = hashlib.sha256(repr((sys.version_info[:2], sys.platform)).encode())
+    versions = hashlib.sha256(repr((sys.version_info[:2], sys.platform, _CONVENTION)).encode())
     for package in ("numba", "llvmlite"):
         # Not imported: that would take longer than all the rest.
         found = importlib.util.find_spec(package)

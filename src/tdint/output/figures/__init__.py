@@ -4,6 +4,11 @@ A picture is the same wherever it is drawn: matplotlib would take settings from 
 directory or in the user's home, some of which call other programs (`text.usetex`). Its own defaults are used.
 """
 
-import matplotlib as mpl
+import logging
+
+# Where to keep its list of fonts is no one's matter here.
+logging.getLogger("matplotlib").setLevel(logging.ERROR)
+
+import matplotlib as mpl  # noqa: E402
 
 mpl.rcdefaults()

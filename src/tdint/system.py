@@ -1,0 +1,61 @@
+"""What operating systems do in different ways."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+def lock(descriptor: int) -> bool:
+    """Lock an open file for this process, until it is closed; False if another process has it.
+
+    True on a file system without locks.
+    """
+    try:
+        import fcntl
+    except ImportError:
+        return _lock_on_windows(descriptor)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
+    return True
+
+
+def _lock_on_windows(descriptor: int) -> bool:
+    try:
+        import msvcrt
+    except ImportError:
+        return True
+    try:
+        msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined,unused-ignore]
+    except OSError:
+        return False
+    return True
+
+
+@contextmanager
+def locked(file: Path | None, waiting: Callable[[], object]) -> Iterator[None]:
+    """Hold the lock of a file, which is made; `waiting` is called once if another process has it.
+
+    Nothing is locked where there is no file or it cannot be made.
+    """
+    try:
+        stream = file.open("a") if file else None
+    except OSError:
+        stream = None
+    if stream is None:
+        yield
+        return
+    with stream:
+        told = False
+        while not lock(stream.fileno()):
+            if not told:
+                waiting()
+                told = True
+            time.sleep(0.05)
+        yield
