@@ -15,6 +15,7 @@ from tdint.errors import AnalysisError
 from tdint.kernels import layout as at
 from tdint.kernels.building.variant import EVERYTHING, Variant
 from tdint.kernels.compiling import Kernel
+from tdint.kernels.equations.carried.rows import error_peaks
 from tdint.kernels.laws.compiled_separately import spring_table
 from tdint.kernels.march.law_energies import begin, raise_shears, take_stock
 from tdint.kernels.march.march import march
@@ -45,6 +46,15 @@ class Workspace:
     limits: Array
     observed: Array
     history: Array
+
+    def forget_peaks(self, integrator: Integrator, modes: int) -> None:
+        """Look for peaks anew, also where the method keeps some of its own."""
+        self.peaks[:] = 0.0
+        firsts = [int(self.report[at.OWN_PEAKS])] if self.report[at.OWN_PEAKS] else []
+        if integrator.family.carries_error:
+            firsts.append(error_peaks(modes))
+        for first in firsts:
+            self.work[first : first + 2 * at.PEAK_ROWS] = 0.0
 
 
 def workspace(
@@ -134,11 +144,13 @@ def integrate(
     steps: Steps,
     space: Workspace,
     wanted: Variant = EVERYTHING,
+    *,
+    done: int = 0,
 ) -> int:
     """March over the steps from the initial state in `space`; returns 0 or the code of the step that failed.
 
     `coefficients` are those of the integrator for this building, these forces and this step; `wanted` is what the
-    building and the forces need of the kernels, or more.
+    building and the forces need of the kernels, or more. So many steps may be `done`: then it goes on from there.
 
     Raises
     ------
@@ -149,6 +161,7 @@ def integrate(
         raise ValueError(f"{steps.count} steps do not fit into a history of {len(space.history) - 1}")
     laws = _laws(building, integrator)
     return _in_pieces(
+        done,
         steps.count,
         _FIRST_PIECE // (building.stories * (1 + len(building.modal))),
         lambda first, last: march.variant(wanted)(
@@ -185,9 +198,9 @@ def integrate(
     )
 
 
-def _in_pieces(count: int, size: int, go_on: Callable[[int, int], int]) -> int:
+def _in_pieces(done: int, count: int, size: int, go_on: Callable[[int, int], int]) -> int:
     """March over all steps in pieces that take about `_PIECE`, between which Python can be interrupted."""
-    done, size = 0, max(size, 1)
+    size = max(size, 1)
     while True:
         last = min(done + size, count)
         started = time.perf_counter()
