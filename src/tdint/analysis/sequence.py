@@ -133,7 +133,8 @@ def run_sequence(
     """
     sequence = sequence_of(case, records, rest=number_of(rest, "rest"), dt=number_of(dt, "dt"))
     joined = replace(case.under(sequence.whole), remarks=(*case.remarks, *sequence.notes))
-    duration = _steps(case, joined.record, dt).count * _steps(case, joined.record, dt).h
+    assert joined.record is not None
+    duration = joined.record.duration
     response = run_case(
         joined, dt=dt, duration=duration, history=history, check=check, tolerance=tolerance, until_rest=until_rest
     )

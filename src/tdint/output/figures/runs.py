@@ -267,7 +267,7 @@ def _draw_drifts_of_shocks(axes: Any, response: Response, drifts: _Drifts) -> No
     """The peaks of each shock of a sequence, as far as there are looks for them."""
     whole = response.stories.peak_drift
     scale = np.divide(drifts.peak, whole, out=np.zeros_like(whole), where=whole > 0.0)
-    for number, (shock, color) in enumerate(zip(response.shocks, COLORS, strict=False), start=1):
+    for number, (shock, color) in enumerate(zip(response.shocks, COLORS[1:], strict=False), start=1):
         values = np.where(drifts.apart, 0.0, scale * shock.stories.peak_drift)
         _bars(axes, values, color=color, linewidth=1.0, linestyle=DASHES[1], label=f"shock {number}")
 
