@@ -89,7 +89,7 @@ def sequence_of(
         else:
             before = case.under(join(shocks[:number], starts))
             found, at_rest = until_rest(before, _steps(case, before.record, dt))
-            begin = max(math.ceil(found.count * found.stride / found.per_sample), last + 1)
+            begin = max(math.ceil(found.count * found.stride / found.per_sample), last) + 1  # a sample leads to it
             restless += [] if at_rest else [number]
         starts.append(math.ceil(begin / steps.stride) * steps.stride)  # a shock begins with a step
     return ShockSequence(tuple(shocks), tuple(starts), tuple(restless))
@@ -159,7 +159,8 @@ def shocks_of(joined: Case, sequence: ShockSequence, steps: Steps, *, check: boo
 
 def _parts(joined: Case, sequence: ShockSequence, steps: Steps) -> tuple[Shock, ...]:
     assert joined.ground is not None
-    firsts = [start * steps.per_sample // steps.stride for start in sequence.starts]
+    # The ground moves from the sample before on.
+    firsts = [max(start - 1, 0) * steps.per_sample // steps.stride for start in sequence.starts]
     building, dt = joined.building, sequence.records[0].dt
     parts = joined.prepared.march_parts(joined.integrator, steps, joined.ground, firsts)
     return tuple(

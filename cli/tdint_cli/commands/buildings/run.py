@@ -93,7 +93,7 @@ class Request(BuildingRequest):
 @options.record.option(
     "--sequence",
     is_flag=True,
-    help="Run the records one after the other on the same building, which keeps what each has left: peaks of each shock "
+    help="Run the records one after the other on one building, which keeps what each has left: peaks of each shock "
     "and over all. --scale takes one factor for all, or one for each.",
 )
 @options.record.option(
@@ -219,13 +219,14 @@ def _check_sequence(request: Request) -> None:
         raise UsageError(f"--scale: {factors} factors for {count} shocks: give one, or one for each")
     for name in ("duration", "factors"):
         if getattr(request, name) is not None:
-            raise UsageError(f"--{name} is not for a --sequence, which has all of each record; --rest is the time between")
+            raise UsageError(
+                f"--{name} is not for a --sequence, which has all of each record; --rest is the time between"
+            )
 
 
 def _run(request: Request) -> None:
     began = time.perf_counter()
-    from tdint.analysis.run.run import FailedRun, model_record, prepare, run_case
-    from tdint.analysis.sequence import run_sequence
+    from tdint.analysis.run.run import FailedRun, model_record, prepare
     from tdint.model.config.model_file import load_model
     from tdint.output.summaries.summary import model_input
 
@@ -237,19 +238,9 @@ def _run(request: Request) -> None:
     record = None if shocks else model_record(model)
     inputs = [model_input(model), *(one for read in shocks or filter(None, [record]) for one in read.inputs)]
     case = prepare(model, shocks[0] if shocks else record, method=request.method, allow_unstable=request.allow_unstable)
-    wanted: dict[str, Any] = {
-        "dt": request.dt,
-        "history": bool(request.history or request.plot or request.of_floors),
-        "check": request.check,
-        "tolerance": request.tolerance,
-        "until_rest": request.until_rest,
-    }
     try:
-        if shocks:
-            response = run_sequence(case, shocks, rest=request.rest, **wanted)
-            record = response.record
-        else:
-            response = run_case(case, duration=request.duration, **wanted)
+        response = _respond(case, shocks, request)
+        record = response.record
     except FailedRun as failure:
         _remark(record, failure.notes)
         _write(request, _failed_files(request, failure, case, inputs, began))
@@ -262,6 +253,22 @@ def _run(request: Request) -> None:
     for text in response.warnings:
         warn(text)
     _remark(record, response.notes)
+
+
+def _respond(case: Case, shocks: list[Record], request: Request) -> Response:
+    from tdint.analysis.run.run import run_case
+    from tdint.analysis.sequence import run_sequence
+
+    wanted: dict[str, Any] = {
+        "dt": request.dt,
+        "history": bool(request.history or request.plot or request.of_floors),
+        "check": request.check,
+        "tolerance": request.tolerance,
+        "until_rest": request.until_rest,
+    }
+    if shocks:
+        return run_sequence(case, shocks, rest=request.rest, **wanted)
+    return run_case(case, duration=request.duration, **wanted)
 
 
 def _shocks(model: Model, request: Request) -> list[Record]:
@@ -409,7 +416,7 @@ def _settings(request: Request) -> dict[str, Any]:
         "check": request.check,
         "tolerance": request.tolerance,
         "allow_unstable": request.allow_unstable,
-        "rest_s": request.rest,
+        **({"sequence": True, "rest_s": request.rest} if request.sequence else {}),
         "floor_spectra": list(request.of_floors.floors or ()),
     }
 
@@ -472,7 +479,10 @@ def _of_shock(number: int, shock: Shock, units: OutputUnits) -> str:
     drift, left = found.drift, found.residual_drift_ratio
     worst, after = f"{units.text(drift.value, 'm')} in story {drift.place}", ""
     if left.place is not None:
-        worst, after = f"ratio {found.drift_ratio.value:.4g} in story {found.drift_ratio.place}", f"{left.value:.3g} left"
+        worst, after = (
+            f"ratio {found.drift_ratio.value:.4g} in story {found.drift_ratio.place}",
+            f"{left.value:.3g} left",
+        )
     return f"Shock {number}, from {shock.start:.6g} s: largest drift {worst}{', ' * bool(after)}{after}."
 
 

@@ -339,7 +339,7 @@ class Collapse:
 
 @dataclass(frozen=True)
 class Shock:
-    """What a building did in one shock of a sequence: from its first sample to that of the next one, or to the end.
+    """What a building did in one shock of a sequence: until the ground moves in the next one, or to the end.
 
     Attributes
     ----------

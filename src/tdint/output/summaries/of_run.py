@@ -13,7 +13,16 @@ from tdint.model.definition import Damping, ModalDamping, Model, RayleighCoeffic
 from tdint.output.summaries.summary import inputs_summary, motion_summary, schema, versions
 
 if TYPE_CHECKING:
-    from tdint.analysis.run.outcome import Collapse, Energy, ErrorEstimate, FailedRun, Response, Shock, StoryErrors, StoryPeaks
+    from tdint.analysis.run.outcome import (
+        Collapse,
+        Energy,
+        ErrorEstimate,
+        FailedRun,
+        Response,
+        Shock,
+        StoryErrors,
+        StoryPeaks,
+    )
     from tdint.analysis.spectra.first_mode import FirstMode
 
 MEANINGS = {
@@ -106,7 +115,7 @@ def run_summary(
         "energy": _energy(response.energy),
         "peaks": peaks(response.stories),
         "check": _check(response.check, response.stories),
-        "shocks": [_shock(shock) for shock in response.shocks] or None,
+        **({"shocks": [_shock(shock) for shock in response.shocks]} if response.shocks else {}),
         "at_end": _at_end(response),
         "collapse_drift": response.model.collapse_drift,
         "collapse": _collapse(response.collapse),
