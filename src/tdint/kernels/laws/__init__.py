@@ -11,7 +11,6 @@ from tdint.kernels.laws import (
     gap,
     imk,
     linear,
-    multilinear_pinching,
     peak_oriented,
     polynomial,
     tanh,
@@ -28,7 +27,6 @@ LAWS = (
     polynomial.LAW,
     trilinear_pinching.LAW,
     imk.LAW,
-    multilinear_pinching.LAW,
 )
 
 LINEAR = LAWS.index(linear.LAW)
