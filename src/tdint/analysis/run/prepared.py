@@ -232,10 +232,8 @@ class PreparedBuilding:
         space = self._ready(integrator, steps.h, 0, math.inf)
         coefficients = self.coefficients(integrator, steps.h)
         for done, last in pairwise((*(first for first in firsts if first < steps.count), steps.count)):
-            part = replace(steps, count=last)
-            code = integrate(
-                integrator, coefficients, self.building, self.forces, ground, part, space, self.variant, done=done
-            )
+            part = replace(steps, count=last, done=done)
+            code = integrate(integrator, coefficients, self.building, self.forces, ground, part, space, self.variant)
             if code < 0:
                 return
             yield space

@@ -159,13 +159,11 @@ def integrate(
     steps: Steps,
     space: Workspace,
     wanted: Variant = EVERYTHING,
-    *,
-    done: int = 0,
 ) -> int:
-    """March over the steps from the initial state in `space`; returns 0 or the code of the step that failed.
+    """March over the steps from the state in `space`, the initial one or that after the steps that are done; returns 0 or the code of the step that failed.
 
     `coefficients` are those of the integrator for this building, these forces and this step; `wanted` is what the
-    building and the forces need of the kernels, or more. So many steps may be `done`: then it goes on from there.
+    building and the forces need of the kernels, or more.
 
     Raises
     ------
@@ -177,7 +175,7 @@ def integrate(
     law_parameters = _law_parameters(building, integrator)
     scene = Scene(building.linear_terms, building.modal, law_parameters, forces, space.flags)
     return _in_pieces(
-        done,
+        steps.done,
         steps.count,
         _FIRST_PIECE // (building.stories * (1 + len(building.modal))),
         lambda first, last: march.variant(wanted)(
