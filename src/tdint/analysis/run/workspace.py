@@ -160,7 +160,9 @@ def integrate(
     space: Workspace,
     wanted: Variant = EVERYTHING,
 ) -> int:
-    """March over the steps from the state in `space`, the initial one or that after the steps that are done; returns 0 or the code of the step that failed.
+    """March over the steps from the state in `space`: the initial one, or that after the steps that are done.
+
+    Returns 0 or the code of the step that failed.
 
     `coefficients` are those of the integrator for this building, these forces and this step; `wanted` is what the
     building and the forces need of the kernels, or more.
