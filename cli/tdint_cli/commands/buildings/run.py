@@ -50,7 +50,7 @@ class Request(BuildingRequest):
     plot: str | None
     overwrite: bool
     allow_unstable: bool
-    check: bool
+    check: bool | None
     tolerance: float | None
     of_floors: FloorRequest
     jobs: int | None
@@ -117,10 +117,11 @@ class Request(BuildingRequest):
 @options.output.units
 @options.output.overwrite
 @options.analysis.option(
-    "--check",
-    is_flag=True,
-    help="Columns <name>_error with the estimated errors. moment4 carries them along in the run; with another method "
-    "it is repeated with a half and a quarter of the step.",
+    "--check/--no-check",
+    default=None,
+    help="Columns <name>_error with the estimated errors. moment4 carries them along in the run and shows them unasked; "
+    "with another method the run is repeated with a half and a quarter of the step. Those of moment4 go into --history, "
+    "too. --no-check leaves all out.",
 )
 @options.analysis.option(
     "--tolerance",
@@ -157,6 +158,8 @@ def command(record: str | None, records: tuple[str, ...], **given: Any) -> None:
     names = {"floors": "floor_spectra", "export": "export_floors"}
     wanted = {field.name: given.pop(names.get(field.name, field.name)) for field in fields(FloorRequest)}
     request = Request(**given, record=named[0] if named else None, of_floors=FloorRequest(**wanted))
+    if request.check is False and request.tolerance is not None:
+        raise UsageError("--tolerance estimates the errors that --no-check leaves out; leave one of the two out")
     if request.factors is not None and (request.scale or not named):
         raise UsageError("--factors stands in place of --scale, and is for the RECORDs that were scaled: name them")
     if request.factors is not None or len(named) > 1 or len(request.scale or ()) > 1 or (named and is_folder(named[0])):
@@ -304,7 +307,9 @@ def _files(request: Request, response: Response, case: Case, inputs: list[Input]
         files[Path(request.output) / STORIES] = lambda stream: stream.write(table)
     history = response.history
     if (file := _history(request)) and history is not None:
-        files[file] = lambda stream: write_history(history.every(request.every), stream, units)
+        # The error makes it half as large again: of one who asked for it.
+        kept = history if request.check else replace(history, error=None)
+        files[file] = lambda stream: write_history(kept.every(request.every), stream, units)
     if request.output:
         of_floors, notes = request.of_floors.files(response, Path(request.output), units)
         files |= of_floors
