@@ -137,7 +137,7 @@ class Request(BuildingRequest):
 @options.analysis.option(
     "--check/--no-check",
     default=None,
-    help="Columns <name>_error with the estimated errors. moment4 carries them along in the run and shows them unasked, "
+    help="Columns <name>_error with estimated errors. moment4 carries them along in the run and shows them unasked, "
     "asked also in --history; with another method the run is repeated with a half and a quarter of the step.",
 )
 @options.analysis.option(
