@@ -16,7 +16,7 @@ from tdint.analysis.chart.problem import FloorMotion, Problem
 from tdint.analysis.run.steps import Steps
 from tdint.cache import cache_subfolder
 from tdint.errors import AnalysisError, OutputError
-from tdint.files import write_file
+from tdint.files import is_file, write_file
 from tdint.kernels.building.sources import digest_of_all
 from tdint.kernels.building.store import folder_name
 from tdint.methods.catalogue import parse
@@ -226,6 +226,8 @@ def _load(file: Path, problem: Problem, samples: int) -> Reference | None:
     """What the file holds; None if there is none or it is damaged."""
     shape = (samples + 1, problem.building.stories)
     # A zip file, a text or an array that is broken: whatever is raised, the reference is computed anew.
+    if not is_file(file):
+        return None
     with suppress(Exception), file.open("rb") as stream, np.load(stream, allow_pickle=False) as content:
         table = content["table"]
         motion = FloorMotion(1, table[0], table[1], table[2], content["peak_drift"])
