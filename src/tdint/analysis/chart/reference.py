@@ -224,10 +224,10 @@ def _cache_file(problem: Problem, samples: int) -> Path | None:
 
 def _load(file: Path, problem: Problem, samples: int) -> Reference | None:
     """What the file holds; None if there is none or it is damaged."""
-    shape = (samples + 1, problem.building.stories)
-    # A zip file, a text or an array that is broken: whatever is raised, the reference is computed anew.
     if not is_file(file):
         return None
+    shape = (samples + 1, problem.building.stories)
+    # A zip file, a text or an array that is broken: whatever is raised, the reference is computed anew.
     with suppress(Exception), file.open("rb") as stream, np.load(stream, allow_pickle=False) as content:
         table = content["table"]
         motion = FloorMotion(1, table[0], table[1], table[2], content["peak_drift"])
