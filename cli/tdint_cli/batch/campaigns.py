@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from tdint.campaign.store.store import Store
     from tdint.files import Writer
 
-RUNS, STORIES, PARQUET, SIMCENTER, SUMMARY = "runs.csv", "stories.csv", "runs.parquet", "simcenter.csv", "summary.json"
+RUNS, STORIES, SHOCKS, SUMMARY = "runs.csv", "stories.csv", "shocks.csv", "summary.json"
+PARQUET, SIMCENTER = "runs.parquet", "simcenter.csv"
 """What is made of a store, each file whole."""
 
 _FAILED = ("diverged", "not-converged", "unstable-step", "not-within-tolerance")
@@ -125,7 +126,7 @@ def _forget(folder: Path) -> None:
     from tdint.campaign.store.store import FILE, forget, remove
 
     forget(folder / FILE)
-    for name in (RUNS, STORIES, PROFILES, PICTURE, PARQUET, SIMCENTER, SUMMARY):
+    for name in (RUNS, STORIES, SHOCKS, PROFILES, PICTURE, PARQUET, SIMCENTER, SUMMARY):
         remove(folder / name)
 
 
@@ -210,10 +211,12 @@ def _runs(store: Store, units: OutputUnits) -> Writer:
 def _write(folder: Path, store: Store, writers: dict[str, Writer], units: OutputUnits, *, overwrite: bool) -> None:
     from tdint.files import write_files
     from tdint.output.summaries.summary import campaign_summary, in_units, json_bytes
-    from tdint.output.tables.campaign import write_stories
+    from tdint.output.tables.campaign import write_shocks, write_stories
 
     if store.meta("setting stories") == "true":
         writers = writers | {STORIES: lambda stream: write_stories(store, stream, units)}
+    if next(store.shocks(), None) is not None:
+        writers = writers | {SHOCKS: lambda stream: write_shocks(store, stream, units)}
     if store.settings().get("profiles") == "true" and is_complete(store):
         writers = writers | {PROFILES: Profiles(store, SuiteRequest(), units).table()}
     summary = json_bytes(in_units(campaign_summary(store), units))

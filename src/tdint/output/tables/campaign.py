@@ -10,7 +10,7 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
-from tdint.campaign.engine.rows import HIDDEN, RUN
+from tdint.campaign.engine.rows import DEMANDED, HIDDEN, RUN
 from tdint.output.tables.buildings import STORY
 from tdint.output.tables.table import METHOD_SPEC, OF_NAMED_RECORD, TEXT, Cell, Column, Table, cell_text, names
 from tdint.output_units import SI, OutputUnits
@@ -60,6 +60,15 @@ PROFILES = (
     Column("failed", "1", "failed", "motions whose run has no result: in no number before"),
 )
 """Of profiles.csv."""
+
+SHOCKS = (
+    *OF_BUILDING,
+    Column("shock", "1", "shock", "shock of the sequence, from 1"),
+    Column("start_s", "s", "start", "time of its first sample in the sequence"),
+    Column("pga_m_s2", "m/s^2", "pga", "peak ground acceleration of the shock, scaled"),
+    *(Column.of_quantity(one) for one in DEMANDED),
+)
+"""Of shocks.csv: what each shock of a sequence did; runs.csv has the sequences as a whole."""
 
 STATUS = (
     Column("status", "text", "status", "how runs ended; left: not done yet"),
@@ -125,6 +134,16 @@ def write_profiles(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> N
 
     columns = [*PROFILES[:2], *((LEVEL,) if has_levels(store) else ()), *PROFILES[2:]]
     write_rows(columns, profile_rows(profiles(store), units), stream)
+
+
+def write_shocks(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
+    """Write shocks.csv."""
+    buildings, records = store.buildings(), store.records()
+    rows = (
+        [cell_text(buildings[building][0]), *map(cell_text, records[record][:2]), scale, *rest]
+        for building, record, scale, _, *rest in store.shocks()
+    )
+    write_rows(SHOCKS, rows, stream, units)
 
 
 def write_rows(columns: Iterable[Column], rows: Iterable[list[Any]], stream: BinaryIO, units: OutputUnits = SI) -> None:
