@@ -155,3 +155,101 @@ def test_without_component_each_common_one_is_a_motion(study, tdint):
     (study / "pairs.csv").write_text("sequence,record\nodd,motion.mseed\nodd,other.mseed\n")
     result = tdint("campaign", "study.yaml", "-o", "other")
     assert result.exit_code == 4 and "different components" in result.stderr
+
+
+FRAME = """\
+name: frame
+stories:
+  - {repeat: 2, mass: 10, height: 3, stiffness: 8000, law: {type: bilinear, yield_force: 50, hardening: 0.1}}
+damping: {rayleigh: {ratio: 0.05, modes: [1, 2]}}
+analysis: {method: newmark-average}
+"""
+AFTERSHOCKS = ("ida", "frame.yaml", "motion.mseed", "other.mseed", "--after", "other.mseed", "--units", "m/s^2")
+
+
+def test_aftershocks_find_the_building_that_the_mainshock_has_damaged(study, tdint):
+    (study / "frame.yaml").write_text(FRAME)
+    result = tdint(*AFTERSHOCKS, "--damage", "2%", "-o", "out", "--threshold", "0.1%,5%", "--plot")
+    assert result.exit_code == 0, result.output
+    table, intact = rows("out/capacities.csv"), rows("out/capacities.csv")[:9]
+    assert [row["damage"] for row in table] == ["0"] * 9 + ["0.02"] * 9
+    alone = tdint(*AFTERSHOCKS[:4], *AFTERSHOCKS[6:], "-o", "alone", "--threshold", "0.1%,5%")
+    assert alone.exit_code == 0
+    plain = [{key: row[key] for key in row if key != "damage"} for row in intact]
+    assert plain == rows("alone/capacities.csv")
+    # A damaged building reaches a drift sooner.
+    sooner = [
+        float(later["capacity"]) < float(row["capacity"])
+        for row, later in zip(intact, table[9:], strict=True)
+        if row["threshold"] == "0.001"
+    ]
+    assert sooner == [True] * 3
+
+    # A level is the run of the sequence put together by hand.
+    level = next(row for row in rows("out/ida.csv") if row["damage"] == "0.02" and row["status"] == "done")
+    model = library.load_model("frame.yaml")
+    main, record = (
+        library.read_record(name, component="HNE", units="m/s^2") for name in ("other.mseed", "motion.mseed")
+    )
+    case = library.prepare(model, main, method="newmark-average")
+
+    def reached(factor: float) -> float:
+        return demands(library.run(model, main.scaled(factor), method="newmark-average").stories).drift_ratio.value
+
+    low, high = 0.0, 1.0
+    while reached(high) < 0.02:
+        high *= 1.1
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if reached(middle) < 0.02 else (low, middle)
+    found = run_sequence(case, [main.scaled(high), record.scaled(float(level["scale"]))])
+    assert demands(found.shocks[0].stories).drift_ratio.value == pytest.approx(0.02, rel=2e-4)
+    drift = demands(found.shocks[1].stories).drift_ratio.value
+    assert float(level["peak_drift_ratio"]) == pytest.approx(drift, rel=1e-2)  # the scale is found to 1e-4
+
+    again = tdint(*AFTERSHOCKS, "--damage", "2%", "-o", "out", "--threshold", "0.1%,5%", "--plot")
+    assert again.exit_code == 0 and "nothing to do" in again.stderr
+    other = tdint(*AFTERSHOCKS, "--damage", "1%", "-o", "out", "--threshold", "0.1%,5%")
+    assert other.exit_code == 2
+
+
+def rows_of(text: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def test_each_state_has_its_fragility(folder, tdint):
+    of_state = {"0": [1.0, 1.2, 1.5], "0.02": [0.5, 0.7, 0.8]}
+    table = [f"{state},0.1,{capacity}" for state, values in of_state.items() for capacity in values]
+    Path("c.csv").write_text("\n".join(["damage,threshold,capacity", *table, "0.02,0.1,"]))
+    result = tdint("fragility", "c.csv", "-o", "f.csv", "--plot")
+    assert result.exit_code == 0, result.output
+    fitted = rows("f.csv")
+    assert [row["damage"] for row in fitted] == ["0", "0.02"]
+    for row, values in zip(fitted, of_state.values(), strict=True):
+        assert float(row["theta"]) == pytest.approx(np.exp(np.mean(np.log(values))))
+        assert float(row["beta"]) == pytest.approx(np.std(np.log(values), ddof=1))
+    assert "damaged to 2 %, ida, median" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "text"),
+    [
+        (("--damage", "20%"), 2, "below the collapse drift"),
+        ((), 2, "--after has nothing to act on without --damage"),
+    ],
+)
+def test_refusals_of_aftershocks(study, tdint, options, code, text):
+    (study / "frame.yaml").write_text(FRAME)
+    result = tdint(*AFTERSHOCKS, *options)
+    assert result.exit_code == code
+    assert text in result.stderr
+
+
+def test_a_mainshock_that_cannot_bring_the_damage(study, tdint):
+    imk = "imk, yield_force: 50, plastic_drift: 0.05, post_capping_drift: 0.1, ultimate_drift: 0.06"
+    imk += ", capping_ratio: 1.1, residual_ratio: 0.1"
+    text = FRAME.replace("bilinear, yield_force: 50, hardening: 0.1", imk)
+    (study / "frame.yaml").write_text(text)
+    result = tdint(*AFTERSHOCKS, "--damage", "3%")
+    assert result.exit_code == 5, result.output
+    assert "does not reach a drift of 3 %" in result.stderr

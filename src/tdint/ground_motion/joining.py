@@ -98,25 +98,30 @@ class JoinedRecord(Record):
         The motions, of one sampling interval.
     rest : float or None
         Seconds between them; None: until the building is at rest.
+    fixed : int
+        So many of the first shocks stay as they are where the record is scaled: what is asked is what those after them
+        do.
     """
 
     shocks: tuple[Record, ...] = ()
     rest: float | None = None
+    fixed: int = 0
 
     @classmethod
-    def of(cls, records: Sequence[Record], rest: float | None) -> Self:
+    def of(cls, records: Sequence[Record], rest: float | None, fixed: int = 0) -> Self:
         """The shocks as they are to follow each other. Errors are those of `at_one_interval` and `samples_of`."""
         shocks, starts = at_one_interval(records), [0]
         for shock in shocks[:-1]:
             starts.append(starts[-1] + shock.acceleration.size - 1 + samples_of(rest or 0.0, shock.dt))
         whole = join(shocks, starts)
-        return cls(**{one.name: getattr(whole, one.name) for one in fields(Record)}, shocks=tuple(shocks), rest=rest)
+        plain = {one.name: getattr(whole, one.name) for one in fields(Record)}
+        return cls(**plain, shocks=tuple(shocks), rest=rest, fixed=fixed)
 
     @property
     def digest(self) -> str:
-        parts = [*(shock.digest for shock in self.shocks), repr(self.rest)]
+        parts = [*(shock.digest for shock in self.shocks), repr((self.rest, self.fixed))]
         return hashlib.sha256(" ".join(parts).encode()).hexdigest()
 
     def _times(self, factor: float) -> Self:
-        scaled = super()._times(factor)
-        return replace(scaled, shocks=tuple(shock.scaled(factor) for shock in self.shocks))  # type: ignore[return-value]
+        fixed, others = self.shocks[: self.fixed], self.shocks[self.fixed :]
+        return self.of([*fixed, *(shock.scaled(factor) for shock in others)], self.rest, self.fixed)

@@ -119,10 +119,10 @@ class Batch:
 
     def _sequence(self, run: Run, largest: float | None) -> Rows:
         """A run of shocks one after the other: that of the record that they make on this building, and its parts."""
-        record = self.motions.records[run.motion]
-        assert isinstance(record, JoinedRecord)
         case, dt = self._case(run), self.settings.dt
-        sequence = sequence_of(case, [shock.scaled(run.scale) for shock in record.shocks], rest=record.rest, dt=dt)
+        record = case.record
+        assert isinstance(record, JoinedRecord)
+        sequence = sequence_of(case, record.shocks, rest=record.rest, dt=dt)
         joined = case.under(sequence.whole)
         spectral = self.spectral[run.motion]
         alone = replace(
@@ -135,7 +135,10 @@ class Batch:
         (row,) = rows.runs
         if row.steps is not None:
             steps = replace(joined.steps(row.dt, sequence.whole.duration), count=row.steps)
-            rows.shocks = shock_rows(self.number, run, shocks_of(joined, sequence, steps))
+            shocks = shocks_of(joined, sequence, steps)
+            rows.shocks = shock_rows(self.number, run, shocks)
+            if record.fixed and len(shocks) > record.fixed:
+                row = row._replace(**demand_cells(shocks[-1].stories)[0])
         return Rows(
             [row._replace(scale=run.scale)], [one._replace(scale=run.scale) for one in rows.stories], rows.shocks
         )
