@@ -58,7 +58,7 @@ class Mainshock:
 
 
 @dataclass(frozen=True)
-class Damaged:
+class DamagedState:
     """What a mainshock does to a building.
 
     Attributes
@@ -79,7 +79,7 @@ class Damaged:
     rest: float
 
 
-def damaged(subject: Subject, main: Record, drift: float, *, first: float, dt: float | None) -> Damaged:
+def damaged(subject: Subject, main: Record, drift: float, *, first: float, dt: float | None) -> DamagedState:
     """Scale a mainshock so that the largest drift ratio of a building first reaches a value.
 
     Parameters
@@ -114,7 +114,7 @@ def damaged(subject: Subject, main: Record, drift: float, *, first: float, dt: f
     joined = case.under(alone.whole)
     rest = (sequence.starts[1] - scaled.acceleration.size + 1) * scaled.dt
     (shock,) = shocks_of(joined, alone, joined.steps(dt, scaled.duration + rest))
-    return Damaged(scaled, drift, demands(shock.stories).residual_drift_ratio.value, rest)
+    return DamagedState(scaled, drift, demands(shock.stories).residual_drift_ratio.value, rest)
 
 
 def _drift(response: Response) -> float:

@@ -19,7 +19,7 @@ from tdint.campaign.engine.chunk import Done
 from tdint.campaign.engine.rows import RunRow
 from tdint.campaign.engine.task import Motions, Run, RunSettings, Subject
 from tdint.campaign.ida.curve import IdaCurve
-from tdint.campaign.ida.damage import Damaged, Mainshock, damaged, damages_of
+from tdint.campaign.ida.damage import DamagedState, Mainshock, damaged, damages_of
 from tdint.campaign.ida.levels import Levels
 from tdint.campaign.ida.runs import IdaRun, run_level
 from tdint.campaign.store.identity import Identity, StoredBuilding, StoredMotion, as_json
@@ -270,7 +270,7 @@ class _Work:
         record: Record,
         intensity: float,
         settings: IdaSettings,
-        before: Damaged | None = None,
+        before: DamagedState | None = None,
     ) -> _Work:
         left = before.left if before else 0.0
         levels = Levels(
@@ -356,13 +356,13 @@ def _prepared(model: Model, settings: IdaSettings, method: str | None) -> tuple[
 
 def _states(
     subject: Subject, records: Sequence[Record], mainshock: Mainshock | None, settings: IdaSettings
-) -> list[list[Damaged | None]]:
+) -> list[list[DamagedState | None]]:
     """For each state of the building what each record comes after; nothing, first."""
     drift = subject.model.collapse_drift
-    known: dict[tuple[str, float], Damaged] = {}
-    states: list[list[Damaged | None]] = [[None] * len(records)]
+    known: dict[tuple[str, float], DamagedState] = {}
+    states: list[list[DamagedState | None]] = [[None] * len(records)]
     for damage in damages_of(mainshock, drift)[1:]:
-        state: list[Damaged | None] = []
+        state: list[DamagedState | None] = []
         for record in records:
             assert mainshock is not None
             main = mainshock.before(record)
