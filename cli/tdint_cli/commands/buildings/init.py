@@ -33,7 +33,7 @@ def _structures() -> list[str]:
     return list(STRUCTURES)
 
 
-class Weights(click.ParamType):  # type: ignore[type-arg]
+class WeightsType(click.ParamType):  # type: ignore[type-arg]
     """Positive numbers with commas between them, equal ones as COUNTxNUMBER."""
 
     name = "weights"
@@ -93,7 +93,7 @@ class Request:
 )
 @options.option(
     "--weights",
-    type=Weights(),
+    type=WeightsType(),
     metavar="WEIGHT,...",
     help="Weights of the floors from the ground up, kN (kip of --units us), equal ones as 6x3900: one story each, "
     "stiffnesses such that the first mode is a straight line with --period.",
