@@ -51,6 +51,7 @@ _OF_RUNS = ("jobs", "shard", "limit", "dask", "tls_ca", "tls_cert", "tls_key")
 
 
 @options.command("campaign")
+@options.analysis.plugin
 @click.argument("words", metavar="CAMPAIGN.yaml|status|merge|export DIR...", nargs=-1, required=True, type=FileName())
 @options.output.output("DIR", "The folder of the campaign: campaign.sqlite, runs.csv, summary.json, stories.csv.")
 @options.option(

@@ -15,6 +15,7 @@ from tdint.errors import AnalysisError
 from tdint.kernels import layout as at
 from tdint.kernels.building.variant import EVERYTHING, Variant
 from tdint.kernels.compiling import Kernel
+from tdint.kernels.laws import OURS
 from tdint.kernels.laws.compiled_separately import spring_table
 from tdint.kernels.march.law_energies import begin, raise_shears, take_stock
 from tdint.kernels.march.march import march
@@ -107,7 +108,11 @@ def variant(building: Building, forces: Array | None = None) -> Variant:
     """What the kernels need for a building under forces; none by default."""
     codes = np.unique(building.laws[at.CODE, :-1]).tolist()
     return Variant(
-        laws=tuple(name for name, code in CODES.items() if code in codes or name == "linear"),
+        laws=tuple(
+            name if code < OURS else f"{name}@{code}"
+            for name, code in CODES.items()
+            if code in codes or name == "linear"
+        ),
         modal=len(building.modal) > 0,
         forces=forces is not None and len(forces) > 0,
         dashpots=building.damped_by_devices,
