@@ -100,12 +100,12 @@ def _place(point: EntryPoint) -> str:
     return f"{package}entry point {point.name} of {point.group} ({point.value})"
 
 
-def declared(found: Any, attribute: str, kind: type) -> Iterator[Any]:
+def declared(found: Any, attribute: str, kind: type, where: str) -> Iterator[Any]:
     """The objects of a kind in what an entry point or a file names: itself, or what its tuple `attribute` has."""
     listed = getattr(found, attribute, ()) if isinstance(found, ModuleType) else found
     for one in (listed,) if isinstance(listed, kind) else listed:
         if not isinstance(one, kind):
-            raise UsageError(f"{attribute} holds {kind.__name__} objects, not {type(one).__name__}")
+            raise UsageError(f"{where}: {attribute} holds {kind.__name__} objects, not {type(one).__name__}")
         yield one
 
 

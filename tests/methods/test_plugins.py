@@ -132,8 +132,12 @@ FAULTS = {
     "METHODS = (3,)\n": "outside_plugin.py: METHODS holds Method objects, not int",
     "METHODS = 3\n": "outside_plugin.py: TypeError: ",
     "raise SystemExit(3)\n": "outside_plugin.py:1: SystemExit: 3",
-    "from tdint.methods.single_step import METHODS\n": "there is a method 'newmark' already; give yours another name",
-    "from tdint.kernels.laws import tanh\nLAWS = (tanh.LAW,)\n": "there is a law 'tanh' already",
+    "from dataclasses import replace\nfrom tdint.methods.bathe import METHODS\nMETHODS = (replace(METHODS[0]),)\n": (
+        "there is a method 'bathe' already; give yours another name"
+    ),
+    "from tdint.kernels.laws.law import DriftLaw\nLAWS = (DriftLaw('tanh', '', lambda: None),)\n": (
+        "there is a law 'tanh' already"
+    ),
 }
 
 
@@ -169,13 +173,15 @@ def test_a_faulty_declaration_is_one_line_and_leaves_nothing(request, change):
     assert "verlet" not in methods.catalogue()
 
 
-def test_what_cannot_be_compiled_names_the_line(tmp_path, verlet):
-    text = verlet.read_text().replace("n = chain.shape[1] - 1", "n = nothing_of_this_name")
-    file = outside(tmp_path, text)
-    tdint.load_plugin(str(file))
-    line = 1 + text[: text.index("nothing_of_this_name")].count("\n")
-    with pytest.raises(AnalysisError, match=rf"cannot be compiled: {file}:{line}: .*nothing_of_this_name"):
-        check_method(methods.parse("verlet"))
+def test_what_cannot_be_compiled_names_the_file_and_where_it_is_known_the_line(tmp_path, verlet):
+    changes = {"n = nothing_of_this_name": "", "n = chain.shape[1] - 'a'": ":21"}
+    for number, (change, line) in enumerate(changes.items()):
+        text = verlet.read_text().replace("n = chain.shape[1] - 1", change).replace('"verlet"', f'"verlet-{number}"')
+        file = outside(tmp_path, text, f"outside_{number}")
+        tdint.load_plugin(str(file))
+        with pytest.raises(AnalysisError, match=f"cannot be compiled: {file}{line}: ") as caught:
+            check_method(methods.parse(f"verlet-{number}"))
+        assert "nothing_of_this_name" in str(caught.value) or "No implementation of function" in str(caught.value)
 
 
 def test_no_two_files_of_one_name(tmp_path, verlet):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copyreg
 from collections.abc import Callable
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -32,10 +33,12 @@ def _known() -> dict[str, Method]:
 def catalogue() -> dict[str, Method]:
     """All methods by name, in the order in which they are listed: ours, then those of plug-ins, those of installed
     packages (entry points `tdint.methods`) among them."""
-    installed(
-        "tdint.methods",
-        lambda found, where: [register_method(one, where) for one in declared(found, "METHODS", Method)],
-    )
+
+    def take(found: Any, where: str) -> None:
+        for method in declared(found, "METHODS", Method, where):
+            register_method(method, where)
+
+    installed("tdint.methods", take)
     return _known()
 
 
@@ -97,7 +100,7 @@ def load_plugin(file: str) -> tuple[list[Method], list[DriftLaw]]:
     if not hasattr(module, "METHODS") and not hasattr(module, "LAWS"):
         raise UsageError(f"{file}: a plug-in has a tuple METHODS or LAWS; this one has neither")
     with faults_of(file):
-        found = list(declared(module, "LAWS", DriftLaw)), list(declared(module, "METHODS", Method))
+        found = list(declared(module, "LAWS", DriftLaw, file)), list(declared(module, "METHODS", Method, file))
     for law in found[0]:
         if LAWS.get(law.name) is None or LAWS[law.name].functions is not law.functions:
             register_law(law, file)

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
+from typing import Any
 
 from tdint.errors import UsageError
 from tdint.ground_motion.processing import Processing
@@ -52,7 +53,8 @@ def register_law(law: DriftLaw, where: str = "") -> None:
         raise UsageError(f"{where or law!r}: a law is a tdint.DriftLaw, not {type(law).__name__}")
     where = where or f"law {law.name!r}"
     check_name(law.name, LAWS, "law", where)
-    if getattr(sys.modules.get(law.functions.__module__), "__file__", None) is None:
+    home = law.functions.__module__
+    if home == "__main__" or getattr(sys.modules.get(home), "__file__", None) is None:
         raise UsageError(f"{where}: put the law into a module of its own, a file that another process can execute")
     if os.environ.get("TDINT_KERNELS") == "python" and "tdint.kernels.laws.choosing" in sys.modules:
         raise UsageError(f"{where}: under TDINT_KERNELS=python laws are registered before methods are imported")
@@ -67,7 +69,12 @@ def register_law(law: DriftLaw, where: str = "") -> None:
 @cache
 def laws() -> dict[str, DriftLaw]:
     """All drift laws by name, those of installed packages (entry points `tdint.laws`) among them."""
-    installed("tdint.laws", lambda found, where: [register_law(one, where) for one in declared(found, "LAWS", DriftLaw)])
+
+    def take(found: Any, where: str) -> None:
+        for law in declared(found, "LAWS", DriftLaw, where):
+            register_law(law, where)
+
+    installed("tdint.laws", take)
     return LAWS
 
 

@@ -10,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tdint.errors import AnalysisError
@@ -21,7 +22,7 @@ from tdint.processors import processors
 if TYPE_CHECKING:
     from tdint.kernels.building.compilable import Compilable
 
-_PLACE = re.compile(r'File "([^"]+)", line (\d+)')
+_PLACE = re.compile(r'File "(?:[^"]*[/\\])?([^"/\\]+)", line (\d+)')
 
 
 class Compilation:
@@ -67,12 +68,14 @@ class Compilation:
         files = [file for _, file in self._plugins().values()]
         module = sys.modules[self.kernel.function.__module__]
         files += [] if module.__name__.startswith("tdint.") else [str(module.__file__)]
-        places = [found for line in text if (found := _PLACE.search(line)) and found[1] in files]
-        if not places:
+        names = {Path(file).name: file for file in files}
+        places = [found for line in text if (found := _PLACE.search(line)) and found[1] in names]
+        if not files or not text:
             return text[-1] if text else ""
         after = next((i for i, line in enumerate(text) if "Failed in nopython" in line), len(text) - 2)
         said = next((line.strip() for line in text[after + 1 :] if line.strip()), text[-1])
-        return f"{places[-1][1]}:{places[-1][2]}: {said}"
+        place = f"{names[places[-1][1]]}:{places[-1][2]}" if places else files[-1]
+        return f"{place}: {said}"
 
     def _plugins(self) -> dict[str, tuple[str, str]]:
         """Module and file of each law of the variant that is a plug-in's."""
