@@ -209,6 +209,7 @@ def column_tables():
         "tdint run --scale 1,2": campaign.RUNS,
         "runs.csv of tdint campaign": campaign.RUNS,
         "stories.csv of tdint campaign": campaign.STORIES,
+        "profiles.csv of tdint campaign": campaign.PROFILES,
         "tdint scale": studies.FACTORS,
         "tdint ida": studies.CAPACITIES,
         "ida.csv of tdint ida": studies.IDA,

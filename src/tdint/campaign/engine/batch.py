@@ -201,7 +201,7 @@ class Batch:
             return
         chosen = jobs if len(jobs) == places.size else [jobs[i] for i in places.tolist()]
         results.runs += self._rows(chosen, marched, places, collapse)
-        if self.settings.stories:
+        if self.settings.keeps_stories:
             for job, i in zip(chosen, places.tolist(), strict=True):
                 results.stories += story_rows(self.number, job.run, self._story_peaks(marched, i))
 
@@ -242,7 +242,7 @@ class Batch:
         (cells,) = demand_cells(response.stories)
         cells |= {"energy_error": response.energy.error, "steps": response.steps}
         results.runs.append(self._row(job, response.dt, response.status, response.collapse, cells))
-        if self.settings.stories:
+        if self.settings.keeps_stories:
             results.stories += story_rows(self.number, job.run, response.stories)
 
     def _take_failure(self, job: _Job, status: str, results: Rows) -> None:
