@@ -142,7 +142,7 @@ def problem_table():
 def layout_table():
     """The rows of each array that kernels work on, from the comments of `tdint.kernels.layout`."""
     parts = []
-    for text in Path(layout.__file__).read_text(encoding="utf-8").split("\n\n"):
+    for text in re.split(r"\n\n+", Path(layout.__file__).read_text(encoding="utf-8")):
         head = re.match(r"(?:# .*\n)+", text)
         rows = re.findall(r"^([A-Z]\w*) = .*?(?:  # (.*))?$", text, re.MULTILINE)
         if not head or not rows:

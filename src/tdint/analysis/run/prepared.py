@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ from tdint.analysis.run.workspace import (
 from tdint.kernels import layout as at
 from tdint.kernels.building.obtaining import obtain
 from tdint.kernels.building.variant import Variant
+from tdint.kernels.bundles import Memory, Scene
 from tdint.kernels.march.law_energies import begin, raise_shears, take_stock
 from tdint.kernels.march.many import END_COLUMNS, GROUND_SIZE, many
 from tdint.kernels.march.march import march
@@ -58,15 +60,15 @@ class MarchedRuns:
         As `Workspace.peaks`.
     drifts : ndarray, shape (runs, n)
         At the end, m.
-    observed : ndarray, shape (runs, TOTALS_SIZE)
-        As `Workspace.observed`.
+    totals : ndarray, shape (runs, TOTALS_SIZE)
+        As `Workspace.totals`.
     ends : ndarray, shape (runs, END_COLUMNS)
         The columns of `tdint.kernels.march.many`: code, steps taken, whether at rest.
     """
 
     peaks: Array
     drifts: Array
-    observed: Array
+    totals: Array
     ends: Array
 
 
@@ -207,6 +209,36 @@ class PreparedBuilding:
         code = integrate(integrator, coefficients, self.building, self.forces, motion, steps, space, self.variant)
         return Marched(space, code, time.perf_counter() - begin)
 
+    def march_parts(
+        self, integrator: Integrator, steps: Steps, ground: Array, firsts: Sequence[int]
+    ) -> Iterator[Workspace]:
+        """Integrate as `march` does, and see the motion in parts, each with its own peaks.
+
+        Parameters
+        ----------
+        firsts : sequence of int
+            After how many steps each part begins; the first one at 0.
+
+        Yields
+        ------
+        Workspace
+            At the end of each part, to be looked at before the next one is asked for; none of a part that failed.
+
+        Raises
+        ------
+        AnalysisError
+            The method does not integrate this building.
+        """
+        space = self._ready(integrator, steps.h, 0, math.inf)
+        coefficients = self.coefficients(integrator, steps.h)
+        for done, last in pairwise((*(first for first in firsts if first < steps.count), steps.count)):
+            part = replace(steps, count=last, done=done)
+            code = integrate(integrator, coefficients, self.building, self.forces, ground, part, space, self.variant)
+            if code < 0:
+                return
+            yield space
+            space.forget_peaks(integrator, len(self.building.modal))
+
     def march_many(
         self,
         integrator: Integrator,
@@ -237,20 +269,32 @@ class PreparedBuilding:
         marched = MarchedRuns(
             peaks=np.zeros((count, 2 * at.PEAK_ROWS, n)),
             drifts=np.zeros((count, n)),
-            observed=np.zeros((count, at.TOTALS_SIZE)),
+            totals=np.zeros((count, at.TOTALS_SIZE)),
             ends=np.zeros((count, END_COLUMNS)),
         )
+        called = (march, integrator.family.step, begin, take_stock, raise_shears)
+        building = self.building
         many.compiled(
-            *(one.variant(self.variant) for one in (march, integrator.family.step, begin, take_stock, raise_shears)),
-            HALVINGS if integrator.family.halvable else 0, h, samples, runs, self.coefficients(integrator, h),
+            *(one.variant(self.variant) for one in called),
+            HALVINGS if integrator.family.halvable else 0,
+            h,
+            samples,
+            runs,
+            self.coefficients(integrator, h),
             shifts(integrator, h),
-            self.building.chain, self.building.modal, self.building.laws, self.forces, space.flags,
-            space.state, space.springs, space.work, space.report, space.observed,
-            space.state.copy(), space.springs.copy(), space.work, space.report.copy(),
-            np.zeros(at.LOAD_SIZE), np.zeros(int(np.max(runs[:, GROUND_SIZE]))), space.watch, space.limits,
-            np.zeros(n), space.history, rest.window, rest.windows, rest.quiet,
-            marched.peaks, marched.drifts, marched.observed, marched.ends,
-        )  # fmt: skip
+            *Scene(building.linear_terms, building.modal, building.law_parameters, self.forces, space.flags),
+            *space.memory,
+            space.totals,
+            *Memory(space.state.copy(), space.springs.copy(), space.work, space.report.copy()),
+            np.zeros(at.LOAD_SIZE),
+            np.zeros(int(np.max(runs[:, GROUND_SIZE]))),
+            space.watch,
+            space.limits,
+            np.zeros(n),
+            space.history,
+            *(rest.window, rest.windows, rest.quiet),
+            *(marched.peaks, marched.drifts, marched.totals, marched.ends),
+        )
         return marched
 
     def _ready(self, integrator: Integrator, h: float, rows: int, collapse_drift: float) -> Workspace:

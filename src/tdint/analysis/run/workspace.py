@@ -14,8 +14,13 @@ from tdint.analysis.run.steps import Steps
 from tdint.errors import AnalysisError
 from tdint.kernels import layout as at
 from tdint.kernels.building.variant import EVERYTHING, Variant
+from tdint.kernels.bundles import Memory, Scene, Seen
 from tdint.kernels.compiling import Kernel
+<<<<<<< HEAD
 from tdint.kernels.laws import OURS
+=======
+from tdint.kernels.equations.carried.rows import error_peaks
+>>>>>>> main
 from tdint.kernels.laws.compiled_separately import spring_table
 from tdint.kernels.march.law_energies import begin, raise_shears, take_stock
 from tdint.kernels.march.march import march
@@ -44,8 +49,27 @@ class Workspace:
     watch: Array
     peaks: Array
     limits: Array
-    observed: Array
+    totals: Array
     history: Array
+
+    def forget_peaks(self, integrator: Integrator, modes: int) -> None:
+        """Look for peaks anew, also where the method keeps some of its own."""
+        self.peaks[:] = 0.0
+        firsts = [int(self.report[at.OWN_PEAKS])] if self.report[at.OWN_PEAKS] else []
+        if integrator.family.carries_error:
+            firsts.append(error_peaks(modes))
+        for first in firsts:
+            self.work[first : first + 2 * at.PEAK_ROWS] = 0.0
+
+    @property
+    def memory(self) -> Memory:
+        """What method and drift laws remember."""
+        return Memory(self.state, self.springs, self.work, self.report)
+
+    @property
+    def seen(self) -> Seen:
+        """What is seen of the motion."""
+        return Seen(self.watch, self.peaks, self.limits, self.totals, self.history)
 
 
 def workspace(
@@ -69,25 +93,29 @@ def workspace(
     flags[at.ON_PATH] = family.parabolic
     flags[at.CARRIES_ERROR] = family.carries_error
     fields = at.HISTORY_FIELDS + (at.ERROR_FIELDS if family.carries_error else 0)
-    observed = np.zeros(at.TOTALS_SIZE)
-    observed[at.COLLAPSE_STEP] = at.NO_COLLAPSE
+    totals = np.zeros(at.TOTALS_SIZE)
+    totals[at.COLLAPSE_STEP] = at.NO_COLLAPSE
     return Workspace(
         state=np.zeros((family.state_rows, n + 1)),
-        springs=spring_table(_laws(building, integrator)),
+        springs=spring_table(_law_parameters(building, integrator)),
         work=np.zeros((family.work_rows(modes), max((2 if family.carries_error else 1) * (n + 1), 2 * modes + 1))),
         flags=flags,
         report=np.zeros(at.REPORT_SIZE),
         watch=np.zeros((at.WATCH_ROWS, n + 1)),
         peaks=np.zeros((2 * at.PEAK_ROWS, n)),
         limits=np.array([np.full(n, collapse_drift), building.heights, _failed(building)]),
-        observed=observed,
+        totals=totals,
         history=np.zeros((steps + 1 if steps else 0, 1 + fields * n + at.ENERGY_TERMS)),
     )
 
 
-def _laws(building: Building, integrator: Integrator) -> Array:
+def _law_parameters(building: Building, integrator: Integrator) -> Array:
     """The laws; twice where the error is carried along."""
-    return np.hstack([building.laws, building.laws]) if integrator.family.carries_error else building.laws
+    return (
+        np.hstack([building.law_parameters, building.law_parameters])
+        if integrator.family.carries_error
+        else building.law_parameters
+    )
 
 
 def _failed(building: Building) -> Array:
@@ -95,7 +123,7 @@ def _failed(building: Building) -> Array:
     failed = np.full(max(CODES.values()) + 1, math.nan)
     for name, code in CODES.items():
         failed[code] = LAWS[name].failed
-    return np.asarray(failed[building.laws[at.CODE, :-1].astype(int)])
+    return np.asarray(failed[building.law_parameters[at.CODE, :-1].astype(int)])
 
 
 def _branches(building: Building) -> int:
@@ -106,7 +134,7 @@ def _branches(building: Building) -> int:
 
 def variant(building: Building, forces: Array | None = None) -> Variant:
     """What the kernels need for a building under forces; none by default."""
-    codes = np.unique(building.laws[at.CODE, :-1]).tolist()
+    codes = np.unique(building.law_parameters[at.CODE, :-1]).tolist()
     return Variant(
         laws=tuple(
             name if code < OURS else f"{name}@{code}"
@@ -140,7 +168,9 @@ def integrate(
     space: Workspace,
     wanted: Variant = EVERYTHING,
 ) -> int:
-    """March over the steps from the initial state in `space`; returns 0 or the code of the step that failed.
+    """March over the steps from the state in `space`: the initial one, or that after the steps that are done.
+
+    Returns 0 or the code of the step that failed.
 
     `coefficients` are those of the integrator for this building, these forces and this step; `wanted` is what the
     building and the forces need of the kernels, or more.
@@ -152,8 +182,10 @@ def integrate(
     """
     if len(space.history) > 1 and steps.count % (len(space.history) - 1):
         raise ValueError(f"{steps.count} steps do not fit into a history of {len(space.history) - 1}")
-    laws = _laws(building, integrator)
+    law_parameters = _law_parameters(building, integrator)
+    scene = Scene(building.linear_terms, building.modal, law_parameters, forces, space.flags)
     return _in_pieces(
+        steps.done,
         steps.count,
         _FIRST_PIECE // (building.stories * (1 + len(building.modal))),
         lambda first, last: march.variant(wanted)(
@@ -171,28 +203,17 @@ def integrate(
             ground,
             coefficients,
             shifts(integrator, steps.h),
-            building.chain,
-            building.modal,
-            laws,
-            forces,
-            space.flags,
-            space.state,
-            space.springs,
-            space.work,
-            space.report,
+            *scene,
+            *space.memory,
             np.zeros(at.LOAD_SIZE),
-            space.watch,
-            space.peaks,
-            space.limits,
-            space.observed,
-            space.history,
+            *space.seen,
         ),
     )
 
 
-def _in_pieces(count: int, size: int, go_on: Callable[[int, int], int]) -> int:
+def _in_pieces(done: int, count: int, size: int, go_on: Callable[[int, int], int]) -> int:
     """March over all steps in pieces that take about `_PIECE`, between which Python can be interrupted."""
-    done, size = 0, max(size, 1)
+    size = max(size, 1)
     while True:
         last = min(done + size, count)
         started = time.perf_counter()
