@@ -16,11 +16,8 @@ from tdint.kernels import layout as at
 from tdint.kernels.building.variant import EVERYTHING, Variant
 from tdint.kernels.bundles import Memory, Scene, Seen
 from tdint.kernels.compiling import Kernel
-<<<<<<< HEAD
-from tdint.kernels.laws import OURS
-=======
 from tdint.kernels.equations.carried.rows import error_peaks
->>>>>>> main
+from tdint.kernels.laws import OURS
 from tdint.kernels.laws.compiled_separately import spring_table
 from tdint.kernels.march.law_energies import begin, raise_shears, take_stock
 from tdint.kernels.march.march import march

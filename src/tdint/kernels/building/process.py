@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 from tdint.errors import AnalysisError
 from tdint.kernels.building.target import Target
 from tdint.kernels.building.variant import Variant
-from tdint.kernels.laws import LAWS
 from tdint.processors import processors
 
 if TYPE_CHECKING:
@@ -80,6 +79,10 @@ class Compilation:
     def _plugins(self) -> dict[str, tuple[str, str]]:
         """Module and file of each law of the variant that is a plug-in's."""
         laws = self.variant.outside.items()
+        if not laws:
+            return {}
+        from tdint.kernels.laws import LAWS
+
         modules = {law: sys.modules[LAWS[code].functions.__module__] for law, code in laws}
         return {law: (module.__name__, str(module.__file__)) for law, module in modules.items()}
 

@@ -10,15 +10,12 @@ import ast
 import hashlib
 import re
 import sys
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
-<<<<<<< HEAD
 from tdint.kernels.building.variant import Variant
-from tdint.kernels.laws import LAWS
 
-=======
->>>>>>> main
 _PACKAGE = Path(__file__).parents[2]
 _BUILDING = "tdint.kernels.building."
 _COMPILING = tuple(_BUILDING + name for name in ("compiler", "compilable", "variant"))
@@ -58,15 +55,12 @@ def digest_of_all() -> str:
 def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
     """The modules that a kernel's module is compiled with, by name, itself among them; `laws` as in `digest`.
 
-<<<<<<< HEAD
     A module that is not the package's counts by the file it was loaded from, and so does what it imports.
-=======
-    A module that is not the package's counts by the file it was loaded from, and a law's module has the law's name.
->>>>>>> main
+    A law's module has the law's name.
     """
     wanted = {"law", *(name.replace("-", "_") for name in laws)}
     found: dict[str, Path] = {}
-    new = [module, *_COMPILING, *(LAWS[code].functions.__module__ for code in Variant(laws).outside.values())]
+    new = [module, *_COMPILING, *_modules_of(Variant(laws).outside)]
     while new:
         name = new.pop()
         file = _file(name)
@@ -75,16 +69,20 @@ def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
         found[name] = file
         new += [
             imported
-<<<<<<< HEAD
             for imported in (_read(file)[1] if name.startswith("tdint.") else _imported(file, name))
-            if not imported.startswith(_BUILDING) and not (name == _LAWS and imported in left_out)
-=======
-            for imported in _read(file)[1]
             if not imported.startswith(_BUILDING)
             and not (laws and name == _LAWS and imported.rpartition(".")[2] not in wanted)
->>>>>>> main
         ]
     return found
+
+
+def _modules_of(outside: Mapping[str, int]) -> list[str]:
+    """The modules of the laws of plug-ins."""
+    if not outside:
+        return []
+    from tdint.kernels.laws import LAWS
+
+    return [LAWS[code].functions.__module__ for code in outside.values()]
 
 
 @cache
