@@ -174,12 +174,13 @@ def test_a_faulty_declaration_is_one_line_and_leaves_nothing(request, change):
 
 
 def test_what_cannot_be_compiled_names_the_file_and_where_it_is_known_the_line(tmp_path, verlet):
-    changes = {"n = nothing_of_this_name": "", "n = chain.shape[1] - 'a'": ":21"}
-    for number, (change, line) in enumerate(changes.items()):
-        text = verlet.read_text().replace("n = chain.shape[1] - 1", change).replace('"verlet"', f'"verlet-{number}"')
+    before = "n = linear_terms.shape[1] - 1"
+    line = verlet.read_text().partition(before)[0].count("\n") + 1
+    for number, (change, at) in enumerate({"n = nothing_of_this_name": "", before[:-1] + "'a'": f":{line}"}.items()):
+        text = verlet.read_text().replace(before, change).replace('"verlet"', f'"verlet-{number}"')
         file = outside(tmp_path, text, f"outside_{number}")
         tdint.load_plugin(str(file))
-        with pytest.raises(AnalysisError, match=f"cannot be compiled: {file}{line}: ") as caught:
+        with pytest.raises(AnalysisError, match=f"cannot be compiled: {file}{at}: ") as caught:
             check_method(methods.parse(f"verlet-{number}"))
         assert "nothing_of_this_name" in str(caught.value) or "No implementation of function" in str(caught.value)
 
