@@ -15,7 +15,7 @@ from tdint.kernels.stepping import STEP
 from tdint.methods import bathe, exact, impulse, impulse4, model_based, moment4, multi_step, runge_kutta, single_step
 from tdint.methods.method import Integrator, Method, Parameter
 from tdint.model.definition import LAWS, register_law
-from tdint.plugins import check_name, declared, faults_of, installed, module_of
+from tdint.model.plugins import check_name, declared, faults_of, installed, module_of
 
 FAMILIES = (impulse, impulse4, moment4, single_step, multi_step, bathe, model_based, runge_kutta, exact)
 

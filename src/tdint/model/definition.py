@@ -17,8 +17,8 @@ from tdint.ground_motion.processing import Processing
 from tdint.ground_motion.text_layout import AS_STATED, TextLayout
 from tdint.kernels.laws import LAWS as _LAWS
 from tdint.kernels.laws.law import DriftLaw
+from tdint.model.plugins import check_name, declared, faults_of, installed
 from tdint.output_units import SI, OutputUnits
-from tdint.plugins import check_name, declared, faults_of, installed
 
 MAX_STORIES = 100_000
 """Stories that a model may have; it keeps a slip in `repeat` from filling the memory."""
