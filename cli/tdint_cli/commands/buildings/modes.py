@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 
 @options.command("modes")
+@options.analysis.plugin
 @options.building.model
 @options.option(
     "--shapes",
