@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import tdint
-from tdint.analysis.run.demands import demands
+from tdint.analysis.run.demands import DEMANDS, demands
+from tdint.analysis.run.outcome import STORY
 from tdint.analysis.run.run import FailedRun
 from tdint.campaign.engine.batch import Batch
 from tdint.campaign.engine.rows import RunRow
@@ -65,6 +66,41 @@ def test_rows_are_those_of_single_runs(model: str, method: str) -> None:
             np.testing.assert_array_equal([one.of(name) for one in stories], getattr(response.stories, name))
     if model == "collapse-prone-frame":
         assert {"done", "collapsed"} <= {row.status for row in rows.values()}
+
+
+@pytest.mark.parametrize("rest", [False, True])
+@pytest.mark.parametrize(
+    ("model", "method", "runs"),
+    [
+        ("ten-story-bilinear", "moment4", RUNS),
+        ("ten-story-bilinear", "impulse4", RUNS[:1]),
+        ("collapse-prone-frame", "moment4", RUNS),
+    ],
+)
+def test_errors_are_those_of_single_runs(model: str, method: str, runs: list[Run], rest: bool) -> None:
+    """Of every demand and story; none of a run that collapsed. The runs themselves are those without errors."""
+    results = batch(model, method, stories=True, check=True, until_rest=rest).results(runs)
+    plain = batch(model, method, stories=True, until_rest=rest).results(runs)
+    assert [row._replace(errors=(), at_rest=0) for row in results.runs] == [
+        row._replace(at_rest=0) for row in sorted(plain.runs, key=lambda row: runs.index(Run(row.motion, row.scale)))
+    ]
+    told = 0
+    for row in results.runs:
+        run = Run(row.motion, row.scale)
+        stories = [one for one in results.stories if (one.motion, one.scale) == (row.motion, row.scale)]
+        if row.status != "done":
+            assert row.errors == () and all(one.errors == () for one in stories)
+            continue
+        response = single(batch(model, method), run, check=True, until_rest=rest)
+        own = {one.name: one.error(response.stories, response.check.errors) for one in DEMANDS}
+        named = ("drift_ratio", "drift", "residual_drift_ratio", "acceleration", "roof_displacement", "base_shear")
+        assert row.errors == tuple(own[name] for name in named)
+        for number, quantity in enumerate(STORY):
+            np.testing.assert_array_equal(
+                [one.errors[number] for one in stories], getattr(response.check.errors, quantity.name)
+            )
+        told += 1
+    assert told and (model == "ten-story-bilinear" or told < len(runs))
 
 
 def test_a_run_does_not_depend_on_the_others() -> None:

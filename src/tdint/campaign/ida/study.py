@@ -72,6 +72,8 @@ class IdaSettings:
         Step and duration of the runs, s; by default the model's, else those of the record.
     until_rest : bool
         Go on after that with the ground at rest until the building is: residual drifts are at rest then.
+    check : bool
+        Estimate the errors of the demands of each run that stands.
     """
 
     precision: float = PRECISION
@@ -81,6 +83,7 @@ class IdaSettings:
     dt: float | None = None
     duration: float | None = None
     until_rest: bool = False
+    check: bool = False
 
 
 @dataclass(frozen=True)
@@ -105,6 +108,8 @@ class IdaStudy:
         Records whose runs were there already.
     remarks : tuple of str
         What is to be said of those, one sentence each.
+    checked : bool
+        Whether the errors of the demands were estimated.
     """
 
     model: Model
@@ -115,6 +120,7 @@ class IdaStudy:
     pair: str | None = None
     resumed: int = 0
     remarks: tuple[str, ...] = ()
+    checked: bool = False
 
     @property
     def im_name(self) -> str:
@@ -201,7 +207,15 @@ def ida(
     curves = [IdaCurve(record, runs, collapse_drift) for record, runs in zip(records, found, strict=True)]
     thresholds = (*sorted(set(settings.thresholds) - {collapse_drift}), collapse_drift)
     return IdaStudy(
-        subject.model, chosen, subject.integrator.label, thresholds, tuple(curves), paired, resumed, tuple(remarks)
+        subject.model,
+        chosen,
+        subject.integrator.label,
+        thresholds,
+        tuple(curves),
+        paired,
+        resumed,
+        tuple(remarks),
+        settings.check,
     )
 
 
@@ -243,7 +257,7 @@ class _Work:
             lowest_drift=min(settings.thresholds, default=math.inf),
             most=settings.max_im,
         )
-        how = RunSettings(settings.dt, settings.duration, settings.until_rest)
+        how = RunSettings(settings.dt, settings.duration, settings.until_rest, check=settings.check)
         return cls(number, Batch(0, subject, Motions.of({number: record}), {number: None}, how), intensity, levels)
 
     def done(self) -> tuple[Done, RecordRuns]:
@@ -351,6 +365,7 @@ def _identity(
         "dt": settings.dt,
         "duration": settings.duration,
         "until rest": settings.until_rest,
+        "check": settings.check,
         "precision": settings.precision,
         "collapse drift": settings.collapse_drift,
         "thresholds": sorted(settings.thresholds),

@@ -3,11 +3,11 @@ under the columns of the CSV files."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 from tdint.analysis.run.outcome import STORY
-from tdint.campaign.engine.rows import HIDDEN, RUN
+from tdint.campaign.engine.rows import HIDDEN, RUN, RUN_WITH_ERROR, RunRow, StoryRow
 
 VERSION = "2"
 """Of the layout; another one is not read."""
@@ -15,7 +15,9 @@ VERSION = "2"
 _KEY = {"building": int, "record": int, "scale": float, "sample": int}
 
 _RUN = _KEY | {one.column: one.kind for one in RUN}
+_RUN |= {f"{one.column}_error": float for one in RUN_WITH_ERROR}
 _STORY = _KEY | {"story": int, "height_m": float} | {one.column: one.kind for one in STORY}
+_STORY |= {f"{one.column}_error": float for one in STORY}
 
 RUN_COLUMNS = tuple(_RUN)
 """Of the table of runs, in the order of `tdint.campaign.engine.rows.RunRow`."""
@@ -23,8 +25,9 @@ RUN_COLUMNS = tuple(_RUN)
 STORY_COLUMNS = tuple(_STORY)
 """Of the table of stories, in the order of `tdint.campaign.engine.rows.StoryRow`."""
 
-SHOWN_RUN = (*_KEY, *(one.column for one in RUN if one.shown != HIDDEN))
-"""What runs.csv shows of a run, after its names."""
+_HIDDEN = tuple(one.column for one in RUN if one.shown == HIDDEN)
+SHOWN_RUN = tuple(name for name in RUN_COLUMNS if name not in _HIDDEN)
+"""What runs.csv shows of a run, after its names; errors only of a campaign that has estimated them."""
 
 _TYPES = {int: "INTEGER", str: "TEXT NOT NULL"}
 
@@ -68,17 +71,25 @@ INSERT_RUN = f"INSERT INTO run_rows VALUES({', '.join('?' * (len(RUN_COLUMNS) + 
 INSERT_STORY = f"INSERT INTO story_rows VALUES({', '.join('?' * (len(STORY_COLUMNS) + 1))})"
 
 
-def plain_run(row: Sequence[Any]) -> tuple[Any, ...]:
+def plain_run(row: RunRow) -> tuple[Any, ...]:
     """The values of a run as SQLite gives them back: nan is nothing there, and a column has one type."""
-    return _plain(_RUN.values(), row)
+    return _plain(_RUN.values(), (*row[:-1], *row.errors))
 
 
-def plain_story(row: Sequence[Any]) -> tuple[Any, ...]:
+def run_of(row: Sequence[Any]) -> RunRow:
+    """The run whose plain values these are."""
+    own = len(RUN_COLUMNS) - len(RUN_WITH_ERROR)
+    return RunRow(*row[:own])._replace(errors=tuple(row[own:]))
+
+
+def plain_story(row: StoryRow) -> tuple[Any, ...]:
     """The values of a story as SQLite gives them back."""
-    return _plain(_STORY.values(), row)
+    return _plain(_STORY.values(), (*row[:-2], *row.values, *row.errors))
 
 
-def _plain(kinds: Iterable[type], row: Sequence[Any]) -> tuple[Any, ...]:
+def _plain(kinds: Collection[type], row: Sequence[Any]) -> tuple[Any, ...]:
+    """Values without errors are followed by nothing."""
+    whole = (*row, *[None] * (len(kinds) - len(row)))
     return tuple(
-        None if value is None or value != value else kind(value) for kind, value in zip(kinds, row, strict=True)
+        None if value is None or value != value else kind(value) for kind, value in zip(kinds, whole, strict=True)
     )

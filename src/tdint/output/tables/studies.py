@@ -14,7 +14,7 @@ from tdint.campaign.ida.study import IdaStudy
 from tdint.campaign.suites.scaling import Scaling
 from tdint.campaign.suites.suite import components
 from tdint.ground_motion.record import component_names
-from tdint.output.tables.table import OF_NAMED_RECORD, OF_RECORD, Column, Table, rows_of
+from tdint.output.tables.table import OF_NAMED_RECORD, OF_RECORD, Column, Table, error_columns, rows_of
 
 FACTORS = (*OF_RECORD, Column("factor", "1", "factor", "factor on the record, the same for both components of a pair"))
 
@@ -50,6 +50,20 @@ IDA = (
         "largest drift at the end of the run over story height",
     ),
 )
+IDA_ERRORS = tuple(
+    replace(column, value=value)
+    for column, value in zip(
+        error_columns(IDA[-3:]),
+        (
+            lambda one: one.of_runs("drift_ratio_error"),
+            lambda one: one.of_runs("acceleration_error"),
+            lambda one: one.of_runs("residual_drift_ratio_error"),
+        ),
+        strict=True,
+    )
+)
+"""Behind them, of a study that has estimated them."""
+
 INTENSITIES = ("im", "capacity", "lower", "upper")
 """Columns in the unit that the column `unit` tells."""
 
@@ -145,7 +159,8 @@ class _CurveRows:
 
 def ida_table(study: IdaStudy) -> Table:
     """A row for each run of each record, from the lowest level."""
-    table = Table.of(IDA, [row for one in _curves(study) for row in rows_of(IDA, one)])
+    columns = (*IDA, *IDA_ERRORS) if study.checked else IDA
+    table = Table.of(columns, [row for one in _curves(study) for row in rows_of(columns, one)])
     return _with_unit(table, study.measure.unit)
 
 
