@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import repeat
 from typing import Annotated, Any, NamedTuple
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.run.demands import DECLARED, Demands, Largest, LargestOfRuns, demands_of_runs
-from tdint.analysis.run.outcome import STORY, StoryErrors, StoryPeaks, StoryValues
+from tdint.analysis.run.outcome import STORY, Shock, StoryErrors, StoryPeaks, StoryValues
 from tdint.campaign.engine.task import Run
 from tdint.quantity import Quantity, quantities
 
@@ -90,8 +90,26 @@ class RunRow(NamedTuple):
 RUN = quantities(RunRow)
 """The quantities of a run, in the order of their columns."""
 
-RUN_WITH_ERROR = tuple(one for one in RUN if one.value and one.kind is float)
+
+DEMANDED = tuple(one for one in RUN if one.value)
+"""Those of them that follow from its demands."""
+
+RUN_WITH_ERROR = tuple(one for one in DEMANDED if one.kind is float)
 """Those whose errors `RunRow.errors` are, where these were estimated."""
+
+
+class ShockRow(NamedTuple):
+    """The values of a shock in a run of several, those of `DEMANDED` in their order; from 1, with the time (s) of its
+    first sample and its peak ground acceleration (m/s^2)."""
+
+    building: int
+    motion: int
+    scale: float
+    sample: int
+    shock: int
+    start: float
+    pga: float
+    values: tuple[Any, ...]
 
 
 class StoryRow(NamedTuple):
@@ -114,7 +132,7 @@ class StoryRow(NamedTuple):
 def demand_cells(stories: StoryPeaks) -> list[dict[str, Any]]:
     """Of each run, whose peaks have the shape (runs, n), the fields of `RunRow` that follow from its demands."""
     found: Demands[LargestOfRuns] = demands_of_runs(stories)
-    columns = {one.name: one.value(found).tolist() for one in RUN if one.value}
+    columns = {one.name: one.value(found).tolist() for one in DEMANDED if one.value}
     return [dict(zip(columns, cells, strict=True)) for cells in zip(*columns.values(), strict=True)]
 
 
@@ -133,6 +151,15 @@ def story_rows(building: int, run: Run, stories: StoryPeaks, errors: StoryErrors
 
 def _by_story(found: StoryValues) -> Iterator[tuple[float, ...]]:
     return zip(*(getattr(found, one.name).tolist() for one in STORY), strict=True)
+
+
+def shock_rows(building: int, run: Run, shocks: Sequence[Shock]) -> list[ShockRow]:
+    """The rows of the shocks of a run, in their order."""
+    return [
+        ShockRow(building, *run_key(run), number, shock.start, shock.record.pga, tuple(cells.values()))
+        for number, shock in enumerate(shocks, start=1)
+        for cells in demand_cells(shock.stories)
+    ]
 
 
 def run_key(run: Run) -> tuple[int, float, int]:
