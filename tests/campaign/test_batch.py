@@ -11,9 +11,11 @@ import tdint
 from tdint.analysis.run.demands import DEMANDS, demands
 from tdint.analysis.run.outcome import STORY
 from tdint.analysis.run.run import FailedRun
+from tdint.analysis.sequence import run_sequence
 from tdint.campaign.engine.batch import Batch
-from tdint.campaign.engine.rows import RunRow
+from tdint.campaign.engine.rows import RunRow, demand_errors
 from tdint.campaign.engine.task import REPEATS, Motions, Run, RunSettings, Subject
+from tdint.ground_motion.joining import JoinedRecord
 from tdint.ground_motion.record import Record
 
 RECORDS = {
@@ -101,6 +103,22 @@ def test_errors_are_those_of_single_runs(model: str, method: str, runs: list[Run
             )
         told += 1
     assert told and (model == "ten-story-bilinear" or told < len(runs))
+
+
+@pytest.mark.parametrize("fixed", [0, 1])
+def test_errors_of_shocks_one_after_the_other(fixed: int) -> None:
+    """Of the whole, or of the last one alone where the first is the state that the building is in."""
+    short = [replace(record, acceleration=record.acceleration[:1500]) for record in RECORDS.values()]
+    joined = JoinedRecord.of(short, 5.0, fixed=fixed)
+    subject = Subject(tdint.load_model("configs/ten-story-bilinear.yaml"), "moment4")
+    (row,) = Batch(0, subject, Motions.of({0: joined}), {0: None}, RunSettings(check=True)).results([Run(0, 1.0)]).runs
+    case = tdint.prepare(subject.model, short[0], method="moment4")
+    whole = run_sequence(case, short, rest=5.0, check=True)
+    stories, errors = whole.stories, whole.check.errors
+    if fixed:
+        stories, errors = whole.shocks[-1].stories, whole.shocks[-1].errors
+    assert row.peak_drift == np.max(stories.peak_drift)
+    assert row.errors == demand_errors(stories, errors) and all(error >= 0.0 for error in row.errors)
 
 
 def test_a_run_does_not_depend_on_the_others() -> None:
