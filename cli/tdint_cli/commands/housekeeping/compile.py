@@ -11,7 +11,9 @@ from tdint_cli import options
 from tdint_cli.terminal.progress import progress_bar
 from tdint_cli.terminal.streams import say
 
-TARGETS = ("native", "x86-64-v4", "x86-64-v3", "x86-64-v2", "x86-64")
+_HERE = ("x86-64-v4", "x86-64-v3", "x86-64-v2", "x86-64", "aarch64")
+_SYSTEMS = ("linux", "macos", "windows")
+TARGETS = ("native", *_HERE, *(f"{system}-{one}" for system in _SYSTEMS for one in _HERE))[:-1]  # Windows: x86-64 only
 
 
 @options.command("compile")
@@ -23,7 +25,8 @@ TARGETS = ("native", "x86-64-v4", "x86-64-v3", "x86-64-v2", "x86-64")
     many=True,
     type=click.Choice(TARGETS),
     metavar="NAME,...",
-    help=f"Processors to compile for: {', '.join(TARGETS)}; native, this machine's, by default.",
+    help=f"Processors to compile for: native, this machine's, by default; {', '.join(_HERE)}; those of another system "
+    f"behind {', '.join(_SYSTEMS)}: macos-aarch64.",
 )
 @options.analysis.method_of("MODEL.yaml")
 @options.headings.option("--show", is_flag=True, help="Tell for each loop which object is used; compile nothing.")
