@@ -145,8 +145,6 @@ def _lines(path: Path) -> list[str]:
         text = data.decode()
     except UnicodeDecodeError:
         return [data[i : i + 32].hex() for i in range(0, len(data), 32)]
-    if path.suffix == ".jsonl":  # In the order in which threads ended.
-        return sorted(text.splitlines())
     if path.suffix == ".json":
         return json.dumps(_without_times(json.loads(text)), indent=1).splitlines()
     return _masked(text, str(path.parent))

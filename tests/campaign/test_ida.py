@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import math
+import sqlite3
+from contextlib import closing
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -18,7 +19,8 @@ from tdint.campaign.engine.rows import RunRow, run_key
 from tdint.campaign.ida.curve import IdaCurve, fractiles
 from tdint.campaign.ida.levels import Levels, below_collapse
 from tdint.campaign.ida.runs import IdaRun
-from tdint.campaign.ida.study import JOURNAL, IdaSettings, ida
+from tdint.campaign.ida.study import STORE, IdaSettings, ida
+from tdint.campaign.store.place import locked
 from tdint.campaign.suites.intensity import pga, sa
 from tdint.errors import ModelError, OutputError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
@@ -281,10 +283,7 @@ def test_a_pair_is_run_by_its_components_at_levels_of_both(frame):
 def test_an_interrupted_study_goes_on(tmp_path, frame, study):
     records = [motion(seed) for seed in range(4)]
     assert ida(frame, records[:4], folder=tmp_path).resumed == 0
-    file = tmp_path / JOURNAL
-    lines = file.read_bytes().splitlines(keepends=True)
-    assert len(lines) == 5
-    file.write_bytes(b"".join(lines[:3]) + lines[3][:100])  # killed while it wrote the third
+    drop_chunks(tmp_path, 2, 3)  # killed while it was at these
     told = []
     again = ida(frame, records, folder=tmp_path, progress=lambda done, of: told.append((done, of)))
     assert (again.resumed, told) == (2, [(2, 4), (3, 4), (4, 4)])
@@ -292,31 +291,48 @@ def test_an_interrupted_study_goes_on(tmp_path, frame, study):
     assert ida(frame, records, folder=tmp_path).resumed == 4
 
 
+def test_runs_at_levels_that_are_no_longer_chosen_are_done_again(tmp_path, frame, monkeypatch):
+    """As where a later version chooses others: their rows would mix."""
+    settings = IdaSettings(precision=0.3)
+    with monkeypatch.context() as before:
+        before.setattr("tdint.campaign.ida.levels._HUNT", 1.4)
+        ida(frame, [motion(0)], pga(), settings, folder=tmp_path)
+    again = ida(frame, [motion(0)], pga(), settings, folder=tmp_path)
+    assert again.resumed == 0
+    assert again.curves[0].runs == ida(frame, [motion(0)], pga(), settings).curves[0].runs
+    assert ida(frame, [motion(0)], pga(), settings, folder=tmp_path).resumed == 1
+
+
+def drop_chunks(folder, *numbers):
+    with closing(sqlite3.connect(folder / STORE)) as connection, connection:
+        for number in numbers:
+            connection.execute("DELETE FROM chunks WHERE id = ?", (number,))
+            connection.execute("DELETE FROM run_rows WHERE chunk = ?", (number,))
+
+
 def test_another_study_is_not_mixed_in(tmp_path, frame):
     ida(frame, [motion(0)], pga(), IdaSettings(max_im=0.5), folder=tmp_path)
-    with pytest.raises(UsageError, match=r"another study \(max im: 0\.5 there, 0\.6 here; records: 0\.m HN1\)"):
+    with pytest.raises(UsageError) as caught:
         ida(frame, [motion(0).scaled(2.0)], pga(), IdaSettings(max_im=0.6), folder=tmp_path)
-    (tmp_path / JOURNAL).write_text("something else\n")
-    with pytest.raises(OutputError, match="no journal"):
+    first, *rest = str(caught.value).splitlines()
+    assert "holds another study; give another folder with -o, or --overwrite" in first
+    assert rest == ["setting max im: 0.5 in the store, 0.6 in this study", "record 0.m HN1: differs"]
+    (tmp_path / STORE).write_text("something else\n" * 100)
+    with pytest.raises(OutputError, match="cannot be trusted"):
         ida(frame, [motion(0)], pga(), IdaSettings(max_im=0.5), folder=tmp_path)
 
 
-def test_another_version_is_told(tmp_path, frame):
-    ida(frame, [motion(0)], pga(), IdaSettings(max_im=0.5), folder=tmp_path)
-    file = tmp_path / JOURNAL
-    first, rest = file.read_text().split("\n", 1)
-    begun = json.loads(first)
-    begun["study"]["tdint"] = "0.0.1"
-    file.write_text(json.dumps(begun) + "\n" + rest)
-    assert ida(frame, [motion(0)], pga(), IdaSettings(max_im=0.5), folder=tmp_path).version == "0.0.1"
+def test_another_version_is_told(tmp_path, frame, monkeypatch):
+    with monkeypatch.context() as before:
+        before.setattr("tdint.campaign.store.store.__version__", "0.0.1")
+        ida(frame, [motion(0)], pga(), IdaSettings(max_im=0.5), folder=tmp_path)
+    (remark,) = ida(frame, [motion(0)], pga(), IdaSettings(max_im=0.5), folder=tmp_path).remarks
+    assert "begun with tdint 0.0.1" in remark
 
 
 def test_a_folder_that_another_process_writes(tmp_path, frame):
-    fcntl = pytest.importorskip("fcntl")
-    with (tmp_path / JOURNAL).open("wb") as stream:
-        fcntl.flock(stream.fileno(), fcntl.LOCK_EX)
-        with pytest.raises(OutputError, match="another process"):
-            ida(frame, [motion(0)], pga(), IdaSettings(max_im=0.5), folder=tmp_path)
+    with locked(tmp_path), pytest.raises(OutputError, match="another tdint is at work on it"):
+        ida(frame, [motion(0)], pga(), IdaSettings(max_im=0.5), folder=tmp_path)
 
 
 def test_what_makes_no_sense(frame):

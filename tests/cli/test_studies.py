@@ -5,13 +5,16 @@ from __future__ import annotations
 import csv
 import json
 import re
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tdint.campaign.engine.batch import Batch
-from tdint.campaign.ida.study import JOURNAL
+from tdint.campaign.ida.study import STORE
+from tdint.campaign.store.place import LOCK
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 FRAME = CONFIGS / "collapse-prone-frame.yaml"
@@ -179,10 +182,8 @@ def test_scaling_that_is_refused(folder, tdint, arguments, message):
 
 
 def test_a_study_and_its_files(studied):
-    assert {path.name for path in (studied / "out").iterdir()} == {
-        *("ida.csv", "capacities.csv", "ida.json", "ida.png"),
-        JOURNAL,
-    }
+    names = {"ida.csv", "capacities.csv", "ida.json", "ida.png", STORE, LOCK}
+    assert {path.name for path in (studied / "out").iterdir()} == names
     runs, capacities = (rows((studied / "out" / f"{name}.csv").read_text()) for name in ("ida", "capacities"))
     names = list(dict.fromkeys((row["record"], row["component"]) for row in runs))
     assert names == [("motion.mseed", "HNE"), ("motion.mseed", "HNN"), ("other.mseed", "HNE")]
@@ -213,17 +214,85 @@ def test_the_same_call_again_has_nothing_to_do(studied, tdint):
 def test_an_interrupted_study_gives_the_same_bytes(studied, tdint):
     out = studied / "out"
     before = {name: (out / name).read_bytes() for name in ("ida.csv", "capacities.csv", "ida.json")}
-    lines = (out / JOURNAL).read_bytes().splitlines(keepends=True)
     for name in before:
         (out / name).unlink()
-    (out / JOURNAL).write_bytes(b"".join(lines[:2]) + lines[2][:-9])
+    sql("DELETE FROM run_rows WHERE chunk > 0", "DELETE FROM chunks WHERE id > 0")
     result = tdint("ida", "shaken.yaml", "motion.mseed", "other.mseed", *UNITS, "-o", "out")
     assert "1 of 3 records were done before" in result.stderr
     assert {name: (out / name).read_bytes() for name in before} == before
 
 
+def sql(*statements):
+    with closing(sqlite3.connect(f"out/{STORE}")) as connection, connection:
+        for statement in statements:
+            connection.execute(statement)
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "DELETE FROM run_rows WHERE chunk = 1 AND scale > 1",
+        "UPDATE run_rows SET peak_drift_ratio = 9e999",
+        "UPDATE run_rows SET status = 'done'",
+        "UPDATE run_rows SET status = '=1+1', residual_drift_ratio = 'null'",
+        "UPDATE run_rows SET scale = 1.001 * scale",
+        "UPDATE chunks SET id = id + 7",
+        "DELETE FROM chunks",
+        "UPDATE chunks SET runs = 1e9",
+    ],
+)
+def test_runs_of_a_study_that_are_not_as_they_were_written_are_done_again(studied, tdint, statement):
+    before = {path.name: path.read_bytes() for path in (studied / "out").iterdir() if path.suffix != ".sqlite"}
+    sql(statement)
+    result = tdint("ida", "shaken.yaml", "motion.mseed", "other.mseed", *UNITS, "-o", "out")
+    assert (result.exit_code, "they are done again" in result.stderr) == (0, True), result.stderr
+    assert {name: (studied / "out" / name).read_bytes() for name in before} == before
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "UPDATE meta SET value = '3' WHERE key = 'schema'",
+        "DELETE FROM meta WHERE key = 'fingerprint'",
+        "UPDATE records SET sha256 = ''",
+        "DROP TABLE run_rows",
+    ],
+)
+def test_a_study_that_cannot_be_trusted_is_refused_with_a_way_out(studied, tdint, statement):
+    tables = [studied / "out" / name for name in ("ida.csv", "capacities.csv")]
+    before = [file.read_bytes() for file in tables]
+    sql(statement)
+    call = ("ida", "shaken.yaml", "motion.mseed", "other.mseed", *UNITS, "-o", "out")
+    result = tdint(*call)
+    assert (result.exit_code, len(result.stderr.splitlines())) == (6, 1), result.stderr
+    assert "cannot be trusted" in result.stderr and "--overwrite" in result.stderr
+    assert tdint(*call, "--overwrite").exit_code == 0
+    assert [file.read_bytes() for file in tables] == before
+
+
+def test_a_study_replaces_only_what_it_wrote(studied, tdint):
+    """Neither a table that was changed since, nor one of others, nor a picture that lies elsewhere."""
+    call = ("ida", "shaken.yaml", "motion.mseed", "other.mseed", *UNITS, "-o", "out")
+    before = {name: (studied / "out" / name).read_bytes() for name in ("ida.csv", "capacities.csv", "ida.png")}
+    for name in before:
+        (studied / "out" / name).write_bytes(b"mine")
+        result = tdint(*call, "--plot")
+        assert (result.exit_code, f"out/{name}: exists already" in result.stderr) == (6, True), result.stderr
+        assert (studied / "out" / name).read_bytes() == b"mine"
+        (studied / "out" / name).write_bytes(before[name])
+    (studied / "elsewhere.png").write_bytes(b"mine")
+    result = tdint(*call, "--plot=elsewhere.png")
+    assert (result.exit_code, (studied / "elsewhere.png").read_bytes()) == (6, b"mine"), result.stderr
+    assert tdint(*call, "--plot=elsewhere.png", "--overwrite").exit_code == 0
+    assert tdint(*call, "--plot=elsewhere.png").exit_code == 0
+    (studied / "new").mkdir()
+    (studied / "new" / "ida.csv").write_bytes(b"mine")
+    result = tdint(*call[:-1], "new")
+    assert (result.exit_code, sorted(path.name for path in (studied / "new").iterdir())) == (6, ["ida.csv"])
+
+
 def test_a_study_in_other_units_and_back(folder, tdint):
-    """The units of intensities stand in a column: it changes with the numbers; the journal knows nothing of them."""
+    """The units of intensities stand in a column: it changes with the numbers; the store knows nothing of them."""
     study = ("ida", "shaken.yaml", "motion.mseed", *UNITS, "-o", "out", "--jobs", 1)
     first = tdint(*study, "--output-units", "kip,in,g")
     assert first.exit_code == 0, first.output
@@ -291,7 +360,8 @@ def test_another_study_needs_another_folder_or_overwrite(studied, tdint):
     arguments = ("ida", "shaken.yaml", "motion.mseed", *UNITS, "--precision", "20%", "-o", "out")
     result = tdint(*arguments)
     assert result.exit_code == 2
-    assert "precision: 0.05 there, 0.2 here; records: other.mseed HNE" in result.stderr
+    assert "setting precision: 0.05 in the store, 0.2 in this study" in result.stderr
+    assert "record other.mseed HNE: in the store alone" in result.stderr
     assert tdint(*arguments, "--overwrite").exit_code == 0
     assert len(rows((studied / "out" / "capacities.csv").read_text())) == 8
 

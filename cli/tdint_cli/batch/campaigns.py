@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tdint.errors import OutputError, UsageError
-from tdint.files import digest_of, is_file
 from tdint.output_units import SI, OutputUnits
 from tdint_cli.errors import Failures
 from tdint_cli.terminal.drawing import emit_table
@@ -93,7 +92,7 @@ def _opened(folder: Path, plan: Plan, overwrite: bool) -> tuple[Store, list[str]
     except (UntrustedStoreError, UsageError):
         if not overwrite:
             raise
-    forget(folder)
+    _forget(folder)
     return open_store(folder, plan)
 
 
@@ -105,36 +104,21 @@ def refuse_foreign(folder: Path, stories: bool, *, overwrite: bool) -> None:
     OutputError
         There is one, and it may not be replaced.
     """
-    from tdint.campaign.store.store import FILE
+    from tdint.campaign.store.store import FILE, foreign
 
     if not (folder / FILE).exists() and not overwrite:
         for name in (RUNS, *(STORIES,) * stories, SUMMARY):
             if (folder / name).exists():
-                raise _foreign(folder / name)
+                raise foreign(folder / name)
 
 
-def _foreign(file: Path) -> OutputError:
-    return OutputError(
-        f"{file}: exists already, and is not as this campaign wrote it; give another folder with -o, or --overwrite to "
-        "replace it"
-    )
+def _forget(folder: Path) -> None:
+    """Remove a campaign from a folder that is locked, with the tables that were made of it."""
+    from tdint.campaign.store.store import FILE, forget, remove
 
-
-def forget(folder: Path) -> None:
-    """Remove a campaign from a folder that is locked, with the tables that were made of it.
-
-    Raises
-    ------
-    OutputError
-        It cannot be removed.
-    """
-    from tdint.campaign.store.store import FILE
-
-    for name in (FILE, f"{FILE}-wal", f"{FILE}-shm", RUNS, STORIES, PARQUET, SIMCENTER, SUMMARY):
-        try:
-            (folder / name).unlink(missing_ok=True)
-        except OSError as error:
-            raise OutputError(f"{folder / name}: cannot be removed: {error.strerror or error}") from None
+    forget(folder / FILE)
+    for name in (RUNS, STORIES, PARQUET, SIMCENTER, SUMMARY):
+        remove(folder / name)
 
 
 def advance_with_bar(
@@ -159,7 +143,7 @@ def finish(store: Store, folder: Path, units: OutputUnits = SI, *, overwrite: bo
     """Write what stands beside a store: runs.csv, stories.csv if there are stories, summary.json; and what was exported
     of an earlier state anew."""
     writers = {RUNS: _runs(store, units)}
-    again = {name: writer for name, writer in _exports(store).items() if _is_ours(store, folder / name)}
+    again = {name: writer for name, writer in _exports(store).items() if store.is_ours(folder / name)}
     written = {name: writer for name, writer in again.items() if writer}
     _write(folder, store, {**writers, **written}, units, overwrite=overwrite)
     for name, writer in again.items():
@@ -172,14 +156,9 @@ def finish(store: Store, folder: Path, units: OutputUnits = SI, *, overwrite: bo
 
 def export(store: Store, folder: Path, *, simcenter: bool, units: OutputUnits = SI, overwrite: bool = False) -> None:
     """Write all tables of a store anew; runs.parquet if pyarrow is there: that one and SimCenter's have SI units."""
-    wanted = {PARQUET, *(SIMCENTER,) * (simcenter or _is_ours(store, folder / SIMCENTER))}
+    wanted = {PARQUET, *(SIMCENTER,) * (simcenter or store.is_ours(folder / SIMCENTER))}
     others = {name: writer for name, writer in _exports(store).items() if writer and name in wanted}
     _write(folder, store, {RUNS: _runs(store, units), **others}, units, overwrite=overwrite)
-
-
-def _is_ours(store: Store, file: Path) -> bool:
-    """Whether a file is there and as it was made of a store."""
-    return is_file(file) and (file.name, digest_of(file)) in store.written()
 
 
 def _exports(store: Store) -> dict[str, Writer | None]:
@@ -205,14 +184,10 @@ def _write(folder: Path, store: Store, writers: dict[str, Writer], units: Output
         writers = writers | {STORIES: lambda stream: write_stories(store, stream, units)}
     summary = json_bytes(in_units(campaign_summary(store), units))
     writers = writers | {SUMMARY: lambda stream: stream.write(summary)}
-    for file in (folder / name for name in writers):
-        if not overwrite and is_file(file) and not _is_ours(store, file):
-            raise _foreign(file)
-    write_files(
-        {folder / name: writer for name, writer in writers.items()},
-        overwrite=True,
-        tell=lambda found: store.will_write({file.name: digest for file, digest in found.items()}),
-    )
+    files = {folder / name: writer for name, writer in writers.items()}
+    if not overwrite:
+        store.refuse_foreign(files)
+    write_files(files, overwrite=True, tell=store.will_write)
 
 
 def _say(store: Store, advance: Advance) -> None:

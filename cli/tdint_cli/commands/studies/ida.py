@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tdint.errors import OutputError, UsageError
-from tdint.files import is_file
+from tdint.errors import UsageError
 from tdint_cli import options
 from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.options.output import check_picture
@@ -180,30 +179,35 @@ def _ida(request: IdaRequest) -> None:
 
 
 def _folder(request: IdaRequest) -> Path | None:
-    """The folder of the study, ready to be written; what is there is another study's unless it has its journal.
+    """The folder of the study, ready to be written.
 
     Raises
     ------
     OutputError
-        Files are in the way.
+        Files are in the way that were not made of its store, or that cannot be trusted.
     """
-    from tdint.campaign.ida.study import JOURNAL
+    from tdint.campaign.ida.study import STORE
+    from tdint.campaign.store.place import locked
+    from tdint.campaign.store.store import forget, open_written
     from tdint.files import check_outputs
 
     folder = Path(request.output) if request.output else None
     picture = request.picture
     if picture:
         check_picture(picture)
-    begun = folder is not None and is_file(folder / JOURNAL) and not request.overwrite
-    files = [folder / name for name in (RUNS, CAPACITIES, SUMMARY, JOURNAL)] if folder else []
-    outputs = [*files, *([picture] if picture else [])]
-    refuse_inputs(outputs, [request.model, *request.records, request.inventory])
-    check_outputs(dict.fromkeys(outputs), overwrite=request.overwrite or begun)
-    if folder and request.overwrite:
-        try:
-            (folder / JOURNAL).unlink(missing_ok=True)
-        except OSError as error:
-            raise OutputError(f"{folder / JOURNAL}: cannot be removed: {error.strerror or error}") from error
+    files = [folder / name for name in (RUNS, CAPACITIES, SUMMARY)] if folder else []
+    outputs = list(dict.fromkeys([*files, *([picture] if picture else [])]))
+    refuse_inputs(
+        [*outputs, *([folder / STORE] if folder else [])], [request.model, *request.records, request.inventory]
+    )
+    begun = folder / STORE if folder and (folder / STORE).exists() else None
+    check_outputs(outputs, overwrite=request.overwrite or begun is not None)
+    if begun and request.overwrite:
+        with locked(begun.parent):
+            forget(begun)
+    elif begun:
+        with open_written(begun) as store:
+            store.refuse_foreign(outputs)
     return folder
 
 
@@ -239,6 +243,8 @@ def _largest(request: IdaRequest, measure: IntensityMeasure) -> float:
 
 
 def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: OutputUnits, unused: list[str]) -> None:
+    from tdint.campaign.ida.study import STORE
+    from tdint.campaign.store.store import open_written
     from tdint.files import write_files
     from tdint.output.summaries.summary import (
         in_units,
@@ -275,7 +281,13 @@ def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: O
         from tdint.output.figures.ida import ida_picture
 
         files[picture] = ida_picture(study.in_units(units), picture.suffix)
-    write_files(files, overwrite=request.overwrite or bool(request.output))
+    if not request.output:
+        write_files(files, overwrite=request.overwrite)
+        return
+    with open_written(Path(request.output) / STORE) as store:
+        if not request.overwrite:
+            store.refuse_foreign(files)
+        write_files(files, overwrite=True, tell=store.will_write)
 
 
 def _report(study: IdaStudy, precision: float) -> None:
@@ -285,8 +297,8 @@ def _report(study: IdaStudy, precision: float) -> None:
         note("nothing to do: all records were done")
     elif study.resumed:
         note(f"{study.resumed} of {len(study.curves)} records were done before")
-    if study.version:
-        note(f"tdint {study.version} began this study")
+    for text in study.remarks:
+        note(text)
     say(_words(study, len(runs)))
     finer = sum(run.finer > 0 and (run.stable or run.collapsed) for run in runs)
     if finer:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from tdint.analysis.run.case import Case
 from tdint.campaign.engine.batch import Batch
+from tdint.campaign.engine.rows import RunRow
 from tdint.campaign.engine.task import Run
 
 DONE = "done"
@@ -45,6 +46,20 @@ class IdaRun:
     finer: int = 0
     energy_error: float = math.nan
 
+    @classmethod
+    def of(cls, im: float, row: RunRow) -> IdaRun:
+        """What the row of a run at a level says."""
+        return cls(
+            im=im,
+            scale=row.scale,
+            status=row.status,
+            drift_ratio=_number(row.peak_drift_ratio),
+            acceleration=_number(row.peak_acceleration),
+            residual_drift_ratio=_number(row.residual_drift_ratio),
+            finer=row.repeats,
+            energy_error=_number(row.energy_error),
+        )
+
     @property
     def stable(self) -> bool:
         """Whether the building stood."""
@@ -56,28 +71,20 @@ class IdaRun:
         return self.status in COLLAPSED
 
 
-def run_level(batch: Batch, im: float, scale: float) -> IdaRun:
-    """Run the only motion of a batch times `scale`; a run that has no result is repeated with half the step.
+def run_level(batch: Batch, run: Run) -> RunRow:
+    """Run a motion of a batch times a factor; a run that has no result is repeated with half the step.
 
     Raises
     ------
     FailedRun
         The step is beyond the method's limit.
     """
-    (row,) = batch.results([Run(0, scale)]).runs
+    (row,) = batch.results([run]).runs
     if row.status == _UNSTABLE:  # No level mends that; said as a single run says it.
-        case = Case(batch.subject.model, batch.subject.prepared, batch.motions.records[0], batch.subject.integrator)
+        record = batch.motions.records[run.motion]
+        case = Case(batch.subject.model, batch.subject.prepared, record, batch.subject.integrator)
         case.march(case.steps(batch.settings.dt, batch.settings.duration))
-    return IdaRun(
-        im=im,
-        scale=scale,
-        status=row.status,
-        drift_ratio=_number(row.peak_drift_ratio),
-        acceleration=_number(row.peak_acceleration),
-        residual_drift_ratio=_number(row.residual_drift_ratio),
-        finer=row.repeats,
-        energy_error=_number(row.energy_error),
-    )
+    return row
 
 
 def _number(value: float | None) -> float:

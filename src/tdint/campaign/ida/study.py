@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Sequence
-from contextlib import nullcontext
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,15 +14,19 @@ from typing import Any
 import numpy as np
 
 from tdint.analysis.given import horizontals_of, record_of
-from tdint.campaign.engine.batch import Batch
-from tdint.campaign.engine.task import Motions, RunSettings, Subject
+from tdint.campaign.engine.batch import Batch, Rows
+from tdint.campaign.engine.chunk import Done
+from tdint.campaign.engine.rows import RunRow
+from tdint.campaign.engine.task import Motions, Run, RunSettings, Subject
 from tdint.campaign.ida.curve import IdaCurve
-from tdint.campaign.ida.journal import Fingerprint, Keep, journal
 from tdint.campaign.ida.levels import Levels
 from tdint.campaign.ida.runs import IdaRun, run_level
+from tdint.campaign.store.identity import Identity, StoredBuilding, StoredMotion, as_json
+from tdint.campaign.store.place import locked
+from tdint.campaign.store.store import Store, open_or_begin
 from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, GroundMotion, IntensityMeasure, SpectralIntensity, sa
 from tdint.campaign.suites.suite import components
-from tdint.errors import ModelError, UsageError
+from tdint.errors import ModelError, OutputError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import DEFAULT_METHOD
@@ -30,7 +35,6 @@ from tdint.model.config.model_file import model_of
 from tdint.model.definition import Model
 from tdint.output_units import OutputUnits
 from tdint.processors import on_threads
-from tdint.version import __version__
 
 THRESHOLDS = (0.01, 0.02, 0.04)
 """Drift ratios whose capacities are told beside that of collapse, where none are asked for."""
@@ -42,6 +46,9 @@ _ELASTIC = 0.1
 
 _BEFORE_YIELDING = 0.7
 """Part of the smallest yield drift that the first run is aimed at."""
+
+RecordRuns = tuple[IdaRun, ...]
+"""Of a record, from the lowest level."""
 
 Progress = Callable[[int, int], None]
 """Told how many records are done, of how many."""
@@ -96,8 +103,8 @@ class IdaStudy:
         What of a pair of components the levels are levels of: a name of `PAIRS`; None for those of each component.
     resumed : int
         Records whose runs were there already.
-    version : str
-        The version of tdint that did those, if it is another one.
+    remarks : tuple of str
+        What is to be said of those, one sentence each.
     """
 
     model: Model
@@ -107,7 +114,7 @@ class IdaStudy:
     curves: tuple[IdaCurve, ...]
     pair: str | None = None
     resumed: int = 0
-    version: str = ""
+    remarks: tuple[str, ...] = ()
 
     @property
     def im_name(self) -> str:
@@ -180,39 +187,56 @@ def ida(
     chosen = measure or sa(subject.period)
     parts = [(motion, record) for motion in motions for record in components(motion)]
     records = [record for _, record in parts]
-    names = _names(records)
-    units = {
-        name: _Work.of(subject, record, chosen.of(motion, pair), settings)
-        for name, (motion, record) in zip(names, parts, strict=True)
-    }
+    _check_names(records)
+    works = [
+        _Work.of(number, subject, record, chosen.of(motion, pair), settings)
+        for number, (motion, record) in enumerate(parts)
+    ]
     paired = pair if len(parts) > len(motions) else None
-    identity = {**_fingerprint(subject, chosen, settings, dict(zip(names, records, strict=True))), "pairs": paired}
+    identity = _identity(subject, chosen, settings, records, paired)
     subject.prepared.compile([subject.integrator])
-    keeper: Any = journal(folder / JOURNAL, identity) if folder else nullcontext(({}, lambda name, runs: None, ""))
-    with keeper as (kept, keep, version):
-        found = _done(units, {name: runs for name, runs in kept.items() if name in units}, keep, jobs, progress)
+    with _opened(folder, identity) as (store, remarks):
+        found, resumed = _done(works, store, jobs, progress)
     collapse_drift = subject.model.collapse_drift
-    curves = [IdaCurve(record, found[name], collapse_drift) for name, record in zip(names, records, strict=True)]
+    curves = [IdaCurve(record, runs, collapse_drift) for record, runs in zip(records, found, strict=True)]
     thresholds = (*sorted(set(settings.thresholds) - {collapse_drift}), collapse_drift)
     return IdaStudy(
-        subject.model, chosen, subject.integrator.label, thresholds, tuple(curves), paired, len(kept), version
+        subject.model, chosen, subject.integrator.label, thresholds, tuple(curves), paired, resumed, tuple(remarks)
     )
 
 
-JOURNAL = "ida.jsonl"
-"""The journal in the folder of a study."""
+STORE = "ida.sqlite"
+"""The store in the folder of a study: a chunk of it is a record."""
+
+
+@contextmanager
+def _opened(folder: Path | None, identity: Identity) -> Iterator[tuple[Store | None, list[str]]]:
+    """The store of a study in a folder that nobody else writes, and what to say of it; none without a folder."""
+    if folder is None:
+        yield None, []
+        return
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot be made: {error.strerror or error}") from None
+    with locked(folder):
+        store, remarks = open_or_begin(folder / STORE, identity, log=False)
+        with store:
+            yield store, remarks
 
 
 @dataclass(frozen=True)
 class _Work:
-    """The runs of a record: what does them, the intensity of the record as it is, and what decides on the levels."""
+    """The runs of a record by its number: what does them, the intensity of the record as it is, and what decides on the
+    levels."""
 
+    number: int
     batch: Batch
     intensity: float
     levels: Levels
 
     @classmethod
-    def of(cls, subject: Subject, record: Record, intensity: float, settings: IdaSettings) -> _Work:
+    def of(cls, number: int, subject: Subject, record: Record, intensity: float, settings: IdaSettings) -> _Work:
         levels = Levels(
             start=intensity * _elastic_scale(subject.prepared.building, record, subject.model.collapse_drift),
             precision=settings.precision,
@@ -220,31 +244,53 @@ class _Work:
             most=settings.max_im,
         )
         how = RunSettings(settings.dt, settings.duration, settings.until_rest)
-        return cls(Batch(0, subject, Motions.of({0: record}), {0: None}, how), intensity, levels)
+        return cls(number, Batch(0, subject, Motions.of({number: record}), {number: None}, how), intensity, levels)
 
-    def runs(self) -> tuple[IdaRun, ...]:
-        """All runs of the record, from the lowest level."""
+    def done(self) -> tuple[Done, RecordRuns]:
+        """Do all runs of the record."""
+        began, rows = time.thread_time(), Rows()
+
+        def run(scale: float) -> RunRow:
+            row = run_level(self.batch, Run(self.number, scale))
+            rows.runs.append(row)
+            return row
+
+        runs = self._through(run)
+        return Done(self.number, rows, time.thread_time() - began), runs
+
+    def kept(self, rows: Sequence[RunRow]) -> RecordRuns | None:
+        """The runs whose rows were kept; None if they are not those that `done` would do."""
+        by_scale = {row.scale: row for row in rows}
+        try:
+            runs = self._through(by_scale.__getitem__)
+        except KeyError:
+            return None
+        return runs if len(runs) == len(rows) else None
+
+    def _through(self, run: Callable[[float], RunRow]) -> RecordRuns:
+        """The runs from the lowest level; each level follows from the runs before."""
         runs: list[IdaRun] = []
         while (level := self.levels.next(runs)) is not None:
-            runs.append(run_level(self.batch, level, level / self.intensity))
+            runs.append(IdaRun.of(level, run(level / self.intensity)))
         return tuple(sorted(runs, key=lambda run: run.im))
 
 
-def _done(
-    units: dict[str, _Work], kept: dict[str, tuple[IdaRun, ...]], keep: Keep, jobs: int, progress: Progress
-) -> dict[str, tuple[IdaRun, ...]]:
-    """The runs of all records: those that are kept, and the others, shared by threads."""
-    found = dict(kept)
-    progress(len(found), len(units))
-
-    def work(name: str) -> tuple[str, tuple[IdaRun, ...]]:
-        return name, units[name].runs()
-
-    for name, runs in on_threads(work, [name for name in units if name not in found], max(1, jobs)):
-        found[name] = runs
-        keep(name, runs)
-        progress(len(found), len(units))
-    return found
+def _done(works: Sequence[_Work], store: Store | None, jobs: int, progress: Progress) -> tuple[list[RecordRuns], int]:
+    """The runs of all records, and how many records were done before; the others are shared by threads."""
+    found: dict[int, RecordRuns] = {}
+    for number in sorted(store.done()) if store else ():
+        if store and (runs := works[number].kept(store.runs_of(number))):
+            found[number] = runs
+        elif store:  # of a version with other levels
+            store.remove({number})
+    resumed = len(found)
+    progress(resumed, len(works))
+    for done, runs in on_threads(_Work.done, [work for work in works if work.number not in found], max(1, jobs)):
+        found[done.number] = runs
+        if store:
+            store.add(done)
+        progress(len(found), len(works))
+    return [found[work.number] for work in works], resumed
 
 
 def _prepared(model: Model, settings: IdaSettings, method: str | None) -> tuple[Subject, IdaSettings]:
@@ -279,28 +325,29 @@ def _elastic_scale(building: Building, record: Record, collapse_drift: float) ->
     return float(np.min(limits / (ratios * spectral)))
 
 
-def _names(records: Sequence[Record]) -> list[str]:
+def _check_names(records: Sequence[Record]) -> None:
     names = [record.name for record in records]
     twice = [name for i, name in enumerate(names) if name in names[:i]]
     if twice:
         raise UsageError(f"{twice[0]}: this record is given twice")
     if not names:
         raise UsageError("no record: an incremental dynamic analysis needs one at least")
-    return names
 
 
-def _fingerprint(
-    subject: Subject, measure: IntensityMeasure, settings: IdaSettings, records: dict[str, Record]
-) -> Fingerprint:
+def _identity(
+    subject: Subject,
+    measure: IntensityMeasure,
+    settings: IdaSettings,
+    records: Sequence[Record],
+    paired: str | None,
+) -> Identity:
     """What the runs depend on."""
     spectral = measure if isinstance(measure, SpectralIntensity) else None
-    return {
-        "tdint": __version__,
-        "model": hashlib.sha256(repr(_building(subject.model)).encode()).hexdigest(),
+    about = {
+        "study": "ida",
         "measure": measure.name,
         "periods": list(spectral.periods) if spectral else [],
         "damping": spectral.damping if spectral else None,
-        "method": subject.integrator.label,
         "dt": settings.dt,
         "duration": settings.duration,
         "until rest": settings.until_rest,
@@ -308,8 +355,18 @@ def _fingerprint(
         "collapse drift": settings.collapse_drift,
         "thresholds": sorted(settings.thresholds),
         "max im": settings.max_im,
-        "records": {name: record.digest for name, record in records.items()},
+        "pairs": paired,
     }
+    model = subject.model
+    digest = hashlib.sha256(repr((subject.integrator.label, _building(model))).encode()).hexdigest()
+    return Identity(
+        name=model.name,
+        kind="study",
+        settings=as_json(about),
+        buildings=[StoredBuilding(model.name, subject.integrator.label, len(model.stories), digest)],
+        motions=[StoredMotion(record.source, record.component, 1, record) for record in records],
+        chunks=len(records),
+    )
 
 
 def _building(model: Model) -> tuple[Any, ...]:

@@ -22,13 +22,19 @@ class UntrustedStoreError(OutputError):
 
     def __init__(self, name: str, why: str) -> None:
         super().__init__(
-            f"{name}: cannot be trusted: {why}; is it the file of a campaign? Give another folder with -o, or "
+            f"{name}: cannot be trusted: {why}; is it a store of tdint? Give another folder with -o, or "
             "--overwrite to begin anew"
         )
 
 
-def connect(name: str) -> sqlite3.Connection:
-    """A connection that writes safely and fast: a log ahead of the file, which a killed process leaves whole.
+def connect(name: str, *, log: bool = True) -> sqlite3.Connection:
+    """A connection that writes safely: a killed process leaves all that was written whole.
+
+    Parameters
+    ----------
+    log : bool
+        Write fast, a log ahead of the file, and let others read meanwhile; not for network file systems. Else the file
+        alone is written, each time to the disk.
 
     Raises
     ------
@@ -39,8 +45,8 @@ def connect(name: str) -> sqlite3.Connection:
     connection = sqlite3.connect(name, isolation_level=None)
     try:
         _guard(connection)
-        wait_for(connection, name, "PRAGMA journal_mode=WAL")
-        connection.execute("PRAGMA synchronous=NORMAL")
+        wait_for(connection, name, f"PRAGMA journal_mode={'WAL' if log else 'DELETE'}")
+        connection.execute(f"PRAGMA synchronous={'NORMAL' if log else 'FULL'}")
     except BaseException:
         connection.close()
         raise

@@ -10,8 +10,9 @@ from typing import Any
 
 from tdint.campaign.store.checksums import check_store, damaged_chunks
 from tdint.campaign.store.connection import connect, in_words, transaction
+from tdint.campaign.store.identity import all_differences
 from tdint.campaign.store.schema import TABLES
-from tdint.campaign.store.store import FILE, Store, differences, is_empty, open_existing
+from tdint.campaign.store.store import FILE, Store, is_empty, open_existing
 from tdint.errors import UsageError
 
 _TABLES = ("buildings", "records")
@@ -68,13 +69,8 @@ def merge(folders: Sequence[Path], target: Path) -> Store:
 def _check_same(one: Store, other: Store) -> None:
     if one.meta("fingerprint") == other.meta("fingerprint") and one.meta("chunks") == other.meta("chunks"):
         return
-    sides = {"known": one.name, "given": other.name}
-    found = [
-        *differences(one.settings(), other.settings(), kind="setting", **sides),
-        *differences(one.digests("buildings"), other.digests("buildings"), kind="building", **sides),
-        *differences(one.digests("records"), other.digests("records"), kind="record", **sides),
-    ] or ["the order of buildings or records: differs"]
-    lines = "\n".join(found)
+    parts = [(side.settings(), side.digests("buildings"), side.digests("records")) for side in (one, other)]
+    lines = all_differences(*parts, known=one.name, given=other.name)
     raise UsageError(f"{one.name} and {other.name} are of different campaigns\n{lines}")
 
 

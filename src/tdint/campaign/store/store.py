@@ -1,20 +1,19 @@
-"""The store of a campaign: one SQLite file, written by one process, a chunk at a time."""
+"""The store of a campaign or a study: one SQLite file, written by one process, a chunk at a time."""
 
 from __future__ import annotations
 
-import hashlib
-import json
 import sqlite3
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Self
 
 from tdint.campaign.engine.chunk import Done
+from tdint.campaign.engine.rows import RunRow
 from tdint.campaign.plan import Plan
 from tdint.campaign.store.checksums import SEAL, check_store, chunk_digest, damaged_chunks, seal_of
 from tdint.campaign.store.connection import UntrustedStoreError, connect, connect_to_read, in_words, transaction
+from tdint.campaign.store.identity import Identity, all_differences
 from tdint.campaign.store.schema import (
     INSERT_RUN,
     INSERT_STORY,
@@ -26,6 +25,7 @@ from tdint.campaign.store.schema import (
     plain_story,
 )
 from tdint.errors import OutputError, UsageError
+from tdint.files import digest_of, is_file
 from tdint.ground_motion.measures import measure
 from tdint.output_units import SI, OutputUnits, parse_output_units
 from tdint.version import __version__
@@ -33,7 +33,6 @@ from tdint.version import __version__
 FILE = "campaign.sqlite"
 
 _SETTING = "setting "
-_MOST_DIFFERENCES = 8
 
 
 class Store:
@@ -111,8 +110,8 @@ class Store:
             values = (number, len(runs), len(stories), seconds, chunk_digest(number, seconds, runs, stories))
             self.connection.execute("INSERT INTO chunks VALUES(?, ?, ?, ?, ?)", values)
 
-    def heal(self, plan: Plan | None = None) -> int:
-        """Take out the chunks that are not as they were written, or not of this plan: they are left to be done.
+    def heal(self, identity: Identity | None = None) -> int:
+        """Take out the chunks that are not as they were written, or not of this campaign: they are left to be done.
 
         Returns
         -------
@@ -126,25 +125,43 @@ class Store:
         """
         with in_words(self.name):
             bad = damaged_chunks(self.connection)
-            if plan is not None:
+            if identity is not None:
                 chunks = self.connection.execute("SELECT id, runs FROM chunks")
-                bad |= {one for one, runs in chunks if not (0 <= one < plan.chunks and plan.size(one) == runs)}
+                bad |= {
+                    one
+                    for one, runs in chunks
+                    if not (0 <= one < identity.chunks and identity.size(one) in (None, runs))
+                }
             if not bad:
                 return 0
-            with transaction(self.connection, self.name):
-                for table, column in (("run_rows", "chunk"), ("story_rows", "chunk"), ("chunks", "id")):
-                    self.connection.executemany(f"DELETE FROM {table} WHERE {column} IS ?", ((one,) for one in bad))
+            self.remove(bad)
             if damaged_chunks(self.connection):
                 raise UntrustedStoreError(self.name, "chunks that are not as they were written cannot be taken out")
             return len(bad)
 
+    def remove(self, chunks: Collection[int]) -> None:
+        """Take out chunks: they are left to be done."""
+        with in_words(self.name), transaction(self.connection, self.name):
+            for table, column in (("run_rows", "chunk"), ("story_rows", "chunk"), ("chunks", "id")):
+                self.connection.executemany(f"DELETE FROM {table} WHERE {column} IS ?", ((one,) for one in chunks))
+
+    def is_ours(self, file: Path) -> bool:
+        """Whether a file is there and as it was made of this store."""
+        return is_file(file) and (file.name, digest_of(file)) in self.written()
+
+    def refuse_foreign(self, files: Iterable[Path]) -> None:
+        """Raise OutputError if one of some files is there and was not made of this store."""
+        for file in files:
+            if is_file(file) and not self.is_ours(file):
+                raise foreign(file)
+
     def written(self) -> set[tuple[str, str]]:
         """Name and SHA-256 of the files that were made of this store."""
-        return set(self.connection.execute("SELECT file, sha256 FROM written"))
+        return set() if is_empty(self) else set(self.connection.execute("SELECT file, sha256 FROM written"))
 
-    def will_write(self, files: Mapping[str, str]) -> None:
+    def will_write(self, files: Mapping[Path, str]) -> None:
         """Keep the names and SHA-256 of files that are about to take their places."""
-        new = set(files.items()) - self.written()
+        new = {(file.name, digest) for file, digest in files.items()} - self.written()
         if new:
             with in_words(self.name), transaction(self.connection, self.name):
                 self.connection.executemany("INSERT INTO written VALUES(?, ?)", sorted(new))
@@ -161,16 +178,16 @@ class Store:
         found = self.connection.execute("SELECT value FROM meta WHERE key = 'output_units'").fetchone()
         return parse_output_units(found[0]) if found else SI
 
-    def tell(self, plan: Plan) -> None:
-        """Keep what a plan says of itself beside what its runs depend on: inputs that could not be used, units."""
-        units = str(plan.buildings.output_units)
+    def tell(self, identity: Identity) -> None:
+        """Keep what is known beside what the runs depend on: inputs that could not be used, units."""
+        units = str(identity.units)
         known = self.connection.execute("SELECT value FROM meta WHERE key = 'output_units'").fetchone()
         before = [(kind, reason) for kind, reasons in self.unused().items() for reason in reasons]
-        if known == (units,) and sorted(before) == sorted(dict.fromkeys(plan.unused)):
+        if known == (units,) and sorted(before) == sorted(dict.fromkeys(identity.unused)):
             return
         with in_words(self.name), transaction(self.connection, self.name):
             self.connection.execute("DELETE FROM unused")
-            self.add_unused(plan.unused)
+            self.add_unused(identity.unused)
             self.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", ("output_units", units))
             self.seal()
 
@@ -186,6 +203,11 @@ class Store:
     def runs(self) -> Iterator[tuple[Any, ...]]:
         """All runs: the columns of `RUN_COLUMNS`, in the order of their key."""
         yield from self.connection.execute(f"SELECT {', '.join(RUN_COLUMNS)} FROM run_rows ORDER BY 1, 2, 3, 4")
+
+    def runs_of(self, chunk: int) -> list[RunRow]:
+        """The runs of a chunk."""
+        statement = f"SELECT {', '.join(RUN_COLUMNS)} FROM run_rows WHERE chunk = ? ORDER BY 1, 2, 3, 4"
+        return [RunRow(*row) for row in self.connection.execute(statement, (chunk,))]
 
     def stories(self) -> Iterator[tuple[Any, ...]]:
         """The stories of all runs: the columns of `STORY_COLUMNS`, in the order of their key."""
@@ -204,7 +226,17 @@ class Store:
 
 
 def open_store(folder: Path | None, plan: Plan) -> tuple[Store, list[str]]:
-    """The store of a campaign in a folder, made where there is none; in memory without a folder.
+    """The store of a campaign in a folder, in memory without one; results and errors are those of `open_or_begin`."""
+    return open_or_begin(None if folder is None else folder / FILE, Identity.of(plan))
+
+
+def open_or_begin(file: Path | None, identity: Identity, *, log: bool = True) -> tuple[Store, list[str]]:
+    """The store in a file, made where there is none; in memory without a file.
+
+    Parameters
+    ----------
+    log : bool
+        Whether others shall read while it is written (`connect`).
 
     Returns
     -------
@@ -214,24 +246,24 @@ def open_store(folder: Path | None, plan: Plan) -> tuple[Store, list[str]]:
     Raises
     ------
     UsageError
-        The folder holds another campaign: what differs, one line each.
+        The file is of another campaign: what differs, one line each.
     OutputError
         It cannot be written.
     """
-    name = ":memory:" if folder is None else str(folder / FILE)
+    name = ":memory:" if file is None else str(file)
     with in_words(name):
-        store = Store(connect(name), name)
+        store = Store(connect(name, log=log), name)
     try:
         with in_words(name):
             if is_empty(store):
-                _create(store, plan)
-                store.tell(plan)
+                _create(store, identity)
+                store.tell(identity)
                 return store, []
             check_store(store.connection, name)
-        remarks = check_same(store, plan)
-        if healed := store.heal(plan):
+        remarks = check_same(store, identity)
+        if healed := store.heal(identity):
             remarks.append(f"{name}: {healed} chunks of runs are not as they were written; they are done again")
-        store.tell(plan)
+        store.tell(identity)
         return store, remarks
     except BaseException:
         store.connection.close()
@@ -239,12 +271,7 @@ def open_store(folder: Path | None, plan: Plan) -> tuple[Store, list[str]]:
 
 
 def open_existing(folder: Path, *, write: bool = False) -> Store:
-    """The store in a folder, to be read; chunks in it may be damaged (`check_chunks`).
-
-    Parameters
-    ----------
-    write : bool
-        Whether it can be written, too.
+    """The store of a campaign in a folder, to be read, or written, too; chunks in it may be damaged (`check_chunks`).
 
     Raises
     ------
@@ -253,20 +280,36 @@ def open_existing(folder: Path, *, write: bool = False) -> Store:
     OutputError
         It cannot be used, or not be trusted.
     """
-    file = folder / FILE
-    if not file.exists():
+    if not (folder / FILE).exists():
         raise UsageError(f"{folder}: holds no campaign ({FILE}); give the folder of -o of `tdint campaign`")
+    name = str(folder / FILE)
+    with in_words(name):
+        store = Store(connect(name) if write else connect_to_read(folder / FILE), name)
+    if not _checked(store):
+        store.connection.close()
+        raise UsageError(f"{folder}: the campaign in it has not begun; call `tdint campaign` again")
+    return store
+
+
+def open_written(file: Path) -> Store:
+    """The store in a file that is written without a log, as it is. Errors are those of `open_existing`."""
     with in_words(str(file)):
-        store = Store(connect(str(file)) if write else connect_to_read(file), str(file))
+        store = Store(connect(str(file), log=False), str(file))
+    _checked(store)
+    return store
+
+
+def _checked(store: Store) -> bool:
+    """Whether there is something in a store, which is whole then; else it is closed."""
     try:
         with in_words(store.name):
-            if is_empty(store):
-                raise UsageError(f"{folder}: the campaign in it has not begun; call `tdint campaign` again")
-            check_store(store.connection, store.name)
+            begun = not is_empty(store)
+            if begun:
+                check_store(store.connection, store.name)
     except BaseException:
         store.connection.close()
         raise
-    return store
+    return begun
 
 
 def check_chunks(store: Store) -> None:
@@ -280,8 +323,8 @@ def check_chunks(store: Store) -> None:
         )
 
 
-def check_same(store: Store, plan: Plan) -> list[str]:
-    """Whether a store holds this campaign.
+def check_same(store: Store, identity: Identity) -> list[str]:
+    """Whether a store is of these runs.
 
     Returns
     -------
@@ -291,65 +334,54 @@ def check_same(store: Store, plan: Plan) -> list[str]:
     Raises
     ------
     UsageError
-        It holds another one: what differs, one line each.
+        It is of others: what differs, one line each.
     """
-    settings, buildings, records = settings_of(plan), _building_digests(plan), _record_digests(plan)
-    if fingerprint(settings, buildings.values(), records.values()) != store.meta("fingerprint"):
-        found = [
-            *differences(store.settings(), settings, kind="setting"),
-            *differences(store.digests("buildings"), buildings, kind="building"),
-            *differences(store.digests("records"), records, kind="record"),
-        ] or ["the order of buildings or records: differs"]
-        lines = "\n".join(found)
-        raise UsageError(f"{store.name}: holds another campaign; give another folder with -o\n{lines}")
+    if identity.fingerprint != store.meta("fingerprint"):
+        lines = all_differences(
+            (store.settings(), store.digests("buildings"), store.digests("records")),
+            (identity.settings, identity.building_digests(), identity.record_digests()),
+            given=f"this {identity.kind}",
+        )
+        raise UsageError(
+            f"{store.name}: holds another {identity.kind}; give another folder with -o, or --overwrite to begin anew\n"
+            f"{lines}"
+        )
     version = store.meta("version")
     return [] if version == __version__ else [f"{store.name}: begun with tdint {version}, this is {__version__}"]
 
 
-def settings_of(plan: Plan) -> dict[str, str]:
-    """What is the same for all runs, by its name."""
-    parts = asdict(plan.settings) | plan.levels.description() | plan.assignment.description()
-    return {name: json.dumps(value, sort_keys=True) for name, value in sorted(parts.items())}
+def foreign(file: Path) -> OutputError:
+    """That a file was not made of a store beside it."""
+    return OutputError(
+        f"{file}: exists already, and is not as this command wrote it; give another folder with -o, or --overwrite to "
+        "replace it"
+    )
 
 
-def fingerprint(settings: dict[str, str], buildings: Iterable[str], records: Iterable[str]) -> str:
-    """SHA-256 over the settings and the SHA-256 of all buildings and records in order."""
-    whole = hashlib.sha256(json.dumps(settings, sort_keys=True).encode())
-    for kind, digests in (("buildings", buildings), ("records", records)):
-        whole.update(kind.encode())
-        for digest in digests:
-            whole.update(digest.encode())
-    return whole.hexdigest()
+def forget(file: Path) -> None:
+    """Remove a store from a folder that is locked.
+
+    Raises
+    ------
+    OutputError
+        It cannot be removed.
+    """
+    for end in ("", "-wal", "-shm", "-journal"):
+        remove(file.with_name(file.name + end))
 
 
-def differences(
-    before: dict[str, str], now: dict[str, str], *, kind: str, known: str = "the store", given: str = "this campaign"
-) -> list[str]:
-    """What differs between two sides, one sentence each: from names to values, or to SHA-256 (kind `building`)."""
-    found = []
-    for name in dict.fromkeys([*before, *now]):
-        if name not in now:
-            found.append(f"{kind} {name}: in {known} alone")
-        elif name not in before:
-            found.append(f"{kind} {name}: in {given} alone")
-        elif before[name] != now[name]:
-            what = "differs" if kind != "setting" else f"{before[name]} in {known}, {now[name]} in {given}"
-            found.append(f"{kind} {name}: {what}")
-    if len(found) > _MOST_DIFFERENCES:
-        found[_MOST_DIFFERENCES:] = [f"and {len(found) - _MOST_DIFFERENCES} more of kind {kind}"]
-    return found
+def remove(file: Path) -> None:
+    """Remove a file if it is there.
 
-
-def _building_digests(plan: Plan) -> dict[str, str]:
-    return {plan.buildings.name(number): plan.buildings.digest(number) for number in range(len(plan.buildings))}
-
-
-def _record_digests(plan: Plan) -> dict[str, str]:
-    digests: dict[str, str] = {}
-    for number, motion in enumerate(plan.motions, start=1):
-        name = f"{motion.name} {motion.component}"
-        digests[name if name not in digests else f"{name} ({number})"] = motion.record.digest
-    return digests
+    Raises
+    ------
+    OutputError
+        It cannot be removed.
+    """
+    try:
+        file.unlink(missing_ok=True)
+    except OSError as error:
+        raise OutputError(f"{file}: cannot be removed: {error.strerror or error}") from None
 
 
 def is_empty(store: Store) -> bool:
@@ -358,35 +390,28 @@ def is_empty(store: Store) -> bool:
     return int(found[0]) == 0
 
 
-def _create(store: Store, plan: Plan) -> None:
-    """Make the tables and say in them which campaign it is, all or nothing."""
-    settings, digests = settings_of(plan), [plan.buildings.digest(number) for number in range(len(plan.buildings))]
-    records = [motion.record.digest for motion in plan.motions]
-    whole = fingerprint(settings, digests, records)
+def _create(store: Store, identity: Identity) -> None:
+    """Make the tables and say in them what the runs are, all or nothing."""
     about = {
-        "schema": VERSION, "version": __version__, "name": plan.name, "fingerprint": whole,
-        "runs": str(plan.runs), "chunks": str(plan.chunks),
-    } | {f"{_SETTING}{name}": value for name, value in settings.items()}  # fmt: skip
-    buildings = plan.buildings
+        "schema": VERSION, "version": __version__, "name": identity.name, "fingerprint": identity.fingerprint,
+        "runs": str(identity.runs), "chunks": str(identity.chunks),
+    } | {f"{_SETTING}{name}": value for name, value in identity.settings.items()}  # fmt: skip
     with transaction(store.connection, store.name):
         for statement in TABLES:
             store.connection.execute(statement)
         store.connection.executemany("INSERT INTO meta VALUES(?, ?)", about.items())
         store.connection.executemany(
             "INSERT INTO buildings VALUES(?, ?, ?, ?, ?)",
-            (
-                (number, buildings.name(number), buildings.method(number), buildings.stories(number), digest)
-                for number, digest in enumerate(digests)
-            ),
+            ((number, *building) for number, building in enumerate(identity.buildings)),
         )
         store.connection.executemany(
             "INSERT INTO records VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?)",
             (
                 (
-                    number, _text(motion.name), _text(motion.component), motion.direction, motion.record.dt,
-                    motion.record.acceleration.size, motion.record.pga, measure(motion.record).pgv, digest,
+                    number, _text(name), _text(component), direction, record.dt, record.acceleration.size, record.pga,
+                    measure(record).pgv, record.digest,
                 )
-                for number, (motion, digest) in enumerate(zip(plan.motions, records, strict=True))
+                for number, (name, component, direction, record) in enumerate(identity.motions)
             ),
         )  # fmt: skip
         store.seal()
