@@ -39,7 +39,7 @@ def run_many(
     from tdint.campaign.store.store import open_store
     from tdint.model.config.model_file import load_model
     from tdint.output.tables.campaign import runs_table
-    from tdint.processors import processors
+    from tdint.system import processors
 
     model = load_model(request.model)
     plan = _plan(request, records, model, wishes, factors)

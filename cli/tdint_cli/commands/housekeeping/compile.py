@@ -9,7 +9,7 @@ import click
 from tdint.errors import UsageError
 from tdint_cli import options
 from tdint_cli.terminal.progress import progress_bar
-from tdint_cli.terminal.streams import say
+from tdint_cli.terminal.streams import emit, say
 
 _HERE = ("x86-64-v4", "x86-64-v3", "x86-64-v2", "x86-64", "aarch64")
 _SYSTEMS = ("linux", "macos", "windows")
@@ -68,9 +68,7 @@ def command(
     if show:
         from tdint.kernels.building.ahead import shown
 
-        click.echo("loop,variant,object")
-        for row in shown(wanted):
-            click.echo(",".join(row))
+        emit("".join(",".join(row) + "\n" for row in [("loop", "variant", "object"), *shown(wanted)]).encode())
         return
     with progress_bar(to_terminal=False) as progress:
         folder = Path(output) if output else None

@@ -13,8 +13,7 @@ from zlib import crc32
 import numpy as np
 
 from tdint.kernels.building.variant import EVERYTHING, Variant
-from tdint.processors import processors
-from tdint.system import locked
+from tdint.system import locked, processors
 
 if TYPE_CHECKING:
     from tdint.kernels.building.compilable import Compilable

@@ -13,7 +13,7 @@ from typing import IO, TYPE_CHECKING, Any
 from tdint.errors import AnalysisError
 from tdint.kernels.building.target import Target, named, native
 from tdint.kernels.building.variant import Variant
-from tdint.processors import processors
+from tdint.system import processors
 
 if TYPE_CHECKING:
     from tdint.kernels.building.compilable import Compilable

@@ -29,6 +29,7 @@ from tdint.kernels.building.loading import unpack
 from tdint.kernels.building.sources import digest
 from tdint.kernels.building.target import Target
 from tdint.kernels.building.variant import parse
+from tdint.system import is_trusted
 
 _DAYS_KEPT = 30
 _DAY = 86400.0
@@ -96,7 +97,7 @@ def _look_up_in(
                 continue
             with path.open("rb") as stream:
                 file = os.fstat(stream.fileno())
-                if check and not _trusted(file):
+                if check and not is_trusted(file, _PACKAGE.stat().st_uid):
                     continue
                 code, about = unpack(stream.read())
         except (OSError, ValueError):
@@ -171,14 +172,6 @@ def _write(data: bytes, path: Path) -> Path:
         Path(temporary).unlink(missing_ok=True)
         raise
     return path
-
-
-def _trusted(file: os.stat_result) -> bool:
-    """Whether a file belongs to the user, to root or to whom the package belongs to, and others cannot write it."""
-    if not hasattr(os, "geteuid"):
-        return True
-    owners = {os.geteuid(), 0, _PACKAGE.stat().st_uid}
-    return file.st_uid in owners and not file.st_mode & 0o022
 
 
 @cache
