@@ -26,8 +26,8 @@ def taking_any_pipe(descriptor, **more):  # as on Windows
 
 signal.set_wakeup_fd = taking_any_pipe
 for module, names in {
-    os: ("set_blocking", "getuid", "geteuid", "getgid", "sched_getaffinity", "sysconf", "memfd_create", "mkfifo", "fork",
-         "statvfs", "killpg", "setsid", "pread", "pwrite", "posix_fallocate", "O_DIRECTORY", "O_NOFOLLOW"),
+    os: ("set_blocking", "getuid", "geteuid", "getgid", "sched_getaffinity", "sysconf", "memfd_create", "mkfifo",
+         "fork", "statvfs", "killpg", "setsid", "pread", "pwrite", "posix_fallocate", "O_DIRECTORY", "O_NOFOLLOW"),
     signal: ("pthread_sigmask", "pthread_kill", "SIGHUP", "SIGUSR1", "SIGALRM", "setitimer", "alarm"),
 }.items():
     for name in names:
@@ -86,13 +86,13 @@ def elsewhere(tmp_path_factory):
 
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: " ".join(map(str, command[:2])))
 def test_a_command_needs_nothing_that_only_posix_has(elsewhere, command):
-    folder, run = elsewhere
+    _folder, run = elsewhere
     done = run(*command)
     assert (done.returncode, b"Traceback" in done.stderr) == (0, False), done.stderr.decode()
 
 
 def test_what_has_less_writes_the_same(elsewhere):
-    folder, run = elsewhere
+    _folder, run = elsewhere
     command = ("run", CONFIGS / "ten-story.yaml")
     less, all_of_it = run(*command), run(*command, less=False)
     assert (less.returncode, less.stdout) == (0, all_of_it.stdout)
