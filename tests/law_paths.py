@@ -7,7 +7,7 @@ import numpy as np
 from tdint.kernels import layout
 from tdint.kernels import layout as at
 from tdint.kernels.laws.compiled_separately import spring_table
-from tdint.kernels.stories.springs import commit, dissipated, recoverable, restoring, start
+from tdint.kernels.stories.law_state import commit, dissipated, recoverable, restoring, start
 from tdint.model.definition import CODES
 
 K, FY, HARDENING = 1000.0, 20.0, 0.05
@@ -22,13 +22,13 @@ def law_table(name, *parameters):
     return table
 
 
-def follow(laws, path):
+def follow(law_parameters, path):
     """Force along a path, and what is stored and dissipated at its end."""
-    state = spring_table(laws)
-    start(laws, state, 0, 0.0)
+    state = spring_table(law_parameters)
+    start(law_parameters, state, 0, 0.0)
     forces = []
     for drift in path:
-        restoring(laws, state, 0, 0, at.FIRST_TRIAL, drift)
-        commit(laws, state, 0, 0, at.FIRST_TRIAL)
+        restoring(law_parameters, state, 0, 0, at.FIRST_TRIAL, drift)
+        commit(law_parameters, state, 0, 0, at.FIRST_TRIAL)
         forces.append(state[layout.FORCE, 0])
-    return np.array(forces), recoverable(laws, state, 0), dissipated(laws, state, 0)
+    return np.array(forces), recoverable(law_parameters, state, 0), dissipated(law_parameters, state, 0)

@@ -5,20 +5,20 @@ from __future__ import annotations
 
 from tdint.kernels import layout as at
 from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, kernel
+from tdint.kernels.stories.law_state import commit, dissipated, recoverable, restoring, start
 from tdint.kernels.stories.path import arrive, follow, keep_to_branch, stays
-from tdint.kernels.stories.springs import commit, dissipated, recoverable, restoring, start
 
 
 @kernel(I8(TABLE, TABLE, F8))
-def begin(laws, state, drift):
-    start(laws, state, 0, drift)
+def begin(law_parameters, state, drift):
+    start(law_parameters, state, 0, drift)
     return 0
 
 
 @kernel(I8(TABLE, TABLE, F8, F8, TABLE))
-def integrate(laws, state, rise, bend, out):
+def integrate(law_parameters, state, rise, bend, out):
     """Mean, moment and the four tangents into the first rows of `out`."""
-    follow(laws, state, 0, rise, bend, out, 0)
+    follow(law_parameters, state, 0, rise, bend, out, 0)
     return 0
 
 
@@ -32,23 +32,23 @@ def integrate_on_branch(state, rise, bend, out):
 
 
 @kernel(I8(TABLE, TABLE, F8, F8, TABLE))
-def go(laws, state, rise, bend, out):
+def go(law_parameters, state, rise, bend, out):
     """As `integrate`, and the story goes there."""
-    follow(laws, state, 0, rise, bend, out, 0)
-    arrive(laws, state, 0, rise)
+    follow(law_parameters, state, 0, rise, bend, out, 0)
+    arrive(law_parameters, state, 0, rise)
     return 0
 
 
 @kernel(I8(TABLE, TABLE, F8, F8, I8, TABLE))
-def walk(laws, state, rise, bend, parts, out):
+def walk(law_parameters, state, rise, bend, parts, out):
     """The integrals by Simpson's rule from point to point, each a drift that the law goes to straight."""
     first = state[at.DRIFT, 0]
     out[0, 0] = out[1, 0] = 0.0
     for half in range(2 * parts + 1):
         t = 0.5 * half / parts
         drift = first + t * rise + 0.5 * bend * (t * t - t)
-        restoring(laws, state, 0, at.COMMITTED, at.FIRST_TRIAL, drift)
-        commit(laws, state, 0, at.COMMITTED, at.FIRST_TRIAL)
+        restoring(law_parameters, state, 0, at.COMMITTED, at.FIRST_TRIAL, drift)
+        commit(law_parameters, state, 0, at.COMMITTED, at.FIRST_TRIAL)
         weight = (4.0 if half % 2 else 1.0 if half in (0, 2 * parts) else 2.0) / (6.0 * parts)
         out[0, 0] += weight * state[at.FORCE, 0]
         out[1, 0] += 12.0 * weight * (t - 0.5) * state[at.FORCE, 0]
@@ -56,8 +56,8 @@ def walk(laws, state, rise, bend, parts, out):
 
 
 @kernel(I8(TABLE, TABLE, VECTOR))
-def energies(laws, state, out):
+def energies(law_parameters, state, out):
     """What is stored, and what has been dissipated, J."""
-    out[0] = recoverable(laws, state, 0)
-    out[1] = dissipated(laws, state, 0)
+    out[0] = recoverable(law_parameters, state, 0)
+    out[1] = dissipated(law_parameters, state, 0)
     return 0

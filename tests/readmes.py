@@ -142,7 +142,7 @@ def problem_table():
 def layout_table():
     """The rows of each array that kernels work on, from the comments of `tdint.kernels.layout`."""
     parts = []
-    for text in Path(layout.__file__).read_text(encoding="utf-8").split("\n\n"):
+    for text in re.split(r"\n\n+", Path(layout.__file__).read_text(encoding="utf-8")):
         head = re.match(r"(?:# .*\n)+", text)
         rows = re.findall(r"^([A-Z]\w*) = .*?(?:  # (.*))?$", text, re.MULTILINE)
         if not head or not rows:
@@ -209,6 +209,7 @@ def column_tables():
         "tdint run --scale 1,2": campaign.RUNS,
         "runs.csv of tdint campaign": campaign.RUNS,
         "stories.csv of tdint campaign": campaign.STORIES,
+        "profiles.csv of tdint campaign": campaign.PROFILES,
         "tdint scale": studies.FACTORS,
         "tdint ida": studies.CAPACITIES,
         "ida.csv of tdint ida": studies.IDA,

@@ -14,6 +14,7 @@ from tdint.analysis.run.amplification import amplification
 from tdint.analysis.run.run import run
 from tdint.analysis.run.workspace import workspace
 from tdint.kernels import layout as at
+from tdint.kernels.bundles import Scene
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
 
@@ -143,11 +144,15 @@ class SingleSteps:
     def take(self, ground_0, ground_1):
         """Take one step; returns its code."""
         no_forces = np.zeros((0, at.FORCE_COLUMNS))
+        building, space = self.building, self.space
+        scene = Scene(building.linear_terms, building.modal, building.law_parameters, no_forces, space.flags)
         code = self.integrator.family.step.compiled(
-            self.integrator.coefficients(self.building, no_forces, 1.0), self.building.chain, self.building.modal,
-            self.building.laws, no_forces, self.space.flags, 1.0, np.array([0.0, ground_0, ground_1]),
-            self.space.state, self.space.springs, self.space.work, self.space.report,
-        )  # fmt: skip
+            self.integrator.coefficients(building, no_forces, 1.0),
+            *scene,
+            1.0,
+            np.array([0.0, ground_0, ground_1]),
+            *space.memory,
+        )
         if code >= 0:
             self.space.report[at.STEPS_DONE] += 1.0
         return code

@@ -92,12 +92,12 @@ def timed_plain_loop(model, record):
     ground = record.acceleration.copy()
     roof = np.zeros(ground.size)
     arguments = (
-        building.chain[at.MASS, :n].copy(),
-        building.laws[at.STIFFNESS, :n].copy(),
+        building.linear_terms[at.MASS, :n].copy(),
+        building.law_parameters[at.STIFFNESS, :n].copy(),
         (1.0 - hardening) * yields,
         hardening[0],
-        building.chain[at.FLOOR_DAMPER, :n].copy(),
-        building.chain[at.STORY_DAMPER, :n].copy(),
+        building.linear_terms[at.FLOOR_DAMPER, :n].copy(),
+        building.linear_terms[at.STORY_DAMPER, :n].copy(),
         ground,
         record.dt,
         roof,
@@ -148,7 +148,7 @@ class March:
         marched = PreparedBuilding(self.building).march(integrator, steps, record.acceleration.copy())
         self.seconds = min(self.seconds, marched.seconds / steps.count) if marched.code == 0 else np.nan
         self.events = int(marched.space.report[at.EVENTS])
-        self.solves = marched.space.observed[at.ITERATIONS] / steps.count
+        self.solves = marched.space.totals[at.ITERATIONS] / steps.count
 
 
 def law_marches(model, record):

@@ -69,7 +69,7 @@ def test_a_row_for_each_run(study: Path, tdint: Run) -> None:
     assert (result.exit_code, result.stdout) == (0, "")
     assert f"{RUNS} runs in " in result.stderr
     assert sorted(path.name for path in Path("out").iterdir()) == [
-        ".campaign.lock", FILE, "runs.csv", "stories.csv", "summary.json",
+    ".campaign.lock", FILE, "profiles.csv", "runs.csv", "stories.csv", "summary.json",
     ]  # fmt: skip
     assert Path("out/runs.csv").read_text().splitlines()[0] == COLUMNS
     table = rows("out/runs.csv")
@@ -350,7 +350,7 @@ def test_exports_are_written_anew(study: Path, tdint: Run) -> None:
 
 
 def test_names_of_simcenter_need_the_stories(study: Path, tdint: Run) -> None:
-    change("study.yaml", ("outputs: {stories: true}\n", ""))
+    change("study.yaml", ("outputs: {stories: true}", "outputs: {profiles: false}"))
     tdint("campaign", "study.yaml", "-o", "out")
     result = tdint("campaign", "export", "out", "--simcenter")
     assert (result.exit_code, "outputs: {stories: true}" in result.stderr) == (2, True)

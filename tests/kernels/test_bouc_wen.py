@@ -12,7 +12,7 @@ from law_paths import CYCLE, FY, HARDENING, K, follow, law_table
 from tdint.kernels import layout
 from tdint.kernels import layout as at
 from tdint.kernels.laws.compiled_separately import spring_table
-from tdint.kernels.stories.springs import commit, restoring, start
+from tdint.kernels.stories.law_state import commit, restoring, start
 
 pytestmark = pytest.mark.long
 
@@ -82,12 +82,12 @@ def test_a_cycle_agrees_with_dop853(exponent, beta):
 @pytest.mark.parametrize("exponent", [1.0, 1.7, 2.0, 10.0])
 def test_the_force_does_not_depend_on_the_steps_along_a_straight_path(exponent):
     """Rate independence: one stretch of the drift, or hundred pieces of it."""
-    laws = law(exponent, 0.7)
+    law_parameters = law(exponent, 0.7)
     for turn in (0.5 * DY, 4.0 * DY):
         path = [turn, -3.0 * DY]
         fine = np.concatenate([np.linspace(0.0, turn, 101)[1:], np.linspace(turn, -3.0 * DY, 301)[1:]])
-        once, stored_once, lost_once = follow(laws, path)
-        forces, stored, lost = follow(laws, fine)
+        once, stored_once, lost_once = follow(law_parameters, path)
+        forces, stored, lost = follow(law_parameters, fine)
         assert once[-1] == pytest.approx(forces[-1], abs=2e-6 * FY)
         assert stored_once == pytest.approx(stored, abs=2e-6 * FY * DY)
         assert lost_once == pytest.approx(lost, abs=1e-5 * FY * DY)
@@ -96,15 +96,15 @@ def test_the_force_does_not_depend_on_the_steps_along_a_straight_path(exponent):
 @pytest.mark.parametrize("exponent", [1.0, 1.7, 20.0])
 def test_the_force_is_a_continuous_function_of_the_drift(exponent):
     """Newton's iteration needs it: no jump where the number of substeps changes or w its sign."""
-    laws = law(exponent, 0.9)
-    state = spring_table(laws)
-    start(laws, state, 0, 0.0)
-    restoring(laws, state, 0, 0, at.FIRST_TRIAL, 3.0 * DY)
-    commit(laws, state, 0, 0, at.FIRST_TRIAL)
+    law_parameters = law(exponent, 0.9)
+    state = spring_table(law_parameters)
+    start(law_parameters, state, 0, 0.0)
+    restoring(law_parameters, state, 0, 0, at.FIRST_TRIAL, 3.0 * DY)
+    commit(law_parameters, state, 0, 0, at.FIRST_TRIAL)
     drifts = 3.0 * DY - np.linspace(0.0, 4.0, 40001) * DY
     forces = []
     for drift in drifts:
-        restoring(laws, state, 0, 0, at.FIRST_TRIAL, drift)
+        restoring(law_parameters, state, 0, 0, at.FIRST_TRIAL, drift)
         forces.append(state[at.FIRST_TRIAL + layout.FORCE, 0])
     slopes = np.diff(forces) / np.diff(drifts)
     assert slopes.max() <= 2.0 * K
@@ -117,8 +117,8 @@ def test_it_stays_within_its_strength(exponent):
     """|w| <= 1 on any path, steps of a million yield drifts among them."""
     generator = np.random.default_rng(7)
     drifts = DY * generator.normal(size=400) * 10.0 ** generator.uniform(-3, 6, size=400)
-    laws = law_table("bouc-wen", FY, 0.0, exponent, 0.7)
-    forces, _, dissipated = follow(laws, drifts)
+    law_parameters = law_table("bouc-wen", FY, 0.0, exponent, 0.7)
+    forces, _, dissipated = follow(law_parameters, drifts)
     assert np.max(np.abs(forces)) <= FY * (1.0 + 1e-12)
     assert dissipated > 0.0
 

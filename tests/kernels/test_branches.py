@@ -12,8 +12,8 @@ from tdint.kernels import layout
 from tdint.kernels import layout as at
 from tdint.kernels.laws.compiled_separately import spring_table
 from tdint.kernels.laws.walking import walker
-from tdint.kernels.stories.events import NONE, _crossing, turning
-from tdint.kernels.stories.springs import restoring, start
+from tdint.kernels.stories.branches import NONE, _crossing, turning
+from tdint.kernels.stories.law_state import restoring, start
 from tdint.model.definition import LAWS
 
 IMK_SIDE = (FY, 0.035, 0.1, 1.1, 0.2, 0.5, 1.0)
@@ -38,9 +38,9 @@ def test_every_law_has_a_case():
 @pytest.mark.parametrize("name", LAWS)
 def test_what_a_law_says_of_itself_is_what_its_functions_do(name):
     assert LAWS[name].kinked == (LAWS[name].functions().switch is not None)
-    laws = law_table(name, *LAW_CASES[name])
-    state = spring_table(laws)
-    start(laws, state, 0, 0.0)
+    law_parameters = law_table(name, *LAW_CASES[name])
+    state = spring_table(law_parameters)
+    start(law_parameters, state, 0, 0.0)
     assert math.isinf(state[layout.SLOPE, 0]) == LAWS[name].curved
 
 
@@ -48,11 +48,11 @@ def test_what_a_law_says_of_itself_is_what_its_functions_do(name):
 def test_work_is_stored_or_dissipated(name):
     """First law: the integral of force over drift, by trapezoids on a path so fine that its error is that of
     rounding."""
-    laws = law_table(name, *LAW_CASES[name])
+    law_parameters = law_table(name, *LAW_CASES[name])
     path = np.concatenate(
         [np.linspace(a, b, 20001)[1:] for a, b in zip([0, *CYCLE[38::39]], CYCLE[38::39], strict=False)]
     )
-    forces, stored, dissipated = follow(laws, path)
+    forces, stored, dissipated = follow(law_parameters, path)
     middle = 0.5 * (forces + np.append(0.0, forces[:-1]))
     work = np.sum(middle * np.diff(path, prepend=0.0))
     assert stored + dissipated == pytest.approx(work, rel=1e-6)
@@ -62,47 +62,47 @@ def test_work_is_stored_or_dissipated(name):
 
 @pytest.mark.parametrize("name", LAW_CASES)
 def test_the_tangent_is_the_slope(name):
-    laws = law_table(name, *LAW_CASES[name])
-    state = spring_table(laws)
-    start(laws, state, 0, 0.01)
+    law_parameters = law_table(name, *LAW_CASES[name])
+    state = spring_table(law_parameters)
+    start(law_parameters, state, 0, 0.01)
     for drift in (-0.05, 0.004, 0.015, 0.07):
-        tangent = restoring(laws, state, 0, 0, at.FIRST_TRIAL, drift)
+        tangent = restoring(law_parameters, state, 0, 0, at.FIRST_TRIAL, drift)
         force = state[at.FIRST_TRIAL + layout.FORCE, 0]
-        restoring(laws, state, 0, 0, at.FIRST_TRIAL, drift + 1e-7)
+        restoring(law_parameters, state, 0, 0, at.FIRST_TRIAL, drift + 1e-7)
         assert (state[at.FIRST_TRIAL + layout.FORCE, 0] - force) / 1e-7 == pytest.approx(tangent, rel=1e-5)
 
 
 def test_bilinear_loop_by_hand():
     """Yield at 0.02; up to 0.06, back over an elastic range of 0.04, then yielding the other way."""
-    laws = law_table("bilinear", FY, HARDENING)
-    forces, _, _ = follow(laws, [0.02, 0.06, 0.02, -0.02])
+    law_parameters = law_table("bilinear", FY, HARDENING)
+    forces, _, _ = follow(law_parameters, [0.02, 0.06, 0.02, -0.02])
     turn = FY + HARDENING * K * 0.04
     expected = [FY, turn, turn - K * 0.04, turn - K * 0.04 - HARDENING * K * 0.04]
     assert forces == pytest.approx(expected, rel=1e-12)
 
 
 def test_bilinear_branch_by_branch_is_the_closed_form():
-    laws = law_table("bilinear", FY, HARDENING)
+    law_parameters = law_table("bilinear", FY, HARDENING)
     functions = LAWS["bilinear"].functions()
     walk = walker(functions.switch, functions.advance)
-    by_branches = spring_table(laws)
-    start(laws, by_branches, 0, 0.0)
-    forces, _, dissipated = follow(laws, CYCLE)
+    by_branches = spring_table(law_parameters)
+    start(law_parameters, by_branches, 0, 0.0)
+    forces, _, dissipated = follow(law_parameters, CYCLE)
     for drift, force in zip(CYCLE, forces, strict=True):
-        walk(laws, by_branches, 0, 0, at.SECOND_TRIAL, drift)
+        walk(law_parameters, by_branches, 0, 0, at.SECOND_TRIAL, drift)
         by_branches[: layout.SPRING_ROWS] = by_branches[at.SECOND_TRIAL : at.SECOND_TRIAL + layout.SPRING_ROWS]
         assert by_branches[layout.FORCE, 0] == pytest.approx(force, rel=1e-12, abs=1e-10)
     assert by_branches[layout.DISSIPATED, 0] == pytest.approx(dissipated, rel=1e-12)
 
 
 def test_gap_branch_by_branch_is_the_closed_form():
-    laws = law_table("gap", *LAW_CASES["gap"])
+    law_parameters = law_table("gap", *LAW_CASES["gap"])
     walk = walker(LAWS["gap"].functions().switch)
-    by_branches = spring_table(laws)
-    start(laws, by_branches, 0, 0.0)
-    forces, _, _ = follow(laws, CYCLE)
+    by_branches = spring_table(law_parameters)
+    start(law_parameters, by_branches, 0, 0.0)
+    forces, _, _ = follow(law_parameters, CYCLE)
     for drift, force in zip(CYCLE, forces, strict=True):
-        walk(laws, by_branches, 0, 0, at.SECOND_TRIAL, drift)
+        walk(law_parameters, by_branches, 0, 0, at.SECOND_TRIAL, drift)
         by_branches[: layout.SPRING_ROWS] = by_branches[at.SECOND_TRIAL : at.SECOND_TRIAL + layout.SPRING_ROWS]
         beyond = max(abs(drift) - 0.05, 0.0)
         assert force == pytest.approx(K * drift + 4.0 * K * np.copysign(beyond, drift), rel=1e-12)
@@ -111,22 +111,22 @@ def test_gap_branch_by_branch_is_the_closed_form():
 
 def test_peak_oriented_loop_by_hand():
     """Clough, no degradation of the unloading: yield, unload to zero force, reload towards the other yield point."""
-    laws = law_table("peak-oriented", FY, HARDENING, 0.0)
+    law_parameters = law_table("peak-oriented", FY, HARDENING, 0.0)
     turn = FY + HARDENING * K * 0.04  # at drift 0.06
     zero = 0.06 - turn / K
     back = -FY / (zero + 0.02)  # slope from (zero, 0) to (-0.02, -FY), negative
     drifts = [0.02, 0.06, zero, 0.0, -0.02, -0.04, -0.04 + (FY + 1.0) / K]
     expected = [FY, turn, 0.0, back * zero, -FY, -FY - 1.0, 0.0]
-    forces, _, _ = follow(laws, drifts)
+    forces, _, _ = follow(law_parameters, drifts)
     assert forces == pytest.approx(expected, rel=1e-10, abs=1e-10)
     # On towards the farthest point on the positive side.
-    forces, _, _ = follow(laws, [*drifts, 0.06, 0.08])
+    forces, _, _ = follow(law_parameters, [*drifts, 0.06, 0.08])
     assert forces[-2:] == pytest.approx([turn, turn + HARDENING * K * 0.02], rel=1e-10)
 
 
 def test_peak_oriented_unloading_stiffness_degrades():
-    laws = law_table("peak-oriented", FY, HARDENING, 0.5)
-    forces, _, _ = follow(laws, [0.08, 0.079])
+    law_parameters = law_table("peak-oriented", FY, HARDENING, 0.5)
+    forces, _, _ = follow(law_parameters, [0.08, 0.079])
     assert (forces[0] - forces[1]) / 0.001 == pytest.approx(K * (0.02 / 0.08) ** 0.5, rel=1e-9)
 
 

@@ -45,9 +45,9 @@ def random_paths(seed=3):
     return list(zip(rises, bends, strict=True))
 
 
-def stored_and_dissipated(laws, state):
+def stored_and_dissipated(law_parameters, state):
     out = np.zeros(2)
-    energies.compiled(laws, state, out)
+    energies.compiled(law_parameters, state, out)
     return out
 
 
@@ -60,24 +60,24 @@ def results(call, *arguments):
 @pytest.fixture(params=LAWS)
 def journey(request):
     """A law, and the states and paths of one story of it that goes on from path to path."""
-    laws = table(request.param)
-    state = spring_table(laws)
-    begin.compiled(laws, state, 0.0)
+    law_parameters = table(request.param)
+    state = spring_table(law_parameters)
+    begin.compiled(law_parameters, state, 0.0)
     visited = []
     for rise, bend in random_paths():
         if abs(state[at.DRIFT, 0] + rise) > 8.0 * DY:  # not ever farther
             rise, bend = -rise, -bend
         visited.append((state.copy(), rise, bend))
-        results(go, laws, state, rise, bend)
-    return request.param, laws, visited
+        results(go, law_parameters, state, rise, bend)
+    return request.param, law_parameters, visited
 
 
 def test_the_work_is_what_is_stored_and_dissipated(journey):
-    name, laws, visited = journey
+    name, law_parameters, visited = journey
     for state, rise, bend in visited:
-        before = stored_and_dissipated(laws, state)
-        mean, moment, *_ = results(go, laws, state, rise, bend)
-        after = stored_and_dissipated(laws, state)
+        before = stored_and_dissipated(law_parameters, state)
+        mean, moment, *_ = results(go, law_parameters, state, rise, bend)
+        after = stored_and_dissipated(law_parameters, state)
         work = rise * mean + bend * moment / 12.0
         way = abs(rise) + abs(bend) + 1e-3 * DY
         allowed = TOLERANCE.get(name, 1e-12) * 10.0 * FY * way + 1e-14 * sum(map(abs, after))
@@ -85,26 +85,26 @@ def test_the_work_is_what_is_stored_and_dissipated(journey):
 
 
 def test_the_integrals_are_those_of_the_force(journey):
-    name, laws, visited = journey
+    name, law_parameters, visited = journey
     for state, rise, bend in visited:
-        got = results(integrate, laws, state.copy(), rise, bend)
+        got = results(integrate, law_parameters, state.copy(), rise, bend)
         out = np.zeros((PATH_ROWS, 2))
-        walk.compiled(laws, state.copy(), rise, bend, 400, out)
+        walk.compiled(law_parameters, state.copy(), rise, bend, 400, out)
         size = abs(state[at.FORCE, 0]) + abs(got[0]) + K * (abs(rise) + abs(bend))
         assert got[:2] == pytest.approx(out[:2, 0], abs=INTEGRALS.get(name, 1e-4) * size)
 
 
 def test_the_tangents_are_the_derivatives(journey):
     """By central differences: all but the few that meet a kink are close."""
-    name, laws, visited = journey
+    name, law_parameters, visited = journey
     off = []
     for state, rise, bend in visited[3:]:
-        got = results(integrate, laws, state.copy(), rise, bend)[2:]
+        got = results(integrate, law_parameters, state.copy(), rise, bend)[2:]
         eps = 1e-5 * (abs(rise) + abs(bend))
         numeric = []
         for by_rise, by_bend in ((eps, 0.0), (0.0, eps)):
             ends = [
-                results(integrate, laws, state.copy(), rise + sign * by_rise, bend + sign * by_bend)[:2]
+                results(integrate, law_parameters, state.copy(), rise + sign * by_rise, bend + sign * by_bend)[:2]
                 for sign in (1.0, -1.0)
             ]
             numeric.append((ends[0] - ends[1]) / (2.0 * eps))
@@ -114,13 +114,13 @@ def test_the_tangents_are_the_derivatives(journey):
 
 
 def test_a_story_on_its_branch_needs_no_walk(journey):
-    name, laws, visited = journey
+    name, law_parameters, visited = journey
     kept = 0
     for state, rise, bend in visited:
         out = np.zeros((PATH_ROWS, 2))
         if integrate_on_branch.compiled(state, rise, bend, out):
             kept += 1
-            walked = results(integrate, laws, state.copy(), rise, bend)
+            walked = results(integrate, law_parameters, state.copy(), rise, bend)
             scale = K * (abs(rise) + abs(bend)) + abs(state[at.FORCE, 0]) + K
             assert out[:6, 0] == pytest.approx(walked, abs=1e-11 * scale)
     assert (kept > 0) == (not LAWS[name].curved)
@@ -129,12 +129,12 @@ def test_a_story_on_its_branch_needs_no_walk(journey):
 
 def test_rows_beyond_the_committed_state_do_not_matter(journey):
     """What other stories or steps left in the trial blocks."""
-    _, laws, visited = journey
+    _, law_parameters, visited = journey
     for state, rise, bend in visited[::7]:
         clean, dirty = state.copy(), state.copy()
         clean[at.SPRING_ROWS : at.ADDRESS] = 0.0
         dirty[at.SPRING_ROWS : at.ADDRESS] = 1e3
-        one, other = (results(go, laws, table, rise, bend) for table in (clean, dirty))
+        one, other = (results(go, law_parameters, table, rise, bend) for table in (clean, dirty))
         assert np.array_equal(one, other)
         for row in (at.DRIFT, at.FORCE, at.DISSIPATED):
             assert clean[row, 0] == dirty[row, 0]

@@ -18,11 +18,11 @@ def scene(seed):
     generator = np.random.default_rng(seed)
     h = 10.0 ** generator.uniform(-3.0, 0.0)
     scale = np.array([[1.0], [1.0 / h], [1.0 / h**2]]) * 10.0 ** generator.uniform(-1.0, 1.0, (3, 1))
-    chain = np.zeros((at.CHAIN_ROWS, STORIES + 1))
-    chain[at.LINK, 1:STORIES] = 1.0
-    chain[at.MASS, :STORIES] = np.linspace(1.0, 2.0, STORIES)
-    laws = np.zeros((3, STORIES + 1))
-    laws[at.STIFFNESS, :STORIES] = K
+    linear_terms = np.zeros((at.LINEAR_TERM_ROWS, STORIES + 1))
+    linear_terms[at.LINK, 1:STORIES] = 1.0
+    linear_terms[at.MASS, :STORIES] = np.linspace(1.0, 2.0, STORIES)
+    law_parameters = np.zeros((3, STORIES + 1))
+    law_parameters[at.STIFFNESS, :STORIES] = K
     old, state, springs = (
         np.zeros((5, STORIES + 1)),
         np.zeros((3, STORIES + 1)),
@@ -44,20 +44,20 @@ def scene(seed):
     ends[at.PEAK_VELOCITY] = np.maximum(abs(state[at.VELOCITY]), abs(old[1]))[:STORIES]
     ends[at.PEAK_ACCELERATION] = np.maximum(abs(state[at.ACCELERATION] + ground[1]), abs(old[2] + ground[0]))[:STORIES]
     for a, rate, one in ((old[2], old[1], ground[0]), (state[at.ACCELERATION], state[at.VELOCITY], ground[1])):
-        moved = np.cumsum((chain[at.MASS] * (a + one))[:STORIES][::-1])[::-1]
+        moved = np.cumsum((linear_terms[at.MASS] * (a + one))[:STORIES][::-1])[::-1]
         ends[at.PEAK_TOTAL_SHEAR] = np.maximum(ends[at.PEAK_TOTAL_SHEAR], abs(moved))
         rates = abs(np.diff(rate[:STORIES], prepend=0.0))
         ends[at.PEAK_DRIFT_RATE] = np.maximum(ends[at.PEAK_DRIFT_RATE], rates)
     peaks = np.vstack([ends * generator.uniform(1.0, 1.5, ends.shape), np.zeros_like(ends)])
     on_path, fast = (bool(one) for one in generator.integers(0, 2, 2))
     turns = np.zeros((1, STORIES + 1))
-    return arguments(Span(h, *ground, on_path, fast), chain, laws, old, state, springs, turns, peaks)
+    return arguments(Span(h, *ground, on_path, fast), linear_terms, law_parameters, old, state, springs, turns, peaks)
 
 
-def arguments(span, chain, laws, old, state, springs, turns, peaks):
+def arguments(span, linear_terms, law_parameters, old, state, springs, turns, peaks):
     """Arguments of `look_within`."""
-    nothing = np.zeros((0, chain.shape[1]))
-    building = Scene(chain, nothing, laws, np.zeros((0, at.FORCE_COLUMNS)), np.zeros(at.FLAGS_SIZE))
+    nothing = np.zeros((0, linear_terms.shape[1]))
+    building = Scene(linear_terms, nothing, law_parameters, np.zeros((0, at.FORCE_COLUMNS)), np.zeros(at.FLAGS_SIZE))
     return [span, building, Passage(old, 0, state, state, at.ACCELERATION), springs, turns, 0, peaks, 0]
 
 
@@ -93,15 +93,15 @@ def errors(h):
             start = middle / omega - part * h
             times = omega * np.array([start, start + h])
             u, v, a = np.sin(times), omega * np.cos(times), -(omega**2) * np.sin(times)
-            chain = np.zeros((at.CHAIN_ROWS, 2))
-            laws, springs, turns = np.full((3, 2), K), np.zeros((at.SPRING_ROWS, 2)), np.zeros((1, 2))
+            linear_terms = np.zeros((at.LINEAR_TERM_ROWS, 2))
+            law_parameters, springs, turns = np.full((3, 2), K), np.zeros((at.SPRING_ROWS, 2)), np.zeros((1, 2))
             springs[at.DRIFT, 0] = u[1]
             old, state = np.zeros((5, 2)), np.zeros((3, 2))
             old[:3, 0], state[:, 0] = (u[0], v[0], a[0]), (u[1], v[1], a[1])
             ends = [max(abs(u)), 0.0, max(abs(u)), max(abs(v)), max(abs(a - 1.0))]
             peaks = np.array([[*ends, 0.0, 0.0, 0.0, 0.0, 0.0]]).T
             span = Span(h, -1.0, -1.0, False, False)
-            look_within(*arguments(span, chain, laws, old, state, springs, turns, peaks))
+            look_within(*arguments(span, linear_terms, law_parameters, old, state, springs, turns, peaks))
             found = peaks[(at.PEAK_DISPLACEMENT, at.PEAK_VELOCITY, at.PEAK_ACCELERATION)[quantity], 0]
             exact = (1.0, omega, omega**2 + 1.0)[quantity]
             missed[quantity] = max(missed[quantity], abs(found / exact - 1.0))

@@ -15,6 +15,7 @@ import tdint
 from tdint.analysis.run.compilation import of_everything
 from tdint.kernels.building import sources
 from tdint.kernels.building.store import folder_name
+from tdint.kernels.laws import LAWS
 
 PACKAGE = Path(tdint.__file__).parent
 MODULES = {name: name.partition(":")[0] for name in sorted({kernel.name for kernel, _ in of_everything()})}
@@ -53,6 +54,12 @@ def changed(folder, file, text="# A remark\n"):
         path.write_text(old)
     pairs = list(zip(before, after, strict=True))
     return [{one[0] for one, other in pairs if one[k] != other[k]} for k in (1, 2)]
+
+
+def test_the_module_of_a_law_has_its_name():
+    """By which those that a kernel is compiled without are found."""
+    for law in LAWS:
+        assert law.functions.__module__ == "tdint.kernels.laws." + law.name.replace("-", "_")
 
 
 def imported(file):

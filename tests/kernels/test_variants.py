@@ -59,5 +59,5 @@ def test_a_scene_of_its_own_and_everything_agree_to_the_last_bit(law, monkeypatc
             results.append(marched(law, method))
         (variant, own), (_, everything) = results
         assert variant != EVERYTHING
-        for name in ("state", "peaks", "observed", "history"):
+        for name in ("state", "peaks", "totals", "history"):
             np.testing.assert_array_equal(own[name], everything[name], err_msg=f"{method}: {name}")

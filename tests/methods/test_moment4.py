@@ -28,7 +28,7 @@ from tdint import load_model, run
 from tdint.analysis.assessment.failures import attempt
 from tdint.analysis.assessment.hard_problems import problems
 from tdint.analysis.run.amplification import amplification, spectral_radius
-from tdint.kernels.chain import force_moment
+from tdint.kernels.linear_terms import force_moment
 from tdint.kernels.march.ground import straightened
 from tdint.kernels.stories.branches import enter
 from tdint.methods.catalogue import parse
@@ -339,7 +339,7 @@ def test_an_elastic_perfectly_plastic_oscillator_stops_where_energy_says():
 def test_a_step_that_fails_leaves_all_as_it_was():
     steps = SingleSteps("moment4", SOFTENING)
     for i in range(2):
-        enter(steps.building.laws, steps.space.springs, i)
+        enter(steps.building.law_parameters, steps.space.springs, i)
     assert steps.take(0.0, -1.0) > 0
     before = steps.memory()
     assert steps.take(TOO_LARGE, TOO_LARGE) < 0

@@ -77,7 +77,7 @@ def test_one_story_has_half_of_it_from_the_mass_and_half_from_the_stiffness() ->
     omega, critical = 5.0, 2.0 * math.sqrt(2.0 * 50.0)
     assert building.first_mode() == (pytest.approx(omega), pytest.approx(0.05))
     assert building.damping_matrix()[0, 0] == pytest.approx(0.05 * critical)
-    chain = building.chain
+    chain = building.linear_terms
     from tdint.kernels import layout as at
 
     assert chain[at.FLOOR_DAMPER, 0] == pytest.approx(chain[at.STORY_DAMPER, 0]) == pytest.approx(0.5 * 0.05 * critical)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from tdint.errors import OutputError, UsageError
 from tdint.output_units import SI, OutputUnits
+from tdint_cli.batch.profiles import PICTURE, PROFILES, Profiles, SuiteRequest
 from tdint_cli.errors import Failures
 from tdint_cli.terminal.drawing import emit_table
 from tdint_cli.terminal.progress import progress_bar
@@ -33,9 +34,9 @@ def carry_out(
     limit: int | None = None,
     overwrite: bool = False,
     show: bool = False,
-    units: OutputUnits | None = None,
+    of_suite: SuiteRequest,
 ) -> None:
-    """Do what is left of a campaign and write its tables, in these units or those of the models; `show` the runs on
+    """Do what is left of a campaign and write its tables, and what more is asked of the suite; `show` the runs on
     standard output, too. `overwrite`: replace another campaign, and tables that this one did not write.
 
     Raises
@@ -53,19 +54,21 @@ def carry_out(
     make_folder(folder)
     refuse_network(folder)
     with locked(folder):
-        refuse_foreign(folder, plan.settings.stories, overwrite=overwrite)
+        refuse_foreign(folder, plan.settings.stories, plan.settings.profiles, overwrite=overwrite)
         store, remarks = _opened(folder, plan, overwrite)
         for text in (*plan.notes, *remarks):
             note(text)
         with store:
-            units = units or store.output_units()
+            units = of_suite.units or store.output_units()
             advance = advance_with_bar(plan, store, engine, shard=shard, limit=limit)
-            finish(store, folder, units, overwrite=overwrite)
+            profiles = Profiles(store, of_suite, units)
+            finish(store, folder, units, overwrite=overwrite, profiles=profiles)
             if show:
                 emit_table(runs_table(store).in_units(units))
             _say(store, advance)
-    if plan.failures:
-        raise Failures(list(plan.failures))
+            unmet = profiles.tell() if is_complete(store) else []
+    if plan.failures or unmet:
+        raise Failures([*plan.failures, *unmet])
 
 
 def make_folder(folder: Path) -> None:
@@ -96,7 +99,12 @@ def _opened(folder: Path, plan: Plan, overwrite: bool) -> tuple[Store, list[str]
     return open_store(folder, plan)
 
 
-def refuse_foreign(folder: Path, stories: bool, *, overwrite: bool) -> None:
+def is_complete(store: Store) -> bool:
+    """Whether all runs of a campaign are done: a mean over some of the motions would be taken for that of all."""
+    return sum(store.statuses().values()) == int(store.meta("runs"))
+
+
+def refuse_foreign(folder: Path, stories: bool, profiles: bool, *, overwrite: bool) -> None:
     """Refuse tables where no campaign has begun: another command wrote them.
 
     Raises
@@ -107,7 +115,7 @@ def refuse_foreign(folder: Path, stories: bool, *, overwrite: bool) -> None:
     from tdint.campaign.store.store import FILE, foreign
 
     if not (folder / FILE).exists() and not overwrite:
-        for name in (RUNS, *(STORIES,) * stories, SUMMARY):
+        for name in (RUNS, *(STORIES,) * stories, *(PROFILES,) * profiles, SUMMARY):
             if (folder / name).exists():
                 raise foreign(folder / name)
 
@@ -117,7 +125,7 @@ def _forget(folder: Path) -> None:
     from tdint.campaign.store.store import FILE, forget, remove
 
     forget(folder / FILE)
-    for name in (RUNS, STORIES, PARQUET, SIMCENTER, SUMMARY):
+    for name in (RUNS, STORIES, PROFILES, PICTURE, PARQUET, SIMCENTER, SUMMARY):
         remove(folder / name)
 
 
@@ -139,10 +147,17 @@ def _rate(advance: Advance) -> str:
     return f"{3600.0 * advance.rate:.3g} an hour"
 
 
-def finish(store: Store, folder: Path, units: OutputUnits = SI, *, overwrite: bool = False) -> None:
-    """Write what stands beside a store: runs.csv, stories.csv if there are stories, summary.json; and what was exported
-    of an earlier state anew."""
-    writers = {RUNS: _runs(store, units)}
+def finish(
+    store: Store,
+    folder: Path,
+    units: OutputUnits = SI,
+    *,
+    overwrite: bool = False,
+    profiles: Profiles | None = None,
+) -> None:
+    """Write what stands beside a store: runs.csv, stories.csv and profiles.csv if they are wanted, with a picture of
+    these, summary.json; and what was exported of an earlier state anew."""
+    writers = {RUNS: _runs(store, units), **_picture(folder, profiles)}
     again = {name: writer for name, writer in _exports(store).items() if store.is_ours(folder / name)}
     written = {name: writer for name, writer in again.items() if writer}
     _write(folder, store, {**writers, **written}, units, overwrite=overwrite)
@@ -154,11 +169,28 @@ def finish(store: Store, folder: Path, units: OutputUnits = SI, *, overwrite: bo
             note(f"{folder / name}: removed, for it was of an earlier state and cannot be written here")
 
 
-def export(store: Store, folder: Path, *, simcenter: bool, units: OutputUnits = SI, overwrite: bool = False) -> None:
+def _picture(folder: Path, profiles: Profiles | None) -> dict[str, Writer]:
+    """The picture of the profiles, if one is asked for and all runs are done."""
+    picture = profiles.request.picture(folder) if profiles else None
+    if not profiles or not picture or not is_complete(profiles.store):
+        return {}
+    return {str(picture.absolute()): profiles.draw(picture)}
+
+
+def export(
+    store: Store,
+    folder: Path,
+    *,
+    simcenter: bool,
+    units: OutputUnits = SI,
+    overwrite: bool = False,
+    profiles: Profiles | None = None,
+) -> None:
     """Write all tables of a store anew; runs.parquet if pyarrow is there: that one and SimCenter's have SI units."""
     wanted = {PARQUET, *(SIMCENTER,) * (simcenter or store.is_ours(folder / SIMCENTER))}
     others = {name: writer for name, writer in _exports(store).items() if writer and name in wanted}
-    _write(folder, store, {RUNS: _runs(store, units), **others}, units, overwrite=overwrite)
+    writers = {RUNS: _runs(store, units), **_picture(folder, profiles), **others}
+    _write(folder, store, writers, units, overwrite=overwrite)
 
 
 def _exports(store: Store) -> dict[str, Writer | None]:
@@ -182,6 +214,8 @@ def _write(folder: Path, store: Store, writers: dict[str, Writer], units: Output
 
     if store.meta("setting stories") == "true":
         writers = writers | {STORIES: lambda stream: write_stories(store, stream, units)}
+    if store.settings().get("profiles") == "true" and is_complete(store):
+        writers = writers | {PROFILES: Profiles(store, SuiteRequest(), units).table()}
     summary = json_bytes(in_units(campaign_summary(store), units))
     writers = writers | {SUMMARY: lambda stream: stream.write(summary)}
     files = {folder / name: writer for name, writer in writers.items()}

@@ -120,8 +120,8 @@ class CampaignFile:
     ----------
     name, source : str
         The campaign's name (the file's, where it gives none), and the file as the user named it.
-    stories : bool
-        Keep the peaks of every story.
+    stories, profiles : bool
+        Write the peaks of every story, and what they are over the motions.
     """
 
     name: str
@@ -131,3 +131,4 @@ class CampaignFile:
     intensity: Scales | MeasureLevels | FactorsFile
     analysis: AnalysisWishes
     stories: bool = False
+    profiles: bool = True

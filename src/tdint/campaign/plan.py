@@ -239,7 +239,9 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         motions=inputs.motions,
         assignment=_assignment(campaign, inputs),
         levels=_levels(campaign, inputs),
-        settings=RunSettings(analysis.dt, analysis.duration, analysis.until_rest, campaign.stories, analysis.tolerance),
+        settings=RunSettings(
+            analysis.dt, analysis.duration, analysis.until_rest, campaign.stories, analysis.tolerance, campaign.profiles
+        ),
         failures=inputs.failures,
         notes=(*notes, *inputs.notes),
     )

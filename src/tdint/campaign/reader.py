@@ -122,7 +122,12 @@ _ANALYSIS = Keys(
         Key("until_rest", Flag(), "go on with the ground at rest until the motion has died"),
     )
 )
-_OUTPUTS = Keys((Key("stories", Flag(), "keep the peaks of every story"),))
+_OUTPUTS = Keys(
+    (
+        Key("stories", Flag(), "write the peaks of every story, stories.csv"),
+        Key("profiles", Flag(), "write their mean and fractiles over the motions, profiles.csv; false for inventories"),
+    )
+)
 CAMPAIGN = Keys(
     (
         Key("name", Words(), "the campaign's name; that of the file where it is left out"),
@@ -170,15 +175,17 @@ def _read(section: Section, label: str, name: str, folder: Path) -> CampaignFile
     _check_pair(section)
     outputs = section.get("outputs")
     kept = outputs.section(_OUTPUTS) if outputs else None
-    stories = kept.get("stories") if kept else None
+    stories, profiles = (kept.get(name) if kept else None for name in ("stories", "profiles"))
+    found = (_read_buildings(buildings, folder) if buildings else None) or ModelFiles(())
     return CampaignFile(
         name=section.text("name") or name,
         source=label,
-        buildings=(_read_buildings(buildings, folder) if buildings else None) or ModelFiles(()),
+        buildings=found,
         records=(_read_records(records, folder) if records else None) or RecordFiles((), RecordChoice()),
         intensity=_read_intensity(section.get("intensity"), folder) or Scales((1.0,)),
         analysis=_read_analysis(section.get("analysis")),
         stories=stories.boolean() if stories else False,
+        profiles=profiles.boolean() if profiles else isinstance(found, ModelFiles),
     )
 
 

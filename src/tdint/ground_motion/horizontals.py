@@ -107,6 +107,16 @@ def azimuth(component: str) -> float | None:
     return 0.0 if _NORTH.fullmatch(name) else 90.0 if _EAST.fullmatch(name) else None
 
 
+def at_right_angles(one: str, other: str) -> bool:
+    """Whether the names of two components say that they are: by their azimuths (000, EW, HNE), or as HN1 and HN2, X and
+    Y do."""
+    first, second = azimuth(one), azimuth(other)
+    if first is not None and second is not None:
+        return abs(abs((second - first + 90.0) % 180.0 - 90.0) - 90.0) <= _SKEW
+    code, partner = one.strip().upper(), other.strip().upper()
+    return bool(code and partner) and code[:-1] == partner[:-1] and _AXES.get(code[-1]) == partner[-1]
+
+
 def motion_name(file: str) -> str:
     """The name of a file without what tells its component: equal for the files of one motion.
 
@@ -122,13 +132,12 @@ def _check_directions(first: Record, second: Record, source: str) -> list[str]:
     names = f"{first.component or 'one'} and {second.component or 'the other'}"
     if one is not None and other is not None:
         angle = abs((other - one + 90.0) % 180.0 - 90.0)
-        if abs(angle - 90.0) > _SKEW:
+        if not at_right_angles(first.component, second.component):
             raise RecordError(f"{source}: {names} are {angle:g} degrees apart, not at right angles")
         return []
-    code, partner = first.component.strip().upper(), second.component.strip().upper()
-    if code and partner and code[:-1] == partner[:-1] and _AXES.get(code[-1]) == partner[-1]:
+    if at_right_angles(first.component, second.component):
         return []
-    if code and code == partner:
+    if first.component.strip() and first.component.strip().upper() == second.component.strip().upper():
         raise RecordError(f"{source}: both components are called {first.component}")
     return [f"directions unknown from the names: {names} are taken as two horizontals at right angles"]
 

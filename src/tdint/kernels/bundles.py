@@ -19,9 +19,9 @@ Array = NDArray[np.float64]
 class Scene(NamedTuple):
     """The building and the forces on its floors, never written (`tdint.kernels.layout`)."""
 
-    chain: Array  # what is linear in the building
+    linear_terms: Array  # what is linear in the building
     modal: Array  # rows w of the modal damping C = sum of w w^T
-    laws: Array  # drift laws of the stories
+    law_parameters: Array  # drift laws of the stories
     forces: Array  # harmonic forces on floors
     flags: Array  # what is known of building and method before the march
 

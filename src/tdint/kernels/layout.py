@@ -31,7 +31,7 @@ def chained(counts: type[_Kind], first: int = 0) -> tuple[_Kind, int]:
     return counts(*firsts), first  # type: ignore[arg-type]
 
 
-# chain: what is linear in the building
+# linear_terms: what is linear in the building
 MASS = 0
 INVERSE_MASS = 1
 FLOOR_DAMPER = 2  # viscous, floor to ground (mass-proportional damping), N s/m
@@ -42,9 +42,9 @@ POWER_DAMPER = 6  # power-law dashpot of the story: c v (v^2 + v0^2)^e, c in N (
 POWER = 7  # e, half of the exponent less 1
 THRESHOLD = 8  # v0^2, (m/s)^2
 DASHPOT = 9  # of STORY_DAMPER what is a dashpot that the model has, N s/m
-CHAIN_ROWS = 10
+LINEAR_TERM_ROWS = 10
 
-# laws: drift laws by story
+# law_parameters: drift laws by story
 CODE = 0
 STIFFNESS = 1
 FIRST_PARAMETER = 2
@@ -71,7 +71,7 @@ SECOND_TRIAL = 2 * SPRING_ROWS
 THIRD_TRIAL = 3 * SPRING_ROWS
 SPRING_BLOCKS = 4
 ADDRESS = SPRING_BLOCKS * SPRING_ROWS  # of the story's own compiled function, where its law is not part of the loops
-FURTHER = ADDRESS + 1  # where a law needs more rows: again one block for the committed state, then the trial ones
+EXTRA_ROWS = ADDRESS + 1  # where a law needs more rows: again one block for the committed state, then the trial ones
 
 # state: the memory of the method
 DISPLACEMENT = 0

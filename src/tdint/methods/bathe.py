@@ -14,11 +14,11 @@ import math
 
 from tdint.kernels import layout as at
 from tdint.kernels.bundles import Memory, Scene, Weights
-from tdint.kernels.chain import finite, floor_load
 from tdint.kernels.compiling import inlined, kernel
-from tdint.kernels.equations.newton import BALANCE_ROWS, LOAD, A, U, V, balance, factor_rows, forget
+from tdint.kernels.equations.newton import BALANCE_ROWS, ROW, balance, factor_rows, forget
+from tdint.kernels.linear_terms import finite, floor_load
 from tdint.kernels.stepping import STEP
-from tdint.kernels.stories.springs import commit, settle
+from tdint.kernels.stories.law_state import commit, settle
 from tdint.methods.method import Family, Method, Parameter
 
 # Coefficients
@@ -27,8 +27,7 @@ Q0 = 1
 Q1 = 2
 Q2 = 3
 
-# Rows of work
-_FACTORS = BALANCE_ROWS  # of the first sub-step, then of the second
+_FACTORS = BALANCE_ROWS  # rows of work of the first sub-step, then of the second
 
 
 def work_rows(modes: int) -> int:
@@ -37,11 +36,11 @@ def work_rows(modes: int) -> int:
 
 
 @kernel(STEP)
-def step(coefficients, chain, modal, laws, forces, flags, h, load, state, springs, work, report):
+def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report):
     """One step: two sub-steps, each in equilibrium at its end."""
-    scene = Scene(chain, modal, laws, forces, flags)
+    scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, springs, work, report)
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     one_matrix = coefficients[Q2] == 0.5 * coefficients[GAMMA]
     second_factors = _FACTORS if one_matrix else (_FACTORS + work.shape[0]) // 2
     if report[at.FACTORED_STEP] != h:
@@ -65,17 +64,17 @@ def step(coefficients, chain, modal, laws, forces, flags, h, load, state, spring
             trial = at.SECOND_TRIAL
             _guess_end(coefficients, h, state, work, n)
         ground = load[at.GROUND_0] + part * (load[at.GROUND_1] - load[at.GROUND_0])
-        floor_load(chain, forces, load[at.TIME] + part * h, ground, work, LOAD)
+        floor_load(linear_terms, forces, load[at.TIME] + part * h, ground, work, ROW.LOAD)
         code = balance(Weights(by_v * by_v, by_v, 1.0), factors, past, trial, scene, memory)
         if code < 0:
             return code
         iterations += code
     for i in range(n):
-        state[at.DISPLACEMENT, i] = work[U, i]
-        state[at.VELOCITY, i] = work[V, i]
-        state[at.ACCELERATION, i] = work[A, i]
-        settle(laws, springs, i, at.COMMITTED, at.FIRST_TRIAL)
-        commit(laws, springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL)
+        state[at.DISPLACEMENT, i] = work[ROW.U, i]
+        state[at.VELOCITY, i] = work[ROW.V, i]
+        state[at.ACCELERATION, i] = work[ROW.A, i]
+        settle(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL)
+        commit(law_parameters, springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL)
     return iterations if finite(state, n) else at.NOT_FINITE
 
 
@@ -84,9 +83,9 @@ def _guess_inner(half, state, work, n):
     """First guess: the acceleration stays over the first sub-step, of length 2 `half`; x is its change."""
     for i in range(n):
         v = state[at.VELOCITY, i] + 2.0 * half * state[at.ACCELERATION, i]
-        work[U, i] = state[at.DISPLACEMENT, i] + half * (state[at.VELOCITY, i] + v)
-        work[V, i] = v
-        work[A, i] = state[at.ACCELERATION, i]
+        work[ROW.U, i] = state[at.DISPLACEMENT, i] + half * (state[at.VELOCITY, i] + v)
+        work[ROW.V, i] = v
+        work[ROW.A, i] = state[at.ACCELERATION, i]
 
 
 @inlined
@@ -96,9 +95,9 @@ def _guess_end(coefficients, h, state, work, n):
     q1 = coefficients[Q1]
     q2 = coefficients[Q2]
     for i in range(n):
-        v = state[at.VELOCITY, i] + h * (q0 * state[at.ACCELERATION, i] + (q1 + q2) * work[A, i])
-        work[U, i] = state[at.DISPLACEMENT, i] + h * (q0 * state[at.VELOCITY, i] + q1 * work[V, i] + q2 * v)
-        work[V, i] = v
+        v = state[at.VELOCITY, i] + h * (q0 * state[at.ACCELERATION, i] + (q1 + q2) * work[ROW.A, i])
+        work[ROW.U, i] = state[at.DISPLACEMENT, i] + h * (q0 * state[at.VELOCITY, i] + q1 * work[ROW.V, i] + q2 * v)
+        work[ROW.V, i] = v
 
 
 def gamma_of_one_matrix(rho_inf: float) -> float:

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.kernels import layout as at
-from tdint.kernels.chain import finite, force_value
 from tdint.kernels.compiling import kernel
+from tdint.kernels.linear_terms import finite, force_value
 from tdint.kernels.stepping import STEP
-from tdint.kernels.stories.springs import commit, restoring
+from tdint.kernels.stories.law_state import commit, restoring
 from tdint.methods.method import Family, Method
 from tdint.model.building import Building
 
@@ -32,12 +32,12 @@ def work_rows(modes: int) -> int:
 
 
 @kernel(STEP)
-def step(coefficients, chain, modal, laws, forces, flags, h, load, state, springs, work, report):
+def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report):
     """One step: a matrix times (u0, v0, loads at the start, loads at the end), column by column.
 
     A column is 2 n numbers. The loads are the ground acceleration and the floor forces, one column each per end.
     """
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     loads = 1 + forces.shape[0]
     for i in range(n):
         work[0, i] = 0.0
@@ -65,8 +65,8 @@ def step(coefficients, chain, modal, laws, forces, flags, h, load, state, spring
         u = work[0, i]
         state[at.DISPLACEMENT, i] = u
         state[at.VELOCITY, i] = work[1, i]
-        restoring(laws, springs, i, 0, at.FIRST_TRIAL, u - chain[at.LINK, i] * below)
-        commit(laws, springs, i, 0, at.FIRST_TRIAL)
+        restoring(law_parameters, springs, i, 0, at.FIRST_TRIAL, u - linear_terms[at.LINK, i] * below)
+        commit(law_parameters, springs, i, 0, at.FIRST_TRIAL)
         below = u
     return 1 if finite(state, n) else at.NOT_FINITE
 

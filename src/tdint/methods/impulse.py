@@ -16,13 +16,14 @@ from typing import NamedTuple
 
 from tdint.kernels import layout as at
 from tdint.kernels.bundles import Factors, Memory
-from tdint.kernels.chain import finite, floor_load
 from tdint.kernels.compiling import called, inlined, kernel
 from tdint.kernels.equations import impulse_momentum as momentum
 from tdint.kernels.equations.impulse_momentum import correct, guess, in_balance, residuals
+from tdint.kernels.equations.iteration import CLOSE, ITERATIONS, SAME_TANGENT, SMALL
 from tdint.kernels.equations.tridiagonal import COUPLING_ROWS, ModalBlocks, assemble_blocks, factor_blocks
-from tdint.kernels.stepping import CLOSE, ITERATIONS, SAME_TANGENT, SMALL, STEP
-from tdint.kernels.stories.springs import commit, restoring
+from tdint.kernels.linear_terms import finite, floor_load
+from tdint.kernels.stepping import STEP
+from tdint.kernels.stories.law_state import commit, restoring
 from tdint.methods.method import Family, Method, Parameter
 
 # Coefficients
@@ -50,24 +51,24 @@ def work_rows(modes: int) -> int:
 
 
 @kernel(STEP)
-def step(coefficients, chain, modal, laws, forces, flags, h, load, state, springs, work, report):
+def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report):
     """One step; Newton with unknowns (u1 - u0, v1 - v0) per floor, the change of the tangent left out of the matrix."""
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     memory = Memory(state, springs, work, report)
     factors = Factors(work, _ROW.BLOCKS, _ROW.COUPLING, _STORE)
-    _loads(chain, forces, h, load, work)
+    _loads(linear_terms, forces, h, load, work)
     guess(0.0 if flags[at.LINEAR] != 0.0 else 1.0, h, state, work, n)
     iterations = 0
     last = False
     while True:
-        stale = _end(coefficients, chain, laws, h, memory)
-        residuals(_THETA, _BY_A, _BY_A, chain, modal, h, state, work)
-        if in_balance(iterations == ITERATIONS, _BY_A, chain, h, state, work, report) or last:
+        stale = _end(coefficients, linear_terms, law_parameters, h, memory)
+        residuals(_THETA, _BY_A, _BY_A, linear_terms, modal, h, state, work)
+        if in_balance(iterations == ITERATIONS, _BY_A, linear_terms, h, state, work, report) or last:
             break
         if iterations == ITERATIONS:
             return at.NOT_CONVERGED
         if stale:
-            _factor(coefficients, chain, modal, h, factors)
+            _factor(coefficients, linear_terms, modal, h, factors)
             report[at.FACTORED_STEP] = h
         last = correct(_BY_A, modal, h, factors, n) or flags[at.LINEAR] != 0.0
         iterations += 1
@@ -75,24 +76,24 @@ def step(coefficients, chain, modal, laws, forces, flags, h, load, state, spring
         state[at.DISPLACEMENT, i] += work[momentum.DU, i]
         state[at.VELOCITY, i] += work[momentum.DV, i]
         state[at.ACCELERATION, i] = work[momentum.A1, i]
-        commit(laws, springs, i, 0, at.FIRST_TRIAL)
+        commit(law_parameters, springs, i, 0, at.FIRST_TRIAL)
     return max(iterations, 1) if finite(state, n) else at.NOT_FINITE
 
 
 @inlined
-def _loads(chain, forces, h, load, work):
+def _loads(linear_terms, forces, h, load, work):
     """Load at the end of the step, and its impulse by the trapezoidal rule, as published."""
-    floor_load(chain, forces, load[at.TIME], load[at.GROUND_0], work, momentum.IMPULSE)
-    floor_load(chain, forces, load[at.TIME] + h, load[at.GROUND_1], work, momentum.LOAD)
-    for i in range(chain.shape[1] - 1):
+    floor_load(linear_terms, forces, load[at.TIME], load[at.GROUND_0], work, momentum.IMPULSE)
+    floor_load(linear_terms, forces, load[at.TIME] + h, load[at.GROUND_1], work, momentum.LOAD)
+    for i in range(linear_terms.shape[1] - 1):
         work[momentum.IMPULSE, i] = 0.5 * h * (work[momentum.IMPULSE, i] + work[momentum.LOAD, i])
 
 
 @inlined
-def _end(coefficients, chain, laws, h, memory):
+def _end(coefficients, linear_terms, law_parameters, h, memory):
     """Story forces at the end of the step and story impulses. True if the factorization does not fit the tangents."""
     state, springs, work, report = memory
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     beta = coefficients[BETA]
     stale = report[at.FACTORED_STEP] != h
     u_below = 0.0
@@ -110,7 +111,7 @@ def _end(coefficients, chain, laws, h, memory):
         )
         work[momentum.U1, i] = u
         work[momentum.V1, i] = v
-        link = chain[at.LINK, i]
+        link = linear_terms[at.LINK, i]
         drift = u - link * u_below
         rate = v - link * v_below
         increment = du - link * du_below
@@ -119,13 +120,13 @@ def _end(coefficients, chain, laws, h, memory):
         v_below = v
         du_below = du
         q_below = q
-        tangent = restoring(laws, springs, i, 0, at.FIRST_TRIAL, drift)
+        tangent = restoring(law_parameters, springs, i, 0, at.FIRST_TRIAL, drift)
         work[_ROW.TANGENT, i] = tangent
         # A drift is a difference: what the displacements round is not out of balance.
-        work[momentum.SIZE, i] = SMALL / CLOSE * laws[at.STIFFNESS, i] * (abs(u) + abs(u - drift))
-        stale = stale or abs(tangent - work[_ROW.FACTORED, i]) > SAME_TANGENT * laws[at.STIFFNESS, i]
-        geometric = chain[at.GEOMETRIC, i]
-        damper = chain[at.STORY_DAMPER, i]
+        work[momentum.SIZE, i] = SMALL / CLOSE * law_parameters[at.STIFFNESS, i] * (abs(u) + abs(u - drift))
+        stale = stale or abs(tangent - work[_ROW.FACTORED, i]) > SAME_TANGENT * law_parameters[at.STIFFNESS, i]
+        geometric = linear_terms[at.GEOMETRIC, i]
+        damper = linear_terms[at.STORY_DAMPER, i]
         work[momentum.FORCE_1, i] = springs[at.FIRST_TRIAL + at.FORCE, i] + geometric * drift + damper * rate
         work[momentum.FORCE_S, i] = (
             h * (springs[at.FORCE, i] + geometric * springs[at.DRIFT, i])
@@ -136,21 +137,21 @@ def _end(coefficients, chain, laws, h, memory):
 
 
 @called
-def _factor(coefficients, chain, modal, h, factors):
+def _factor(coefficients, linear_terms, modal, h, factors):
     """Factor the Newton matrix for the present tangents."""
     work = factors.table
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     beta = coefficients[BETA]
     by_a = _BY_A * h * h
     for i in range(n):
         work[_ROW.FACTORED, i] = work[_ROW.TANGENT, i]
-        tangent = work[_ROW.TANGENT, i] + chain[at.GEOMETRIC, i]
-        damper = chain[at.STORY_DAMPER, i]
+        tangent = work[_ROW.TANGENT, i] + linear_terms[at.GEOMETRIC, i]
+        damper = linear_terms[at.STORY_DAMPER, i]
         work[_ROW.COUPLING, i] = -by_a * tangent
         work[_ROW.COUPLING + 1, i] = -by_a * damper
         work[_ROW.COUPLING + 2, i] = damper + h * (1.0 - 72.0 * beta) * tangent
         work[_ROW.COUPLING + 3, i] = h * h * (24.0 * beta - 0.25) * tangent
-    assemble_blocks(chain, factors, _THETA * h, by_a, n)
+    assemble_blocks(linear_terms, factors, _THETA * h, by_a, n)
     factor_blocks(factors, ModalBlocks(modal, 0.0, -by_a, 1.0, 0.0), n)
 
 

@@ -17,17 +17,16 @@ import math
 
 from tdint.kernels import layout as at
 from tdint.kernels.bundles import Memory, Passage, Scene, Span
-from tdint.kernels.chain import finite
 from tdint.kernels.compiling import called, inlined, kernel
 from tdint.kernels.equations import impulse_momentum as momentum
 from tdint.kernels.equations.impulse4 import FACTORS, ROW, STORE, factor_rows, loads, newton, solve_linear
 from tdint.kernels.laws.choosing import BENDING, CURVING
-from tdint.kernels.laws.walking import copy_further
+from tdint.kernels.laws.walking import copy_extra_rows
+from tdint.kernels.linear_terms import finite
 from tdint.kernels.march.peaks_between_steps import look_within, raise_peak
 from tdint.kernels.stepping import STEP
-from tdint.kernels.stories.branches import advance, go_along, switch
-from tdint.kernels.stories.events import NONE, first_event
-from tdint.kernels.stories.springs import commit, reach, resume, settle
+from tdint.kernels.stories.branches import NONE, advance, first_event, go_along, switch
+from tdint.kernels.stories.law_state import commit, reach, resume, settle
 from tdint.methods.method import Family, Method, Parameter
 
 _STRAYED = 0.1  # over the way of the drift: an event that is missed by more was not located
@@ -43,26 +42,26 @@ def work_rows(modes: int) -> int:
 
 
 @kernel(STEP)
-def step(coefficients, chain, modal, laws, forces, flags, h, load, state, springs, work, report):
+def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report):
     """One step from kink to kink of the laws that have any; where kinks pile up, and without any, straight on."""
-    scene = Scene(chain, modal, laws, forces, flags)
+    scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, springs, work, report)
     if not BENDING:
         return _by_branches(coefficients, scene, h, load, memory)
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     if flags[at.BRANCHES] != at.NO_BRANCHES:
         code = _by_branches(coefficients, scene, h, load, memory)
         if code != at.NOT_CONVERGED:
             return code
     report[at.WITHIN] = 0.0
-    loads(chain, forces, load[at.TIME], h, load[at.GROUND_0], load[at.GROUND_1], work)
+    loads(linear_terms, forces, load[at.TIME], h, load[at.GROUND_0], load[at.GROUND_1], work)
     code = newton(False, coefficients, scene, h, memory, FACTORS)
     if code < 0:
         return code
-    _arrive(False, chain, laws, state, springs, work)
+    _arrive(False, linear_terms, law_parameters, state, springs, work)
     if flags[at.BRANCHES] != at.NO_BRANCHES:
         for i in range(n):
-            resume(laws, springs, i)
+            resume(law_parameters, springs, i)
     return code if finite(state, n) else at.NOT_FINITE
 
 
@@ -77,9 +76,9 @@ def _by_branches(coefficients, scene, h, load, memory):
     is looked for again on the interpolant of the piece. Where there are more than a few such pieces per story, the
     state is left as it was.
     """
-    chain, modal, laws, forces, flags = scene
+    linear_terms, modal, law_parameters, forces, flags = scene
     state, springs, work, report = memory
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     straight = flags[at.BRANCHES] == at.ALL_BRANCHES
     slope = (load[at.GROUND_1] - load[at.GROUND_0]) / h
     most = 20 + 4 * n
@@ -94,7 +93,7 @@ def _by_branches(coefficients, scene, h, load, memory):
     while True:
         factors = FACTORS if piece == h else FACTORS + STORE + 6 * modal.shape[0] + 1
         ground = load[at.GROUND_0] + slope * done
-        loads(chain, forces, load[at.TIME] + done, piece, ground, ground + slope * piece, work)
+        loads(linear_terms, forces, load[at.TIME] + done, piece, ground, ground + slope * piece, work)
         if not CURVING or straight:
             solve_linear(coefficients, scene, piece, memory, factors)
             solves += 1
@@ -106,10 +105,10 @@ def _by_branches(coefficients, scene, h, load, memory):
                 return code
             solves += code
         if BENDING and flags[at.LINEAR] == 0.0:
-            miss = _miss(chain, piece, state, springs, work, story, how) if ending else _BEYOND
+            miss = _miss(linear_terms, piece, state, springs, work, story, how) if ending else _BEYOND
             if miss == _BEYOND:
                 ending = False
-                fraction, story, how = first_event(chain, piece, state, springs, work, momentum.U1, momentum.V1)
+                fraction, story, how = first_event(linear_terms, piece, state, springs, work, momentum.U1, momentum.V1)
                 if fraction != NONE:
                     if pieces == 0:
                         _save(state, springs, work, n)
@@ -121,7 +120,7 @@ def _by_branches(coefficients, scene, h, load, memory):
                         piece *= fraction
                         ending = True
                     else:
-                        _change(chain, laws, state, springs, story, how)
+                        _change(linear_terms, law_parameters, state, springs, story, how)
                         events += 1
                         piece = h - done
                     continue
@@ -132,16 +131,16 @@ def _by_branches(coefficients, scene, h, load, memory):
                 for i in range(n):
                     work[ROW.PIECE + row, i] = state[row, i]
         if not CURVING or straight:
-            _advance(chain, laws, state, springs, work)
+            _advance(linear_terms, law_parameters, state, springs, work)
         else:
-            _arrive(True, chain, laws, state, springs, work)
+            _arrive(True, linear_terms, law_parameters, state, springs, work)
         if BENDING and pieces > 0:
             _look(scene, Span(piece, ground, ground + slope * piece, False, flags[at.FAST] != 0.0), memory)
             report[at.WITHIN] = ROW.PEAKS
             report[at.OWN_PEAKS] = ROW.PEAKS
         done += piece
         if BENDING and ending:
-            _change(chain, laws, state, springs, story, how)
+            _change(linear_terms, law_parameters, state, springs, story, how)
             events += 1
             ending = False
         piece = h - done
@@ -152,7 +151,7 @@ def _by_branches(coefficients, scene, h, load, memory):
 
 
 @called
-def _change(chain, laws, state, springs, story, how):
+def _change(linear_terms, law_parameters, state, springs, story, how):
     """Change the branch of a story.
 
     It does so at the end of its branch, which the motion may miss by rounding and by what the interpolant errs: from
@@ -162,27 +161,31 @@ def _change(chain, laws, state, springs, story, how):
     drift = springs[at.DRIFT, story]
     force = springs[at.FORCE, story]
     if how == at.TURNED or not springs[at.SLOPE, story] < math.inf:
-        switch(laws, springs, story, 0, how)
+        switch(law_parameters, springs, story, 0, how)
     else:
-        go_along(laws, springs, story, 0, springs[at.UPPER, story] if how == at.ABOVE else springs[at.LOWER, story])
-        switch(laws, springs, story, 0, how)
-        go_along(laws, springs, story, 0, drift)
+        go_along(
+            law_parameters, springs, story, 0, springs[at.UPPER, story] if how == at.ABOVE else springs[at.LOWER, story]
+        )
+        switch(law_parameters, springs, story, 0, how)
+        go_along(law_parameters, springs, story, 0, drift)
     jump = springs[at.FORCE, story] - force
     if jump != 0.0:
-        state[at.ACCELERATION, story] -= jump * chain[at.INVERSE_MASS, story]
+        state[at.ACCELERATION, story] -= jump * linear_terms[at.INVERSE_MASS, story]
         if story > 0:
-            state[at.ACCELERATION, story - 1] += chain[at.LINK, story] * jump * chain[at.INVERSE_MASS, story - 1]
+            state[at.ACCELERATION, story - 1] += (
+                linear_terms[at.LINK, story] * jump * linear_terms[at.INVERSE_MASS, story - 1]
+            )
 
 
 @called
-def _miss(chain, h, state, springs, work, story, how):
+def _miss(linear_terms, h, state, springs, work, story, how):
     """Whether a piece up to an event reaches it (0), falls short of it, or takes a story far off its branch."""
     miss = 0.0
     u_below = 0.0
     v_below = 0.0
     v1_below = 0.0
-    for i in range(chain.shape[1] - 1):
-        link = chain[at.LINK, i]
+    for i in range(linear_terms.shape[1] - 1):
+        link = linear_terms[at.LINK, i]
         drift = work[momentum.U1, i] - link * u_below
         change = drift - springs[at.DRIFT, i]
         # The way is longer than the change where the drift comes back.
@@ -204,35 +207,35 @@ def _miss(chain, h, state, springs, work, story, how):
 
 
 @inlined
-def _advance(chain, laws, state, springs, work):
+def _advance(linear_terms, law_parameters, state, springs, work):
     """Update the state after a piece in which all stories go along their branches."""
     below = 0.0
-    for i in range(chain.shape[1] - 1):
+    for i in range(linear_terms.shape[1] - 1):
         u = state[at.DISPLACEMENT, i] + work[momentum.DU, i]
         state[at.DISPLACEMENT, i] = u
         state[at.VELOCITY, i] += work[momentum.DV, i]
         state[at.ACCELERATION, i] = work[momentum.A1, i]
-        advance(laws, springs, i, 0, u - chain[at.LINK, i] * below)
+        advance(law_parameters, springs, i, 0, u - linear_terms[at.LINK, i] * below)
         below = u
 
 
 @called
-def _arrive(frozen, chain, laws, state, springs, work):
+def _arrive(frozen, linear_terms, law_parameters, state, springs, work):
     """Update the state after a step or a piece of one; with `frozen`, linear stories go along their branches.
 
     Not inlined, and not for linear stories alone: that would cost them a fifth to a half of their time.
     """
     below = 0.0
-    for i in range(chain.shape[1] - 1):
+    for i in range(linear_terms.shape[1] - 1):
         u = state[at.DISPLACEMENT, i] + work[momentum.DU, i]
         state[at.DISPLACEMENT, i] = u
         state[at.VELOCITY, i] += work[momentum.DV, i]
         state[at.ACCELERATION, i] = work[momentum.A1, i]
         if frozen and springs[at.SLOPE, i] < math.inf:
-            advance(laws, springs, i, 0, u - chain[at.LINK, i] * below)
+            advance(law_parameters, springs, i, 0, u - linear_terms[at.LINK, i] * below)
         else:
-            settle(laws, springs, i, 0, at.FIRST_TRIAL)
-            commit(laws, springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL)
+            settle(law_parameters, springs, i, 0, at.FIRST_TRIAL)
+            commit(law_parameters, springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL)
         below = u
 
 
@@ -244,7 +247,7 @@ def _look(scene, span, memory):
     if not span.fast:
         passage = Passage(work, ROW.PIECE, state, state, at.ACCELERATION)
         turned = look_within(span, scene, passage, springs, work, ROW.TURNS, work, ROW.PEAKS)
-    for i in range(scene.chain.shape[1] - 1):
+    for i in range(scene.linear_terms.shape[1] - 1):
         drift = springs[at.DRIFT, i]
         raise_peak(work, ROW.PEAKS + at.PEAK_DRIFT, i, drift)
         raise_peak(work, ROW.PEAKS + at.PEAK_SHEAR, i, springs[at.FORCE, i])
@@ -252,7 +255,7 @@ def _look(scene, span, memory):
         raise_peak(work, ROW.PEAKS + at.PEAK_VELOCITY, i, state[at.VELOCITY, i])
         raise_peak(work, ROW.PEAKS + at.PEAK_ACCELERATION, i, state[at.ACCELERATION, i] + span.ground_1)
         if turned > 0 and work[ROW.TURNS, i] != drift:
-            reach(scene.laws, springs, i, 0, at.FIRST_TRIAL, work[ROW.TURNS, i])
+            reach(scene.law_parameters, springs, i, 0, at.FIRST_TRIAL, work[ROW.TURNS, i])
             raise_peak(work, ROW.PEAKS + at.PEAK_SHEAR, i, springs[at.FIRST_TRIAL + at.FORCE, i])
 
 
@@ -264,9 +267,9 @@ def _save(state, springs, work, n):
             work[ROW.SAVED + row, i] = state[row, i]
         for row in range(at.SPRING_ROWS):
             work[ROW.SAVED + 3 + row, i] = springs[row, i]
-    if springs.shape[0] > at.FURTHER:
+    if springs.shape[0] > at.EXTRA_ROWS:
         for i in range(n):
-            copy_further(springs, i, 0, at.THIRD_TRIAL)
+            copy_extra_rows(springs, i, 0, at.THIRD_TRIAL)
 
 
 @called
@@ -279,9 +282,9 @@ def _restore(state, springs, work, n):
             state[row, i] = work[ROW.SAVED + row, i]
         for row in range(at.SPRING_ROWS):
             springs[row, i] = work[ROW.SAVED + 3 + row, i]
-    if springs.shape[0] > at.FURTHER:
+    if springs.shape[0] > at.EXTRA_ROWS:
         for i in range(n):
-            copy_further(springs, i, at.THIRD_TRIAL, 0)
+            copy_extra_rows(springs, i, at.THIRD_TRIAL, 0)
 
 
 def coefficients(rho_inf: float) -> tuple[float, ...]:

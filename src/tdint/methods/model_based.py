@@ -25,10 +25,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 from tdint.kernels import layout as at
 from tdint.kernels.bundles import Factors, Memory
-from tdint.kernels.chain import add_modal_force, finite, floor_load, internal_forces
 from tdint.kernels.compiling import inlined, kernel
 from tdint.kernels.equations.tridiagonal import (
     Combination,
@@ -38,8 +38,9 @@ from tdint.kernels.equations.tridiagonal import (
     solve,
     solve_damped,
 )
+from tdint.kernels.linear_terms import add_modal_force, finite, floor_load, internal_forces
 from tdint.kernels.stepping import STEP
-from tdint.kernels.stories.springs import commit, restoring
+from tdint.kernels.stories.law_state import commit, restoring
 from tdint.methods.method import Family, Method, Parameter
 
 # Coefficients of the KR-alpha step
@@ -48,82 +49,87 @@ ALPHA_F = 1
 BETA = 2
 GAMMA = 3
 
-# Rows of work
-_LOAD = 0
-_SUM = 1  # story forces
-_V = 2  # velocity at the weighted point; Chang: predicted
-_X = 3  # right side and solution
-_LOAD_0 = 4
-_PIVOT = 5
-_COUPLING = 6
-_SECOND_PIVOT = 7  # Chang: of the second matrix, M + h/2 C
-_SECOND_COUPLING = 8
-_STORE = 9
+
+class _StepRows(NamedTuple):
+    """Rows of work."""
+
+    LOAD: int = 1
+    SUM: int = 1  # story forces
+    V: int = 1  # velocity at the weighted point; Chang: predicted
+    X: int = 1  # right side and solution
+    LOAD_0: int = 1
+    PIVOT: int = 1
+    COUPLING: int = 1
+    SECOND_PIVOT: int = 1  # Chang: of the second matrix, M + h/2 C
+    SECOND_COUPLING: int = 1
+
+
+_ROW, _STORE = at.chained(_StepRows)
 
 
 @kernel(STEP)
-def step(coefficients, chain, modal, laws, forces, flags, h, load, state, springs, work, report):
+def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report):
     """One step of KR-alpha or CR: one solve with (1 - alpha_m) M + (1 - alpha_f) X for the change of q."""
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     memory = Memory(state, springs, work, report)
-    factors = Factors(work, _PIVOT, _COUPLING, _STORE)
+    factors = Factors(work, _ROW.PIVOT, _ROW.COUPLING, _STORE)
     weight = 1.0 - coefficients[ALPHA_F]
     by_c = coefficients[GAMMA] * h
     by_k = coefficients[BETA] * h * h
     if report[at.STEPS_DONE] == 0.0:
-        _start(chain, laws, by_k, state, factors, n)
+        _start(linear_terms, law_parameters, by_k, state, factors, n)
         report[at.FACTORED_STEP] = 0.0
     if report[at.FACTORED_STEP] != h:
         combination = Combination(1.0 - coefficients[ALPHA_M], weight * by_c, weight * by_k)
-        factor_combination(chain, modal, laws, at.STIFFNESS, combination, factors, n)
+        factor_combination(linear_terms, modal, law_parameters, at.STIFFNESS, combination, factors, n)
         report[at.FACTORED_STEP] = h
-    _weighted_load(chain, forces, weight, h, load, work, n)
-    _advance(chain, laws, weight, by_k, h, memory)
+    _weighted_load(linear_terms, forces, weight, h, load, work, n)
+    _advance(linear_terms, law_parameters, weight, by_k, h, memory)
     for i in range(n):
-        inner = work[_SUM, i] - chain[at.LINK, i + 1] * work[_SUM, i + 1]
-        work[_X, i] = (
-            work[_LOAD, i]
-            - chain[at.MASS, i] * state[at.ACCELERATION, i]
-            - chain[at.FLOOR_DAMPER, i] * work[_V, i]
+        inner = work[_ROW.SUM, i] - linear_terms[at.LINK, i + 1] * work[_ROW.SUM, i + 1]
+        work[_ROW.X, i] = (
+            work[_ROW.LOAD, i]
+            - linear_terms[at.MASS, i] * state[at.ACCELERATION, i]
+            - linear_terms[at.FLOOR_DAMPER, i] * work[_ROW.V, i]
             - inner
         )
-    add_modal_force(modal, work, _V, -1.0, work, _X, n)
-    solve_damped(factors, modal, _X, n)
+    add_modal_force(modal, work, _ROW.V, -1.0, work, _ROW.X, n)
+    solve_damped(factors, modal, _ROW.X, n)
     for i in range(n):
         q = state[at.ACCELERATION, i]
-        state[at.VELOCITY, i] += h * q + by_c * work[_X, i]
-        state[at.ACCELERATION, i] = q + work[_X, i]
+        state[at.VELOCITY, i] += h * q + by_c * work[_ROW.X, i]
+        state[at.ACCELERATION, i] = q + work[_ROW.X, i]
     return 1 if finite(state, n) else at.NOT_FINITE
 
 
 @inlined
-def _start(chain, laws, by_k, state, factors, n):
+def _start(linear_terms, law_parameters, by_k, state, factors, n):
     """q0 from the acceleration of equilibrium: (M + beta h^2 K0) q0 = M a0."""
     work = factors.table
-    assemble_combination(chain, laws, at.STIFFNESS, Combination(1.0, 0.0, by_k), factors, n)
+    assemble_combination(linear_terms, law_parameters, at.STIFFNESS, Combination(1.0, 0.0, by_k), factors, n)
     factor(factors, n)
     for i in range(n):
-        work[_X, i] = chain[at.MASS, i] * state[at.ACCELERATION, i]
-    solve(factors, _X, n)
+        work[_ROW.X, i] = linear_terms[at.MASS, i] * state[at.ACCELERATION, i]
+    solve(factors, _ROW.X, n)
     for i in range(n):
-        state[at.ACCELERATION, i] = work[_X, i]
+        state[at.ACCELERATION, i] = work[_ROW.X, i]
 
 
 @inlined
-def _weighted_load(chain, forces, weight, h, load, work, n):
+def _weighted_load(linear_terms, forces, weight, h, load, work, n):
     """Load at the weighted point, N."""
-    floor_load(chain, forces, load[at.TIME] + h, load[at.GROUND_1], work, _LOAD)
+    floor_load(linear_terms, forces, load[at.TIME] + h, load[at.GROUND_1], work, _ROW.LOAD)
     if weight != 1.0:
-        floor_load(chain, forces, load[at.TIME], load[at.GROUND_0], work, _LOAD_0)
+        floor_load(linear_terms, forces, load[at.TIME], load[at.GROUND_0], work, _ROW.LOAD_0)
         for i in range(n):
-            work[_LOAD, i] = weight * work[_LOAD, i] + (1.0 - weight) * work[_LOAD_0, i]
+            work[_ROW.LOAD, i] = weight * work[_ROW.LOAD, i] + (1.0 - weight) * work[_ROW.LOAD_0, i]
 
 
 @inlined
-def _advance(chain, laws, weight, by_k, h, memory):
+def _advance(linear_terms, law_parameters, weight, by_k, h, memory):
     """Displacement and drift laws to the end of the step; weighted velocity and story forces for q1 = q0."""
     state, springs, work, _ = memory
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     u_below = 0.0
     v_below = 0.0
     q_below = 0.0
@@ -131,63 +137,69 @@ def _advance(chain, laws, weight, by_k, h, memory):
         q = state[at.ACCELERATION, i]
         u = state[at.DISPLACEMENT, i] + h * state[at.VELOCITY, i] + 0.5 * h * h * q
         v = state[at.VELOCITY, i] + weight * h * q
-        link = chain[at.LINK, i]
-        geometric = chain[at.GEOMETRIC, i]
+        link = linear_terms[at.LINK, i]
+        geometric = linear_terms[at.GEOMETRIC, i]
         force_0 = springs[at.FORCE, i] + geometric * springs[at.DRIFT, i]
-        restoring(laws, springs, i, 0, at.FIRST_TRIAL, u - link * u_below)
-        commit(laws, springs, i, 0, at.FIRST_TRIAL)
+        restoring(law_parameters, springs, i, 0, at.FIRST_TRIAL, u - link * u_below)
+        commit(law_parameters, springs, i, 0, at.FIRST_TRIAL)
         force_1 = springs[at.FORCE, i] + geometric * springs[at.DRIFT, i]
-        work[_SUM, i] = (
+        work[_ROW.SUM, i] = (
             weight * force_1
             + (1.0 - weight) * force_0
-            + by_k * (laws[at.STIFFNESS, i] + geometric) * (q - link * q_below)
-            + chain[at.STORY_DAMPER, i] * (v - link * v_below)
+            + by_k * (law_parameters[at.STIFFNESS, i] + geometric) * (q - link * q_below)
+            + linear_terms[at.STORY_DAMPER, i] * (v - link * v_below)
         )
         state[at.DISPLACEMENT, i] = u
-        work[_V, i] = v
+        work[_ROW.V, i] = v
         u_below = u
         v_below = v
         q_below = q
 
 
 @kernel(STEP)
-def chang_step(coefficients, chain, modal, laws, forces, flags, h, load, state, springs, work, report):
+def chang_step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report):
     """One step of Chang (2002): u1 = u0 + h v0 + h^2/2 D^-1 (M a0 - h/2 K0 v0) with D = M + h/2 C + h^2/4 K0, which is
     the published line without the matrix C on its right; then average acceleration with equilibrium at u1."""
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     half = 0.5 * h
-    first = Factors(work, _PIVOT, _COUPLING, _STORE)
-    second = Factors(work, _SECOND_PIVOT, _SECOND_COUPLING, _STORE + 2 * modal.shape[0] + 1)
+    first = Factors(work, _ROW.PIVOT, _ROW.COUPLING, _STORE)
+    second = Factors(work, _ROW.SECOND_PIVOT, _ROW.SECOND_COUPLING, _STORE + 2 * modal.shape[0] + 1)
     if report[at.FACTORED_STEP] != h:
-        factor_combination(chain, modal, laws, at.STIFFNESS, Combination(1.0, half, half * half), first, n)
-        factor_combination(chain, modal, laws, at.STIFFNESS, Combination(1.0, half, 0.0), second, n)
+        factor_combination(
+            linear_terms, modal, law_parameters, at.STIFFNESS, Combination(1.0, half, half * half), first, n
+        )
+        factor_combination(linear_terms, modal, law_parameters, at.STIFFNESS, Combination(1.0, half, 0.0), second, n)
         report[at.FACTORED_STEP] = h
     v_below = 0.0
     for i in range(n):
         v = state[at.VELOCITY, i]
-        work[_SUM, i] = half * (laws[at.STIFFNESS, i] + chain[at.GEOMETRIC, i]) * (v - chain[at.LINK, i] * v_below)
+        work[_ROW.SUM, i] = (
+            half
+            * (law_parameters[at.STIFFNESS, i] + linear_terms[at.GEOMETRIC, i])
+            * (v - linear_terms[at.LINK, i] * v_below)
+        )
         v_below = v
     for i in range(n):
-        inner = work[_SUM, i] - chain[at.LINK, i + 1] * work[_SUM, i + 1]
-        work[_X, i] = chain[at.MASS, i] * state[at.ACCELERATION, i] - inner
-    solve_damped(first, modal, _X, n)
+        inner = work[_ROW.SUM, i] - linear_terms[at.LINK, i + 1] * work[_ROW.SUM, i + 1]
+        work[_ROW.X, i] = linear_terms[at.MASS, i] * state[at.ACCELERATION, i] - inner
+    solve_damped(first, modal, _ROW.X, n)
     below = 0.0
     for i in range(n):
         v = state[at.VELOCITY, i]
-        u = state[at.DISPLACEMENT, i] + h * v + half * h * work[_X, i]
-        restoring(laws, springs, i, 0, at.FIRST_TRIAL, u - chain[at.LINK, i] * below)
-        commit(laws, springs, i, 0, at.FIRST_TRIAL)
+        u = state[at.DISPLACEMENT, i] + h * v + half * h * work[_ROW.X, i]
+        restoring(law_parameters, springs, i, 0, at.FIRST_TRIAL, u - linear_terms[at.LINK, i] * below)
+        commit(law_parameters, springs, i, 0, at.FIRST_TRIAL)
         below = u
         state[at.DISPLACEMENT, i] = u
-        work[_V, i] = v + half * state[at.ACCELERATION, i]
-    floor_load(chain, forces, load[at.TIME] + h, load[at.GROUND_1], work, _LOAD)
-    internal_forces(chain, modal, springs, 0, work, _V, _X, _SUM)
+        work[_ROW.V, i] = v + half * state[at.ACCELERATION, i]
+    floor_load(linear_terms, forces, load[at.TIME] + h, load[at.GROUND_1], work, _ROW.LOAD)
+    internal_forces(linear_terms, modal, springs, 0, work, _ROW.V, _ROW.X, _ROW.SUM)
     for i in range(n):
-        work[_X, i] = work[_LOAD, i] - work[_X, i]
-    solve_damped(second, modal, _X, n)
+        work[_ROW.X, i] = work[_ROW.LOAD, i] - work[_ROW.X, i]
+    solve_damped(second, modal, _ROW.X, n)
     for i in range(n):
-        state[at.VELOCITY, i] = work[_V, i] + half * work[_X, i]
-        state[at.ACCELERATION, i] = work[_X, i]
+        state[at.VELOCITY, i] = work[_ROW.V, i] + half * work[_ROW.X, i]
+        state[at.ACCELERATION, i] = work[_ROW.X, i]
     return 1 if finite(state, n) else at.NOT_FINITE
 
 

@@ -34,45 +34,47 @@ from dataclasses import replace
 
 from tdint.kernels import layout as at
 from tdint.kernels.bundles import Memory, Scene
-from tdint.kernels.chain import finite, mean_load
 from tdint.kernels.compiling import kernel
 from tdint.kernels.equations.carried.error import begin_error, carry_error
 from tdint.kernels.equations.carried.peaks import observe_error
 from tdint.kernels.equations.carried.rows import ERROR_ROWS, STATE_ROWS
 from tdint.kernels.equations.moment4 import ROW, R, finish, move, work_rows
+from tdint.kernels.linear_terms import finite, mean_load
 from tdint.kernels.stepping import STEP
 from tdint.methods.method import Family, Method, Parameter
 
 
 @kernel(STEP)
-def step(coefficients, chain, modal, laws, forces, flags, h, load, state, springs, work, report):
+def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report):
     """One step. State row ACCELERATION is the next one's first guess, where it needs one."""
-    mean_load(chain, forces, load, h, coefficients[R], work, ROW.LOAD)
-    scene = Scene(chain, modal, laws, forces, flags)
+    mean_load(linear_terms, forces, load, h, coefficients[R], work, ROW.LOAD)
+    scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, springs, work, report)
     code = move(coefficients, scene, h, memory)
     if code < 0:
         return code
     finish(coefficients, scene, h, memory)
-    return code if finite(state, chain.shape[1] - 1) else at.NOT_FINITE
+    return code if finite(state, linear_terms.shape[1] - 1) else at.NOT_FINITE
 
 
 @kernel(STEP)
-def step_with_error(coefficients, chain, modal, laws, forces, flags, h, load, state, springs, work, report):
+def step_with_error(
+    coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report
+):
     """The same step, and the error that the run has come to (`tdint.kernels.equations.carried.error`)."""
-    scene = Scene(chain, modal, laws, forces, flags)
+    scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, springs, work, report)
     if report[at.ERROR_BEGUN] == 0.0:
         begin_error(scene, load, memory)
         observe_error(scene, 0.0, load, memory)
-    mean_load(chain, forces, load, h, coefficients[R], work, ROW.LOAD)
+    mean_load(linear_terms, forces, load, h, coefficients[R], work, ROW.LOAD)
     code = move(coefficients, scene, h, memory)
     if code < 0:
         return code
     carry_error(scene, h, load, memory)
     finish(coefficients, scene, h, memory)
     observe_error(scene, h, load, memory)
-    return code if finite(state, chain.shape[1] - 1) else at.NOT_FINITE
+    return code if finite(state, linear_terms.shape[1] - 1) else at.NOT_FINITE
 
 
 def coefficients(rho_inf: float) -> tuple[float, ...]:

@@ -21,11 +21,11 @@ import math
 
 from tdint.kernels import layout as at
 from tdint.kernels.bundles import Memory, Scene, Weights
-from tdint.kernels.chain import finite, floor_load
 from tdint.kernels.compiling import inlined, kernel
-from tdint.kernels.equations.newton import BALANCE_ROWS, LOAD, A, U, V, X, balance, factor_rows, forget
+from tdint.kernels.equations.newton import BALANCE_ROWS, ROW, balance, factor_rows, forget
+from tdint.kernels.linear_terms import finite, floor_load
 from tdint.kernels.stepping import STEP
-from tdint.kernels.stories.springs import commit
+from tdint.kernels.stories.law_state import commit
 from tdint.methods.method import Family, Method
 
 # Coefficients: V, W, B, three each
@@ -39,9 +39,9 @@ OLDER_MEAN_VELOCITY = at.FIRST_OLDER + 1
 MEAN_ACCELERATION = at.FIRST_OLDER + 2
 OLDER_MEAN_ACCELERATION = at.FIRST_OLDER + 3
 
-# Rows of work
+# Rows of work behind those of the balance
 _W = BALANCE_ROWS  # first guess of the mean velocity
-_FACTORS = BALANCE_ROWS + 1
+_FACTORS = _W + 1
 
 START = 2
 """Steps of average acceleration before the first multi-step."""
@@ -53,11 +53,11 @@ def work_rows(modes: int) -> int:
 
 
 @kernel(STEP)
-def step(coefficients, chain, modal, laws, forces, flags, h, load, state, springs, work, report):
+def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report):
     """One step of the family, of average acceleration for the first two."""
-    scene = Scene(chain, modal, laws, forces, flags)
+    scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, springs, work, report)
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     c = coefficients
     if report[at.STEPS_DONE] < START:
         by_w = 0.25 * h
@@ -72,19 +72,19 @@ def step(coefficients, chain, modal, laws, forces, flags, h, load, state, spring
     if report[at.FACTORED_STEP] != by_v:  # tells h, and the start from what follows
         forget(work, _FACTORS, n)
         report[at.FACTORED_STEP] = by_v
-    floor_load(chain, forces, load[at.TIME] + h, load[at.GROUND_1], work, LOAD)
+    floor_load(linear_terms, forces, load[at.TIME] + h, load[at.GROUND_1], work, ROW.LOAD)
     code = balance(Weights(h * by_w, by_v, by_a), _FACTORS, 0, at.FIRST_TRIAL, scene, memory)
     if code < 0:
         return code
     for i in range(n):
         state[OLDER_MEAN_VELOCITY, i] = state[MEAN_VELOCITY, i]
         state[OLDER_MEAN_ACCELERATION, i] = state[MEAN_ACCELERATION, i]
-        state[MEAN_VELOCITY, i] = work[_W, i] + by_w * work[X, i]
-        state[MEAN_ACCELERATION, i] = (work[V, i] - state[at.VELOCITY, i]) / h
-        state[at.DISPLACEMENT, i] = work[U, i]
-        state[at.VELOCITY, i] = work[V, i]
-        state[at.ACCELERATION, i] = work[A, i]
-        commit(laws, springs, i, 0, at.FIRST_TRIAL)
+        state[MEAN_VELOCITY, i] = work[_W, i] + by_w * work[ROW.X, i]
+        state[MEAN_ACCELERATION, i] = (work[ROW.V, i] - state[at.VELOCITY, i]) / h
+        state[at.DISPLACEMENT, i] = work[ROW.U, i]
+        state[at.VELOCITY, i] = work[ROW.V, i]
+        state[at.ACCELERATION, i] = work[ROW.A, i]
+        commit(law_parameters, springs, i, 0, at.FIRST_TRIAL)
     return code if finite(state, n) else at.NOT_FINITE
 
 
@@ -95,9 +95,9 @@ def _guess_start(h, state, work, n):
         v = state[at.VELOCITY, i]
         a = state[at.ACCELERATION, i]
         work[_W, i] = v + 0.5 * h * a
-        work[U, i] = state[at.DISPLACEMENT, i] + h * work[_W, i]
-        work[V, i] = v + h * a
-        work[A, i] = a
+        work[ROW.U, i] = state[at.DISPLACEMENT, i] + h * work[_W, i]
+        work[ROW.V, i] = v + h * a
+        work[ROW.A, i] = a
 
 
 @inlined
@@ -110,9 +110,9 @@ def _guess(c, h, state, work, n):
         v = c[V_BY_W] * w + c[V_BY_W + 1] * w0 + c[V_BY_W + 2] * older
         b = (v - state[at.VELOCITY, i]) / h
         work[_W, i] = w
-        work[U, i] = state[at.DISPLACEMENT, i] + h * w
-        work[V, i] = v
-        work[A, i] = (
+        work[ROW.U, i] = state[at.DISPLACEMENT, i] + h * w
+        work[ROW.V, i] = v
+        work[ROW.A, i] = (
             (c[A_BY_W] * w + c[A_BY_W + 1] * w0 + c[A_BY_W + 2] * older) / h
             + c[A_BY_B] * b
             + c[A_BY_B + 1] * state[MEAN_ACCELERATION, i]

@@ -17,9 +17,19 @@ from numpy.polynomial import Polynomial
 
 from tdint.kernels import layout as at
 from tdint.kernels.bundles import Factors, Memory, Scene
-from tdint.kernels.chain import add_modal_force, finite, floor_load, internal_forces, power_damper
 from tdint.kernels.compiling import inlined, kernel
-from tdint.kernels.equations.halving import add_rows, copy_rows, squares, too_far
+from tdint.kernels.equations.iteration import (
+    CLOSE,
+    ITERATIONS,
+    PATIENCE,
+    SAME_TANGENT,
+    SMALL,
+    add_rows,
+    balanced,
+    copy_rows,
+    squares,
+    too_far,
+)
 from tdint.kernels.equations.tridiagonal import (
     COUPLING_ROWS,
     ModalBlocks,
@@ -27,8 +37,9 @@ from tdint.kernels.equations.tridiagonal import (
     link_blocks,
     solve_blocks_damped,
 )
-from tdint.kernels.stepping import CLOSE, ITERATIONS, PATIENCE, SAME_TANGENT, SMALL, STEP, balanced
-from tdint.kernels.stories.springs import commit, restoring, settle
+from tdint.kernels.linear_terms import add_modal_force, finite, floor_load, internal_forces, power_damper
+from tdint.kernels.stepping import STEP
+from tdint.kernels.stories.law_state import commit, restoring, settle
 from tdint.methods.method import Family, Method
 
 Table = tuple[tuple[float, ...], ...]
@@ -38,49 +49,56 @@ Table = tuple[tuple[float, ...], ...]
 
 _MOST_STAGES = 6
 
-# Rows of work
-_LOAD = 0
-_SUM = 1
-_U = 2
-_V = 3  # velocity of each stage and of the end
-_A = _V + _MOST_STAGES + 1  # acceleration, likewise
-_EXPLICIT_ROWS = _A + _MOST_STAGES + 1
+
+class _ExplicitRows(NamedTuple):
+    """Rows of work."""
+
+    LOAD: int = 1
+    SUM: int = 1
+    U: int = 1
+    V: int = _MOST_STAGES + 1  # velocity of each stage and of the end
+    A: int = _MOST_STAGES + 1  # acceleration, likewise
+
+
+_AT, _EXPLICIT_ROWS = at.chained(_ExplicitRows)
 
 
 @kernel(STEP)
-def explicit_step(coefficients, chain, modal, laws, forces, flags, h, load, state, springs, work, report):
+def explicit_step(
+    coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report
+):
     """One explicit step. The first stage is the end of the step before: state row ACCELERATION, from equilibrium."""
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     for i in range(n):
-        work[_V, i] = state[at.VELOCITY, i]
-        work[_A, i] = state[at.ACCELERATION, i]
+        work[_AT.V, i] = state[at.VELOCITY, i]
+        work[_AT.A, i] = state[at.ACCELERATION, i]
     stages = int(coefficients[0])
     row = 1
     for stage in range(1, stages + 1):
         for i in range(n):
-            work[_U, i] = state[at.DISPLACEMENT, i]
-            work[_V + stage, i] = state[at.VELOCITY, i]
+            work[_AT.U, i] = state[at.DISPLACEMENT, i]
+            work[_AT.V + stage, i] = state[at.VELOCITY, i]
         for earlier in range(stage):
             weight = h * coefficients[row + 1 + earlier]
             for i in range(n):
-                work[_U, i] += weight * work[_V + earlier, i]
-                work[_V + stage, i] += weight * work[_A + earlier, i]
+                work[_AT.U, i] += weight * work[_AT.V + earlier, i]
+                work[_AT.V + stage, i] += weight * work[_AT.A + earlier, i]
         below = 0.0
         for i in range(n):
-            restoring(laws, springs, i, 0, at.FIRST_TRIAL, work[_U, i] - chain[at.LINK, i] * below)
-            below = work[_U, i]
+            restoring(law_parameters, springs, i, 0, at.FIRST_TRIAL, work[_AT.U, i] - linear_terms[at.LINK, i] * below)
+            below = work[_AT.U, i]
         c = coefficients[row]
         ground = load[at.GROUND_0] + c * (load[at.GROUND_1] - load[at.GROUND_0])
-        floor_load(chain, forces, load[at.TIME] + c * h, ground, work, _LOAD)
-        internal_forces(chain, modal, springs, at.FIRST_TRIAL, work, _V + stage, _A + stage, _SUM)
+        floor_load(linear_terms, forces, load[at.TIME] + c * h, ground, work, _AT.LOAD)
+        internal_forces(linear_terms, modal, springs, at.FIRST_TRIAL, work, _AT.V + stage, _AT.A + stage, _AT.SUM)
         for i in range(n):
-            work[_A + stage, i] = chain[at.INVERSE_MASS, i] * (work[_LOAD, i] - work[_A + stage, i])
+            work[_AT.A + stage, i] = linear_terms[at.INVERSE_MASS, i] * (work[_AT.LOAD, i] - work[_AT.A + stage, i])
         row += stage + 1
     for i in range(n):
-        state[at.DISPLACEMENT, i] = work[_U, i]
-        state[at.VELOCITY, i] = work[_V + stages, i]
-        state[at.ACCELERATION, i] = work[_A + stages, i]
-        commit(laws, springs, i, 0, at.FIRST_TRIAL)
+        state[at.DISPLACEMENT, i] = work[_AT.U, i]
+        state[at.VELOCITY, i] = work[_AT.V + stages, i]
+        state[at.ACCELERATION, i] = work[_AT.A + stages, i]
+        commit(law_parameters, springs, i, 0, at.FIRST_TRIAL)
     return 1 if finite(state, n) else at.NOT_FINITE
 
 
@@ -163,13 +181,15 @@ _ROW, _STORE = at.chained(_StageRows)
 
 
 @kernel(STEP)
-def implicit_step(coefficients, chain, modal, laws, forces, flags, h, load, state, springs, work, report):
+def implicit_step(
+    coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report
+):
     """One step of a two-stage method; Newton on all stories and both stages at once.
 
     Where it goes round in a cycle, corrections are halved until they bring the equations closer to balance.
     """
-    n = chain.shape[1] - 1
-    scene = Scene(chain, modal, laws, forces, flags)
+    n = linear_terms.shape[1] - 1
+    scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, springs, work, report)
     factors = Factors(work, _ROW.BLOCKS, _ROW.COUPLING, _STORE)
     first, second = h * coefficients[A], h * coefficients[A + 1]
@@ -179,11 +199,11 @@ def implicit_step(coefficients, chain, modal, laws, forces, flags, h, load, stat
     part = 1.0
     before = math.inf
     while True:
-        stale = _stages(coefficients, chain, laws, h, memory)
-        if _in_balance(iterations == ITERATIONS, chain, modal, work, report):
+        stale = _stages(coefficients, linear_terms, law_parameters, h, memory)
+        if _in_balance(iterations == ITERATIONS, linear_terms, modal, work, report):
             break
         if iterations >= PATIENCE:
-            size = squares(chain, work, _ROW.R, n) + squares(chain, work, _ROW.R + 1, n)
+            size = squares(linear_terms, work, _ROW.R, n) + squares(linear_terms, work, _ROW.R + 1, n)
             if too_far(size, before, part):
                 part *= 0.5
                 add_rows(-part, work, _ROW.CORRECTION, _ROW.STAGE_A, 2, n)
@@ -193,7 +213,7 @@ def implicit_step(coefficients, chain, modal, laws, forces, flags, h, load, stat
         if iterations == ITERATIONS:
             return at.NOT_CONVERGED
         if stale:
-            _factor(coefficients, chain, h, factors, damping)
+            _factor(coefficients, linear_terms, h, factors, damping)
             report[at.FACTORED_STEP] = h
         solve_blocks_damped(factors, damping, _ROW.R, _ROW.R + 1, n)
         iterations += 1
@@ -204,29 +224,29 @@ def implicit_step(coefficients, chain, modal, laws, forces, flags, h, load, stat
             copy_rows(work, _ROW.R, _ROW.CORRECTION, 2, n)
         if flags[at.LINEAR] != 0.0:
             break
-    _finish(coefficients, chain, laws, h, memory)
+    _finish(coefficients, linear_terms, law_parameters, h, memory)
     return max(iterations, 1) if finite(state, n) else at.NOT_FINITE
 
 
 @inlined
 def _predict(coefficients, scene, h, load, memory):
     """Load at the stages; constant acceleration as the first guess, none in a linear building: that rounds least."""
-    chain, _, _, forces, flags = scene
+    linear_terms, _, _, forces, flags = scene
     state, _, work, _ = memory
     guess = 0.0 if flags[at.LINEAR] != 0.0 else 1.0
     for stage in range(2):
         c = coefficients[C + stage]
         ground = load[at.GROUND_0] + c * (load[at.GROUND_1] - load[at.GROUND_0])
-        floor_load(chain, forces, load[at.TIME] + c * h, ground, work, _ROW.STAGE_LOAD + stage)
-        for i in range(chain.shape[1] - 1):
+        floor_load(linear_terms, forces, load[at.TIME] + c * h, ground, work, _ROW.STAGE_LOAD + stage)
+        for i in range(linear_terms.shape[1] - 1):
             work[_ROW.STAGE_A + stage, i] = guess * state[at.ACCELERATION, i]
 
 
 @inlined
-def _stages(coefficients, chain, laws, h, memory):
+def _stages(coefficients, linear_terms, law_parameters, h, memory):
     """Motion and story forces at both stages, one reached from the other. True if the factorization does not fit."""
     state, springs, work, report = memory
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     stale = report[at.FACTORED_STEP] != h
     for stage in range(2):
         past = stage * at.FIRST_TRIAL
@@ -243,37 +263,39 @@ def _stages(coefficients, chain, laws, h, memory):
             a_2 = work[_ROW.STAGE_A + 1, i]
             u = state[at.DISPLACEMENT, i] + shift * state[at.VELOCITY, i] + (u_by_1 * a_1 + u_by_2 * a_2)
             v = state[at.VELOCITY, i] + (v_by_1 * a_1 + v_by_2 * a_2)
-            drift = u - chain[at.LINK, i] * u_below
-            rate = v - chain[at.LINK, i] * v_below
+            drift = u - linear_terms[at.LINK, i] * u_below
+            rate = v - linear_terms[at.LINK, i] * v_below
             u_below = u
             v_below = v
             work[_ROW.STAGE_U + stage, i] = u
             work[_ROW.STAGE_V + stage, i] = v
-            tangent = restoring(laws, springs, i, past, trial, drift)
+            tangent = restoring(law_parameters, springs, i, past, trial, drift)
             work[_ROW.TANGENT + stage, i] = tangent
-            stale = stale or abs(tangent - work[_ROW.FACTORED + stage, i]) > SAME_TANGENT * laws[at.STIFFNESS, i]
-            damper, slope = power_damper(chain, i, rate)
+            stale = (
+                stale or abs(tangent - work[_ROW.FACTORED + stage, i]) > SAME_TANGENT * law_parameters[at.STIFFNESS, i]
+            )
+            damper, slope = power_damper(linear_terms, i, rate)
             work[_ROW.SLOPE + stage, i] = slope
             change = abs(slope - work[_ROW.FACTORED_SLOPE + stage, i])
-            stale = stale or change * h * abs(coefficients[A]) > SAME_TANGENT * chain[at.MASS, i]
+            stale = stale or change * h * abs(coefficients[A]) > SAME_TANGENT * linear_terms[at.MASS, i]
             total = (
                 springs[trial + at.FORCE, i]
-                + chain[at.GEOMETRIC, i] * drift
-                + chain[at.STORY_DAMPER, i] * rate
+                + linear_terms[at.GEOMETRIC, i] * drift
+                + linear_terms[at.STORY_DAMPER, i] * rate
                 + damper
             )
             work[_ROW.STAGE_SUM + stage, i] = total
             # A drift is a difference: what the displacements round is not out of balance.
-            rounding = SMALL / CLOSE * laws[at.STIFFNESS, i]
+            rounding = SMALL / CLOSE * law_parameters[at.STIFFNESS, i]
             work[_ROW.SIZE + stage, i] = abs(total) + rounding * (abs(u) + abs(u - drift))
     return stale
 
 
 @inlined
-def _in_balance(last, chain, modal, work, report):
+def _in_balance(last, linear_terms, modal, work, report):
     """Unbalanced forces at both stages into their rows, N. Whether all are small. At the last of them the worst is
     noted."""
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     report[at.RESIDUAL] = 0.0
     small = True
     for stage in range(2):
@@ -282,10 +304,10 @@ def _in_balance(last, chain, modal, work, report):
             work[_ROW.R + stage, i] = 0.0
         add_modal_force(modal, work, _ROW.STAGE_V + stage, 1.0, work, _ROW.R + stage, n)
         for i in range(n):
-            link = chain[at.LINK, i + 1]
+            link = linear_terms[at.LINK, i + 1]
             outer = work[_ROW.STAGE_LOAD + stage, i]
-            inertia = chain[at.MASS, i] * work[_ROW.STAGE_A + stage, i]
-            damping = chain[at.FLOOR_DAMPER, i] * work[_ROW.STAGE_V + stage, i] + work[_ROW.R + stage, i]
+            inertia = linear_terms[at.MASS, i] * work[_ROW.STAGE_A + stage, i]
+            damping = linear_terms[at.FLOOR_DAMPER, i] * work[_ROW.STAGE_V + stage, i] + work[_ROW.R + stage, i]
             residual = outer - inertia - damping - work[total, i] + link * work[total, i + 1]
             work[_ROW.R + stage, i] = residual
             scale = abs(outer) + abs(inertia) + abs(damping)
@@ -295,36 +317,38 @@ def _in_balance(last, chain, modal, work, report):
 
 
 @inlined
-def _factor(coefficients, chain, h, factors, damping):
+def _factor(coefficients, linear_terms, h, factors, damping):
     """Factor I2 (x) M + h A (x) C + h^2 A^2 (x) K, each stage with its own tangents."""
     work = factors.table
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     for entry in range(4):
         stage = entry // 2
         by_m = 1.0 if entry == 0 or entry == 3 else 0.0
         by_c = h * coefficients[A + entry]
         by_k = h * h * coefficients[A2 + entry]
         for i in range(n):
-            damper = chain[at.STORY_DAMPER, i] + work[_ROW.SLOPE + stage, i]
-            story = by_k * (work[_ROW.TANGENT + stage, i] + chain[at.GEOMETRIC, i]) + by_c * damper
+            damper = linear_terms[at.STORY_DAMPER, i] + work[_ROW.SLOPE + stage, i]
+            story = by_k * (work[_ROW.TANGENT + stage, i] + linear_terms[at.GEOMETRIC, i]) + by_c * damper
             work[_ROW.COUPLING + entry, i] = story
-            work[_ROW.BLOCKS + entry, i] = by_m * chain[at.MASS, i] + by_c * chain[at.FLOOR_DAMPER, i] + story
+            work[_ROW.BLOCKS + entry, i] = (
+                by_m * linear_terms[at.MASS, i] + by_c * linear_terms[at.FLOOR_DAMPER, i] + story
+            )
     for stage in range(2):
         for i in range(n):
             work[_ROW.FACTORED + stage, i] = work[_ROW.TANGENT + stage, i]
             work[_ROW.FACTORED_SLOPE + stage, i] = work[_ROW.SLOPE + stage, i]
-    link_blocks(chain, factors, n)
+    link_blocks(linear_terms, factors, n)
     factor_blocks(factors, damping, n)
 
 
 @inlined
-def _finish(coefficients, chain, laws, h, memory):
+def _finish(coefficients, linear_terms, law_parameters, h, memory):
     """Update the state and commit the drift laws, reached from the second stage.
 
     State row ACCELERATION, the next step's first guess, is the line through both stages.
     """
     state, springs, work, _ = memory
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     beyond = (1.0 - coefficients[C + 1]) / (coefficients[C + 1] - coefficients[C])
     below = 0.0
     for i in range(n):
@@ -335,10 +359,10 @@ def _finish(coefficients, chain, laws, h, memory):
         state[at.DISPLACEMENT, i] = u
         state[at.VELOCITY, i] = v + h * (coefficients[B] * a_1 + coefficients[B + 1] * a_2)
         state[at.ACCELERATION, i] = a_2 + beyond * (a_2 - a_1)
-        settle(laws, springs, i, 0, at.FIRST_TRIAL)
-        settle(laws, springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL)
-        restoring(laws, springs, i, at.SECOND_TRIAL, at.THIRD_TRIAL, u - chain[at.LINK, i] * below)
-        commit(laws, springs, i, at.SECOND_TRIAL, at.THIRD_TRIAL)
+        settle(law_parameters, springs, i, 0, at.FIRST_TRIAL)
+        settle(law_parameters, springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL)
+        restoring(law_parameters, springs, i, at.SECOND_TRIAL, at.THIRD_TRIAL, u - linear_terms[at.LINK, i] * below)
+        commit(law_parameters, springs, i, at.SECOND_TRIAL, at.THIRD_TRIAL)
         below = u
 
 

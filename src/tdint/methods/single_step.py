@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 
 from tdint.kernels import layout as at
 from tdint.kernels.bundles import Memory, Scene, Weights
-from tdint.kernels.chain import finite, floor_load
 from tdint.kernels.compiling import inlined, kernel
-from tdint.kernels.equations.newton import BALANCE_ROWS, LOAD, A, U, V, X, balance, factor_rows, forget
+from tdint.kernels.equations.newton import BALANCE_ROWS, ROW, balance, factor_rows, forget
+from tdint.kernels.linear_terms import finite, floor_load
 from tdint.kernels.stepping import STEP
-from tdint.kernels.stories.springs import commit, restoring
+from tdint.kernels.stories.law_state import commit, restoring
 from tdint.methods.method import Family, Method, Parameter
 
 # Coefficients
@@ -35,9 +35,9 @@ L6W1 = 4
 L3 = 5
 L5 = 6
 
-# Rows of work
-_LOAD_0 = BALANCE_ROWS
-_FACTORS = BALANCE_ROWS + 1
+# Rows of work behind those of the balance
+_LOAD_0 = BALANCE_ROWS  # at the start of the step
+_FACTORS = _LOAD_0 + 1
 
 
 def work_rows(modes: int) -> int:
@@ -46,50 +46,50 @@ def work_rows(modes: int) -> int:
 
 
 @kernel(STEP)
-def step(coefficients, chain, modal, laws, forces, flags, h, load, state, springs, work, report):
+def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report):
     """One step of the family; the unknown of the balance is da."""
-    scene = Scene(chain, modal, laws, forces, flags)
+    scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, springs, work, report)
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     if report[at.FACTORED_STEP] != h:
         forget(work, _FACTORS, n)
         report[at.FACTORED_STEP] = h
-    _predict(coefficients, chain, forces, h, load, state, work)
+    _predict(coefficients, linear_terms, forces, h, load, state, work)
     weights = Weights(coefficients[L3W3] * h * h, coefficients[L5W2] * h, coefficients[L6W1])
     code = balance(weights, _FACTORS, 0, at.FIRST_TRIAL, scene, memory)
     if code < 0:
         return code
     below = 0.0
     for i in range(n):
-        da = work[X, i]
+        da = work[ROW.X, i]
         v = state[at.VELOCITY, i]
         a = state[at.ACCELERATION, i]
         u = state[at.DISPLACEMENT, i] + h * v + h * h * (0.5 * a + coefficients[L3] * da)
         state[at.DISPLACEMENT, i] = u
         state[at.VELOCITY, i] = v + h * (a + coefficients[L5] * da)
         state[at.ACCELERATION, i] = a + da
-        restoring(laws, springs, i, 0, at.FIRST_TRIAL, u - chain[at.LINK, i] * below)
-        commit(laws, springs, i, 0, at.FIRST_TRIAL)
+        restoring(law_parameters, springs, i, 0, at.FIRST_TRIAL, u - linear_terms[at.LINK, i] * below)
+        commit(law_parameters, springs, i, 0, at.FIRST_TRIAL)
         below = u
     return code if finite(state, n) else at.NOT_FINITE
 
 
 @inlined
-def _predict(coefficients, chain, forces, h, load, state, work):
+def _predict(coefficients, linear_terms, forces, h, load, state, work):
     """Weighted load, and the weighted point for da = 0."""
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     w1 = coefficients[W1]
     if w1 != 1.0:
-        floor_load(chain, forces, load[at.TIME], load[at.GROUND_0], work, _LOAD_0)
-    floor_load(chain, forces, load[at.TIME] + h, load[at.GROUND_1], work, LOAD)
+        floor_load(linear_terms, forces, load[at.TIME], load[at.GROUND_0], work, _LOAD_0)
+    floor_load(linear_terms, forces, load[at.TIME] + h, load[at.GROUND_1], work, ROW.LOAD)
     for i in range(n):
         if w1 != 1.0:
-            work[LOAD, i] = (1.0 - w1) * work[_LOAD_0, i] + w1 * work[LOAD, i]
+            work[ROW.LOAD, i] = (1.0 - w1) * work[_LOAD_0, i] + w1 * work[ROW.LOAD, i]
         v = state[at.VELOCITY, i]
         a = state[at.ACCELERATION, i]
-        work[U, i] = state[at.DISPLACEMENT, i] + w1 * h * v + coefficients[L2W2] * h * h * a
-        work[V, i] = v + w1 * h * a
-        work[A, i] = a
+        work[ROW.U, i] = state[at.DISPLACEMENT, i] + w1 * h * v + coefficients[L2W2] * h * h * a
+        work[ROW.V, i] = v + w1 * h * a
+        work[ROW.A, i] = a
 
 
 FAMILY = Family("single-step", step, work_rows)

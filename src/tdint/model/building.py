@@ -28,7 +28,7 @@ class Building:
 
     Attributes
     ----------
-    chain, laws : ndarray, shapes (CHAIN_ROWS, n + 1) and (rows, n + 1)
+    linear_terms, law_parameters : ndarray, shapes (LINEAR_TERM_ROWS, n + 1) and (rows, n + 1)
         The tables of `tdint.kernels.layout`; the last column is zero.
     modal : ndarray, shape (modes, n + 1)
         Rows w of the modal damping C = sum of w w^T; no rows for none.
@@ -40,8 +40,8 @@ class Building:
         The undamped vibration of the initial stiffness.
     """
 
-    chain: Array
-    laws: Array
+    linear_terms: Array
+    law_parameters: Array
     modal: Array
     heights: Array
     yield_drift: Array
@@ -50,53 +50,53 @@ class Building:
     @property
     def stories(self) -> int:
         """Number of stories n."""
-        return int(self.chain.shape[1]) - 1
+        return int(self.linear_terms.shape[1]) - 1
 
     @property
     def mass(self) -> Array:
         """Masses of the floors, kg, shape (n,)."""
-        return self.chain[at.MASS, :-1]
+        return self.linear_terms[at.MASS, :-1]
 
     @property
     def initial_stiffness(self) -> Array:
         """Initial stiffness of the stories, P-delta included, N/m, shape (n,)."""
-        return self.laws[at.STIFFNESS, :-1] + self.chain[at.GEOMETRIC, :-1]
+        return self.law_parameters[at.STIFFNESS, :-1] + self.linear_terms[at.GEOMETRIC, :-1]
 
     @cached_property
     def linear(self) -> bool:
         """Whether every story has a linear law, and none a power-law dashpot."""
-        return not self.power_damped and bool(np.all(self.laws[at.CODE, :-1] == CODES["linear"]))
+        return not self.power_damped and bool(np.all(self.law_parameters[at.CODE, :-1] == CODES["linear"]))
 
     @cached_property
     def power_damped(self) -> bool:
         """Whether some story has a power-law dashpot."""
-        return bool(np.any(self.chain[at.POWER_DAMPER, :-1] != 0.0))
+        return bool(np.any(self.linear_terms[at.POWER_DAMPER, :-1] != 0.0))
 
     @cached_property
     def damped_by_devices(self) -> bool:
         """Whether some story has a dashpot."""
-        return self.power_damped or bool(np.any(self.chain[at.DASHPOT, :-1] != 0.0))
+        return self.power_damped or bool(np.any(self.linear_terms[at.DASHPOT, :-1] != 0.0))
 
     def device_force(self, rate: Array) -> Array:
         """Force of the stories' dashpots at drift rates, m/s, shape (..., n); N."""
-        secant = self.chain[at.DASHPOT, :-1] * np.ones_like(rate)
-        size = rate**2 + self.chain[at.THRESHOLD, :-1]
-        power = self.chain[at.POWER, :-1] * np.ones_like(rate)
-        moving = (size > 0.0) & (self.chain[at.POWER_DAMPER, :-1] != 0.0)
+        secant = self.linear_terms[at.DASHPOT, :-1] * np.ones_like(rate)
+        size = rate**2 + self.linear_terms[at.THRESHOLD, :-1]
+        power = self.linear_terms[at.POWER, :-1] * np.ones_like(rate)
+        moving = (size > 0.0) & (self.linear_terms[at.POWER_DAMPER, :-1] != 0.0)
         grown = np.power(size, power, out=np.zeros_like(size), where=moving)
-        return np.asarray((secant + self.chain[at.POWER_DAMPER, :-1] * grown) * rate)
+        return np.asarray((secant + self.linear_terms[at.POWER_DAMPER, :-1] * grown) * rate)
 
     @cached_property
     def piecewise_linear(self) -> bool:
         """Whether every story has a law that is linear branch by branch."""
         codes = [CODES[name] for name, law in LAWS.items() if not law.curved]
-        return bool(np.all(np.isin(self.laws[at.CODE, :-1], codes)))
+        return bool(np.all(np.isin(self.law_parameters[at.CODE, :-1], codes)))
 
     @cached_property
     def kinked(self) -> bool:
         """Whether some story has a law whose tangent jumps."""
         codes = [CODES[name] for name, law in LAWS.items() if law.kinked]
-        return bool(np.any(np.isin(self.laws[at.CODE, :-1], codes)))
+        return bool(np.any(np.isin(self.law_parameters[at.CODE, :-1], codes)))
 
     @cached_property
     def fastest(self) -> float:
@@ -106,7 +106,7 @@ class Building:
         x the largest is at most the largest (M^-1 K x) / x (Collatz 1942), and the closer the nearer x is to the mode.
         """
         springs = np.append(np.abs(self.initial_stiffness), 0.0)
-        below, above = self.chain[at.LINK, :-1] * springs[:-1], self.chain[at.LINK, 1:] * springs[1:]
+        below, above = self.linear_terms[at.LINK, :-1] * springs[:-1], self.linear_terms[at.LINK, 1:] * springs[1:]
         shape = np.ones(self.stories)
         bound = math.inf
         for _ in range(_TURNS):
@@ -120,12 +120,12 @@ class Building:
 
     def stiffness_matrix(self) -> Array:
         """Initial stiffness matrix, N/m, shape (n, n)."""
-        return _tridiagonal(self.initial_stiffness, self.chain[at.LINK, :-1])
+        return _tridiagonal(self.initial_stiffness, self.linear_terms[at.LINK, :-1])
 
     def damping_matrix(self) -> Array:
         """Damping matrix without power-law dashpots, N s/m, shape (n, n)."""
-        stories = _tridiagonal(self.chain[at.STORY_DAMPER, :-1], self.chain[at.LINK, :-1])
-        return stories + np.diag(self.chain[at.FLOOR_DAMPER, :-1]) + self.modal[:, :-1].T @ self.modal[:, :-1]
+        stories = _tridiagonal(self.linear_terms[at.STORY_DAMPER, :-1], self.linear_terms[at.LINK, :-1])
+        return stories + np.diag(self.linear_terms[at.FLOOR_DAMPER, :-1]) + self.modal[:, :-1].T @ self.modal[:, :-1]
 
     def first_mode(self) -> tuple[float, float]:
         """Circular frequency (rad/s) and damping ratio of the first mode, without power-law dashpots.
@@ -134,7 +134,9 @@ class Building:
         """
         omega, shape = self.vibration.first
         drift = np.diff(shape, prepend=0.0)
-        work = np.sum(self.chain[at.STORY_DAMPER, :-1] * drift**2) + np.sum(self.chain[at.FLOOR_DAMPER, :-1] * shape**2)
+        work = np.sum(self.linear_terms[at.STORY_DAMPER, :-1] * drift**2) + np.sum(
+            self.linear_terms[at.FLOOR_DAMPER, :-1] * shape**2
+        )
         work += np.sum((self.modal[:, :-1] @ shape) ** 2)
         return omega, float(work / (2.0 * omega))
 
@@ -161,33 +163,37 @@ def assemble(model: Model) -> Building:
     """
     stories = model.stories
     n = len(stories)
-    chain = np.zeros((at.CHAIN_ROWS, n + 1))
-    chain[at.MASS, :n] = [story.mass for story in stories]
-    chain[at.INVERSE_MASS, :n] = 1.0 / chain[at.MASS, :n]
-    chain[at.STORY_DAMPER, :n] = chain[at.DASHPOT, :n] = [story.dashpot for story in stories]
+    linear_terms = np.zeros((at.LINEAR_TERM_ROWS, n + 1))
+    linear_terms[at.MASS, :n] = [story.mass for story in stories]
+    linear_terms[at.INVERSE_MASS, :n] = 1.0 / linear_terms[at.MASS, :n]
+    linear_terms[at.STORY_DAMPER, :n] = linear_terms[at.DASHPOT, :n] = [story.dashpot for story in stories]
     for i, story in enumerate(stories):
         if (dashpot := story.power_dashpot) is not None:
-            chain[at.POWER_DAMPER, i] = dashpot.coefficient
-            chain[at.POWER, i] = 0.5 * (dashpot.exponent - 1.0)
-            chain[at.THRESHOLD, i] = dashpot.linear_below**2
-    chain[at.LINK, 1:n] = 1.0
+            linear_terms[at.POWER_DAMPER, i] = dashpot.coefficient
+            linear_terms[at.POWER, i] = 0.5 * (dashpot.exponent - 1.0)
+            linear_terms[at.THRESHOLD, i] = dashpot.linear_below**2
+    linear_terms[at.LINK, 1:n] = 1.0
     heights = np.array([math.nan if story.height is None else story.height for story in stories])
     if model.p_delta:
-        weight_above = STANDARD_GRAVITY * np.cumsum(chain[at.MASS, :n][::-1])[::-1]
-        chain[at.GEOMETRIC, :n] = -weight_above / heights
+        weight_above = STANDARD_GRAVITY * np.cumsum(linear_terms[at.MASS, :n][::-1])[::-1]
+        linear_terms[at.GEOMETRIC, :n] = -weight_above / heights
     rows = max(len(story.law.parameters) for story in stories)
-    laws = np.zeros((at.FIRST_PARAMETER + rows, n + 1))
+    law_parameters = np.zeros((at.FIRST_PARAMETER + rows, n + 1))
     yield_drift = np.empty(n)
     for i, story in enumerate(stories):
         values = story.law.parameters
         law = LAWS[story.law.name]
-        laws[at.CODE, i] = CODES[story.law.name]
-        laws[at.STIFFNESS, i] = story.stiffness
-        laws[at.FIRST_PARAMETER : at.FIRST_PARAMETER + len(values), i] = values
+        law_parameters[at.CODE, i] = CODES[story.law.name]
+        law_parameters[at.STIFFNESS, i] = story.stiffness
+        law_parameters[at.FIRST_PARAMETER : at.FIRST_PARAMETER + len(values), i] = values
         yield_drift[i] = law.yield_drift(story.stiffness, values)
-    vibration = FreeVibration(chain[at.MASS, :n], laws[at.STIFFNESS, :n] + chain[at.GEOMETRIC, :n], chain[at.LINK, :n])
-    modal = add_damping(chain, laws[at.STIFFNESS, :n], model, vibration)
-    return Building(chain, laws, modal, heights, yield_drift, vibration)
+    vibration = FreeVibration(
+        linear_terms[at.MASS, :n],
+        law_parameters[at.STIFFNESS, :n] + linear_terms[at.GEOMETRIC, :n],
+        linear_terms[at.LINK, :n],
+    )
+    modal = add_damping(linear_terms, law_parameters[at.STIFFNESS, :n], model, vibration)
+    return Building(linear_terms, law_parameters, modal, heights, yield_drift, vibration)
 
 
 def modes(model: Model) -> Modes:
@@ -215,16 +221,16 @@ def oscillators(omega: Array, damping: Array) -> Building:
     """
     omega, damping = np.broadcast_arrays(np.asarray(omega, float), np.asarray(damping, float))
     k = omega.size
-    chain = np.zeros((at.CHAIN_ROWS, k + 1))
-    chain[at.MASS, :k] = 1.0
-    chain[at.INVERSE_MASS, :k] = 1.0
-    chain[at.STORY_DAMPER, :k] = 2.0 * damping * omega
-    laws = np.zeros((at.FIRST_PARAMETER, k + 1))
-    laws[at.CODE, :k] = CODES["linear"]
-    laws[at.STIFFNESS, :k] = omega**2
+    linear_terms = np.zeros((at.LINEAR_TERM_ROWS, k + 1))
+    linear_terms[at.MASS, :k] = 1.0
+    linear_terms[at.INVERSE_MASS, :k] = 1.0
+    linear_terms[at.STORY_DAMPER, :k] = 2.0 * damping * omega
+    law_parameters = np.zeros((at.FIRST_PARAMETER, k + 1))
+    law_parameters[at.CODE, :k] = CODES["linear"]
+    law_parameters[at.STIFFNESS, :k] = omega**2
     unknown = np.full(k, math.nan)
-    vibration = FreeVibration(chain[at.MASS, :k], laws[at.STIFFNESS, :k], chain[at.LINK, :k])
-    return Building(chain, laws, np.zeros((0, k + 1)), unknown, unknown, vibration)
+    vibration = FreeVibration(linear_terms[at.MASS, :k], law_parameters[at.STIFFNESS, :k], linear_terms[at.LINK, :k])
+    return Building(linear_terms, law_parameters, np.zeros((0, k + 1)), unknown, unknown, vibration)
 
 
 def force_table(forces: Sequence[Force]) -> NDArray[np.float64]:

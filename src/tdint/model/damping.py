@@ -16,23 +16,23 @@ Array = NDArray[np.float64]
 _TABLES = 4  # of the size of the stories squared that solving for all modes takes
 
 
-def add_damping(chain: Array, stiffness: Array, model: Model, vibration: FreeVibration) -> Array:
+def add_damping(linear_terms: Array, stiffness: Array, model: Model, vibration: FreeVibration) -> Array:
     """Add the model's damping to the dampers of `chain`; return the rows of its modal damping, shape (modes, n + 1).
 
     Rayleigh damping is C = a0 M + a1 K with the initial stiffness K without P-delta: a damper from each floor to the
     ground and one beside each story. Modal damping is C = sum 2 xi omega (M phi)(M phi)^T over mass-normalized modes
     phi.
     """
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     damping = model.damping
     if isinstance(damping, ModalDamping):
         _check_memory(n)
-        return modal_rows(vibration.modes, chain[at.MASS, :n], np.array(damping.ratios))
+        return modal_rows(vibration.modes, linear_terms[at.MASS, :n], np.array(damping.ratios))
     if isinstance(damping, RayleighRatio):
         damping = rayleigh(damping, *(vibration.frequency(mode) for mode in damping.modes))
     if damping is not None:
-        chain[at.FLOOR_DAMPER, :n] += damping.mass * chain[at.MASS, :n]
-        chain[at.STORY_DAMPER, :n] += damping.stiffness * stiffness
+        linear_terms[at.FLOOR_DAMPER, :n] += damping.mass * linear_terms[at.MASS, :n]
+        linear_terms[at.STORY_DAMPER, :n] += damping.stiffness * stiffness
     return np.zeros((0, n + 1))
 
 

@@ -164,7 +164,7 @@ def test_k_steps_are_the_kth_power_of_the_matrix(method, damping):
     space.report[at.STEPS_DONE] = 100.0
     if at.ACCELERATION in memory:  # the march starts it from equilibrium
         u, v = space.state[0, :-1], space.state[at.VELOCITY, :-1]
-        space.state[at.ACCELERATION, :-1] = -(omega**2) * u - building.chain[at.STORY_DAMPER, :-1] * v
+        space.state[at.ACCELERATION, :-1] = -(omega**2) * u - building.linear_terms[at.STORY_DAMPER, :-1] * v
     matrices = amplification(integrator, omega, np.full_like(omega, damping), h)
     powers = np.linalg.matrix_power(matrices, k)
     expected = np.einsum("jab,bj->aj", powers, space.state[memory, :-1])

@@ -20,7 +20,7 @@ DAMPED = "configs/fluid-dampers.yaml"
 def by_parts(model, history):
     """The total shear from its parts: springs, P-delta, dashpots, Rayleigh or modal damping; shape (steps + 1, n)."""
     building = assemble(model)
-    chain = building.chain[:, :-1]
+    chain = building.linear_terms[:, :-1]
     rate = np.diff(history.velocity, axis=1, prepend=0.0)
     own = history.shear + chain[at.GEOMETRIC] * history.drift + history.damper_force
     own += (chain[at.STORY_DAMPER] - chain[at.DASHPOT]) * rate

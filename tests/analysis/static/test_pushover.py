@@ -110,7 +110,7 @@ def test_every_story_carries_its_share_at_every_row(name):
     share = np.cumsum(result.forces[::-1])[::-1]
     for i in range(building.stories):
         path = follow_path(building, i + 1, result.drift[:, i].copy())
-        carried = path.shear + building.chain[at.GEOMETRIC, i] * path.drift
+        carried = path.shear + building.linear_terms[at.GEOMETRIC, i] * path.drift
         assert carried == pytest.approx(share[i] * result.base_shear, abs=2e-5 * np.max(result.base_shear))
     target = result.roof_displacement[-1]
     rows = result.base_shear.size

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from tdint.errors import UsageError
 from tdint_cli.batch.campaigns import advance_with_bar, carry_out, tell_outcomes
+from tdint_cli.batch.profiles import Profiles, SuiteRequest
 from tdint_cli.errors import Failures
 from tdint_cli.options.building import BuildingRequest, with_motion
 from tdint_cli.terminal.drawing import emit_table
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from tdint.campaign.draws import SuiteMotion
     from tdint.campaign.plan import Plan
     from tdint.model.definition import Model
-    from tdint.output_units import OutputUnits
 
 
 def run_many(
@@ -29,21 +29,25 @@ def run_many(
     output: str | None,
     overwrite: bool,
     jobs: int | None,
-    units: OutputUnits | None,
-    factors: str | None = None,
+    factors: str | None,
+    of_suite: SuiteRequest,
 ) -> None:
     """Do the runs of a building under some records (those of the model without any) at some scales, or with the
     factors of a file; the table goes to standard output, and with `output` everything is kept in that folder as `tdint
     campaign` keeps it."""
     from tdint.campaign.carry_out import threads
     from tdint.campaign.store.store import open_store
+    from tdint.files import check_outputs, write_files
     from tdint.model.config.model_file import load_model
     from tdint.output.tables.campaign import runs_table
     from tdint.system import processors
 
+    picture = of_suite.picture(Path(output) if output else None)
+    if output is None:
+        check_outputs([picture] if picture else [], overwrite=overwrite)
     model = load_model(request.model)
     plan = _plan(request, records, model, wishes, factors)
-    units = units or model.output_units
+    units = of_suite.units or model.output_units
     engine = threads(jobs or processors())
     if output is None:
         store, _ = open_store(None, plan)
@@ -54,10 +58,16 @@ def run_many(
             emit_table(runs_table(store).in_units(units))
             say(f"{advance.done} runs.")
             tell_outcomes(store)
-        if plan.failures:
-            raise Failures(list(plan.failures))
+            profiles = Profiles(store, of_suite, units)
+            if picture:
+                write_files({picture: profiles.draw(picture)}, overwrite=overwrite)
+            unmet = profiles.tell()
+        if plan.failures or unmet:
+            raise Failures([*plan.failures, *unmet])
         return
-    carry_out(plan, engine, Path(output), overwrite=overwrite, show=True, units=units)
+    carry_out(
+        plan, engine, Path(output), overwrite=overwrite, show=True, of_suite=of_suite
+    )  # fmt: skip
 
 
 def _plan(

@@ -13,6 +13,7 @@ import click
 from tdint.errors import UsageError
 from tdint.files import is_folder
 from tdint_cli import options
+from tdint_cli.batch.profiles import SuiteRequest, drift_limit
 from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.options.building import BuildingRequest, check_motion, with_motion
 from tdint_cli.options.output import check_picture
@@ -54,6 +55,8 @@ class Request(BuildingRequest):
     of_floors: FloorRequest
     jobs: int | None
     factors: str | None
+    drift_limit: float | None
+    require: bool
 
     def refuse_of_one(self) -> None:
         """Raise UsageError for options of a single run.
@@ -63,7 +66,7 @@ class Request(BuildingRequest):
         UsageError
             One of them is given.
         """
-        for name in ("history", "plot", "check", "tolerance", "allow_unstable"):
+        for name in ("history", "check", "tolerance", "allow_unstable"):
             if getattr(self, name):
                 raise UsageError(f"--{name.replace('_', '-')} is for one record and one scale; call it once for each")
         if self.every > 1:
@@ -108,8 +111,8 @@ class Request(BuildingRequest):
 )
 @options.spectra.export_floors
 @options.output.plot(
-    f"Also draw roof displacement, energies, drifts, one hysteresis: to this file (.png, .pdf, .svg), or alone as "
-    f"{PICTURE} into the folder of -o."
+    f"Also draw roof displacement, energies, drifts, one hysteresis; of several records the profiles of all and their "
+    f"mean: to this file (.png, .pdf, .svg), or alone as {PICTURE} or profiles.png into the folder of -o."
 )
 @options.output.units
 @options.output.overwrite
@@ -126,6 +129,7 @@ class Request(BuildingRequest):
     help="Take the largest step with which the estimated error of every peak drift is within this part of it: from "
     "several sampling intervals of the record, or from --dt, down to a 256th; the columns of --check are there, too.",
 )
+@drift_limit("--limit")
 @options.analysis.option("--allow-unstable", is_flag=True, help="Run a method beyond its largest stable step.")
 @options.option(
     "--jobs",
@@ -143,8 +147,9 @@ def command(record: str | None, records: tuple[str, ...], **given: Any) -> None:
     run: those the new one does not write are removed.
 
     With several records, a folder of records, several scales (--scale 0.5,1,2) or --factors the table has a row for
-    each run instead, of all horizontal components without --component. With -o it is a small campaign: runs.csv and
-    campaign.sqlite, which `tdint campaign status`, `export` and `merge` take; a call that was ended goes on.
+    each run instead, of all horizontal components without --component. With -o it is a small campaign: runs.csv,
+    profiles.csv (mean, fractiles and largest over the motions, in each story) and campaign.sqlite, which `tdint
+    campaign status`, `export` and `merge` take; a call that was ended goes on.
     """
     if record is not None and records:
         raise UsageError(f"--record {record} and {records[0]} are given; leave one of them out")
@@ -170,7 +175,8 @@ def _run_many(request: Request, records: tuple[str, ...]) -> None:
     wishes = AnalysisWishes(request.method, request.dt, request.duration, until_rest=request.until_rest)
     run_many(
         request, records, wishes=wishes, output=request.output, overwrite=request.overwrite,
-        jobs=request.jobs, units=request.output_units, factors=request.factors,
+        jobs=request.jobs, factors=request.factors,
+        of_suite=SuiteRequest(request.output_units, request.plot, request.drift_limit, request.require),
     )  # fmt: skip
 
 
@@ -224,6 +230,8 @@ def _check(request: Request) -> None:
     from tdint.files import check_outputs
 
     history = _history(request)
+    if request.drift_limit is not None:
+        raise UsageError("--limit is for the mean over several records; the drifts of one are in its table")
     request.of_floors.check(request.output)
     check_motion(request)
     picture = _picture(request)

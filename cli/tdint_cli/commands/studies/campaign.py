@@ -13,6 +13,8 @@ from tdint.errors import UsageError
 from tdint.output_units import OutputUnits
 from tdint_cli import options
 from tdint_cli.batch.campaigns import carry_out, export, finish, make_folder, refuse_foreign
+from tdint_cli.batch.profiles import Profiles, SuiteRequest, drift_limit
+from tdint_cli.errors import Failures
 from tdint_cli.options.values import FileName
 from tdint_cli.terminal.drawing import emit_table
 from tdint_cli.terminal.streams import note, say, warn
@@ -39,6 +41,14 @@ class CampaignRequest:
     simcenter: bool
     output_units: OutputUnits | None
     overwrite: bool
+    plot: str | None
+    drift_limit: float | None
+    require: bool
+
+    @property
+    def of_suite(self) -> SuiteRequest:
+        """What is asked of the suite."""
+        return SuiteRequest(self.output_units, self.plot, self.drift_limit, self.require)
 
     def refuse(self, *names: str) -> None:
         """Raise UsageError for options that the action does not take."""
@@ -52,7 +62,9 @@ _OF_RUNS = ("jobs", "shard", "limit", "dask", "tls_ca", "tls_cert", "tls_key")
 
 @options.command("campaign")
 @click.argument("words", metavar="CAMPAIGN.yaml|status|merge|export DIR...", nargs=-1, required=True, type=FileName())
-@options.output.output("DIR", "The folder of the campaign: campaign.sqlite, runs.csv, summary.json, stories.csv.")
+@options.output.output(
+    "DIR", "The folder of the campaign: campaign.sqlite, runs.csv, profiles.csv, summary.json, stories.csv."
+)
 @options.option(
     "--jobs", type=click.IntRange(1, 1024), metavar="N",
     help="Threads; one for each processor by default. The output does not depend on it.",
@@ -75,12 +87,18 @@ _OF_RUNS = ("jobs", "shard", "limit", "dask", "tls_ca", "tls_cert", "tls_key")
     is_flag=True,
     help="With export: also simcenter.csv, the demands under SimCenter's names (1-PFA-1-1).",
 )
+@options.output.plot(
+    "Also draw drifts, accelerations and shears over the height, of each motion and over all: to this file (.png, "
+    ".pdf, .svg), or alone as profiles.png into the folder."
+)
 @options.output.units
 @options.output.overwrite
+@drift_limit()
 def command(**given: Any) -> None:
     """Runs of many buildings under many records at many levels.
 
-    `tdint campaign CAMPAIGN.yaml -o DIR` does all runs that the file asks for and writes a row of each to DIR/runs.csv.
+    `tdint campaign CAMPAIGN.yaml -o DIR` does all runs that the file asks for and writes a row of each to DIR/runs.csv,
+    and their mean, fractiles and largest over the motions to DIR/profiles.csv.
     Whatever ends it, the same call goes on where it stopped. `status DIR` tells how far it is, `export DIR` writes the
     tables anew, `merge DIR... -o DIR` puts parts together that were done with --shard.
 
@@ -111,12 +129,12 @@ def _run(request: CampaignRequest) -> None:
         shard=shard,
         limit=request.limit,
         overwrite=request.overwrite,
-        units=request.output_units,
+        of_suite=request.of_suite,
     )
 
 
 def _status(request: CampaignRequest) -> None:
-    request.refuse(*_OF_RUNS, "simcenter", "output", "output_units", "overwrite")
+    request.refuse(*_OF_RUNS, "simcenter", "output", "output_units", "overwrite", "plot", "drift_limit")
     from tdint.campaign.store.store import check_chunks, open_existing
     from tdint.output.tables.campaign import status_table
 
@@ -139,7 +157,12 @@ def _export(request: CampaignRequest) -> None:
     with open_existing(folder, write=True) as store:
         check_chunks(store)
         units = request.output_units or store.output_units()
-        export(store, folder, simcenter=request.simcenter, units=units, overwrite=request.overwrite)
+        profiles = Profiles(store, request.of_suite, units)
+        export(
+            store, folder, simcenter=request.simcenter, units=units, overwrite=request.overwrite, profiles=profiles
+        )  # fmt: skip
+        if unmet := profiles.tell():
+            raise Failures(unmet)
 
 
 def _merge(request: CampaignRequest) -> None:
@@ -153,10 +176,14 @@ def _merge(request: CampaignRequest) -> None:
     target = Path(request.output)
     make_folder(target)
     with locked(target):
-        refuse_foreign(target, stories=True, overwrite=request.overwrite)
+        refuse_foreign(target, stories=True, profiles=True, overwrite=request.overwrite)
         with merge(folders, target) as store:
-            finish(store, target, request.output_units or store.output_units(), overwrite=request.overwrite)
+            units = request.output_units or store.output_units()
+            profiles = Profiles(store, request.of_suite, units)
+            finish(store, target, units, overwrite=request.overwrite, profiles=profiles)
             _say_left(store, target)
+            if unmet := profiles.tell():
+                raise Failures(unmet)
 
 
 def _say_left(store: Store, target: Path) -> None:

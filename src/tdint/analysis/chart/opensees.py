@@ -85,13 +85,13 @@ def _unsupported(problem: Problem) -> str:
     """Why OpenSees is not given this building; nothing if it can do it."""
     building = problem.building
     supported = [CODES[name] for name in ("linear", "bilinear")]
-    if not np.all(np.isin(building.laws[at.CODE, :-1], supported)):
+    if not np.all(np.isin(building.law_parameters[at.CODE, :-1], supported)):
         return "a story's law is neither linear nor bilinear"
-    if np.any(building.chain[at.GEOMETRIC]):
+    if np.any(building.linear_terms[at.GEOMETRIC]):
         return "the model has P-delta"
     if len(building.modal):
         return "the model has modal damping"
-    if _proportion(building.chain[at.FLOOR_DAMPER, :-1], building.mass) is None:
+    if _proportion(building.linear_terms[at.FLOOR_DAMPER, :-1], building.mass) is None:
         return "dampers from the floors to the ground are not in proportion to the masses"
     return ""
 
@@ -137,19 +137,19 @@ def _ask(
 
 def _arrays(problem: Problem, reference: Reference) -> dict[str, Any]:
     building = problem.building
-    stiffness = building.laws[at.STIFFNESS, :-1]
-    bilinear = building.laws[at.CODE, :-1] == CODES["bilinear"]
+    stiffness = building.law_parameters[at.STIFFNESS, :-1]
+    bilinear = building.law_parameters[at.CODE, :-1] == CODES["bilinear"]
     parameters = np.full((2, building.stories), math.nan)
     if bilinear.any():
-        parameters[:, bilinear] = building.laws[at.FIRST_PARAMETER : at.FIRST_PARAMETER + 2, :-1][:, bilinear]
-    dampers = building.chain[at.STORY_DAMPER, :-1]
+        parameters[:, bilinear] = building.law_parameters[at.FIRST_PARAMETER : at.FIRST_PARAMETER + 2, :-1][:, bilinear]
+    dampers = building.linear_terms[at.STORY_DAMPER, :-1]
     beta = _proportion(dampers, stiffness)
     return {
         "mass": building.mass,
         "stiffness": stiffness,
         "yield_force": parameters[0],
         "hardening": parameters[1],
-        "alpha_mass": np.array(_proportion(building.chain[at.FLOOR_DAMPER, :-1], building.mass)),
+        "alpha_mass": np.array(_proportion(building.linear_terms[at.FLOOR_DAMPER, :-1], building.mass)),
         "beta_stiffness": np.array(0.0 if beta is None else beta),
         "dashpot": dampers if beta is None else np.zeros_like(dampers),
         "forces": problem.forces,

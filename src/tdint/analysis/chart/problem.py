@@ -150,7 +150,7 @@ class Problem:
             n = self.building.stories
             u, v, a = (space.history[:, 1 + j * n : 1 + (j + 1) * n].copy() for j in range(3))
             motion = FloorMotion(steps.stride, u, v, a, space.peaks[at.PEAK_DRIFT])
-        return March(int(space.observed[at.ITERATIONS]), marched.seconds, motion)
+        return March(int(space.totals[at.ITERATIONS]), marched.seconds, motion)
 
 
 def pose(

@@ -215,7 +215,7 @@ def _cache_file(problem: Problem, samples: int) -> Path | None:
     building = problem.building
     digest = hashlib.sha256(Path(__file__).read_bytes() + digest_of_all().encode())
     digest.update(repr((problem.interval, samples)).encode())
-    tables = (building.chain, building.laws, building.modal, problem.ground, problem.forces)
+    tables = (building.linear_terms, building.law_parameters, building.modal, problem.ground, problem.forces)
     for table in (*tables, problem.displacement, problem.velocity):
         digest.update(repr(table.shape).encode())
         digest.update(np.ascontiguousarray(table).tobytes())

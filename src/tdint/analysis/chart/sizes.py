@@ -25,8 +25,8 @@ def stretched(model: Model, count: int) -> Model:
         building = assemble(model)
         first = model.stories[0]
         damping = RayleighCoefficients(
-            mass=float(building.chain[at.FLOOR_DAMPER, 0] / building.chain[at.MASS, 0]),
-            stiffness=float((building.chain[at.STORY_DAMPER, 0] - first.dashpot) / first.stiffness),
+            mass=float(building.linear_terms[at.FLOOR_DAMPER, 0] / building.linear_terms[at.MASS, 0]),
+            stiffness=float((building.linear_terms[at.STORY_DAMPER, 0] - first.dashpot) / first.stiffness),
         )
     elif isinstance(damping, ModalDamping):
         damping = ModalDamping(damping.ratios[:count])

@@ -57,7 +57,7 @@ def _stories(problem: Problem) -> tuple[Array, Array, Array] | None:
 
     The first is that of the whole story where it is linear, after yield where it is bilinear.
     """
-    laws = problem.building.laws
+    laws = problem.building.law_parameters
     bilinear = laws[at.CODE, :-1] == CODES["bilinear"]
     if not np.all(bilinear | (laws[at.CODE, :-1] == CODES["linear"])):
         return None
@@ -66,7 +66,7 @@ def _stories(problem: Problem) -> tuple[Array, Array, Array] | None:
     stiffness = laws[at.STIFFNESS, :-1]
     soft = 1.0 - hardening
     strength = np.where(bilinear, soft * np.where(bilinear, yields, 0.0), math.inf)
-    return hardening * stiffness + problem.building.chain[at.GEOMETRIC, :-1], soft * stiffness, strength
+    return hardening * stiffness + problem.building.linear_terms[at.GEOMETRIC, :-1], soft * stiffness, strength
 
 
 def _rate(problem: Problem, law: tuple[Array, Array, Array], deadline: float) -> Rate:

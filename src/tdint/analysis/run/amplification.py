@@ -13,6 +13,7 @@ from tdint.analysis.run.workspace import workspace
 from tdint.errors import AnalysisError
 from tdint.kernels import layout as at
 from tdint.kernels.building.variant import Variant
+from tdint.kernels.bundles import Scene
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, oscillators
 
@@ -59,16 +60,14 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
     coefficients = integrator.coefficients(building, forces, h)
     step = integrator.family.step.variant(LINEAR_OSCILLATORS)
     space = workspace(building, integrator)
+    scene = Scene(building.linear_terms, building.modal, building.law_parameters, forces, space.flags)
     result = np.empty((k, len(memory), len(memory)))
     for column, row in enumerate(memory):
         space.state[:] = 0.0
         space.state[row, :k] = 1.0
         _settle(building, space.state, space.springs, at.ACCELERATION in memory)
         space.report[at.STEPS_DONE] = _SETTLED
-        code = step(
-            coefficients, building.chain, building.modal, building.laws, forces, space.flags, h,
-            np.zeros(at.LOAD_SIZE), space.state, space.springs, space.work, space.report,
-        )  # fmt: skip
+        code = step(coefficients, *scene, h, np.zeros(at.LOAD_SIZE), *space.memory)
         if code < 0:
             raise AnalysisError(f"{integrator.label}: a step of an oscillator failed")
         result[:, :, column] = space.state[list(memory), :k].T
@@ -84,7 +83,7 @@ def _settle(building: Building, state: Array, springs: Array, carries_accelerati
     springs[at.SLOPE, :-1] = building.initial_stiffness
     springs[at.UPPER, :-1], springs[at.LOWER, :-1] = math.inf, -math.inf
     if not carries_acceleration:
-        state[at.ACCELERATION, :-1] = -building.initial_stiffness * u - building.chain[at.STORY_DAMPER, :-1] * v
+        state[at.ACCELERATION, :-1] = -building.initial_stiffness * u - building.linear_terms[at.STORY_DAMPER, :-1] * v
 
 
 def spectral_radius(integrator: Integrator, omega: Array, damping: Array, h: float) -> Array:

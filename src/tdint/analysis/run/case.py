@@ -17,7 +17,6 @@ from tdint.analysis.run.steps import Steps, choose_steps
 from tdint.analysis.run.workspace import HALVINGS, Workspace
 from tdint.errors import UsageError
 from tdint.ground_motion.record import Record
-from tdint.kernels import layout
 from tdint.kernels import layout as at
 from tdint.methods.method import Integrator
 from tdint.model.building import Building
@@ -141,7 +140,7 @@ class Case:
         if not self.allow_unstable:
             self._refuse_unstable(steps.h)
         marched = self._integrate(steps, history)
-        collapse = self.judge(steps, marched.code, marched.space.observed)
+        collapse = self.judge(steps, marched.code, marched.space.totals)
         if marched.code < 0:
             if collapse is None:
                 raise self._failure(steps, marched.space, marched.code)
@@ -177,24 +176,30 @@ class Case:
         raise FailedRun(message, "unstable-step", self.integrator.label, h, largest_stable_dt=stable)
 
     def _failure(self, steps: Steps, space: Workspace, code: int) -> FailedRun:
-        residual = float(space.report[layout.RESIDUAL])
-        if code == layout.NOT_FINITE or not residual < _OVERFLOW:
+        residual = float(space.report[at.RESIDUAL])
+        if code == at.NOT_FINITE or not residual < _OVERFLOW:
             story = _runaway_story(space)
             return self._diverged(steps, *self._reached(steps, space), f"the drift of story {story} ran away", story)
-        reached = float(space.observed[at.STEPS_REACHED]) * steps.h
-        story = int(space.report[layout.WORST_STORY]) + 1
+        reached = float(space.totals[at.STEPS_REACHED]) * steps.h
+        story = int(space.report[at.WORST_STORY]) + 1
         message = (
             f"{self.integrator.label} with dt {steps.h:.6g} s did not converge after {reached:.6g} s, with the step "
             f"halved {HALVINGS} times: story {story} is out of balance by {residual:.1e} of its forces; {_CURE}"
         )
         return FailedRun(
-            message, "not-converged", self.integrator.label, steps.h, time=reached, story=story, residual=residual,
+            message,
+            "not-converged",
+            self.integrator.label,
+            steps.h,
+            time=reached,
+            story=story,
+            residual=residual,
             notes=self._failure_notes(),
-        )  # fmt: skip
+        )
 
     def _reached(self, steps: Steps, space: Workspace) -> tuple[float, float | None]:
         """The time up to which the run came, s, and the kinetic energy there, J."""
-        return float(space.observed[at.STEPS_REACHED]) * steps.h, _kinetic(self.building, space)
+        return float(space.totals[at.STEPS_REACHED]) * steps.h, _kinetic(self.building, space)
 
     def _diverged(self, steps: Steps, reached: float, energy: float | None, reason: str, story: int) -> FailedRun:
         size = "" if energy is None else f", kinetic energy {energy:.3g} J"
@@ -202,9 +207,15 @@ class Case:
             f"{self.integrator.label} with dt {steps.h:.6g} s diverged after {reached:.6g} s: {reason}{size}; {_CURE}"
         )
         return FailedRun(
-            message, "diverged", self.integrator.label, steps.h, time=reached, story=story, energy=energy,
+            message,
+            "diverged",
+            self.integrator.label,
+            steps.h,
+            time=reached,
+            story=story,
+            energy=energy,
             notes=self._failure_notes(),
-        )  # fmt: skip
+        )
 
     def _failure_notes(self) -> tuple[str, ...]:
         return (*self.remarks, *(self.record.notes if self.record else ()), *self._stiffening_note())
@@ -214,7 +225,7 @@ class Case:
 
     def judge(self, steps: Steps, code: int, numbers: Array) -> Collapse | None:
         """When the drift first exceeded the collapse drift or a story failed, as a march noted it that ended with a
-        code and left these `numbers` (`Workspace.observed`).
+        code and left these `numbers` (`Workspace.totals`).
 
         It is the building's own if the method has made less energy by then than the input energy. Else a run that came
         to its end has diverged, and of one that failed it is not said.
@@ -245,7 +256,7 @@ class Case:
         energy = run_totals.energy(space)
         stories = run_totals.story_peaks(self.building, space)
         unresolved = run_totals.unresolved(self.building, space, steps.late)
-        notes = self._notes(steps, int(space.observed[at.HALVINGS]))
+        notes = self._notes(steps, int(space.totals[at.HALVINGS]))
         moving = run_totals.moving_drift(self.building, space)
         return Response(
             model=self.model,
@@ -254,9 +265,9 @@ class Case:
             method=self.integrator.label,
             dt=steps.h,
             steps=steps.count,
-            iterations=int(space.observed[at.ITERATIONS]),
-            halvings=int(space.observed[at.HALVINGS]),
-            events=int(space.report[layout.EVENTS]),
+            iterations=int(space.totals[at.ITERATIONS]),
+            halvings=int(space.totals[at.HALVINGS]),
+            events=int(space.report[at.EVENTS]),
             march_time=marched.seconds,
             stories=stories,
             energy=energy,
@@ -338,7 +349,7 @@ def _unresolved_note(stories: StoryPeaks, unresolved: StoryErrors) -> tuple[str,
 
 def _runaway_story(space: Workspace) -> int:
     """The story with the largest drift, from 1; the first one that is no number before all others."""
-    u = space.state[layout.DISPLACEMENT, :-1]
+    u = space.state[at.DISPLACEMENT, :-1]
     finite = np.isfinite(u)
     if not finite.all():
         return int(np.argmin(finite)) + 1
@@ -348,5 +359,5 @@ def _runaway_story(space: Workspace) -> int:
 def _kinetic(building: Building, space: Workspace) -> float | None:
     """Kinetic energy of the present motion relative to the ground, J; None if it is no finite number."""
     with np.errstate(over="ignore", invalid="ignore"):
-        energy = float(0.5 * np.sum(building.mass * space.state[layout.VELOCITY, :-1] ** 2))
+        energy = float(0.5 * np.sum(building.mass * space.state[at.VELOCITY, :-1] ** 2))
     return energy if math.isfinite(energy) else None

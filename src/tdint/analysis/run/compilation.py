@@ -21,7 +21,7 @@ from tdint.model.definition import Model
 def of_model(model: Model, integrator: Integrator) -> list[tuple[Kernel, Variant]]:
     """What a run of a model calls with all its tables, and a cyclic test of its stories."""
     prepared = PreparedBuilding.of(model)
-    apart = kernels_apart(prepared.building.laws)
+    apart = kernels_apart(prepared.building.law_parameters)
     others = (peaks, *apart)
     return [*kernels(integrator, prepared.variant), (follow, prepared.variant), *((one, EVERYTHING) for one in others)]
 

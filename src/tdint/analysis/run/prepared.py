@@ -26,6 +26,7 @@ from tdint.analysis.run.workspace import (
 from tdint.kernels import layout as at
 from tdint.kernels.building.obtaining import obtain
 from tdint.kernels.building.variant import Variant
+from tdint.kernels.bundles import Memory, Scene
 from tdint.kernels.march.law_energies import begin, raise_shears, take_stock
 from tdint.kernels.march.many import END_COLUMNS, GROUND_SIZE, many
 from tdint.kernels.march.march import march
@@ -58,15 +59,15 @@ class MarchedRuns:
         As `Workspace.peaks`.
     drifts : ndarray, shape (runs, n)
         At the end, m.
-    observed : ndarray, shape (runs, TOTALS_SIZE)
-        As `Workspace.observed`.
+    totals : ndarray, shape (runs, TOTALS_SIZE)
+        As `Workspace.totals`.
     ends : ndarray, shape (runs, END_COLUMNS)
         The columns of `tdint.kernels.march.many`: code, steps taken, whether at rest.
     """
 
     peaks: Array
     drifts: Array
-    observed: Array
+    totals: Array
     ends: Array
 
 
@@ -237,20 +238,32 @@ class PreparedBuilding:
         marched = MarchedRuns(
             peaks=np.zeros((count, 2 * at.PEAK_ROWS, n)),
             drifts=np.zeros((count, n)),
-            observed=np.zeros((count, at.TOTALS_SIZE)),
+            totals=np.zeros((count, at.TOTALS_SIZE)),
             ends=np.zeros((count, END_COLUMNS)),
         )
+        called = (march, integrator.family.step, begin, take_stock, raise_shears)
+        building = self.building
         many.compiled(
-            *(one.variant(self.variant) for one in (march, integrator.family.step, begin, take_stock, raise_shears)),
-            HALVINGS if integrator.family.halvable else 0, h, samples, runs, self.coefficients(integrator, h),
+            *(one.variant(self.variant) for one in called),
+            HALVINGS if integrator.family.halvable else 0,
+            h,
+            samples,
+            runs,
+            self.coefficients(integrator, h),
             shifts(integrator, h),
-            self.building.chain, self.building.modal, self.building.laws, self.forces, space.flags,
-            space.state, space.springs, space.work, space.report, space.observed,
-            space.state.copy(), space.springs.copy(), space.work, space.report.copy(),
-            np.zeros(at.LOAD_SIZE), np.zeros(int(np.max(runs[:, GROUND_SIZE]))), space.watch, space.limits,
-            np.zeros(n), space.history, rest.window, rest.windows, rest.quiet,
-            marched.peaks, marched.drifts, marched.observed, marched.ends,
-        )  # fmt: skip
+            *Scene(building.linear_terms, building.modal, building.law_parameters, self.forces, space.flags),
+            *space.memory,
+            space.totals,
+            *Memory(space.state.copy(), space.springs.copy(), space.work, space.report.copy()),
+            np.zeros(at.LOAD_SIZE),
+            np.zeros(int(np.max(runs[:, GROUND_SIZE]))),
+            space.watch,
+            space.limits,
+            np.zeros(n),
+            space.history,
+            *(rest.window, rest.windows, rest.quiet),
+            *(marched.peaks, marched.drifts, marched.totals, marched.ends),
+        )
         return marched
 
     def _ready(self, integrator: Integrator, h: float, rows: int, collapse_drift: float) -> Workspace:

@@ -50,13 +50,13 @@ def moving_drift(building: Building, space: Workspace) -> Array:
     displacement, velocity = (np.max(space.peaks[row]) for row in (at.PEAK_DISPLACEMENT, at.PEAK_VELOCITY))
     seconds = displacement / velocity if velocity > 0.0 else 0.0
     drift, force = (space.springs[row, : building.stories] for row in (at.DRIFT, at.FORCE))
-    away = (force + building.chain[at.GEOMETRIC, :-1] * drift) / building.initial_stiffness
+    away = (force + building.linear_terms[at.GEOMETRIC, :-1] * drift) / building.initial_stiffness
     return np.asarray(np.hypot(away, _of_drifts(building, space.state[at.VELOCITY]) * seconds))
 
 
 def _of_drifts(building: Building, floors: Array) -> Array:
     """Rates of the drifts from those of the floors, a row of a table."""
-    return np.asarray(floors[:-1] - building.chain[at.LINK, :-1] * np.roll(floors, 1)[:-1])
+    return np.asarray(floors[:-1] - building.linear_terms[at.LINK, :-1] * np.roll(floors, 1)[:-1])
 
 
 def unresolved(building: Building, space: Workspace, late: float) -> StoryErrors:
@@ -91,15 +91,15 @@ def carried_error(building: Building, space: Workspace, stories: StoryPeaks, dou
 
 def energy(space: Workspace) -> Energy:
     """The energies at the end."""
-    return _energy(space.observed)
+    return _energy(space.totals)
 
 
-def energy_errors(observed: Array) -> Array:
-    """`Energy.error` at the end of each run, from rows of `Workspace.observed`; shape (runs,)."""
-    terms = dict(zip(ENERGY_TERMS, observed.T[: at.ENERGY_TERMS], strict=True))
+def energy_errors(totals: Array) -> Array:
+    """`Energy.error` at the end of each run, from rows of `Workspace.totals`; shape (runs,)."""
+    terms = dict(zip(ENERGY_TERMS, totals.T[: at.ENERGY_TERMS], strict=True))
     spent = reduce(add, [term for name, term in terms.items() if name != "input"])
-    largest = observed[:, at.ENERGY_LARGEST]
-    imbalance = observed[:, at.ENERGY_START] + terms["input"] - spent
+    largest = totals[:, at.ENERGY_LARGEST]
+    imbalance = totals[:, at.ENERGY_START] + terms["input"] - spent
     return np.asarray(np.divide(imbalance, largest, out=np.zeros_like(largest), where=largest > 0.0))
 
 
@@ -120,15 +120,15 @@ class NotedCollapse:
     energy: Energy
 
 
-def collapse(observed: Array) -> NotedCollapse | None:
-    """What a march noted of a collapse among its numbers (`Workspace.observed`); None if there was none."""
-    if observed[at.COLLAPSE_STEP] == at.NO_COLLAPSE:
+def collapse(totals: Array) -> NotedCollapse | None:
+    """What a march noted of a collapse among its numbers (`Workspace.totals`); None if there was none."""
+    if totals[at.COLLAPSE_STEP] == at.NO_COLLAPSE:
         return None
     return NotedCollapse(
-        int(observed[at.COLLAPSE_STEP]),
-        int(observed[at.COLLAPSE_STORY]) + 1,
-        bool(observed[at.COLLAPSE_FAILED]),
-        _energy(observed[at.COLLAPSE_ENERGIES :]),
+        int(totals[at.COLLAPSE_STEP]),
+        int(totals[at.COLLAPSE_STORY]) + 1,
+        bool(totals[at.COLLAPSE_FAILED]),
+        _energy(totals[at.COLLAPSE_ENERGIES :]),
     )
 
 
@@ -153,7 +153,7 @@ def history(building: Building, forces: Array, space: Workspace, h: float) -> Hi
         shear=shear,
         damper_force=building.device_force(rate),
         total_shear=_total_shear(building, forces, time, acceleration),
-        energy=_energy_history(table[:, 1 + fields * n : 1 + fields * n + at.ENERGY_TERMS], space.observed),
+        energy=_energy_history(table[:, 1 + fields * n : 1 + fields * n + at.ENERGY_TERMS], space.totals),
         error=_error_history(table[:, 1 + fields * n + at.ENERGY_TERMS :], n),
     )
 
@@ -169,16 +169,16 @@ def _error_history(table: Array, n: int) -> ErrorHistory | None:
 
 def _total_shear(building: Building, forces: Array, time: Array, acceleration: Array) -> Array:
     """What moves the floors above each story: forces on them less masses times absolute accelerations."""
-    moved = -building.chain[at.MASS, :-1] * acceleration
+    moved = -building.linear_terms[at.MASS, :-1] * acceleration
     for force in forces:
         angle = force[at.OMEGA] * time
         moved[:, int(force[at.FLOOR])] += force[at.COSINE] * np.cos(angle) + force[at.SINE] * np.sin(angle)
     return np.asarray(np.cumsum(moved[:, ::-1], axis=1)[:, ::-1])
 
 
-def _energy_history(table: Array, observed: Array) -> EnergyHistory:
+def _energy_history(table: Array, totals: Array) -> EnergyHistory:
     terms = list(table.T)
-    start, largest = observed[at.ENERGY_START], observed[at.ENERGY_LARGEST]
+    start, largest = totals[at.ENERGY_START], totals[at.ENERGY_LARGEST]
     imbalance = reduce(sub, terms[1:], start + terms[0])
     error = imbalance / largest if largest > 0.0 else np.zeros_like(imbalance)
     return EnergyHistory(**dict(zip(ENERGY_TERMS, terms, strict=True)), error=error)

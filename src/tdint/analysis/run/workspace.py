@@ -14,6 +14,7 @@ from tdint.analysis.run.steps import Steps
 from tdint.errors import AnalysisError
 from tdint.kernels import layout as at
 from tdint.kernels.building.variant import EVERYTHING, Variant
+from tdint.kernels.bundles import Memory, Scene, Seen
 from tdint.kernels.compiling import Kernel
 from tdint.kernels.laws.compiled_separately import spring_table
 from tdint.kernels.march.law_energies import begin, raise_shears, take_stock
@@ -43,8 +44,18 @@ class Workspace:
     watch: Array
     peaks: Array
     limits: Array
-    observed: Array
+    totals: Array
     history: Array
+
+    @property
+    def memory(self) -> Memory:
+        """What method and drift laws remember."""
+        return Memory(self.state, self.springs, self.work, self.report)
+
+    @property
+    def seen(self) -> Seen:
+        """What is seen of the motion."""
+        return Seen(self.watch, self.peaks, self.limits, self.totals, self.history)
 
 
 def workspace(
@@ -68,25 +79,29 @@ def workspace(
     flags[at.ON_PATH] = family.parabolic
     flags[at.CARRIES_ERROR] = family.carries_error
     fields = at.HISTORY_FIELDS + (at.ERROR_FIELDS if family.carries_error else 0)
-    observed = np.zeros(at.TOTALS_SIZE)
-    observed[at.COLLAPSE_STEP] = at.NO_COLLAPSE
+    totals = np.zeros(at.TOTALS_SIZE)
+    totals[at.COLLAPSE_STEP] = at.NO_COLLAPSE
     return Workspace(
         state=np.zeros((family.state_rows, n + 1)),
-        springs=spring_table(_laws(building, integrator)),
+        springs=spring_table(_law_parameters(building, integrator)),
         work=np.zeros((family.work_rows(modes), max((2 if family.carries_error else 1) * (n + 1), 2 * modes + 1))),
         flags=flags,
         report=np.zeros(at.REPORT_SIZE),
         watch=np.zeros((at.WATCH_ROWS, n + 1)),
         peaks=np.zeros((2 * at.PEAK_ROWS, n)),
         limits=np.array([np.full(n, collapse_drift), building.heights, _failed(building)]),
-        observed=observed,
+        totals=totals,
         history=np.zeros((steps + 1 if steps else 0, 1 + fields * n + at.ENERGY_TERMS)),
     )
 
 
-def _laws(building: Building, integrator: Integrator) -> Array:
+def _law_parameters(building: Building, integrator: Integrator) -> Array:
     """The laws; twice where the error is carried along."""
-    return np.hstack([building.laws, building.laws]) if integrator.family.carries_error else building.laws
+    return (
+        np.hstack([building.law_parameters, building.law_parameters])
+        if integrator.family.carries_error
+        else building.law_parameters
+    )
 
 
 def _failed(building: Building) -> Array:
@@ -94,7 +109,7 @@ def _failed(building: Building) -> Array:
     failed = np.full(max(CODES.values()) + 1, math.nan)
     for name, code in CODES.items():
         failed[code] = LAWS[name].failed
-    return np.asarray(failed[building.laws[at.CODE, :-1].astype(int)])
+    return np.asarray(failed[building.law_parameters[at.CODE, :-1].astype(int)])
 
 
 def _branches(building: Building) -> int:
@@ -105,7 +120,7 @@ def _branches(building: Building) -> int:
 
 def variant(building: Building, forces: Array | None = None) -> Variant:
     """What the kernels need for a building under forces; none by default."""
-    codes = np.unique(building.laws[at.CODE, :-1]).tolist()
+    codes = np.unique(building.law_parameters[at.CODE, :-1]).tolist()
     return Variant(
         laws=tuple(name for name, code in CODES.items() if code in codes or name == "linear"),
         modal=len(building.modal) > 0,
@@ -147,7 +162,8 @@ def integrate(
     """
     if len(space.history) > 1 and steps.count % (len(space.history) - 1):
         raise ValueError(f"{steps.count} steps do not fit into a history of {len(space.history) - 1}")
-    laws = _laws(building, integrator)
+    law_parameters = _law_parameters(building, integrator)
+    scene = Scene(building.linear_terms, building.modal, law_parameters, forces, space.flags)
     return _in_pieces(
         steps.count,
         _FIRST_PIECE // (building.stories * (1 + len(building.modal))),
@@ -166,21 +182,10 @@ def integrate(
             ground,
             coefficients,
             shifts(integrator, steps.h),
-            building.chain,
-            building.modal,
-            laws,
-            forces,
-            space.flags,
-            space.state,
-            space.springs,
-            space.work,
-            space.report,
+            *scene,
+            *space.memory,
             np.zeros(at.LOAD_SIZE),
-            space.watch,
-            space.peaks,
-            space.limits,
-            space.observed,
-            space.history,
+            *space.seen,
         ),
     )
 

@@ -225,8 +225,8 @@ def _test(model: Model, building: Building, story: int, drifts: Array, points: i
         model=model,
         story=story,
         points=points,
-        initial_stiffness=float(building.laws[at.STIFFNESS, story - 1]),
-        geometric_stiffness=float(building.chain[at.GEOMETRIC, story - 1]),
+        initial_stiffness=float(building.law_parameters[at.STIFFNESS, story - 1]),
+        geometric_stiffness=float(building.linear_terms[at.GEOMETRIC, story - 1]),
         yield_drift=float(building.yield_drift[story - 1]),
         path=follow_path(building, story, drifts),
     )
@@ -272,9 +272,9 @@ def follow_path(building: Building, story: int, drifts: Array) -> LawPath:
     AnalysisError
         The law has no finite force somewhere on the way.
     """
-    springs = spring_table(building.laws)
+    springs = spring_table(building.law_parameters)
     result = np.empty((drifts.size, RESULT_COLUMNS))
-    follow.variant(variant(building))(building.laws, story - 1, drifts, springs, result)
+    follow.variant(variant(building))(building.law_parameters, story - 1, drifts, springs, result)
     wrong = np.flatnonzero(~np.all(np.isfinite(result), axis=1))
     if wrong.size:
         raise AnalysisError(f"story {story}: its law has no finite force and energy at drift {drifts[wrong[0]]:.6g} m")

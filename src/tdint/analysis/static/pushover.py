@@ -274,7 +274,7 @@ class _Story:
 
     def __init__(self, building: Building, i: int) -> None:
         self._building, self._number = building, i + 1
-        self._geometric = float(building.chain[at.GEOMETRIC, i])
+        self._geometric = float(building.linear_terms[at.GEOMETRIC, i])
         self._turns: list[float] = [0.0]
         self.drift = 0.0
         self.force = 0.0

@@ -158,8 +158,8 @@ class Batch:
             It failed.
         """
         code, taken = int(marched.ends[i, lanes.CODE]), int(marched.ends[i, lanes.STEPS_TAKEN])
-        numbers = marched.observed[i]
-        if code == 0 and -run_totals.energy_errors(marched.observed[i : i + 1])[0] < RUNAWAY:
+        numbers = marched.totals[i]
+        if code == 0 and -run_totals.energy_errors(marched.totals[i : i + 1])[0] < RUNAWAY:
             collapse = self._case(job.run).judge(job.steps, code, numbers)
             self._take([job], marched, np.array([i]), results, collapse)
             return
@@ -201,7 +201,7 @@ class Batch:
             return
         chosen = jobs if len(jobs) == places.size else [jobs[i] for i in places.tolist()]
         results.runs += self._rows(chosen, marched, places, collapse)
-        if self.settings.stories:
+        if self.settings.keeps_stories:
             for job, i in zip(chosen, places.tolist(), strict=True):
                 results.stories += story_rows(self.number, job.run, self._story_peaks(marched, i))
 
@@ -210,7 +210,7 @@ class Batch:
     ) -> Iterator[RunRow]:
         building = self.subject.prepared.building
         demanded = demand_cells(run_totals.peaks_of(building, marched.peaks[places], marched.drifts[places]))
-        errors = run_totals.energy_errors(marched.observed[places]).tolist()
+        errors = run_totals.energy_errors(marched.totals[places]).tolist()
         ends = marched.ends[places].astype(int)
         for job, cells, error, end in zip(jobs, demanded, errors, ends, strict=True):
             cells |= {"energy_error": error, "steps": int(end[lanes.STEPS_TAKEN]), "at_rest": int(end[lanes.AT_REST])}
@@ -242,7 +242,7 @@ class Batch:
         (cells,) = demand_cells(response.stories)
         cells |= {"energy_error": response.energy.error, "steps": response.steps}
         results.runs.append(self._row(job, response.dt, response.status, response.collapse, cells))
-        if self.settings.stories:
+        if self.settings.keeps_stories:
             results.stories += story_rows(self.number, job.run, response.stories)
 
     def _take_failure(self, job: _Job, status: str, results: Rows) -> None:
@@ -251,7 +251,7 @@ class Batch:
 
 def _doubtful(marched: MarchedRuns) -> NDArray[np.bool_]:
     """Runs that did not come to their end, collapsed, or went on with energy that the method made."""
-    numbers = marched.observed
+    numbers = marched.totals
     made = ~(-run_totals.energy_errors(numbers) < RUNAWAY)
     collapsed = numbers[:, at.COLLAPSE_STEP] != at.NO_COLLAPSE
     return np.asarray((marched.ends[:, lanes.CODE] < 0) | collapsed | made)

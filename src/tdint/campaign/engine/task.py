@@ -33,8 +33,8 @@ class RunSettings:
         Time step and duration, s; None: those of the building's model, else those of the record.
     until_rest : bool
         Go on after that with the ground at rest until the building is (`tdint.analysis.run.rest`).
-    stories : bool
-        Keep the peaks of every story, too.
+    stories, profiles : bool
+        Keep the peaks of every story, too: to write them, or what they are over the motions.
     tolerance : float or None
         The step of a building is such that the estimated errors of its peak drifts are within this part of them.
     """
@@ -44,6 +44,12 @@ class RunSettings:
     until_rest: bool = False
     stories: bool = False
     tolerance: float | None = None
+    profiles: bool = False
+
+    @property
+    def keeps_stories(self) -> bool:
+        """Whether the peaks of stories are kept."""
+        return self.stories or self.profiles
 
 
 @lru_cache(maxsize=64)

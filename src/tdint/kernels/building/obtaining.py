@@ -97,10 +97,11 @@ def _compile(
 
     kept = f"kept in {folder}" if folder else "not kept: no folder to write to"
     count = len(wanted)
+    loops = "loop" if count == 1 else "loops"
+    names = ", ".join(map(_shown, wanted))
     LOG.info(
-        "compiling %d time %s for this machine, once, about %d s: %s (%s)",
-        count, "loop" if count == 1 else "loops", duration(wanted), ", ".join(map(_shown, wanted)), kept,
-    )  # fmt: skip
+        "compiling %d time %s for this machine, once, about %d s: %s (%s)", count, loops, duration(wanted), names, kept
+    )
     running = run_all(compilations((*pair, NATIVE) for pair in wanted))
     for done, (one, (data,)) in enumerate(running):
         progress(done / len(wanted))

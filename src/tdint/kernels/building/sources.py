@@ -12,8 +12,6 @@ import sys
 from functools import cache
 from pathlib import Path
 
-from tdint.kernels.laws import LAWS
-
 _PACKAGE = Path(__file__).parents[2]
 _BUILDING = "tdint.kernels.building."
 _COMPILING = tuple(_BUILDING + name for name in ("compiler", "compilable", "target", "variant"))
@@ -52,9 +50,9 @@ def digest_of_all() -> str:
 def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
     """The modules that a kernel's module is compiled with, by name, itself among them; `laws` as in `digest`.
 
-    A module that is not the package's counts by the file it was loaded from.
+    A module that is not the package's counts by the file it was loaded from, and a law's module has the law's name.
     """
-    left_out = {law.functions.__module__ for law in LAWS if laws and law.name not in laws}
+    wanted = {"law", *(name.replace("-", "_") for name in laws)}
     found: dict[str, Path] = {}
     new = [module, *_COMPILING]
     while new:
@@ -66,7 +64,8 @@ def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
         new += [
             imported
             for imported in _read(file)[1]
-            if not imported.startswith(_BUILDING) and not (name == _LAWS and imported in left_out)
+            if not imported.startswith(_BUILDING)
+            and not (laws and name == _LAWS and imported.rpartition(".")[2] not in wanted)
         ]
     return found
 

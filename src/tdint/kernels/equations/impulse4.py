@@ -11,14 +11,23 @@ from typing import NamedTuple
 
 from tdint.kernels import layout as at
 from tdint.kernels.bundles import Factors
-from tdint.kernels.chain import MODAL, add_modal_force, floor_impulse, floor_load, power_damper
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.equations import impulse_momentum as momentum
-from tdint.kernels.equations.halving import add_rows, copy_rows, squares, too_far
 from tdint.kernels.equations.impulse_momentum import correct, guess, in_balance, residuals, solve
+from tdint.kernels.equations.iteration import (
+    CLOSE,
+    ITERATIONS,
+    PATIENCE,
+    SAME_TANGENT,
+    SMALL,
+    add_rows,
+    copy_rows,
+    squares,
+    too_far,
+)
 from tdint.kernels.equations.tridiagonal import COUPLING_ROWS, ModalBlocks, assemble_blocks, factor_blocks
-from tdint.kernels.stepping import CLOSE, ITERATIONS, PATIENCE, SAME_TANGENT, SMALL
-from tdint.kernels.stories.springs import reach
+from tdint.kernels.linear_terms import MODAL, add_modal_force, floor_impulse, floor_load, power_damper
+from tdint.kernels.stories.law_state import reach
 
 # Coefficients
 THETA = 0
@@ -68,34 +77,34 @@ def factor_rows(modes: int) -> int:
 
 
 @inlined
-def loads(chain, forces, t, h, ground_0, ground_1, work):
+def loads(linear_terms, forces, t, h, ground_0, ground_1, work):
     """Load at the end and exact impulse over [t, t + h]."""
-    floor_load(chain, forces, t + h, ground_1, work, momentum.LOAD)
-    floor_impulse(chain, forces, t, h, ground_0, ground_1, work, momentum.IMPULSE)
+    floor_load(linear_terms, forces, t + h, ground_1, work, momentum.LOAD)
+    floor_impulse(linear_terms, forces, t, h, ground_0, ground_1, work, momentum.IMPULSE)
 
 
 @inlined
 def solve_linear(coefficients, scene, h, memory, factors):
     """Motion over a step in which no story leaves its branch: linear, so one solve, from no motion at all."""
-    chain, modal, _, _, _ = scene
+    linear_terms, modal, _, _, _ = scene
     _, springs, work, _ = memory
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     if _right_side(coefficients, scene, h, memory, factors):
         for i in range(n):
             work[ROW.TANGENT_C, i] = springs[at.SLOPE, i]
             work[ROW.TANGENT_1, i] = springs[at.SLOPE, i]
-        _factor(coefficients, chain, modal, h, work, factors)
+        _factor(coefficients, linear_terms, modal, h, work, factors)
     solve(coefficients[BETA], modal, h, _kept(work, factors), n)
-    _motion(chain, modal, memory.state, springs, work)
+    _motion(linear_terms, modal, memory.state, springs, work)
 
 
 @inlined
 def _right_side(coefficients, scene, h, memory, factors):
     """What is out of balance without any motion into the rows of residuals. True if the factorization does not fit the
     branches."""
-    chain, modal, _, _, _ = scene
+    linear_terms, modal, _, _, _ = scene
     state, springs, work, _ = memory
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     by_rate = coefficients[WEIGHT_C] * h * (coefficients[BY_VELOCITY_0] + coefficients[BY_VELOCITY_1])
     by_a0 = coefficients[ALPHA] * h * h
     by_a1 = coefficients[BETA] * h * h
@@ -104,15 +113,15 @@ def _right_side(coefficients, scene, h, memory, factors):
     impulse_above = 0.0
     for i in range(n - 1, -1, -1):
         stale |= springs[at.SLOPE, i] != work[factors + _BLOCK.FACTORED_1, i]
-        link = chain[at.LINK, i]
-        mass = chain[at.MASS, i]
-        geometric = chain[at.GEOMETRIC, i]
+        link = linear_terms[at.LINK, i]
+        mass = linear_terms[at.MASS, i]
+        geometric = linear_terms[at.GEOMETRIC, i]
         v = state[at.VELOCITY, i]
         rate = v - link * state[at.VELOCITY, max(i - 1, 0)]
         spring = springs[at.FORCE, i] + geometric * springs[at.DRIFT, i]
-        force = spring + chain[at.STORY_DAMPER, i] * rate
+        force = spring + linear_terms[at.STORY_DAMPER, i] * rate
         impulse = h * (spring + by_rate * (springs[at.SLOPE, i] + geometric) * rate)
-        inertia = work[momentum.LOAD, i] - chain[at.FLOOR_DAMPER, i] * v - (force - force_above)
+        inertia = work[momentum.LOAD, i] - linear_terms[at.FLOOR_DAMPER, i] * v - (force - force_above)
         work[momentum.R1, i] = mass * (h * v + by_a0 * state[at.ACCELERATION, i]) - by_a1 * inertia
         work[momentum.R2, i] = work[momentum.IMPULSE, i] - (impulse - impulse_above)
         force_above = link * force
@@ -122,12 +131,12 @@ def _right_side(coefficients, scene, h, memory, factors):
 
 
 @inlined
-def _motion(chain, modal, state, springs, work):
+def _motion(linear_terms, modal, state, springs, work):
     """Motion at the end of the step from the increments in the rows of residuals."""
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     force_above = 0.0
     for i in range(n - 1, -1, -1):
-        link = chain[at.LINK, i]
+        link = linear_terms[at.LINK, i]
         below = max(i - 1, 0)
         du = work[momentum.R1, i]
         dv = work[momentum.R2, i]
@@ -136,24 +145,24 @@ def _motion(chain, modal, state, springs, work):
         work[momentum.DV, i] = dv
         work[momentum.U1, i] = state[at.DISPLACEMENT, i] + du
         work[momentum.V1, i] = v
-        geometric = chain[at.GEOMETRIC, i]
+        geometric = linear_terms[at.GEOMETRIC, i]
         force = springs[at.FORCE, i] + geometric * springs[at.DRIFT, i]
         force += (springs[at.SLOPE, i] + geometric) * (du - link * work[momentum.R1, below])
-        force += chain[at.STORY_DAMPER, i] * (v - link * (state[at.VELOCITY, below] + work[momentum.R2, below]))
-        outer = work[momentum.LOAD, i] - chain[at.FLOOR_DAMPER, i] * v
-        work[momentum.A1, i] = chain[at.INVERSE_MASS, i] * (outer - (force - force_above))
+        force += linear_terms[at.STORY_DAMPER, i] * (v - link * (state[at.VELOCITY, below] + work[momentum.R2, below]))
+        outer = work[momentum.LOAD, i] - linear_terms[at.FLOOR_DAMPER, i] * v
+        work[momentum.A1, i] = linear_terms[at.INVERSE_MASS, i] * (outer - (force - force_above))
         force_above = link * force
     if MODAL and modal.shape[0] > 0:
-        _add_modal_acceleration(chain, modal, work, n)
+        _add_modal_acceleration(linear_terms, modal, work, n)
 
 
 @called
-def _add_modal_acceleration(chain, modal, work, n):
+def _add_modal_acceleration(linear_terms, modal, work, n):
     for i in range(n):
         work[momentum.FORCE_1, i] = 0.0
     add_modal_force(modal, work, momentum.V1, -1.0, work, momentum.FORCE_1, n)
     for i in range(n):
-        work[momentum.A1, i] += chain[at.INVERSE_MASS, i] * work[momentum.FORCE_1, i]
+        work[momentum.A1, i] += linear_terms[at.INVERSE_MASS, i] * work[momentum.FORCE_1, i]
 
 
 @called
@@ -164,9 +173,9 @@ def newton(frozen, coefficients, scene, h, memory, factors):
     With `frozen`, stories that are linear on their branches stay on them. Where it goes round in a cycle, corrections
     are halved until they bring the equations closer to balance.
     """
-    chain, modal, _, _, _ = scene
+    linear_terms, modal, _, _, _ = scene
     state, _, work, report = memory
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     guess(1.0, h, state, work, n)
     iterations = 0
     part = 1.0
@@ -174,11 +183,11 @@ def newton(frozen, coefficients, scene, h, memory, factors):
     last = False
     while True:
         stale = _path(frozen, coefficients, scene, h, memory, factors)
-        residuals(coefficients[THETA], coefficients[ALPHA], coefficients[BETA], chain, modal, h, state, work)
-        if in_balance(iterations == ITERATIONS, coefficients[BETA], chain, h, state, work, report) or last:
+        residuals(coefficients[THETA], coefficients[ALPHA], coefficients[BETA], linear_terms, modal, h, state, work)
+        if in_balance(iterations == ITERATIONS, coefficients[BETA], linear_terms, h, state, work, report) or last:
             break
         if iterations >= PATIENCE:
-            size = squares(chain, work, momentum.R1, n) / (h * h) + squares(chain, work, momentum.R2, n)
+            size = squares(linear_terms, work, momentum.R1, n) / (h * h) + squares(linear_terms, work, momentum.R2, n)
             if too_far(size, before, part):
                 part *= 0.5
                 add_rows(-part, work, ROW.LAST_CORRECTION, momentum.DU, 2, n)
@@ -188,7 +197,7 @@ def newton(frozen, coefficients, scene, h, memory, factors):
         if iterations == ITERATIONS:
             return at.NOT_CONVERGED
         if stale:
-            _factor(coefficients, chain, modal, h, work, factors)
+            _factor(coefficients, linear_terms, modal, h, work, factors)
         last = correct(coefficients[BETA], modal, h, _kept(work, factors), n)
         iterations += 1
         if iterations > PATIENCE:
@@ -203,9 +212,9 @@ def _path(frozen, coefficients, scene, h, memory, factors):
     With `frozen`, stories that are linear on their branches stay on them. Leaves the story forces at the end and the
     story impulses. True if the factorization does not fit the tangents.
     """
-    chain, _, laws, _, _ = scene
+    linear_terms, _, law_parameters, _, _ = scene
     state, springs, work, _ = memory
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     stale = work[factors + _BLOCK.FACTORED_1, n] != h
     uc_below = 0.0
     u_below = 0.0
@@ -222,7 +231,7 @@ def _path(frozen, coefficients, scene, h, memory, factors):
         )
         work[momentum.U1, i] = u
         work[momentum.V1, i] = v
-        link = chain[at.LINK, i]
+        link = linear_terms[at.LINK, i]
         drift_c = uc - link * uc_below
         drift = u - link * u_below
         increment = du - link * du_below
@@ -232,28 +241,28 @@ def _path(frozen, coefficients, scene, h, memory, factors):
             force_c = springs[at.FORCE, i] + tangent * (drift_c - springs[at.DRIFT, i])
             force = springs[at.FORCE, i] + tangent * (drift - springs[at.DRIFT, i])
         else:
-            tangent_c = reach(laws, springs, i, 0, at.FIRST_TRIAL, drift_c)
-            tangent = reach(laws, springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL, drift)
+            tangent_c = reach(law_parameters, springs, i, 0, at.FIRST_TRIAL, drift_c)
+            tangent = reach(law_parameters, springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL, drift)
             force_c = springs[at.FIRST_TRIAL + at.FORCE, i]
             force = springs[at.SECOND_TRIAL + at.FORCE, i]
-        same = SAME_TANGENT * laws[at.STIFFNESS, i]
+        same = SAME_TANGENT * law_parameters[at.STIFFNESS, i]
         stale = stale or abs(tangent_c - work[factors + _BLOCK.FACTORED_C, i]) > same
         stale = stale or abs(tangent - work[factors + _BLOCK.FACTORED_1, i]) > same
         # A drift is a difference: what the displacements round is not out of balance.
-        work[momentum.SIZE, i] = SMALL / CLOSE * laws[at.STIFFNESS, i] * (abs(u) + abs(link * u_below))
+        work[momentum.SIZE, i] = SMALL / CLOSE * law_parameters[at.STIFFNESS, i] * (abs(u) + abs(link * u_below))
         work[ROW.TANGENT_C, i] = tangent_c
         work[ROW.TANGENT_1, i] = tangent
-        geometric = chain[at.GEOMETRIC, i]
+        geometric = linear_terms[at.GEOMETRIC, i]
         mean = (
             coefficients[WEIGHT_0] * (springs[at.FORCE, i] + geometric * springs[at.DRIFT, i])
             + coefficients[WEIGHT_C] * (force_c + geometric * drift_c)
             + coefficients[WEIGHT_1] * (force + geometric * drift)
         )
-        damper = chain[at.STORY_DAMPER, i]
+        damper = linear_terms[at.STORY_DAMPER, i]
         work[momentum.FORCE_1, i] = force + geometric * drift + damper * rate
         work[momentum.FORCE_S, i] = h * mean + damper * increment
-        if chain[at.POWER_DAMPER, i] != 0.0:
-            stale = _add_damper(coefficients, chain, i, h, increment, memory, factors) or stale
+        if linear_terms[at.POWER_DAMPER, i] != 0.0:
+            stale = _add_damper(coefficients, linear_terms, i, h, increment, memory, factors) or stale
         uc_below = uc
         u_below = u
         v_below = v
@@ -262,11 +271,11 @@ def _path(frozen, coefficients, scene, h, memory, factors):
 
 
 @called
-def _add_damper(coefficients, chain, i, h, increment, memory, factors):
+def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
     """Add the power-law dashpot of story `i` to its force and impulse. True if the factorization does not fit its
     slope."""
     state, _, work, _ = memory
-    link = chain[at.LINK, i]
+    link = linear_terms[at.LINK, i]
     rate_0 = state[at.VELOCITY, i] - link * state[at.VELOCITY, i - 1]
     rate_1 = work[momentum.V1, i] - link * work[momentum.V1, i - 1]
     rate_c = (
@@ -274,16 +283,16 @@ def _add_damper(coefficients, chain, i, h, increment, memory, factors):
         + coefficients[RATE_BY_VELOCITY_0] * rate_0
         + coefficients[RATE_BY_VELOCITY_1] * rate_1
     )
-    force_0, _ = power_damper(chain, i, rate_0)
-    force_c, slope_c = power_damper(chain, i, rate_c)
-    force_1, slope_1 = power_damper(chain, i, rate_1)
+    force_0, _ = power_damper(linear_terms, i, rate_0)
+    force_c, slope_c = power_damper(linear_terms, i, rate_c)
+    force_1, slope_1 = power_damper(linear_terms, i, rate_1)
     work[momentum.FORCE_1, i] += force_1
     work[momentum.FORCE_S, i] += h * (
         coefficients[WEIGHT_0] * force_0 + coefficients[WEIGHT_C] * force_c + coefficients[WEIGHT_1] * force_1
     )
     work[ROW.SLOPE_C, i] = slope_c
     work[ROW.SLOPE_1, i] = slope_1
-    return h * abs(slope_1 - work[factors + _BLOCK.FACTORED_SLOPE, i]) > SAME_TANGENT * chain[at.MASS, i]
+    return h * abs(slope_1 - work[factors + _BLOCK.FACTORED_SLOPE, i]) > SAME_TANGENT * linear_terms[at.MASS, i]
 
 
 @inlined
@@ -293,9 +302,9 @@ def _kept(work, factors):
 
 
 @called
-def _factor(coefficients, chain, modal, h, work, factors):
+def _factor(coefficients, linear_terms, modal, h, work, factors):
     """Factor the Newton matrix for the present tangents."""
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     by_a = coefficients[BETA] * h * h
     inner = h * (coefficients[THETA] - coefficients[WEIGHT_1])  # = h wc gd
     coupling = factors + _BLOCK.COUPLING
@@ -304,9 +313,9 @@ def _factor(coefficients, chain, modal, h, work, factors):
         tangent_1 = work[ROW.TANGENT_1, i]
         work[factors + _BLOCK.FACTORED_C, i] = tangent_c
         work[factors + _BLOCK.FACTORED_1, i] = tangent_1
-        tangent_c += chain[at.GEOMETRIC, i]
-        tangent_1 += chain[at.GEOMETRIC, i]
-        damper = chain[at.STORY_DAMPER, i]
+        tangent_c += linear_terms[at.GEOMETRIC, i]
+        tangent_1 += linear_terms[at.GEOMETRIC, i]
+        damper = linear_terms[at.STORY_DAMPER, i]
         slope_c = coefficients[WEIGHT_C] * work[ROW.SLOPE_C, i]
         slope_1 = work[ROW.SLOPE_1, i]
         work[factors + _BLOCK.FACTORED_SLOPE, i] = slope_1
@@ -317,5 +326,5 @@ def _factor(coefficients, chain, modal, h, work, factors):
         work[coupling + 3, i] = -by_a * tangent_c
         work[coupling + 3, i] += h * (coefficients[RATE_BY_VELOCITY_1] * slope_c + coefficients[WEIGHT_1] * slope_1)
     work[factors + _BLOCK.FACTORED_1, n] = h
-    assemble_blocks(chain, _kept(work, factors), h * coefficients[THETA], by_a, n)
+    assemble_blocks(linear_terms, _kept(work, factors), h * coefficients[THETA], by_a, n)
     factor_blocks(_kept(work, factors), ModalBlocks(modal, 0.0, -by_a, 1.0, 0.0), n)

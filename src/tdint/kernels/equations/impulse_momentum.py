@@ -11,10 +11,10 @@ of the step, the story impulses S and the matrix of Newton's iteration.
 from __future__ import annotations
 
 from tdint.kernels import layout as at
-from tdint.kernels.chain import add_modal_force
 from tdint.kernels.compiling import inlined
+from tdint.kernels.equations.iteration import CLOSE, SMALL, balanced
 from tdint.kernels.equations.tridiagonal import ModalBlocks, solve_blocks_damped
-from tdint.kernels.stepping import CLOSE, SMALL, balanced
+from tdint.kernels.linear_terms import add_modal_force
 
 # Rows of work
 LOAD = 0
@@ -45,36 +45,39 @@ def guess(factor, h, state, work, n):
 
 
 @inlined
-def residuals(theta, alpha, beta, chain, modal, h, state, work):
+def residuals(theta, alpha, beta, linear_terms, modal, h, state, work):
     """Minus the residuals of kinematics (times M) and momentum into their rows, and the acceleration at the end."""
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     for i in range(n):
-        link = chain[at.LINK, i + 1]
+        link = linear_terms[at.LINK, i + 1]
         force = work[FORCE_1, i] - link * work[FORCE_1, i + 1]
-        work[A1, i] = work[LOAD, i] - chain[at.FLOOR_DAMPER, i] * work[V1, i] - force
+        work[A1, i] = work[LOAD, i] - linear_terms[at.FLOOR_DAMPER, i] * work[V1, i] - force
         impulse = work[FORCE_S, i] - link * work[FORCE_S, i + 1]
         work[R2, i] = (
-            work[IMPULSE, i] - chain[at.MASS, i] * work[DV, i] - chain[at.FLOOR_DAMPER, i] * work[DU, i] - impulse
+            work[IMPULSE, i]
+            - linear_terms[at.MASS, i] * work[DV, i]
+            - linear_terms[at.FLOOR_DAMPER, i] * work[DU, i]
+            - impulse
         )
     add_modal_force(modal, work, V1, -1.0, work, A1, n)
     add_modal_force(modal, work, DU, -1.0, work, R2, n)
     for i in range(n):
-        work[A1, i] *= chain[at.INVERSE_MASS, i]
+        work[A1, i] *= linear_terms[at.INVERSE_MASS, i]
         by_v = h * ((1.0 - theta) * state[at.VELOCITY, i] + theta * work[V1, i])
         by_a = h * h * (alpha * state[at.ACCELERATION, i] - beta * work[A1, i])
-        work[R1, i] = chain[at.MASS, i] * (by_v + by_a - work[DU, i])
+        work[R1, i] = linear_terms[at.MASS, i] * (by_v + by_a - work[DU, i])
 
 
 @inlined
-def in_balance(last, beta, chain, h, state, work, report):
+def in_balance(last, beta, linear_terms, h, state, work, report):
     """Whether the rows of `residuals` are small beside their terms. At the last of them the worst is noted."""
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     by_a = beta * h * h
     report[at.RESIDUAL] = 0.0
     small = True
     for i in range(n):
-        link = chain[at.LINK, i + 1]
-        mass = chain[at.MASS, i]
+        link = linear_terms[at.LINK, i + 1]
+        mass = linear_terms[at.MASS, i]
         rounding = work[SIZE, i] + link * work[SIZE, i + 1]
         scale = abs(work[DU, i]) + h * (abs(state[at.VELOCITY, i]) + abs(work[V1, i]))
         scale += h * h * abs(state[at.ACCELERATION, i]) + by_a * abs(work[A1, i])

@@ -17,9 +17,8 @@ from typing import NamedTuple
 
 from tdint.kernels import layout as at
 from tdint.kernels.bundles import Factors
-from tdint.kernels.chain import DASHPOTS, MODAL, add_modal_force
 from tdint.kernels.compiling import called, inlined
-from tdint.kernels.equations.halving import add_rows, too_far
+from tdint.kernels.equations.iteration import ITERATIONS, SAME_TANGENT, SMALL, add_rows, balanced, too_far
 from tdint.kernels.equations.tridiagonal import (
     COUPLING_ROWS,
     ModalBlocks,
@@ -28,7 +27,7 @@ from tdint.kernels.equations.tridiagonal import (
     solve_blocks_damped,
 )
 from tdint.kernels.laws.choosing import BENDING
-from tdint.kernels.stepping import ITERATIONS, SAME_TANGENT, SMALL, balanced
+from tdint.kernels.linear_terms import DASHPOTS, MODAL, add_modal_force
 from tdint.kernels.stories import path
 from tdint.kernels.stories.branches import advance
 from tdint.kernels.stories.dashpot_path import follow_dashpot
@@ -79,9 +78,9 @@ def move(coefficients, scene, h, memory):
     linear building the only one. Otherwise Newton's iteration with the complete tangents. A correction that does not
     bring the equations closer to balance is halved.
     """
-    chain, modal, laws, _, flags = scene
+    linear_terms, modal, law_parameters, _, flags = scene
     state, _, work, report = memory
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     iterations = 0
     part = 1.0
     before = math.inf
@@ -95,9 +94,9 @@ def move(coefficients, scene, h, memory):
         _guess(h, state, work, n)
     while BENDING:
         stale = _stories(coefficients, scene, h, memory)
-        size = _residuals(coefficients, chain, modal, h, state, work)
+        size = _residuals(coefficients, linear_terms, modal, h, state, work)
         failing = iterations == ITERATIONS or not size < math.inf
-        if last or _in_balance(failing, coefficients, chain, h, state, work, report):
+        if last or _in_balance(failing, coefficients, linear_terms, h, state, work, report):
             break
         if too_far(size, before, part):
             part *= 0.5
@@ -106,7 +105,7 @@ def move(coefficients, scene, h, memory):
         if failing:
             return at.NOT_CONVERGED
         if stale:
-            _factor(coefficients, chain, modal, laws, h, work)
+            _factor(coefficients, linear_terms, modal, law_parameters, h, work)
         solve(modal, h, work, n)
         last = _correct(state, work, n)
         iterations += 1
@@ -119,36 +118,36 @@ def move(coefficients, scene, h, memory):
 def _keep_to_branches(coefficients, scene, h, memory):
     """Motion with all stories on their present linear branches: one solve, from no motion at all, which is also the
     correction. Returns the size of what that left out of balance."""
-    chain, modal, laws, _, _ = scene
+    linear_terms, modal, law_parameters, _, _ = scene
     state, springs, work, _ = memory
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     stale = work[ROW.FACTORED, n] != h
     for i in range(n):
         slope = springs[at.SLOPE, i]
-        same = SAME_TANGENT * laws[at.STIFFNESS, i]
+        same = SAME_TANGENT * law_parameters[at.STIFFNESS, i]
         for row in range(4):
             stale |= abs(work[ROW.FACTORED + row, i] - _BY_SLOPE[row] * slope) > same
-        work[ROW.PATH + path.MEAN, i] = springs[at.FORCE, i] + chain[at.GEOMETRIC, i] * springs[at.DRIFT, i]
+        work[ROW.PATH + path.MEAN, i] = springs[at.FORCE, i] + linear_terms[at.GEOMETRIC, i] * springs[at.DRIFT, i]
         work[ROW.LEFT, i] = 0.0
     size = 0.0
     for i in range(n):
         mean = (
             work[ROW.PATH + path.MEAN, i]
-            - chain[at.LINK, i + 1] * work[ROW.PATH + path.MEAN, i + 1]
+            - linear_terms[at.LINK, i + 1] * work[ROW.PATH + path.MEAN, i + 1]
             - work[ROW.LOAD, i]
         )
-        inertia = chain[at.MASS, i] * coefficients[BY_RISE] * h * state[at.VELOCITY, i]
+        inertia = linear_terms[at.MASS, i] * coefficients[BY_RISE] * h * state[at.VELOCITY, i]
         by_rise = coefficients[R] * inertia - h * h * mean
         by_bend = h * h * work[ROW.LOAD + 1, i] - inertia
         work[ROW.X, i] = by_rise
         work[ROW.X + 1, i] = by_bend
         if BENDING:
-            size += chain[at.INVERSE_MASS, i] * (by_rise * by_rise + by_bend * by_bend / 12.0)
+            size += linear_terms[at.INVERSE_MASS, i] * (by_rise * by_rise + by_bend * by_bend / 12.0)
     if stale:
         for i in range(n):
             for row in range(4):
                 work[ROW.PATH + path.MEAN_BY_RISE + row, i] = _BY_SLOPE[row] * springs[at.SLOPE, i]
-        _factor(coefficients, chain, modal, laws, h, work)
+        _factor(coefficients, linear_terms, modal, law_parameters, h, work)
     solve(modal, h, work, n)
     for row in range(2):
         for i in range(n):
@@ -169,15 +168,15 @@ def _guess(h, state, work, n):
 def _stories(coefficients, scene, h, memory):
     """Means, moments and tangents of the stories, dampers included, for the present motion. True if the factorization
     does not fit the tangents."""
-    chain, _, laws, _, _ = scene
+    linear_terms, _, law_parameters, _, _ = scene
     state, springs, work, _ = memory
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     stale = work[ROW.FACTORED, n] != h
     rise_below = 0.0
     bend_below = 0.0
     size_below = 0.0
     for i in range(n):
-        link = chain[at.LINK, i]
+        link = linear_terms[at.LINK, i]
         rise = work[ROW.RISE, i] - link * rise_below
         bend = work[ROW.BEND, i] - link * bend_below
         rise_below = work[ROW.RISE, i]
@@ -187,30 +186,30 @@ def _stories(coefficients, scene, h, memory):
             keep_to_branch(springs, i, rise, bend, work, ROW.PATH)
         else:
             work[ROW.LEFT, i] = 1.0
-            follow(laws, springs, i, rise, bend, work, ROW.PATH)
-        if DASHPOTS and chain[at.POWER_DAMPER, i] != 0.0:
-            follow_dashpot(chain, i, h, rise, bend, work, ROW.PATH, ROW.DASHPOT)
-        same = SAME_TANGENT * laws[at.STIFFNESS, i]
+            follow(law_parameters, springs, i, rise, bend, work, ROW.PATH)
+        if DASHPOTS and linear_terms[at.POWER_DAMPER, i] != 0.0:
+            follow_dashpot(linear_terms, i, h, rise, bend, work, ROW.PATH, ROW.DASHPOT)
+        same = SAME_TANGENT * law_parameters[at.STIFFNESS, i]
         for row in range(4):
             change = abs(work[ROW.PATH + path.MEAN_BY_RISE + row, i] - work[ROW.FACTORED + row, i])
             stale |= change > same
-        geometric = chain[at.GEOMETRIC, i]
-        damper = chain[at.STORY_DAMPER, i] / h
+        geometric = linear_terms[at.GEOMETRIC, i]
+        damper = linear_terms[at.STORY_DAMPER, i] / h
         drift = springs[at.DRIFT, i]
-        stiffness = coefficients[R] * (laws[at.STIFFNESS, i] + geometric)
+        stiffness = coefficients[R] * (law_parameters[at.STIFFNESS, i] + geometric)
         work[ROW.PATH + path.MEAN, i] += geometric * (drift + 0.5 * rise - bend / 12.0) + damper * rise
         work[ROW.PATH + path.MOMENT, i] += geometric * rise + (damper + stiffness) * bend
         # A drift is a difference: what the displacements round is not out of balance.
         size = abs(state[at.DISPLACEMENT, i]) + abs(rise_below)
-        work[ROW.SIZE, i] = SMALL / CLOSE * laws[at.STIFFNESS, i] * (size + link * size_below)
+        work[ROW.SIZE, i] = SMALL / CLOSE * law_parameters[at.STIFFNESS, i] * (size + link * size_below)
         size_below = size
     return stale
 
 
 @inlined
-def _residuals(coefficients, chain, modal, h, state, work):
+def _residuals(coefficients, linear_terms, modal, h, state, work):
     """Minus the residuals of both equations into their rows; returns their size."""
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     for i in range(n):
         work[ROW.X, i] = 0.0
         work[ROW.X + 1, i] = 0.0
@@ -218,31 +217,31 @@ def _residuals(coefficients, chain, modal, h, state, work):
     add_modal_force(modal, work, ROW.BEND, -h, work, ROW.X + 1, n)
     total = 0.0
     for i in range(n):
-        link = chain[at.LINK, i + 1]
+        link = linear_terms[at.LINK, i + 1]
         rise = work[ROW.RISE, i]
         bend = work[ROW.BEND, i]
         a1 = coefficients[BY_RISE] * (0.5 * bend - rise + h * state[at.VELOCITY, i])
         a0 = bend - coefficients[R] * a1
         work[ROW.A0, i] = a0
         work[ROW.A1, i] = a1
-        floor = h * chain[at.FLOOR_DAMPER, i]
+        floor = h * linear_terms[at.FLOOR_DAMPER, i]
         mean = work[ROW.PATH + path.MEAN, i] - link * work[ROW.PATH + path.MEAN, i + 1] - work[ROW.LOAD, i]
         moment = work[ROW.PATH + path.MOMENT, i] - link * work[ROW.PATH + path.MOMENT, i + 1] - work[ROW.LOAD + 1, i]
-        work[ROW.X, i] -= chain[at.MASS, i] * a0 + floor * rise + h * h * mean
-        work[ROW.X + 1, i] -= chain[at.MASS, i] * a1 + floor * bend + h * h * moment
+        work[ROW.X, i] -= linear_terms[at.MASS, i] * a0 + floor * rise + h * h * mean
+        work[ROW.X + 1, i] -= linear_terms[at.MASS, i] * a1 + floor * bend + h * h * moment
         squares = work[ROW.X, i] * work[ROW.X, i] + work[ROW.X + 1, i] * work[ROW.X + 1, i] / 12.0
-        total += chain[at.INVERSE_MASS, i] * squares
+        total += linear_terms[at.INVERSE_MASS, i] * squares
     return total
 
 
 @inlined
-def _in_balance(last, coefficients, chain, h, state, work, report):
+def _in_balance(last, coefficients, linear_terms, h, state, work, report):
     """Whether the residuals are small beside the terms of their equations. At the last of them the worst is noted."""
     report[at.RESIDUAL] = 0.0
     small = True
-    for i in range(chain.shape[1] - 1):
-        link = chain[at.LINK, i + 1]
-        mass = chain[at.MASS, i]
+    for i in range(linear_terms.shape[1] - 1):
+        link = linear_terms[at.LINK, i + 1]
+        mass = linear_terms[at.MASS, i]
         rounding = work[ROW.SIZE, i] + link * work[ROW.SIZE, i + 1]
         forces = (
             abs(work[ROW.PATH + path.MEAN, i]) + link * abs(work[ROW.PATH + path.MEAN, i + 1]) + abs(work[ROW.LOAD, i])
@@ -274,16 +273,16 @@ def _correct(state, work, n):
 
 
 @called
-def _factor(coefficients, chain, modal, laws, h, work):
+def _factor(coefficients, linear_terms, modal, law_parameters, h, work):
     """Factor the Newton matrix for the present tangents."""
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     square = h * h
     for i in range(n):
-        mass = chain[at.MASS, i]
-        floor = h * chain[at.FLOOR_DAMPER, i]
-        geometric = chain[at.GEOMETRIC, i]
-        damper = h * chain[at.STORY_DAMPER, i]
-        numerical = coefficients[R] * (laws[at.STIFFNESS, i] + geometric)
+        mass = linear_terms[at.MASS, i]
+        floor = h * linear_terms[at.FLOOR_DAMPER, i]
+        geometric = linear_terms[at.GEOMETRIC, i]
+        damper = h * linear_terms[at.STORY_DAMPER, i]
+        numerical = coefficients[R] * (law_parameters[at.STIFFNESS, i] + geometric)
         for row in range(4):
             work[ROW.FACTORED + row, i] = work[ROW.PATH + path.MEAN_BY_RISE + row, i]
         work[ROW.COUPLING, i] = square * (work[ROW.PATH + path.MEAN_BY_RISE, i] + 0.5 * geometric) + damper
@@ -297,7 +296,7 @@ def _factor(coefficients, chain, modal, laws, h, work):
         work[ROW.BLOCKS + 3, i] = 0.5 * by_rise + floor + work[ROW.COUPLING + 3, i]
     work[ROW.FACTORED, n] = h
     factors = Factors(work, ROW.BLOCKS, ROW.COUPLING, STORE)
-    link_blocks(chain, factors, n)
+    link_blocks(linear_terms, factors, n)
     factor_blocks(factors, ModalBlocks(modal, h, 0.0, 0.0, h), n)
 
 
@@ -311,9 +310,9 @@ def solve(modal, h, work, n):
 @inlined
 def finish(coefficients, scene, h, memory):
     """Update the state, and the work done by the load and the dampers along the paths."""
-    chain, modal, laws, _, flags = scene
+    linear_terms, modal, law_parameters, _, flags = scene
     state, springs, work, report = memory
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     by_h = 1.0 / h
     by_rise = 0.0
     by_bend = 0.0
@@ -328,26 +327,26 @@ def finish(coefficients, scene, h, memory):
         a0 = bend - coefficients[R] * a1
         by_rise += rise * work[ROW.LOAD, i]
         by_bend += bend * work[ROW.LOAD + 1, i]
-        damped_rise += chain[at.FLOOR_DAMPER, i] * rise * rise
-        damped_bend += chain[at.FLOOR_DAMPER, i] * bend * bend
+        damped_rise += linear_terms[at.FLOOR_DAMPER, i] * rise * rise
+        damped_bend += linear_terms[at.FLOOR_DAMPER, i] * bend * bend
         state[at.DISPLACEMENT, i] += rise
         state[at.VELOCITY, i] += by_h * a0
         state[at.ACCELERATION, i] = by_h * by_h * (a0 + 0.5 * a1)
-        rise -= chain[at.LINK, i] * rise_below
-        bend -= chain[at.LINK, i] * bend_below
+        rise -= linear_terms[at.LINK, i] * rise_below
+        bend -= linear_terms[at.LINK, i] * bend_below
         rise_below = work[ROW.RISE, i]
         bend_below = work[ROW.BEND, i]
-        damped_rise += chain[at.STORY_DAMPER, i] * rise * rise
-        damped_bend += chain[at.STORY_DAMPER, i] * bend * bend
+        damped_rise += linear_terms[at.STORY_DAMPER, i] * rise * rise
+        damped_bend += linear_terms[at.STORY_DAMPER, i] * bend * bend
         if not BENDING or work[ROW.LEFT, i] == 0.0:
-            advance(laws, springs, i, 0, springs[at.DRIFT, i] + rise)
+            advance(law_parameters, springs, i, 0, springs[at.DRIFT, i] + rise)
         else:
-            arrive(laws, springs, i, rise)
+            arrive(law_parameters, springs, i, rise)
     damped = by_h * (damped_rise + damped_bend / 12.0)
     if MODAL and modal.shape[0] > 0:
         damped += _modal_work(modal, h, work, n)
     if DASHPOTS and flags[at.POWER_DAMPERS] != 0.0:
-        damped += _dashpot_work(chain, work, n)
+        damped += _dashpot_work(linear_terms, work, n)
     report[at.WORK_INPUT] = by_rise + by_bend / 12.0
     report[at.WORK_DAMPED] = damped
 
@@ -367,16 +366,16 @@ def _modal_work(modal, h, work, n):
 
 
 @called
-def _dashpot_work(chain, work, n):
+def _dashpot_work(linear_terms, work, n):
     """Work of the power-law dashpots along the paths."""
     total = 0.0
     rise_below = 0.0
     bend_below = 0.0
     for i in range(n):
-        rise = work[ROW.RISE, i] - chain[at.LINK, i] * rise_below
-        bend = work[ROW.BEND, i] - chain[at.LINK, i] * bend_below
+        rise = work[ROW.RISE, i] - linear_terms[at.LINK, i] * rise_below
+        bend = work[ROW.BEND, i] - linear_terms[at.LINK, i] * bend_below
         rise_below = work[ROW.RISE, i]
         bend_below = work[ROW.BEND, i]
-        if chain[at.POWER_DAMPER, i] != 0.0:
+        if linear_terms[at.POWER_DAMPER, i] != 0.0:
             total += rise * work[ROW.DASHPOT, i] + bend * work[ROW.DASHPOT + 1, i] / 12.0
     return total

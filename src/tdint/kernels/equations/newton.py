@@ -12,34 +12,52 @@ cycle, corrections are halved until they bring the floors closer to equilibrium.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from tdint.kernels import layout as at
 from tdint.kernels.bundles import Factors
-from tdint.kernels.chain import add_modal_force, power_damper
 from tdint.kernels.compiling import inlined
-from tdint.kernels.equations.halving import copy_rows, squares, too_far
+from tdint.kernels.equations.iteration import (
+    CLOSE,
+    ITERATIONS,
+    PATIENCE,
+    SAME_TANGENT,
+    SMALL,
+    balanced,
+    copy_rows,
+    squares,
+    too_far,
+)
 from tdint.kernels.equations.tridiagonal import Combination, factor_combination, solve_damped
-from tdint.kernels.stepping import CLOSE, ITERATIONS, PATIENCE, SAME_TANGENT, SMALL, balanced
-from tdint.kernels.stories.springs import restoring
+from tdint.kernels.linear_terms import add_modal_force, power_damper
+from tdint.kernels.stories.law_state import restoring
 
-# Rows of work: the load and the first guess come in, the motion in equilibrium goes out
-LOAD = 0
-U = 1
-V = 2
-A = 3
-X = 4
-_SUM = 5  # story forces
-_RESIDUAL = 6  # unbalanced forces, then the correction of x
-_TANGENT = 7
-_SIZE = 8  # of the story forces, with what the displacements round
-_CORRECTION = 9  # of x, the last one
-BALANCE_ROWS = 10
 
-# Rows of a block of factors
-_FACTORED = 0  # its tangents
-_PIVOT = 1
-_COUPLING = 2
-_STORE = 3
+class _Rows(NamedTuple):
+    """Rows of work: the load and the first guess come in, the motion in equilibrium goes out."""
+
+    LOAD: int = 1
+    U: int = 1
+    V: int = 1
+    A: int = 1
+    X: int = 1
+    SUM: int = 1  # story forces
+    RESIDUAL: int = 1  # unbalanced forces, then the correction of x
+    TANGENT: int = 1
+    SIZE: int = 1  # of the story forces, with what the displacements round
+    CORRECTION: int = 1  # of x, the last one
+
+
+class _Factors(NamedTuple):
+    """Rows of a block of factors."""
+
+    FACTORED: int = 1  # its tangents
+    PIVOT: int = 1
+    COUPLING: int = 1
+
+
+ROW, BALANCE_ROWS = at.chained(_Rows)
+_FACTOR, _STORE = at.chained(_Factors)
 
 
 def factor_rows(modes: int) -> int:
@@ -51,7 +69,7 @@ def factor_rows(modes: int) -> int:
 def forget(work, factors, n):
     """Mark the factors in the block at row `factors` as fitting no tangent."""
     for i in range(n):
-        work[factors + _FACTORED, i] = math.inf
+        work[factors + _FACTOR.FACTORED, i] = math.inf
 
 
 @inlined
@@ -62,26 +80,26 @@ def balance(weights, factors, past, trial, scene, memory):
     hold the factors of by_a M + by_v C + by_u K for the weights of this call, or are marked by `forget`.
     """
     by_u, by_v, by_a = weights
-    chain, modal, _, _, flags = scene
+    linear_terms, modal, _, _, flags = scene
     work, report = memory.work, memory.report
-    n = chain.shape[1] - 1
-    tangents = factors + _FACTORED
-    kept = Factors(work, factors + _PIVOT, factors + _COUPLING, factors + _STORE)
+    n = linear_terms.shape[1] - 1
+    tangents = factors + _FACTOR.FACTORED
+    kept = Factors(work, factors + _FACTOR.PIVOT, factors + _FACTOR.COUPLING, factors + _STORE)
     combination = Combination(by_a, by_v, by_u if by_u != 0.0 else 1.0)
     for i in range(n):
-        work[X, i] = 0.0
+        work[ROW.X, i] = 0.0
     iterations = 0
     part = 1.0
     before = math.inf
     while True:
         stale = _story_forces(weights, factors, past, trial, scene, memory)
-        if _in_balance(iterations == ITERATIONS, chain, modal, work, report):
+        if _in_balance(iterations == ITERATIONS, linear_terms, modal, work, report):
             break
         if iterations >= PATIENCE:
-            size = squares(chain, work, _RESIDUAL, n)
+            size = squares(linear_terms, work, ROW.RESIDUAL, n)
             if too_far(size, before, part):
                 part *= 0.5
-                _correct(-part, _CORRECTION, weights, work, n)
+                _correct(-part, ROW.CORRECTION, weights, work, n)
                 continue
             before = size
             part = 1.0
@@ -89,14 +107,14 @@ def balance(weights, factors, past, trial, scene, memory):
             return at.NOT_CONVERGED
         if stale:
             for i in range(n):
-                work[tangents, i] = work[_TANGENT, i]
-            factor_combination(chain, modal, work, tangents, combination, kept, n)
-        solve_damped(kept, modal, _RESIDUAL, n)
+                work[tangents, i] = work[ROW.TANGENT, i]
+            factor_combination(linear_terms, modal, work, tangents, combination, kept, n)
+        solve_damped(kept, modal, ROW.RESIDUAL, n)
         iterations += 1
         if iterations > PATIENCE:
-            copy_rows(work, _RESIDUAL, _CORRECTION, 1, n)
+            copy_rows(work, ROW.RESIDUAL, ROW.CORRECTION, 1, n)
         done = flags[at.LINEAR] != 0.0 or (by_u == 0.0 and flags[at.POWER_DAMPERS] == 0.0)
-        if _correct(1.0, _RESIDUAL, weights, work, n) or done:
+        if _correct(1.0, ROW.RESIDUAL, weights, work, n) or done:
             _drift_laws(past, trial, scene, memory)
             break
     return max(iterations, 1)
@@ -110,53 +128,56 @@ def _story_forces(weights, factors, past, trial, scene, memory):
     and the factors are made with 1 in its place.
     """
     by_u, by_v, _ = weights
-    chain, _, laws, _, _ = scene
+    linear_terms, _, law_parameters, _, _ = scene
     _, springs, work, _ = memory
     stale = False
     u_below = 0.0
     v_below = 0.0
-    for i in range(chain.shape[1] - 1):
-        drift = work[U, i] - chain[at.LINK, i] * u_below
-        rate = work[V, i] - chain[at.LINK, i] * v_below
-        u_below = work[U, i]
-        v_below = work[V, i]
-        tangent = restoring(laws, springs, i, past, trial, drift)
-        damper, slope = power_damper(chain, i, rate)
-        scale = laws[at.STIFFNESS, i]
+    for i in range(linear_terms.shape[1] - 1):
+        drift = work[ROW.U, i] - linear_terms[at.LINK, i] * u_below
+        rate = work[ROW.V, i] - linear_terms[at.LINK, i] * v_below
+        u_below = work[ROW.U, i]
+        v_below = work[ROW.V, i]
+        tangent = restoring(law_parameters, springs, i, past, trial, drift)
+        damper, slope = power_damper(linear_terms, i, rate)
+        scale = law_parameters[at.STIFFNESS, i]
         if by_u == 0.0:
-            tangent = by_v * slope - chain[at.GEOMETRIC, i]
-            scale = chain[at.MASS, i]
+            tangent = by_v * slope - linear_terms[at.GEOMETRIC, i]
+            scale = linear_terms[at.MASS, i]
         elif slope != 0.0:
             tangent += by_v / by_u * slope
-        work[_TANGENT, i] = tangent
-        stale = stale or abs(tangent - work[factors + _FACTORED, i]) > SAME_TANGENT * scale
+        work[ROW.TANGENT, i] = tangent
+        stale = stale or abs(tangent - work[factors + _FACTOR.FACTORED, i]) > SAME_TANGENT * scale
         total = (
-            springs[trial + at.FORCE, i] + chain[at.GEOMETRIC, i] * drift + chain[at.STORY_DAMPER, i] * rate + damper
+            springs[trial + at.FORCE, i]
+            + linear_terms[at.GEOMETRIC, i] * drift
+            + linear_terms[at.STORY_DAMPER, i] * rate
+            + damper
         )
-        work[_SUM, i] = total
+        work[ROW.SUM, i] = total
         # A drift is a difference: what the displacements round is not out of balance.
-        rounding = SMALL / CLOSE * laws[at.STIFFNESS, i]
-        work[_SIZE, i] = abs(total) + rounding * (abs(work[U, i]) + abs(work[U, i] - drift))
+        rounding = SMALL / CLOSE * law_parameters[at.STIFFNESS, i]
+        work[ROW.SIZE, i] = abs(total) + rounding * (abs(work[ROW.U, i]) + abs(work[ROW.U, i] - drift))
     return stale
 
 
 @inlined
-def _in_balance(last, chain, modal, work, report):
+def _in_balance(last, linear_terms, modal, work, report):
     """Unbalanced forces into their row, N; whether all are small. At the last of them the worst is noted."""
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     for i in range(n):
-        work[_RESIDUAL, i] = chain[at.FLOOR_DAMPER, i] * work[V, i]
-    add_modal_force(modal, work, V, 1.0, work, _RESIDUAL, n)
+        work[ROW.RESIDUAL, i] = linear_terms[at.FLOOR_DAMPER, i] * work[ROW.V, i]
+    add_modal_force(modal, work, ROW.V, 1.0, work, ROW.RESIDUAL, n)
     report[at.RESIDUAL] = 0.0
     small = True
     for i in range(n):
-        load = work[LOAD, i]
-        inertia = chain[at.MASS, i] * work[A, i]
-        damping = work[_RESIDUAL, i]
-        link = chain[at.LINK, i + 1]
-        residual = load - inertia - damping - work[_SUM, i] + link * work[_SUM, i + 1]
-        work[_RESIDUAL, i] = residual
-        scale = abs(load) + abs(inertia) + abs(damping) + work[_SIZE, i] + link * work[_SIZE, i + 1]
+        load = work[ROW.LOAD, i]
+        inertia = linear_terms[at.MASS, i] * work[ROW.A, i]
+        damping = work[ROW.RESIDUAL, i]
+        link = linear_terms[at.LINK, i + 1]
+        residual = load - inertia - damping - work[ROW.SUM, i] + link * work[ROW.SUM, i + 1]
+        work[ROW.RESIDUAL, i] = residual
+        scale = abs(load) + abs(inertia) + abs(damping) + work[ROW.SIZE, i] + link * work[ROW.SIZE, i + 1]
         small &= balanced(last, CLOSE, report, i, residual, scale)
     return small
 
@@ -164,12 +185,12 @@ def _in_balance(last, chain, modal, work, report):
 @inlined
 def _drift_laws(past, trial, scene, memory):
     """Drift laws at the present displacements."""
-    chain, _, laws, _, _ = scene
+    linear_terms, _, law_parameters, _, _ = scene
     _, springs, work, _ = memory
     below = 0.0
-    for i in range(chain.shape[1] - 1):
-        restoring(laws, springs, i, past, trial, work[U, i] - chain[at.LINK, i] * below)
-        below = work[U, i]
+    for i in range(linear_terms.shape[1] - 1):
+        restoring(law_parameters, springs, i, past, trial, work[ROW.U, i] - linear_terms[at.LINK, i] * below)
+        below = work[ROW.U, i]
 
 
 @inlined
@@ -179,9 +200,9 @@ def _correct(part, row, weights, work, n):
     small = True
     for i in range(n):
         dx = part * work[row, i]
-        work[X, i] += dx
-        work[V, i] += by_v * dx
-        work[A, i] += by_a * dx
-        work[U, i] += by_u * dx
-        small = small and abs(by_u * dx) <= SMALL * abs(work[U, i])
+        work[ROW.X, i] += dx
+        work[ROW.V, i] += by_v * dx
+        work[ROW.A, i] += by_a * dx
+        work[ROW.U, i] += by_u * dx
+        small = small and abs(by_u * dx) <= SMALL * abs(work[ROW.U, i])
     return small

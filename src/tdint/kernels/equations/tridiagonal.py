@@ -149,28 +149,28 @@ def _correct_damped(work, modal, store, x, n):
 
 
 @inlined
-def assemble_combination(chain, springs, row, combination, factors, n):
+def assemble_combination(linear_terms, springs, row, combination, factors, n):
     """by_m M + by_c C + by_k K for `factor`, without the modal part of C; row `row` of `springs` is the stiffness of
     each story, to which the geometric one is added."""
     by_m, by_c, by_k = combination
     work, diagonal, coupling, _ = factors
     for i in range(n):
-        story = by_k * (springs[row, i] + chain[at.GEOMETRIC, i]) + by_c * chain[at.STORY_DAMPER, i]
-        work[diagonal, i] = by_m * chain[at.MASS, i] + by_c * chain[at.FLOOR_DAMPER, i] + story
-        work[coupling, i] = -chain[at.LINK, i] * story
+        story = by_k * (springs[row, i] + linear_terms[at.GEOMETRIC, i]) + by_c * linear_terms[at.STORY_DAMPER, i]
+        work[diagonal, i] = by_m * linear_terms[at.MASS, i] + by_c * linear_terms[at.FLOOR_DAMPER, i] + story
+        work[coupling, i] = -linear_terms[at.LINK, i] * story
     for i in range(n - 1):
         work[diagonal, i] -= work[coupling, i + 1]
 
 
 @called
-def factor_combination(chain, modal, springs, row, combination, factors, n):
+def factor_combination(linear_terms, modal, springs, row, combination, factors, n):
     """Factor by_m M + by_c C + by_k K as `factor_damped` does; `springs` as for `assemble_combination`."""
-    assemble_combination(chain, springs, row, combination, factors, n)
+    assemble_combination(linear_terms, springs, row, combination, factors, n)
     factor_damped(factors, modal, combination.by_c, n)
 
 
 @inlined
-def assemble_blocks(chain, factors, by_v, by_a, n):
+def assemble_blocks(linear_terms, factors, by_v, by_a, n):
     """Newton matrix of a step with the unknowns (u1 - u0, v1 - v0) per floor and a1 eliminated by equilibrium.
 
     The rows of couplings hold the four entries that each story brings, springs and dampers; by_v and by_a are the
@@ -178,22 +178,22 @@ def assemble_blocks(chain, factors, by_v, by_a, n):
     """
     work, blocks, coupling, _ = factors
     for i in range(n):
-        mass = chain[at.MASS, i]
-        floor = chain[at.FLOOR_DAMPER, i]
+        mass = linear_terms[at.MASS, i]
+        floor = linear_terms[at.FLOOR_DAMPER, i]
         work[blocks, i] = mass + work[coupling, i]
         work[blocks + 1, i] = work[coupling + 1, i] - by_v * mass - by_a * floor
         work[blocks + 2, i] = floor + work[coupling + 2, i]
         work[blocks + 3, i] = mass + work[coupling + 3, i]
-    link_blocks(chain, factors, n)
+    link_blocks(linear_terms, factors, n)
 
 
 @called
-def link_blocks(chain, factors, n):
+def link_blocks(linear_terms, factors, n):
     """Add what each story brings to the block of the floor below it, and cut the coupling where there is none."""
     work, blocks, coupling, _ = factors
     for i in range(n):
         for entry in range(4):
-            work[coupling + entry, i] *= chain[at.LINK, i]
+            work[coupling + entry, i] *= linear_terms[at.LINK, i]
     for i in range(n - 1):
         for entry in range(4):
             work[blocks + entry, i] += work[coupling + entry, i + 1]

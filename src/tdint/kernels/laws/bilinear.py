@@ -17,10 +17,10 @@ def _functions() -> LawFunctions:
     from tdint.kernels.compiling import inlined
 
     @inlined
-    def force(laws, springs, i, past, trial, drift):
-        k = laws[at.STIFFNESS, i]
-        hardening = laws[at.FIRST_PARAMETER + 1, i]
-        strength = (1.0 - hardening) * laws[at.FIRST_PARAMETER, i]
+    def force(law_parameters, springs, i, past, trial, drift):
+        k = law_parameters[at.STIFFNESS, i]
+        hardening = law_parameters[at.FIRST_PARAMETER + 1, i]
+        strength = (1.0 - hardening) * law_parameters[at.FIRST_PARAMETER, i]
         z = springs[past + at.INTERNAL, i] + (1.0 - hardening) * k * (drift - springs[past + at.DRIFT, i])
         tangent = k
         if z > strength:
@@ -34,44 +34,48 @@ def _functions() -> LawFunctions:
         return tangent
 
     @inlined
-    def recoverable(laws, springs, i):
+    def recoverable(law_parameters, springs, i):
         d = springs[at.DRIFT, i]
         z = springs[at.INTERNAL, i]
-        k = laws[at.STIFFNESS, i]
-        hardening = laws[at.FIRST_PARAMETER + 1, i]
+        k = law_parameters[at.STIFFNESS, i]
+        hardening = law_parameters[at.FIRST_PARAMETER + 1, i]
         return 0.5 * hardening * k * d * d + 0.5 * z * z / ((1.0 - hardening) * k)
 
     @inlined
-    def settle(laws, springs, i, past, trial):
+    def settle(law_parameters, springs, i, past, trial):
         springs[trial + at.DISSIPATED, i] = springs[past + at.DISSIPATED, i]
         z = springs[trial + at.INTERNAL, i]
-        soft = 1.0 - laws[at.FIRST_PARAMETER + 1, i]
-        if abs(z) == soft * laws[at.FIRST_PARAMETER, i]:  # else the way was elastic
+        soft = 1.0 - law_parameters[at.FIRST_PARAMETER + 1, i]
+        if abs(z) == soft * law_parameters[at.FIRST_PARAMETER, i]:  # else the way was elastic
             stretch = springs[trial + at.DRIFT, i] - springs[past + at.DRIFT, i]
-            slip = stretch - (z - springs[past + at.INTERNAL, i]) / (soft * laws[at.STIFFNESS, i])
+            slip = stretch - (z - springs[past + at.INTERNAL, i]) / (soft * law_parameters[at.STIFFNESS, i])
             springs[trial + at.DISSIPATED, i] += abs(z * slip)
 
     @inlined
-    def enter(laws, springs, i):
-        soft = 1.0 - laws[at.FIRST_PARAMETER + 1, i]
-        strength = soft * laws[at.FIRST_PARAMETER, i]
-        k = laws[at.STIFFNESS, i]
+    def enter(law_parameters, springs, i):
+        soft = 1.0 - law_parameters[at.FIRST_PARAMETER + 1, i]
+        strength = soft * law_parameters[at.FIRST_PARAMETER, i]
+        k = law_parameters[at.STIFFNESS, i]
         springs[at.UPPER, i] = springs[at.DRIFT, i] + (strength - springs[at.INTERNAL, i]) / (soft * k)
         springs[at.LOWER, i] = springs[at.DRIFT, i] - (strength + springs[at.INTERNAL, i]) / (soft * k)
 
     @inlined
-    def advance(laws, springs, i, block, step, mean_force):
+    def advance(law_parameters, springs, i, block, step, mean_force):
         if springs[block + at.TURN, i] == 0.0:
-            elastic = laws[at.FIRST_PARAMETER + 1, i] * laws[at.STIFFNESS, i] * springs[block + at.DRIFT, i]
+            elastic = (
+                law_parameters[at.FIRST_PARAMETER + 1, i]
+                * law_parameters[at.STIFFNESS, i]
+                * springs[block + at.DRIFT, i]
+            )
             springs[block + at.INTERNAL, i] = springs[block + at.FORCE, i] - elastic
         else:
             springs[block + at.DISSIPATED, i] += abs(springs[block + at.INTERNAL, i] * step)
 
     @inlined
-    def switch(laws, springs, i, block, event):
-        k = laws[at.STIFFNESS, i]
-        hardening = laws[at.FIRST_PARAMETER + 1, i]
-        strength = (1.0 - hardening) * laws[at.FIRST_PARAMETER, i]
+    def switch(law_parameters, springs, i, block, event):
+        k = law_parameters[at.STIFFNESS, i]
+        hardening = law_parameters[at.FIRST_PARAMETER + 1, i]
+        strength = (1.0 - hardening) * law_parameters[at.FIRST_PARAMETER, i]
         drift = springs[block + at.DRIFT, i]
         if event == at.TURNED:
             side = springs[block + at.TURN, i]

@@ -95,12 +95,12 @@ def _functions() -> LawFunctions:
         return w
 
     @called
-    def force(laws, springs, i, past, trial, drift):
-        k = laws[at.STIFFNESS, i]
-        strength = laws[at.FIRST_PARAMETER, i]
-        hardening = laws[at.FIRST_PARAMETER + 1, i]
-        n = laws[at.FIRST_PARAMETER + 2, i]
-        q = 2.0 * laws[at.FIRST_PARAMETER + 3, i] - 1.0
+    def force(law_parameters, springs, i, past, trial, drift):
+        k = law_parameters[at.STIFFNESS, i]
+        strength = law_parameters[at.FIRST_PARAMETER, i]
+        hardening = law_parameters[at.FIRST_PARAMETER + 1, i]
+        n = law_parameters[at.FIRST_PARAMETER + 2, i]
+        q = 2.0 * law_parameters[at.FIRST_PARAMETER + 3, i] - 1.0
         stretch = drift - springs[past + at.DRIFT, i]
         side = 1.0 if stretch >= 0.0 else -1.0
         w = side * springs[past + at.INTERNAL, i]
@@ -166,66 +166,66 @@ def _functions() -> LawFunctions:
         return k * (hardening + (1.0 - hardening) * rate)
 
     @inlined
-    def recoverable(laws, springs, i):
+    def recoverable(law_parameters, springs, i):
         d = springs[at.DRIFT, i]
-        z = laws[at.FIRST_PARAMETER, i] * springs[at.INTERNAL, i]
-        k = laws[at.STIFFNESS, i]
-        hardening = laws[at.FIRST_PARAMETER + 1, i]
+        z = law_parameters[at.FIRST_PARAMETER, i] * springs[at.INTERNAL, i]
+        k = law_parameters[at.STIFFNESS, i]
+        hardening = law_parameters[at.FIRST_PARAMETER + 1, i]
         return 0.5 * hardening * k * d * d + 0.5 * (1.0 - hardening) * z * z / k
 
     @inlined
-    def settle(laws, springs, i, past, trial):
+    def settle(law_parameters, springs, i, past, trial):
         pass  # summed up on the way
 
     @called
-    def kink(laws, springs, i, block, side):
+    def kink(law_parameters, springs, i, block, side):
         """How far ahead on that side w changes its sign, by Gauss points in the root of w: dx = du / (1 + q u^n)."""
         u = -side * springs[block + at.INTERNAL, i]
         if not u > 0.0:
             return math.inf
-        n = laws[at.FIRST_PARAMETER + 2, i]
-        q = 2.0 * laws[at.FIRST_PARAMETER + 3, i] - 1.0
+        n = law_parameters[at.FIRST_PARAMETER + 2, i]
+        q = 2.0 * law_parameters[at.FIRST_PARAMETER + 3, i] - 1.0
         way = 0.0
         for point in range(8):
             root = nodes[point]
             way += weights[point] * 2.0 * root / (1.0 + q * power(u * root * root, n))
-        return way * u * laws[at.FIRST_PARAMETER, i] / laws[at.STIFFNESS, i]
+        return way * u * law_parameters[at.FIRST_PARAMETER, i] / law_parameters[at.STIFFNESS, i]
 
     @called
-    def look_ahead(laws, springs, i, past, block):
+    def look_ahead(law_parameters, springs, i, past, block):
         """Let the branch in `block` end where w will change its sign, seen from the state in `past`."""
         side = springs[block + at.TURN, i]
         springs[block + at.UPPER, i] = math.inf
         springs[block + at.LOWER, i] = -math.inf
         if side * springs[past + at.INTERNAL, i] < 0.0:
-            way = kink(laws, springs, i, past, side)
-            if way * laws[at.STIFFNESS, i] > _THERE * laws[at.FIRST_PARAMETER, i]:
+            way = kink(law_parameters, springs, i, past, side)
+            if way * law_parameters[at.STIFFNESS, i] > _THERE * law_parameters[at.FIRST_PARAMETER, i]:
                 springs[block + (at.UPPER if side > 0.0 else at.LOWER), i] = springs[past + at.DRIFT, i] + side * way
 
     @inlined
-    def keep(laws, springs, i, past, trial):
+    def keep(law_parameters, springs, i, past, trial):
         stretch = springs[trial + at.DRIFT, i] - springs[past + at.DRIFT, i]
         if stretch != 0.0:
             springs[at.TURN, i] = math.copysign(1.0, stretch)
-        if laws[at.FIRST_PARAMETER + 2, i] < _SMOOTH:
-            look_ahead(laws, springs, i, trial, 0)
+        if law_parameters[at.FIRST_PARAMETER + 2, i] < _SMOOTH:
+            look_ahead(law_parameters, springs, i, trial, 0)
 
     @inlined
-    def switch(laws, springs, i, block, event):
+    def switch(law_parameters, springs, i, block, event):
         """The drift rate has turned, and the tangent jumps; or w changes its sign."""
         if event == at.TURNED:
             springs[block + at.TURN, i] = -springs[block + at.TURN, i]
-            if laws[at.FIRST_PARAMETER + 2, i] < _SMOOTH:
-                look_ahead(laws, springs, i, block, block)
+            if law_parameters[at.FIRST_PARAMETER + 2, i] < _SMOOTH:
+                look_ahead(law_parameters, springs, i, block, block)
         else:
             springs[block + at.UPPER, i] = math.inf
             springs[block + at.LOWER, i] = -math.inf
 
     @inlined
-    def points(laws, springs, i, way):
+    def points(law_parameters, springs, i, way):
         """Good to about 1e-6 of the yield force."""
-        n = laws[at.FIRST_PARAMETER + 2, i]
-        return 1.9 + 4.0 * (n + 1.0) * way * laws[at.STIFFNESS, i] / laws[at.FIRST_PARAMETER, i]
+        n = law_parameters[at.FIRST_PARAMETER + 2, i]
+        return 1.9 + 4.0 * (n + 1.0) * way * law_parameters[at.STIFFNESS, i] / law_parameters[at.FIRST_PARAMETER, i]
 
     return LawFunctions(
         force=force, recoverable=recoverable, settle=settle, keep=keep, switch=switch, points=points, kink=kink

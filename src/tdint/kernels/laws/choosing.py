@@ -54,13 +54,13 @@ def chosen(hook: str, case: Callable[[Any, int, Any, Any], Any], otherwise: Any 
 
 
 def case_of_3(decorate: Any, code: int, own: Any, other: Any) -> Any:
-    """`own` where the story has the law `code`, else `other`: functions of (laws, springs, i)."""
+    """`own` where the story has the law `code`, else `other`: functions of (law_parameters, springs, i)."""
 
     @decorate
-    def choose(laws, springs, i):
-        if laws[at.CODE, i] == code:
-            return own(laws, springs, i)
-        return other(laws, springs, i)
+    def choose(law_parameters, springs, i):
+        if law_parameters[at.CODE, i] == code:
+            return own(law_parameters, springs, i)
+        return other(law_parameters, springs, i)
 
     return choose
 
@@ -69,10 +69,10 @@ def case_of_4(decorate: Any, code: int, own: Any, other: Any) -> Any:
     """The same for functions of four arguments."""
 
     @decorate
-    def choose(laws, springs, i, more):
-        if laws[at.CODE, i] == code:
-            return own(laws, springs, i, more)
-        return other(laws, springs, i, more)
+    def choose(law_parameters, springs, i, more):
+        if law_parameters[at.CODE, i] == code:
+            return own(law_parameters, springs, i, more)
+        return other(law_parameters, springs, i, more)
 
     return choose
 
@@ -81,10 +81,10 @@ def case_of_5(decorate: Any, code: int, own: Any, other: Any) -> Any:
     """The same for functions of five arguments."""
 
     @decorate
-    def choose(laws, springs, i, block, more):
-        if laws[at.CODE, i] == code:
-            return own(laws, springs, i, block, more)
-        return other(laws, springs, i, block, more)
+    def choose(law_parameters, springs, i, block, more):
+        if law_parameters[at.CODE, i] == code:
+            return own(law_parameters, springs, i, block, more)
+        return other(law_parameters, springs, i, block, more)
 
     return choose
 
@@ -93,9 +93,9 @@ def case_of_6(decorate: Any, code: int, own: Any, other: Any) -> Any:
     """The same for functions of six arguments."""
 
     @decorate
-    def choose(laws, springs, i, block, more, last):
-        if laws[at.CODE, i] == code:
-            return own(laws, springs, i, block, more, last)
-        return other(laws, springs, i, block, more, last)
+    def choose(law_parameters, springs, i, block, more, last):
+        if law_parameters[at.CODE, i] == code:
+            return own(law_parameters, springs, i, block, more, last)
+        return other(law_parameters, springs, i, block, more, last)
 
     return choose

@@ -30,45 +30,45 @@ if COMPILES:
     _call_at = called_at(_SIGNATURE)
 
     @inlined
-    def _call(address, hook, laws, springs, i, past, trial, x):
+    def _call(address, hook, law_parameters, springs, i, past, trial, x):
         """Call a kernel of `_SIGNATURE` at an address that a float64 holds (exactly: addresses have 48 bits)."""
-        return _call_at(int(address), hook, laws, springs, i, past, trial, x)
+        return _call_at(int(address), hook, law_parameters, springs, i, past, trial, x)
 
 else:
 
-    def _call(address, hook, laws, springs, i, past, trial, x):
+    def _call(address, hook, law_parameters, springs, i, past, trial, x):
         """Where nothing is compiled no address is needed."""
-        return _kernel(int(laws[at.CODE, i])).function(hook, laws, springs, i, past, trial, x)
+        return _kernel(int(law_parameters[at.CODE, i])).function(hook, law_parameters, springs, i, past, trial, x)
 
 
 @inlined
-def _force(laws, springs, i, past, trial, drift):
-    return _call(springs[at.ADDRESS, i], _FORCE, laws, springs, i, past, trial, drift)
+def _force(law_parameters, springs, i, past, trial, drift):
+    return _call(springs[at.ADDRESS, i], _FORCE, law_parameters, springs, i, past, trial, drift)
 
 
 @inlined
-def _recoverable(laws, springs, i):
-    return _call(springs[at.ADDRESS, i], _RECOVERABLE, laws, springs, i, 0, 0, 0.0)
+def _recoverable(law_parameters, springs, i):
+    return _call(springs[at.ADDRESS, i], _RECOVERABLE, law_parameters, springs, i, 0, 0, 0.0)
 
 
 @inlined
-def _dissipated(laws, springs, i):
-    return _call(springs[at.ADDRESS, i], _DISSIPATED, laws, springs, i, 0, 0, 0.0)
+def _dissipated(law_parameters, springs, i):
+    return _call(springs[at.ADDRESS, i], _DISSIPATED, law_parameters, springs, i, 0, 0, 0.0)
 
 
 @inlined
-def _keep(laws, springs, i, past, trial):
-    _call(springs[at.ADDRESS, i], _KEEP, laws, springs, i, past, trial, 0.0)
+def _keep(law_parameters, springs, i, past, trial):
+    _call(springs[at.ADDRESS, i], _KEEP, law_parameters, springs, i, past, trial, 0.0)
 
 
 @inlined
-def _enter(laws, springs, i):
-    _call(springs[at.ADDRESS, i], _ENTER, laws, springs, i, 0, 0, 0.0)
+def _enter(law_parameters, springs, i):
+    _call(springs[at.ADDRESS, i], _ENTER, law_parameters, springs, i, 0, 0, 0.0)
 
 
 @inlined
-def _switch(laws, springs, i, block, event):
-    _call(springs[at.ADDRESS, i], _SWITCH, laws, springs, i, block, 0, event)
+def _switch(law_parameters, springs, i, block, event):
+    _call(springs[at.ADDRESS, i], _SWITCH, law_parameters, springs, i, block, 0, event)
 
 
 HOOKS = {
@@ -91,20 +91,20 @@ enter: Any = None
 switch: Any = None
 
 
-def _all_hooks(hook, laws, springs, i, past, trial, x):
+def _all_hooks(hook, law_parameters, springs, i, past, trial, x):
     """The functions of one law as one."""
     if hook == _FORCE:
-        return force(laws, springs, i, past, trial, x)
+        return force(law_parameters, springs, i, past, trial, x)
     if hook == _RECOVERABLE:
-        return recoverable(laws, springs, i)
+        return recoverable(law_parameters, springs, i)
     if hook == _DISSIPATED:
-        return dissipated(laws, springs, i)
+        return dissipated(law_parameters, springs, i)
     if hook == _KEEP:
-        keep(laws, springs, i, past, trial)
+        keep(law_parameters, springs, i, past, trial)
     elif hook == _ENTER:
-        enter(laws, springs, i)
+        enter(law_parameters, springs, i)
     else:
-        switch(laws, springs, i, past, x)
+        switch(law_parameters, springs, i, past, x)
     return 0.0
 
 
@@ -127,9 +127,9 @@ def __getattr__(name: str) -> Kernel:
     raise AttributeError(name)
 
 
-def kernels_apart(laws: NDArray[np.float64] | None = None) -> list[Kernel]:
+def kernels_apart(law_parameters: NDArray[np.float64] | None = None) -> list[Kernel]:
     """The kernels of the laws that stand apart: those in a table of laws, or all."""
-    codes = range(len(LAWS)) if laws is None else np.unique(laws[at.CODE, :-1].astype(int)).tolist()
+    codes = range(len(LAWS)) if law_parameters is None else np.unique(law_parameters[at.CODE, :-1].astype(int)).tolist()
     return [_kernel(code) for code in codes if LAWS[code].apart]
 
 
@@ -138,12 +138,12 @@ def _address(code: int) -> float:
     return float(getattr(_kernel(code).compiled, "address", 0))
 
 
-def spring_table(laws: NDArray[np.float64]) -> NDArray[np.float64]:
+def spring_table(law_parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     """A fresh table of the state of drift laws (`tdint.kernels.layout`); what they need is compiled."""
-    codes = laws[at.CODE, :-1].astype(int)
+    codes = law_parameters[at.CODE, :-1].astype(int)
     kinds = np.unique(codes).tolist()
-    further = max((LAWS[code].further for code in kinds), default=0)
-    springs = np.zeros((at.FURTHER + at.SPRING_BLOCKS * further, laws.shape[1]))
+    extra_rows = max((LAWS[code].extra_rows for code in kinds), default=0)
+    springs = np.zeros((at.EXTRA_ROWS + at.SPRING_BLOCKS * extra_rows, law_parameters.shape[1]))
     for code in kinds:
         if LAWS[code].apart:
             springs[at.ADDRESS, :-1][codes == code] = _address(code)

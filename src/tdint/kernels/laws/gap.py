@@ -12,42 +12,51 @@ def _functions() -> LawFunctions:
     from tdint.kernels.compiling import called, inlined
 
     @inlined
-    def force(laws, springs, i, past, trial, drift):
-        force = laws[at.STIFFNESS, i] * drift
-        tangent = laws[at.STIFFNESS, i]
-        beyond = abs(drift) - laws[at.FIRST_PARAMETER, i]
+    def force(law_parameters, springs, i, past, trial, drift):
+        force = law_parameters[at.STIFFNESS, i] * drift
+        tangent = law_parameters[at.STIFFNESS, i]
+        beyond = abs(drift) - law_parameters[at.FIRST_PARAMETER, i]
         if beyond > 0.0:
-            force += math.copysign(laws[at.FIRST_PARAMETER + 1, i] * beyond, drift)
-            tangent += laws[at.FIRST_PARAMETER + 1, i]
+            force += math.copysign(law_parameters[at.FIRST_PARAMETER + 1, i] * beyond, drift)
+            tangent += law_parameters[at.FIRST_PARAMETER + 1, i]
         springs[trial + at.FORCE, i] = force
         return tangent
 
     @inlined
-    def recoverable(laws, springs, i):
+    def recoverable(law_parameters, springs, i):
         d = springs[at.DRIFT, i]
-        beyond = max(abs(d) - laws[at.FIRST_PARAMETER, i], 0.0)
-        return 0.5 * laws[at.STIFFNESS, i] * d * d + 0.5 * laws[at.FIRST_PARAMETER + 1, i] * beyond * beyond
+        beyond = max(abs(d) - law_parameters[at.FIRST_PARAMETER, i], 0.0)
+        return (
+            0.5 * law_parameters[at.STIFFNESS, i] * d * d
+            + 0.5 * law_parameters[at.FIRST_PARAMETER + 1, i] * beyond * beyond
+        )
 
     @called
-    def go_to(laws, springs, i, block, side):
+    def go_to(law_parameters, springs, i, block, side):
         """Put story `i` into the gap (side 0) or against the stop on that side of it."""
-        gap = laws[at.FIRST_PARAMETER, i]
+        gap = law_parameters[at.FIRST_PARAMETER, i]
         drift = springs[block + at.DRIFT, i]
-        stop = abs(side) * laws[at.FIRST_PARAMETER + 1, i]
-        springs[block + at.FORCE, i] = laws[at.STIFFNESS, i] * drift + stop * (drift - side * gap)
-        springs[block + at.SLOPE, i] = laws[at.STIFFNESS, i] + stop
+        stop = abs(side) * law_parameters[at.FIRST_PARAMETER + 1, i]
+        springs[block + at.FORCE, i] = law_parameters[at.STIFFNESS, i] * drift + stop * (drift - side * gap)
+        springs[block + at.SLOPE, i] = law_parameters[at.STIFFNESS, i] + stop
         springs[block + at.UPPER, i] = math.inf if side > 0.0 else side * gap if side < 0.0 else gap
         springs[block + at.LOWER, i] = -math.inf if side < 0.0 else side * gap if side > 0.0 else -gap
 
     @inlined
-    def enter(laws, springs, i):
+    def enter(law_parameters, springs, i):
         drift = springs[at.DRIFT, i]
-        go_to(laws, springs, i, 0, 0.0 if abs(drift) < laws[at.FIRST_PARAMETER, i] else math.copysign(1.0, drift))
+        go_to(
+            law_parameters,
+            springs,
+            i,
+            0,
+            0.0 if abs(drift) < law_parameters[at.FIRST_PARAMETER, i] else math.copysign(1.0, drift),
+        )
 
     @inlined
-    def switch(laws, springs, i, block, event):
+    def switch(law_parameters, springs, i, block, event):
         inside = springs[block + at.UPPER, i] + springs[block + at.LOWER, i] == 0.0
-        go_to(laws, springs, i, block, event if inside else 0.0)
+        go_to(law_parameters, springs, i, block, event if inside else 0.0)
 
     return LawFunctions(force=force, recoverable=recoverable, enter=enter, switch=switch)
 

@@ -46,7 +46,7 @@ _WORK_AT_ZERO = 9  # at the last passage of zero force, J
 _PINCHED_DRIFT = 10  # the point at which the first part of the present reloading ends
 _PINCHED_FORCE = 11
 _TURNED_AT = 12  # the drift at the last turn since the last passage of zero force
-_FURTHER = 13
+_EXTRA_ROWS = 13
 
 # Kinds of branches, in INTERNAL; negative on the negative side, 0 before the first yielding
 _UNLOADING = 1.0
@@ -64,7 +64,7 @@ _AGAIN = 1e-6  # over the farthest drift: a turn no farther from the last one is
 
 def _functions() -> LawFunctions:
     from tdint.kernels.compiling import called, inlined
-    from tdint.kernels.laws.walking import further, walking
+    from tdint.kernels.laws.walking import extra_rows, walking
 
     @inlined
     def of(side, row):
@@ -72,59 +72,64 @@ def _functions() -> LawFunctions:
         return row if side > 0.0 else row + 2
 
     @inlined
-    def given(laws, i, side, parameter):
+    def given(law_parameters, i, side, parameter):
         """A parameter that each side has."""
-        return laws[parameter if side > 0.0 else parameter + _SIDE, i]
+        return law_parameters[parameter if side > 0.0 else parameter + _SIDE, i]
 
     @inlined
-    def plastic_line(laws, springs, i, block, side):
+    def plastic_line(law_parameters, springs, i, block, side):
         """Force at zero drift and slope of the present hardening line of a side."""
-        k = laws[at.STIFFNESS, i]
-        initial = given(laws, i, side, _YIELD_FORCE)
-        left = springs[further(springs, block) + of(side, _STRENGTH), i]
-        slope = left * (given(laws, i, side, _CAPPING_RATIO) - 1.0) * initial / given(laws, i, side, _PLASTIC_DRIFT)
+        k = law_parameters[at.STIFFNESS, i]
+        initial = given(law_parameters, i, side, _YIELD_FORCE)
+        left = springs[extra_rows(springs, block) + of(side, _STRENGTH), i]
+        slope = (
+            left
+            * (given(law_parameters, i, side, _CAPPING_RATIO) - 1.0)
+            * initial
+            / given(law_parameters, i, side, _PLASTIC_DRIFT)
+        )
         return left * initial * (1.0 - slope / k), slope
 
     @inlined
-    def capping_line(laws, springs, i, block, side):
+    def capping_line(law_parameters, springs, i, block, side):
         """The same of the capping line."""
-        initial = given(laws, i, side, _YIELD_FORCE)
-        cap = given(laws, i, side, _CAPPING_RATIO) * initial
-        slope = -cap / given(laws, i, side, _POST_CAPPING_DRIFT)
-        start = initial / laws[at.STIFFNESS, i] + given(laws, i, side, _PLASTIC_DRIFT)
-        return springs[further(springs, block) + of(side, _CAPPING), i] * (cap - slope * start), slope
+        initial = given(law_parameters, i, side, _YIELD_FORCE)
+        cap = given(law_parameters, i, side, _CAPPING_RATIO) * initial
+        slope = -cap / given(law_parameters, i, side, _POST_CAPPING_DRIFT)
+        start = initial / law_parameters[at.STIFFNESS, i] + given(law_parameters, i, side, _PLASTIC_DRIFT)
+        return springs[extra_rows(springs, block) + of(side, _CAPPING), i] * (cap - slope * start), slope
 
     @inlined
-    def residual(laws, i, side):
-        return given(laws, i, side, _RESIDUAL_RATIO) * given(laws, i, side, _YIELD_FORCE)
+    def residual(law_parameters, i, side):
+        return given(law_parameters, i, side, _RESIDUAL_RATIO) * given(law_parameters, i, side, _YIELD_FORCE)
 
     @inlined
-    def backbone(laws, springs, i, block, side, drift):
+    def backbone(law_parameters, springs, i, block, side, drift):
         """Force of the present backbone at a drift beyond the yield drift."""
-        plastic, rise = plastic_line(laws, springs, i, block, side)
-        capping, fall = capping_line(laws, springs, i, block, side)
-        return max(min(plastic + rise * drift, capping + fall * drift), residual(laws, i, side))
+        plastic, rise = plastic_line(law_parameters, springs, i, block, side)
+        capping, fall = capping_line(law_parameters, springs, i, block, side)
+        return max(min(plastic + rise * drift, capping + fall * drift), residual(law_parameters, i, side))
 
     @inlined
-    def beta(laws, i, capacity, work, before):
+    def beta(law_parameters, i, capacity, work, before):
         """Deterioration by an energy `work` after the energy `before`; 2 for more than 1."""
-        left = laws[capacity, i] * laws[_YIELD_FORCE, i] - before
+        left = law_parameters[capacity, i] * law_parameters[_YIELD_FORCE, i] - before
         if work <= 0.0 and left > 0.0:
             return 0.0
         if left <= 0.0 or work >= left:
             return 2.0
         part = work / left
-        exponent = laws[_EXPONENT, i]
+        exponent = law_parameters[_EXPONENT, i]
         return part if exponent == 1.0 else part**exponent
 
     @called
-    def beta_of_turning(laws, springs, i, block):
+    def beta_of_turning(law_parameters, springs, i, block):
         """Deterioration of the unloading stiffness if the story turned here."""
-        first = further(springs, block)
+        first = extra_rows(springs, block)
         force = springs[block + at.FORCE, i]
         stored = 0.5 * force * force / springs[first + _UNLOADING_STIFFNESS, i]
         before = springs[block + at.WORK, i] - stored
-        return beta(laws, i, _OF_UNLOADING, before - springs[first + _WORK_AT_ZERO, i], before)
+        return beta(law_parameters, i, _OF_UNLOADING, before - springs[first + _WORK_AT_ZERO, i], before)
 
     @inlined
     def fail(springs, i, block):
@@ -136,9 +141,9 @@ def _functions() -> LawFunctions:
         springs[block + at.LOWER, i] = -math.inf
 
     @called
-    def load(laws, springs, i, block, side, kind, slope, end):
+    def load(law_parameters, springs, i, block, side, kind, slope, end):
         """Put the story on a loading branch of a side that goes up to the drift `end`."""
-        ultimate = given(laws, i, side, _ULTIMATE_DRIFT)
+        ultimate = given(law_parameters, i, side, _ULTIMATE_DRIFT)
         if side * springs[block + at.DRIFT, i] >= ultimate * (1.0 - _HERE):
             fail(springs, i, block)
             return
@@ -150,40 +155,40 @@ def _functions() -> LawFunctions:
         springs[block + at.LOWER, i] = -end if side < 0.0 else -math.inf
 
     @called
-    def go_along_backbone(laws, springs, i, block, side):
+    def go_along_backbone(law_parameters, springs, i, block, side):
         drift = side * springs[block + at.DRIFT, i]
-        plastic, rise = plastic_line(laws, springs, i, block, side)
-        capping, fall = capping_line(laws, springs, i, block, side)
-        rest = residual(laws, i, side)
+        plastic, rise = plastic_line(law_parameters, springs, i, block, side)
+        capping, fall = capping_line(law_parameters, springs, i, block, side)
+        rest = residual(law_parameters, i, side)
         cap = (capping - plastic) / (rise - fall)
         near = _HERE * drift
         if drift < cap - near and plastic + rise * drift >= rest:
             springs[block + at.FORCE, i] = side * (plastic + rise * drift)
-            load(laws, springs, i, block, side, _PLASTIC, rise, cap)
+            load(law_parameters, springs, i, block, side, _PLASTIC, rise, cap)
         elif drift >= cap - near and drift < (rest - capping) / fall - near:
             springs[block + at.FORCE, i] = side * (capping + fall * drift)
-            load(laws, springs, i, block, side, _SOFTENING, fall, (rest - capping) / fall)
+            load(law_parameters, springs, i, block, side, _SOFTENING, fall, (rest - capping) / fall)
         else:
             springs[block + at.FORCE, i] = side * rest
             # A strength below the residual force may rise above it again before the capping point
             again = (rest - plastic) / rise if rise > 0.0 else math.inf
             end = again if drift < again - near and again < cap else math.inf
-            load(laws, springs, i, block, side, _RESIDUAL, 0.0, end)
+            load(law_parameters, springs, i, block, side, _RESIDUAL, 0.0, end)
 
     @called
-    def go_to_farthest(laws, springs, i, block, side):
+    def go_to_farthest(law_parameters, springs, i, block, side):
         drift = side * springs[block + at.DRIFT, i]
         far = springs[block + of(side, at.HIGH_DRIFT), i]
         if drift < far * (1.0 - _HERE):
             rise = springs[block + of(side, at.HIGH_FORCE), i] - side * springs[block + at.FORCE, i]
-            load(laws, springs, i, block, side, _TO_FARTHEST, rise / (far - drift), far)
+            load(law_parameters, springs, i, block, side, _TO_FARTHEST, rise / (far - drift), far)
         else:
-            go_along_backbone(laws, springs, i, block, side)
+            go_along_backbone(law_parameters, springs, i, block, side)
 
     @called
-    def aim(laws, springs, i, block, side):
+    def aim(law_parameters, springs, i, block, side):
         """Load towards the last peak if the way there is the steeper one, else towards the farthest point."""
-        first = further(springs, block)
+        first = extra_rows(springs, block)
         drift = side * springs[block + at.DRIFT, i]
         force = side * springs[block + at.FORCE, i]
         far = springs[block + of(side, at.HIGH_DRIFT), i]
@@ -193,14 +198,14 @@ def _functions() -> LawFunctions:
         if drift < peak - _HERE * far and force < peak_force and peak_force < far_force:
             slope = (peak_force - force) / (peak - drift)
             if slope * (far - drift) > far_force - force:
-                load(laws, springs, i, block, side, _TO_PEAK, slope, peak)
+                load(law_parameters, springs, i, block, side, _TO_PEAK, slope, peak)
                 return
-        go_to_farthest(laws, springs, i, block, side)
+        go_to_farthest(law_parameters, springs, i, block, side)
 
     @called
-    def unload(laws, springs, i, block, side):
+    def unload(law_parameters, springs, i, block, side):
         """Turn on a loading branch."""
-        first = further(springs, block)
+        first = extra_rows(springs, block)
         drift = side * springs[block + at.DRIFT, i]
         force = side * springs[block + at.FORCE, i]
         springs[first + of(side, _PEAK_DRIFT), i] = drift
@@ -208,7 +213,7 @@ def _functions() -> LawFunctions:
         if drift > springs[block + of(side, at.HIGH_DRIFT), i]:
             springs[block + of(side, at.HIGH_DRIFT), i] = drift
             springs[block + of(side, at.HIGH_FORCE), i] = force
-        lost = beta_of_turning(laws, springs, i, block)
+        lost = beta_of_turning(law_parameters, springs, i, block)
         if abs(side * drift - springs[first + _TURNED_AT, i]) <= _AGAIN * springs[block + of(side, at.HIGH_DRIFT), i]:
             lost = 0.0
         springs[first + _TURNED_AT, i] = side * drift
@@ -225,15 +230,15 @@ def _functions() -> LawFunctions:
         springs[block + at.LOWER, i] = zero if side > 0.0 else side * drift
 
     @called
-    def deteriorate(laws, springs, i, block, side):
+    def deteriorate(law_parameters, springs, i, block, side):
         """Deterioration of a side that is loaded after a passage of zero force; whether the story has failed."""
-        first = further(springs, block)
+        first = extra_rows(springs, block)
         before = springs[block + at.WORK, i]
         work = before - springs[first + _WORK_AT_ZERO, i]
-        rate = given(laws, i, side, _RATE)
-        strength = beta(laws, i, _OF_STRENGTH, work, before)
-        capping = beta(laws, i, _OF_CAPPING, work, before)
-        reloading = beta(laws, i, _OF_RELOADING, work, before)
+        rate = given(law_parameters, i, side, _RATE)
+        strength = beta(law_parameters, i, _OF_STRENGTH, work, before)
+        capping = beta(law_parameters, i, _OF_CAPPING, work, before)
+        reloading = beta(law_parameters, i, _OF_RELOADING, work, before)
         springs[first + _WORK_AT_ZERO, i] = before
         springs[first + of(side, _STRENGTH), i] *= 1.0 - rate * strength
         springs[first + of(side, _CAPPING), i] *= 1.0 - rate * capping
@@ -241,12 +246,12 @@ def _functions() -> LawFunctions:
         return max(strength, capping, reloading) > 1.0
 
     @called
-    def cross(laws, springs, i, block, side):
+    def cross(law_parameters, springs, i, block, side):
         """Zero force is passed towards a side."""
-        first = further(springs, block)
+        first = extra_rows(springs, block)
         springs[block + at.FORCE, i] = 0.0
         springs[first + _TURNED_AT, i] = math.inf
-        if deteriorate(laws, springs, i, block, side):
+        if deteriorate(law_parameters, springs, i, block, side):
             fail(springs, i, block)
             return
         stiffness = springs[first + _UNLOADING_STIFFNESS, i]
@@ -254,24 +259,28 @@ def _functions() -> LawFunctions:
         far = springs[block + of(side, at.HIGH_DRIFT), i]
         if far <= zero * (1.0 + _HERE) and zero > 0.0:
             # The other side unloaded so softly that it passed this side's farthest point: that is moved ahead.
-            far = zero + max(backbone(laws, springs, i, block, side, far), _HERE * laws[_YIELD_FORCE, i]) / stiffness
+            far = (
+                zero
+                + max(backbone(law_parameters, springs, i, block, side, far), _HERE * law_parameters[_YIELD_FORCE, i])
+                / stiffness
+            )
             springs[block + of(side, at.HIGH_DRIFT), i] = far
-        far_force = backbone(laws, springs, i, block, side, far)
+        far_force = backbone(law_parameters, springs, i, block, side, far)
         springs[block + of(side, at.HIGH_FORCE), i] = far_force
-        if laws[_PINCHING_FORCE, i] != 1.0 or laws[_PINCHING_DRIFT, i] != 1.0:
-            drift = (1.0 - laws[_PINCHING_DRIFT, i]) * (far - far_force / stiffness)
-            force = laws[_PINCHING_FORCE, i] * far_force * (drift - zero) / (far - zero)
+        if law_parameters[_PINCHING_FORCE, i] != 1.0 or law_parameters[_PINCHING_DRIFT, i] != 1.0:
+            drift = (1.0 - law_parameters[_PINCHING_DRIFT, i]) * (far - far_force / stiffness)
+            force = law_parameters[_PINCHING_FORCE, i] * far_force * (drift - zero) / (far - zero)
             springs[first + _PINCHED_DRIFT, i] = drift
             springs[first + _PINCHED_FORCE, i] = force
             if zero < drift - _HERE * far:
-                load(laws, springs, i, block, side, _PINCHED, force / (drift - zero), drift)
+                load(law_parameters, springs, i, block, side, _PINCHED, force / (drift - zero), drift)
                 return
-        aim(laws, springs, i, block, side)
+        aim(law_parameters, springs, i, block, side)
 
     @called
-    def reload(laws, springs, i, block, side):
+    def reload(law_parameters, springs, i, block, side):
         """Go on from the last peak, to which the story came back while it unloaded."""
-        first = further(springs, block)
+        first = extra_rows(springs, block)
         drift = side * springs[block + at.DRIFT, i]
         force = side * springs[block + at.FORCE, i]
         far = springs[block + of(side, at.HIGH_DRIFT), i]
@@ -281,55 +290,55 @@ def _functions() -> LawFunctions:
         if drift < pinched - _HERE * far and force < pinched_force and pinched < far and pinched_force < far_force:
             slope = (pinched_force - force) / (pinched - drift)
             if slope * (far - drift) < far_force - force:
-                load(laws, springs, i, block, side, _PINCHED, slope, pinched)
+                load(law_parameters, springs, i, block, side, _PINCHED, slope, pinched)
                 return
-        go_to_farthest(laws, springs, i, block, side)
+        go_to_farthest(law_parameters, springs, i, block, side)
 
     @called
-    def switch(laws, springs, i, block, event):
+    def switch(law_parameters, springs, i, block, event):
         kind = abs(springs[block + at.INTERNAL, i])
         if event == at.TURNED:
             side = springs[block + at.TURN, i]
             if side * springs[block + at.FORCE, i] > 0.0:
-                unload(laws, springs, i, block, side)
+                unload(law_parameters, springs, i, block, side)
             else:
-                cross(laws, springs, i, block, -side)
+                cross(law_parameters, springs, i, block, -side)
         elif kind == _UNLOADING:
             if event * springs[block + at.INTERNAL, i] < 0.0:
-                cross(laws, springs, i, block, event)
+                cross(law_parameters, springs, i, block, event)
             else:
-                reload(laws, springs, i, block, event)
-        elif event * springs[block + at.DRIFT, i] >= given(laws, i, event, _ULTIMATE_DRIFT) * (1.0 - _HERE):
+                reload(law_parameters, springs, i, block, event)
+        elif event * springs[block + at.DRIFT, i] >= given(law_parameters, i, event, _ULTIMATE_DRIFT) * (1.0 - _HERE):
             fail(springs, i, block)
         elif kind == _PINCHED:
-            aim(laws, springs, i, block, event)
+            aim(law_parameters, springs, i, block, event)
         elif kind == _TO_PEAK:
-            go_to_farthest(laws, springs, i, block, event)
+            go_to_farthest(law_parameters, springs, i, block, event)
         else:
-            go_along_backbone(laws, springs, i, block, event)
+            go_along_backbone(law_parameters, springs, i, block, event)
 
     @inlined
-    def recoverable(laws, springs, i):
+    def recoverable(law_parameters, springs, i):
         """What unloading gives back: on a loading branch with the stiffness that it would have."""
         force = springs[at.FORCE, i]
-        energy = 0.5 * force * force / springs[further(springs, 0) + _UNLOADING_STIFFNESS, i]
+        energy = 0.5 * force * force / springs[extra_rows(springs, 0) + _UNLOADING_STIFFNESS, i]
         if abs(springs[at.INTERNAL, i]) > _UNLOADING and force != 0.0:
-            energy /= 1.0 - min(beta_of_turning(laws, springs, i, 0), 0.9)
+            energy /= 1.0 - min(beta_of_turning(law_parameters, springs, i, 0), 0.9)
         return energy
 
     @inlined
-    def enter(laws, springs, i):
-        k = laws[at.STIFFNESS, i]
-        first = further(springs, 0)
+    def enter(law_parameters, springs, i):
+        k = law_parameters[at.STIFFNESS, i]
+        first = extra_rows(springs, 0)
         springs[first + _UNLOADING_STIFFNESS, i] = k
         springs[first + _TURNED_AT, i] = math.inf
         for side in (1.0, -1.0):
-            strength = given(laws, i, side, _YIELD_FORCE)
+            strength = given(law_parameters, i, side, _YIELD_FORCE)
             springs[of(side, at.HIGH_DRIFT), i] = springs[first + of(side, _PEAK_DRIFT), i] = strength / k
             springs[of(side, at.HIGH_FORCE), i] = springs[first + of(side, _PEAK_FORCE), i] = strength
             springs[first + of(side, _STRENGTH), i] = springs[first + of(side, _CAPPING), i] = 1.0
-        springs[at.UPPER, i] = given(laws, i, 1.0, _YIELD_FORCE) / k
-        springs[at.LOWER, i] = -given(laws, i, -1.0, _YIELD_FORCE) / k
+        springs[at.UPPER, i] = given(law_parameters, i, 1.0, _YIELD_FORCE) / k
+        springs[at.LOWER, i] = -given(law_parameters, i, -1.0, _YIELD_FORCE) / k
 
     return walking(switch, recoverable, enter)
 
@@ -377,7 +386,7 @@ LAW = DriftLaw(
     ),
     kinked=True,
     apart=True,
-    further=_FURTHER,
+    extra_rows=_EXTRA_ROWS,
     yield_drift=yields_at_its_strength,
     fault=_fault,
     failed=_FAILED,

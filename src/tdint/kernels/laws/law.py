@@ -41,35 +41,38 @@ class LawParameter:
 
 @dataclass(frozen=True)
 class LawFunctions:
-    """The compiled functions of a law. They work on column i of the tables `laws` and `springs`
+    """The compiled functions of a law. They work on column i of the tables `law_parameters` and `springs`
     (`tdint.kernels.layout`).
 
     Attributes
     ----------
     force : function
-        (laws, springs, i, past, trial, drift) -> tangent, N/m: force of the story at `drift`, reached straight from the
-        state in block `past`; writes FORCE and what else the state of the law is to block `trial`.
+        (law_parameters, springs, i, past, trial, drift) -> tangent, N/m: force of the story at `drift`, reached
+        straight from the state in block `past`; writes FORCE and what else the state of the law is to block `trial`.
     recoverable : function
-        (laws, springs, i) -> energy stored in the committed state, J.
+        (law_parameters, springs, i) -> energy stored in the committed state, J.
     dissipated : function, optional
-        (laws, springs, i) -> energy dissipated until the committed state, J, where that is not the row DISSIPATED.
+        (law_parameters, springs, i) -> energy dissipated until the committed state, J, where that is not the row
+        DISSIPATED.
     settle : function, optional
-        (laws, springs, i, past, trial): adds up DISSIPATED in block `trial`. Without it that stays as it is.
+        (law_parameters, springs, i, past, trial): adds up DISSIPATED in block `trial`. Without it that stays as it is.
     keep : function, optional
-        (laws, springs, i, past, trial): commits rows beyond the plain ones. A law that has it always knows its branch.
+        (law_parameters, springs, i, past, trial): commits rows beyond the plain ones. A law that has it always knows
+        its branch.
     enter : function, optional
-        (laws, springs, i): branch of the committed state: SLOPE, UPPER, LOWER, where they are not k and without end.
+        (law_parameters, springs, i): branch of the committed state: SLOPE, UPPER, LOWER, where they are not k and
+        without end.
     advance : function, optional
-        (laws, springs, i, block, step, mean_force): what else changes on the way along a branch; without it the row
-        WORK adds up.
+        (law_parameters, springs, i, block, step, mean_force): what else changes on the way along a branch; without it
+        the row WORK adds up.
     switch : function, optional
-        (laws, springs, i, block, event): the branch that follows when the present one ends by `event`.
+        (law_parameters, springs, i, block, event): the branch that follows when the present one ends by `event`.
     points : function, optional
-        (laws, springs, i, way) -> Gauss points on a path of drift that is `way` long (m), for a curved law. Without it
-        many are taken.
+        (law_parameters, springs, i, way) -> Gauss points on a path of drift that is `way` long (m), for a curved law.
+        Without it many are taken.
     kink : function, optional
-        (laws, springs, i, block, side) -> how far ahead of the state in `block`, on the way to `side`, the force of a
-        curved law bends sharply, m; infinite if it does not.
+        (law_parameters, springs, i, block, side) -> how far ahead of the state in `block`, on the way to `side`, the
+        force of a curved law bends sharply, m; infinite if it does not.
     """
 
     force: Any
@@ -97,10 +100,10 @@ class DriftLaw:
     apart : bool
         Whether the law is compiled on its own, when a model has it, and called at its address; else it is part of
         every loop.
-    further : int
-        Rows of `springs` that the law needs beyond the common ones (`tdint.kernels.layout.FURTHER`).
+    extra_rows : int
+        Rows of `springs` that the law needs beyond the common ones (`tdint.kernels.layout.EXTRA_ROWS`).
     parameters : tuple of LawParameter
-        In the order of the rows of `laws` from FIRST_PARAMETER on (a `many` parameter comes last).
+        In the order of the rows of `law_parameters` from FIRST_PARAMETER on (a `many` parameter comes last).
     curved : bool
         Whether the force is curved; else it is linear branch by branch.
     kinked : bool
@@ -124,7 +127,7 @@ class DriftLaw:
     curved: bool = False
     kinked: bool = False
     apart: bool = False
-    further: int = 0
+    extra_rows: int = 0
     stiffens: Callable[[Sequence[float]], bool] = lambda values: False
     initial_stiffness: Callable[[Sequence[float]], float] | None = None
     yield_drift: Callable[[float, Sequence[float]], float] = lambda stiffness, values: math.nan

@@ -10,13 +10,13 @@ def _functions() -> LawFunctions:
     from tdint.kernels.compiling import inlined
 
     @inlined
-    def force(laws, springs, i, past, trial, drift):
-        springs[trial + at.FORCE, i] = laws[at.STIFFNESS, i] * drift
-        return laws[at.STIFFNESS, i]
+    def force(law_parameters, springs, i, past, trial, drift):
+        springs[trial + at.FORCE, i] = law_parameters[at.STIFFNESS, i] * drift
+        return law_parameters[at.STIFFNESS, i]
 
     @inlined
-    def recoverable(laws, springs, i):
-        return 0.5 * laws[at.STIFFNESS, i] * springs[at.DRIFT, i] * springs[at.DRIFT, i]
+    def recoverable(law_parameters, springs, i):
+        return 0.5 * law_parameters[at.STIFFNESS, i] * springs[at.DRIFT, i] * springs[at.DRIFT, i]
 
     return LawFunctions(force=force, recoverable=recoverable)
 

@@ -32,12 +32,12 @@ def _functions() -> LawFunctions:
     from tdint.kernels.laws.walking import walking
 
     @inlined
-    def unloading_stiffness(laws, springs, i, block, side):
+    def unloading_stiffness(law_parameters, springs, i, block, side):
         """k (dy / |largest drift on that side|)^unloading, within its bounds."""
-        k = laws[at.STIFFNESS, i]
-        strength = laws[at.FIRST_PARAMETER, i]
-        hardening = laws[at.FIRST_PARAMETER + 1, i]
-        unloading = laws[at.FIRST_PARAMETER + 2, i]
+        k = law_parameters[at.STIFFNESS, i]
+        strength = law_parameters[at.FIRST_PARAMETER, i]
+        hardening = law_parameters[at.FIRST_PARAMETER + 1, i]
+        unloading = law_parameters[at.FIRST_PARAMETER + 2, i]
         drift = springs[block + at.DRIFT, i]  # the farthest one where the story yields at present
         farthest = (
             max(springs[block + at.HIGH_DRIFT, i], drift)
@@ -49,21 +49,21 @@ def _functions() -> LawFunctions:
         return k * max(part**unloading, to_origin, min(hardening / (1.0 - 0.5 * unloading), 1.0))
 
     @inlined
-    def recoverable(laws, springs, i):
+    def recoverable(law_parameters, springs, i):
         force = springs[at.FORCE, i]
-        return 0.5 * force * force / unloading_stiffness(laws, springs, i, 0, force)
+        return 0.5 * force * force / unloading_stiffness(law_parameters, springs, i, 0, force)
 
     @inlined
-    def enter(laws, springs, i):
-        strength = laws[at.FIRST_PARAMETER, i]
-        k = laws[at.STIFFNESS, i]
+    def enter(law_parameters, springs, i):
+        strength = law_parameters[at.FIRST_PARAMETER, i]
+        k = law_parameters[at.STIFFNESS, i]
         springs[at.HIGH_DRIFT, i] = springs[at.UPPER, i] = strength / k
         springs[at.LOW_DRIFT, i] = springs[at.LOWER, i] = -strength / k
         springs[at.HIGH_FORCE, i] = strength
         springs[at.LOW_FORCE, i] = -strength
 
     @called
-    def switch(laws, springs, i, block, event):
+    def switch(law_parameters, springs, i, block, event):
         kind = springs[block + at.INTERNAL, i]
         drift = springs[block + at.DRIFT, i]
         force = springs[block + at.FORCE, i]
@@ -76,7 +76,7 @@ def _functions() -> LawFunctions:
                 else:
                     springs[block + at.LOW_DRIFT, i] = drift
                     springs[block + at.LOW_FORCE, i] = force
-            slope = unloading_stiffness(laws, springs, i, block, side)
+            slope = unloading_stiffness(law_parameters, springs, i, block, side)
             zero = drift - force / slope
             springs[block + at.INTERNAL, i] = side * _UNLOADING
             springs[block + at.SLOPE, i] = slope
@@ -95,7 +95,7 @@ def _functions() -> LawFunctions:
             springs[block + at.LOWER, i] = target if event < 0.0 else -math.inf
         else:
             springs[block + at.INTERNAL, i] = event * _YIELDING
-            springs[block + at.SLOPE, i] = laws[at.FIRST_PARAMETER + 1, i] * laws[at.STIFFNESS, i]
+            springs[block + at.SLOPE, i] = law_parameters[at.FIRST_PARAMETER + 1, i] * law_parameters[at.STIFFNESS, i]
             springs[block + at.UPPER, i] = math.inf
             springs[block + at.LOWER, i] = -math.inf
 

@@ -10,29 +10,29 @@ def _functions() -> LawFunctions:
     from tdint.kernels.compiling import inlined
 
     @inlined
-    def force(laws, springs, i, past, trial, drift):
+    def force(law_parameters, springs, i, past, trial, drift):
         """By Horner's rule."""
         force = 0.0
         tangent = 0.0
-        for row in range(laws.shape[0] - 1, at.FIRST_PARAMETER - 1, -1):
-            force = force * drift + laws[row, i]
-            tangent = tangent * drift + (row - at.FIRST_PARAMETER + 1) * laws[row, i]
+        for row in range(law_parameters.shape[0] - 1, at.FIRST_PARAMETER - 1, -1):
+            force = force * drift + law_parameters[row, i]
+            tangent = tangent * drift + (row - at.FIRST_PARAMETER + 1) * law_parameters[row, i]
         springs[trial + at.FORCE, i] = force * drift
         return tangent
 
     @inlined
-    def recoverable(laws, springs, i):
+    def recoverable(law_parameters, springs, i):
         d = springs[at.DRIFT, i]
         energy = 0.0
-        for row in range(laws.shape[0] - 1, at.FIRST_PARAMETER - 1, -1):
-            energy = energy * d + laws[row, i] / (row - at.FIRST_PARAMETER + 2)
+        for row in range(law_parameters.shape[0] - 1, at.FIRST_PARAMETER - 1, -1):
+            energy = energy * d + law_parameters[row, i] / (row - at.FIRST_PARAMETER + 2)
         return energy * d * d
 
     @inlined
-    def points(laws, springs, i, way):
+    def points(law_parameters, springs, i, way):
         """Exact: of degree q in the drift, the force times s is of degree 2 q + 1 in time."""
-        degree = laws.shape[0] - at.FIRST_PARAMETER
-        while degree > 1 and laws[at.FIRST_PARAMETER + degree - 1, i] == 0.0:
+        degree = law_parameters.shape[0] - at.FIRST_PARAMETER
+        while degree > 1 and law_parameters[at.FIRST_PARAMETER + degree - 1, i] == 0.0:
             degree -= 1
         return degree + 1.0
 

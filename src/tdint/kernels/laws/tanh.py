@@ -12,23 +12,25 @@ def _functions() -> LawFunctions:
     from tdint.kernels.compiling import inlined
 
     @inlined
-    def force(laws, springs, i, past, trial, drift):
-        strength = laws[at.FIRST_PARAMETER, i]
-        part = math.tanh(laws[at.STIFFNESS, i] * drift / strength)
+    def force(law_parameters, springs, i, past, trial, drift):
+        strength = law_parameters[at.FIRST_PARAMETER, i]
+        part = math.tanh(law_parameters[at.STIFFNESS, i] * drift / strength)
         springs[trial + at.FORCE, i] = strength * part
-        return laws[at.STIFFNESS, i] * (1.0 - part * part)
+        return law_parameters[at.STIFFNESS, i] * (1.0 - part * part)
 
     @inlined
-    def recoverable(laws, springs, i):
-        strength = laws[at.FIRST_PARAMETER, i]
-        x = abs(laws[at.STIFFNESS, i] * springs[at.DRIFT, i] / strength)
+    def recoverable(law_parameters, springs, i):
+        strength = law_parameters[at.FIRST_PARAMETER, i]
+        x = abs(law_parameters[at.STIFFNESS, i] * springs[at.DRIFT, i] / strength)
         # ln cosh x, without overflow
-        return strength * strength / laws[at.STIFFNESS, i] * (x + math.log1p(math.exp(-2.0 * x)) - math.log(2.0))
+        return (
+            strength * strength / law_parameters[at.STIFFNESS, i] * (x + math.log1p(math.exp(-2.0 * x)) - math.log(2.0))
+        )
 
     @inlined
-    def points(laws, springs, i, way):
+    def points(law_parameters, springs, i, way):
         """Good to about 1e-10 of the strength: the poles of tanh x are i pi / 2 away."""
-        return 3.0 + 3.2 * way * laws[at.STIFFNESS, i] / laws[at.FIRST_PARAMETER, i]
+        return 3.0 + 3.2 * way * law_parameters[at.STIFFNESS, i] / law_parameters[at.FIRST_PARAMETER, i]
 
     return LawFunctions(force=force, recoverable=recoverable, points=points)
 

@@ -39,18 +39,20 @@ def _functions() -> LawFunctions:
     from tdint.kernels.laws.walking import walking
 
     @inlined
-    def hardening(laws, i):
+    def hardening(law_parameters, i):
         """Slope of the backbone between the yield and the ultimate point, N/m."""
-        strength = laws[_YIELD_FORCE, i]
-        return (laws[_ULTIMATE_FORCE, i] - strength) / (laws[_ULTIMATE_DRIFT, i] - strength / laws[at.STIFFNESS, i])
+        strength = law_parameters[_YIELD_FORCE, i]
+        return (law_parameters[_ULTIMATE_FORCE, i] - strength) / (
+            law_parameters[_ULTIMATE_DRIFT, i] - strength / law_parameters[at.STIFFNESS, i]
+        )
 
     @inlined
-    def backbone(laws, i, drift):
+    def backbone(law_parameters, i, drift):
         """Force of the backbone at a drift beyond the yield drift."""
-        strength = laws[_YIELD_FORCE, i]
-        if drift >= laws[_ULTIMATE_DRIFT, i]:
-            return laws[_ULTIMATE_FORCE, i]
-        return strength + hardening(laws, i) * (drift - strength / laws[at.STIFFNESS, i])
+        strength = law_parameters[_YIELD_FORCE, i]
+        if drift >= law_parameters[_ULTIMATE_DRIFT, i]:
+            return law_parameters[_ULTIMATE_FORCE, i]
+        return strength + hardening(law_parameters, i) * (drift - strength / law_parameters[at.STIFFNESS, i])
 
     @inlined
     def farthest(springs, i, block, side):
@@ -61,9 +63,13 @@ def _functions() -> LawFunctions:
         return reached
 
     @called
-    def unloading_stiffness(laws, springs, i, block, side):
-        k = laws[at.STIFFNESS, i]
-        return k * (laws[_YIELD_FORCE, i] / (k * farthest(springs, i, block, side))) ** laws[_UNLOADING, i]
+    def unloading_stiffness(law_parameters, springs, i, block, side):
+        k = law_parameters[at.STIFFNESS, i]
+        return (
+            k
+            * (law_parameters[_YIELD_FORCE, i] / (k * farthest(springs, i, block, side)))
+            ** law_parameters[_UNLOADING, i]
+        )
 
     @inlined
     def lead(springs, i, block, side, kind, slope, end, turn):
@@ -76,7 +82,7 @@ def _functions() -> LawFunctions:
         springs[block + at.LOWER, i] = -end if side < 0.0 else -math.inf
 
     @inlined
-    def glide(laws, springs, i, block, side, slope, end):
+    def glide(law_parameters, springs, i, block, side, slope, end):
         """The line of the unloading stiffness through the present point, from zero force up to `end`."""
         zero = springs[block + at.DRIFT, i] - springs[block + at.FORCE, i] / slope
         lead(springs, i, block, side, _GLIDING, slope, end, 0.0)
@@ -86,48 +92,48 @@ def _functions() -> LawFunctions:
             springs[block + at.UPPER, i] = zero
 
     @inlined
-    def end_of_pinching(laws, springs, i, block, side, target, force, slope):
+    def end_of_pinching(law_parameters, springs, i, block, side, target, force, slope):
         """Drift at which the first part of the reloading ends, on that side."""
         zero = side * springs[block + _ZERO, i]
-        pinching = laws[_PINCHING, i]
+        pinching = law_parameters[_PINCHING, i]
         return zero + pinching * (target - (1.0 - pinching) * force / slope - zero)
 
     @called
-    def load(laws, springs, i, block, side):
+    def load(law_parameters, springs, i, block, side):
         """Further on that side from a point of the reloading or of the backbone."""
         drift = side * springs[block + at.DRIFT, i]
         here = side * springs[block + at.FORCE, i]
         target = farthest(springs, i, block, side)
         if drift < target * (1.0 - _HERE):
-            force = backbone(laws, i, target)
-            slope = unloading_stiffness(laws, springs, i, block, side)
-            bend = end_of_pinching(laws, springs, i, block, side, target, force, slope)
+            force = backbone(law_parameters, i, target)
+            slope = unloading_stiffness(law_parameters, springs, i, block, side)
+            bend = end_of_pinching(law_parameters, springs, i, block, side, target, force, slope)
             if drift < bend - _HERE * target:
-                to_bend = (laws[_PINCHING, i] * force - here) / (bend - drift)
+                to_bend = (law_parameters[_PINCHING, i] * force - here) / (bend - drift)
                 lead(springs, i, block, side, _PINCHED, to_bend, bend, side)
             else:
                 lead(springs, i, block, side, _RELOADING, (force - here) / (target - drift), target, side)
         else:
-            springs[block + at.FORCE, i] = side * backbone(laws, i, drift)
-            ultimate = laws[_ULTIMATE_DRIFT, i]
+            springs[block + at.FORCE, i] = side * backbone(law_parameters, i, drift)
+            ultimate = law_parameters[_ULTIMATE_DRIFT, i]
             if drift < ultimate * (1.0 - _HERE):
-                lead(springs, i, block, side, _YIELDING, hardening(laws, i), ultimate, side)
+                lead(springs, i, block, side, _YIELDING, hardening(law_parameters, i), ultimate, side)
             else:
                 lead(springs, i, block, side, _YIELDING, 0.0, math.inf, side)
 
     @called
-    def cross(laws, springs, i, block, side):
+    def cross(law_parameters, springs, i, block, side):
         """Zero force is passed towards a side: load there, not stiffer than with its unloading stiffness."""
         zero = side * springs[block + at.DRIFT, i]
         springs[block + at.FORCE, i] = 0.0
         springs[block + _ZERO, i] = springs[block + at.DRIFT, i]
         target = farthest(springs, i, block, side)
-        force = backbone(laws, i, target)
-        slope = unloading_stiffness(laws, springs, i, block, side)
-        bend = end_of_pinching(laws, springs, i, block, side, target, force, slope)
-        part = laws[_PINCHING, i] * force
+        force = backbone(law_parameters, i, target)
+        slope = unloading_stiffness(law_parameters, springs, i, block, side)
+        bend = end_of_pinching(law_parameters, springs, i, block, side, target, force, slope)
+        part = law_parameters[_PINCHING, i] * force
         if bend > zero + _HERE * target and part <= slope * (bend - zero) and zero < target:
-            load(laws, springs, i, block, side)
+            load(law_parameters, springs, i, block, side)
             return
         # Up with the unloading stiffness to where that meets the second part, or behind that the backbone
         meeting = math.inf
@@ -136,41 +142,41 @@ def _functions() -> LawFunctions:
             if slope > second:
                 meeting = (part - second * bend + slope * zero) / (slope - second)
         if meeting > target or meeting < max(bend, zero):
-            rise = hardening(laws, i)
-            meeting = zero + laws[_ULTIMATE_FORCE, i] / slope
+            rise = hardening(law_parameters, i)
+            meeting = zero + law_parameters[_ULTIMATE_FORCE, i] / slope
             if slope > rise:
-                strength = laws[_YIELD_FORCE, i]
-                bent = (strength - rise * strength / laws[at.STIFFNESS, i] + slope * zero) / (slope - rise)
-                meeting = min(bent, meeting) if bent < laws[_ULTIMATE_DRIFT, i] else meeting
-        glide(laws, springs, i, block, side, slope, meeting)
+                strength = law_parameters[_YIELD_FORCE, i]
+                bent = (strength - rise * strength / law_parameters[at.STIFFNESS, i] + slope * zero) / (slope - rise)
+                meeting = min(bent, meeting) if bent < law_parameters[_ULTIMATE_DRIFT, i] else meeting
+        glide(law_parameters, springs, i, block, side, slope, meeting)
 
     @called
-    def switch(laws, springs, i, block, event):
+    def switch(law_parameters, springs, i, block, event):
         kind = springs[block + at.INTERNAL, i]
         if kind == 0.0:
-            load(laws, springs, i, block, event)
+            load(law_parameters, springs, i, block, event)
         elif event == at.TURNED:
             side = springs[block + at.TURN, i]
             if side > 0.0:
                 springs[block + at.HIGH_DRIFT, i] = farthest(springs, i, block, side)
             else:
                 springs[block + at.LOW_DRIFT, i] = -farthest(springs, i, block, side)
-            slope = unloading_stiffness(laws, springs, i, block, side)
-            glide(laws, springs, i, block, side, slope, side * springs[block + at.DRIFT, i])
+            slope = unloading_stiffness(law_parameters, springs, i, block, side)
+            glide(law_parameters, springs, i, block, side, slope, side * springs[block + at.DRIFT, i])
         elif abs(kind) == _GLIDING and event * kind < 0.0:
-            cross(laws, springs, i, block, event)
+            cross(law_parameters, springs, i, block, event)
         else:
-            load(laws, springs, i, block, event)
+            load(law_parameters, springs, i, block, event)
 
     @inlined
-    def recoverable(laws, springs, i):
+    def recoverable(law_parameters, springs, i):
         force = springs[at.FORCE, i]
         side = 1.0 if force > 0.0 else -1.0
-        return 0.5 * force * force / unloading_stiffness(laws, springs, i, 0, side)
+        return 0.5 * force * force / unloading_stiffness(law_parameters, springs, i, 0, side)
 
     @inlined
-    def enter(laws, springs, i):
-        drift = laws[_YIELD_FORCE, i] / laws[at.STIFFNESS, i]
+    def enter(law_parameters, springs, i):
+        drift = law_parameters[_YIELD_FORCE, i] / law_parameters[at.STIFFNESS, i]
         springs[at.HIGH_DRIFT, i] = springs[at.UPPER, i] = drift
         springs[at.LOW_DRIFT, i] = springs[at.LOWER, i] = -drift
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from tdint.kernels import layout as at
 from tdint.kernels.compiling import I8, TABLE, VECTOR, called_at, inlined, kernel
 from tdint.kernels.march.peaks_between_steps import raise_peak
-from tdint.kernels.stories.springs import dissipated, reach, recoverable, start
+from tdint.kernels.stories.law_state import dissipated, reach, recoverable, start
 
 BEGIN = I8(TABLE, TABLE, TABLE, TABLE)
 TAKE_STOCK = I8(TABLE, TABLE, TABLE, TABLE, VECTOR)
@@ -23,42 +23,42 @@ _call_raise_shears = called_at(RAISE_SHEARS)
 @inlined
 def begin_laws(begin, scene, memory):
     """Call the kernel `begin` that a march was given."""
-    _call_begin(begin, scene.chain, scene.laws, memory.state, memory.springs)
+    _call_begin(begin, scene.linear_terms, scene.law_parameters, memory.state, memory.springs)
 
 
 @inlined
 def sum_up(take_stock, scene, memory, seen):
     """Call the kernel `take_stock` that a march was given."""
-    _call_take_stock(take_stock, scene.chain, scene.laws, memory.state, memory.springs, seen.totals)
+    _call_take_stock(take_stock, scene.linear_terms, scene.law_parameters, memory.state, memory.springs, seen.totals)
 
 
 @inlined
 def take_shears(raise_shears, scene, memory, seen):
     """Call the kernel `raise_shears` that a march was given."""
-    _call_raise_shears(raise_shears, scene.laws, memory.springs, seen.watch, at.TURNED_AT, seen.peaks)
+    _call_raise_shears(raise_shears, scene.law_parameters, memory.springs, seen.watch, at.TURNED_AT, seen.peaks)
 
 
 @kernel(BEGIN, parts=("laws",))
-def begin(chain, laws, state, springs):
+def begin(linear_terms, law_parameters, state, springs):
     """Bring all stories from rest to their initial drifts."""
     below = 0.0
-    for i in range(chain.shape[1] - 1):
-        start(laws, springs, i, state[at.DISPLACEMENT, i] - chain[at.LINK, i] * below)
+    for i in range(linear_terms.shape[1] - 1):
+        start(law_parameters, springs, i, state[at.DISPLACEMENT, i] - linear_terms[at.LINK, i] * below)
         below = state[at.DISPLACEMENT, i]
     return 0
 
 
 @kernel(TAKE_STOCK, parts=("laws",))
-def take_stock(chain, laws, state, springs, totals):
+def take_stock(linear_terms, law_parameters, state, springs, totals):
     """Kinetic, recoverable and dissipated energy of the present state, J."""
     kinetic = 0.0
     stored = 0.0
     lost = 0.0
-    for i in range(chain.shape[1] - 1):
+    for i in range(linear_terms.shape[1] - 1):
         drift = springs[at.DRIFT, i]
-        kinetic += 0.5 * chain[at.MASS, i] * state[at.VELOCITY, i] * state[at.VELOCITY, i]
-        stored += recoverable(laws, springs, i) + 0.5 * chain[at.GEOMETRIC, i] * drift * drift
-        lost += dissipated(laws, springs, i)
+        kinetic += 0.5 * linear_terms[at.MASS, i] * state[at.VELOCITY, i] * state[at.VELOCITY, i]
+        stored += recoverable(law_parameters, springs, i) + 0.5 * linear_terms[at.GEOMETRIC, i] * drift * drift
+        lost += dissipated(law_parameters, springs, i)
     totals[at.ENERGY_KINETIC] = kinetic
     totals[at.ENERGY_RECOVERABLE] = stored
     totals[at.ENERGY_DISSIPATED] = lost - totals[at.DISSIPATED_BEFORE]
@@ -66,13 +66,13 @@ def take_stock(chain, laws, state, springs, totals):
 
 
 @kernel(RAISE_SHEARS, parts=("laws",))
-def raise_shears(laws, springs, turns, turn, peaks):
+def raise_shears(law_parameters, springs, turns, turn, peaks):
     """Peak shears of the stories that turned within a step, at the drifts in row `turn` of `turns`.
 
     From the end of the step the way leads back to where the story turned: there it finds the force again that it had.
     """
     for i in range(peaks.shape[1]):
         if turns[turn, i] != springs[at.DRIFT, i]:
-            reach(laws, springs, i, at.COMMITTED, at.FIRST_TRIAL, turns[turn, i])
+            reach(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL, turns[turn, i])
             raise_peak(peaks, at.PEAK_SHEAR, i, springs[at.FIRST_TRIAL + at.FORCE, i])
     return 0

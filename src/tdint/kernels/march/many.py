@@ -103,7 +103,7 @@ def _go_on(kernels, motion, run, steps, done, scene, memory, seen):
         kernels.march, kernels.step, kernels.begin, kernels.take_stock, kernels.raise_shears,
         steps, done, steps, run[0], run[1],
         motion.halvings, motion.h, motion.ground, motion.coefficients, motion.shifts,
-        scene.chain, scene.modal, scene.laws, scene.forces, scene.flags,
+        scene.linear_terms, scene.modal, scene.law_parameters, scene.forces, scene.flags,
         memory.state, memory.springs, memory.work, memory.report, motion.load,
         seen.watch, seen.peaks, seen.limits, seen.totals, seen.history,
     )  # fmt: skip
@@ -123,17 +123,18 @@ def _begin(initial, memory, watch):
 @kernel(MANY, parts=())
 def many(
     march, step, begin, take_stock, raise_shears, halvings, h, samples, runs, coefficients, shifts,
-    chain, modal, laws, forces, flags, state_0, springs_0, work_0, report_0, totals_0, state, springs, work, report,
-    load, ground, watch, limits, kept, history, window, windows, quiet, peaks, drifts, totals, ends,
+    linear_terms, modal, law_parameters, forces, flags, state_0, springs_0, work_0, report_0, totals_0,
+    state, springs, work, report, load, ground, watch, limits, kept, history,
+    window, windows, quiet, peaks, drifts, totals, ends,
 ):  # fmt: skip
     """March through all runs; each begins as if it were alone. Returns how many of them did not get to their end."""
     kernels = _Called(march, step, begin, take_stock, raise_shears)
     motion = _Motion(halvings, h, coefficients, shifts, load, ground)
-    scene = Scene(chain, modal, laws, forces, flags)
+    scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     initial = Memory(state_0, springs_0, work_0, report_0)
     memory = Memory(state, springs, work, report)
     failed = 0
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     for r in range(runs.shape[0]):
         first = int(runs[r, GROUND_START])
         size = int(runs[r, GROUND_SIZE])

@@ -47,7 +47,7 @@ RUNAWAY = 1e6
 @inlined
 def _start(begin, take_stock, scene, ground, memory, seen):
     """Drift laws, acceleration and energy of the initial state."""
-    n = scene.chain.shape[1] - 1
+    n = scene.linear_terms.shape[1] - 1
     state = memory.state
     begin_laws(begin, scene, memory)
     observe(scene, 0.0, Span(0.0, ground, ground, False, False), 0.0, memory, seen)
@@ -56,7 +56,7 @@ def _start(begin, take_stock, scene, ground, memory, seen):
         state[at.ACCELERATION, i] = seen.watch[at.ACCELERATION_NOW, i]
     memory.report[at.CARRIED_GROUND] = ground
     sum_up(take_stock, scene, memory, seen)
-    begin_energies(scene.chain, seen.totals)
+    begin_energies(scene.linear_terms, seen.totals)
 
 
 @inlined
@@ -78,7 +78,7 @@ def _watch(take_stock, scene, memory, steps, seen):
 @kernel(MARCH, parts=())
 def march(
     step, begin, take_stock, raise_shears, steps, first, last, per_sample, stride, halvings,
-    h, ground, coefficients, shifts, chain, modal, laws, forces, flags,
+    h, ground, coefficients, shifts, linear_terms, modal, law_parameters, forces, flags,
     state, springs, work, report, load, watch, peaks, limits, totals, history,
 ):  # fmt: skip
     """Integrate over the steps `first` to `last` of a run of `steps` steps of h; returns 0, or the code of the step
@@ -95,7 +95,7 @@ def march(
     A multi-step method, whose memory holds whole steps, starts anew in and after such a step.
     `totals[STEPS_REACHED]` counts the whole steps done.
     """
-    scene = Scene(chain, modal, laws, forces, flags)
+    scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, springs, work, report)
     seen = Seen(watch, peaks, limits, totals, history)
     on_path = flags[at.ON_PATH] != 0.0
@@ -150,7 +150,7 @@ def march(
                 take_shears(raise_shears, scene, memory, seen)
         report[at.STEPS_DONE] = report[at.STEPS_DONE] + 1.0 if piece == 1.0 else 0.0
         totals[at.STEPS_REACHED] += 1.0
-        if _ran_away(state, chain.shape[1] - 1):
+        if _ran_away(state, linear_terms.shape[1] - 1):
             return at.NOT_FINITE
         if totals[at.COLLAPSE_STEP] == at.NO_COLLAPSE and beyond_limits(springs, seen):
             _watch(take_stock, scene, memory, s + 1, seen)

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 from tdint.kernels import layout as at
 from tdint.kernels.bundles import Passage
-from tdint.kernels.chain import DASHPOTS, FORCES, MODAL, add_modal_force, force_rate, force_value, power_damper
 from tdint.kernels.compiling import called, inlined
+from tdint.kernels.linear_terms import DASHPOTS, FORCES, MODAL, add_modal_force, force_rate, force_value, power_damper
 from tdint.kernels.march.peaks_between_steps import look_within, raise_peak
 
 
@@ -32,12 +32,12 @@ def observe(scene, t, span, slope, memory, seen):
     The acceleration is that of equilibrium at t, whatever the method carries. Call with a span of no length at the
     start. Returns whether a value is near its peak (`raise_peak`).
     """
-    chain, modal, _, forces, _ = scene
+    linear_terms, modal, _, forces, _ = scene
     state = memory.state
     watch, peaks, _, totals, _ = seen
     ground = span.ground_1
-    n = chain.shape[1] - 1
-    near = _story_forces(chain, state, memory.springs, watch, peaks)
+    n = linear_terms.shape[1] - 1
+    near = _story_forces(linear_terms, state, memory.springs, watch, peaks)
     if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
         _other_forces(modal, forces, t, state, watch, n)
     momentum = 0.0
@@ -52,30 +52,30 @@ def observe(scene, t, span, slope, memory, seen):
     a_below = 0.0
     for i in range(n):
         v = state[at.VELOCITY, i]
-        inner = watch[at.OTHER_FORCE, i] - chain[at.FLOOR_DAMPER, i] * v
-        inner = inner - watch[at.STORY_FORCE, i] + chain[at.LINK, i + 1] * watch[at.STORY_FORCE, i + 1]
-        a = chain[at.INVERSE_MASS, i] * inner - ground
+        inner = watch[at.OTHER_FORCE, i] - linear_terms[at.FLOOR_DAMPER, i] * v
+        inner = inner - watch[at.STORY_FORCE, i] + linear_terms[at.LINK, i + 1] * watch[at.STORY_FORCE, i + 1]
+        a = linear_terms[at.INVERSE_MASS, i] * inner - ground
         watch[at.ACCELERATION_NOW, i] = a
         near |= raise_peak(peaks, at.PEAK_DISPLACEMENT, i, state[at.DISPLACEMENT, i])
         near |= raise_peak(peaks, at.PEAK_VELOCITY, i, v)
         near |= raise_peak(peaks, at.PEAK_ACCELERATION, i, a + ground)
-        link = chain[at.LINK, i]
+        link = linear_terms[at.LINK, i]
         rate_of_drift = v - link * v_below
-        story, tangent = power_damper(chain, i, rate_of_drift)
-        by_story = chain[at.STORY_DAMPER, i] * rate_of_drift
-        damped += chain[at.FLOOR_DAMPER, i] * v * v + (by_story + story) * rate_of_drift
-        by_floor = chain[at.FLOOR_DAMPER, i] * v
+        story, tangent = power_damper(linear_terms, i, rate_of_drift)
+        by_story = linear_terms[at.STORY_DAMPER, i] * rate_of_drift
+        damped += linear_terms[at.FLOOR_DAMPER, i] * v * v + (by_story + story) * rate_of_drift
+        by_floor = linear_terms[at.FLOOR_DAMPER, i] * v
         by_story += 0.5 * (story + tangent * rate_of_drift)
         damped_rate += by_floor * a + by_story * (a - link * a_below)
         by_all += by_floor + (1.0 - link) * by_story
         if DASHPOTS:
-            device = chain[at.DASHPOT, i] * rate_of_drift
+            device = linear_terms[at.DASHPOT, i] * rate_of_drift
             devices += (device + story) * rate_of_drift
             device += 0.5 * (story + tangent * rate_of_drift)
             devices_rate += device * (a - link * a_below)
             devices_by_all += (1.0 - link) * device
-        momentum += chain[at.MASS, i] * v
-        force += chain[at.MASS, i] * a
+        momentum += linear_terms[at.MASS, i] * v
+        force += linear_terms[at.MASS, i] * a
         v_below = v
         a_below = a
     near |= _total_shears(scene, state, watch, peaks)
@@ -142,7 +142,7 @@ def look_between(near, scene, span, memory, seen):
     drifts in row TURNED_AT."""
     state, springs, work, report = memory
     watch, peaks, _, totals, _ = seen
-    n = scene.chain.shape[1] - 1
+    n = scene.linear_terms.shape[1] - 1
     turned = 0
     if report[at.WITHIN] != 0.0:
         _take_over(int(report[at.WITHIN]), work, peaks, n)
@@ -184,12 +184,12 @@ def shift_ground(scene, load, shifts, memory, seen):
     A jump of the ground's acceleration moves all floors alike; velocities and displacements stay. `shifts` says what of
     it each row of the state takes.
     """
-    chain, modal, _, forces, _ = scene
+    linear_terms, modal, _, forces, _ = scene
     state, watch, totals = memory.state, seen.watch, seen.totals
     ground = load[at.GROUND_0]
     shift = memory.report[at.CARRIED_GROUND] - ground
     memory.report[at.CARRIED_GROUND] = ground
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     for row in range(shifts.size):
         if shifts[row] != 0.0:
             for i in range(n):
@@ -209,18 +209,20 @@ def shift_ground(scene, load, shifts, memory, seen):
 
 
 @inlined
-def _story_forces(chain, state, springs, watch, peaks):
+def _story_forces(linear_terms, state, springs, watch, peaks):
     """Force of each story, column and damper, into its row; peaks of drift and shear. Returns as `observe` does."""
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     near = False
     below = 0.0
     for i in range(n):
         v = state[at.VELOCITY, i]
         drift = springs[at.DRIFT, i]
         shear = springs[at.FORCE, i]
-        rate = v - chain[at.LINK, i] * below
-        watch[at.STORY_FORCE, i] = shear + chain[at.GEOMETRIC, i] * drift + chain[at.STORY_DAMPER, i] * rate
-        watch[at.STORY_FORCE, i] += power_damper(chain, i, rate)[0]
+        rate = v - linear_terms[at.LINK, i] * below
+        watch[at.STORY_FORCE, i] = (
+            shear + linear_terms[at.GEOMETRIC, i] * drift + linear_terms[at.STORY_DAMPER, i] * rate
+        )
+        watch[at.STORY_FORCE, i] += power_damper(linear_terms, i, rate)[0]
         below = v
         near |= raise_peak(peaks, at.PEAK_DRIFT, i, drift)
         near |= raise_peak(peaks, at.PEAK_SHEAR, i, shear)
@@ -232,13 +234,13 @@ def _story_forces(chain, state, springs, watch, peaks):
 @inlined
 def _total_shears(scene, state, watch, peaks):
     """Peaks of what moves all floors above a story: its own force, and the damping of these floors."""
-    chain = scene.chain
-    n = chain.shape[1] - 1
+    linear_terms = scene.linear_terms
+    n = linear_terms.shape[1] - 1
     near = False
     above = 0.0
     for j in range(1, n + 1):
         i = n - j
-        above = chain[at.LINK, i + 1] * above + chain[at.FLOOR_DAMPER, i] * state[at.VELOCITY, i]
+        above = linear_terms[at.LINK, i + 1] * above + linear_terms[at.FLOOR_DAMPER, i] * state[at.VELOCITY, i]
         if MODAL:
             above += watch[at.MODAL_FORCE, i]
         near |= raise_peak(peaks, at.PEAK_TOTAL_SHEAR, i, watch[at.STORY_FORCE, i] + above)
@@ -288,11 +290,11 @@ def _add_work(span, slope, now, scene, report, totals):
 
 
 @inlined
-def begin_energies(chain, totals):
+def begin_energies(linear_terms, totals):
     """Energies of the initial state, of which stock has been taken."""
     totals[at.ALL_MASSES] = 0.0
-    for i in range(chain.shape[1] - 1):
-        totals[at.ALL_MASSES] += chain[at.MASS, i]
+    for i in range(linear_terms.shape[1] - 1):
+        totals[at.ALL_MASSES] += linear_terms[at.MASS, i]
     totals[at.DISSIPATED_BEFORE] = totals[at.ENERGY_DISSIPATED]
     totals[at.ENERGY_DISSIPATED] = 0.0
     totals[at.ENERGY_START] = totals[at.ENERGY_KINETIC] + totals[at.ENERGY_RECOVERABLE]

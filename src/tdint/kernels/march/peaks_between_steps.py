@@ -23,8 +23,8 @@ import math
 
 from tdint.kernels import layout as at
 from tdint.kernels.bundles import Ends
-from tdint.kernels.chain import DASHPOTS, FORCES
 from tdint.kernels.compiling import called, inlined
+from tdint.kernels.linear_terms import DASHPOTS, FORCES
 
 _RESOLVED = 0.5  # what a change of velocity may miss the mean acceleration by, over the velocities
 _SMOOTH = 1.0  # what an acceleration inside may miss the straight line by, over those at the ends
@@ -51,15 +51,15 @@ def look_within(span, scene, passage, springs, turns, turn, peaks, top):
     """
     passing = False
     above, mass = _NOTHING, 0.0
-    n = scene.chain.shape[1] - 1
+    n = scene.linear_terms.shape[1] - 1
     for j in range(1, n + 1):
         i = n - j
         floor = _floor(False, passage, i)
         below = _floor(False, passage, max(i - 1, 0))
-        story = _story(floor, below, scene.chain[at.LINK, i], springs[at.DRIFT, i])
+        story = _story(floor, below, scene.linear_terms[at.LINK, i], springs[at.DRIFT, i])
         shear = springs[at.FORCE, i]
-        passing |= _may_pass(span, floor, story, shear, scene.laws[at.STIFFNESS, i], peaks, top, i)
-        above, mass = _moved(scene.chain, i, floor, above, mass)
+        passing |= _may_pass(span, floor, story, shear, scene.law_parameters[at.STIFFNESS, i], peaks, top, i)
+        above, mass = _moved(scene.linear_terms, i, floor, above, mass)
         passing |= _may_accelerate(span, above, mass, peaks[top + at.PEAK_TOTAL_SHEAR, i])
     if not passing:
         return 0
@@ -124,9 +124,9 @@ def _may_accelerate(span, ends, mass, peak):
 
 
 @inlined
-def _moved(chain, i, floor, above, mass):
+def _moved(linear_terms, i, floor, above, mass):
     """Motion times mass of floor `i` and all above, of which that of those above is given; and their mass."""
-    link, own = chain[at.LINK, i + 1], chain[at.MASS, i]
+    link, own = linear_terms[at.LINK, i + 1], linear_terms[at.MASS, i]
     ends = Ends(
         u0=link * above.u0 + own * floor.u0,
         v0=link * above.v0 + own * floor.v0,
@@ -153,14 +153,16 @@ def _look_closely(span, scene, passage, springs, turns, turn, peaks, top):
     h = span.h
     turned = 0
     below = _NOTHING
-    for i in range(scene.chain.shape[1] - 1):
+    for i in range(scene.linear_terms.shape[1] - 1):
         floor = _floor(span.fast, passage, i)
-        story = _story(floor, below, scene.chain[at.LINK, i], springs[at.DRIFT, i])
+        story = _story(floor, below, scene.linear_terms[at.LINK, i], springs[at.DRIFT, i])
         below = floor
         turns[turn, i] = story.u1
         if span.on_path or story.v0 * story.v1 < 0.0:
             passing = peaks[top + at.PEAK_DRIFT, i] - abs(story.u1)
-            shearing = (peaks[top + at.PEAK_SHEAR, i] - abs(springs[at.FORCE, i])) / scene.laws[at.STIFFNESS, i]
+            shearing = (peaks[top + at.PEAK_SHEAR, i] - abs(springs[at.FORCE, i])) / scene.law_parameters[
+                at.STIFFNESS, i
+            ]
             if _SWING * h * (abs(story.v0) + abs(story.v1)) > min(passing, shearing):
                 far = _turning_point(span, story, min(passing, shearing), peaks, top + at.PEAK_DRIFT, i)
                 # A story that has become stiffer may have its largest shear where its drift is largest.
@@ -191,10 +193,10 @@ def _most_sheared(span, scene, passage, peaks, top):
     if FORCES and scene.forces.shape[0] > 0:
         return
     above, mass = _NOTHING, 0.0
-    n = scene.chain.shape[1] - 1
+    n = scene.linear_terms.shape[1] - 1
     for j in range(1, n + 1):
         i = n - j
-        above, mass = _moved(scene.chain, i, _floor(span.fast, passage, i), above, mass)
+        above, mass = _moved(scene.linear_terms, i, _floor(span.fast, passage, i), above, mass)
         _most_accelerated(span, above, mass, peaks, top + at.PEAK_TOTAL_SHEAR, i)
 
 

@@ -198,13 +198,11 @@ def scratch(samples: int, parts: int, modes: int, columns: int) -> tuple[NDArray
     return *(np.zeros(shape) for shape in shapes), np.zeros(columns), np.zeros((chunks, 2))
 
 
-@kernel(
-    I8(
-        VECTOR, I8, F8, TABLE, TABLE, VECTOR, VECTOR,
-        TABLE, TABLE, VECTOR, TABLE, TABLE, TABLE, VECTOR, VECTOR, TABLE,
-    ),
-    parts=(), vectorized=True,
-)  # fmt: skip
+_GIVEN = (VECTOR, I8, F8, TABLE, TABLE, VECTOR, VECTOR)
+_SCRATCH = (TABLE, TABLE, VECTOR, TABLE, TABLE, TABLE, VECTOR, VECTOR, TABLE)
+
+
+@kernel(I8(*_GIVEN, *_SCRATCH), parts=(), vectorized=True)
 def largest_drifts(
     ground, parts, h, modes, shapes, static, results,
     q, rate, motion, drift, start_q, start_rate, top, bend, tops,

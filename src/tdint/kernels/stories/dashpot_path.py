@@ -10,8 +10,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from tdint.kernels.bundles import Array
-from tdint.kernels.chain import power_damper
 from tdint.kernels.compiling import called, inlined
+from tdint.kernels.linear_terms import power_damper
 from tdint.kernels.stories import path
 
 STEADY = 0.5  # least rate over the largest up to which the rate itself will do
@@ -32,7 +32,7 @@ class _Move(NamedTuple):
 
 
 @called
-def follow_dashpot(chain, i, h, rise, bend, work, whole, own):
+def follow_dashpot(linear_terms, i, h, rise, bend, work, whole, own):
     """Mean and moment of the dashpot's force along the path (as in `path.follow`) into rows `own` and `own` + 1; they
     and the tangents are added to the rows from `whole` on."""
     move = _Move(rise, bend, h, work, whole, own)
@@ -42,18 +42,18 @@ def follow_dashpot(chain, i, h, rise, bend, work, whole, own):
     last = rise + 0.5 * bend
     if first * last < 0.0:
         rest = -rise / bend
-        _part(chain, i, move, rest, -0.5)
-        _part(chain, i, move, rest, 0.5)
+        _part(linear_terms, i, move, rest, -0.5)
+        _part(linear_terms, i, move, rest, 0.5)
     elif abs(first) < abs(last):
-        _part(chain, i, move, -0.5, 0.5)
+        _part(linear_terms, i, move, -0.5, 0.5)
     else:
-        _part(chain, i, move, 0.5, -0.5)
+        _part(linear_terms, i, move, 0.5, -0.5)
     work[whole + path.MEAN, i] += work[own + path.MEAN, i]
     work[whole + path.MOMENT, i] += work[own + path.MOMENT, i]
 
 
 @called
-def _part(chain, i, move, slow, fast):
+def _part(linear_terms, i, move, slow, fast):
     """The part of the path between s = `slow` and s = `fast`, where the rate is larger and of the same sign."""
     least = abs(move.rise + move.bend * slow)
     largest = abs(move.rise + move.bend * fast)
@@ -61,20 +61,20 @@ def _part(chain, i, move, slow, fast):
     if least >= STEADY * largest:
         for point in range(STEADY_POINTS):
             s = slow + (fast - slow) * path.NODES[STEADY_POINTS, point]
-            _add(chain, i, move, s, length * path.WEIGHTS[STEADY_POINTS, point])
+            _add(linear_terms, i, move, s, length * path.WEIGHTS[STEADY_POINTS, point])
         return
     root = (least / largest) ** (1.0 / 3.0) if least > 0.0 else 0.0
     whole = 1.0 - root * root * root
     for point in range(POINTS):
         x = root + (1.0 - root) * path.NODES[POINTS, point]
         s = slow + (fast - slow) * (x * x * x - root * root * root) / whole
-        _add(chain, i, move, s, length * 3.0 * x * x / whole * (1.0 - root) * path.WEIGHTS[POINTS, point])
+        _add(linear_terms, i, move, s, length * 3.0 * x * x / whole * (1.0 - root) * path.WEIGHTS[POINTS, point])
 
 
 @inlined
-def _add(chain, i, move, s, weight):
+def _add(linear_terms, i, move, s, weight):
     rise, bend, h, work, whole, own = move
-    force, slope = power_damper(chain, i, (rise + bend * s) / h)
+    force, slope = power_damper(linear_terms, i, (rise + bend * s) / h)
     moment = 12.0 * weight * s
     work[own + path.MEAN, i] += weight * force
     work[own + path.MOMENT, i] += moment * force

@@ -16,13 +16,13 @@ from typing import NamedTuple
 
 from tdint.kernels import layout as at
 from tdint.kernels.bundles import Array
-from tdint.kernels.chain import power_damper
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.laws.choosing import CURVES, DISSIPATING
+from tdint.kernels.linear_terms import power_damper
 from tdint.kernels.stories import path
 from tdint.kernels.stories.branches import advance, switch
 from tdint.kernels.stories.dashpot_path import POINTS, STEADY, STEADY_POINTS
-from tdint.kernels.stories.springs import reach, restoring, settle
+from tdint.kernels.stories.law_state import reach, restoring, settle
 
 
 class _Results(NamedTuple):
@@ -62,7 +62,7 @@ def odd(s):
 
 
 @called
-def follow(laws, springs, i, whole, bubbles, results):
+def follow(law_parameters, springs, i, whole, bubbles, results):
     """The results of any story along a whole parabola; its state on the way is left to `path.arrive`.
 
     At a turning point inside, the story turns where the bubbles, factors of b0 and b1, have led it.
@@ -74,12 +74,12 @@ def follow(laws, springs, i, whole, bubbles, results):
     if turn < 1.0:
         moved = bubbles[0] * even(turn - 0.5) + bubbles[1] * odd(turn - 0.5)
     if not CURVES or springs[at.SLOPE, i] < math.inf:
-        _over_branches(laws, springs, i, whole, turn, moved, results)
-    elif laws[at.CODE, i] in DISSIPATING:
-        _with_memory(laws, springs, i, whole, turn, moved, results)
+        _over_branches(law_parameters, springs, i, whole, turn, moved, results)
+    elif law_parameters[at.CODE, i] in DISSIPATING:
+        _with_memory(law_parameters, springs, i, whole, turn, moved, results)
     else:
-        wanted = path.points_wanted(laws, springs, i, abs(whole.rise) + 0.5 * abs(whole.bend))
-        _integrate(laws, springs, i, 0, True, wanted, whole, results)
+        wanted = path.points_wanted(law_parameters, springs, i, abs(whole.rise) + 0.5 * abs(whole.bend))
+        _integrate(law_parameters, springs, i, 0, True, wanted, whole, results)
 
 
 @inlined
@@ -100,19 +100,19 @@ def _add(results, i, weight, s, force, tangent):
 
 
 @called
-def _over_branches(laws, springs, i, whole, turn, moved, results):
+def _over_branches(law_parameters, springs, i, whole, turn, moved, results):
     path.copy(springs, i, 0, at.FIRST_TRIAL)
-    _go(laws, springs, i, path.part_of(whole, 0.0, turn), results)
+    _go(law_parameters, springs, i, path.part_of(whole, 0.0, turn), results)
     if turn == 1.0:
         return
     if springs[at.FIRST_TRIAL + at.TURN, i] * whole.bend < 0.0:
-        advance(laws, springs, i, at.FIRST_TRIAL, path.drift_at(whole, turn) + moved)
+        advance(law_parameters, springs, i, at.FIRST_TRIAL, path.drift_at(whole, turn) + moved)
     _note(results, i, 1.0, springs[at.FIRST_TRIAL + at.FORCE, i])
-    _go(laws, springs, i, path.part_of(whole, turn, 1.0), results)
+    _go(law_parameters, springs, i, path.part_of(whole, turn, 1.0), results)
 
 
 @called
-def _go(laws, springs, i, stretch, results):
+def _go(law_parameters, springs, i, stretch, results):
     """Along a stretch in which the path does not turn, as in `path`, with the state in FIRST_TRIAL."""
     target = path.drift_at(stretch, stretch.end)
     way = target - path.drift_at(stretch, stretch.begin)
@@ -121,7 +121,7 @@ def _go(laws, springs, i, stretch, results):
         return
     side = math.copysign(1.0, way)
     if springs[at.FIRST_TRIAL + at.TURN, i] * side < 0.0:
-        switch(laws, springs, i, at.FIRST_TRIAL, at.TURNED)
+        switch(law_parameters, springs, i, at.FIRST_TRIAL, at.TURNED)
     here = stretch.begin
     for passed in range(path.MOST_BRANCHES):
         limit = springs[at.FIRST_TRIAL + at.UPPER, i] if side > 0.0 else springs[at.FIRST_TRIAL + at.LOWER, i]
@@ -130,11 +130,11 @@ def _go(laws, springs, i, stretch, results):
         if ends:
             there = min(here + path.time_to(limit, stretch, here, side), stretch.end)
         _piece(springs, i, path.part_of(stretch, here, there), results)
-        advance(laws, springs, i, at.FIRST_TRIAL, limit if ends else target)
+        advance(law_parameters, springs, i, at.FIRST_TRIAL, limit if ends else target)
         if not ends:
             break
         _note(results, i, there, springs[at.FIRST_TRIAL + at.FORCE, i])
-        switch(laws, springs, i, at.FIRST_TRIAL, at.ABOVE if side > 0.0 else at.BELOW)
+        switch(law_parameters, springs, i, at.FIRST_TRIAL, at.ABOVE if side > 0.0 else at.BELOW)
         here = there
 
 
@@ -163,39 +163,41 @@ def _piece(springs, i, stretch, results):
 
 
 @called
-def _with_memory(laws, springs, i, whole, turn, moved, results):
+def _with_memory(law_parameters, springs, i, whole, turn, moved, results):
     """To the turning point, and from there to the last Gauss point: the state there is left in FIRST_TRIAL."""
-    past = _pass(laws, springs, i, 0, path.part_of(whole, 0.0, turn), results)
+    past = _pass(law_parameters, springs, i, 0, path.part_of(whole, 0.0, turn), results)
     if turn < 1.0:
-        reach(laws, springs, i, past, at.THIRD_TRIAL, path.drift_at(whole, turn) + moved)
-        settle(laws, springs, i, past, at.THIRD_TRIAL)
+        reach(law_parameters, springs, i, past, at.THIRD_TRIAL, path.drift_at(whole, turn) + moved)
+        settle(law_parameters, springs, i, past, at.THIRD_TRIAL)
         _note(results, i, 1.0, springs[at.THIRD_TRIAL + at.FORCE, i])
-        past = _pass(laws, springs, i, at.THIRD_TRIAL, path.part_of(whole, turn, 1.0), results)
+        past = _pass(law_parameters, springs, i, at.THIRD_TRIAL, path.part_of(whole, turn, 1.0), results)
     if past != at.FIRST_TRIAL:
         path.copy(springs, i, past, at.FIRST_TRIAL)
 
 
 @called
-def _pass(laws, springs, i, past, stretch, results):
+def _pass(law_parameters, springs, i, past, stretch, results):
     """As in `path`."""
     here = path.drift_at(stretch, stretch.begin)
     way = path.drift_at(stretch, stretch.end) - here
     side = math.copysign(1.0, way)
     way = abs(way)
     begin = stretch.begin
-    ahead = path.kink(laws, springs, i, past, side)
+    ahead = path.kink(law_parameters, springs, i, past, side)
     if ahead < way:
-        wanted = path.points_wanted(laws, springs, i, ahead)
+        wanted = path.points_wanted(law_parameters, springs, i, ahead)
         there = min(begin + path.time_to(here + side * ahead, stretch, begin, side), stretch.end)
-        past = _integrate(laws, springs, i, past, False, wanted, path.part_of(stretch, begin, there), results)
+        past = _integrate(law_parameters, springs, i, past, False, wanted, path.part_of(stretch, begin, there), results)
         begin = there
         way -= ahead
-    wanted = path.points_wanted(laws, springs, i, way)
-    return _integrate(laws, springs, i, past, False, wanted, path.part_of(stretch, begin, stretch.end), results)
+    wanted = path.points_wanted(law_parameters, springs, i, way)
+    return _integrate(
+        law_parameters, springs, i, past, False, wanted, path.part_of(stretch, begin, stretch.end), results
+    )
 
 
 @called
-def _integrate(laws, springs, i, past, elastic, wanted, stretch, results):
+def _integrate(law_parameters, springs, i, past, elastic, wanted, stretch, results):
     """As in `path`."""
     parts = math.ceil(wanted / path.MOST_POINTS)
     points = max(math.ceil(wanted / parts), _PIECE_POINTS)
@@ -206,9 +208,9 @@ def _integrate(laws, springs, i, past, elastic, wanted, stretch, results):
             t = stretch.begin + length * (part + path.NODES[points, point])
             if not elastic:
                 trial = at.FIRST_TRIAL if past != at.FIRST_TRIAL else at.SECOND_TRIAL
-            tangent = restoring(laws, springs, i, past, trial, path.drift_at(stretch, t))
+            tangent = restoring(law_parameters, springs, i, past, trial, path.drift_at(stretch, t))
             if not elastic:
-                settle(laws, springs, i, past, trial)
+                settle(law_parameters, springs, i, past, trial)
                 past = trial
             weight = length * path.WEIGHTS[points, point]
             _add(results, i, weight, t - 0.5, springs[trial + at.FORCE, i], tangent)
@@ -231,7 +233,7 @@ class _Dashpot(NamedTuple):
 
 
 @called
-def add_dashpot(chain, i, h, whole, cubic, results, column):
+def add_dashpot(linear_terms, i, h, whole, cubic, results, column):
     """Add a power-law dashpot along the same path; its rate has `cubic` (3 s^2 - 1/4) / 6 beside that of the
     parabola."""
     rise, bend = whole.rise, whole.bend
@@ -239,16 +241,16 @@ def add_dashpot(chain, i, h, whole, cubic, results, column):
     first = rise - 0.5 * bend
     last = rise + 0.5 * bend
     if first * last < 0.0:
-        _stretch(chain, i, move, -rise / bend, -0.5)
-        _stretch(chain, i, move, -rise / bend, 0.5)
+        _stretch(linear_terms, i, move, -rise / bend, -0.5)
+        _stretch(linear_terms, i, move, -rise / bend, 0.5)
     elif abs(first) < abs(last):
-        _stretch(chain, i, move, -0.5, 0.5)
+        _stretch(linear_terms, i, move, -0.5, 0.5)
     else:
-        _stretch(chain, i, move, 0.5, -0.5)
+        _stretch(linear_terms, i, move, 0.5, -0.5)
 
 
 @called
-def _stretch(chain, i, move, slow, fast):
+def _stretch(linear_terms, i, move, slow, fast):
     """As `dashpot_path` parts it."""
     least = abs(move.rise + move.bend * slow)
     largest = abs(move.rise + move.bend * fast)
@@ -264,13 +266,13 @@ def _stretch(chain, i, move, slow, fast):
             x = root + (1.0 - root) * x
             weight *= 3.0 * x * x / whole * (1.0 - root)
             x = (x * x * x - root * root * root) / whole
-        _add_rate(chain, i, move, slow + (fast - slow) * x, weight)
+        _add_rate(linear_terms, i, move, slow + (fast - slow) * x, weight)
 
 
 @inlined
-def _add_rate(chain, i, move, s, weight):
+def _add_rate(linear_terms, i, move, s, weight):
     rise, bend, cubic, h, work, out, column = move
-    force, slope = power_damper(chain, i, (rise + bend * s) / h)
+    force, slope = power_damper(linear_terms, i, (rise + bend * s) / h)
     slope *= weight / h
     force *= weight
     by_even = slope * 120.0 * s * (s * s - 0.25)

@@ -21,9 +21,9 @@ from tdint.kernels import layout as at
 from tdint.kernels.bundles import Integrals, Stretch
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.laws.choosing import CURVES, DISSIPATING, case_of_4, case_of_5, chosen
-from tdint.kernels.laws.walking import copy_further
+from tdint.kernels.laws.walking import copy_extra_rows
 from tdint.kernels.stories.branches import advance, switch
-from tdint.kernels.stories.springs import adopt, reach, restoring, settle
+from tdint.kernels.stories.law_state import adopt, reach, restoring, settle
 
 # Rows from `out` on
 MEAN = 0
@@ -41,6 +41,7 @@ MOST_BRANCHES = 16  # on the way to a turning point; a law has fewer
 _SHIFT = 1e-6  # of a turning point over the path, to see what hangs on it
 MOST_POINTS = 16  # in one part of the path
 _USUAL_POINTS = 16.0
+_ENOUGH = 32e3  # points on any path: where an iteration runs away, laws would ask for millions
 
 
 def _gauss() -> tuple[np.ndarray, np.ndarray]:
@@ -57,15 +58,21 @@ NODES, WEIGHTS = _gauss()
 
 
 @inlined
-def _as_usual(laws, springs, i, way):
+def _as_usual(law_parameters, springs, i, way):
     return _USUAL_POINTS
 
 
-points_wanted = chosen("points", case_of_4, _as_usual)
+_points = chosen("points", case_of_4, _as_usual)
 
 
 @inlined
-def _smooth(laws, springs, i, block, side):
+def points_wanted(law_parameters, springs, i, way):
+    """Gauss points on a path of drift that is `way` long."""
+    return min(_points(law_parameters, springs, i, way), _ENOUGH)
+
+
+@inlined
+def _smooth(law_parameters, springs, i, block, side):
     return math.inf
 
 
@@ -111,30 +118,30 @@ def keep_to_branch(springs, i, rise, bend, work, out):
 
 
 @called
-def follow(laws, springs, i, rise, bend, work, out):
+def follow(law_parameters, springs, i, rise, bend, work, out):
     """The results of any story into the rows from `out` on; its state on the way is left to `arrive`."""
     whole = Stretch(springs[at.DRIFT, i], rise, bend, 0.0, 1.0)
     results = Integrals(work, out)
     _clear(results, i)
     if not CURVES or springs[at.SLOPE, i] < math.inf:
-        _over_branches(laws, springs, i, whole, results)
-    elif laws[at.CODE, i] in DISSIPATING:
-        _with_memory(laws, springs, i, whole, results)
+        _over_branches(law_parameters, springs, i, whole, results)
+    elif law_parameters[at.CODE, i] in DISSIPATING:
+        _with_memory(law_parameters, springs, i, whole, results)
     else:
-        wanted = points_wanted(laws, springs, i, abs(rise) + 0.5 * abs(bend))
-        _integrate(laws, springs, i, 0, True, wanted, whole, results)
+        wanted = points_wanted(law_parameters, springs, i, abs(rise) + 0.5 * abs(bend))
+        _integrate(law_parameters, springs, i, 0, True, wanted, whole, results)
 
 
 @called
-def arrive(laws, springs, i, rise):
+def arrive(law_parameters, springs, i, rise):
     """Commit the end of the path that `follow` followed last."""
     if not CURVES or springs[at.SLOPE, i] < math.inf:
         copy(springs, i, at.FIRST_TRIAL, 0)
         return
-    past = at.FIRST_TRIAL if laws[at.CODE, i] in DISSIPATING else 0
-    reach(laws, springs, i, past, at.SECOND_TRIAL, springs[at.DRIFT, i] + rise)
-    settle(laws, springs, i, past, at.SECOND_TRIAL)
-    adopt(laws, springs, i, at.SECOND_TRIAL)
+    past = at.FIRST_TRIAL if law_parameters[at.CODE, i] in DISSIPATING else 0
+    reach(law_parameters, springs, i, past, at.SECOND_TRIAL, springs[at.DRIFT, i] + rise)
+    settle(law_parameters, springs, i, past, at.SECOND_TRIAL)
+    adopt(law_parameters, springs, i, at.SECOND_TRIAL)
 
 
 @inlined
@@ -159,7 +166,7 @@ def _clear(results, i):
 def copy(springs, i, source, target):
     for row in range(at.SPRING_ROWS):
         springs[target + row, i] = springs[source + row, i]
-    copy_further(springs, i, source, target)
+    copy_extra_rows(springs, i, source, target)
 
 
 @inlined
@@ -206,11 +213,11 @@ def _join(results, i, turn, shift):
 
 
 @called
-def _over_branches(laws, springs, i, whole, results):
+def _over_branches(law_parameters, springs, i, whole, results):
     """Two-point Gauss on each piece: force times s is a cubic there."""
     copy(springs, i, 0, at.FIRST_TRIAL)
     turn = turning_point(whole)
-    _go(laws, springs, i, at.FIRST_TRIAL, part_of(whole, 0.0, turn), results)
+    _go(law_parameters, springs, i, at.FIRST_TRIAL, part_of(whole, 0.0, turn), results)
     if turn == 1.0:
         return
     back = Integrals(results.table, results.first + _BACK)
@@ -221,16 +228,16 @@ def _over_branches(laws, springs, i, whole, results):
     if springs[at.FIRST_TRIAL + at.TURN, i] * side < 0.0:  # else nothing happens at the turning point
         copy(springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL)
         shift = -side * _SHIFT * (abs(whole.rise) + abs(whole.bend))
-        advance(laws, springs, i, at.SECOND_TRIAL, drift_at(whole, turn) + shift)
+        advance(law_parameters, springs, i, at.SECOND_TRIAL, drift_at(whole, turn) + shift)
         _clear(shifted, i)
-        _go(laws, springs, i, at.SECOND_TRIAL, way_back, shifted)
+        _go(law_parameters, springs, i, at.SECOND_TRIAL, way_back, shifted)
     _clear(back, i)
-    _go(laws, springs, i, at.FIRST_TRIAL, way_back, back)
+    _go(law_parameters, springs, i, at.FIRST_TRIAL, way_back, back)
     _join(results, i, turn, shift)
 
 
 @called
-def _go(laws, springs, i, block, stretch, results):
+def _go(law_parameters, springs, i, block, stretch, results):
     """Along a stretch in which the path does not turn, with the state in `block`."""
     target = drift_at(stretch, stretch.end)
     way = target - drift_at(stretch, stretch.begin)
@@ -239,7 +246,7 @@ def _go(laws, springs, i, block, stretch, results):
         return
     side = math.copysign(1.0, way)
     if springs[block + at.TURN, i] * side < 0.0:
-        switch(laws, springs, i, block, at.TURNED)
+        switch(law_parameters, springs, i, block, at.TURNED)
     here = stretch.begin
     for passed in range(MOST_BRANCHES):
         limit = springs[block + at.UPPER, i] if side > 0.0 else springs[block + at.LOWER, i]
@@ -248,10 +255,10 @@ def _go(laws, springs, i, block, stretch, results):
         if ends:
             there = min(here + time_to(limit, stretch, here, side), stretch.end)
         _piece(springs, i, block, part_of(stretch, here, there), results)
-        advance(laws, springs, i, block, limit if ends else target)
+        advance(law_parameters, springs, i, block, limit if ends else target)
         if not ends:
             break
-        switch(laws, springs, i, block, at.ABOVE if side > 0.0 else at.BELOW)
+        switch(law_parameters, springs, i, block, at.ABOVE if side > 0.0 else at.BELOW)
         here = there
 
 
@@ -280,30 +287,30 @@ def _piece(springs, i, block, stretch, results):
 
 
 @called
-def _with_memory(laws, springs, i, whole, results):
+def _with_memory(law_parameters, springs, i, whole, results):
     """To the turning point, and from there to the last Gauss point: the state there is left in FIRST_TRIAL."""
     turn = turning_point(whole)
-    past = _pass(laws, springs, i, 0, part_of(whole, 0.0, turn), results)
+    past = _pass(law_parameters, springs, i, 0, part_of(whole, 0.0, turn), results)
     if turn < 1.0:
         back = Integrals(results.table, results.first + _BACK)
         shifted = Integrals(results.table, results.first + _SHIFTED)
         way_back = part_of(whole, turn, 1.0)
         drift = drift_at(whole, turn)
-        reach(laws, springs, i, past, at.THIRD_TRIAL, drift)
-        settle(laws, springs, i, past, at.THIRD_TRIAL)
+        reach(law_parameters, springs, i, past, at.THIRD_TRIAL, drift)
+        settle(law_parameters, springs, i, past, at.THIRD_TRIAL)
         shift = -math.copysign(_SHIFT, whole.bend) * (abs(whole.rise) + abs(whole.bend))
-        reach(laws, springs, i, at.THIRD_TRIAL, at.FIRST_TRIAL, drift + shift)
+        reach(law_parameters, springs, i, at.THIRD_TRIAL, at.FIRST_TRIAL, drift + shift)
         _clear(shifted, i)
-        _pass(laws, springs, i, at.FIRST_TRIAL, way_back, shifted)
+        _pass(law_parameters, springs, i, at.FIRST_TRIAL, way_back, shifted)
         _clear(back, i)
-        past = _pass(laws, springs, i, at.THIRD_TRIAL, way_back, back)
+        past = _pass(law_parameters, springs, i, at.THIRD_TRIAL, way_back, back)
         _join(results, i, turn, shift)
     if past != at.FIRST_TRIAL:
         copy(springs, i, past, at.FIRST_TRIAL)
 
 
 @called
-def _pass(laws, springs, i, past, stretch, results):
+def _pass(law_parameters, springs, i, past, stretch, results):
     """Along a stretch in which the path does not turn, from the state in `past`; returns the block of the state at its
     last Gauss point.
 
@@ -313,19 +320,19 @@ def _pass(laws, springs, i, past, stretch, results):
     side = math.copysign(1.0, way)
     way = abs(way)
     begin = stretch.begin
-    ahead = kink(laws, springs, i, past, side)
+    ahead = kink(law_parameters, springs, i, past, side)
     if ahead < way:
-        wanted = points_wanted(laws, springs, i, ahead)
+        wanted = points_wanted(law_parameters, springs, i, ahead)
         there = min(begin + time_to(here + side * ahead, stretch, begin, side), stretch.end)
-        past = _integrate(laws, springs, i, past, False, wanted, part_of(stretch, begin, there), results)
+        past = _integrate(law_parameters, springs, i, past, False, wanted, part_of(stretch, begin, there), results)
         begin = there
         way -= ahead
-    wanted = points_wanted(laws, springs, i, way)
-    return _integrate(laws, springs, i, past, False, wanted, part_of(stretch, begin, stretch.end), results)
+    wanted = points_wanted(law_parameters, springs, i, way)
+    return _integrate(law_parameters, springs, i, past, False, wanted, part_of(stretch, begin, stretch.end), results)
 
 
 @called
-def _integrate(laws, springs, i, past, elastic, wanted, stretch, results):
+def _integrate(law_parameters, springs, i, past, elastic, wanted, stretch, results):
     """Add a stretch, by at least `wanted` Gauss points; returns the block of the state at the last of them.
 
     An elastic law needs no state to start from; others go from point to point, from that in `past`.
@@ -342,9 +349,9 @@ def _integrate(laws, springs, i, past, elastic, wanted, stretch, results):
             t = stretch.begin + length * (part + NODES[points, point])
             if not elastic:
                 trial = at.FIRST_TRIAL if past != at.FIRST_TRIAL else at.SECOND_TRIAL
-            tangent = restoring(laws, springs, i, past, trial, drift_at(stretch, t))
+            tangent = restoring(law_parameters, springs, i, past, trial, drift_at(stretch, t))
             if not elastic:
-                settle(laws, springs, i, past, trial)
+                settle(law_parameters, springs, i, past, trial)
                 past = trial
             weight = length * WEIGHTS[points, point]
             by_moment = 12.0 * (t - 0.5)

@@ -80,7 +80,7 @@ def table_summary(
 
 def campaign_summary(store: Store) -> dict[str, Any]:
     """What a campaign is, how far it has come, and what the columns of runs.csv mean."""
-    from tdint.output.tables.campaign import RUNS
+    from tdint.output.tables.campaign import PROFILES, RUNS
 
     statuses, unused = store.statuses(), store.unused()
     records = store.connection.execute(
@@ -101,6 +101,7 @@ def campaign_summary(store: Store) -> dict[str, Any]:
         "not_at_rest_at_their_end": store.count("at_rest = 0"),
         "processor_time_s": store.seconds(),
         "columns": describe(RUNS),
+        "profiles": {"columns": describe(PROFILES)},
         "versions": versions(),
     }
 

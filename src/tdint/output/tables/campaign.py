@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
 from typing import TYPE_CHECKING, Any, BinaryIO
 
+from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
 from tdint.campaign.engine.rows import HIDDEN, RUN
 from tdint.output.tables.buildings import STORY
 from tdint.output.tables.table import METHOD_SPEC, OF_NAMED_RECORD, TEXT, Cell, Column, Table, cell_text, names
 from tdint.output_units import SI, OutputUnits
 
 if TYPE_CHECKING:
+    from tdint.campaign.profiles import Profile
     from tdint.campaign.store.store import Store
 
 OF_BUILDING = (
@@ -34,6 +37,29 @@ RUNS = (
 
 STORIES = (*OF_BUILDING, *STORY)
 """Of stories.csv of a campaign."""
+
+LEVEL = Column(
+    "level",
+    "1",
+    "level",
+    "value of the intensity measure, SI units, or number of each motion's own factors, from the smallest",
+)
+PROFILES = (
+    OF_BUILDING[0],
+    Column("scale", "1", "scale", "factor on the ground acceleration; empty where each motion has its own"),
+    Column("quantity", "text", "quantity", "column of stories.csv without its unit: largest absolute values over time"),
+    Column("story", "1", "story", "story, or the floor above it, from 1 at the ground"),
+    Column("unit", "text", "unit", "unit of the quantity"),
+    Column("mean", "1", "mean", "over the motions that came to their end; of a pair the larger component counts"),
+    Column("median", "1", "median", "over the same motions"),
+    Column("p16", "1", "p16", "value that 16 % of them do not exceed"),
+    Column("p84", "1", "p84", "value that 84 % of them do not exceed"),
+    Column("max", "1", "max", "the largest of them"),
+    Column("runs", "1", "runs", "motions; a pair is one"),
+    Column("collapsed", "1", "collapsed", "motions under which the building collapsed: in no number before"),
+    Column("failed", "1", "failed", "motions whose run has no result: in no number before"),
+)
+"""Of profiles.csv."""
 
 STATUS = (
     Column("status", "text", "status", "how runs ended; left: not done yet"),
@@ -77,6 +103,28 @@ def write_stories(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> No
     if store.count("sample > 0"):
         columns.insert(len(OF_BUILDING), SAMPLE)
     write_rows(columns, story_rows(store), stream, units)
+
+
+def profile_rows(profiles: Iterable[Profile], units: OutputUnits = SI) -> Iterator[list[Any]]:
+    """The rows of profiles.csv: of each building and level the quantities of its stories, from the ground up."""
+    for profile in profiles:
+        counts = (profile.runs, profile.collapsed, profile.failed)
+        level = () if math.isnan(profile.level) else (profile.level,)
+        for one in STORY_QUANTITIES:
+            unit, factor = units.unit(one.unit)
+            found = profile.statistics(one)
+            columns = [(values / factor).tolist() for values in vars(found).values()]
+            for story, cells in enumerate(zip(*columns, strict=True), start=1):
+                head = (cell_text(profile.building), profile.scale, *level)
+                yield [*head, one.called or one.name, story, unit, *cells, *counts]
+
+
+def write_profiles(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
+    """Write profiles.csv; with a column `level` where a level is more than a factor."""
+    from tdint.campaign.profiles import has_levels, profiles
+
+    columns = [*PROFILES[:2], *((LEVEL,) if has_levels(store) else ()), *PROFILES[2:]]
+    write_rows(columns, profile_rows(profiles(store), units), stream)
 
 
 def write_rows(columns: Iterable[Column], rows: Iterable[list[Any]], stream: BinaryIO, units: OutputUnits = SI) -> None:

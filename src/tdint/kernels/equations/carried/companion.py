@@ -7,11 +7,11 @@ import math
 
 from tdint.kernels import layout as at
 from tdint.kernels.bundles import Integrals
-from tdint.kernels.chain import DASHPOTS, MODAL, add_modal_force
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.equations.carried.events import shake_at_events
 from tdint.kernels.equations.carried.rows import OWN, Carried, add_loads, correct, of_story, whole_path
 from tdint.kernels.equations.moment4 import ROW
+from tdint.kernels.linear_terms import DASHPOTS, MODAL, add_modal_force
 from tdint.kernels.stories import error_path, path
 from tdint.kernels.stories.branches import advance
 from tdint.kernels.stories.error_path import RESULT
@@ -24,9 +24,9 @@ PASSES = 3  # Newton steps
 def follow_anew(scene, h, load, memory, base):
     """Rise and bend of the error by Newton's iteration from those that are there, and the companion's new state."""
     carried = Carried(scene, memory, load, h, base)
-    chain, _, laws, _, _ = scene
+    linear_terms, _, law_parameters, _, _ = scene
     state, springs, work, _ = memory
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     for i in range(n):
         work[base + OWN.A1, i] = 12.0 * (0.5 * work[ROW.BEND, i] - work[ROW.RISE, i] + h * state[at.VELOCITY, i])
     for passed in range(PASSES):
@@ -43,14 +43,14 @@ def follow_anew(scene, h, load, memory, base):
     for i in range(n):
         c = n + 1 + i
         rise = work[ROW.RISE, i] + work[base + OWN.RISE, i]
-        gain = rise - chain[at.LINK, i] * below
+        gain = rise - linear_terms[at.LINK, i] * below
         below = rise
         if work[base + OWN.CALM, i] != 0.0:
-            advance(laws, springs, c, 0, springs[at.DRIFT, c] + gain)
+            advance(law_parameters, springs, c, 0, springs[at.DRIFT, c] + gain)
         else:
             if springs[at.SLOPE, c] < math.inf:
-                advance(laws, springs, c, at.FIRST_TRIAL, springs[at.DRIFT, c] + gain)
-            arrive(laws, springs, c, gain)
+                advance(law_parameters, springs, c, at.FIRST_TRIAL, springs[at.DRIFT, c] + gain)
+            arrive(law_parameters, springs, c, gain)
         state[at.ERROR_DISPLACEMENT, i] += work[base + OWN.RISE, i]
         state[at.ERROR_VELOCITY, i] += work[base + OWN.BEND, i] / h
 
@@ -61,11 +61,11 @@ def _paths(carried, knowing):
     once these are known."""
     scene, memory, _, h, base = carried
     _, springs, work, _ = memory
-    n = scene.chain.shape[1] - 1
+    n = scene.linear_terms.shape[1] - 1
     for i in range(n):
         c = n + 1 + i
         whole = whole_path(carried, i)
-        damped = DASHPOTS and scene.chain[at.POWER_DAMPER, i] != 0.0
+        damped = DASHPOTS and scene.linear_terms[at.POWER_DAMPER, i] != 0.0
         calm = work[ROW.LEFT, i] == 0.0 and springs[at.SLOPE, i] == springs[at.SLOPE, c] and not damped
         if calm and stays(springs, c, whole.rise, whole.bend):
             work[base + OWN.CALM, i] = 1.0
@@ -75,9 +75,9 @@ def _paths(carried, knowing):
         if knowing:
             bubbles = (of_story(carried, base + OWN.EVEN, i), of_story(carried, base + OWN.ODD, i))
         results = Integrals(work, base + OWN.PATH)
-        error_path.follow(scene.laws, springs, c, whole, bubbles, results)
+        error_path.follow(scene.law_parameters, springs, c, whole, bubbles, results)
         if damped:
-            error_path.add_dashpot(scene.chain, i, h, whole, of_story(carried, base + OWN.A1, i), results, c)
+            error_path.add_dashpot(scene.linear_terms, i, h, whole, of_story(carried, base + OWN.A1, i), results, c)
 
 
 @inlined
@@ -85,11 +85,14 @@ def _moments(carried):
     """Second and third moment of the story forces, dampers included."""
     scene, memory, _, h, base = carried
     _, springs, work, _ = memory
-    chain = scene.chain
-    n = chain.shape[1] - 1
+    linear_terms = scene.linear_terms
+    n = linear_terms.shape[1] - 1
     for i in range(n):
         bend = of_story(carried, ROW.BEND, i)
-        second = chain[at.STORY_DAMPER, i] / h * of_story(carried, base + OWN.A1, i) + chain[at.GEOMETRIC, i] * bend
+        second = (
+            linear_terms[at.STORY_DAMPER, i] / h * of_story(carried, base + OWN.A1, i)
+            + linear_terms[at.GEOMETRIC, i] * bend
+        )
         third = 0.0
         if work[base + OWN.CALM, i] != 0.0:
             second += springs[at.SLOPE, i] * bend
@@ -106,17 +109,17 @@ def _bubbles(carried):
     """Bubbles of the floors, but for modal damping and floor forces."""
     scene, memory, load, h, base = carried
     work = memory.work
-    chain = scene.chain
-    n = chain.shape[1] - 1
+    linear_terms = scene.linear_terms
+    n = linear_terms.shape[1] - 1
     square = h * h
     work[base + OWN.SECOND, n] = 0.0
     work[base + OWN.THIRD, n] = 0.0
     for i in range(n):
-        link = chain[at.LINK, i + 1]
+        link = linear_terms[at.LINK, i + 1]
         a1 = work[base + OWN.A1, i]
-        inverse = chain[at.INVERSE_MASS, i]
+        inverse = linear_terms[at.INVERSE_MASS, i]
         second = work[base + OWN.SECOND, i] - link * work[base + OWN.SECOND, i + 1]
-        second += 0.5 / h * chain[at.FLOOR_DAMPER, i] * a1
+        second += 0.5 / h * linear_terms[at.FLOOR_DAMPER, i] * a1
         third = work[base + OWN.THIRD, i] - link * work[base + OWN.THIRD, i + 1]
         work[base + OWN.EVEN, i] = -square / 360.0 * (second * inverse + 180.0 * load[at.GROUND_2])
         work[base + OWN.ODD, i] = -a1 / 60.0 - 2.0 * square * (third * inverse + load[at.GROUND_3])
@@ -127,17 +130,17 @@ def _story_forces(carried):
     """What mean and moment of the stories' forces, dampers included, are more than the run's."""
     scene, memory, _, h, base = carried
     state, springs, work, _ = memory
-    chain = scene.chain
-    n = chain.shape[1] - 1
+    linear_terms = scene.linear_terms
+    n = linear_terms.shape[1] - 1
     below = 0.0
     for i in range(n):
         c = n + 1 + i
         u = state[at.ERROR_DISPLACEMENT, i]
         rise, bend = of_story(carried, base + OWN.RISE, i), of_story(carried, base + OWN.BEND, i)
         even, odd = of_story(carried, base + OWN.EVEN, i), of_story(carried, base + OWN.ODD, i)
-        geometric = chain[at.GEOMETRIC, i]
-        damper = chain[at.STORY_DAMPER, i] / h
-        mean = geometric * (u - chain[at.LINK, i] * below + 0.5 * rise - bend / 12.0 + even) + damper * rise
+        geometric = linear_terms[at.GEOMETRIC, i]
+        damper = linear_terms[at.STORY_DAMPER, i] / h
+        mean = geometric * (u - linear_terms[at.LINK, i] * below + 0.5 * rise - bend / 12.0 + even) + damper * rise
         moment = geometric * (rise + odd) + damper * (bend - 12.0 * even)
         if work[base + OWN.CALM, i] != 0.0:
             slope = springs[at.SLOPE, i]
@@ -160,13 +163,13 @@ def _of_run(carried, i):
     """Mean and moment of story `i` in the run, power-law dashpot included."""
     scene, memory, _, h, _ = carried
     _, springs, work, _ = memory
-    chain = scene.chain
+    linear_terms = scene.linear_terms
     rise, bend = of_story(carried, ROW.RISE, i), of_story(carried, ROW.BEND, i)
-    if work[ROW.LEFT, i] == 0.0 and not (DASHPOTS and chain[at.POWER_DAMPER, i] != 0.0):
+    if work[ROW.LEFT, i] == 0.0 and not (DASHPOTS and linear_terms[at.POWER_DAMPER, i] != 0.0):
         slope = springs[at.SLOPE, i]
         return springs[at.FORCE, i] + slope * (0.5 * rise - bend / 12.0), slope * rise
-    geometric = chain[at.GEOMETRIC, i]
-    damper = chain[at.STORY_DAMPER, i] / h
+    geometric = linear_terms[at.GEOMETRIC, i]
+    damper = linear_terms[at.STORY_DAMPER, i] / h
     middle = springs[at.DRIFT, i] + 0.5 * rise - bend / 12.0
     mean = work[ROW.PATH + path.MEAN, i] - geometric * middle - damper * rise
     return mean, work[ROW.PATH + path.MOMENT, i] - geometric * rise - damper * bend
@@ -177,15 +180,15 @@ def _unbalanced(carried):
     """Minus what the companion's motion leaves out of balance."""
     scene, memory, _, h, base = carried
     state, _, work, _ = memory
-    chain, modal = scene.chain, scene.modal
-    n = chain.shape[1] - 1
+    linear_terms, modal = scene.linear_terms, scene.modal
+    n = linear_terms.shape[1] - 1
     square = h * h
     work[base + OWN.MEAN, n] = 0.0
     work[base + OWN.MOMENT, n] = 0.0
     for i in range(n):
-        link = chain[at.LINK, i + 1]
-        mass = chain[at.MASS, i]
-        floor = h * chain[at.FLOOR_DAMPER, i]
+        link = linear_terms[at.LINK, i + 1]
+        mass = linear_terms[at.MASS, i]
+        floor = h * linear_terms[at.FLOOR_DAMPER, i]
         rise = work[base + OWN.RISE, i]
         bend = work[base + OWN.BEND, i]
         mean = work[base + OWN.MEAN, i] - link * work[base + OWN.MEAN, i + 1]

@@ -16,18 +16,18 @@ solve with the matrix of the run's step, which is factored; where stories change
 Newton steps with that matrix. A story that yields only with the error, or unloads earlier with it, does so in the
 companion.
 
-The companion's story `i` has column n + 1 + i of `laws`, `springs` and `work`.
+The companion's story `i` has column n + 1 + i of `law_parameters`, `springs` and `work`.
 """
 
 from __future__ import annotations
 
 from tdint.kernels import layout as at
-from tdint.kernels.chain import DASHPOTS, MODAL, add_modal_force
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.equations.carried.companion import follow_anew
 from tdint.kernels.equations.carried.rows import OWN, Carried, add_loads, correct, first_row
 from tdint.kernels.equations.moment4 import ROW
 from tdint.kernels.laws.choosing import BENDING
+from tdint.kernels.linear_terms import DASHPOTS, MODAL, add_modal_force
 from tdint.kernels.stories.branches import advance
 from tdint.kernels.stories.path import stays
 
@@ -36,7 +36,7 @@ from tdint.kernels.stories.path import stays
 def begin_error(scene, load, memory):
     """Start the companion from the run's state."""
     springs = memory.springs
-    n = scene.chain.shape[1] - 1
+    n = scene.linear_terms.shape[1] - 1
     for row in range(springs.shape[0]):
         for i in range(n):
             springs[row, n + 1 + i] = springs[row, i]
@@ -50,15 +50,15 @@ def carry_error(scene, h, load, memory):
     carried = Carried(scene, memory, load, h, base)
     state, springs, work, _ = memory
     linear = not BENDING or scene.flags[at.LINEAR] != 0.0
-    calm = linear or _same_branches(scene.chain, springs, work)
+    calm = linear or _same_branches(scene.linear_terms, springs, work)
     if calm:
         _calm_bubbles(carried)
         add_loads(carried)
         _calm_unbalanced(carried)
         correct(carried, True)
-        calm = linear or _still(scene.chain, springs, work, base)
+        calm = linear or _still(scene.linear_terms, springs, work, base)
     else:
-        for i in range(scene.chain.shape[1] - 1):
+        for i in range(scene.linear_terms.shape[1] - 1):
             work[base + OWN.RISE, i] = h * state[at.ERROR_VELOCITY, i]
             work[base + OWN.BEND, i] = 0.0
     if calm:
@@ -71,14 +71,14 @@ def carry_error(scene, h, load, memory):
 
 
 @inlined
-def _same_branches(chain, springs, work):
+def _same_branches(linear_terms, springs, work):
     """Whether all stories have kept to linear branches that are the companion's, too."""
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     same = True
     for i in range(n):
         same &= (work[ROW.LEFT, i] == 0.0) & (springs[at.SLOPE, i] == springs[at.SLOPE, n + 1 + i])
         if DASHPOTS:
-            same &= chain[at.POWER_DAMPER, i] == 0.0
+            same &= linear_terms[at.POWER_DAMPER, i] == 0.0
     return same
 
 
@@ -86,27 +86,27 @@ def _same_branches(chain, springs, work):
 def _calm_bubbles(carried):
     """Bubbles, but for modal damping and floor forces."""
     scene, memory, load, h, base = carried
-    chain = scene.chain
+    linear_terms = scene.linear_terms
     state, springs, work, _ = memory
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     by_h = 1.0 / h
     square = h * h / 360.0
     ground = 180.0 * load[at.GROUND_2] * square
     third = 2.0 * h * h * load[at.GROUND_3]
     a1_below = bend_below = before = floor = inverse = 0.0
     for i in range(n + 1):
-        link = chain[at.LINK, i]
+        link = linear_terms[at.LINK, i]
         bend = work[ROW.BEND, i]
         a1 = 12.0 * (0.5 * bend - work[ROW.RISE, i] + h * state[at.VELOCITY, i])
-        second = 0.5 * by_h * chain[at.STORY_DAMPER, i] * (a1 - link * a1_below)
-        second += 0.5 * (chain[at.GEOMETRIC, i] + springs[at.SLOPE, i]) * (bend - link * bend_below)
+        second = 0.5 * by_h * linear_terms[at.STORY_DAMPER, i] * (a1 - link * a1_below)
+        second += 0.5 * (linear_terms[at.GEOMETRIC, i] + springs[at.SLOPE, i]) * (bend - link * bend_below)
         if i > 0:
             work[base + OWN.EVEN, i - 1] = -square * inverse * (before - link * second + floor * a1_below) - ground
         work[base + OWN.A1, i] = a1
         if i < n:
             work[base + OWN.ODD, i] = -a1 / 60.0 - third
-        inverse = chain[at.INVERSE_MASS, i]
-        floor = 0.5 * by_h * chain[at.FLOOR_DAMPER, i]
+        inverse = linear_terms[at.INVERSE_MASS, i]
+        floor = 0.5 * by_h * linear_terms[at.FLOOR_DAMPER, i]
         a1_below = a1
         bend_below = bend
         before = second
@@ -116,28 +116,28 @@ def _calm_bubbles(carried):
 def _calm_unbalanced(carried):
     """Minus what the companion's motion leaves out of balance without rise and bend of the error."""
     scene, memory, _, h, base = carried
-    chain = scene.chain
+    linear_terms = scene.linear_terms
     state, springs, work, _ = memory
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     square = h * h
     by_h = 12.0 / h
     u_below = even_below = odd_below = mean_below = moment_below = 0.0
     for i in range(n + 1):
-        link = chain[at.LINK, i]
+        link = linear_terms[at.LINK, i]
         mean = moment = u = even = odd = 0.0
         if i < n:
             u = state[at.ERROR_DISPLACEMENT, i]
             even = work[base + OWN.EVEN, i]
             odd = work[base + OWN.ODD, i]
-            geometric = chain[at.GEOMETRIC, i]
+            geometric = linear_terms[at.GEOMETRIC, i]
             stiffness = geometric + springs[at.SLOPE, i]
             bubble = even - link * even_below
             mean = springs[at.FORCE, n + 1 + i] - springs[at.FORCE, i]
             mean += geometric * (u - link * u_below) + stiffness * bubble
-            moment = stiffness * (odd - link * odd_below) - by_h * chain[at.STORY_DAMPER, i] * bubble
+            moment = stiffness * (odd - link * odd_below) - by_h * linear_terms[at.STORY_DAMPER, i] * bubble
         if i > 0:
-            speed = chain[at.FLOOR_DAMPER, i - 1] * even_below
-            speed -= chain[at.MASS, i - 1] * state[at.ERROR_VELOCITY, i - 1]
+            speed = linear_terms[at.FLOOR_DAMPER, i - 1] * even_below
+            speed -= linear_terms[at.MASS, i - 1] * state[at.ERROR_VELOCITY, i - 1]
             work[ROW.X, i - 1] = -square * (mean_below - link * mean)
             work[ROW.X + 1, i - 1] = 12.0 * h * speed - square * (moment_below - link * moment)
         u_below, even_below, odd_below = u, even, odd
@@ -147,15 +147,15 @@ def _calm_unbalanced(carried):
 
 
 @inlined
-def _still(chain, springs, work, base):
+def _still(linear_terms, springs, work, base):
     """Whether all stories of the companion keep to their branches."""
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     rise_below = bend_below = 0.0
     still = True
     for i in range(n):
         rise = work[ROW.RISE, i] + work[base + OWN.RISE, i]
         bend = work[ROW.BEND, i] + work[base + OWN.BEND, i]
-        link = chain[at.LINK, i]
+        link = linear_terms[at.LINK, i]
         still = still and stays(springs, n + 1 + i, rise - link * rise_below, bend - link * bend_below)
         rise_below, bend_below = rise, bend
     return still
@@ -166,13 +166,15 @@ def _commit(carried):
     """The state at the end of the step, all stories on the branches where they are."""
     scene, memory, _, h, base = carried
     state, springs, work, _ = memory
-    n = scene.chain.shape[1] - 1
+    n = scene.linear_terms.shape[1] - 1
     by_h = 1.0 / h
     below = 0.0
     for i in range(n):
         c = n + 1 + i
         rise = work[ROW.RISE, i] + work[base + OWN.RISE, i]
-        advance(scene.laws, springs, c, 0, springs[at.DRIFT, c] + rise - scene.chain[at.LINK, i] * below)
+        advance(
+            scene.law_parameters, springs, c, 0, springs[at.DRIFT, c] + rise - scene.linear_terms[at.LINK, i] * below
+        )
         below = rise
         state[at.ERROR_DISPLACEMENT, i] += work[base + OWN.RISE, i]
         state[at.ERROR_VELOCITY, i] += by_h * work[base + OWN.BEND, i]

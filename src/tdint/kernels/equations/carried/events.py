@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from tdint.kernels import layout as at
-from tdint.kernels.chain import FORCES, MODAL, add_modal_force, force_value
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.equations.carried.rows import OWN, Carried, of_story, whole_path
 from tdint.kernels.equations.moment4 import ROW
+from tdint.kernels.linear_terms import FORCES, MODAL, add_modal_force, force_value
 from tdint.kernels.stories import error_path, path
 from tdint.kernels.stories.error_path import RESULT
 
@@ -17,7 +17,7 @@ def shake_at_events(carried):
     or changes its branch."""
     scene, memory, _, _, base = carried
     work = memory.work
-    n = scene.chain.shape[1] - 1
+    n = scene.linear_terms.shape[1] - 1
     for i in range(n):
         if work[base + OWN.CALM, i] != 0.0:
             continue
@@ -35,9 +35,9 @@ def shake_at_events(carried):
 def _shake(scene, h, load, memory, base, i, t):
     """Raise the peak accelerations of the floors at both ends of story `i` by those at t."""
     carried = Carried(scene, memory, load, h, base)
-    chain, modal, _, forces, _ = scene
+    linear_terms, modal, _, forces, _ = scene
     work = memory.work
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
         for floor in range(n):
             work[base + OWN.TURN, floor] = _rate_at(work, base, t, floor) / h
@@ -47,12 +47,15 @@ def _shake(scene, h, load, memory, base, i, t):
         add_modal_force(modal, work, base + OWN.TURN, -1.0, work, base + OWN.OTHER, n)
     for floor in range(max(i - 1, 0), i + 1):
         above = _story_at(carried, t, floor + 1) if floor + 1 < n else 0.0
-        damped = chain[at.FLOOR_DAMPER, floor] * _rate_at(work, base, t, floor) / h
+        damped = linear_terms[at.FLOOR_DAMPER, floor] * _rate_at(work, base, t, floor) / h
         force = (
-            chain[at.LINK, floor + 1] * above - _story_at(carried, t, floor) - damped + work[base + OWN.OTHER, floor]
+            linear_terms[at.LINK, floor + 1] * above
+            - _story_at(carried, t, floor)
+            - damped
+            + work[base + OWN.OTHER, floor]
         )
         row = base + OWN.PEAKS + at.PEAK_ACCELERATION
-        work[row, floor] = max(work[row, floor], abs(chain[at.INVERSE_MASS, floor] * force))
+        work[row, floor] = max(work[row, floor], abs(linear_terms[at.INVERSE_MASS, floor] * force))
 
 
 @inlined
@@ -69,14 +72,14 @@ def _story_at(carried, t, i):
     """Force of story `i` and its linear damper at t; between changes of branch it is taken as linear."""
     scene, memory, _, h, base = carried
     _, springs, work, _ = memory
-    chain = scene.chain
-    c = chain.shape[1] + i
+    linear_terms = scene.linear_terms
+    c = linear_terms.shape[1] + i
     whole = whole_path(carried, i)
     even, odd = of_story(carried, base + OWN.EVEN, i), of_story(carried, base + OWN.ODD, i)
     drift = path.drift_at(whole, t) + error_path.even(t - 0.5) * even + error_path.odd(t - 0.5) * odd
     rate = _rate_at(work, base, t, i)
     if i > 0:
-        rate -= chain[at.LINK, i] * _rate_at(work, base, t, i - 1)
+        rate -= linear_terms[at.LINK, i] * _rate_at(work, base, t, i - 1)
     force = springs[at.FORCE, c]
     if work[base + OWN.CALM, i] != 0.0:
         force += springs[at.SLOPE, c] * (drift - whole.start)
@@ -93,4 +96,4 @@ def _story_at(carried, t, i):
             elif last > first:
                 begin, force = last, work[out + RESULT.LAST_EVENT_FORCE, c]
         force += (t - begin) / (end - begin) * (following - force)
-    return force + chain[at.GEOMETRIC, i] * drift + chain[at.STORY_DAMPER, i] * rate / h
+    return force + linear_terms[at.GEOMETRIC, i] * drift + linear_terms[at.STORY_DAMPER, i] * rate / h

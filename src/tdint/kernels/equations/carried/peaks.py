@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from tdint.kernels import layout as at
 from tdint.kernels.bundles import Passage, Span
-from tdint.kernels.chain import FORCES, MODAL, add_modal_force, force_value, power_damper
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.equations.carried.rows import OWN, first_row
+from tdint.kernels.linear_terms import FORCES, MODAL, add_modal_force, force_value, power_damper
 from tdint.kernels.march.peaks_between_steps import look_within, raise_peak
-from tdint.kernels.stories.springs import reach
+from tdint.kernels.stories.law_state import reach
 
 _SET = 5  # rows of one of two sets
 _NEAR = 0.7  # of a peak: from there on a resolved motion may pass it within a step
@@ -21,9 +21,9 @@ def observe_error(scene, h, load, memory):
     Accelerations are found where some value may be near its peak, as that of the run tells, and what lies within the
     step is looked at where, besides, something turns.
     """
-    chain = scene.chain
+    linear_terms = scene.linear_terms
     state, springs, work, report = memory
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     base = first_row(scene.modal)
     ground = load[at.GROUND_1] if h > 0.0 else load[at.GROUND_0]
     side = int(report[at.ERROR_SIDE])
@@ -35,7 +35,7 @@ def observe_error(scene, h, load, memory):
     v_below = 0.0
     old_below = 0.0
     for i in range(n):
-        link = chain[at.LINK, i]
+        link = linear_terms[at.LINK, i]
         u = state[at.DISPLACEMENT, i] + state[at.ERROR_DISPLACEMENT, i]
         v = state[at.VELOCITY, i] + state[at.ERROR_VELOCITY, i]
         v_old = work[old + 1, i]
@@ -80,7 +80,7 @@ def _raise(work, row, i, value):
 def _look(scene, span, memory, old, now):
     """Peaks within the step, between two sets of rows."""
     springs, work = memory.springs, memory.work
-    n = scene.chain.shape[1] - 1
+    n = scene.linear_terms.shape[1] - 1
     base = first_row(scene.modal)
     story = base + OWN.STORY
     for i in range(n):
@@ -94,7 +94,7 @@ def _look(scene, span, memory, old, now):
         for i in range(n):
             turn = work[base + OWN.TURN, i]
             if turn != work[story, i]:
-                reach(scene.laws, springs, n + 1 + i, at.COMMITTED, at.FIRST_TRIAL, turn)
+                reach(scene.law_parameters, springs, n + 1 + i, at.COMMITTED, at.FIRST_TRIAL, turn)
                 raise_peak(work, base + OWN.PEAKS + at.PEAK_SHEAR, i, springs[at.FIRST_TRIAL + at.FORCE, n + 1 + i])
     for i in range(n):
         work[old + 2, i] += span.ground_0
@@ -104,9 +104,9 @@ def _look(scene, span, memory, old, now):
 @inlined
 def _accelerations(scene, t, memory, base, now):
     """Absolute accelerations of the corrected motion from equilibrium, and their peaks."""
-    chain, modal, _, forces, _ = scene
+    linear_terms, modal, _, forces, _ = scene
     _, springs, work, _ = memory
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
         for i in range(n):
             work[base + OWN.OTHER, i] = 0.0
@@ -116,15 +116,17 @@ def _accelerations(scene, t, memory, base, now):
     before = v_below = 0.0
     for i in range(n + 1):
         story = v = 0.0
-        link = chain[at.LINK, i]
+        link = linear_terms[at.LINK, i]
         if i < n:
             v = work[now + 1, i]
             rate = v - link * v_below
-            story = springs[at.FORCE, n + 1 + i] + chain[at.GEOMETRIC, i] * springs[at.DRIFT, n + 1 + i]
-            story += chain[at.STORY_DAMPER, i] * rate + power_damper(chain, i, rate)[0]
+            story = springs[at.FORCE, n + 1 + i] + linear_terms[at.GEOMETRIC, i] * springs[at.DRIFT, n + 1 + i]
+            story += linear_terms[at.STORY_DAMPER, i] * rate + power_damper(linear_terms, i, rate)[0]
         if i > 0:
-            inner = work[base + OWN.OTHER, i - 1] - chain[at.FLOOR_DAMPER, i - 1] * v_below - before + link * story
-            a = chain[at.INVERSE_MASS, i - 1] * inner
+            inner = (
+                work[base + OWN.OTHER, i - 1] - linear_terms[at.FLOOR_DAMPER, i - 1] * v_below - before + link * story
+            )
+            a = linear_terms[at.INVERSE_MASS, i - 1] * inner
             work[now + 2, i - 1] = a
             raise_peak(work, base + OWN.PEAKS + at.PEAK_ACCELERATION, i - 1, a)
         v_below = v

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 from tdint.kernels import layout as at
 from tdint.kernels.bundles import Array, Memory, Scene, Stretch
-from tdint.kernels.chain import FORCES, MODAL, add_modal_force, force_second, force_third
 from tdint.kernels.compiling import inlined
 from tdint.kernels.equations.moment4 import ROW, STORE, solve
+from tdint.kernels.linear_terms import FORCES, MODAL, add_modal_force, force_second, force_third
 from tdint.kernels.stories import error_path
 
 STATE_ROWS = 5
@@ -65,7 +65,7 @@ def first_row(modal):
 @inlined
 def whole_path(carried, i):
     """The companion's parabola of story `i`, without its bubbles."""
-    link = carried.scene.chain[at.LINK, i]
+    link = carried.scene.linear_terms[at.LINK, i]
     _, springs, work, _ = carried.memory
     base = carried.base
     rise = work[ROW.RISE, i] + work[base + OWN.RISE, i]
@@ -73,7 +73,7 @@ def whole_path(carried, i):
     if i > 0:
         rise -= link * (work[ROW.RISE, i - 1] + work[base + OWN.RISE, i - 1])
         bend -= link * (work[ROW.BEND, i - 1] + work[base + OWN.BEND, i - 1])
-    n = carried.scene.chain.shape[1] - 1
+    n = carried.scene.linear_terms.shape[1] - 1
     return Stretch(springs[at.DRIFT, n + 1 + i], rise, bend, 0.0, 1.0)
 
 
@@ -81,7 +81,7 @@ def whole_path(carried, i):
 def of_story(carried, row, i):
     """What story `i` has of a row of the floors."""
     below = carried.memory.work[row, i - 1] if i > 0 else 0.0
-    return carried.memory.work[row, i] - carried.scene.chain[at.LINK, i] * below
+    return carried.memory.work[row, i] - carried.scene.linear_terms[at.LINK, i] * below
 
 
 @inlined
@@ -91,7 +91,7 @@ def add_loads(carried):
     modal, forces = scene.modal, scene.forces
     work = memory.work
     if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
-        n = scene.chain.shape[1] - 1
+        n = scene.linear_terms.shape[1] - 1
         for i in range(n):
             work[base + OWN.SECOND, i] = 0.0
             work[base + OWN.THIRD, i] = 0.0
@@ -101,7 +101,7 @@ def add_loads(carried):
             work[base + OWN.SECOND, floor] -= force_second(forces, j, load[at.TIME], h)
             work[base + OWN.THIRD, floor] -= force_third(forces, j, load[at.TIME], h)
         for i in range(n):
-            inverse = h * h * scene.chain[at.INVERSE_MASS, i]
+            inverse = h * h * scene.linear_terms[at.INVERSE_MASS, i]
             work[base + OWN.EVEN, i] -= inverse / 360.0 * work[base + OWN.SECOND, i]
             work[base + OWN.ODD, i] -= 2.0 * inverse * work[base + OWN.THIRD, i]
 
@@ -111,7 +111,7 @@ def correct(carried, anew):
     """Rise and bend of the error, or their corrections. Returns whether these are small."""
     scene, memory, _, h, base = carried
     work = memory.work
-    n = scene.chain.shape[1] - 1
+    n = scene.linear_terms.shape[1] - 1
     solve(scene.modal, h, work, n)
     change = 0.0
     size = 0.0

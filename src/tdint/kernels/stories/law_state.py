@@ -13,78 +13,78 @@ from tdint.kernels.stories.branches import enter
 _force = chosen("force", case_of_6)
 
 recoverable = chosen("recoverable", case_of_3)
-"""(laws, springs, i) -> energy stored in the law's committed state, J."""
+"""(law_parameters, springs, i) -> energy stored in the law's committed state, J."""
 
 
 @inlined
-def _dissipated(laws, springs, i):
+def _dissipated(law_parameters, springs, i):
     return springs[at.DISSIPATED, i]
 
 
 dissipated = chosen("dissipated", case_of_3, _dissipated)
-"""(laws, springs, i) -> energy that the law has dissipated until its committed state, J."""
+"""(law_parameters, springs, i) -> energy that the law has dissipated until its committed state, J."""
 
 
 @inlined
-def _elastic(laws, springs, i, past, trial):
+def _elastic(law_parameters, springs, i, past, trial):
     springs[trial + at.DISSIPATED, i] = springs[past + at.DISSIPATED, i]
 
 
 @inlined
-def _nothing_more(laws, springs, i, past, trial):
+def _nothing_more(law_parameters, springs, i, past, trial):
     pass
 
 
 settle = chosen("settle", case_of_5, _elastic)
-"""(laws, springs, i, past, trial): adds up the energy dissipated on the way from block `past` to block `trial`."""
+"""(law_parameters, springs, i, past, trial): adds up the energy dissipated on the way between the two blocks."""
 
 _keep = chosen("keep", case_of_5, _nothing_more)
 
 
 @inlined
-def restoring(laws, springs, i, past, trial, drift):
+def restoring(law_parameters, springs, i, past, trial, drift):
     """Force of story `i` at `drift`, reached from the state in block `past`; written to block `trial`.
 
     Returns the tangent stiffness, N/m.
     """
     springs[trial + at.DRIFT, i] = drift
-    return _force(laws, springs, i, past, trial, drift)
+    return _force(law_parameters, springs, i, past, trial, drift)
 
 
 @called
-def reach(laws, springs, i, past, trial, drift):
+def reach(law_parameters, springs, i, past, trial, drift):
     """`restoring` for where it is one of many calls."""
-    return restoring(laws, springs, i, past, trial, drift)
+    return restoring(law_parameters, springs, i, past, trial, drift)
 
 
 @inlined
-def commit(laws, springs, i, past, trial):
+def commit(law_parameters, springs, i, past, trial):
     """Make the trial state of story `i` the committed one; `past` is the block that it was reached from."""
-    settle(laws, springs, i, past, trial)
-    _keep(laws, springs, i, past, trial)
+    settle(law_parameters, springs, i, past, trial)
+    _keep(law_parameters, springs, i, past, trial)
     for row in range(at.PLAIN_ROWS):
         springs[row, i] = springs[trial + row, i]
 
 
 @inlined
-def adopt(laws, springs, i, trial):
+def adopt(law_parameters, springs, i, trial):
     """Make the trial state of story `i` the committed one; what it dissipated is settled."""
-    _keep(laws, springs, i, 0, trial)
+    _keep(law_parameters, springs, i, 0, trial)
     for row in range(at.PLAIN_ROWS):
         springs[row, i] = springs[trial + row, i]
 
 
 @inlined
-def resume(laws, springs, i):
+def resume(law_parameters, springs, i):
     """Put story `i` on the branch that its committed state implies, after a step that does not follow branches."""
-    if laws[at.CODE, i] not in KNOWING:
-        enter(laws, springs, i)
+    if law_parameters[at.CODE, i] not in KNOWING:
+        enter(law_parameters, springs, i)
 
 
 @inlined
-def start(laws, springs, i, drift):
+def start(law_parameters, springs, i, drift):
     """Bring story `i` from rest to its initial drift."""
-    enter(laws, springs, i)
-    restoring(laws, springs, i, 0, at.FIRST_TRIAL, drift)
-    commit(laws, springs, i, 0, at.FIRST_TRIAL)
-    resume(laws, springs, i)
+    enter(law_parameters, springs, i)
+    restoring(law_parameters, springs, i, 0, at.FIRST_TRIAL, drift)
+    commit(law_parameters, springs, i, 0, at.FIRST_TRIAL)
+    resume(law_parameters, springs, i)

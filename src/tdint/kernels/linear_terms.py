@@ -84,10 +84,10 @@ def force_third(forces, j, t, h):
 
 
 @inlined
-def floor_load(chain, forces, t, ground, work, row):
+def floor_load(linear_terms, forces, t, ground, work, row):
     """Load p = -m ag + floor forces at time t into a row of work, N."""
-    for i in range(chain.shape[1] - 1):
-        work[row, i] = -chain[at.MASS, i] * ground
+    for i in range(linear_terms.shape[1] - 1):
+        work[row, i] = -linear_terms[at.MASS, i] * ground
     if FORCES and forces.shape[0] > 0:
         _add_forces(forces, t, work, row)
 
@@ -99,11 +99,11 @@ def _add_forces(forces, t, work, row):
 
 
 @inlined
-def floor_impulse(chain, forces, t, h, ground_0, ground_1, work, row):
+def floor_impulse(linear_terms, forces, t, h, ground_0, ground_1, work, row):
     """Exact impulse of the load over [t, t + h] into a row of work, N s; the ground acceleration is linear in
     between."""
-    for i in range(chain.shape[1] - 1):
-        work[row, i] = -0.5 * h * chain[at.MASS, i] * (ground_0 + ground_1)
+    for i in range(linear_terms.shape[1] - 1):
+        work[row, i] = -0.5 * h * linear_terms[at.MASS, i] * (ground_0 + ground_1)
     if FORCES and forces.shape[0] > 0:
         _add_impulses(forces, t, h, work, row)
 
@@ -115,16 +115,16 @@ def _add_impulses(forces, t, h, work, row):
 
 
 @inlined
-def mean_load(chain, forces, load, h, r, work, row):
+def mean_load(linear_terms, forces, load, h, r, work, row):
     """Mean of the load over a step into a row of work, and its first moment, twelve times the mean of the load
     times s in [-1/2, 1/2], into the next, N; the ground acceleration is linear.
 
     With r > 0 the moment of a floor force is the one that makes a part so stiff that it has no mass follow the force
     at the ends of the steps: p1 - p0 + 12 r ((p0 + p1) / 2 - mean), the first moment where the force is linear.
     """
-    for i in range(chain.shape[1] - 1):
-        work[row, i] = -0.5 * chain[at.MASS, i] * (load[at.GROUND_0] + load[at.GROUND_1])
-        work[row + 1, i] = -chain[at.MASS, i] * (load[at.GROUND_1] - load[at.GROUND_0])
+    for i in range(linear_terms.shape[1] - 1):
+        work[row, i] = -0.5 * linear_terms[at.MASS, i] * (load[at.GROUND_0] + load[at.GROUND_1])
+        work[row + 1, i] = -linear_terms[at.MASS, i] * (load[at.GROUND_1] - load[at.GROUND_0])
     if forces.shape[0] > 0:
         _add_means(forces, load[at.TIME], h, r, work, row)
 
@@ -162,44 +162,46 @@ def _add_modal_force(modal, table, x, factor, work, row, n):
 
 
 @inlined
-def power_damper(chain, i, rate):
+def power_damper(linear_terms, i, rate):
     """Force of the power-law dashpot of story `i` at a drift rate, N, and its slope, N s/m."""
-    if DASHPOTS and chain[at.POWER_DAMPER, i] != 0.0:
-        return _power_damper(chain, i, rate)
+    if DASHPOTS and linear_terms[at.POWER_DAMPER, i] != 0.0:
+        return _power_damper(linear_terms, i, rate)
     return 0.0, 0.0
 
 
 @called
-def _power_damper(chain, i, rate):
-    size = rate * rate + chain[at.THRESHOLD, i]
+def _power_damper(linear_terms, i, rate):
+    size = rate * rate + linear_terms[at.THRESHOLD, i]
     if size == 0.0:  # an exponent of 1 or more
-        return 0.0, chain[at.POWER_DAMPER, i] if chain[at.POWER, i] == 0.0 else 0.0
-    secant = chain[at.POWER_DAMPER, i] * size ** chain[at.POWER, i]
-    return secant * rate, secant * (1.0 + 2.0 * chain[at.POWER, i] * rate * rate / size)
+        return 0.0, linear_terms[at.POWER_DAMPER, i] if linear_terms[at.POWER, i] == 0.0 else 0.0
+    secant = linear_terms[at.POWER_DAMPER, i] * size ** linear_terms[at.POWER, i]
+    return secant * rate, secant * (1.0 + 2.0 * linear_terms[at.POWER, i] * rate * rate / size)
 
 
 @inlined
-def internal_forces(chain, modal, springs, block, work, velocity, row, sums):
+def internal_forces(linear_terms, modal, springs, block, work, velocity, row, sums):
     """C v + f(u) of every floor into row `row` of work, N; story forces from the spring states in `block`.
 
     Row `velocity` of work is the velocity; its row `sums` receives the force of each story, column and damper.
     """
-    n = chain.shape[1] - 1
+    n = linear_terms.shape[1] - 1
     below = 0.0
     for i in range(n):
         v = work[velocity, i]
-        rate = v - chain[at.LINK, i] * below
+        rate = v - linear_terms[at.LINK, i] * below
         below = v
         work[sums, i] = (
             springs[block + at.FORCE, i]
-            + chain[at.GEOMETRIC, i] * springs[block + at.DRIFT, i]
-            + chain[at.STORY_DAMPER, i] * rate
+            + linear_terms[at.GEOMETRIC, i] * springs[block + at.DRIFT, i]
+            + linear_terms[at.STORY_DAMPER, i] * rate
         )
-        work[sums, i] += power_damper(chain, i, rate)[0]
+        work[sums, i] += power_damper(linear_terms, i, rate)[0]
     work[sums, n] = 0.0
     for i in range(n):
         work[row, i] = (
-            chain[at.FLOOR_DAMPER, i] * work[velocity, i] + work[sums, i] - chain[at.LINK, i + 1] * work[sums, i + 1]
+            linear_terms[at.FLOOR_DAMPER, i] * work[velocity, i]
+            + work[sums, i]
+            - linear_terms[at.LINK, i + 1] * work[sums, i + 1]
         )
     add_modal_force(modal, work, velocity, 1.0, work, row, n)
 

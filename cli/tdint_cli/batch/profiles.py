@@ -1,0 +1,174 @@
+"""What commands of many runs tell of a suite: profiles.csv, its picture, a limit of drifts, buildings side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from tdint.errors import AnalysisError, TdintError, UsageError
+from tdint_cli import options
+from tdint_cli.options.output import check_picture
+from tdint_cli.options.plot import BESIDE
+from tdint_cli.options.values import Ratio
+from tdint_cli.terminal.streams import say, warn
+
+if TYPE_CHECKING:
+    from tdint.campaign.profiles import Profile
+    from tdint.campaign.store.store import Store
+    from tdint.files import Writer
+    from tdint.output_units import OutputUnits
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+PROFILES, PICTURE = "profiles.csv", "profiles.png"
+"""In the folder of -o."""
+
+
+def drift_limit(*names: str) -> Callable[[Function], Function]:
+    """The options --drift-limit (under more names) and --require."""
+    limit = options.analysis.option(
+        *names,
+        "--drift-limit",
+        "drift_limit",
+        type=Ratio(0.0, 1.0, min_open=True),
+        metavar="2%",
+        help="Say whether the mean of the motions' largest drift ratios stays within this in every story; a line of "
+        "the picture, too.",
+    )
+    require = options.analysis.option(
+        "--require",
+        is_flag=True,
+        needs="--drift-limit",
+        help="End with exit code 5 unless it does, under every motion without collapse.",
+    )
+    return lambda command: limit(require(command))
+
+
+@dataclass(frozen=True)
+class SuiteRequest:
+    """What a command line asks of a suite: units of tables and pictures (None: those of the models), a picture of the
+    profiles, a limit of drifts."""
+
+    units: OutputUnits | None = None
+    plot: str | None = None
+    limit: float | None = None
+    require: bool = False
+
+    def picture(self, folder: Path | None) -> Path | None:
+        """The file of the picture, if one is asked for.
+
+        Raises
+        ------
+        UsageError
+            It has no name, and there is no folder.
+        """
+        if self.plot is None:
+            return None
+        if self.plot != BESIDE:
+            check_picture(Path(self.plot))
+            return Path(self.plot)
+        if folder is None:
+            raise UsageError("--plot alone puts the picture into the folder of -o: add -o DIR, or name it")
+        return folder / PICTURE
+
+
+@dataclass(frozen=True)
+class Profiles:
+    """Those of a store, found once for all that is made of them."""
+
+    store: Store
+    request: SuiteRequest
+    units: OutputUnits
+
+    @cached_property
+    def found(self) -> list[Profile]:
+        """Of each building and level."""
+        from tdint.campaign.profiles import profiles
+
+        return list(profiles(self.store))
+
+    def table(self) -> Writer:
+        """What writes profiles.csv."""
+        from tdint.output.tables.campaign import write_profiles
+
+        return lambda stream: write_profiles(self.store, stream, self.units)
+
+    def draw(self, file: Path) -> Writer:
+        """What draws the picture.
+
+        Raises
+        ------
+        AnalysisError
+            No stories were kept.
+        """
+        from tdint.output.figures.demands.story_profiles import profile_picture
+
+        self._need("--plot")
+        return profile_picture(
+            self.found, file.suffix, self.units, limit=self.request.limit, title=self.store.meta("name")
+        )
+
+    def _need(self, option: str) -> None:
+        if not self.found:
+            raise AnalysisError(
+                f"{option}: the peaks of stories are not kept; give the campaign `outputs: {{profiles: true}}`"
+            )
+
+    def tell(self) -> list[TdintError]:
+        """Say what means do not hold, and what the mean drifts are beside the limit.
+
+        Returns
+        -------
+        list of TdintError
+            That they are beyond, if that is required not to be.
+        """
+        limit = self.request.limit
+        for one in self.found:
+            lost = {"collapsed": one.collapsed, "failed": one.failed}
+            told = " and ".join(f"{count} {what}" for what, count in lost.items() if count)
+            if told:
+                means = f"the means are those of the {len(one.motions)} others"
+                warn(f"{_name(one, self.found) or one.building}: of {one.runs} motions {told}; {means}")
+        if limit is None:
+            return []
+        self._need("--drift-limit")
+        beyond = []
+        for one in self.found:
+            text, within = _verdict(one, limit)
+            name = _name(one, self.found)
+            say(f"{name}: {text[0].lower()}{text[1:]}" if name else text)
+            beyond += [] if within else [name or one.building]
+        if beyond and self.request.require:
+            return [AnalysisError(f"the drift limit of {100.0 * limit:g} % is not met: {'; '.join(beyond)}")]
+        return []
+
+
+def _name(profile: Profile, among: list[Profile]) -> str:
+    """Building and level, as far as they tell it from others."""
+    parts = [profile.building] if len({one.building for one in among}) > 1 else []
+    levels = {(repr(one.scale), repr(one.level)) for one in among}
+    if len(levels) > 1:
+        known = profile.scale == profile.scale
+        parts.append(f"scale {profile.scale:g}" if known else f"level {profile.level:.6g}")
+    return ", ".join(parts)
+
+
+def _verdict(profile: Profile, limit: float) -> tuple[str, bool]:
+    """What the drifts of a building are beside a limit, and whether they are within."""
+    from tdint.campaign.profiles import check_drift
+
+    check = check_drift(profile, limit)
+    lost = profile.collapsed + profile.failed
+    if check is None:
+        return f"No motion of {profile.runs} came to its end, limit {100.0 * limit:g} %: beyond", False
+    words = "within" if check.within else "beyond"
+    if lost:
+        words += f", for {lost} of {profile.runs} motions collapsed or failed"
+    text = (
+        f"Mean drift {100.0 * check.mean:.3g} % (story {check.story}), limit {100.0 * limit:g} %: {words}; largest "
+        f"{100.0 * check.largest:.3g} %."
+    )
+    return text, check.within

@@ -1,0 +1,236 @@
+"""Peaks over the height of a building under a suite of motions: each motion's, and their mean, fractiles and largest.
+
+The order of operations is that of codes: the largest value of each motion over time, in each story; the mean of it over
+the motions; then the worst story. Of a pair of horizontal components the larger value counts. What collapsed or failed
+is counted and has no part in any number: a mean is that of the motions under which the building stood.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.analysis.run.outcome import STORY
+from tdint.campaign.store.store import Store
+from tdint.errors import UsageError
+from tdint.ground_motion.horizontals import at_right_angles, motion_name
+from tdint.quantity import Quantity
+
+Array = NDArray[np.float64]
+
+DRIFT_RATIO = "peak_drift_ratio"
+
+_COLLAPSED = ("collapsed", "failed-story")
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """Of a quantity over the motions, in each story; arrays of shape (n,), nan without a motion."""
+
+    mean: Array
+    median: Array
+    p16: Array
+    p84: Array
+    max: Array
+
+    @classmethod
+    def of(cls, values: Array) -> Statistics:
+        """Of values of shape (motions, n); fractiles lie on straight lines between the values in order."""
+        if not len(values):
+            return cls(*(np.full(values.shape[1], math.nan) for _ in fields(cls)))
+        p16, median, p84 = np.percentile(values, (16.0, 50.0, 84.0), axis=0)
+        return cls(np.mean(values, axis=0), median, p16, p84, np.max(values, axis=0))
+
+
+@dataclass(frozen=True)
+class Profile:
+    """A building under a suite at one level of intensity.
+
+    Attributes
+    ----------
+    building : str
+        Its name.
+    scale : float
+        The factor on all motions; nan where each has its own.
+    level : float
+        The value of the intensity measure, SI units, or where motions have several factors of their own the number of
+        the factor, from 1; nan where the scale says all.
+    motions : tuple of str
+        Those that came to their end.
+    pairs : int
+        How many of the motions, whatever became of them, are pairs of components.
+    collapsed, failed : int
+        Motions under which the building collapsed, and whose run has no result.
+    height : ndarray, shape (n,)
+        Story heights, m; nan where there is none.
+    peaks : mapping of str to ndarray, shape (motions, n)
+        The largest absolute values of each quantity of `tdint.analysis.run.outcome.STORY`, by its name.
+    """
+
+    building: str
+    scale: float
+    level: float
+    motions: tuple[str, ...]
+    pairs: int
+    collapsed: int
+    failed: int
+    height: Array
+    peaks: Mapping[str, Array]
+
+    @property
+    def runs(self) -> int:
+        """How many motions there were; a pair is one."""
+        return len(self.motions) + self.collapsed + self.failed
+
+    def statistics(self, quantity: Quantity) -> Statistics:
+        """Of a quantity, in each story."""
+        return Statistics.of(self.peaks[quantity.name])
+
+
+class DriftCheck(NamedTuple):
+    """The mean drift ratios of a building beside a limit.
+
+    `mean` and `story` (from 1) are those of the story with the largest mean, `largest` is that of any motion and
+    story. It is `within` if that mean is, and the building stood under every motion.
+    """
+
+    mean: float
+    story: int
+    largest: float
+    within: bool
+
+
+def check_drift(profile: Profile, limit: float) -> DriftCheck | None:
+    """Compare mean drift ratios with a limit; None where no motion came to its end.
+
+    Raises
+    ------
+    UsageError
+        The building has no story with a height.
+    """
+    if not profile.motions:
+        return None
+    ratios = profile.peaks[DRIFT_RATIO]
+    if np.isnan(ratios).all():
+        raise UsageError(f"{profile.building}: a limit of drift ratios needs story heights, and the model gives none")
+    mean = np.mean(ratios, axis=0)
+    worst = int(np.nanargmax(mean))
+    stood = not (profile.collapsed or profile.failed)
+    return DriftCheck(float(mean[worst]), worst + 1, float(np.nanmax(ratios)), stood and bool(mean[worst] <= limit))
+
+
+def profiles(store: Store) -> Iterator[Profile]:
+    """Of each building and level, in their order; one building is held at a time. None where no stories are kept."""
+    if store.connection.execute("SELECT 1 FROM story_rows LIMIT 1").fetchone() is None:
+        return
+    records, counts = store.records(), dict(store.connection.execute("SELECT id, stories FROM buildings"))
+    for number, (name, _) in store.buildings().items():
+        kept = _stories(store, number)
+        for level in suite_levels(store, number):
+            motions = tuple(motion_name(records[keys[0].record][0]) for keys in level.stood)
+            height, peaks = _peaks(level, kept, counts[number])
+            counts_of = (level.pairs, level.collapsed, level.failed)
+            yield Profile(name, level.scale, level.value, motions, *counts_of, height, peaks)
+
+
+class RunKey(NamedTuple):
+    """A run of a building."""
+
+    record: int
+    scale: float
+    sample: int
+
+
+class SuiteLevel(NamedTuple):
+    """The motions of a building at one level: `scale`, `value`, `pairs`, `collapsed` and `failed` as in `Profile`, and
+    in `stood` the runs of each motion that came to its end, two of a pair."""
+
+    scale: float
+    value: float
+    stood: list[list[RunKey]]
+    pairs: int
+    collapsed: int
+    failed: int
+
+
+def suite_levels(store: Store, building: int) -> Iterator[SuiteLevel]:
+    """The levels of a building by its number, from the smallest factor."""
+    query = "SELECT record, scale, sample, status FROM run_rows WHERE building = ? ORDER BY record, scale, sample"
+    status = {RunKey(*key): told for *key, told in store.connection.execute(query, (building,))}
+    motions = _motions(store.records())
+    values, several = sorted(json.loads(store.settings().get("levels", "[]")), key=abs), has_levels(store)
+    for rank, keys in enumerate(_by_level(status)):
+        scales = {key.scale for key in keys}
+        grouped: dict[tuple[int, int], list[RunKey]] = defaultdict(list)
+        for key in keys:
+            grouped[motions[key.record], key.sample].append(key)
+        failed = [runs for runs in grouped.values() if any(status[key] not in ("done", *_COLLAPSED) for key in runs)]
+        fell = [runs for runs in grouped.values() if any(status[key] in _COLLAPSED for key in runs)]
+        yield SuiteLevel(
+            math.nan if several or len(scales) > 1 else scales.pop(),
+            values[rank] if values else rank + 1.0 if several else math.nan,
+            [runs for runs in grouped.values() if runs not in failed and runs not in fell],
+            sum(len(runs) > 1 for runs in grouped.values()),
+            sum(runs not in failed for runs in fell),
+            len(failed),
+        )
+
+
+def has_levels(store: Store) -> bool:
+    """Whether a level is more than one factor on all motions, or one on each."""
+    settings = {name: json.loads(value) for name, value in store.settings().items()}
+    several = any(len(values) > 1 for values in settings.get("factors", {}).values())
+    return "levels" in settings or several or ("grid_sha256" in settings and len(settings.get("scales", ())) > 1)
+
+
+def _peaks(level: SuiteLevel, kept: Mapping[RunKey, Array], stories: int) -> tuple[Array, dict[str, Array]]:
+    """Story heights, shape (n,), and the quantities by their names, shape (motions, n), from the rows of the runs."""
+    # Of both components the larger; a residual drift has a sign.
+    largest = [np.max([np.abs(kept[key]) for key in keys], axis=0) for keys in level.stood]
+    rows = np.array(largest).reshape(len(largest), stories, 1 + len(STORY))
+    height = rows[0, :, 0] if len(rows) else np.full(stories, math.nan)
+    return height, {one.name: rows[:, :, 1 + i] for i, one in enumerate(STORY)}
+
+
+def _motions(records: Mapping[int, tuple[str, str, int]]) -> dict[int, int]:
+    """The motion of each record, named by its first one: pairs are those that were read so, and what are by their names
+    the two horizontals of a motion."""
+    groups: dict[str, list[int]] = defaultdict(list)
+    for number, (name, _, _) in records.items():
+        groups[motion_name(name)].append(number)
+    found = {number: number for number in records}
+    for first, *others in groups.values():
+        if len(others) == 1 and at_right_angles(records[first][1], records[others[0]][1]):
+            found[others[0]] = first
+    for number, (_, _, direction) in records.items():
+        if direction > 1:
+            found[number] = number - 1
+    return found
+
+
+def _stories(store: Store, building: int) -> dict[RunKey, Array]:
+    columns = ", ".join(("height_m", *(one.column for one in STORY)))
+    query = f"SELECT record, scale, sample, {columns} FROM story_rows WHERE building = ? ORDER BY 1, 2, 3, story"
+    found: dict[RunKey, list[list[float]]] = defaultdict(list)
+    for record, scale, sample, *values in store.connection.execute(query, (building,)):
+        found[RunKey(record, scale, sample)].append(values)
+    return {key: np.array(rows, dtype=np.float64) for key, rows in found.items()}
+
+
+def _by_level(runs: Mapping[RunKey, str]) -> list[list[RunKey]]:
+    """The runs of each level: the smallest factor of every motion, the next one, and so on."""
+    factors: dict[tuple[int, int], list[RunKey]] = defaultdict(list)
+    for key in runs:
+        factors[key.record, key.sample].append(key)
+    levels: dict[int, list[RunKey]] = defaultdict(list)
+    for keys in factors.values():
+        for rank, key in enumerate(sorted(keys, key=lambda key: abs(key.scale))):
+            levels[rank].append(key)
+    return [levels[rank] for rank in sorted(levels)]

@@ -1,0 +1,1 @@
+"""Figures of demands in a building: profiles over its height, spectra of its floors."""
