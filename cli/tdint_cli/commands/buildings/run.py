@@ -19,15 +19,16 @@ from tdint_cli.options.building import BuildingRequest, check_motion, with_motio
 from tdint_cli.options.output import check_picture
 from tdint_cli.options.plot import BESIDE, picture_file
 from tdint_cli.options.spectra import MOTIONS, SPECTRA, FloorRequest
-from tdint_cli.options.values import FileName, Ratio
+from tdint_cli.options.values import FileName, Number, Ratio
 from tdint_cli.terminal.drawing import emit_table
 from tdint_cli.terminal.streams import complain, note, say, warn
 
 if TYPE_CHECKING:
-    from tdint.analysis.run.outcome import Collapse
+    from tdint.analysis.run.outcome import Collapse, Shock
     from tdint.analysis.run.run import Case, FailedRun, Response, StepChoice, StoryPeaks
     from tdint.files import Writer
     from tdint.ground_motion.record import Input, Record
+    from tdint.model.definition import Model
     from tdint.output.tables.table import Table
     from tdint.output_units import OutputUnits
 
@@ -55,6 +56,10 @@ class Request(BuildingRequest):
     of_floors: FloorRequest
     jobs: int | None
     factors: str | None
+    sequence: bool
+    rest: float | None
+    shocks: tuple[str, ...]
+    """The records of a sequence; none for a run of one."""
     drift_limit: float | None
     require: bool
 
@@ -84,6 +89,19 @@ class Request(BuildingRequest):
     type=FileName(),
     metavar="FILE",
     help="Run the records with the factors that `tdint scale -o` wrote, in place of --scale.",
+)
+@options.record.option(
+    "--sequence",
+    is_flag=True,
+    help="Run the records one after the other on one building, which keeps what each has left: peaks of each shock "
+    "and over all. --scale takes one factor for all, or one for each.",
+)
+@options.record.option(
+    "--rest",
+    needs="--sequence",
+    type=Number(0.0),
+    metavar="SECONDS",
+    help="Time from the end of a record to the begin of the next; until the building is at rest by default.",
 )
 @options.spectra.floor_spectra
 @options.spectra.floor_damping
@@ -146,6 +164,9 @@ def command(record: str | None, records: tuple[str, ...], **given: Any) -> None:
     --method, --dt and --duration replace what it says of the analysis. --overwrite replaces all files of an earlier
     run: those the new one does not write are removed.
 
+    With --sequence the records are shocks one after the other; the table has the stories once for each shock and once
+    for all.
+
     With several records, a folder of records, several scales (--scale 0.5,1,2) or --factors the table has a row for
     each run instead, of all horizontal components without --component. With -o it is a small campaign: runs.csv,
     profiles.csv (mean, fractiles and largest over the motions, in each story) and campaign.sqlite, which `tdint
@@ -156,7 +177,14 @@ def command(record: str | None, records: tuple[str, ...], **given: Any) -> None:
     named = (record,) if record is not None else records
     names = {"floors": "floor_spectra", "export": "export_floors"}
     wanted = {field.name: given.pop(names.get(field.name, field.name)) for field in fields(FloorRequest)}
-    request = Request(**given, record=named[0] if named else None, of_floors=FloorRequest(**wanted))
+    shocks = named if given["sequence"] else ()
+    if not shocks:
+        given["scale"] = tuple(dict.fromkeys(given["scale"] or ())) or None
+    request = Request(**given, record=named[0] if named else None, of_floors=FloorRequest(**wanted), shocks=shocks)
+    if request.sequence:
+        _check_sequence(request)
+        _run(request)
+        return
     if request.factors is not None and (request.scale or not named):
         raise UsageError("--factors stands in place of --scale, and is for the RECORDs that were scaled: name them")
     if request.factors is not None or len(named) > 1 or len(request.scale or ()) > 1 or (named and is_folder(named[0])):
@@ -180,29 +208,39 @@ def _run_many(request: Request, records: tuple[str, ...]) -> None:
     )  # fmt: skip
 
 
+def _check_sequence(request: Request) -> None:
+    """Refuse what a sequence cannot have."""
+    count, factors = len(request.shocks), len(request.scale or (1.0,))
+    if count < 2:
+        raise UsageError("--sequence takes two records or more, one after the other: name them behind the model")
+    if "-" in request.shocks:
+        raise UsageError("the records of a sequence are files, not standard input")
+    if factors not in (1, count):
+        raise UsageError(f"--scale: {factors} factors for {count} shocks: give one, or one for each")
+    for name in ("duration", "factors"):
+        if getattr(request, name) is not None:
+            raise UsageError(
+                f"--{name} is not for a --sequence, which has all of each record; --rest is the time between"
+            )
+
+
 def _run(request: Request) -> None:
     began = time.perf_counter()
-    from tdint.analysis.run.run import FailedRun, model_record, prepare, run_case
+    from tdint.analysis.run.run import FailedRun, model_record, prepare
     from tdint.model.config.model_file import load_model
     from tdint.output.summaries.summary import model_input
 
     _check(request)
-    model = with_motion(load_model(request.model), request)
+    model = load_model(request.model) if request.sequence else with_motion(load_model(request.model), request)
     request = replace(request, output_units=request.output_units or model.output_units)
     request.of_floors.chosen_floors(len(model.stories))
-    record = model_record(model)
-    inputs = [model_input(model), *(record.inputs if record else ())]
-    case = prepare(model, record, method=request.method, allow_unstable=request.allow_unstable)
+    shocks = _shocks(model, request)
+    record = None if shocks else model_record(model)
+    inputs = [model_input(model), *(one for read in shocks or filter(None, [record]) for one in read.inputs)]
+    case = prepare(model, shocks[0] if shocks else record, method=request.method, allow_unstable=request.allow_unstable)
     try:
-        response = run_case(
-            case,
-            dt=request.dt,
-            duration=request.duration,
-            history=bool(request.history or request.plot or request.of_floors),
-            check=request.check,
-            tolerance=request.tolerance,
-            until_rest=request.until_rest,
-        )
+        response = _respond(case, shocks, request)
+        record = response.record
     except FailedRun as failure:
         _remark(record, failure.notes)
         _write(request, _failed_files(request, failure, case, inputs, began))
@@ -215,6 +253,37 @@ def _run(request: Request) -> None:
     for text in response.warnings:
         warn(text)
     _remark(record, response.notes)
+
+
+def _respond(case: Case, shocks: list[Record], request: Request) -> Response:
+    from tdint.analysis.run.run import run_case
+    from tdint.analysis.sequence import run_sequence
+
+    wanted: dict[str, Any] = {
+        "dt": request.dt,
+        "history": bool(request.history or request.plot or request.of_floors),
+        "check": request.check,
+        "tolerance": request.tolerance,
+        "until_rest": request.until_rest,
+    }
+    if shocks:
+        return run_sequence(case, shocks, rest=request.rest, **wanted)
+    return run_case(case, duration=request.duration, **wanted)
+
+
+def _shocks(model: Model, request: Request) -> list[Record]:
+    """The records of a sequence, scaled; none without one."""
+    from tdint.analysis.run.run import model_record
+
+    factors = request.scale or (1.0,)
+    if len(factors) == 1:
+        factors *= len(request.shocks)
+    found = []
+    for file, factor in zip(request.shocks, factors, strict=False):
+        record = model_record(with_motion(model, replace(request, record=file, scale=(factor,))))
+        assert record is not None
+        found.append(record)
+    return found
 
 
 def _remark(record: Record | None, notes: Sequence[str]) -> None:
@@ -233,7 +302,7 @@ def _check(request: Request) -> None:
     if request.drift_limit is not None:
         raise UsageError("--limit is for the mean over several records; the drifts of one are in its table")
     request.of_floors.check(request.output)
-    check_motion(request)
+    check_motion(replace(request, scale=None) if request.sequence else request)
     picture = _picture(request)
     if picture:
         check_picture(picture)
@@ -242,7 +311,7 @@ def _check(request: Request) -> None:
         *([picture] if picture else ()),
         *([history] if history else ()),
     ]
-    refuse_inputs(outputs, [request.model, request.record, request.inventory])
+    refuse_inputs(outputs, [request.model, request.record, *request.shocks, request.inventory])
     check_outputs(dict.fromkeys(outputs), overwrite=request.overwrite)
 
 
@@ -284,10 +353,9 @@ def _units(request: Request) -> OutputUnits:
 
 def _stories(request: Request, response: Response) -> Table:
     """The table of stories, in the units asked for."""
-    from tdint.output.tables.buildings import story_table
+    from tdint.output.tables.buildings import response_table
 
-    table = story_table(response.stories, response.check.errors if response.check else None)
-    return table.in_units(_units(request))
+    return response_table(response).in_units(_units(request))
 
 
 def _files(request: Request, response: Response, case: Case, inputs: list[Input], began: float) -> dict[Path, Writer]:
@@ -316,7 +384,7 @@ def _files(request: Request, response: Response, case: Case, inputs: list[Input]
         files[picture] = run_picture(response, picture.suffix, units)
     if request.output:
         wall_time = time.perf_counter() - began
-        first = first_mode(case.building, case.record)
+        first = first_mode(case.building, response.record)
         content = run_summary(response, inputs, wall_time, first=first, settings=_settings(request))
         summary = json_bytes(in_units(content, units, UNITS))
         files[Path(request.output) / SUMMARY] = lambda stream: stream.write(summary)
@@ -348,6 +416,7 @@ def _settings(request: Request) -> dict[str, Any]:
         "check": request.check,
         "tolerance": request.tolerance,
         "allow_unstable": request.allow_unstable,
+        **({"sequence": True, "rest_s": request.rest} if request.sequence else {}),
         "floor_spectra": list(request.of_floors.floors or ()),
     }
 
@@ -385,6 +454,7 @@ def _paragraph(response: Response, units: OutputUnits) -> str:
         f"Largest {worst}, roof displacement {units.text(found.roof_displacement.value, 'm')}, "
         f"base shear {units.text(found.base_shear.value, 'N')}{viscous}.",
     ]
+    lines += [_of_shock(number, shock, units) for number, shock in enumerate(response.shocks, start=1)]
     if response.rest_time is not None:
         lines.append(f"The building is at rest at {response.rest_time:.6g} s.")
     if (check := response.check) and check.drift_error is not None:
@@ -399,6 +469,21 @@ def _paragraph(response: Response, units: OutputUnits) -> str:
         if check.corrected is not None:
             lines.append(_corrected(check.corrected, units))
     return "\n".join(lines)
+
+
+def _of_shock(number: int, shock: Shock, units: OutputUnits) -> str:
+    """A shock of a sequence, and what it has left."""
+    from tdint.analysis.run.demands import demands
+
+    found = demands(shock.stories)
+    drift, left = found.drift, found.residual_drift_ratio
+    worst, after = f"{units.text(drift.value, 'm')} in story {drift.place}", ""
+    if left.place is not None:
+        worst, after = (
+            f"ratio {found.drift_ratio.value:.4g} in story {found.drift_ratio.place}",
+            f"{left.value:.3g} left",
+        )
+    return f"Shock {number}, from {shock.start:.6g} s: largest drift {worst}{', ' * bool(after)}{after}."
 
 
 def _corrected(stories: StoryPeaks, units: OutputUnits) -> str:

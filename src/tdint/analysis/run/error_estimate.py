@@ -23,14 +23,14 @@ since then is added to the errors of residual drifts.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.outcome import ErrorEstimate, FailedRun, Response, StoryErrors
+from tdint.analysis.run.outcome import ErrorEstimate, FailedRun, Response, Shock, StoryErrors
 from tdint.analysis.run.steps import Steps, finer
 
 Array = NDArray[np.float64]
@@ -113,7 +113,7 @@ def with_check(response: Response, finer_runs: list[Response | FailedRun]) -> Re
         if abs(other.steps * other.dt - end) > 0.5 * other.dt:
             return _unknown(response, f"the run with dt {other.dt:.6g} s ends at another time")
         others.append(other)
-    errors = _errors(response, others)
+    errors = story_errors(response, others)
     return replace(response, check=ErrorEstimate.of(response.stories, errors, dts=tuple(other.dt for other in others)))
 
 
@@ -124,7 +124,8 @@ def _unknown(response: Response, reason: str) -> Response:
     return replace(response, check=ErrorEstimate(errors, (), None, None), notes=notes)
 
 
-def _errors(response: Response, others: list[Response]) -> StoryErrors:
+def story_errors(response: Response | Shock, others: Sequence[Response | Shock]) -> StoryErrors:
+    """The errors of the peaks of a run, or of a shock in it, that those with a half and a quarter of the step tell."""
     runs = [response.stories, *(other.stories for other in others)]
 
     def estimated(name: str) -> Array:

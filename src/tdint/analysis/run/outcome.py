@@ -337,6 +337,32 @@ class Collapse:
     failed: bool = False
 
 
+@dataclass(frozen=True)
+class Shock:
+    """What a building did in one shock of a sequence: until the ground moves in the next one, or to the end.
+
+    Attributes
+    ----------
+    record : Record
+        The ground motion, scaled.
+    start : float
+        Time of its first sample in the sequence, s.
+    stories : StoryPeaks
+        Peaks in this time, of displacements from where the building stood at first: what the shocks before have left is
+        in them.
+    unresolved : StoryErrors
+        As of `Response`.
+    errors : StoryErrors or None
+        Estimated errors of the peaks, if they were asked for.
+    """
+
+    record: Record
+    start: float
+    stories: StoryPeaks
+    unresolved: StoryErrors
+    errors: StoryErrors | None = None
+
+
 @dataclass(frozen=True, repr=False)
 class Response(Tabular):
     """Result of a run.
@@ -372,6 +398,9 @@ class Response(Tabular):
         What a person should know of the run.
     warnings : tuple of str
         What changes what its numbers mean: a person must see it.
+    shocks : tuple of Shock
+        Of a sequence what each shock did, up to the one in which the run ended; `record` and `stories` are those of the
+        whole sequence.
     """
 
     model: Model
@@ -394,6 +423,7 @@ class Response(Tabular):
     check: ErrorEstimate | None = None
     rest_time: float | None = None
     warnings: tuple[str, ...] = ()
+    shocks: tuple[Shock, ...] = ()
 
     def _headline(self) -> str:
         story = int(np.argmax(self.stories.peak_drift))

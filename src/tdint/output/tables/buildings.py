@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from tdint.analysis.run.outcome import ENERGY_TERMS, History
 from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
-from tdint.output.tables.table import FLOOR, METHOD_SPEC, PERIOD, Cell, Column, Table, error_columns, rows_of
+from tdint.output.tables.table import FLOOR, METHOD_SPEC, PERIOD, Cell, Column, Table, describe, error_columns, rows_of
 from tdint.output_units import SI, OutputUnits
 from tdint.quantity import quantities
 
 if TYPE_CHECKING:
     from tdint.analysis.comparison.compare import Comparison
     from tdint.analysis.comparison.fit import FittedValue
-    from tdint.analysis.run.outcome import StoryErrors, StoryPeaks
+    from tdint.analysis.run.outcome import Response, StoryErrors, StoryPeaks
     from tdint.analysis.static.cyclic import CyclicTest
     from tdint.model.modes import Modes
 
@@ -34,6 +34,9 @@ STORY = (
     *(Column.of_quantity(one) for one in STORY_QUANTITIES if "table" in one.shown),
 )
 STORY_ERROR = error_columns(STORY[2:])
+
+_ALL = "all"
+SHOCK = Column("shock", "text", "shock", f"shock of a sequence, from 1; {_ALL}: over the whole sequence")
 
 HISTORY_START, HISTORY_FLOOR, HISTORY_STORY = (
     tuple(Column.of_quantity(one) for one in quantities(History) if one.shown == (place,))
@@ -171,6 +174,21 @@ def story_table(stories: StoryPeaks, errors: StoryErrors | None = None) -> Table
         return Table.of(STORY, rows)
     both = [peaks + of for peaks, of in zip(rows, rows_of(STORY_ERROR, errors), strict=True)]
     return Table.of((*STORY, *STORY_ERROR), both)
+
+
+def response_table(response: Response) -> Table:
+    """`story_table` of a run; of a sequence once for each shock and, last, for all, the shock in the first column."""
+    errors = response.check.errors if response.check else None
+    whole = story_table(response.stories, errors)
+    if not response.shocks:
+        return whole
+    rows: list[tuple[Cell, ...]] = []
+    for number, shock in enumerate(response.shocks, start=1):
+        part = story_table(shock.stories, shock.errors)
+        empty = (None,) * (len(whole.columns) - len(part.columns))
+        rows += [(str(number), *row, *empty) for row in part.rows]
+    rows += [(_ALL, *row) for row in whole.rows]
+    return Table((SHOCK.name, *whole.columns), rows, describe([SHOCK]) | whole.meanings)
 
 
 def cyclic_table(test: CyclicTest) -> Table:

@@ -106,6 +106,14 @@ _values.register(Record, partial(_of, spectra.SAMPLES))
 
 @_values.register
 def _(result: Response) -> _Values:
+    if result.shocks:
+        table = buildings.response_table(result)
+        columns = (buildings.SHOCK, *buildings.STORY, *(buildings.STORY_ERROR if result.check else ()))
+        cells = zip(*table.rows, strict=True)
+        return [
+            (column, np.array([np.nan if one is None else one for one in values]))
+            for column, values in zip(columns, cells, strict=True)
+        ]
     errors = _of(buildings.STORY_ERROR, result.check.errors) if result.check else []
     return _values(result.stories) + errors
 
