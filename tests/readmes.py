@@ -189,7 +189,7 @@ def column_tables():
     """The columns of every table, by command."""
     tables = {
         "tdint run": buildings.STORY,
-        "history.csv of tdint run": buildings.history_columns(1),
+        "history.csv of tdint run": buildings.history_columns(1, error=True),
         "floor-spectra.csv of tdint run": (shared.FLOOR, *spectra.SPECTRUM),
         "tdint check": buildings.OVERVIEW,
         "tdint modes": (*buildings.MODE, buildings.mode_damping(None), *buildings.MODE_END),

@@ -214,7 +214,8 @@ def locked(file: Path | None, waiting: Callable[[], object]) -> Iterator[None]:
     Nothing is locked where there is no file or it cannot be made.
     """
     try:
-        stream = file.open("a") if file else None
+        # A named pipe in its place would be waited for.
+        stream = file.open("a") if file and (file.is_file() or not file.exists()) else None
     except OSError:
         stream = None
     if stream is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import socket
 import sqlite3
 from collections.abc import Callable
 from pathlib import Path
@@ -251,6 +252,21 @@ def test_a_file_that_is_no_store_is_not_touched(study: Path, tdint: Run) -> None
     assert Path("out", FILE).read_bytes() == b"x" * 5000
 
 
+@pytest.mark.parametrize("port_of", [lambda server: 1, lambda server: server.getsockname()[1]])
+def test_a_scheduler_that_does_not_answer(
+    study: Path, tdint: Run, monkeypatch: pytest.MonkeyPatch, port_of: Callable[[socket.socket], int]
+) -> None:
+    """Where nothing listens, and where something does that says nothing."""
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("tdint.campaign.engine.cluster._PATIENCE", 2.0)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        result = tdint("campaign", "study.yaml", "-o", "out", "--dask", f"tcp://127.0.0.1:{port_of(server)}")
+    assert result.exit_code == 2, result.stderr
+    assert "no scheduler answers yet; waiting" in result.stderr
+    assert "no scheduler answers: " in result.stderr.splitlines()[-1]
+    assert "Traceback" not in result.stderr
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -265,6 +281,8 @@ def test_a_file_that_is_no_store_is_not_touched(study: Path, tdint: Run) -> None
         (["study.yaml", "-o", "out", "--dask", "tcp://far.example:8786"], "the connection must be encrypted"),
         (["study.yaml", "-o", "out", "--dask", "tls://far.example:8786"], "give --tls-ca, --tls-cert and --tls-key"),
         (["study.yaml", "-o", "out", "--dask", "far.example"], "is no address of a scheduler"),
+        (["study.yaml", "-o", "out", "--dask", "tcp://localhost:8786/../x"], "is no address of a scheduler"),
+        (["study.yaml", "-o", "out", "--dask", "tcp://me:secret@localhost:8786"], "is no address of a scheduler"),
         (["study.yaml", "-o", "out", "--tls-ca", "ca.pem"], "--tls-ca has nothing to act on without --dask"),
     ],
 )

@@ -528,6 +528,8 @@ def test_what_cannot_be_fitted_is_told_beside_what_can(folder, tdint):
     [
         ("im,collapses,records\n1,0,3\nx,1,3\n", (), 3, "t.csv:3: im must be a number, got 'x'"),
         ("im,collapses,records\n1,0,3\n2,1.5,3\n", (), 3, "t.csv:3: collapses must be a whole number"),
+        ("capacity,im,edp\n1,1,1\n2,2,2\n", (), 2, "t.csv:1: this is a table of capacity and of im,edp; say which is"),
+        ("capacity\n1\n2\n3\n", ("--beta-model", "1e308"), 2, "'--beta-model': 1e+308 is not in the range"),
         ("im,collapses,records\n1,0,3\n2,4,3\n", (), 3, "t.csv:3: collapses must be from 0 to the number of records"),
         ("im,collapses,records\n0,0,3\n2,3,3\n", (), 3, "t.csv:2: im must be positive, got '0'"),
         ("im,collapses,records\n1,0,3\n2,0,3\n", (), 5, "no record exceeds at any level"),

@@ -18,7 +18,7 @@ RECORDED = "{folder}/frame.yaml --recorded {folder}/recorded.yaml --blind {folde
 FRAME = "configs/collapse-prone-frame.yaml"
 COMMANDS = {
     "tdint run": "configs/ten-story.yaml --duration 1",
-    "history.csv of tdint run": "configs/hardening.yaml --duration 0.1 --history",
+    "history.csv of tdint run": "configs/hardening.yaml --duration 0.1 --history --method moment4 --check",
     "floor-spectra.csv of tdint run": "configs/hardening.yaml --duration 1 --floor-spectra roof --period 1",
     "tdint check": "configs/ten-story.yaml",
     "tdint modes": "configs/ten-story.yaml",

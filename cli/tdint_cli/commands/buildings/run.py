@@ -51,7 +51,7 @@ class Request(BuildingRequest):
     plot: str | None
     overwrite: bool
     allow_unstable: bool
-    check: bool
+    check: bool | None
     tolerance: float | None
     of_floors: FloorRequest
     jobs: int | None
@@ -135,10 +135,10 @@ class Request(BuildingRequest):
 @options.output.units
 @options.output.overwrite
 @options.analysis.option(
-    "--check",
-    is_flag=True,
-    help="Columns <name>_error with the estimated errors. moment4 carries them along in the run; with another method "
-    "it is repeated with a half and a quarter of the step.",
+    "--check/--no-check",
+    default=None,
+    help="Columns <name>_error with estimated errors. moment4 carries them along in the run and shows them unasked, "
+    "asked also in --history; with another method the run is repeated with a half and a quarter of the step.",
 )
 @options.analysis.option(
     "--tolerance",
@@ -181,6 +181,8 @@ def command(record: str | None, records: tuple[str, ...], **given: Any) -> None:
     if not shocks:
         given["scale"] = tuple(dict.fromkeys(given["scale"] or ())) or None
     request = Request(**given, record=named[0] if named else None, of_floors=FloorRequest(**wanted), shocks=shocks)
+    if request.check is False and request.tolerance is not None:
+        raise UsageError("--tolerance estimates the errors that --no-check leaves out; leave one of the two out")
     if request.sequence:
         _check_sequence(request)
         _run(request)
@@ -266,7 +268,8 @@ def _respond(case: Case, shocks: list[Record], request: Request) -> Response:
         "tolerance": request.tolerance,
         "until_rest": request.until_rest,
     }
-    if shocks:
+    if shocks:  # The errors of each shock alone take repetitions: only of one who asked for them.
+        wanted["check"] = bool(request.check)
         return run_sequence(case, shocks, rest=request.rest, **wanted)
     return run_case(case, duration=request.duration, **wanted)
 
@@ -372,7 +375,9 @@ def _files(request: Request, response: Response, case: Case, inputs: list[Input]
         files[Path(request.output) / STORIES] = lambda stream: stream.write(table)
     history = response.history
     if (file := _history(request)) and history is not None:
-        files[file] = lambda stream: write_history(history.every(request.every), stream, units)
+        # The error makes it half as large again: of one who asked for it.
+        kept = history if request.check else replace(history, error=None)
+        files[file] = lambda stream: write_history(kept.every(request.every), stream, units)
     if request.output:
         of_floors, notes = request.of_floors.files(response, Path(request.output), units)
         files |= of_floors

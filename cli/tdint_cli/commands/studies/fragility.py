@@ -46,7 +46,7 @@ _IM = {"sa": "sa_t1", "pga": "pga"}
 )
 @options.option(
     "--beta-model",
-    type=Number(0.0),
+    type=Number(0.0, 10.0),
     default=0.0,
     metavar="BETA",
     help="Standard deviation (of the logarithm) of what is not known of the model: adds the column beta_total, the "

@@ -48,9 +48,12 @@ _ROUNDING = 1e-12
 """Error over the peak that is always there."""
 
 
-def checked_run(case: Case, steps: Steps, history: bool = False) -> Response:
+def checked_run(case: Case, steps: Steps, history: bool = False, *, repeat: bool = True) -> Response:
     """The response to `steps` with its error: the one that the run has carried along where the method does so, else by
     repetition. A note says why where it does not do for a method that could.
+
+    Without `repeat` nothing is run again: errors that are not carried along are unknown, and there is no estimate for
+    a method that never does.
 
     Raises
     ------
@@ -58,15 +61,14 @@ def checked_run(case: Case, steps: Steps, history: bool = False) -> Response:
         As from `Case.march`.
     """
     carrying, reason = case.carrying_error()
-    if carrying is None:
-        response = case.march(steps, history)
-    else:
-        response = carrying.march(steps, history)
-        assert response.check is not None
+    response = (carrying or case).march(steps, history)
+    if response.check is not None:
         reason = doubt(response.check)
         if not reason:
             return response
-        response = replace(response, check=None)
+        response = replace(response, check=None, history=response.history and response.history.without_error())
+    if not repeat:
+        return _unknown(response, f"{reason}; --check repeats the run") if carrying is not None else response
     if reason:
         response = replace(response, notes=(*response.notes, f"the error comes from repetitions of the run: {reason}"))
     return checked(case, steps, response)

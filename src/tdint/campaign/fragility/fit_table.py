@@ -94,16 +94,26 @@ def fit_table(source: str, request: FragilityRequest | None = None) -> Fragility
     if request.fit is not None and request.fit not in FITS:
         raise UsageError(f"the fit must be one of {', '.join(FITS)}, got {request.fit!r}")
     table = read_table(_file(source, request.fit), NEEDS)
-    for kind in (_STRIPES, _CAPACITIES, _CLOUD, _OF_RUNS):
-        if table.has(*kind.columns):
-            break
-    else:
-        raise ModelError(f"{table.source}:1: {NEEDS}; there are {', '.join(table.header)[:200]}")
-    if request.fit is not None and request.fit not in kind.fits:
-        raise UsageError(f"{table.source}: this table is for --fit {' or '.join(kind.fits)}, not {request.fit}")
+    kind = _kind_of(table, request.fit)
     result = kind.fit(table, request)
     functions = [replace(one, beta_model=request.beta_model) for one in result.functions]
     return replace(result, functions=tuple(functions))
+
+
+def _kind_of(table: CsvTable, fit: str | None) -> _Kind:
+    """The kind of a table by its columns; the fit decides where they are those of several."""
+    kinds = [kind for kind in (_STRIPES, _CAPACITIES, _CLOUD, _OF_RUNS) if table.has(*kind.columns)]
+    if not kinds:
+        raise ModelError(f"{table.source}:1: {NEEDS}; there are {', '.join(table.header)[:200]}")
+    suited = [kind for kind in kinds if fit is None or fit in kind.fits]
+    if not suited:
+        known = " or ".join(dict.fromkeys(one for kind in kinds for one in kind.fits))
+        raise UsageError(f"{table.source}: this table is for --fit {known}, not {fit}")
+    if len(suited) > 1:
+        both = " and of ".join(",".join(kind.columns) for kind in suited)
+        fits = " or ".join(f"--fit {kind.fits[0]}" for kind in suited)
+        raise UsageError(f"{table.source}:1: this is a table of {both}; say which is meant by {fits}")
+    return suited[0]
 
 
 def _file(source: str, fit: str | None) -> str:

@@ -21,7 +21,7 @@ from tdint.errors import RecordError, UsageError
 from tdint.units import STANDARD_GRAVITY, Units, parse_units
 
 _CURES = (
-    'give the value of one count as units ("2.38e-6 m/s^2") or the instrument\'s StationXML file as inventory, '
+    "give the value of one count (`units=2.38e-6 m/s^2`) or the instrument's StationXML file as `inventory`, "
     "which removes its response"
 )
 _DIFFERENCES = "frequencies above a tenth of the sampling rate come out too small"
@@ -230,7 +230,7 @@ _LARGEST = 3.0 * STANDARD_GRAVITY
 
 _NEAR = 0.05
 _GRAVITIES = {1.0: "gravity in g", STANDARD_GRAVITY: "gravity"}
-_CURE = "say what the samples are with units, such as g, cm/s^2 or m/s^2"
+_CURE = "say what the samples are with `units=g`, cm/s^2 or m/s^2"
 
 
 def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]:

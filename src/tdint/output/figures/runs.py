@@ -35,6 +35,7 @@ Array = NDArray[np.float64]
 
 _NEAR = 0.4  # the collapse drift is shown where the peak reaches this part of it
 _SEEN = 0.002  # estimated errors are shown where one reaches this part of the largest peak
+_WIDE = 0.01  # the band of the error is drawn where it reaches this part of the largest displacement
 _VISIBLE = 0.05  # the drift at the end is shown where it reaches this part of the peak
 _APART = 8.0  # the first story's drift over the largest of all others, from which it is that of an isolator
 _NAMED = 3  # shocks whose records the title names
@@ -107,6 +108,12 @@ def _mark_shocks(panels: Sequence[Any], response: Response) -> None:
 def _draw_roof(axes: Any, history: History, units: OutputUnits) -> None:
     roof, unit = units.of(history.displacement[:, -1], "m"), units.label("m")
     axes.plot(history.time, roof, color=INK, linewidth=1.0)
+    if history.error is not None:
+        error = np.abs(units.of(history.error.displacement[:, -1], "m"))
+        if np.any(error > _WIDE * np.max(np.abs(roof))):
+            band = {"color": MARK, "alpha": 0.35, "linewidth": 0.0, "label": "estimated error"}
+            axes.fill_between(history.time, roof - error, roof + error, **band)
+            axes.legend(loc="lower right", fontsize=7.0, handlelength=1.6)
     axes.set_ylabel(f"roof displacement\n({unit})")
     axes.tick_params(labelbottom=False)
     axes.set_xlim(history.time[0], history.time[-1])

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.run.outcome import ENERGY_TERMS, History
+from tdint.analysis.run.outcome import ENERGY_TERMS, ErrorHistory, History
 from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
 from tdint.output.tables.table import FLOOR, METHOD_SPEC, PERIOD, Cell, Column, Table, describe, error_columns, rows_of
 from tdint.output_units import SI, OutputUnits
@@ -46,6 +46,16 @@ HISTORY_ENERGY = (
     *(Column(f"energy_{name}_J", "J", f"energy.{name}", meaning) for name, meaning in ENERGY_TERMS.items()),
     Column("energy_error", "1", "energy.error", "imbalance over the largest input energy of the run"),
 )
+
+HISTORY_FLOOR_ERROR, HISTORY_STORY_ERROR = (
+    tuple(
+        Column(f"{one.column}_error", one.unit, f"error.{one.name}", one.meaning)
+        for one in quantities(ErrorHistory)
+        if one.shown == (place,)
+    )
+    for place in ("floor", "story")
+)
+"""Behind all others, of a run that has carried its error along."""
 
 CYCLIC = (
     Column("story", "1", "story", "story, from 1 at the ground"),
@@ -202,35 +212,33 @@ def mode_table(modes: Modes, damping: Array | None) -> Table:
     return Table.of_results((*MODE, mode_damping(ratios), *MODE_END), [modes])
 
 
-def history_columns(stories: int) -> tuple[Column, ...]:
-    """Columns of a history."""
-    places = range(1, stories + 1)
-    return (
-        *HISTORY_START,
-        *(replace(column, name=f"floor_{i}_{column.name}") for i in places for column in HISTORY_FLOOR),
-        *(replace(column, name=f"story_{i}_{column.name}") for i in places for column in HISTORY_STORY),
-        *HISTORY_ENERGY,
-    )
+def history_groups(error: bool) -> tuple[tuple[str, tuple[Column, ...]], ...]:
+    """The columns of a history by what each of them is there for: every floor, every story, or nothing."""
+    errors = (("floor", HISTORY_FLOOR_ERROR), ("story", HISTORY_STORY_ERROR)) if error else ()
+    return ("", HISTORY_START), ("floor", HISTORY_FLOOR), ("story", HISTORY_STORY), ("", HISTORY_ENERGY), *errors
+
+
+def history_columns(stories: int, error: bool = False) -> tuple[Column, ...]:
+    """Columns of a history; at the end those of its error, if it has one."""
+    found: list[Column] = []
+    for place, columns in history_groups(error):
+        heads = [f"{place}_{i}_" for i in range(1, stories + 1)] if place else [""]
+        found += (replace(column, name=head + column.name) for head in heads for column in columns)
+    return tuple(found)
 
 
 def write_history(history: History, stream: BinaryIO, units: OutputUnits = SI) -> None:
     """Write a history as CSV, one row per step; some hundred rows are held as text at a time."""
-    header = [units.column(one.name, one.unit) for one in history_columns(history.displacement.shape[1])]
+    error = history.error is not None
+    header = [units.column(one.name, one.unit) for one in history_columns(history.displacement.shape[1], error)]
     stream.write((",".join(name for name, _ in header) + "\n").encode())
     factors = None if units == SI else np.array([factor for _, factor in header])
     line = ",".join(["%.12g"] * len(header)) + "\n"
-    declared = (HISTORY_START, HISTORY_FLOOR, HISTORY_STORY, HISTORY_ENERGY)
-    start, floors, springs, energies = ([column.of(history) for column in group] for group in declared)
+    groups = [[column.of(history) for column in columns] for _, columns in history_groups(error)]
     for first in range(0, len(history.time), _ROWS_AT_ONCE):
         part = slice(first, first + _ROWS_AT_ONCE)
-        groups = [np.stack([values[part] for values in group], axis=2) for group in (floors, springs)]
-        table = np.column_stack(
-            [
-                *(values[part] for values in start),
-                *(group.reshape(len(group), -1) for group in groups),
-                *(values[part] for values in energies),
-            ]
-        )
+        blocks = (np.stack([values[part] for values in group], axis=-1) for group in groups)
+        table = np.hstack([block.reshape(len(block), -1) for block in blocks])
         if factors is not None:
             table /= factors
         table += 0.0  # zero has no sign
