@@ -57,7 +57,7 @@ def test_what_no_library_has_is_refused(monkeypatch, objects):
     with pytest.raises(ValueError, match=r"weighed for x86-64-v2 on win32: exp$"):
         module.check(code, {"kernel": "weighed", "target": target.text, "platform": target.platform})
     monkeypatch.setattr(module, "NEAR", {"AMD64_ADDR64"})
-    with pytest.raises(ValueError, match="exp, AMD64_ADDR64$"):
+    with pytest.raises(ValueError, match=r"exp, AMD64_ADDR64$"):
         module.check(code, {"kernel": "weighed", "target": target.text, "platform": target.platform})
 
 
