@@ -26,7 +26,8 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     config = session.config
     files = {name.partition("::")[0] for name in config.args}
     alone = len(files) == 1 and Path(*files).suffix == ".py"
-    if alone or config.option.collectonly or hasattr(config, "workerinput"):
+    written_ones = os.environ["TDINT_KERNELS"] == "python"
+    if alone or written_ones or config.option.collectonly or hasattr(config, "workerinput"):
         return
     from tdint.analysis.run.compilation import of_everything
     from tdint.kernels.building.ahead import compile_ahead

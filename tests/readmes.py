@@ -210,6 +210,8 @@ def column_tables():
         "runs.csv of tdint campaign": campaign.RUNS,
         "stories.csv of tdint campaign": campaign.STORIES,
         "profiles.csv of tdint campaign": campaign.PROFILES,
+        "ratios.csv of tdint campaign": campaign.RATIOS,
+        "floor-spectra-mean.csv of tdint campaign": campaign.FLOOR_SUITES,
         "tdint scale": studies.FACTORS,
         "tdint ida": studies.CAPACITIES,
         "ida.csv of tdint ida": studies.IDA,

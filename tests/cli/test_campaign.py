@@ -405,7 +405,7 @@ def test_run_with_several_records_or_scales(study: Path, tdint: Run) -> None:
     assert other.exit_code == 2
     assert tdint("run", "shaken.yaml", "--scale", "1,3", "--units", "m/s^2", "-o", "out", "--overwrite").exit_code == 0
     assert len(rows("out/runs.csv")) == 2
-    for option in (["--history"], ["--check"], ["--floor-spectra", "1"]):
+    for option in (["--history"], ["--check"], ["--export-floors", "mseed", "-o", "out"]):
         refused = tdint("run", "shaken.yaml", "--scale", "1,3", *option, "-o", "new")
         assert (refused.exit_code, "for one record and one scale" in refused.stderr) == (2, True), refused.stderr
 

@@ -108,7 +108,8 @@ def test_the_rule_of_ec8_over_the_periods_of_a_building(folder, tdint):
     (modes,) = [one for one in rows(tdint("modes", building).stdout) if one["mode"] == "1"]
     period = float(modes["period_s"])
     files = ("motion.mseed", "other.mseed")
-    result = tdint("scale", *files, *UNITS, *EC8, "--rule", "ec8", "--building", building, "-o", "f.csv", "--plot")
+    outputs = ("-o", "f.csv", "--plot", "--spectra", "s.csv")
+    result = tdint("scale", *files, *UNITS, *EC8, "--rule", "ec8", "--building", building, *outputs)
     assert result.exit_code == 0, result.output
     settings = json.loads((folder / "f.json").read_text())["settings"]
     first, last, count = settings["periods_s"]
@@ -127,6 +128,15 @@ def test_the_rule_of_ec8_over_the_periods_of_a_building(folder, tdint):
     assert zero >= 1.0 - 1e-9
     assert min(min(ratios) / 0.9, zero) == pytest.approx(1.0)  # raised no further than needed
     assert settings["least_average_over_target"] == pytest.approx(min(ratios))
+    written = rows((folder / "s.csv").read_text())
+    curves = [row["curve"] for row in written]
+    assert curves == ["scaled"] * 300 + ["mean"] * 100 + ["target"] * 100
+    psa = [float(row["psa_m_s2"]) for row in written]
+    for i, factor in enumerate(factors):
+        own = [factor * float(row["psa_m_s2"]) for row in spectra[100 * i : 100 * (i + 1)]]
+        assert psa[100 * i : 100 * (i + 1)] == pytest.approx(own, rel=1e-9)
+    assert psa[300:400] == pytest.approx([ratio * value for ratio, value in zip(ratios, aim, strict=True)], rel=1e-9)
+    assert psa[400:] == pytest.approx(aim, rel=1e-9)
 
 
 def test_factors_that_are_too_large_are_told_or_refused(folder, tdint):

@@ -39,6 +39,8 @@ COMMANDS = {
     "runs.csv of tdint campaign": "{folder}/campaign.yaml",
     "stories.csv of tdint campaign": "{folder}/campaign.yaml",
     "profiles.csv of tdint campaign": "{folder}/campaign.yaml",
+    "ratios.csv of tdint campaign": "{folder}/campaign.yaml --baseline frame",
+    "floor-spectra-mean.csv of tdint campaign": "{folder}/campaign.yaml --floor-spectra roof",
     "tdint scale": "records/firm-soil.mseed --pga 0.4g",
     "tdint ida": f"{FRAME} records/firm-soil.mseed --component HN1 --max-im 1.2m/s^2",
     "ida.csv of tdint ida": f"{FRAME} records/firm-soil.mseed --component HN1 --max-im 1.2m/s^2",
@@ -68,9 +70,11 @@ def test_columns(name, monkeypatch, tmp_path):
     motion = f"{{file: {readmes.ROOT / 'records' / 'firm-soil.mseed'}, component: HN1}}"
     (tmp_path / "recorded.yaml").write_text(f"base: {motion}\nfloors: {{1: {motion}}}\n")
     (tmp_path / "frame.yaml").write_text("{stories: [{mass: 1, stiffness: 400}], damping: {modal: 0.05}}")
+    (tmp_path / "other.yaml").write_text("{stories: [{mass: 1, stiffness: 500}], damping: {modal: 0.05}}")
     (tmp_path / "published.csv").write_text("period_s,psa_g\n1,0.1\n2,0.1\n")
     (tmp_path / "campaign.yaml").write_text(
-        f"buildings: {{models: [frame.yaml]}}\nrecords: {{files: [{readmes.ROOT / 'records' / 'firm-soil.mseed'}]}}\n"
+        f"buildings: {{models: [frame.yaml, other.yaml]}}\n"
+        f"records: {{files: [{readmes.ROOT / 'records' / 'firm-soil.mseed'}]}}\n"
         "analysis: {method: newmark-average}\noutputs: {stories: true}\n"
     )
     file, _, command = name.rpartition("tdint ")

@@ -12,6 +12,7 @@ from tdint.errors import AnalysisError, TdintError, UsageError
 from tdint_cli import options
 from tdint_cli.options.output import check_picture
 from tdint_cli.options.plot import BESIDE
+from tdint_cli.options.spectra import FloorRequest
 from tdint_cli.options.values import Ratio
 from tdint_cli.terminal.streams import say, warn
 
@@ -19,11 +20,12 @@ if TYPE_CHECKING:
     from tdint.campaign.profiles import Profile
     from tdint.campaign.store.store import Store
     from tdint.files import Writer
+    from tdint.output.tables.table import Table
     from tdint.output_units import OutputUnits
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-PROFILES, PICTURE = "profiles.csv", "profiles.png"
+PROFILES, PICTURE, RATIOS = "profiles.csv", "profiles.png", "ratios.csv"
 """In the folder of -o."""
 
 
@@ -50,12 +52,15 @@ def drift_limit(*names: str) -> Callable[[Function], Function]:
 @dataclass(frozen=True)
 class SuiteRequest:
     """What a command line asks of a suite: units of tables and pictures (None: those of the models), a picture of the
-    profiles, a limit of drifts."""
+    profiles, a limit of drifts, a baseline, spectra of floors, and in how many threads."""
 
     units: OutputUnits | None = None
     plot: str | None = None
     limit: float | None = None
     require: bool = False
+    baseline: str | None = None
+    of_floors: FloorRequest | None = None
+    jobs: int | None = None
 
     def picture(self, folder: Path | None) -> Path | None:
         """The file of the picture, if one is asked for.
@@ -96,6 +101,20 @@ class Profiles:
 
         return lambda stream: write_profiles(self.store, stream, self.units)
 
+    def ratios(self, *, stories: bool) -> Table:
+        """The buildings over the baseline.
+
+        Raises
+        ------
+        UsageError
+            There is no such building.
+        """
+        from tdint.campaign.profiles import ratios
+        from tdint.output.tables.campaign import ratio_table
+
+        self._need("--baseline")
+        return ratio_table(self.store, ratios(self.found, self.request.baseline or ""), stories=stories)
+
     def draw(self, file: Path) -> Writer:
         """What draws the picture.
 
@@ -130,7 +149,7 @@ class Profiles:
             lost = {"collapsed": one.collapsed, "failed": one.failed}
             told = " and ".join(f"{count} {what}" for what, count in lost.items() if count)
             if told:
-                means = f"the means are those of the {len(one.motions)} others"
+                means = f"the means are those of the {len(one.motions)} others" if one.motions else "there is no mean"
                 warn(f"{_name(one, self.found) or one.building}: of {one.runs} motions {told}; {means}")
         if limit is None:
             return []

@@ -79,6 +79,10 @@ class Story:
         Viscous damper between the floors, N s/m, zero or positive.
     power_dashpot : PowerDashpot or None
         Power-law damper between the floors.
+    isolator : bool
+        Whether its drift is a displacement by design, and no drift ratio; its height serves P-delta alone.
+    rayleigh : bool
+        Whether Rayleigh damping reaches it.
     """
 
     mass: float
@@ -87,6 +91,13 @@ class Story:
     law: Law
     dashpot: float
     power_dashpot: PowerDashpot | None = None
+    isolator: bool = False
+    rayleigh: bool = True
+
+    @property
+    def drift_height(self) -> float | None:
+        """The height that its drift is taken over, m; None where it has none, or isolates."""
+        return None if self.isolator else self.height
 
 
 @dataclass(frozen=True)

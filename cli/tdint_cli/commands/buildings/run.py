@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +18,7 @@ from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.options.building import BuildingRequest, check_motion, with_motion
 from tdint_cli.options.output import check_picture
 from tdint_cli.options.plot import BESIDE, picture_file
-from tdint_cli.options.spectra import MOTIONS, SPECTRA, FloorRequest
+from tdint_cli.options.spectra import MOTIONS, SPECTRA, SPECTRA_PICTURE, FloorRequest
 from tdint_cli.options.values import FileName, Number, Ratio
 from tdint_cli.terminal.drawing import emit_table
 from tdint_cli.terminal.streams import complain, note, say, warn
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from tdint.output_units import OutputUnits
 
 STORIES, HISTORY, PICTURE, SUMMARY = "stories.csv", "history.csv", "response.png", "summary.json"
-ALL_FILES = (STORIES, HISTORY, SPECTRA, MOTIONS, PICTURE, SUMMARY)
+ALL_FILES = (STORIES, HISTORY, SPECTRA, SPECTRA_PICTURE, MOTIONS, PICTURE, SUMMARY)
 """The files of a run. The summary is written last: where it says `done`, all is there."""
 
 
@@ -76,8 +76,9 @@ class Request(BuildingRequest):
                 raise UsageError(f"--{name.replace('_', '-')} is for one record and one scale; call it once for each")
         if self.every > 1:
             raise UsageError("--every is for one record and one scale; call it once for each")
-        if self.of_floors:
-            raise UsageError("--floor-spectra and --export-floors are for one record and one scale")
+        if self.of_floors.export:
+            raise UsageError("--export-floors is for one record and one scale; call it once for each")
+        self.of_floors.check(self.output)
 
 
 @options.command("run")
@@ -175,12 +176,11 @@ def command(record: str | None, records: tuple[str, ...], **given: Any) -> None:
     if record is not None and records:
         raise UsageError(f"--record {record} and {records[0]} are given; leave one of them out")
     named = (record,) if record is not None else records
-    names = {"floors": "floor_spectra", "export": "export_floors"}
-    wanted = {field.name: given.pop(names.get(field.name, field.name)) for field in fields(FloorRequest)}
+    of_floors = FloorRequest.taken_from(given)
     shocks = named if given["sequence"] else ()
     if not shocks:
         given["scale"] = tuple(dict.fromkeys(given["scale"] or ())) or None
-    request = Request(**given, record=named[0] if named else None, of_floors=FloorRequest(**wanted), shocks=shocks)
+    request = Request(**given, record=named[0] if named else None, of_floors=of_floors, shocks=shocks)
     if request.check is False and request.tolerance is not None:
         raise UsageError("--tolerance estimates the errors that --no-check leaves out; leave one of the two out")
     if request.sequence:
@@ -206,7 +206,10 @@ def _run_many(request: Request, records: tuple[str, ...]) -> None:
     run_many(
         request, records, wishes=wishes, output=request.output, overwrite=request.overwrite,
         jobs=request.jobs, factors=request.factors,
-        of_suite=SuiteRequest(request.output_units, request.plot, request.drift_limit, request.require),
+        of_suite=SuiteRequest(
+            request.output_units, request.plot, request.drift_limit, request.require,
+            of_floors=request.of_floors, jobs=request.jobs,
+        ),
     )  # fmt: skip
 
 
@@ -379,7 +382,7 @@ def _files(request: Request, response: Response, case: Case, inputs: list[Input]
         kept = history if request.check else replace(history, error=None)
         files[file] = lambda stream: write_history(kept.every(request.every), stream, units)
     if request.output:
-        of_floors, notes = request.of_floors.files(response, Path(request.output), units)
+        of_floors, notes = request.of_floors.files(response, Path(request.output), units, plot=request.plot is not None)
         files |= of_floors
         for text in notes:
             note(text)
@@ -448,7 +451,7 @@ def _paragraph(response: Response, units: OutputUnits) -> str:
     if found.drift_ratio.place is not None:
         ratio = f"drift ratio {found.drift_ratio.value:.4g} in story {found.drift_ratio.place}"
         # Where a story has no height, its drift is not among the ratios.
-        worst = ratio if all(story.height for story in response.model.stories) else f"{ratio}, {worst}"
+        worst = ratio if all(story.drift_height for story in response.model.stories) else f"{ratio}, {worst}"
     viscous = ""
     if any(story.dashpot or story.power_dashpot for story in response.model.stories):
         viscous = f" ({units.text(found.total_base_shear.value, 'N')} with viscous forces)"

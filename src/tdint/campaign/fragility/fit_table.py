@@ -248,9 +248,13 @@ def _stripes(runs: _Runs, over: NDArray[np.bool_], taken: NDArray[np.bool_]) -> 
 
 
 def _cloud(
-    table: CsvTable, request: FragilityRequest, im: Array, edp: Array, censored: NDArray[np.bool_],
+    table: CsvTable,
+    request: FragilityRequest,
+    im: Array,
+    edp: Array,
+    censored: NDArray[np.bool_],
     names: tuple[str, str] | None = None,
-) -> FragilityResult:  # fmt: skip
+) -> FragilityResult:
     _check_thresholds(table, request)
     low, high = request.edp_range
     kept = edp >= low
@@ -290,9 +294,12 @@ def _by_threshold(
 
 
 def _attempt(
-    functions: list[Fragility], failures: list[AnalysisError], threshold: float, names: tuple[str, str],
+    functions: list[Fragility],
+    failures: list[AnalysisError],
+    threshold: float,
+    names: tuple[str, str],
     fit: Callable[[], Fragility],
-) -> None:  # fmt: skip
+) -> None:
     try:
         functions.append(fit().named(threshold, *names))
     except AnalysisError as error:

@@ -305,7 +305,9 @@ def _prepared(model: Model, settings: IdaSettings, method: str | None) -> tuple[
             )
     if not settings.max_im > 0.0:
         raise UsageError(f"the largest intensity must be positive, got {settings.max_im:g}")
-    without = [i for i, story in enumerate(model.stories, start=1) if story.height is None]
+    without = [i for i, story in enumerate(model.stories, start=1) if story.height is None and not story.isolator]
+    if all(story.isolator for story in model.stories):
+        without = [1]
     if without:
         raise ModelError(
             f"{model.source}: an incremental dynamic analysis needs drift ratios: give story {without[0]} a height"
@@ -317,8 +319,10 @@ def _prepared(model: Model, settings: IdaSettings, method: str | None) -> tuple[
 def _elastic_scale(building: Building, record: Record, collapse_drift: float) -> float:
     """The factor on a record with which its first mode alone, if it stayed linear, would not yet yield."""
     omega, shape = building.vibration.first
-    ratios = float(shape @ building.mass) * np.abs(np.diff(shape, prepend=0.0)) / building.heights
-    yielding = building.yield_drift / building.heights
+    tall = np.isfinite(building.heights)  # an isolator has no drift ratio
+    heights = building.heights[tall]
+    ratios = float(shape @ building.mass) * np.abs(np.diff(shape, prepend=0.0))[tall] / heights
+    yielding = building.yield_drift[tall] / heights
     limits = np.where(np.isfinite(yielding), yielding * _BEFORE_YIELDING, math.inf)
     limits = np.minimum(limits, _ELASTIC * collapse_drift)
     spectral = sa(2.0 * math.pi / omega).of(record) / omega**2

@@ -5,18 +5,36 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from itertools import islice
 from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
 
 from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
 from tdint.campaign.engine.rows import HIDDEN, RUN
 from tdint.output.tables.buildings import STORY
-from tdint.output.tables.table import METHOD_SPEC, OF_NAMED_RECORD, TEXT, Cell, Column, Table, cell_text, names
+from tdint.output.tables.spectra import OF_FLOORS, SPECTRUM
+from tdint.output.tables.table import (
+    DAMPING,
+    FLOOR,
+    METHOD_SPEC,
+    OF_NAMED_RECORD,
+    PERIOD,
+    TEXT,
+    Cell,
+    Column,
+    Table,
+    cell_text,
+    names,
+    rows_of,
+)
 from tdint.output_units import SI, OutputUnits
 
 if TYPE_CHECKING:
-    from tdint.campaign.profiles import Profile
+    from tdint.campaign.floor_suites import FloorSuite, RunFloors
+    from tdint.campaign.profiles import Profile, Ratios
     from tdint.campaign.store.store import Store
 
 OF_BUILDING = (
@@ -44,6 +62,11 @@ LEVEL = Column(
     "level",
     "value of the intensity measure, SI units, or number of each motion's own factors, from the smallest",
 )
+COUNTS = (
+    Column("runs", "1", "runs", "motions; a pair is one"),
+    Column("collapsed", "1", "collapsed", "motions under which the building collapsed: in no number before"),
+    Column("failed", "1", "failed", "motions whose run has no result: in no number before"),
+)
 PROFILES = (
     OF_BUILDING[0],
     Column("scale", "1", "scale", "factor on the ground acceleration; empty where each motion has its own"),
@@ -55,11 +78,32 @@ PROFILES = (
     Column("p16", "1", "p16", "value that 16 % of them do not exceed"),
     Column("p84", "1", "p84", "value that 84 % of them do not exceed"),
     Column("max", "1", "max", "the largest of them"),
-    Column("runs", "1", "runs", "motions; a pair is one"),
-    Column("collapsed", "1", "collapsed", "motions under which the building collapsed: in no number before"),
-    Column("failed", "1", "failed", "motions whose run has no result: in no number before"),
+    *COUNTS,
 )
 """Of profiles.csv."""
+
+FLOOR_RUNS = (*OF_BUILDING, FLOOR, *SPECTRUM)
+"""Of floor-spectra.csv of several runs."""
+
+FLOOR_SUITES = (*PROFILES[:2], FLOOR, DAMPING, PERIOD, *OF_FLOORS, *COUNTS)
+"""Of floor-spectra-mean.csv."""
+
+RATIOS = (
+    OF_BUILDING[0],
+    Column("baseline", "text", "baseline", "the building that it is compared with"),
+    PROFILES[1],
+    Column("quantity", "text", lambda one: one.quantity.called or one.quantity.name, PROFILES[2].meaning),
+    Column(
+        "story",
+        "1",
+        lambda one: np.array([None, *range(1, one.mean.size)], dtype=object),
+        "story, or the floor above it; empty for the largest of all stories",
+    ),
+    Column("mean_ratio", "1", "mean", "mean over the motions, over that of the baseline"),
+    Column("median_ratio", "1", "median", "the same of the median"),
+    Column("max_ratio", "1", "max", "the same of the largest of any motion"),
+)
+"""Of ratios.csv."""
 
 STATUS = (
     Column("status", "text", "status", "how runs ended; left: not done yet"),
@@ -125,6 +169,38 @@ def write_profiles(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> N
 
     columns = [*PROFILES[:2], *((LEVEL,) if has_levels(store) else ()), *PROFILES[2:]]
     write_rows(columns, profile_rows(profiles(store), units), stream)
+
+
+def ratio_table(store: Store, found: Sequence[Ratios], *, stories: bool) -> Table:
+    """Buildings over a baseline: of the largest value of all stories, and with `stories` of each story, too."""
+    from tdint.campaign.profiles import has_levels
+
+    level = (LEVEL,) if has_levels(store) else ()
+    table = Table.of_results((*RATIOS[:3], *level, *RATIOS[3:]), found)
+    place = table.columns.index("story")
+    return table if stories else replace(table, rows=[row for row in table.rows if row[place] is None])
+
+
+def run_floor_table(store: Store, found: Sequence[RunFloors]) -> Table:
+    """The spectra of the floors of every run: a row per run, floor, damping ratio and period."""
+    drawn = store.count("sample > 0") > 0
+    split = len(OF_BUILDING)
+    columns = (*FLOOR_RUNS[:split], *((SAMPLE,) if drawn else ()), *FLOOR_RUNS[split:])
+    buildings, records = store.buildings(), store.records()
+    rows: list[tuple[Cell, ...]] = []
+    for one in found:
+        name, component, _ = records[one.run.record]
+        head = (buildings[one.building][0], name, component, one.run.scale, *((one.run.sample,) if drawn else ()))
+        rows += [(*head, of.floor, *row) for of in one.spectra for row in rows_of(SPECTRUM, of.spectrum)]
+    return Table.of(columns, rows)
+
+
+def floor_suite_table(store: Store, suites: Sequence[FloorSuite]) -> Table:
+    """Mean and envelope of them over the motions: a row per building, level, floor, damping ratio and period."""
+    from tdint.campaign.profiles import has_levels
+
+    level = (LEVEL,) if has_levels(store) else ()
+    return Table.of_results((*FLOOR_SUITES[:2], *level, *FLOOR_SUITES[2:]), suites)
 
 
 def write_rows(columns: Iterable[Column], rows: Iterable[list[Any]], stream: BinaryIO, units: OutputUnits = SI) -> None:

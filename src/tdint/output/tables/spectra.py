@@ -215,6 +215,13 @@ def drift_spectrum_table(spectra: Sequence[DriftSpectrum]) -> Table:
     return record_table(DRIFT_SPECTRUM, spectra)
 
 
+OF_FLOORS = (
+    Column("mean_psa_m_s2", "m/s^2", "mean", "mean pseudo-acceleration of the motions; of a pair the larger component"),
+    Column("max_psa_m_s2", "m/s^2", "envelope", "the largest of any motion"),
+)
+"""Of a floor's spectra over the motions of a suite, after floor, damping and period."""
+
+
 def floor_spectrum_table(spectra: Sequence[FloorSpectrum]) -> Table:
     """A row per floor, damping ratio and period, in the order given."""
     rows = [(one.floor, *row) for one in spectra for row in rows_of(SPECTRUM, one.spectrum)]

@@ -14,9 +14,17 @@ from tdint.campaign.ida.study import IdaStudy
 from tdint.campaign.suites.scaling import Scaling
 from tdint.campaign.suites.suite import components
 from tdint.ground_motion.record import component_names
-from tdint.output.tables.table import OF_NAMED_RECORD, OF_RECORD, Column, Table, rows_of
+from tdint.output.tables.table import OF_NAMED_RECORD, OF_RECORD, PERIOD, Cell, Column, Table, rows_of
 
 FACTORS = (*OF_RECORD, Column("factor", "1", "factor", "factor on the record, the same for both components of a pair"))
+
+SCALED = (
+    Column("curve", "text", "curve", "`scaled`: a motion times its factor; `mean` of all of these; `target`"),
+    *OF_NAMED_RECORD,
+    PERIOD,
+    Column("psa_m_s2", "m/s^2", "psa", "pseudo-acceleration"),
+)
+"""Of the spectra of a scaled suite."""
 
 _RECORD = (
     *OF_NAMED_RECORD,
@@ -126,6 +134,24 @@ def factor_table(scaling: Scaling) -> Table:
     ]
     rows = zip((record.source for record in records), component_names(records), map(float, factors), strict=True)
     return Table.of(FACTORS, list(rows))
+
+
+def scaled_table(scaling: Scaling) -> Table:
+    """The spectra of a suite as it is scaled, their mean and the target, at the periods where it was compared."""
+    target, periods = scaling.target, scaling.periods
+    if target is None or periods is None:
+        raise ValueError("a suite that was scaled to a value has no target to stand beside")
+    spectra = scaling.spectra(periods)
+    curves = [
+        ("scaled", motion.source, motion.component, psa) for motion, psa in zip(scaling.motions, spectra, strict=True)
+    ]
+    curves += [("mean", "", "", np.mean(spectra, axis=0)), ("target", "", "", target.at(periods))]
+    rows: list[tuple[Cell, ...]] = [
+        (curve, source, component, period, value)
+        for curve, source, component, psa in curves
+        for period, value in zip(periods.tolist(), psa.tolist(), strict=True)
+    ]
+    return Table.of(SCALED, rows)
 
 
 @dataclass(frozen=True)
