@@ -17,6 +17,7 @@ TARGETS = ("native", *_HERE, *(f"{system}-{one}" for system in _SYSTEMS for one 
 
 
 @options.command("compile")
+@options.analysis.plugin
 @click.argument("models", metavar="[MODEL.yaml]...", nargs=-1)
 @options.headings.option("--all", "everything", is_flag=True, help="Compile all that there is, for any building.")
 @options.headings.option(
