@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from tdint.errors import AnalysisError
+from tdint.kernels.building.sources import size
 from tdint.kernels.building.target import Target, named, native
 from tdint.kernels.building.variant import Variant
 from tdint.system import processors
@@ -131,7 +132,7 @@ def compilations(
 
 
 def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, list[bytes]]]:
-    """Run as many processes side by side as there are processors; each one's objects as it is done.
+    """Run as many processes side by side as there are processors, the longest first; each one's objects as it is done.
 
     Raises
     ------
@@ -141,9 +142,10 @@ def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, 
     if compilations and importlib.util.find_spec("numba") is None:
         names = ", ".join(dict.fromkeys(one.kernel.name for one in compilations))
         raise AnalysisError(f"{names}: not among the compiled loops that came with tdint; to compile, install numba")
+    longest_first = sorted(compilations, key=lambda one: size(one.kernel.name), reverse=True)
     with ThreadPoolExecutor(processors()) as pool:
         try:
-            running = {pool.submit(one.run): one for one in compilations}
+            running = {pool.submit(one.run): one for one in longest_first}
             for future in as_completed(running):
                 yield running[future], future.result()
         except BaseException:

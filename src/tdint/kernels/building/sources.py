@@ -42,6 +42,11 @@ def digest(kernel: str, laws: tuple[str, ...] = ()) -> str:
     return found.hexdigest()[:12]
 
 
+def size(kernel: str) -> int:
+    """Bytes of the sources of a kernel: the more there are, the longer it compiles."""
+    return sum(file.stat().st_size for file in closure(kernel.partition(":")[0]).values())
+
+
 @cache
 def digest_of_all() -> str:
     """Hash of the sources of all kernels and methods, for what is computed by several of them."""
