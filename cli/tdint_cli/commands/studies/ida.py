@@ -170,7 +170,7 @@ def _ida(request: IdaRequest) -> None:
     from tdint.campaign.ida.study import IdaSettings, ida
     from tdint.model.config.model_file import load_model
     from tdint.output.tables.studies import capacity_table
-    from tdint.processors import processors
+    from tdint.system import processors
     from tdint_cli.errors import Failures
 
     folder = _folder(request)
