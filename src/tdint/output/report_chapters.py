@@ -26,10 +26,24 @@ _MOST_MOTIONS = 60
 """Motions whose spectra are drawn."""
 
 _PERIODS = (0.05, 5.0, 100)
-_OF_STORIES = ("peak_drift", "peak_drift_ratio", "residual_drift", "peak_total_shear", "peak_damper_force", "ductility",
-               "peak_displacement", "peak_absolute_acceleration")  # fmt: skip
-_OF_SUITE = ("peak_drift_ratio", "peak_drift", "residual_drift", "peak_absolute_acceleration", "peak_total_shear",
-             "peak_damper_force")  # fmt: skip
+_OF_STORIES = (
+    "peak_drift",
+    "peak_drift_ratio",
+    "residual_drift",
+    "peak_total_shear",
+    "peak_damper_force",
+    "ductility",
+    "peak_displacement",
+    "peak_absolute_acceleration",
+)
+_OF_SUITE = (
+    "peak_drift_ratio",
+    "peak_drift",
+    "residual_drift",
+    "peak_absolute_acceleration",
+    "peak_total_shear",
+    "peak_damper_force",
+)
 
 
 def run_page(
