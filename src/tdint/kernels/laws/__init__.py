@@ -11,6 +11,7 @@ from tdint.kernels.laws import (
     gap,
     imk,
     linear,
+    multilinear_pinching,
     peak_oriented,
     polynomial,
     tanh,
@@ -27,6 +28,7 @@ LAWS = (
     polynomial.LAW,
     trilinear_pinching.LAW,
     imk.LAW,
+    multilinear_pinching.LAW,
 )
 
 LINEAR = LAWS.index(linear.LAW)
