@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
 
 @options.command("modes")
+@options.analysis.plugin
 @options.building.model
 @options.output.output()
 @options.output.units

@@ -68,6 +68,7 @@ class IdaRequest(RecordsRequest):
 
 
 @options.command("ida")
+@options.analysis.plugin
 @options.building.model
 @options.record.of_records
 @options.studies.option(

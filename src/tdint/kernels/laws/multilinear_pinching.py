@@ -34,12 +34,12 @@ _OF_DRIFT = at.FIRST_PARAMETER + 28
 _OF_STRENGTH = at.FIRST_PARAMETER + 33
 _CAPACITY = at.FIRST_PARAMETER + 38
 
-# Further rows, from the block's first one
+# Extra rows, from the block's first one
 _KNOTS = 0  # drift and force of the three points of the path, on the side it leads to
 _WEAKER = 6  # part of the strength, of the stiffness that was lost at the last turn
 _SOFTER = 7
 _HELD = 8  # losses of stiffness, drift and strength as they were where the ultimate drift was passed
-_FURTHER = 11
+_EXTRA_ROWS = 11
 
 # Kinds of branches, in INTERNAL; negative on the negative side, 0 before the first one
 _ON_PATH = 1.0
@@ -55,7 +55,7 @@ _FLAT = 1e-8  # over the stiffness
 
 def _functions() -> LawFunctions:
     from tdint.kernels.compiling import called, inlined
-    from tdint.kernels.laws.walking import further, walking
+    from tdint.kernels.laws.walking import extra_rows, walking
 
     @inlined
     def of(side, row):
@@ -63,104 +63,108 @@ def _functions() -> LawFunctions:
         return row if side > 0.0 else row + 2
 
     @inlined
-    def drift_of(laws, i, side, point):
-        return laws[(_POINTS if side > 0.0 else _POINTS + _SIDE) + 2 * (point - 1), i]
+    def drift_of(law_parameters, i, side, point):
+        return law_parameters[(_POINTS if side > 0.0 else _POINTS + _SIDE) + 2 * (point - 1), i]
 
     @inlined
-    def force_of(laws, i, side, point):
-        return laws[(_POINTS if side > 0.0 else _POINTS + _SIDE) + 2 * point - 1, i]
+    def force_of(law_parameters, i, side, point):
+        return law_parameters[(_POINTS if side > 0.0 else _POINTS + _SIDE) + 2 * point - 1, i]
 
     @inlined
-    def pinching(laws, i, side, which):
-        return laws[(_PINCHING if side > 0.0 else _PINCHING + _PINCHING_SIDE) + which, i]
+    def pinching(law_parameters, i, side, which):
+        return law_parameters[(_PINCHING if side > 0.0 else _PINCHING + _PINCHING_SIDE) + which, i]
 
     @inlined
-    def stiffness(laws, i, side):
-        return force_of(laws, i, side, 1) / drift_of(laws, i, side, 1)
+    def stiffness(law_parameters, i, side):
+        return force_of(law_parameters, i, side, 1) / drift_of(law_parameters, i, side, 1)
 
     @inlined
-    def last_slope(laws, i, side):
-        rise = force_of(laws, i, side, 4) - force_of(laws, i, side, 3)
-        return max(rise, 0.0) / (drift_of(laws, i, side, 4) - drift_of(laws, i, side, 3))
+    def last_slope(law_parameters, i, side):
+        rise = force_of(law_parameters, i, side, 4) - force_of(law_parameters, i, side, 3)
+        return max(rise, 0.0) / (drift_of(law_parameters, i, side, 4) - drift_of(law_parameters, i, side, 3))
 
     @called
-    def backbone(laws, i, side, drift):
+    def backbone(law_parameters, i, side, drift):
         """Force of the backbone that nothing has weakened."""
         x, y = 0.0, 0.0
         for point in range(1, 5):
-            end, force = drift_of(laws, i, side, point), force_of(laws, i, side, point)
+            end, force = drift_of(law_parameters, i, side, point), force_of(law_parameters, i, side, point)
             if drift <= end:
                 return y + (drift - x) * (force - y) / (end - x)
             x, y = end, force
-        return y + last_slope(laws, i, side) * (drift - x)
+        return y + last_slope(law_parameters, i, side) * (drift - x)
 
     @inlined
-    def area(laws, i, side):
+    def area(law_parameters, i, side):
         """Under the backbone up to its last point."""
         x, y, sum_ = 0.0, 0.0, 0.0
         for point in range(1, 5):
-            end, force = drift_of(laws, i, side, point), force_of(laws, i, side, point)
+            end, force = drift_of(law_parameters, i, side, point), force_of(law_parameters, i, side, point)
             sum_ += 0.5 * (y + force) * (end - x)
             x, y = end, force
         return sum_
 
     @inlined
-    def last_drift(laws, i):
-        return max(drift_of(laws, i, 1.0, 4), drift_of(laws, i, -1.0, 4))
+    def last_drift(law_parameters, i):
+        return max(drift_of(law_parameters, i, 1.0, 4), drift_of(law_parameters, i, -1.0, 4))
 
     @inlined
-    def degrades(laws, i):
-        return laws[_OF_STIFFNESS + 4, i] > 0.0 or laws[_OF_DRIFT + 4, i] > 0.0 or laws[_OF_STRENGTH + 4, i] > 0.0
+    def degrades(law_parameters, i):
+        limits = 0.0
+        for kind in (_OF_STIFFNESS, _OF_DRIFT, _OF_STRENGTH):
+            limits += law_parameters[kind + 4, i]
+        return limits > 0.0
 
     @inlined
-    def loss(laws, i, kind, farthest, spent):
+    def loss(law_parameters, i, kind, farthest, spent):
         """One loss before what bounds it from elsewhere; `spent` is a part of the capacity, negative where elastic."""
-        limit = laws[kind + 4, i]
+        limit = law_parameters[kind + 4, i]
         if limit == 0.0 or spent >= 1.0:
             return limit
-        lost = laws[kind, i] * farthest ** laws[kind + 2, i]
+        lost = law_parameters[kind, i] * farthest ** law_parameters[kind + 2, i]
         if spent > 0.0:
-            lost += laws[kind + 1, i] * spent ** laws[kind + 3, i]
+            lost += law_parameters[kind + 1, i] * spent ** law_parameters[kind + 3, i]
         return min(lost, limit)
 
     @inlined
-    def yielded(laws, springs, i, block):
+    def yielded(law_parameters, springs, i, block):
         side = 1.0 if springs[block + at.INTERNAL, i] > 0.0 else -1.0
         loading = abs(springs[block + at.INTERNAL, i]) == _ON_BACKBONE
-        if loading and side * springs[block + at.DRIFT, i] > drift_of(laws, i, side, 1):
+        if loading and side * springs[block + at.DRIFT, i] > drift_of(law_parameters, i, side, 1):
             return True
-        above = springs[block + at.HIGH_DRIFT, i] > drift_of(laws, i, 1.0, 1)
-        return above or springs[block + at.LOW_DRIFT, i] > drift_of(laws, i, -1.0, 1)
+        above = springs[block + at.HIGH_DRIFT, i] > drift_of(law_parameters, i, 1.0, 1)
+        return above or springs[block + at.LOW_DRIFT, i] > drift_of(law_parameters, i, -1.0, 1)
 
     @called
-    def losses(laws, springs, i, block):
+    def losses(law_parameters, springs, i, block):
         """Losses of stiffness, drift and strength if the story turned here."""
-        first = further(springs, block)
+        first = extra_rows(springs, block)
         drift = springs[block + at.DRIFT, i]
-        if not degrades(laws, i) or not yielded(laws, springs, i, block):
+        if not degrades(law_parameters, i) or not yielded(law_parameters, springs, i, block):
             return 0.0, 0.0, 0.0
-        ultimate = last_drift(laws, i)
+        ultimate = last_drift(law_parameters, i)
         if abs(drift) > ultimate * (1.0 + _HERE):
             return springs[first + _HELD, i], springs[first + _HELD + 1, i], springs[first + _HELD + 2, i]
         force, work = springs[block + at.FORCE, i], springs[block + at.WORK, i]
-        capacity = laws[_CAPACITY, i] * max(area(laws, i, 1.0), area(laws, i, -1.0))
-        k = stiffness(laws, i, 1.0 if drift > 0.0 else -1.0) * (1.0 - springs[first + _SOFTER, i])
+        capacity = law_parameters[_CAPACITY, i] * max(area(law_parameters, i, 1.0), area(law_parameters, i, -1.0))
+        k = stiffness(law_parameters, i, 1.0 if drift > 0.0 else -1.0) * (1.0 - springs[first + _SOFTER, i])
         spent = 2.0 if work >= capacity else (work - 0.5 * force * force / k) / capacity
         secant = 0.0
         for side in (1.0, -1.0):
             far = springs[block + of(side, at.HIGH_DRIFT), i]
-            secant = max(secant, backbone(laws, i, side, far) / far / stiffness(laws, i, side))
+            secant = max(secant, backbone(law_parameters, i, side, far) / far / stiffness(law_parameters, i, side))
         room = max(0.0, 1.0 - secant * (1.0 - springs[first + _WEAKER, i]))
         farthest = max(springs[block + at.HIGH_DRIFT, i], springs[block + at.LOW_DRIFT, i]) / ultimate
         return (
-            min(loss(laws, i, _OF_STIFFNESS, farthest, spent), room),
-            loss(laws, i, _OF_DRIFT, farthest, spent),
-            loss(laws, i, _OF_STRENGTH, farthest, spent),
+            min(loss(law_parameters, i, _OF_STIFFNESS, farthest, spent), room),
+            loss(law_parameters, i, _OF_DRIFT, farthest, spent),
+            loss(law_parameters, i, _OF_STRENGTH, farthest, spent),
         )
 
     @inlined
-    def checked(u, f, b, fb, c, fc, d, fd, lowest, secant):
+    def checked(u, f, knots, lowest, secant):
         """A path that goes back or falls is replaced by the straight line, or by the two lines through the origin."""
+        b, fb, c, fc, d, fd = knots
         if b >= u and c >= b and d >= c and fb >= f and fc >= fb and fd >= fc:
             return b, fb, c, fc, d, fd
         slope = (fd - f) / (d - u)
@@ -169,34 +173,34 @@ def _functions() -> LawFunctions:
         return d, fd, d, fd, d, fd
 
     @inlined
-    def reloading_point(laws, i, side, weak, k, far, force, late):
+    def reloading_point(law_parameters, i, side, weak, k, far, force, late):
         """Where the pinched part of the way to the farthest point ends."""
-        part, unloading = pinching(laws, i, side, 1), pinching(laws, i, side, 2)
-        drift, pinched = pinching(laws, i, side, 0) * far, part * force
+        part, unloading = pinching(law_parameters, i, side, 1), pinching(law_parameters, i, side, 2)
+        drift, pinched = pinching(law_parameters, i, side, 0) * far, part * force
         if part - unloading <= _NO_PINCHING:
-            third = force if late else weak * force_of(laws, i, side, 3)
-            pinched = max(third * unloading, weak * force_of(laws, i, side, 4)) * (1.0 + 1e-6)
+            third = force if late else weak * force_of(law_parameters, i, side, 3)
+            pinched = max(third * unloading, weak * force_of(law_parameters, i, side, 4)) * (1.0 + 1e-6)
         if force - pinched > k * (far - drift) or drift == far:
             drift = far - (force - pinched) / k
         return drift, pinched
 
     @called
-    def path(laws, i, side, u, f, demand, lost):
+    def path(law_parameters, i, side, u, f, demand, lost):
         """The three points of the path from a turn at (u, f), drift and force counted in the sense of the side it leads
         to, whose farthest drift is `demand`; `lost` are the losses that act from here on."""
         weak = 1.0 - lost[2]
-        k = stiffness(laws, i, side) * (1.0 - lost[0])
+        k = stiffness(law_parameters, i, side) * (1.0 - lost[0])
         d = demand * (1.0 + lost[1])
-        fd = weak * backbone(laws, i, side, d)
+        fd = weak * backbone(law_parameters, i, side, d)
         if u * d >= 0.0 or u >= d:
             return d, fd, d, fd, d, fd
-        back = stiffness(laws, i, -side) * (1.0 - lost[0])
+        back = stiffness(law_parameters, i, -side) * (1.0 - lost[0])
         secant = f / u if side > 0.0 else fd / d
-        late = demand > drift_of(laws, i, side, 3)
-        c, fc = reloading_point(laws, i, side, weak, k, d, fd, late)
+        late = demand > drift_of(law_parameters, i, side, 3)
+        c, fc = reloading_point(law_parameters, i, side, weak, k, d, fd, late)
         if c < u:
             return d, fd, d, fd, d, fd
-        fb = pinching(laws, i, side, 2) * weak * force_of(laws, i, side, 4 if late else 3)
+        fb = pinching(law_parameters, i, side, 2) * weak * force_of(law_parameters, i, side, 4 if late else 3)
         b = u + (fb - f) / back
         if b < u:
             b, fb = 0.5 * (u + c), 0.5 * (f + fc)
@@ -212,7 +216,7 @@ def _functions() -> LawFunctions:
                 leave, arrive = (fb - f) / (b - u), (fd - fc) / (d - c)
                 fb, fc = mean - abs(mean) / 100.0, mean + abs(mean) / 100.0
                 b, c = u + (fb - f) / leave, d - (fd - fc) / arrive
-        return checked(u, f, b, fb, c, fc, d, fd, _FLAT * k, secant)
+        return checked(u, f, (b, fb, c, fc, d, fd), _FLAT * k, secant)
 
     @inlined
     def fail(springs, i, block):
@@ -224,12 +228,12 @@ def _functions() -> LawFunctions:
         springs[block + at.LOWER, i] = -math.inf
 
     @called
-    def lead(laws, springs, i, block, side, kind, slope, end):
+    def lead(law_parameters, springs, i, block, side, kind, slope, end):
         """Put the story on a branch that goes up to the drift `end` of a side."""
         drift = side * springs[block + at.DRIFT, i]
-        end = min(end, laws[_ULTIMATE, i])
-        if degrades(laws, i) and drift < last_drift(laws, i) * (1.0 - _HERE):
-            end = min(end, last_drift(laws, i))
+        end = min(end, law_parameters[_ULTIMATE, i])
+        if degrades(law_parameters, i) and drift < last_drift(law_parameters, i) * (1.0 - _HERE):
+            end = min(end, last_drift(law_parameters, i))
         springs[block + at.INTERNAL, i] = side * kind
         springs[block + at.SLOPE, i] = slope
         springs[block + at.TURN, i] = side
@@ -237,23 +241,25 @@ def _functions() -> LawFunctions:
         springs[block + at.LOWER, i] = -end if side < 0.0 else -math.inf
 
     @called
-    def go_along_backbone(laws, springs, i, block, side):
+    def go_along_backbone(law_parameters, springs, i, block, side):
         drift = side * springs[block + at.DRIFT, i]
-        weak = 1.0 - springs[further(springs, block) + _WEAKER, i]
-        springs[block + at.FORCE, i] = side * weak * backbone(laws, i, side, drift)
+        weak = 1.0 - springs[extra_rows(springs, block) + _WEAKER, i]
+        springs[block + at.FORCE, i] = side * weak * backbone(law_parameters, i, side, drift)
         x, y = 0.0, 0.0
         for point in range(1, 5):
-            end, force = drift_of(laws, i, side, point), force_of(laws, i, side, point)
+            end, force = drift_of(law_parameters, i, side, point), force_of(law_parameters, i, side, point)
             if drift < end * (1.0 - _HERE):
-                lead(laws, springs, i, block, side, _ON_BACKBONE, weak * (force - y) / (end - x), end)
+                lead(law_parameters, springs, i, block, side, _ON_BACKBONE, weak * (force - y) / (end - x), end)
                 return
             x, y = end, force
-        lead(laws, springs, i, block, side, _ON_BACKBONE, weak * last_slope(laws, i, side), math.inf)
+        lead(
+            law_parameters, springs, i, block, side, _ON_BACKBONE, weak * last_slope(law_parameters, i, side), math.inf
+        )
 
     @called
-    def go_on(laws, springs, i, block, side):
+    def go_on(law_parameters, springs, i, block, side):
         """Further along the path, or behind it along the backbone."""
-        first = further(springs, block)
+        first = extra_rows(springs, block)
         drift = side * springs[block + at.DRIFT, i]
         force = side * springs[block + at.FORCE, i]
         far = springs[first + _KNOTS + 4, i]
@@ -261,45 +267,45 @@ def _functions() -> LawFunctions:
             end = springs[first + knot, i]
             if drift < end - _HERE * far:
                 slope = (springs[first + knot + 1, i] - force) / (end - drift)
-                lead(laws, springs, i, block, side, _ON_PATH, slope, end)
+                lead(law_parameters, springs, i, block, side, _ON_PATH, slope, end)
                 return
-        go_along_backbone(laws, springs, i, block, side)
+        go_along_backbone(law_parameters, springs, i, block, side)
 
     @called
-    def turn(laws, springs, i, block, side):
+    def turn(law_parameters, springs, i, block, side):
         """Turn towards a side."""
-        first = further(springs, block)
+        first = extra_rows(springs, block)
         drift = springs[block + at.DRIFT, i]
-        lost = losses(laws, springs, i, block)
+        lost = losses(law_parameters, springs, i, block)
         if abs(springs[block + at.INTERNAL, i]) == _ON_BACKBONE:
             left = of(-side, at.HIGH_DRIFT)
             reached = springs[block + left, i] * (1.0 + lost[1])
             springs[block + left, i] = max(reached, -side * drift)
         springs[first + _SOFTER, i], springs[first + _WEAKER, i] = lost[0], lost[2]
         demand = springs[block + of(side, at.HIGH_DRIFT), i]
-        knots = path(laws, i, side, side * drift, side * springs[block + at.FORCE, i], demand, lost)
+        knots = path(law_parameters, i, side, side * drift, side * springs[block + at.FORCE, i], demand, lost)
         for row in range(6):
             springs[first + _KNOTS + row, i] = knots[row]
-        go_on(laws, springs, i, block, side)
+        go_on(law_parameters, springs, i, block, side)
 
     @called
-    def switch(laws, springs, i, block, event):
+    def switch(law_parameters, springs, i, block, event):
         kind = abs(springs[block + at.INTERNAL, i])
         reached = event * springs[block + at.DRIFT, i]
         if event == at.TURNED:
-            turn(laws, springs, i, block, -springs[block + at.TURN, i])
+            turn(law_parameters, springs, i, block, -springs[block + at.TURN, i])
             return
-        if reached >= laws[_ULTIMATE, i] * (1.0 - _HERE):
+        if reached >= law_parameters[_ULTIMATE, i] * (1.0 - _HERE):
             fail(springs, i, block)
             return
-        if degrades(laws, i) and abs(reached / last_drift(laws, i) - 1.0) <= _HERE:
-            held = losses(laws, springs, i, block)
+        if degrades(law_parameters, i) and abs(reached / last_drift(law_parameters, i) - 1.0) <= _HERE:
+            held = losses(law_parameters, springs, i, block)
             for row in range(3):
-                springs[further(springs, block) + _HELD + row, i] = held[row]
+                springs[extra_rows(springs, block) + _HELD + row, i] = held[row]
         if kind == _ON_PATH:
-            go_on(laws, springs, i, block, event)
+            go_on(law_parameters, springs, i, block, event)
         else:
-            go_along_backbone(laws, springs, i, block, event)
+            go_along_backbone(law_parameters, springs, i, block, event)
 
     @inlined
     def until_zero(u, f, knots):
@@ -315,14 +321,14 @@ def _functions() -> LawFunctions:
         return energy
 
     @called
-    def recoverable(laws, springs, i):
+    def recoverable(law_parameters, springs, i):
         """What comes back on the path that a turn here would start, or on the rest of the present one."""
         drift, force = springs[at.DRIFT, i], springs[at.FORCE, i]
         if force == 0.0:
             return 0.0
         if springs[at.INTERNAL, i] == 0.0:
-            return 0.5 * force * force / laws[at.STIFFNESS, i]
-        first = further(springs, 0)
+            return 0.5 * force * force / law_parameters[at.STIFFNESS, i]
+        first = extra_rows(springs, 0)
         side = springs[at.TURN, i]
         if side * force < 0.0:
             row = first + _KNOTS
@@ -331,30 +337,32 @@ def _functions() -> LawFunctions:
         else:
             side = -side
             demand = springs[of(side, at.HIGH_DRIFT), i]
-            knots = path(laws, i, side, side * drift, side * force, demand, losses(laws, springs, i, 0))
+            knots = path(
+                law_parameters, i, side, side * drift, side * force, demand, losses(law_parameters, springs, i, 0)
+            )
         return until_zero(side * drift, side * force, knots)
 
     @inlined
-    def elastic(laws, i):
+    def elastic(law_parameters, i):
         """Whether every path before the first yielding lies on the one straight line."""
-        if abs(stiffness(laws, i, -1.0) / stiffness(laws, i, 1.0) - 1.0) > _EQUAL:
+        if abs(stiffness(law_parameters, i, -1.0) / stiffness(law_parameters, i, 1.0) - 1.0) > _EQUAL:
             return False
         for side in (1.0, -1.0):
-            drift, force = pinching(laws, i, side, 0), pinching(laws, i, side, 1)
-            unloading = pinching(laws, i, side, 2)
+            drift, force = pinching(law_parameters, i, side, 0), pinching(law_parameters, i, side, 1)
+            unloading = pinching(law_parameters, i, side, 2)
             if not (unloading < force - _NO_PINCHING and force <= drift):
                 return False
-            if unloading * force_of(laws, i, side, 3) >= force * force_of(laws, i, side, 1):
+            if unloading * force_of(law_parameters, i, side, 3) >= force * force_of(law_parameters, i, side, 1):
                 return False
         return True
 
     @inlined
-    def enter(laws, springs, i):
-        part = 1.0 if elastic(laws, i) else _AT_REST
-        springs[at.HIGH_DRIFT, i] = drift_of(laws, i, 1.0, 1)
-        springs[at.LOW_DRIFT, i] = drift_of(laws, i, -1.0, 1)
-        springs[at.UPPER, i] = min(part * drift_of(laws, i, 1.0, 1), laws[_ULTIMATE, i])
-        springs[at.LOWER, i] = -min(part * drift_of(laws, i, -1.0, 1), laws[_ULTIMATE, i])
+    def enter(law_parameters, springs, i):
+        part = 1.0 if elastic(law_parameters, i) else _AT_REST
+        springs[at.HIGH_DRIFT, i] = drift_of(law_parameters, i, 1.0, 1)
+        springs[at.LOW_DRIFT, i] = drift_of(law_parameters, i, -1.0, 1)
+        springs[at.UPPER, i] = min(part * drift_of(law_parameters, i, 1.0, 1), law_parameters[_ULTIMATE, i])
+        springs[at.LOWER, i] = -min(part * drift_of(law_parameters, i, -1.0, 1), law_parameters[_ULTIMATE, i])
 
     return walking(switch, recoverable, enter)
 
@@ -414,7 +422,7 @@ LAW = DriftLaw(
     ),
     kinked=True,
     apart=True,
-    further=_FURTHER,
+    extra_rows=_EXTRA_ROWS,
     initial_stiffness=lambda values: values[1] / values[0],
     yield_drift=lambda stiffness, values: values[0],
     stiffens=_stiffens,
