@@ -108,6 +108,41 @@ def test_nothing_degrades_before_the_first_yielding():
     assert degrading.shear == pytest.approx(imposed(multilinear(VMTK), [0.0, *cycles, 8.0]).shear, abs=1e-12)
 
 
+def uneven(random):
+    """Unlike sides; unloading ends beyond zero force, and before the force from which reloading is straight."""
+    sides, pinchings = [], []
+    for _ in range(2):
+        k, drift = random.uniform(0.5, 2.0, 2)
+        points = [(drift, k * drift)]
+        for _ in range(3):
+            way = random.uniform(0.3, 10.0)
+            drift, force = points[-1]
+            force = float(np.clip(force + way * random.uniform(-0.3, 0.3) * k, 0.2 * k, 4.9 * k))
+            points.append((drift + way, force))
+        force = random.uniform(0.02, 1.0)
+        sides.append(points)
+        pinchings.append((random.uniform(), force, random.uniform(0.0, 0.98 * force)))
+    return multilinear(sides[0], pinchings[0], sides[1], pinchings[1])
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_settled_cycles_make_no_energy(seed):
+    """Between any two turns, after any history, with sides of any kind: where 0 <= unloading < force."""
+    random = np.random.default_rng(seed)
+    law, before, between = uneven(random), random.uniform(-30.0, 30.0, 8), random.uniform(-25.0, 25.0, 2)
+    path = imposed(law, [0.0, *before, *np.tile(between, 250)])
+    work = path.recoverable + path.dissipated
+    assert work[-1] - work[-3] >= -1e-7 * max(np.max(np.abs(np.diff(work[-4:]))), 1.0)
+
+
+def test_where_a_settled_cycle_makes_energy():
+    """Unloading that stops before zero force, above the force of reloading: what the README warns of."""
+    points = ((1, 1), (10.4, 0.2), (17.1, 1.5), (24.1, 3.6))
+    path = imposed(multilinear(points, (0.72, 0.33, -0.59)), [0.0, -19.0, 24.0, *np.tile([-21.0, 10.0], 40)])
+    work = path.recoverable + path.dissipated
+    assert work[-1] - work[-3] < -5.0
+
+
 def even(random):
     """Both sides alike, each part below the line of the stiffness, pinching by the usual parts."""
     points = [(1.0, 1.0)]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.model.config.units import ModelUnits
-from tdint.model.definition import LAWS, Law, laws
+from tdint.model.definition import LAWS, Law, four_points, laws
 from tdint.model.keys.fields import Section, Value
 from tdint.model.keys.kinds import Bounds, Choice, Either, EntriesOf, Key, Keys, Schema, ValueKind
 
@@ -159,16 +159,6 @@ def _read_points(
     bounds, factors = _bounds(parameter), (unit.factor(length=1), unit.factor(force=1))
     points = [[one.number(bounds, f) for one, f in zip(pair or (), factors, strict=False)] for pair in pairs]
     return four_points(points) if all(points) else nothing
-
-
-def four_points(points: Sequence[Sequence[float]]) -> tuple[float, ...]:
-    """Two to four points as four, flattened: of two the others lie at the thirds between them, of three the one that is
-    missing lies midway between the last ones (as the buildings of GEM's vulnerability toolkit have it)."""
-    (*first, before, last) = points
-    missing = 4 - len(points)
-    parts = [j / (missing + 1) for j in range(1, missing + 1)]
-    between = [[a + part * (b - a) for a, b in zip(before, last, strict=True)] for part in parts]
-    return tuple(number for point in (*first, before, *between, last) for number in point)
 
 
 def _read_number(
