@@ -80,7 +80,7 @@ def table_summary(
 
 def campaign_summary(store: Store) -> dict[str, Any]:
     """What a campaign is, how far it has come, and what the columns of runs.csv mean."""
-    from tdint.output.tables.campaign import PROFILES, RUNS
+    from tdint.output.tables.campaign import PROFILES, run_columns
 
     statuses, unused = store.statuses(), store.unused()
     records = store.connection.execute(
@@ -100,7 +100,7 @@ def campaign_summary(store: Store) -> dict[str, Any]:
         "repeated_with_finer_steps": store.count("repeats > 0"),
         "not_at_rest_at_their_end": store.count("at_rest = 0"),
         "processor_time_s": store.seconds(),
-        "columns": describe(RUNS),
+        "columns": describe(run_columns(store)),
         "profiles": {"columns": describe(PROFILES)},
         "versions": versions(),
     }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -14,6 +14,7 @@ import numpy as np
 
 from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
 from tdint.campaign.engine.rows import DEMANDED, HIDDEN, RUN
+from tdint.model.variation import PARAMETERS
 from tdint.output.tables.buildings import STORY
 from tdint.output.tables.spectra import OF_FLOORS, SPECTRUM
 from tdint.output.tables.table import (
@@ -123,8 +124,28 @@ STATUS = (
 _ROWS_AT_ONCE = 2048
 
 
+def run_columns(store: Store) -> tuple[Column, ...]:
+    """The columns of runs.csv: those of a sweep last."""
+    return (*RUNS, *(Column(_word(name), "1", name, PARAMETERS[_parameter(name)]) for name in _swept(store.varied())))
+
+
+def _swept(varied: Sequence[Mapping[str, float]]) -> list[str]:
+    return list(dict.fromkeys(name for one in varied for name in one))
+
+
+def _word(name: str) -> str:
+    """The column of a parameter: `story 3.mass_factor` is story_3_mass_factor."""
+    return name.replace(" ", "_").replace(".", "_")
+
+
+def _parameter(name: str) -> str:
+    return name.rpartition(".")[2]
+
+
 def run_rows(store: Store) -> Iterator[list[Any]]:
     """The rows of runs.csv, in the order of buildings, records, scales and draws."""
+    varied = store.varied()
+    swept = [[one.get(name) for name in _swept(varied)] for one in varied]
     buildings, records = store.buildings(), store.records()
     building_names = {number: cell_text(name) for number, (name, _) in buildings.items()}
     method_names = {number: cell_text(method) for number, (_, method) in buildings.items()}
@@ -132,7 +153,7 @@ def run_rows(store: Store) -> Iterator[list[Any]]:
         name, component, _ = records[record]
         head = [building_names[building], cell_text(name), cell_text(component), scale, sample, method_names[building]]
         head += [dt, cell_text(status)]
-        yield head + rest[: len(RUNS) - len(head)]
+        yield head + rest[: len(RUNS) - len(head)] + (swept[building] if swept else [])
 
 
 def story_rows(store: Store) -> Iterator[list[Any]]:
@@ -147,7 +168,7 @@ def story_rows(store: Store) -> Iterator[list[Any]]:
 
 def write_runs(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
     """Write runs.csv."""
-    write_rows(RUNS, run_rows(store), stream, units)
+    write_rows(run_columns(store), run_rows(store), stream, units)
 
 
 def write_stories(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
@@ -257,7 +278,7 @@ def number_text(cell: Any) -> str:
 def runs_table(store: Store) -> Table:
     """runs.csv as a table, for a small campaign."""
     rows: list[tuple[Cell, ...]] = [tuple(row) for row in run_rows(store)]
-    return Table.of(RUNS, rows)
+    return Table.of(run_columns(store), rows)
 
 
 def status_table(statuses: dict[str, int], left: int) -> Table:
@@ -274,7 +295,7 @@ def parquet_writer(store: Store) -> Callable[[BinaryIO], None] | None:
         return None
     counted = {SAMPLE.name, *(one.column for one in RUN if one.kind is int)}
     kinds = {one.name: pyarrow.string() for one in RUNS if one.unit == TEXT} | dict.fromkeys(counted, pyarrow.int64())
-    schema = pyarrow.schema([(name, kinds.get(name, pyarrow.float64())) for name in names(RUNS)])
+    schema = pyarrow.schema([(name, kinds.get(name, pyarrow.float64())) for name in names(run_columns(store))])
 
     def write(stream: BinaryIO) -> None:
         source = run_rows(store)
