@@ -132,6 +132,7 @@ _ANALYSIS = Keys(
         Key("collapse_drift", POSITIVE_RATIO, "drift ratio beyond which a run counts as collapsed"),
         Key("p_delta", Flag(), "whether gravity acts on the displaced buildings"),
         Key("until_rest", Flag(), "go on with the ground at rest until the motion has died"),
+        Key("check", Flag(), "estimate the errors of the demands: columns `<name>_error`"),
     )
 )
 _VARY = Varied()
@@ -230,9 +231,13 @@ def _read_analysis(value: Value | None) -> AnalysisWishes:
         return AnalysisWishes()
     method, dt = section.get("method"), section.get("dt")
     named = method.parsed(parse_method) if method else None
+<<<<<<< HEAD
     if method and section.has("methods"):
         method.fault("stands in place of `methods`; give one of the two")
     p_delta, until_rest = section.get("p_delta"), section.get("until_rest")
+=======
+    p_delta, until_rest, check = (section.get(name) for name in ("p_delta", "until_rest", "check"))
+>>>>>>> main
     return AnalysisWishes(
         method=named.label if named else None,
         dt=None if dt is None or dt.is_list else _positive(dt),
@@ -241,6 +246,7 @@ def _read_analysis(value: Value | None) -> AnalysisWishes:
         collapse_drift=section.number_or_none("collapse_drift"),
         p_delta=p_delta.boolean() if p_delta else None,
         until_rest=until_rest.boolean() if until_rest else False,
+        check=check.boolean() if check else False,
     )
 
 

@@ -100,10 +100,19 @@ def campaign_summary(store: Store) -> dict[str, Any]:
         "repeated_with_finer_steps": store.count("repeats > 0"),
         "not_at_rest_at_their_end": store.count("at_rest = 0"),
         "processor_time_s": store.seconds(),
+<<<<<<< HEAD
+=======
+        "without_an_error": without_error(store),
+>>>>>>> main
         "columns": describe(run_columns(store)),
         "profiles": {"columns": describe(PROFILES)},
         "versions": versions(),
     }
+
+
+def without_error(store: Store) -> int | None:
+    """Runs with demands whose errors could not be estimated; None where this was not asked for."""
+    return store.count("peak_drift_m IS NOT NULL AND peak_drift_m_error IS NULL") if store.checked else None
 
 
 def schema(name: str) -> dict[str, str | int]:

@@ -13,9 +13,14 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
+<<<<<<< HEAD
 from tdint.campaign.engine.rows import DEMANDED, HIDDEN, RUN
 from tdint.model.variation import PARAMETERS
 from tdint.output.tables.buildings import STORY
+=======
+from tdint.campaign.engine.rows import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR
+from tdint.output.tables.buildings import STORY, STORY_ERROR
+>>>>>>> main
 from tdint.output.tables.spectra import OF_FLOORS, SPECTRUM
 from tdint.output.tables.table import (
     DAMPING,
@@ -28,6 +33,7 @@ from tdint.output.tables.table import (
     Column,
     Table,
     cell_text,
+    error_columns,
     names,
     rows_of,
 )
@@ -53,6 +59,9 @@ RUNS = (
     *(Column.of_quantity(one) for one in RUN if one.shown != HIDDEN),
 )
 """Of runs.csv."""
+
+RUN_ERRORS = error_columns(Column.of_quantity(one) for one in RUN_WITH_ERROR)
+"""Behind them, of a campaign that has estimated them."""
 
 STORIES = (*OF_BUILDING, *STORY)
 """Of stories.csv of a campaign."""
@@ -125,6 +134,7 @@ _ROWS_AT_ONCE = 2048
 
 
 def run_columns(store: Store) -> tuple[Column, ...]:
+<<<<<<< HEAD
     """The columns of runs.csv: those of a sweep last."""
     return (*RUNS, *(Column(_word(name), "1", name, PARAMETERS[_parameter(name)]) for name in _swept(store.varied())))
 
@@ -140,6 +150,10 @@ def _word(name: str) -> str:
 
 def _parameter(name: str) -> str:
     return name.rpartition(".")[2]
+=======
+    """Of runs.csv of a campaign."""
+    return (*RUNS, *RUN_ERRORS) if store.checked else RUNS
+>>>>>>> main
 
 
 def run_rows(store: Store) -> Iterator[list[Any]]:
@@ -148,22 +162,27 @@ def run_rows(store: Store) -> Iterator[list[Any]]:
     swept = [[one.get(name) for name in _swept(varied)] for one in varied]
     buildings, records = store.buildings(), store.records()
     building_names = {number: cell_text(name) for number, (name, _) in buildings.items()}
+    checked = store.checked
     method_names = {number: cell_text(method) for number, (_, method) in buildings.items()}
     for building, record, scale, sample, dt, status, *rest in store.runs():
         name, component, _ = records[record]
         head = [building_names[building], cell_text(name), cell_text(component), scale, sample, method_names[building]]
         head += [dt, cell_text(status)]
+<<<<<<< HEAD
         yield head + rest[: len(RUNS) - len(head)] + (swept[building] if swept else [])
+=======
+        yield head + rest[: len(RUNS) - len(head)] + (rest[-len(RUN_ERRORS) :] if checked else [])
+>>>>>>> main
 
 
 def story_rows(store: Store) -> Iterator[list[Any]]:
     """The rows of stories.csv, in the order of runs.csv and from the ground up."""
     buildings, records = store.buildings(), store.records()
-    drawn = store.count("sample > 0") > 0
+    drawn, last = store.count("sample > 0") > 0, None if store.checked else -len(STORY_ERROR)
     for building, record, scale, sample, *rest in store.stories():
         name, component, _ = records[record]
         head = [cell_text(buildings[building][0]), cell_text(name), cell_text(component), scale]
-        yield [*head, *((sample,) if drawn else ()), *rest]
+        yield [*head, *((sample,) if drawn else ()), *rest[:last]]
 
 
 def write_runs(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
@@ -173,7 +192,7 @@ def write_runs(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
 
 def write_stories(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
     """Write stories.csv; with a column `sample` where motions were drawn, for two draws may be the same motion."""
-    columns = list(STORIES)
+    columns = [*STORIES, *(STORY_ERROR if store.checked else ())]
     if store.count("sample > 0"):
         columns.insert(len(OF_BUILDING), SAMPLE)
     write_rows(columns, story_rows(store), stream, units)
