@@ -231,13 +231,9 @@ def _read_analysis(value: Value | None) -> AnalysisWishes:
         return AnalysisWishes()
     method, dt = section.get("method"), section.get("dt")
     named = method.parsed(parse_method) if method else None
-<<<<<<< HEAD
     if method and section.has("methods"):
         method.fault("stands in place of `methods`; give one of the two")
-    p_delta, until_rest = section.get("p_delta"), section.get("until_rest")
-=======
     p_delta, until_rest, check = (section.get(name) for name in ("p_delta", "until_rest", "check"))
->>>>>>> main
     return AnalysisWishes(
         method=named.label if named else None,
         dt=None if dt is None or dt.is_list else _positive(dt),

@@ -120,7 +120,7 @@ def _one_at_a_time(
     from tdint.model.config.model_file import load_model
     from tdint.output.tables.studies import SWINGS
     from tdint.output.tables.table import Table
-    from tdint.processors import processors
+    from tdint.system import processors
     from tdint_cli.batch.campaigns import advance_with_bar, tell_outcomes
 
     model = load_model(building)

@@ -76,17 +76,15 @@ class Store:
         rows = self.connection.execute("SELECT key, value FROM meta WHERE key LIKE 'setting %' ORDER BY key")
         return {key.removeprefix(_SETTING): value for key, value in rows}
 
-<<<<<<< HEAD
     def varied(self) -> list[dict[str, float]]:
         """What a sweep changed in each building, by its number; empty without a sweep."""
         found = self.connection.execute("SELECT value FROM meta WHERE key = 'varied'").fetchone()
         return json.loads(found[0]) if found else []
-=======
+
     @property
     def checked(self) -> bool:
         """Whether the errors of the demands are estimated."""
         return self.settings().get("check") == "true"
->>>>>>> main
 
     def digests(self, table: str) -> dict[str, str]:
         """SHA-256 of the buildings or the records by their names."""

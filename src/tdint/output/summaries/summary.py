@@ -100,10 +100,7 @@ def campaign_summary(store: Store) -> dict[str, Any]:
         "repeated_with_finer_steps": store.count("repeats > 0"),
         "not_at_rest_at_their_end": store.count("at_rest = 0"),
         "processor_time_s": store.seconds(),
-<<<<<<< HEAD
-=======
         "without_an_error": without_error(store),
->>>>>>> main
         "columns": describe(run_columns(store)),
         "profiles": {"columns": describe(PROFILES)},
         "versions": versions(),

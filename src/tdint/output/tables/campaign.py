@@ -13,14 +13,9 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
-<<<<<<< HEAD
-from tdint.campaign.engine.rows import DEMANDED, HIDDEN, RUN
-from tdint.model.variation import PARAMETERS
-from tdint.output.tables.buildings import STORY
-=======
 from tdint.campaign.engine.rows import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR
+from tdint.model.variation import PARAMETERS
 from tdint.output.tables.buildings import STORY, STORY_ERROR
->>>>>>> main
 from tdint.output.tables.spectra import OF_FLOORS, SPECTRUM
 from tdint.output.tables.table import (
     DAMPING,
@@ -134,9 +129,13 @@ _ROWS_AT_ONCE = 2048
 
 
 def run_columns(store: Store) -> tuple[Column, ...]:
-<<<<<<< HEAD
-    """The columns of runs.csv: those of a sweep last."""
-    return (*RUNS, *(Column(_word(name), "1", name, PARAMETERS[_parameter(name)]) for name in _swept(store.varied())))
+    """Of runs.csv of a campaign; what a sweep varied comes last."""
+    errors = RUN_ERRORS if store.checked else ()
+    return (
+        *RUNS,
+        *errors,
+        *(Column(_word(name), "1", name, PARAMETERS[_parameter(name)]) for name in _swept(store.varied())),
+    )
 
 
 def _swept(varied: Sequence[Mapping[str, float]]) -> list[str]:
@@ -150,10 +149,6 @@ def _word(name: str) -> str:
 
 def _parameter(name: str) -> str:
     return name.rpartition(".")[2]
-=======
-    """Of runs.csv of a campaign."""
-    return (*RUNS, *RUN_ERRORS) if store.checked else RUNS
->>>>>>> main
 
 
 def run_rows(store: Store) -> Iterator[list[Any]]:
@@ -168,11 +163,8 @@ def run_rows(store: Store) -> Iterator[list[Any]]:
         name, component, _ = records[record]
         head = [building_names[building], cell_text(name), cell_text(component), scale, sample, method_names[building]]
         head += [dt, cell_text(status)]
-<<<<<<< HEAD
-        yield head + rest[: len(RUNS) - len(head)] + (swept[building] if swept else [])
-=======
-        yield head + rest[: len(RUNS) - len(head)] + (rest[-len(RUN_ERRORS) :] if checked else [])
->>>>>>> main
+        errors = rest[-len(RUN_ERRORS) :] if checked else []
+        yield head + rest[: len(RUNS) - len(head)] + errors + (swept[building] if swept else [])
 
 
 def story_rows(store: Store) -> Iterator[list[Any]]:
