@@ -18,7 +18,7 @@ from tdint.campaign.reader import load_campaign
 from tdint.campaign.sensitivity import one_at_a_time, rank_correlations, swings
 from tdint.campaign.store.store import open_store
 from tdint.campaign.suites.suite import RecordChoice
-from tdint.campaign.sweep import Distribution, Sweep
+from tdint.campaign.sweep import Distribution, ParameterSweep
 from tdint.errors import ModelError, UsageError
 from tdint.output.tables.campaign import write_runs
 
@@ -113,7 +113,7 @@ def test_nothing_to_act_on_is_told():
 def test_a_latin_hypercube_has_one_draw_in_each_part():
     """Of 40 draws one lies in each fortieth of a distribution, whatever it is, and a seed gives them again."""
     random = {"stiffness_factor": Distribution("lognormal", 1.1, 0.2), "mass_factor": Distribution("uniform", 0.8, 1.2)}
-    changes = Sweep(random=random, samples=40, seed=3).changes()
+    changes = ParameterSweep(random=random, samples=40, seed=3).changes()
     stiffness, mass = (np.array([one[name] for one in changes]) for name in random)
     parts = (np.log(stiffness / 1.1) / 0.2, (mass - 0.8) / 0.4)
     from scipy.special import ndtr
@@ -121,12 +121,12 @@ def test_a_latin_hypercube_has_one_draw_in_each_part():
     for part in (ndtr(parts[0]), parts[1]):
         assert sorted((part * 40).astype(int).tolist()) == list(range(40))
     assert abs(np.corrcoef(parts)[0, 1]) < 0.5
-    assert changes == Sweep(random=random, samples=40, seed=3).changes()
-    assert changes != Sweep(random=random, samples=40, seed=4).changes()
+    assert changes == ParameterSweep(random=random, samples=40, seed=3).changes()
+    assert changes != ParameterSweep(random=random, samples=40, seed=4).changes()
 
 
 def test_each_variation_is_the_run_of_the_varied_model(tmp_path, model, records):
-    sweep = Sweep(
+    sweep = ParameterSweep(
         {"damping": (0.02, 0.05), "story 1.strength_factor": (0.8, 1.0)}, methods=("newmark-average", "bathe")
     )
     with stored(sweep.of([model]), records, (0.5, 1.0)) as store:
@@ -154,7 +154,7 @@ def test_a_campaign_file_with_a_sweep(tmp_path):
     """
     (tmp_path / "c.yaml").write_text(text)
     sweep = load_campaign(tmp_path / "c.yaml").sweep
-    assert sweep == Sweep(
+    assert sweep == ParameterSweep(
         {"damping": (0.02, 0.05)},
         {"mass_factor": Distribution("uniform", 0.9, 1.1)},
         7,
@@ -194,7 +194,7 @@ def test_ranks_of_a_monotonic_response(records):
     stiff = tdint.load_model(
         {"name": "stiff", "stories": [{"mass": 1.0, "height": 1.0, "stiffness": 1e6}], "damping": "5%"}
     )
-    sweep = Sweep(random={"stiffness_factor": Distribution("uniform", 0.5, 2.0)}, samples=12, seed=1)
+    sweep = ParameterSweep(random={"stiffness_factor": Distribution("uniform", 0.5, 2.0)}, samples=12, seed=1)
     with stored(sweep.of([stiff]), records) as store:
         found = {one.quantity.name: one for one in rank_correlations(store)}
     assert math.isclose(found["peak_drift_ratio"].coefficient, -1.0)

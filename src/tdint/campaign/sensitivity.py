@@ -17,12 +17,14 @@ from tdint.quantity import Quantity
 
 Array = NDArray[np.float64]
 
-PEAKS = tuple(
-    one
-    for one in RUN
-    if one.name in ("peak_drift_ratio", "peak_acceleration", "residual_drift_ratio", "peak_roof_displacement",
-                    "peak_base_shear")
-)  # fmt: skip
+_LOOKED_AT = (
+    "peak_drift_ratio",
+    "peak_acceleration",
+    "residual_drift_ratio",
+    "peak_roof_displacement",
+    "peak_base_shear",
+)
+PEAKS = tuple(one for one in RUN if one.name in _LOOKED_AT)
 """The peaks that are looked at."""
 
 
@@ -106,13 +108,10 @@ def swings(store: Store, name: str, ranges: Mapping[str, tuple[float, float]]) -
     found: list[Swing] = []
     medians = {number: values for (number, _), values in _medians(store, by_scale=False).items()}
     for place, quantity in enumerate(PEAKS):
-        of_peak = [
-            Swing(
-                name, parameter, quantity, low, high,
-                float(medians[2 * i + 1][place]), float(medians[0][place]), float(medians[2 * i + 2][place]),
-            )
-            for i, (parameter, (low, high)) in enumerate(ranges.items())
-        ]  # fmt: skip
+        of_peak = []
+        for i, (parameter, (low, high)) in enumerate(ranges.items()):
+            at_low, as_it_is, at_high = (float(medians[number][place]) for number in (2 * i + 1, 0, 2 * i + 2))
+            of_peak.append(Swing(name, parameter, quantity, low, high, at_low, as_it_is, at_high))
         found += sorted(of_peak, key=lambda one: -one.swing if one.swing == one.swing else math.inf)
     return found
 

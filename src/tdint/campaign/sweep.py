@@ -57,7 +57,7 @@ class Distribution:
 
 
 @dataclass(frozen=True)
-class Sweep:
+class ParameterSweep:
     """What is varied in every building of a campaign.
 
     Attributes

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from tdint.campaign.sweep import DISTRIBUTIONS, Distribution, Sweep
+from tdint.campaign.sweep import DISTRIBUTIONS, Distribution, ParameterSweep
 from tdint.errors import UsageError
 from tdint.methods.catalogue import parse as parse_method
 from tdint.model.keys.fields import Value
@@ -48,7 +48,7 @@ def positive(value: Value) -> float | None:
     return None if math.isnan(number) else number
 
 
-def read_sweep(vary: Value | None, analysis: Value | None, *, models: bool) -> Sweep | None:
+def read_sweep(vary: Value | None, analysis: Value | None, *, models: bool) -> ParameterSweep | None:
     """The sweep of a campaign; None without any. Faults are noted.
 
     Parameters
@@ -71,7 +71,7 @@ def read_sweep(vary: Value | None, analysis: Value | None, *, models: bool) -> S
     grids: dict[str, tuple[float, ...]] = {}
     random: dict[str, Distribution] = {}
     samples, seed = (_read_vary(vary, grids, random) if vary else None) or (0, 0)
-    return Sweep(
+    return ParameterSweep(
         grids,
         random,
         samples,

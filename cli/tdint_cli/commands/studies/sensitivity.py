@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -12,7 +13,7 @@ from tdint.written_numbers import parse_ratio
 from tdint_cli import options
 from tdint_cli.errors import Failures
 from tdint_cli.options.output import Outputs
-from tdint_cli.options.record import RecordRequest
+from tdint_cli.options.record import RecordsRequest
 from tdint_cli.options.values import FileName
 from tdint_cli.terminal.streams import note, say
 
@@ -37,6 +38,15 @@ def _ranges(ctx: click.Context, parameter: click.Parameter, texts: tuple[str, ..
     return found
 
 
+@dataclass(frozen=True)
+class Request(RecordsRequest):
+    """What the command line says of the records, and of what is varied."""
+
+    ranges: dict[str, tuple[float, float]]
+    method: str | None
+    dt: float | None
+
+
 @options.command("sensitivity")
 @options.analysis.plugin
 @click.argument("building", metavar="MODEL.yaml|DIR", type=FileName())
@@ -58,15 +68,11 @@ def _ranges(ctx: click.Context, parameter: click.Parameter, texts: tuple[str, ..
 @options.output.overwrite
 def command(
     building: str,
-    records: tuple[str, ...],
-    ranges: dict[str, tuple[float, float]],
-    method: str | None,
-    dt: float | None,
     output: str | None,
     plot: str | None,
     output_units: OutputUnits | None,
     overwrite: bool,
-    **record: object,
+    **given: Any,
 ) -> None:
     """How much each parameter of a building moves its peaks.
 
@@ -78,37 +84,30 @@ def command(
     varied with the medians of the peaks.
     """
     outputs = Outputs.checked(output, plot, overwrite, units=output_units)
+    request = Request(**given)
     if Path(building).is_dir():
-        _ranks(building, records, ranges, outputs)
+        if request.records or request.ranges or outputs.picture:
+            raise UsageError("a campaign has its records and its sweep: leave out RECORD, --vary and --plot")
+        _ranks(building, outputs)
         return
-    if not records or not ranges:
+    if not request.records or not request.ranges:
         raise UsageError("give RECORDs and --vary NAME=LOW:HIGH, or the folder of a campaign with `vary`")
-    _one_at_a_time(building, RecordRequest(**record), records, ranges, method, dt, outputs)  # type: ignore[arg-type]
+    _one_at_a_time(building, request, outputs)
 
 
-def _ranks(building: str, records: tuple[str, ...], ranges: dict[str, tuple[float, float]], outputs: Outputs) -> None:
+def _ranks(building: str, outputs: Outputs) -> None:
     from tdint.campaign.sensitivity import rank_correlations
     from tdint.campaign.store.store import check_chunks, open_existing
     from tdint.output.tables.studies import CORRELATIONS
     from tdint.output.tables.table import Table
 
-    if records or ranges or outputs.picture:
-        raise UsageError("a campaign has its records and its sweep: leave out RECORD, --vary and --plot")
     with open_existing(Path(building)) as store:
         check_chunks(store)
         found = rank_correlations(store)
     outputs.deliver(Table.of_results(CORRELATIONS, found))
 
 
-def _one_at_a_time(
-    building: str,
-    request: RecordRequest,
-    records: tuple[str, ...],
-    ranges: dict[str, tuple[float, float]],
-    method: str | None,
-    dt: float | None,
-    outputs: Outputs,
-) -> None:
+def _one_at_a_time(building: str, request: Request, outputs: Outputs) -> None:
     from tdint.campaign.carry_out import threads
     from tdint.campaign.definition import AnalysisWishes, CampaignFile, ModelFiles, RecordFiles
     from tdint.campaign.inputs import Inputs, read_motions
@@ -124,9 +123,9 @@ def _one_at_a_time(
     from tdint_cli.batch.campaigns import advance_with_bar, tell_outcomes
 
     model = load_model(building)
-    wanted = RecordFiles(records, request.choice)
-    wishes = AnalysisWishes(method=parse(method).label if method else None, dt=dt)
-    models = one_at_a_time(model, ranges)
+    wanted = RecordFiles(request.records, request.choice)
+    wishes = AnalysisWishes(method=parse(request.method).label if request.method else None, dt=request.dt)
+    models = one_at_a_time(model, request.ranges)
     motions = read_motions(wanted)
     inputs = Inputs(models, motions=motions.motions, failures=motions.failures, notes=motions.notes)
     campaign = CampaignFile(model.name, model.source, ModelFiles((model.source,)), wanted, Scales((1.0,)), wishes)
@@ -137,10 +136,10 @@ def _one_at_a_time(
     with store:
         advance = advance_with_bar(plan, store, threads(processors()))
         tell_outcomes(store)
-        found = swings(store, model.name, ranges)
+        found = swings(store, model.name, request.ranges)
 
     def draw(suffix: str) -> Writer:
-        from tdint.output.figures.sensitivity import sensitivity_picture
+        from tdint.output.figures.demands.tornado import sensitivity_picture
 
         return sensitivity_picture(found, suffix, units)
 
