@@ -61,7 +61,7 @@ class VelocityPulse:
 
 
 @dataclass(frozen=True)
-class ParameterSweep:
+class Sweep:
     """A sine whose frequency goes on a straight line from `first` to `last` (Hz) over `duration` (s), `pga` m/s^2."""
 
     first: float
@@ -76,7 +76,7 @@ class ParameterSweep:
         return np.asarray(np.where(inside, self.pga * np.sin(2.0 * math.pi * turns), 0.0))
 
 
-Artificial = VelocityPulse | ParameterSweep
+Artificial = VelocityPulse | Sweep
 """A motion in closed form."""
 
 EXAMPLES = {
@@ -111,7 +111,7 @@ def parse_motion(text: str) -> Artificial:
     last = numbers["frequency"] if name == "sine" else numbers["last"]
     if not duration * max(first, last) <= _MOST_TURNS:
         raise UsageError(f"{name}: {duration * max(first, last):.4g} cycles are too many; at most {_MOST_TURNS}")
-    return ParameterSweep(first, last, duration, pga)
+    return Sweep(first, last, duration, pga)
 
 
 def _positive(key: str, text: str) -> float:
@@ -134,7 +134,7 @@ def _acceleration(text: str) -> float:
 
 def motion_text(motion: Artificial, *, unit: str) -> str:
     """A motion, and rest after it, as a text that tdint reads as a record: its step and its unit, a sample a line."""
-    fastest = max(motion.first, motion.last) if isinstance(motion, ParameterSweep) else 1.0 / motion.period
+    fastest = max(motion.first, motion.last) if isinstance(motion, Sweep) else 1.0 / motion.period
     dt = min(_DT, round(1.0 / (_SAMPLES_PER_CYCLE * fastest), 4) or 1e-4)
     duration = max(motion.duration + _REST, _SHORTEST)
     times = dt * np.arange(round(duration / dt) + 1, dtype=np.float64)
@@ -148,7 +148,7 @@ def motion_text(motion: Artificial, *, unit: str) -> str:
 
 
 def _words(motion: Artificial) -> str:
-    if isinstance(motion, ParameterSweep):
+    if isinstance(motion, Sweep):
         what = f"{motion.first:g} Hz" if motion.first == motion.last else f"{motion.first:g} to {motion.last:g} Hz"
         return f"a sine of {what} and {motion.pga:.6g} m/s^2 over {motion.duration:g} s"
     return (
