@@ -12,6 +12,7 @@ A tour; everything is in SI units, `help(tdint.run)` and the like tell shapes, u
     pandas.DataFrame(response.to_dict("kip,in,g"))       # the columns of the command's table, in other units
     case = tdint.prepare(model, record)                  # put together once for many runs:
     tdint.run_case(case.scaled(2.0))
+    tdint.run_sequence(case, [record, aftershock])       # one after the other; .shocks has the peaks of each
     tdint.cyclic_test(model, 1, ["1%", "2%"])            # the law of a story, as in a laboratory
     tdint.pushover(model, "2%")
 
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from tdint.analysis.run.run import prepare as prepare
     from tdint.analysis.run.run import run as run
     from tdint.analysis.run.run import run_case as run_case
+    from tdint.analysis.sequence import run_sequence as run_sequence
     from tdint.analysis.spectra.drift import drift_spectrum as drift_spectrum
     from tdint.analysis.spectra.elastic import spectrum as spectrum
     from tdint.analysis.spectra.floors import floor_spectra as floor_spectra
@@ -51,11 +53,17 @@ if TYPE_CHECKING:
     from tdint.ground_motion.reading.read import read_horizontals as read_horizontals
     from tdint.ground_motion.reading.read import read_record as read_record
     from tdint.ground_motion.text_layout import TextLayout as TextLayout
+    from tdint.methods.catalogue import load_plugin as load_plugin
+    from tdint.methods.catalogue import register_method as register_method
     from tdint.model.building import modes as modes
     from tdint.model.config.model_file import load_model as load_model
+    from tdint.model.definition import register_law as register_law
     from tdint.output.tables.to_dict import to_dict as to_dict
 
 _HOMES = {
+    "load_plugin": "tdint.methods.catalogue",
+    "register_law": "tdint.model.definition",
+    "register_method": "tdint.methods.catalogue",
     "make_record": "tdint.ground_motion.reading.read",
     "modes": "tdint.model.building",
     "cyclic_test": "tdint.analysis.static.cyclic",
@@ -70,6 +78,7 @@ _HOMES = {
     "prepare": "tdint.analysis.run.run",
     "run": "tdint.analysis.run.run",
     "run_case": "tdint.analysis.run.run",
+    "run_sequence": "tdint.analysis.sequence",
     "spectrum": "tdint.analysis.spectra.elastic",
     "constant_ductility": "tdint.analysis.spectra.inelastic",
     "constant_strength": "tdint.analysis.spectra.inelastic",
@@ -94,6 +103,7 @@ __all__ = [
     "floor_spectra",
     "ida",
     "load_model",
+    "load_plugin",
     "make_record",
     "modes",
     "prepare",
@@ -101,9 +111,12 @@ __all__ = [
     "pushover",
     "read_horizontals",
     "read_record",
+    "register_law",
+    "register_method",
     "rotated_spectrum",
     "run",
     "run_case",
+    "run_sequence",
     "spectrum",
     "stability",
     "to_dict",

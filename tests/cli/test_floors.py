@@ -64,8 +64,15 @@ def test_a_rigid_oscillator_feels_the_floors_peak(run):
 
 def test_stations_say_the_floors(run, tdint):
     assert run("--export-floors", "mseed", "--history").exit_code == 0
-    found = rows(tdint("info", "out/floors.mseed", "--units", "m/s^2").stdout)
-    assert [row["id"] for row in found] == [".F01..HNE", ".F02..HNE"]
+    told = tdint("info", "out/floors.mseed")
+    assert told.stderr == ""  # the file says its units, nothing is assumed
+    found = rows(told.stdout)
+    assert [row["id"] for row in found] == [".F01.SI.HNE", ".F02.SI.HNE"]
+    several = rows(tdint("spectrum", "out/floors.mseed", "--period", "1").stdout)
+    assert [row["component"] for row in several] == ["F01", "F02"]
+    (chosen,) = rows(tdint("info", "out/floors.mseed", "--component", "f02").stdout)
+    assert chosen["pga_m_s2"] == found[1]["pga_m_s2"]
+    assert tdint("info", "out/floors.mseed", "--units", "g").exit_code == 4
     assert [row["pga_m_s2"] for row in found] == largest_at_the_samples((1, 2))
 
 
@@ -96,3 +103,30 @@ def test_wrong_use(folder, tdint, arguments, message):
     assert result.exit_code == 2
     assert message in result.stderr
     assert not (folder / "out").exists()
+
+
+def test_floors_of_several_runs_have_their_mean_and_envelope(run, tdint):
+    """Each run's spectra are those of a single call; of a pair the larger component counts at each period."""
+    options = ("--floor-spectra", "1,roof", "--period", "0.05,0.3", "--units", "m/s^2")
+    result = run("motion.mseed", "other.mseed", *options, "--plot")
+    assert result.exit_code == 0, result.stderr
+    every, means = written("floor-spectra.csv"), written("floor-spectra-mean.csv")
+    assert (Path("out") / "floor-spectra.png").stat().st_size > 10_000
+    alone = {}
+    for record, component in (("motion.mseed", "HNE"), ("motion.mseed", "HNN"), ("other.mseed", "HNE")):
+        folder = f"{record}-{component}"
+        tdint("run", "shaken.yaml", record, "--component", component, *options, "-o", folder)
+        ours = [row for row in every if (row["record"], row["component"]) == (record, component)]
+        theirs = rows((Path(folder) / "floor-spectra.csv").read_text())
+        assert [{name: row[name] for name in theirs[0]} for row in ours] == theirs
+        alone[record, component] = [float(row["psa_m_s2"]) for row in theirs]
+    pair = np.maximum(alone["motion.mseed", "HNE"], alone["motion.mseed", "HNN"])
+    other = np.array(alone["other.mseed", "HNE"])
+    assert [row["runs"] for row in means] == ["2"] * 4
+    assert [float(row["mean_psa_m_s2"]) for row in means] == pytest.approx((pair + other) / 2.0, rel=1e-10)
+    assert [float(row["max_psa_m_s2"]) for row in means] == pytest.approx(np.maximum(pair, other), rel=1e-10)
+
+
+def test_a_picture_of_one_runs_floors(run):
+    assert run("--floor-spectra", "1,roof", "--period", "0.05,0.3", "--plot").exit_code == 0
+    assert (Path("out") / "floor-spectra.png").stat().st_size > 10_000

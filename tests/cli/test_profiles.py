@@ -187,3 +187,34 @@ def test_one_record_has_no_mean(study: Path, tdint: Run) -> None:
     assert result.exit_code == 2 and "the mean over several records" in result.stderr
     result = tdint("run", "shaken.yaml", "motion.mseed", "other.mseed", "--require")
     assert result.exit_code == 2 and "--drift-limit" in result.stderr
+
+
+def test_ratios_are_those_of_the_profiles(study: Path, tdint: Run) -> None:
+    result = tdint("campaign", "study.yaml", "-o", "out", "--baseline", "shaken", "--plot")
+    assert result.exit_code == 0, result.stderr
+    profiles = {
+        (row["building"], row["scale"], row["quantity"], row["story"]): row for row in rows("out/profiles.csv")
+    }  # fmt: skip
+    found = rows("out/ratios.csv")
+    assert {row["building"] for row in found} == {"stiff"} and {row["baseline"] for row in found} == {"shaken"}
+    told = list(csv.DictReader(io.StringIO(result.stdout)))
+    assert told == [row for row in found if not row["story"]]
+    for row in found:
+        for name in ("mean", "median", "max"):
+            values = [
+                max(
+                    float(one[name] or 0.0)
+                    for key, one in profiles.items()
+                    if key[:3] == (building, row["scale"], row["quantity"]) and row["story"] in ("", key[3])
+                )
+                for building in ("stiff", "shaken")
+            ]
+            if not all(values):
+                assert row[f"{name}_ratio"] == ""
+            else:
+                assert float(row[f"{name}_ratio"]) == pytest.approx(values[0] / values[1], rel=1e-10)
+
+
+def test_a_baseline_that_is_no_building(study: Path, tdint: Run) -> None:
+    result = tdint("campaign", "study.yaml", "-o", "out", "--baseline", "shakn")
+    assert result.exit_code == 2 and "shaken" in result.stderr

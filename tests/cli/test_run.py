@@ -264,8 +264,8 @@ def test_a_check_adds_the_estimated_errors(folder, tdint):
 
 
 def test_moment4_carries_its_error_along(folder, tdint):
-    plain = tdint("run", "shaken.yaml", "--method", "moment4")
-    result = tdint("run", "shaken.yaml", "--method", "moment4", "--check", "-o", "out")
+    plain = tdint("run", "shaken.yaml", "--method", "moment4", "--no-check")
+    result = tdint("run", "shaken.yaml", "--method", "moment4", "-o", "out")
     assert result.exit_code == 0, result.stderr
     header, *lines = result.stdout.splitlines()
     assert header == f"{COLUMNS},{ERRORS}"
@@ -277,6 +277,49 @@ def test_moment4_carries_its_error_along(folder, tdint):
     off = abs(check["corrected_peaks"]["drift_m"] - summary["peaks"]["drift_m"])
     assert off == pytest.approx(float(worst["peak_drift_m_error"]), rel=1e-3)
     assert ", carried along in the run." in result.stderr and "Corrected by it: largest drift " in result.stderr
+    assert tdint("run", "shaken.yaml", "--method", "moment4", "--check").stdout == result.stdout
+    assert "estimated error" not in plain.stderr
+
+
+def test_errors_that_nobody_asked_for_are_not_worth_a_repetition(folder, tdint):
+    """With a step that is too long for moment4 to tell its error, cells are empty and a note says what to do; asked
+    for, they come from repetitions; without --check other methods, and rho_inf below 1, have none."""
+    long = ("run", "shaken.yaml", "--dt", 0.08, "--method", "moment4")
+    unasked, asked = tdint(*long, "-o", "out", "--plot"), tdint(*long, "--check")
+    assert unasked.stdout.splitlines()[0] == asked.stdout.splitlines()[0] == f"{COLUMNS},{ERRORS}"
+    for one, other in zip(rows(unasked.stdout), rows(asked.stdout), strict=True):
+        assert one["peak_drift_m"] == other["peak_drift_m"]
+        assert one["peak_drift_m_error"] == "" and float(other["peak_drift_m_error"]) > 0.0
+    assert "says only that the step is too long; --check repeats the run" in unasked.stderr
+    assert json.loads((folder / "out" / "summary.json").read_text())["check"]["drift_error"] is None
+    damped = tdint("run", "shaken.yaml", "--method", "moment4:rho_inf=0.8")
+    assert damped.stdout.splitlines()[0] == COLUMNS
+
+
+def test_a_history_holds_the_error_that_was_carried_along(folder, tdint):
+    """Its largest drifts, corrected at the steps, are no more than the corrected peaks; without --check it has none."""
+    result = tdint("run", "shaken.yaml", "--method", "moment4", "--check", "--history", "-o", "out", "--plot")
+    table = rows((folder / "out" / "history.csv").read_text())
+    plain = tdint("run", "shaken.yaml", "--method", "moment4", "--history", "h.csv")
+    assert result.exit_code == plain.exit_code == 0
+    columns = list(table[0])
+    bare = list(rows((folder / "h.csv").read_text())[0])
+    assert columns[: len(bare)] == bare
+    assert columns[len(bare) :] == [
+        *(f"floor_{i}_{name}_error" for i in (1, 2) for name in ("displacement_m", "velocity_m_s")),
+        *(f"story_{i}_{name}_error" for i in (1, 2) for name in ("drift_m", "shear_N")),
+    ]
+    first = [abs(float(row["story_1_drift_m"]) + float(row["story_1_drift_m_error"])) for row in table]
+    found = json.loads((folder / "out" / "summary.json").read_text())["check"]["corrected_peaks"]
+    assert 0.9 * found["drift_m"] < max(first) <= found["drift_m"] * (1.0 + 1e-9) or found["drift_story"] != 1
+    last = rows(result.stdout)[1]
+    off = abs(float(table[-1]["story_2_drift_m_error"]))
+    assert off == pytest.approx(float(last["residual_drift_m_error"]), rel=1e-3)
+
+
+def test_no_check_under_a_tolerance_is_refused(folder, tdint):
+    result = tdint("run", "shaken.yaml", "--tolerance", "1%", "--no-check")
+    check_error(result, 2, "--tolerance estimates the errors that --no-check leaves out")
 
 
 def test_stories_without_a_value_have_no_error(folder, tdint):

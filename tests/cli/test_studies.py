@@ -34,6 +34,27 @@ def studied(folder, tdint):
     return folder
 
 
+def test_an_ida_with_the_errors_of_its_runs(folder, tdint):
+    """Beside each demand of a run that stands, none of a collapse; the runs, and what follows from them, are the same.
+    The errors are kept, too."""
+    call = ("ida", "shaken.yaml", "motion.mseed", *UNITS, "--component", "HNN", "--method", "moment4")
+    plain, checked = tdint(*call, "-o", "plain"), tdint(*call, "--check", "-o", "out")
+    assert plain.exit_code == checked.exit_code == 0, checked.output
+    one, other = (rows((folder / name / "ida.csv").read_text()) for name in ("plain", "out"))
+    demands = ("peak_drift_ratio", "peak_absolute_acceleration_m_s2", "residual_drift_ratio")
+    assert list(other[0]) == [*one[0], *(f"{name}_error" for name in demands)]
+    assert [{name: row[name] for name in one[0]} for row in other] == one
+    for row in other:
+        assert all((row[f"{name}_error"] != "") == (row["status"] == "done") for name in demands)
+    assert {"done", "collapsed"} <= {row["status"] for row in other}
+    assert (folder / "plain" / "capacities.csv").read_bytes() == (folder / "out" / "capacities.csv").read_bytes()
+    about = json.loads((folder / "out" / "ida.json").read_text())
+    assert about["settings"]["check"] is True and "peak_drift_ratio_error" in about["columns"]
+    again = tdint(*call, "--check", "-o", "out")
+    assert "nothing to do" in again.stderr and rows((folder / "out" / "ida.csv").read_text()) == other
+    assert tdint(*call, "-o", "out").exit_code == 2  # another study
+
+
 # ---- scale
 
 
@@ -108,7 +129,8 @@ def test_the_rule_of_ec8_over_the_periods_of_a_building(folder, tdint):
     (modes,) = [one for one in rows(tdint("modes", building).stdout) if one["mode"] == "1"]
     period = float(modes["period_s"])
     files = ("motion.mseed", "other.mseed")
-    result = tdint("scale", *files, *UNITS, *EC8, "--rule", "ec8", "--building", building, "-o", "f.csv", "--plot")
+    outputs = ("-o", "f.csv", "--plot", "--spectra", "s.csv")
+    result = tdint("scale", *files, *UNITS, *EC8, "--rule", "ec8", "--building", building, *outputs)
     assert result.exit_code == 0, result.output
     settings = json.loads((folder / "f.json").read_text())["settings"]
     first, last, count = settings["periods_s"]
@@ -127,6 +149,15 @@ def test_the_rule_of_ec8_over_the_periods_of_a_building(folder, tdint):
     assert zero >= 1.0 - 1e-9
     assert min(min(ratios) / 0.9, zero) == pytest.approx(1.0)  # raised no further than needed
     assert settings["least_average_over_target"] == pytest.approx(min(ratios))
+    written = rows((folder / "s.csv").read_text())
+    curves = [row["curve"] for row in written]
+    assert curves == ["scaled"] * 300 + ["mean"] * 100 + ["target"] * 100
+    psa = [float(row["psa_m_s2"]) for row in written]
+    for i, factor in enumerate(factors):
+        own = [factor * float(row["psa_m_s2"]) for row in spectra[100 * i : 100 * (i + 1)]]
+        assert psa[100 * i : 100 * (i + 1)] == pytest.approx(own, rel=1e-9)
+    assert psa[300:400] == pytest.approx([ratio * value for ratio, value in zip(ratios, aim, strict=True)], rel=1e-9)
+    assert psa[400:] == pytest.approx(aim, rel=1e-9)
 
 
 def test_factors_that_are_too_large_are_told_or_refused(folder, tdint):
@@ -252,7 +283,7 @@ def test_runs_of_a_study_that_are_not_as_they_were_written_are_done_again(studie
 @pytest.mark.parametrize(
     "statement",
     [
-        "UPDATE meta SET value = '3' WHERE key = 'schema'",
+        "UPDATE meta SET value = '9' WHERE key = 'schema'",
         "DELETE FROM meta WHERE key = 'fingerprint'",
         "UPDATE records SET sha256 = ''",
         "DROP TABLE run_rows",
@@ -528,6 +559,8 @@ def test_what_cannot_be_fitted_is_told_beside_what_can(folder, tdint):
     [
         ("im,collapses,records\n1,0,3\nx,1,3\n", (), 3, "t.csv:3: im must be a number, got 'x'"),
         ("im,collapses,records\n1,0,3\n2,1.5,3\n", (), 3, "t.csv:3: collapses must be a whole number"),
+        ("capacity,im,edp\n1,1,1\n2,2,2\n", (), 2, "t.csv:1: this is a table of capacity and of im,edp; say which is"),
+        ("capacity\n1\n2\n3\n", ("--beta-model", "1e308"), 2, "'--beta-model': 1e+308 is not in the range"),
         ("im,collapses,records\n1,0,3\n2,4,3\n", (), 3, "t.csv:3: collapses must be from 0 to the number of records"),
         ("im,collapses,records\n0,0,3\n2,3,3\n", (), 3, "t.csv:2: im must be positive, got '0'"),
         ("im,collapses,records\n1,0,3\n2,0,3\n", (), 5, "no record exceeds at any level"),

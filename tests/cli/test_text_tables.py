@@ -69,12 +69,16 @@ def test_run_by_the_model_and_by_options(tables, tdint):
 @pytest.mark.parametrize(
     ("options", "code", "message"),
     [
-        (("motion.mseed", "--step", "0.02"), 4, "own sampling interval is 0.01 s, step 0.02 s contradicts it"),
-        (("motion.mseed", "--column", "2"), 4, "column 2 is given, but the file is MSEED"),
+        (("motion.mseed", "--step", "0.02"), 4, "own sampling interval is 0.01 s, --step 0.02 contradicts it"),
+        (("motion.mseed", "--column", "2"), 4, "--column 2 is given, but the file is MSEED"),
         (("motion.mseed", "--step", "0"), 2, "--step"),
         (("tables/a.txt", "--skip-lines", "-1"), 2, "--skip-lines"),
         (("tables/a.txt", "--column", ""), 2, "column"),
-        (("tables/a.txt",), 4, "a table of numbers begins in line 4: step, column and skip lines"),
+        (
+            ("tables/a.txt",),
+            4,
+            "begins in line 4: tell by --step and --column, past the lines above by --skip-lines 3",
+        ),
     ],
 )
 def test_refused(tables, tdint, options, code, message):
@@ -82,6 +86,23 @@ def test_refused(tables, tdint, options, code, message):
     assert (result.exit_code, result.stdout) == (code, "")
     (line,) = errors(result)
     assert message in line
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda line, i: line[:5] if i == 50 else line, "line 51: '0.49,' is not 2 numbers; a cell is empty"),
+        (lambda line, i: line[:5] if i == 1 else line, "line 2: '0.00,' is not 2 numbers; a cell is empty"),
+        (lambda line, i: f"{i - 1 if i else ''},{line}", "line 1: ',time,acc' has no name for the first column, as"),
+    ],
+)
+def test_a_table_of_a_spreadsheet_or_of_pandas_is_told_the_line(folder, tdint, change, message):
+    lines = ["time,acc", *(f"{0.01 * i:.2f},{np.sin(0.1 * i):.6f}" for i in range(200))]
+    (folder / "t.csv").write_text("\n".join(change(line, i) for i, line in enumerate(lines)) + "\n")
+    result = tdint("info", "t.csv", "--units", "g")
+    assert (result.exit_code, message in result.stderr) == (4, True), result.stderr
+    (folder / "t.csv").write_text("\n".join(lines) + "\n")
+    assert "samples are with --units g," in tdint("info", "t.csv").stderr
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -18,7 +18,7 @@ RECORDED = "{folder}/frame.yaml --recorded {folder}/recorded.yaml --blind {folde
 FRAME = "configs/collapse-prone-frame.yaml"
 COMMANDS = {
     "tdint run": "configs/ten-story.yaml --duration 1",
-    "history.csv of tdint run": "configs/hardening.yaml --duration 0.1 --history",
+    "history.csv of tdint run": "configs/hardening.yaml --duration 0.1 --history --method moment4 --check",
     "floor-spectra.csv of tdint run": "configs/hardening.yaml --duration 1 --floor-spectra roof --period 1",
     "tdint check": "configs/ten-story.yaml",
     "tdint modes": "configs/ten-story.yaml",
@@ -38,7 +38,10 @@ COMMANDS = {
     "tdint run --scale 1,2": "configs/ten-story.yaml --duration 1",
     "runs.csv of tdint campaign": "{folder}/campaign.yaml",
     "stories.csv of tdint campaign": "{folder}/campaign.yaml",
+    "shocks.csv of tdint campaign": "{folder}/sequences.yaml",
     "profiles.csv of tdint campaign": "{folder}/campaign.yaml",
+    "ratios.csv of tdint campaign": "{folder}/campaign.yaml --baseline frame",
+    "floor-spectra-mean.csv of tdint campaign": "{folder}/campaign.yaml --floor-spectra roof",
     "tdint scale": "records/firm-soil.mseed --pga 0.4g",
     "tdint ida": f"{FRAME} records/firm-soil.mseed --component HN1 --max-im 1.2m/s^2",
     "ida.csv of tdint ida": f"{FRAME} records/firm-soil.mseed --component HN1 --max-im 1.2m/s^2",
@@ -68,11 +71,18 @@ def test_columns(name, monkeypatch, tmp_path):
     motion = f"{{file: {readmes.ROOT / 'records' / 'firm-soil.mseed'}, component: HN1}}"
     (tmp_path / "recorded.yaml").write_text(f"base: {motion}\nfloors: {{1: {motion}}}\n")
     (tmp_path / "frame.yaml").write_text("{stories: [{mass: 1, stiffness: 400}], damping: {modal: 0.05}}")
+    (tmp_path / "other.yaml").write_text("{stories: [{mass: 1, stiffness: 500}], damping: {modal: 0.05}}")
     (tmp_path / "published.csv").write_text("period_s,psa_g\n1,0.1\n2,0.1\n")
     (tmp_path / "campaign.yaml").write_text(
-        f"buildings: {{models: [frame.yaml]}}\nrecords: {{files: [{readmes.ROOT / 'records' / 'firm-soil.mseed'}]}}\n"
+        f"buildings: {{models: [frame.yaml, other.yaml]}}\n"
+        f"records: {{files: [{readmes.ROOT / 'records' / 'firm-soil.mseed'}]}}\n"
         "analysis: {method: newmark-average}\noutputs: {stories: true}\n"
     )
+    (tmp_path / "sequences.yaml").write_text(
+        "buildings: {models: [frame.yaml]}\nrecords: {sequences: pairs.csv, component: HN1}\n"
+    )
+    shock = f"twice,{readmes.ROOT / 'records' / 'firm-soil.mseed'}"
+    (tmp_path / "pairs.csv").write_text(f"sequence,record\n{shock}\n{shock}\n")
     file, _, command = name.rpartition("tdint ")
     arguments = f"{command} {COMMANDS[name].format(folder=tmp_path)}".split()
     if file:

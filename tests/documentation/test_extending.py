@@ -1,21 +1,30 @@
-"""The method and the law that READMEs add as examples pass the tests of the catalogue in a copy of the project.
+"""The method, the law, the quantity and the format that READMEs add as examples work in a copy of the project.
 
-Nothing is changed in the copy but what the READMEs say.
+Nothing is changed in the copy but what the READMEs say. All runs there take kernels as they are written; that those of
+the new law and method compile, and give the same, is a test of its own.
 """
 
 from __future__ import annotations
 
+import csv
+import io
+import json
 import os
 import re
 import shutil
 import subprocess
 import sys
+import tomllib
 
+import numpy as np
 import pytest
 
 import readmes
 
+pytestmark = pytest.mark.slow
+
 LAWS = "src/tdint/kernels/laws"
+FORMATS = "src/tdint/ground_motion/formats"
 CHANGES = (
     ("member", "src/tdint/methods/single_step.py", "METHODS = (\n"),
     ("member-accuracy", "tests/analysis/assessment/test_stability.py", "ACCURACY = {\n"),
@@ -23,7 +32,30 @@ CHANGES = (
     ("law-import", f"{LAWS}/__init__.py", "from __future__ import annotations\n\n"),
     ("law-line", f"{LAWS}/__init__.py", "    tanh.LAW,\n"),
     ("law-case", "tests/kernels/test_branches.py", "LAW_CASES = {\n"),
+    ("quantity", "src/tdint/analysis/run/outcome.py", 'called="peak_absolute_acceleration",\n        ),\n    ]\n'),
+    ("format-sample", "tests/ground_motion/samples.py", "SAMPLES = {\n"),
 )
+TDINT = ("-c", "from tdint_cli.main import main; main()")
+MODEL = """
+stories: [{mass: 1, stiffness: 400, law: {type: hyperbolic, strength: 2}}, {mass: 1, stiffness: 300}]
+damping: {modal: 0.05}
+"""
+
+
+def add(path, before, text):
+    """Put text behind what is said to stand in a file."""
+    head, found, tail = path.read_text().partition(before)
+    assert found, f"{path.name} has no {before!r}"
+    path.write_text(head + found + text + tail)
+
+
+def install(folder):
+    """What an installer writes of the entry points of the project, beside its packages."""
+    groups = tomllib.loads((folder / "pyproject.toml").read_text())["project"]["entry-points"]
+    lines = [line for name, ours in groups.items() for line in (f"[{name}]", *(f"{a} = {b}" for a, b in ours.items()))]
+    (folder / "src" / "tdint-0.dist-info").mkdir()
+    (folder / "src" / "tdint-0.dist-info" / "METADATA").write_text("Metadata-Version: 2.1\nName: tdint\nVersion: 0\n")
+    (folder / "src" / "tdint-0.dist-info" / "entry_points.txt").write_text("\n".join(lines))
 
 
 @pytest.fixture(scope="module")
@@ -35,29 +67,51 @@ def extended(tmp_path_factory):
     for name in ("pyproject.toml", "README.md"):
         shutil.copy(readmes.ROOT / name, folder)
     (folder / LAWS / "hyperbolic.py").write_text(readmes.block("law-file"))
+    (folder / FORMATS / "recorder.py").write_text(readmes.block("format-file"))
+    project = folder / "pyproject.toml"
+    add(
+        project,
+        '[project.entry-points."obspy.plugin.waveform"]\n',
+        'RECORDER = "tdint.ground_motion.formats.recorder"\n',
+    )
+    project.write_text(project.read_text() + "\n" + readmes.block("format-lines"))
     for kind, name, before in CHANGES:
-        path = folder / name
-        head, found, tail = path.read_text().partition(before)
-        assert found, f"{name} has no {before!r}"
-        path.write_text(head + found + re.sub(r"^\+", "", readmes.block(kind), flags=re.MULTILINE) + tail)
+        add(folder / name, before, re.sub(r"^\+", "", readmes.block(kind), flags=re.MULTILINE))
+    install(folder)
     paths = os.pathsep.join(str(folder / name) for name in ("src", "cli"))
-    return folder, {**os.environ, "PYTHONPATH": paths, "TDINT_CACHE_DIR": str(folder / "cache")}
+    places = {"PYTHONPATH": paths, "TDINT_CACHE_DIR": str(folder / "cache"), "TDINT_KERNELS": "python"}
+    copy = folder, {**os.environ, **places}
+    assert str(folder) in python(copy, "-c", "import tdint; print(tdint.__file__)")
+    python(copy, "tests/readmes.py", "--parts")
+    return copy
 
 
-def python(extended, *arguments):
-    folder, environment = extended
+def python(copy, *arguments, **changed):
+    folder, environment = copy
     done = subprocess.run(
-        [sys.executable, *arguments], cwd=folder, env=environment, capture_output=True, text=True, timeout=3000
+        [sys.executable, *arguments],
+        cwd=folder,
+        env=environment | changed,
+        capture_output=True,
+        text=True,
+        timeout=1200,
     )
     assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-2000:]
     return done.stdout
 
 
-@pytest.mark.slow
-def test_the_examples_pass_the_tests_of_the_catalogue(extended):
+def passed(copy, *arguments):
+    """How many tests of the copy pass, and none fails."""
+    output = python(copy, "-m", "pytest", "-q", "-p", "no:cacheprovider", *arguments)
+    return int(re.search(r"(\d+) passed", output)[1])
+
+
+def table(text):
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def test_method_and_law_pass_the_tests_of_the_catalogue(extended):
     folder, _ = extended
-    assert str(folder) in python(extended, "-c", "import tdint; print(tdint.__file__)")
-    python(extended, "tests/readmes.py", "--parts")
     assert "| `newmark-step` |" in (folder / "src/tdint/methods/README.md").read_text()
     assert "| `hyperbolic` |" in (folder / "configs/README.md").read_text()
     named = [
@@ -67,8 +121,55 @@ def test_the_examples_pass_the_tests_of_the_catalogue(extended):
     ]
     assert len(named) > 8
     words = "newmark-step or hyperbolic or table_holds or every_law or up_to_date"
-    output = python(
-        extended, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-k", words, *named, "tests/documentation"
+    assert passed(extended, "-k", words, *named, "tests/documentation/test_generated.py") > 20
+
+
+def test_method_and_law_compile_to_the_same(extended):
+    """Only what this building needs is compiled."""
+    folder, _ = extended
+    (folder / "hyperbolic.yaml").write_text(MODEL)
+    command = (*TDINT, "run", "hyperbolic.yaml", "records/firm-soil.mseed", "--component", "HN1", "--method")
+    rows = [
+        table(python(extended, *command, "newmark-step", "--duration", "4", TDINT_KERNELS=kernels))
+        for kernels in ("", "python")
+    ]
+    compiled, written = (
+        np.array([[float(value or "nan") for value in row.values()] for row in table]) for table in rows
     )
-    passed = int(re.search(r"(\d+) passed", output)[1])
-    assert passed > 20
+    np.testing.assert_allclose(compiled, written, rtol=1e-9, equal_nan=True)
+    assert list((folder / "cache").rglob("*.object"))
+
+
+def test_a_quantity_of_a_story_is_wherever_they_are(extended):
+    folder, _ = extended
+    name, mass = "peak_inertia_N", 2e5
+    run = ("run", "configs/ten-story.yaml", "--method", "newmark-average", "--duration", "2", "--check", "-o", "out")
+    python(extended, *TDINT, *run)
+    stories = table((folder / "out" / "stories.csv").read_text())
+    inertia = [float(row[name]) for row in stories]
+    assert inertia == pytest.approx([mass * float(row["peak_absolute_acceleration_m_s2"]) for row in stories])
+    errors = [float(row["peak_absolute_acceleration_m_s2_error"]) for row in stories]
+    assert [float(row[f"{name}_error"]) for row in stories] == pytest.approx([mass * error for error in errors])
+    assert f'"{name}": {max(inertia)}' in (folder / "out" / "summary.json").read_text()
+    study = {
+        "buildings": {"models": ["configs/ten-story.yaml"]},
+        "records": {"files": ["records/firm-soil.mseed"]},
+        "outputs": {"stories": True},
+    }
+    (folder / "study.yaml").write_text(json.dumps(study))
+    python(extended, *TDINT, "campaign", "study.yaml", "-o", "study", "--limit", "1")
+    assert all(float(row[name]) > 0.0 for row in table((folder / "study" / "stories.csv").read_text()))
+    told = "import tdint; r = tdint.run('configs/ten-story.yaml', duration=1); print(*r.to_dict('kip,in,g'))"
+    assert "peak_inertia_kip" in python(extended, "-c", told).split()
+    assert passed(extended, "tests/documentation/test_columns.py", "-k", "run or check or campaign") > 5
+
+
+def test_a_format_is_read_as_all_are(extended):
+    folder, _ = extended
+    samples = np.round(100.0 * np.sin(0.3 * np.arange(400)), 3)
+    lines = ["RECORDER N01E, dt 0.005 s, cm/s^2", *(f"{sample:.3f}" for sample in samples)]
+    (folder / "motion.rec").write_text("\n".join(lines) + "\n")
+    (row,) = table(python(extended, *TDINT, "info", "motion.rec"))
+    assert (row["component"], row["dt_s"], row["samples"]) == ("N01E", "0.005", "400")
+    assert float(row["pga_m_s2"]) == pytest.approx(0.01 * np.max(np.abs(samples)))
+    assert passed(extended, "tests/ground_motion/test_formats_detection.py", "tests/ground_motion/test_read.py") > 20

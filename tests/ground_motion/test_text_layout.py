@@ -51,7 +51,7 @@ class TestStep:
     def test_beside_a_count_of_the_samples(self, file):
         counted = table([], np.arange(1, 61), *COLUMNS[:2], separator=" ")
         assert [record.component for record in read(file, counted, "gal", step=0.02)] == ["2", "3"]
-        with pytest.raises(RecordError, match=r"interval is 1 s, step 0.02 s contradicts it"):
+        with pytest.raises(RecordError, match=r"interval is 1 s, `step=0.02` contradicts it"):
             read(file, table(["time,N,E"], np.arange(1, 61), *COLUMNS[:2]), "gal", step=0.02)
 
     @pytest.mark.parametrize(
@@ -60,7 +60,7 @@ class TestStep:
     def test_never_against_the_file(self, file, content):
         units = None if "g" in content else "g"
         assert read(file, content, units, step=0.01)[0].dt == 0.01
-        with pytest.raises(RecordError, match=r"own sampling interval is 0.01 s, step 0.02 s contradicts it"):
+        with pytest.raises(RecordError, match=r"own sampling interval is 0.01 s, `step=0.02` contradicts it"):
             read(file, content, units, step=0.02)
 
     @pytest.mark.parametrize("name", sorted(SAMPLES))
@@ -69,7 +69,7 @@ class TestStep:
         units = "gal" if content[:1].isdigit() else None
         dt = read(file, content, units)[0].dt
         assert read(file, content, units, step=dt)[0].dt == dt
-        with pytest.raises(RecordError, match="contradicts it; leave step out"):
+        with pytest.raises(RecordError, match="contradicts it; leave it out"):
             read(file, content, units, step=2.0 * dt)
 
 
@@ -128,7 +128,7 @@ class TestColumn:
             read(file, table(["t,a,a"], times(), *COLUMNS[:2]), "g", column="a")
         with pytest.raises(RecordError, match="the table has no names of columns; give its number"):
             read(file, table([], times(), *COLUMNS[:2]), "g", column="a")
-        with pytest.raises(RecordError, match="do not tell the acceleration; choose a column: P1, P2"):
+        with pytest.raises(RecordError, match="do not tell the acceleration; choose one by `column`: P1, P2"):
             read(file, table(["s;P1;P2"], times(), *COLUMNS[:2], separator=";"), "g", step=0.02, skip_lines=0)
 
     def test_names_in_a_comment(self, file):
@@ -151,11 +151,11 @@ class TestSkippedLines:
 
     def test_too_few_or_too_many(self, file):
         content = text(WORDS, two_columns(header=None, separator=" "))
-        with pytest.raises(RecordError, match=r"line 2: 'am 3. Mai' is neither a declaration .* with skip lines 2"):
+        with pytest.raises(RecordError, match=r"line 2: 'am 3. Mai' is neither a declaration .* with `skip_lines=2`"):
             read(file, content, "g", step=0.01)
         with pytest.raises(RecordError, match=r"unknown format, and no table of numbers stands below its first 500"):
             read(file, content, "g", skip_lines=500)
-        with pytest.raises(RecordError, match=r"a table of numbers begins in line 3: step, column and skip lines"):
+        with pytest.raises(RecordError, match=r"begins in line 3: tell by `step` and `column`, past"):
             read(file, content, "g")
 
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from law_paths import CYCLE, FY, HARDENING, K, follow, law_table
-from tdint.kernels import layout
 from tdint.kernels import layout as at
 from tdint.kernels.laws.compiled_separately import spring_table
 from tdint.kernels.laws.walking import walker
@@ -17,6 +16,8 @@ from tdint.kernels.stories.law_state import restoring, start
 from tdint.model.definition import LAWS
 
 IMK_SIDE = (FY, 0.035, 0.1, 1.1, 0.2, 0.5, 1.0)
+MULTILINEAR_SIDE = (FY / K, FY, 0.05, 1.4 * FY, 0.1, 1.1 * FY, 0.3, 0.5 * FY)
+INTACT = (math.inf, *3 * (0.0, 0.0, 1.0, 1.0, 0.0), math.inf)
 LAW_CASES = {
     "linear": (),
     "polynomial": (K, 200.0, 5e4),
@@ -27,8 +28,9 @@ LAW_CASES = {
     "gap": (0.05, 4.0 * K),
     "trilinear-pinching": (FY, 2.5 * FY, 0.2, 0.4, 0.3),
     "imk": (*IMK_SIDE, *IMK_SIDE, *4 * [1.5], 1.0, 0.4, 0.6),
+    "multilinear-pinching": (*2 * MULTILINEAR_SIDE, *2 * (0.5, 0.25, 0.05), *INTACT),
 }
-DISSIPATING = ("bilinear", "peak-oriented", "bouc-wen", "trilinear-pinching", "imk")
+DISSIPATING = ("bilinear", "peak-oriented", "bouc-wen", "trilinear-pinching", "imk", "multilinear-pinching")
 
 
 def test_every_law_has_a_case():
@@ -41,7 +43,7 @@ def test_what_a_law_says_of_itself_is_what_its_functions_do(name):
     law_parameters = law_table(name, *LAW_CASES[name])
     state = spring_table(law_parameters)
     start(law_parameters, state, 0, 0.0)
-    assert math.isinf(state[layout.SLOPE, 0]) == LAWS[name].curved
+    assert math.isinf(state[at.SLOPE, 0]) == LAWS[name].curved
 
 
 @pytest.mark.parametrize("name", LAW_CASES)
@@ -67,9 +69,9 @@ def test_the_tangent_is_the_slope(name):
     start(law_parameters, state, 0, 0.01)
     for drift in (-0.05, 0.004, 0.015, 0.07):
         tangent = restoring(law_parameters, state, 0, 0, at.FIRST_TRIAL, drift)
-        force = state[at.FIRST_TRIAL + layout.FORCE, 0]
+        force = state[at.FIRST_TRIAL + at.FORCE, 0]
         restoring(law_parameters, state, 0, 0, at.FIRST_TRIAL, drift + 1e-7)
-        assert (state[at.FIRST_TRIAL + layout.FORCE, 0] - force) / 1e-7 == pytest.approx(tangent, rel=1e-5)
+        assert (state[at.FIRST_TRIAL + at.FORCE, 0] - force) / 1e-7 == pytest.approx(tangent, rel=1e-5)
 
 
 def test_bilinear_loop_by_hand():
@@ -90,9 +92,9 @@ def test_bilinear_branch_by_branch_is_the_closed_form():
     forces, _, dissipated = follow(law_parameters, CYCLE)
     for drift, force in zip(CYCLE, forces, strict=True):
         walk(law_parameters, by_branches, 0, 0, at.SECOND_TRIAL, drift)
-        by_branches[: layout.SPRING_ROWS] = by_branches[at.SECOND_TRIAL : at.SECOND_TRIAL + layout.SPRING_ROWS]
-        assert by_branches[layout.FORCE, 0] == pytest.approx(force, rel=1e-12, abs=1e-10)
-    assert by_branches[layout.DISSIPATED, 0] == pytest.approx(dissipated, rel=1e-12)
+        by_branches[: at.SPRING_ROWS] = by_branches[at.SECOND_TRIAL : at.SECOND_TRIAL + at.SPRING_ROWS]
+        assert by_branches[at.FORCE, 0] == pytest.approx(force, rel=1e-12, abs=1e-10)
+    assert by_branches[at.DISSIPATED, 0] == pytest.approx(dissipated, rel=1e-12)
 
 
 def test_gap_branch_by_branch_is_the_closed_form():
@@ -103,10 +105,10 @@ def test_gap_branch_by_branch_is_the_closed_form():
     forces, _, _ = follow(law_parameters, CYCLE)
     for drift, force in zip(CYCLE, forces, strict=True):
         walk(law_parameters, by_branches, 0, 0, at.SECOND_TRIAL, drift)
-        by_branches[: layout.SPRING_ROWS] = by_branches[at.SECOND_TRIAL : at.SECOND_TRIAL + layout.SPRING_ROWS]
+        by_branches[: at.SPRING_ROWS] = by_branches[at.SECOND_TRIAL : at.SECOND_TRIAL + at.SPRING_ROWS]
         beyond = max(abs(drift) - 0.05, 0.0)
         assert force == pytest.approx(K * drift + 4.0 * K * np.copysign(beyond, drift), rel=1e-12)
-        assert by_branches[layout.FORCE, 0] == pytest.approx(force, rel=1e-12, abs=1e-10)
+        assert by_branches[at.FORCE, 0] == pytest.approx(force, rel=1e-12, abs=1e-10)
 
 
 def test_peak_oriented_loop_by_hand():

@@ -8,7 +8,7 @@ from tdint.errors import ModelError
 from tdint.model.config.model_file import load_model
 from tdint.model.definition import LAWS
 
-STORY_KEYS = "mass, weight, height, stiffness, law, dashpot, repeat"
+STORY_KEYS = "mass, weight, height, stiffness, law, dashpot, isolator, repeat"
 THREE = "stories: [{repeat: 3, mass: 1, stiffness: 1}]\n"
 RATIO = "must be a number of at least 0 and below 1"
 RAYLEIGH = "must be {ratio: ..., modes: ...} or {mass: ..., stiffness: ...}"

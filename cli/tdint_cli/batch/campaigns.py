@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from tdint.errors import OutputError, UsageError
 from tdint.output_units import SI, OutputUnits
-from tdint_cli.batch.profiles import PICTURE, PROFILES, Profiles, SuiteRequest
+from tdint_cli.batch.profiles import PICTURE, PROFILES, RATIOS, Profiles, SuiteRequest
 from tdint_cli.errors import Failures
+from tdint_cli.options.spectra import SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE
 from tdint_cli.terminal.drawing import emit_table
 from tdint_cli.terminal.progress import progress_bar
 from tdint_cli.terminal.streams import note, say, warn
@@ -19,8 +22,11 @@ if TYPE_CHECKING:
     from tdint.campaign.store.store import Store
     from tdint.files import Writer
 
-RUNS, STORIES, PARQUET, SIMCENTER, SUMMARY = "runs.csv", "stories.csv", "runs.parquet", "simcenter.csv", "summary.json"
+RUNS, STORIES, SHOCKS, SUMMARY = "runs.csv", "stories.csv", "shocks.csv", "summary.json"
+PARQUET, SIMCENTER = "runs.parquet", "simcenter.csv"
 """What is made of a store, each file whole."""
+
+OF_FLOORS = (SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE)
 
 _FAILED = ("diverged", "not-converged", "unstable-step", "not-within-tolerance")
 
@@ -62,9 +68,12 @@ def carry_out(
             units = of_suite.units or store.output_units()
             advance = advance_with_bar(plan, store, engine, shard=shard, limit=limit)
             profiles = Profiles(store, of_suite, units)
-            finish(store, folder, units, overwrite=overwrite, profiles=profiles)
+            more = {**_of_floors(plan, profiles), **_report(plan, profiles)}
+            finish(store, folder, units, overwrite=overwrite, profiles=profiles, more=more)
             if show:
                 emit_table(runs_table(store).in_units(units))
+            if of_suite.baseline is not None and is_complete(store):
+                emit_table(profiles.ratios(stories=False))
             _say(store, advance)
             unmet = profiles.tell() if is_complete(store) else []
     if plan.failures or unmet:
@@ -125,7 +134,7 @@ def _forget(folder: Path) -> None:
     from tdint.campaign.store.store import FILE, forget, remove
 
     forget(folder / FILE)
-    for name in (RUNS, STORIES, PROFILES, PICTURE, PARQUET, SIMCENTER, SUMMARY):
+    for name in (RUNS, STORIES, SHOCKS, PROFILES, PICTURE, RATIOS, *OF_FLOORS, PARQUET, SIMCENTER, SUMMARY):
         remove(folder / name)
 
 
@@ -154,10 +163,11 @@ def finish(
     *,
     overwrite: bool = False,
     profiles: Profiles | None = None,
+    more: Mapping[str, Writer] = MappingProxyType({}),
 ) -> None:
     """Write what stands beside a store: runs.csv, stories.csv and profiles.csv if they are wanted, with a picture of
-    these, summary.json; and what was exported of an earlier state anew."""
-    writers = {RUNS: _runs(store, units), **_picture(folder, profiles)}
+    these, `more`, summary.json; and what was exported of an earlier state anew."""
+    writers = {RUNS: _runs(store, units), **_picture(folder, profiles), **_ratios(profiles), **more}
     again = {name: writer for name, writer in _exports(store).items() if store.is_ours(folder / name)}
     written = {name: writer for name, writer in again.items() if writer}
     _write(folder, store, {**writers, **written}, units, overwrite=overwrite)
@@ -177,6 +187,30 @@ def _picture(folder: Path, profiles: Profiles | None) -> dict[str, Writer]:
     return {str(picture.absolute()): profiles.draw(picture)}
 
 
+def _ratios(profiles: Profiles | None) -> dict[str, Writer]:
+    """The buildings over a baseline, if they are asked for and all runs are done."""
+    if not profiles or profiles.request.baseline is None or not is_complete(profiles.store):
+        return {}
+    table = profiles.ratios(stories=True).csv()
+    return {RATIOS: lambda stream: stream.write(table)}
+
+
+def _report(plan: Plan, profiles: Profiles) -> dict[str, Writer]:
+    """The page, if it is asked for and all runs are done."""
+    report = profiles.request.report
+    if report is None or not is_complete(profiles.store):
+        return {}
+    return {str(Path(report).absolute()): profiles.report(plan)}
+
+
+def _of_floors(plan: Plan, profiles: Profiles) -> dict[str, Writer]:
+    """What is written of floors, once all runs are done."""
+    request = profiles.request
+    if not request.of_floors or not is_complete(profiles.store):
+        return {}
+    return request.of_floors.of_suite(plan, profiles.store, request.jobs, profiles.units, plot=request.plot is not None)
+
+
 def export(
     store: Store,
     folder: Path,
@@ -189,7 +223,7 @@ def export(
     """Write all tables of a store anew; runs.parquet if pyarrow is there: that one and SimCenter's have SI units."""
     wanted = {PARQUET, *(SIMCENTER,) * (simcenter or store.is_ours(folder / SIMCENTER))}
     others = {name: writer for name, writer in _exports(store).items() if writer and name in wanted}
-    writers = {RUNS: _runs(store, units), **_picture(folder, profiles), **others}
+    writers = {RUNS: _runs(store, units), **_picture(folder, profiles), **_ratios(profiles), **others}
     _write(folder, store, writers, units, overwrite=overwrite)
 
 
@@ -210,10 +244,12 @@ def _runs(store: Store, units: OutputUnits) -> Writer:
 def _write(folder: Path, store: Store, writers: dict[str, Writer], units: OutputUnits, *, overwrite: bool) -> None:
     from tdint.files import write_files
     from tdint.output.summaries.summary import campaign_summary, in_units, json_bytes
-    from tdint.output.tables.campaign import write_stories
+    from tdint.output.tables.campaign import write_shocks, write_stories
 
     if store.meta("setting stories") == "true":
         writers = writers | {STORIES: lambda stream: write_stories(store, stream, units)}
+    if next(store.shocks(), None) is not None:
+        writers = writers | {SHOCKS: lambda stream: write_shocks(store, stream, units)}
     if store.settings().get("profiles") == "true" and is_complete(store):
         writers = writers | {PROFILES: Profiles(store, SuiteRequest(), units).table()}
     summary = json_bytes(in_units(campaign_summary(store), units))
@@ -237,6 +273,8 @@ def _say(store: Store, advance: Advance) -> None:
 
 def tell_outcomes(store: Store) -> None:
     """How many runs failed, collapsed, were repeated or are not at rest."""
+    from tdint.output.summaries.summary import without_error
+
     statuses = store.statuses()
     failed = {name: statuses[name] for name in _FAILED if name in statuses}
     if failed:
@@ -247,5 +285,7 @@ def tell_outcomes(store: Store) -> None:
         say(", ".join(f"{count} runs {name}" for name, count in fell.items()) + ".")
     if repeated := store.count("repeats > 0"):
         note(f"{repeated} runs were repeated with finer steps (column dt_s)")
+    if unknown := without_error(store):
+        note(f"{unknown} runs have no estimated errors, for they collapsed or a repetition failed: empty cells")
     if moving := store.count("at_rest = 0"):
         warn(f"{moving} runs were still moving when their time was over: their residual drifts are not at rest")

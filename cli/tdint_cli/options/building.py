@@ -36,7 +36,7 @@ def check_motion(request: BuildingRequest) -> None:
     UsageError
         Several scales; a model and a record that both are standard input.
     """
-    if request.scale and len(request.scale) > 1:
+    if len(set(request.scale or ())) > 1:
         raise UsageError("--scale: this command takes one factor; call it once for each")
     if request.model == "-" and request.record == "-":
         raise UsageError("standard input already holds the model; give the record as a file")

@@ -31,23 +31,27 @@ class HeadedOption(click.Option):
 
 
 def option(
-    *names: str, heading: str = OWN, many: bool = False, needs: str = "", **settings: Any
+    *names: str, heading: str = OWN, many: bool = False, needs: str = "", once: bool = True, **settings: Any
 ) -> Callable[[Function], Function]:
     """As `click.option`, under a heading.
 
     `needs`: what it acts on, as in `--history`, `--ductility or --strength`, `--im sa or sa-avg`: an option, one of
     several, or one with one of these values, its default among them. Given alone the option is refused.
 
-    `many`: values with commas between them, and the option may be repeated; the command gets all of them, each once,
-    as a tuple, or None if there is none.
+    `many`: values with commas between them, and the option may be repeated; the command gets all of them, each once
+    (or, without `once`, as they are), as a tuple, or None if there is none.
     """
     if many:
-        settings |= {"type": ListOf(settings["type"]), "multiple": True, "callback": _each_once}
+        settings |= {"type": ListOf(settings["type"]), "multiple": True, "callback": _each_once if once else _each}
     return click.option(*names, cls=HeadedOption, heading=heading, needs=needs, **settings)
 
 
-def _each_once(_: click.Context, __: click.Parameter, lists: tuple[tuple[Any, ...], ...]) -> tuple[Any, ...] | None:
-    return tuple(dict.fromkeys(value for values in lists for value in values)) or None
+def _each(_: click.Context, __: click.Parameter, lists: tuple[tuple[Any, ...], ...]) -> tuple[Any, ...] | None:
+    return tuple(value for values in lists for value in values) or None
+
+
+def _each_once(ctx: click.Context, option: click.Parameter, lists: tuple[tuple[Any, ...], ...]) -> Any:
+    return tuple(dict.fromkeys(_each(ctx, option, lists) or ())) or None
 
 
 class Command(click.Command):

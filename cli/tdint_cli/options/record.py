@@ -97,7 +97,12 @@ inventory = option(
     help="StationXML file by which the instrument's response is removed; not with --units.",
 )
 scale = option(
-    "--scale", type=Nonzero(), many=True, metavar="FACTOR", help="Factor on the ground acceleration, not zero."
+    "--scale",
+    type=Nonzero(),
+    many=True,
+    once=False,
+    metavar="FACTOR",
+    help="Factor on the ground acceleration, not zero.",
 )
 
 _LAYOUT = (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -21,7 +21,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tdint.analysis.run.run import Response
+    from tdint.campaign.plan import Plan
+    from tdint.campaign.store.store import Store
     from tdint.files import Writer
+    from tdint.output.tables.table import Table
     from tdint.output_units import OutputUnits
     from tdint.written_numbers import Grid
 
@@ -39,7 +42,8 @@ tables = output.output(
 picture = output.plot(
     "Also draw all records, to this file (.png, .pdf, .svg); alone, each CSV file of -o, as PNG beside it."
 )
-SPECTRA, MOTIONS = "floor-spectra.csv", "floors.mseed"
+SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE = "floor-spectra.csv", "floor-spectra-mean.csv", "floor-spectra.png"
+MOTIONS = "floors.mseed"
 """The files of floors, in the folder of -o."""
 
 floor_spectra = option(
@@ -48,7 +52,8 @@ floor_spectra = option(
     many=True,
     metavar="FLOOR,...",
     help=f"Also write {SPECTRA}: elastic response spectra of the absolute accelerations of these floors (from 1, or "
-    "roof), exact for motions that are linear between the steps.",
+    f"roof), exact for motions that are linear between the steps; with --plot {SPECTRA_PICTURE}, too. Of several "
+    f"records those of every run, and in {SPECTRA_MEAN} their mean and envelope.",
 )
 export_floors = output.option(
     "--export-floors",
@@ -106,6 +111,12 @@ class FloorRequest:
     periods: Grid | None
     period: tuple[float, ...] | None
 
+    @classmethod
+    def taken_from(cls, given: dict[str, Any]) -> FloorRequest:
+        """What a command was given, taken out of it."""
+        names = {"floors": "floor_spectra", "export": "export_floors"}
+        return cls(**{one.name: given.pop(names.get(one.name, one.name), None) for one in fields(cls)})
+
     def __bool__(self) -> bool:
         return bool(self.floors or self.export)
 
@@ -130,8 +141,38 @@ class FloorRequest:
 
         return np.array(self.period) if self.period else (self.periods or parse_grid(PERIODS)).values()
 
-    def files(self, response: Response, folder: Path, units: OutputUnits) -> tuple[dict[Path, Writer], Sequence[str]]:
-        """The files in a folder and what writes them, tables in these units; and notes on them."""
+    def of_suite(
+        self, plan: Plan, store: Store, jobs: int | None, units: OutputUnits, *, plot: bool
+    ) -> dict[str, Writer]:
+        """The files of a suite by their names and what writes them, in these units, with a picture if one is wanted;
+        nothing if no floor is asked for. Every run is done once more for them.
+
+        Raises
+        ------
+        UsageError
+            A building has no such floor.
+        """
+        if not self.floors:
+            return {}
+        from tdint.campaign.floor_suites import FloorChoice, floor_suites, run_floors
+        from tdint.output.figures.demands.floor_spectra import floor_suite_picture
+        from tdint.output.tables.campaign import floor_suite_table, run_floor_table
+        from tdint.system import processors
+
+        choice = FloorChoice(self.floors, self.chosen_periods(), self.damping)
+        found = run_floors(plan, store, choice, jobs or processors())
+        suites = list(floor_suites(store, found))
+        writers = {
+            SPECTRA: _table_writer(run_floor_table(store, found).in_units(units)),
+            SPECTRA_MEAN: _table_writer(floor_suite_table(store, suites).in_units(units)),
+        }
+        return writers | ({SPECTRA_PICTURE: floor_suite_picture(suites, ".png", units)} if plot and suites else {})
+
+    def files(
+        self, response: Response, folder: Path, units: OutputUnits, *, plot: bool = False
+    ) -> tuple[dict[Path, Writer], Sequence[str]]:
+        """The files in a folder and what writes them, tables in these units, a picture if one is wanted; and notes on
+        them."""
         stories = len(response.model.stories)
         files: dict[Path, Writer] = {}
         notes: Sequence[str] = ()
@@ -140,8 +181,12 @@ class FloorRequest:
             from tdint.output.tables.spectra import floor_spectrum_table
 
             found = spectra_of(response, self.chosen_floors(stories), self.chosen_periods(), self.damping)
-            table = floor_spectrum_table(found).in_units(units).csv()
-            files[folder / SPECTRA] = lambda stream: stream.write(table)
+            files[folder / SPECTRA] = _table_writer(floor_spectrum_table(found).in_units(units))
+            if plot:
+                from tdint.output.figures.demands.floor_spectra import floor_picture
+
+                title = response.model.name
+                files[folder / SPECTRA_PICTURE] = floor_picture(found, ".png", units, title=title)
         if self.export:
             from tdint.analysis.spectra.floors import floor_motion
             from tdint.ground_motion.export import to_mseed
@@ -150,3 +195,8 @@ class FloorRequest:
             files[folder / MOTIONS] = lambda stream: stream.write(exported.content)
             notes = exported.notes
         return files, notes
+
+
+def _table_writer(table: Table) -> Writer:
+    content = table.csv()
+    return lambda stream: stream.write(content)

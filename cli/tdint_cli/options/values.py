@@ -12,7 +12,7 @@ from click.shell_completion import CompletionItem
 from tdint.errors import UsageError
 from tdint.output_units import OutputUnits, parse_output_units
 from tdint.units import ACCELERATION, FORCE, LENGTH, MASS, DriftSize, Units, parse_drift, parse_units
-from tdint.written_numbers import Grid, parse_grid, parse_ratio
+from tdint.written_numbers import LARGEST, SMALLEST, Grid, parse_grid, parse_ratio
 
 if TYPE_CHECKING:
     ValueType = click.ParamType[Any]
@@ -21,12 +21,14 @@ else:
 
 
 class Number(click.FloatRange):
-    """A number in a range; nan and infinity are in none."""
+    """A number in a range; nan, infinity and what cannot be computed with are in none."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         number = super().convert(value, param, ctx)
         if not math.isfinite(number):
             self.fail(f"{value} is not a finite number", param, ctx)
+        if number != 0.0 and not SMALLEST <= abs(number) <= LARGEST:
+            self.fail(f"{value}: its size must lie between {SMALLEST:g} and {LARGEST:g}", param, ctx)
         return number
 
 

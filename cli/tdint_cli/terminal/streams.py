@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import re
+import shlex
 import sys
 from collections.abc import Sequence
 from typing import BinaryIO
@@ -13,6 +14,7 @@ from tdint.errors import OutputError, abridged
 from tdint_cli.settings import current, is_quiet
 
 _EMPTY_LINE = "\r\x1b[K"  # in place of the line on which the terminal's cursor is
+_SETTING = re.compile(r"`(units|component|inventory|step|column|skip_lines)(?:=([^`]*))?`")
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
 
 
@@ -77,10 +79,17 @@ def complain(text: str) -> None:
         return
     try:
         over_the_bar = _EMPTY_LINE if current().bar else ""
-        sys.stderr.write(f"{over_the_bar}{_CONTROL.sub(_escaped, abridged(text))}\n")
+        sys.stderr.write(f"{over_the_bar}{_CONTROL.sub(_escaped, abridged(_SETTING.sub(_option, text)))}\n")
         sys.stderr.flush()
     except OSError:
         pass
+
+
+def _option(match: re.Match[str]) -> str:
+    """What the library calls `skip_lines=1`, as the command has it."""
+    name, value = match.groups()
+    quoted = f" {shlex.quote(value)}" if value else ""
+    return f"--{name.replace('_', '-')}{quoted}"
 
 
 def say_table(rows: Sequence[Sequence[str]]) -> None:

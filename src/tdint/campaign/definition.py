@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from tdint.campaign.levels import MeasureLevels, Scales
 from tdint.campaign.suites.suite import RecordChoice
+from tdint.campaign.sweep import ParameterSweep
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,16 @@ class RecordFiles:
     files: tuple[str, ...]
     choice: RecordChoice
     pairs: bool = False
+
+
+@dataclass(frozen=True)
+class SequenceFile:
+    """Shocks one after the other, by a CSV file of their records; `rest` seconds between them, None: until the building
+    is at rest."""
+
+    file: str
+    choice: RecordChoice
+    rest: float | None
 
 
 @dataclass(frozen=True)
@@ -101,6 +112,8 @@ class AnalysisWishes:
         Whether gravity acts on the displaced buildings.
     until_rest : bool
         Go on with the ground at rest until the motion has died.
+    check : bool
+        Estimate the errors of the demands.
     """
 
     method: str | None = None
@@ -110,6 +123,7 @@ class AnalysisWishes:
     collapse_drift: float | None = None
     p_delta: bool | None = None
     until_rest: bool = False
+    check: bool = False
 
 
 @dataclass(frozen=True)
@@ -122,13 +136,16 @@ class CampaignFile:
         The campaign's name (the file's, where it gives none), and the file as the user named it.
     stories, profiles : bool
         Write the peaks of every story, and what they are over the motions.
+    sweep : ParameterSweep or None
+        What is varied in every building.
     """
 
     name: str
     source: str
     buildings: ModelFiles | InventoryFile
-    records: RecordFiles | GridFile
+    records: RecordFiles | SequenceFile | GridFile
     intensity: Scales | MeasureLevels | FactorsFile
     analysis: AnalysisWishes
     stories: bool = False
     profiles: bool = True
+    sweep: ParameterSweep | None = None

@@ -25,6 +25,7 @@ from tdint.campaign.inputs import Inputs
 from tdint.campaign.levels import GivenFactors, IntensityLevels, Levels, MeasureLevels, Scales
 from tdint.errors import ModelError, TdintError, UsageError
 from tdint.methods.catalogue import DEFAULT_METHOD
+from tdint.model.building import falling_stories
 from tdint.model.definition import Model
 
 _COLLAPSE_DRIFT = 0.10
@@ -240,7 +241,13 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         assignment=_assignment(campaign, inputs),
         levels=_levels(campaign, inputs),
         settings=RunSettings(
-            analysis.dt, analysis.duration, analysis.until_rest, campaign.stories, analysis.tolerance, campaign.profiles
+            analysis.dt,
+            analysis.duration,
+            analysis.until_rest,
+            campaign.stories,
+            analysis.tolerance,
+            campaign.profiles,
+            analysis.check,
         ),
         failures=inputs.failures,
         notes=(*notes, *inputs.notes),
@@ -260,6 +267,7 @@ def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buil
 
 def _subject(model: Model, method: str | None, notes: list[str]) -> Subject:
     """A building with its method: that of the campaign, of the model, or the default, which is noted."""
+    notes += [f"{model.source}: {text}" for text in falling_stories(model)]
     chosen = method or model.analysis.method
     if chosen is None:
         chosen = DEFAULT_METHOD

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import NamedTuple
 
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from tdint.analysis.run.outcome import STORY
 from tdint.campaign.store.store import Store
-from tdint.errors import UsageError
+from tdint.errors import UsageError, did_you_mean
 from tdint.ground_motion.horizontals import at_right_angles, motion_name
 from tdint.quantity import Quantity
 
@@ -92,6 +92,71 @@ class Profile:
     def statistics(self, quantity: Quantity) -> Statistics:
         """Of a quantity, in each story."""
         return Statistics.of(self.peaks[quantity.name])
+
+
+@dataclass(frozen=True)
+class Ratios:
+    """A quantity of a building over that of another one at the same level, in each story that both have.
+
+    Attributes
+    ----------
+    building, baseline : str
+        Their names.
+    scale, level : float
+        As in `Profile`.
+    quantity : Quantity
+        What is compared.
+    mean, median, max : ndarray, shape (1 + stories,)
+        First that of the largest value of all stories, then that of each story, from the ground up; nan where the
+        baseline has none, or nothing.
+    """
+
+    building: str
+    baseline: str
+    scale: float
+    level: float
+    quantity: Quantity
+    mean: Array
+    median: Array
+    max: Array
+
+
+def ratios(found: Sequence[Profile], baseline: str) -> list[Ratios]:
+    """Of all buildings over the one of this name, level by level; without that one itself.
+
+    Raises
+    ------
+    UsageError
+        There is no such building, or it is the only one.
+    """
+    names = list(dict.fromkeys(one.building for one in found))
+    if baseline not in names:
+        raise UsageError(
+            f"there is no building {baseline!r}{did_you_mean(baseline, names)}; there are {', '.join(names)}"
+        )
+    if len(names) == 1:
+        raise UsageError(f"there is no building beside {baseline!r} to be compared with it")
+    bases = {(repr(one.scale), repr(one.level)): one for one in found if one.building == baseline}
+    return [
+        _ratios(one, base, quantity)
+        for one in found
+        if one.building != baseline and (base := bases.get((repr(one.scale), repr(one.level)))) is not None
+        for quantity in STORY
+    ]
+
+
+def _ratios(one: Profile, base: Profile, quantity: Quantity) -> Ratios:
+    ours, theirs = one.statistics(quantity), base.statistics(quantity)
+    values = {name: _over(getattr(ours, name), getattr(theirs, name)) for name in ("mean", "median", "max")}
+    return Ratios(one.building, base.building, one.scale, one.level, quantity, **values)
+
+
+def _over(ours: Array, theirs: Array) -> Array:
+    common = min(ours.size, theirs.size)
+    tops = [np.max(values[np.isfinite(values)], initial=-math.inf) for values in (ours, theirs)]
+    over, under = np.concatenate([[tops[0]], ours[:common]]), np.concatenate([[tops[1]], theirs[:common]])
+    known = (under > 0.0) & np.isfinite(over)
+    return np.asarray(np.divide(over, under, out=np.full(over.size, math.nan), where=known))
 
 
 class DriftCheck(NamedTuple):

@@ -15,10 +15,13 @@ from tdint.campaign.definition import (
     InventoryFile,
     ModelFiles,
     RecordFiles,
+    SequenceFile,
 )
 from tdint.campaign.levels import MeasureLevels, Scales
 from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, PAIRS, IntensityMeasure, PeakVelocity, pga, sa, sa_average
 from tdint.campaign.suites.suite import RecordChoice
+from tdint.campaign.sweep_reader import Varied, read_sweep
+from tdint.campaign.sweep_reader import positive as _positive
 from tdint.errors import UsageError
 from tdint.methods.catalogue import parse as parse_method
 from tdint.model.config.excitation import LAYOUT, PROCESSING, read_layout, read_processing
@@ -81,9 +84,13 @@ _GRID = (
     Key("samples", Whole(1, 100_000), "draws for each building"),
     Key("seed", _SEED, "what is drawn from, with the building's id"),
 )
-_FILE_KEYS, _GRID_KEYS = (tuple(key.name for key in keys) for keys in (_FILES, _GRID))
+_SEQUENCES = (
+    Key("sequences", Words(), "CSV file of shocks (sequence, record, component, factor), relative to this file"),
+    Key("rest", Bounds(0.0), "seconds from the end of a shock to the next; until rest where it is left out"),
+)
+_FILE_KEYS, _GRID_KEYS, _SEQUENCE_KEYS = (tuple(key.name for key in keys) for keys in (_FILES, _GRID, _SEQUENCES))
 _SAMPLE_UNITS = Key("units", Words(), "units of the samples, where the files do not say them: m/s^2, g, ...")
-_RECORDS = Keys((*_FILES, *_GRID, _SAMPLE_UNITS), one_of=(("files", "grid"),))
+_RECORDS = Keys((*_FILES, *_SEQUENCES, *_GRID, _SAMPLE_UNITS), one_of=(("files", "sequences", "grid"),))
 
 _OF_MEASURES = ("period", "damping", "levels", "pair")
 _FIRST = "T1"
@@ -114,14 +121,21 @@ _INTENSITY = Keys(
 _ANALYSIS = Keys(
     (
         Key("method", Words(), "time-integration method with its parameters, for all buildings"),
-        Key("dt", POSITIVE, "time step, s; that of each model, else of each record, where it is left out"),
+        Key("methods", EntriesOf(Words(), least=1), "several methods, each with all the rest"),
+        Key(
+            "dt",
+            Either((POSITIVE, EntriesOf(POSITIVE, least=1))),
+            "time step, s, or several, each with all the rest; that of each model, else of each record, without it",
+        ),
         Key("duration", POSITIVE, "time to integrate, s"),
         Key("tolerance", _TOLERANCE, "choose the step of each building by the error of its peak drifts"),
         Key("collapse_drift", POSITIVE_RATIO, "drift ratio beyond which a run counts as collapsed"),
         Key("p_delta", Flag(), "whether gravity acts on the displaced buildings"),
         Key("until_rest", Flag(), "go on with the ground at rest until the motion has died"),
+        Key("check", Flag(), "estimate the errors of the demands: columns `<name>_error`"),
     )
 )
+_VARY = Varied()
 _OUTPUTS = Keys(
     (
         Key("stories", Flag(), "write the peaks of every story, stories.csv"),
@@ -135,6 +149,7 @@ CAMPAIGN = Keys(
         Key("records", _RECORDS, "files and folders, or a grid", needed=True),
         Key("intensity", _INTENSITY, "how strong the motions are made; as they are where it is left out"),
         Key("analysis", _ANALYSIS, "what is the same for all runs"),
+        Key("vary", _VARY, "parameters of the buildings, each value with all the others"),
         Key("outputs", _OUTPUTS, "what is kept beside a row for each run"),
     )
 )
@@ -173,6 +188,7 @@ def _read(section: Section, label: str, name: str, folder: Path) -> CampaignFile
     buildings = section.need("buildings", "give `models` or an `inventory`")
     records = section.need("records", "give `files` or a `grid`")
     _check_pair(section)
+    _check_duration(section)
     outputs = section.get("outputs")
     kept = outputs.section(_OUTPUTS) if outputs else None
     stories, profiles = (kept.get(name) if kept else None for name in ("stories", "profiles"))
@@ -186,6 +202,7 @@ def _read(section: Section, label: str, name: str, folder: Path) -> CampaignFile
         analysis=_read_analysis(section.get("analysis")),
         stories=stories.boolean() if stories else False,
         profiles=profiles.boolean() if profiles else isinstance(found, ModelFiles),
+        sweep=read_sweep(section.get("vary"), section.get("analysis"), models=isinstance(found, ModelFiles)),
     )
 
 
@@ -200,21 +217,32 @@ def _check_pair(section: Section) -> None:
         pair.fault("has nothing to act on without `pairs: true` of the records")
 
 
+def _check_duration(section: Section) -> None:
+    """Sequences have all of each record."""
+    analysis, records = section.get("analysis"), section.get("records")
+    duration = analysis.peek("duration") if analysis else None
+    if duration is not None and records is not None and records.peek("sequences"):
+        duration.fault("is not for `sequences`, which have all of each record; `rest` of the records is in between")
+
+
 def _read_analysis(value: Value | None) -> AnalysisWishes:
     section = value.section(_ANALYSIS) if value else None
     if section is None:
         return AnalysisWishes()
-    method = section.get("method")
+    method, dt = section.get("method"), section.get("dt")
     named = method.parsed(parse_method) if method else None
-    p_delta, until_rest = section.get("p_delta"), section.get("until_rest")
+    if method and section.has("methods"):
+        method.fault("stands in place of `methods`; give one of the two")
+    p_delta, until_rest, check = (section.get(name) for name in ("p_delta", "until_rest", "check"))
     return AnalysisWishes(
         method=named.label if named else None,
-        dt=section.number_or_none("dt"),
+        dt=None if dt is None or dt.is_list else _positive(dt),
         duration=section.number_or_none("duration"),
         tolerance=section.number_or_none("tolerance"),
         collapse_drift=section.number_or_none("collapse_drift"),
         p_delta=p_delta.boolean() if p_delta else None,
         until_rest=until_rest.boolean() if until_rest else False,
+        check=check.boolean() if check else False,
     )
 
 
@@ -265,36 +293,48 @@ def _inventory(section: Section, inventory: Value, folder: Path) -> InventoryFil
     )
 
 
-def _read_records(value: Value, folder: Path) -> RecordFiles | GridFile | None:
-    """Files or a grid; None after a fault."""
+def _read_records(value: Value, folder: Path) -> RecordFiles | SequenceFile | GridFile | None:
+    """Files, sequences or a grid; None after a fault."""
     section = value.section(_RECORDS)
     if section is None:
         return None
     units = section.get("units")
     text = read_sample_units(units)
     if section.has("grid"):
-        _refuse(section, _FILE_KEYS, "belongs to `files`, not to a `grid`")
+        _refuse(section, (*_FILE_KEYS, *_SEQUENCE_KEYS), "belongs to `files` or `sequences`, not to a `grid`")
         section.need("units", "give the units of the grid's motions, such as g or m/s^2")
         return _grid(section, text, folder)
     _refuse(section, _GRID_KEYS, "belongs to a `grid`")
+    if section.has("sequences"):
+        _refuse(section, ("files", "pairs"), "has no part in `sequences`")
+        shocks = section.text("sequences")
+        choice = _choice(section, text, folder)
+        return SequenceFile(resolve(shocks, folder), choice, section.number_or_none("rest")) if shocks else None
+    _refuse(section, ("rest",), "belongs to `sequences`")
     files = section.need("files", "give a list of files and folders, or a `grid` in its place")
     items = files.items("a list of files and folders") if files else None
     if files and items is not None and not items:
         files.fault("is empty; give at least one record")
-    pairs, component, inventory = section.get("pairs"), section.get("component"), section.text("inventory")
+    pairs, component = section.get("pairs"), section.get("component")
     both = pairs.boolean() if pairs else False
     if both and component:
         component.fault("pairs have both horizontal components; leave one of the two out")
-    if units and inventory:
-        units.fault("an inventory gives the units; leave one of the two out")
-    choice = RecordChoice(
-        units=text,
+    choice = _choice(section, text, folder)
+    return RecordFiles(tuple(resolve(text, folder) for item in items or () if (text := item.text())), choice, both)
+
+
+def _choice(section: Section, units: str | None, folder: Path) -> RecordChoice:
+    """What is taken of each file, and what is done to it."""
+    inventory, given = section.text("inventory"), section.get("units")
+    if given and inventory:
+        given.fault("an inventory gives the units; leave one of the two out")
+    return RecordChoice(
+        units=units,
         component=section.text("component"),
         inventory=resolve(inventory, folder) if inventory else None,
         processing=read_processing(section),
         layout=read_layout(section),
     )
-    return RecordFiles(tuple(resolve(text, folder) for item in items or () if (text := item.text())), choice, both)
 
 
 def _grid(section: Section, units: str | None, folder: Path) -> GridFile | None:

@@ -163,7 +163,24 @@ def _checked(acceleration: Any, source: str) -> NDArray[np.float64]:
 
 
 def component_names(records: Sequence[Record]) -> list[str]:
-    """The component of each record; its full id where others of the same file have the same component."""
+    """The component of each record; its full id where others of the same file have the same component, and of floors
+    that tdint exported their names, F04."""
     components = {(record.source, record.id, record.component) for record in records}
     count = Counter((source, component) for source, _, component in components)
-    return [record.component if count[record.source, record.component] == 1 else record.id for record in records]
+    return [record.component if count[record.source, record.component] == 1 else _full(record.id) for record in records]
+
+
+IN_SI = "SI"
+"""Location code with which tdint exports motions, whose samples are in SI units: MiniSEED has no place for a unit."""
+
+
+def station_of(id: str) -> str:
+    """The station of a channel's id NET.STA.LOC.CHA; nothing of another id."""
+    parts = id.split(".")
+    return parts[1] if len(parts) == 4 else ""
+
+
+def _full(id: str) -> str:
+    """What tells a channel from those of the same component: a floor is its station, F04."""
+    exported = id.split(".")[2:3] == [IN_SI]
+    return station_of(id) if exported else id

@@ -41,17 +41,17 @@ class TextLayout:
 
     def __post_init__(self) -> None:
         if self.step is not None and not (_is_number(self.step) and isfinite(self.step) and self.step > 0.0):
-            raise UsageError(f"step: must be a positive number, got {self.step!r}")
+            raise UsageError(f"`step`: must be a positive number, got {self.step!r}")
         given: Any = self.column
         columns = (given,) if isinstance(given, str | int) else given
         if not isinstance(columns, tuple | list) or not all(str(name).strip() for name in columns):
-            raise UsageError(f"column: give the number or the name of a column, got {given!r}")
+            raise UsageError(f"`column`: give the number or the name of a column, got {given!r}")
         object.__setattr__(self, "column", tuple(str(name).strip() for name in columns))
         skipped: Any = self.skip_lines
         if skipped is not None and not (
             isinstance(skipped, Integral) and not isinstance(skipped, bool) and 0 <= int(skipped) <= MOST_LINES
         ):
-            raise UsageError(f"skip lines: must be a whole number from 0 to {MOST_LINES}, got {skipped!r}")
+            raise UsageError(f"`skip_lines`: must be a whole number from 0 to {MOST_LINES}, got {skipped!r}")
 
     def __bool__(self) -> bool:
         return any(getattr(self, field.name) not in (None, ()) for field in fields(self))
@@ -63,18 +63,18 @@ class TextLayout:
 
     def check_format(self, name: str) -> None:
         """Raise RecordError for columns or lines of a file that is no table but of the format `name`."""
-        for what, given in (("column", ", ".join(self.column)), ("skip lines", self.skip_lines)):
+        for what, given in (("column", ", ".join(self.column)), ("skip_lines", self.skip_lines)):
             if given not in (None, ""):
                 raise RecordError(
-                    f"{what} {given} is given, but the file is {name}, which tells itself where its samples are; "
-                    f"leave {what} out"
+                    f"`{what}={given}` is given, but the file is {name}, which tells itself where its samples are; "
+                    f"leave it out"
                 )
 
     def check_step(self, dt: float) -> None:
         """Raise RecordError for a sampling interval (s) of a file that is not the one that the user gives."""
         if self.step is not None and not isclose(dt, self.step, rel_tol=SAME_STEP):
             raise RecordError(
-                f"the file's own sampling interval is {dt:.9g} s, step {self.step:.9g} s contradicts it; leave step out"
+                f"the file's own sampling interval is {dt:.9g} s, `step={self.step:.9g}` contradicts it; leave it out"
             )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from tdint.kernels import layout as at
 from tdint.model.damping import add_damping
-from tdint.model.definition import CODES, LAWS, Force, Model
+from tdint.model.definition import CODES, LAWS, Force, Model, Story
 from tdint.model.modes import FreeVibration, Modes
 from tdint.units import STANDARD_GRAVITY
 
 Array = NDArray[np.float64]
 
 _TURNS = 5  # of the iteration towards the fastest mode
+_FEW = 5  # stories that are named
 _POSITIVE = 1e-9  # what a mode's largest ordinate, 1, leaves to one that is zero
 
 
@@ -33,11 +34,13 @@ class Building:
     modal : ndarray, shape (modes, n + 1)
         Rows w of the modal damping C = sum of w w^T; no rows for none.
     heights : ndarray, shape (n,)
-        Story heights, m; nan where there is none.
+        Story heights that drifts are taken over, m; nan where there is none, and of isolators.
     yield_drift : ndarray, shape (n,)
         Drift at first yield, m; nan for stories that do not yield.
     vibration : FreeVibration
         The undamped vibration of the initial stiffness.
+    isolators : tuple of int
+        The stories that isolate, counted from 0.
     """
 
     linear_terms: Array
@@ -46,6 +49,14 @@ class Building:
     heights: Array
     yield_drift: Array
     vibration: FreeVibration
+    isolators: tuple[int, ...] = ()
+
+    @property
+    def rises(self) -> Array:
+        """What each story adds to the height of the building, m, shape (n,): its height, of an isolator nothing."""
+        rises = self.heights.copy()
+        rises[list(self.isolators)] = 0.0
+        return rises
 
     @property
     def stories(self) -> int:
@@ -173,10 +184,9 @@ def assemble(model: Model) -> Building:
             linear_terms[at.POWER, i] = 0.5 * (dashpot.exponent - 1.0)
             linear_terms[at.THRESHOLD, i] = dashpot.linear_below**2
     linear_terms[at.LINK, 1:n] = 1.0
-    heights = np.array([math.nan if story.height is None else story.height for story in stories])
+    heights = np.array([math.nan if story.drift_height is None else story.drift_height for story in stories])
     if model.p_delta:
-        weight_above = STANDARD_GRAVITY * np.cumsum(linear_terms[at.MASS, :n][::-1])[::-1]
-        linear_terms[at.GEOMETRIC, :n] = -weight_above / heights
+        linear_terms[at.GEOMETRIC, :n] = -weight_over_height(model)
     rows = max(len(story.law.parameters) for story in stories)
     law_parameters = np.zeros((at.FIRST_PARAMETER + rows, n + 1))
     yield_drift = np.empty(n)
@@ -192,8 +202,67 @@ def assemble(model: Model) -> Building:
         law_parameters[at.STIFFNESS, :n] + linear_terms[at.GEOMETRIC, :n],
         linear_terms[at.LINK, :n],
     )
+    isolators = tuple(i for i, story in enumerate(stories) if story.isolator)
     modal = add_damping(linear_terms, law_parameters[at.STIFFNESS, :n], model, vibration)
-    return Building(linear_terms, law_parameters, modal, heights, yield_drift, vibration)
+    return Building(linear_terms, law_parameters, modal, heights, yield_drift, vibration, isolators)
+
+
+def weight_over_height(model: Model) -> Array:
+    """Of each story the weight above over its height, N/m, shape (n,): the stiffness that P-delta takes."""
+    mass = np.array([story.mass for story in model.stories])
+    heights = np.array([math.nan if story.height is None else story.height for story in model.stories])
+    return np.asarray(STANDARD_GRAVITY * np.cumsum(mass[::-1])[::-1] / heights)
+
+
+def falling_stories(model: Model) -> tuple[str, ...]:
+    """What to say of stories that P-delta pushes over once they have yielded: their weight over height exceeds the
+    stiffness after yield of their law."""
+    if not model.p_delta:
+        return ()
+    found = []
+    for i, (story, taken) in enumerate(zip(model.stories, weight_over_height(model), strict=True), start=1):
+        left = stiffness_after_yield(story)
+        if taken > left:
+            found.append(f"story {i} {taken / 1e6:.4g} over {left / 1e6:.4g}")
+    if not found:
+        return ()
+    more = f" and {len(found) - _FEW} more" if len(found) > _FEW else ""
+    return (
+        "P-delta takes more than the stiffness after yield, so that a story falls once it has yielded; weight over "
+        f"height and that stiffness, MN/m: {', '.join(found[:_FEW])}{more}",
+    )
+
+
+def stiffness_after_yield(story: Story) -> float:
+    """The stiffness of a story's law after yield, before it softens, N/m; infinite for a law that does not yield."""
+    found = _AFTER_YIELD.get(story.law.name)
+    if found is None:
+        return math.inf
+    names = [one.name for one in LAWS[story.law.name].parameters]
+    return found(story.stiffness, dict(zip(names, story.law.parameters, strict=True)))
+
+
+def _hardening(stiffness: float, law: Mapping[str, float]) -> float:
+    return law["hardening"] * stiffness
+
+
+def _to_ultimate(stiffness: float, law: Mapping[str, float]) -> float:
+    rise, way = law["ultimate_force"] - law["yield_force"], law["ultimate_drift"] - law["yield_force"] / stiffness
+    return rise / way if way > 0.0 else 0.0
+
+
+def _to_capping(stiffness: float, law: Mapping[str, float]) -> float:
+    return (law["capping_ratio"] - 1.0) * law["yield_force"] / law["plastic_drift"]
+
+
+_AFTER_YIELD: dict[str, Callable[[float, Mapping[str, float]], float]] = {
+    "bilinear": _hardening,
+    "bouc-wen": _hardening,
+    "peak-oriented": _hardening,
+    "trilinear-pinching": _to_ultimate,
+    "imk": _to_capping,
+    "tanh": lambda stiffness, law: 0.0,
+}
 
 
 def modes(model: Model) -> Modes:

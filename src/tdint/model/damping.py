@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +9,7 @@ from tdint.errors import ModelError
 from tdint.kernels import layout as at
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
 from tdint.model.modes import FreeVibration, Modes
+from tdint.system import memory
 
 Array = NDArray[np.float64]
 
@@ -31,10 +30,36 @@ def add_damping(linear_terms: Array, stiffness: Array, model: Model, vibration: 
         return modal_rows(vibration.modes, linear_terms[at.MASS, :n], np.array(damping.ratios))
     if isinstance(damping, RayleighRatio):
         damping = rayleigh(damping, *(vibration.frequency(mode) for mode in damping.modes))
+    if damping is not None and not all(story.rayleigh for story in model.stories):
+        return _without_isolators(linear_terms, stiffness, model, damping)
     if damping is not None:
         linear_terms[at.FLOOR_DAMPER, :n] += damping.mass * linear_terms[at.MASS, :n]
         linear_terms[at.STORY_DAMPER, :n] += damping.stiffness * stiffness
     return np.zeros((0, n + 1))
+
+
+def _without_isolators(linear_terms: Array, stiffness: Array, model: Model, damping: RayleighCoefficients) -> Array:
+    """Rayleigh damping that does not reach isolators; return its rows w of C = sum w w^T, shape (rows, n + 1).
+
+    Stiffness-proportional dampers stand beside the other stories alone. Mass-proportional ones act on the motion
+    relative to the floor on top of the isolator below, not to the ground, from where they would brake the isolators.
+    """
+    n = linear_terms.shape[1] - 1
+    reached = np.array([story.rayleigh for story in model.stories])
+    linear_terms[at.STORY_DAMPER, :n] += np.where(reached, damping.stiffness * stiffness, 0.0)
+    mass = linear_terms[at.MASS, :n]
+    on_ground = np.cumsum(~reached) == 0
+    linear_terms[at.FLOOR_DAMPER, :n] += np.where(on_ground, damping.mass * mass, 0.0)
+    rows = []
+    base = 0
+    for floor in range(n):
+        if not reached[floor]:
+            base = floor
+        elif not on_ground[floor] and damping.mass > 0.0:
+            row = np.zeros(n + 1)
+            row[floor], row[base] = 1.0, -1.0
+            rows.append(np.sqrt(damping.mass * mass[floor]) * row)
+    return np.array(rows).reshape(len(rows), n + 1)
 
 
 def _check_memory(stories: int) -> None:
@@ -46,7 +71,7 @@ def _check_memory(stories: int) -> None:
         There are too many stories.
     """
     needed = _TABLES * 8 * stories**2
-    if not hasattr(os, "sysconf") or needed <= (has := os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")):
+    if (has := memory()) is None or needed <= has:
         return
     raise ModelError(
         f"modal damping of {stories} stories takes {needed / 2**30:.0f} GiB of memory, and this machine has "

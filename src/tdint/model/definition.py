@@ -5,13 +5,19 @@ Also models made from numbers, without a file: for problems that are part of tdi
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cache
+from typing import Any
 
+from tdint.errors import UsageError
 from tdint.ground_motion.processing import Processing
 from tdint.ground_motion.text_layout import AS_STATED, TextLayout
 from tdint.kernels.laws import LAWS as _LAWS
 from tdint.kernels.laws.law import DriftLaw
+from tdint.model.plugins import check_name, declared, faults_of, installed
 from tdint.output_units import SI, OutputUnits
 
 MAX_STORIES = 100_000
@@ -22,6 +28,54 @@ LAWS: dict[str, DriftLaw] = {law.name: law for law in _LAWS}
 
 CODES: dict[str, int] = {law.name: code for code, law in enumerate(_LAWS)}
 """The number of each law in the compiled tables."""
+
+
+def register_law(law: DriftLaw, where: str = "") -> None:
+    """Make a drift law known to models, and compiled where a model has it.
+
+    It is compiled into the loops of the models that have it, whatever it says of `apart`. Its functions stand in a
+    module with a file, in which it has a name of its own or stands in a tuple: there the process that compiles finds
+    it.
+
+    Parameters
+    ----------
+    law : DriftLaw
+        See `tdint.kernels.laws.law`.
+    where : str
+        Where it is from, for messages; by default its name.
+
+    Raises
+    ------
+    UsageError
+        No law; a name that is taken or is none; no file.
+    """
+    if not isinstance(law, DriftLaw):
+        raise UsageError(f"{where or law!r}: a law is a tdint.DriftLaw, not {type(law).__name__}")
+    where = where or f"law {law.name!r}"
+    check_name(law.name, LAWS, "law", where)
+    home = law.functions.__module__
+    if home == "__main__" or getattr(sys.modules.get(home), "__file__", None) is None:
+        raise UsageError(f"{where}: put the law into a module of its own, a file that another process can execute")
+    if os.environ.get("TDINT_KERNELS") == "python" and "tdint.kernels.laws.choosing" in sys.modules:
+        raise UsageError(f"{where}: under TDINT_KERNELS=python laws are registered before methods are imported")
+    with faults_of(where):
+        law.functions()
+    own = replace(law, apart=False)
+    CODES[law.name] = len(_LAWS)
+    LAWS[law.name] = own
+    _LAWS.append(own)
+
+
+@cache
+def laws() -> dict[str, DriftLaw]:
+    """All drift laws by name, those of installed packages (entry points `tdint.laws`) among them."""
+
+    def take(found: Any, where: str) -> None:
+        for law in declared(found, "LAWS", DriftLaw, where):
+            register_law(law, where)
+
+    installed("tdint.laws", take)
+    return LAWS
 
 
 @dataclass(frozen=True)
@@ -79,6 +133,10 @@ class Story:
         Viscous damper between the floors, N s/m, zero or positive.
     power_dashpot : PowerDashpot or None
         Power-law damper between the floors.
+    isolator : bool
+        Whether its drift is a displacement by design, and no drift ratio; its height serves P-delta alone.
+    rayleigh : bool
+        Whether Rayleigh damping reaches it.
     """
 
     mass: float
@@ -87,6 +145,13 @@ class Story:
     law: Law
     dashpot: float
     power_dashpot: PowerDashpot | None = None
+    isolator: bool = False
+    rayleigh: bool = True
+
+    @property
+    def drift_height(self) -> float | None:
+        """The height that its drift is taken over, m; None where it has none, or isolates."""
+        return None if self.isolator else self.height
 
 
 @dataclass(frozen=True)
@@ -254,6 +319,10 @@ class Model:
         Drift ratio over which a run is flagged as collapsed, positive.
     output_units : OutputUnits
         What tables and summaries are written in.
+    varied : tuple of (str, float)
+        What `replace` changed, and the values.
+    label : str
+        What tells it from other variations of the building.
     """
 
     name: str
@@ -267,6 +336,23 @@ class Model:
     analysis: Analysis
     collapse_drift: float
     output_units: OutputUnits = SI
+    varied: tuple[tuple[str, float], ...] = ()
+    label: str = ""
+
+    def replace(self, **changes: float) -> Model:
+        """The building with some of its numbers changed: `model.replace(damping=0.02, stiffness_factor=1.1)`.
+
+        Names are those of `tdint.model.variation.PARAMETERS`, which tells what they mean; a factor of one story is
+        given as `model.replace(**{"story 3.stiffness_factor": 0.8})`.
+
+        Raises
+        ------
+        UsageError
+            An unknown name, a value out of range, or nothing that it could act on.
+        """
+        from tdint.model.variation import varied
+
+        return varied(self, changes)
 
     def __repr__(self) -> str:
         count = len(self.stories)
@@ -307,3 +393,13 @@ def simple_model(
         analysis=Analysis(None, None, None),
         collapse_drift=1.0,
     )
+
+
+def four_points(points: Sequence[Sequence[float]]) -> tuple[float, ...]:
+    """Two to four points as four, flattened: of two the others lie at the thirds between them, of three the one that is
+    missing lies midway between the last ones (as the buildings of GEM's vulnerability toolkit have it)."""
+    (*first, before, last) = points
+    missing = 4 - len(points)
+    parts = [j / (missing + 1) for j in range(1, missing + 1)]
+    between = [[a + part * (b - a) for a, b in zip(before, last, strict=True)] for part in parts]
+    return tuple(number for point in (*first, before, *between, last) for number in point)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,21 +18,22 @@ from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.options.building import BuildingRequest, check_motion, with_motion
 from tdint_cli.options.output import check_picture
 from tdint_cli.options.plot import BESIDE, picture_file
-from tdint_cli.options.spectra import MOTIONS, SPECTRA, FloorRequest
-from tdint_cli.options.values import FileName, Ratio
+from tdint_cli.options.spectra import MOTIONS, SPECTRA, SPECTRA_PICTURE, FloorRequest
+from tdint_cli.options.values import FileName, Number, Ratio
 from tdint_cli.terminal.drawing import emit_table
 from tdint_cli.terminal.streams import complain, note, say, warn
 
 if TYPE_CHECKING:
-    from tdint.analysis.run.outcome import Collapse
+    from tdint.analysis.run.outcome import Collapse, Shock
     from tdint.analysis.run.run import Case, FailedRun, Response, StepChoice, StoryPeaks
     from tdint.files import Writer
     from tdint.ground_motion.record import Input, Record
+    from tdint.model.definition import Model
     from tdint.output.tables.table import Table
     from tdint.output_units import OutputUnits
 
 STORIES, HISTORY, PICTURE, SUMMARY = "stories.csv", "history.csv", "response.png", "summary.json"
-ALL_FILES = (STORIES, HISTORY, SPECTRA, MOTIONS, PICTURE, SUMMARY)
+ALL_FILES = (STORIES, HISTORY, SPECTRA, SPECTRA_PICTURE, MOTIONS, PICTURE, SUMMARY)
 """The files of a run. The summary is written last: where it says `done`, all is there."""
 
 
@@ -50,13 +51,18 @@ class Request(BuildingRequest):
     plot: str | None
     overwrite: bool
     allow_unstable: bool
-    check: bool
+    check: bool | None
     tolerance: float | None
     of_floors: FloorRequest
     jobs: int | None
     factors: str | None
+    sequence: bool
+    rest: float | None
+    shocks: tuple[str, ...]
+    """The records of a sequence; none for a run of one."""
     drift_limit: float | None
     require: bool
+    report: str | None
 
     def refuse_of_one(self) -> None:
         """Raise UsageError for options of a single run.
@@ -66,16 +72,18 @@ class Request(BuildingRequest):
         UsageError
             One of them is given.
         """
-        for name in ("history", "check", "tolerance", "allow_unstable"):
+        for name in ("history", "tolerance", "allow_unstable"):
             if getattr(self, name):
                 raise UsageError(f"--{name.replace('_', '-')} is for one record and one scale; call it once for each")
         if self.every > 1:
             raise UsageError("--every is for one record and one scale; call it once for each")
-        if self.of_floors:
-            raise UsageError("--floor-spectra and --export-floors are for one record and one scale")
+        if self.of_floors.export:
+            raise UsageError("--export-floors is for one record and one scale; call it once for each")
+        self.of_floors.check(self.output)
 
 
 @options.command("run")
+@options.analysis.plugin
 @options.building.model
 @click.argument("records", metavar="[RECORD]...", nargs=-1, type=FileName())
 @options.record.of_record
@@ -84,6 +92,19 @@ class Request(BuildingRequest):
     type=FileName(),
     metavar="FILE",
     help="Run the records with the factors that `tdint scale -o` wrote, in place of --scale.",
+)
+@options.record.option(
+    "--sequence",
+    is_flag=True,
+    help="Run the records one after the other on one building, which keeps what each has left: peaks of each shock "
+    "and over all. --scale takes one factor for all, or one for each.",
+)
+@options.record.option(
+    "--rest",
+    needs="--sequence",
+    type=Number(0.0),
+    metavar="SECONDS",
+    help="Time from the end of a record to the begin of the next; until the building is at rest by default.",
 )
 @options.spectra.floor_spectra
 @options.spectra.floor_damping
@@ -114,13 +135,14 @@ class Request(BuildingRequest):
     f"Also draw roof displacement, energies, drifts, one hysteresis; of several records the profiles of all and their "
     f"mean: to this file (.png, .pdf, .svg), or alone as {PICTURE} or profiles.png into the folder of -o."
 )
+@options.output.report
 @options.output.units
 @options.output.overwrite
 @options.analysis.option(
-    "--check",
-    is_flag=True,
-    help="Columns <name>_error with the estimated errors. moment4 carries them along in the run; with another method "
-    "it is repeated with a half and a quarter of the step.",
+    "--check/--no-check",
+    default=None,
+    help="Columns <name>_error with estimated errors. moment4 carries them along in the run and shows them unasked, "
+    "asked also in --history; with another method the run is repeated with a half and a quarter of the step.",
 )
 @options.analysis.option(
     "--tolerance",
@@ -146,6 +168,9 @@ def command(record: str | None, records: tuple[str, ...], **given: Any) -> None:
     --method, --dt and --duration replace what it says of the analysis. --overwrite replaces all files of an earlier
     run: those the new one does not write are removed.
 
+    With --sequence the records are shocks one after the other; the table has the stories once for each shock and once
+    for all.
+
     With several records, a folder of records, several scales (--scale 0.5,1,2) or --factors the table has a row for
     each run instead, of all horizontal components without --component. With -o it is a small campaign: runs.csv,
     profiles.csv (mean, fractiles and largest over the motions, in each story) and campaign.sqlite, which `tdint
@@ -154,9 +179,17 @@ def command(record: str | None, records: tuple[str, ...], **given: Any) -> None:
     if record is not None and records:
         raise UsageError(f"--record {record} and {records[0]} are given; leave one of them out")
     named = (record,) if record is not None else records
-    names = {"floors": "floor_spectra", "export": "export_floors"}
-    wanted = {field.name: given.pop(names.get(field.name, field.name)) for field in fields(FloorRequest)}
-    request = Request(**given, record=named[0] if named else None, of_floors=FloorRequest(**wanted))
+    of_floors = FloorRequest.taken_from(given)
+    shocks = named if given["sequence"] else ()
+    if not shocks:
+        given["scale"] = tuple(dict.fromkeys(given["scale"] or ())) or None
+    request = Request(**given, record=named[0] if named else None, of_floors=of_floors, shocks=shocks)
+    if request.check is False and request.tolerance is not None:
+        raise UsageError("--tolerance estimates the errors that --no-check leaves out; leave one of the two out")
+    if request.sequence:
+        _check_sequence(request)
+        _run(request)
+        return
     if request.factors is not None and (request.scale or not named):
         raise UsageError("--factors stands in place of --scale, and is for the RECORDs that were scaled: name them")
     if request.factors is not None or len(named) > 1 or len(request.scale or ()) > 1 or (named and is_folder(named[0])):
@@ -172,37 +205,52 @@ def _run_many(request: Request, records: tuple[str, ...]) -> None:
     request.refuse_of_one()
     if "-" in (request.model, *records):
         raise UsageError("several records or scales take files, not standard input")
-    wishes = AnalysisWishes(request.method, request.dt, request.duration, until_rest=request.until_rest)
+    wishes = AnalysisWishes(
+        request.method, request.dt, request.duration, until_rest=request.until_rest, check=bool(request.check)
+    )
     run_many(
         request, records, wishes=wishes, output=request.output, overwrite=request.overwrite,
         jobs=request.jobs, factors=request.factors,
-        of_suite=SuiteRequest(request.output_units, request.plot, request.drift_limit, request.require),
+        of_suite=SuiteRequest(
+            request.output_units, request.plot, request.drift_limit, request.require,
+            of_floors=request.of_floors, jobs=request.jobs, report=request.report,
+        ),
     )  # fmt: skip
+
+
+def _check_sequence(request: Request) -> None:
+    """Refuse what a sequence cannot have."""
+    count, factors = len(request.shocks), len(request.scale or (1.0,))
+    if count < 2:
+        raise UsageError("--sequence takes two records or more, one after the other: name them behind the model")
+    if "-" in request.shocks:
+        raise UsageError("the records of a sequence are files, not standard input")
+    if factors not in (1, count):
+        raise UsageError(f"--scale: {factors} factors for {count} shocks: give one, or one for each")
+    for name in ("duration", "factors"):
+        if getattr(request, name) is not None:
+            raise UsageError(
+                f"--{name} is not for a --sequence, which has all of each record; --rest is the time between"
+            )
 
 
 def _run(request: Request) -> None:
     began = time.perf_counter()
-    from tdint.analysis.run.run import FailedRun, model_record, prepare, run_case
+    from tdint.analysis.run.run import FailedRun, model_record, prepare
     from tdint.model.config.model_file import load_model
     from tdint.output.summaries.summary import model_input
 
     _check(request)
-    model = with_motion(load_model(request.model), request)
+    model = load_model(request.model) if request.sequence else with_motion(load_model(request.model), request)
     request = replace(request, output_units=request.output_units or model.output_units)
     request.of_floors.chosen_floors(len(model.stories))
-    record = model_record(model)
-    inputs = [model_input(model), *(record.inputs if record else ())]
-    case = prepare(model, record, method=request.method, allow_unstable=request.allow_unstable)
+    shocks = _shocks(model, request)
+    record = None if shocks else model_record(model)
+    inputs = [model_input(model), *(one for read in shocks or filter(None, [record]) for one in read.inputs)]
+    case = prepare(model, shocks[0] if shocks else record, method=request.method, allow_unstable=request.allow_unstable)
     try:
-        response = run_case(
-            case,
-            dt=request.dt,
-            duration=request.duration,
-            history=bool(request.history or request.plot or request.of_floors),
-            check=request.check,
-            tolerance=request.tolerance,
-            until_rest=request.until_rest,
-        )
+        response = _respond(case, shocks, request)
+        record = response.record
     except FailedRun as failure:
         _remark(record, failure.notes)
         _write(request, _failed_files(request, failure, case, inputs, began))
@@ -215,6 +263,38 @@ def _run(request: Request) -> None:
     for text in response.warnings:
         warn(text)
     _remark(record, response.notes)
+
+
+def _respond(case: Case, shocks: list[Record], request: Request) -> Response:
+    from tdint.analysis.run.run import run_case
+    from tdint.analysis.sequence import run_sequence
+
+    wanted: dict[str, Any] = {
+        "dt": request.dt,
+        "history": bool(request.history or request.plot or request.of_floors or request.report),
+        "check": request.check,
+        "tolerance": request.tolerance,
+        "until_rest": request.until_rest,
+    }
+    if shocks:  # The errors of each shock alone take repetitions: only of one who asked for them.
+        wanted["check"] = bool(request.check)
+        return run_sequence(case, shocks, rest=request.rest, **wanted)
+    return run_case(case, duration=request.duration, **wanted)
+
+
+def _shocks(model: Model, request: Request) -> list[Record]:
+    """The records of a sequence, scaled; none without one."""
+    from tdint.analysis.run.run import model_record
+
+    factors = request.scale or (1.0,)
+    if len(factors) == 1:
+        factors *= len(request.shocks)
+    found = []
+    for file, factor in zip(request.shocks, factors, strict=False):
+        record = model_record(with_motion(model, replace(request, record=file, scale=(factor,))))
+        assert record is not None
+        found.append(record)
+    return found
 
 
 def _remark(record: Record | None, notes: Sequence[str]) -> None:
@@ -233,7 +313,7 @@ def _check(request: Request) -> None:
     if request.drift_limit is not None:
         raise UsageError("--limit is for the mean over several records; the drifts of one are in its table")
     request.of_floors.check(request.output)
-    check_motion(request)
+    check_motion(replace(request, scale=None) if request.sequence else request)
     picture = _picture(request)
     if picture:
         check_picture(picture)
@@ -241,8 +321,9 @@ def _check(request: Request) -> None:
         *_in_folder(request, ALL_FILES),
         *([picture] if picture else ()),
         *([history] if history else ()),
+        *([Path(request.report)] if request.report else ()),
     ]
-    refuse_inputs(outputs, [request.model, request.record, request.inventory])
+    refuse_inputs(outputs, [request.model, request.record, *request.shocks, request.inventory])
     check_outputs(dict.fromkeys(outputs), overwrite=request.overwrite)
 
 
@@ -284,10 +365,9 @@ def _units(request: Request) -> OutputUnits:
 
 def _stories(request: Request, response: Response) -> Table:
     """The table of stories, in the units asked for."""
-    from tdint.output.tables.buildings import story_table
+    from tdint.output.tables.buildings import response_table
 
-    table = story_table(response.stories, response.check.errors if response.check else None)
-    return table.in_units(_units(request))
+    return response_table(response).in_units(_units(request))
 
 
 def _files(request: Request, response: Response, case: Case, inputs: list[Input], began: float) -> dict[Path, Writer]:
@@ -304,9 +384,11 @@ def _files(request: Request, response: Response, case: Case, inputs: list[Input]
         files[Path(request.output) / STORIES] = lambda stream: stream.write(table)
     history = response.history
     if (file := _history(request)) and history is not None:
-        files[file] = lambda stream: write_history(history.every(request.every), stream, units)
+        # The error makes it half as large again: of one who asked for it.
+        kept = history if request.check else replace(history, error=None)
+        files[file] = lambda stream: write_history(kept.every(request.every), stream, units)
     if request.output:
-        of_floors, notes = request.of_floors.files(response, Path(request.output), units)
+        of_floors, notes = request.of_floors.files(response, Path(request.output), units, plot=request.plot is not None)
         files |= of_floors
         for text in notes:
             note(text)
@@ -314,13 +396,29 @@ def _files(request: Request, response: Response, case: Case, inputs: list[Input]
         from tdint.output.figures.runs import run_picture
 
         files[picture] = run_picture(response, picture.suffix, units)
+    if not (request.output or request.report):
+        return files
+    wall_time = time.perf_counter() - began
+    first = first_mode(case.building, response.record)
+    content = run_summary(response, inputs, wall_time, first=first, settings=_settings(request))
+    if request.report:
+        from tdint.output.report_chapters import run_page
+
+        report = run_page(response, content, _paragraph(response, units), _warnings(response), units)
+        files[Path(request.report)] = lambda stream: stream.write(report)
     if request.output:
-        wall_time = time.perf_counter() - began
-        first = first_mode(case.building, case.record)
-        content = run_summary(response, inputs, wall_time, first=first, settings=_settings(request))
         summary = json_bytes(in_units(content, units, UNITS))
         files[Path(request.output) / SUMMARY] = lambda stream: stream.write(summary)
     return files
+
+
+def _warnings(response: Response) -> list[str]:
+    """What changes the meaning of a number."""
+    found = [_collapsed(response, response.collapse)] if response.collapse else []
+    record = response.record
+    if record is not None:
+        found += [f"{record.source}: {text}" for text in record.warnings]
+    return [*found, *response.warnings]
 
 
 def _failed_files(
@@ -348,6 +446,7 @@ def _settings(request: Request) -> dict[str, Any]:
         "check": request.check,
         "tolerance": request.tolerance,
         "allow_unstable": request.allow_unstable,
+        **({"sequence": True, "rest_s": request.rest} if request.sequence else {}),
         "floor_spectra": list(request.of_floors.floors or ()),
     }
 
@@ -374,7 +473,7 @@ def _paragraph(response: Response, units: OutputUnits) -> str:
     if found.drift_ratio.place is not None:
         ratio = f"drift ratio {found.drift_ratio.value:.4g} in story {found.drift_ratio.place}"
         # Where a story has no height, its drift is not among the ratios.
-        worst = ratio if all(story.height for story in response.model.stories) else f"{ratio}, {worst}"
+        worst = ratio if all(story.drift_height for story in response.model.stories) else f"{ratio}, {worst}"
     viscous = ""
     if any(story.dashpot or story.power_dashpot for story in response.model.stories):
         viscous = f" ({units.text(found.total_base_shear.value, 'N')} with viscous forces)"
@@ -385,6 +484,7 @@ def _paragraph(response: Response, units: OutputUnits) -> str:
         f"Largest {worst}, roof displacement {units.text(found.roof_displacement.value, 'm')}, "
         f"base shear {units.text(found.base_shear.value, 'N')}{viscous}.",
     ]
+    lines += [_of_shock(number, shock, units) for number, shock in enumerate(response.shocks, start=1)]
     if response.rest_time is not None:
         lines.append(f"The building is at rest at {response.rest_time:.6g} s.")
     if (check := response.check) and check.drift_error is not None:
@@ -399,6 +499,21 @@ def _paragraph(response: Response, units: OutputUnits) -> str:
         if check.corrected is not None:
             lines.append(_corrected(check.corrected, units))
     return "\n".join(lines)
+
+
+def _of_shock(number: int, shock: Shock, units: OutputUnits) -> str:
+    """A shock of a sequence, and what it has left."""
+    from tdint.analysis.run.demands import demands
+
+    found = demands(shock.stories)
+    drift, left = found.drift, found.residual_drift_ratio
+    worst, after = f"{units.text(drift.value, 'm')} in story {drift.place}", ""
+    if left.place is not None:
+        worst, after = (
+            f"ratio {found.drift_ratio.value:.4g} in story {found.drift_ratio.place}",
+            f"{left.value:.3g} left",
+        )
+    return f"Shock {number}, from {shock.start:.6g} s: largest drift {worst}{', ' * bool(after)}{after}."
 
 
 def _corrected(stories: StoryPeaks, units: OutputUnits) -> str:

@@ -15,6 +15,7 @@ from tdint_cli import options
 from tdint_cli.batch.campaigns import carry_out, export, finish, make_folder, refuse_foreign
 from tdint_cli.batch.profiles import Profiles, SuiteRequest, drift_limit
 from tdint_cli.errors import Failures
+from tdint_cli.options.spectra import FloorRequest
 from tdint_cli.options.values import FileName
 from tdint_cli.terminal.drawing import emit_table
 from tdint_cli.terminal.streams import note, say, warn
@@ -44,14 +45,30 @@ class CampaignRequest:
     plot: str | None
     drift_limit: float | None
     require: bool
+    baseline: str | None
+    report: str | None
+    of_floors: FloorRequest
 
     @property
     def of_suite(self) -> SuiteRequest:
         """What is asked of the suite."""
-        return SuiteRequest(self.output_units, self.plot, self.drift_limit, self.require)
+        return SuiteRequest(
+            self.output_units,
+            self.plot,
+            self.drift_limit,
+            self.require,
+            baseline=self.baseline,
+            report=self.report,
+            of_floors=self.of_floors,
+            jobs=self.jobs,
+        )
 
     def refuse(self, *names: str) -> None:
         """Raise UsageError for options that the action does not take."""
+        if self.report and "jobs" in names:
+            raise UsageError(f"--report is not for `tdint campaign {self.words[0]}`, which has no models")
+        if self.of_floors and "jobs" in names:
+            raise UsageError(f"--floor-spectra is not for `tdint campaign {self.words[0]}`, which has no models")
         for name in names:
             if getattr(self, name) not in (None, False):
                 raise UsageError(f"--{name.replace('_', '-')} is not for `tdint campaign {self.words[0]}`")
@@ -61,7 +78,11 @@ _OF_RUNS = ("jobs", "shard", "limit", "dask", "tls_ca", "tls_cert", "tls_key")
 
 
 @options.command("campaign")
+@options.analysis.plugin
 @click.argument("words", metavar="CAMPAIGN.yaml|status|merge|export DIR...", nargs=-1, required=True, type=FileName())
+@options.spectra.floor_spectra
+@options.spectra.floor_damping
+@options.spectra.floor_periods
 @options.output.output(
     "DIR", "The folder of the campaign: campaign.sqlite, runs.csv, profiles.csv, summary.json, stories.csv."
 )
@@ -91,9 +112,16 @@ _OF_RUNS = ("jobs", "shard", "limit", "dask", "tls_ca", "tls_cert", "tls_key")
     "Also draw drifts, accelerations and shears over the height, of each motion and over all: to this file (.png, "
     ".pdf, .svg), or alone as profiles.png into the folder."
 )
+@options.output.report
 @options.output.units
 @options.output.overwrite
 @drift_limit()
+@options.analysis.option(
+    "--baseline",
+    metavar="NAME",
+    help="Also write ratios.csv: each building's mean, median and largest over those of this one, and tell the ratios "
+    "of the largest of all stories.",
+)
 def command(**given: Any) -> None:
     """Runs of many buildings under many records at many levels.
 
@@ -105,7 +133,8 @@ def command(**given: Any) -> None:
     A run that fails is repeated with finer steps; if it still does, its row has the status and no peaks. Records that
     cannot be read are told, the others are done, and the exit code is 4.
     """
-    request = CampaignRequest(**given)
+    of_floors = FloorRequest.taken_from(given)
+    request = CampaignRequest(**given, of_floors=of_floors)
     _ACTIONS.get(request.words[0], _run)(request)
 
 
@@ -115,6 +144,7 @@ def _run(request: CampaignRequest) -> None:
     request.refuse("simcenter")
     if request.output is None:
         raise UsageError("a campaign is kept in a folder: give -o DIR")
+    request.of_floors.check(request.output)
     shard, engine = _shard(request.shard), _engine(request)
     from tdint.campaign.inputs import read_inputs
     from tdint.campaign.plan import make_plan
@@ -217,7 +247,7 @@ def _engine(request: CampaignRequest) -> Engine:
         if request.jobs is not None:
             raise UsageError("--jobs is for threads of this machine; leave it out with --dask")
         return cluster(far)
-    from tdint.processors import processors
+    from tdint.system import processors
 
     return threads(request.jobs or processors())
 

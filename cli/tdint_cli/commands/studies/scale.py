@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -50,6 +51,7 @@ class ScaleRequest(RecordsRequest):
     average: Grid | None
     output: str | None
     plot: str | None
+    spectra: str | None
     overwrite: bool
     output_units: OutputUnits | None
 
@@ -104,6 +106,7 @@ class ScaleRequest(RecordsRequest):
 
 
 @options.command("scale")
+@options.analysis.plugin
 @options.record.of_records
 @options.studies.target("Scale to this spectrum")
 @options.option(
@@ -154,6 +157,14 @@ class ScaleRequest(RecordsRequest):
 @options.studies.damping("--target or --sa or --sa-avg or --plot")
 @options.studies.average("--sa-avg")
 @options.output.output()
+@options.output.option(
+    "--spectra",
+    needs="--target",
+    type=FileName(),
+    metavar="FILE",
+    callback=options.output.refuse_empty,
+    help="Also write the scaled spectra, their mean and the target as CSV to this file.",
+)
 @options.output.plot(
     "Also draw the scaled spectra with median, fractiles and target, to this file (.png, .pdf, .svg) or beside -o "
     "under its name."
@@ -175,14 +186,19 @@ def command(**given: Any) -> None:
 
 
 def _scale(request: ScaleRequest) -> None:
+    from tdint.files import check_outputs, write_files
     from tdint.output.summaries.summary import record_summary, table_summary
-    from tdint.output.tables.studies import factor_table
+    from tdint.output.tables.studies import factor_table, scaled_table
     from tdint.output_units import SI
     from tdint_cli.errors import Failures
 
     request.check()
     outputs = Outputs.checked(request.output, request.plot, request.overwrite, summary=True, units=request.output_units)
-    refuse_inputs(outputs.files, [*request.records, request.target, request.inventory, *(request.building or ())])
+    spectra = [Path(request.spectra)] if request.spectra else []
+    check_outputs([*outputs.files, *spectra], overwrite=request.overwrite)
+    refuse_inputs(
+        [*outputs.files, *spectra], [*request.records, request.target, request.inventory, *(request.building or ())]
+    )
     aim = _aim(request)
     suite, failures = read_suite(request.records, request.choice, pairs=request.in_pairs)
     if failures and (request.p695 or request.rule in _BY_PERIOD):
@@ -201,6 +217,9 @@ def _scale(request: ScaleRequest) -> None:
         return table_summary("scale", _settings(request, scaling), records, table.meanings)
 
     outputs.deliver(table, draw, summarize)
+    if spectra:
+        content = scaled_table(scaling).in_units(request.output_units or SI).csv()
+        write_files({spectra[0]: lambda stream: stream.write(content)}, overwrite=request.overwrite)
     say(_words(scaling, request.output_units or SI))
     for text in _doubts(scaling):
         warn(text)

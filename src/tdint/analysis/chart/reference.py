@@ -16,7 +16,7 @@ from tdint.analysis.chart.problem import FloorMotion, Problem
 from tdint.analysis.run.steps import Steps
 from tdint.cache import cache_subfolder
 from tdint.errors import AnalysisError, OutputError
-from tdint.files import write_file
+from tdint.files import is_file, write_file
 from tdint.kernels.building.sources import digest_of_all
 from tdint.kernels.building.store import folder_name
 from tdint.methods.catalogue import parse
@@ -224,6 +224,8 @@ def _cache_file(problem: Problem, samples: int) -> Path | None:
 
 def _load(file: Path, problem: Problem, samples: int) -> Reference | None:
     """What the file holds; None if there is none or it is damaged."""
+    if not is_file(file):
+        return None
     shape = (samples + 1, problem.building.stories)
     # A zip file, a text or an array that is broken: whatever is raised, the reference is computed anew.
     with suppress(Exception), file.open("rb") as stream, np.load(stream, allow_pickle=False) as content:

@@ -19,7 +19,7 @@ from tdint.errors import UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels import layout as at
 from tdint.methods.method import Integrator
-from tdint.model.building import Building
+from tdint.model.building import Building, falling_stories
 from tdint.model.definition import LAWS, Model
 
 Array = NDArray[np.float64]
@@ -277,7 +277,7 @@ class Case:
             moving_drift=moving,
             collapse=collapse,
             check=run_totals.carried_error(self.building, space, stories, unresolved) if self._carries_error else None,
-            warnings=_imbalance(energy),
+            warnings=(*_imbalance(energy), *falling_stories(self.model)),
         )
 
     @property

@@ -23,14 +23,14 @@ since then is added to the errors of residual drifts.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.outcome import ErrorEstimate, FailedRun, Response, StoryErrors
+from tdint.analysis.run.outcome import ErrorEstimate, FailedRun, Response, Shock, StoryErrors
 from tdint.analysis.run.steps import Steps, finer
 
 Array = NDArray[np.float64]
@@ -48,9 +48,12 @@ _ROUNDING = 1e-12
 """Error over the peak that is always there."""
 
 
-def checked_run(case: Case, steps: Steps, history: bool = False) -> Response:
+def checked_run(case: Case, steps: Steps, history: bool = False, *, repeat: bool = True) -> Response:
     """The response to `steps` with its error: the one that the run has carried along where the method does so, else by
     repetition. A note says why where it does not do for a method that could.
+
+    Without `repeat` nothing is run again: errors that are not carried along are unknown, and there is no estimate for
+    a method that never does.
 
     Raises
     ------
@@ -58,15 +61,14 @@ def checked_run(case: Case, steps: Steps, history: bool = False) -> Response:
         As from `Case.march`.
     """
     carrying, reason = case.carrying_error()
-    if carrying is None:
-        response = case.march(steps, history)
-    else:
-        response = carrying.march(steps, history)
-        assert response.check is not None
+    response = (carrying or case).march(steps, history)
+    if response.check is not None:
         reason = doubt(response.check)
         if not reason:
             return response
-        response = replace(response, check=None)
+        response = replace(response, check=None, history=response.history and response.history.without_error())
+    if not repeat:
+        return _unknown(response, f"{reason}; --check repeats the run") if carrying is not None else response
     if reason:
         response = replace(response, notes=(*response.notes, f"the error comes from repetitions of the run: {reason}"))
     return checked(case, steps, response)
@@ -113,7 +115,7 @@ def with_check(response: Response, finer_runs: list[Response | FailedRun]) -> Re
         if abs(other.steps * other.dt - end) > 0.5 * other.dt:
             return _unknown(response, f"the run with dt {other.dt:.6g} s ends at another time")
         others.append(other)
-    errors = _errors(response, others)
+    errors = story_errors(response, others)
     return replace(response, check=ErrorEstimate.of(response.stories, errors, dts=tuple(other.dt for other in others)))
 
 
@@ -124,7 +126,8 @@ def _unknown(response: Response, reason: str) -> Response:
     return replace(response, check=ErrorEstimate(errors, (), None, None), notes=notes)
 
 
-def _errors(response: Response, others: list[Response]) -> StoryErrors:
+def story_errors(response: Response | Shock, others: Sequence[Response | Shock]) -> StoryErrors:
+    """The errors of the peaks of a run, or of a shock in it, that those with a half and a quarter of the step tell."""
     runs = [response.stories, *(other.stories for other in others)]
 
     def estimated(name: str) -> Array:

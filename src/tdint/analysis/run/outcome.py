@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import partial, reduce
 from operator import add
 from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar, get_type_hints
@@ -268,13 +268,13 @@ class EnergyHistory(EnergyTerms[Array]):
 
 @dataclass(frozen=True)
 class ErrorHistory:
-    """The error that a run has carried along at all steps, true less computed: of displacement and drift (m), velocity
-    (m/s) and shear (N); shape (steps + 1, n)."""
+    """The error that a run has carried along at all steps, true less computed; shape (steps + 1, n), nan where it does
+    not do."""
 
-    displacement: Array
-    velocity: Array
-    drift: Array
-    shear: Array
+    displacement: Annotated[Array, Quantity("m", "estimated error, true less computed", shown=("floor",))]
+    velocity: Annotated[Array, Quantity("m/s", "estimated error, true less computed", shown=("floor",))]
+    drift: Annotated[Array, Quantity("m", "estimated error, true less computed", shown=("story",))]
+    shear: Annotated[Array, Quantity("N", "estimated error, true less computed", shown=("story",))]
 
 
 @dataclass(frozen=True, repr=False)
@@ -302,6 +302,11 @@ class History(Tabular):
 
     def _headline(self) -> str:
         return f"of {self.displacement.shape[1]} stories, {len(self.time) - 1} steps to {self.time[-1]:.6g} s"
+
+    def without_error(self) -> History:
+        """The same where the error that was carried along does not do: it is nan."""
+        unknown = np.full_like(self.drift, np.nan)
+        return replace(self, error=self.error and ErrorHistory(*(unknown for _ in fields(ErrorHistory))))
 
     def every(self, steps: int) -> History:
         """Every so many steps, from the first one; nothing is copied."""
@@ -335,6 +340,32 @@ class Collapse:
     story: int
     ended: bool
     failed: bool = False
+
+
+@dataclass(frozen=True)
+class Shock:
+    """What a building did in one shock of a sequence: until the ground moves in the next one, or to the end.
+
+    Attributes
+    ----------
+    record : Record
+        The ground motion, scaled.
+    start : float
+        Time of its first sample in the sequence, s.
+    stories : StoryPeaks
+        Peaks in this time, of displacements from where the building stood at first: what the shocks before have left is
+        in them.
+    unresolved : StoryErrors
+        As of `Response`.
+    errors : StoryErrors or None
+        Estimated errors of the peaks, if they were asked for.
+    """
+
+    record: Record
+    start: float
+    stories: StoryPeaks
+    unresolved: StoryErrors
+    errors: StoryErrors | None = None
 
 
 @dataclass(frozen=True, repr=False)
@@ -372,6 +403,9 @@ class Response(Tabular):
         What a person should know of the run.
     warnings : tuple of str
         What changes what its numbers mean: a person must see it.
+    shocks : tuple of Shock
+        Of a sequence what each shock did, up to the one in which the run ended; `record` and `stories` are those of the
+        whole sequence.
     """
 
     model: Model
@@ -394,6 +428,7 @@ class Response(Tabular):
     check: ErrorEstimate | None = None
     rest_time: float | None = None
     warnings: tuple[str, ...] = ()
+    shocks: tuple[Shock, ...] = ()
 
     def _headline(self) -> str:
         story = int(np.argmax(self.stories.peak_drift))

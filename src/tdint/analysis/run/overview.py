@@ -73,7 +73,7 @@ def overview(source: str | Path) -> Overview:
         omega, damping = building.first_mode()
     except ModelError as error:
         raise ModelError(f"{model.source}: {error}") from None
-    return Overview(model, float(building.mass.sum()), float(building.heights.sum()), 2.0 * math.pi / omega, damping)
+    return Overview(model, float(building.mass.sum()), float(building.rises.sum()), 2.0 * math.pi / omega, damping)
 
 
 _RECORD = ("excitation.record", "excitation.record.file", "excitation.record.inventory")

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -207,6 +208,36 @@ class PreparedBuilding:
         begin = time.perf_counter()
         code = integrate(integrator, coefficients, self.building, self.forces, motion, steps, space, self.variant)
         return Marched(space, code, time.perf_counter() - begin)
+
+    def march_parts(
+        self, integrator: Integrator, steps: Steps, ground: Array, firsts: Sequence[int]
+    ) -> Iterator[Workspace]:
+        """Integrate as `march` does, and see the motion in parts, each with its own peaks.
+
+        Parameters
+        ----------
+        firsts : sequence of int
+            After how many steps each part begins; the first one at 0.
+
+        Yields
+        ------
+        Workspace
+            At the end of each part, to be looked at before the next one is asked for; none of a part that failed.
+
+        Raises
+        ------
+        AnalysisError
+            The method does not integrate this building.
+        """
+        space = self._ready(integrator, steps.h, 0, math.inf)
+        coefficients = self.coefficients(integrator, steps.h)
+        for done, last in pairwise((*(first for first in firsts if first < steps.count), steps.count)):
+            part = replace(steps, count=last, done=done)
+            code = integrate(integrator, coefficients, self.building, self.forces, ground, part, space, self.variant)
+            if code < 0:
+                return
+            yield space
+            space.forget_peaks(integrator, len(self.building.modal))
 
     def march_many(
         self,

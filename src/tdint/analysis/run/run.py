@@ -58,7 +58,7 @@ def run(
     duration: float | None = None,
     history: bool = False,
     allow_unstable: bool = False,
-    check: bool = False,
+    check: bool | None = False,
     tolerance: float | str | None = None,
     until_rest: bool = False,
 ) -> Response:
@@ -78,10 +78,10 @@ def run(
     allow_unstable : bool
         Run a conditionally stable method beyond its limit, and take a motion on energy that the method made for a
         result.
-    check : bool
+    check : bool or None
         Estimate the errors of the peaks (`Response.check`): moment4 carries them along in the run; the run of another
         method, and one whose step is too long for that, is repeated with a half and a quarter of the step. A repetition
-        that fails leaves them unknown.
+        that fails leaves them unknown. None: if the run can carry them along, without repetitions.
     tolerance : float or str, optional
         Take the largest step with which the estimated error of every peak drift is within this part of it: from
         several sampling intervals of the record, or from dt where one is given, down to a 256th of either
@@ -140,7 +140,7 @@ def run_case(
     dt: float | None = None,
     duration: float | None = None,
     history: bool = False,
-    check: bool = False,
+    check: bool | None = False,
     tolerance: float | str | None = None,
     until_rest: bool = False,
 ) -> Response:
@@ -155,7 +155,9 @@ def run_case(
     if tolerance is not None:
         return choose_step(case, tolerance, dt=dt, duration=duration, history=history)
     steps = case.steps(dt, duration)
-    return checked_run(case, steps, history) if check else case.march(steps, history)
+    if check is False:
+        return case.march(steps, history)
+    return checked_run(case, steps, history, repeat=check is not None)
 
 
 def model_record(model: Model) -> Record | None:

@@ -33,7 +33,7 @@ _ROUNDING = 1e-12
 
 def story_peaks(building: Building, space: Workspace) -> StoryPeaks:
     """The peaks of all stories."""
-    return peaks_of(building, space.peaks, space.springs[at.DRIFT, : building.stories].copy())
+    return peaks_of(building, space.peaks.copy(), space.springs[at.DRIFT, : building.stories].copy())
 
 
 def peaks_of(building: Building, peaks: Array, residual_drift: Array) -> StoryPeaks:

@@ -14,7 +14,8 @@ _SAME = 1e-9  # steps that differ by less than this part are the same
 class Steps:
     """Time steps on a ground motion: `per_sample` of them take `stride` sampling intervals.
 
-    They end at the time that was asked for, `end` (s), or less than a step after it.
+    They end at the time that was asked for, `end` (s), or less than a step after it. Of all `count` so many may be
+    `done`.
     """
 
     h: float
@@ -22,6 +23,7 @@ class Steps:
     per_sample: int = 1
     stride: int = 1
     end: float = field(default=math.inf, compare=False)
+    done: int = 0
 
     @property
     def late(self) -> float:

@@ -16,6 +16,8 @@ from tdint.kernels import layout as at
 from tdint.kernels.building.variant import EVERYTHING, Variant
 from tdint.kernels.bundles import Memory, Scene, Seen
 from tdint.kernels.compiling import Kernel
+from tdint.kernels.equations.carried.rows import error_peaks
+from tdint.kernels.laws import OURS
 from tdint.kernels.laws.compiled_separately import spring_table
 from tdint.kernels.march.law_energies import begin, raise_shears, take_stock
 from tdint.kernels.march.march import march
@@ -46,6 +48,15 @@ class Workspace:
     limits: Array
     totals: Array
     history: Array
+
+    def forget_peaks(self, integrator: Integrator, modes: int) -> None:
+        """Look for peaks anew, also where the method keeps some of its own."""
+        self.peaks[:] = 0.0
+        firsts = [int(self.report[at.OWN_PEAKS])] if self.report[at.OWN_PEAKS] else []
+        if integrator.family.carries_error:
+            firsts.append(error_peaks(modes))
+        for first in firsts:
+            self.work[first : first + 2 * at.PEAK_ROWS] = 0.0
 
     @property
     def memory(self) -> Memory:
@@ -122,7 +133,11 @@ def variant(building: Building, forces: Array | None = None) -> Variant:
     """What the kernels need for a building under forces; none by default."""
     codes = np.unique(building.law_parameters[at.CODE, :-1]).tolist()
     return Variant(
-        laws=tuple(name for name, code in CODES.items() if code in codes or name == "linear"),
+        laws=tuple(
+            name if code < OURS else f"{name}@{code}"
+            for name, code in CODES.items()
+            if code in codes or name == "linear"
+        ),
         modal=len(building.modal) > 0,
         forces=forces is not None and len(forces) > 0,
         dashpots=building.damped_by_devices,
@@ -150,7 +165,9 @@ def integrate(
     space: Workspace,
     wanted: Variant = EVERYTHING,
 ) -> int:
-    """March over the steps from the initial state in `space`; returns 0 or the code of the step that failed.
+    """March over the steps from the state in `space`: the initial one, or that after the steps that are done.
+
+    Returns 0 or the code of the step that failed.
 
     `coefficients` are those of the integrator for this building, these forces and this step; `wanted` is what the
     building and the forces need of the kernels, or more.
@@ -165,6 +182,7 @@ def integrate(
     law_parameters = _law_parameters(building, integrator)
     scene = Scene(building.linear_terms, building.modal, law_parameters, forces, space.flags)
     return _in_pieces(
+        steps.done,
         steps.count,
         _FIRST_PIECE // (building.stories * (1 + len(building.modal))),
         lambda first, last: march.variant(wanted)(
@@ -190,9 +208,9 @@ def integrate(
     )
 
 
-def _in_pieces(count: int, size: int, go_on: Callable[[int, int], int]) -> int:
+def _in_pieces(done: int, count: int, size: int, go_on: Callable[[int, int], int]) -> int:
     """March over all steps in pieces that take about `_PIECE`, between which Python can be interrupted."""
-    done, size = 0, max(size, 1)
+    size = max(size, 1)
     while True:
         last = min(done + size, count)
         started = time.perf_counter()

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from tdint.analysis.run.outcome import Response
 from tdint.analysis.spectra.elastic import Array, Spectrum, spectrum
 from tdint.errors import UsageError
-from tdint.ground_motion.record import Record
+from tdint.ground_motion.record import IN_SI, Record
 from tdint.tabular import Tabular
 
 ROOF = "roof"
@@ -48,7 +48,8 @@ def floor_numbers(names: Sequence[str], stories: int) -> tuple[int, ...]:
 def floor_motion(response: Response, floor: int) -> Record:
     """The absolute acceleration of a floor at the steps of a run, as a record.
 
-    Its station says the floor (F01, ..., F10 of ten), its channel is that of the ground motion if it has three letters.
+    Its station says the floor (F01, ..., F10 of ten), its location that it is in SI units, its channel is that of the
+    ground motion if it is an accelerometer's.
 
     Raises
     ------
@@ -59,13 +60,14 @@ def floor_motion(response: Response, floor: int) -> Record:
     if history is None:
         raise UsageError("the motion of a floor needs the run's history: run(..., history=True)")
     ground = response.record
-    channel = ground.component if ground and len(ground.component) == 3 and ground.component.isalnum() else _CHANNEL
+    component = ground.component if ground else ""
+    channel = component if len(component) == 3 and component.isalnum() and component[1] == "N" else _CHANNEL
     station = f"F{floor:0{max(2, len(str(len(response.model.stories))))}d}"
     return Record(
         acceleration=history.acceleration[:, floor - 1],
         dt=response.dt,
         start=ground.start if ground else "",
-        id=f".{station}..{channel}",
+        id=f".{station}.{IN_SI}.{channel}",
         component=channel,
         source=f"floor {floor} of {response.model.name}",
     )

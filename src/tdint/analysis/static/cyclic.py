@@ -119,7 +119,7 @@ class CyclicTest(Tabular):
     @property
     def height(self) -> float:
         """Story height, m; nan where the model gives none."""
-        height = self.model.stories[self.story - 1].height
+        height = self.model.stories[self.story - 1].drift_height
         return math.nan if height is None else height
 
     @property

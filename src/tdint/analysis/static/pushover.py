@@ -74,7 +74,7 @@ class Pushover(Tabular):
     @property
     def height(self) -> float:
         """Height of the building, m; nan where a story has none."""
-        return math.fsum(math.nan if story.height is None else story.height for story in self.model.stories)
+        return math.fsum(story.drift_height or (0.0 if story.isolator else math.nan) for story in self.model.stories)
 
     @property
     def roof_drift_ratio(self) -> Array:
@@ -101,9 +101,9 @@ def _uniform(building: Building) -> Array:
 
 
 def _triangular(building: Building) -> Array:
-    if np.isnan(building.heights).any():
+    if np.isnan(building.rises).any():
         raise UsageError("the triangular pattern needs the height of every story; give heights or another --pattern")
-    return building.mass * np.cumsum(building.heights)
+    return building.mass * np.cumsum(building.rises)
 
 
 PATTERNS: Mapping[str, Callable[[Building], Array]] = {
@@ -156,7 +156,7 @@ def pushover(model: Model, size: DriftSize | str, *, pattern: str = "first-mode"
 
 
 def _target(size: DriftSize, building: Building) -> float:
-    scales = {"length": 1.0, "ratio": float(building.heights.sum())}
+    scales = {"length": 1.0, "ratio": float(building.rises.sum())}
     if size.kind not in scales:
         raise UsageError(f"drift {size.text}: the roof has no yield drift; give a drift ratio or a length")
     if math.isnan(scales[size.kind]):

@@ -6,19 +6,26 @@ for.
 
 from __future__ import annotations
 
+import logging
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from ipaddress import ip_address
+from queue import Empty, Queue
 from typing import Any
 from urllib.parse import urlsplit
 
 from tdint.campaign.engine.chunk import Chunk, Done, do
 from tdint.errors import AnalysisError, TdintError, UsageError
+from tdint.input_bytes import MOST_BYTES, read_at_most
 
 _AHEAD = 3
 """Chunks for each thread of the workers, those they are at among them."""
 
-_PATIENCE = "10s"
+_SILENT, _PATIENCE = 1.0, 10.0
+"""Seconds for which a scheduler is waited for without a word, and at most."""
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -49,6 +56,8 @@ class Cluster:
         if parts.scheme == "tls":
             if None in given:
                 raise UsageError(f"{self.address}: give --tls-ca, --tls-cert and --tls-key, all three")
+            for file in given:
+                _check_readable(str(file))
         elif any(given):
             raise UsageError(f"{self.address}: certificates are for an address that begins with tls://")
         elif not is_loopback(parts.hostname or ""):
@@ -65,9 +74,24 @@ def _parts(address: str) -> Any:
         port = parts.port
     except ValueError:
         parts, port = None, None
-    if parts is None or parts.scheme not in ("tcp", "tls") or not parts.hostname or port is None:
+    if (
+        parts is None
+        or parts.scheme not in ("tcp", "tls")
+        or not parts.hostname
+        or not port
+        or f"{parts.scheme}://{parts.netloc}".lower() != address.lower()
+        or "@" in parts.netloc
+    ):
         raise UsageError(f"{address!r} is no address of a scheduler; write tcp://HOST:PORT or tls://HOST:PORT")
     return parts
+
+
+def _check_readable(file: str) -> None:
+    """Raise UsageError for a certificate that cannot be read."""
+    try:
+        read_at_most(file, MOST_BYTES, UsageError)
+    except OSError as error:
+        raise UsageError(f"{file}: cannot be read: {error.strerror or error}") from None
 
 
 def is_loopback(host: str) -> bool:
@@ -105,14 +129,33 @@ def _connect(cluster: Cluster) -> Any:
     security = Security(
         tls_ca_file=cluster.ca, tls_client_cert=cluster.cert, tls_client_key=cluster.key, require_encryption=True
     )
-    try:
-        client = Client(
-            cluster.address, security=security if cluster.ca else None, timeout=_PATIENCE, set_as_default=False
-        )
-    except (OSError, ValueError, TypeError) as error:
-        text = " ".join(str(error).split()) or type(error).__name__
-        raise UsageError(f"{cluster.address}: no scheduler answers: {text}") from None
-    return client
+    answer: Queue[Any] = Queue()
+
+    def connect() -> None:
+        try:
+            secured = security if cluster.ca else None
+            answer.put(Client(cluster.address, security=secured, timeout=_PATIENCE, set_as_default=False))
+        except Exception as error:
+            answer.put(error)
+
+    # On a thread, for Dask waits for ever where the port belongs to something else that says nothing.
+    threading.Thread(target=connect, daemon=True).start()
+    found = _waited_for(answer, cluster.address)
+    if isinstance(found, Exception):
+        text = " ".join(str(found).split()) or type(found).__name__
+        raise UsageError(f"{cluster.address}: no scheduler answers: {text}")
+    return found
+
+
+def _waited_for(answer: Queue[Any], address: str) -> Any:
+    """A client or an error; that it is waited for is said after a second, and ends after ten."""
+    for seconds in (_SILENT, _PATIENCE - _SILENT):
+        try:
+            return answer.get(timeout=seconds)
+        except Empty:
+            if seconds == _SILENT:
+                _log.info("%s: no scheduler answers yet; waiting for ten seconds at most", address)
+    return TimeoutError("waited for ten seconds")
 
 
 def _done(client: Any, chunk: Callable[[int], Chunk], numbers: Iterator[int]) -> Iterator[Done]:

@@ -94,16 +94,26 @@ def fit_table(source: str, request: FragilityRequest | None = None) -> Fragility
     if request.fit is not None and request.fit not in FITS:
         raise UsageError(f"the fit must be one of {', '.join(FITS)}, got {request.fit!r}")
     table = read_table(_file(source, request.fit), NEEDS)
-    for kind in (_STRIPES, _CAPACITIES, _CLOUD, _OF_RUNS):
-        if table.has(*kind.columns):
-            break
-    else:
-        raise ModelError(f"{table.source}:1: {NEEDS}; there are {', '.join(table.header)[:200]}")
-    if request.fit is not None and request.fit not in kind.fits:
-        raise UsageError(f"{table.source}: this table is for --fit {' or '.join(kind.fits)}, not {request.fit}")
+    kind = _kind_of(table, request.fit)
     result = kind.fit(table, request)
     functions = [replace(one, beta_model=request.beta_model) for one in result.functions]
     return replace(result, functions=tuple(functions))
+
+
+def _kind_of(table: CsvTable, fit: str | None) -> _Kind:
+    """The kind of a table by its columns; the fit decides where they are those of several."""
+    kinds = [kind for kind in (_STRIPES, _CAPACITIES, _CLOUD, _OF_RUNS) if table.has(*kind.columns)]
+    if not kinds:
+        raise ModelError(f"{table.source}:1: {NEEDS}; there are {', '.join(table.header)[:200]}")
+    suited = [kind for kind in kinds if fit is None or fit in kind.fits]
+    if not suited:
+        known = " or ".join(dict.fromkeys(one for kind in kinds for one in kind.fits))
+        raise UsageError(f"{table.source}: this table is for --fit {known}, not {fit}")
+    if len(suited) > 1:
+        both = " and of ".join(",".join(kind.columns) for kind in suited)
+        fits = " or ".join(f"--fit {kind.fits[0]}" for kind in suited)
+        raise UsageError(f"{table.source}:1: this is a table of {both}; say which is meant by {fits}")
+    return suited[0]
 
 
 def _file(source: str, fit: str | None) -> str:
@@ -135,11 +145,32 @@ def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResu
     capacity = np.array(table.numbers("capacity", empty=True, positive=True))
     censored = np.array(table.truths("censored"))
     known = np.isfinite(capacity)
-    result = _by_threshold(
-        table, request, lambda chosen: fit_capacities(capacity[chosen & known], censored[chosen & known].tolist())
-    )
+    result = FragilityResult(())
+    for damage, rows in _states(table):
+        part = _by_threshold(table, request, partial(_of_capacities, capacity, censored, known & rows))
+        functions = tuple(replace(one, damage=damage) for one in part.functions)
+        failures = tuple(_of_state(damage, one) for one in part.failures)
+        result = replace(result, functions=(*result.functions, *functions), failures=(*result.failures, *failures))
     without = int(np.sum(~known))
     return replace(result, warnings=(f"{table.source}: {without} rows without a capacity left out",) * (without > 0))
+
+
+def _of_capacities(
+    capacity: Array, censored: NDArray[np.bool_], known: NDArray[np.bool_], chosen: NDArray[np.bool_]
+) -> Fragility:
+    return fit_capacities(capacity[chosen & known], censored[chosen & known].tolist())
+
+
+def _states(table: CsvTable) -> list[tuple[float, NDArray[np.bool_]]]:
+    """The states of the building before, and their rows: all rows where the table tells none."""
+    if not table.has("damage"):
+        return [(math.nan, np.ones(len(table.rows), bool))]
+    damage = np.array(table.numbers("damage"))
+    return [(one, damage == one) for one in np.unique(damage).tolist()]
+
+
+def _of_state(damage: float, error: AnalysisError) -> AnalysisError:
+    return error if math.isnan(damage) else AnalysisError(f"damage {damage:g}: {error}")
 
 
 def _fit_cloud(table: CsvTable, request: FragilityRequest) -> FragilityResult:
@@ -238,9 +269,13 @@ def _stripes(runs: _Runs, over: NDArray[np.bool_], taken: NDArray[np.bool_]) -> 
 
 
 def _cloud(
-    table: CsvTable, request: FragilityRequest, im: Array, edp: Array, censored: NDArray[np.bool_],
+    table: CsvTable,
+    request: FragilityRequest,
+    im: Array,
+    edp: Array,
+    censored: NDArray[np.bool_],
     names: tuple[str, str] | None = None,
-) -> FragilityResult:  # fmt: skip
+) -> FragilityResult:
     _check_thresholds(table, request)
     low, high = request.edp_range
     kept = edp >= low
@@ -280,9 +315,12 @@ def _by_threshold(
 
 
 def _attempt(
-    functions: list[Fragility], failures: list[AnalysisError], threshold: float, names: tuple[str, str],
+    functions: list[Fragility],
+    failures: list[AnalysisError],
+    threshold: float,
+    names: tuple[str, str],
     fit: Callable[[], Fragility],
-) -> None:  # fmt: skip
+) -> None:
     try:
         functions.append(fit().named(threshold, *names))
     except AnalysisError as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sqlite3
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
@@ -16,13 +17,17 @@ from tdint.campaign.store.connection import UntrustedStoreError, connect, connec
 from tdint.campaign.store.identity import Identity, all_differences
 from tdint.campaign.store.schema import (
     INSERT_RUN,
+    INSERT_SHOCK,
     INSERT_STORY,
     RUN_COLUMNS,
+    SHOCK_COLUMNS,
     STORY_COLUMNS,
     TABLES,
     VERSION,
     plain_run,
+    plain_shock,
     plain_story,
+    run_of,
 )
 from tdint.errors import OutputError, UsageError
 from tdint.files import digest_of, is_file
@@ -71,6 +76,16 @@ class Store:
         rows = self.connection.execute("SELECT key, value FROM meta WHERE key LIKE 'setting %' ORDER BY key")
         return {key.removeprefix(_SETTING): value for key, value in rows}
 
+    def varied(self) -> list[dict[str, float]]:
+        """What a sweep changed in each building, by its number; empty without a sweep."""
+        found = self.connection.execute("SELECT value FROM meta WHERE key = 'varied'").fetchone()
+        return json.loads(found[0]) if found else []
+
+    @property
+    def checked(self) -> bool:
+        """Whether the errors of the demands are estimated."""
+        return self.settings().get("check") == "true"
+
     def digests(self, table: str) -> dict[str, str]:
         """SHA-256 of the buildings or the records by their names."""
         name = "name" if table == "buildings" else "name || ' ' || component"
@@ -102,12 +117,15 @@ class Store:
             The disk is full, the file is damaged, somebody else writes.
         """
         runs = sorted(map(plain_run, done.rows.runs), key=lambda row: row[:4])
-        stories = sorted((plain_story((*row[:-1], *row.values)) for row in done.rows.stories), key=lambda row: row[:5])
+        stories = sorted(map(plain_story, done.rows.stories), key=lambda row: row[:5])
+        shocks = sorted((plain_shock((*row[:-1], *row.values)) for row in done.rows.shocks), key=lambda row: row[:5])
         number, seconds = done.number, float(done.seconds)
         with in_words(self.name), transaction(self.connection, self.name):
             self.connection.executemany(INSERT_RUN, ((*row, number) for row in runs))
             self.connection.executemany(INSERT_STORY, ((*row, number) for row in stories))
-            values = (number, len(runs), len(stories), seconds, chunk_digest(number, seconds, runs, stories))
+            self.connection.executemany(INSERT_SHOCK, ((*row, number) for row in shocks))
+            digest = chunk_digest(number, seconds, runs, stories, shocks)
+            values = (number, len(runs), len(stories), seconds, digest)
             self.connection.execute("INSERT INTO chunks VALUES(?, ?, ?, ?, ?)", values)
 
     def heal(self, identity: Identity | None = None) -> int:
@@ -142,7 +160,12 @@ class Store:
     def remove(self, chunks: Collection[int]) -> None:
         """Take out chunks: they are left to be done."""
         with in_words(self.name), transaction(self.connection, self.name):
-            for table, column in (("run_rows", "chunk"), ("story_rows", "chunk"), ("chunks", "id")):
+            for table, column in (
+                ("run_rows", "chunk"),
+                ("story_rows", "chunk"),
+                ("shock_rows", "chunk"),
+                ("chunks", "id"),
+            ):
                 self.connection.executemany(f"DELETE FROM {table} WHERE {column} IS ?", ((one,) for one in chunks))
 
     def is_ours(self, file: Path) -> bool:
@@ -207,12 +230,16 @@ class Store:
     def runs_of(self, chunk: int) -> list[RunRow]:
         """The runs of a chunk."""
         statement = f"SELECT {', '.join(RUN_COLUMNS)} FROM run_rows WHERE chunk = ? ORDER BY 1, 2, 3, 4"
-        return [RunRow(*row) for row in self.connection.execute(statement, (chunk,))]
+        return [run_of(row) for row in self.connection.execute(statement, (chunk,))]
 
     def stories(self) -> Iterator[tuple[Any, ...]]:
         """The stories of all runs: the columns of `STORY_COLUMNS`, in the order of their key."""
         columns = ", ".join(STORY_COLUMNS)
         yield from self.connection.execute(f"SELECT {columns} FROM story_rows ORDER BY 1, 2, 3, 4, 5")
+
+    def shocks(self) -> Iterator[tuple[Any, ...]]:
+        """The shocks of all runs of several: the columns of `SHOCK_COLUMNS`, in the order of their key."""
+        yield from self.connection.execute(f"SELECT {', '.join(SHOCK_COLUMNS)} FROM shock_rows ORDER BY 1, 2, 3, 4, 5")
 
     def buildings(self) -> Mapping[int, tuple[str, str]]:
         """Name and method of each building by its number."""
@@ -396,6 +423,8 @@ def _create(store: Store, identity: Identity) -> None:
         "schema": VERSION, "version": __version__, "name": identity.name, "fingerprint": identity.fingerprint,
         "runs": str(identity.runs), "chunks": str(identity.chunks),
     } | {f"{_SETTING}{name}": value for name, value in identity.settings.items()}  # fmt: skip
+    if any(identity.varied):
+        about["varied"] = json.dumps([dict(one) for one in identity.varied])
     with transaction(store.connection, store.name):
         for statement in TABLES:
             store.connection.execute(statement)

@@ -131,6 +131,12 @@ def _named(wanted: str, names: tuple[ColumnName, ...]) -> int:
     raise RecordError(f"there is no column {wanted[:40]!r}; there are {', '.join(one.text[:40] for one in names)}")
 
 
+def lacks_first_name(line: str) -> bool:
+    """Whether a line names columns but for the first one, as pandas does where it writes its index."""
+    parts = re.split("[,;\t]", line)
+    return len(parts) > 1 and not parts[0].strip().strip("\"'") and bool(_columns(parts[1:]))
+
+
 def _parts(text: str) -> list[str]:
     return re.split("[,;\t]", text) if re.search("[,;\t]", text) else _NAME.findall(text)
 
@@ -268,7 +274,7 @@ def read_foreign_header(lines: list[str], width: int, skipped: int) -> TableHead
         place = unknown[-1]
         raise RecordError(
             f"line {skipped + place + 1}: {lines[place].strip()[:60]!r} is neither a declaration (dt = 0.01 s) nor the "
-            f"names of {width} columns; pass over it with skip lines {skipped + place + 1}"
+            f"names of {width} columns; pass over it with `skip_lines={skipped + place + 1}`"
         )
     return TableHeader(header.declared, header.names or names)
 

@@ -16,6 +16,7 @@ from __future__ import annotations
 import re
 import warnings
 from array import array
+from collections import Counter
 from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -35,7 +36,9 @@ from tdint.ground_motion.formats.table_columns import (
     TIME,
     ColumnName,
     TableHeader,
+    column_names,
     declared_in,
+    lacks_first_name,
     place_of,
     read_foreign_header,
     read_header,
@@ -88,7 +91,8 @@ def read_text(file: Any, headonly: bool = False, layout: TextLayout = AS_STATED,
     lines = read_lines(file)
     lines.skip(layout.skip_lines or 0)
     above = lines.take_until(ROW.fullmatch, "row of numbers")
-    columns = _columns(lines)
+    _refuse_unnamed(above, layout.skip_lines or 0)
+    columns = _columns(lines, sum(map(_names_of, above)))
     width, size = len(columns), columns[0].size
     header = read_foreign_header(above, width, layout.skip_lines or 0) if layout else read_header(above, width)
     chosen = list(dict.fromkeys(place_of(wanted, header.names, width) for wanted in layout.column))
@@ -98,7 +102,7 @@ def read_text(file: Any, headonly: bool = False, layout: TextLayout = AS_STATED,
     if dt is None:
         raise RecordError(
             "a column of numbers without its sampling interval; declare it in a first line `# dt = 0.01 s, units = g`, "
-            "or give it as step"
+            "or give it by `step`"
         )
     if header.declared.get("samples", str(size)) != str(size):
         raise RecordError(f"its header announces {header.get('samples')} samples, there are {size}")
@@ -110,6 +114,21 @@ def read_text(file: Any, headonly: bool = False, layout: TextLayout = AS_STATED,
     if stated is None:
         warnings.warn(f"the sampling interval of {dt:g} s is given, the file tells none", stacklevel=2)
     return to_stream([_series(common, columns, header, place, taken) for place in taken], headonly=headonly)
+
+
+def _refuse_unnamed(above: list[str], skipped: int) -> None:
+    """Raise RecordError for a header whose first column has no name, in the last line above the numbers."""
+    place = next((place for place in reversed(range(len(above))) if above[place].strip()), -1)
+    if place >= 0 and lacks_first_name(above[place]):
+        raise RecordError(
+            f"line {skipped + place + 1}: {above[place].strip()[:60]!r} has no name for the first column, as where "
+            "pandas writes its index; leave that out (index=False), or name it time if it is"
+        )
+
+
+def _names_of(line: str) -> int:
+    """How many columns a line above the numbers names."""
+    return next((len(column_names(value)) for key, value in declared_in(line) or [] if key == COLUMNS), 0)
 
 
 def _without_samples(header: TableHeader) -> Series:
@@ -136,7 +155,7 @@ def _accelerations(names: Names, places: range) -> list[int]:
     unknown = [place for place, name in enumerate(names) if name.kind != TIME]
     if len(unknown) > 1:
         raise RecordError(
-            f"the names of the columns do not tell the acceleration; choose a column: "
+            f"the names of the columns do not tell the acceleration; choose one by `column`: "
             f"{', '.join(names[place].text[:40] for place in unknown)}"
         )
     return unknown
@@ -203,19 +222,22 @@ def _counts(column: NDArray[np.float64], step: float | None) -> bool:
 
 def _matches(lines: list[str]) -> bool:
     first = next(place for place, line in enumerate(lines) if ROW.fullmatch(line))
-    declared = [declared_in(line) for line in lines[:first]]
+    unnamed = first > 0 and lacks_first_name(lines[first - 1])
+    declared = [declared_in(line) for line in lines[: first - unnamed]]
     rows = [_numbers(line) for line in lines[first:] if line.strip() and not COMMENT.fullmatch(line)]
-    width = len(rows[0])
+    named = sum(map(_names_of, lines[:first]))
+    width = Counter(map(len, rows)).most_common(1)[0][0]
     if any(map(_OTHER_FORMAT.match, lines[:first])):
         return False
-    if None in declared or len(rows) < 2 or width > _MOST or any(len(row) != width for row in rows):
+    others = sum(len(row) != width for row in rows)
+    # A table with the names of its columns is one with some cells empty, too, which reading it tells.
+    if None in declared or len(rows) < 2 or width > _MOST or others > (len(rows) // 4 if named else 0):
         return False
-    named = any(key == COLUMNS for found in declared for key, _value in found or [])
-    return named or width == 1 or (width > 1 and all(a[0] < b[0] for a, b in pairwise(rows)))
+    return unnamed or bool(named) or width == 1 or (width > 1 and all(a[0] < b[0] for a, b in pairwise(rows)))
 
 
-def _columns(lines: Lines) -> Columns:
-    """Columns of numbers, to the end of the file; comments may stand among them."""
+def _columns(lines: Lines, named: int) -> Columns:
+    """Columns of numbers, some of them with names, to the end of the file; comments may stand among them."""
     first, width = lines.number, 0
     values = array("d")
     while (line := lines.peek()) is not None:
@@ -223,11 +245,17 @@ def _columns(lines: Lines) -> Columns:
         if COMMENT.fullmatch(line):
             continue
         numbers = _numbers(line) if ROW.fullmatch(line) else []
-        width = width or len(numbers)
+        width = width or (named if _lacks(line) else len(numbers))
         if len(numbers) != width or not 1 <= width <= _MOST:
-            raise RecordError(f"line {lines.number}: {line.strip()[:60]!r} is not {width or 'a row of'} numbers")
+            lack = "; a cell is empty" if _lacks(line) else ""
+            raise RecordError(f"line {lines.number}: {line.strip()[:60]!r} is not {width or 'a row of'} numbers{lack}")
         values.extend(numbers)
     return list(lines.checked(values, first).reshape(-1, width).T.copy())
+
+
+def _lacks(line: str) -> bool:
+    """Whether a row has a cell without a number, at its end, too."""
+    return any(mark in line and not all(map(str.strip, line.split(mark))) for mark in ";\t,")
 
 
 def _numbers(line: str) -> list[float]:

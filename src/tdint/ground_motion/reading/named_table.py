@@ -149,5 +149,5 @@ def _units_of(column: str, source: str) -> Units:
         return parse_units(text)
     except UsageError:
         raise RecordError(
-            f"{source}: the name of the column {column!r} does not end with its units (_m_s2, _m); give units"
+            f"{source}: the name of the column {column!r} does not end with its units (_m_s2, _m); give `units`"
         ) from None

@@ -178,7 +178,8 @@ def _hint(data: bytes, layout: TextLayout) -> str:
     line = _first_row(data, layout)
     if line is None:
         return ""
-    return f" (a table of numbers begins in line {line}: step, column and skip lines tell what it is)"
+    above = f", past the lines above by `skip_lines={line - 1}`," if line > 1 else ""
+    return f" (a table of numbers begins in line {line}: tell by `step` and `column`{above} what it is)"
 
 
 def _accepts(plugin: Plugin, data: bytes) -> bool:

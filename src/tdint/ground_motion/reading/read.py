@@ -26,7 +26,7 @@ from tdint.ground_motion.reading.segments import (
     join,
 )
 from tdint.ground_motion.reading.source import digested, is_archive, members, read_bytes
-from tdint.ground_motion.record import Input, Record
+from tdint.ground_motion.record import Input, Record, station_of
 from tdint.ground_motion.signal import Signal
 from tdint.ground_motion.text_layout import AS_STATED, TextLayout
 from tdint.units import Units, parse_units
@@ -266,11 +266,13 @@ def _records_in(data: bytes, name: str, layout: TextLayout) -> list[tuple[str, b
 
 
 def _choose(channels: Sequence[_Component], component: str, source: str) -> _Component:
-    """The channel with this code, else with this id, else the only one whose code ends in this letter."""
+    """The channel with this code, else with this id, else of this station (a floor is one: F04), else the only one
+    whose code ends in this letter."""
     wanted = component.strip().upper()
     ways = (
         [one for one in channels if one.channel.code.upper() == wanted],
         [one for one in channels if one.channel.id.upper() == wanted],
+        [one for one in channels if station_of(one.channel.id).upper() == wanted],
         [one for one in channels if len(wanted) == 1 and one.channel.code.upper().endswith(wanted)],
     )
     found = next((matches for matches in ways if matches), [])
@@ -284,8 +286,10 @@ def _choose(channels: Sequence[_Component], component: str, source: str) -> _Com
 def _listed(components: Sequence[_Component]) -> str:
     """Names by which each of the components can be chosen."""
     codes = [one.channel.code for one in components]
-    unique = len(set(codes)) == len(codes) and all(codes)
-    return ", ".join(codes if unique else [one.channel.id for one in components])
+    ids = [one.channel.id for one in components]
+    stations = [station_of(one) for one in ids]
+    ways = (codes, stations, ids)
+    return ", ".join(next((names for names in ways if len(set(names)) == len(names) and all(names)), ids))
 
 
 def _to_record(one: _Component, trace: Any, wanted: Units | None, instruments: Instruments | None) -> Record:

@@ -1,5 +1,7 @@
 """From a file's samples to m/s^2: what the user says about their units, what the file says, and what is done.
 
+A floating-point MiniSEED file whose location code is SI was exported by tdint, and is in m/s^2.
+
 One convention about units is leaned on: floating-point MiniSEED of an accelerometer is in m/s^2. ObsPy and other
 programs that remove an instrument's response write what is left as floating-point numbers, in SI units, under the
 channel's own code; MiniSEED has no place for the unit. The code of an accelerometer's channel has the letter N in its
@@ -18,10 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError, UsageError
+from tdint.ground_motion.record import IN_SI
 from tdint.units import STANDARD_GRAVITY, Units, parse_units
 
 _CURES = (
-    'give the value of one count as units ("2.38e-6 m/s^2") or the instrument\'s StationXML file as inventory, '
+    "give the value of one count (`units=2.38e-6 m/s^2`) or the instrument's StationXML file as `inventory`, "
     "which removes its response"
 )
 _DIFFERENCES = "frequencies above a tenth of the sampling rate come out too small"
@@ -134,6 +137,8 @@ def declared_units(trace: Any, format_name: str, label: str, wanted: Units | Non
     own = stats.get("tdint_units")
     if own:
         return Declared(parse_units(own), stats.get("tdint_units_from", "file"))
+    if format_name == "MSEED" and stats.location == IN_SI and stats.channel[1:2] == _ACCELEROMETER:
+        return Declared(Units("m/s^2", 1.0, False))
     if format_name in _SELF_SCALED:
         return Declared(Units("m/s^2", 1.0, False), "format", float(stats.calib), remove_mean=True)
     if "sac" in stats:
@@ -230,7 +235,7 @@ _LARGEST = 3.0 * STANDARD_GRAVITY
 
 _NEAR = 0.05
 _GRAVITIES = {1.0: "gravity in g", STANDARD_GRAVITY: "gravity"}
-_CURE = "say what the samples are with units, such as g, cm/s^2 or m/s^2"
+_CURE = "say what the samples are with `units=g`, cm/s^2 or m/s^2"
 
 
 def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]:

@@ -3,14 +3,27 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from tdint.model.config.laws import LAW, LINEAR, check_together, read_law
 from tdint.model.config.units import ModelUnits
 from tdint.model.definition import MAX_STORIES, Law, PowerDashpot, Story
 from tdint.model.keys.fields import Section, Value
-from tdint.model.keys.kinds import NOT_NEGATIVE, POSITIVE, Bounds, Either, EntriesOf, Key, Keys, Whole
+from tdint.model.keys.kinds import (
+    NOT_NEGATIVE,
+    POSITIVE,
+    Bounds,
+    Choice,
+    Either,
+    EntriesOf,
+    Flag,
+    Key,
+    Keys,
+    Whole,
+)
 from tdint.units import MASS, STANDARD_GRAVITY
 
+_DAMPED = "rayleigh"
 _EXPONENT = Bounds(0.0, 2.0, low_allowed=False)
 _DASHPOT = Keys(
     (
@@ -27,6 +40,11 @@ _STORY = Keys(
         Key("stiffness", POSITIVE, "initial stiffness: story shear over drift"),
         Key("law", LAW, "drift law; linear where it is left out"),
         Key("dashpot", Either((NOT_NEGATIVE, _DASHPOT)), "viscous damper between the floors: force over velocity"),
+        Key(
+            "isolator",
+            Either((Flag(), Choice((_DAMPED,)))),
+            "whether the drift is a displacement by design, no drift ratio; with Rayleigh damping if `rayleigh`",
+        ),
         Key("repeat", Whole(1, MAX_STORIES), "number of equal stories"),
     ),
     one_of=(("mass", "weight"),),
@@ -70,6 +88,11 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
         dashpot=dashpot,
         power_dashpot=power_dashpot,
     )
+    isolator = section.get("isolator")
+    if isolator and isolator.is_word(_DAMPED):
+        story = replace(story, isolator=True)
+    elif isolator and isolator.boolean():
+        story = replace(story, isolator=True, rayleigh=False)
     check_together(section.get("law"), law, story.stiffness)
     repeat = section.get("repeat")
     return story, repeat.whole() if repeat else 1

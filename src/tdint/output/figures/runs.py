@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from tdint.files import Writer
 from tdint.output.figures.style import (
+    COLORS,
     DASHES,
     INK,
     LIGHT,
@@ -34,8 +35,10 @@ Array = NDArray[np.float64]
 
 _NEAR = 0.4  # the collapse drift is shown where the peak reaches this part of it
 _SEEN = 0.002  # estimated errors are shown where one reaches this part of the largest peak
+_WIDE = 0.01  # the band of the error is drawn where it reaches this part of the largest displacement
 _VISIBLE = 0.05  # the drift at the end is shown where it reaches this part of the peak
 _APART = 8.0  # the first story's drift over the largest of all others, from which it is that of an isolator
+_NAMED = 3  # shocks whose records the title names
 _BEYOND = 1.25  # where the bar of an isolator ends, over the largest of all others
 
 
@@ -68,10 +71,13 @@ def _draw(response: Response, units: OutputUnits) -> Figure:
     profiles = [figure.add_subplot(below[i]) for i in range(3)]
     draw_profiles(profiles, response, units)
     _draw_hysteresis(figure.add_subplot(below[3]), response, history, units)
+    _mark_shocks(figure.axes[: 2 if response.record is not None else 1], response)
     title = f"{response.model.name}\n{response.method}, dt {response.dt:.4g} s"
-    if response.record is not None:
-        title += f", {record_name(response.record.source)} {response.record.component}".rstrip()
-        title += changed([response.record])
+    records = [shock.record for shock in response.shocks] or ([response.record] if response.record else [])
+    if records:
+        named = [f"{record_name(one.source)} {one.component}".rstrip() for one in records]
+        title += f", {', then '.join(named[:_NAMED])}{f' and {len(named) - _NAMED} more' * (len(named) > _NAMED)}"
+        title += changed(records)
     if (collapse := response.collapse) is not None:
         title += f"; story {collapse.story} {'failed' if collapse.failed else 'collapsed'} at {collapse.time:.4g} s"
     add_title(figure, title)
@@ -87,9 +93,27 @@ def _draw_ground(axes: Any, history: History, units: OutputUnits) -> None:
     _mark_peak(axes, history.time, ground, unit)
 
 
+def _mark_shocks(panels: Sequence[Any], response: Response) -> None:
+    """Where the shocks of a sequence begin, their numbers above."""
+    if not response.shocks:
+        return
+    for axes in panels:
+        for shock in response.shocks[1:]:
+            axes.axvline(shock.start, color=MARK, linewidth=0.8, linestyle=DASHES[1])
+    for number, shock in enumerate(response.shocks, start=1):
+        place = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points", "xytext": (3, 2)}
+        panels[0].annotate(f"shock {number}", (shock.start, 1.0), fontsize=8.0, color=MARK, **place)
+
+
 def _draw_roof(axes: Any, history: History, units: OutputUnits) -> None:
     roof, unit = units.of(history.displacement[:, -1], "m"), units.label("m")
     axes.plot(history.time, roof, color=INK, linewidth=1.0)
+    if history.error is not None:
+        error = np.abs(units.of(history.error.displacement[:, -1], "m"))
+        if np.any(error > _WIDE * np.max(np.abs(roof))):
+            band = {"color": MARK, "alpha": 0.35, "linewidth": 0.0, "label": "estimated error"}
+            axes.fill_between(history.time, roof - error, roof + error, **band)
+            axes.legend(loc="lower right", fontsize=7.0, handlelength=1.6)
     axes.set_ylabel(f"roof displacement\n({unit})")
     axes.tick_params(labelbottom=False)
     axes.set_xlim(history.time[0], history.time[-1])
@@ -227,7 +251,8 @@ def _draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
     values = np.where(drifts.apart, np.nan, drifts.peak)
     filled = np.nan_to_num(values)
     _bars(axes, filled, fill=True, color=INK, alpha=0.18)
-    _bars(axes, filled, color=INK, linewidth=1.4)
+    _bars(axes, filled, color=INK, linewidth=1.4, **({"label": "all shocks"} if response.shocks else {}))
+    _draw_drifts_of_shocks(axes, response, drifts)
     largest = drifts.largest
     residual = np.where(drifts.apart, 0.0, drifts.residual)
     if np.any(residual > _VISIBLE * largest):
@@ -243,6 +268,15 @@ def _draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
     if axes.get_legend_handles_labels()[0]:
         axes.legend(loc="best", fontsize=7.0, handlelength=1.6)
     axes.set_xlabel(f"drift ({drifts.unit}{' of height' if drifts.unit == '%' else ''})")
+
+
+def _draw_drifts_of_shocks(axes: Any, response: Response, drifts: _Drifts) -> None:
+    """The peaks of each shock of a sequence, as far as there are looks for them."""
+    whole = response.stories.peak_drift
+    scale = np.divide(drifts.peak, whole, out=np.zeros_like(whole), where=whole > 0.0)
+    for number, (shock, color) in enumerate(zip(response.shocks, COLORS[1:], strict=False), start=1):
+        values = np.where(drifts.apart, 0.0, scale * shock.stories.peak_drift)
+        _bars(axes, values, color=color, linewidth=1.0, linestyle=DASHES[1], label=f"shock {number}")
 
 
 def _mark_apart(axes: Any, peaks: Array, unit: str, drifts: _Drifts) -> None:

@@ -113,7 +113,7 @@ def _draw_curve(axes: Any, result: Pushover, units: OutputUnits) -> None:
 def _draw_profile(axes: Any, result: Pushover, units: OutputUnits) -> None:
     """Drifts of the stories at the largest base shear and at the end."""
     stories = np.arange(result.drift.shape[1] + 1) + 0.5
-    heights = [story.height for story in result.model.stories]
+    heights = [story.drift_height for story in result.model.stories]
     ratio = all(height is not None for height in heights)
     scale = 100.0 / np.array(heights, float) if ratio else np.full(len(heights), 1.0 / units.unit("m")[1])
     shown = (

@@ -13,7 +13,16 @@ from tdint.model.definition import Damping, ModalDamping, Model, RayleighCoeffic
 from tdint.output.summaries.summary import inputs_summary, motion_summary, schema, versions
 
 if TYPE_CHECKING:
-    from tdint.analysis.run.outcome import Collapse, Energy, ErrorEstimate, FailedRun, Response, StoryErrors, StoryPeaks
+    from tdint.analysis.run.outcome import (
+        Collapse,
+        Energy,
+        ErrorEstimate,
+        FailedRun,
+        Response,
+        Shock,
+        StoryErrors,
+        StoryPeaks,
+    )
     from tdint.analysis.spectra.first_mode import FirstMode
 
 MEANINGS = {
@@ -50,6 +59,7 @@ MEANINGS = {
     "moving_drift_m": ("m", "amplitude with which a drift still moves about its rest at the end, about"),
     "moving_drift_story": ("1", "its story"),
     "rest_s": ("s", "time by which the building was at rest, where the run went on until then"),
+    "start_s": ("s", "time of a shock's first sample in the sequence"),
     "collapse_drift": ("1", "drift ratio beyond which a run counts as collapsed"),
     "samples": ("1", "samples of the record"),
     "pga_m_s2": ("m/s^2", "peak ground acceleration"),
@@ -105,6 +115,7 @@ def run_summary(
         "energy": _energy(response.energy),
         "peaks": peaks(response.stories),
         "check": _check(response.check, response.stories),
+        **({"shocks": [_shock(shock) for shock in response.shocks]} if response.shocks else {}),
         "at_end": _at_end(response),
         "collapse_drift": response.model.collapse_drift,
         "collapse": _collapse(response.collapse),
@@ -169,8 +180,10 @@ def meanings(content: Mapping[str, Any]) -> dict[str, dict[str, str]]:
 def _numbers(content: Mapping[str, Any]) -> Iterator[str]:
     """Keys of numbers, and of lists of them, however deep."""
     for key, value in content.items():
-        if isinstance(value, Mapping):
-            yield from _numbers(value)
+        parts = value if isinstance(value, list) else [value]
+        if parts and isinstance(parts[0], Mapping):
+            for part in parts:
+                yield from _numbers(part)
         elif _is_number(value) or (isinstance(value, list) and any(map(_is_number, value))):
             yield key
 
@@ -226,6 +239,12 @@ def _at_end(response: Response) -> dict[str, Any]:
         "moving_drift_story": story + 1,
         "rest_s": response.rest_time,
     }
+
+
+def _shock(shock: Shock) -> dict[str, Any]:
+    errors = peak_errors(shock.stories, shock.errors) if shock.errors else None
+    record = motion_summary(shock.record)
+    return {"record": record, "start_s": shock.start, "peaks": peaks(shock.stories), "errors": errors}
 
 
 def _energy(energy: Energy) -> dict[str, float]:

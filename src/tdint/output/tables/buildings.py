@@ -10,17 +10,19 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.run.outcome import ENERGY_TERMS, History
+from tdint.analysis.run.outcome import ENERGY_TERMS, ErrorHistory, History
 from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
-from tdint.output.tables.table import FLOOR, METHOD_SPEC, PERIOD, Cell, Column, Table, error_columns, rows_of
+from tdint.model.definition import LAWS
+from tdint.output.tables.table import FLOOR, METHOD_SPEC, PERIOD, Cell, Column, Table, describe, error_columns, rows_of
 from tdint.output_units import SI, OutputUnits
 from tdint.quantity import quantities
 
 if TYPE_CHECKING:
     from tdint.analysis.comparison.compare import Comparison
     from tdint.analysis.comparison.fit import FittedValue
-    from tdint.analysis.run.outcome import StoryErrors, StoryPeaks
+    from tdint.analysis.run.outcome import Response, StoryErrors, StoryPeaks
     from tdint.analysis.static.cyclic import CyclicTest
+    from tdint.model.definition import Model, Story
     from tdint.model.modes import Modes
 
 
@@ -35,6 +37,9 @@ STORY = (
 )
 STORY_ERROR = error_columns(STORY[2:])
 
+_ALL = "all"
+SHOCK = Column("shock", "text", "shock", f"shock of a sequence, from 1; {_ALL}: over the whole sequence")
+
 HISTORY_START, HISTORY_FLOOR, HISTORY_STORY = (
     tuple(Column.of_quantity(one) for one in quantities(History) if one.shown == (place,))
     for place in ("ground", "floor", "story")
@@ -43,6 +48,16 @@ HISTORY_ENERGY = (
     *(Column(f"energy_{name}_J", "J", f"energy.{name}", meaning) for name, meaning in ENERGY_TERMS.items()),
     Column("energy_error", "1", "energy.error", "imbalance over the largest input energy of the run"),
 )
+
+HISTORY_FLOOR_ERROR, HISTORY_STORY_ERROR = (
+    tuple(
+        Column(f"{one.column}_error", one.unit, f"error.{one.name}", one.meaning)
+        for one in quantities(ErrorHistory)
+        if one.shown == (place,)
+    )
+    for place in ("floor", "story")
+)
+"""Behind all others, of a run that has carried its error along."""
 
 CYCLIC = (
     Column("story", "1", "story", "story, from 1 at the ground"),
@@ -118,7 +133,9 @@ MODE_END = (
 
 def mode_damping(ratios: Any) -> Column:
     """The column of the modes' damping ratios, shape (n,)."""
-    return Column("damping", "1", lambda modes: ratios, "damping ratio; empty where damping couples the modes")
+    return Column(
+        "damping", "1", lambda modes: ratios, "damping ratio, of the mode moving alone where damping couples the modes"
+    )
 
 
 COMPARISON = (
@@ -173,46 +190,109 @@ def story_table(stories: StoryPeaks, errors: StoryErrors | None = None) -> Table
     return Table.of((*STORY, *STORY_ERROR), both)
 
 
+def response_table(response: Response) -> Table:
+    """`story_table` of a run; of a sequence once for each shock and, last, for all, the shock in the first column."""
+    errors = response.check.errors if response.check else None
+    whole = story_table(response.stories, errors)
+    if not response.shocks:
+        return whole
+    rows: list[tuple[Cell, ...]] = []
+    for number, shock in enumerate(response.shocks, start=1):
+        part = story_table(shock.stories, shock.errors)
+        empty = (None,) * (len(whole.columns) - len(part.columns))
+        rows += [(str(number), *row, *empty) for row in part.rows]
+    rows += [(_ALL, *row) for row in whole.rows]
+    return Table((SHOCK.name, *whole.columns), rows, describe([SHOCK]) | whole.meanings)
+
+
 def cyclic_table(test: CyclicTest) -> Table:
     """One row per point of the path; row 0 is the start at rest."""
     return Table.of_results(CYCLIC, [test])
 
 
-def mode_table(modes: Modes, damping: Array | None) -> Table:
-    """One row per mode, longest period first; empty cells for damping ratios (shape (n,)) that are None."""
-    ratios = np.full_like(modes.omega, np.nan) if damping is None else damping
-    return Table.of_results((*MODE, mode_damping(ratios), *MODE_END), [modes])
+MODEL = (
+    Column("story", "1", lambda model: np.arange(1, len(model.stories) + 1), "story, from 1 at the ground"),
+    Column("mass_kg", "kg", lambda model: _of_stories(model, "mass"), "mass of the floor above"),
+    Column("height_m", "m", lambda model: _of_stories(model, "height"), "story height"),
+    Column("stiffness_N_m", "N/m", lambda model: _of_stories(model, "stiffness"), "initial stiffness"),
+    Column("law", "text", lambda model: np.array([*map(law_words, model.stories)], object), "drift law, SI units"),
+    Column("dashpots", "text", lambda model: np.array([*map(_dashpot, model.stories)], object), "SI units"),
+)
+"""The stories of a model."""
 
 
-def history_columns(stories: int) -> tuple[Column, ...]:
-    """Columns of a history."""
-    places = range(1, stories + 1)
-    return (
-        *HISTORY_START,
-        *(replace(column, name=f"floor_{i}_{column.name}") for i in places for column in HISTORY_FLOOR),
-        *(replace(column, name=f"story_{i}_{column.name}") for i in places for column in HISTORY_STORY),
-        *HISTORY_ENERGY,
+def _of_stories(model: Model, name: str) -> Array:
+    return np.array([math.nan if (value := getattr(one, name)) is None else value for one in model.stories])
+
+
+def law_words(story: Story) -> str:
+    """The law of a story with its parameters in SI units."""
+    names = [one.path for one in LAWS[story.law.name].parameters]
+    values = [f"{value:.4g}" for value in story.law.parameters]
+    if len(names) == len(values):
+        values = [f"{name} {value}" for name, value in zip(names, values, strict=True)]
+    isolator = "; isolator" if story.isolator else ""
+    return story.law.name + (f": {', '.join(values)}" if values else "") + isolator
+
+
+def _dashpot(story: Story) -> str:
+    if (power := story.power_dashpot) is not None:
+        return f"{power.coefficient:.4g} v^{power.exponent:g}"
+    return f"{story.dashpot:.4g} v" if story.dashpot else ""
+
+
+def model_table(model: Model) -> Table:
+    """One row per story, from the ground up."""
+    return Table.of_results(MODEL, [model])
+
+
+def mode_table(modes: Modes, damping: Array, norm: str | None = None) -> Table:
+    """One row per mode, longest period first, with damping ratios of shape (n,); with `norm` a column for the ordinate
+    of each floor (`tdint.model.modes.Modes.normalized`)."""
+    floors = mode_shapes(modes.omega.size, norm) if norm else ()
+    return Table.of_results((*MODE, mode_damping(damping), *MODE_END, *floors), [modes])
+
+
+def mode_shapes(floors: int, norm: str) -> tuple[Column, ...]:
+    """The columns of the modes' ordinates."""
+
+    def ordinate(i: int) -> Callable[[Any], Any]:
+        return lambda modes: modes.normalized(norm)[i]
+
+    what = "1 at the roof" if norm == "roof" else "with a participation factor of 1"
+    return tuple(
+        Column(f"floor_{i + 1}_shape", "1", ordinate(i), f"ordinate of the mode at the floor, {what}")
+        for i in range(floors)
     )
+
+
+def history_groups(error: bool) -> tuple[tuple[str, tuple[Column, ...]], ...]:
+    """The columns of a history by what each of them is there for: every floor, every story, or nothing."""
+    errors = (("floor", HISTORY_FLOOR_ERROR), ("story", HISTORY_STORY_ERROR)) if error else ()
+    return ("", HISTORY_START), ("floor", HISTORY_FLOOR), ("story", HISTORY_STORY), ("", HISTORY_ENERGY), *errors
+
+
+def history_columns(stories: int, error: bool = False) -> tuple[Column, ...]:
+    """Columns of a history; at the end those of its error, if it has one."""
+    found: list[Column] = []
+    for place, columns in history_groups(error):
+        heads = [f"{place}_{i}_" for i in range(1, stories + 1)] if place else [""]
+        found += (replace(column, name=head + column.name) for head in heads for column in columns)
+    return tuple(found)
 
 
 def write_history(history: History, stream: BinaryIO, units: OutputUnits = SI) -> None:
     """Write a history as CSV, one row per step; some hundred rows are held as text at a time."""
-    header = [units.column(one.name, one.unit) for one in history_columns(history.displacement.shape[1])]
+    error = history.error is not None
+    header = [units.column(one.name, one.unit) for one in history_columns(history.displacement.shape[1], error)]
     stream.write((",".join(name for name, _ in header) + "\n").encode())
     factors = None if units == SI else np.array([factor for _, factor in header])
     line = ",".join(["%.12g"] * len(header)) + "\n"
-    declared = (HISTORY_START, HISTORY_FLOOR, HISTORY_STORY, HISTORY_ENERGY)
-    start, floors, springs, energies = ([column.of(history) for column in group] for group in declared)
+    groups = [[column.of(history) for column in columns] for _, columns in history_groups(error)]
     for first in range(0, len(history.time), _ROWS_AT_ONCE):
         part = slice(first, first + _ROWS_AT_ONCE)
-        groups = [np.stack([values[part] for values in group], axis=2) for group in (floors, springs)]
-        table = np.column_stack(
-            [
-                *(values[part] for values in start),
-                *(group.reshape(len(group), -1) for group in groups),
-                *(values[part] for values in energies),
-            ]
-        )
+        blocks = (np.stack([values[part] for values in group], axis=-1) for group in groups)
+        table = np.hstack([block.reshape(len(block), -1) for block in blocks])
         if factors is not None:
             table /= factors
         table += 0.0  # zero has no sign

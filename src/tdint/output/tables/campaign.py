@@ -5,18 +5,38 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import islice
 from typing import TYPE_CHECKING, Any, BinaryIO
 
+import numpy as np
+
 from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
-from tdint.campaign.engine.rows import HIDDEN, RUN
-from tdint.output.tables.buildings import STORY
-from tdint.output.tables.table import METHOD_SPEC, OF_NAMED_RECORD, TEXT, Cell, Column, Table, cell_text, names
+from tdint.campaign.engine.rows import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR
+from tdint.model.variation import PARAMETERS
+from tdint.output.tables.buildings import STORY, STORY_ERROR
+from tdint.output.tables.spectra import OF_FLOORS, SPECTRUM
+from tdint.output.tables.table import (
+    DAMPING,
+    FLOOR,
+    METHOD_SPEC,
+    OF_NAMED_RECORD,
+    PERIOD,
+    TEXT,
+    Cell,
+    Column,
+    Table,
+    cell_text,
+    error_columns,
+    names,
+    rows_of,
+)
 from tdint.output_units import SI, OutputUnits
 
 if TYPE_CHECKING:
-    from tdint.campaign.profiles import Profile
+    from tdint.campaign.floor_suites import FloorSuite, RunFloors
+    from tdint.campaign.profiles import Profile, Ratios
     from tdint.campaign.store.store import Store
 
 OF_BUILDING = (
@@ -35,6 +55,9 @@ RUNS = (
 )
 """Of runs.csv."""
 
+RUN_ERRORS = error_columns(Column.of_quantity(one) for one in RUN_WITH_ERROR)
+"""Behind them, of a campaign that has estimated them."""
+
 STORIES = (*OF_BUILDING, *STORY)
 """Of stories.csv of a campaign."""
 
@@ -43,6 +66,11 @@ LEVEL = Column(
     "1",
     "level",
     "value of the intensity measure, SI units, or number of each motion's own factors, from the smallest",
+)
+COUNTS = (
+    Column("runs", "1", "runs", "motions; a pair is one"),
+    Column("collapsed", "1", "collapsed", "motions under which the building collapsed: in no number before"),
+    Column("failed", "1", "failed", "motions whose run has no result: in no number before"),
 )
 PROFILES = (
     OF_BUILDING[0],
@@ -55,11 +83,41 @@ PROFILES = (
     Column("p16", "1", "p16", "value that 16 % of them do not exceed"),
     Column("p84", "1", "p84", "value that 84 % of them do not exceed"),
     Column("max", "1", "max", "the largest of them"),
-    Column("runs", "1", "runs", "motions; a pair is one"),
-    Column("collapsed", "1", "collapsed", "motions under which the building collapsed: in no number before"),
-    Column("failed", "1", "failed", "motions whose run has no result: in no number before"),
+    *COUNTS,
 )
 """Of profiles.csv."""
+
+SHOCKS = (
+    *OF_BUILDING,
+    Column("shock", "1", "shock", "shock of the sequence, from 1"),
+    Column("start_s", "s", "start", "time of its first sample in the sequence"),
+    Column("pga_m_s2", "m/s^2", "pga", "peak ground acceleration of the shock, scaled"),
+    *(Column.of_quantity(one) for one in DEMANDED),
+)
+"""Of shocks.csv: what each shock of a sequence did; runs.csv has the sequences as a whole."""
+
+FLOOR_RUNS = (*OF_BUILDING, FLOOR, *SPECTRUM)
+"""Of floor-spectra.csv of several runs."""
+
+FLOOR_SUITES = (*PROFILES[:2], FLOOR, DAMPING, PERIOD, *OF_FLOORS, *COUNTS)
+"""Of floor-spectra-mean.csv."""
+
+RATIOS = (
+    OF_BUILDING[0],
+    Column("baseline", "text", "baseline", "the building that it is compared with"),
+    PROFILES[1],
+    Column("quantity", "text", lambda one: one.quantity.called or one.quantity.name, PROFILES[2].meaning),
+    Column(
+        "story",
+        "1",
+        lambda one: np.array([None, *range(1, one.mean.size)], dtype=object),
+        "story, or the floor above it; empty for the largest of all stories",
+    ),
+    Column("mean_ratio", "1", "mean", "mean over the motions, over that of the baseline"),
+    Column("median_ratio", "1", "median", "the same of the median"),
+    Column("max_ratio", "1", "max", "the same of the largest of any motion"),
+)
+"""Of ratios.csv."""
 
 STATUS = (
     Column("status", "text", "status", "how runs ended; left: not done yet"),
@@ -70,36 +128,63 @@ STATUS = (
 _ROWS_AT_ONCE = 2048
 
 
+def run_columns(store: Store) -> tuple[Column, ...]:
+    """Of runs.csv of a campaign; what a sweep varied comes last."""
+    errors = RUN_ERRORS if store.checked else ()
+    return (
+        *RUNS,
+        *errors,
+        *(Column(_word(name), "1", name, PARAMETERS[_parameter(name)]) for name in _swept(store.varied())),
+    )
+
+
+def _swept(varied: Sequence[Mapping[str, float]]) -> list[str]:
+    return list(dict.fromkeys(name for one in varied for name in one))
+
+
+def _word(name: str) -> str:
+    """The column of a parameter: `story 3.mass_factor` is story_3_mass_factor."""
+    return name.replace(" ", "_").replace(".", "_")
+
+
+def _parameter(name: str) -> str:
+    return name.rpartition(".")[2]
+
+
 def run_rows(store: Store) -> Iterator[list[Any]]:
     """The rows of runs.csv, in the order of buildings, records, scales and draws."""
+    varied = store.varied()
+    swept = [[one.get(name) for name in _swept(varied)] for one in varied]
     buildings, records = store.buildings(), store.records()
     building_names = {number: cell_text(name) for number, (name, _) in buildings.items()}
+    checked = store.checked
     method_names = {number: cell_text(method) for number, (_, method) in buildings.items()}
     for building, record, scale, sample, dt, status, *rest in store.runs():
         name, component, _ = records[record]
         head = [building_names[building], cell_text(name), cell_text(component), scale, sample, method_names[building]]
         head += [dt, cell_text(status)]
-        yield head + rest[: len(RUNS) - len(head)]
+        errors = rest[-len(RUN_ERRORS) :] if checked else []
+        yield head + rest[: len(RUNS) - len(head)] + errors + (swept[building] if swept else [])
 
 
 def story_rows(store: Store) -> Iterator[list[Any]]:
     """The rows of stories.csv, in the order of runs.csv and from the ground up."""
     buildings, records = store.buildings(), store.records()
-    drawn = store.count("sample > 0") > 0
+    drawn, last = store.count("sample > 0") > 0, None if store.checked else -len(STORY_ERROR)
     for building, record, scale, sample, *rest in store.stories():
         name, component, _ = records[record]
         head = [cell_text(buildings[building][0]), cell_text(name), cell_text(component), scale]
-        yield [*head, *((sample,) if drawn else ()), *rest]
+        yield [*head, *((sample,) if drawn else ()), *rest[:last]]
 
 
 def write_runs(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
     """Write runs.csv."""
-    write_rows(RUNS, run_rows(store), stream, units)
+    write_rows(run_columns(store), run_rows(store), stream, units)
 
 
 def write_stories(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
     """Write stories.csv; with a column `sample` where motions were drawn, for two draws may be the same motion."""
-    columns = list(STORIES)
+    columns = [*STORIES, *(STORY_ERROR if store.checked else ())]
     if store.count("sample > 0"):
         columns.insert(len(OF_BUILDING), SAMPLE)
     write_rows(columns, story_rows(store), stream, units)
@@ -125,6 +210,66 @@ def write_profiles(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> N
 
     columns = [*PROFILES[:2], *((LEVEL,) if has_levels(store) else ()), *PROFILES[2:]]
     write_rows(columns, profile_rows(profiles(store), units), stream)
+
+
+def write_shocks(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
+    """Write shocks.csv."""
+    buildings, records = store.buildings(), store.records()
+    rows = (
+        [cell_text(buildings[building][0]), *map(cell_text, records[record][:2]), scale, *rest]
+        for building, record, scale, _, *rest in store.shocks()
+    )
+    write_rows(SHOCKS, rows, stream, units)
+
+
+def profile_table(profile: Profile, names: Sequence[str], units: OutputUnits = SI) -> Table:
+    """Mean and largest of some quantities side by side, a row per story; a quantity that is nowhere is left out."""
+    columns: list[Column] = [PROFILES[3]]
+    for one in STORY_QUANTITIES:
+        found = profile.statistics(one)
+        if (one.called or one.name) in names and np.any(np.nan_to_num(found.max)):
+            columns += [
+                Column(f"mean_{one.column}", one.unit, _always(found.mean), f"mean: {one.meaning}"),
+                Column(f"max_{one.column}", one.unit, _always(found.max), f"largest: {one.meaning}"),
+            ]
+    stories = replace(columns[0], value=lambda shown: np.arange(1, shown.height.size + 1))
+    return Table.of_results((stories, *columns[1:]), [profile]).in_units(units)
+
+
+def _always(values: Any) -> Callable[[Any], Any]:
+    return lambda profile: values
+
+
+def ratio_table(store: Store, found: Sequence[Ratios], *, stories: bool) -> Table:
+    """Buildings over a baseline: of the largest value of all stories, and with `stories` of each story, too."""
+    from tdint.campaign.profiles import has_levels
+
+    level = (LEVEL,) if has_levels(store) else ()
+    table = Table.of_results((*RATIOS[:3], *level, *RATIOS[3:]), found)
+    place = table.columns.index("story")
+    return table if stories else replace(table, rows=[row for row in table.rows if row[place] is None])
+
+
+def run_floor_table(store: Store, found: Sequence[RunFloors]) -> Table:
+    """The spectra of the floors of every run: a row per run, floor, damping ratio and period."""
+    drawn = store.count("sample > 0") > 0
+    split = len(OF_BUILDING)
+    columns = (*FLOOR_RUNS[:split], *((SAMPLE,) if drawn else ()), *FLOOR_RUNS[split:])
+    buildings, records = store.buildings(), store.records()
+    rows: list[tuple[Cell, ...]] = []
+    for one in found:
+        name, component, _ = records[one.run.record]
+        head = (buildings[one.building][0], name, component, one.run.scale, *((one.run.sample,) if drawn else ()))
+        rows += [(*head, of.floor, *row) for of in one.spectra for row in rows_of(SPECTRUM, of.spectrum)]
+    return Table.of(columns, rows)
+
+
+def floor_suite_table(store: Store, suites: Sequence[FloorSuite]) -> Table:
+    """Mean and envelope of them over the motions: a row per building, level, floor, damping ratio and period."""
+    from tdint.campaign.profiles import has_levels
+
+    level = (LEVEL,) if has_levels(store) else ()
+    return Table.of_results((*FLOOR_SUITES[:2], *level, *FLOOR_SUITES[2:]), suites)
 
 
 def write_rows(columns: Iterable[Column], rows: Iterable[list[Any]], stream: BinaryIO, units: OutputUnits = SI) -> None:
@@ -162,7 +307,7 @@ def number_text(cell: Any) -> str:
 def runs_table(store: Store) -> Table:
     """runs.csv as a table, for a small campaign."""
     rows: list[tuple[Cell, ...]] = [tuple(row) for row in run_rows(store)]
-    return Table.of(RUNS, rows)
+    return Table.of(run_columns(store), rows)
 
 
 def status_table(statuses: dict[str, int], left: int) -> Table:
@@ -179,7 +324,7 @@ def parquet_writer(store: Store) -> Callable[[BinaryIO], None] | None:
         return None
     counted = {SAMPLE.name, *(one.column for one in RUN if one.kind is int)}
     kinds = {one.name: pyarrow.string() for one in RUNS if one.unit == TEXT} | dict.fromkeys(counted, pyarrow.int64())
-    schema = pyarrow.schema([(name, kinds.get(name, pyarrow.float64())) for name in names(RUNS)])
+    schema = pyarrow.schema([(name, kinds.get(name, pyarrow.float64())) for name in names(run_columns(store))])
 
     def write(stream: BinaryIO) -> None:
         source = run_rows(store)

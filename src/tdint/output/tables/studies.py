@@ -14,9 +14,44 @@ from tdint.campaign.ida.study import IdaStudy
 from tdint.campaign.suites.scaling import Scaling
 from tdint.campaign.suites.suite import components
 from tdint.ground_motion.record import component_names
-from tdint.output.tables.table import OF_NAMED_RECORD, OF_RECORD, Column, Table, rows_of
+from tdint.output.tables.table import OF_NAMED_RECORD, OF_RECORD, PERIOD, Cell, Column, Table, error_columns, rows_of
+
+_PEAK = (
+    Column("quantity", "text", lambda one: one.quantity.called or one.quantity.name, "peak: median over the motions"),
+    Column("unit", "text", "quantity.unit", "its unit"),
+)
+SWINGS = (
+    Column("building", "text", "building", "name of the building"),
+    *_PEAK,
+    Column("parameter", "text", "parameter", "what is changed, all else as it is"),
+    Column("low", "1", "low", "its low value"),
+    Column("high", "1", "high", "its high value"),
+    Column("at_low", "1", "at_low", "the peak with it"),
+    Column("as_it_is", "1", "as_it_is", "the peak of the building as it is"),
+    Column("at_high", "1", "at_high", "the peak with the high value"),
+    Column("swing", "1", "swing", "what lies between the peaks at both ends, over that of the building as it is"),
+)
+"""Of what a building is sensitive to."""
+
+CORRELATIONS = (
+    Column("building", "text", "building", "name of the building"),
+    Column("scale", "1", "scale", "factor on the ground acceleration"),
+    *_PEAK,
+    Column("parameter", "text", "parameter", "what a sweep varied"),
+    Column("rank_correlation", "1", "coefficient", "Spearman's, over the variations"),
+    Column("draws", "1", "draws", "variations with a peak"),
+)
+"""Of the ranks of a sweep."""
 
 FACTORS = (*OF_RECORD, Column("factor", "1", "factor", "factor on the record, the same for both components of a pair"))
+
+SCALED = (
+    Column("curve", "text", "curve", "`scaled`: a motion times its factor; `mean` of all of these; `target`"),
+    *OF_NAMED_RECORD,
+    PERIOD,
+    Column("psa_m_s2", "m/s^2", "psa", "pseudo-acceleration"),
+)
+"""Of the spectra of a scaled suite."""
 
 _RECORD = (
     *OF_NAMED_RECORD,
@@ -50,6 +85,21 @@ IDA = (
         "largest drift at the end of the run over story height",
     ),
 )
+IDA_ERRORS = tuple(
+    replace(column, value=value)
+    for column, value in zip(
+        error_columns(IDA[-3:]),
+        (
+            lambda one: one.of_runs("drift_ratio_error"),
+            lambda one: one.of_runs("acceleration_error"),
+            lambda one: one.of_runs("residual_drift_ratio_error"),
+        ),
+        strict=True,
+    )
+)
+"""Behind them, of a study that has estimated them."""
+
+DAMAGE = Column("damage", "1", "curve.damage", "drift ratio to which a mainshock has damaged the building; 0: intact")
 INTENSITIES = ("im", "capacity", "lower", "upper")
 """Columns in the unit that the column `unit` tells."""
 
@@ -75,6 +125,7 @@ CAPACITIES = (
         "of the search",
     ),
 )
+FRAGILITY_DAMAGE = Column("damage", "1", "damage", DAMAGE.meaning)
 FRAGILITY = (
     Column("threshold", "1", "threshold", "demand whose exceedance is meant"),
     Column("fit", "text", "fit", "stripes, ida or cloud"),
@@ -128,6 +179,24 @@ def factor_table(scaling: Scaling) -> Table:
     return Table.of(FACTORS, list(rows))
 
 
+def scaled_table(scaling: Scaling) -> Table:
+    """The spectra of a suite as it is scaled, their mean and the target, at the periods where it was compared."""
+    target, periods = scaling.target, scaling.periods
+    if target is None or periods is None:
+        raise ValueError("a suite that was scaled to a value has no target to stand beside")
+    spectra = scaling.spectra(periods)
+    curves = [
+        ("scaled", motion.source, motion.component, psa) for motion, psa in zip(scaling.motions, spectra, strict=True)
+    ]
+    curves += [("mean", "", "", np.mean(spectra, axis=0)), ("target", "", "", target.at(periods))]
+    rows: list[tuple[Cell, ...]] = [
+        (curve, source, component, period, value)
+        for curve, source, component, psa in curves
+        for period, value in zip(periods.tolist(), psa.tolist(), strict=True)
+    ]
+    return Table.of(SCALED, rows)
+
+
 @dataclass(frozen=True)
 class _CurveRows:
     """The rows of a curve, or the row of one of its capacities."""
@@ -145,30 +214,38 @@ class _CurveRows:
 
 def ida_table(study: IdaStudy) -> Table:
     """A row for each run of each record, from the lowest level."""
-    table = Table.of(IDA, [row for one in _curves(study) for row in rows_of(IDA, one)])
+    columns = (*_with_damage(IDA, study), *(IDA_ERRORS if study.checked else ()))
+    table = Table.of(columns, [row for one in _curves(study) for row in rows_of(columns, one)])
     return _with_unit(table, study.measure.unit)
 
 
 def capacity_table(study: IdaStudy) -> Table:
     """A row for each record and threshold."""
+    columns = _with_damage(CAPACITIES, study)
     rows = [
-        rows_of(CAPACITIES, _CurveRows(one.record, one.component, study, one.curve, capacity))[0]
+        rows_of(columns, _CurveRows(one.record, one.component, study, one.curve, capacity))[0]
         for one in _curves(study)
         for capacity in map(one.curve.capacity, study.thresholds)
     ]
-    return _with_unit(Table.of(CAPACITIES, rows), study.measure.unit)
+    return _with_unit(Table.of(columns, rows), study.measure.unit)
 
 
 def fragility_table(functions: Sequence[Fragility], *, total: bool = False) -> Table:
     """A row for each function; with `total` a column of the standard deviation with that of the model. Clouds bring the
     columns of their line, runs without a result those that bound what they may change."""
     wanted = (
+        *((FRAGILITY_DAMAGE,) if any(one.damage == one.damage for one in functions) else ()),
         *FRAGILITY,
         *(CLOUD if any(one.cloud for one in functions) else ()),
         *(FAILED if any(one.failed for one in functions) else ()),
         *(FRAGILITY_TOTAL,) * total,
     )
     return Table.of_results(wanted, functions)
+
+
+def _with_damage(columns: tuple[Column, ...], study: IdaStudy) -> tuple[Column, ...]:
+    """The columns, the state of the building before them where a study has several."""
+    return (DAMAGE, *columns) if any(curve.damage for curve in study.curves) else columns
 
 
 def _with_unit(table: Table, unit: str) -> Table:
@@ -178,6 +255,6 @@ def _with_unit(table: Table, unit: str) -> Table:
 
 
 def _curves(study: IdaStudy) -> Iterator[_CurveRows]:
-    names = component_names([curve.record for curve in study.curves])
+    names = component_names([curve.record for curve in study.curves])  # of all states alike
     for curve, name in zip(study.curves, names, strict=True):
         yield _CurveRows(curve.record.source, name, study, curve)

@@ -106,6 +106,14 @@ _values.register(Record, partial(_of, spectra.SAMPLES))
 
 @_values.register
 def _(result: Response) -> _Values:
+    if result.shocks:
+        table = buildings.response_table(result)
+        columns = (buildings.SHOCK, *buildings.STORY, *(buildings.STORY_ERROR if result.check else ()))
+        cells = zip(*table.rows, strict=True)
+        return [
+            (column, np.array([np.nan if one is None else one for one in values]))
+            for column, values in zip(columns, cells, strict=True)
+        ]
     errors = _of(buildings.STORY_ERROR, result.check.errors) if result.check else []
     return _values(result.stories) + errors
 
@@ -128,9 +136,9 @@ def _(result: Modes) -> _Values:
 
 @_values.register
 def _(result: History) -> _Values:
-    start, energy = _of(buildings.HISTORY_START, result), _of(buildings.HISTORY_ENERGY, result)
-    floors, stories = _of(buildings.HISTORY_FLOOR, result), _of(buildings.HISTORY_STORY, result)
-    places = range(result.displacement.shape[1])
-    inner = [values[:, i] for group in (floors, stories) for i in places for _, values in group]
-    values = [*(value for _, value in start), *inner, *(value for _, value in energy)]
-    return list(zip(buildings.history_columns(len(places)), values, strict=True))
+    stories, error = result.displacement.shape[1], result.error is not None
+    values: list[Any] = []
+    for place, columns in buildings.history_groups(error):
+        found = [column.of(result) for column in columns]
+        values += [one[:, i] for i in range(stories) for one in found] if place else found
+    return list(zip(buildings.history_columns(stories, error), values, strict=True))

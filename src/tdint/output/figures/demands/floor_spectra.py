@@ -69,7 +69,7 @@ def _draw_suites(suites: Sequence[FloorSuite], units: OutputUnits) -> Figure:
         for one in same:
             _draw_suite(axes, one, units, INK if len(names) == 1 else colors[one.building], alone=len(names) == 1)
         _finish(axes, units)
-        axes.set_title(_named(same[0], several=len(panels) > 1), fontsize=9.0)
+        axes.set_title(_named(same[0], several=len({repr(one.scale) for one in suites}) > 1), fontsize=9.0)
     for axes in grid.ravel()[len(shown) :]:
         axes.set_visible(False)
     handles, labels = grid[0][0].get_legend_handles_labels()

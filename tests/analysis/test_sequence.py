@@ -1,0 +1,138 @@
+"""Shocks one after the other: equal to a record put together by hand, states carried over, peaks of each."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+import tdint
+from building_cases import ten_bilinear
+from tdint.analysis.run.outcome import StoryPeaks
+from tdint.analysis.sequence import run_sequence, sequence_of
+from tdint.errors import UsageError
+from tdint.ground_motion.joining import join
+from tdint.ground_motion.record import Record
+from tdint.model.definition import Law
+
+NAMES = [field.name for field in fields(StoryPeaks) if field.name not in ("height", "residual_drift")]
+
+
+def shock(seed, peak, *, dt=0.01, samples=600, source="main"):
+    """Noise under a bell."""
+    t = np.linspace(0.0, 1.0, samples)
+    noise = np.convolve(np.random.default_rng(seed).normal(size=samples), np.ones(12), "same")
+    motion = noise * np.sin(np.pi * t) ** 2
+    return Record(peak * motion / np.abs(motion).max(), dt, "", "", "HNE", source)
+
+
+MAIN, AFTER = shock(1, 8.0), shock(2, 5.0, source="after")
+
+
+def case(method="impulse4", model=None):
+    return tdint.prepare(model or ten_bilinear(), MAIN, method=method)
+
+
+@pytest.mark.parametrize("method", ["impulse4", "moment4", "newmark-average", "bathe"])
+def test_it_is_the_record_put_together_by_hand_to_the_last_digit(method):
+    found = run_sequence(case(method), [MAIN, AFTER], rest=20.0, history=True)
+    by_hand = np.concatenate([MAIN.acceleration, np.zeros(1999), AFTER.acceleration])
+    alone = tdint.run(ten_bilinear(), replace(MAIN, acceleration=by_hand), method=method, history=True)
+    for name in (*NAMES, "residual_drift"):
+        assert np.array_equal(getattr(found.stories, name), getattr(alone.stories, name), equal_nan=True), name
+    assert np.array_equal(found.history.displacement, alone.history.displacement)
+    assert found.energy == alone.energy
+    assert [one.start for one in found.shocks] == pytest.approx([0.0, (MAIN.acceleration.size - 1) * 0.01 + 20.0])
+
+
+def test_peaks_over_all_are_the_largest_of_the_shocks():
+    found = run_sequence(case("moment4"), [AFTER, MAIN, AFTER.scaled(-1.1)], rest=5.0)
+    for name in NAMES:
+        largest = np.max([getattr(one.stories, name) for one in found.shocks], axis=0)
+        assert np.array_equal(getattr(found.stories, name), largest, equal_nan=True), name
+    assert np.array_equal(found.stories.residual_drift, found.shocks[-1].stories.residual_drift)
+
+
+def test_the_first_shock_is_the_run_of_its_record_until_rest():
+    found = run_sequence(case(), [MAIN, AFTER])
+    alone = tdint.run(ten_bilinear(), MAIN, method="impulse4", until_rest=True)
+    first, second = found.shocks
+    assert second.start == pytest.approx(alone.rest_time + 0.01)
+    for name in (*NAMES, "residual_drift"):
+        assert np.array_equal(getattr(first.stories, name), getattr(alone.stories, name), equal_nan=True), name
+
+
+def test_the_second_shock_finds_what_the_first_has_left():
+    intact = tdint.run(ten_bilinear(), AFTER, method="impulse4").stories
+    first, second = run_sequence(case(), [MAIN, AFTER], until_rest=True).shocks
+    assert np.max(np.abs(first.stories.residual_drift)) > 1e-3
+    weak = np.max(np.abs(first.stories.residual_drift)) > np.abs(intact.residual_drift)
+    assert weak.any() and not np.allclose(second.stories.peak_drift, intact.peak_drift, rtol=0.01)
+    # A shock that is nothing finds the building as it was left.
+    *_, nothing = run_sequence(case(), [MAIN, AFTER.scaled(1e-6)], until_rest=True).shocks
+    left = np.abs(first.stories.residual_drift)
+    assert nothing.stories.peak_drift == pytest.approx(left, abs=1e-3 * np.max(first.stories.peak_drift))
+
+
+def test_each_shock_has_its_errors():
+    found = run_sequence(case("newmark-average"), [MAIN, AFTER], rest=2.0, check=True)
+    fine = run_sequence(case("newmark-average"), [MAIN, AFTER], rest=2.0, dt=0.01 / 16)
+    for one, truth in zip(found.shocks, fine.shocks, strict=True):
+        off = np.abs(one.stories.peak_drift - truth.stories.peak_drift)
+        assert np.all(off <= 1.5 * one.errors.peak_drift)
+        assert np.all(one.errors.peak_drift < 0.2 * one.stories.peak_drift)
+
+
+def test_shocks_of_several_sampling_intervals_keep_their_motions():
+    coarse = shock(3, 5.0, dt=0.02, samples=300, source="coarse")
+    joined = sequence_of(case(), [MAIN, coarse], rest=1.0)
+    assert joined.whole.dt == 0.01
+    second = joined.whole.acceleration[joined.starts[1] :]
+    assert np.array_equal(second[::2], coarse.acceleration)
+    assert second[1::2] == pytest.approx(0.5 * (coarse.acceleration[1:] + coarse.acceleration[:-1]))
+    with pytest.raises(UsageError, match=r"no whole multiple.*--resample"):
+        sequence_of(case(), [MAIN, shock(3, 5.0, dt=0.015)])
+
+
+def test_a_shock_begins_with_a_step():
+    for dt in (0.04, 0.0025):
+        joined = sequence_of(case(), [MAIN, AFTER], rest=1.005, dt=dt)
+        assert joined.starts[1] % max(round(dt / 0.01), 1) == 0
+        assert joined.starts[1] >= MAIN.acceleration.size - 1 + 100.5
+    alone = tdint.run(ten_bilinear(), join([MAIN, AFTER], joined.starts), method="impulse4", dt=dt)
+    found = run_sequence(case(), [MAIN, AFTER], rest=1.005, dt=dt)
+    assert np.array_equal(found.stories.peak_drift, alone.stories.peak_drift)
+    assert len(found.shocks) == 2
+
+
+def test_a_building_that_never_rests_is_told():
+    found = run_sequence(case(model=ten_bilinear(damping=None)), [MAIN.scaled(1e-3), AFTER])
+    assert any("after shock 1 the building still moved" in note for note in found.notes)
+    assert len(found.shocks) == 2
+
+
+def test_a_collapse_ends_the_sequence_in_its_shock():
+    soft = ten_bilinear()
+    weak = replace(soft.stories[0], law=Law("bilinear", (2e6, -0.3)))
+    model = replace(soft, stories=(weak, *soft.stories[1:]))
+    found = run_sequence(case(model=model), [MAIN.scaled(0.05), MAIN.scaled(3.0), AFTER], rest=1.0)
+    assert found.status == "collapsed"
+    assert found.collapse.time > found.shocks[1].start
+    assert np.max(found.shocks[0].stories.peak_drift_ratio) < 0.1
+
+
+@pytest.mark.parametrize("rest", [-1.0, float("inf"), "soon"])
+def test_a_rest_is_a_time(rest):
+    with pytest.raises(UsageError, match="rest"):
+        run_sequence(case(), [MAIN, AFTER], rest=rest)
+    with pytest.raises(UsageError, match="a record at least"):
+        run_sequence(case(), [])
+
+
+def test_the_table_has_the_shocks_and_all():
+    found = run_sequence(case(), [MAIN, AFTER], rest=1.0)
+    table = found.to_dict()
+    assert list(dict.fromkeys(table["shock"].tolist())) == ["1", "2", "all"]
+    assert table["peak_drift_m"][-10:] == pytest.approx(found.stories.peak_drift)
+    assert table["peak_drift_m"][:10] == pytest.approx(found.shocks[0].stories.peak_drift)

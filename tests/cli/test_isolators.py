@@ -1,0 +1,126 @@
+"""Isolator stories: displacements in place of drift ratios, P-delta by their height, and no Rayleigh damping; and the
+warning of stories that P-delta pushes over."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tdint.errors import ModelError
+from tdint.model.building import assemble, falling_stories, stiffness_after_yield
+from tdint.model.config.model_file import load_model
+from tdint.units import STANDARD_GRAVITY
+
+UPPER = "  - {repeat: 3, mass: 20, height: 3, stiffness: 9000}\n"
+RAYLEIGH = "damping: {rayleigh: {mass: 0.3, stiffness: 0.004}}\n"
+
+
+def model(tmp_path: Path, first: str, rest: str = UPPER, more: str = "", name: str = "model.yaml"):
+    file = tmp_path / name
+    file.write_text(f"stories:\n  - {{{first}}}\n{rest}{more}")
+    return load_model(file)
+
+
+def rows(text: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+@pytest.mark.parametrize("below", [0, 2])
+def test_rayleigh_damping_does_not_reach_isolators(tmp_path, below):
+    """What moves as a block on an isolator is not damped; the floors above are damped as on a fixed base."""
+    fixed = assemble(model(tmp_path, "mass: 20, height: 3, stiffness: 9000", UPPER, RAYLEIGH)).damping_matrix()
+    under = "".join("  - {mass: 30, height: 4, stiffness: 8000}\n" for _ in range(below))
+    isolated = tmp_path / "isolated.yaml"
+    first = "  - {mass: 25, height: 0.5, stiffness: 300, isolator: true}\n"
+    isolated.write_text(
+        f"stories:\n{under}{first}  - {{mass: 20, height: 3, stiffness: 9000}}\n{UPPER}{RAYLEIGH}"
+    )  # fmt: skip
+    found = assemble(load_model(isolated)).damping_matrix()
+    block = np.zeros(len(found))
+    block[below:] = 1.0
+    assert np.abs(found @ block)[below:] == pytest.approx(0.0, abs=1e-12)
+    assert found[below + 1 :, below + 1 :] == pytest.approx(fixed, rel=1e-12, abs=1e-12)
+    assert found == pytest.approx(found.T, rel=1e-12, abs=1e-12)
+    if below:
+        alone = tmp_path / "alone.yaml"
+        alone.write_text(f"stories:\n{under}{RAYLEIGH}")
+        assert found[:below, :below] == pytest.approx(assemble(load_model(alone)).damping_matrix(), abs=1e-12)
+
+
+def test_rayleigh_damping_reaches_them_if_asked(tmp_path):
+    plain = assemble(model(tmp_path, "mass: 25, stiffness: 300", more=RAYLEIGH)).damping_matrix()
+    asked = assemble(model(tmp_path, "mass: 25, stiffness: 300, isolator: rayleigh", more=RAYLEIGH)).damping_matrix()
+    assert (asked == plain).all()
+
+
+def test_p_delta_takes_weight_over_height_of_an_isolator(tmp_path):
+    """Its modes are those of springs softer by W/h, of which the isolator has no other use of its height."""
+    weights = STANDARD_GRAVITY * np.array([85.0, 60.0, 40.0, 20.0])
+    isolated = model(
+        tmp_path, "mass: 25, height: 2.5, stiffness: 3000, isolator: true",
+        "  - {repeat: 3, mass: 20, height: 3, stiffness: 9000}\n", "p_delta: true\n",
+    )  # fmt: skip
+    k = np.array([3000.0, 9000.0, 9000.0, 9000.0]) - weights / np.array([2.5, 3.0, 3.0, 3.0])
+    stories = "".join(f"  - {{mass: 20, stiffness: {value!r}}}\n" for value in k[1:].tolist())
+    soft = model(tmp_path, f"mass: 25, stiffness: {k[0].item()!r}", stories, name="soft.yaml")
+    assert assemble(isolated).modes().omega == pytest.approx(assemble(soft).modes().omega, rel=1e-12)
+    assert np.isnan(assemble(isolated).heights).tolist() == [True, False, False, False]
+    assert assemble(isolated).rises.tolist() == [0.0, 3.0, 3.0, 3.0]
+    with pytest.raises(ModelError, match="p_delta needs the height"):
+        model(tmp_path, "mass: 25, stiffness: 3000, isolator: true", more="p_delta: true\n")
+
+
+def test_its_drift_is_a_displacement_and_no_collapse(folder, tdint):
+    """0.3 m on bearings of half a meter is no drift ratio of 60 %."""
+    text = "name: {name}\nstories:\n  - {{mass: 25, stiffness: 50, {isolator}}}\n"
+    for name, isolator in (("yes", "isolator: rayleigh, height: 0.5"), ("no", "height: 0.5")):
+        Path(f"{name}.yaml").write_text(text.format(name=name, isolator=isolator) + UPPER + RAYLEIGH)
+    run = ("motion.mseed", "--component", "HNN", "--units", "m/s^2", "--scale", "2")
+    with_isolator, without = tdint("run", "yes.yaml", *run, "--plot=yes.png"), tdint("run", "no.yaml", *run)
+    assert "Status collapsed" in without.stderr and "collapsed" not in with_isolator.stderr
+    assert "drift ratio" in with_isolator.stderr and "in story 1, roof" in with_isolator.stderr
+    first, *others = rows(with_isolator.stdout)
+    plain, *plain_others = rows(without.stdout)
+    assert (first["height_m"], first["peak_drift_ratio"]) == ("", "")
+    assert first["peak_drift_m"] == plain["peak_drift_m"] and float(plain["peak_drift_ratio"]) > 0.1
+    assert others == plain_others
+    several = tdint("run", "yes.yaml", "motion.mseed", "other.mseed", "--units", "m/s^2", "--limit", "10%")
+    assert "Mean drift" in several.stderr and "(story 1)" not in several.stderr
+
+
+def test_a_story_that_p_delta_pushes_over_is_told(folder, tdint):
+    bilinear = "law: {type: bilinear, yield_force: 60, hardening: 0.05}"
+    text = "p_delta: true\nstories:\n  - {mass: 40, height: 2, stiffness: 3000, %s}\n"
+    Path("falls.yaml").write_text(text % bilinear)
+    numbers = f"story 1 {40 * STANDARD_GRAVITY / 2 / 1e6:.4g} over {0.05 * 3000 / 1e6:.4g}"
+    for records in (("motion.mseed", "--component", "HNE"), ("motion.mseed", "other.mseed")):
+        result = tdint("run", "falls.yaml", *records, "--units", "m/s^2")
+        assert numbers in result.stderr, result.stderr
+    Path("stands.yaml").write_text(text % bilinear.replace("0.05", "0.07"))
+    result = tdint("run", "stands.yaml", "motion.mseed", "--component", "HNE", "--units", "m/s^2")
+    assert "P-delta takes" not in result.stderr
+    assert falling_stories(load_model("shaken.yaml")) == ()
+
+
+@pytest.mark.parametrize(
+    ("law", "wanted"),
+    [
+        ("{type: bilinear, yield_force: 60, hardening: 0.1}", 100.0),
+        ("{type: bouc-wen, yield_force: 60, hardening: 0.1, exponent: 2, beta: 0.5}", 100.0),
+        ("{type: peak-oriented, yield_force: 60, hardening: 0.1, unloading: 0}", 100.0),
+        ("{type: tanh, strength: 60}", 0.0),
+        (
+            "{type: trilinear-pinching, yield_force: 50, ultimate_force: 80, ultimate_drift: 0.35, pinching: 1, "
+            "unloading: 0}",
+            100.0,
+        ),
+        ("linear", np.inf),
+    ],
+)
+def test_the_stiffness_after_yield(tmp_path, law, wanted):
+    found = model(tmp_path, f"mass: 1, stiffness: 1000, law: {law}")
+    assert stiffness_after_yield(found.stories[0]) == pytest.approx(wanted, rel=1e-12)

@@ -1,0 +1,82 @@
+"""`tdint run --sequence`: shocks one after the other."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+
+import pytest
+
+SHOCKS = ("run", "shaken.yaml", "motion.mseed", "other.mseed", "--sequence", "--component", "HNE")
+
+
+def rows(text: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def test_the_stories_stand_once_for_each_shock_and_once_for_all(folder, tdint):
+    result = tdint(*SHOCKS)
+    assert result.exit_code == 0
+    table = rows(result.stdout)
+    assert [(row["shock"], row["story"]) for row in table] == [(k, i) for k in ("1", "2", "all") for i in ("1", "2")]
+    first, second, whole = (table[2 * k] for k in range(3))
+    assert whole["peak_drift_m"] in (first["peak_drift_m"], second["peak_drift_m"])
+    assert whole["residual_drift_m"] == second["residual_drift_m"]
+    alone = rows(tdint("run", "shaken.yaml", "motion.mseed", "--component", "HNE", "--until-rest").stdout)
+    assert {key: value for key, value in first.items() if key != "shock"} == alone[0]
+    assert "motion.mseed + other.mseed HNE" in result.stderr
+    assert "Shock 2, from " in result.stderr
+
+
+def test_the_files_of_a_sequence(folder, tdint):
+    result = tdint(*SHOCKS, "--rest", 3, "--scale", "1.5,0.5", "--check", "-o", "out", "--history", "--plot")
+    assert result.exit_code == 0, result.stderr
+    assert sorted(file.name for file in (folder / "out").iterdir()) == [
+        "history.csv",
+        "response.png",
+        "stories.csv",
+        "summary.json",
+    ]
+    summary = json.loads((folder / "out/summary.json").read_text())
+    first, second = summary["shocks"]
+    assert second["start_s"] == pytest.approx(2.99 + 3.0)
+    assert (first["record"]["scale"], second["record"]["scale"]) == (1.5, 0.5)
+    assert summary["record"]["file"] == "motion.mseed + other.mseed"
+    assert summary["settings"]["rest_s"] == 3.0
+    assert {"start_s", "drift_ratio"} <= set(summary["meanings"])
+    assert [one["file"] for one in summary["inputs"]] == ["shaken.yaml", "motion.mseed", "other.mseed"]
+    history = rows((folder / "out/history.csv").read_text())
+    assert float(history[-1]["time_s"]) == pytest.approx(2.99 + 3.0 + 2.99)
+    table = rows((folder / "out/stories.csv").read_text())
+    assert all(float(row["peak_drift_m_error"]) > 0.0 for row in table)
+
+
+def test_one_factor_is_for_all_shocks(folder, tdint):
+    one, each = (rows(tdint(*SHOCKS, "--scale", scale).stdout) for scale in ("0.5", "0.5,0.5"))
+    assert one == each
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("run", "shaken.yaml", "motion.mseed", "--sequence"), "takes two records or more"),
+        (("run", "shaken.yaml", "motion.mseed", "other.mseed", "--rest", 3), "--rest has nothing to act on without"),
+        ((*SHOCKS, "--rest", -1), "-1"),
+        ((*SHOCKS, "--scale", "1,2,3"), "3 factors for 2 shocks"),
+        ((*SHOCKS, "--duration", 3), "--duration is not for a --sequence"),
+        ((*SHOCKS, "--factors", "f.csv"), "--factors is not for a --sequence"),
+        (("run", "shaken.yaml", "motion.mseed", "-", "--sequence"), "not standard input"),
+    ],
+)
+def test_refusals_of_a_sequence(folder, tdint, arguments, message):
+    result = tdint(*arguments)
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert message in result.stderr
+
+
+def test_a_shock_that_cannot_be_read(folder, tdint):
+    result = tdint("run", "shaken.yaml", "motion.mseed", "none.mseed", "--sequence", "--component", "HNE", "-o", "out")
+    assert result.exit_code == 4
+    assert "none.mseed" in result.stderr
+    assert not (folder / "out").exists()
