@@ -29,11 +29,14 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     written_ones = os.environ["TDINT_KERNELS"] == "python"
     if alone or written_ones or config.option.collectonly or hasattr(config, "workerinput"):
         return
+    from path_kernels import KERNELS
     from tdint.analysis.run.compilation import of_everything
     from tdint.kernels.building.ahead import compile_ahead
+    from tdint.kernels.building.variant import EVERYTHING
 
+    wanted = [*of_everything(), *((kernel, EVERYTHING) for kernel in KERNELS)]
     began = time.perf_counter()
-    written = compile_ahead(of_everything(), ["native"], None, lambda done: None)
+    written = compile_ahead(wanted, ["native"], None, lambda done: None)
     terminal = config.pluginmanager.get_plugin("terminalreporter")
     if written and terminal:
         terminal.write_line(f"{len(written)} time loops compiled for all tests in {time.perf_counter() - began:.0f} s")

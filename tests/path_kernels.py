@@ -1,5 +1,5 @@
-"""Kernels of one story along a parabola of drift, for tests/kernels/test_path.py: a kernel stands in a module that the
-process that compiles it can load by itself."""
+"""Kernels of one story along a parabola of drift, and at many drifts, for tests/kernels: a kernel stands in a module
+that the process that compiles it can load by itself."""
 
 from __future__ import annotations
 
@@ -61,3 +61,15 @@ def energies(law_parameters, state, out):
     out[0] = recoverable(law_parameters, state, 0)
     out[1] = dissipated(law_parameters, state, 0)
     return 0
+
+
+@kernel(I8(TABLE, TABLE, VECTOR, VECTOR))
+def forces_at(law_parameters, state, drifts, forces):
+    """The force at each of many drifts, all reached from the committed state."""
+    for s in range(drifts.size):
+        restoring(law_parameters, state, 0, at.COMMITTED, at.FIRST_TRIAL, drifts[s])
+        forces[s] = state[at.FIRST_TRIAL + at.FORCE, 0]
+    return 0
+
+
+KERNELS = (begin, integrate, integrate_on_branch, go, walk, energies, forces_at)

@@ -209,6 +209,7 @@ def column_tables():
         "tdint run --scale 1,2": campaign.RUNS,
         "runs.csv of tdint campaign": campaign.RUNS,
         "stories.csv of tdint campaign": campaign.STORIES,
+        "shocks.csv of tdint campaign": campaign.SHOCKS,
         "profiles.csv of tdint campaign": campaign.PROFILES,
         "ratios.csv of tdint campaign": campaign.RATIOS,
         "floor-spectra-mean.csv of tdint campaign": campaign.FLOOR_SUITES,

@@ -53,11 +53,17 @@ if TYPE_CHECKING:
     from tdint.ground_motion.reading.read import read_horizontals as read_horizontals
     from tdint.ground_motion.reading.read import read_record as read_record
     from tdint.ground_motion.text_layout import TextLayout as TextLayout
+    from tdint.methods.catalogue import load_plugin as load_plugin
+    from tdint.methods.catalogue import register_method as register_method
     from tdint.model.building import modes as modes
     from tdint.model.config.model_file import load_model as load_model
+    from tdint.model.definition import register_law as register_law
     from tdint.output.tables.to_dict import to_dict as to_dict
 
 _HOMES = {
+    "load_plugin": "tdint.methods.catalogue",
+    "register_law": "tdint.model.definition",
+    "register_method": "tdint.methods.catalogue",
     "make_record": "tdint.ground_motion.reading.read",
     "modes": "tdint.model.building",
     "cyclic_test": "tdint.analysis.static.cyclic",
@@ -97,6 +103,7 @@ __all__ = [
     "floor_spectra",
     "ida",
     "load_model",
+    "load_plugin",
     "make_record",
     "modes",
     "prepare",
@@ -104,6 +111,8 @@ __all__ = [
     "pushover",
     "read_horizontals",
     "read_record",
+    "register_law",
+    "register_method",
     "rotated_spectrum",
     "run",
     "run_case",

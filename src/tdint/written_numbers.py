@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tdint.errors import UsageError
+from tdint.errors import UsageError, did_you_mean
 
 if TYPE_CHECKING:
     import numpy as np
@@ -76,3 +77,34 @@ def parse_grid(text: str) -> Grid:
     if more and not (grid.first < grid.last and 2 <= grid.count <= MOST_POINTS):
         raise UsageError(f"{text!r}: FIRST must be below LAST, COUNT between 2 and {MOST_POINTS}")
     return grid
+
+
+def parse_named(name: str, words: str, known: Mapping[str, bool], example: str) -> dict[str, str]:
+    """The parameters of something named, `key=value` with commas between them: texts by their keys.
+
+    Parameters
+    ----------
+    known : mapping of str to bool
+        Its parameters, and whether each must be given.
+    example : str
+        How it is written, for messages.
+
+    Raises
+    ------
+    UsageError
+        A parameter that is missing, unknown or given twice.
+    """
+    given: dict[str, str] = {}
+    for part in words.split(","):
+        key, equal, value = (word.strip() for word in part.partition("="))
+        if not part.strip():
+            continue
+        if not equal or key.lower() not in known:
+            raise UsageError(f"{name} has no parameter {key!r}; it has {', '.join(known)}{did_you_mean(key, known)}")
+        if key.lower() in given:
+            raise UsageError(f"{key} is given twice")
+        given[key.lower()] = value
+    missing = [key for key, needed in known.items() if needed and key not in given]
+    if missing:
+        raise UsageError(f"{name} needs {', '.join(missing)}, such as {example}")
+    return given

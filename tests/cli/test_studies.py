@@ -262,7 +262,7 @@ def test_runs_of_a_study_that_are_not_as_they_were_written_are_done_again(studie
 @pytest.mark.parametrize(
     "statement",
     [
-        "UPDATE meta SET value = '3' WHERE key = 'schema'",
+        "UPDATE meta SET value = '9' WHERE key = 'schema'",
         "DELETE FROM meta WHERE key = 'fingerprint'",
         "UPDATE records SET sha256 = ''",
         "DROP TABLE run_rows",

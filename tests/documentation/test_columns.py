@@ -38,6 +38,7 @@ COMMANDS = {
     "tdint run --scale 1,2": "configs/ten-story.yaml --duration 1",
     "runs.csv of tdint campaign": "{folder}/campaign.yaml",
     "stories.csv of tdint campaign": "{folder}/campaign.yaml",
+    "shocks.csv of tdint campaign": "{folder}/sequences.yaml",
     "profiles.csv of tdint campaign": "{folder}/campaign.yaml",
     "ratios.csv of tdint campaign": "{folder}/campaign.yaml --baseline frame",
     "floor-spectra-mean.csv of tdint campaign": "{folder}/campaign.yaml --floor-spectra roof",
@@ -77,6 +78,11 @@ def test_columns(name, monkeypatch, tmp_path):
         f"records: {{files: [{readmes.ROOT / 'records' / 'firm-soil.mseed'}]}}\n"
         "analysis: {method: newmark-average}\noutputs: {stories: true}\n"
     )
+    (tmp_path / "sequences.yaml").write_text(
+        "buildings: {models: [frame.yaml]}\nrecords: {sequences: pairs.csv, component: HN1}\n"
+    )
+    shock = f"twice,{readmes.ROOT / 'records' / 'firm-soil.mseed'}"
+    (tmp_path / "pairs.csv").write_text(f"sequence,record\n{shock}\n{shock}\n")
     file, _, command = name.rpartition("tdint ")
     arguments = f"{command} {COMMANDS[name].format(folder=tmp_path)}".split()
     if file:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from law_paths import CYCLE, FY, HARDENING, K, follow, law_table
-from tdint.kernels import layout
 from tdint.kernels import layout as at
 from tdint.kernels.laws.compiled_separately import spring_table
 from tdint.kernels.laws.walking import walker
@@ -41,7 +40,7 @@ def test_what_a_law_says_of_itself_is_what_its_functions_do(name):
     law_parameters = law_table(name, *LAW_CASES[name])
     state = spring_table(law_parameters)
     start(law_parameters, state, 0, 0.0)
-    assert math.isinf(state[layout.SLOPE, 0]) == LAWS[name].curved
+    assert math.isinf(state[at.SLOPE, 0]) == LAWS[name].curved
 
 
 @pytest.mark.parametrize("name", LAW_CASES)
@@ -67,9 +66,9 @@ def test_the_tangent_is_the_slope(name):
     start(law_parameters, state, 0, 0.01)
     for drift in (-0.05, 0.004, 0.015, 0.07):
         tangent = restoring(law_parameters, state, 0, 0, at.FIRST_TRIAL, drift)
-        force = state[at.FIRST_TRIAL + layout.FORCE, 0]
+        force = state[at.FIRST_TRIAL + at.FORCE, 0]
         restoring(law_parameters, state, 0, 0, at.FIRST_TRIAL, drift + 1e-7)
-        assert (state[at.FIRST_TRIAL + layout.FORCE, 0] - force) / 1e-7 == pytest.approx(tangent, rel=1e-5)
+        assert (state[at.FIRST_TRIAL + at.FORCE, 0] - force) / 1e-7 == pytest.approx(tangent, rel=1e-5)
 
 
 def test_bilinear_loop_by_hand():
@@ -90,9 +89,9 @@ def test_bilinear_branch_by_branch_is_the_closed_form():
     forces, _, dissipated = follow(law_parameters, CYCLE)
     for drift, force in zip(CYCLE, forces, strict=True):
         walk(law_parameters, by_branches, 0, 0, at.SECOND_TRIAL, drift)
-        by_branches[: layout.SPRING_ROWS] = by_branches[at.SECOND_TRIAL : at.SECOND_TRIAL + layout.SPRING_ROWS]
-        assert by_branches[layout.FORCE, 0] == pytest.approx(force, rel=1e-12, abs=1e-10)
-    assert by_branches[layout.DISSIPATED, 0] == pytest.approx(dissipated, rel=1e-12)
+        by_branches[: at.SPRING_ROWS] = by_branches[at.SECOND_TRIAL : at.SECOND_TRIAL + at.SPRING_ROWS]
+        assert by_branches[at.FORCE, 0] == pytest.approx(force, rel=1e-12, abs=1e-10)
+    assert by_branches[at.DISSIPATED, 0] == pytest.approx(dissipated, rel=1e-12)
 
 
 def test_gap_branch_by_branch_is_the_closed_form():
@@ -103,10 +102,10 @@ def test_gap_branch_by_branch_is_the_closed_form():
     forces, _, _ = follow(law_parameters, CYCLE)
     for drift, force in zip(CYCLE, forces, strict=True):
         walk(law_parameters, by_branches, 0, 0, at.SECOND_TRIAL, drift)
-        by_branches[: layout.SPRING_ROWS] = by_branches[at.SECOND_TRIAL : at.SECOND_TRIAL + layout.SPRING_ROWS]
+        by_branches[: at.SPRING_ROWS] = by_branches[at.SECOND_TRIAL : at.SECOND_TRIAL + at.SPRING_ROWS]
         beyond = max(abs(drift) - 0.05, 0.0)
         assert force == pytest.approx(K * drift + 4.0 * K * np.copysign(beyond, drift), rel=1e-12)
-        assert by_branches[layout.FORCE, 0] == pytest.approx(force, rel=1e-12, abs=1e-10)
+        assert by_branches[at.FORCE, 0] == pytest.approx(force, rel=1e-12, abs=1e-10)
 
 
 def test_peak_oriented_loop_by_hand():

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from tdint.campaign.store.store import Store
     from tdint.files import Writer
 
-RUNS, STORIES, PARQUET, SIMCENTER, SUMMARY = "runs.csv", "stories.csv", "runs.parquet", "simcenter.csv", "summary.json"
+RUNS, STORIES, SHOCKS, SUMMARY = "runs.csv", "stories.csv", "shocks.csv", "summary.json"
+PARQUET, SIMCENTER = "runs.parquet", "simcenter.csv"
 """What is made of a store, each file whole."""
 
 OF_FLOORS = (SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE)
@@ -133,7 +134,7 @@ def _forget(folder: Path) -> None:
     from tdint.campaign.store.store import FILE, forget, remove
 
     forget(folder / FILE)
-    for name in (RUNS, STORIES, PROFILES, PICTURE, RATIOS, *OF_FLOORS, PARQUET, SIMCENTER, SUMMARY):
+    for name in (RUNS, STORIES, SHOCKS, PROFILES, PICTURE, RATIOS, *OF_FLOORS, PARQUET, SIMCENTER, SUMMARY):
         remove(folder / name)
 
 
@@ -235,10 +236,12 @@ def _runs(store: Store, units: OutputUnits) -> Writer:
 def _write(folder: Path, store: Store, writers: dict[str, Writer], units: OutputUnits, *, overwrite: bool) -> None:
     from tdint.files import write_files
     from tdint.output.summaries.summary import campaign_summary, in_units, json_bytes
-    from tdint.output.tables.campaign import write_stories
+    from tdint.output.tables.campaign import write_shocks, write_stories
 
     if store.meta("setting stories") == "true":
         writers = writers | {STORIES: lambda stream: write_stories(store, stream, units)}
+    if next(store.shocks(), None) is not None:
+        writers = writers | {SHOCKS: lambda stream: write_shocks(store, stream, units)}
     if store.settings().get("profiles") == "true" and is_complete(store):
         writers = writers | {PROFILES: Profiles(store, SuiteRequest(), units).table()}
     summary = json_bytes(in_units(campaign_summary(store), units))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 import click
 
 from tdint_cli.options import headings
-from tdint_cli.options.values import Name, Ratio
+from tdint_cli.options.values import FileName, Name, Ratio
 
 if TYPE_CHECKING:
     from tdint.methods.method import Integrator
@@ -40,6 +40,34 @@ def _methods() -> list[str]:
 
 method_name = Name(_methods)
 damping_ratio = Ratio(0.0, 1.0, max_open=True)
+
+
+def _load(_: click.Context, __: click.Parameter, files: tuple[str, ...]) -> tuple[str, ...]:
+    if files:
+        from tdint.methods.catalogue import load_plugin
+
+        for file in files:
+            load_plugin(file)
+    return files
+
+
+def plugins(text: str = "", exposed: bool = True) -> Callable[[Function], Function]:
+    """The option --plugin; `text` says what a command does with them but know them."""
+    return option(
+        "--plugin",
+        "plugins",
+        type=FileName(),
+        multiple=True,
+        is_eager=True,
+        expose_value=exposed,
+        callback=_load,
+        metavar="FILE.py",
+        help="A Python file with methods or drift laws of your own, its tuples METHODS and LAWS; it is executed."
+        + text,
+    )
+
+
+plugin = plugins(exposed=False)
 
 
 def method_of(needs: str) -> Callable[[Function], Function]:

@@ -54,6 +54,16 @@ class RecordFiles:
 
 
 @dataclass(frozen=True)
+class SequenceFile:
+    """Shocks one after the other, by a CSV file of their records; `rest` seconds between them, None: until the building
+    is at rest."""
+
+    file: str
+    choice: RecordChoice
+    rest: float | None
+
+
+@dataclass(frozen=True)
 class GridFile:
     """Ground motions at points of a grid, drawn for each building among those near it.
 
@@ -127,7 +137,7 @@ class CampaignFile:
     name: str
     source: str
     buildings: ModelFiles | InventoryFile
-    records: RecordFiles | GridFile
+    records: RecordFiles | SequenceFile | GridFile
     intensity: Scales | MeasureLevels | FactorsFile
     analysis: AnalysisWishes
     stories: bool = False

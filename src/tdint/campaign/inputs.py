@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
 
 from tdint.campaign.definition import (
     AnalysisWishes,
@@ -13,6 +16,7 @@ from tdint.campaign.definition import (
     InventoryFile,
     ModelFiles,
     RecordFiles,
+    SequenceFile,
 )
 from tdint.campaign.draws import GridMotions, SuiteMotion, suite_motions
 from tdint.campaign.grid_files import read_grid
@@ -20,11 +24,15 @@ from tdint.campaign.levels import FactorTable
 from tdint.campaign.suites.suite import read_components, read_pairs
 from tdint.csv_table import no_number, number, read_table
 from tdint.errors import ModelError, RecordError, TdintError, UsageError
+from tdint.ground_motion.joining import JoinedRecord
 from tdint.ground_motion.reading.folders import records_of
+from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
 from tdint.model.definition import Model
 from tdint.model.inventory.table import InventoryRow, read_inventory
+from tdint.model.keys.document import resolve
 
+_SHOCK_COLUMNS = ("sequence", "record", "component", "factor")
 _FACTOR_COLUMNS = ("record", "component", "factor")
 
 
@@ -91,6 +99,8 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
     if isinstance(campaign.records, GridFile):
         _check_places(campaign.source, rows)
         found = read_grid_motions(campaign.records)
+    elif isinstance(campaign.records, SequenceFile):
+        found = read_sequences(campaign.records)
     else:
         found = read_motions(campaign.records)
     factors = read_factors(campaign.intensity) if isinstance(campaign.intensity, FactorsFile) else None
@@ -182,6 +192,70 @@ def read_motions(wanted: RecordFiles) -> FoundMotions:
         raise RecordError("\n".join(map(str, failures)) or "there is no record in this campaign")
     said = [f"{record.source}: {record.component}: {text}" for record in suite.records for text in record.warnings]
     return FoundMotions(suite_motions(suite.motions), failures, (*sources.notes, *suite.notes, *said))
+
+
+def read_sequences(wanted: SequenceFile) -> FoundMotions:
+    """Shocks one after the other, of a CSV file with the columns sequence, record (relative to the file) and, if they
+    are wanted, component and factor; shocks of one sequence stand below each other.
+
+    Raises
+    ------
+    ModelError
+        The file cannot be read.
+    RecordError
+        No sequence can be used: why, one line each.
+    """
+    needs = f"sequences are a CSV file with the columns {', '.join(_SHOCK_COLUMNS)}; the last two may be left out"
+    table = read_table(wanted.file, needs, columns=_SHOCK_COLUMNS)
+    table.need("sequence", "record")
+    components = table.texts("component") if table.has("component") else [""] * len(table.rows)
+    factors = table.lines("factor") if table.has("factor") else [(line, "1") for line, _ in table.rows]
+    rows = zip(
+        table.texts("sequence", empty=False), table.texts("record", empty=False), components, factors, strict=True
+    )
+    shocks: dict[str, list[_Shock]] = {}
+    for name, record, component, (line, text) in rows:
+        file = resolve(record, Path(wanted.file).parent)
+        shocks.setdefault(name, []).append(_Shock(file, component, _factor(wanted.file, line, text or "1")))
+    motions, failures, notes = list[SuiteMotion](), list[TdintError](), dict[str, None]()
+    for name, of_one in shocks.items():
+        try:
+            motions += _sequence(name, of_one, wanted, notes)
+        except (RecordError, UsageError) as error:
+            failures.append(RecordError(f"sequence {name}: {error}"))
+    if not motions:
+        raise RecordError("\n".join(map(str, failures)))
+    return FoundMotions(tuple(motions), tuple(failures), tuple(notes))
+
+
+class _Shock(NamedTuple):
+    """A row of a file of sequences."""
+
+    file: str
+    component: str
+    factor: float
+
+
+def _sequence(
+    name: str, shocks: Sequence[_Shock], wanted: SequenceFile, notes: dict[str, None]
+) -> Iterator[SuiteMotion]:
+    """A motion for each component that all shocks of a sequence have."""
+    found: list[list[Record]] = []
+    for shock in shocks:
+        choice = replace(wanted.choice, component=shock.component or wanted.choice.component)
+        suite = read_components([shock.file], choice)
+        for error in suite.failures:
+            raise error
+        notes |= dict.fromkeys(
+            (*suite.notes, *(f"{one.source}: {text}" for one in suite.records for text in one.warnings))
+        )
+        found.append([record.scaled(shock.factor) for record in suite.records])
+    names = [[record.component for record in records] for records in found]
+    if any(one != names[0] for one in names) and any(len(one) > 1 for one in names):
+        raise RecordError("its records have different components; name one of each in the column component")
+    for records in zip(*found, strict=True):
+        whole = JoinedRecord.of(records, wanted.rest)
+        yield SuiteMotion(whole, name, whole.component, whole.shocks[0], 1)
 
 
 def read_factors(wanted: FactorsFile) -> FactorTable:

@@ -15,6 +15,7 @@ from tdint.campaign.definition import (
     InventoryFile,
     ModelFiles,
     RecordFiles,
+    SequenceFile,
 )
 from tdint.campaign.levels import MeasureLevels, Scales
 from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, PAIRS, IntensityMeasure, PeakVelocity, pga, sa, sa_average
@@ -81,9 +82,13 @@ _GRID = (
     Key("samples", Whole(1, 100_000), "draws for each building"),
     Key("seed", _SEED, "what is drawn from, with the building's id"),
 )
-_FILE_KEYS, _GRID_KEYS = (tuple(key.name for key in keys) for keys in (_FILES, _GRID))
+_SEQUENCES = (
+    Key("sequences", Words(), "CSV file of shocks (sequence, record, component, factor), relative to this file"),
+    Key("rest", Bounds(0.0), "seconds from the end of a shock to the next; until rest where it is left out"),
+)
+_FILE_KEYS, _GRID_KEYS, _SEQUENCE_KEYS = (tuple(key.name for key in keys) for keys in (_FILES, _GRID, _SEQUENCES))
 _SAMPLE_UNITS = Key("units", Words(), "units of the samples, where the files do not say them: m/s^2, g, ...")
-_RECORDS = Keys((*_FILES, *_GRID, _SAMPLE_UNITS), one_of=(("files", "grid"),))
+_RECORDS = Keys((*_FILES, *_SEQUENCES, *_GRID, _SAMPLE_UNITS), one_of=(("files", "sequences", "grid"),))
 
 _OF_MEASURES = ("period", "damping", "levels", "pair")
 _FIRST = "T1"
@@ -173,6 +178,7 @@ def _read(section: Section, label: str, name: str, folder: Path) -> CampaignFile
     buildings = section.need("buildings", "give `models` or an `inventory`")
     records = section.need("records", "give `files` or a `grid`")
     _check_pair(section)
+    _check_duration(section)
     outputs = section.get("outputs")
     kept = outputs.section(_OUTPUTS) if outputs else None
     stories, profiles = (kept.get(name) if kept else None for name in ("stories", "profiles"))
@@ -198,6 +204,14 @@ def _check_pair(section: Section) -> None:
     pairs = records.peek("pairs")
     if pairs is None or pairs.boolean() is False:
         pair.fault("has nothing to act on without `pairs: true` of the records")
+
+
+def _check_duration(section: Section) -> None:
+    """Sequences have all of each record."""
+    analysis, records = section.get("analysis"), section.get("records")
+    duration = analysis.peek("duration") if analysis else None
+    if duration is not None and records is not None and records.peek("sequences"):
+        duration.fault("is not for `sequences`, which have all of each record; `rest` of the records is in between")
 
 
 def _read_analysis(value: Value | None) -> AnalysisWishes:
@@ -265,36 +279,48 @@ def _inventory(section: Section, inventory: Value, folder: Path) -> InventoryFil
     )
 
 
-def _read_records(value: Value, folder: Path) -> RecordFiles | GridFile | None:
-    """Files or a grid; None after a fault."""
+def _read_records(value: Value, folder: Path) -> RecordFiles | SequenceFile | GridFile | None:
+    """Files, sequences or a grid; None after a fault."""
     section = value.section(_RECORDS)
     if section is None:
         return None
     units = section.get("units")
     text = read_sample_units(units)
     if section.has("grid"):
-        _refuse(section, _FILE_KEYS, "belongs to `files`, not to a `grid`")
+        _refuse(section, (*_FILE_KEYS, *_SEQUENCE_KEYS), "belongs to `files` or `sequences`, not to a `grid`")
         section.need("units", "give the units of the grid's motions, such as g or m/s^2")
         return _grid(section, text, folder)
     _refuse(section, _GRID_KEYS, "belongs to a `grid`")
+    if section.has("sequences"):
+        _refuse(section, ("files", "pairs"), "has no part in `sequences`")
+        shocks = section.text("sequences")
+        choice = _choice(section, text, folder)
+        return SequenceFile(resolve(shocks, folder), choice, section.number_or_none("rest")) if shocks else None
+    _refuse(section, ("rest",), "belongs to `sequences`")
     files = section.need("files", "give a list of files and folders, or a `grid` in its place")
     items = files.items("a list of files and folders") if files else None
     if files and items is not None and not items:
         files.fault("is empty; give at least one record")
-    pairs, component, inventory = section.get("pairs"), section.get("component"), section.text("inventory")
+    pairs, component = section.get("pairs"), section.get("component")
     both = pairs.boolean() if pairs else False
     if both and component:
         component.fault("pairs have both horizontal components; leave one of the two out")
-    if units and inventory:
-        units.fault("an inventory gives the units; leave one of the two out")
-    choice = RecordChoice(
-        units=text,
+    choice = _choice(section, text, folder)
+    return RecordFiles(tuple(resolve(text, folder) for item in items or () if (text := item.text())), choice, both)
+
+
+def _choice(section: Section, units: str | None, folder: Path) -> RecordChoice:
+    """What is taken of each file, and what is done to it."""
+    inventory, given = section.text("inventory"), section.get("units")
+    if given and inventory:
+        given.fault("an inventory gives the units; leave one of the two out")
+    return RecordChoice(
+        units=units,
         component=section.text("component"),
         inventory=resolve(inventory, folder) if inventory else None,
         processing=read_processing(section),
         layout=read_layout(section),
     )
-    return RecordFiles(tuple(resolve(text, folder) for item in items or () if (text := item.text())), choice, both)
 
 
 def _grid(section: Section, units: str | None, folder: Path) -> GridFile | None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
+from typing import Self
 
 import numpy as np
 
@@ -82,3 +84,44 @@ def join(records: Sequence[Record], starts: Sequence[int]) -> Record:
 
 def _common(values: Sequence[str], other: str) -> str:
     return values[0] if len(set(values)) == 1 else other
+
+
+@dataclass(frozen=True, repr=False)
+class JoinedRecord(Record):
+    """Shocks of which each building makes a record of its own, for it rests between them as long as it moves.
+
+    As a record it is that of the shortest rest: what measures them all is taken of it, and nothing is run under it.
+
+    Attributes
+    ----------
+    shocks : tuple of Record
+        The motions, of one sampling interval.
+    rest : float or None
+        Seconds between them; None: until the building is at rest.
+    fixed : int
+        So many of the first shocks stay as they are where the record is scaled: what is asked is what those after them
+        do.
+    """
+
+    shocks: tuple[Record, ...] = ()
+    rest: float | None = None
+    fixed: int = 0
+
+    @classmethod
+    def of(cls, records: Sequence[Record], rest: float | None, fixed: int = 0) -> Self:
+        """The shocks as they are to follow each other. Errors are those of `at_one_interval` and `samples_of`."""
+        shocks, starts = at_one_interval(records), [0]
+        for shock in shocks[:-1]:
+            starts.append(starts[-1] + shock.acceleration.size - 1 + samples_of(rest or 0.0, shock.dt))
+        whole = join(shocks, starts)
+        plain = {one.name: getattr(whole, one.name) for one in fields(Record)}
+        return cls(**plain, shocks=tuple(shocks), rest=rest, fixed=fixed)
+
+    @property
+    def digest(self) -> str:
+        parts = [*(shock.digest for shock in self.shocks), repr((self.rest, self.fixed))]
+        return hashlib.sha256(" ".join(parts).encode()).hexdigest()
+
+    def _times(self, factor: float) -> Self:
+        fixed, others = self.shocks[: self.fixed], self.shocks[self.fixed :]
+        return self.of([*fixed, *(shock.scaled(factor) for shock in others)], self.rest, self.fixed)

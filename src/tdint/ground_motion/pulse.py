@@ -1,4 +1,4 @@
-"""An artificial ground motion in closed form, for a first run of a building that has no record yet."""
+"""Artificial ground motions in closed form: for teaching, and for a first run of a building that has no record yet."""
 
 from __future__ import annotations
 
@@ -8,9 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.units import ACCELERATION
+from tdint.csv_table import number
+from tdint.errors import UsageError
+from tdint.units import ACCELERATION, parse_units
+from tdint.written_numbers import parse_named
 
 Array = NDArray[np.float64]
+
+_DT, _SAMPLES_PER_CYCLE = 0.01, 40
+_REST, _SHORTEST = 5.0, 20.0  # s: rest after a motion, and the least of both together
+_MOST_TURNS = 100_000
 
 
 @dataclass(frozen=True)
@@ -53,14 +60,98 @@ class VelocityPulse:
         return np.asarray(np.where(inside, 0.5 * self.velocity * (change * carrier + envelope * turn), 0.0))
 
 
-def pulse_text(pulse: VelocityPulse, *, dt: float, duration: float, unit: str) -> str:
-    """The pulse, and rest after it, as a text that tdint reads as a record: its step and its unit, a sample a line."""
+@dataclass(frozen=True)
+class Sweep:
+    """A sine whose frequency goes on a straight line from `first` to `last` (Hz) over `duration` (s), `pga` m/s^2."""
+
+    first: float
+    last: float
+    duration: float
+    pga: float
+
+    def acceleration(self, t: NDArray[np.floating]) -> Array:
+        """Acceleration at times from the start (s), m/s^2; 0 beyond the duration."""
+        turns = self.first * t + 0.5 * (self.last - self.first) * t**2 / self.duration
+        inside = (t >= 0.0) & (t <= self.duration)
+        return np.asarray(np.where(inside, self.pga * np.sin(2.0 * math.pi * turns), 0.0))
+
+
+Artificial = VelocityPulse | Sweep
+"""A motion in closed form."""
+
+EXAMPLES = {
+    "sine": "sine:frequency=1.5,duration=20,pga=0.1g",
+    "sweep": "sweep:first=0.5,last=10,duration=40,pga=0.1g",
+    "pulse": "pulse:period=1.2,velocity=0.4",
+}
+_PARAMETERS: dict[str, dict[str, bool]] = {
+    "sine": {"frequency": True, "duration": True, "pga": True},
+    "sweep": {"first": True, "last": True, "duration": True, "pga": True},
+    "pulse": {"period": True, "velocity": True, "cycles": False},
+}
+
+
+def parse_motion(text: str) -> Artificial:
+    """Understand `sine:frequency=1.5,duration=20,pga=0.1g`, a sweep or a pulse (`EXAMPLES`): Hz, s, m/s.
+
+    Raises
+    ------
+    UsageError
+        An unknown name; a parameter that is missing, unknown or wrong.
+    """
+    name, _, words = text.partition(":")
+    if name not in _PARAMETERS:
+        raise UsageError(f"no motion {name[:40]!r}; there are {', '.join(EXAMPLES.values())}")
+    given = parse_named(name, words, _PARAMETERS[name], EXAMPLES[name])
+    numbers = {key: _positive(key, value) for key, value in given.items() if key != "pga"}
+    if name == "pulse":
+        return VelocityPulse(numbers["velocity"], numbers["period"], numbers.get("cycles", 3.0))
+    pga, duration = _acceleration(given["pga"]), numbers["duration"]
+    first = numbers["frequency"] if name == "sine" else numbers["first"]
+    last = numbers["frequency"] if name == "sine" else numbers["last"]
+    if not duration * max(first, last) <= _MOST_TURNS:
+        raise UsageError(f"{name}: {duration * max(first, last):.4g} cycles are too many; at most {_MOST_TURNS}")
+    return Sweep(first, last, duration, pga)
+
+
+def _positive(key: str, text: str) -> float:
+    value = number(text)
+    if not (math.isfinite(value) and value > 0.0):
+        raise UsageError(f"{key} must be a positive number, got {text[:40]!r}")
+    return value
+
+
+def _acceleration(text: str) -> float:
+    """m/s^2; a number without a unit is refused."""
+    try:
+        units = parse_units(text)
+    except UsageError:
+        units = None
+    if units is None or not units.has_factor or units.quantity != "acceleration":
+        raise UsageError(f"pga must be a number with its unit, such as 0.1g, got {text[:40]!r}")
+    return units.scale
+
+
+def motion_text(motion: Artificial, *, unit: str) -> str:
+    """A motion, and rest after it, as a text that tdint reads as a record: its step and its unit, a sample a line."""
+    fastest = max(motion.first, motion.last) if isinstance(motion, Sweep) else 1.0 / motion.period
+    dt = min(_DT, round(1.0 / (_SAMPLES_PER_CYCLE * fastest), 4) or 1e-4)
+    duration = max(motion.duration + _REST, _SHORTEST)
     times = dt * np.arange(round(duration / dt) + 1, dtype=np.float64)
-    samples = pulse.acceleration(times) / ACCELERATION[unit]
+    samples = motion.acceleration(times) / ACCELERATION[unit]
     lines = [
         f"# dt = {dt:g} s, units = {unit}",
-        f"# An artificial ground motion, no record: a velocity pulse of {pulse.velocity:g} m/s and {pulse.period:g} s",
-        "# (Mavroeidis and Papageorgiou 2003, equation 4), and rest.",
+        f"# An artificial ground motion, no record: {_words(motion)}, and rest.",
         *(f"{sample + 0.0:.7g}" for sample in np.where(np.abs(samples) < 1e-12, 0.0, samples)),
     ]
     return "\n".join(lines) + "\n"
+
+
+def _words(motion: Artificial) -> str:
+    if isinstance(motion, Sweep):
+        what = f"{motion.first:g} Hz" if motion.first == motion.last else f"{motion.first:g} to {motion.last:g} Hz"
+        return f"a sine of {what} and {motion.pga:.6g} m/s^2 over {motion.duration:g} s"
+    return (
+        f"a velocity pulse of {motion.velocity:g} m/s and {motion.period:g} s\n"
+        "# (Mavroeidis and Papageorgiou 2003, equation 4)"
+    )

@@ -5,13 +5,19 @@ Also models made from numbers, without a file: for problems that are part of tdi
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cache
+from typing import Any
 
+from tdint.errors import UsageError
 from tdint.ground_motion.processing import Processing
 from tdint.ground_motion.text_layout import AS_STATED, TextLayout
 from tdint.kernels.laws import LAWS as _LAWS
 from tdint.kernels.laws.law import DriftLaw
+from tdint.model.plugins import check_name, declared, faults_of, installed
 from tdint.output_units import SI, OutputUnits
 
 MAX_STORIES = 100_000
@@ -22,6 +28,54 @@ LAWS: dict[str, DriftLaw] = {law.name: law for law in _LAWS}
 
 CODES: dict[str, int] = {law.name: code for code, law in enumerate(_LAWS)}
 """The number of each law in the compiled tables."""
+
+
+def register_law(law: DriftLaw, where: str = "") -> None:
+    """Make a drift law known to models, and compiled where a model has it.
+
+    It is compiled into the loops of the models that have it, whatever it says of `apart`. Its functions stand in a
+    module with a file, in which it has a name of its own or stands in a tuple: there the process that compiles finds
+    it.
+
+    Parameters
+    ----------
+    law : DriftLaw
+        See `tdint.kernels.laws.law`.
+    where : str
+        Where it is from, for messages; by default its name.
+
+    Raises
+    ------
+    UsageError
+        No law; a name that is taken or is none; no file.
+    """
+    if not isinstance(law, DriftLaw):
+        raise UsageError(f"{where or law!r}: a law is a tdint.DriftLaw, not {type(law).__name__}")
+    where = where or f"law {law.name!r}"
+    check_name(law.name, LAWS, "law", where)
+    home = law.functions.__module__
+    if home == "__main__" or getattr(sys.modules.get(home), "__file__", None) is None:
+        raise UsageError(f"{where}: put the law into a module of its own, a file that another process can execute")
+    if os.environ.get("TDINT_KERNELS") == "python" and "tdint.kernels.laws.choosing" in sys.modules:
+        raise UsageError(f"{where}: under TDINT_KERNELS=python laws are registered before methods are imported")
+    with faults_of(where):
+        law.functions()
+    own = replace(law, apart=False)
+    CODES[law.name] = len(_LAWS)
+    LAWS[law.name] = own
+    _LAWS.append(own)
+
+
+@cache
+def laws() -> dict[str, DriftLaw]:
+    """All drift laws by name, those of installed packages (entry points `tdint.laws`) among them."""
+
+    def take(found: Any, where: str) -> None:
+        for law in declared(found, "LAWS", DriftLaw, where):
+            register_law(law, where)
+
+    installed("tdint.laws", take)
+    return LAWS
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 from tdint.units import FORCE, LENGTH, STANDARD_GRAVITY
 
@@ -37,46 +38,96 @@ SYSTEMS = {
 }  # fmt: skip
 
 
-def story_model(name: str, *, stories: int, period: float, system: str, motion: str | None) -> str:
-    """A building of equal masses whose first mode is a straight line and has the period (s).
+@dataclass(frozen=True)
+class FittedLaw:
+    """A law that was fitted to a story's curve, SI units: its initial stiffness, and its parameters by their names."""
 
-    With equal masses m and the mode shape 1, 2, ..., n the story stiffnesses are the inertia forces above over a drift
-    of 1: k_i = omega^2 m (n (n + 1) - i (i - 1)) / 2. Strengths are in proportion, so that all stories yield together
-    in that mode. The shape has no change of sign, so it is the first one.
+    type: str
+    stiffness: float
+    parameters: tuple[tuple[str, float, str], ...]
+
+
+def story_model(
+    name: str,
+    *,
+    stories: int,
+    period: float,
+    system: str,
+    motion: str | None,
+    weights: Sequence[float] | None = None,
+    laws: Sequence[FittedLaw] | None = None,
+) -> str:
+    """A building whose first mode is a straight line and has the period (s), or with the laws given.
+
+    With the mode shape 1, 2, ..., n the story stiffnesses are the inertia forces above over a drift of 1: k_i = omega^2
+    (m_i i + ... + m_n n). Strengths are in proportion, so that all stories yield together in that mode. The shape has
+    no change of sign, so it is the first one.
 
     Parameters
     ----------
     motion : str or None
         The record's file; None is free vibration, from a roof that was pulled.
+    weights : sequence of float, optional
+        Of the floors from the ground up, kN or kip; equal masses without.
+    laws : sequence of FittedLaw, optional
+        Of the stories from the ground up, in place of the period.
     """
     units = SYSTEMS[system]
-    omega = 2.0 * math.pi / period
-    weight = units.load_in_kg * STANDARD_GRAVITY / FORCE[units.force]
+    if weights is not None:
+        units = replace(units, load_key="weight", units=f"{{length: {units.length}, force: {units.force}}}")
+    loads = list(weights) if weights is not None else [units.load] * stories
+    stiffness, strength = _in_a_line(units, loads, 2.0 * math.pi / period)
     lines = []
-    for story in range(1, stories + 1):
-        share = (stories * (stories + 1) - story * (story - 1)) / (stories * (stories + 1))
-        whole = 0.5 * omega**2 * units.load_in_kg * stories * (stories + 1)
-        stiffness = share * whole * LENGTH[units.length] / FORCE[units.force]
-        strength = share * _BASE_SHEAR * weight * stories
+    for i, load in enumerate(loads):
+        law = f"type: bilinear, yield_force: {strength[i]:.6g}, hardening: {_HARDENING}"
+        initial = stiffness[i]
+        if laws is not None:
+            initial = laws[i].stiffness * LENGTH[units.length] / FORCE[units.force]
+            law = _written(laws[i], units)
         lines.append(
-            f"  - {{{units.load_key}: {units.load:g}, height: {units.height:g}, stiffness: {stiffness:.9g}, "
-            f"law: {{type: bilinear, yield_force: {strength:.6g}, hardening: {_HARDENING}}}}}"
+            f"  - {{{units.load_key}: {load:g}, height: {units.height:g}, stiffness: {initial:.9g}, law: {{{law}}}}}"
         )
+    told = [
+        "# yields (leave `law` out for a story that stays linear). The stiffness falls with the height so that the",
+        f"# first mode is a straight line; the first story yields at {100.0 * _BASE_SHEAR:g} % of the weight.",
+    ]
+    made = f" with a fundamental period of {period:g} s"
+    if laws is not None:
+        told, made = ["# yields, as fitted to its curve."], " with the curves of its stories"
     pulled = [0.005 * units.height * story for story in range(1, stories + 1)]
     return "\n".join(
         [
-            f"# A building of {_stories(stories)} with a fundamental period of {period:g} s, made by `tdint init`:",
+            f"# A building of {_stories(stories)}{made}, made by `tdint init`:",
             "# an example to replace.",
             f"name: {json.dumps(name, ensure_ascii=False)}",
             f"units: {units.units}" + ("  # weights in kip; for masses add mass: kip*s^2/in" if system == "us" else ""),
             f"# From the ground up: the floor's {units.load_key}, story height, initial stiffness, and how the story",
-            "# yields (leave `law` out for a story that stays linear). The stiffness falls with the height so that the",
-            f"# first mode is a straight line; the first story yields at {100.0 * _BASE_SHEAR:g} % of the weight.",
+            *told,
             "stories:",
             *lines,
             *_rest(units, motion, [f"{number:.6g}" for number in pulled]),
         ]
     )
+
+
+def _in_a_line(units: _System, loads: Sequence[float], omega: float) -> tuple[list[float], list[float]]:
+    """Stiffnesses and strengths with which the first mode is a straight line, in the system's units."""
+    in_kg = units.load_in_kg / units.load
+    if units.load_key == "weight":
+        in_kg = FORCE[units.force] / STANDARD_GRAVITY
+    masses = [in_kg * load for load in loads]
+    moments = [mass * floor for floor, mass in enumerate(masses, start=1)]
+    above = [math.fsum(moments[i:]) for i in range(len(moments))]
+    weight = math.fsum(masses) * STANDARD_GRAVITY / FORCE[units.force]
+    stiffness = [omega**2 * moment * LENGTH[units.length] / FORCE[units.force] for moment in above]
+    return stiffness, [moment / above[0] * _BASE_SHEAR * weight for moment in above]
+
+
+def _written(law: FittedLaw, units: _System) -> str:
+    """A law as a model file has it; a parameter's dimension is force, length or none."""
+    scale = {"force": FORCE[units.force], "length": LENGTH[units.length], "": 1.0}
+    values = [f"{name}: {value / scale[dimension]:.6g}" for name, value, dimension in law.parameters]
+    return ", ".join([f"type: {law.type}", *values])
 
 
 def type_model(

@@ -65,6 +65,20 @@ class Modes(Tabular):
         """phi^T C phi of a damping matrix C (N s/m, shape (n, n)), 1/s, shape (n, n)."""
         return np.asarray(self.shapes.T @ damping @ self.shapes)
 
+    def own_damping(self, damping: Array) -> Array:
+        """Damping ratio of each mode as if it moved alone under a damping matrix (N s/m, shape (n, n)), shape (n,)."""
+        return np.asarray(np.maximum(np.diagonal(self.modal_damping(damping)), 0.0) / (2.0 * self.omega))
+
+    def normalized(self, norm: str) -> Array:
+        """The shapes as columns, shape (n, n): 1 at the `roof`, or `participation`: with a participation factor of 1.
+
+        A mode whose roof stands still has no shape by its roof: nan.
+        """
+        if norm == "participation":
+            return np.asarray(self.shapes * (self.mass @ self.shapes))
+        roof = self.shapes[-1]
+        return np.asarray(self.shapes / np.where(roof == 0.0, np.nan, roof))
+
     def damping_ratios(self, damping: Array) -> Array | None:
         """Damping ratio of each mode under a damping matrix (N s/m, shape (n, n)); None if it couples the modes."""
         modal = self.modal_damping(damping)

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tdint.errors import ModelError, TdintError, UsageError
+from tdint.errors import AnalysisError, ModelError, TdintError, UsageError
 from tdint.files import is_file
 from tdint_cli import options
 from tdint_cli.errors import Failures
 from tdint_cli.options.values import FileName
-from tdint_cli.terminal.streams import say
+from tdint_cli.terminal.streams import note, say
 
 if TYPE_CHECKING:
     from tdint.analysis.run.overview import Overview
@@ -24,6 +24,7 @@ _CAMPAIGN = re.compile(rb"^(buildings|records)\s*:", re.MULTILINE)
 
 
 @options.command("check")
+@options.analysis.plugins(" Without models its methods are held to what they declare, in a table.")
 @click.argument("models", metavar="MODEL.yaml...", nargs=-1, type=FileName())
 @options.option(
     "--schema",
@@ -35,18 +36,27 @@ _CAMPAIGN = re.compile(rb"^(buildings|records)\s*:", re.MULTILINE)
     "complete a file with it.",
 )
 @options.output.units
-def command(models: tuple[str, ...], schema: str | None, output_units: OutputUnits | None) -> None:
+def command(
+    models: tuple[str, ...], plugins: tuple[str, ...], schema: str | None, output_units: OutputUnits | None
+) -> None:
     """What is wrong with model files, all at once, or what they are.
 
     Each MODEL.yaml is read, its first mode is found, and nothing is run. Every fault is reported with its line and
     column, those under misspelled keys, too; also an unknown method and a record that is not there. A table with a row
     for each sound model goes to standard output: stories, height, mass, fundamental period and damping, drift laws,
     method, record. A campaign file is checked with the models that it names. Exit code 3 if one of them has a fault.
+
+    With --plugin and no model the table has its methods: declared and observed order, stability limit and spectral
+    radius at infinity; exit code 5 if one is not as declared. With models that have its laws, these are put through
+    cycles of drift: force, tangent and energy must fit each other.
     """
     if schema:
         if models or output_units:
             raise UsageError(f"--schema takes no {'model' if models else '--output-units'}")
         _print_schema(schema)
+        return
+    if plugins and not models:
+        _check_methods(plugins)
         return
     if not models:
         raise UsageError("nothing to check: give a MODEL.yaml, or --schema")
@@ -64,6 +74,7 @@ def command(models: tuple[str, ...], schema: str | None, output_units: OutputUni
         try:
             named = _named_by(file)
             sound += [overview(file)] if named is None else []
+            failures += _faults_of_laws(file, plugins) if named is None else []
             waiting = [*(named or ()), *waiting]
         except ModelError as error:
             failures.append(error)
@@ -71,6 +82,37 @@ def command(models: tuple[str, ...], schema: str | None, output_units: OutputUni
         emit_table(Table.of_results(columns.OVERVIEW, sound).in_units(output_units or SI))
     if failures:
         raise Failures(failures)
+
+
+def _check_methods(plugins: tuple[str, ...]) -> None:
+    from tdint.analysis.assessment.declarations import check_method
+    from tdint.methods.catalogue import load_plugin, parse
+    from tdint.output.tables.methods import DECLARATION
+    from tdint.output.tables.table import Table
+    from tdint_cli.terminal.drawing import emit_table
+
+    found = [load_plugin(file) for file in plugins]
+    checks = [check_method(parse(method.name)) for methods, _ in found for method in methods]
+    if checks:
+        emit_table(Table.of_results(DECLARATION, checks))
+    if laws := [law.name for _, laws in found for law in laws]:
+        note(f"to check the laws ({', '.join(laws)}) give a model with them, too")
+    if faults := [AnalysisError(fault) for one in checks for fault in one.faults]:
+        raise Failures([*faults])
+
+
+def _faults_of_laws(file: str, plugins: tuple[str, ...]) -> list[TdintError]:
+    """What is wrong with the plug-ins' laws that a model has."""
+    if not plugins or file == "-":
+        return []
+    from tdint.analysis.assessment.declarations import check_law
+    from tdint.methods.catalogue import load_plugin
+    from tdint.model.config.model_file import load_model
+
+    names = {law.name for plugin in plugins for law in load_plugin(plugin)[1]}
+    model = load_model(file)
+    stories = {story.law: number for number, story in enumerate(model.stories, start=1) if story.law.name in names}
+    return [AnalysisError(f"{file}: {fault}") for number in stories.values() for fault in check_law(model, number)]
 
 
 def _named_by(file: str) -> tuple[str, ...] | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,10 +17,12 @@ from tdint_cli.terminal.streams import emit, say
 
 if TYPE_CHECKING:
     from tdint.files import Writer
+    from tdint.model.first_model import FittedLaw
 
 FILE = "building.yaml"
-_DT, _DURATION = 0.01, 20.0
 _STORIES, _PERIOD_OF_A_STORY = 5, 0.1
+_MOST_STORIES = 200
+_FEW = 12  # misfits that are told
 _SHORTEST = 0.001
 """Period of a building, s: shorter ones are slips of the pen."""
 
@@ -28,6 +31,31 @@ def _structures() -> list[str]:
     from tdint.model.inventory.mdof_lu import STRUCTURES
 
     return list(STRUCTURES)
+
+
+class WeightsType(click.ParamType):  # type: ignore[type-arg]
+    """Positive numbers with commas between them, equal ones as COUNTxNUMBER."""
+
+    name = "weights"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
+        """The numbers, one for each floor."""
+        if isinstance(value, tuple):
+            return value
+        found: list[float] = []
+        for word in value.split(","):
+            count, times, number = word.strip().rpartition("x")
+            whole = int(count) if count.isascii() and count.isdecimal() else 0 if times else 1
+            try:
+                weight = float(number)
+            except ValueError:
+                weight = math.nan
+            if not (1 <= whole <= _MOST_STORIES and 0.0 < weight < math.inf):
+                self.fail(f"{word.strip()!r} is no weight; write 4200, or 6x3900 for six floors", param, ctx)
+            found += [weight] * whole
+        if len(found) > _MOST_STORIES:
+            self.fail(f"{len(found)} floors are more than {_MOST_STORIES}", param, ctx)
+        return tuple(found)
 
 
 @dataclass(frozen=True)
@@ -40,6 +68,10 @@ class Request:
     structure: str | None
     year: int | None
     area: float | None
+    weights: tuple[float, ...] | None
+    from_pushover: str | None
+    law: str
+    motion: str | None
     units: str
     overwrite: bool
 
@@ -47,13 +79,45 @@ class Request:
 @options.command("init")
 @click.argument("file", metavar="[FILE]", default=FILE, type=FileName())
 @options.option(
-    "--stories", type=click.IntRange(1, 200), default=_STORIES, metavar="COUNT", help=f"Stories; {_STORIES} by default."
+    "--stories",
+    type=click.IntRange(1, _MOST_STORIES),
+    default=_STORIES,
+    metavar="COUNT",
+    help=f"Stories; {_STORIES} by default.",
 )
 @options.option(
     "--period",
     type=click.FloatRange(0.0, 100.0, min_open=True),
     metavar="SECONDS",
     help="Fundamental period of equal floors on bilinear stories; 0.1 s for each story by default.",
+)
+@options.option(
+    "--weights",
+    type=WeightsType(),
+    metavar="WEIGHT,...",
+    help="Weights of the floors from the ground up, kN (kip of --units us), equal ones as 6x3900: one story each, "
+    "stiffnesses such that the first mode is a straight line with --period.",
+)
+@options.option(
+    "--from-pushover",
+    type=FileName(),
+    needs="--weights",
+    metavar="CURVES.csv",
+    help="Fit the law of each story to its curve in this CSV file, with the columns story, drift_m and shear_N (or in "
+    "other units); says the misfit.",
+)
+@options.option(
+    "--law",
+    needs="--from-pushover",
+    type=click.Choice(["bilinear", "trilinear"]),
+    default="bilinear",
+    help="What is fitted; bilinear by default.",
+)
+@options.option(
+    "--motion",
+    metavar="NAME:PARAMETERS",
+    help="The artificial motion beside the model: sine:frequency=1.5,duration=20,pga=0.1g (Hz, s), "
+    "sweep:first=0.5,last=10,duration=40,pga=0.1g, or pulse:period=1.2,velocity=0.4 (m/s).",
 )
 @options.option(
     "--type",
@@ -95,14 +159,14 @@ def _run(request: Request) -> None:
         emit(_model("building", request, None).encode())
         return
     from tdint.files import write_files
-    from tdint.ground_motion.pulse import VelocityPulse, pulse_text
+    from tdint.ground_motion.pulse import VelocityPulse, motion_text, parse_motion
 
     file = Path(request.file)
     motion = file.with_name(f"{file.stem}-motion.txt")
     unit = "g" if request.units == "us" else "m/s^2"
     texts = {
         file: _model(file.stem, request, motion.name),
-        motion: pulse_text(VelocityPulse(), dt=_DT, duration=_DURATION, unit=unit),
+        motion: motion_text(parse_motion(request.motion) if request.motion else VelocityPulse(), unit=unit),
     }
 
     def writer(text: str) -> Writer:
@@ -128,8 +192,14 @@ def _check(request: Request) -> None:
         raise UsageError(f"{request.file!a:.100}: a model's name is a line of UTF-8 without control characters")
     if request.period is not None and not request.period >= _SHORTEST:
         raise UsageError(f"--period must be from {_SHORTEST:g} to 100 s, got {request.period:g}")
+    if request.motion and request.file == "-":
+        raise UsageError("--motion is a file beside the model's; give that a name")
+    if request.from_pushover and request.period is not None:
+        raise UsageError("--period and --from-pushover exclude each other: the curves give the stiffness")
     if request.structure is None:
         return
+    if request.weights is not None:
+        raise UsageError("--weights and --type exclude each other: the rules of the type give the masses")
     structures = _structures()
     if request.structure not in structures:
         raise UsageError(f"unknown type {request.structure!r}; known: {', '.join(structures)}")
@@ -139,12 +209,39 @@ def _check(request: Request) -> None:
         raise UsageError("--type needs --year and --area, such as --type C1 --year 1985 --area 600")
 
 
+def _laws(request: Request) -> list[FittedLaw]:
+    """The laws of the stories, fitted to their curves, and how well they fit."""
+    from tdint.model.story_curves import fit_story, read_story_curves
+
+    assert request.from_pushover is not None and request.weights is not None
+    curves = read_story_curves(request.from_pushover)
+    if len(curves) != len(request.weights):
+        raise UsageError(f"{request.from_pushover} has {len(curves)} stories, --weights {len(request.weights)} floors")
+    fits = [fit_story(story, drift, shear, request.law) for story, (drift, shear) in curves.items()]
+    worst = max(fits, key=lambda fit: fit.misfit)
+    listed = ", ".join(f"{100.0 * fit.misfit:.2g}" for fit in fits[:_FEW]) + (" ..." if len(fits) > _FEW else "")
+    say(
+        f"Misfit of the stories (root mean square over the largest shear): {listed} %; the worst is story "
+        f"{worst.story}, {100.0 * worst.misfit:.2g} %."
+    )
+    return [fit.law for fit in fits]
+
+
 def _model(name: str, request: Request, motion: str | None) -> str:
     from tdint.model.first_model import story_model, type_model
 
     if request.structure is None:
-        period = request.period or _PERIOD_OF_A_STORY * request.stories
-        return story_model(name, stories=request.stories, period=period, system=request.units, motion=motion)
+        weights = request.weights
+        stories = len(weights) if weights else request.stories
+        return story_model(
+            name,
+            stories=stories,
+            period=request.period or _PERIOD_OF_A_STORY * stories,
+            system=request.units,
+            motion=motion,
+            weights=weights,
+            laws=_laws(request) if request.from_pushover else None,
+        )
     assert request.year is not None and request.area is not None
     return type_model(
         name,

@@ -49,6 +49,7 @@ def _one_after_the_other(
 
 
 @options.command("law")
+@options.analysis.plugin
 @options.building.model
 @options.option(
     "--story",

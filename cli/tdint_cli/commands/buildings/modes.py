@@ -1,23 +1,41 @@
-"""`tdint modes`: the modes of a building as CSV."""
+"""`tdint modes`: the modes of a building as CSV, and their shapes."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import click
+
 from tdint_cli import options
 from tdint_cli.options.output import Outputs
 
 if TYPE_CHECKING:
+    from tdint.files import Writer
     from tdint.output_units import OutputUnits
 
 
 @options.command("modes")
+@options.analysis.plugin
 @options.building.model
+@options.option(
+    "--shapes",
+    type=click.Choice(["roof", "participation"]),
+    help="Also a column for each floor with its ordinate: 1 at the roof, or such that the participation factor is 1 "
+    "(the sum over all modes is 1 at each floor then).",
+)
 @options.output.output()
+@options.output.plot("Also draw the shapes of the first modes, to this file (.png, .pdf, .svg) or beside -o.")
 @options.output.units
 @options.output.overwrite
-def command(model: str, output: str | None, output_units: OutputUnits | None, overwrite: bool) -> None:
-    """Periods, damping ratios and modal masses of a building.
+def command(
+    model: str,
+    shapes: str | None,
+    output: str | None,
+    plot: str | None,
+    output_units: OutputUnits | None,
+    overwrite: bool,
+) -> None:
+    """Periods, damping ratios, modal masses and shapes of a building.
 
     MODEL.yaml is a model file, - is standard input. CSV, one row per undamped mode of the initial
     stiffness: period, frequency, damping ratio, participation factor of the shape with unit roof displacement,
@@ -28,11 +46,18 @@ def command(model: str, output: str | None, output_units: OutputUnits | None, ov
     from tdint.output.tables.buildings import mode_table
     from tdint_cli.terminal.streams import note
 
-    outputs = Outputs.checked(output, None, overwrite, units=output_units)
+    outputs = Outputs.checked(output, plot, overwrite, units=output_units)
     loaded = load_model(model)
     building = assemble(loaded)
     modes = building.modes()
-    damping = modes.damping_ratios(building.damping_matrix())
-    outputs.else_in(loaded.output_units).deliver(mode_table(modes, damping))
-    if damping is None:
-        note("the damping couples the modes; none of them has a damping ratio of its own")
+    matrix = building.damping_matrix()
+
+    def draw(suffix: str) -> Writer:
+        from tdint.output.figures.demands.mode_shapes import mode_picture
+
+        return mode_picture(modes, suffix, name=loaded.name, norm=shapes or "roof")
+
+    table = mode_table(modes, modes.own_damping(matrix), shapes)
+    outputs.else_in(loaded.output_units).deliver(table, draw)
+    if modes.damping_ratios(matrix) is None:
+        note("the damping couples the modes; each ratio is that of the mode moving alone")

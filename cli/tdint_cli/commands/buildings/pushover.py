@@ -22,6 +22,7 @@ PATTERNS = ("first-mode", "uniform", "triangular")
 
 
 @options.command("pushover")
+@options.analysis.plugin
 @options.building.model
 @options.option(
     "--pattern",

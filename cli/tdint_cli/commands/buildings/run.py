@@ -86,6 +86,7 @@ class Request(BuildingRequest):
 
 
 @options.command("run")
+@options.analysis.plugin
 @options.building.model
 @click.argument("records", metavar="[RECORD]...", nargs=-1, type=FileName())
 @options.record.of_record

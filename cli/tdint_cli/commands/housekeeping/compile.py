@@ -15,6 +15,7 @@ TARGETS = ("native", "x86-64-v4", "x86-64-v3", "x86-64-v2", "x86-64")
 
 
 @options.command("compile")
+@options.analysis.plugin
 @click.argument("models", metavar="[MODEL.yaml]...", nargs=-1)
 @options.headings.option("--all", "everything", is_flag=True, help="Compile all that there is, for any building.")
 @options.headings.option(

@@ -53,6 +53,7 @@ class Request(BuildingRequest):
 
 
 @options.command("chart")
+@options.analysis.plugin
 @options.building.model
 @options.analysis.methods("ten of them, from impulse4 to exact,")
 @options.analysis.option(

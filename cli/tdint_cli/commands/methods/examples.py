@@ -35,6 +35,7 @@ class Request:
 
 
 @options.command("examples")
+@options.analysis.plugin
 @click.argument("numbers", nargs=-1, type=click.Choice(["1", "2", "3"]), metavar="[1|2|3]...")
 @options.analysis.methods("the paper's seven")
 @options.analysis.option(

@@ -34,6 +34,7 @@ def _problems() -> list[str]:
 
 
 @options.command("failures")
+@options.analysis.plugin
 @options.analysis.all_methods
 @options.option(
     "--problem",

@@ -6,6 +6,7 @@ from tdint_cli import options
 
 
 @options.command("methods")
+@options.analysis.plugin
 def command() -> None:
     """The time-integration methods: parameters, order, stability, source.
 

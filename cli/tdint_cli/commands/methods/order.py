@@ -39,6 +39,7 @@ class Request:
 
 
 @options.command("order")
+@options.analysis.plugin
 @options.analysis.all_methods
 @options.option(
     "--load",

@@ -40,6 +40,7 @@ class Request:
 
 
 @options.command("overshoot")
+@options.analysis.plugin
 @options.analysis.all_methods
 @options.analysis.option(
     "--dt-over-t",

@@ -41,6 +41,7 @@ class Request:
 
 
 @options.command("stability")
+@options.analysis.plugin
 @options.analysis.all_methods
 @options.analysis.option(
     "--damping",

@@ -74,6 +74,7 @@ _OF_RUNS = ("jobs", "shard", "limit", "dask", "tls_ca", "tls_cert", "tls_key")
 
 
 @options.command("campaign")
+@options.analysis.plugin
 @click.argument("words", metavar="CAMPAIGN.yaml|status|merge|export DIR...", nargs=-1, required=True, type=FileName())
 @options.spectra.floor_spectra
 @options.spectra.floor_damping

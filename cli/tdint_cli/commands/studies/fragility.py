@@ -113,6 +113,8 @@ def _words(function: Fragility) -> str:
     """Median and dispersion with their 95 % intervals."""
     name = f"{function.im or 'im'}"
     what = "" if math.isnan(function.threshold) else f"Threshold {function.threshold:g}: "
+    if function.damage == function.damage:
+        what += f"damaged to {100.0 * function.damage:g} %, " if function.damage else "intact, "
     factor = math.exp(1.96 * function.theta_error)
     unit = f" {function.unit}" if function.unit else ""
     text = (

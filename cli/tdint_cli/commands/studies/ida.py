@@ -15,12 +15,13 @@ from tdint_cli.options.output import check_picture
 from tdint_cli.options.plot import picture_file
 from tdint_cli.options.record import RecordsRequest
 from tdint_cli.options.studies import PAIRS, read_suite
-from tdint_cli.options.values import IntensityType, PeriodType, Ratio
+from tdint_cli.options.values import FileName, IntensityType, PeriodType, Ratio
 from tdint_cli.terminal.drawing import emit_table
 from tdint_cli.terminal.progress import progress_bar
 from tdint_cli.terminal.streams import note, say, warn
 
 if TYPE_CHECKING:
+    from tdint.campaign.ida.damage import Mainshock
     from tdint.campaign.ida.study import IdaSettings, IdaStudy
     from tdint.campaign.suites.intensity import IntensityMeasure
     from tdint.files import Writer
@@ -52,6 +53,8 @@ class IdaRequest(RecordsRequest):
     dt: float | None
     duration: float | None
     until_rest: bool
+    after: str | None
+    damage: tuple[float, ...] | None
     jobs: int | None
     output: str | None
     plot: str | None
@@ -65,6 +68,7 @@ class IdaRequest(RecordsRequest):
 
 
 @options.command("ida")
+@options.analysis.plugin
 @options.building.model
 @options.record.of_records
 @options.studies.option(
@@ -106,6 +110,22 @@ class IdaRequest(RecordsRequest):
     help="Drift ratio over which the building has collapsed; by default the model's.",
 )
 @options.studies.threshold(help="Drift ratios whose capacities are told beside that of collapse; 1%,2%,4% by default.")
+@options.option(
+    "--after",
+    needs="--damage",
+    type=FileName(),
+    metavar="MAIN",
+    help="Do the same once more for the building that this mainshock has damaged: each RECORD is an aftershock, which "
+    "finds it at rest.",
+)
+@options.option(
+    "--damage",
+    needs="--after",
+    type=Ratio(0.0, min_open=True),
+    many=True,
+    metavar="2%,...",
+    help="Drift ratios to which the mainshock is scaled; a study for each.",
+)
 @options.analysis.method
 @options.analysis.dt
 @options.analysis.duration
@@ -130,6 +150,9 @@ def command(**given: Any) -> None:
     capacity bracketed, the curve filled where the drift changes by more than 20 %, and two levels tried above the
     collapse, where a building may stand again (resurrection). A run that does not converge or diverges is repeated with
     half the step, up to three times, and counts neither as standing nor as collapse if that does not help.
+
+    With --after and --damage the tables have a column damage, 0 for the intact building; `tdint fragility` fits each
+    state for itself. Drifts are then the largest in the aftershock, counted from where the building stood at first.
 
     CSV of the capacities on standard output, or with -o a folder: one row per record and drift threshold, the collapse
     drift last. The same call again goes on where it was interrupted; --overwrite begins anew.
@@ -169,6 +192,7 @@ def _ida(request: IdaRequest) -> None:
             jobs=request.jobs or processors(),
             folder=folder,
             progress=lambda done, of: tell(f"records {done}/{of}", done / of),
+            mainshock=_mainshock(request),
         )
     if folder is None:
         emit_table(capacity_table(study.in_units(units)))
@@ -176,6 +200,18 @@ def _ida(request: IdaRequest) -> None:
     _report(study.in_units(units), request.precision)
     if failures:
         raise Failures(failures)
+
+
+def _mainshock(request: IdaRequest) -> Mainshock | None:
+    """What damages the building before, if anything does."""
+    from tdint.campaign.ida.damage import Mainshock
+
+    if request.after is None or not request.damage:
+        return None
+    suite, failures = read_suite([request.after], request.choice, pairs=False)
+    if failures:
+        raise failures[0]
+    return Mainshock(tuple(suite.records), request.damage)
 
 
 def _folder(request: IdaRequest) -> Path | None:
@@ -198,7 +234,8 @@ def _folder(request: IdaRequest) -> Path | None:
     files = [folder / name for name in (RUNS, CAPACITIES, SUMMARY)] if folder else []
     outputs = list(dict.fromkeys([*files, *([picture] if picture else [])]))
     refuse_inputs(
-        [*outputs, *([folder / STORE] if folder else [])], [request.model, *request.records, request.inventory]
+        [*outputs, *([folder / STORE] if folder else [])],
+        [request.model, *request.records, request.after, request.inventory],
     )
     begun = folder / STORE if folder and (folder / STORE).exists() else None
     check_outputs(outputs, overwrite=request.overwrite or begun is not None)
@@ -269,9 +306,10 @@ def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: O
             "intensity_measure": asdict(study.measure),
             "pairs": study.pair,
             **asdict(settings),
+            **({"after": request.after, "damage": list(request.damage)} if request.damage else {}),
             "collapse_drift": study.model.collapse_drift,
         }
-        records = [record_summary(curve.record) for curve in study.curves]
+        records = [record_summary(curve.record) for curve in study.states[0].curves]
         meanings = {**tables[RUNS].meanings, **tables[CAPACITIES].meanings}
         content = table_summary("ida", said, records, meanings)
         content |= {"not_used": {"records": {"count": len(unused), "reasons": unused}}}
@@ -322,16 +360,27 @@ def _report(study: IdaStudy, precision: float) -> None:
 
 
 def _words(study: IdaStudy, runs: int) -> str:
+    text = f"{study.model.name}: {_count(study)}, {runs} runs with {study.method}."
+    return "\n".join([text, *map(_median, study.states)])
+
+
+def _count(study: IdaStudy) -> str:
+    count = len(study.states[0].curves)
+    return f"{count} record{'s' * (count > 1)}"
+
+
+def _median(study: IdaStudy) -> str:
+    """The median capacity of a state."""
     import numpy as np
 
     from tdint.campaign.ida.curve import fractiles
 
-    count, unit = len(study.curves), study.measure.unit
+    count, unit, damage = len(study.curves), study.measure.unit, study.curves[0].damage
     low, middle, high = fractiles(study.curves, np.array([study.model.collapse_drift]))[:, 0].tolist()
-    text = f"{study.model.name}: {count} record{'s' * (count > 1)}, {runs} runs with {study.method}.\n"
     censored = sum(curve.collapse.censored for curve in study.curves)
     known = f"{study.im_name} = {middle:.4g} {unit}" if middle == middle else "above the largest intensity"
-    text += f"Median capacity against collapse: {known}"
+    state = f", damaged to {100.0 * damage:g} %" if damage else ""
+    text = f"Median capacity against collapse{state}: {known}"
     if count > 1 and low == low and high == high:
         text += (
             f", 16 and 84 %: {low:.4g} and {high:.4g} (by rank; the median of `tdint fragility` is a geometric mean)"

@@ -106,6 +106,7 @@ class ScaleRequest(RecordsRequest):
 
 
 @options.command("scale")
+@options.analysis.plugin
 @options.record.of_records
 @options.studies.target("Scale to this spectrum")
 @options.option(

@@ -17,6 +17,7 @@ from tdint.kernels.building.variant import EVERYTHING, Variant
 from tdint.kernels.bundles import Memory, Scene, Seen
 from tdint.kernels.compiling import Kernel
 from tdint.kernels.equations.carried.rows import error_peaks
+from tdint.kernels.laws import OURS
 from tdint.kernels.laws.compiled_separately import spring_table
 from tdint.kernels.march.law_energies import begin, raise_shears, take_stock
 from tdint.kernels.march.march import march
@@ -160,7 +161,11 @@ def variant(building: Building, forces: Array | None = None) -> Variant:
     """What the kernels need for a building under forces; none by default."""
     codes = np.unique(building.law_parameters[at.CODE, :-1]).tolist()
     return Variant(
-        laws=tuple(name for name, code in CODES.items() if code in codes or name == "linear"),
+        laws=tuple(
+            name if code < OURS else f"{name}@{code}"
+            for name, code in CODES.items()
+            if code in codes or name == "linear"
+        ),
         modal=len(building.modal) > 0,
         forces=forces is not None and len(forces) > 0,
         dashpots=building.damped_by_devices,

@@ -20,8 +20,10 @@ from tdint.analysis.run.outcome import Collapse, FailedRun, Response, StoryPeaks
 from tdint.analysis.run.prepared import MarchedRuns, Rest
 from tdint.analysis.run.rest import windows
 from tdint.analysis.run.steps import Steps, finer
-from tdint.campaign.engine.rows import RunRow, StoryRow, demand_cells, run_key, story_rows
+from tdint.analysis.sequence import sequence_of, shocks_of
+from tdint.campaign.engine.rows import RunRow, ShockRow, StoryRow, demand_cells, run_key, shock_rows, story_rows
 from tdint.campaign.engine.task import REPEATS, Motions, Run, RunSettings, Subject
+from tdint.ground_motion.joining import JoinedRecord
 from tdint.kernels import layout as at
 from tdint.kernels.march import many as lanes
 
@@ -38,11 +40,13 @@ class Rows:
 
     runs: list[RunRow] = field(default_factory=list)
     stories: list[StoryRow] = field(default_factory=list)
+    shocks: list[ShockRow] = field(default_factory=list)
 
     def extend(self, others: Rows) -> None:
         """Take in other rows."""
         self.runs += others.runs
         self.stories += others.stories
+        self.shocks += others.shocks
 
 
 @dataclass(frozen=True)
@@ -95,6 +99,10 @@ class Batch:
             The method does not integrate this building.
         """
         results = Rows()
+        for run in runs:
+            if isinstance(self.motions.records[run.motion], JoinedRecord):
+                results.extend(self._sequence(run, largest))
+        runs = [run for run in runs if not isinstance(self.motions.records[run.motion], JoinedRecord)]
         chosen = math.inf if largest is None else largest
         steps = {motion: self._steps(motion, chosen) for motion in dict.fromkeys(run.motion for run in runs)}
         jobs = [_Job(run, steps[run.motion]) for run in runs]
@@ -108,6 +116,32 @@ class Batch:
                 failed += self._at_step([job for job in jobs if job.steps.h == h], results)
             jobs = failed
         return results
+
+    def _sequence(self, run: Run, largest: float | None) -> Rows:
+        """A run of shocks one after the other: that of the record that they make on this building, and its parts."""
+        case, dt = self._case(run), self.settings.dt
+        record = case.record
+        assert isinstance(record, JoinedRecord)
+        sequence = sequence_of(case, record.shocks, rest=record.rest, dt=dt)
+        joined = case.under(sequence.whole)
+        spectral = self.spectral[run.motion]
+        alone = replace(
+            self,
+            motions=Motions.of({run.motion: sequence.whole}),
+            spectral={run.motion: None if spectral is None else spectral * abs(run.scale)},
+            settings=replace(self.settings, duration=sequence.whole.duration),
+        )
+        rows = alone.results([run._replace(scale=1.0)], largest)
+        (row,) = rows.runs
+        if row.steps is not None:
+            steps = replace(joined.steps(row.dt, sequence.whole.duration), count=row.steps)
+            shocks = shocks_of(joined, sequence, steps)
+            rows.shocks = shock_rows(self.number, run, shocks)
+            if record.fixed and len(shocks) > record.fixed:
+                row = row._replace(**demand_cells(shocks[-1].stories)[0])
+        return Rows(
+            [row._replace(scale=run.scale)], [one._replace(scale=run.scale) for one in rows.stories], rows.shocks
+        )
 
     def _steps(self, motion: int, largest: float) -> Steps:
         """Steps on a motion as the settings want them, halved or doubled to the largest within `largest`."""

@@ -13,6 +13,7 @@ from tdint.analysis.spectra.first_mode import SA_DAMPING
 from tdint.campaign.engine.batch import Batch, Rows
 from tdint.campaign.engine.task import BuildingRuns, Motions, Run, RunSettings, Subject
 from tdint.errors import AnalysisError
+from tdint.ground_motion.joining import JoinedRecord
 from tdint.ground_motion.record import Record
 
 
@@ -75,7 +76,11 @@ def _spectral(
 
 
 def spectral_accelerations(record: Record, periods: list[float]) -> list[float | None]:
-    """Sa of a record at some periods, m/s^2, 5 % damping; None for a period that is too short for it."""
+    """Sa of a record at some periods, m/s^2, 5 % damping; None for a period that is too short for it. Of shocks the
+    largest."""
+    if isinstance(record, JoinedRecord):
+        of_all = zip(*(spectral_accelerations(shock, periods) for shock in record.shocks), strict=True)
+        return [None if None in values else max(filter(None, values), default=0.0) for values in of_all]
     try:
         return list(spectrum(record, np.array(periods), SA_DAMPING).psa.tolist())
     except AnalysisError:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.run.demands import Demands, LargestOfRuns, demands_of_runs
-from tdint.analysis.run.outcome import STORY, StoryPeaks
+from tdint.analysis.run.outcome import STORY, Shock, StoryPeaks
 from tdint.campaign.engine.task import Run
 from tdint.quantity import Quantity, quantities
 
@@ -89,6 +89,24 @@ RUN = quantities(RunRow)
 """The quantities of a run, in the order of their columns."""
 
 
+DEMANDED = tuple(one for one in RUN if one.value)
+"""Those of them that follow from its demands."""
+
+
+class ShockRow(NamedTuple):
+    """The values of a shock in a run of several, those of `DEMANDED` in their order; from 1, with the time (s) of its
+    first sample and its peak ground acceleration (m/s^2)."""
+
+    building: int
+    motion: int
+    scale: float
+    sample: int
+    shock: int
+    start: float
+    pga: float
+    values: tuple[Any, ...]
+
+
 class StoryRow(NamedTuple):
     """The values of a story in a run, those of `STORY` in their order."""
 
@@ -108,7 +126,7 @@ class StoryRow(NamedTuple):
 def demand_cells(stories: StoryPeaks) -> list[dict[str, Any]]:
     """Of each run, whose peaks have the shape (runs, n), the fields of `RunRow` that follow from its demands."""
     found: Demands[LargestOfRuns] = demands_of_runs(stories)
-    columns = {one.name: one.value(found).tolist() for one in RUN if one.value}
+    columns = {one.name: one.value(found).tolist() for one in DEMANDED if one.value}
     return [dict(zip(columns, cells, strict=True)) for cells in zip(*columns.values(), strict=True)]
 
 
@@ -117,6 +135,15 @@ def story_rows(building: int, run: Run, stories: StoryPeaks) -> list[StoryRow]:
     columns: Sequence[Array] = [getattr(stories, one.name) for one in STORY]
     cells = zip(stories.height.tolist(), zip(*(column.tolist() for column in columns), strict=True), strict=True)
     return [StoryRow(building, *run_key(run), story, *row) for story, row in enumerate(cells, start=1)]
+
+
+def shock_rows(building: int, run: Run, shocks: Sequence[Shock]) -> list[ShockRow]:
+    """The rows of the shocks of a run, in their order."""
+    return [
+        ShockRow(building, *run_key(run), number, shock.start, shock.record.pga, tuple(cells.values()))
+        for number, shock in enumerate(shocks, start=1)
+        for cells in demand_cells(shock.stories)
+    ]
 
 
 def run_key(run: Run) -> tuple[int, float, int]:

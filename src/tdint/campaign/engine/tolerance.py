@@ -16,7 +16,9 @@ from tdint.analysis.run.case import Case
 from tdint.analysis.run.error_estimate import attempt
 from tdint.analysis.run.outcome import FailedRun, Response
 from tdint.analysis.run.step_choice import step_within
+from tdint.analysis.sequence import sequence_of
 from tdint.campaign.engine.task import Run, RunSettings, Subject
+from tdint.ground_motion.joining import JoinedRecord
 from tdint.ground_motion.record import Record
 
 Item = TypeVar("Item")
@@ -42,7 +44,10 @@ def building_step(
     step, looked_at = math.inf, 0
     enough = min(max(_FEWEST, len(runs) // 4), _MOST)
     for run in islice(_spread_runs(records, runs), _TRIED):
-        case = Case(subject.model, subject.prepared, records[run.motion].scaled(run.scale), subject.integrator)
+        record = records[run.motion].scaled(run.scale)
+        case = Case(subject.model, subject.prepared, record, subject.integrator)
+        if isinstance(record, JoinedRecord):
+            case = case.under(sequence_of(case, record.shocks, rest=record.rest, dt=settings.dt).whole)
         first = attempt(case, case.steps(settings.dt, settings.duration))
         if isinstance(first, Response) and first.collapse:
             continue

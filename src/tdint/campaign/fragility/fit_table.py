@@ -145,11 +145,32 @@ def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResu
     capacity = np.array(table.numbers("capacity", empty=True, positive=True))
     censored = np.array(table.truths("censored"))
     known = np.isfinite(capacity)
-    result = _by_threshold(
-        table, request, lambda chosen: fit_capacities(capacity[chosen & known], censored[chosen & known].tolist())
-    )
+    result = FragilityResult(())
+    for damage, rows in _states(table):
+        part = _by_threshold(table, request, partial(_of_capacities, capacity, censored, known & rows))
+        functions = tuple(replace(one, damage=damage) for one in part.functions)
+        failures = tuple(_of_state(damage, one) for one in part.failures)
+        result = replace(result, functions=(*result.functions, *functions), failures=(*result.failures, *failures))
     without = int(np.sum(~known))
     return replace(result, warnings=(f"{table.source}: {without} rows without a capacity left out",) * (without > 0))
+
+
+def _of_capacities(
+    capacity: Array, censored: NDArray[np.bool_], known: NDArray[np.bool_], chosen: NDArray[np.bool_]
+) -> Fragility:
+    return fit_capacities(capacity[chosen & known], censored[chosen & known].tolist())
+
+
+def _states(table: CsvTable) -> list[tuple[float, NDArray[np.bool_]]]:
+    """The states of the building before, and their rows: all rows where the table tells none."""
+    if not table.has("damage"):
+        return [(math.nan, np.ones(len(table.rows), bool))]
+    damage = np.array(table.numbers("damage"))
+    return [(one, damage == one) for one in np.unique(damage).tolist()]
+
+
+def _of_state(damage: float, error: AnalysisError) -> AnalysisError:
+    return error if math.isnan(damage) else AnalysisError(f"damage {damage:g}: {error}")
 
 
 def _fit_cloud(table: CsvTable, request: FragilityRequest) -> FragilityResult:

@@ -72,6 +72,9 @@ class Fragility:
         The demand whose exceedance is meant; nan where the observations tell none.
     im, unit : str
         The intensity measure and its unit, as far as known.
+    damage : float
+        The drift ratio to which a mainshock has damaged the building before; 0 of an intact one, nan where the
+        observations do not tell.
     beta_model : float
         Standard deviation of what is not known of the model; not part of `beta`.
     failed : int
@@ -89,6 +92,7 @@ class Fragility:
     threshold: float = math.nan
     im: str = ""
     unit: str = ""
+    damage: float = math.nan
     beta_model: float = 0.0
     failed: int = 0
     bounds: tuple[Fragility | None, Fragility | None] = (None, None)

@@ -52,11 +52,15 @@ class IdaCurve:
         From the lowest level.
     collapse_drift : float
         Drift ratio of collapse.
+    damage, left : float
+        Of a building that a mainshock has damaged: the drift ratio that it has reached, and that it is left with.
     """
 
     record: Record
     runs: tuple[IdaRun, ...]
     collapse_drift: float
+    damage: float = 0.0
+    left: float = 0.0
 
     @cached_property
     def stable(self) -> list[IdaRun]:
@@ -84,6 +88,8 @@ class IdaCurve:
     def capacity(self, threshold: float) -> Capacity:
         """The capacity for a drift ratio: where the curve first reaches it, straight on logarithmic axes.
 
+        A damaged building that is left with as much has none (nan).
+
         A building that collapses before has the capacity against collapse: no line leads to the drift of a run that
         ran away.
         """
@@ -92,8 +98,11 @@ class IdaCurve:
         for i, run in enumerate(self.stable):
             if run.drift_ratio < threshold:
                 continue
-            if i == 0:  # From the origin, a straight line.
-                return Capacity(threshold, run.im * threshold / run.drift_ratio, 0.0, run.im, censored=False)
+            if threshold <= self.left:
+                return Capacity(threshold, math.nan, math.nan, math.nan, censored=False)
+            if i == 0:  # From the origin, or the drift that was left, a straight line.
+                part = (threshold - self.left) / (run.drift_ratio - self.left)
+                return Capacity(threshold, run.im * part, 0.0, run.im, censored=False)
             before = self.stable[i - 1]
             part = math.log(threshold / before.drift_ratio) / math.log(run.drift_ratio / before.drift_ratio)
             return Capacity(threshold, before.im * (run.im / before.im) ** part, before.im, run.im, censored=False)
@@ -103,7 +112,8 @@ class IdaCurve:
     def intensity_at(self, drift_ratios: Array) -> Array:
         """The capacities for drift ratios, shape (k,): inf where censored, nan where nothing is known."""
         found = [self.capacity(drift) for drift in drift_ratios.tolist()]
-        return np.array([math.inf if one.censored and one.capacity > 0.0 else one.capacity for one in found])
+        values = np.array([math.inf if one.censored and one.capacity > 0.0 else one.capacity for one in found])
+        return np.where(drift_ratios <= self.left, 0.0, values)
 
 
 def fractiles(curves: Sequence[IdaCurve], drift_ratios: Array, parts: Sequence[float] = (0.16, 0.5, 0.84)) -> Array:
@@ -121,5 +131,6 @@ def fractiles(curves: Sequence[IdaCurve], drift_ratios: Array, parts: Sequence[f
         place = part * (len(known) - 1)
         low, high = ranked[math.floor(place)], ranked[math.ceil(place)]
         sure = np.isfinite(low) & np.isfinite(high)
+        sure &= low > 0.0
         row[sure] = low[sure] * (high[sure] / low[sure]) ** (place - math.floor(place))
     return result

@@ -19,6 +19,7 @@ from tdint.campaign.engine.chunk import Done
 from tdint.campaign.engine.rows import RunRow
 from tdint.campaign.engine.task import Motions, Run, RunSettings, Subject
 from tdint.campaign.ida.curve import IdaCurve
+from tdint.campaign.ida.damage import DamagedState, Mainshock, damaged, damages_of
 from tdint.campaign.ida.levels import Levels
 from tdint.campaign.ida.runs import IdaRun, run_level
 from tdint.campaign.store.identity import Identity, StoredBuilding, StoredMotion, as_json
@@ -28,6 +29,7 @@ from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, GroundMotion, Intens
 from tdint.campaign.suites.suite import components
 from tdint.errors import ModelError, OutputError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
+from tdint.ground_motion.joining import JoinedRecord
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import DEFAULT_METHOD
 from tdint.model.building import Building
@@ -43,6 +45,9 @@ PRECISION = 0.05
 
 _ELASTIC = 0.1
 """Part of the collapse drift that the first run stays below, where no story yields before."""
+
+_ABOVE = 1.05
+"""A threshold below so many times what a mainshock has left is not looked for."""
 
 _BEFORE_YIELDING = 0.7
 """Part of the smallest yield drift that the first run is aimed at."""
@@ -121,6 +126,12 @@ class IdaStudy:
         """The intensity measure, with what stands for a pair before it."""
         return self.measure.name if self.pair is None else f"{self.pair}-{self.measure.name}"
 
+    @property
+    def states(self) -> list[IdaStudy]:
+        """The studies of the building in each of its states, the intact one first."""
+        damages = dict.fromkeys(curve.damage for curve in self.curves)
+        return [replace(self, curves=tuple(curve for curve in self.curves if curve.damage == one)) for one in damages]
+
     def in_units(self, units: OutputUnits) -> IdaStudy:
         """The study with its intensities, and all that follows from them, in other units."""
         unit, factor = units.unit(self.measure.unit)
@@ -143,6 +154,7 @@ def ida(
     jobs: int = 1,
     folder: Path | None = None,
     progress: Progress = lambda done, of: None,
+    mainshock: Mainshock | None = None,
 ) -> IdaStudy:
     """Run a building at levels of intensity until its collapse is bracketed, under each record for itself.
 
@@ -163,6 +175,9 @@ def ida(
         Threads; the result does not depend on it.
     folder : Path, optional
         Where the runs are kept as they are done, and found again by the next call with the same arguments.
+    mainshock : Mainshock, optional
+        Do the same once more with the building damaged by it: drifts are then the largest under the motions of the
+        study, counted from where the building stood at first.
 
     Raises
     ------
@@ -188,17 +203,24 @@ def ida(
     parts = [(motion, record) for motion in motions for record in components(motion)]
     records = [record for _, record in parts]
     _check_names(records)
+    subject.prepared.compile([subject.integrator])
+    states = _states(subject, records, mainshock, settings)
     works = [
-        _Work.of(number, subject, record, chosen.of(motion, pair), settings)
-        for number, (motion, record) in enumerate(parts)
+        _Work.of(number, subject, record, chosen.of(motion, pair), settings, before)
+        for number, ((motion, record), before) in enumerate(
+            (part, one) for state in states for part, one in zip(parts, state, strict=True)
+        )
     ]
     paired = pair if len(parts) > len(motions) else None
-    identity = _identity(subject, chosen, settings, records, paired)
-    subject.prepared.compile([subject.integrator])
+    identity = _identity(subject, chosen, settings, [work.record for work in works], paired)
     with _opened(folder, identity) as (store, remarks):
         found, resumed = _done(works, store, jobs, progress)
     collapse_drift = subject.model.collapse_drift
-    curves = [IdaCurve(record, runs, collapse_drift) for record, runs in zip(records, found, strict=True)]
+    befores = [before for state in states for before in state]
+    curves = [
+        IdaCurve(record, runs, collapse_drift, *((before.drift, before.left) if before else ()))
+        for record, runs, before in zip(records * len(states), found, befores, strict=True)
+    ]
     thresholds = (*sorted(set(settings.thresholds) - {collapse_drift}), collapse_drift)
     return IdaStudy(
         subject.model, chosen, subject.integrator.label, thresholds, tuple(curves), paired, resumed, tuple(remarks)
@@ -235,15 +257,31 @@ class _Work:
     intensity: float
     levels: Levels
 
+    @property
+    def record(self) -> Record:
+        """What is scaled."""
+        return self.batch.motions.records[self.number]
+
     @classmethod
-    def of(cls, number: int, subject: Subject, record: Record, intensity: float, settings: IdaSettings) -> _Work:
+    def of(
+        cls,
+        number: int,
+        subject: Subject,
+        record: Record,
+        intensity: float,
+        settings: IdaSettings,
+        before: DamagedState | None = None,
+    ) -> _Work:
+        left = before.left if before else 0.0
         levels = Levels(
             start=intensity * _elastic_scale(subject.prepared.building, record, subject.model.collapse_drift),
             precision=settings.precision,
-            lowest_drift=min(settings.thresholds, default=math.inf),
+            lowest_drift=min((one for one in settings.thresholds if one > _ABOVE * left), default=math.inf),
             most=settings.max_im,
         )
         how = RunSettings(settings.dt, settings.duration, settings.until_rest)
+        if before:
+            record = JoinedRecord.of([before.record, record], before.rest, fixed=1)
         return cls(number, Batch(0, subject, Motions.of({number: record}), {number: None}, how), intensity, levels)
 
     def done(self) -> tuple[Done, RecordRuns]:
@@ -314,6 +352,27 @@ def _prepared(model: Model, settings: IdaSettings, method: str | None) -> tuple[
         )
     subject = Subject(replace(model, collapse_drift=collapse_drift), method or model.analysis.method or DEFAULT_METHOD)
     return subject, replace(settings, collapse_drift=collapse_drift)
+
+
+def _states(
+    subject: Subject, records: Sequence[Record], mainshock: Mainshock | None, settings: IdaSettings
+) -> list[list[DamagedState | None]]:
+    """For each state of the building what each record comes after; nothing, first."""
+    drift = subject.model.collapse_drift
+    known: dict[tuple[str, float], DamagedState] = {}
+    states: list[list[DamagedState | None]] = [[None] * len(records)]
+    for damage in damages_of(mainshock, drift)[1:]:
+        state: list[DamagedState | None] = []
+        for record in records:
+            assert mainshock is not None
+            main = mainshock.before(record)
+            key = (main.name, damage)
+            if key not in known:
+                first = _elastic_scale(subject.prepared.building, main, drift)
+                known[key] = damaged(subject, main, damage, first=first, dt=settings.dt)
+            state.append(known[key])
+        states.append(state)
+    return states
 
 
 def _elastic_scale(building: Building, record: Record, collapse_drift: float) -> float:

@@ -8,10 +8,11 @@ from __future__ import annotations
 import hashlib
 import sqlite3
 from collections.abc import Iterable
+from itertools import chain
 from typing import Any
 
 from tdint.campaign.store.connection import UntrustedStoreError
-from tdint.campaign.store.schema import RUN_COLUMNS, STORY_COLUMNS, TABLES, VERSION
+from tdint.campaign.store.schema import RUN_COLUMNS, SHOCK_COLUMNS, STORY_COLUMNS, TABLES, VERSION
 
 SEAL = "seal"
 """Key of the checksum over what the campaign is, in the table meta."""
@@ -27,12 +28,10 @@ _Chunk = tuple[int, int, float]
 """Runs, stories, and seconds."""
 
 
-def chunk_digest(
-    number: int, seconds: float, runs: Iterable[tuple[Any, ...]], stories: Iterable[tuple[Any, ...]]
-) -> str:
-    """SHA-256 over a chunk, from its rows in the order of their keys and as SQLite gives them back."""
+def chunk_digest(number: int, seconds: float, *tables: Iterable[tuple[Any, ...]]) -> str:
+    """SHA-256 over a chunk, from its runs, stories and shocks in the order of their keys, as SQLite gives them back."""
     whole = hashlib.sha256(repr((number, seconds)).encode())
-    for row in (*runs, *stories):
+    for row in chain(*tables):
         whole.update(repr(row).encode())
     return whole.hexdigest()
 
@@ -44,10 +43,14 @@ def damaged_chunks(connection: sqlite3.Connection) -> set[int]:
         number: rest for number, *rest in connection.execute("SELECT id, runs, stories, seconds, sha256 FROM chunks")
     }
     digests = {number: hashlib.sha256(repr((number, rest[2])).encode()) for number, rest in stated.items()}
-    counts = {number: [0, 0] for number in stated}
+    counts = {number: [0, 0, 0] for number in stated}
     lost: set[int] = set()
     for kind, (table, columns, key) in enumerate(
-        (("run_rows", RUN_COLUMNS, "1, 2, 3, 4"), ("story_rows", STORY_COLUMNS, "1, 2, 3, 4, 5"))
+        (
+            ("run_rows", RUN_COLUMNS, "1, 2, 3, 4"),
+            ("story_rows", STORY_COLUMNS, "1, 2, 3, 4, 5"),
+            ("shock_rows", SHOCK_COLUMNS, "1, 2, 3, 4, 5"),
+        )
     ):
         for *row, number in connection.execute(f"SELECT {', '.join(columns)}, chunk FROM {table} ORDER BY {key}"):
             if number in digests:
@@ -58,7 +61,7 @@ def damaged_chunks(connection: sqlite3.Connection) -> set[int]:
     return lost | {
         number
         for number, (runs, stories, _, sha256) in stated.items()
-        if counts[number] != [runs, stories] or digests[number].hexdigest() != sha256
+        if counts[number][:2] != [runs, stories] or digests[number].hexdigest() != sha256
     }
 
 

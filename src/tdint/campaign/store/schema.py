@@ -7,21 +7,25 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from tdint.analysis.run.outcome import STORY
-from tdint.campaign.engine.rows import HIDDEN, RUN
+from tdint.campaign.engine.rows import DEMANDED, HIDDEN, RUN
 
-VERSION = "2"
+VERSION = "3"
 """Of the layout; another one is not read."""
 
 _KEY = {"building": int, "record": int, "scale": float, "sample": int}
 
 _RUN = _KEY | {one.column: one.kind for one in RUN}
 _STORY = _KEY | {"story": int, "height_m": float} | {one.column: one.kind for one in STORY}
+_SHOCK = _KEY | {"shock": int, "start_s": float, "pga_m_s2": float} | {one.column: one.kind for one in DEMANDED}
 
 RUN_COLUMNS = tuple(_RUN)
 """Of the table of runs, in the order of `tdint.campaign.engine.rows.RunRow`."""
 
 STORY_COLUMNS = tuple(_STORY)
 """Of the table of stories, in the order of `tdint.campaign.engine.rows.StoryRow`."""
+
+SHOCK_COLUMNS = tuple(_SHOCK)
+"""Of the table of shocks, in the order of `tdint.campaign.engine.rows.ShockRow`."""
 
 SHOWN_RUN = (*_KEY, *(one.column for one in RUN if one.shown != HIDDEN))
 """What runs.csv shows of a run, after its names."""
@@ -57,15 +61,20 @@ TABLES = (
     f"CREATE TABLE run_rows({_columns(_RUN)}, chunk INTEGER NOT NULL, PRIMARY KEY({', '.join(_KEY)})) WITHOUT ROWID",
     f"CREATE TABLE story_rows({_columns(_STORY)}, chunk INTEGER NOT NULL, PRIMARY KEY({', '.join(_KEY)}, story))"
     " WITHOUT ROWID",
+    f"CREATE TABLE shock_rows({_columns(_SHOCK)}, chunk INTEGER NOT NULL, PRIMARY KEY({', '.join(_KEY)}, shock))"
+    " WITHOUT ROWID",
     "CREATE TABLE unused(kind TEXT NOT NULL, reason TEXT NOT NULL, PRIMARY KEY(kind, reason))",
     "CREATE TABLE written(file TEXT NOT NULL, sha256 TEXT NOT NULL, PRIMARY KEY(file, sha256))",
     _view("runs", "run_rows", SHOWN_RUN, ", ".join(f"run_rows.{name}" for name in _KEY)),
     _view("stories", "story_rows", STORY_COLUMNS, ", ".join(f"story_rows.{name}" for name in (*_KEY, "story"))),
+    _view("shocks", "shock_rows", SHOCK_COLUMNS, ", ".join(f"shock_rows.{name}" for name in (*_KEY, "shock"))),
 )
 """What makes an empty store."""
 
 INSERT_RUN = f"INSERT INTO run_rows VALUES({', '.join('?' * (len(RUN_COLUMNS) + 1))})"
 INSERT_STORY = f"INSERT INTO story_rows VALUES({', '.join('?' * (len(STORY_COLUMNS) + 1))})"
+
+INSERT_SHOCK = f"INSERT INTO shock_rows VALUES({', '.join('?' * (len(SHOCK_COLUMNS) + 1))})"
 
 
 def plain_run(row: Sequence[Any]) -> tuple[Any, ...]:
@@ -76,6 +85,11 @@ def plain_run(row: Sequence[Any]) -> tuple[Any, ...]:
 def plain_story(row: Sequence[Any]) -> tuple[Any, ...]:
     """The values of a story as SQLite gives them back."""
     return _plain(_STORY.values(), row)
+
+
+def plain_shock(row: Sequence[Any]) -> tuple[Any, ...]:
+    """The values of a shock as SQLite gives them back."""
+    return _plain(_SHOCK.values(), row)
 
 
 def _plain(kinds: Iterable[type], row: Sequence[Any]) -> tuple[Any, ...]:

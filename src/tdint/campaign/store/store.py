@@ -16,12 +16,15 @@ from tdint.campaign.store.connection import UntrustedStoreError, connect, connec
 from tdint.campaign.store.identity import Identity, all_differences
 from tdint.campaign.store.schema import (
     INSERT_RUN,
+    INSERT_SHOCK,
     INSERT_STORY,
     RUN_COLUMNS,
+    SHOCK_COLUMNS,
     STORY_COLUMNS,
     TABLES,
     VERSION,
     plain_run,
+    plain_shock,
     plain_story,
 )
 from tdint.errors import OutputError, UsageError
@@ -103,11 +106,14 @@ class Store:
         """
         runs = sorted(map(plain_run, done.rows.runs), key=lambda row: row[:4])
         stories = sorted((plain_story((*row[:-1], *row.values)) for row in done.rows.stories), key=lambda row: row[:5])
+        shocks = sorted((plain_shock((*row[:-1], *row.values)) for row in done.rows.shocks), key=lambda row: row[:5])
         number, seconds = done.number, float(done.seconds)
         with in_words(self.name), transaction(self.connection, self.name):
             self.connection.executemany(INSERT_RUN, ((*row, number) for row in runs))
             self.connection.executemany(INSERT_STORY, ((*row, number) for row in stories))
-            values = (number, len(runs), len(stories), seconds, chunk_digest(number, seconds, runs, stories))
+            self.connection.executemany(INSERT_SHOCK, ((*row, number) for row in shocks))
+            digest = chunk_digest(number, seconds, runs, stories, shocks)
+            values = (number, len(runs), len(stories), seconds, digest)
             self.connection.execute("INSERT INTO chunks VALUES(?, ?, ?, ?, ?)", values)
 
     def heal(self, identity: Identity | None = None) -> int:
@@ -142,7 +148,12 @@ class Store:
     def remove(self, chunks: Collection[int]) -> None:
         """Take out chunks: they are left to be done."""
         with in_words(self.name), transaction(self.connection, self.name):
-            for table, column in (("run_rows", "chunk"), ("story_rows", "chunk"), ("chunks", "id")):
+            for table, column in (
+                ("run_rows", "chunk"),
+                ("story_rows", "chunk"),
+                ("shock_rows", "chunk"),
+                ("chunks", "id"),
+            ):
                 self.connection.executemany(f"DELETE FROM {table} WHERE {column} IS ?", ((one,) for one in chunks))
 
     def is_ours(self, file: Path) -> bool:
@@ -213,6 +224,10 @@ class Store:
         """The stories of all runs: the columns of `STORY_COLUMNS`, in the order of their key."""
         columns = ", ".join(STORY_COLUMNS)
         yield from self.connection.execute(f"SELECT {columns} FROM story_rows ORDER BY 1, 2, 3, 4, 5")
+
+    def shocks(self) -> Iterator[tuple[Any, ...]]:
+        """The shocks of all runs of several: the columns of `SHOCK_COLUMNS`, in the order of their key."""
+        yield from self.connection.execute(f"SELECT {', '.join(SHOCK_COLUMNS)} FROM shock_rows ORDER BY 1, 2, 3, 4, 5")
 
     def buildings(self) -> Mapping[int, tuple[str, str]]:
         """Name and method of each building by its number."""

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.errors import UsageError, did_you_mean
+from tdint.errors import UsageError
 from tdint.units import STANDARD_GRAVITY, parse_units
-from tdint.written_numbers import parse_ratio
+from tdint.written_numbers import parse_named, parse_ratio
 
 Array = NDArray[np.float64]
 Texts = Mapping[str, str]
@@ -83,23 +83,8 @@ def design_spectrum(text: str) -> DesignSpectrum | None:
             return None
         raise UsageError(f"{text[:60]!r}: no design spectrum {name!r}; there are {', '.join(CODES)}")
     make, known = CODES[name]
-    given: dict[str, str] = {}
-    for part in (words or "").split(","):
-        key, equal, value = (word.strip() for word in part.partition("="))
-        if not part.strip():
-            continue
-        if not equal or key.lower() not in known:
-            raise UsageError(
-                f"{text[:60]!r}: {name} has no parameter {key!r}; it has {', '.join(known)}{did_you_mean(key, known)}"
-            )
-        if key.lower() in given:
-            raise UsageError(f"{text[:60]!r}: {key} is given twice")
-        given[key.lower()] = value
-    missing = [key for key, needed in known.items() if needed and key not in given]
-    if missing:
-        raise UsageError(f"{text[:60]!r}: {name} needs {', '.join(missing)}, such as {EXAMPLES[name]}")
     try:
-        return make(given)
+        return make(parse_named(name, words or "", known, EXAMPLES[name]))
     except UsageError as error:
         raise UsageError(f"{text[:60]!r}: {error}") from None
 

@@ -65,7 +65,10 @@ def shown(wanted: Iterable[tuple[Compilable, Variant]]) -> list[tuple[str, str, 
     """Each kernel, its variant, and the file that is loaded for it: empty for one to be compiled."""
     rows = []
     for kernel, variant in dict.fromkeys((kernel, kernel.needs(variant)) for kernel, variant in wanted):
-        tried = (store.look_up(kernel.name, one.text, runnable()) for one in (variant, EVERYTHING))
+        tried = (
+            store.look_up(kernel.name, one.text, runnable())
+            for one in dict.fromkeys((variant, variant if variant.outside else EVERYTHING))
+        )
         found = next(filter(None, tried), None)
         rows.append((kernel.name, variant.text.replace(",", " "), str(found[0]) if found else ""))
     return rows

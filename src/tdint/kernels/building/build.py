@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import json
 import os
 import sys
 import threading
+from dataclasses import replace
+from typing import Any
 
 
 def main() -> None:
@@ -19,14 +22,9 @@ def main() -> None:
     sys.modules["scipy.linalg"] = None  # type: ignore[assignment]
     name, *file = sys.argv[1:]
     module_name, _, attribute = name.partition(":")
-    if file:
-        specification = importlib.util.spec_from_file_location(module_name, file[0])
-        assert specification is not None and specification.loader is not None
-        module = importlib.util.module_from_spec(specification)
-        sys.modules[module_name] = module
-        specification.loader.exec_module(module)
-    else:
-        module = importlib.import_module(module_name)
+    variant = os.environ["TDINT_KERNELS_VARIANT"]
+    _add_laws(variant)
+    module = _module(module_name, file[0]) if file else importlib.import_module(module_name)
 
     from tdint.kernels.building.compiler import object_of
     from tdint.kernels.building.loading import pack
@@ -38,9 +36,33 @@ def main() -> None:
     kernel = getattr(module, attribute)
     code, symbol = object_of(kernel.function, kernel.signature)
     target = Target(os.environ["NUMBA_CPU_NAME"], os.environ["NUMBA_CPU_FEATURES"])
-    about = identity(name, os.environ["TDINT_KERNELS_VARIANT"], target)
+    about = identity(name, variant, target)
     sys.stdout.buffer.write(pack(code, {**about, "symbol": symbol}))
     sys.stdout.buffer.flush()
+
+
+def _module(name: str, file: str) -> Any:
+    """The module in a file, under the name that it has in the process that wants the kernel."""
+    if name not in sys.modules:
+        specification = importlib.util.spec_from_file_location(name, file)
+        assert specification is not None and specification.loader is not None
+        sys.modules[name] = importlib.util.module_from_spec(specification)
+        specification.loader.exec_module(sys.modules[name])
+    return sys.modules[name]
+
+
+def _add_laws(variant: str) -> None:
+    """Put the laws of plug-ins that a variant names at their numbers, before what goes by the laws is imported."""
+    from tdint.kernels.building.variant import parse
+    from tdint.kernels.laws import LAWS, linear
+    from tdint.kernels.laws.law import DriftLaw
+
+    files = json.loads(os.environ.get("TDINT_KERNELS_PLUGINS", "{}"))
+    for name, code in parse(variant).outside.items():
+        LAWS.extend([replace(linear.LAW, name="")] * (code + 1 - len(LAWS)))
+        values = list(vars(_module(*files[name])).values())
+        values += [one for value in values if isinstance(value, tuple | list) for one in value]
+        LAWS[code] = next(one for one in values if isinstance(one, DriftLaw) and one.name == name)
 
 
 def _end_with_the_parent() -> None:

@@ -77,7 +77,7 @@ class Compilable:
         """What of a variant matters to this kernel."""
         found = self._needs.get(wanted)
         if found is None:
-            found = self._needs[wanted] = EVERYTHING if WHOLE else wanted.only(self.parts)
+            found = self._needs[wanted] = EVERYTHING if WHOLE and not wanted.outside else wanted.only(self.parts)
         return found
 
     def loaded(self, wanted: Variant) -> bool:

@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tdint.errors import AnalysisError
+from tdint.kernels.building.sources import size
 from tdint.kernels.building.target import Target
 from tdint.kernels.building.variant import Variant
 from tdint.processors import processors
 
 if TYPE_CHECKING:
     from tdint.kernels.building.compilable import Compilable
+
+_PLACE = re.compile(r'File "(?:[^"]*[/\\])?([^"/\\]+)", line (\d+)')
 
 
 class Compilation:
@@ -54,9 +60,32 @@ class Compilation:
             code = process.wait()
             text = words.result().decode(errors="replace").strip().splitlines()
         if code and not self._stopped:
-            reason = text[-1] if text else f"exit code {code}"
-            raise AnalysisError(f"{self.kernel.name} cannot be compiled: {reason}")
+            raise AnalysisError(f"{self.kernel.name} cannot be compiled: {self._reason(text) or f'exit code {code}'}")
         return data
+
+    def _reason(self, text: list[str]) -> str:
+        """The last line that the process wrote; with plug-ins, what numba says of them and the line it says it of."""
+        files = [file for _, file in self._plugins().values()]
+        module = sys.modules[self.kernel.function.__module__]
+        files += [] if module.__name__.startswith("tdint.") else [str(module.__file__)]
+        names = {Path(file).name: file for file in files}
+        places = [found for line in text if (found := _PLACE.search(line)) and found[1] in names]
+        if not files or not text:
+            return text[-1] if text else ""
+        after = next((i for i, line in enumerate(text) if "Failed in nopython" in line), len(text) - 2)
+        said = next((line.strip() for line in text[after + 1 :] if line.strip()), text[-1])
+        place = f"{names[places[-1][1]]}:{places[-1][2]}" if places else files[-1]
+        return f"{place}: {said}"
+
+    def _plugins(self) -> dict[str, tuple[str, str]]:
+        """Module and file of each law of the variant that is a plug-in's."""
+        laws = self.variant.outside.items()
+        if not laws:
+            return {}
+        from tdint.kernels.laws import LAWS
+
+        modules = {law: sys.modules[LAWS[code].functions.__module__] for law, code in laws}
+        return {law: (module.__name__, str(module.__file__)) for law, module in modules.items()}
 
     def stop(self) -> None:
         """End the process, if it runs."""
@@ -79,6 +108,7 @@ class Compilation:
             "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
             "TDINT_KERNELS": "compile",
             "TDINT_KERNELS_VARIANT": self.variant.text,
+            "TDINT_KERNELS_PLUGINS": json.dumps(self._plugins()),
             "NUMBA_CPU_NAME": self.target.cpu,
             "NUMBA_CPU_FEATURES": self.target.features,
             "NUMBA_LOOP_VECTORIZE": str(int(self.kernel.vectorized)),
@@ -87,7 +117,7 @@ class Compilation:
 
 
 def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, bytes]]:
-    """Run as many processes side by side as there are processors; each one's object as it is done.
+    """Run as many processes side by side as there are processors, the longest first; each one's object as it is done.
 
     Raises
     ------
@@ -97,9 +127,10 @@ def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, 
     if compilations and importlib.util.find_spec("numba") is None:
         names = ", ".join(dict.fromkeys(one.kernel.name for one in compilations))
         raise AnalysisError(f"{names}: not among the compiled loops that came with tdint; to compile, install numba")
+    longest_first = sorted(compilations, key=lambda one: size(one.kernel.name), reverse=True)
     with ThreadPoolExecutor(processors()) as pool:
         try:
-            running = {pool.submit(one.run): one for one in compilations}
+            running = {pool.submit(one.run): one for one in longest_first}
             for future in as_completed(running):
                 yield running[future], future.result()
         except BaseException:

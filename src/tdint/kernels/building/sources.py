@@ -6,11 +6,15 @@ the text, at any depth of indentation (laws import in their functions): to parse
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import re
 import sys
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
+
+from tdint.kernels.building.variant import Variant
 
 _PACKAGE = Path(__file__).parents[2]
 _BUILDING = "tdint.kernels.building."
@@ -19,6 +23,7 @@ _COMPILING = tuple(_BUILDING + name for name in ("compiler", "compilable", "vari
 
 _LAWS = "tdint.kernels.laws"
 _IMPORT = re.compile(rb"^[ \t]*from (tdint\.(?:kernels|methods)[\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
+_NOT_FOLLOWED = {*sys.stdlib_module_names, "numpy", "numba", "scipy"}
 _COMMENT = re.compile(rb"#[^\n]*")
 
 
@@ -37,6 +42,11 @@ def digest(kernel: str, laws: tuple[str, ...] = ()) -> str:
     return found.hexdigest()[:12]
 
 
+def size(kernel: str) -> int:
+    """Bytes of the sources of a kernel: the more there are, the longer it compiles."""
+    return sum(file.stat().st_size for file in closure(kernel.partition(":")[0]).values())
+
+
 @cache
 def digest_of_all() -> str:
     """Hash of the sources of all kernels and methods, for what is computed by several of them."""
@@ -50,11 +60,12 @@ def digest_of_all() -> str:
 def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
     """The modules that a kernel's module is compiled with, by name, itself among them; `laws` as in `digest`.
 
-    A module that is not the package's counts by the file it was loaded from, and a law's module has the law's name.
+    A module that is not the package's counts by the file it was loaded from, and so does what it imports.
+    A law's module has the law's name.
     """
     wanted = {"law", *(name.replace("-", "_") for name in laws)}
     found: dict[str, Path] = {}
-    new = [module, *_COMPILING]
+    new = [module, *_COMPILING, *_modules_of(Variant(laws).outside)]
     while new:
         name = new.pop()
         file = _file(name)
@@ -63,11 +74,20 @@ def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
         found[name] = file
         new += [
             imported
-            for imported in _read(file)[1]
+            for imported in (_read(file)[1] if name.startswith("tdint.") else _imported(file, name))
             if not imported.startswith(_BUILDING)
             and not (laws and name == _LAWS and imported.rpartition(".")[2] not in wanted)
         ]
     return found
+
+
+def _modules_of(outside: Mapping[str, int]) -> list[str]:
+    """The modules of the laws of plug-ins."""
+    if not outside:
+        return []
+    from tdint.kernels.laws import LAWS
+
+    return [LAWS[code].functions.__module__ for code in outside.values()]
 
 
 @cache
@@ -80,6 +100,21 @@ def _read(file: Path) -> tuple[bytes, tuple[str, ...]]:
         one_by_one = _COMMENT.sub(b"", words).strip(b"() \t\r\n").split(b",")
         names += [base, *(f"{base}.{word.split()[0].decode()}" for word in one_by_one if word.strip())]
     return hashlib.sha256(text).digest(), tuple(names)
+
+
+@cache
+def _imported(file: Path, module: str) -> tuple[str, ...]:
+    """What a module from outside imports of anything but the standard library and the compiler, at any depth."""
+    package = getattr(sys.modules.get(module), "__package__", None) or ""
+    names: list[str] = []
+    for node in ast.walk(ast.parse(file.read_bytes())):
+        if isinstance(node, ast.Import):
+            names += [one.name for one in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            above = package.rsplit(".", node.level - 1)[0] if node.level else ""
+            base = ".".join(filter(None, (above, node.module)))
+            names += [base, *(f"{base}.{one.name}" for one in node.names)]
+    return tuple(name for name in names if name.partition(".")[0] not in _NOT_FOLLOWED)
 
 
 @cache

@@ -12,7 +12,8 @@ class Variant:
     Attributes
     ----------
     laws : tuple of str
-        Drift laws of the stories by name, in the order of `tdint.kernels.laws.LAWS`; empty for all that there are.
+        Drift laws of the stories by name, in the order of `tdint.kernels.laws.LAWS`; empty for all of ours. One of a
+        plug-in is named with its number, `name@9`.
     modal : bool
         Modal damping.
     forces : bool
@@ -31,6 +32,12 @@ class Variant:
         """The variant in a word that a file name may hold, read by `parse`."""
         parts = "".join(f"+{name}" for name in FEATURES if getattr(self, name))
         return (",".join(self.laws) or "all") + parts
+
+    @property
+    def outside(self) -> dict[str, int]:
+        """The numbers of the laws of plug-ins, by name."""
+        split = (law.partition("@") for law in self.laws)
+        return {name: int(code) for name, at, code in split if at}
 
     def only(self, parts: tuple[str, ...]) -> Variant:
         """The variant of a kernel that depends on some `parts` alone (names of the attributes)."""

@@ -1,6 +1,7 @@
 """The drift laws: one file each, and one line here.
 
-A law's place in the tuple is its number in the compiled tables. The last one is taken for any other number.
+A law's place in the list is its number in the compiled tables. The last one is taken for any other number. Those of
+plug-ins are put behind ours (`tdint.model.definition.register_law`).
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from tdint.kernels.laws import (
     trilinear_pinching,
 )
 
-LAWS = (
+LAWS = [
     linear.LAW,
     bilinear.LAW,
     peak_oriented.LAW,
@@ -27,7 +28,7 @@ LAWS = (
     polynomial.LAW,
     trilinear_pinching.LAW,
     imk.LAW,
-)
+]
 
+OURS = len(LAWS)
 LINEAR = LAWS.index(linear.LAW)
-CURVED = tuple(float(code) for code, law in enumerate(LAWS) if law.curved)

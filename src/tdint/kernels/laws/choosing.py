@@ -13,8 +13,12 @@ from tdint.kernels.laws.law import LawFunctions
 
 FUNCTIONS = tuple(LawFunctions(**HOOKS) if law.apart else law.functions() for law in LAWS)
 
-COMPILED = tuple(code for code, law in enumerate(LAWS) if not VARIANT.laws or law.name in VARIANT.laws)
+_NAMED = {name.partition("@")[0] for name in VARIANT.laws}
+
+COMPILED = tuple(code for code, law in enumerate(LAWS) if not _NAMED or law.name in _NAMED)
 """The laws that the kernels are compiled for."""
+
+CURVED = tuple(float(code) for code, law in enumerate(LAWS) if law.curved)
 
 CURVES = any(LAWS[code].curved for code in COMPILED)
 """Whether a law may be curved."""

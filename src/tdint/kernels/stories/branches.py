@@ -11,8 +11,7 @@ import math
 
 from tdint.kernels import layout as at
 from tdint.kernels.compiling import called, inlined
-from tdint.kernels.laws import CURVED
-from tdint.kernels.laws.choosing import case_of_3, case_of_5, case_of_6, chosen
+from tdint.kernels.laws.choosing import CURVED, case_of_3, case_of_5, case_of_6, chosen
 from tdint.kernels.laws.walking import add_work, advancing, nothing
 
 NONE = 2.0

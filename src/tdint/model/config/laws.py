@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.model.config.units import ModelUnits
-from tdint.model.definition import LAWS, Law
+from tdint.model.definition import LAWS, Law, laws
 from tdint.model.keys.fields import Section, Value
 from tdint.model.keys.kinds import Bounds, Choice, Either, EntriesOf, Key, Keys, Schema, ValueKind
 
@@ -37,8 +37,8 @@ class _LawKind:
     """The name of a law, or a mapping with its type and parameters."""
 
     def schema(self) -> Schema:
-        bare = [name for name, law in LAWS.items() if not law.parameters]
-        kinds = [Keys((Key("type", Choice((law.name,)), law.formula, True), *_keys(law))) for law in LAWS.values()]
+        bare = [name for name, law in laws().items() if not law.parameters]
+        kinds = [Keys((Key("type", Choice((law.name,)), law.formula, True), *_keys(law))) for law in laws().values()]
         return Either((Choice(tuple(bare)), *kinds)).schema()
 
 
@@ -59,20 +59,25 @@ def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
 def _read_type(value: Value) -> tuple[DriftLaw | None, Section | None]:
     """The law, None after a fault, and the section that holds its parameters, None if it was only named."""
     if not value.is_mapping:
-        name = value.choice(LAWS, "law")
+        name = value.choice(_known(value), "law")
         if name and LAWS[name].parameters:
             needed = (one.name for one in LAWS[name].parameters if one.default is None and one.without is None)
             names = ", ".join(f"{one}: ..." for one in needed)
             value.fault(f"the {name} law needs its parameters; write {{type: {name}, {names}}}")
         return (LAWS[name] if name else None), None
     kind = value.peek("type")
-    name = kind.choice(LAWS, "law") if kind else None
-    laws = [LAWS[name]] if name else LAWS.values()
-    known = dict.fromkeys(["type", *(one.group or one.name for law in laws for one in law.parameters)])
+    name = kind.choice(_known(kind), "law") if kind else None
+    possible = [LAWS[name]] if name else LAWS.values()
+    known = dict.fromkeys(["type", *(one.group or one.name for law in possible for one in law.parameters)])
     section = value.section(list(known))
     if section:
         section.need("type", f"give one of {', '.join(LAWS)}")
     return (LAWS[name] if name else None), section
+
+
+def _known(name: Value) -> Mapping[str, DriftLaw]:
+    """The laws by name; those of installed packages are looked for where it is none of the others."""
+    return LAWS if any(map(name.is_word, LAWS)) else laws()
 
 
 def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple[float, ...]:

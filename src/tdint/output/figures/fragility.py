@@ -115,6 +115,9 @@ def _im_label(function: Fragility) -> str:
 
 def _label(function: Fragility) -> str:
     what = "" if math.isnan(function.threshold) else f"{function.threshold:g}: "
+    if function.damage == function.damage:
+        state = f"damaged to {100.0 * function.damage:g} %" if function.damage else "intact"
+        what += f"{state}, "
     return rf"{what}$\theta$ = {function.theta:.3g}, $\beta$ = {function.beta:.2f}"
 
 

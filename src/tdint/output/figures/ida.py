@@ -37,13 +37,16 @@ def _draw(study: IdaStudy) -> Figure:
     figure = Figure(figsize=(7.2, 5.2), layout="constrained")
     axes = figure.subplots()
     limit = _largest_drift(study)
-    several = len(study.curves) > 1
-    look = single_look(several)
-    axes.plot([], [], label=f"{len(study.curves)} record{'s' * several}", **look)
+    states = study.states
+    count = len(states[0].curves)
+    look = single_look(count > 1 or len(states) > 1)
+    axes.plot([], [], label=f"{count} record{'s' * (count > 1)}", **look)
     for curve in study.curves:
         _draw_curve(axes, curve, limit, look)
-    _draw_fractiles(axes, study, limit)
-    _draw_capacities(axes, study, limit)
+    for state, color in zip(states, (COLORS[0], *COLORS[2:]), strict=False):
+        _draw_fractiles(axes, state, limit, color, several=len(states) > 1)
+    for state in states:
+        _draw_capacities(axes, state, limit)
     _draw_lost(axes, study, limit)
     axes.set_xlim(0.0, 100.0 * _BEYOND * limit)
     axes.set_ylim(0.0, _ROOM * (max(map(_highest, study.curves)) or 1.0))
@@ -74,8 +77,8 @@ def _largest_drift(study: IdaStudy) -> float:
 
 
 def _draw_curve(axes: Any, curve: IdaCurve, limit: float, look: dict[str, Any]) -> None:
-    """From the origin through the runs that stand; flat from the capacity on."""
-    drift = [0.0, *(run.drift_ratio for run in curve.stable)]
+    """From the origin, or the drift that was left, through the runs that stand; flat from the capacity on."""
+    drift = [curve.left, *(run.drift_ratio for run in curve.stable)]
     im = [0.0, *(run.im for run in curve.stable)]
     if not curve.collapse.censored and curve.stable:
         drift += [drift[-1], _BEYOND * limit]
@@ -83,16 +86,23 @@ def _draw_curve(axes: Any, curve: IdaCurve, limit: float, look: dict[str, Any]) 
     axes.plot(100.0 * np.array(drift), im, zorder=1, **look)
 
 
-def _draw_fractiles(axes: Any, study: IdaStudy, limit: float) -> None:
+def _draw_fractiles(axes: Any, study: IdaStudy, limit: float, color: str, *, several: bool) -> None:
+    """Fractiles of a state; where there are `several`, the median alone, and of few records each curve."""
+    damage = study.curves[0].damage
+    state = (f", damaged to {100.0 * damage:g} %" if damage else ", intact") * several
     if len(study.curves) < _FEW:
+        for curve in study.curves if several else ():
+            _draw_curve(axes, curve, limit, {"color": color, "linewidth": 1.6, "label": state.removeprefix(", ")})
+            state = ""
         return
     drifts = np.linspace(0.0, limit, _POINTS)[1:]
     for part, row in reversed(list(zip(_PARTS, fractiles(study.curves, drifts, _PARTS), strict=True))):
-        if not np.isfinite(row).any():
+        if not np.isfinite(row).any() or (several and part != 0.5):
             continue
         style = {"linewidth": 2.2} if part == 0.5 else {"linestyle": DASHES[1], "linewidth": 1.4}
-        label = "median" if part == 0.5 else "16 % and 84 %" if part == _PARTS[0] else None
-        axes.plot([0.0, *(100.0 * drifts)], [0.0, *row], color=COLORS[0], zorder=3, label=label, **style)
+        label = f"median{state}" if part == 0.5 else "16 % and 84 %" if part == _PARTS[0] else None
+        start = [] if damage else [0.0]  # a damaged building does not begin at rest in the origin
+        axes.plot([*start, *(100.0 * drifts)], [*start, *row], color=color, zorder=3, label=label, **style)
 
 
 def _draw_capacities(axes: Any, study: IdaStudy, limit: float) -> None:
@@ -113,8 +123,10 @@ def _draw_capacities(axes: Any, study: IdaStudy, limit: float) -> None:
         if points:
             marker, face, label = looks[kind]
             x, y = zip(*points, strict=True)
+            # Of several states each kind is named once.
+            shown = None if label in axes.get_legend_handles_labels()[1] else label
             axes.scatter(
-                x, y, s=26, marker=marker, facecolor=face, edgecolor=COLORS[1], linewidth=1.1, zorder=4, label=label
+                x, y, s=26, marker=marker, facecolor=face, edgecolor=COLORS[1], linewidth=1.1, zorder=4, label=shown
             )
 
 
@@ -126,7 +138,7 @@ def _draw_lost(axes: Any, study: IdaStudy, limit: float) -> None:
 
 
 def _title(study: IdaStudy) -> str:
-    records = [curve.record for curve in study.curves]
+    records = [curve.record for curve in study.states[0].curves]
     what = f"{len(records)} records" if len(records) > 1 else f"{record_name(records[0].source)} {records[0].component}"
     text = f"{study.model.name}\nIncremental dynamic analysis, {what}{changed(records)}, {study.method}"
     if isinstance(study.measure, PeakVelocity) or study.measure.periods == (0.0,):

@@ -131,7 +131,9 @@ MODE_END = (
 
 def mode_damping(ratios: Any) -> Column:
     """The column of the modes' damping ratios, shape (n,)."""
-    return Column("damping", "1", lambda modes: ratios, "damping ratio; empty where damping couples the modes")
+    return Column(
+        "damping", "1", lambda modes: ratios, "damping ratio, of the mode moving alone where damping couples the modes"
+    )
 
 
 COMPARISON = (
@@ -206,10 +208,24 @@ def cyclic_table(test: CyclicTest) -> Table:
     return Table.of_results(CYCLIC, [test])
 
 
-def mode_table(modes: Modes, damping: Array | None) -> Table:
-    """One row per mode, longest period first; empty cells for damping ratios (shape (n,)) that are None."""
-    ratios = np.full_like(modes.omega, np.nan) if damping is None else damping
-    return Table.of_results((*MODE, mode_damping(ratios), *MODE_END), [modes])
+def mode_table(modes: Modes, damping: Array, norm: str | None = None) -> Table:
+    """One row per mode, longest period first, with damping ratios of shape (n,); with `norm` a column for the ordinate
+    of each floor (`tdint.model.modes.Modes.normalized`)."""
+    floors = mode_shapes(modes.omega.size, norm) if norm else ()
+    return Table.of_results((*MODE, mode_damping(damping), *MODE_END, *floors), [modes])
+
+
+def mode_shapes(floors: int, norm: str) -> tuple[Column, ...]:
+    """The columns of the modes' ordinates."""
+
+    def ordinate(i: int) -> Callable[[Any], Any]:
+        return lambda modes: modes.normalized(norm)[i]
+
+    what = "1 at the roof" if norm == "roof" else "with a participation factor of 1"
+    return tuple(
+        Column(f"floor_{i + 1}_shape", "1", ordinate(i), f"ordinate of the mode at the floor, {what}")
+        for i in range(floors)
+    )
 
 
 def history_groups(error: bool) -> tuple[tuple[str, tuple[Column, ...]], ...]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
-from tdint.campaign.engine.rows import HIDDEN, RUN
+from tdint.campaign.engine.rows import DEMANDED, HIDDEN, RUN
 from tdint.output.tables.buildings import STORY
 from tdint.output.tables.spectra import OF_FLOORS, SPECTRUM
 from tdint.output.tables.table import (
@@ -81,6 +81,15 @@ PROFILES = (
     *COUNTS,
 )
 """Of profiles.csv."""
+
+SHOCKS = (
+    *OF_BUILDING,
+    Column("shock", "1", "shock", "shock of the sequence, from 1"),
+    Column("start_s", "s", "start", "time of its first sample in the sequence"),
+    Column("pga_m_s2", "m/s^2", "pga", "peak ground acceleration of the shock, scaled"),
+    *(Column.of_quantity(one) for one in DEMANDED),
+)
+"""Of shocks.csv: what each shock of a sequence did; runs.csv has the sequences as a whole."""
 
 FLOOR_RUNS = (*OF_BUILDING, FLOOR, *SPECTRUM)
 """Of floor-spectra.csv of several runs."""
@@ -169,6 +178,16 @@ def write_profiles(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> N
 
     columns = [*PROFILES[:2], *((LEVEL,) if has_levels(store) else ()), *PROFILES[2:]]
     write_rows(columns, profile_rows(profiles(store), units), stream)
+
+
+def write_shocks(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
+    """Write shocks.csv."""
+    buildings, records = store.buildings(), store.records()
+    rows = (
+        [cell_text(buildings[building][0]), *map(cell_text, records[record][:2]), scale, *rest]
+        for building, record, scale, _, *rest in store.shocks()
+    )
+    write_rows(SHOCKS, rows, stream, units)
 
 
 def ratio_table(store: Store, found: Sequence[Ratios], *, stories: bool) -> Table:

@@ -50,6 +50,22 @@ def _parameters(one: Integrator) -> str:
     )
 
 
+DECLARATION = (
+    Column("method", "text", "integrator.label", "method with its parameters"),
+    Column("order", "1", "integrator.order", "declared order"),
+    Column("observed_order", "1", "order", "smallest of displacement and velocity, free and under a harmonic force"),
+    Column(
+        "stability_limit",
+        "1",
+        lambda one: "none" if math.isinf(one.integrator.stability_limit) else one.integrator.stability_limit,
+        "declared largest stable omega dt without damping",
+    ),
+    Column("measured_limit", "1", lambda one: "none" if math.isinf(one.limit) else one.limit, "the same as measured"),
+    Column("rho_inf", "1", "integrator.rho_inf", "declared spectral radius for omega dt to infinity"),
+    Column("measured_rho_inf", "1", "rho_inf", "the same as measured"),
+    Column("faults", "1", lambda one: len(one.faults), "declarations that do not hold"),
+)
+
 _DT_OVER_T = Column("dt_over_t", "1", "dt_over_t", "step over the undamped period of the oscillator")
 
 STABILITY = (

@@ -58,6 +58,7 @@ IDA = (
         "largest drift at the end of the run over story height",
     ),
 )
+DAMAGE = Column("damage", "1", "curve.damage", "drift ratio to which a mainshock has damaged the building; 0: intact")
 INTENSITIES = ("im", "capacity", "lower", "upper")
 """Columns in the unit that the column `unit` tells."""
 
@@ -83,6 +84,7 @@ CAPACITIES = (
         "of the search",
     ),
 )
+FRAGILITY_DAMAGE = Column("damage", "1", "damage", DAMAGE.meaning)
 FRAGILITY = (
     Column("threshold", "1", "threshold", "demand whose exceedance is meant"),
     Column("fit", "text", "fit", "stripes, ida or cloud"),
@@ -171,30 +173,38 @@ class _CurveRows:
 
 def ida_table(study: IdaStudy) -> Table:
     """A row for each run of each record, from the lowest level."""
-    table = Table.of(IDA, [row for one in _curves(study) for row in rows_of(IDA, one)])
+    columns = _with_damage(IDA, study)
+    table = Table.of(columns, [row for one in _curves(study) for row in rows_of(columns, one)])
     return _with_unit(table, study.measure.unit)
 
 
 def capacity_table(study: IdaStudy) -> Table:
     """A row for each record and threshold."""
+    columns = _with_damage(CAPACITIES, study)
     rows = [
-        rows_of(CAPACITIES, _CurveRows(one.record, one.component, study, one.curve, capacity))[0]
+        rows_of(columns, _CurveRows(one.record, one.component, study, one.curve, capacity))[0]
         for one in _curves(study)
         for capacity in map(one.curve.capacity, study.thresholds)
     ]
-    return _with_unit(Table.of(CAPACITIES, rows), study.measure.unit)
+    return _with_unit(Table.of(columns, rows), study.measure.unit)
 
 
 def fragility_table(functions: Sequence[Fragility], *, total: bool = False) -> Table:
     """A row for each function; with `total` a column of the standard deviation with that of the model. Clouds bring the
     columns of their line, runs without a result those that bound what they may change."""
     wanted = (
+        *((FRAGILITY_DAMAGE,) if any(one.damage == one.damage for one in functions) else ()),
         *FRAGILITY,
         *(CLOUD if any(one.cloud for one in functions) else ()),
         *(FAILED if any(one.failed for one in functions) else ()),
         *(FRAGILITY_TOTAL,) * total,
     )
     return Table.of_results(wanted, functions)
+
+
+def _with_damage(columns: tuple[Column, ...], study: IdaStudy) -> tuple[Column, ...]:
+    """The columns, the state of the building before them where a study has several."""
+    return (DAMAGE, *columns) if any(curve.damage for curve in study.curves) else columns
 
 
 def _with_unit(table: Table, unit: str) -> Table:
@@ -204,6 +214,6 @@ def _with_unit(table: Table, unit: str) -> Table:
 
 
 def _curves(study: IdaStudy) -> Iterator[_CurveRows]:
-    names = component_names([curve.record for curve in study.curves])
+    names = component_names([curve.record for curve in study.curves])  # of all states alike
     for curve, name in zip(study.curves, names, strict=True):
         yield _CurveRows(curve.record.source, name, study, curve)

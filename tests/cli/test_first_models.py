@@ -1,0 +1,161 @@
+"""`tdint init` of real data: weights, curves of stories, motions; and the shapes of `tdint modes`."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tdint.ground_motion.reading.read import read_record
+from tdint.model.building import assemble
+from tdint.model.config.model_file import load_model
+from tdint.model.story_curves import fit_story, read_story_curves
+from tdint.units import STANDARD_GRAVITY
+
+
+def rows(text: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+@pytest.mark.parametrize(("units", "newton"), [("si", 1e3), ("us", 4448.2216152605)])
+def test_weights_and_the_period_make_a_building(folder, tdint, units, newton):
+    """By the eigenvalues of dense matrices; the first mode is a straight line."""
+    result = tdint("init", "f.yaml", "--period", "1.1", "--weights", "4200, 3x3900,3400", "--units", units)
+    assert result.exit_code == 0, result.stderr
+    model = load_model("f.yaml")
+    masses = np.array([story.mass for story in model.stories])
+    assert masses == pytest.approx(np.array([4200, 3900, 3900, 3900, 3400]) * newton / STANDARD_GRAVITY, rel=1e-9)
+    k = np.array([story.stiffness for story in model.stories] + [0.0])
+    matrix = np.diag(k[:-1] + k[1:]) - np.diag(k[1:-1], 1) - np.diag(k[1:-1], -1)
+    values, vectors = np.linalg.eigh(matrix / np.sqrt(np.outer(masses, masses)))
+    assert 2.0 * np.pi / np.sqrt(values[0]) == pytest.approx(1.1, rel=1e-8)
+    shape = vectors[:, 0] / np.sqrt(masses)
+    assert shape / shape[-1] == pytest.approx(np.arange(1, 6) / 5.0, abs=1e-7)
+
+
+def curves(file: str, *stories: tuple[list[float], list[float]]) -> None:
+    lines = ["story,drift_mm,shear_kN"]
+    for number, (drift, shear) in enumerate(stories, start=1):
+        lines += [f"{number},{d!r},{np.interp(d, drift, shear).item()!r}" for d in np.linspace(0.0, 80.0, 41).tolist()]
+    Path(file).write_text("\n".join(lines) + "\n")
+
+
+def test_laws_come_out_of_curves_that_they_drew(folder, tdint):
+    curves("two.csv", ([0, 12, 80], [0, 600, 940]), ([0, 8, 80], [0, 480, 912]))
+    result = tdint("init", "b.yaml", "--weights", "4000,3500", "--from-pushover", "two.csv")
+    assert result.exit_code == 0 and "Misfit of the stories" in result.stderr, result.stderr
+    first, second = load_model("b.yaml").stories
+    assert (first.stiffness, second.stiffness) == (pytest.approx(5e7, rel=1e-5), pytest.approx(6e7, rel=1e-5))
+    assert first.law.parameters == (pytest.approx(6e5, rel=1e-5), pytest.approx(0.1, rel=1e-4))
+    assert second.law.parameters == (pytest.approx(4.8e5, rel=1e-5), pytest.approx(0.1, rel=1e-4))
+    curves("three.csv", ([0, 10, 40, 80], [0, 1000, 1400, 1400]))
+    tdint("init", "t.yaml", "--weights", "4000", "--from-pushover", "three.csv", "--law", "trilinear")
+    (story,) = load_model("t.yaml").stories
+    assert story.stiffness == pytest.approx(1e8, rel=1e-5)
+    assert story.law.parameters[:3] == pytest.approx((1e6, 1.4e6, 0.04), rel=1e-4)
+
+
+def test_the_misfit_is_the_root_mean_square_of_what_is_left(folder):
+    """Of a curve that is no bilinear law; no law of a grid of them comes closer."""
+    curves("three.csv", ([0, 10, 40, 80], [0, 1000, 1400, 1400]))
+    (drift, shear) = read_story_curves("three.csv")[1]
+    fit = fit_story(1, drift, shear, "bilinear")
+    (_, strength, _), (_, hardening, _) = fit.law.parameters
+
+    def left(k: float, fy: float, h: float) -> float:
+        law = np.where(drift < fy / k, k * drift, fy + h * k * (drift - fy / k))
+        return float(np.sqrt(np.mean((law - shear) ** 2)) / shear.max())
+
+    assert left(fit.law.stiffness, strength, hardening) == pytest.approx(fit.misfit, rel=1e-6)
+    near = np.linspace(0.9, 1.1, 11)
+    others = [
+        left(a * fit.law.stiffness, b * strength, c * hardening) for a in near for b in near for c in near
+    ]  # fmt: skip
+    assert min(others) >= fit.misfit * (1.0 - 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("story,drift_mm,shear_kN\n1,0,0\n1,1,1\n", "4 points at least"),
+        ("story,drift_mm,shear_kN\n2,0,0\n2,1,1\n2,2,2\n2,3,3\n", "story"),
+        ("story,drift,shear\n1,0,0\n", "drift_m"),
+    ],
+)
+def test_curves_that_are_none(folder, tdint, text, message):
+    Path("c.csv").write_text(text)
+    result = tdint("init", "b.yaml", "--weights", "4000", "--from-pushover", "c.csv")
+    assert result.exit_code == 3 and message in result.stderr
+    assert not Path("b.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    ("motion", "wanted"),
+    [
+        ("sine:frequency=1.5,duration=12,pga=0.1g", lambda t: np.where(t <= 12, np.sin(3.0 * np.pi * t), 0.0)),
+        (
+            "sweep:first=1,last=5,duration=10,pga=0.1g",
+            lambda t: np.where(t <= 10, np.sin(2.0 * np.pi * (t + 0.2 * t**2)), 0.0),
+        ),
+    ],
+)
+def test_motions_for_teaching(folder, tdint, motion, wanted):
+    assert tdint("init", "f.yaml", "--motion", motion).exit_code == 0
+    record = read_record("f-motion.txt")
+    t = record.dt * np.arange(record.acceleration.size)
+    assert record.acceleration == pytest.approx(0.1 * STANDARD_GRAVITY * wanted(t), abs=1e-6)
+    assert tdint("run", "f.yaml", "-q").exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("motion", "message"),
+    [
+        ("saw:pga=1g", "no motion 'saw'"),
+        ("sine:frequency=1.5,duration=20,pga=0.1", "with its unit"),
+        ("sine:frequency=-1,duration=20,pga=0.1g", "frequency must be a positive number"),
+        ("sine:frequency=1", "sine needs duration, pga"),
+        ("pulse:period=1,velocity=1,pga=2g", "pulse has no parameter 'pga'"),
+    ],
+)
+def test_motions_that_are_none(folder, tdint, motion, message):
+    result = tdint("init", "f.yaml", "--motion", motion)
+    assert result.exit_code == 2 and message in result.stderr
+    assert not Path("f.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    "options",
+    [["--weights", "1,2y"], ["--weights", "0x3"], ["--from-pushover", "x.csv"], ["--weights", "1", "--type", "C1"]],
+)
+def test_weights_that_make_no_building(folder, tdint, options):
+    assert tdint("init", "f.yaml", *options).exit_code == 2
+
+
+def test_shapes_of_modes(folder, tdint):
+    """1 at the roof; or, with a participation factor of 1, adding up to 1 at each floor."""
+    tdint("init", "f.yaml", "--weights", "4200,2x3900,3400")
+    by_roof = rows(tdint("modes", "f.yaml", "--shapes", "roof", "--plot=m.png").stdout)
+    assert [float(row["floor_4_shape"]) for row in by_roof] == pytest.approx([1.0] * 4)
+    assert Path("m.png").stat().st_size > 10_000
+    by_participation = rows(tdint("modes", "f.yaml", "--shapes", "participation").stdout)
+    for floor in range(1, 5):
+        name = f"floor_{floor}_shape"
+        assert sum(float(row[name]) for row in by_participation) == pytest.approx(1.0)
+        for one, other in zip(by_roof, by_participation, strict=True):
+            assert float(other[name]) == pytest.approx(float(one["participation"]) * float(one[name]), abs=1e-9)
+
+
+def test_modes_have_damping_with_p_delta(folder, tdint):
+    """That of the mode moving alone: phi^T C phi / (2 omega)."""
+    tdint("init", "f.yaml", "--weights", "4200,2x3900,3400")
+    Path("f.yaml").write_text(Path("f.yaml").read_text().replace("p_delta: false", "p_delta: true"))
+    result = tdint("modes", "f.yaml")
+    assert "couples the modes" in result.stderr
+    building = assemble(load_model("f.yaml"))
+    modes = building.modes()
+    for row, omega, shape in zip(rows(result.stdout), modes.omega, modes.shapes.T, strict=True):
+        own = shape @ building.damping_matrix() @ shape / (2.0 * omega)
+        assert float(row["damping"]) == pytest.approx(own, rel=1e-9)

@@ -1,0 +1,240 @@
+"""Methods and laws from files outside the package, as the READMEs show them, and from installed packages."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+from textwrap import dedent
+
+import numpy as np
+import pytest
+
+import readmes
+import tdint
+from tdint.analysis.assessment.declarations import check_law, check_method
+from tdint.errors import AnalysisError, UsageError
+from tdint.kernels.building.sources import closure
+from tdint.kernels.laws import LAWS as NUMBERED
+from tdint.kernels.laws import OURS
+from tdint.methods import catalogue as methods
+from tdint.model import definition
+
+
+@pytest.fixture(autouse=True)
+def forgotten():
+    """What a test registers is forgotten after it."""
+    yield
+    for known in (definition.LAWS, definition.CODES):
+        for name in list(known)[OURS:]:
+            del known[name]
+    del NUMBERED[OURS:]
+    for cached in (methods._known, methods.catalogue, definition.laws):
+        cached.cache_clear()
+    for name in [name for name in sys.modules if name.startswith(("tdint_plugin_", "outside"))]:
+        del sys.modules[name]
+
+
+@pytest.fixture
+def verlet(tmp_path):
+    """The README's method in a file."""
+    file = tmp_path / "verlet.py"
+    file.write_text(readmes.block("plugin-method"))
+    return file
+
+
+@pytest.fixture
+def hyperbolic(tmp_path):
+    """The README's law in a file."""
+    file = tmp_path / "hyperbolic.py"
+    file.write_text(readmes.block("law-file"))
+    return file
+
+
+def outside(tmp_path, text, name="outside_plugin"):
+    file = tmp_path / f"{name}.py"
+    file.write_text(dedent(text))
+    return file
+
+
+def test_the_method_of_the_readme_is_what_it_declares(verlet):
+    tdint.load_plugin(str(verlet))
+    found = check_method(methods.parse("verlet"))
+    assert found.faults == ()
+    assert math.isclose(found.limit, 2.0, rel_tol=1e-6)
+    assert abs(found.order - 2.0) < 0.1
+
+
+def test_without_damping_it_is_the_central_difference(verlet):
+    tdint.load_plugin(str(verlet))
+    story = {"mass": 1.0, "height": 3.0, "stiffness": 100.0, "law": {"type": "tanh", "strength": 3.0}}
+    model = tdint.load_model({"stories": [{**story, "repeat": 3}], "initial": {"displacement": [0.1, 0.2, 0.25]}})
+    record = tdint.make_record(np.sin(np.arange(300) * 0.1), dt=0.01, units="m/s^2")
+    own, ours = (tdint.run(model, record, method=name).stories for name in ("verlet", "central-difference"))
+    np.testing.assert_allclose(own.peak_drift, ours.peak_drift, rtol=1e-10)
+
+
+def test_a_false_declaration_is_told(tmp_path, verlet):
+    text = verlet.read_text().replace("lambda: 2.0", "lambda: 2.2").replace("order=lambda: 2", "order=lambda: 4")
+    tdint.load_plugin(str(outside(tmp_path, text)))
+    order, limit = check_method(methods.parse("verlet")).faults
+    assert order == "verlet: declares order 4, observed is 2.00"
+    assert "stable up to omega dt 2.2, measured is 2;" in limit
+
+
+def test_the_law_of_the_readme(tmp_path, hyperbolic):
+    """Along cycles its force is that of its formula; in a run of moment4 no energy is made."""
+    tdint.load_plugin(str(hyperbolic))
+    file = tmp_path / "workshop.yaml"
+    file.write_text(readmes.block("plugin-model"))
+    model = tdint.load_model(str(file))
+    path = tdint.cyclic_test(model, 1, ["2%"], points=50).path
+    x = 3e7 * path.drift / 3e5
+    np.testing.assert_allclose(path.shear, 3e5 * x / np.sqrt(1.0 + x * x), rtol=1e-12, atol=1e-6)
+    assert check_law(model, 1) == []
+    record = tdint.make_record(8.0 * np.sin(np.arange(500) * 0.07), dt=0.01, units="m/s^2")
+    response = tdint.run(model, record, method="moment4")
+    assert response.stories.peak_drift[0] > 0.02
+    assert abs(response.energy.error) < 1e-8
+
+
+def test_a_law_whose_tangent_or_energy_is_false_is_told(tmp_path, hyperbolic):
+    text = hyperbolic.read_text().replace("root * root * root)", "root)").replace("x * x / (1.0", "x / (1.0")
+    text = text.replace('"hyperbolic",', '"skewed",')
+    tdint.load_plugin(str(outside(tmp_path, text)))
+    story = {"mass": 1e4, "height": 4.0, "stiffness": 3e7, "law": {"type": "skewed", "strength": 3e5}}
+    energy, tangent = check_law(tdint.load_model({"stories": [story]}), 1)
+    assert "energy differ" in energy and "no" not in energy
+    assert "the tangent is not the slope of the force" in tangent
+
+
+def test_what_a_model_without_it_needs_stays_as_it_is(hyperbolic):
+    name = "tdint.methods.impulse4"
+    before = closure(name), closure(name, ("linear",))
+    tdint.load_plugin(str(hyperbolic))
+    assert (closure(name), closure(name, ("linear",))) == before
+    with_it = closure(name, ("linear", f"hyperbolic@{OURS}"))
+    assert with_it.keys() - before[1].keys() == {"tdint_plugin_hyperbolic"}
+
+
+def test_what_a_plugin_imports_counts(tmp_path, verlet, monkeypatch):
+    (tmp_path / "outside_helpers.py").write_text("ROWS = 4\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    file = outside(tmp_path, "from outside_helpers import ROWS as _\n" + verlet.read_text(), "helped")
+    tdint.load_plugin(str(file))
+    assert {"outside_helpers", "tdint_plugin_helped"} < closure("tdint_plugin_helped").keys()
+
+
+FAULTS = {
+    "def f(:\n": "outside_plugin.py:1: SyntaxError: ",
+    "x = 1\ny = x / 0\n": "outside_plugin.py:2: ZeroDivisionError: division by zero",
+    "x = 1\n": "outside_plugin.py: a plug-in has a tuple METHODS or LAWS; this one has neither",
+    "METHODS = (3,)\n": "outside_plugin.py: METHODS holds Method objects, not int",
+    "METHODS = 3\n": "outside_plugin.py: TypeError: ",
+    "raise SystemExit(3)\n": "outside_plugin.py:1: SystemExit: 3",
+    "from dataclasses import replace\nfrom tdint.methods.bathe import METHODS\nMETHODS = (replace(METHODS[0]),)\n": (
+        "there is a method 'bathe' already; give yours another name"
+    ),
+    "from tdint.kernels.laws.law import DriftLaw\nLAWS = (DriftLaw('tanh', '', lambda: None),)\n": (
+        "there is a law 'tanh' already"
+    ),
+}
+
+
+@pytest.mark.parametrize("text", FAULTS)
+def test_a_faulty_file_is_one_line(tmp_path, text):
+    with pytest.raises(UsageError) as caught:
+        tdint.load_plugin(str(outside(tmp_path, text)))
+    assert FAULTS[text] in str(caught.value)
+    assert str(caught.value).startswith(str(tmp_path)) and "\n" not in str(caught.value)
+
+
+CHANGES = {
+    ("verlet", '"verlet",\n        family', '"Verlet 2",\n        family'): "'Verlet 2' is no name of a method",
+    ("verlet", 'Family("verlet"', 'Family("bathe"'): "there is a family 'bathe' already",
+    ("verlet", "order=lambda: 2", "order=lambda: '2'"): "verlet: order gives '2', no int",
+    ("verlet", "order=lambda: 2", "order=lambda x: 2"): "TypeError: ",
+    ("verlet", "coefficients=lambda: ()", "coefficients=lambda: 'a'"): "ValueError: ",
+    ("hyperbolic", '"hyperbolic",', '"a,b",'): "'a,b' is no name of a law",
+    ("hyperbolic", "    from tdint.kernels.compiling", "    from nowhere"): "ModuleNotFoundError: ",
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_a_faulty_declaration_is_one_line_and_leaves_nothing(request, change):
+    name, before, after = change
+    file = request.getfixturevalue(name)
+    assert before in file.read_text()
+    file.write_text(file.read_text().replace(before, after))
+    with pytest.raises(UsageError) as caught:
+        tdint.load_plugin(str(file))
+    assert CHANGES[change] in str(caught.value) and "\n" not in str(caught.value)
+    assert len(NUMBERED) == OURS
+    assert "verlet" not in methods.catalogue()
+
+
+def test_what_cannot_be_compiled_names_the_file_and_where_it_is_known_the_line(tmp_path, verlet):
+    before = "n = linear_terms.shape[1] - 1"
+    line = verlet.read_text().partition(before)[0].count("\n") + 1
+    for number, (change, at) in enumerate({"n = nothing_of_this_name": "", before[:-1] + "'a'": f":{line}"}.items()):
+        text = verlet.read_text().replace(before, change).replace('"verlet"', f'"verlet-{number}"')
+        file = outside(tmp_path, text, f"outside_{number}")
+        tdint.load_plugin(str(file))
+        with pytest.raises(AnalysisError, match=f"cannot be compiled: {file}{at}: ") as caught:
+            check_method(methods.parse(f"verlet-{number}"))
+        assert "nothing_of_this_name" in str(caught.value) or "No implementation of function" in str(caught.value)
+
+
+def test_no_two_files_of_one_name(tmp_path, verlet):
+    tdint.load_plugin(str(verlet))
+    tdint.load_plugin(str(verlet))
+    (tmp_path / "other").mkdir()
+    other = tmp_path / "other" / "verlet.py"
+    other.write_text(verlet.read_text())
+    with pytest.raises(UsageError, match="has the same name; rename one of the two"):
+        tdint.load_plugin(str(other))
+
+
+def test_a_law_of_no_file_is_refused():
+    law = definition.LAWS["tanh"]
+    alone = type(law)("alone", law.formula, eval("lambda: None", {"__name__": "__main__"}))
+    with pytest.raises(UsageError, match="a file that another process can execute"):
+        tdint.register_law(alone)
+    with pytest.raises(UsageError, match="a law is a tdint"):
+        tdint.register_law("tanh")
+    with pytest.raises(UsageError, match="a method is a tdint"):
+        tdint.register_method(law)
+
+
+PACKAGE = {
+    "outside_package/__init__.py": "",
+    "outside_package-1.0.dist-info/METADATA": "Metadata-Version: 2.1\nName: outside-package\nVersion: 1.0\n",
+    "outside_package-1.0.dist-info/entry_points.txt": "[tdint.methods]\nverlet = outside_package.verlet\n"
+    "wrong = outside_package.nothing\n[tdint.laws]\nhyperbolic = outside_package.hyperbolic:LAW\n",
+}
+
+
+def test_an_installed_package_needs_no_option(tmp_path, verlet, hyperbolic):
+    """In a process of its own; a faulty entry point is warned of and keeps nothing else away."""
+    for name, text in PACKAGE.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    for file in (verlet, hyperbolic):
+        file.rename(tmp_path / "outside_package" / file.name)
+    program = f"""
+        import sys
+        sys.path.append({str(tmp_path)!r})
+        from tdint.methods.catalogue import catalogue, parse
+        from tdint.model.config.model_file import load_model
+        parse("impulse4")
+        assert "outside_package.verlet" not in sys.modules
+        story = {{"mass": 1.0, "stiffness": 1.0, "law": {{"type": "hyperbolic", "strength": 1.0}}}}
+        print(load_model({{"stories": [story]}}).stories[0].law)
+        print(parse("verlet").label, list(catalogue())[-1])
+    """
+    done = subprocess.run([sys.executable, "-c", dedent(program)], capture_output=True, text=True, cwd=tmp_path)
+    assert done.stdout == "Law(name='hyperbolic', parameters=(1.0,))\nverlet verlet\n", done.stderr
+    (warning,) = done.stderr.splitlines()
+    assert warning.startswith(
+        "a plug-in is left out: outside-package 1.0, entry point wrong of tdint.methods (outside_package.nothing)"
+    )
