@@ -12,6 +12,7 @@ import signal
 import threading
 from contextlib import suppress
 
+from tdint.system import do_not_wait
 from tdint_cli.errors import INTERRUPTED, TERMINATED
 from tdint_cli.terminal.streams import complain
 
@@ -24,7 +25,7 @@ def end_in_time() -> None:
     if threading.current_thread() is not threading.main_thread():
         return
     source, told = os.pipe()
-    os.set_blocking(told, False)
+    do_not_wait(told)
     threading.Thread(target=_watch, args=(source,), daemon=True).start()
     signal.set_wakeup_fd(told, warn_on_full_buffer=False)
 

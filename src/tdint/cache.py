@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 import shutil
-import stat
 import time
 from contextlib import suppress
 from pathlib import Path
+
+from tdint.system import is_own
 
 
 def cache_home() -> Path | None:
@@ -34,23 +35,7 @@ def cache_subfolder(name: str) -> Path | None:
         os.utime(folder)
     except OSError:
         return None
-    return folder if os.access(folder, os.W_OK) and _is_safe(home, folder) else None
-
-
-def _is_safe(home: Path, folder: Path) -> bool:
-    """Whether nobody else may put anything into a folder or, by renaming it within its home, in its place.
-
-    The folder must be this user's and closed to others. Its home may be root's, and open if it is sticky, as /tmp.
-    """
-    if not hasattr(os, "getuid"):  # Windows keeps a user's folders by other means.
-        return True
-    try:
-        own, above = folder.lstat(), home.stat()
-    except OSError:
-        return False
-    closed = stat.S_ISDIR(own.st_mode) and not own.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
-    kept = not above.st_mode & stat.S_IWOTH or bool(above.st_mode & stat.S_ISVTX)
-    return own.st_uid == os.getuid() and closed and above.st_uid in (os.getuid(), 0) and kept
+    return folder if os.access(folder, os.W_OK) and is_own(home, folder) else None
 
 
 def remove_unused(pattern: str, days: float, *, keep: Path) -> None:

@@ -1,8 +1,7 @@
-"""Processors of this machine, and work on them: threads, for compiled loops let Python go on meanwhile."""
+"""Work on the processors of this machine: threads, for compiled loops let Python go on meanwhile."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable, Iterator
 from typing import TypeVar
 
@@ -11,11 +10,6 @@ Result = TypeVar("Result")
 
 _AHEAD = 2
 """Items that each thread has, the one that it is at among them: none waits for who writes the results."""
-
-
-def processors() -> int:
-    """How many processors this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def on_threads(work: Callable[[Item], Result], items: Iterable[Item], jobs: int) -> Iterator[Result]:

@@ -1,12 +1,181 @@
-"""What operating systems do in different ways."""
+"""What operating systems do in different ways: each name that only some of them have stands here, with what is done
+without it."""
 
 from __future__ import annotations
 
 import math
+import os
+import signal
+import stat
+import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any, BinaryIO
+
+_SIGNAL_AT_PARENTS_DEATH = 1
+"""PR_SET_PDEATHSIG of Linux's prctl."""
+
+_MOUNTS = Path("/proc/self/mountinfo")
+_REMOTE_DRIVE = 4
+"""DRIVE_REMOTE of Windows' GetDriveTypeW."""
+
+START_OF_PROCESSES = "fork" if sys.platform == "linux" and hasattr(os, "fork") else "spawn"
+"""Forked processes have all that this one has loaded; where forking is not safe, they load it from the cache."""
+
+
+def processors() -> int:
+    """How many processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def memory() -> int | None:
+    """This machine's memory, bytes; None where it does not tell."""
+    if hasattr(os, "sysconf"):
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    if (kernel := _windows()) is None:
+        return None
+    import ctypes
+
+    kilobytes = ctypes.c_ulonglong()
+    kernel.GetPhysicallyInstalledSystemMemory(ctypes.byref(kilobytes))
+    return 1024 * kilobytes.value or None
+
+
+def do_not_wait(descriptor: int) -> None:
+    """Have writing to a pipe that is full fail; on Windows, before Python 3.12, it waits."""
+    if hasattr(os, "set_blocking"):
+        os.set_blocking(descriptor, False)
+
+
+def unnamed_file() -> BinaryIO:
+    """A file in memory to write and read, which needs no folder; where there is none, what is written is lost."""
+    if hasattr(os, "memfd_create"):
+        return os.fdopen(os.memfd_create("tdint"), "w+b")
+    return Path(os.devnull).open("w+b")
+
+
+# ---- Who owns what is loaded
+
+
+def is_trusted(file: os.stat_result, also: int) -> bool:
+    """Whether a file belongs to the user, to root or to the user `also`, and others cannot write it.
+
+    True on Windows, which keeps a user's folders by other means.
+    """
+    if not hasattr(os, "geteuid"):
+        return True
+    return file.st_uid in {os.geteuid(), 0, also} and not file.st_mode & 0o022
+
+
+def is_own(home: Path, folder: Path) -> bool:
+    """Whether nobody else may put anything into a folder or, by renaming it within its home, in its place.
+
+    The folder must be this user's and closed to others. Its home may be root's, and open if it is sticky, as /tmp.
+    True on Windows.
+    """
+    if not hasattr(os, "getuid"):
+        return True
+    try:
+        own, above = folder.lstat(), home.stat()
+    except OSError:
+        return False
+    closed = stat.S_ISDIR(own.st_mode) and not own.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    kept = not above.st_mode & stat.S_IWOTH or bool(above.st_mode & stat.S_ISVTX)
+    return own.st_uid == os.getuid() and closed and above.st_uid in (os.getuid(), 0) and kept
+
+
+# ---- File systems
+
+
+def file_system(folder: Path) -> str:
+    """The kind of the file system that a folder lies on, or will, as the system calls it; empty where it does not tell.
+
+    Windows tells no more than that a drive is on the network: that is `network drive`.
+    """
+    path = os.path.realpath(folder)
+    if kernel := _windows():
+        drive = os.path.splitdrive(path)[0]
+        return "network drive" if kernel.GetDriveTypeW(drive + "\\") == _REMOTE_DRIVE else ""
+    kinds = _kinds_told_by_mount() if sys.platform == "darwin" else _kinds_of_linux()
+    inside = [point for point in kinds if path == point or path.startswith(point.rstrip("/") + "/")]
+    return kinds[max(inside, key=len)] if inside else ""
+
+
+def _kinds_of_linux() -> dict[str, str]:
+    try:
+        lines = _MOUNTS.read_text(encoding="utf-8", errors="surrogateescape").splitlines()
+    except OSError:
+        return {}
+    kinds: dict[str, str] = {}
+    for line in lines:
+        before, _, after = line.partition(" - ")
+        words, kind = before.split(), after.split()
+        if len(words) > 4 and kind:
+            point = words[4].encode("latin-1", "replace").decode("unicode_escape", "replace")
+            kinds[point] = kind[0]
+    return kinds
+
+
+def _kinds_told_by_mount() -> dict[str, str]:
+    """Of macOS: lines like `//guest@server/share on /Volumes/share (smbfs, nodev, nosuid)`."""
+    import subprocess
+
+    try:
+        told = subprocess.run(["/sbin/mount"], capture_output=True, text=True, check=False).stdout
+    except OSError:
+        return {}
+    kinds: dict[str, str] = {}
+    for line in told.splitlines():
+        where, _, kind = line.rpartition(" (")
+        kinds[where.partition(" on ")[2]] = kind.partition(",")[0].rstrip(")")
+    return kinds
+
+
+def _windows() -> Any:
+    """The functions of Windows' kernel; None elsewhere."""
+    if sys.platform != "win32":
+        return None
+    import ctypes
+
+    return ctypes.windll.kernel32
+
+
+# ---- Processes
+
+
+@contextmanager
+def held_back(signals: Collection[signal.Signals]) -> Iterator[None]:
+    """Let signals wait; where that is not possible they do not."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, signals)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def let_through(signals: Collection[signal.Signals]) -> None:
+    """Take signals again in a process that was started while they were `held_back`."""
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, signals)
+
+
+def end_with(parent: int) -> None:
+    """Have this process killed when the one that started it ends; Linux does that, elsewhere its pipe tells it."""
+    if sys.platform == "linux":
+        import ctypes
+
+        with suppress(OSError, AttributeError):
+            ctypes.CDLL(None).prctl(_SIGNAL_AT_PARENTS_DEATH, signal.SIGKILL)
+        if os.getppid() != parent:  # It ended before that was asked for.
+            os._exit(1)
+
+
+# ---- Locks
 
 
 def lock(descriptor: int) -> bool:

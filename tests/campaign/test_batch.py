@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 
 import tdint
-from tdint.analysis.run.demands import demands
+from tdint.analysis.run.demands import DEMANDS, demands
+from tdint.analysis.run.outcome import STORY
 from tdint.analysis.run.run import FailedRun
+from tdint.analysis.sequence import run_sequence
 from tdint.campaign.engine.batch import Batch
-from tdint.campaign.engine.rows import RunRow
+from tdint.campaign.engine.rows import RunRow, demand_errors
 from tdint.campaign.engine.task import REPEATS, Motions, Run, RunSettings, Subject
+from tdint.ground_motion.joining import JoinedRecord
 from tdint.ground_motion.record import Record
 
 RECORDS = {
@@ -65,6 +68,57 @@ def test_rows_are_those_of_single_runs(model: str, method: str) -> None:
             np.testing.assert_array_equal([one.of(name) for one in stories], getattr(response.stories, name))
     if model == "collapse-prone-frame":
         assert {"done", "collapsed"} <= {row.status for row in rows.values()}
+
+
+@pytest.mark.parametrize("rest", [False, True])
+@pytest.mark.parametrize(
+    ("model", "method", "runs"),
+    [
+        ("ten-story-bilinear", "moment4", RUNS),
+        ("ten-story-bilinear", "impulse4", RUNS[:1]),
+        ("collapse-prone-frame", "moment4", RUNS),
+    ],
+)
+def test_errors_are_those_of_single_runs(model: str, method: str, runs: list[Run], rest: bool) -> None:
+    """Of every demand and story; none of a run that collapsed. The runs themselves are those without errors."""
+    results = batch(model, method, stories=True, check=True, until_rest=rest).results(runs)
+    plain = batch(model, method, stories=True, until_rest=rest).results(runs)
+    assert [row._replace(errors=(), at_rest=0) for row in results.runs] == [
+        row._replace(at_rest=0) for row in sorted(plain.runs, key=lambda row: runs.index(Run(row.motion, row.scale)))
+    ]
+    told = 0
+    for row in results.runs:
+        run = Run(row.motion, row.scale)
+        stories = [one for one in results.stories if (one.motion, one.scale) == (row.motion, row.scale)]
+        if row.status != "done":
+            assert row.errors == () and all(one.errors == () for one in stories)
+            continue
+        response = single(batch(model, method), run, check=True, until_rest=rest)
+        own = {one.name: one.error(response.stories, response.check.errors) for one in DEMANDS}
+        named = ("drift_ratio", "drift", "residual_drift_ratio", "acceleration", "roof_displacement", "base_shear")
+        assert row.errors == tuple(own[name] for name in named)
+        for number, quantity in enumerate(STORY):
+            np.testing.assert_array_equal(
+                [one.errors[number] for one in stories], getattr(response.check.errors, quantity.name)
+            )
+        told += 1
+    assert told and (model == "ten-story-bilinear" or told < len(runs))
+
+
+@pytest.mark.parametrize("fixed", [0, 1])
+def test_errors_of_shocks_one_after_the_other(fixed: int) -> None:
+    """Of the whole, or of the last one alone where the first is the state that the building is in."""
+    short = [replace(record, acceleration=record.acceleration[:1500]) for record in RECORDS.values()]
+    joined = JoinedRecord.of(short, 5.0, fixed=fixed)
+    subject = Subject(tdint.load_model("configs/ten-story-bilinear.yaml"), "moment4")
+    (row,) = Batch(0, subject, Motions.of({0: joined}), {0: None}, RunSettings(check=True)).results([Run(0, 1.0)]).runs
+    case = tdint.prepare(subject.model, short[0], method="moment4")
+    whole = run_sequence(case, short, rest=5.0, check=True)
+    stories, errors = whole.stories, whole.check.errors
+    if fixed:
+        stories, errors = whole.shocks[-1].stories, whole.shocks[-1].errors
+    assert row.peak_drift == np.max(stories.peak_drift)
+    assert row.errors == demand_errors(stories, errors) and all(error >= 0.0 for error in row.errors)
 
 
 def test_a_run_does_not_depend_on_the_others() -> None:

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tdint import spectrum
+from tdint import spectrum, system
 from tdint.campaign.buildings import GivenBuildings
 from tdint.campaign.carry_out import Advance
 from tdint.campaign.draws import EveryMotion, suite_motions
@@ -34,16 +34,18 @@ MOUNTS = """\
 
 
 @pytest.mark.parametrize("kind", ["nfs4", "lustre", "cifs", "fuse.sshfs"])
-def test_a_network_file_system_is_refused(tmp_path: Path, kind: str) -> None:
+def test_a_network_file_system_is_refused(tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also for a folder that does not exist yet; a local disk mounted below it is none, nor is a folder beside it."""
     mounts = tmp_path / "mountinfo"
     home = tmp_path / "home"
     mounts.write_text(MOUNTS.format(home=home, kind=kind))
+    monkeypatch.setattr(system, "_MOUNTS", mounts)
     with pytest.raises(OutputError, match=rf"network file system \({kind}\)"):
-        refuse_network(home / "new" / "out", mounts)
-    refuse_network(home / "local" / "out", mounts)
-    refuse_network(tmp_path / "home2", mounts)
-    refuse_network(home, tmp_path / "nowhere")
+        refuse_network(home / "new" / "out")
+    refuse_network(home / "local" / "out")
+    refuse_network(tmp_path / "home2")
+    monkeypatch.setattr(system, "_MOUNTS", tmp_path / "nowhere")
+    refuse_network(home)
 
 
 @given(

@@ -64,6 +64,39 @@ def change(file: str, *changes: tuple[str, str]) -> None:
     Path(file).write_text(text)
 
 
+def test_a_check_adds_an_error_beside_each_demand(study: Path, tdint: Run) -> None:
+    """Those of `tdint run`, in runs.csv and stories.csv, and said in the summary; several records take it, too."""
+    assert tdint("campaign", "study.yaml", "-o", "plain").exit_code == 0
+    change("study.yaml", ("method: newmark-average", "method: moment4, check: true"))
+    assert tdint("campaign", "study.yaml", "-o", "out").exit_code == 0
+    found, plain = rows("out/runs.csv"), rows("plain/runs.csv")
+    named = [name for name in COLUMNS.split(",")[10:18] if not name.endswith(("_story", "_floor"))]
+    assert list(plain[0]) == COLUMNS.split(",")
+    assert list(found[0]) == [*plain[0], *(f"{name}_error" for name in named)]
+    assert list(rows("out/stories.csv")[0])[len(rows("plain/stories.csv")[0]) :][0] == "peak_drift_m_error"
+    alone = tdint("run", "shaken.yaml", "motion.mseed", "--units", "m/s^2", "--component", "HNN", "--scale", "0.25",
+                  "--method", "moment4", "-o", "alone")  # fmt: skip
+    assert alone.exit_code == 0
+    errors = json.loads(Path("alone/summary.json").read_text())["check"]["errors"]
+    one = found[3]
+    assert (one["component"], one["scale"]) == ("HNN", "0.25")
+    assert float(one["peak_drift_m_error"]) == pytest.approx(errors["drift_m_error"], rel=1e-11)
+    assert float(one["peak_base_shear_N_error"]) == pytest.approx(errors["base_shear_N_error"], rel=1e-11)
+    stories = [row for row in rows("out/stories.csv") if all(row[name] == one[name] for name in
+               ("building", "record", "component", "scale"))]  # fmt: skip
+    assert [row["peak_shear_N_error"] for row in stories] == [
+        row["peak_shear_N_error"] for row in rows("alone/stories.csv")
+    ]
+    summary = json.loads(Path("out/summary.json").read_text())
+    unknown = [row for row in found if row["peak_drift_m"] and not row["peak_drift_m_error"]]
+    assert summary["without_an_error"] == len(unknown) and summary["settings"]["check"] is True
+    assert "peak_drift_m_error" in summary["columns"]
+    many = tdint("run", "shaken.yaml", "motion.mseed", "--units", "m/s^2", "--scale", "0.25,1", "--method", "moment4",
+                 "--check", "--component", "HNN")  # fmt: skip
+    table = list(csv.DictReader(io.StringIO(many.stdout)))
+    assert table[0]["peak_drift_m_error"] == one["peak_drift_m_error"]
+
+
 def test_a_row_for_each_run(study: Path, tdint: Run) -> None:
     """The numbers are those of `tdint run`; buildings, records and scales come in their order."""
     result = tdint("campaign", "study.yaml", "-o", "out")
@@ -380,7 +413,9 @@ def test_the_store_can_be_asked_in_sql(study: Path, tdint: Run) -> None:
     tdint("campaign", "study.yaml", "-o", "out")
     connection = sqlite3.connect(f"out/{FILE}")
     found = connection.execute("SELECT * FROM runs WHERE building = 'stiff'")
-    assert [column[0] for column in found.description] == COLUMNS.split(",")
+    names, own = [column[0] for column in found.description], COLUMNS.count(",") + 1
+    assert names[:own] == COLUMNS.split(",")
+    assert names[own:] and all(name.removesuffix("_error") in names[:own] for name in names[own:])  # empty here
     wanted = [row for row in rows("out/runs.csv") if row["building"] == "stiff"]
     assert [(row[1], row[2], f"{row[10]:.12g}") for row in found] == [
         (row["record"], row["component"], row["peak_drift_ratio"]) for row in wanted
@@ -405,7 +440,7 @@ def test_run_with_several_records_or_scales(study: Path, tdint: Run) -> None:
     assert other.exit_code == 2
     assert tdint("run", "shaken.yaml", "--scale", "1,3", "--units", "m/s^2", "-o", "out", "--overwrite").exit_code == 0
     assert len(rows("out/runs.csv")) == 2
-    for option in (["--history"], ["--check"], ["--export-floors", "mseed", "-o", "out"]):
+    for option in (["--history"], ["--tolerance", "1%"], ["--export-floors", "mseed", "-o", "out"]):
         refused = tdint("run", "shaken.yaml", "--scale", "1,3", *option, "-o", "new")
         assert (refused.exit_code, "for one record and one scale" in refused.stderr) == (2, True), refused.stderr
 

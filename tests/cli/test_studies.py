@@ -34,6 +34,27 @@ def studied(folder, tdint):
     return folder
 
 
+def test_an_ida_with_the_errors_of_its_runs(folder, tdint):
+    """Beside each demand of a run that stands, none of a collapse; the runs, and what follows from them, are the same.
+    The errors are kept, too."""
+    call = ("ida", "shaken.yaml", "motion.mseed", *UNITS, "--component", "HNN", "--method", "moment4")
+    plain, checked = tdint(*call, "-o", "plain"), tdint(*call, "--check", "-o", "out")
+    assert plain.exit_code == checked.exit_code == 0, checked.output
+    one, other = (rows((folder / name / "ida.csv").read_text()) for name in ("plain", "out"))
+    demands = ("peak_drift_ratio", "peak_absolute_acceleration_m_s2", "residual_drift_ratio")
+    assert list(other[0]) == [*one[0], *(f"{name}_error" for name in demands)]
+    assert [{name: row[name] for name in one[0]} for row in other] == one
+    for row in other:
+        assert all((row[f"{name}_error"] != "") == (row["status"] == "done") for name in demands)
+    assert {"done", "collapsed"} <= {row["status"] for row in other}
+    assert (folder / "plain" / "capacities.csv").read_bytes() == (folder / "out" / "capacities.csv").read_bytes()
+    about = json.loads((folder / "out" / "ida.json").read_text())
+    assert about["settings"]["check"] is True and "peak_drift_ratio_error" in about["columns"]
+    again = tdint(*call, "--check", "-o", "out")
+    assert "nothing to do" in again.stderr and rows((folder / "out" / "ida.csv").read_text()) == other
+    assert tdint(*call, "-o", "out").exit_code == 2  # another study
+
+
 # ---- scale
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tdint.ground_motion.formats.series import acceleration_units
+from tdint.ground_motion.formats.series import motion_units
 from tdint.units import STANDARD_GRAVITY, parse_units
 
 PLACES = {"x": 1.5, "y": -2.25, "up": 0.5}
@@ -82,7 +82,7 @@ def cosmos(values=None, units="cm/sec2(04)", kind="acceleration", codes=True, np
     integers[:4], integers[39:45] = [2, 1, 4, 120], [2005, 167, 6, 16, 20, 53]
     reals[29], reals[61], reals[62] = 4.4, 10.0, len(values) * 0.01
     # Max is in cm/sec2 whatever the units of the samples.
-    known = acceleration_units(units) or {"7": "0.0254 m/s^2", "2": "g"}.get(units[-2:-1])
+    known = motion_units(units) or {"7": "0.0254 m/s^2", "2": "g"}.get(units[-2:-1])
     peak = np.max(np.abs(values)) * (parse_units(known).scale / 0.01 if known else 1.0)
     comments = ["| <SCNL>FAR.HNE.XX.10    <AUTH> 2019/02/01"] if codes else ["| nothing"]
     width = 8 if units.startswith("counts") else 10
@@ -176,7 +176,7 @@ def csmip_pairs(values=None, dt=0.005, times=None, units="G/10"):
     """One channel of pairs of time and acceleration, as on film."""
     values = motion() if values is None else values
     # MAX is in g, the samples are in tenths of it.
-    peak = np.max(np.abs(values)) * parse_units(acceleration_units(units) or "g").scale / STANDARD_GRAVITY
+    peak = np.max(np.abs(values)) * parse_units(motion_units(units) or "g").scale / STANDARD_GRAVITY
     texts = csmip_texts("UNCORRECTED ACCELEROGRAM DATA", 1, " 90 DEG", [
         f"NO. OF POINTS =  {len(values)}  RECORD LENGTH = 59.998 SEC",
         f"UNITS OF UNCOR ACCEL ARE SEC AND {units}.     MAX  =  -{peak:.3f} G, AT  11.576 SEC.",

@@ -11,7 +11,7 @@ import pytest
 from ground_motion.files import START, counts, obspy_data, trace, wave, write
 from tdint.errors import RecordError
 from tdint.ground_motion.header_checks.mseed import last_samples, most_samples
-from tdint.ground_motion.header_checks.statement import Damaged, Statement, compare
+from tdint.ground_motion.header_checks.statement import Damaged, Statement, check_step, compare
 from tdint.ground_motion.reading.plugins import read_contents
 from tdint.ground_motion.reading.read import read_record
 
@@ -37,6 +37,14 @@ class TestComparison:
             compare([Statement("peak", 1.009, 1.0, measured=True)])
         with pytest.raises(RecordError):
             compare([Statement("peak", float("inf"), 1.0, measured=True)])
+
+
+@pytest.mark.parametrize("dt", [1e-6, 0.005, 10.0])
+def test_sampling_intervals_that_recorders_have(dt):
+    check_step(dt)
+    for other in (0.0, -dt, 0.99e-6, 10.01, float("nan"), float("inf")):
+        with pytest.raises(RecordError, match="recorders have 1e-06 to 10 s"):
+            check_step(other)
 
 
 class TestMiniSeed:
@@ -119,6 +127,15 @@ class TestMiniSeed:
         wrong = data.copy()
         wrong[53] = 0
         refused(wrong, "different byte orders")
+
+    @pytest.mark.parametrize("following", [48, 47, 20])
+    def test_a_blockette_that_leads_back(self, data, following):
+        """To itself, or to before itself: whoever follows it never ends."""
+        wrong = data.copy()
+        (first,) = struct.unpack_from(">H", wrong, 46)
+        assert first == 48
+        struct.pack_into(">H", wrong, first + 2, following)
+        refused(wrong, "the places of its blockettes are wrong")
 
     def test_more_blockettes_than_stated(self, data):
         wrong = data.copy()
@@ -215,6 +232,16 @@ class TestSac:
             struct.pack_into("<f", data, 4 * word, -12345.0)
         assert read_contents(bytes(data), "file").compared == ("number of samples",)
 
+    @pytest.mark.parametrize("peak", [1e-4, 1e4])
+    def test_a_peak_is_compared_with_the_peak(self, tmp_path, peak):
+        """Whatever the units: a ten-thousandth of it is another number, a millionth is rounding."""
+        samples = (wave() * peak / np.max(np.abs(wave()))).astype(np.float32)
+        data = bytearray(write(tmp_path / "a", trace(samples), format="SAC").read_bytes())
+        struct.pack_into("<f", data, 4 * 2, float(samples.max()) * (1.0 + 1e-6))
+        assert "peak (largest sample)" in read_contents(bytes(data), "file").compared
+        struct.pack_into("<f", data, 4 * 2, float(samples.max()) * (1.0 + 1e-4))
+        refused(data, "largest sample")
+
 
 class TestTimeSeries:
     @pytest.mark.parametrize("format", ["SLIST", "TSPAIR"])
@@ -252,6 +279,9 @@ class TestRecorders:
             wrong = data.copy()
             wrong[place] = value
             refused(wrong, "damaged|unknown format")
+        wrong = data.copy()
+        wrong[1024 + 7] ^= 1  # another stream, that begins where the first block ends
+        refused(wrong, "one stream of its blocks continues another one")
 
     @pytest.mark.parametrize("name", ["225051000_00008656", "104800000_000093F8", "065520000_013EE8A0.rt130"])
     def test_reftek_packets(self, name):

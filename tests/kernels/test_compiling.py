@@ -17,7 +17,7 @@ from tdint.analysis.run.compilation import of_model
 from tdint.errors import OutputError
 from tdint.kernels.building import store
 from tdint.kernels.building.ahead import compile_ahead
-from tdint.kernels.building.compiler import called, object_of, specialized
+from tdint.kernels.building.compiler import called, objects_of, specialized
 from tdint.kernels.building.loading import Loaded, pack, unpack
 from tdint.kernels.building.obtaining import obtain
 from tdint.kernels.building.target import Target, named, native, runnable
@@ -228,7 +228,8 @@ def add(table, numbers, factor, row):
 
 def test_a_loaded_kernel_takes_numbers_and_arrays():
     signature = I8(TABLE, VECTOR, F8, I8)
-    kernel = Loaded(*object_of(add, signature), signature)
+    (code,), symbol = objects_of(add, signature, [native()])
+    kernel = Loaded(code, symbol, signature)
     table, numbers = np.ones((2, 4)), np.arange(3.0)
     assert kernel(table, numbers, 2.0, 1) == 4
     assert table.tolist() == [[1.0] * 4, [1.0, 3.0, 5.0, 1.0]]
@@ -244,7 +245,7 @@ def test_a_kernel_that_allocates_is_refused():
         return np.zeros(numbers.size).sum()
 
     with pytest.raises(Exception, match=r"NRT|allocate"):
-        object_of(allocates, F8(VECTOR))
+        objects_of(allocates, F8(VECTOR), [native()])
 
 
 @pytest.mark.parametrize(("decorate", "times"), [(called, 1), (specialized, 2)])
@@ -253,7 +254,7 @@ def test_constants_make_another_function_only_where_that_is_wanted(decorate, tim
     def power(x, n):
         return x**n
 
-    object_of(lambda x: power(x, 2) + power(x, 3), F8(F8))
+    objects_of(lambda x: power(x, 2) + power(x, 3), F8(F8), [native()])
     assert len(power.overloads) == times
 
 

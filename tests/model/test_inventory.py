@@ -48,6 +48,17 @@ def test_the_building_has_about_the_period_of_its_type(stories):
     assert shares == pytest.approx(np.cumsum(load[::-1])[::-1] / load.sum(), rel=1e-12)
 
 
+@pytest.mark.parametrize("stories", [2, 3, 5, 12, 50])
+def test_the_strength_is_that_of_the_mass_in_the_first_mode(stories):
+    """alpha1(n) is fitted to that share of the mass of a chain of n equal masses and springs; to 8 / pi^2 for many."""
+    made = derive(BuildingFacts("S1", stories, 1990, 800.0))
+    row = hazus_types()[made.design_level, made.type]
+    chain = 2.0 * np.eye(stories) - np.eye(stories, k=1) - np.eye(stories, k=-1)
+    chain[-1, -1] = 1.0
+    share = np.sum(np.linalg.eigh(chain)[1][:, 0]) ** 2 / stories
+    assert made.yield_force[0] / (row.yield_acceleration_g * 9.8 * np.sum(made.mass)) == pytest.approx(share, rel=2e-3)
+
+
 @pytest.mark.parametrize(
     ("structure", "year", "zone", "level"),
     [

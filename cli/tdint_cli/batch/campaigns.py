@@ -265,6 +265,8 @@ def _say(store: Store, advance: Advance) -> None:
 
 def tell_outcomes(store: Store) -> None:
     """How many runs failed, collapsed, were repeated or are not at rest."""
+    from tdint.output.summaries.summary import without_error
+
     statuses = store.statuses()
     failed = {name: statuses[name] for name in _FAILED if name in statuses}
     if failed:
@@ -275,5 +277,7 @@ def tell_outcomes(store: Store) -> None:
         say(", ".join(f"{count} runs {name}" for name, count in fell.items()) + ".")
     if repeated := store.count("repeats > 0"):
         note(f"{repeated} runs were repeated with finer steps (column dt_s)")
+    if unknown := without_error(store):
+        note(f"{unknown} runs have no estimated errors, for they collapsed or a repetition failed: empty cells")
     if moving := store.count("at_rest = 0"):
         warn(f"{moving} runs were still moving when their time was over: their residual drifts are not at rest")

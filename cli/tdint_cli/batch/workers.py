@@ -6,16 +6,16 @@ it ends when the pipe to the first process is gone.
 
 from __future__ import annotations
 
-import ctypes
 import os
 import signal
-import sys
 import warnings
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from multiprocessing import connection, get_context
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+from tdint.system import START_OF_PROCESSES, end_with, held_back, let_through
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -23,9 +23,6 @@ if TYPE_CHECKING:
 
 Item = TypeVar("Item")
 Outcome = TypeVar("Outcome")
-
-_SIGNAL_AT_PARENTS_DEATH = 1
-"""PR_SET_PDEATHSIG of Linux's prctl."""
 
 _HELD_BACK = (signal.SIGINT, signal.SIGTERM)
 
@@ -50,8 +47,7 @@ class Workers(Generic[Item, Outcome]):
     """
 
     def __init__(self, function: Callable[[Item], Outcome], count: int) -> None:
-        # Forked processes have all that this one has loaded; where forking is not safe, they load it from the cache.
-        self._context: Any = get_context("fork" if sys.platform == "linux" else "spawn")
+        self._context: Any = get_context(START_OF_PROCESSES)
         self._function = function
         self._count = count
         self._workers: list[_Worker] = []
@@ -112,7 +108,8 @@ class Workers(Generic[Item, Outcome]):
             warnings.filterwarnings("ignore", ".*fork", DeprecationWarning)
             process = self._context.Process(target=_work, args=(self._function, theirs, os.getpid()), daemon=True)
             worker = _Worker(process, ours)
-            with _signals_held_back():
+            # An exception in what Python does after a fork would be lost, and the signal with it.
+            with held_back(_HELD_BACK):
                 self._workers.append(worker)
                 process.start()
         theirs.close()
@@ -143,28 +140,14 @@ class _Worker:
             self.process.join()
 
 
-@contextmanager
-def _signals_held_back() -> Iterator[None]:
-    """Ctrl-C and SIGTERM wait: an exception in what Python does after a fork would be lost, and the signal with it."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, _HELD_BACK)
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
 def _work(function: Callable[[Any], Any], pipe: Connection, parent: int) -> None:
     """Do items until the pipe ends."""
     # Ctrl-C reaches all processes of a terminal: the first one speaks and ends the others by SIGTERM.
     signal.set_wakeup_fd(-1)  # that of the first process, where they are forked
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    if hasattr(signal, "pthread_sigmask"):
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, _HELD_BACK)
-    _end_with(parent)
+    let_through(_HELD_BACK)
+    end_with(parent)
     with suppress(EOFError, OSError):
         while True:
             item = pipe.recv()
@@ -173,12 +156,3 @@ def _work(function: Callable[[Any], Any], pipe: Connection, parent: int) -> None
             except Exception as error:
                 answer = False, error
             pipe.send(answer)
-
-
-def _end_with(parent: int) -> None:
-    """Have this process killed when its parent ends."""
-    if sys.platform == "linux":
-        with suppress(OSError, AttributeError):
-            ctypes.CDLL(None).prctl(_SIGNAL_AT_PARENTS_DEATH, signal.SIGKILL)
-        if os.getppid() != parent:  # It ended before that was asked for.
-            os._exit(1)

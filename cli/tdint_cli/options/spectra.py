@@ -157,7 +157,7 @@ class FloorRequest:
         from tdint.campaign.floor_suites import FloorChoice, floor_suites, run_floors
         from tdint.output.figures.demands.floor_spectra import floor_suite_picture
         from tdint.output.tables.campaign import floor_suite_table, run_floor_table
-        from tdint.processors import processors
+        from tdint.system import processors
 
         choice = FloorChoice(self.floors, self.chosen_periods(), self.damping)
         found = run_floors(plan, store, choice, jobs or processors())

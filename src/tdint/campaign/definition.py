@@ -111,6 +111,8 @@ class AnalysisWishes:
         Whether gravity acts on the displaced buildings.
     until_rest : bool
         Go on with the ground at rest until the motion has died.
+    check : bool
+        Estimate the errors of the demands.
     """
 
     method: str | None = None
@@ -120,6 +122,7 @@ class AnalysisWishes:
     collapse_drift: float | None = None
     p_delta: bool | None = None
     until_rest: bool = False
+    check: bool = False
 
 
 @dataclass(frozen=True)

@@ -241,7 +241,13 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         assignment=_assignment(campaign, inputs),
         levels=_levels(campaign, inputs),
         settings=RunSettings(
-            analysis.dt, analysis.duration, analysis.until_rest, campaign.stories, analysis.tolerance, campaign.profiles
+            analysis.dt,
+            analysis.duration,
+            analysis.until_rest,
+            campaign.stories,
+            analysis.tolerance,
+            campaign.profiles,
+            analysis.check,
         ),
         failures=inputs.failures,
         notes=(*notes, *inputs.notes),

@@ -125,6 +125,7 @@ _ANALYSIS = Keys(
         Key("collapse_drift", POSITIVE_RATIO, "drift ratio beyond which a run counts as collapsed"),
         Key("p_delta", Flag(), "whether gravity acts on the displaced buildings"),
         Key("until_rest", Flag(), "go on with the ground at rest until the motion has died"),
+        Key("check", Flag(), "estimate the errors of the demands: columns `<name>_error`"),
     )
 )
 _OUTPUTS = Keys(
@@ -220,7 +221,7 @@ def _read_analysis(value: Value | None) -> AnalysisWishes:
         return AnalysisWishes()
     method = section.get("method")
     named = method.parsed(parse_method) if method else None
-    p_delta, until_rest = section.get("p_delta"), section.get("until_rest")
+    p_delta, until_rest, check = (section.get(name) for name in ("p_delta", "until_rest", "check"))
     return AnalysisWishes(
         method=named.label if named else None,
         dt=section.number_or_none("dt"),
@@ -229,6 +230,7 @@ def _read_analysis(value: Value | None) -> AnalysisWishes:
         collapse_drift=section.number_or_none("collapse_drift"),
         p_delta=p_delta.boolean() if p_delta else None,
         until_rest=until_rest.boolean() if until_rest else False,
+        check=check.boolean() if check else False,
     )
 
 

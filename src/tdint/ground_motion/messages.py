@@ -8,8 +8,9 @@ import tempfile
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import IO
+
+from tdint.system import unnamed_file
 
 _LONGEST = 300
 """Characters of a message; ObsPy's may quote a whole file."""
@@ -100,9 +101,7 @@ def _spool() -> IO[bytes]:
     try:
         return tempfile.TemporaryFile()
     except OSError:
-        if hasattr(os, "memfd_create"):
-            return os.fdopen(os.memfd_create("tdint"), "w+b")
-        return Path(os.devnull).open("w+b")
+        return unnamed_file()
 
 
 def one_line(text: str) -> str:

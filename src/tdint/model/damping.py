@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +9,7 @@ from tdint.errors import ModelError
 from tdint.kernels import layout as at
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
 from tdint.model.modes import FreeVibration, Modes
+from tdint.system import memory
 
 Array = NDArray[np.float64]
 
@@ -74,7 +73,7 @@ def _check_memory(stories: int) -> None:
         There are too many stories.
     """
     needed = _TABLES * 8 * stories**2
-    if not hasattr(os, "sysconf") or needed <= (has := os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")):
+    if (has := memory()) is None or needed <= has:
         return
     raise ModelError(
         f"modal damping of {stories} stories takes {needed / 2**30:.0f} GiB of memory, and this machine has "

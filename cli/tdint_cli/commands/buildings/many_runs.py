@@ -40,7 +40,7 @@ def run_many(
     from tdint.files import check_outputs, write_files
     from tdint.model.config.model_file import load_model
     from tdint.output.tables.campaign import runs_table
-    from tdint.processors import processors
+    from tdint.system import processors
 
     picture = of_suite.picture(Path(output) if output else None)
     if output is None:

@@ -75,7 +75,7 @@ class Request(BuildingRequest):
         UsageError
             One of them is given.
         """
-        for name in ("history", "check", "tolerance", "allow_unstable"):
+        for name in ("history", "tolerance", "allow_unstable"):
             if getattr(self, name):
                 raise UsageError(f"--{name.replace('_', '-')} is for one record and one scale; call it once for each")
         if self.every > 1:
@@ -207,7 +207,9 @@ def _run_many(request: Request, records: tuple[str, ...]) -> None:
     request.refuse_of_one()
     if "-" in (request.model, *records):
         raise UsageError("several records or scales take files, not standard input")
-    wishes = AnalysisWishes(request.method, request.dt, request.duration, until_rest=request.until_rest)
+    wishes = AnalysisWishes(
+        request.method, request.dt, request.duration, until_rest=request.until_rest, check=bool(request.check)
+    )
     run_many(
         request, records, wishes=wishes, output=request.output, overwrite=request.overwrite,
         jobs=request.jobs, factors=request.factors,

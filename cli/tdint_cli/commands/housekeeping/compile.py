@@ -9,9 +9,11 @@ import click
 from tdint.errors import UsageError
 from tdint_cli import options
 from tdint_cli.terminal.progress import progress_bar
-from tdint_cli.terminal.streams import say
+from tdint_cli.terminal.streams import emit, say
 
-TARGETS = ("native", "x86-64-v4", "x86-64-v3", "x86-64-v2", "x86-64")
+_HERE = ("x86-64-v4", "x86-64-v3", "x86-64-v2", "x86-64", "aarch64")
+_SYSTEMS = ("linux", "macos", "windows")
+TARGETS = ("native", *_HERE, *(f"{system}-{one}" for system in _SYSTEMS for one in _HERE))[:-1]  # Windows: x86-64 only
 
 
 @options.command("compile")
@@ -24,7 +26,8 @@ TARGETS = ("native", "x86-64-v4", "x86-64-v3", "x86-64-v2", "x86-64")
     many=True,
     type=click.Choice(TARGETS),
     metavar="NAME,...",
-    help=f"Processors to compile for: {', '.join(TARGETS)}; native, this machine's, by default.",
+    help=f"Processors to compile for: native, this machine's, by default; {', '.join(_HERE)}; those of another system "
+    f"behind {', '.join(_SYSTEMS)}: macos-aarch64.",
 )
 @options.analysis.method_of("MODEL.yaml")
 @options.headings.option("--show", is_flag=True, help="Tell for each loop which object is used; compile nothing.")
@@ -66,9 +69,7 @@ def command(
     if show:
         from tdint.kernels.building.ahead import shown
 
-        click.echo("loop,variant,object")
-        for row in shown(wanted):
-            click.echo(",".join(row))
+        emit("".join(",".join(row) + "\n" for row in [("loop", "variant", "object"), *shown(wanted)]).encode())
         return
     with progress_bar(to_terminal=False) as progress:
         folder = Path(output) if output else None

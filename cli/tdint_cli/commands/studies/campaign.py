@@ -242,7 +242,7 @@ def _engine(request: CampaignRequest) -> Engine:
         if request.jobs is not None:
             raise UsageError("--jobs is for threads of this machine; leave it out with --dask")
         return cluster(far)
-    from tdint.processors import processors
+    from tdint.system import processors
 
     return threads(request.jobs or processors())
 

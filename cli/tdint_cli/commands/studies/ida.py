@@ -53,6 +53,7 @@ class IdaRequest(RecordsRequest):
     dt: float | None
     duration: float | None
     until_rest: bool
+    check: bool
     after: str | None
     damage: tuple[float, ...] | None
     jobs: int | None
@@ -130,6 +131,11 @@ class IdaRequest(RecordsRequest):
 @options.analysis.dt
 @options.analysis.duration
 @options.analysis.until_rest
+@options.analysis.option(
+    "--check",
+    is_flag=True,
+    help=f"Columns <name>_error in {RUNS} with the estimated errors, as `tdint run` has them; empty for collapses.",
+)
 @options.output.output(
     "DIR",
     f"Write {RUNS}, {CAPACITIES} and {SUMMARY} into this folder, and go on there with what an interrupted call of the "
@@ -164,7 +170,7 @@ def _ida(request: IdaRequest) -> None:
     from tdint.campaign.ida.study import IdaSettings, ida
     from tdint.model.config.model_file import load_model
     from tdint.output.tables.studies import capacity_table
-    from tdint.processors import processors
+    from tdint.system import processors
     from tdint_cli.errors import Failures
 
     folder = _folder(request)
@@ -178,6 +184,7 @@ def _ida(request: IdaRequest) -> None:
         dt=request.dt,
         duration=request.duration,
         until_rest=request.until_rest,
+        check=request.check,
         **({"thresholds": request.threshold} if request.threshold else {}),
     )
     suite, failures = read_suite(request.records, request.choice, pairs=request.pairs is not None)

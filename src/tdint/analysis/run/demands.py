@@ -156,7 +156,8 @@ class Demands(Generic[Found]):
     ]
 
 
-_DECLARED: tuple[Demand, ...] = tuple(one for one in quantities(Demands) if isinstance(one, Demand))
+DECLARED: tuple[Demand, ...] = tuple(one for one in quantities(Demands) if isinstance(one, Demand))
+"""The demands of `Demands`."""
 
 
 def _further() -> Iterator[Demand]:
@@ -166,18 +167,18 @@ def _further() -> Iterator[Demand]:
             yield Demand(one.unit, f"{one.meaning}; of all stories", called=one.called, name=one.name)
 
 
-DEMANDS: tuple[Demand, ...] = (*_DECLARED, *_further())
+DEMANDS: tuple[Demand, ...] = (*DECLARED, *_further())
 """What a summary tells of a run, in its order."""
 
 
 def demands(stories: StoryPeaks) -> Demands[Largest]:
     """The largest demands in the building."""
-    return Demands(**{one.name: only(one.of(stories)) for one in _DECLARED})
+    return Demands(**{one.name: only(one.of(stories)) for one in DECLARED})
 
 
 def demands_of_runs(stories: StoryPeaks) -> Demands[LargestOfRuns]:
     """Those of many runs of a building, whose peaks have the shape (runs, n)."""
-    return Demands(**{one.name: one.of(stories) for one in _DECLARED})
+    return Demands(**{one.name: one.of(stories) for one in DECLARED})
 
 
 def only(found: Any) -> Largest:

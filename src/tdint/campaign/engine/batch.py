@@ -16,12 +16,22 @@ from numpy.typing import NDArray
 
 from tdint.analysis.run import run_totals
 from tdint.analysis.run.case import RUNAWAY, Case
+from tdint.analysis.run.error_estimate import checked_run
 from tdint.analysis.run.outcome import Collapse, FailedRun, Response, StoryPeaks
 from tdint.analysis.run.prepared import MarchedRuns, Rest
-from tdint.analysis.run.rest import windows
+from tdint.analysis.run.rest import until_rest, windows
 from tdint.analysis.run.steps import Steps, finer
 from tdint.analysis.sequence import sequence_of, shocks_of
-from tdint.campaign.engine.rows import RunRow, ShockRow, StoryRow, demand_cells, run_key, shock_rows, story_rows
+from tdint.campaign.engine.rows import (
+    RunRow,
+    ShockRow,
+    StoryRow,
+    demand_cells,
+    demand_errors,
+    run_key,
+    shock_rows,
+    story_rows,
+)
 from tdint.campaign.engine.task import REPEATS, Motions, Run, RunSettings, Subject
 from tdint.ground_motion.joining import JoinedRecord
 from tdint.kernels import layout as at
@@ -110,6 +120,10 @@ class Batch:
             for job in jobs:
                 self._take_failure(job, "not-within-tolerance", results)
             return results
+        if self.settings.check:
+            for job in jobs:
+                self._check(job, results)
+            return results
         while jobs:
             failed: list[_Job] = []
             for h in dict.fromkeys(job.steps.h for job in jobs):
@@ -135,10 +149,12 @@ class Batch:
         (row,) = rows.runs
         if row.steps is not None:
             steps = replace(joined.steps(row.dt, sequence.whole.duration), count=row.steps)
-            shocks = shocks_of(joined, sequence, steps)
+            shocks = shocks_of(joined, sequence, steps, check=self.settings.check and record.fixed > 0)
             rows.shocks = shock_rows(self.number, run, shocks)
             if record.fixed and len(shocks) > record.fixed:
-                row = row._replace(**demand_cells(shocks[-1].stories)[0])
+                last = shocks[-1]
+                errors = demand_errors(last.stories, last.errors) if row.errors and last.errors else ()
+                row = row._replace(**demand_cells(last.stories)[0], errors=errors)
         return Rows(
             [row._replace(scale=run.scale)], [one._replace(scale=run.scale) for one in rows.stories], rows.shocks
         )
@@ -201,6 +217,23 @@ class Batch:
         most = max(taken, int(numbers[at.STEPS_REACHED]) + 1)
         response = self._case(job.run).march(replace(job.steps, count=max(most, job.steps.count)))
         self._take_response(job, response, results)
+
+    def _check(self, job: _Job, results: Rows) -> None:
+        """Integrate a run with its errors, as a single one is; with half of the step if that fails."""
+        case = self._case(job.run)
+        try:
+            steps, at_rest = job.steps, True
+            if self.settings.until_rest:
+                steps, at_rest = until_rest(case, steps)
+                steps = case.steps(steps.h, steps.count * steps.h)  # all of them are asked for now
+            response = checked_run(case, steps)
+        except FailedRun as failure:
+            if failure.status not in _REPEATED or job.repeats == REPEATS:
+                self._take_failure(job, failure.status, results)
+            else:
+                self._check(_Job(job.run, finer(job.steps), job.repeats + 1), results)
+            return
+        self._take_response(job, response, results, at_rest=int(at_rest))
 
     def _march(self, jobs: list[_Job]) -> MarchedRuns:
         h = jobs[0].steps.h
@@ -272,12 +305,16 @@ class Batch:
         building = self.subject.prepared.building
         return run_totals.peaks_of(building, marched.peaks[i], marched.drifts[i])
 
-    def _take_response(self, job: _Job, response: Response, results: Rows) -> None:
+    def _take_response(self, job: _Job, response: Response, results: Rows, **more: Any) -> None:
+        """Rows of a run. A building that has collapsed has peaks that mean little, and no errors of them."""
         (cells,) = demand_cells(response.stories)
-        cells |= {"energy_error": response.energy.error, "steps": response.steps}
+        cells |= {"energy_error": response.energy.error, "steps": response.steps, **more}
+        errors = response.check.errors if response.check and not response.collapse else None
+        if errors is not None:
+            cells["errors"] = demand_errors(response.stories, errors)
         results.runs.append(self._row(job, response.dt, response.status, response.collapse, cells))
         if self.settings.keeps_stories:
-            results.stories += story_rows(self.number, job.run, response.stories)
+            results.stories += story_rows(self.number, job.run, response.stories, errors)
 
     def _take_failure(self, job: _Job, status: str, results: Rows) -> None:
         results.runs.append(self._row(job, job.steps.h, status))

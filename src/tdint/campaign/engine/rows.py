@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import repeat
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.run.demands import Demands, LargestOfRuns, demands_of_runs
-from tdint.analysis.run.outcome import STORY, Shock, StoryPeaks
+from tdint.analysis.run.demands import DECLARED, Demands, Largest, LargestOfRuns, demands_of_runs
+from tdint.analysis.run.outcome import STORY, Shock, StoryErrors, StoryPeaks, StoryValues
 from tdint.campaign.engine.task import Run
 from tdint.quantity import Quantity, quantities
 
@@ -83,6 +84,7 @@ class RunRow(NamedTuple):
     ] = None
     at_rest: Annotated[int | None, Quantity("1", "whether it came to rest before its last time", shown=HIDDEN)] = None
     repeats: Annotated[int, Quantity("1", "how often it was repeated with half of the step", shown=HIDDEN)] = 0
+    errors: tuple[float | None, ...] = ()
 
 
 RUN = quantities(RunRow)
@@ -91,6 +93,9 @@ RUN = quantities(RunRow)
 
 DEMANDED = tuple(one for one in RUN if one.value)
 """Those of them that follow from its demands."""
+
+RUN_WITH_ERROR = tuple(one for one in DEMANDED if one.kind is float)
+"""Those whose errors `RunRow.errors` are, where these were estimated."""
 
 
 class ShockRow(NamedTuple):
@@ -108,7 +113,7 @@ class ShockRow(NamedTuple):
 
 
 class StoryRow(NamedTuple):
-    """The values of a story in a run, those of `STORY` in their order."""
+    """The values of a story in a run, those of `STORY` in their order, and their errors where these were estimated."""
 
     building: int
     motion: int
@@ -117,6 +122,7 @@ class StoryRow(NamedTuple):
     story: int
     height: float
     values: tuple[float, ...]
+    errors: tuple[float, ...] = ()
 
     def of(self, name: str) -> float:
         """The value of a quantity."""
@@ -130,11 +136,21 @@ def demand_cells(stories: StoryPeaks) -> list[dict[str, Any]]:
     return [dict(zip(columns, cells, strict=True)) for cells in zip(*columns.values(), strict=True)]
 
 
-def story_rows(building: int, run: Run, stories: StoryPeaks) -> list[StoryRow]:
+def demand_errors(stories: StoryPeaks, errors: StoryErrors) -> tuple[float, ...]:
+    """The estimated errors of the demands of a run, in the order of `RUN_WITH_ERROR`."""
+    found = Demands(**{one.name: Largest(one.error(stories, errors), None) for one in DECLARED})
+    return tuple(float(one.value(found)) for one in RUN_WITH_ERROR if one.value)
+
+
+def story_rows(building: int, run: Run, stories: StoryPeaks, errors: StoryErrors | None = None) -> list[StoryRow]:
     """The rows of the stories of a run, from the ground up."""
-    columns: Sequence[Array] = [getattr(stories, one.name) for one in STORY]
-    cells = zip(stories.height.tolist(), zip(*(column.tolist() for column in columns), strict=True), strict=True)
+    values, told = _by_story(stories), _by_story(errors) if errors else repeat(())
+    cells = zip(stories.height.tolist(), values, told, strict=False)
     return [StoryRow(building, *run_key(run), story, *row) for story, row in enumerate(cells, start=1)]
+
+
+def _by_story(found: StoryValues) -> Iterator[tuple[float, ...]]:
+    return zip(*(getattr(found, one.name).tolist() for one in STORY), strict=True)
 
 
 def shock_rows(building: int, run: Run, shocks: Sequence[Shock]) -> list[ShockRow]:

@@ -35,6 +35,8 @@ class RunSettings:
         Go on after that with the ground at rest until the building is (`tdint.analysis.run.rest`).
     stories, profiles : bool
         Keep the peaks of every story, too: to write them, or what they are over the motions.
+    check : bool
+        Estimate the errors of the demands of each run, as `tdint.run` does.
     tolerance : float or None
         The step of a building is such that the estimated errors of its peak drifts are within this part of them.
     """
@@ -45,6 +47,7 @@ class RunSettings:
     stories: bool = False
     tolerance: float | None = None
     profiles: bool = False
+    check: bool = False
 
     @property
     def keeps_stories(self) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from tdint.analysis.run.case import Case
 from tdint.campaign.engine.batch import Batch
-from tdint.campaign.engine.rows import RunRow
+from tdint.campaign.engine.rows import RUN_WITH_ERROR, RunRow
 from tdint.campaign.engine.task import Run
 
 DONE = "done"
@@ -35,6 +35,8 @@ class IdaRun:
         How often the step was halved, for the run had no result.
     energy_error : float
         Imbalance over the largest input energy; nan without a result.
+    drift_ratio_error, acceleration_error, residual_drift_ratio_error : float
+        Estimated errors; nan where there are none.
     """
 
     im: float
@@ -45,10 +47,14 @@ class IdaRun:
     residual_drift_ratio: float = math.nan
     finer: int = 0
     energy_error: float = math.nan
+    drift_ratio_error: float = math.nan
+    acceleration_error: float = math.nan
+    residual_drift_ratio_error: float = math.nan
 
     @classmethod
     def of(cls, im: float, row: RunRow) -> IdaRun:
         """What the row of a run at a level says."""
+        errors = dict(zip((one.name for one in RUN_WITH_ERROR), row.errors, strict=False))
         return cls(
             im=im,
             scale=row.scale,
@@ -58,6 +64,9 @@ class IdaRun:
             residual_drift_ratio=_number(row.residual_drift_ratio),
             finer=row.repeats,
             energy_error=_number(row.energy_error),
+            drift_ratio_error=_number(errors.get("peak_drift_ratio")),
+            acceleration_error=_number(errors.get("peak_acceleration")),
+            residual_drift_ratio_error=_number(errors.get("residual_drift_ratio")),
         )
 
     @property

@@ -77,6 +77,8 @@ class IdaSettings:
         Step and duration of the runs, s; by default the model's, else those of the record.
     until_rest : bool
         Go on after that with the ground at rest until the building is: residual drifts are at rest then.
+    check : bool
+        Estimate the errors of the demands of each run that stands.
     """
 
     precision: float = PRECISION
@@ -86,6 +88,7 @@ class IdaSettings:
     dt: float | None = None
     duration: float | None = None
     until_rest: bool = False
+    check: bool = False
 
 
 @dataclass(frozen=True)
@@ -110,6 +113,8 @@ class IdaStudy:
         Records whose runs were there already.
     remarks : tuple of str
         What is to be said of those, one sentence each.
+    checked : bool
+        Whether the errors of the demands were estimated.
     """
 
     model: Model
@@ -120,6 +125,7 @@ class IdaStudy:
     pair: str | None = None
     resumed: int = 0
     remarks: tuple[str, ...] = ()
+    checked: bool = False
 
     @property
     def im_name(self) -> str:
@@ -223,7 +229,15 @@ def ida(
     ]
     thresholds = (*sorted(set(settings.thresholds) - {collapse_drift}), collapse_drift)
     return IdaStudy(
-        subject.model, chosen, subject.integrator.label, thresholds, tuple(curves), paired, resumed, tuple(remarks)
+        subject.model,
+        chosen,
+        subject.integrator.label,
+        thresholds,
+        tuple(curves),
+        paired,
+        resumed,
+        tuple(remarks),
+        settings.check,
     )
 
 
@@ -279,7 +293,7 @@ class _Work:
             lowest_drift=min((one for one in settings.thresholds if one > _ABOVE * left), default=math.inf),
             most=settings.max_im,
         )
-        how = RunSettings(settings.dt, settings.duration, settings.until_rest)
+        how = RunSettings(settings.dt, settings.duration, settings.until_rest, check=settings.check)
         if before:
             record = JoinedRecord.of([before.record, record], before.rest, fixed=1)
         return cls(number, Batch(0, subject, Motions.of({number: record}), {number: None}, how), intensity, levels)
@@ -414,6 +428,7 @@ def _identity(
         "dt": settings.dt,
         "duration": settings.duration,
         "until rest": settings.until_rest,
+        "check": settings.check,
         "precision": settings.precision,
         "collapse drift": settings.collapse_drift,
         "thresholds": sorted(settings.thresholds),

@@ -24,9 +24,6 @@ _SEALED = (
     "SELECT kind, reason FROM unused ORDER BY rowid",
 )
 
-_Chunk = tuple[int, int, float]
-"""Runs, stories, and seconds."""
-
 
 def chunk_digest(number: int, seconds: float, *tables: Iterable[tuple[Any, ...]]) -> str:
     """SHA-256 over a chunk, from its runs, stories and shocks in the order of their keys, as SQLite gives them back."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,51 +9,34 @@ from pathlib import Path
 
 from tdint.errors import OutputError
 from tdint.files import is_file, remove_abandoned
+from tdint.system import file_system
 
 LOCK = ".campaign.lock"
 """Held by the one that writes; an empty SQLite file, for its locks end with their process on every system."""
 
-_MOUNTS = Path("/proc/self/mountinfo")
 _NETWORK = {
     *("nfs", "nfs4", "cifs", "smb3", "smbfs", "ncpfs", "afs", "9p", "ceph", "lustre", "gpfs", "beegfs", "glusterfs"),
     *("pvfs2", "orangefs", "fuse.sshfs", "fuse.glusterfs", "fuse.ceph", "fuse.s3fs", "fuse.juicefs"),
+    *("webdav", "afpfs", "network drive"),
 }
 
 
-def refuse_network(folder: Path, mounts: Path = _MOUNTS) -> None:
+def refuse_network(folder: Path) -> None:
     """Refuse a folder on a network file system: SQLite's log needs memory that all processes share.
 
-    Where the system does not tell (it is no Linux) nothing is refused.
+    Where the system does not tell nothing is refused.
 
     Raises
     ------
     OutputError
         The folder lies on one.
     """
-    kind = _file_system(folder, mounts)
+    kind = file_system(folder)
     if kind in _NETWORK:
         raise OutputError(
             f"{folder}: lies on a network file system ({kind}), on which the store is not safe; write to a disk of "
             "this machine (such as /tmp), each shard to its own, and put them together with `tdint campaign merge`"
         )
-
-
-def _file_system(folder: Path, mounts: Path) -> str:
-    """The kind of the file system that a folder lies on, or will; empty where that cannot be told."""
-    try:
-        lines = mounts.read_text(errors="surrogateescape").splitlines()
-    except OSError:
-        return ""
-    path = os.path.realpath(folder)
-    kinds: dict[str, str] = {}
-    for line in lines:
-        before, _, after = line.partition(" - ")
-        words, kind = before.split(), after.split()
-        if len(words) > 4 and kind:
-            point = words[4].encode("latin-1", "replace").decode("unicode_escape", "replace")
-            kinds[point] = kind[0]
-    inside = [point for point in kinds if path == point or path.startswith(point.rstrip("/") + "/")]
-    return kinds[max(inside, key=len)] if inside else ""
 
 
 @contextmanager

@@ -3,11 +3,11 @@ under the columns of the CSV files."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 from tdint.analysis.run.outcome import STORY
-from tdint.campaign.engine.rows import DEMANDED, HIDDEN, RUN
+from tdint.campaign.engine.rows import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR, RunRow, StoryRow
 
 VERSION = "3"
 """Of the layout; another one is not read."""
@@ -15,7 +15,9 @@ VERSION = "3"
 _KEY = {"building": int, "record": int, "scale": float, "sample": int}
 
 _RUN = _KEY | {one.column: one.kind for one in RUN}
+_RUN |= {f"{one.column}_error": float for one in RUN_WITH_ERROR}
 _STORY = _KEY | {"story": int, "height_m": float} | {one.column: one.kind for one in STORY}
+_STORY |= {f"{one.column}_error": float for one in STORY}
 _SHOCK = _KEY | {"shock": int, "start_s": float, "pga_m_s2": float} | {one.column: one.kind for one in DEMANDED}
 
 RUN_COLUMNS = tuple(_RUN)
@@ -27,8 +29,9 @@ STORY_COLUMNS = tuple(_STORY)
 SHOCK_COLUMNS = tuple(_SHOCK)
 """Of the table of shocks, in the order of `tdint.campaign.engine.rows.ShockRow`."""
 
-SHOWN_RUN = (*_KEY, *(one.column for one in RUN if one.shown != HIDDEN))
-"""What runs.csv shows of a run, after its names."""
+_HIDDEN = tuple(one.column for one in RUN if one.shown == HIDDEN)
+SHOWN_RUN = tuple(name for name in RUN_COLUMNS if name not in _HIDDEN)
+"""What runs.csv shows of a run, after its names; errors only of a campaign that has estimated them."""
 
 _TYPES = {int: "INTEGER", str: "TEXT NOT NULL"}
 
@@ -77,14 +80,20 @@ INSERT_STORY = f"INSERT INTO story_rows VALUES({', '.join('?' * (len(STORY_COLUM
 INSERT_SHOCK = f"INSERT INTO shock_rows VALUES({', '.join('?' * (len(SHOCK_COLUMNS) + 1))})"
 
 
-def plain_run(row: Sequence[Any]) -> tuple[Any, ...]:
+def plain_run(row: RunRow) -> tuple[Any, ...]:
     """The values of a run as SQLite gives them back: nan is nothing there, and a column has one type."""
-    return _plain(_RUN.values(), row)
+    return _plain(_RUN.values(), (*row[:-1], *row.errors))
 
 
-def plain_story(row: Sequence[Any]) -> tuple[Any, ...]:
+def run_of(row: Sequence[Any]) -> RunRow:
+    """The run whose plain values these are."""
+    own = len(RUN_COLUMNS) - len(RUN_WITH_ERROR)
+    return RunRow(*row[:own])._replace(errors=tuple(row[own:]))
+
+
+def plain_story(row: StoryRow) -> tuple[Any, ...]:
     """The values of a story as SQLite gives them back."""
-    return _plain(_STORY.values(), row)
+    return _plain(_STORY.values(), (*row[:-2], *row.values, *row.errors))
 
 
 def plain_shock(row: Sequence[Any]) -> tuple[Any, ...]:
@@ -92,7 +101,9 @@ def plain_shock(row: Sequence[Any]) -> tuple[Any, ...]:
     return _plain(_SHOCK.values(), row)
 
 
-def _plain(kinds: Iterable[type], row: Sequence[Any]) -> tuple[Any, ...]:
+def _plain(kinds: Collection[type], row: Sequence[Any]) -> tuple[Any, ...]:
+    """Values without errors are followed by nothing."""
+    whole = (*row, *[None] * (len(kinds) - len(row)))
     return tuple(
-        None if value is None or value != value else kind(value) for kind, value in zip(kinds, row, strict=True)
+        None if value is None or value != value else kind(value) for kind, value in zip(kinds, whole, strict=True)
     )

@@ -26,6 +26,7 @@ from tdint.campaign.store.schema import (
     plain_run,
     plain_shock,
     plain_story,
+    run_of,
 )
 from tdint.errors import OutputError, UsageError
 from tdint.files import digest_of, is_file
@@ -83,6 +84,11 @@ class Store:
         rows = self.connection.execute("SELECT key, value FROM meta WHERE key LIKE 'setting %' ORDER BY key")
         return {key.removeprefix(_SETTING): value for key, value in rows}
 
+    @property
+    def checked(self) -> bool:
+        """Whether the errors of the demands are estimated."""
+        return self.settings().get("check") == "true"
+
     def digests(self, table: str) -> dict[str, str]:
         """SHA-256 of the buildings or the records by their names."""
         name = "name" if table == "buildings" else "name || ' ' || component"
@@ -114,7 +120,7 @@ class Store:
             The disk is full, the file is damaged, somebody else writes.
         """
         runs = sorted(map(plain_run, done.rows.runs), key=lambda row: row[:4])
-        stories = sorted((plain_story((*row[:-1], *row.values)) for row in done.rows.stories), key=lambda row: row[:5])
+        stories = sorted(map(plain_story, done.rows.stories), key=lambda row: row[:5])
         shocks = sorted((plain_shock((*row[:-1], *row.values)) for row in done.rows.shocks), key=lambda row: row[:5])
         number, seconds = done.number, float(done.seconds)
         with in_words(self.name), transaction(self.connection, self.name):
@@ -227,7 +233,7 @@ class Store:
     def runs_of(self, chunk: int) -> list[RunRow]:
         """The runs of a chunk."""
         statement = f"SELECT {', '.join(RUN_COLUMNS)} FROM run_rows WHERE chunk = ? ORDER BY 1, 2, 3, 4"
-        return [RunRow(*row) for row in self.connection.execute(statement, (chunk,))]
+        return [run_of(row) for row in self.connection.execute(statement, (chunk,))]
 
     def stories(self) -> Iterator[tuple[Any, ...]]:
         """The stories of all runs: the columns of `STORY_COLUMNS`, in the order of their key."""

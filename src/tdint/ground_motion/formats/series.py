@@ -190,12 +190,6 @@ def motion_units(text: str) -> str | None:
     return f"0.1 {name}" if tenth else name
 
 
-def acceleration_units(text: str) -> str | None:
-    """Units of an acceleration, as `motion_units` understands them; None if they are something else's."""
-    units = motion_units(text)
-    return units if units and parse_units(units).quantity == "acceleration" else None
-
-
 def required_units(text: str, quantity: str = "acceleration") -> str:
     """The units of a block of samples that must be those of this quantity.
 

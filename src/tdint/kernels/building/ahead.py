@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import sys
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from tdint.errors import OutputError
 from tdint.kernels.building import store
 from tdint.kernels.building.compilable import Compilable
-from tdint.kernels.building.process import Compilation, run_all
+from tdint.kernels.building.process import compilations, run_all
 from tdint.kernels.building.target import Target, named, runnable
 from tdint.kernels.building.variant import EVERYTHING, Variant
 
@@ -24,7 +25,7 @@ def compile_ahead(
     Parameters
     ----------
     targets : iterable of str
-        `native` or levels of the x86-64 psABI.
+        Names as `target.named` knows them.
     folder : Path or None
         As TDINT_KERNELS_DIR will name it; None for where kernels are kept.
     progress : callable
@@ -40,18 +41,17 @@ def compile_ahead(
     OutputError
         They cannot be written.
     """
-    chosen = [named(target) for target in targets]
     pairs = dict.fromkeys((kernel, variant.only(kernel.parts)) for kernel, variant in wanted)
     missing = [
-        Compilation(kernel, variant, target)
-        for target in chosen
+        (kernel, variant, target)
+        for target in dict.fromkeys(targets)
         for kernel, variant in pairs
-        if not _there(kernel, variant, target, folder)
+        if not _there(kernel, variant, named(target), folder)
     ]
     written: list[Path] = []
-    for one, data in run_all(missing):
+    for kernel, variant, target, data in _made(missing):
         try:
-            path = store.keep(data, one.kernel.name, one.variant.text, one.target, folder)
+            path = store.keep(data, kernel.name, variant.text, target, folder)
         except OSError as error:
             raise OutputError(f"{folder}: cannot be written: {error.strerror or error}") from error
         if path is None:
@@ -59,6 +59,20 @@ def compile_ahead(
         written.append(path)
         progress(len(written) / len(missing))
     return written
+
+
+def _made(missing: Iterable[tuple[Compilable, Variant, str]]) -> Iterator[tuple[Compilable, Variant, Target, bytes]]:
+    """The objects of kernels for targets, by name: copies where a store has them, else compiled."""
+    absent = []
+    for kernel, variant, name in missing:
+        target = named(name)
+        if found := target.platform == sys.platform and store.look_up(kernel.name, variant.text, (target,)):
+            yield kernel, variant, target, found[0].read_bytes()
+        else:
+            absent.append((kernel, variant, name))
+    for one, packed in run_all(compilations(absent)):
+        for target, data in zip(one.targets.values(), packed, strict=True):
+            yield one.kernel, one.variant, target, data
 
 
 def shown(wanted: Iterable[tuple[Compilable, Variant]]) -> list[tuple[str, str, str]]:

@@ -1,7 +1,8 @@
 """A process that compiles one kernel: `python -P -m tdint.kernels.building.build MODULE:KERNEL [FILE]`.
 
-The object goes to standard output as `tdint.kernels.building.loading` packs it. FILE is that of a module that cannot be
-found by its name. The process ends when its standard input does, so that none is left behind.
+Its objects, for the targets that TDINT_KERNELS_TARGETS names, go to standard output, each as
+`tdint.kernels.building.loading` packs it, behind a line that tells how many bytes follow. FILE is that of a module that
+cannot be found by its name. The process ends when its standard input does, so that none is left behind.
 """
 
 from __future__ import annotations
@@ -26,18 +27,20 @@ def main() -> None:
     _add_laws(variant)
     module = _module(module_name, file[0]) if file else importlib.import_module(module_name)
 
-    from tdint.kernels.building.compiler import object_of
+    from tdint.kernels.building.compiler import objects_of
     from tdint.kernels.building.loading import pack
     from tdint.kernels.building.store import identity
-    from tdint.kernels.building.target import Target
+    from tdint.kernels.building.target import named
 
     # After the imports: on Windows numpy's would wait for the pipe that the thread reads.
     threading.Thread(target=_end_with_the_parent, daemon=True).start()
     kernel = getattr(module, attribute)
-    code, symbol = object_of(kernel.function, kernel.signature)
-    target = Target(os.environ["NUMBA_CPU_NAME"], os.environ["NUMBA_CPU_FEATURES"])
-    about = identity(name, variant, target)
-    sys.stdout.buffer.write(pack(code, {**about, "symbol": symbol}))
+    targets = [named(target) for target in os.environ["TDINT_KERNELS_TARGETS"].split(",")]
+    codes, symbol = objects_of(kernel.function, kernel.signature, targets)
+    for code, target in zip(codes, targets, strict=True):
+        about = identity(name, variant, target)
+        data = pack(code, {**about, "symbol": symbol})
+        sys.stdout.buffer.write(b"%d\n" % len(data) + data)
     sys.stdout.buffer.flush()
 
 

@@ -6,7 +6,7 @@ Only the functions of `tdint.kernels.building.build` import this.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import llvmlite.binding as llvm
@@ -17,6 +17,7 @@ from numba.core.types.misc import maybe_literal, unliteral
 from numba.extending import intrinsic
 
 from tdint.kernels.building.compilable import Argument, ArrayOf, Scalar, Signature
+from tdint.kernels.building.target import Target, native
 
 # Without reference counts (the arrays outlive the call; kernels allocate none) a step costs a third: counting is
 # atomic.
@@ -35,6 +36,9 @@ _MATH = {
     *("sincos", "sinh", "sqrt", "tan", "tanh", "trunc", "memcpy", "memmove", "memset"),
 }
 """What an object may leave to the C library."""
+
+_OF_NUMBAS_MACHINE = re.compile(r"^(target (datalayout|triple) = |@_ZN08NumbaEnv).*\n", re.MULTILINE)
+"""What is of the machine that numba compiles for, and pointers to Python's objects, which nothing refers to."""
 
 
 def _constant_of_module(context: Any, module: Any, name: str) -> Any:
@@ -126,8 +130,10 @@ def _array(context: Any, builder: Any, sizes: Any) -> Any:
     return array._getvalue()
 
 
-def object_of(function: Callable[..., Any], signature: Signature) -> tuple[bytes, str]:
-    """Compile a kernel: the object file, and the symbol of its entry.
+def objects_of(
+    function: Callable[..., Any], signature: Signature, targets: Iterable[Target]
+) -> tuple[list[bytes], str]:
+    """Compile a kernel: its object file for each target, and the symbol of its entry.
 
     Raises
     ------
@@ -141,8 +147,24 @@ def object_of(function: Callable[..., Any], signature: Signature) -> tuple[bytes
     if left := _left_open(text):
         raise ValueError(f"{function.__name__} calls {', '.join(left)}: a kernel may neither allocate nor raise")
     symbol = compiled.overloads[arguments].fndesc.llvm_func_name
-    target = numba.core.registry.cpu_target.target_context.codegen()._tm
-    return target.emit_object(llvm.parse_assembly(text)), symbol
+    return [_emitted(text, target) for target in targets], symbol
+
+
+def _emitted(text: str, target: Target) -> bytes:
+    """The object file of a module whose text numba made for this machine.
+
+    Nothing is unwound through a kernel: tables for that would have to lie near the code, which on Windows they do not.
+    """
+    if target == native():
+        codegen = numba.core.registry.cpu_target.target_context.codegen()
+        return bytes(codegen._tm.emit_object(llvm.parse_assembly(text)))
+    machine = target.machine()
+    module = llvm.parse_assembly(_OF_NUMBAS_MACHINE.sub("", text))
+    module.triple, module.data_layout = machine.triple, str(machine.target_data)
+    for one in module.functions:
+        if not one.is_declaration:
+            one.add_function_attribute("nounwind")
+    return bytes(machine.emit_object(module))
 
 
 def _left_open(text: str) -> list[str]:

@@ -13,8 +13,7 @@ from zlib import crc32
 import numpy as np
 
 from tdint.kernels.building.variant import EVERYTHING, Variant
-from tdint.processors import processors
-from tdint.system import locked
+from tdint.system import locked, processors
 
 if TYPE_CHECKING:
     from tdint.kernels.building.compilable import Compilable
@@ -93,8 +92,8 @@ def _compile(
 ) -> None:
     from tdint.kernels.building import store
     from tdint.kernels.building.loading import unpack
-    from tdint.kernels.building.process import Compilation, run_all
-    from tdint.kernels.building.target import native
+    from tdint.kernels.building.process import compilations, run_all
+    from tdint.kernels.building.target import NATIVE
 
     kept = f"kept in {folder}" if folder else "not kept: no folder to write to"
     count = len(wanted)
@@ -103,10 +102,11 @@ def _compile(
     LOG.info(
         "compiling %d time %s for this machine, once, about %d s: %s (%s)", count, loops, duration(wanted), names, kept
     )
-    for done, (one, data) in enumerate(run_all([Compilation(*pair, native()) for pair in wanted])):
+    running = run_all(compilations((*pair, NATIVE) for pair in wanted))
+    for done, (one, (data,)) in enumerate(running):
         progress(done / len(wanted))
         code, about = unpack(data)
-        if store.keep(data, one.kernel.name, one.variant.text, one.target) is None and folder:
+        if store.keep(data, one.kernel.name, one.variant.text, one.targets[NATIVE]) is None and folder:
             LOG.info("%s cannot be written: what was compiled serves this run only", folder)
         if not _load(one.kernel, one.variant, code, about["symbol"]):
             raise RuntimeError(f"{one.kernel.name}: the object cannot be loaded")

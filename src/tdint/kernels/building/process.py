@@ -8,16 +8,16 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, Any
 
 from tdint.errors import AnalysisError
 from tdint.kernels.building.sources import size
-from tdint.kernels.building.target import Target
+from tdint.kernels.building.target import Target, named, native
 from tdint.kernels.building.variant import Variant
-from tdint.processors import processors
+from tdint.system import processors
 
 if TYPE_CHECKING:
     from tdint.kernels.building.compilable import Compilable
@@ -26,17 +26,17 @@ _PLACE = re.compile(r'File "(?:[^"]*[/\\])?([^"/\\]+)", line (\d+)')
 
 
 class Compilation:
-    """One kernel in one variant, compiled by a process of its own."""
+    """One kernel in one variant, compiled by a process of its own for targets that numba optimizes alike."""
 
-    def __init__(self, kernel: Compilable, variant: Variant, target: Target) -> None:
+    def __init__(self, kernel: Compilable, variant: Variant, targets: Mapping[str, Target]) -> None:
         self.kernel = kernel
         self.variant = variant
-        self.target = target
+        self.targets = targets
         self._process: subprocess.Popen[bytes] | None = None
         self._stopped = False
 
-    def run(self) -> bytes:
-        """The packed object.
+    def run(self) -> list[bytes]:
+        """The packed object for each target.
 
         Raises
         ------
@@ -44,7 +44,7 @@ class Compilation:
             No process can be started, or it failed.
         """
         if self._stopped:
-            return b""
+            return []
         pipe = subprocess.PIPE
         try:
             self._process = subprocess.Popen(
@@ -56,12 +56,12 @@ class Compilation:
         with self._process as process, ThreadPoolExecutor(1) as beside:
             assert process.stdout is not None and process.stderr is not None
             words = beside.submit(process.stderr.read)
-            data = process.stdout.read()
+            packed = list(_packed(process.stdout))
             code = process.wait()
             text = words.result().decode(errors="replace").strip().splitlines()
         if code and not self._stopped:
             raise AnalysisError(f"{self.kernel.name} cannot be compiled: {self._reason(text) or f'exit code {code}'}")
-        return data
+        return packed
 
     def _reason(self, text: list[str]) -> str:
         """The last line that the process wrote; with plug-ins, what numba says of them and the line it says it of."""
@@ -103,21 +103,36 @@ class Compilation:
         return command
 
     def _environment(self) -> dict[str, str]:
+        cpu, features = next(iter(self.targets.values())).optimized_for
         return {
             **os.environ,
             "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
             "TDINT_KERNELS": "compile",
             "TDINT_KERNELS_VARIANT": self.variant.text,
+            "TDINT_KERNELS_TARGETS": ",".join(self.targets),
+            "NUMBA_CPU_NAME": cpu,
+            "NUMBA_CPU_FEATURES": features,
             "TDINT_KERNELS_PLUGINS": json.dumps(self._plugins()),
-            "NUMBA_CPU_NAME": self.target.cpu,
-            "NUMBA_CPU_FEATURES": self.target.features,
             "NUMBA_LOOP_VECTORIZE": str(int(self.kernel.vectorized)),
             "OPENBLAS_NUM_THREADS": "1",
         }
 
 
-def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, bytes]]:
-    """Run as many processes side by side as there are processors, the longest first; each one's object as it is done.
+def compilations(
+    missing: Iterable[tuple[Compilable, Variant, str]],
+) -> list[Compilation]:
+    """What is to be run for kernels and names of targets (`target.named`): those that are optimized alike together."""
+    together: dict[Any, dict[str, Target]] = {}
+    for kernel, variant, name in missing:
+        target = named(name)
+        # Without vectors all processors are one to the optimizer, but for this one, which numba compiles for itself.
+        alike = target.optimized_for if kernel.vectorized or target == native() else None
+        together.setdefault((kernel, variant, alike), {})[name] = target
+    return [Compilation(kernel, variant, targets) for (kernel, variant, _), targets in together.items()]
+
+
+def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, list[bytes]]]:
+    """Run as many processes side by side as there are processors, the longest first; each one's objects as it is done.
 
     Raises
     ------
@@ -137,3 +152,9 @@ def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, 
             for one in compilations:
                 one.stop()
             raise
+
+
+def _packed(stream: IO[bytes]) -> Iterator[bytes]:
+    """What `build` writes."""
+    while size := stream.readline():
+        yield stream.read(int(size))

@@ -18,7 +18,7 @@ from tdint.kernels.building.variant import Variant
 
 _PACKAGE = Path(__file__).parents[2]
 _BUILDING = "tdint.kernels.building."
-_COMPILING = tuple(_BUILDING + name for name in ("compiler", "compilable", "variant"))
+_COMPILING = tuple(_BUILDING + name for name in ("compiler", "compilable", "target", "variant"))
 """What of `building` an object depends on, whatever imports it."""
 
 _LAWS = "tdint.kernels.laws"
@@ -93,7 +93,7 @@ def _modules_of(outside: Mapping[str, int]) -> list[str]:
 @cache
 def _read(file: Path) -> tuple[bytes, tuple[str, ...]]:
     """Hash of a file, and what it imports of kernels and methods; each may be a module, or a name in one."""
-    text = file.read_bytes()
+    text = file.read_bytes().replace(b"\r\n", b"\n")  # as a checkout on Windows may have it
     names: list[str] = []
     for package, words in _IMPORT.findall(text):
         base = package.decode()

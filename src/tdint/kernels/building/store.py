@@ -29,6 +29,7 @@ from tdint.kernels.building.loading import unpack
 from tdint.kernels.building.sources import digest
 from tdint.kernels.building.target import Target
 from tdint.kernels.building.variant import parse
+from tdint.system import is_trusted
 
 _DAYS_KEPT = 30
 _DAY = 86400.0
@@ -43,7 +44,7 @@ def identity(name: str, variant: str, target: Target) -> dict[str, str]:
     return {
         "kernel": name,
         "variant": variant,
-        "platform": sys.platform,
+        "platform": target.platform,
         "target": target.text,
         "sources": digest(name, parse(variant).laws),
         "convention": _CONVENTION,
@@ -66,13 +67,15 @@ def look_up(name: str, variant: str, targets: tuple[Target, ...]) -> tuple[Path,
 
 def is_in(folder: Path, name: str, variant: str, target: Target) -> bool:
     """Whether a folder (as TDINT_KERNELS_DIR names it) has a kernel."""
-    return _look_up_in(folder / folder_name(), False, name, variant, (target,)) is not None
+    return _look_up_in(folder / folder_name(target.platform), False, name, variant, (target,)) is not None
 
 
 def is_kept(name: str, variant: str, target: Target) -> bool:
     """Whether this user's store has a kernel, whatever else could serve."""
     home = cache_home()
-    return home is not None and _look_up_in(home / folder_name(), True, name, variant, (target,)) is not None
+    if home is None:
+        return False
+    return _look_up_in(home / folder_name(target.platform), True, name, variant, (target,)) is not None
 
 
 def _places() -> Iterator[tuple[Path, bool]]:
@@ -94,7 +97,7 @@ def _look_up_in(
                 continue
             with path.open("rb") as stream:
                 file = os.fstat(stream.fileno())
-                if check and not _trusted(file):
+                if check and not is_trusted(file, _PACKAGE.stat().st_uid):
                     continue
                 code, about = unpack(stream.read())
         except (OSError, ValueError):
@@ -113,9 +116,10 @@ def keep(data: bytes, name: str, variant: str, target: Target, folder: Path | No
     Goes into `folder` (as TDINT_KERNELS_DIR will name it) if one is given, and an OSError is raised then.
     """
     if folder is not None:
-        _make_for_all(folder / folder_name())
-        return _write(data, folder / folder_name() / file_name(name, variant, target))
-    if goal := cache_subfolder(folder_name()):
+        place = folder / folder_name(target.platform)
+        _make_for_all(place)
+        return _write(data, place / file_name(name, variant, target))
+    if goal := cache_subfolder(folder_name(target.platform)):
         with suppress(OSError):
             path = _write(data, goal / file_name(name, variant, target))
             remove_unused("*.object", _DAYS_KEPT, keep=path)
@@ -170,18 +174,10 @@ def _write(data: bytes, path: Path) -> Path:
     return path
 
 
-def _trusted(file: os.stat_result) -> bool:
-    """Whether a file belongs to the user, to root or to whom the package belongs to, and others cannot write it."""
-    if not hasattr(os, "geteuid"):
-        return True
-    owners = {os.geteuid(), 0, _PACKAGE.stat().st_uid}
-    return file.st_uid in owners and not file.st_mode & 0o022
-
-
 @cache
-def folder_name() -> str:
-    """The folder of the objects that these versions of compiler and Python make."""
-    versions = hashlib.sha256(repr((sys.version_info[:2], sys.platform, _CONVENTION)).encode())
+def folder_name(platform: str = sys.platform) -> str:
+    """The folder of the objects that these versions of compiler and Python make for a platform."""
+    versions = hashlib.sha256(repr((sys.version_info[:2], platform, _CONVENTION)).encode())
     for package in ("numba", "llvmlite"):
         # Not imported: that would take longer than all the rest.
         found = importlib.util.find_spec(package)

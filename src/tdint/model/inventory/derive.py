@@ -19,7 +19,6 @@ RULES: Mapping[str, Callable[[BuildingFacts, Scatter | None], DerivedBuilding]] 
 
 
 _MOST_SCATTER = 0.5
-_LARGEST_DAMPING = 0.99
 
 
 @dataclass(frozen=True)

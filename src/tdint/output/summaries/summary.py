@@ -80,7 +80,7 @@ def table_summary(
 
 def campaign_summary(store: Store) -> dict[str, Any]:
     """What a campaign is, how far it has come, and what the columns of runs.csv mean."""
-    from tdint.output.tables.campaign import PROFILES, RUNS
+    from tdint.output.tables.campaign import PROFILES, run_columns
 
     statuses, unused = store.statuses(), store.unused()
     records = store.connection.execute(
@@ -100,10 +100,16 @@ def campaign_summary(store: Store) -> dict[str, Any]:
         "repeated_with_finer_steps": store.count("repeats > 0"),
         "not_at_rest_at_their_end": store.count("at_rest = 0"),
         "processor_time_s": store.seconds(),
-        "columns": describe(RUNS),
+        "without_an_error": without_error(store),
+        "columns": describe(run_columns(store)),
         "profiles": {"columns": describe(PROFILES)},
         "versions": versions(),
     }
+
+
+def without_error(store: Store) -> int | None:
+    """Runs with demands whose errors could not be estimated; None where this was not asked for."""
+    return store.count("peak_drift_m IS NOT NULL AND peak_drift_m_error IS NULL") if store.checked else None
 
 
 def schema(name: str) -> dict[str, str | int]:

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
-from tdint.campaign.engine.rows import DEMANDED, HIDDEN, RUN
-from tdint.output.tables.buildings import STORY
+from tdint.campaign.engine.rows import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR
+from tdint.output.tables.buildings import STORY, STORY_ERROR
 from tdint.output.tables.spectra import OF_FLOORS, SPECTRUM
 from tdint.output.tables.table import (
     DAMPING,
@@ -27,6 +27,7 @@ from tdint.output.tables.table import (
     Column,
     Table,
     cell_text,
+    error_columns,
     names,
     rows_of,
 )
@@ -52,6 +53,9 @@ RUNS = (
     *(Column.of_quantity(one) for one in RUN if one.shown != HIDDEN),
 )
 """Of runs.csv."""
+
+RUN_ERRORS = error_columns(Column.of_quantity(one) for one in RUN_WITH_ERROR)
+"""Behind them, of a campaign that has estimated them."""
 
 STORIES = (*OF_BUILDING, *STORY)
 """Of stories.csv of a campaign."""
@@ -123,36 +127,42 @@ STATUS = (
 _ROWS_AT_ONCE = 2048
 
 
+def run_columns(store: Store) -> tuple[Column, ...]:
+    """Of runs.csv of a campaign."""
+    return (*RUNS, *RUN_ERRORS) if store.checked else RUNS
+
+
 def run_rows(store: Store) -> Iterator[list[Any]]:
     """The rows of runs.csv, in the order of buildings, records, scales and draws."""
     buildings, records = store.buildings(), store.records()
     building_names = {number: cell_text(name) for number, (name, _) in buildings.items()}
+    checked = store.checked
     method_names = {number: cell_text(method) for number, (_, method) in buildings.items()}
     for building, record, scale, sample, dt, status, *rest in store.runs():
         name, component, _ = records[record]
         head = [building_names[building], cell_text(name), cell_text(component), scale, sample, method_names[building]]
         head += [dt, cell_text(status)]
-        yield head + rest[: len(RUNS) - len(head)]
+        yield head + rest[: len(RUNS) - len(head)] + (rest[-len(RUN_ERRORS) :] if checked else [])
 
 
 def story_rows(store: Store) -> Iterator[list[Any]]:
     """The rows of stories.csv, in the order of runs.csv and from the ground up."""
     buildings, records = store.buildings(), store.records()
-    drawn = store.count("sample > 0") > 0
+    drawn, last = store.count("sample > 0") > 0, None if store.checked else -len(STORY_ERROR)
     for building, record, scale, sample, *rest in store.stories():
         name, component, _ = records[record]
         head = [cell_text(buildings[building][0]), cell_text(name), cell_text(component), scale]
-        yield [*head, *((sample,) if drawn else ()), *rest]
+        yield [*head, *((sample,) if drawn else ()), *rest[:last]]
 
 
 def write_runs(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
     """Write runs.csv."""
-    write_rows(RUNS, run_rows(store), stream, units)
+    write_rows(run_columns(store), run_rows(store), stream, units)
 
 
 def write_stories(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
     """Write stories.csv; with a column `sample` where motions were drawn, for two draws may be the same motion."""
-    columns = list(STORIES)
+    columns = [*STORIES, *(STORY_ERROR if store.checked else ())]
     if store.count("sample > 0"):
         columns.insert(len(OF_BUILDING), SAMPLE)
     write_rows(columns, story_rows(store), stream, units)
@@ -257,7 +267,7 @@ def number_text(cell: Any) -> str:
 def runs_table(store: Store) -> Table:
     """runs.csv as a table, for a small campaign."""
     rows: list[tuple[Cell, ...]] = [tuple(row) for row in run_rows(store)]
-    return Table.of(RUNS, rows)
+    return Table.of(run_columns(store), rows)
 
 
 def status_table(statuses: dict[str, int], left: int) -> Table:
@@ -274,7 +284,7 @@ def parquet_writer(store: Store) -> Callable[[BinaryIO], None] | None:
         return None
     counted = {SAMPLE.name, *(one.column for one in RUN if one.kind is int)}
     kinds = {one.name: pyarrow.string() for one in RUNS if one.unit == TEXT} | dict.fromkeys(counted, pyarrow.int64())
-    schema = pyarrow.schema([(name, kinds.get(name, pyarrow.float64())) for name in names(RUNS)])
+    schema = pyarrow.schema([(name, kinds.get(name, pyarrow.float64())) for name in names(run_columns(store))])
 
     def write(stream: BinaryIO) -> None:
         source = run_rows(store)

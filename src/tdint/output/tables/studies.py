@@ -14,7 +14,7 @@ from tdint.campaign.ida.study import IdaStudy
 from tdint.campaign.suites.scaling import Scaling
 from tdint.campaign.suites.suite import components
 from tdint.ground_motion.record import component_names
-from tdint.output.tables.table import OF_NAMED_RECORD, OF_RECORD, PERIOD, Cell, Column, Table, rows_of
+from tdint.output.tables.table import OF_NAMED_RECORD, OF_RECORD, PERIOD, Cell, Column, Table, error_columns, rows_of
 
 FACTORS = (*OF_RECORD, Column("factor", "1", "factor", "factor on the record, the same for both components of a pair"))
 
@@ -58,6 +58,20 @@ IDA = (
         "largest drift at the end of the run over story height",
     ),
 )
+IDA_ERRORS = tuple(
+    replace(column, value=value)
+    for column, value in zip(
+        error_columns(IDA[-3:]),
+        (
+            lambda one: one.of_runs("drift_ratio_error"),
+            lambda one: one.of_runs("acceleration_error"),
+            lambda one: one.of_runs("residual_drift_ratio_error"),
+        ),
+        strict=True,
+    )
+)
+"""Behind them, of a study that has estimated them."""
+
 DAMAGE = Column("damage", "1", "curve.damage", "drift ratio to which a mainshock has damaged the building; 0: intact")
 INTENSITIES = ("im", "capacity", "lower", "upper")
 """Columns in the unit that the column `unit` tells."""
@@ -173,7 +187,7 @@ class _CurveRows:
 
 def ida_table(study: IdaStudy) -> Table:
     """A row for each run of each record, from the lowest level."""
-    columns = _with_damage(IDA, study)
+    columns = (*_with_damage(IDA, study), *(IDA_ERRORS if study.checked else ()))
     table = Table.of(columns, [row for one in _curves(study) for row in rows_of(columns, one)])
     return _with_unit(table, study.measure.unit)
 

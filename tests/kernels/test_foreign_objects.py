@@ -1,0 +1,88 @@
+"""Objects for other systems: what they leave open, and that they compute the same where this machine can run them."""
+
+from __future__ import annotations
+
+import importlib.util
+import platform
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from small_foreign_kernel import SIGNATURE, weighed
+from tdint.errors import UsageError
+from tdint.kernels.building.compiler import objects_of
+from tdint.kernels.building.target import AARCH64, LEVELS, named
+from tdint_cli.commands.housekeeping.compile import TARGETS
+
+TESTS = Path(__file__).parents[1]
+NAMES = ["linux-x86-64-v2", "linux-aarch64", "macos-x86-64-v2", "macos-aarch64", "windows-x86-64-v2", "windows-x86-64"]
+MAGIC = {"linux": b"\x7fELF", "darwin": b"\xcf\xfa\xed\xfe", "win32": b"\x64\x86"}
+
+
+def checks():
+    """The module that looks into the objects of a wheel."""
+    file = TESTS.parent / ".github" / "foreign_objects.py"
+    specification = importlib.util.spec_from_file_location(file.stem, file)
+    module = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def objects():
+    """A kernel for each of NAMES."""
+    targets = [named(name) for name in NAMES]
+    codes, _ = objects_of(weighed, SIGNATURE, targets)
+    return {name: (code, target) for name, code, target in zip(NAMES, codes, targets, strict=True)}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_object_needs_the_mathematics_of_the_library_and_no_more(objects, name):
+    code, target = objects[name]
+    assert code.startswith(MAGIC[target.platform])
+    about = {"kernel": "weighed", "target": target.text, "platform": target.platform}
+    checks().check(code, about)
+    left, kinds = checks().left_open(code, target.platform)
+    assert {"exp", "tanh", "pow"} <= left
+    assert kinds
+    assert not any("chkstk" in symbol for symbol in left)
+
+
+def test_what_no_library_has_is_refused(monkeypatch, objects):
+    module = checks()
+    code, target = objects["windows-x86-64-v2"]
+    monkeypatch.setattr(module, "LIBRARY", module.LIBRARY - {"exp"})
+    with pytest.raises(ValueError, match=r"weighed for x86-64-v2 on win32: exp$"):
+        module.check(code, {"kernel": "weighed", "target": target.text, "platform": target.platform})
+    monkeypatch.setattr(module, "NEAR", {"AMD64_ADDR64"})
+    with pytest.raises(ValueError, match=r"exp, AMD64_ADDR64$"):
+        module.check(code, {"kernel": "weighed", "target": target.text, "platform": target.platform})
+
+
+@pytest.mark.skipif((sys.platform, platform.machine()) != ("linux", "x86_64"), reason="runs them on Linux on Intel")
+@pytest.mark.parametrize("system", ["macos", "windows"])
+def test_an_object_of_another_system_computes_the_same(system):
+    """By the other's convention of calls, with functions of this machine's library behind it."""
+    done = subprocess.run(
+        [sys.executable, TESTS / "small_foreign_kernel.py", system], capture_output=True, text=True, timeout=300
+    )
+    assert done.returncode == 0, done.stderr
+    here, there = map(float, done.stdout.split())
+    assert here == there
+    assert abs(here) > 1.0
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_a_target_that_may_be_asked_for_is_known(name):
+    target = named(name)
+    assert name == "native" or target.cpu in LEVELS or target.cpu == AARCH64
+    systems = {"linux": "linux", "macos": "darwin", "windows": "win32"}
+    assert target.platform == systems.get(name.partition("-")[0], sys.platform)
+
+
+def test_an_unknown_target_is_refused():
+    for name in ("x87", "windows-aarch64", "solaris-x86-64"):
+        with pytest.raises(UsageError, match=name):
+            named(name)

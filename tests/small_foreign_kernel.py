@@ -1,0 +1,110 @@
+"""A kernel with what kernels call, and a run of its object for another system on Linux: python FILE macos|windows.
+
+LLVM loads objects of all systems. Those of macOS follow Linux's convention of calls, those of Windows one of their own,
+which a function of LLVM's on either side turns into the other: around the kernel, and around each function of the
+library that it calls.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+
+import llvmlite.binding as llvm
+import numpy as np
+
+from tdint.kernels.building import loading
+from tdint.kernels.building.compilable import F8, I8, ArrayOf, Scalar
+from tdint.kernels.building.target import machine, named, native
+
+SIGNATURE = F8(ArrayOf(1), ArrayOf(2), I8, ArrayOf(1), F8)
+LIBRARY = {"exp": 1, "exp2": 1, "sin": 1, "cos": 1, "tanh": 1, "pow": 2, "log1p": 1}
+
+
+def weighed(x, table, row, out, factor):
+    """Sums of functions of x, weighted by a row of a table."""
+    for i in range(out.size):
+        out[i] = 0.0
+    total = 0.0
+    for i in range(x.size):
+        out[i] += math.exp(x[i]) + math.sin(x[i]) * math.cos(x[i]) + math.tanh(x[i]) + x[i] ** 1.7 + math.log1p(x[i])
+        total += factor * out[i] * table[row, i]
+    return total
+
+
+def around_the_library(convention: str) -> str:
+    """Functions of the library as another system calls them."""
+    lines = [
+        "declare ptr @memset(ptr, i32, i64)",
+        f"define {convention} ptr @other_memset(ptr %p, i32 %x, i64 %n) {{",
+        "  %r = call ptr @memset(ptr %p, i32 %x, i64 %n)\n  ret ptr %r\n}",
+        f"define {convention} void @other___bzero(ptr %p, i64 %n) {{",
+        "  %r = call ptr @memset(ptr %p, i32 0, i64 %n)\n  ret void\n}",
+    ]
+    for name, count in LIBRARY.items():
+        numbers = ", ".join(f"double %{i}" for i in range(count))
+        lines += [
+            f"declare double @{name}({', '.join(['double'] * count)})",
+            f"define {convention} double @other_{name}({numbers}) {{",
+            f"  %r = call double @{name}({numbers})\n  ret double %r\n}}",
+        ]
+    pair = "{double, double}"
+    both = f"%one = insertvalue {pair} undef, double %s, 0\n  %both = insertvalue {pair} %one, double %c, 1"
+    lines += [
+        f"define {convention} {pair} @other___sincos_stret(double %x) {{",
+        f"  %s = call double @sin(double %x)\n  %c = call double @cos(double %x)\n  {both}",
+        f"  ret {pair} %both\n}}",
+    ]
+    return "\n".join(lines)
+
+
+def around_the_kernel(address: int, convention: str) -> str:
+    """The kernel at an address, as this system calls it."""
+    types = ["ptr", "ptr"]
+    for argument in SIGNATURE.arguments:
+        if isinstance(argument, Scalar):
+            types.append({"float64": "double", "int64": "i64"}[argument.name])
+        else:
+            types += ["ptr", "ptr", "i64", "i64", "ptr", *["i64"] * (2 * argument.dimensions)]
+    given = ", ".join(f"{kind} %a{i}" for i, kind in enumerate(types))
+    call = f"%f = inttoptr i64 {address} to ptr\n  %r = call {convention} i32 %f({given})"
+    return f"define i32 @here({given}) {{\n  {call}\n  ret i32 %r\n}}"
+
+
+def engine_of(text: str):
+    """A module of LLVM text in memory."""
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(text), machine())
+    engine.finalize_object()
+    return engine
+
+
+def main() -> None:
+    """Print what the kernel computes here, and as the other system's object."""
+    from tdint.kernels.building.compiler import objects_of
+
+    system = sys.argv[1]
+    target = named(f"{system}-x86-64-v2")
+    convention = "win64cc" if system == "windows" else "ccc"
+    (own, foreign), symbol = objects_of(weighed, SIGNATURE, [native(), target])
+    arguments = np.linspace(0.1, 2.0, 7), np.arange(14.0).reshape(2, 7), 1, np.ones(7), 0.5
+    print(loading.Loaded(own, symbol, SIGNATURE)(*arguments))
+
+    library = engine_of(around_the_library(convention))
+    prefix = "" if system == "windows" else "_"
+    for name in (*LIBRARY, "memset", "__bzero", "__sincos_stret"):
+        llvm.add_symbol(prefix + name, library.get_function_address(f"other_{name}"))
+    empty = llvm.parse_assembly("")
+    other = target.machine()
+    empty.triple, empty.data_layout = other.triple, str(other.target_data)
+    engine = llvm.create_mcjit_compiler(empty, other)
+    engine.add_object_file(llvm.ObjectFileRef.from_data(foreign))
+    engine.finalize_object()
+    here = engine_of(around_the_kernel(engine.get_function_address(symbol), convention))
+
+    called = loading.Loaded(own, symbol, SIGNATURE)
+    called._function = type(called._function)(here.get_function_address("here"))
+    print(called(*arguments))
+
+
+if __name__ == "__main__":
+    main()
