@@ -44,6 +44,7 @@ GROUPS = {
         "campaign": ("studies.campaign", "Runs of many buildings under many records at many levels."),
         "scale": ("studies.scale", "Factors that scale ground motions to a value or to a target spectrum."),
         "ida": ("studies.ida", "Incremental dynamic analysis: drift over intensity, up to collapse."),
+        "sensitivity": ("studies.sensitivity", "How much each parameter of a building moves its peaks."),
         "fragility": ("studies.fragility", "Fragility functions: the probability of exceedance over intensity."),
     },
     "Methods": {

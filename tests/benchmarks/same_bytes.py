@@ -1,12 +1,13 @@
 """What two installed trees print and write for the same commands and calls, byte by byte.
 
-    python tests/benchmarks/same_bytes.py BEFORE AFTER [NAME ...] [--kept FILE.json]
+    python tests/benchmarks/same_bytes.py BEFORE AFTER [NAME ...] [--kept FILE.json] [--shared]
 
 BEFORE and AFTER are folders with a `.venv`, or an environment's `bin` or `python`. Each tree uses its own kernels, all
 variants in one, as the tests do. Compared are exit code, standard output, standard error and every file written (a
 picture as SVG, a store as its rows), of the sessions and scripts of this checkout's READMEs, `--help` and errors of
 every command, the scripts of `same_bytes.ini`, and arrays of the Python interface as float64 to the last bit.
-NAME runs those alone whose name begins with it; `--kept` keeps what BEFORE gave, and asks it only for what is missing.
+NAME runs those alone whose name begins with it; `--kept` keeps what BEFORE gave, and asks it only for what is missing;
+`--shared` compares what both have: columns of tables, keys of JSON, arrays of a name.
 Left out are wall times, versions and the digests of sources (`MASKS`, `MASKED_KEYS`, `MASKED_COLUMNS`, `TIMED`). The
 exit code is 1 where anything differs.
 """
@@ -172,11 +173,43 @@ def _rows(path: Path) -> list[str]:
     )
 
 
-def told(before: Outcome, after: Outcome) -> list[str]:
+def shared(one: list[str], other: list[str]) -> tuple[list[str], list[str]]:
+    """Of two texts that are tables, JSON or lists of arrays what both have; else as they are."""
+    if not one or not other:
+        return one, other
+    if one[0] == other[0] == "{":
+        both = _shared_keys(json.loads("\n".join(one)), json.loads("\n".join(other)))
+        return tuple(json.dumps(content, indent=1).splitlines() for content in both)  # type: ignore[return-value]
+    tables = [list(csv.reader(text)) for text in (one, other)]
+    if all(len(table[0]) > 2 and len({len(row) for row in table}) == 1 for table in tables):
+        common = [name for name in tables[0][0] if name in tables[1][0]]
+        places = [[table[0].index(name) for name in common] for table in tables]
+        kept = [[",".join(row[i] for i in at) for row in table] for table, at in zip(tables, places, strict=True)]
+        return kept[0], kept[1]
+    arrays = [{line.partition(" ")[0] for line in text} for text in (one, other)]
+    if all(re.match(r"[\w.\[\]]+ \(\d*,", text[-1]) for text in (one, other)):
+        both_have = arrays[0] & arrays[1]
+        return tuple([line for line in text if line.partition(" ")[0] in both_have] for text in (one, other))  # type: ignore[return-value]
+    return one, other
+
+
+def _shared_keys(one, other):
+    if isinstance(one, dict) and isinstance(other, dict):
+        pairs = {key: _shared_keys(one[key], other[key]) for key in one if key in other}
+        return {key: pair[0] for key, pair in pairs.items()}, {key: pair[1] for key, pair in pairs.items()}
+    if isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
+        pairs = [_shared_keys(*pair) for pair in zip(one, other, strict=True)]
+        return [pair[0] for pair in pairs], [pair[1] for pair in pairs]
+    return one, other
+
+
+def told(before: Outcome, after: Outcome, of_both: bool = False) -> list[str]:
     """Where two outcomes differ: of each part the first lines that do."""
     lines = []
     for part in dict.fromkeys([*before, *after]):
         one, other = before.get(part), after.get(part)
+        if of_both and one is not None and other is not None:
+            one, other = shared(one, other)
         if one == other:
             continue
         if one is None or other is None:
@@ -209,6 +242,7 @@ def main() -> int:
     parser.add_argument("after", type=Path)
     parser.add_argument("names", nargs="*", metavar="NAME")
     parser.add_argument("--kept", type=Path, metavar="FILE.json", help="outcomes of BEFORE, kept for the next time")
+    parser.add_argument("--shared", action="store_true", help="compare what both have alone")
     given = parser.parse_args()
     chosen = {name: case for name, case in cases().items() if not given.names or name.startswith(tuple(given.names))}
     kept = json.loads(given.kept.read_text()) if given.kept and given.kept.exists() else {}
@@ -227,7 +261,7 @@ def main() -> int:
 
         for name, before, after in pool.map(one, chosen.items()):
             kept[name] = [chosen[name], before]
-            lines = told(before, after)
+            lines = told(before, after, given.shared)
             differ += bool(lines)
             print(f"{name}: {'differs' if lines else 'same'} ({len(before)} parts)", *lines, sep="\n", flush=True)
             if given.kept:

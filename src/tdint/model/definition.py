@@ -319,6 +319,10 @@ class Model:
         Drift ratio over which a run is flagged as collapsed, positive.
     output_units : OutputUnits
         What tables and summaries are written in.
+    varied : tuple of (str, float)
+        What `replace` changed, and the values.
+    label : str
+        What tells it from other variations of the building.
     """
 
     name: str
@@ -332,6 +336,23 @@ class Model:
     analysis: Analysis
     collapse_drift: float
     output_units: OutputUnits = SI
+    varied: tuple[tuple[str, float], ...] = ()
+    label: str = ""
+
+    def replace(self, **changes: float) -> Model:
+        """The building with some of its numbers changed: `model.replace(damping=0.02, stiffness_factor=1.1)`.
+
+        Names are those of `tdint.model.variation.PARAMETERS`, which tells what they mean; a factor of one story is
+        given as `model.replace(**{"story 3.stiffness_factor": 0.8})`.
+
+        Raises
+        ------
+        UsageError
+            An unknown name, a value out of range, or nothing that it could act on.
+        """
+        from tdint.model.variation import varied
+
+        return varied(self, changes)
 
     def __repr__(self) -> str:
         count = len(self.stories)

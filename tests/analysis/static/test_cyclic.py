@@ -208,6 +208,7 @@ def test_drifts_that_are_none(text, message):
         (1, "1%", {}, "drift 1% is a drift ratio, and story 1 has no height; give a length, such as 20mm"),
         (2, "2dy", {}, "drift 2dy is a multiple of the yield drift, and the law of story 2 does not yield"),
         (2, "1%", {"cycles": 10**9}, "1000000000 cycles of 800 points are more than 2,000,000 points"),
+        (2, "1%", {"points": 500_001}, "1 cycles of 2000004 points are more than 2,000,000 points"),
     ],
 )
 def test_what_is_refused(number, drift, more, message):
@@ -215,6 +216,21 @@ def test_what_is_refused(number, drift, more, message):
     with pytest.raises(UsageError) as caught:
         cyclic_test(building, number, [parse_drift(drift)], **more)
     assert str(caught.value).startswith(message)
+
+
+def test_a_story_among_others_is_as_if_alone():
+    """Its own height, law and stiffness: no story knows of those above and below in such a test."""
+    stories = [
+        story(2e5, 3.0 * K, Law("bilinear", (2.0 * FY, 0.1)), height=4.0),
+        story(2e5, K, Law("peak-oriented", (FY, 0.05, 0.3)), height=HEIGHT),
+        story(2e5, 0.5 * K, Law("linear", ()), height=3.0),
+    ]
+    among = cyclic_test(model(stories), 2, [parse_drift("2%")], points=10)
+    alone = cyclic_test(model([stories[1]]), 1, [parse_drift("2%")], points=10)
+    assert (among.law, among.height, among.yield_drift) == ("peak-oriented", HEIGHT, pytest.approx(DY))
+    assert among.initial_stiffness == alone.initial_stiffness == K
+    np.testing.assert_array_equal(among.path.shear, alone.path.shear)
+    assert among.cycles == alone.cycles
 
 
 def test_a_law_without_a_finite_force():
