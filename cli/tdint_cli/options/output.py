@@ -41,6 +41,13 @@ def refuse_empty(_: click.Context, parameter: click.Parameter, value: str | None
     return value
 
 
+def check_report(value: str | None) -> str | None:
+    """Refuse the name of another format."""
+    if value is not None and not value.lower().endswith((".html", ".htm")):
+        raise UsageError(f"--report {value}: the page is HTML; name it .html")
+    return value
+
+
 def plot(text: str) -> Callable[[Function], Function]:
     """The option --plot; what it draws differs between the commands."""
     return option("--plot", type=FileName(), metavar="[FILE]", callback=refuse_empty, help=text)
@@ -53,6 +60,14 @@ units = option(
     metavar="UNIT,...",
     help="Units of tables, summaries and pictures in place of the model's output_units or SI, one each of force, "
     "length, mass, acceleration: kip,in,g.",
+)
+report = option(
+    "--report",
+    type=FileName(),
+    metavar="FILE.html",
+    callback=lambda context, parameter, value: check_report(refuse_empty(context, parameter, value)),
+    help="Also write a page for a report: result, building, motions, pictures, assumptions, warnings, hashes; one file "
+    "that needs no network and prints on A4.",
 )
 overwrite = option("--overwrite", is_flag=True, help="Replace existing outputs.")
 jobs = headings.option(

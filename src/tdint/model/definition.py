@@ -393,3 +393,13 @@ def simple_model(
         analysis=Analysis(None, None, None),
         collapse_drift=1.0,
     )
+
+
+def four_points(points: Sequence[Sequence[float]]) -> tuple[float, ...]:
+    """Two to four points as four, flattened: of two the others lie at the thirds between them, of three the one that is
+    missing lies midway between the last ones (as the buildings of GEM's vulnerability toolkit have it)."""
+    (*first, before, last) = points
+    missing = 4 - len(points)
+    parts = [j / (missing + 1) for j in range(1, missing + 1)]
+    between = [[a + part * (b - a) for a, b in zip(before, last, strict=True)] for part in parts]
+    return tuple(number for point in (*first, before, *between, last) for number in point)

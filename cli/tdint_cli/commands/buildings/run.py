@@ -66,6 +66,7 @@ class Request(BuildingRequest):
     """The records of a sequence; none for a run of one."""
     drift_limit: float | None
     require: bool
+    report: str | None
 
     def refuse_of_one(self) -> None:
         """Raise UsageError for options of a single run.
@@ -138,6 +139,7 @@ class Request(BuildingRequest):
     f"Also draw roof displacement, energies, drifts, one hysteresis; of several records the profiles of all and their "
     f"mean: to this file (.png, .pdf, .svg), or alone as {PICTURE} or profiles.png into the folder of -o."
 )
+@options.output.report
 @options.output.units
 @options.output.overwrite
 @options.analysis.option(
@@ -215,7 +217,7 @@ def _run_many(request: Request, records: tuple[str, ...]) -> None:
         jobs=request.jobs, factors=request.factors,
         of_suite=SuiteRequest(
             request.output_units, request.plot, request.drift_limit, request.require,
-            of_floors=request.of_floors, jobs=request.jobs,
+            of_floors=request.of_floors, jobs=request.jobs, report=request.report,
         ),
     )  # fmt: skip
 
@@ -325,6 +327,7 @@ def _check(request: Request) -> None:
         *_in_folder(request, ALL_FILES),
         *([picture] if picture else ()),
         *([history] if history else ()),
+        *([Path(request.report)] if request.report else ()),
     ]
     refuse_inputs(outputs, [request.model, request.record, *request.shocks, request.inventory])
     check_outputs(dict.fromkeys(outputs), overwrite=request.overwrite)
@@ -409,10 +412,17 @@ def _files(request: Request, response: Response, case: Case, inputs: list[Input]
         from tdint.output.figures.runs import run_picture
 
         files[picture] = run_picture(_thinned(response), picture.suffix, units)
+    if not (request.output or request.report):
+        return files
+    wall_time = time.perf_counter() - began
+    first = first_mode(case.building, response.record)
+    content = run_summary(response, inputs, wall_time, first=first, settings=_settings(request))
+    if request.report:
+        from tdint.output.report_chapters import run_page
+
+        report = run_page(_thinned(response), content, _paragraph(response, units), _warnings(response), units)
+        files[Path(request.report)] = lambda stream: stream.write(report)
     if request.output:
-        wall_time = time.perf_counter() - began
-        first = first_mode(case.building, response.record)
-        content = run_summary(response, inputs, wall_time, first=first, settings=_settings(request))
         summary = json_bytes(in_units(content, units, UNITS))
         files[Path(request.output) / SUMMARY] = lambda stream: stream.write(summary)
     return files
@@ -427,6 +437,15 @@ def _thinned(response: Response) -> Response:
         return response
     pieces = response.pieces(-(-response.steps // _STEPS_OF_A_PICTURE))
     return replace(response, history=History.joined(pieces))
+
+
+def _warnings(response: Response) -> list[str]:
+    """What changes the meaning of a number."""
+    found = [_collapsed(response, response.collapse)] if response.collapse else []
+    record = response.record
+    if record is not None:
+        found += [f"{record.source}: {text}" for text in record.warnings]
+    return [*found, *response.warnings]
 
 
 def _failed_files(
