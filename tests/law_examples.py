@@ -16,6 +16,10 @@ def example(name, stiffness, strength):
     if name == "imk":
         side = (strength, 4.0 * drift, 8.0 * drift, 1.2, 0.2, 40.0 * drift, 1.0)
         return Law(name, (*side, *side, *4 * [50.0 * drift], 1.0, 0.4, 0.6))
+    if name == "multilinear-pinching":
+        points = [(1.0, 1.0), (4.0, 1.6), (9.0, 1.2), (20.0, 1.0)]
+        side = [number for d, f in points for number in (d * drift, f * strength)]
+        return Law(name, (*side, *side, *2 * (0.5, 0.25, 0.05), math.inf, *3 * (0.0, 0.0, 1.0, 1.0, 0.0), math.inf))
     for parameter in LAWS[name].parameters:
         if parameter.many:
             values += [stiffness, -0.1 * stiffness / drift, 0.05 * stiffness / drift**2]

@@ -74,6 +74,8 @@ def method_table():
 def _dimension(parameter: LawParameter):
     if parameter.many:
         return "a list: force/length, force/length^2, ..."
+    if parameter.points:
+        return "two to four points [length, force]"
     powers = {"force": parameter.force, "length": parameter.length}
     above, below = ([name for name, power in powers.items() if power * sign > 0] for sign in (1, -1))
     return (above[0] if above else "1") + "".join(f"/{name}" for name in below) if above or below else ""
@@ -93,9 +95,10 @@ def _key(law: DriftLaw, parameter: LawParameter):
     """What a model file says of a parameter of a law, or of the group that it belongs to."""
     if parameter.group:
         members = ", ".join(f"`{one.name}`" for one in law.parameters if one.group == parameter.group)
-        about = ("a number for all of " if parameter.shared else "") + members + "; may be left out"
+        needed = parameter.default is None and parameter.without is None
+        about = ("a number for all of " if parameter.shared else "") + members + ("" if needed else "; may be left out")
         return f"`{parameter.group}` ({about})"
-    default = f"{parameter.default:g} where left out" if parameter.default is not None else ""
+    default = "" if parameter.default is None or parameter.points else f"{parameter.default:g} where left out"
     about = ", ".join(filter(None, (_dimension(parameter), _range(parameter), default)))
     return f"`{parameter.name}`" + f" ({about})" * bool(about)
 
@@ -283,7 +286,7 @@ def checkout():
         folder = Path(name)
         for part in ("configs", "records"):
             (folder / part).symlink_to(ROOT / part)
-        for shown in ("workshop", "recorded", "campaign"):
+        for shown in ("workshop", "recorded", "campaign", "drift-check"):
             (folder / f"{shown}.yaml").write_text(block(shown))
         path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
         yield folder, {**os.environ, "PATH": path}

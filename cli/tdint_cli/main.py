@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
+from contextvars import copy_context
 from functools import partial
 from importlib import import_module
 from typing import Any, NoReturn
@@ -44,6 +45,7 @@ GROUPS = {
         "campaign": ("studies.campaign", "Runs of many buildings under many records at many levels."),
         "scale": ("studies.scale", "Factors that scale ground motions to a value or to a target spectrum."),
         "ida": ("studies.ida", "Incremental dynamic analysis: drift over intensity, up to collapse."),
+        "sensitivity": ("studies.sensitivity", "How much each parameter of a building moves its peaks."),
         "fragility": ("studies.fragility", "Fragility functions: the probability of exceedance over intensity."),
     },
     "Methods": {
@@ -107,7 +109,7 @@ class LazyGroup(click.Group):
         extra.pop("standalone_mode", None)
         settings = extra.setdefault("obj", Settings())
         run = partial(super().main, args, prog_name, standalone_mode=False, **extra)
-        sys.exit(exit_code_of(run, settings))
+        sys.exit(copy_context().run(exit_code_of, run, settings))  # what options set ends with the command
 
 
 def _show_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:

@@ -16,6 +16,8 @@ from tdint.kernels.stories.law_state import restoring, start
 from tdint.model.definition import LAWS
 
 IMK_SIDE = (FY, 0.035, 0.1, 1.1, 0.2, 0.5, 1.0)
+MULTILINEAR_SIDE = (FY / K, FY, 0.05, 1.4 * FY, 0.1, 1.1 * FY, 0.3, 0.5 * FY)
+INTACT = (math.inf, *3 * (0.0, 0.0, 1.0, 1.0, 0.0), math.inf)
 LAW_CASES = {
     "linear": (),
     "polynomial": (K, 200.0, 5e4),
@@ -26,8 +28,9 @@ LAW_CASES = {
     "gap": (0.05, 4.0 * K),
     "trilinear-pinching": (FY, 2.5 * FY, 0.2, 0.4, 0.3),
     "imk": (*IMK_SIDE, *IMK_SIDE, *4 * [1.5], 1.0, 0.4, 0.6),
+    "multilinear-pinching": (*2 * MULTILINEAR_SIDE, *2 * (0.5, 0.25, 0.05), *INTACT),
 }
-DISSIPATING = ("bilinear", "peak-oriented", "bouc-wen", "trilinear-pinching", "imk")
+DISSIPATING = ("bilinear", "peak-oriented", "bouc-wen", "trilinear-pinching", "imk", "multilinear-pinching")
 
 
 def test_every_law_has_a_case():

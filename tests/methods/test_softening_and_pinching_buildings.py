@@ -39,11 +39,24 @@ def imk(random, strength, dy):
     return Law("imk", (*side, 0.9 * strength, *side[1:], *4 * [random.uniform(30.0, 100.0) * dy], 1.0, *pinching))
 
 
+def multilinear(random, strength, dy):
+    """Other sides, sometimes, and degradation."""
+    sides = []
+    for weaker in (1.0, random.choice([1.0, 0.9])):
+        drifts = dy * np.cumsum([1.0, *random.uniform(2.0, 6.0, 3)])
+        forces = weaker * strength * np.array([1.0, random.uniform(1.2, 1.6), random.uniform(1.0, 1.3), 0.8])
+        sides += [number for point in zip(drifts, forces, strict=True) for number in point]
+    losses = (0.0, 0.1, 1.0, 1.0, 0.2, 0.0, 0.1, 1.0, 1.0, 0.2, 0.0, 0.4, 1.0, 1.0, 0.9, 10.0)
+    intact = (*3 * (0.0, 0.0, 1.0, 1.0, 0.0), np.inf)
+    degradation = losses if random.random() < 0.5 else intact
+    return Law("multilinear-pinching", (*sides, *2 * (0.5, 0.25, 0.05), np.inf, *degradation))
+
+
 def clough(random, strength, dy):
     return Law("peak-oriented", (strength, 0.08, random.uniform(0.0, 0.4)))
 
 
-LAWS = {"trilinear-pinching": trilinear, "imk": imk, "peak-oriented": clough}
+LAWS = {"trilinear-pinching": trilinear, "imk": imk, "multilinear-pinching": multilinear, "peak-oriented": clough}
 
 
 @pytest.mark.parametrize("name", LAWS)

@@ -79,3 +79,73 @@ def test_faults(text: str, message: str) -> None:
         law(text)
     assert f"stories[1].{message}" in str(caught.value)
     assert len(str(caught.value).splitlines()) == 1
+
+
+MULTILINEAR = "type: multilinear-pinching, pinching: {drift: 0.5, force: 25%, unloading: 0.05}"
+POINTS = "[[10, 4], [20, 6], [40, 5], [80, 1]]"
+
+
+def stiffness_of_its_own(text: str) -> tuple[float, ...]:
+    """Parameters of the law of a story that leaves its stiffness to the law, in SI."""
+    model = f"units: {{force: kN, length: mm}}\nstories: [{{mass: 1, law: {{{text}}}}}]"
+    (story,) = load_model(io.StringIO(model)).stories
+    assert story.stiffness == pytest.approx(story.law.parameters[1] / story.law.parameters[0], rel=1e-15)
+    return story.law.parameters
+
+
+def test_multilinear_pinching_with_its_defaults() -> None:
+    side = (0.01, 4e3, 0.02, 6e3, 0.04, 5e3, 0.08, 1e3)
+    intact = (math.inf, *3 * (0.0, 0.0, 1.0, 1.0, 0.0), math.inf)
+    expected = (*side, *side, *2 * (0.5, 0.25, 0.05), *intact)
+    assert stiffness_of_its_own(f"{MULTILINEAR}, backbone: {POINTS}") == pytest.approx(expected, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("points", "four"),
+    [
+        ("[[10, 4], [40, 10]]", (0.01, 4e3, 0.02, 6e3, 0.03, 8e3, 0.04, 10e3)),
+        ("[[10, 4], [20, 6], [40, 5]]", (0.01, 4e3, 0.02, 6e3, 0.03, 5.5e3, 0.04, 5e3)),
+    ],
+)
+def test_fewer_points_are_filled_in(points: str, four: tuple[float, ...]) -> None:
+    assert stiffness_of_its_own(f"{MULTILINEAR}, backbone: {points}")[:8] == pytest.approx(four, rel=1e-14)
+
+
+def test_multilinear_pinching_with_all_that_it_may_have() -> None:
+    read = stiffness_of_its_own(
+        f"{MULTILINEAR}, backbone: {POINTS}, ultimate_drift: 80, "
+        "negative: {backbone: [[8, 4], [20, 4]], pinching: {force: 0.3}}, "
+        "degradation: {capacity: 10, drift: {peak: 0.1, limit: 0.3}, "
+        "strength: {work: 0.4, peak_exponent: 0.5, work_exponent: 0, limit: 0.9}}"
+    )
+    assert read[8:16] == pytest.approx((0.008, 4e3, 0.012, 4e3, 0.016, 4e3, 0.02, 4e3), rel=1e-14)
+    assert read[16:23] == pytest.approx((0.5, 0.25, 0.05, 0.5, 0.3, 0.05, 0.08), rel=1e-14)
+    losses = ((0.0, 0.0, 1.0, 1.0, 0.0), (0.1, 0.0, 1.0, 1.0, 0.3), (0.0, 0.4, 0.5, 0.0, 0.9))
+    assert read[23:] == (*losses[0], *losses[1], *losses[2], 10.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("backbone: [[1, 1]]", "law.backbone: must be two to four points [drift, force]"),
+        ("backbone: [[1, 1], [2]]", "law.backbone: must be two to four points [drift, force]"),
+        ("backbone: [[1, 1], 2]", "law.backbone[2]: must be a point [drift, force], got '2'"),
+        ("backbone: [[1, 1], [2, 0]]", "law.backbone[2][2]: must be a positive number, got '0'"),
+        ("backbone: [[2, 1], [1, 2]]", "law: the drifts of backbone must rise from point to point"),
+        (f"backbone: {POINTS}, negative: {{backbone: [[2, 1], [1, 2]]}}", "law: the drifts of negative.backbone must"),
+        ("ultimate_drift: 3", "law.backbone: is missing; give two to four points [drift, force]"),
+        (f"backbone: {POINTS}, degradation: {{strength: {{limit: 1}}}}", "law.degradation.strength.limit: must be a"),
+        (f"backbone: {POINTS}, degradation: {{strength: {{work: 1}}}}", "law.degradation.strength.limit: is missing"),
+        (f"backbone: {POINTS}, degradation: {{}}", "law.degradation.capacity: is missing; give a positive number"),
+        (f"backbone: {POINTS}, negative: {{pinching: {{forse: 1}}}}", "law.negative.pinching.forse: unknown key"),
+    ],
+)
+def test_faults_of_multilinear_pinching(text: str, message: str) -> None:
+    with pytest.raises(ModelError) as caught:
+        stiffness_of_its_own(f"{MULTILINEAR}, {text}")
+    assert f"stories[1].{message}" in str(caught.value)
+
+
+def test_multilinear_pinching_needs_its_pinching() -> None:
+    with pytest.raises(ModelError, match=r"law\.pinching: is missing; give a mapping with the keys drift, force, unl"):
+        stiffness_of_its_own(f"type: multilinear-pinching, backbone: {POINTS}")

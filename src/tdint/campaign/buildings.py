@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Protocol
 
@@ -37,6 +37,9 @@ class Buildings(Protocol):
 
     def wishes(self, number: int) -> tuple[float | None, float | None]:
         """The time step and the duration that its model asks for, s."""
+
+    def varied(self, number: int) -> Mapping[str, float]:
+        """What a sweep changed in it, by name."""
 
     @property
     def output_units(self) -> OutputUnits:
@@ -72,11 +75,12 @@ class GivenBuildings:
     @classmethod
     def of(cls, subjects: Sequence[Subject]) -> GivenBuildings:
         """Under their models' names; those that share one, under their files'."""
-        names = [subject.model.name for subject in subjects]
-        unique = [
-            name if names.count(name) == 1 else subject.model.source
-            for name, subject in zip(names, subjects, strict=True)
-        ]
+        sources: dict[str, set[str]] = {}
+        for subject in subjects:
+            sources.setdefault(subject.model.name, set()).add(subject.model.source)
+        models = [subject.model for subject in subjects]
+        names = [one.name if len(sources[one.name]) == 1 else one.source for one in models]
+        unique = [f"{name}: {one.label}" if one.label else name for name, one in zip(names, models, strict=True)]
         return cls(tuple(unique), tuple(GivenBuilding(subject) for subject in subjects))
 
     def __len__(self) -> int:
@@ -102,6 +106,9 @@ class GivenBuildings:
         analysis = self.sources[number].made.model.analysis
         return analysis.dt, analysis.duration
 
+    def varied(self, number: int) -> Mapping[str, float]:
+        return dict(self.sources[number].made.model.varied)
+
     @property
     def output_units(self) -> OutputUnits:
         wanted = {source.made.model.output_units for source in self.sources}
@@ -111,7 +118,7 @@ class GivenBuildings:
 def digest_of(model: Model, method: str) -> str:
     """SHA-256 of what a model says of its building and its steps, and of the method."""
     content = asdict(model)
-    for name in ("name", "source", "text", "output_units"):
+    for name in ("name", "source", "text", "output_units", "varied", "label"):
         del content[name]
     del content["excitation"]["record"]
     return hashlib.sha256(json.dumps([content, method], sort_keys=True).encode()).hexdigest()
@@ -199,6 +206,9 @@ class InventoryBuildings:
 
     def wishes(self, number: int) -> tuple[float | None, float | None]:
         return None, None
+
+    def varied(self, number: int) -> Mapping[str, float]:
+        return {}
 
     @property
     def output_units(self) -> OutputUnits:

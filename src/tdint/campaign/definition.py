@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from tdint.campaign.levels import MeasureLevels, Scales
 from tdint.campaign.suites.suite import RecordChoice
+from tdint.campaign.sweep import ParameterSweep
 
 
 @dataclass(frozen=True)
@@ -135,6 +136,8 @@ class CampaignFile:
         The campaign's name (the file's, where it gives none), and the file as the user named it.
     stories, profiles : bool
         Write the peaks of every story, and what they are over the motions.
+    sweep : ParameterSweep or None
+        What is varied in every building.
     """
 
     name: str
@@ -145,3 +148,4 @@ class CampaignFile:
     analysis: AnalysisWishes
     stories: bool = False
     profiles: bool = True
+    sweep: ParameterSweep | None = None

@@ -94,6 +94,7 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
     faults: tuple[ModelError, ...] = ()
     if isinstance(campaign.buildings, ModelFiles):
         models = read_models(campaign.buildings, campaign.analysis)
+        models = campaign.sweep.of(models) if campaign.sweep else models
     else:
         rows, faults = read_rows(campaign.buildings)
     if isinstance(campaign.records, GridFile):

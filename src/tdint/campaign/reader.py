@@ -20,6 +20,8 @@ from tdint.campaign.definition import (
 from tdint.campaign.levels import MeasureLevels, Scales
 from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, PAIRS, IntensityMeasure, PeakVelocity, pga, sa, sa_average
 from tdint.campaign.suites.suite import RecordChoice
+from tdint.campaign.sweep_reader import Varied, read_sweep
+from tdint.campaign.sweep_reader import positive as _positive
 from tdint.errors import UsageError
 from tdint.methods.catalogue import parse as parse_method
 from tdint.model.config.excitation import LAYOUT, PROCESSING, read_layout, read_processing
@@ -119,7 +121,12 @@ _INTENSITY = Keys(
 _ANALYSIS = Keys(
     (
         Key("method", Words(), "time-integration method with its parameters, for all buildings"),
-        Key("dt", POSITIVE, "time step, s; that of each model, else of each record, where it is left out"),
+        Key("methods", EntriesOf(Words(), least=1), "several methods, each with all the rest"),
+        Key(
+            "dt",
+            Either((POSITIVE, EntriesOf(POSITIVE, least=1))),
+            "time step, s, or several, each with all the rest; that of each model, else of each record, without it",
+        ),
         Key("duration", POSITIVE, "time to integrate, s"),
         Key("tolerance", _TOLERANCE, "choose the step of each building by the error of its peak drifts"),
         Key("collapse_drift", POSITIVE_RATIO, "drift ratio beyond which a run counts as collapsed"),
@@ -128,6 +135,7 @@ _ANALYSIS = Keys(
         Key("check", Flag(), "estimate the errors of the demands: columns `<name>_error`"),
     )
 )
+_VARY = Varied()
 _OUTPUTS = Keys(
     (
         Key("stories", Flag(), "write the peaks of every story, stories.csv"),
@@ -141,6 +149,7 @@ CAMPAIGN = Keys(
         Key("records", _RECORDS, "files and folders, or a grid", needed=True),
         Key("intensity", _INTENSITY, "how strong the motions are made; as they are where it is left out"),
         Key("analysis", _ANALYSIS, "what is the same for all runs"),
+        Key("vary", _VARY, "parameters of the buildings, each value with all the others"),
         Key("outputs", _OUTPUTS, "what is kept beside a row for each run"),
     )
 )
@@ -193,6 +202,7 @@ def _read(section: Section, label: str, name: str, folder: Path) -> CampaignFile
         analysis=_read_analysis(section.get("analysis")),
         stories=stories.boolean() if stories else False,
         profiles=profiles.boolean() if profiles else isinstance(found, ModelFiles),
+        sweep=read_sweep(section.get("vary"), section.get("analysis"), models=isinstance(found, ModelFiles)),
     )
 
 
@@ -219,12 +229,14 @@ def _read_analysis(value: Value | None) -> AnalysisWishes:
     section = value.section(_ANALYSIS) if value else None
     if section is None:
         return AnalysisWishes()
-    method = section.get("method")
+    method, dt = section.get("method"), section.get("dt")
     named = method.parsed(parse_method) if method else None
+    if method and section.has("methods"):
+        method.fault("stands in place of `methods`; give one of the two")
     p_delta, until_rest, check = (section.get(name) for name in ("p_delta", "until_rest", "check"))
     return AnalysisWishes(
         method=named.label if named else None,
-        dt=section.number_or_none("dt"),
+        dt=None if dt is None or dt.is_list else _positive(dt),
         duration=section.number_or_none("duration"),
         tolerance=section.number_or_none("tolerance"),
         collapse_drift=section.number_or_none("collapse_drift"),

@@ -319,6 +319,10 @@ class Model:
         Drift ratio over which a run is flagged as collapsed, positive.
     output_units : OutputUnits
         What tables and summaries are written in.
+    varied : tuple of (str, float)
+        What `replace` changed, and the values.
+    label : str
+        What tells it from other variations of the building.
     """
 
     name: str
@@ -332,6 +336,23 @@ class Model:
     analysis: Analysis
     collapse_drift: float
     output_units: OutputUnits = SI
+    varied: tuple[tuple[str, float], ...] = ()
+    label: str = ""
+
+    def replace(self, **changes: float) -> Model:
+        """The building with some of its numbers changed: `model.replace(damping=0.02, stiffness_factor=1.1)`.
+
+        Names are those of `tdint.model.variation.PARAMETERS`, which tells what they mean; a factor of one story is
+        given as `model.replace(**{"story 3.stiffness_factor": 0.8})`.
+
+        Raises
+        ------
+        UsageError
+            An unknown name, a value out of range, or nothing that it could act on.
+        """
+        from tdint.model.variation import varied
+
+        return varied(self, changes)
 
     def __repr__(self) -> str:
         count = len(self.stories)
@@ -372,3 +393,13 @@ def simple_model(
         analysis=Analysis(None, None, None),
         collapse_drift=1.0,
     )
+
+
+def four_points(points: Sequence[Sequence[float]]) -> tuple[float, ...]:
+    """Two to four points as four, flattened: of two the others lie at the thirds between them, of three the one that is
+    missing lies midway between the last ones (as the buildings of GEM's vulnerability toolkit have it)."""
+    (*first, before, last) = points
+    missing = 4 - len(points)
+    parts = [j / (missing + 1) for j in range(1, missing + 1)]
+    between = [[a + part * (b - a) for a, b in zip(before, last, strict=True)] for part in parts]
+    return tuple(number for point in (*first, before, *between, last) for number in point)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -56,6 +56,8 @@ class Identity:
         Inputs that could not be used: `record` or `building`, and why.
     units : OutputUnits
         The units in which the models want their results.
+    varied : sequence of mapping
+        What a sweep changed in each building.
     """
 
     name: str
@@ -68,6 +70,7 @@ class Identity:
     size: Callable[[int], int | None] = lambda chunk: None
     unused: Sequence[tuple[str, str]] = ()
     units: OutputUnits = SI
+    varied: Sequence[Mapping[str, float]] = ()
 
     @classmethod
     def of(cls, plan: Plan) -> Identity:
@@ -88,6 +91,7 @@ class Identity:
             size=plan.size,
             unused=plan.unused,
             units=buildings.output_units,
+            varied=[buildings.varied(i) for i in range(len(buildings))],
         )
 
     @cached_property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sqlite3
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
@@ -57,9 +58,18 @@ class Store:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
-        """Bring all into the one file, unless something failed, and close it."""
+    def __exit__(self, error: type[BaseException] | None, what: BaseException | None, *_: object) -> None:
+        """Bring all into the one file, unless something failed, and close it.
+
+        Raises
+        ------
+        OutputError
+            SQLite failed at what was within: in words.
+        """
         try:
+            if isinstance(what, sqlite3.Error):
+                with in_words(self.name):
+                    raise what
             if error is None:
                 with in_words(self.name), suppress(sqlite3.OperationalError):  # another program may read it
                     self.connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
@@ -74,6 +84,11 @@ class Store:
         """What is the same for all runs."""
         rows = self.connection.execute("SELECT key, value FROM meta WHERE key LIKE 'setting %' ORDER BY key")
         return {key.removeprefix(_SETTING): value for key, value in rows}
+
+    def varied(self) -> list[dict[str, float]]:
+        """What a sweep changed in each building, by its number; empty without a sweep."""
+        found = self.connection.execute("SELECT value FROM meta WHERE key = 'varied'").fetchone()
+        return json.loads(found[0]) if found else []
 
     @property
     def checked(self) -> bool:
@@ -417,6 +432,8 @@ def _create(store: Store, identity: Identity) -> None:
         "schema": VERSION, "version": __version__, "name": identity.name, "fingerprint": identity.fingerprint,
         "runs": str(identity.runs), "chunks": str(identity.chunks),
     } | {f"{_SETTING}{name}": value for name, value in identity.settings.items()}  # fmt: skip
+    if any(identity.varied):
+        about["varied"] = json.dumps([dict(one) for one in identity.varied])
     with transaction(store.connection, store.name):
         for statement in TABLES:
             store.connection.execute(statement)

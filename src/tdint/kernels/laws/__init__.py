@@ -12,6 +12,7 @@ from tdint.kernels.laws import (
     gap,
     imk,
     linear,
+    multilinear_pinching,
     peak_oriented,
     polynomial,
     tanh,
@@ -28,6 +29,7 @@ LAWS = [
     polynomial.LAW,
     trilinear_pinching.LAW,
     imk.LAW,
+    multilinear_pinching.LAW,
 ]
 
 OURS = len(LAWS)

@@ -13,11 +13,14 @@ class LawParameter:
     """A parameter of a law.
 
     `force` and `length` are the exponents of its dimension (a stiffness is force^1 length^-1); a parameter with
-    `many` is a list whose j-th entry (from 1) has the dimension force^1 length^-j.
+    `many` is a list whose j-th entry (from 1) has the dimension force^1 length^-j. One of `points` is a list of two to
+    four points [drift, force], each within the bounds; it has eight rows: four points, those that are left out put
+    between the others.
 
     `default` stands for a parameter that is left out: a number, or the name of the one whose value it takes over; None
     if it must be given. Parameters of the same `group` stand in a mapping of that name, which may be left out as a
-    whole if `without` says what each is then; a `shared` group may also be one number for all.
+    whole if `without` says what each is then; a `shared` group may also be one number for all. A group inside another
+    is written `outer.inner`.
     """
 
     name: str
@@ -28,6 +31,7 @@ class LawParameter:
     low_allowed: bool = True
     high_allowed: bool = True
     many: bool = False
+    points: bool = False
     default: float | str | None = None
     group: str = ""
     without: float | None = None

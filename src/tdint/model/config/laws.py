@@ -8,12 +8,13 @@ from dataclasses import dataclass
 
 from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.model.config.units import ModelUnits
-from tdint.model.definition import LAWS, Law, laws
+from tdint.model.definition import LAWS, Law, four_points, laws
 from tdint.model.keys.fields import Section, Value
 from tdint.model.keys.kinds import Bounds, Choice, Either, EntriesOf, Key, Keys, Schema, ValueKind
 
 LINEAR = Law("linear", ())
 _LIST = "a list of numbers"
+_POINTS = "two to four points [drift, force]"
 
 
 def _keys(law: DriftLaw, group: str = "") -> tuple[Key, ...]:
@@ -21,15 +22,28 @@ def _keys(law: DriftLaw, group: str = "") -> tuple[Key, ...]:
     keys: dict[str, Key] = {}
     for one in law.parameters:
         needed = one.default is None and one.without is None
+        inner = _inner(one, group)
         if one.group == group:
-            keys[one.name] = Key(
-                one.name, EntriesOf(_bounds(one), least=1) if one.many else _bounds(one), needed=needed
-            )
-        elif not group and one.group not in keys:
-            mapping: ValueKind = Keys(_keys(law, one.group))
+            keys[one.name] = Key(one.name, _kind(one), needed=needed)
+        elif inner and inner not in keys:
+            mapping: ValueKind = Keys(_keys(law, f"{group}.{inner}" if group else inner))
             whole = (_bounds(one), mapping, Choice(("none",)))
-            keys[one.group] = Key(one.group, Either(whole) if one.shared else mapping, needed=needed)
+            keys[inner] = Key(inner, Either(whole) if one.shared else mapping, needed=needed)
     return tuple(keys.values())
+
+
+def _kind(parameter: LawParameter) -> ValueKind:
+    """What stands under the key of a parameter."""
+    bounds = _bounds(parameter)
+    if parameter.points:
+        return EntriesOf(EntriesOf(bounds, least=2, most=2), least=2, most=4)
+    return EntriesOf(bounds, least=1) if parameter.many else bounds
+
+
+def _inner(parameter: LawParameter, group: str) -> str:
+    """The key in `group` under which a parameter of a group inside it stands, else nothing."""
+    start = f"{group}." if group else ""
+    return parameter.group[len(start) :].split(".")[0] if parameter.group.startswith(start) else ""
 
 
 @dataclass(frozen=True)
@@ -68,7 +82,7 @@ def _read_type(value: Value) -> tuple[DriftLaw | None, Section | None]:
     kind = value.peek("type")
     name = kind.choice(_known(kind), "law") if kind else None
     possible = [LAWS[name]] if name else LAWS.values()
-    known = dict.fromkeys(["type", *(one.group or one.name for law in possible for one in law.parameters)])
+    known = dict.fromkeys(["type", *(_inner(one, "") or one.name for law in possible for one in law.parameters)])
     section = value.section(list(known))
     if section:
         section.need("type", f"give one of {', '.join(LAWS)}")
@@ -82,42 +96,77 @@ def _known(name: Value) -> Mapping[str, DriftLaw]:
 
 def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple[float, ...]:
     """The parameters in SI in the order of the law, lists flattened."""
-    names = dict.fromkeys(one.group for one in law.parameters)
-    groups = {name: _read_group(section, law, name, unit) for name in names}
+    names = sorted(dict.fromkeys(one.group for one in law.parameters), key=lambda name: name.count("."))
+    groups: dict[str, Section | float | None] = {"": section}
+    for name in names:
+        groups[name] = _read_group(groups, law, name, unit)
     values: list[float] = []
-    known: dict[str, float] = {}
+    known: dict[str, tuple[float, ...]] = {}
     for parameter in law.parameters:
         if parameter.many:
             entry = section.need(parameter.name, f"give {_LIST}")
-            values += _read_list(entry, _bounds(parameter), unit) if entry else (math.nan,)
+            read = _read_list(entry, _bounds(parameter), unit) if entry else (math.nan,)
+        elif parameter.points:
+            read = _read_points(groups[parameter.group], parameter, unit, known)
         else:
-            values.append(_read_number(groups[parameter.group], parameter, unit, known))
-            known.setdefault(parameter.name, values[-1])
+            read = (_read_number(groups[parameter.group], parameter, unit, known),)
+        values += read
+        known.setdefault(parameter.name, read)
     return tuple(values)
 
 
-def _read_group(section: Section, law: DriftLaw, group: str, unit: ModelUnits) -> Section | float | None:
+def _read_group(
+    groups: Mapping[str, Section | float | None], law: DriftLaw, group: str, unit: ModelUnits
+) -> Section | float | None:
     """Where the parameters of a group stand: the law's own section for those without one; a number in SI for all of
-    them; None where the group is left out."""
-    if not group:
-        return section
-    value = section.get(group)
+    them; None where the group, or the one around it, is left out."""
+    outer, _, name = group.rpartition(".")
+    around = groups.get(outer)
+    if not group or not isinstance(around, Section):
+        return around
     members = [one for one in law.parameters if one.group == group]
+    if members[0].default is None and members[0].without is None:
+        value = around.need(name, f"give a mapping with the keys {', '.join(one.name for one in members)}")
+        if value is None:
+            return math.nan
+    value = around.get(name)
     if value is None or (members[0].shared and value.is_word("none")):
         return None
-    names = [one.name for one in members]
+    names = [key.name for key in _keys(law, group)]
     if members[0].shared and not value.is_mapping:
         what = f"{_bounds(members[0])} for all of {', '.join(names)}, a mapping of them, or none"
         return value.number(_bounds(members[0]), unit.factor(members[0].force, members[0].length), what)
     return value.section(names) or math.nan
 
 
+def _read_points(
+    group: Section | float | None, parameter: LawParameter, unit: ModelUnits, known: Mapping[str, tuple[float, ...]]
+) -> tuple[float, ...]:
+    """Four points in SI, flattened; between two or three of them the others lie on the last line but one."""
+    nothing = (math.nan,) * 8
+    if isinstance(group, float):
+        return nothing
+    if isinstance(parameter.default, str) and (group is None or not group.has(parameter.name)):
+        return known[parameter.default]
+    value = group.need(parameter.name, f"give {_POINTS}") if group else None
+    items = value.items(_POINTS) if value else None
+    if value is None or items is None:
+        return nothing
+    pairs = [item.items("a point [drift, force]") for item in items]
+    if not 2 <= len(pairs) <= 4 or any(pair is not None and len(pair) != 2 for pair in pairs):
+        value.fault(f"must be {_POINTS}")
+        return nothing
+    bounds, factors = _bounds(parameter), (unit.factor(length=1), unit.factor(force=1))
+    points = [[one.number(bounds, f) for one, f in zip(pair or (), factors, strict=False)] for pair in pairs]
+    return four_points(points) if all(points) else nothing
+
+
 def _read_number(
-    group: Section | float | None, parameter: LawParameter, unit: ModelUnits, known: Mapping[str, float]
+    group: Section | float | None, parameter: LawParameter, unit: ModelUnits, known: Mapping[str, tuple[float, ...]]
 ) -> float:
     """A parameter in SI, its default where it is left out."""
     bounds, factor = _bounds(parameter), unit.factor(parameter.force, parameter.length)
-    default = known[parameter.default] if isinstance(parameter.default, str) else parameter.default
+    default = known[parameter.default][0] if isinstance(parameter.default, str) else parameter.default
     if isinstance(group, float):
         return group
     if group is None:

@@ -169,6 +169,12 @@ class Value:
                 return Value(entry, f"{self.key}.{name}", self.faults)
         return None
 
+    @property
+    def names(self) -> list[str]:
+        """The keys of a mapping, as far as they are texts."""
+        entries = self.node.entries if isinstance(self.node, MappingNode) else ()
+        return [key.text for key, _ in entries if isinstance(key, ScalarNode)]
+
     def _bare_number(self, bounds: Bounds) -> float:
         """The number as it stands in the file, of a ratio also as a percentage; nan if it is none."""
         text, unit = self._plain_text(), 1.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -14,6 +14,7 @@ import numpy as np
 
 from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
 from tdint.campaign.engine.rows import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR
+from tdint.model.variation import PARAMETERS
 from tdint.output.tables.buildings import STORY, STORY_ERROR
 from tdint.output.tables.spectra import OF_FLOORS, SPECTRUM
 from tdint.output.tables.table import (
@@ -128,12 +129,32 @@ _ROWS_AT_ONCE = 2048
 
 
 def run_columns(store: Store) -> tuple[Column, ...]:
-    """Of runs.csv of a campaign."""
-    return (*RUNS, *RUN_ERRORS) if store.checked else RUNS
+    """Of runs.csv of a campaign; what a sweep varied comes last."""
+    errors = RUN_ERRORS if store.checked else ()
+    return (
+        *RUNS,
+        *errors,
+        *(Column(_word(name), "1", name, PARAMETERS[_parameter(name)]) for name in _swept(store.varied())),
+    )
+
+
+def _swept(varied: Sequence[Mapping[str, float]]) -> list[str]:
+    return list(dict.fromkeys(name for one in varied for name in one))
+
+
+def _word(name: str) -> str:
+    """The column of a parameter: `story 3.mass_factor` is story_3_mass_factor."""
+    return name.replace(" ", "_").replace(".", "_")
+
+
+def _parameter(name: str) -> str:
+    return name.rpartition(".")[2]
 
 
 def run_rows(store: Store) -> Iterator[list[Any]]:
     """The rows of runs.csv, in the order of buildings, records, scales and draws."""
+    varied = store.varied()
+    swept = [[one.get(name) for name in _swept(varied)] for one in varied]
     buildings, records = store.buildings(), store.records()
     building_names = {number: cell_text(name) for number, (name, _) in buildings.items()}
     checked = store.checked
@@ -142,7 +163,8 @@ def run_rows(store: Store) -> Iterator[list[Any]]:
         name, component, _ = records[record]
         head = [building_names[building], cell_text(name), cell_text(component), scale, sample, method_names[building]]
         head += [dt, cell_text(status)]
-        yield head + rest[: len(RUNS) - len(head)] + (rest[-len(RUN_ERRORS) :] if checked else [])
+        errors = rest[-len(RUN_ERRORS) :] if checked else []
+        yield head + rest[: len(RUNS) - len(head)] + errors + (swept[building] if swept else [])
 
 
 def story_rows(store: Store) -> Iterator[list[Any]]:
@@ -198,6 +220,24 @@ def write_shocks(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> Non
         for building, record, scale, _, *rest in store.shocks()
     )
     write_rows(SHOCKS, rows, stream, units)
+
+
+def profile_table(profile: Profile, names: Sequence[str], units: OutputUnits = SI) -> Table:
+    """Mean and largest of some quantities side by side, a row per story; a quantity that is nowhere is left out."""
+    columns: list[Column] = [PROFILES[3]]
+    for one in STORY_QUANTITIES:
+        found = profile.statistics(one)
+        if (one.called or one.name) in names and np.any(np.nan_to_num(found.max)):
+            columns += [
+                Column(f"mean_{one.column}", one.unit, _always(found.mean), f"mean: {one.meaning}"),
+                Column(f"max_{one.column}", one.unit, _always(found.max), f"largest: {one.meaning}"),
+            ]
+    stories = replace(columns[0], value=lambda shown: np.arange(1, shown.height.size + 1))
+    return Table.of_results((stories, *columns[1:]), [profile]).in_units(units)
+
+
+def _always(values: Any) -> Callable[[Any], Any]:
+    return lambda profile: values
 
 
 def ratio_table(store: Store, found: Sequence[Ratios], *, stories: bool) -> Table:

@@ -16,6 +16,33 @@ from tdint.campaign.suites.suite import components
 from tdint.ground_motion.record import component_names
 from tdint.output.tables.table import OF_NAMED_RECORD, OF_RECORD, PERIOD, Cell, Column, Table, error_columns, rows_of
 
+_PEAK = (
+    Column("quantity", "text", lambda one: one.quantity.called or one.quantity.name, "peak: median over the motions"),
+    Column("unit", "text", "quantity.unit", "its unit"),
+)
+SWINGS = (
+    Column("building", "text", "building", "name of the building"),
+    *_PEAK,
+    Column("parameter", "text", "parameter", "what is changed, all else as it is"),
+    Column("low", "1", "low", "its low value"),
+    Column("high", "1", "high", "its high value"),
+    Column("at_low", "1", "at_low", "the peak with it"),
+    Column("as_it_is", "1", "as_it_is", "the peak of the building as it is"),
+    Column("at_high", "1", "at_high", "the peak with the high value"),
+    Column("swing", "1", "swing", "what lies between the peaks at both ends, over that of the building as it is"),
+)
+"""Of what a building is sensitive to."""
+
+CORRELATIONS = (
+    Column("building", "text", "building", "name of the building"),
+    Column("scale", "1", "scale", "factor on the ground acceleration"),
+    *_PEAK,
+    Column("parameter", "text", "parameter", "what a sweep varied"),
+    Column("rank_correlation", "1", "coefficient", "Spearman's, over the variations"),
+    Column("draws", "1", "draws", "variations with a peak"),
+)
+"""Of the ranks of a sweep."""
+
 FACTORS = (*OF_RECORD, Column("factor", "1", "factor", "factor on the record, the same for both components of a pair"))
 
 SCALED = (

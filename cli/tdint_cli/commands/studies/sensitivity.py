@@ -1,0 +1,154 @@
+"""`tdint sensitivity`: how much the parameters of a building move its peaks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tdint.errors import UsageError
+from tdint.written_numbers import parse_ratio
+from tdint_cli import options
+from tdint_cli.errors import Failures
+from tdint_cli.options.output import Outputs
+from tdint_cli.options.record import RecordsRequest
+from tdint_cli.options.values import FileName
+from tdint_cli.terminal.streams import note, say
+
+if TYPE_CHECKING:
+    from tdint.files import Writer
+    from tdint.output_units import OutputUnits
+
+
+def _ranges(ctx: click.Context, parameter: click.Parameter, texts: tuple[str, ...]) -> dict[str, tuple[float, float]]:
+    """NAME=LOW:HIGH, several with commas between them."""
+    found: dict[str, tuple[float, float]] = {}
+    for text in (part for one in texts for part in one.split(",")):
+        name, ends = (part.strip() for part in text.partition("=")[::2])
+        low, colon, high = ends.partition(":")
+        try:
+            both = (parse_ratio(low), parse_ratio(high)) if name and colon else None
+        except UsageError:
+            both = None
+        if both is None or not both[0] < both[1]:
+            raise UsageError(f"--vary {text!r}: write NAME=LOW:HIGH, such as damping=2%:5% or stiffness_factor=0.8:1.2")
+        found[name] = both
+    return found
+
+
+@dataclass(frozen=True)
+class Request(RecordsRequest):
+    """What the command line says of the records, and of what is varied."""
+
+    ranges: dict[str, tuple[float, float]]
+    method: str | None
+    dt: float | None
+
+
+@options.command("sensitivity")
+@options.analysis.plugin
+@click.argument("building", metavar="MODEL.yaml|DIR", type=FileName())
+@options.record.of_records_if_any
+@options.option(
+    "--vary",
+    "ranges",
+    multiple=True,
+    callback=_ranges,
+    metavar="NAME=LOW:HIGH,...",
+    help="Parameters with a low and a high value: damping, stiffness_factor, strength_factor, mass_factor, or a factor "
+    "of one story, 'story 3.stiffness_factor'.",
+)
+@options.analysis.method
+@options.analysis.dt
+@options.output.output()
+@options.output.picture
+@options.output.units
+@options.output.overwrite
+def command(
+    building: str,
+    output: str | None,
+    plot: str | None,
+    output_units: OutputUnits | None,
+    overwrite: bool,
+    **given: Any,
+) -> None:
+    """How much each parameter of a building moves its peaks.
+
+    MODEL.yaml is run under the RECORDs as it is, and with one parameter of --vary at a time at its low and its high
+    value. CSV, for each peak the parameters in the order of what they do: the medians over the records, and the swing
+    between both ends over the peak of the building as it is. With --plot a tornado for each peak.
+
+    With the folder of a campaign that has `vary` in place of the model, the rank correlations (Spearman) of what was
+    varied with the medians of the peaks.
+    """
+    outputs = Outputs.checked(output, plot, overwrite, units=output_units)
+    request = Request(**given)
+    if Path(building).is_dir():
+        if request.records or request.ranges or outputs.picture:
+            raise UsageError("a campaign has its records and its sweep: leave out RECORD, --vary and --plot")
+        _ranks(building, outputs)
+        return
+    if not request.records or not request.ranges:
+        raise UsageError("give RECORDs and --vary NAME=LOW:HIGH, or the folder of a campaign with `vary`")
+    _one_at_a_time(building, request, outputs)
+
+
+def _ranks(building: str, outputs: Outputs) -> None:
+    from tdint.campaign.sensitivity import rank_correlations
+    from tdint.campaign.store.store import check_chunks, open_existing
+    from tdint.output.tables.studies import CORRELATIONS
+    from tdint.output.tables.table import Table
+
+    with open_existing(Path(building)) as store:
+        check_chunks(store)
+        found = rank_correlations(store)
+    outputs.deliver(Table.of_results(CORRELATIONS, found))
+
+
+def _one_at_a_time(building: str, request: Request, outputs: Outputs) -> None:
+    from tdint.campaign.carry_out import threads
+    from tdint.campaign.definition import AnalysisWishes, CampaignFile, ModelFiles, RecordFiles
+    from tdint.campaign.inputs import Inputs, read_motions
+    from tdint.campaign.levels import Scales
+    from tdint.campaign.plan import make_plan
+    from tdint.campaign.sensitivity import one_at_a_time, swings
+    from tdint.campaign.store.store import open_store
+    from tdint.methods.catalogue import parse
+    from tdint.model.config.model_file import load_model
+    from tdint.output.tables.studies import SWINGS
+    from tdint.output.tables.table import Table
+    from tdint.system import processors
+    from tdint_cli.batch.campaigns import advance_with_bar, tell_outcomes
+
+    model = load_model(building)
+    wanted = RecordFiles(request.records, request.choice)
+    wishes = AnalysisWishes(method=parse(request.method).label if request.method else None, dt=request.dt)
+    models = one_at_a_time(model, request.ranges)
+    motions = read_motions(wanted)
+    inputs = Inputs(models, motions=motions.motions, failures=motions.failures, notes=motions.notes)
+    campaign = CampaignFile(model.name, model.source, ModelFiles((model.source,)), wanted, Scales((1.0,)), wishes)
+    plan = make_plan(campaign, inputs)
+    store, _ = open_store(None, plan)
+    for text in dict.fromkeys(plan.notes):
+        note(text)
+    with store:
+        advance = advance_with_bar(plan, store, threads(processors()))
+        tell_outcomes(store)
+        found = swings(store, model.name, request.ranges)
+
+    def draw(suffix: str) -> Writer:
+        from tdint.output.figures.demands.tornado import sensitivity_picture
+
+        return sensitivity_picture(found, suffix, units)
+
+    outputs = outputs.else_in(model.output_units)
+    units = outputs.units or model.output_units
+    outputs.deliver(Table.of_results(SWINGS, found), draw)
+    first = found[0]
+    say(
+        f"{advance.done} runs. {first.parameter} moves the peak drift ratio most, by {100.0 * first.swing:.3g} % of it."
+    )
+    if plan.failures:
+        raise Failures([*plan.failures])

@@ -1,0 +1,168 @@
+"""How much the parameters of a building move its peaks: one at a time, or by the ranks of a sampled sweep."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.campaign.engine.rows import RUN
+from tdint.campaign.store.store import Store
+from tdint.errors import UsageError
+from tdint.model.definition import Model
+from tdint.quantity import Quantity
+
+Array = NDArray[np.float64]
+
+_LOOKED_AT = (
+    "peak_drift_ratio",
+    "peak_acceleration",
+    "residual_drift_ratio",
+    "peak_roof_displacement",
+    "peak_base_shear",
+)
+PEAKS = tuple(one for one in RUN if one.name in _LOOKED_AT)
+"""The peaks that are looked at."""
+
+
+@dataclass(frozen=True)
+class Swing:
+    """What one parameter does to one peak, the others as they are.
+
+    Attributes
+    ----------
+    building, parameter : str
+        The model's name, and the parameter's.
+    quantity : Quantity
+        The peak; its values are medians over the motions, in SI units.
+    low, high : float
+        Values of the parameter.
+    at_low, as_it_is, at_high : float
+        The peak; nan where fewer than half of the runs have one.
+    """
+
+    building: str
+    parameter: str
+    quantity: Quantity
+    low: float
+    high: float
+    at_low: float
+    as_it_is: float
+    at_high: float
+
+    @property
+    def swing(self) -> float:
+        """What lies between the peaks at both ends, over that of the building as it is."""
+        return abs(self.at_high - self.at_low) / abs(self.as_it_is) if self.as_it_is else math.nan
+
+
+@dataclass(frozen=True)
+class RankCorrelation:
+    """How a peak goes with a parameter over the draws of a sweep.
+
+    Attributes
+    ----------
+    building : str
+        What the draws are of.
+    scale : float
+        Factor on the motions.
+    coefficient : float
+        Spearman's rank correlation of the parameter and the peak's median over the motions; nan where one of them does
+        not vary.
+    draws : int
+        How many there are with a peak.
+    """
+
+    building: str
+    scale: float
+    parameter: str
+    quantity: Quantity
+    coefficient: float
+    draws: int
+
+
+def one_at_a_time(model: Model, ranges: Mapping[str, tuple[float, float]]) -> tuple[Model, ...]:
+    """The building as it is, then with each parameter at its low and at its high value.
+
+    Parameters
+    ----------
+    model : Model
+        The building.
+    ranges : mapping of str to (float, float)
+        Low and high values of parameters (`tdint.model.variation.PARAMETERS`).
+
+    Raises
+    ------
+    UsageError
+        As `Model.replace`.
+    """
+    ends = [(name, value) for name, both in ranges.items() for value in both]
+    return (model, *(replace(model.replace(**{name: value}), label=f"{name}={value:g}") for name, value in ends))
+
+
+def swings(store: Store, name: str, ranges: Mapping[str, tuple[float, float]]) -> list[Swing]:
+    """Of the runs of the buildings that `one_at_a_time` gives, the swings: of each peak the largest first."""
+    found: list[Swing] = []
+    medians = {number: values for (number, _), values in _medians(store, by_scale=False).items()}
+    for place, quantity in enumerate(PEAKS):
+        of_peak = []
+        for i, (parameter, (low, high)) in enumerate(ranges.items()):
+            at_low, as_it_is, at_high = (float(medians[number][place]) for number in (2 * i + 1, 0, 2 * i + 2))
+            of_peak.append(Swing(name, parameter, quantity, low, high, at_low, as_it_is, at_high))
+        found += sorted(of_peak, key=lambda one: -one.swing if one.swing == one.swing else math.inf)
+    return found
+
+
+def rank_correlations(store: Store) -> list[RankCorrelation]:
+    """Rank correlations of what a sweep varied with the peaks, at each scale.
+
+    Raises
+    ------
+    UsageError
+        Nothing was varied.
+    """
+    from scipy.stats import spearmanr
+
+    varied = store.varied()
+    if not varied:
+        raise UsageError("the campaign has no sweep: add `vary` to its file")
+    names = {number: name.partition(": ")[0] for number, (name, _) in store.buildings().items()}
+    groups: dict[tuple[str, float], list[tuple[int, Array]]] = {}
+    for (number, scale), values in _medians(store, by_scale=True).items():
+        groups.setdefault((names[number], scale), []).append((number, values))
+    found = []
+    for (building, scale), members in groups.items():
+        for parameter in dict.fromkeys(name for number, _ in members for name in varied[number]):
+            x = np.array([varied[number].get(parameter, math.nan) for number, _ in members])
+            for place, quantity in enumerate(PEAKS):
+                y = np.array([values[place] for _, values in members])
+                there = np.isfinite(x) & np.isfinite(y)
+                both = x[there], y[there]
+                moving = all(np.unique(one).size > 1 for one in both)
+                coefficient = float(spearmanr(*both)[0]) if moving else math.nan
+                found.append(RankCorrelation(building, scale, parameter, quantity, coefficient, int(there.sum())))
+    return found
+
+
+def _medians(store: Store, *, by_scale: bool) -> dict[tuple[int, float], Array]:
+    """The medians of `PEAKS` over the motions by building, and by scale if that is asked for."""
+    runs: dict[tuple[int, float], list[Sequence[float]]] = {}
+    for number, scale, peaks in _peaks(store):
+        runs.setdefault((number, scale if by_scale else 0.0), []).append(peaks)
+    return {key: _median(np.array(rows, dtype=np.float64)) for key, rows in runs.items()}
+
+
+def _median(rows: Array) -> Array:
+    """Of each column; nan where a run in two has no value: a collapse has none, and is no small peak."""
+    ordered = np.sort(rows, axis=0)  # nan last: larger than any peak
+    middle = (rows.shape[0] - 1) / 2.0
+    return np.asarray(0.5 * (ordered[math.floor(middle)] + ordered[math.ceil(middle)]))
+
+
+def _peaks(store: Store) -> Iterator[tuple[int, float, list[float]]]:
+    columns = ", ".join(one.column for one in PEAKS)
+    for number, scale, *peaks in store.connection.execute(f"SELECT building, scale, {columns} FROM run_rows"):
+        yield number, scale, [math.nan if value is None else value for value in peaks]

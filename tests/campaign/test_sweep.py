@@ -1,0 +1,203 @@
+"""Sweeps of campaigns, and what peaks are sensitive to."""
+
+from __future__ import annotations
+
+import csv
+import math
+
+import numpy as np
+import pytest
+
+import tdint
+from tdint.campaign.carry_out import carry_out, threads
+from tdint.campaign.definition import AnalysisWishes, CampaignFile, ModelFiles, RecordFiles
+from tdint.campaign.inputs import Inputs, suite_motions
+from tdint.campaign.levels import Scales
+from tdint.campaign.plan import make_plan
+from tdint.campaign.reader import load_campaign
+from tdint.campaign.sensitivity import one_at_a_time, rank_correlations, swings
+from tdint.campaign.store.store import open_store
+from tdint.campaign.suites.suite import RecordChoice
+from tdint.campaign.sweep import Distribution, ParameterSweep
+from tdint.errors import ModelError, UsageError
+from tdint.output.tables.campaign import write_runs
+
+STORY = {
+    "mass": 1e4,
+    "height": 3.0,
+    "stiffness": 4e6,
+    "law": {"type": "bilinear", "yield_force": 3e4, "hardening": 0.05},
+}
+MODEL = {"name": "frame", "stories": [{**STORY, "repeat": 2}], "damping": "5%"}
+
+
+@pytest.fixture(scope="module")
+def model():
+    return tdint.load_model(MODEL)
+
+
+@pytest.fixture(scope="module")
+def records():
+    t = np.arange(600) * 0.01
+    return [
+        tdint.make_record(a * np.sin(w * t) * np.exp(-0.3 * t), dt=0.01, units="m/s^2") for a, w in ((4, 9), (3, 14))
+    ]
+
+
+def stored(models, records, scales=(1.0,)):
+    """An open store with the runs of some models."""
+    motions = suite_motions(records)
+    campaign = CampaignFile(
+        "sweep", "sweep", ModelFiles(()), RecordFiles((), RecordChoice()), Scales(scales), AnalysisWishes()
+    )
+    plan = make_plan(campaign, Inputs(tuple(models), motions=motions))
+    store, _ = open_store(None, plan)
+    carry_out(plan, store, threads(1))
+    return store
+
+
+def rows(store, path):
+    with path.open("wb") as stream:
+        write_runs(store, stream)
+    with path.open() as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_factors_and_ratios_do_what_they_say(model):
+    """The first period goes as the root of mass over stiffness; strengths and stiffnesses are apart."""
+    before = tdint.modes(model)
+    after = model.replace(mass_factor=1.5, stiffness_factor=0.7, damping=0.02, strength_factor=1.2)
+    modes = tdint.modes(after)
+    np.testing.assert_allclose(modes.omega, before.omega * math.sqrt(0.7 / 1.5), rtol=1e-12)
+    np.testing.assert_allclose(modes.damping, 0.02, rtol=1e-9)
+    assert [story.law.parameters[0] for story in after.stories] == [3.6e4, 3.6e4]
+    assert after.varied == (
+        ("mass_factor", 1.5),
+        ("stiffness_factor", 0.7),
+        ("damping", 0.02),
+        ("strength_factor", 1.2),
+    )
+    one = model.replace(**{"story 2.stiffness_factor": 0.5})
+    assert [story.stiffness for story in one.stories] == [4e6, 2e6]
+
+
+def test_a_law_with_a_stiffness_of_its_own_grows_as_a_whole():
+    story = {"mass": 1.0, "law": {"type": "polynomial", "coefficients": [100.0, 0.0, -20.0]}}
+    after = tdint.load_model({"stories": [story]}).replace(stiffness_factor=2.0)
+    assert after.stories[0].stiffness == 200.0
+    assert after.stories[0].law.parameters == (200.0, 0.0, -40.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"dampin": 0.05}, "no parameter 'dampin'; did you mean 'damping'"),
+        ({"damping": 1.0}, "damping must be a ratio"),
+        ({"mass_factor": 0.0}, "mass_factor must be a positive number"),
+        ({"story 3.mass_factor": 2.0}, "frame has 2 stories"),
+        ({"story 1.damping": 0.1}, "no parameter 'story 1.damping'"),
+    ],
+)
+def test_what_cannot_be_changed_is_told(model, changes, message):
+    with pytest.raises(UsageError, match=message):
+        model.replace(**changes)
+
+
+def test_nothing_to_act_on_is_told():
+    plain = tdint.load_model({"stories": [{"mass": 1.0, "stiffness": 1.0}]})
+    for change, message in (("damping", "damping has no ratio to vary"), ("strength_factor", "has nothing to act on")):
+        with pytest.raises(UsageError, match=message):
+            plain.replace(**{change: 0.5})
+
+
+def test_a_latin_hypercube_has_one_draw_in_each_part():
+    """Of 40 draws one lies in each fortieth of a distribution, whatever it is, and a seed gives them again."""
+    random = {"stiffness_factor": Distribution("lognormal", 1.1, 0.2), "mass_factor": Distribution("uniform", 0.8, 1.2)}
+    changes = ParameterSweep(random=random, samples=40, seed=3).changes()
+    stiffness, mass = (np.array([one[name] for one in changes]) for name in random)
+    parts = (np.log(stiffness / 1.1) / 0.2, (mass - 0.8) / 0.4)
+    from scipy.special import ndtr
+
+    for part in (ndtr(parts[0]), parts[1]):
+        assert sorted((part * 40).astype(int).tolist()) == list(range(40))
+    assert abs(np.corrcoef(parts)[0, 1]) < 0.5
+    assert changes == ParameterSweep(random=random, samples=40, seed=3).changes()
+    assert changes != ParameterSweep(random=random, samples=40, seed=4).changes()
+
+
+def test_each_variation_is_the_run_of_the_varied_model(tmp_path, model, records):
+    sweep = ParameterSweep(
+        {"damping": (0.02, 0.05), "story 1.strength_factor": (0.8, 1.0)}, methods=("newmark-average", "bathe")
+    )
+    with stored(sweep.of([model]), records, (0.5, 1.0)) as store:
+        found = rows(store, tmp_path / "runs.csv")
+    assert len(found) == 2 * 2 * 2 * 2 * 2
+    assert list(found[0])[-2:] == ["damping", "story_1_strength_factor"]
+    assert len({row["building"] for row in found}) == 8
+    for row in found[:: len(found) // 5]:
+        changes = {"damping": float(row["damping"]), "story 1.strength_factor": float(row["story_1_strength_factor"])}
+        peaks = [
+            tdint.run(
+                model.replace(**changes), one.scaled(float(row["scale"])), method=row["method"]
+            ).stories.peak_drift.max()
+            for one in records
+        ]
+        assert min(abs(peak / float(row["peak_drift_m"]) - 1.0) for peak in peaks) < 1e-9
+
+
+def test_a_campaign_file_with_a_sweep(tmp_path):
+    text = """
+        buildings: {models: [frame.yaml]}
+        records: {files: [a.mseed]}
+        analysis: {methods: [bathe, "hht:alpha=-0.1"], dt: [0.01, 0.005]}
+        vary: {damping: [2%, 5%], mass_factor: {uniform: {low: 0.9, high: 1.1}}, samples: 7, seed: 2}
+    """
+    (tmp_path / "c.yaml").write_text(text)
+    sweep = load_campaign(tmp_path / "c.yaml").sweep
+    assert sweep == ParameterSweep(
+        {"damping": (0.02, 0.05)},
+        {"mass_factor": Distribution("uniform", 0.9, 1.1)},
+        7,
+        2,
+        ("bathe:rho_inf=0.0,gamma=0.585786437626905", "hht:alpha=-0.1"),
+        (0.01, 0.005),
+    )
+    faults = {
+        "damping: [2%, 5%]": ("damping: [2%, 500%]", "vary.damping[2]: damping must be a ratio"),
+        "low: 0.9": ("low: 1.9", "uniform: low must be less than high"),
+        ", samples: 7": ("", "random parameters need `samples`"),
+        "mass_factor": ("masses", "no parameter 'masses'"),
+        "{uniform": ("{triangular", "triangular"),
+        "methods: [": ("method: hht, methods: [", "stands in place of `methods`"),
+    }
+    for before, (after, message) in faults.items():
+        (tmp_path / "c.yaml").write_text(text.replace(before, after))
+        with pytest.raises(ModelError) as caught:
+            load_campaign(tmp_path / "c.yaml")
+        assert message in str(caught.value)
+
+
+def test_swings_are_those_of_runs_and_come_in_their_order(model, records):
+    ranges = {"damping": (0.02, 0.08), "strength_factor": (0.7, 1.3)}
+    with stored(one_at_a_time(model, ranges), records[:1]) as store:
+        found = swings(store, "frame", ranges)
+    drifts = [one for one in found if one.quantity.name == "peak_drift_ratio"]
+    assert drifts[0].swing >= drifts[1].swing
+    for one in drifts:
+        for value, peak in ((one.low, one.at_low), (one.high, one.at_high)):
+            run = tdint.run(model.replace(**{one.parameter: value}), records[0])
+            assert math.isclose(run.stories.peak_drift_ratio.max(), peak, rel_tol=1e-9)
+
+
+def test_ranks_of_a_monotonic_response(records):
+    """The static part of a soft, strong story: its drift falls with its stiffness, in every draw."""
+    stiff = tdint.load_model(
+        {"name": "stiff", "stories": [{"mass": 1.0, "height": 1.0, "stiffness": 1e6}], "damping": "5%"}
+    )
+    sweep = ParameterSweep(random={"stiffness_factor": Distribution("uniform", 0.5, 2.0)}, samples=12, seed=1)
+    with stored(sweep.of([stiff]), records) as store:
+        found = {one.quantity.name: one for one in rank_correlations(store)}
+    assert math.isclose(found["peak_drift_ratio"].coefficient, -1.0)
+    assert found["peak_drift_ratio"].draws == 12
+    with stored([stiff], records) as store, pytest.raises(UsageError, match="has no sweep"):
+        rank_correlations(store)

@@ -1,0 +1,162 @@
+"""The multilinear law with pinching: loops of OpenSees, loops by hand, energy."""
+
+from __future__ import annotations
+
+import csv
+import math
+from itertools import groupby, pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tdint.analysis.static.cyclic import follow_path
+from tdint.model.building import assemble
+from tdint.model.definition import Law, simple_model, simple_story
+
+LOOPS = Path(__file__).parent / "pinching4_loops.csv"
+"""Turn points and points between them of loops that OpenSeesPy 3.7.1 made with Pinching4 (1000 steps from row to row;
+drift over dy, force over Fy, work over Fy dy of the positive side). Damage as vmtk 1.1 has it, or general."""
+
+VMTK = ((1, 1), (8.000065801378538, 2.0000000969443152), (39.809834016022634, 1.2000000969443152))
+VMTK = (*VMTK, (71.61960223066673, 1.2120000581665893))
+UNEVEN = ((1, 1), (3, 1.3), (6, 1.5), (10, 0.9))
+OTHER = ((1.5, 0.9), (4, 1.2), (7, 1.25), (12, 0.7))
+USUAL = (0.5, 0.25, 0.05)
+INTACT = (*3 * (0.0, 0.0, 1.0, 1.0, 0.0), math.inf)
+
+
+def multilinear(points, pinching=USUAL, negative=None, other=None, ultimate=math.inf, degradation=INTACT):
+    sides = [float(number) for side in (points, negative or points) for point in side for number in point]
+    return Law("multilinear-pinching", (*sides, *pinching, *(other or pinching), ultimate, *degradation))
+
+
+STIFF = ((1, 1), (3, 1.5), (6, 1.8), (12, 1.4))
+CASES = {
+    "vmtk_quadrilinear": multilinear(VMTK),
+    "vmtk_bilinear_hardening": multilinear(((1, 1), (5, 1.1), (9, 1.2), (13, 1.3))),
+    "falling_to_residual": multilinear(((1, 1), (4, 1.4), (9, 0.5), (14, 0.2)), (0.4, 0.3, -0.1)),
+    "asymmetric": multilinear(UNEVEN, negative=OTHER, other=(0.6, 0.35, -0.15)),
+    "force_above_drift": multilinear(STIFF, (0.3, 0.6, 0.1)),
+    "unloading_above_reloading": multilinear(((1, 1), (3, 1.2), (6, 1.3), (12, 1.25)), (0.5, 0.2, 0.3)),
+    "vmtk_degrading": multilinear(VMTK, degradation=(0, 0.1, 0, 0, 0.2, 0, 0.1, 0, 0, 0.2, 0, 0.4, 0, 0.4, 0.9, 10.0)),
+    "general_degrading": multilinear(
+        UNEVEN,
+        negative=OTHER,
+        other=(0.6, 0.35, -0.15),
+        degradation=(0.3, 0.1, 0.2, 0.5, 0.4, 0.2, 0.1, 1.0, 0.7, 0.3, 0.1, 0.2, 1.5, 0.5, 0.5, 3.0),
+    ),
+}
+
+
+def imposed(law, drifts):
+    """A story along a path, from rest."""
+    building = assemble(simple_model("one", [simple_story(1.0, law)]))
+    return follow_path(building, 1, np.asarray(drifts, float))
+
+
+def loops():
+    with LOOPS.open() as file:
+        groups = groupby(csv.DictReader(file), key=lambda row: (row["case"], row["path"]))
+        return [
+            pytest.param(
+                case, [[float(row[name]) for name in ("drift", "force", "work")] for row in rows], id=f"{case}-{path}"
+            )
+            for (case, path), rows in groups
+        ]
+
+
+@pytest.mark.parametrize(("case", "rows"), loops())
+def test_loops_of_opensees(case, rows):
+    """The work there is summed by trapezoids over steps that pass the bends of the path."""
+    drift, force, work = np.transpose(rows)
+    path = imposed(CASES[case], [0.0, *drift])
+    assert np.max(np.abs(path.shear[1:] - force)) < 1e-6
+    assert np.max(np.abs((path.recoverable + path.dissipated)[1:] - work)) < 2e-5
+
+
+def test_a_loop_by_hand():
+    """Backbone (1, 1), (3, 2), then flat. From (3, 2) towards (-1, -1): down with k to 0.05 F3 past zero force, on to a
+    quarter of the force, no farther from (-1, -1) than the line of k, up to that."""
+    path = imposed(multilinear(((1, 1), (3, 2), (5, 2), (7, 2))), [0, 1, 3, 0.9, 0.2, -0.25, -0.5, -1, -2, 9])
+    pinched = -0.1 - 0.15 * (0.9 - 0.2) / (0.9 + 0.25)
+    assert path.shear == pytest.approx([0, 1, 2, -0.1, pinched, -0.25, -0.5, -1, -1.5, 2.0], abs=1e-12)
+
+
+def test_steps_do_not_matter():
+    """A path in one step or in many: the same forces and the same work."""
+    for law in CASES.values():
+        corners = np.random.default_rng(3).uniform(-12.0, 12.0, 40)
+        ways = [np.linspace(a, b, 8)[1:] for a, b in pairwise([0.0, *corners])]
+        coarse, fine = imposed(law, [0.0, *corners]), imposed(law, [0.0, *np.concatenate(ways)])
+        assert fine.shear[7::7] == pytest.approx(coarse.shear[1:], abs=1e-10)
+        done = [path.recoverable + path.dissipated for path in (coarse, fine)]
+        assert done[1][7::7] == pytest.approx(done[0][1:], abs=1e-9)
+
+
+def test_nothing_is_carried_beyond_the_ultimate_drift():
+    path = imposed(multilinear(UNEVEN, ultimate=10.0), [0.0, 9.9, 10.1, 5.0, 0.0, -3.0])
+    assert path.shear[1] > 0.9
+    assert np.all(path.shear[2:] == 0.0)
+    assert path.recoverable[-1] == 0.0
+
+
+def test_nothing_degrades_before_the_first_yielding():
+    """Cycles below it, though the work done there is not zero."""
+    cycles = np.tile([0.9, -0.9], 20)
+    degrading = imposed(CASES["vmtk_degrading"], [0.0, *cycles, 8.0])
+    assert degrading.shear == pytest.approx(imposed(multilinear(VMTK), [0.0, *cycles, 8.0]).shear, abs=1e-12)
+
+
+def uneven(random):
+    """Unlike sides; unloading ends beyond zero force, and before the force from which reloading is straight."""
+    sides, pinchings = [], []
+    for _ in range(2):
+        k, drift = random.uniform(0.5, 2.0, 2)
+        points = [(drift, k * drift)]
+        for _ in range(3):
+            way = random.uniform(0.3, 10.0)
+            drift, force = points[-1]
+            force = float(np.clip(force + way * random.uniform(-0.3, 0.3) * k, 0.2 * k, 4.9 * k))
+            points.append((drift + way, force))
+        force = random.uniform(0.02, 1.0)
+        sides.append(points)
+        pinchings.append((random.uniform(), force, random.uniform(0.0, 0.98 * force)))
+    return multilinear(sides[0], pinchings[0], sides[1], pinchings[1])
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_settled_cycles_make_no_energy(seed):
+    """Between any two turns, after any history, with sides of any kind: where 0 <= unloading < force."""
+    random = np.random.default_rng(seed)
+    law, before, between = uneven(random), random.uniform(-30.0, 30.0, 8), random.uniform(-25.0, 25.0, 2)
+    path = imposed(law, [0.0, *before, *np.tile(between, 250)])
+    work = path.recoverable + path.dissipated
+    assert work[-1] - work[-3] >= -1e-7 * max(np.max(np.abs(np.diff(work[-4:]))), 1.0)
+
+
+def test_where_a_settled_cycle_makes_energy():
+    """Unloading that stops before zero force, above the force of reloading: what the README warns of."""
+    points = ((1, 1), (10.4, 0.2), (17.1, 1.5), (24.1, 3.6))
+    path = imposed(multilinear(points, (0.72, 0.33, -0.59)), [0.0, -19.0, 24.0, *np.tile([-21.0, 10.0], 40)])
+    work = path.recoverable + path.dissipated
+    assert work[-1] - work[-3] < -5.0
+
+
+def even(random):
+    """Both sides alike, each part below the line of the stiffness, pinching by the usual parts."""
+    points = [(1.0, 1.0)]
+    for _ in range(3):
+        way = random.uniform(0.3, 10.0)
+        drift, force = points[-1]
+        points.append((drift + way, float(np.clip(force + way * random.uniform(-0.3, 0.3), 0.2, 4.9))))
+    return multilinear(points)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_no_energy_is_made(seed):
+    """What a turn would give back is never more than what was done since rest."""
+    random = np.random.default_rng(seed)
+    path = imposed(even(random), [0.0, *random.uniform(-30.0, 30.0, 100)])
+    assert np.min(path.dissipated) >= -1e-12
+    assert np.min(path.recoverable) >= 0.0
