@@ -1,12 +1,14 @@
-"""The error that moment4 carries along: python tests/benchmarks/carried_error.py [honesty | work] [FOLDER] [BUILDINGS]
+"""The error that moment4 carries along: python tests/benchmarks/carried_error.py [honesty | work] [--quick]
 
-honesty: estimates beside true errors, by their size, over random buildings of all laws, with two runs (h and h/2)
-beside; work: time per step with and without it and with the repetitions, and error over time, on the two ten-story
-buildings. FOLDER holds ground motions for the random buildings in place of synthetic ones.
+honesty: estimates beside true errors by their size, over random buildings of all laws under the motions of `records`
+and artificial ones, with steps of 2, 1, 1/2 and 1/4 samples; two runs (h and h/2) beside. `--records FOLDER` takes all
+motions that can be read there, `--buildings` so many buildings from `--seed` on, `--keep FILE` keeps what was found.
+work: time per step with and without it and with the repetitions, and error over time, on the two ten-story buildings.
 """
 
 from __future__ import annotations
 
+import argparse
 import sys
 import time
 from dataclasses import replace
@@ -15,117 +17,177 @@ from pathlib import Path
 
 import numpy as np
 
-from tdint import load_model, read_record, run
+from tdint import load_model
 from tdint.analysis.run.run import FailedRun, prepare, run_case
+from tdint.errors import TdintError
+from tdint.ground_motion.reading.read import read_records
 
 sys.path.append(str(Path(__file__).parents[1]))
-from random_buildings import checked_building, piecewise_building
+from random_buildings import checked_building, piecewise_building, shaken_building
 
-CONFIGS = Path(__file__).parents[2] / "configs"
+ROOT = Path(__file__).parents[2]
 BOUNDS = (1e-9, 1e-4, 1e-3, 1e-2)
-NAMES = ("peak_drift", "peak_shear", "peak_displacement", "peak_velocity", "peak_acceleration")
+NAMES = (
+    "peak_drift",
+    "residual_drift",
+    "peak_displacement",
+    "peak_velocity",
+    "peak_acceleration",
+    "peak_shear",
+    "peak_total_shear",
+    "peak_damper_force",
+)
 FINE = 32
+PARTS = (4, 2, 1, 0.5)
+SECONDS = 20.0
+SURE = 0.2  # of a true error: what two solvers may differ by
 
 
-def cases(count, folder):
-    records = [read_record(file) for file in sorted(folder.glob("*.mseed"))] if folder else []
-    for seed in range(count):
-        if seed % 2:
-            building, record = piecewise_building(np.random.default_rng(seed))
-        else:
+def motions(folder):
+    """The strongest SECONDS of all motions of a folder that tell their units, without vertical ones."""
+    for file in sorted(one for one in folder.rglob("*") if one.is_file()):
+        try:
+            records = read_records(file)
+        except TdintError:
+            continue
+        for one in records:
+            if one.duration > 10.0 and not one.component.upper().endswith(("Z", "U", "UD", "V")):
+                first = max(0, int(np.argmax(np.abs(one.acceleration)) - 0.4 * SECONDS / one.dt))
+                yield replace(one, acceleration=one.acceleration[first : first + int(SECONDS / one.dt)])
+
+
+def cases(first, count, records):
+    for seed in range(first, first + count):
+        rng = np.random.default_rng(seed)
+        if seed % 4 == 0:
+            building, record = shaken_building(rng)
+        elif seed % 4 == 1:
             building, record, *_ = checked_building(seed)
-        if records:
-            record = records[seed % len(records)]
-        yield replace(building, collapse_drift=1e9), record
+        else:
+            building, record = piecewise_building(rng)
+        if records and seed % 3:
+            motion = records[seed % len(records)]
+            record = motion.scaled(record.pga / motion.pga)
+        yield seed, replace(building, collapse_drift=1e9), record
+
+
+def marched(case, parts, carrying=False, duration=None):
+    one = case.carrying_error()[0] if carrying else case
+    return one.march(one.steps(case.record.dt / parts, duration))
 
 
 def errors(building, record):
-    """For each step and quantity: true error, estimate, error once corrected, difference of two runs over 15, doubt of
-    the truth; of the story that is worst."""
-    truth = run(building, record, method="moment4", dt=record.dt / FINE).stories
-    other = run(building, record, method="impulse4", dt=record.dt / FINE).stories
-    half = None
-    for parts in (8, 4, 2, 1):
-        response = run(building, record, method="moment4", dt=record.dt / parts, check=True)
-        if half is not None and response.check.corrected is not None:
-            for name in NAMES:
-                true, own, better = (getattr(one, name) for one in (truth, response.stories, response.check.corrected))
-                pairs = (
-                    (own, true),
-                    (better, own),
-                    (better, true),
-                    (own, getattr(half, name)),
-                    (getattr(other, name), true),
-                )
-                found = [float(np.max(np.abs(a - b) / np.abs(true))) for a, b in pairs]
-                found[3] *= 16.0 / 15.0
-                yield name, *found
-        half = response.stories
+    """For each step and quantity: index of the step and the name, true error, estimate, error once corrected,
+    difference of two runs over 15, doubt of the truth; of the story that is worst."""
+    case, other = (prepare(building, record, method=method) for method in ("moment4", "impulse4"))
+    # A run ends with a story that fails: at the step, and is compared up to there.
+    end = marched(case, 2 * PARTS[0]).collapse
+    duration = None if end is None else case.record.dt * int(0.98 * end.time / case.record.dt / 2) * 2
+    truth, second = marched(other, FINE, duration=duration).stories, marched(case, FINE // 2, duration=duration).stories
+    half = marched(case, 2 * PARTS[0], duration=duration)
+    for step, parts in enumerate(PARTS):
+        response = marched(case, parts, True, duration)
+        for index, name in enumerate(NAMES):
+            size = truth.peak_drift if name == "residual_drift" else getattr(truth, name)
+            true, own, better = (getattr(one, name) for one in (truth, response.stories, response.check.corrected))
+            pairs = (
+                (own, true),
+                (own + getattr(response.check.errors, name), own),
+                (better, true),
+                (own, getattr(half.stories, name)),
+                (getattr(second, name), true),
+            )
+            with np.errstate(invalid="ignore", divide="ignore"):
+                found = [np.max(np.abs(a - b) / np.abs(size)) for a, b in pairs]
+            if np.isfinite(found[0]):
+                yield step, index, *found
+        half = response
 
 
-def honesty(count, folder):
+def honesty(first, count, records, keep):
     rows = []
-    for building, record in cases(count, folder):
+    for seed, building, record in cases(first, count, records):
         try:
-            rows += list(errors(building, record))
+            rows += [(seed, *row) for row in errors(building, record)]
         except FailedRun:
             continue
-    print("quantity, estimate from | runs | within 1.25, 2 | largest | corrected over own: median, 95 % | two runs")
-    for name in NAMES:
+    rows = np.array(rows)
+    if keep:
+        np.save(keep, rows)
+    tell(rows)
+
+
+def tell(rows):
+    print("| estimate from | quantity | runs (unsure) | 5 / 50 / 95 %, largest | within 1.25 / 2 | corrected over own |")
+    for index, name in enumerate(NAMES):
         for low, high in zip(BOUNDS, (*BOUNDS[1:], np.inf), strict=True):
-            found = [row[1:] for row in rows if row[0] == name and low <= row[2] < high and row[5] < 0.2 * row[1]]
-            if found:
-                print(f"{name}, {low:.0e} | {len(found)} | {shares(np.array(found))}")
+            found = rows[(rows[:, 2] == index) & (low <= rows[:, 4]) & (rows[:, 4] < high)][:, 3:]
+            sure = found[found[:, 4] < SURE * np.maximum(found[:, 0], found[:, 1])]
+            if len(sure):
+                print(f"| {low:.0e} | {name} | {len(sure)} ({len(found) - len(sure)}) | {shares(sure)} |")
+    found = rows[(rows[:, 1] == PARTS.index(1)) & (rows[:, 3] > 1e-9) & (rows[:, 7] < SURE * rows[:, 3])]
+    for index, name in enumerate(NAMES):
+        own = found[(found[:, 2] == index) & (found[:, 4] < 1e-2)]
+        if len(own):
+            print(f"{name} at the record's step: {np.median(own[:, 3] / own[:, 5]):.0f} times closer, {len(own)} runs")
 
 
 def shares(found):
     """A line of the table from rows of `errors`."""
-    ratio, corrected, two = found[:, 0] / found[:, 1], found[:, 2] / found[:, 0], found[:, 0] / found[:, 3]
-    within = f"{100 * np.mean(ratio < 1.25):.0f}, {100 * np.mean(ratio < 2.0):.0f} % | {ratio.max():.2f}"
+    ratio, corrected, two = found[:, 0] / found[:, 1], found[:, 2] / found[:, 0], 15.0 / 16.0 * found[:, 0] / found[:, 3]
+    spread = " / ".join(f"{one:.2f}" for one in np.percentile(ratio, (5, 50, 95)))
+    within = f"{100 * np.mean(ratio < 1.25):.0f} / {100 * np.mean(ratio < 2.0):.0f} %"
     better = f"{np.median(corrected):.3f}, {np.percentile(corrected, 95):.2f}"
-    return f"{within} | {better} | {100 * np.mean(np.maximum(two, 1.0 / two) < 1.25):.0f} %"
+    both = f"{100 * np.mean(np.maximum(two, 1.0 / two) < 1.25):.0f} %"
+    return f"{spread}, {ratio.max():.2f} | {within} | {better} | two runs {both}"
 
 
-def fastest(job, repeats=25):
-    best = np.inf
+def seconds(jobs, repeats):
+    """The least time of each job; they take turns."""
+    best = [np.inf] * len(jobs)
     for _ in range(repeats):
-        began = time.thread_time()
-        job()
-        best = min(best, time.thread_time() - began)
+        for i, job in enumerate(jobs):
+            began = time.thread_time()
+            job()
+            best[i] = min(best[i], time.thread_time() - began)
     return best
 
 
-def work():
+def work(repeats):
     for name in ("ten-story", "ten-story-bilinear"):
-        case = prepare(load_model(CONFIGS / f"{name}.yaml"), method="moment4")
-        dt = case.record.dt
-        truth = run_case(case, dt=dt / FINE).stories.peak_drift
+        case = prepare(load_model(ROOT / "configs" / f"{name}.yaml"), method="moment4")
+        truth = marched(prepare(case.model, case.record, method="impulse4"), FINE).stories.peak_drift
         print(f"{name}: dt | ms plain, carried, repeated | error: plain, corrected | estimates: carried, repeated")
-        for parts in (4, 2, 1, 0.5):
-            h = dt / parts
-            plain, carried = run_case(case, dt=h), run_case(case, dt=h, check=True)
-            finer = [run_case(case, dt=h / k).stories.peak_drift for k in (2, 4)]
-            own = plain.stories.peak_drift
+        for parts in PARTS:
+            plain, carried = marched(case, parts), marched(case, parts, True)
+            finer = [marched(case, k * parts).stories.peak_drift for k in (2, 4)]
+            own, corrected = plain.stories.peak_drift, carried.check.corrected.peak_drift
             repeated = np.max(np.maximum(4 / 3 * np.abs(own - finer[0]), np.abs(own - finer[1])) / own)
-            seconds = [fastest(partial(run_case, case, dt=h, check=check)) for check in (False, True)]
-            seconds.append(sum(fastest(partial(run_case, case, dt=h / k), 5) for k in (1, 2, 4)))
-            corrected = carried.check.corrected.peak_drift if carried.check.corrected else np.full_like(own, np.nan)
+            jobs = [partial(run_case, case, dt=case.record.dt / parts / k) for k in (1, 2, 4)]
+            times = seconds([partial(marched, case, parts, True), *jobs], repeats)
             print(
-                f"{h:g} | " + ", ".join(f"{1e3 * one:.2f}" for one in seconds) + f" ({seconds[1] / seconds[0]:.2f}) | "
+                f"{plain.dt:g} | {1e3 * times[1]:.2f}, {1e3 * times[0]:.2f}, {1e3 * sum(times[1:]):.2f} "
+                f"({times[0] / times[1]:.2f}) | "
                 f"{np.max(np.abs(own / truth - 1)):.1e}, {np.max(np.abs(corrected / truth - 1)):.1e} | "
                 f"{carried.check.drift_error:.1e}, {repeated:.1e}"
             )
 
 
-def main(wanted):
-    tables = [one for one in wanted if one in ("honesty", "work")] or ["honesty", "work"]
-    count = next((int(one) for one in wanted if one.isdigit()), 60)
-    folder = next((Path(one) for one in wanted if Path(one).is_dir()), None)
-    if "honesty" in tables:
-        honesty(count, folder)
-    if "work" in tables:
-        work()
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("table", nargs="?", choices=["honesty", "work"])
+    parser.add_argument("--records", type=Path, default=ROOT / "records")
+    parser.add_argument("--buildings", type=int, default=120)
+    parser.add_argument("--seed", type=int, default=20_000)
+    parser.add_argument("--keep", type=Path)
+    parser.add_argument("--quick", action="store_true")
+    given = parser.parse_args()
+    count = 24 if given.quick else given.buildings
+    if given.table != "work":
+        honesty(given.seed, count, list(motions(given.records)), given.keep)
+    if given.table != "honesty":
+        work(5 if given.quick else 30)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()
