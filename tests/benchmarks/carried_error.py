@@ -118,7 +118,7 @@ def honesty(first, count, records, keep):
 
 
 def tell(rows):
-    print("| estimate from | quantity | runs (unsure) | 5 / 50 / 95 %, largest | within 1.25 / 2 | corrected over own |")
+    print("| estimate from | quantity | runs (unsure) | 5 / 50 / 95 %, largest | within | corrected over own |")
     for index, name in enumerate(NAMES):
         for low, high in zip(BOUNDS, (*BOUNDS[1:], np.inf), strict=True):
             found = rows[(rows[:, 2] == index) & (low <= rows[:, 4]) & (rows[:, 4] < high)][:, 3:]
@@ -134,7 +134,8 @@ def tell(rows):
 
 def shares(found):
     """A line of the table from rows of `errors`."""
-    ratio, corrected, two = found[:, 0] / found[:, 1], found[:, 2] / found[:, 0], 15.0 / 16.0 * found[:, 0] / found[:, 3]
+    ratio, corrected = found[:, 0] / found[:, 1], found[:, 2] / found[:, 0]
+    two = 15.0 / 16.0 * found[:, 0] / found[:, 3]
     spread = " / ".join(f"{one:.2f}" for one in np.percentile(ratio, (5, 50, 95)))
     within = f"{100 * np.mean(ratio < 1.25):.0f} / {100 * np.mean(ratio < 2.0):.0f} %"
     better = f"{np.median(corrected):.3f}, {np.percentile(corrected, 95):.2f}"
