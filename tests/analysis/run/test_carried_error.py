@@ -114,3 +114,15 @@ def test_where_it_is_not_carried_the_run_is_repeated_and_that_is_said():
     assert any("says only that the step is too long" in note for note in coarse.notes)
     other = run(ten_linear(), record, method="impulse4", check=True)
     assert other.check.dts == (0.005, 0.0025) and not any("repetitions" in note for note in other.notes)
+
+
+def test_a_motion_that_ends_while_it_grows():
+    """The largest displacement is that at the end; the error is told at the same time."""
+    omega, h = 10.0, 0.01
+    case = replace(oscillator(omega), initial=replace(oscillator(omega).initial, velocity=(0.1,)))
+    response = run(case, method="moment4", dt=h, duration=10 * h, check=True)
+    true = 0.01 * np.sin(omega * 10 * h)
+    assert response.check.corrected.peak_displacement[0] == pytest.approx(true, rel=1e-8)
+    assert response.check.corrected.peak_drift[0] == pytest.approx(true, rel=1e-8)
+    off = abs(response.stories.peak_displacement[0] - true)
+    assert response.check.errors.peak_displacement[0] == pytest.approx(off, rel=0.02)

@@ -25,7 +25,7 @@ from tdint.kernels import layout as at
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.equations.carried.companion import follow_anew
 from tdint.kernels.equations.carried.rows import OWN, Carried, add_loads, correct, first_row
-from tdint.kernels.equations.carried.within import look_within, passes, raise_ends
+from tdint.kernels.equations.carried.within import look_within, passes
 from tdint.kernels.equations.moment4 import ROW
 from tdint.kernels.laws.choosing import BENDING
 from tdint.kernels.linear_terms import DASHPOTS, MODAL, add_modal_force
@@ -34,14 +34,13 @@ from tdint.kernels.stories.path import stays
 
 
 @called
-def begin_error(scene, h, load, memory):
+def begin_error(scene, memory):
     """Start the companion from the run's state."""
     springs = memory.springs
     n = scene.linear_terms.shape[1] - 1
     for row in range(springs.shape[0]):
         for i in range(n):
             springs[row, n + 1 + i] = springs[row, i]
-    raise_ends(Carried(scene, memory, load, h, first_row(scene.modal)))
     memory.report[at.ERROR_BEGUN] = 1.0
 
 
@@ -70,7 +69,6 @@ def carry_error(scene, h, load, memory):
         _commit(carried)
     else:
         follow_anew(scene, h, load, memory, base)
-    raise_ends(carried)
 
 
 # ---- All stories on the same linear branches in both motions

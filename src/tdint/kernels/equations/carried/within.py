@@ -13,7 +13,7 @@ import math
 from tdint.kernels import layout as at
 from tdint.kernels.bundles import Integrals
 from tdint.kernels.compiling import called, inlined
-from tdint.kernels.equations.carried.rows import OWN, Carried, bubbles_of, whole_path
+from tdint.kernels.equations.carried.rows import OWN, Carried, bubbles_of, first_row, whole_path
 from tdint.kernels.equations.moment4 import ROW
 from tdint.kernels.laws.choosing import BENDING, DISSIPATING
 from tdint.kernels.linear_terms import DASHPOTS, FORCES, MODAL, add_modal_force, force_value, power_damper
@@ -370,12 +370,12 @@ def _raise_most(work, first, column, count, row, i):
 
 
 @inlined
-def raise_ends(carried):
-    """Raise the peaks of displacements, velocities, drifts and shears by those that have been reached."""
-    memory, base = carried.memory, carried.base
+def raise_ends(scene, memory):
+    """Raise the peaks of displacements, velocities, drifts and shears by those that have been reached, once the run has
+    got there, too."""
     state, springs, work, _ = memory
-    peaks = base + OWN.PEAKS
-    n = carried.scene.linear_terms.shape[1] - 1
+    peaks = first_row(scene.modal) + OWN.PEAKS
+    n = scene.linear_terms.shape[1] - 1
     for i in range(n):
         u = abs(state[at.DISPLACEMENT, i] + state[at.ERROR_DISPLACEMENT, i])
         v = abs(state[at.VELOCITY, i] + state[at.ERROR_VELOCITY, i])
