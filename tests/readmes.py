@@ -287,7 +287,7 @@ def checkout():
         folder = Path(name)
         for part in ("configs", "records"):
             (folder / part).symlink_to(ROOT / part)
-        for shown in ("workshop", "recorded", "campaign"):
+        for shown in ("workshop", "recorded", "campaign", "drift-check"):
             (folder / f"{shown}.yaml").write_text(block(shown))
         path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
         yield folder, {**os.environ, "PATH": path}

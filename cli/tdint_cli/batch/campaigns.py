@@ -68,7 +68,7 @@ def carry_out(
             units = of_suite.units or store.output_units()
             advance = advance_with_bar(plan, store, engine, shard=shard, limit=limit)
             profiles = Profiles(store, of_suite, units)
-            more = _of_floors(plan, profiles)
+            more = {**_of_floors(plan, profiles), **_report(plan, profiles)}
             finish(store, folder, units, overwrite=overwrite, profiles=profiles, more=more)
             if show:
                 emit_table(runs_table(store).in_units(units))
@@ -193,6 +193,14 @@ def _ratios(profiles: Profiles | None) -> dict[str, Writer]:
         return {}
     table = profiles.ratios(stories=True).csv()
     return {RATIOS: lambda stream: stream.write(table)}
+
+
+def _report(plan: Plan, profiles: Profiles) -> dict[str, Writer]:
+    """The page, if it is asked for and all runs are done."""
+    report = profiles.request.report
+    if report is None or not is_complete(profiles.store):
+        return {}
+    return {str(Path(report).absolute()): profiles.report(plan)}
 
 
 def _of_floors(plan: Plan, profiles: Profiles) -> dict[str, Writer]:

@@ -17,6 +17,7 @@ from tdint_cli.options.values import Ratio
 from tdint_cli.terminal.streams import say, warn
 
 if TYPE_CHECKING:
+    from tdint.campaign.plan import Plan
     from tdint.campaign.profiles import Profile
     from tdint.campaign.store.store import Store
     from tdint.files import Writer
@@ -59,6 +60,7 @@ class SuiteRequest:
     limit: float | None = None
     require: bool = False
     baseline: str | None = None
+    report: str | None = None
     of_floors: FloorRequest | None = None
     jobs: int | None = None
 
@@ -136,6 +138,31 @@ class Profiles:
                 f"{option}: the peaks of stories are not kept; give the campaign `outputs: {{profiles: true}}`"
             )
 
+    def report(self, plan: Plan) -> Writer:
+        """What writes the page of the suite."""
+        from tdint.output.report_chapters import suite_page
+        from tdint.output.summaries.summary import campaign_summary
+
+        limit = self.request.limit
+        said = [] if limit is None else [self._told(one, _verdict(one, limit)[0]) for one in self.found]
+        lost = [text for one in self.found if (text := self._lost(one))]
+        content = suite_page(
+            plan, self.found, campaign_summary(self.store),
+            said=said, warnings=[*(str(error) for error in plan.failures), *lost], limit=limit, units=self.units,
+        )  # fmt: skip
+        return lambda stream: stream.write(content)
+
+    def _told(self, one: Profile, text: str) -> str:
+        name = _name(one, self.found)
+        return f"{name}: {text[0].lower()}{text[1:]}" if name else text
+
+    def _lost(self, one: Profile) -> str:
+        """What the means of a building do not hold; nothing if it stood under every motion."""
+        lost = {"collapsed": one.collapsed, "failed": one.failed}
+        told = " and ".join(f"{count} {what}" for what, count in lost.items() if count)
+        means = f"the means are those of the {len(one.motions)} others" if one.motions else "there is no mean"
+        return f"{_name(one, self.found) or one.building}: of {one.runs} motions {told}; {means}" if told else ""
+
     def tell(self) -> list[TdintError]:
         """Say what means do not hold, and what the mean drifts are beside the limit.
 
@@ -146,20 +173,16 @@ class Profiles:
         """
         limit = self.request.limit
         for one in self.found:
-            lost = {"collapsed": one.collapsed, "failed": one.failed}
-            told = " and ".join(f"{count} {what}" for what, count in lost.items() if count)
-            if told:
-                means = f"the means are those of the {len(one.motions)} others" if one.motions else "there is no mean"
-                warn(f"{_name(one, self.found) or one.building}: of {one.runs} motions {told}; {means}")
+            if text := self._lost(one):
+                warn(text)
         if limit is None:
             return []
         self._need("--drift-limit")
         beyond = []
         for one in self.found:
             text, within = _verdict(one, limit)
-            name = _name(one, self.found)
-            say(f"{name}: {text[0].lower()}{text[1:]}" if name else text)
-            beyond += [] if within else [name or one.building]
+            say(self._told(one, text))
+            beyond += [] if within else [_name(one, self.found) or one.building]
         if beyond and self.request.require:
             return [AnalysisError(f"the drift limit of {100.0 * limit:g} % is not met: {'; '.join(beyond)}")]
         return []

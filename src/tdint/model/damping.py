@@ -38,9 +38,7 @@ def add_damping(linear_terms: Array, stiffness: Array, model: Model, vibration: 
     return np.zeros((0, n + 1))
 
 
-def _without_isolators(
-    linear_terms: Array, stiffness: Array, model: Model, damping: RayleighCoefficients
-) -> Array:  # fmt: skip
+def _without_isolators(linear_terms: Array, stiffness: Array, model: Model, damping: RayleighCoefficients) -> Array:
     """Rayleigh damping that does not reach isolators; return its rows w of C = sum w w^T, shape (rows, n + 1).
 
     Stiffness-proportional dampers stand beside the other stories alone. Mass-proportional ones act on the motion

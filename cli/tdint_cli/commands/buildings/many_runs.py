@@ -44,7 +44,8 @@ def run_many(
 
     picture = of_suite.picture(Path(output) if output else None)
     if output is None:
-        check_outputs([picture] if picture else [], overwrite=overwrite)
+        files = (picture, Path(of_suite.report) if of_suite.report else None)
+        check_outputs([file for file in files if file], overwrite=overwrite)
     model = load_model(request.model)
     plan = _plan(request, records, model, wishes, factors)
     units = of_suite.units or model.output_units
@@ -59,8 +60,11 @@ def run_many(
             say(f"{advance.done} runs.")
             tell_outcomes(store)
             profiles = Profiles(store, of_suite, units)
-            if picture:
-                write_files({picture: profiles.draw(picture)}, overwrite=overwrite)
+            more = {picture: profiles.draw(picture)} if picture else {}
+            if of_suite.report:
+                more[Path(of_suite.report)] = profiles.report(plan)
+            if more:
+                write_files(more, overwrite=overwrite)
             unmet = profiles.tell()
         if plan.failures or unmet:
             raise Failures([*plan.failures, *unmet])

@@ -33,6 +33,10 @@ if TYPE_CHECKING:
     from tdint.output_units import OutputUnits
 
 STORIES, HISTORY, PICTURE, SUMMARY = "stories.csv", "history.csv", "response.png", "summary.json"
+_STEPS_OF_A_PICTURE = 20_000
+_LEAST_BYTES = (6.0, 2.0)
+"""Of a number in a history, and in a packed one; 18 and 8 as a rule."""
+
 ALL_FILES = (STORIES, HISTORY, SPECTRA, SPECTRA_PICTURE, MOTIONS, PICTURE, SUMMARY)
 """The files of a run. The summary is written last: where it says `done`, all is there."""
 
@@ -62,6 +66,7 @@ class Request(BuildingRequest):
     """The records of a sequence; none for a run of one."""
     drift_limit: float | None
     require: bool
+    report: str | None
 
     def refuse_of_one(self) -> None:
         """Raise UsageError for options of a single run.
@@ -134,6 +139,7 @@ class Request(BuildingRequest):
     f"Also draw roof displacement, energies, drifts, one hysteresis; of several records the profiles of all and their "
     f"mean: to this file (.png, .pdf, .svg), or alone as {PICTURE} or profiles.png into the folder of -o."
 )
+@options.output.report
 @options.output.units
 @options.output.overwrite
 @options.analysis.option(
@@ -211,7 +217,7 @@ def _run_many(request: Request, records: tuple[str, ...]) -> None:
         jobs=request.jobs, factors=request.factors,
         of_suite=SuiteRequest(
             request.output_units, request.plot, request.drift_limit, request.require,
-            of_floors=request.of_floors, jobs=request.jobs,
+            of_floors=request.of_floors, jobs=request.jobs, report=request.report,
         ),
     )  # fmt: skip
 
@@ -246,6 +252,8 @@ def _run(request: Request) -> None:
     record = None if shocks else model_record(model)
     inputs = [model_input(model), *(one for read in shocks or filter(None, [record]) for one in read.inputs)]
     case = prepare(model, shocks[0] if shocks else record, method=request.method, allow_unstable=request.allow_unstable)
+    if request.history and not (shocks or request.tolerance or request.until_rest):
+        _check_room(request, len(model.stories), case.steps(request.dt, request.duration).count)
     try:
         response = _respond(case, shocks, request)
         record = response.record
@@ -269,7 +277,7 @@ def _respond(case: Case, shocks: list[Record], request: Request) -> Response:
 
     wanted: dict[str, Any] = {
         "dt": request.dt,
-        "history": bool(request.history or request.plot or request.of_floors),
+        "history": bool(request.of_floors),
         "check": request.check,
         "tolerance": request.tolerance,
         "until_rest": request.until_rest,
@@ -319,6 +327,7 @@ def _check(request: Request) -> None:
         *_in_folder(request, ALL_FILES),
         *([picture] if picture else ()),
         *([history] if history else ()),
+        *([Path(request.report)] if request.report else ()),
     ]
     refuse_inputs(outputs, [request.model, request.record, *request.shocks, request.inventory])
     check_outputs(dict.fromkeys(outputs), overwrite=request.overwrite)
@@ -354,6 +363,16 @@ def _history(request: Request) -> Path | None:
     return Path(request.output) / HISTORY
 
 
+def _check_room(request: Request, stories: int, steps: int) -> None:
+    """Raise OutputError for a history that the disk cannot hold."""
+    from tdint.files import check_room
+    from tdint.output.tables.buildings import history_columns
+
+    if file := _history(request):
+        columns = len(history_columns(stories, bool(request.check)))
+        check_room(file, (steps // request.every + 1) * columns * _LEAST_BYTES[file.suffix == ".gz"])
+
+
 def _units(request: Request) -> OutputUnits:
     from tdint.output_units import SI
 
@@ -372,18 +391,18 @@ def _files(request: Request, response: Response, case: Case, inputs: list[Input]
     from tdint.analysis.spectra.first_mode import first_mode
     from tdint.output.summaries.of_run import UNITS, run_summary
     from tdint.output.summaries.summary import in_units, json_bytes
-    from tdint.output.tables.buildings import write_history
+    from tdint.output.tables.buildings import write_pieces
 
     units = _units(request)
     files: dict[Path, Writer] = {}
     if request.output:
         table = _stories(request, response).csv()
         files[Path(request.output) / STORIES] = lambda stream: stream.write(table)
-    history = response.history
-    if (file := _history(request)) and history is not None:
+    _check_room(request, len(response.model.stories), response.steps)
+    if (file := _history(request)) and (pieces := response.pieces):
         # The error makes it half as large again: of one who asked for it.
-        kept = history if request.check else replace(history, error=None)
-        files[file] = lambda stream: write_history(kept.every(request.every), stream, units)
+        kept = (one if request.check else replace(one, error=None) for one in pieces(request.every))
+        files[file] = lambda stream: write_pieces(kept, stream, units)
     if request.output:
         of_floors, notes = request.of_floors.files(response, Path(request.output), units, plot=request.plot is not None)
         files |= of_floors
@@ -392,14 +411,41 @@ def _files(request: Request, response: Response, case: Case, inputs: list[Input]
     if picture := _picture(request):
         from tdint.output.figures.runs import run_picture
 
-        files[picture] = run_picture(response, picture.suffix, units)
+        files[picture] = run_picture(_thinned(response), picture.suffix, units)
+    if not (request.output or request.report):
+        return files
+    wall_time = time.perf_counter() - began
+    first = first_mode(case.building, response.record)
+    content = run_summary(response, inputs, wall_time, first=first, settings=_settings(request))
+    if request.report:
+        from tdint.output.report_chapters import run_page
+
+        report = run_page(_thinned(response), content, _paragraph(response, units), _warnings(response), units)
+        files[Path(request.report)] = lambda stream: stream.write(report)
     if request.output:
-        wall_time = time.perf_counter() - began
-        first = first_mode(case.building, response.record)
-        content = run_summary(response, inputs, wall_time, first=first, settings=_settings(request))
         summary = json_bytes(in_units(content, units, UNITS))
         files[Path(request.output) / SUMMARY] = lambda stream: stream.write(summary)
     return files
+
+
+def _thinned(response: Response) -> Response:
+    """With a history of as many steps as a picture shows."""
+    from tdint.analysis.run.outcome import History
+
+    assert response.pieces is not None
+    if response.history is not None:
+        return response
+    pieces = response.pieces(-(-response.steps // _STEPS_OF_A_PICTURE))
+    return replace(response, history=History.joined(pieces))
+
+
+def _warnings(response: Response) -> list[str]:
+    """What changes the meaning of a number."""
+    found = [_collapsed(response, response.collapse)] if response.collapse else []
+    record = response.record
+    if record is not None:
+        found += [f"{record.source}: {text}" for text in record.warnings]
+    return [*found, *response.warnings]
 
 
 def _failed_files(

@@ -46,6 +46,7 @@ class CampaignRequest:
     drift_limit: float | None
     require: bool
     baseline: str | None
+    report: str | None
     of_floors: FloorRequest
 
     @property
@@ -57,12 +58,15 @@ class CampaignRequest:
             self.drift_limit,
             self.require,
             baseline=self.baseline,
+            report=self.report,
             of_floors=self.of_floors,
             jobs=self.jobs,
         )
 
     def refuse(self, *names: str) -> None:
         """Raise UsageError for options that the action does not take."""
+        if self.report and "jobs" in names:
+            raise UsageError(f"--report is not for `tdint campaign {self.words[0]}`, which has no models")
         if self.of_floors and "jobs" in names:
             raise UsageError(f"--floor-spectra is not for `tdint campaign {self.words[0]}`, which has no models")
         for name in names:
@@ -108,6 +112,7 @@ _OF_RUNS = ("jobs", "shard", "limit", "dask", "tls_ca", "tls_cert", "tls_key")
     "Also draw drifts, accelerations and shears over the height, of each motion and over all: to this file (.png, "
     ".pdf, .svg), or alone as profiles.png into the folder."
 )
+@options.output.report
 @options.output.units
 @options.output.overwrite
 @drift_limit()

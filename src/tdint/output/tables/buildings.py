@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tdint.analysis.run.outcome import ENERGY_TERMS, ErrorHistory, History
 from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
+from tdint.model.definition import LAWS
 from tdint.output.tables.table import FLOOR, METHOD_SPEC, PERIOD, Cell, Column, Table, describe, error_columns, rows_of
 from tdint.output_units import SI, OutputUnits
 from tdint.quantity import quantities
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from tdint.analysis.comparison.fit import FittedValue
     from tdint.analysis.run.outcome import Response, StoryErrors, StoryPeaks
     from tdint.analysis.static.cyclic import CyclicTest
+    from tdint.model.definition import Model, Story
     from tdint.model.modes import Modes
 
 
@@ -233,6 +235,42 @@ def cyclic_table(test: CyclicTest) -> Table:
     return Table.of_results(CYCLIC, [test])
 
 
+MODEL = (
+    Column("story", "1", lambda model: np.arange(1, len(model.stories) + 1), "story, from 1 at the ground"),
+    Column("mass_kg", "kg", lambda model: _of_stories(model, "mass"), "mass of the floor above"),
+    Column("height_m", "m", lambda model: _of_stories(model, "height"), "story height"),
+    Column("stiffness_N_m", "N/m", lambda model: _of_stories(model, "stiffness"), "initial stiffness"),
+    Column("law", "text", lambda model: np.array([*map(law_words, model.stories)], object), "drift law, SI units"),
+    Column("dashpots", "text", lambda model: np.array([*map(_dashpot, model.stories)], object), "SI units"),
+)
+"""The stories of a model."""
+
+
+def _of_stories(model: Model, name: str) -> Array:
+    return np.array([math.nan if (value := getattr(one, name)) is None else value for one in model.stories])
+
+
+def law_words(story: Story) -> str:
+    """The law of a story with its parameters in SI units."""
+    names = [one.path for one in LAWS[story.law.name].parameters]
+    values = [f"{value:.4g}" for value in story.law.parameters]
+    if len(names) == len(values):
+        values = [f"{name} {value}" for name, value in zip(names, values, strict=True)]
+    isolator = "; isolator" if story.isolator else ""
+    return story.law.name + (f": {', '.join(values)}" if values else "") + isolator
+
+
+def _dashpot(story: Story) -> str:
+    if (power := story.power_dashpot) is not None:
+        return f"{power.coefficient:.4g} v^{power.exponent:g}"
+    return f"{story.dashpot:.4g} v" if story.dashpot else ""
+
+
+def model_table(model: Model) -> Table:
+    """One row per story, from the ground up."""
+    return Table.of_results(MODEL, [model])
+
+
 def mode_table(modes: Modes, damping: Array, norm: str | None = None) -> Table:
     """One row per mode, longest period first, with damping ratios of shape (n,); with `norm` a column for the ordinate
     of each floor (`tdint.model.modes.Modes.normalized`)."""
@@ -268,14 +306,21 @@ def history_columns(stories: int, error: bool = False) -> tuple[Column, ...]:
     return tuple(found)
 
 
-def write_history(history: History, stream: BinaryIO, units: OutputUnits = SI) -> None:
+def write_pieces(pieces: Iterable[History], stream: BinaryIO, units: OutputUnits = SI) -> None:
+    """Write a history that comes in pieces as `write_history` writes it whole."""
+    for number, history in enumerate(pieces):
+        write_history(history, stream, units, header=number == 0)
+
+
+def write_history(history: History, stream: BinaryIO, units: OutputUnits = SI, *, header: bool = True) -> None:
     """Write a history as CSV, one row per step; some hundred rows are held as text at a time."""
     error = history.error is not None
-    header = [units.column(one.name, one.unit) for one in history_columns(history.displacement.shape[1], error)]
-    stream.write((",".join(name for name, _ in header) + "\n").encode())
-    factors = None if units == SI else np.array([factor for _, factor in header])
-    line = ",".join(["%.12g"] * len(header)) + "\n"
-    groups = [[column.of(history) for column in columns] for _, columns in history_groups(error)]
+    columns = [units.column(one.name, one.unit) for one in history_columns(history.displacement.shape[1], error)]
+    if header:
+        stream.write((",".join(name for name, _ in columns) + "\n").encode())
+    factors = None if units == SI else np.array([factor for _, factor in columns])
+    line = ",".join(["%.12g"] * len(columns)) + "\n"
+    groups = [[one.of(history) for one in group] for _, group in history_groups(error)]
     for first in range(0, len(history.time), _ROWS_AT_ONCE):
         part = slice(first, first + _ROWS_AT_ONCE)
         blocks = (np.stack([values[part] for values in group], axis=-1) for group in groups)

@@ -222,6 +222,24 @@ def write_shocks(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> Non
     write_rows(SHOCKS, rows, stream, units)
 
 
+def profile_table(profile: Profile, names: Sequence[str], units: OutputUnits = SI) -> Table:
+    """Mean and largest of some quantities side by side, a row per story; a quantity that is nowhere is left out."""
+    columns: list[Column] = [PROFILES[3]]
+    for one in STORY_QUANTITIES:
+        found = profile.statistics(one)
+        if (one.called or one.name) in names and np.any(np.nan_to_num(found.max)):
+            columns += [
+                Column(f"mean_{one.column}", one.unit, _always(found.mean), f"mean: {one.meaning}"),
+                Column(f"max_{one.column}", one.unit, _always(found.max), f"largest: {one.meaning}"),
+            ]
+    stories = replace(columns[0], value=lambda shown: np.arange(1, shown.height.size + 1))
+    return Table.of_results((stories, *columns[1:]), [profile]).in_units(units)
+
+
+def _always(values: Any) -> Callable[[Any], Any]:
+    return lambda profile: values
+
+
 def ratio_table(store: Store, found: Sequence[Ratios], *, stories: bool) -> Table:
     """Buildings over a baseline: of the largest value of all stories, and with `stories` of each story, too."""
     from tdint.campaign.profiles import has_levels

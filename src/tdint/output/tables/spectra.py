@@ -52,6 +52,15 @@ INFO = (
     Column("notes", "text", _remarks, "remarks"),
 )
 
+MOTION = (
+    *OF_RECORD,
+    Column("dt_s", "s", "dt", "sampling interval"),
+    Column("duration_s", "s", "duration", "time from the first to the last sample"),
+    Column("scale", "1", "scale", "factor on the record's acceleration"),
+    Column("pga_m_s2", "m/s^2", "pga", "peak ground acceleration"),
+)
+"""Of ground motions as they were used."""
+
 SAMPLES = (
     Column("time_s", "s", lambda record: record.dt * np.arange(record.acceleration.size), "time from the first sample"),
     Column("acceleration_m_s2", "m/s^2", "acceleration", "acceleration of the ground"),
@@ -220,6 +229,15 @@ OF_FLOORS = (
     Column("max_psa_m_s2", "m/s^2", "envelope", "the largest of any motion"),
 )
 """Of a floor's spectra over the motions of a suite, after floor, damping and period."""
+
+
+def motion_table(records: Sequence[Record], components: Sequence[str]) -> Table:
+    """A row for each motion, whose component is called as given."""
+    rows: list[tuple[Cell, ...]] = [
+        (record.source, component, *rows_of(MOTION[2:], record)[0])
+        for record, component in zip(records, components, strict=True)
+    ]
+    return Table.of(MOTION, rows)
 
 
 def floor_spectrum_table(spectra: Sequence[FloorSpectrum]) -> Table:

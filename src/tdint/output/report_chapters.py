@@ -1,0 +1,194 @@
+"""The pages of a run and of a suite: which chapters they have."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tdint.analysis.spectra.elastic import spectrum
+from tdint.ground_motion.record import Record, component_names
+from tdint.model.building import assemble
+from tdint.output.report import LEFT_OUT, Chapter, Part, Picture, chosen, input_points, model_chapter, page
+from tdint.output.tables.buildings import story_table
+from tdint.output.tables.campaign import profile_table
+from tdint.output.tables.spectra import motion_table
+from tdint.output_units import SI, OutputUnits
+
+if TYPE_CHECKING:
+    from tdint.analysis.run.outcome import Response
+    from tdint.campaign.plan import Plan
+    from tdint.campaign.profiles import Profile
+
+_MOST_MOTIONS = 60
+"""Motions whose spectra are drawn."""
+
+_PERIODS = (0.05, 5.0, 100)
+_OF_STORIES = (
+    "peak_drift",
+    "peak_drift_ratio",
+    "residual_drift",
+    "peak_total_shear",
+    "peak_damper_force",
+    "ductility",
+    "peak_displacement",
+    "peak_absolute_acceleration",
+)
+_OF_SUITE = (
+    "peak_drift_ratio",
+    "peak_drift",
+    "residual_drift",
+    "peak_absolute_acceleration",
+    "peak_total_shear",
+    "peak_damper_force",
+)
+
+
+def run_page(
+    response: Response, content: Mapping[str, Any], said: str, warnings: Sequence[str], units: OutputUnits = SI
+) -> bytes:
+    """The page of a run.
+
+    Parameters
+    ----------
+    response : Response
+        With its history, for the picture.
+    content : mapping
+        Its summary (`tdint.output.summaries.of_run.run_summary`), in SI units.
+    said : str
+        The run in a few sentences.
+    warnings : sequence of str
+        What changes the meaning of a number.
+    """
+    from tdint.output.figures.runs import run_picture
+
+    model = response.model
+    table = story_table(response.stories, response.check.errors if response.check else None).in_units(units)
+    names = [name for name in table.columns if name == "story" or name.startswith(_OF_STORIES)]
+    building = assemble(model)
+    omega, damping = building.first_mode()
+    drawn = [Picture(lambda end: run_picture(response, end, units), "Histories, energies, profiles, hysteresis")]
+    chapters = [
+        Chapter("Result", (said, *(drawn if response.history is not None else ()))),
+        Chapter("Peaks of the stories", (chosen(table, names), _errors(response))),
+        model_chapter(model, 2.0 * math.pi / omega, damping, units),
+        _motions([response.record] if response.record else [], units),
+        _assumptions(f"{response.method}, {response.steps} steps of {response.dt:.6g} s", ()),
+        Chapter("Notes", (list(response.notes),)),
+        Chapter("Inputs", (input_points(content["inputs"]),)),
+    ]
+    about = f"Response in time of {model.name}: status {response.status}."
+    return page(model.name, about, chapters, warnings)
+
+
+def _errors(response: Response) -> str:
+    check = response.check
+    if check is None or check.drift_error is None:
+        return "The error of the time integration was not estimated; --check does."
+    return (
+        f"Columns of errors: estimated absolute errors of the time integration; the largest of a peak drift is "
+        f"{100.0 * check.drift_error:.2g} % (story {check.drift_story})."
+    )
+
+
+def suite_page(
+    plan: Plan,
+    found: Sequence[Profile],
+    content: Mapping[str, Any],
+    *,
+    said: Sequence[str] = (),
+    warnings: Sequence[str] = (),
+    limit: float | None = None,
+    units: OutputUnits = SI,
+) -> bytes:
+    """The page of several runs.
+
+    Parameters
+    ----------
+    found : sequence of Profile
+        Of each building and level.
+    content : mapping
+        The campaign's summary, in SI units.
+    said : sequence of str
+        What was found beside a limit.
+    """
+    from tdint.output.figures.demands.story_profiles import profile_picture
+
+    runs = content["runs"]
+    about = ", ".join(f"{count} {status}" for status, count in runs["by_status"].items())
+    buildings = {plan.buildings.name(number): number for number in range(len(plan.buildings))}
+    models = [plan.buildings.source(number).subject() for number in buildings.values()]
+    limits = "" if limit is None else f", limit {100.0 * limit:g} %"
+    profile = Picture(
+        lambda end: profile_picture(found, end, units, limit=limit, title=plan.name),
+        f"Drifts, floor accelerations, total shears: motions, mean, largest{limits}",
+    )
+    methods = ", ".join(dict.fromkeys(one.method for one in models))
+    own = plan.settings.dt
+    step = f"{methods}, steps of {own:g} s" if own else f"{methods}, steps of the models or the records"
+    rest = ("runs go on with the ground at rest until the building is",) if plan.settings.until_rest else ()
+    chapters = [
+        Chapter("Result", (list(said), *((profile,) if found else ()))),
+        *(
+            Chapter(f"Over the motions: {one.building}{_level(one)}", (profile_table(one, _OF_SUITE, units),))
+            for one in found
+        ),
+        *(
+            model_chapter(one.model, one.period, assemble(one.model).first_mode()[1], units)
+            for one in models[:_MOST_MODELS]
+        ),
+        _motions([motion.record for motion in plan.motions], units),
+        _assumptions(step, rest),
+        Chapter("Notes", (list(plan.notes),)),
+        Chapter("Inputs", (_inputs(plan, content),)),
+    ]
+    return page(plan.name, f"{runs['done']} of {runs['all']} runs: {about}.", chapters, warnings)
+
+
+_MOST_MODELS = 8
+"""Buildings whose stories are listed."""
+
+
+def _level(one: Profile) -> str:
+    if not math.isnan(one.scale):
+        return f", scale {one.scale:g}"
+    return "" if math.isnan(one.level) else f", level {one.level:.4g}"
+
+
+def _inputs(plan: Plan, content: Mapping[str, Any]) -> list[str]:
+    models = {plan.buildings.name(number): plan.buildings.digest(number) for number in range(len(plan.buildings))}
+    files = [{**one, "file": f"{one['file']} {one['component']}, its samples"} for one in content["records"]]
+    return [
+        *(f"{name}, as it was run: SHA-256 {digest}" for name, digest in models.items()),
+        *input_points(files),
+        f"the whole campaign: {content['fingerprint']}",
+    ]
+
+
+def _motions(records: Sequence[Record], units: OutputUnits) -> Chapter:
+    """The ground motions before the factors of a suite, and their spectra."""
+    from tdint.output.figures.spectrum_curves import spectrum_picture
+
+    parts: list[Part] = [motion_table(records, component_names(records)).in_units(units)] if records else []
+    if 0 < len(records) <= _MOST_MOTIONS:
+        periods = np.geomspace(_PERIODS[0], _PERIODS[1], int(_PERIODS[2]))
+        spectra = [spectrum(record, periods) for record in records]
+        parts.append(
+            Picture(lambda end: spectrum_picture(spectra, end, "periods", units), "Response spectra, 5 % damping")
+        )
+    return Chapter("Ground motions", parts)
+
+
+def _assumptions(step: str, more: Sequence[str]) -> Chapter:
+    points = (
+        f"Time integration: {step}.",
+        *(f"{text[0].upper()}{text[1:]}." for text in more),
+        "A shear building: " + LEFT_OUT[0][0].lower() + LEFT_OUT[0][1:],
+        *LEFT_OUT[1:],
+        "Drifts and displacements are relative to the floor below and to the ground; accelerations are absolute.",
+        "Of pairs of horizontal components the larger value counts; means are over the motions under which the "
+        "building stood.",
+    )
+    return Chapter("Assumptions", (points,))
