@@ -18,7 +18,7 @@ class Reference:
     Attributes
     ----------
     authors : str
-        As BibTeX takes them, `and` between them.
+        As BibTeX takes them, `and` between them; empty where they are not known.
     place : str
         Journal with volume, number and pages, or the report.
     doi : str
@@ -33,40 +33,35 @@ class Reference:
 
     @property
     def key(self) -> str:
-        """First author and year: newmark1959."""
-        return re.sub(r"\W", "", self.authors.partition(",")[0]).lower() + str(self.year)
+        """First author and year: newmark1959; without authors the first long word of the title."""
+        word = self.authors.partition(",")[0] or next(one for one in self.title.split() if len(one) > 6)
+        return re.sub(r"\W", "", word).lower() + str(self.year)
 
     @property
     def text(self) -> str:
         """In one line."""
         authors = self.authors.replace(" and ", "; ")
-        return f"{authors} ({self.year}). {self.title}. {self.place}." + (f" doi:{self.doi}" if self.doi else "")
+        head = f"{authors} ({self.year}). {self.title}" if authors else f"{self.title} ({self.year})"
+        return f"{head}. {self.place}." + (f" doi:{self.doi}" if self.doi else "")
 
     @property
     def bibtex(self) -> str:
         """An entry of BibTeX."""
-        rows = {
-            "author": self.authors,
-            "year": str(self.year),
-            "title": f"{{{self.title}}}",
-            "howpublished": self.place,
-        }
-        fields = rows | ({"doi": self.doi} if self.doi else {})
-        inner = "".join(f"  {name} = {{{value}}},\n" for name, value in fields.items())
+        fields = {"author": self.authors, "year": str(self.year), "title": f"{{{self.title}}}"}
+        fields |= {"howpublished": self.place, "doi": self.doi}
+        inner = "".join(f"  {name} = {{{value}}},\n" for name, value in fields.items() if value)
         return f"@misc{{{self.key},\n{inner}}}\n"
 
 
 _IMPULSE = Reference(
-    "{The authors of the impulse-momentum method}",
+    "",
     2022,
-    "An Implicit Unconditionally Stable Integration Method for Nonlinear Structural Dynamics and Earthquake Engineering "
-    "Problems",
+    "An Implicit Unconditionally Stable Integration Method for Nonlinear Structural Dynamics and "
+    "Earthquake Engineering Problems",
     "Published online 15 March 2022",
 )
-_EESD, _IJNME = (
-    "Earthquake Engineering and Structural Dynamics",
-    "International Journal for Numerical Methods in Engineering",
-)
+_EESD = "Earthquake Engineering and Structural Dynamics"
+_IJNME = "International Journal for Numerical Methods in Engineering"
 _NEWMARK = Reference(
     "Newmark, N. M.",
     1959,
@@ -97,7 +92,8 @@ _WBZ = Reference(
 _CHUNG = Reference(
     "Chung, J. and Hulbert, G. M.",
     1993,
-    "A time integration algorithm for structural dynamics with improved numerical dissipation: the generalized-alpha method",
+    "A time integration algorithm for structural dynamics with improved numerical dissipation: the "
+    "generalized-alpha method",
     "Journal of Applied Mechanics 60(2), 371-375",
     "10.1115/1.2900803",
 )
@@ -123,7 +119,8 @@ _BATHE_WILSON = Reference(
 _ZHOU = Reference(
     "Zhou, X. and Tamma, K. K.",
     2004,
-    "Design, analysis, and synthesis of generalized single step single solve and optimal algorithms for structural dynamics",
+    "Design, analysis, and synthesis of generalized single step single solve and optimal algorithms for "
+    "structural dynamics",
     f"{_IJNME} 59(5), 597-668",
     "10.1002/nme.873",
 )
@@ -176,8 +173,8 @@ _CHEN = Reference(
 _KOLAY = Reference(
     "Kolay, C. and Ricles, J. M.",
     2014,
-    "Development of a family of unconditionally stable explicit direct integration algorithms with controllable numerical "
-    "energy dissipation",
+    "Development of a family of unconditionally stable explicit direct integration algorithms with controllable "
+    "numerical energy dissipation",
     f"{_EESD} 43(9), 1361-1380",
 )
 _DORMAND = Reference(
@@ -203,8 +200,8 @@ _BUTCHER = Reference(
 _EHLE = Reference(
     "Ehle, B. L.",
     1969,
-    "On Pade approximations to the exponential function and A-stable methods for the numerical solution of initial value "
-    "problems",
+    "On Pade approximations to the exponential function and A-stable methods for the numerical solution of "
+    "initial value problems",
     "Report CSRR 2010, University of Waterloo",
 )
 _HAIRER = Reference(

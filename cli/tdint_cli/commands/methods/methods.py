@@ -8,9 +8,7 @@ from tdint_cli import options
 
 @options.command("methods")
 @options.analysis.plugin
-@options.option(
-    "--references", is_flag=True, help="A row for each publication of each method, in full, in their place."
-)
+@options.option("--references", is_flag=True, help="A row for each publication of each method, in full.")
 @options.option("--bibtex", is_flag=True, help="The publications as BibTeX, in place of the table.")
 def command(references: bool, bibtex: bool) -> None:
     """The time-integration methods: parameters, order, stability, source.

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdint.methods.references import references_of
-from tdint.output.tables.table import DAMPING, METHOD_SPEC, Column, Table, cell_text, rows_of
+from tdint.output.tables.table import DAMPING, METHOD_SPEC, Cell, Column, Table, cell_text, rows_of
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.failures import Trial
@@ -199,7 +199,7 @@ REFERENCE = (
 
 def reference_table(methods: Iterable[Method]) -> Table:
     """The publications of methods, a row for each."""
-    rows: list[tuple[str, str, str]] = []
+    rows: list[tuple[Cell, ...]] = []
     for method in methods:
         found = references_of(method)
         rows += [(method.name, one.text.partition(" doi:")[0], one.doi) for one in found]
