@@ -223,9 +223,11 @@ def _integrate(law_parameters, springs, i, past, elastic, wanted, stretch, resul
 
 
 @called
-def go_on(law_parameters, springs, i, whole, bubbles, here, there, past, results):
-    """Go on along the path from `here` to `there`; returns the force there, bubbles included, and the block of the
-    state. `past` is the block at `here`, where results of `follow` have been; begin with `set_out`."""
+def go_on(law_parameters, springs, i, stretch, bubbles, past, results):
+    """Go on along a stretch of the path; returns the force at its end, bubbles included, and the block of the state.
+    `past` is the block at its beginning; begin with `set_out`. The results are used up."""
+    here, there = stretch.begin, stretch.end
+    whole = path.part_of(stretch, 0.0, 1.0)
     turn = path.turning_point(whole)
     off = bubble(bubbles, there - 0.5)
     drift = path.drift_at(whole, there) + off

@@ -203,7 +203,9 @@ def _force(carried, i, still, count):
         if not BENDING or still:
             force += springs[at.SLOPE, c] * (drift - whole.start)
         elif t > here:
-            force, past = error_path.go_on(scene.law_parameters, springs, c, whole, bubbles, here, t, past, results)
+            force, past = error_path.go_on(
+                scene.law_parameters, springs, c, path.part_of(whole, here, t), bubbles, past, results
+            )
         here = t
         rate = work[base + OWN.MOTION + k, i] - link * work[base + OWN.MOTION + k, max(i - 1, 0)]
         work[base + OWN.FORCES + k, c] = force
