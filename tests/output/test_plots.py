@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tdint.analysis.run.outcome import ErrorHistory
 from tdint.analysis.run.run import run
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.errors import OutputError
@@ -182,6 +183,15 @@ def test_a_run_in_other_units(tmp_path, shaken):
         assert not [label for label in labels if label not in text]
         peak = np.max(np.abs(shaken.history.displacement[:, -1])) / chosen.unit("m")[1]
         assert f">peak {peak:.3g} {chosen.unit('m')[0]} at " in text
+
+
+@pytest.mark.parametrize(("part", "drawn"), [(0.02, True), (0.001, False), (np.nan, False)])
+def test_the_error_of_the_roof_is_drawn_where_it_can_be_seen(tmp_path, shaken, part, drawn):
+    """From a hundredth of its largest displacement on; not where none could be told."""
+    found = shaken.history
+    error = ErrorHistory(*(part * values for values in (found.displacement, found.velocity, found.drift, found.shear)))
+    draw_run(replace(shaken, history=replace(found, error=error)), tmp_path / "x.svg")
+    assert ("estimated error" in (tmp_path / "x.svg").read_text(encoding="utf-8")) == drawn
 
 
 def test_spectra_of_a_motion_at_rest_on_all_axes(tmp_path):
