@@ -479,7 +479,8 @@ def _paragraph(response: Response, units: OutputUnits) -> str:
     found = demands(response.stories)
     motion = "no ground motion"
     if record is not None:
-        motion = f"{record.name} (PGA {units.of(record.pga, 'm/s^2'):.4g} {units.unit('m/s^2')[0]})"
+        pga = units.of(record.pga, "m/s^2")
+        motion = f"{record.name} (PGA {pga:{'.3g' if pga < 1000.0 else '.0f'}} {units.unit('m/s^2')[0]})"
     worst = f"drift {units.text(found.drift.value, 'm')} in story {found.drift.place}"
     if found.drift_ratio.place is not None:
         ratio = f"drift ratio {found.drift_ratio.value:.4g} in story {found.drift_ratio.place}"
