@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
+from contextvars import copy_context
 from functools import partial
 from importlib import import_module
 from typing import Any, NoReturn
@@ -108,7 +109,7 @@ class LazyGroup(click.Group):
         extra.pop("standalone_mode", None)
         settings = extra.setdefault("obj", Settings())
         run = partial(super().main, args, prog_name, standalone_mode=False, **extra)
-        sys.exit(exit_code_of(run, settings))
+        sys.exit(copy_context().run(exit_code_of, run, settings))  # what options set ends with the command
 
 
 def _show_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:

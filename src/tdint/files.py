@@ -6,6 +6,7 @@ import gzip
 import hashlib
 import os
 import secrets
+import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -169,6 +170,26 @@ def remove_unfinished() -> None:
 def write_file(file: Path, writer: Writer, *, overwrite: bool) -> None:
     """Write one file; see `write_files`."""
     write_files({file: writer}, overwrite=overwrite)
+
+
+def check_room(file: Path, least: float) -> None:
+    """Make sure that a disk has so many bytes for a file, before the work.
+
+    Raises
+    ------
+    OutputError
+        It has not; of a file that is replaced, the old one stays until the new one is whole.
+    """
+    folder = file.parent
+    while not folder.exists() and folder != folder.parent:
+        folder = folder.parent
+    with _in_words(file):
+        free = shutil.disk_usage(folder).free
+    if least > free:
+        raise OutputError(
+            f"{file}: takes {least / 1e9:.3g} GB at least, {free / 1e9:.3g} GB are free; write fewer rows (--every), "
+            "or to another disk"
+        )
 
 
 def _check_folder(file: Path) -> None:

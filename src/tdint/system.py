@@ -3,6 +3,7 @@ without it."""
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import stat
@@ -205,6 +206,22 @@ def _lock_on_windows(descriptor: int) -> bool:
     except OSError:
         return False
     return True
+
+
+def available_memory() -> float:
+    """Bytes of memory that this process may still take, as far as the system tells; inf if it does not."""
+    limits = []
+    try:
+        with Path("/proc/meminfo").open() as lines:
+            limits += [1024.0 * float(line.split()[1]) for line in lines if line.startswith("MemAvailable")]
+    except (OSError, ValueError, IndexError):
+        pass
+    try:
+        import resource
+    except ImportError:
+        return min(limits, default=math.inf)
+    soft, _ = resource.getrlimit(resource.RLIMIT_AS)
+    return min([*limits, *([float(soft)] if soft != resource.RLIM_INFINITY else [])], default=math.inf)
 
 
 @contextmanager

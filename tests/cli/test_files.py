@@ -76,6 +76,10 @@ WRITING: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
         ("ida", "shaken.yaml", *MOTION, "--precision", "40%", "-o", "out", "--plot"),
         ("out/ida.csv", "out/capacities.csv", "out/ida.json", "out/ida.png"),
     ),
+    "sensitivity": (
+        ("sensitivity", "shaken.yaml", *MOTION, "--vary", "mass_factor=0.9:1.1", "-o", "s.csv", "--plot"),
+        ("s.csv", "s.png"),
+    ),
     "fragility": (("fragility", "stripes.csv", "-o", "f.csv", "--plot"), ("f.csv", "f.png")),
     "stability": (
         ("stability", "--method", "wilson", "--dt-over-t", "0.1:1:3", "-o", "s.csv", "--plot"),
@@ -207,6 +211,8 @@ READING: dict[str, tuple[tuple[str, ...], int]] = {
     "examples": (("examples", "1", "-o", "FIFO", "--overwrite"), 6),
     "validate": (("validate", "-o", "FIFO", "--overwrite"), 6),
     "compile": (("compile", "FIFO"), 3),
+    "sensitivity": (("sensitivity", "FIFO", *MOTION, "--vary", "mass_factor=0.9:1.1"), 3),
+    "plug-in": (("methods", "--plugin", "FIFO.py"), 2),
 }  # fmt: skip
 """Calls with a named pipe in the place of a file, and how they end."""
 

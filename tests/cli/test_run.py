@@ -6,7 +6,9 @@ import csv
 import hashlib
 import io
 import json
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 COLUMNS = (
@@ -419,7 +421,7 @@ def test_the_energies_are_in_the_history(folder, tdint):
 
 @pytest.mark.parametrize(("error", "code"), [(KeyboardInterrupt, 130), (MemoryError, 5), (ZeroDivisionError, 1)])
 def test_whatever_ends_the_writing_leaves_no_file(folder, tdint, monkeypatch, error, code):
-    def half_a_history(_, stream, units):
+    def half_a_history(_, stream, units, **_kinds):
         stream.write(b"half a li")
         raise error
 
@@ -444,3 +446,28 @@ def test_lost_energy_is_a_warning_that_is_not_silenced(folder, tdint):
     assert line.startswith("Warning: the energy balance is off by")
     assert "lost to the method" in line
     assert line.removeprefix("Warning: ") in json.loads((folder / "out" / "summary.json").read_text())["notes"]
+
+
+@pytest.mark.parametrize(("file", "bytes_"), [("h.csv", 6.0), ("h.csv.gz", 2.0)])
+def test_a_history_that_the_disk_cannot_hold_is_refused_before_the_run(folder, tdint, monkeypatch, file, bytes_):
+    """So many bytes a number at least: of 101 steps, time, ground, 2 floors and 2 stories, 7 energies."""
+    monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=1000.0))
+    monkeypatch.setattr("tdint.analysis.run.run.run_case", lambda *_, **__: pytest.fail("it was run"))
+    result = tdint("run", "forced.yaml", f"--history={file}")
+    assert (result.exit_code, result.stdout) == (6, "")
+    columns = 2 + 2 * 3 + 2 * 4 + 7
+    assert f"{file}: takes {101 * columns * bytes_ / 1e9:.3g} GB at least, 1e-06 GB are free" in result.stderr
+    assert not (folder / file).exists()
+
+
+def test_a_picture_of_a_long_run_is_thinned(folder, tdint, monkeypatch):
+    from tdint.output.figures import runs
+
+    shown = []
+    draw = runs.run_picture
+    monkeypatch.setattr(runs, "run_picture", lambda response, *rest: shown.append(response) or draw(response, *rest))
+    monkeypatch.setattr("tdint_cli.commands.buildings.run._STEPS_OF_A_PICTURE", 30)
+    assert tdint("run", "forced.yaml", "--plot=r.svg").exit_code == 0
+    (response,) = shown
+    assert response.steps == 100
+    assert response.history.time == pytest.approx(np.arange(0.0, 2.0 + 1e-9, 0.08))

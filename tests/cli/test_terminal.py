@@ -125,7 +125,7 @@ HALF = """
 import sys, time
 from tdint.output.tables import buildings
 
-def write_half(history, stream, units):
+def write_half(history, stream, units, header):
     stream.write(b"time_s")
     stream.flush()
     print("half", file=sys.stderr, flush=True)

@@ -1,4 +1,4 @@
-"""What is tried: damaged records, model files, files of studies, command lines, calls of the Python interface.
+"""What is tried: damaged records, model files, files of studies, stores, command lines, calls of the Python interface.
 
 Each kind has names, and an outcome for a name and a seed; it raises Failure for what must not happen.
 """
@@ -9,7 +9,7 @@ import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from fuzz import api, command_lines, model_files, oracle, studies
+from fuzz import api, command_lines, model_files, oracle, stores, studies
 from fuzz.corpus import corpus
 from fuzz.mutators import mutated
 from fuzz.printed import CODES
@@ -54,5 +54,6 @@ KINDS = {
         tuple(CODES.values()),
     ),
     "studies": Kind(studies.names, studies.outcome, tuple(CODES.values())),
+    "stores": Kind(stores.names, stores.outcome, stores.OUTCOMES),
     "api": Kind(lambda: list(api.CALLS), api.outcome, api.OUTCOMES),
 }

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-from click.testing import CliRunner
+from click.testing import CliRunner, Result
 
 from fuzz import printed
 from fuzz.study_files import FILES
@@ -142,7 +142,17 @@ def run(arguments: Sequence[str], stdin: bytes | None = None) -> str:
     shutil.rmtree(OUTPUT, ignore_errors=True)
     Path(OUTPUT).mkdir()
     Path(OUTPUT, OLD).write_text("a\n1\n")
-    apart = {"mix_stderr": False} if "mix_stderr" in inspect.signature(CliRunner).parameters else {}
-    result = CliRunner(**apart).invoke(cli, list(arguments), input=stdin, prog_name="tdint")
+    result = _result(arguments, stdin)
     files = {str(path): path.read_bytes() for path in Path(OUTPUT).rglob("*") if path.is_file()}
     return printed.check(result.exit_code, result.stdout_bytes, result.stderr, files)
+
+
+def invoked(arguments: Sequence[str]) -> tuple[int, str]:
+    """Run `tdint ARGUMENTS` here, in the folder as it is: its exit code, and what it says."""
+    result = _result(arguments)
+    return result.exit_code, result.stderr
+
+
+def _result(arguments: Sequence[str], stdin: bytes | None = None) -> Result:
+    apart = {"mix_stderr": False} if "mix_stderr" in inspect.signature(CliRunner).parameters else {}
+    return CliRunner(**apart).invoke(cli, list(arguments), input=stdin, prog_name="tdint")

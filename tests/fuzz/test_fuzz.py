@@ -6,7 +6,7 @@ from collections import Counter
 
 import pytest
 
-from fuzz import api, command_lines, model_files, studies
+from fuzz import api, command_lines, model_files, stores, studies
 from fuzz.corpus import corpus
 from fuzz.mutators import mutated
 from fuzz.oracle import REFUSED, SAME, Failure, outcome, read
@@ -58,6 +58,13 @@ def test_damaged_studies(work, name):
     assert {run(list(line)) for line in studies.STUDIES[name].lines} == {"done"}
     found = Counter(studies.outcome(name, seed) for seed in range(EACH // 4))
     assert 0 < found["done"] < sum(found.values())
+
+
+@pytest.mark.parametrize("name", stores.CALLS)
+def test_damaged_stores(work, name):
+    found = Counter(stores.outcome(name, seed) for seed in range(EACH))
+    assert found[stores.HEALED] > 0
+    assert found[stores.REFUSED] > 0
 
 
 @pytest.mark.parametrize("name", sorted(set(command_lines.names()) - SLOW))

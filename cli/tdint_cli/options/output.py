@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from tdint.errors import UsageError
+from tdint.units import LENGTH
 from tdint_cli.options import headings
 from tdint_cli.options.plot import beside, picture_file
 from tdint_cli.options.values import FileName, OutputUnitsType
@@ -50,9 +52,78 @@ def check_report(value: str | None) -> str | None:
 
 def plot(text: str) -> Callable[[Function], Function]:
     """The option --plot; what it draws differs between the commands."""
-    return option("--plot", type=FileName(), metavar="[FILE]", callback=refuse_empty, help=text)
+    own = option("--plot", type=FileName(), metavar="[FILE]", callback=refuse_empty, help=text)
+    return lambda command: own(_for_print(command))
 
 
+def _for_print(command: Function) -> Function:
+    """The options of a picture for print."""
+    for declared in reversed(_PRINTED):
+        command = declared(command)
+    return command
+
+
+def _printed(name: str, read: Callable[[Any], Any]) -> Callable[..., None]:
+    """A callback that sets what is asked of the pictures of this command."""
+
+    def keep(_: click.Context, __: click.Parameter, value: Any) -> None:
+        if value not in (None, (), False):
+            from tdint.output.figures.style import check_print
+            from tdint.output.printed import PRINTED
+
+            PRINTED.set(replace(PRINTED.get(), **{name: read(value)}))
+            check_print(PRINTED.get())
+
+    return keep
+
+
+def _width(text: str) -> float:
+    from tdint.output.printed import NARROWEST, WIDEST
+
+    found = re.fullmatch(r"\s*([0-9.]+)\s*([a-z]+)\s*", text)
+    try:
+        width = float(found[1]) * LENGTH[found[2]] if found else 0.0
+    except (KeyError, ValueError):
+        width = 0.0
+    if not NARROWEST <= width <= WIDEST:
+        raise UsageError(f"--figure-width {text!r}: write a length from 30 to 600 mm, such as 90mm or 3.5in")
+    return width
+
+
+def _labels(texts: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
+    pairs = [text.partition("=") for text in texts]
+    for name, equals, after in pairs:
+        if not (name and equals and after):
+            raise UsageError(f"--label {name!r}: write NAME=TEXT, such as moment4='present method'")
+    return tuple((name, after) for name, _, after in pairs)
+
+
+def _of_print(name: str, field: str, read: Callable[[Any], Any], **settings: Any) -> Callable[[Function], Function]:
+    return option(
+        name, f"print_{field}", needs="--plot", expose_value=False, callback=_printed(field, read), **settings
+    )
+
+
+_PRINTED = (
+    _of_print(
+        "--figure-width",
+        "width",
+        _width,
+        metavar="LENGTH",
+        help="Draw for print at this width, 90mm or 3.5in: letters of 6 to 8 points, 600 dpi.",
+    ),
+    _of_print("--font", "font", str, metavar="NAME", help="Font of the picture, such as 'Times New Roman'."),
+    _of_print("--no-title", "title", lambda _: False, is_flag=True, help="No title above the picture."),
+    _of_print(
+        "--label",
+        "labels",
+        _labels,
+        multiple=True,
+        metavar="NAME=TEXT",
+        help="Another text for a label of the picture: moment4='present method'.",
+    ),
+    _of_print("--style", "style", str, type=FileName(), metavar="FILE.mplstyle", help="A style sheet of matplotlib."),
+)
 picture = plot("Also draw, to this file (.png, .pdf, .svg) or beside -o under its name.")
 units = option(
     "--output-units",

@@ -33,6 +33,10 @@ if TYPE_CHECKING:
     from tdint.output_units import OutputUnits
 
 STORIES, HISTORY, PICTURE, SUMMARY = "stories.csv", "history.csv", "response.png", "summary.json"
+_STEPS_OF_A_PICTURE = 20_000
+_LEAST_BYTES = (6.0, 2.0)
+"""Of a number in a history, and in a packed one; 18 and 8 as a rule."""
+
 ALL_FILES = (STORIES, HISTORY, SPECTRA, SPECTRA_PICTURE, MOTIONS, PICTURE, SUMMARY)
 """The files of a run. The summary is written last: where it says `done`, all is there."""
 
@@ -259,6 +263,8 @@ def _run(request: Request) -> None:
     record = None if shocks else model_record(model)
     inputs = [model_input(model), *(one for read in shocks or filter(None, [record]) for one in read.inputs)]
     case = prepare(model, shocks[0] if shocks else record, method=request.method, allow_unstable=request.allow_unstable)
+    if request.history and not (shocks or request.tolerance or request.until_rest):
+        _check_room(request, len(model.stories), case.steps(request.dt, request.duration).count)
     try:
         response = _respond(case, shocks, request)
         record = response.record
@@ -282,7 +288,7 @@ def _respond(case: Case, shocks: list[Record], request: Request) -> Response:
 
     wanted: dict[str, Any] = {
         "dt": request.dt,
-        "history": bool(request.history or request.plot or request.of_floors or request.report),
+        "history": bool(request.of_floors),
         "check": request.check,
         "tolerance": request.tolerance,
         "until_rest": request.until_rest,
@@ -368,6 +374,16 @@ def _history(request: Request) -> Path | None:
     return Path(request.output) / HISTORY
 
 
+def _check_room(request: Request, stories: int, steps: int) -> None:
+    """Raise OutputError for a history that the disk cannot hold."""
+    from tdint.files import check_room
+    from tdint.output.tables.buildings import history_columns
+
+    if file := _history(request):
+        columns = len(history_columns(stories, bool(request.check)))
+        check_room(file, (steps // request.every + 1) * columns * _LEAST_BYTES[file.suffix == ".gz"])
+
+
 def _units(request: Request) -> OutputUnits:
     from tdint.output_units import SI
 
@@ -386,18 +402,18 @@ def _files(request: Request, response: Response, case: Case, inputs: list[Input]
     from tdint.analysis.spectra.first_mode import first_mode
     from tdint.output.summaries.of_run import UNITS, run_summary
     from tdint.output.summaries.summary import in_units, json_bytes
-    from tdint.output.tables.buildings import write_history
+    from tdint.output.tables.buildings import write_pieces
 
     units = _units(request)
     files: dict[Path, Writer] = {}
     if request.output:
         table = _stories(request, response).csv()
         files[Path(request.output) / STORIES] = lambda stream: stream.write(table)
-    history = response.history
-    if (file := _history(request)) and history is not None:
+    _check_room(request, len(response.model.stories), response.steps)
+    if (file := _history(request)) and (pieces := response.pieces):
         # The error makes it half as large again: of one who asked for it.
-        kept = history if request.check else replace(history, error=None)
-        files[file] = lambda stream: write_history(kept.every(request.every), stream, units)
+        kept = (one if request.check else replace(one, error=None) for one in pieces(request.every))
+        files[file] = lambda stream: write_pieces(kept, stream, units)
     if request.output:
         of_floors, notes = request.of_floors.files(response, Path(request.output), units, plot=request.plot is not None)
         files |= of_floors
@@ -406,7 +422,7 @@ def _files(request: Request, response: Response, case: Case, inputs: list[Input]
     if picture := _picture(request):
         from tdint.output.figures.runs import run_picture
 
-        files[picture] = run_picture(response, picture.suffix, units)
+        files[picture] = run_picture(_thinned(response), picture.suffix, units)
     if not (request.output or request.report):
         return files
     wall_time = time.perf_counter() - began
@@ -415,12 +431,23 @@ def _files(request: Request, response: Response, case: Case, inputs: list[Input]
     if request.report:
         from tdint.output.report_chapters import run_page
 
-        report = run_page(response, content, _paragraph(response, units), _warnings(response), units)
+        report = run_page(_thinned(response), content, _paragraph(response, units), _warnings(response), units)
         files[Path(request.report)] = lambda stream: stream.write(report)
     if request.output:
         summary = json_bytes(in_units(content, units, UNITS))
         files[Path(request.output) / SUMMARY] = lambda stream: stream.write(summary)
     return files
+
+
+def _thinned(response: Response) -> Response:
+    """With a history of as many steps as a picture shows."""
+    from tdint.analysis.run.outcome import History
+
+    assert response.pieces is not None
+    if response.history is not None:
+        return response
+    pieces = response.pieces(-(-response.steps // _STEPS_OF_A_PICTURE))
+    return replace(response, history=History.joined(pieces))
 
 
 def _warnings(response: Response) -> list[str]:

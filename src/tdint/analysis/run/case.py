@@ -4,8 +4,9 @@ converged, or refused."""
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -152,6 +153,14 @@ class Case:
             raise self._diverged(steps, *self._reached(steps, marched.space), reason, _runaway_story(marched.space))
         return self._response(steps, marched, collapse)
 
+    def pieces(self, steps: Steps, largest: float, every: int = 1) -> Iterator[History]:
+        """The history of a run that came to its end, made again in pieces: of every so many steps, from the first one.
+
+        `largest` is the run's largest energy. Together the pieces are what `march` keeps, bit for bit.
+        """
+        for space in self.prepared.march_pieces(self.integrator, steps, self.ground, every=every):
+            yield run_totals.history(self.building, self.prepared.forces, space, steps.h, largest)
+
     def _integrate(self, steps: Steps, history: bool = False) -> Marched:
         return self.prepared.march(
             self.integrator,
@@ -272,6 +281,7 @@ class Case:
             stories=stories,
             energy=energy,
             history=self._history(space, steps.h),
+            pieces=partial(self.pieces, steps, energy.largest),
             notes=(*notes, *_unresolved_note(stories, unresolved), *self._moving_note(stories, moving)),
             unresolved=unresolved,
             moving_drift=moving,

@@ -23,14 +23,15 @@ since then is added to the errors of residual drifts.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.outcome import ErrorEstimate, FailedRun, Response, Shock, StoryErrors
+from tdint.analysis.run.outcome import ErrorEstimate, FailedRun, History, Response, Shock, StoryErrors
 from tdint.analysis.run.steps import Steps, finer
 
 Array = NDArray[np.float64]
@@ -66,12 +67,21 @@ def checked_run(case: Case, steps: Steps, history: bool = False, *, repeat: bool
         reason = doubt(response.check)
         if not reason:
             return response
-        response = replace(response, check=None, history=response.history and response.history.without_error())
+        response = replace(
+            response,
+            check=None,
+            history=response.history and response.history.without_error(),
+            pieces=response.pieces and partial(_without_error, response.pieces),
+        )
     if not repeat:
         return _unknown(response, f"{reason}; --check repeats the run") if carrying is not None else response
     if reason:
         response = replace(response, notes=(*response.notes, f"the error comes from repetitions of the run: {reason}"))
     return checked(case, steps, response)
+
+
+def _without_error(pieces: Callable[..., Iterator[History]], every: int = 1) -> Iterator[History]:
+    return (piece.without_error() for piece in pieces(every))
 
 
 def doubt(check: ErrorEstimate) -> str:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, fields, replace
 from functools import partial, reduce
 from operator import add
 from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar, get_type_hints
@@ -308,16 +309,30 @@ class History(Tabular):
         unknown = np.full_like(self.drift, np.nan)
         return replace(self, error=self.error and ErrorHistory(*(unknown for _ in fields(ErrorHistory))))
 
+    @staticmethod
+    def joined(pieces: Iterable[History]) -> History:
+        """Pieces of a history as one."""
+        parts = list(pieces)
+        return parts[0] if len(parts) == 1 else _joined(parts)
+
     def every(self, steps: int) -> History:
         """Every so many steps, from the first one; nothing is copied."""
-        energy = EnergyHistory(
-            **{field.name: getattr(self.energy, field.name)[::steps] for field in fields(self.energy)}
-        )
+        energy = EnergyHistory(**{one.name: getattr(self.energy, one.name)[::steps] for one in fields(self.energy)})
         error = self.error and ErrorHistory(
-            **{field.name: getattr(self.error, field.name)[::steps] for field in fields(self.error)}
+            **{one.name: getattr(self.error, one.name)[::steps] for one in fields(self.error)}
         )
-        own = {field.name: getattr(self, field.name) for field in fields(self) if field.name not in ("energy", "error")}
+        own = {one.name: getattr(self, one.name) for one in fields(self) if one.name not in ("energy", "error")}
         return History(**{name: values[::steps] for name, values in own.items()}, energy=energy, error=error)
+
+
+def _joined(parts: Sequence[Any]) -> Any:
+    """Records of arrays, which may hold records of arrays, one after the other."""
+    if parts[0] is None:
+        return None
+    if isinstance(parts[0], np.ndarray):
+        return np.concatenate(parts)
+    names = [one.name for one in fields(parts[0])]
+    return type(parts[0])(**{name: _joined([getattr(part, name) for part in parts]) for name in names})
 
 
 @dataclass(frozen=True)
@@ -397,6 +412,8 @@ class Response(Tabular):
         Amplitudes with which the drifts still move about their rest at the end, about, m; without forces on floors.
     check : ErrorEstimate or None
         Estimated errors, if they were asked for.
+    pieces : callable or None
+        Called with a number of steps, the history of every so many in pieces, made again: all memory need not hold.
     rest_time : float or None
         Time by which the building was at rest, s, if the run was to go on until then and came to that.
     notes : tuple of str
@@ -427,6 +444,7 @@ class Response(Tabular):
     collapse: Collapse | None = None
     check: ErrorEstimate | None = None
     rest_time: float | None = None
+    pieces: Callable[..., Iterator[History]] | None = field(default=None, compare=False)
     warnings: tuple[str, ...] = ()
     shocks: tuple[Shock, ...] = ()
 

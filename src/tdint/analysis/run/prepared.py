@@ -18,6 +18,7 @@ from tdint.analysis.run.workspace import (
     HALVINGS,
     Workspace,
     check_suited,
+    history_width,
     integrate,
     kernels,
     shifts,
@@ -38,6 +39,7 @@ from tdint.model.definition import Model
 Array = NDArray[np.float64]
 
 _RESOLVED = 2.5  # omega dt of the fastest mode, bounded from above, up to which a step is taken to follow all modes
+_PIECE_BYTES = 2**23  # of a piece of a history
 _KEPT = 4  # sets of coefficients that are kept: a run, its two repetitions with smaller steps, one more
 
 
@@ -200,14 +202,51 @@ class PreparedBuilding:
         Raises
         ------
         AnalysisError
-            The method does not integrate this building.
+            The method does not integrate this building; the memory does not hold the history.
+        ValueError
+            The steps are no whole multiple of those of the history.
         """
-        space = self._ready(integrator, steps.h, rows, collapse_drift)
+        if rows and steps.count % rows:
+            raise ValueError(f"{steps.count} steps do not fit into a history of {rows}")
+        space = self._ready(integrator, steps.h, rows + 1 if rows else 0, collapse_drift)
+        space.every = steps.count // rows if rows else 1
         motion = np.zeros(1) if ground is None else ground
         coefficients = self.coefficients(integrator, steps.h)
         begin = time.perf_counter()
         code = integrate(integrator, coefficients, self.building, self.forces, motion, steps, space, self.variant)
         return Marched(space, code, time.perf_counter() - begin)
+
+    def march_pieces(
+        self, integrator: Integrator, steps: Steps, ground: Array | None, *, every: int
+    ) -> Iterator[Workspace]:
+        """Integrate as `march` does, and see the history in pieces, a row every so many steps.
+
+        Yields
+        ------
+        Workspace
+            With a history of its own, of which `before` rows stand before; no piece of a run that failed in it.
+
+        Raises
+        ------
+        AnalysisError
+            The method does not integrate this building.
+        """
+        rows = max(2, _PIECE_BYTES // (8 * history_width(self.building, integrator)))
+        space = self._ready(integrator, steps.h, 0, math.inf)
+        motion = np.zeros(1) if ground is None else ground
+        coefficients = self.coefficients(integrator, steps.h)
+        done, total = 0, steps.count // every + 1
+        while done < steps.count:
+            before = done // every + 1 if done else 0
+            last = min((before + rows) * every - 1, steps.count)
+            space.every, space.before = every, before
+            space.history = np.zeros((min(rows, total - before), history_width(self.building, integrator)))
+            part = replace(steps, count=last, done=done)
+            if integrate(integrator, coefficients, self.building, self.forces, motion, part, space, self.variant) < 0:
+                return
+            if len(space.history):
+                yield space
+            done = last
 
     def march_parts(
         self, integrator: Integrator, steps: Steps, ground: Array, firsts: Sequence[int]

@@ -132,8 +132,9 @@ def collapse(totals: Array) -> NotedCollapse | None:
     )
 
 
-def history(building: Building, forces: Array, space: Workspace, h: float) -> History:
-    """The history of a march with steps h (s) under forces on floors (`force_table`)."""
+def history(building: Building, forces: Array, space: Workspace, h: float, largest: float | None = None) -> History:
+    """The history of a march with steps h (s) under forces on floors (`force_table`); of a piece of it the largest
+    energy of the whole must be told."""
     n = building.stories
     table = space.history
     fields = at.HISTORY_FIELDS
@@ -142,7 +143,7 @@ def history(building: Building, forces: Array, space: Workspace, h: float) -> Hi
     drift[:, 1:] -= displacement[:, :-1]
     rate = velocity.copy()
     rate[:, 1:] -= velocity[:, :-1]
-    time = h * np.arange(len(table), dtype=np.float64)
+    time = h * (space.every * np.arange(space.before, space.before + len(table), dtype=np.float64))
     return History(
         time=time,
         ground_acceleration=table[:, 0],
@@ -153,7 +154,7 @@ def history(building: Building, forces: Array, space: Workspace, h: float) -> Hi
         shear=shear,
         damper_force=building.device_force(rate),
         total_shear=_total_shear(building, forces, time, acceleration),
-        energy=_energy_history(table[:, 1 + fields * n : 1 + fields * n + at.ENERGY_TERMS], space.totals),
+        energy=_energy_history(table[:, 1 + fields * n : 1 + fields * n + at.ENERGY_TERMS], space.totals, largest),
         error=_error_history(table[:, 1 + fields * n + at.ENERGY_TERMS :], n),
     )
 
@@ -176,9 +177,9 @@ def _total_shear(building: Building, forces: Array, time: Array, acceleration: A
     return np.asarray(np.cumsum(moved[:, ::-1], axis=1)[:, ::-1])
 
 
-def _energy_history(table: Array, totals: Array) -> EnergyHistory:
+def _energy_history(table: Array, totals: Array, largest: float | None) -> EnergyHistory:
     terms = list(table.T)
-    start, largest = totals[at.ENERGY_START], totals[at.ENERGY_LARGEST]
+    start, largest = totals[at.ENERGY_START], totals[at.ENERGY_LARGEST] if largest is None else largest
     imbalance = reduce(sub, terms[1:], start + terms[0])
     error = imbalance / largest if largest > 0.0 else np.zeros_like(imbalance)
     return EnergyHistory(**dict(zip(ENERGY_TERMS, terms, strict=True)), error=error)

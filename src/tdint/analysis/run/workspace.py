@@ -24,11 +24,15 @@ from tdint.kernels.march.march import march
 from tdint.methods.method import Integrator
 from tdint.model.building import Building
 from tdint.model.definition import CODES, LAWS
+from tdint.system import available_memory
 
 Array = NDArray[np.float64]
 
 HALVINGS = 8
 """How often a step that does not converge is halved before the run ends."""
+
+_WITH_RESULTS = 2.5
+"""Memory of a history as results, with drifts and forces, over that of its rows."""
 
 _PIECE = 0.1  # s
 _FIRST_PIECE = 100_000  # steps times stories, and as much for each modally damped mode
@@ -36,7 +40,10 @@ _FIRST_PIECE = 100_000  # steps times stories, and as much for each modally damp
 
 @dataclass
 class Workspace:
-    """What a march reads and writes; all tables have one column per story and one that stays zero."""
+    """What a march reads and writes; all tables have one column per story and one that stays zero.
+
+    Of the history every so many steps have a row, and some rows stand before those that are there.
+    """
 
     state: Array
     springs: Array
@@ -48,6 +55,8 @@ class Workspace:
     limits: Array
     totals: Array
     history: Array
+    every: int = 1
+    before: int = 0
 
     def forget_peaks(self, integrator: Integrator, modes: int) -> None:
         """Look for peaks anew, also where the method keeps some of its own."""
@@ -72,12 +81,15 @@ class Workspace:
 def workspace(
     building: Building,
     integrator: Integrator,
-    steps: int = 0,
+    rows: int = 0,
     collapse_drift: float = math.inf,
 ) -> Workspace:
-    """Fresh arrays for one run; with room for a history of `steps` steps and the start if it is not 0.
+    """Fresh arrays for one run, with so many rows of its history.
 
-    A march of k times as many steps keeps every k-th.
+    Raises
+    ------
+    AnalysisError
+        The memory that is free does not hold them.
     """
     n = building.stories
     modes = building.modal.shape[0]
@@ -89,7 +101,8 @@ def workspace(
     flags[at.OWN_WORK] = family.own_work
     flags[at.ON_PATH] = family.parabolic
     flags[at.CARRIES_ERROR] = family.carries_error
-    fields = at.HISTORY_FIELDS + (at.ERROR_FIELDS if family.carries_error else 0)
+    width = history_width(building, integrator)
+    _check_room(rows, width)
     totals = np.zeros(at.TOTALS_SIZE)
     totals[at.COLLAPSE_STEP] = at.NO_COLLAPSE
     return Workspace(
@@ -102,8 +115,23 @@ def workspace(
         peaks=np.zeros((2 * at.PEAK_ROWS, n)),
         limits=np.array([np.full(n, collapse_drift), building.heights, _failed(building)]),
         totals=totals,
-        history=np.zeros((steps + 1 if steps else 0, 1 + fields * n + at.ENERGY_TERMS)),
+        history=np.zeros((rows, width)),
     )
+
+
+def history_width(building: Building, integrator: Integrator) -> int:
+    """Numbers in a row of the history."""
+    fields = at.HISTORY_FIELDS + (at.ERROR_FIELDS if integrator.family.carries_error else 0)
+    return 1 + fields * building.stories + at.ENERGY_TERMS
+
+
+def _check_room(rows: int, width: int) -> None:
+    wanted, free = _WITH_RESULTS * 8.0 * rows * width, available_memory()
+    if wanted > free:
+        raise AnalysisError(
+            f"a history of {rows} rows takes {wanted / 1e9:.3g} GB of memory, {free / 1e9:.3g} GB are free; take fewer "
+            "steps, or write the history to a file, which takes it in pieces"
+        )
 
 
 def _law_parameters(building: Building, integrator: Integrator) -> Array:
@@ -171,14 +199,7 @@ def integrate(
 
     `coefficients` are those of the integrator for this building, these forces and this step; `wanted` is what the
     building and the forces need of the kernels, or more.
-
-    Raises
-    ------
-    ValueError
-        The steps are no whole multiple of those that the history has room for.
     """
-    if len(space.history) > 1 and steps.count % (len(space.history) - 1):
-        raise ValueError(f"{steps.count} steps do not fit into a history of {len(space.history) - 1}")
     law_parameters = _law_parameters(building, integrator)
     scene = Scene(building.linear_terms, building.modal, law_parameters, forces, space.flags)
     return _in_pieces(
@@ -193,6 +214,8 @@ def integrate(
             steps.count,
             first,
             last,
+            space.every,
+            space.before,
             steps.per_sample,
             steps.stride,
             HALVINGS if integrator.family.halvable else 0,

@@ -80,9 +80,9 @@ def check_store(connection: sqlite3.Connection, name: str) -> None:
     UntrustedStoreError
         It is not.
     """
-    (found,) = connection.execute("PRAGMA quick_check(1)").fetchone()
+    (found,) = connection.execute("PRAGMA integrity_check(1)").fetchone()
     if found != "ok":
-        raise UntrustedStoreError(name, f"SQLite says: {found}")
+        raise UntrustedStoreError(name, f"SQLite says: {' '.join(found.split())}")
     stated = {sql for (sql,) in connection.execute("SELECT sql FROM sqlite_master WHERE type <> 'trigger'")}
     if TABLES[0] in stated:
         version = connection.execute("SELECT value FROM meta WHERE key = 'schema'").fetchone()

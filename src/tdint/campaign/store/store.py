@@ -58,9 +58,18 @@ class Store:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
-        """Bring all into the one file, unless something failed, and close it."""
+    def __exit__(self, error: type[BaseException] | None, what: BaseException | None, *_: object) -> None:
+        """Bring all into the one file, unless something failed, and close it.
+
+        Raises
+        ------
+        OutputError
+            SQLite failed at what was within: in words.
+        """
         try:
+            if isinstance(what, sqlite3.Error):
+                with in_words(self.name):
+                    raise what
             if error is None:
                 with in_words(self.name), suppress(sqlite3.OperationalError):  # another program may read it
                     self.connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")

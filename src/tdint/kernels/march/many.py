@@ -101,7 +101,7 @@ def _go_on(kernels, motion, run, steps, done, scene, memory, seen):
     """March on from `done` steps to `steps` of them; `run` is the number of steps per sample and samples per step."""
     return _call_march(
         kernels.march, kernels.step, kernels.begin, kernels.take_stock, kernels.raise_shears,
-        steps, done, steps, run[0], run[1],
+        steps, done, steps, 1, 0, run[0], run[1],
         motion.halvings, motion.h, motion.ground, motion.coefficients, motion.shifts,
         scene.linear_terms, scene.modal, scene.law_parameters, scene.forces, scene.flags,
         memory.state, memory.springs, memory.work, memory.report, motion.load,

@@ -27,6 +27,8 @@ MARCH = I8(
     I8,  # steps of the whole run
     I8,  # steps of it that are done
     I8,  # steps until which to go on
+    I8,  # steps from one row of the history to the next
+    I8,  # rows of it that stand before those that are given
     I8,  # steps per sample of the ground motion
     I8,  # samples per as many steps; 1 where a step is not longer than a sampling interval
     I8,  # how often a step may be halved
@@ -77,7 +79,7 @@ def _watch(take_stock, scene, memory, steps, seen):
 
 @kernel(MARCH, parts=())
 def march(
-    step, begin, take_stock, raise_shears, steps, first, last, per_sample, stride, halvings,
+    step, begin, take_stock, raise_shears, steps, first, last, every, before, per_sample, stride, halvings,
     h, ground, coefficients, shifts, linear_terms, modal, law_parameters, forces, flags,
     state, springs, work, report, load, watch, peaks, limits, totals, history,
 ):  # fmt: skip
@@ -107,7 +109,6 @@ def march(
             note_collapse(springs, 0, seen)
         if history.shape[0] > 0:
             store(ground_0, ground_0, memory, seen, 0)
-    every = steps // max(history.shape[0] - 1, 1)
     smallest = 0.5**halvings
     for s in range(first, last):
         ground_1 = ground_at(ground, s + 1, per_sample, stride)
@@ -156,7 +157,7 @@ def march(
             _watch(take_stock, scene, memory, s + 1, seen)
         if history.shape[0] > 0 and (s + 1) % every == 0:
             sum_up(take_stock, scene, memory, seen)
-            store(ground_1, load[at.GROUND_1], memory, seen, (s + 1) // every)
+            store(ground_1, load[at.GROUND_1], memory, seen, (s + 1) // every - before)
         ground_0 = ground_1
     if last == steps:
         sum_up(take_stock, scene, memory, seen)

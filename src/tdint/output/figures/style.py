@@ -7,19 +7,23 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from textwrap import shorten
+from textwrap import shorten, wrap
 from typing import Any, BinaryIO
 
 import matplotlib as mpl
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.font_manager import get_font_names
+from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, LogLocator
 
-from tdint.errors import OutputError
+from tdint.errors import OutputError, UsageError, did_you_mean
 from tdint.files import Writer
 from tdint.ground_motion.record import Record
+from tdint.output.printed import ON_SCREEN, PRINTED, PrintedAs, in_print
 from tdint.output_units import OutputUnits
 
 _TITLE_LENGTH = 95
@@ -35,9 +39,27 @@ _STYLE = {
     "legend.fontsize": 8.0,
     "legend.frameon": False,
     "agg.path.chunksize": 20_000,  # a long hysteresis is more than Agg draws in one piece
+    "pdf.fonttype": 42,  # TrueType, which editors and publishers take
+    "ps.fonttype": 42,
     "svg.fonttype": "none",
     "svg.hashsalt": "tdint",
 }
+_PRINT = {
+    "font.size": 8.0,
+    "axes.titlesize": 8.0,
+    "legend.fontsize": 7.0,
+    "axes.linewidth": 0.6,
+    "grid.linewidth": 0.4,
+    "lines.linewidth": 1.0,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "font.family": "sans-serif",
+    "font.sans-serif": ["Arial", "Helvetica", "Liberation Sans", "DejaVu Sans"],
+    "mathtext.fontset": "stixsans",
+}
+_SMALLEST, _LARGEST = 6.0, 8.0
+_INCH = 0.0254
+_RESOLUTION = {True: 600, False: 160}
 INK = "#1f4e79"
 LIGHT = "0.55"
 MARK = "#b03a2e"
@@ -101,14 +123,72 @@ def picture(suffix: str, draw: Callable[[], Figure]) -> Writer:
     kind = picture_format(suffix)
 
     def write(stream: BinaryIO) -> None:
-        with mpl.rc_context(_STYLE), warnings.catch_warnings():
+        printed = PRINTED.get()
+        with mpl.rc_context(_settings(printed)), warnings.catch_warnings():
             # A name in a script that the font does not have is drawn with boxes; that is no reason to fail.
             warnings.filterwarnings("ignore", message="Glyph .* missing from")
             figure = draw()
             FigureCanvasAgg(figure)
-            figure.savefig(stream, format=kind, dpi=160, metadata=_METADATA[kind])
+            if printed != ON_SCREEN:
+                with _room(printed.width):
+                    _print(figure, printed)
+            with _room(printed.width):
+                figure.savefig(stream, format=kind, dpi=_RESOLUTION[bool(printed.width)], metadata=_METADATA[kind])
 
     return write
+
+
+@contextmanager
+def _room(width: float | None) -> Iterator[None]:
+    """Raise UsageError where panels find no room at a width."""
+    warnings.filterwarnings("error", message="constrained_layout not applied")
+    try:
+        yield
+    except UserWarning:
+        asked = f"{1e3 * (width or 0.0):.0f} mm"
+        raise UsageError(f"--figure-width: the panels of this picture find no room at {asked}; it takes more") from None
+
+
+def _settings(printed: PrintedAs) -> dict[str, Any]:
+    """matplotlib's settings; a style sheet goes over ours, a font over both."""
+    found = _STYLE | (_PRINT if printed.width else {})
+    if printed.style:
+        found = found | dict(mpl.rc_params_from_file(printed.style, use_default_template=False))
+    return found | ({"font.family": printed.font} if printed.font else {})
+
+
+def check_print(printed: PrintedAs) -> None:
+    """Raise UsageError for a font or a style sheet that is not there."""
+    if printed.font and printed.font not in get_font_names():
+        hint = did_you_mean(printed.font, get_font_names())
+        raise UsageError(f"--font {printed.font!r}: this machine has no such font{hint}")
+    if printed.style:
+        try:
+            mpl.rc_params_from_file(printed.style, use_default_template=False)
+        except (OSError, ValueError) as error:
+            raise UsageError(f"--style {printed.style}: {error}") from None
+
+
+def _print(figure: Figure, printed: PrintedAs) -> None:
+    """Bring a figure to its width, its letters to the sizes of print, its words to those of the paper."""
+    width, height = figure.get_size_inches()
+    if printed.width:
+        narrow = printed.width / _INCH / width
+        figure.set_size_inches(width * narrow, height * math.sqrt(narrow))
+        width *= narrow
+    title = figure.get_suptitle()
+    if title:
+        figure.suptitle("\n".join(wrap(title, int(width * 72.0 / (_LARGEST * _LETTER)))) if printed.title else "")
+    figure.draw_without_rendering()  # numbers at ticks are made now
+    before: set[str] = set()
+    for text in figure.findobj(Text):
+        before.add(text.get_text().strip())
+        text.set_text(in_print(text.get_text(), printed))
+        if printed.width:
+            text.set_fontsize(min(max(text.get_fontsize(), _SMALLEST), _LARGEST))
+    for label, _ in printed.labels:
+        if not any(text == label or text.startswith(label + ":") for text in before):
+            raise UsageError(f"--label {label}=...: nothing in the picture is called so")
 
 
 def add_title(figure: Figure, title: str) -> None:
@@ -135,6 +215,9 @@ def add_legend(figure: Figure, axes: Any, lines: list[Any], labels: list[str], n
         labels = [*labels[: _IN_LEGEND - 1], f"... and {len(labels) - _IN_LEGEND + 1} more"]
         lines = [*lines[: _IN_LEGEND - 1], axes.plot([], [], linestyle="none")[0]]
     columns = min(len(labels), 2 if max(map(len, labels)) > narrow else 3)
+    if printed := PRINTED.get().width:
+        letters = printed / _INCH * 72.0 / (7.0 * _LETTER)
+        columns = max(1, min(columns, int(letters / (max(map(len, labels)) + 8))))
     figure.set_figheight(figure.get_figheight() + 0.17 * math.ceil(len(labels) / columns))
     labels = [" " + label for label in labels]  # a label that begins with _ would be left out
     legend = figure.legend(lines, labels, loc="outside lower center", ncols=columns, handlelength=3.6)

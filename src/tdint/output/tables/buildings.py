@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -281,14 +281,21 @@ def history_columns(stories: int, error: bool = False) -> tuple[Column, ...]:
     return tuple(found)
 
 
-def write_history(history: History, stream: BinaryIO, units: OutputUnits = SI) -> None:
+def write_pieces(pieces: Iterable[History], stream: BinaryIO, units: OutputUnits = SI) -> None:
+    """Write a history that comes in pieces as `write_history` writes it whole."""
+    for number, history in enumerate(pieces):
+        write_history(history, stream, units, header=number == 0)
+
+
+def write_history(history: History, stream: BinaryIO, units: OutputUnits = SI, *, header: bool = True) -> None:
     """Write a history as CSV, one row per step; some hundred rows are held as text at a time."""
     error = history.error is not None
-    header = [units.column(one.name, one.unit) for one in history_columns(history.displacement.shape[1], error)]
-    stream.write((",".join(name for name, _ in header) + "\n").encode())
-    factors = None if units == SI else np.array([factor for _, factor in header])
-    line = ",".join(["%.12g"] * len(header)) + "\n"
-    groups = [[column.of(history) for column in columns] for _, columns in history_groups(error)]
+    columns = [units.column(one.name, one.unit) for one in history_columns(history.displacement.shape[1], error)]
+    if header:
+        stream.write((",".join(name for name, _ in columns) + "\n").encode())
+    factors = None if units == SI else np.array([factor for _, factor in columns])
+    line = ",".join(["%.12g"] * len(columns)) + "\n"
+    groups = [[one.of(history) for one in group] for _, group in history_groups(error)]
     for first in range(0, len(history.time), _ROWS_AT_ONCE):
         part = slice(first, first + _ROWS_AT_ONCE)
         blocks = (np.stack([values[part] for values in group], axis=-1) for group in groups)

@@ -1,0 +1,88 @@
+"""Histories in pieces: together they are the whole one, bit for bit, and no memory holds more than a piece."""
+
+from __future__ import annotations
+
+import io
+import tracemalloc
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+
+from building_cases import model, story
+from tdint.analysis.run.outcome import History, Response
+from tdint.analysis.run.run import run
+from tdint.errors import AnalysisError
+from tdint.ground_motion.record import Record
+from tdint.model.definition import Law
+from tdint.output.tables.buildings import write_history, write_pieces
+
+ONE = [story(2.0e4, 2.0e7)]
+THREE = [*ONE, story(2.0e4, 2.0e7, Law("bilinear", (4.0e4, 0.05))), story(2.0e4, 1.5e7, dashpot=2.0e4)]
+MOTION = Record(3.0 * np.sin(0.31 * np.arange(240)) * np.hanning(240), 0.02, "", "", "HN1", "made")
+
+
+def whole_and_pieces(monkeypatch: pytest.MonkeyPatch, rows: int = 7, **wanted: Any) -> tuple[Response, Any]:
+    """A run with its history, and what makes it again in pieces of so many rows."""
+    response = run(model(THREE), MOTION, history=True, **wanted)
+    monkeypatch.setattr("tdint.analysis.run.prepared._PIECE_BYTES", 8 * 26 * rows)
+    assert response.pieces is not None
+    return response, response.pieces
+
+
+def same(one: Any, other: Any) -> bool:
+    if is_dataclass(one):
+        return all(same(getattr(one, field.name), getattr(other, field.name)) for field in fields(one))
+    return one is other if one is None else np.array_equal(one, other, equal_nan=True)
+
+
+@pytest.mark.parametrize("every", [1, 3, 10, 240, 5000])
+@pytest.mark.parametrize(
+    "wanted",
+    [
+        {"method": "impulse4"},
+        {"method": "newmark-average", "dt": 0.005},
+        {"method": "moment4", "check": True},
+        {"method": "moment4", "dt": 0.06, "duration": 6.0},
+        {"method": "park"},
+    ],
+)
+def test_pieces_are_the_whole_bit_for_bit(monkeypatch: pytest.MonkeyPatch, wanted: dict[str, Any], every: int) -> None:
+    response, pieces = whole_and_pieces(monkeypatch, **wanted)
+    assert response.history is not None
+    found = list(pieces(every))
+    assert len(found) > 1 or every >= 10
+    assert all(len(piece.time) <= 12 for piece in found)
+    assert same(History.joined(found), response.history.every(every))
+
+
+def test_files_are_the_same_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
+    response, pieces = whole_and_pieces(monkeypatch)
+    assert response.history is not None
+    at_once, in_pieces = io.BytesIO(), io.BytesIO()
+    write_history(response.history.every(3), at_once)
+    write_pieces(pieces(3), in_pieces)
+    assert at_once.getvalue() == in_pieces.getvalue()
+
+
+@pytest.mark.parametrize("every", [1, 1000])
+def test_memory_does_not_grow_with_the_steps(every: int) -> None:
+    """The whole history of these steps takes 100 MB and more."""
+    response = run(model(ONE), MOTION, method="newmark-average", dt=1e-5, duration=10.0)
+    assert (response.steps, response.history) == (1_000_000, None)
+    assert response.pieces is not None
+    tracemalloc.start()
+    try:
+        rows = sum(len(piece.time) for piece in response.pieces(every))
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert rows == 1_000_000 // every + 1
+    assert peak < 6e7
+
+
+def test_what_the_memory_cannot_hold_is_refused_with_the_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tdint.analysis.run.workspace.available_memory", lambda: 1e6)
+    with pytest.raises(AnalysisError, match=r"a history of 1000001 rows takes 0\.22 GB of memory, 0\.001 GB are free"):
+        run(model(ONE), MOTION, dt=1e-5, duration=10.0, history=True, method="newmark-average")
