@@ -202,6 +202,7 @@ def column_tables():
         "spectra.csv of tdint compare": (*buildings.COMPARISON_SPECTRA, buildings.of_event("")),
         "fit.csv of tdint compare": buildings.FITTED,
         "tdint inventory": buildings.INVENTORY,
+        "tdint inventory --rules capacity": buildings.OF_CLASSES,
         "tdint info": spectra.INFO,
         "tdint spectrum": (*shared.OF_RECORD, *spectra.SPECTRUM, *spectra.CHOICES),
         "tdint spectrum --against": (*shared.OF_RECORD, *spectra.difference("psa_m_s2")),

@@ -16,7 +16,7 @@ from tdint.campaign.engine.chunk import do
 from tdint.campaign.inputs import read_inputs
 from tdint.campaign.plan import Plan, make_plan
 from tdint.campaign.reader import load_campaign
-from tdint.errors import ModelError, RecordError
+from tdint.errors import ModelError, RecordError, TdintError
 from tdint.ground_motion.record import Record
 from tdint.model.inventory.derive import derive_all, model_text
 from tdint.model.inventory.table import read_inventory
@@ -159,6 +159,26 @@ def test_motions_of_a_grid_that_are_none(study: Path, text: str, message: str) -
     (study / "m00.json").write_text(text)
     (failure,) = plan(study).failures
     assert re.search(message, str(failure))
+
+
+@pytest.mark.parametrize(
+    ("place", "message"),
+    [
+        ("360,90", None),
+        ("-360,-90", None),
+        ("-122,90.5", "Latitude must be from -90 to 90 degrees"),
+        ("-122,-91", "Latitude must be from -90 to 90 degrees"),
+        ("361,37", "Longitude must be from -360 to 360 degrees"),
+    ],
+)
+def test_points_of_a_grid_lie_on_the_earth(study: Path, place: str, message: str | None) -> None:
+    text = (study / "EventGrid.csv").read_text().replace("-122.0,38.5", place)
+    (study / "EventGrid.csv").write_text(text)
+    if message is None:
+        assert plan(study).runs == 48
+    else:
+        with pytest.raises(TdintError, match=message):
+            plan(study)
 
 
 def test_a_grid_needs_places(study: Path) -> None:

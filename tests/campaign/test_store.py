@@ -69,6 +69,17 @@ def test_chunks_hold_every_run_once_in_order(sizes: list[int], factors: list[int
     ]
 
 
+def test_chunks_of_equal_runs_are_of_equal_length() -> None:
+    """25 buildings under 40 factors: 64 chunks of 15 or 16 runs each, wherever a building begins."""
+    model = load_model("configs/two-story-polynomial.yaml")
+    motions = suite_motions([Record(np.ones(1000), 0.01, "", "", "c", "r")])
+    levels = GivenFactors({0: tuple(float(f + 1) for f in range(40))})
+    subjects = [Subject(model, "newmark-average")] * 25
+    plan = Plan("", GivenBuildings.of(subjects), motions, EveryMotion(1), levels, RunSettings())
+    assert plan.chunks == 64
+    assert {plan.size(number) for number in range(64)} == {15, 16}
+
+
 @pytest.mark.parametrize(
     ("one", "other", "words"),
     [

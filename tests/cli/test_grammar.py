@@ -224,7 +224,7 @@ NEEDY = [
     for parameter in import_module(f"tdint_cli.commands.{module}").command.params
     if getattr(parameter, "needs", "")
 ]
-WORDS = {"compile": ["--all"], "ida": ["x", "y"], "stability": [], "overshoot": [], "order": []}
+WORDS = {"compile": ["--all"], "ida": ["x", "y"], "failures": [], "stability": [], "overshoot": [], "order": []}
 REQUIRED = {"inventory": ["--units", "m"], "compare": ["--recorded", "x"], "scale": ["--pga", "1g"]}
 
 
@@ -256,6 +256,8 @@ def test_an_option_with_nothing_to_act_on_is_refused(tmp_path, monkeypatch, tdin
         "--year": "1985",
         "--damping": "0.1",
         "--hardening": "0.1",
+        "--figure-width": "90mm",
+        "--label": "hht=HHT",
     }.get(option)
     asked = [*words, option, *([value] if value else a_value(parameter))]
     result = tdint(*asked)

@@ -28,6 +28,7 @@ COMMANDS = {
     "spectra.csv of tdint compare": RECORDED,
     "fit.csv of tdint compare": RECORDED,
     "tdint inventory": "configs/buildings.csv --units m",
+    "tdint inventory --rules capacity": "--classes {folder}/classes.csv {folder}/of-classes.csv --units m",
     "tdint info": "records/firm-soil.mseed",
     "tdint spectrum": f"{RECORD} --maxima exact --interpolation linear",
     "tdint spectrum --against": f"{{folder}}/published.csv {RECORD}",
@@ -72,6 +73,8 @@ def test_columns(name, monkeypatch, tmp_path):
     (tmp_path / "recorded.yaml").write_text(f"base: {motion}\nfloors: {{1: {motion}}}\n")
     (tmp_path / "frame.yaml").write_text("{stories: [{mass: 1, stiffness: 400}], damping: {modal: 0.05}}")
     (tmp_path / "other.yaml").write_text("{stories: [{mass: 1, stiffness: 500}], damping: {modal: 0.05}}")
+    (tmp_path / "classes.csv").write_text("class,sd_m,sa_g\nA,0.01,0.2\nA,0.05,0.3\n")
+    (tmp_path / "of-classes.csv").write_text("id,class,NumberOfStories\none,A,2\n")
     (tmp_path / "published.csv").write_text("period_s,psa_g\n1,0.1\n2,0.1\n")
     (tmp_path / "campaign.yaml").write_text(
         f"buildings: {{models: [frame.yaml, other.yaml]}}\n"

@@ -207,6 +207,8 @@ def test_scatter_is_drawn_for_each_building_by_its_id(tmp_path):
     assert many[7].damping_ratio == pytest.approx(0.07 * (1.0 + 0.1 * second), rel=1e-12)
     alone = derive_all(rows[7:8], "mdof-lu", stiffness=0.2, damping=0.1, seed=5)[0].building
     assert alone.stiffness[0] == many[7].stiffness[0]
+    unsaid, zero = (derive_all(rows[:1], "mdof-lu", stiffness=0.2, **seed) for seed in ({}, {"seed": 0}))
+    assert unsaid[0].building.stiffness[0] == zero[0].building.stiffness[0]
     with pytest.raises(UsageError, match="scatter of the stiffness"):
         derive_all(rows, "mdof-lu", stiffness=0.6)
 

@@ -68,11 +68,9 @@ def _printed(name: str, read: Callable[[Any], Any]) -> Callable[..., None]:
 
     def keep(_: click.Context, __: click.Parameter, value: Any) -> None:
         if value not in (None, (), False):
-            from tdint.output.figures.style import check_print
             from tdint.output.printed import PRINTED
 
             PRINTED.set(replace(PRINTED.get(), **{name: read(value)}))
-            check_print(PRINTED.get())
 
     return keep
 
@@ -231,7 +229,9 @@ class Outputs:
 
 
 def check_picture(file: Path) -> None:
-    """Raise OutputError for a picture of an unknown format."""
-    from tdint.output.figures.style import picture_format
+    """Raise OutputError for a picture of an unknown format, UsageError for a font or style sheet that is not there."""
+    from tdint.output.figures.style import check_print, picture_format
+    from tdint.output.printed import PRINTED
 
     picture_format(file.suffix)
+    check_print(PRINTED.get())

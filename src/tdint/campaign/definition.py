@@ -28,6 +28,10 @@ class InventoryFile:
         The set of rules.
     length : float
         The unit of the file's lengths, m.
+    classes : str or None
+        The CSV file of the classes, for rules that have some.
+    as_published : bool
+        As of `tdint.model.inventory.capacity.CapacityFacts`.
     mass_only : bool
         Leave out the stiffness-proportional damping.
     stiffness_scatter, damping_scatter : float
@@ -43,6 +47,8 @@ class InventoryFile:
     stiffness_scatter: float = 0.0
     damping_scatter: float = 0.0
     seed: int = 0
+    classes: str | None = None
+    as_published: bool = False
 
 
 @dataclass(frozen=True)

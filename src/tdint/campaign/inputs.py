@@ -29,6 +29,7 @@ from tdint.ground_motion.reading.folders import records_of
 from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
 from tdint.model.definition import Model
+from tdint.model.inventory.capacity import read_classes
 from tdint.model.inventory.table import InventoryRow, read_inventory
 from tdint.model.keys.document import resolve
 
@@ -155,7 +156,10 @@ def read_rows(wanted: InventoryFile) -> tuple[tuple[InventoryRow, ...], tuple[Mo
     ModelError
         It cannot be read, or no row can be used.
     """
-    rows, faults = read_inventory(wanted.file, wanted.length, mass_only=wanted.mass_only)
+    classes = read_classes(wanted.classes) if wanted.classes else None
+    rows, faults = read_inventory(
+        wanted.file, wanted.length, mass_only=wanted.mass_only, classes=classes, as_published=wanted.as_published
+    )
     if not rows:
         raise ModelError(faults or f"{wanted.file}: has no building")
     return tuple(rows), (ModelError(faults),) if faults else ()

@@ -26,7 +26,7 @@ from tdint.errors import UsageError
 from tdint.methods.catalogue import parse as parse_method
 from tdint.model.config.excitation import LAYOUT, PROCESSING, read_layout, read_processing
 from tdint.model.config.units import read_sample_units
-from tdint.model.inventory.derive import RULES
+from tdint.model.inventory.derive import CAPACITY, RULES
 from tdint.model.keys.document import read_document, resolve
 from tdint.model.keys.fields import Section, Value
 from tdint.model.keys.kinds import (
@@ -61,6 +61,8 @@ _BUILDINGS = Keys(
         Key("models", EntriesOf(Words(), least=1), "model files, relative to this file"),
         Key("inventory", Words(), "CSV file with a building per row, relative to this file"),
         Key("rules", Choice(tuple(RULES)), "by which the buildings follow from their rows"),
+        Key("classes", Words(), "CSV file of the classes' capacity curves, for the rules capacity"),
+        Key("as_published", Flag(), "multiply forces by the factor of oq-vmtk 1.1, for the rules capacity"),
         Key("units", _UNITS, "units of the inventory"),
         Key("damping", Choice(_DAMPING), "mass-only leaves out the stiffness-proportional part"),
         Key("stiffness_scatter", _SCATTER, "standard deviation of a factor on each stiffness"),
@@ -280,6 +282,12 @@ def _inventory(section: Section, inventory: Value, folder: Path) -> InventoryFil
     damping = section.get("damping")
     kind = damping.choice(_DAMPING, "damping") if damping else "full"
     seed = section.get("seed")
+    classes, published = section.text("classes"), section.get("as_published")
+    if name == CAPACITY:
+        section.need("classes", "give the CSV file of the classes (class, sd_m, sa_g)")
+        _refuse(section, ("damping", "stiffness_scatter", "damping_scatter", "seed"), f"has no part in {CAPACITY}")
+    else:
+        _refuse(section, ("classes", "as_published"), f"belongs to the rules {CAPACITY}")
     if file is None or name is None or unit is None:
         return None
     return InventoryFile(
@@ -290,6 +298,8 @@ def _inventory(section: Section, inventory: Value, folder: Path) -> InventoryFil
         stiffness_scatter=section.number("stiffness_scatter", default=0.0),
         damping_scatter=section.number("damping_scatter", default=0.0),
         seed=(seed.whole() if seed else 0) or 0,
+        classes=resolve(classes, folder) if classes else None,
+        as_published=bool(published.boolean()) if published else False,
     )
 
 

@@ -8,12 +8,16 @@ import tempfile
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import IO
+from importlib import import_module
+from types import ModuleType
+from typing import IO, Any
 
 from tdint.system import unnamed_file
 
 _LONGEST = 300
 """Characters of a message; ObsPy's may quote a whole file."""
+
+_DRAWING = "obspy.imaging.source"
 
 # Warnings about code, not about a file: obspy's plugins are imported late, and Python's own changes show up here.
 _ABOUT_CODE = (DeprecationWarning, PendingDeprecationWarning, FutureWarning, SyntaxWarning, ImportWarning)
@@ -21,11 +25,36 @@ _ABOUT_CODE = (DeprecationWarning, PendingDeprecationWarning, FutureWarning, Syn
 
 @contextmanager
 def quiet_import() -> Iterator[None]:
-    """Import a part of obspy without the warnings that its own code (not the user's file) gives rise to."""
-    with warnings.catch_warnings():
+    """Import a part of obspy without the warnings that its own code (not the user's file) gives rise to.
+
+    And without what its earthquakes are drawn by, a quarter of the time that all of obspy takes.
+    """
+    with warnings.catch_warnings(), _put_off(_DRAWING):
         for category in _ABOUT_CODE:
             warnings.simplefilter("ignore", category)
         yield
+
+
+@contextmanager
+def _put_off(name: str) -> Iterator[None]:
+    """Give who imports functions of a module such ones as import it when they are called."""
+    if name in sys.modules:
+        yield
+        return
+
+    def later(function: str) -> Any:
+        if function.startswith("__"):
+            raise AttributeError(function)
+        return lambda *given, **named: getattr(import_module(name), function)(*given, **named)
+
+    stand_in = ModuleType(name)
+    stand_in.__dict__["__getattr__"] = later
+    sys.modules[name] = stand_in
+    try:
+        yield
+    finally:
+        if sys.modules.get(name) is stand_in:
+            del sys.modules[name]
 
 
 @contextmanager

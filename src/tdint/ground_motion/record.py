@@ -139,6 +139,11 @@ class Record(Tabular):
         return replace(self, acceleration=self.acceleration * factor, scale=self.scale * factor, peaks=(pgv, pgd))
 
 
+def masked_samples(samples: NDArray[Any]) -> int:
+    """How many samples are marked as missing. numpy's masks are not imported for an array that has none."""
+    return 0 if type(samples) is np.ndarray else int(np.sum(np.ma.getmaskarray(samples)))
+
+
 def _checked(acceleration: Any, source: str) -> NDArray[np.float64]:
     """The samples as contiguous floats, the same array where it is that already.
 
@@ -149,8 +154,8 @@ def _checked(acceleration: Any, source: str) -> NDArray[np.float64]:
     """
     whose = source or "record"
     given = np.asanyarray(acceleration)
-    if np.any(np.ma.getmaskarray(given)):
-        raise RecordError(f"{whose}: {int(np.sum(np.ma.getmaskarray(given)))} samples are masked; fill or cut them")
+    if masked := masked_samples(given):
+        raise RecordError(f"{whose}: {masked} samples are masked; fill or cut them")
     if given.dtype.kind not in "iuf":
         raise RecordError(f"{whose}: the acceleration must be real numbers, got {given.dtype.name}")
     if given.ndim != 1 or given.size < 2:

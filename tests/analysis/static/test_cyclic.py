@@ -10,7 +10,7 @@ import pytest
 from building_cases import model, noise, story
 from law_examples import example
 from tdint.analysis.run.run import run
-from tdint.analysis.static.cyclic import cyclic_path, cyclic_test, follow_path
+from tdint.analysis.static.cyclic import cyclic_path, cyclic_test, follow_path, path_test
 from tdint.errors import AnalysisError, UsageError
 from tdint.model.building import assemble
 from tdint.model.definition import LAWS, Law
@@ -225,12 +225,15 @@ def test_a_story_among_others_is_as_if_alone():
         story(2e5, K, Law("peak-oriented", (FY, 0.05, 0.3)), height=HEIGHT),
         story(2e5, 0.5 * K, Law("linear", ()), height=3.0),
     ]
-    among = cyclic_test(model(stories), 2, [parse_drift("2%")], points=10)
-    alone = cyclic_test(model([stories[1]]), 1, [parse_drift("2%")], points=10)
+    among = cyclic_test(model(stories), 2, [parse_drift("2%"), parse_drift("4dy")], points=10)
+    alone = cyclic_test(model([stories[1]]), 1, [parse_drift("2%"), parse_drift("4dy")], points=10)
     assert (among.law, among.height, among.yield_drift) == ("peak-oriented", HEIGHT, pytest.approx(DY))
+    assert [one.amplitude for one in among.cycles] == pytest.approx([0.02 * HEIGHT, 4.0 * DY])
     assert among.initial_stiffness == alone.initial_stiffness == K
     np.testing.assert_array_equal(among.path.shear, alone.path.shear)
     assert among.cycles == alone.cycles
+    given = path_test(model(stories), 2, [1.0, -2.0], in_yield_drifts=True).path.drift
+    assert (given.max(), given.min()) == pytest.approx((DY, -2.0 * DY))
 
 
 def test_a_law_without_a_finite_force():

@@ -82,6 +82,7 @@ def test_a_story_that_fails_takes_the_building_along():
     assert result.drift[-1, 0] == pytest.approx(0.2, abs=0.005)
     assert result.drift[-1, 1] == pytest.approx(0.0, abs=1e-12)
     assert result.base_shear[-2] > 0.05
+    assert np.all(result.base_shear[1:-1] > 0.0)  # no row beyond the first without strength
 
 
 CASES = {

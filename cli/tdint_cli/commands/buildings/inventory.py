@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tdint.model.inventory.derive import InventoryBuilding
     from tdint.output_units import OutputUnits
 
-RULES = ("mdof-lu",)
+RULES = ("mdof-lu", "capacity")
 _SHOWN = 10
 """Faults of a table that are shown; of more their number."""
 
@@ -38,6 +38,20 @@ _FILE_NAME = re.compile(r"[\w][\w .+-]{0,120}")
 )
 @options.option(
     "--rules", type=click.Choice(RULES), default=RULES[0], help="Rules of the buildings; mdof-lu by default."
+)
+@options.option(
+    "--classes",
+    type=FileName(),
+    needs="--rules capacity",
+    metavar="FILE",
+    help="Classes of the rules capacity: CSV with the columns class, sd_m and sa_g, two to four rows for each, and, if "
+    "they are wanted, soft_story and degradation (true or false).",
+)
+@options.option(
+    "--as-published",
+    is_flag=True,
+    needs="--rules capacity",
+    help="Multiply forces and stiffness by the factor of oq-vmtk 1.1, with which the period is too short.",
 )
 @options.option(
     "--damping",
@@ -80,31 +94,41 @@ def command(**given: Any) -> None:
     are those of Lu et al. (2014, 2020) with the building types of Hazus: trilinear stories that pinch. CSV, one row
     per story.
 
+    With --rules capacity a building has the columns id, class and NumberOfStories, optional height, mass_kg (of all
+    floors; 1000 by default) and DampingRatio: its stories follow from the capacity curve of its class as in GEM's
+    vulnerability toolkit (oq-vmtk), with the period of the curve.
+
     Rows that cannot be used are told together, the others are done, and the exit code is 3.
     """
     _run(**given)
 
 
 def _run(
-    buildings: str, units: str, rules: str, damping: str, seed: int, output: str | None, models: str | None,
-    overwrite: bool, output_units: OutputUnits | None, **scatter: float | None,
+    buildings: str, units: str, rules: str, damping: str, output: str | None, models: str | None,
+    overwrite: bool, output_units: OutputUnits | None, **given: Any,
 ) -> None:  # fmt: skip
-    from tdint.errors import ModelError
+    from tdint.errors import ModelError, UsageError
     from tdint.files import write_files
-    from tdint.model.inventory.derive import derive_all
+    from tdint.model.inventory.capacity import read_classes
+    from tdint.model.inventory.derive import CAPACITY, derive_all
     from tdint.model.inventory.table import read_inventory
     from tdint.output.tables import buildings as columns
     from tdint.output.tables.table import Table
     from tdint.units import LENGTH
 
     outputs = Outputs.checked(output, None, overwrite, units=output_units)
-    rows, faults = read_inventory(buildings, LENGTH[units], mass_only=damping == "mass-only")
-    stiffness, ratio = (scatter[f"{name}_scatter"] or 0.0 for name in ("stiffness", "damping"))
-    derived = derive_all(rows, rules, stiffness=stiffness, damping=ratio, seed=seed)
+    if (rules == CAPACITY) != (given["classes"] is not None):
+        raise UsageError(f"the rules {CAPACITY} need --classes FILE, the capacity curves of the classes")
+    classes = read_classes(given["classes"]) if given["classes"] else None
+    rows, faults = read_inventory(
+        buildings, LENGTH[units], mass_only=damping == "mass-only", classes=classes, as_published=given["as_published"]
+    )
+    stiffness, ratio = (given[f"{name}_scatter"] or 0.0 for name in ("stiffness", "damping"))
+    derived = derive_all(rows, rules, stiffness=stiffness, damping=ratio, seed=given["seed"])
     files = _model_files(derived, rules, models) if models else {}
     if files:
         write_files(files, overwrite=overwrite)
-    outputs.deliver(Table.of_results(columns.INVENTORY, derived))
+    outputs.deliver(Table.of_results(columns.INVENTORY if classes is None else columns.OF_CLASSES, derived))
     say(f"{len(derived)} of {len(derived) + len({fault.line for fault in faults})} buildings by the rules {rules}.")
     if len(faults) > _SHOWN:
         more = f"{buildings}: and {len(faults) - _SHOWN} more faults, {len(faults)} in all"

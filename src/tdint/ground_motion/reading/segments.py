@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError
+from tdint.ground_motion.record import masked_samples
 
 _IMPLAUSIBLE = 100.0
 """Ten times gravity, m/s^2: four times the largest ground acceleration ever recorded."""
@@ -138,6 +139,6 @@ def _check_adjacent(before: Any, after: Any, label: str) -> None:
 
 
 def _check_unmasked(trace: Any, label: str) -> None:
-    missing = int(np.sum(np.ma.getmaskarray(trace.data)))
+    missing = masked_samples(trace.data)
     if missing:
         raise RecordError(f"{label}: {missing} samples are marked as missing; cut the record to its unbroken part")

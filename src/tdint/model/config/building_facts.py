@@ -3,38 +3,61 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
+from tdint.errors import ModelError
 from tdint.model.config.units import ModelUnits
-from tdint.model.inventory.derive import RULES
+from tdint.model.inventory.capacity import (
+    DAMPING_RATIO,
+    UNIT_MASS,
+    CapacityBuilding,
+    CapacityFacts,
+    derive_capacity,
+    read_curve,
+)
+from tdint.model.inventory.derive import CAPACITY, RULES
 from tdint.model.inventory.facts import BuildingFacts, DerivedBuilding
 from tdint.model.inventory.hazus import LEVELS
 from tdint.model.inventory.mdof_lu import MOST_STORIES, STRUCTURES, ZONES
+from tdint.model.keys.document import resolve
 from tdint.model.keys.fields import Section, Value
-from tdint.model.keys.kinds import POSITIVE, RATIO, Choice, Key, Keys, Whole
+from tdint.model.keys.kinds import POSITIVE, RATIO, Choice, Flag, Key, Keys, Whole, Words
 
 _DAMPING = ("full", "mass-only")
 _YEARS = Whole(1000, 2200)
 BUILDING = Keys(
     (
-        Key("rules", Choice(tuple(RULES)), "the rules that derive the stories", needed=True),
-        Key("type", Choice(STRUCTURES), "structure type of Hazus", needed=True),
+        Key("rules", Choice(tuple(one for one in RULES if one != CAPACITY)), "the rules that derive the stories"),
+        Key("capacity", Words(), "capacity curve, a CSV file (sd_m, sa_g) relative to this one, in place of rules"),
+        Key("type", Choice(STRUCTURES), "structure type of Hazus"),
         Key("stories", Whole(1, MOST_STORIES), "number of stories", needed=True),
-        Key("year", _YEARS, "year of construction", needed=True),
-        Key("area", POSITIVE, "area of one floor, in the square of the unit of length", needed=True),
+        Key("year", _YEARS, "year of construction"),
+        Key("area", POSITIVE, "area of one floor, in the square of the unit of length"),
         Key("height", POSITIVE, "height of the whole building"),
         Key("zone", Choice(ZONES), "seismic zone; Z4 where it is left out"),
         Key("design_level", Choice(LEVELS), "design level; else from zone and year"),
         Key("damping_ratio", RATIO, "viscous damping ratio; else that of the type"),
         Key("damping", Choice(_DAMPING), "without the stiffness-proportional part, or full"),
-    )
+        Key("mass", POSITIVE, "of all floors of a building with a capacity curve; 1 t where it is left out"),
+        Key("soft_story", Flag(), "whether its ground story is soft"),
+        Key("degradation", Flag(), "whether its stories lose stiffness and strength"),
+        Key("as_published", Flag(), "multiply its forces by the factor of oq-vmtk 1.1, which shortens the period"),
+    ),
+    one_of=(("rules", "capacity"),),
 )
+_OF_RULES = ("rules", "type", "year", "area", "zone", "design_level", "damping")
+_OF_CAPACITY = ("mass", "soft_story", "degradation", "as_published")
 
 
-def read_building(value: Value, unit: ModelUnits) -> DerivedBuilding | None:
+def read_building(value: Value, unit: ModelUnits, folder: Path) -> DerivedBuilding | CapacityBuilding | None:
     """The building that the rules derive; None after a fault."""
     section = value.section(BUILDING)
     if section is None:
         return None
+    if section.has("capacity"):
+        _refuse(section, _OF_RULES, "has no part in a building with a `capacity` curve")
+        return _of_curve(section, unit, folder)
+    _refuse(section, _OF_CAPACITY, "belongs to a building with a `capacity` curve")
     rules = _choice(section, "rules", "set of rules")
     structure = _choice(section, "type", "structure type")
     count = section.need("stories", f"give a whole number from 1 to {MOST_STORIES}")
@@ -62,6 +85,35 @@ def read_building(value: Value, unit: ModelUnits) -> DerivedBuilding | None:
         mass_only=damping == "mass-only",
     )
     return RULES[rules](facts, None)
+
+
+def _refuse(section: Section, names: tuple[str, ...], reason: str) -> None:
+    for name in names:
+        if entry := section.get(name):
+            entry.fault(reason)
+
+
+def _of_curve(section: Section, unit: ModelUnits, folder: Path) -> CapacityBuilding | None:
+    """The building of a capacity curve; None after a fault."""
+    file = section.get("capacity")
+    text = file.text() if file else None
+    curve = None
+    if file and text:
+        try:
+            curve = read_curve(resolve(text, folder))
+        except ModelError as error:
+            file.fault(str(error))
+    count = section.need("stories", f"give a whole number from 1 to {MOST_STORIES}")
+    stories = count.whole() if count else None
+    height = section.number("height", scale=unit.length, default=0.0)
+    ratio = section.number("damping_ratio", default=DAMPING_RATIO)
+    mass = section.number("mass", scale=unit.mass, default=UNIT_MASS)
+    soft, degrading, published = (
+        bool(entry.boolean()) if (entry := section.get(name)) else False for name in _OF_CAPACITY[1:]
+    )
+    if curve is None or stories is None or any(map(math.isnan, (height, ratio, mass))):
+        return None
+    return derive_capacity(CapacityFacts(curve, stories, height or None, mass, soft, degrading, ratio, published))
 
 
 def _choice(section: Section, name: str, what: str, default: str | None = None) -> str | None:

@@ -167,7 +167,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
     unit = read_units(section.get("units"))
     p_delta_value = section.get("p_delta")
     p_delta = p_delta_value.boolean() if p_delta_value else False
-    stories, count, damping = _read_stories(section, unit, p_delta)
+    stories, count, damping = _read_stories(section, unit, p_delta, origin.folder)
     excitation = section.get("excitation")
     model = Model(
         name=section.text("name") or origin.name,
@@ -188,7 +188,9 @@ def _read_model(section: Section, origin: SourceText) -> Model:
     return model
 
 
-def _read_stories(section: Section, unit: ModelUnits, p_delta: bool) -> tuple[tuple[Story, ...], int | None, Damping]:
+def _read_stories(
+    section: Section, unit: ModelUnits, p_delta: bool, folder: Path
+) -> tuple[tuple[Story, ...], int | None, Damping]:
     """Stories, their number and the damping: as they are written out, or as rules derive them of a `building`."""
     building, damping = section.get("building"), section.get("damping")
     if building is None:
@@ -198,7 +200,7 @@ def _read_stories(section: Section, unit: ModelUnits, p_delta: bool) -> tuple[tu
         return stories, count, read_damping(damping, count)
     from tdint.model.config.building_facts import read_building  # needs numpy, which other models are read without
 
-    derived = read_building(building, unit)
+    derived = read_building(building, unit, folder)
     if section.has("stories"):
         building.fault("stands in place of `stories`; give one of the two")
     if derived is None:

@@ -6,16 +6,24 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from tdint.errors import UsageError
-from tdint.model.definition import RayleighRatio
+from tdint.model.definition import RayleighRatio, Story
 from tdint.model.inventory import mdof_lu
-from tdint.model.inventory.facts import BuildingFacts, DerivedBuilding, Scatter
+from tdint.model.inventory.capacity import CapacityBuilding, derive_capacity
+from tdint.model.inventory.facts import DerivedBuilding, Scatter
 from tdint.model.inventory.table import InventoryRow
 
-RULES: Mapping[str, Callable[[BuildingFacts, Scatter | None], DerivedBuilding]] = {"mdof-lu": mdof_lu.derive}
+CAPACITY = "capacity"
+"""The rules of buildings that have capacity curves by their classes."""
+
+RULES: Mapping[str, Callable[[Any, Scatter | None], DerivedBuilding | CapacityBuilding]] = {
+    "mdof-lu": mdof_lu.derive,
+    CAPACITY: lambda facts, scatter: derive_capacity(facts),
+}
 
 
 _MOST_SCATTER = 0.5
@@ -26,7 +34,7 @@ class InventoryBuilding:
     """A row of the inventory and the building that follows from it."""
 
     row: InventoryRow
-    building: DerivedBuilding
+    building: DerivedBuilding | CapacityBuilding
 
 
 def derive_all(
@@ -50,6 +58,8 @@ def derive_all(
     if rules not in RULES:
         raise UsageError(f"unknown rules {rules!r}; known: {', '.join(RULES)}")
     for name, deviation in (("stiffness", stiffness), ("damping", damping)):
+        if deviation and rules == CAPACITY:
+            raise UsageError(f"the rules {CAPACITY} have no scatter of the {name}")
         if not 0.0 <= deviation <= _MOST_SCATTER:
             raise UsageError(f"the scatter of the {name} must be from 0 to {_MOST_SCATTER:g}, got {deviation:g}")
     one = partial(derive_row, rules=rules, stiffness=stiffness, damping=damping, seed=seed)
@@ -58,7 +68,7 @@ def derive_all(
 
 def derive_row(
     row: InventoryRow, rules: str, *, stiffness: float = 0.0, damping: float = 0.0, seed: int = 0
-) -> DerivedBuilding:
+) -> DerivedBuilding | CapacityBuilding:
     """The building of one row; parameters are those of `derive_all`, which checks them."""
     scatter = _scatter(row.id, stiffness, damping, seed) if stiffness or damping else None
     return RULES[rules](row.facts, scatter)
@@ -76,25 +86,47 @@ def _factor(random: np.random.Generator, deviation: float) -> float:
     return float(factor)
 
 
-def model_text(name: str, building: DerivedBuilding, rules: str) -> str:
+def model_text(name: str, building: DerivedBuilding | CapacityBuilding, rules: str) -> str:
     """A model file in SI units with everything written out: name, stories from the ground up, damping, method."""
+    what = f"{building.design_level}-code {building.type}" if isinstance(building, DerivedBuilding) else building.name
     lines = [
-        f"# A {building.design_level}-code {building.type} building by the rules {rules}, made by `tdint inventory`.",
+        f"# A {what} building by the rules {rules}, made by `tdint inventory`.",
         f"name: {json.dumps(name, ensure_ascii=False)}",
         "stories:",
     ]
     for story in building.stories:
-        strength, ultimate, drift, pinching, unloading = story.law.parameters
-        lines += [
-            f"  - mass: {story.mass!r}",
-            f"    height: {story.height!r}",
-            f"    stiffness: {story.stiffness!r}",
-            f"    law: {{type: trilinear-pinching, yield_force: {strength!r}, ultimate_force: {ultimate!r}, "
-            f"ultimate_drift: {drift!r}, pinching: {pinching!r}, unloading: {unloading!r}}}",
-        ]
+        law = _trilinear(story) if isinstance(building, DerivedBuilding) else _multilinear(story, building.degradation)
+        lines += [f"  - mass: {story.mass!r}", f"    height: {story.height!r}"]
+        lines += [f"    stiffness: {story.stiffness!r}", f"    law: {{{law}}}"]
     damping = building.damping
     if isinstance(damping, RayleighRatio):
         form = f"ratio: {damping.ratios[0]!r}, modes: [{damping.modes[0]}, {damping.modes[1]}]"
     else:
         form = f"mass: {damping.mass!r}, stiffness: {damping.stiffness!r}"
     return "\n".join([*lines, f"damping: {{rayleigh: {{{form}}}}}", "analysis: {method: impulse4}", ""])
+
+
+def _trilinear(story: Story) -> str:
+    strength, ultimate, drift, pinching, unloading = story.law.parameters
+    return (
+        f"type: trilinear-pinching, yield_force: {strength!r}, ultimate_force: {ultimate!r}, "
+        f"ultimate_drift: {drift!r}, pinching: {pinching!r}, unloading: {unloading!r}"
+    )
+
+
+def _multilinear(story: Story, degradation: bool) -> str:
+    numbers = story.law.parameters
+    points = ", ".join(f"[{d!r}, {f!r}]" for d, f in zip(numbers[0:8:2], numbers[1:8:2], strict=True))
+    drift, force, unloading = numbers[16:19]
+    text = (
+        f"type: multilinear-pinching, backbone: [{points}], "
+        f"pinching: {{drift: {drift!r}, force: {force!r}, unloading: {unloading!r}}}, ultimate_drift: {numbers[22]!r}"
+    )
+    if not degradation:
+        return text
+    names = ("peak", "work", "peak_exponent", "work_exponent", "limit")
+    parts = []
+    for place, kind in enumerate(("stiffness", "drift", "strength")):
+        values = zip(names, numbers[23 + 5 * place : 28 + 5 * place], strict=True)
+        parts.append(f"{kind}: {{{', '.join(f'{name}: {value!r}' for name, value in values)}}}")
+    return f"{text}, degradation: {{{', '.join(parts)}, capacity: {numbers[38]!r}}}"

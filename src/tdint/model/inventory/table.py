@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from tdint.csv_table import CsvTable, no_number, number, read_table
 from tdint.errors import ModelFault
+from tdint.model.inventory.capacity import DAMPING_RATIO, UNIT_MASS, CapacityClass, CapacityFacts
 from tdint.model.inventory.facts import BuildingFacts
 from tdint.model.inventory.hazus import LEVELS
 from tdint.model.inventory.mdof_lu import MOST_STORIES, STRUCTURES, ZONES
@@ -16,6 +17,8 @@ from tdint.model.keys.kinds import POSITIVE, RATIO, Bounds
 NEEDED = ("id", "NumberOfStories", "YearBuilt", "StructureType", "PlanArea")
 OPTIONAL = ("height", "seismicZone", "DampingRatio", "DesignLevel", "Latitude", "Longitude")
 _COLUMNS = (*NEEDED, *OPTIONAL)
+OF_CLASSES = ("id", "class", "NumberOfStories")
+_OF_CLASSES = (*OF_CLASSES, "height", "mass_kg", "DampingRatio", "Latitude", "Longitude")
 _NEEDS = f"an inventory is a CSV file with a building per row and the columns {', '.join(NEEDED)}"
 _DESIGN_LEVELS = (
     {level: level for level in LEVELS}
@@ -30,13 +33,18 @@ class InventoryRow:
     """A building of an inventory: its id, what is said of it, and where it is (degrees), None if that is not said."""
 
     id: str
-    facts: BuildingFacts
+    facts: BuildingFacts | CapacityFacts
     latitude: float | None = None
     longitude: float | None = None
 
 
 def read_inventory(
-    source: str, length: float, *, mass_only: bool = False
+    source: str,
+    length: float,
+    *,
+    mass_only: bool = False,
+    classes: Mapping[str, CapacityClass] | None = None,
+    as_published: bool = False,
 ) -> tuple[list[InventoryRow], list[ModelFault]]:
     """The buildings of a CSV file, and what is wrong with the rows that are left out.
 
@@ -48,15 +56,21 @@ def read_inventory(
         The unit of the file's lengths in m; areas are in its square.
     mass_only : bool
         Leave out the stiffness-proportional damping of all buildings.
+    classes : mapping, optional
+        Classes by their names: the column `class` says which one a building is of, and no year, type and area is asked.
+    as_published : bool
+        As of `CapacityFacts`, of all buildings.
 
     Raises
     ------
     ModelError
         The file cannot be read, or lacks a column.
     """
-    table = read_table(source, _NEEDS, columns=_COLUMNS)
-    table.need(*NEEDED)
-    places = {name: table.header.index(name.lower()) for name in _COLUMNS if table.has(name)}
+    columns, needed = (_COLUMNS, NEEDED) if classes is None else (_OF_CLASSES, OF_CLASSES)
+    needs = _NEEDS.replace(", ".join(NEEDED), ", ".join(needed))
+    table = read_table(source, needs, columns=columns)
+    table.need(*needed)
+    places = {name: table.header.index(name.lower()) for name in columns if table.has(name)}
     faults: list[ModelFault] = []
     buildings: list[InventoryRow] = []
     seen: dict[str, int] = {}
@@ -66,7 +80,8 @@ def read_inventory(
             width = len(table.header)
             row.fault(width, "", f"{len(cells)} cells under {width} columns")
             continue
-        building = row.building(length, mass_only)
+        facts = row.facts(length, mass_only) if classes is None else row.facts_of_class(length, classes, as_published)
+        building = row.building(facts)
         if building and building.id in seen:
             row.fault(
                 places["id"],
@@ -92,14 +107,40 @@ class _Row:
         """Note what is wrong with a cell."""
         self._faults.append(ModelFault(self._source, self._line, place + 1, name, message))
 
-    def building(self, length: float, mass_only: bool) -> InventoryRow | None:
+    def building(self, facts: BuildingFacts | CapacityFacts | None) -> InventoryRow | None:
         """The building; None after a fault."""
         name = self._cell("id")
         if not name:
             self.fault(self._places["id"], "id", "is missing")
-        zones = {zone.lower(): zone for zone in ZONES}
         given = self._given
-        facts = BuildingFacts(
+        latitude = self._number("Latitude", Bounds(-90.0, 90.0)) if given("Latitude") else None
+        longitude = self._number("Longitude", Bounds(-360.0, 360.0)) if given("Longitude") else None
+        if facts is None or len(self._faults) > self._before:
+            return None
+        return InventoryRow(name, facts, latitude, longitude)
+
+    def facts_of_class(
+        self, length: float, classes: Mapping[str, CapacityClass], as_published: bool
+    ) -> CapacityFacts | None:
+        """What is said of a building of a class; None after a fault."""
+        name, given = self._cell("class"), self._given
+        if name not in classes:
+            known = ", ".join(list(classes)[:10]) + " ..." * (len(classes) > 10)
+            self.fault(self._places["class"], "class", f"unknown {name!r}; known: {known}" if name else "is missing")
+        stories = self._whole("NumberOfStories", 1, MOST_STORIES)
+        height = self._number("height", POSITIVE) * length if given("height") else None
+        mass = self._number("mass_kg", POSITIVE) if given("mass_kg") else UNIT_MASS
+        ratio = self._number("DampingRatio", RATIO) if given("DampingRatio") else DAMPING_RATIO
+        if len(self._faults) > self._before:
+            return None
+        of = classes[name]
+        return CapacityFacts(of.curve, stories, height, mass, of.soft_story, of.degradation, ratio, as_published, name)
+
+    def facts(self, length: float, mass_only: bool) -> BuildingFacts:
+        """What is said of a building by its type."""
+        given = self._given
+        zones = {zone.lower(): zone for zone in ZONES}
+        return BuildingFacts(
             structure=self._word("StructureType", {one.lower(): one for one in STRUCTURES}),
             stories=self._whole("NumberOfStories", 1, MOST_STORIES),
             year=self._whole("YearBuilt", *_YEARS),
@@ -110,9 +151,6 @@ class _Row:
             damping_ratio=self._number("DampingRatio", RATIO) if given("DampingRatio") else None,
             mass_only=mass_only,
         )
-        latitude = self._number("Latitude", Bounds(-90.0, 90.0)) if given("Latitude") else None
-        longitude = self._number("Longitude", Bounds(-360.0, 360.0)) if given("Longitude") else None
-        return InventoryRow(name, facts, latitude, longitude) if len(self._faults) == self._before else None
 
     def _cell(self, name: str) -> str:
         place = self._places.get(name)

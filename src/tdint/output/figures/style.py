@@ -117,6 +117,7 @@ def picture(suffix: str, draw: Callable[[], Figure]) -> Writer:
         Another suffix.
     """
     kind = picture_format(suffix)
+    check_print(PRINTED.get())
 
     def write(stream: BinaryIO) -> None:
         printed = PRINTED.get()

@@ -71,6 +71,12 @@ CYCLIC = (
     Column("recoverable_energy_J", "J", "path.recoverable", "energy that the law stores"),
     Column("dissipated_energy_J", "J", "path.dissipated", "energy dissipated so far"),
 )
+
+
+def _of_backbone(name: str, point: int) -> Callable[[Any], Any]:
+    return lambda one: getattr(one.building, name)[:, point]
+
+
 INVENTORY = (
     Column("id", "text", "row.id", "id of the building"),
     Column("design_level", "text", "building.design_level", "design level: pre, low, moderate, high"),
@@ -89,6 +95,25 @@ INVENTORY = (
     Column("pinching", "1", "building.pinching", "part of the force at which the first part of reloading ends"),
     Column("unloading_exponent", "1", "building.unloading", "exponent of the unloading stiffness"),
 )
+OF_CLASSES = (
+    INVENTORY[0],
+    Column("class", "text", "building.name", "class of the building"),
+    Column("period_curve_s", "s", "building.curve_period", "period of the first line of the capacity curve"),
+    Column("period_shear_beam_s", "s", "building.period", "fundamental period of the shear building"),
+    Column("participation", "1", "building.participation", "roof displacement over spectral displacement"),
+    Column("damping_ratio", "1", "building.damping_ratio", "viscous damping ratio"),
+    Column("story", "1", lambda one: np.arange(1, one.building.mass.size + 1), "story, from 1 at the ground"),
+    Column("mass_kg", "kg", "building.mass", "mass of the floor"),
+    Column("height_m", "m", "building.height", "story height"),
+    *(
+        Column(
+            f"{name}_{point + 1}_{unit}", unit, _of_backbone(of, point), f"{name} of point {point + 1} of the backbone"
+        )
+        for point in range(4)
+        for name, unit, of in (("drift", "m", "drifts"), ("force", "N", "forces"))
+    ),
+)
+"""Of buildings with capacity curves."""
 
 
 def pushover(stories: int) -> tuple[Column, ...]:

@@ -1,0 +1,206 @@
+"""Buildings of capacity curves: the rules against a second statement of them, periods, files."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+from tdint import load_model
+from tdint.errors import ModelError, UsageError
+from tdint.model.building import assemble
+from tdint.model.inventory.capacity import CapacityCurve, CapacityFacts, derive_capacity, read_classes, read_curve
+from tdint.model.inventory.derive import derive_all, model_text
+from tdint.model.inventory.table import read_inventory
+
+DEMO = CapacityCurve((0.00060789, 0.00486316, 0.0242, 0.04353684), (0.103152, 0.20630401, 0.12378241, 0.12502023))
+THREE = CapacityCurve((0.01, 0.03, 0.12), (0.2, 0.3, 0.25))
+TWO = CapacityCurve((0.02, 0.08), (0.15, 0.2))
+
+
+def restated(curve, n, soft):
+    """Drifts and forces of the stories for a mass of 1 t, by matrices."""
+    m = np.ones(n)
+    m[-1] = 0.75 if n > 1 else 1.0
+    m /= m.sum()
+    k = np.array([max(1.0 - 0.3 * (2.0 * (i // 2) + 0.5) / max(n - 1, 1), 0.5) for i in range(n)])
+    k[0] *= 0.35 if soft else 1.0
+    stiffness = np.diag(k) + np.diag(np.append(k[1:], 0.0)) - np.diag(k[1:], 1) - np.diag(k[1:], -1)
+    phi = eigh(stiffness, np.diag(m))[1][:, 0]
+    phi /= phi[-1]
+    gamma, effective = m @ phi / (m @ phi**2), (m @ phi) ** 2 / (m @ phi**2)
+    drifts = gamma * np.outer(np.diff(phi, prepend=0.0), curve.displacement)
+    shear = np.array([(m * phi)[i:].sum() for i in range(n)]) / (m @ phi)
+    return drifts, effective * 9.81 * np.outer(shear, curve.acceleration)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 5, 8, 12])
+@pytest.mark.parametrize("soft", [False, True])
+def test_the_rules_stated_again(n, soft):
+    made = derive_capacity(CapacityFacts(DEMO, n, soft_story=soft))
+    drifts, forces = restated(DEMO, n, soft)
+    assert made.drifts == pytest.approx(drifts, rel=1e-12)
+    assert made.forces == pytest.approx(1000.0 * forces, rel=1e-12)
+    assert made.period == pytest.approx(DEMO.period, rel=1e-13)
+
+
+def test_a_published_example():
+    made = derive_capacity(CapacityFacts(DEMO, 3, as_published=True))
+    assert made.mass == pytest.approx([363.636, 363.636, 272.727], abs=1e-3)
+    assert made.mode == pytest.approx([0.424623, 0.755846, 1.0], abs=1e-6)
+    assert made.participation == pytest.approx(1.28560, abs=1e-5)
+    assert made.drifts[:, 0] == pytest.approx([0.000332, 0.000259, 0.000191], abs=1e-6)
+    assert made.forces[:, 0] / 9810.0 == pytest.approx([0.111129, 0.086685, 0.043174], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("n", "ordinary", "soft"),
+    [(1, 1.0, 1.0), (2, 0.907, 0.821), (3, 0.915, 0.747), (5, 0.918, 0.674), (8, 0.921, 0.628), (12, 0.924, 0.601)],
+)
+def test_the_published_factor_shortens_the_period(n, ordinary, soft):
+    for is_soft, ratio in ((False, ordinary), (True, soft)):
+        made = derive_capacity(CapacityFacts(DEMO, n, soft_story=is_soft, as_published=True))
+        assert made.period / DEMO.period == pytest.approx(ratio, abs=6e-4)  # told to three digits
+
+
+def test_curves_of_two_and_three_points():
+    made = derive_capacity(CapacityFacts(TWO, 1))
+    assert made.drifts[0] == pytest.approx([0.02, 0.04, 0.06, 0.08])
+    assert made.forces[0] / 9810.0 == pytest.approx([0.15, 0.15 + 0.05 / 3, 0.15 + 0.1 / 3, 0.2])
+    made = derive_capacity(CapacityFacts(THREE, 1))
+    assert made.drifts[0] == pytest.approx([0.01, 0.03, 0.075, 0.12])
+    assert (TWO.yielding, THREE.yielding) == (0.02, 0.03)
+
+
+def test_mass_and_damping():
+    made = derive_capacity(CapacityFacts(DEMO, 4, mass=5e5, height=14.0, damping_ratio=0.03))
+    assert made.mass.sum() == pytest.approx(5e5)
+    assert made.height.tolist() == [3.5] * 4
+    assert made.period == pytest.approx(DEMO.period, rel=1e-13)
+    single = derive_capacity(CapacityFacts(DEMO, 1, damping_ratio=0.03))
+    omega = 2.0 * math.pi / DEMO.period
+    assert single.damping.mass == pytest.approx(2.0 * 0.03 * omega)
+    assert single.damping.stiffness == 0.0
+
+
+@pytest.mark.parametrize(
+    ("points", "text"),
+    [
+        ([(0.01, 0.1)], "two to four points, got 1"),
+        ([(0.01 * i, 0.1) for i in range(1, 6)], "two to four points, got 5"),
+        ([(0.01, 0.1), (0.01, 0.2)], "rise from point to point"),
+        ([(0.01, 0.1), (0.02, -0.2)], "are positive"),
+        ([(0.01, 0.1), (math.inf, 0.2)], "are positive"),
+    ],
+)
+def test_points_that_make_no_curve(points, text):
+    with pytest.raises(UsageError, match=text):
+        CapacityCurve.of(points)
+
+
+def test_a_curve_may_begin_in_the_origin(tmp_path):
+    (tmp_path / "curve.csv").write_text("sd_m,sa_g\n0,0\n0.02,0.15\n0.08,0.2\n")
+    assert read_curve(str(tmp_path / "curve.csv")) == TWO
+
+
+MODEL = "building: {capacity: curve.csv, stories: 3, height: 9, mass: 300, %s}\nunits: {mass: t}\n"
+
+
+@pytest.fixture
+def curve(tmp_path):
+    (tmp_path / "curve.csv").write_text("sd_m,sa_g\n" + "".join(f"{d},{a}\n" for d, a in zip(*_points(), strict=True)))
+    return tmp_path
+
+
+def _points():
+    return DEMO.displacement, DEMO.acceleration
+
+
+def test_a_model_with_a_capacity_curve(curve):
+    (curve / "model.yaml").write_text(MODEL % "degradation: true, soft_story: true")
+    model = load_model(curve / "model.yaml")
+    facts = CapacityFacts(DEMO, 3, 9.0, 3e5, soft_story=True, degradation=True)
+    assert model.stories == derive_capacity(facts).stories
+    assert assemble(model).modes().omega[0] == pytest.approx(2.0 * math.pi / DEMO.period, rel=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("more", "text"),
+    [
+        ("type: C1", "building.type: has no part in a building with a `capacity` curve"),
+        ("rules: mdof-lu", "building.rules: has no part"),
+        ("damping_ratio: 2", "building.damping_ratio"),
+    ],
+)
+def test_faults_of_a_building_with_a_curve(curve, more, text):
+    (curve / "model.yaml").write_text(MODEL % more)
+    with pytest.raises(ModelError, match=text):
+        load_model(curve / "model.yaml")
+
+
+def test_a_curve_that_cannot_be_read(curve):
+    (curve / "curve.csv").write_text("sd_m,sa_g\n1,1\n")
+    (curve / "model.yaml").write_text(MODEL % "soft_story: false")
+    with pytest.raises(ModelError, match=r"building\.capacity: .*two to four points, got 1"):
+        load_model(curve / "model.yaml")
+    (curve / "other.yaml").write_text(
+        "building: {rules: mdof-lu, type: C1, stories: 2, year: 1990, area: 9, mass: 1}\n"
+    )
+    with pytest.raises(ModelError, match=r"building\.mass: belongs to a building with a `capacity` curve"):
+        load_model(curve / "other.yaml")
+
+
+CLASSES = """\
+class,sd_m,sa_g,soft_story,degradation
+MUR,0.002,0.1,false,true
+MUR,0.01,0.15,,
+CR/soft,0.01,0.2,true,
+CR/soft,0.03,0.3,,
+CR/soft,0.12,0.25,,
+"""
+BUILDINGS = "id,class,NumberOfStories,height,mass_kg,Latitude,Longitude\na,MUR,2,,,1,2\nb,CR/soft,5,16,8e5,1,2\n"
+
+
+@pytest.fixture
+def inventory(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "classes.csv").write_text(CLASSES)
+    (tmp_path / "buildings.csv").write_text(BUILDINGS)
+    return tmp_path
+
+
+def test_an_inventory_of_classes(inventory):
+    rows, faults = read_inventory("buildings.csv", 1.0, classes=read_classes("classes.csv"))
+    assert not faults
+    first, second = derive_all(rows, "capacity")
+    assert first.building.degradation and not second.building.degradation
+    alone = CapacityFacts(THREE, 5, 16.0, 8e5, soft_story=True, name="CR/soft")
+    assert second.row.facts == alone
+    for one in (first, second):
+        (inventory / "m.yaml").write_text(model_text(one.row.id, one.building, "capacity"))
+        assert load_model("m.yaml").stories == one.building.stories
+    with pytest.raises(UsageError, match="no scatter"):
+        derive_all(rows, "capacity", stiffness=0.1)
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        (("a,MUR", "a,XX"), "class: unknown 'XX'; known: MUR, CR/soft"),
+        (("a,MUR,2", "a,MUR,99"), "NumberOfStories: must be a whole number from 1 to 50"),
+        (("8e5", "-1"), "mass_kg"),
+    ],
+)
+def test_faults_of_rows(inventory, change, text):
+    (inventory / "buildings.csv").write_text(BUILDINGS.replace(*change))
+    rows, faults = read_inventory("buildings.csv", 1.0, classes=read_classes("classes.csv"))
+    assert len(rows) == 1
+    assert text in str(faults[0])
+
+
+def test_a_class_that_is_none(inventory):
+    (inventory / "classes.csv").write_text(CLASSES + "lost,0.1,0.1\n")
+    with pytest.raises(ModelError, match=r"classes.csv: class lost: .*got 1"):
+        read_classes("classes.csv")
