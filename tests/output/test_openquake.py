@@ -36,7 +36,7 @@ def read(data):
         assert [part.get("ls") for part in params] == states.text.split()
         values = [(float(part.get("mean")), float(part.get("stddev"))) for part in params]
         medians = [(m**2 / math.hypot(m, s), math.sqrt(math.log(1.0 + (s / m) ** 2))) for m, s in values]
-        assert float(imls.get("minIML")) < min(medians)[0] < max(medians)[0] < float(imls.get("maxIML"))
+        assert float(imls.get("minIML")) < min(medians)[0] <= max(medians)[0] < float(imls.get("maxIML"))
         found[one.get("id")] = imls.get("imt"), dict(zip(states.text.split(), medians, strict=True))
     return found
 
