@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from tdint.errors import UsageError
 from tdint_cli import options
 
 
 @options.command("methods")
 @options.analysis.plugin
-def command() -> None:
+@options.option("--references", is_flag=True, help="A row for each publication of each method, in full.")
+@options.option("--bibtex", is_flag=True, help="The publications as BibTeX, in place of the table.")
+def command(references: bool, bibtex: bool) -> None:
     """The time-integration methods: parameters, order, stability, source.
 
     CSV on standard output: name, family, parameters with their defaults and ranges; then, at the defaults, the order
@@ -15,7 +18,16 @@ def command() -> None:
     any step) and the spectral radius for omega dt to infinity.
     """
     from tdint.methods.catalogue import catalogue, parse
-    from tdint.output.tables.methods import method_table
+    from tdint.output.tables.methods import method_table, reference_table
     from tdint_cli.terminal.drawing import emit_table
+    from tdint_cli.terminal.streams import emit
 
-    emit_table(method_table(map(parse, catalogue())))
+    if references and bibtex:
+        raise UsageError("--references and --bibtex are given; leave one of the two out")
+    if bibtex:
+        from tdint.methods.references import references_of
+
+        found = dict.fromkeys(one for method in catalogue().values() for one in references_of(method))
+        emit("\n".join(one.bibtex for one in found).encode())
+        return
+    emit_table(reference_table(catalogue().values()) if references else method_table(map(parse, catalogue())))

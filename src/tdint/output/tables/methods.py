@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tdint.output.tables.table import DAMPING, METHOD_SPEC, Column, Table, cell_text, rows_of
+from tdint.methods.references import references_of
+from tdint.output.tables.table import DAMPING, METHOD_SPEC, Cell, Column, Table, cell_text, rows_of
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.failures import Trial
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from tdint.analysis.assessment.paper_examples import ExampleRun
     from tdint.analysis.assessment.stability import StabilityCurve
     from tdint.analysis.chart.work_precision import Chart
-    from tdint.methods.method import Integrator
+    from tdint.methods.method import Integrator, Method
 
 
 def _power(value: float) -> float:
@@ -187,6 +188,23 @@ OUTCOME = Column("outcome", "text", "outcome", "how the run ended")
 def rank(of: Callable[[Any], int | None]) -> Column:
     """The column of a method's rank among others."""
     return Column("rank", "1", of, "place by the displacement's error (that of --reference) among the methods, from 1")
+
+
+REFERENCE = (
+    Column("method", "text", "method", "name"),
+    Column("reference", "text", "reference", "authors, year, title, place; of a plug-in's method its source"),
+    Column("doi", "text", "doi", "where it is known for sure"),
+)
+
+
+def reference_table(methods: Iterable[Method]) -> Table:
+    """The publications of methods, a row for each."""
+    rows: list[tuple[Cell, ...]] = []
+    for method in methods:
+        found = references_of(method)
+        rows += [(method.name, one.text.partition(" doi:")[0], one.doi) for one in found]
+        rows += [] if found else [(method.name, method.source, "")]
+    return Table.of(REFERENCE, rows)
 
 
 def method_table(integrators: Iterable[Integrator]) -> Table:
