@@ -1,6 +1,6 @@
 """Compiled kernels in the wheel, for the processors that TDINT_WHEEL_TARGETS names as `tdint compile --target` does.
 
-    TDINT_WHEEL_TARGETS=x86-64-v2,x86-64-v3,aarch64,macos-x86-64-v2,macos-aarch64 \\
+    TDINT_WHEEL_TARGETS=x86-64-v2,x86-64-v3,aarch64,macos-x86-64-v2,macos-aarch64,windows-x86-64-v2 \\
         python -m build --wheel
 
 Without it the wheel has none, and takes a second. Each object is looked into before it is taken (`foreign_objects`).

@@ -15,6 +15,7 @@ import numpy as np
 
 from tdint.kernels.building import loading
 from tdint.kernels.building.compilable import F8, I8, ArrayOf, Scalar
+from tdint.kernels.building.compiler import local, objects_of
 from tdint.kernels.building.target import machine, named, native
 
 SIGNATURE = F8(ArrayOf(1), ArrayOf(2), I8, ArrayOf(1), F8)
@@ -22,14 +23,17 @@ LIBRARY = {"exp": 1, "exp2": 1, "sin": 1, "cos": 1, "tanh": 1, "pow": 2, "log1p"
 
 
 def weighed(x, table, row, out, factor):
-    """Sums of functions of x, weighted by a row of a table."""
+    """Sums of functions of x, weighted by a row of a table; an array on the stack is longer than a page of memory."""
+    kept = local(3000)
+    for i in range(kept.size):
+        kept[i] = i
     for i in range(out.size):
         out[i] = 0.0
     total = 0.0
     for i in range(x.size):
         out[i] += math.exp(x[i]) + math.sin(x[i]) * math.cos(x[i]) + math.tanh(x[i]) + x[i] ** 1.7 + math.log1p(x[i])
         total += factor * out[i] * table[row, i]
-    return total
+    return total + kept[row] + kept[2999]
 
 
 def around_the_library(convention: str) -> str:
@@ -80,8 +84,6 @@ def engine_of(text: str):
 
 def main() -> None:
     """Print what the kernel computes here, and as the other system's object."""
-    from tdint.kernels.building.compiler import objects_of
-
     system = sys.argv[1]
     target = named(f"{system}-x86-64-v2")
     convention = "win64cc" if system == "windows" else "ccc"

@@ -50,6 +50,19 @@ def _constant_of_module(context: Any, module: Any, name: str) -> Any:
 numba.core.typing.context.BaseContext.resolve_module_constants = _constant_of_module
 
 
+_PROBE = "\n".join(
+    f'module asm "{line}"'
+    for line in (
+        "__chkstk:",
+        *("pushq %rcx", "pushq %rax", "leaq 24(%rsp), %rcx"),
+        *("1:", "cmpq $4096, %rax", "jb 2f", "subq $4096, %rcx", "testq %rcx, (%rcx)", "subq $4096, %rax", "jmp 1b"),
+        *("2:", "subq %rax, %rcx", "testq %rcx, (%rcx)", "popq %rax", "popq %rcx", "retq"),
+    )
+)
+"""What Windows' compilers call before an array goes onto the stack: each page is touched, in order, for the system adds
+them one by one. `rax` has the size, and no register changes. It is in no library that a process is sure to have."""
+
+
 def inlined(function: Callable[..., Any]) -> Any:
     """`tdint.kernels.building.plain.inlined`, compiled."""
     return numba.njit(inline="always", **_OPTIONS)(function)
@@ -159,7 +172,11 @@ def _emitted(text: str, target: Target) -> bytes:
         codegen = numba.core.registry.cpu_target.target_context.codegen()
         return bytes(codegen._tm.emit_object(llvm.parse_assembly(text)))
     machine = target.machine()
-    module = llvm.parse_assembly(_OF_NUMBAS_MACHINE.sub("", text))
+    text = _OF_NUMBAS_MACHINE.sub("", text)
+    if target.platform == "win32":
+        llvm.initialize_native_asmparser()
+        text += _PROBE
+    module = llvm.parse_assembly(text)
     module.triple, module.data_layout = machine.triple, str(machine.target_data)
     for one in module.functions:
         if not one.is_declaration:
