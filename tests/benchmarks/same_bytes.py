@@ -186,10 +186,11 @@ def shared(one: list[str], other: list[str]) -> tuple[list[str], list[str]]:
         places = [[table[0].index(name) for name in common] for table in tables]
         kept = [[",".join(row[i] for i in at) for row in table] for table, at in zip(tables, places, strict=True)]
         return kept[0], kept[1]
-    arrays = [{line.partition(" ")[0] for line in text} for text in (one, other)]
-    if all(re.match(r"[\w.\[\]]+ \(\d*,", text[-1]) for text in (one, other)):
-        both_have = arrays[0] & arrays[1]
-        return tuple([line for line in text if line.partition(" ")[0] in both_have] for text in (one, other))  # type: ignore[return-value]
+    if all(any(" float64 " in line for line in text) for text in (one, other)):
+        names = [[re.split(r" \(\d|\s\S+$", line)[0] for line in text] for text in (one, other)]
+        pairs = zip((one, other), names, (set(names[1]), set(names[0])), strict=True)
+        kept = [[line for line, name in zip(text, own, strict=True) if name in both] for text, own, both in pairs]
+        return kept[0], kept[1]
     return one, other
 
 
