@@ -27,7 +27,7 @@ GROUPS = {
         "init": ("buildings.init", "A first model of a building, with comments, that runs as it is."),
         "check": ("buildings.check", "What is wrong with model files, all at once, or what they are."),
         "run": ("buildings.run", "Response of a building in time: the peaks of each story."),
-        "modes": ("buildings.modes", "Periods, damping ratios and modal masses of a building."),
+        "modes": ("buildings.modes", "Periods, damping ratios, modal masses and shapes of a building."),
         "law": ("buildings.law", "Cyclic test of one story: its force over imposed cycles of drift."),
         "pushover": ("buildings.pushover", "Base shear of a building over its roof displacement, pushed slowly."),
         "compare": ("buildings.compare", "A building's result beside what was recorded in it."),

@@ -89,3 +89,12 @@ def test_units_other_than_si_stay_whole_in_the_heads():
     head = text.splitlines()[:4]
     assert any("in/s" in line for line in head) and any("kip*in" in line for line in head)
     assert "kipin" not in text and "in s" not in text
+
+
+def test_the_folder_of_all_files_stands_above_once():
+    rows = [(f"motions/{name}", 1.0 + i) for i, name in enumerate(("a/x.at2", "a/y.at2", "b/x.at2", "b/z.at2"))]
+    text = draw(("record", "pga"), rows, 40)
+    assert text.splitlines()[0] == "record: in motions/"
+    assert [line.split()[0] for line in text.splitlines()[3:]] == ["a/x.at2", "a/y.at2", "b/x.at2", "b/z.at2"]
+    apart = [("here/x.at2", 1.0), ("there/x.at2", 2.0), ("x.at2", 3.0), ("y.at2", 4.0)]
+    assert "in " not in draw(("record", "pga"), apart, 40)

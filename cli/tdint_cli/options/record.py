@@ -105,6 +105,10 @@ scale = option(
     help="Factor on the ground acceleration, not zero.",
 )
 
+one_scale = option(
+    "--scale", type=Nonzero(), needs="RECORD", metavar="FACTOR", help="Factor on the ground acceleration, not zero."
+)
+
 _LAYOUT = (
     option(
         "--step",

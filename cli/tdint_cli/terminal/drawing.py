@@ -21,6 +21,7 @@ _GAP = "  "
 _NARROWEST = 8
 """Characters of a column's name on one line at least."""
 
+_FOLDER = "/"
 _FEW = 3
 """So many rows are drawn as columns where they are too wide: every name with its values beside it."""
 
@@ -48,14 +49,19 @@ def draw(
 ) -> str:
     """A table as text, lines of at most `width` characters if that can be done; `units` of the columns.
 
-    Columns without any value are left out, a text that is the same in all rows stands above, names of columns stand on
-    several lines. What is too wide is drawn in blocks of columns, each with the columns before it that name the row; a
-    few rows that are too wide are drawn as columns instead.
+    Columns without any value are left out, a text that is the same in all rows stands above, and the folder of files
+    that all lie in one; names of columns stand on several lines. What is too wide is drawn in blocks of columns, each
+    with the columns before it that name the row; a few rows that are too wide are drawn as columns instead.
     """
     cells = [[_cell(value) for value in row] for row in rows]
     filled = [i for i in range(len(columns)) if not rows or any(row[i] for row in cells)]
     numeric = {i for i in filled if all(value is None or isinstance(value, (int, float)) for value in _at(rows, i))}
     common = [i for i in filled[:-1] if i not in numeric and len(rows) > 1 and len(set(_at(cells, i))) == 1]
+    folders = {i: folder for i in filled if i not in numeric and (folder := _folder(_at(cells, i)))}
+    for i, folder in folders.items():
+        if i not in common:
+            for row in cells:
+                row[i] = row[i].removeprefix(folder)
     drawn = [
         (
             i not in numeric,
@@ -68,6 +74,7 @@ def draw(
     if whole > width and 0 < len(rows) <= _FEW:
         return _turned([columns[i] for i in filled], [[row[i] for i in filled] for row in cells], width)
     above = "".join(f"{columns[i]}: {cells[0][i]}\n" for i in common)
+    above += "".join(f"{columns[i]}: in {folder}\n" for i, folder in folders.items() if i not in common)
     keys = _keys([(text, len(column[0])) for text, column in drawn], width)
     blocks = _blocks([len(column[0]) for _, column in drawn], keys, width)
     return above + "\n".join("\n".join(_lines([drawn[i][1] for i in block])) + "\n" for block in blocks)
@@ -75,6 +82,15 @@ def draw(
 
 def _at(rows: Sequence[Sequence[T]], i: int) -> list[T]:
     return [row[i] for row in rows]
+
+
+def _folder(cells: Sequence[str]) -> str:
+    """The folder with its separator that several files all lie in, whatever lies below it; nothing without one."""
+    if len(cells) < 2 or not all(_FOLDER in cell for cell in cells):
+        return ""
+    first, last = min(cells), max(cells)  # what these begin with alike, all do
+    same = next((i for i, (one, other) in enumerate(zip(first, last, strict=False)) if one != other), len(first))
+    return first[: first.rfind(_FOLDER, 0, same) + 1]
 
 
 def _cell(value: object) -> str:

@@ -183,6 +183,17 @@ def command(record: str | None, records: tuple[str, ...], **given: Any) -> None:
     if record is not None and records:
         raise UsageError(f"--record {record} and {records[0]} are given; leave one of them out")
     named = (record,) if record is not None else records
+    models = [one for one in named if one.lower().endswith((".yaml", ".yml"))]
+    if models:
+        raise UsageError(
+            f"{models[0]} is a model, and `tdint run` takes one: several buildings under the same records are a "
+            f"campaign, `buildings: {{models: [{', '.join([given['model'], *models])}]}}` (tdint campaign FILE -o DIR)"
+        )
+    if given["method"] and "," in given["method"] and ":" not in given["method"]:
+        raise UsageError(
+            f"--method {given['method']}: `tdint run` takes one; `tdint chart {given['model']} --method "
+            f"{given['method']}` compares methods, and --history of a call for each gives their histories"
+        )
     of_floors = FloorRequest.taken_from(given)
     shocks = named if given["sequence"] else ()
     if not shocks:
@@ -495,7 +506,8 @@ def _paragraph(response: Response, units: OutputUnits) -> str:
     found = demands(response.stories)
     motion = "no ground motion"
     if record is not None:
-        motion = f"{record.name} (PGA {units.of(record.pga, 'm/s^2'):.3g} {units.unit('m/s^2')[0]})"
+        pga = units.of(record.pga, "m/s^2")
+        motion = f"{record.name} (PGA {pga:{'.3g' if pga < 1000.0 else '.0f'}} {units.unit('m/s^2')[0]})"
     worst = f"drift {units.text(found.drift.value, 'm')} in story {found.drift.place}"
     if found.drift_ratio.place is not None:
         ratio = f"drift ratio {found.drift_ratio.value:.4g} in story {found.drift_ratio.place}"

@@ -14,6 +14,7 @@ from tdint_cli.commands.ground_motions.target_table import write_target
 
 @options.command("spectrum")
 @options.record.of_records_if_any
+@options.record.one_scale
 @options.spectra.damping()
 @options.spectra.periods(PERIODS, zero=" 0 gives the peak ground acceleration.")
 @options.analysis.method

@@ -146,6 +146,12 @@ class SpectrumRequest(TablesRequest):
     against: str | None
     against_column: str | None
     against_interpolation: str | None
+    scale: float | None
+
+    def read(self, file: str) -> list[Record]:
+        """The components of a file, times the factor that is asked for."""
+        found = super().read(file)
+        return found if self.scale is None else [record.scaled(self.scale) for record in found]
 
     def settings(self, default_periods: str) -> dict[str, Any]:
         """As those of all tables, with what is chosen where nothing is given."""

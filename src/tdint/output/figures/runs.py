@@ -153,6 +153,11 @@ def _draw_energies(axes: Any, response: Response, history: History, units: Outpu
         axes.set_title(error, loc="right", fontsize=8.0)
 
 
+def _short(value: float) -> str:
+    """Three digits, or all before the point: 51.3, 700, 1060."""
+    return f"{value:.0f}" if value >= 100.0 else f"{value:.3g}"
+
+
 def _mark_peak(axes: Any, time: Array, values: Array, unit: str) -> None:
     """A dot at the largest absolute value, the value in the upper right corner; nothing of what is at rest."""
     if not np.any(values):
@@ -160,7 +165,7 @@ def _mark_peak(axes: Any, time: Array, values: Array, unit: str) -> None:
     i = int(np.argmax(np.abs(values)))
     axes.plot(time[i], values[i], "o", color=MARK, markersize=4)
     axes.margins(y=0.12)
-    write_note(axes, f"peak {abs(values[i]):.3g} {unit} at {time[i]:.4g} s", x=0.995)
+    write_note(axes, f"peak {_short(abs(values[i]))} {unit} at {time[i]:.4g} s", x=0.995)
 
 
 def _draw_hysteresis(axes: Any, response: Response, history: History, units: OutputUnits) -> None:
@@ -266,7 +271,8 @@ def _draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
         axes.axvline(limit, color=MARK, linestyle=DASHES[1], label=f"collapse drift {limit:g} %")
     _mark_apart(axes, units.of(response.stories.peak_drift, "m"), units.label("m"), drifts)
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(loc="best", fontsize=7.0, handlelength=1.6)
+        # Above the panel: inside, it would lie over the bars.
+        axes.legend(loc="lower left", bbox_to_anchor=(-0.02, 1.0), borderaxespad=0.1, fontsize=7.0, handlelength=1.6)
     axes.set_xlabel(f"drift ({drifts.unit}{' of height' if drifts.unit == '%' else ''})")
 
 
@@ -284,7 +290,7 @@ def _mark_apart(axes: Any, peaks: Array, unit: str, drifts: _Drifts) -> None:
     end = _BEYOND * drifts.largest or 1.0
     for place in np.flatnonzero(drifts.apart):
         axes.barh(place + 1, end, height=1.0, facecolor="none", edgecolor=LIGHT, hatch="////", linewidth=0.0)
-        text = f"{peaks[place]:#.3g} {unit}"
+        text = f"{_short(peaks[place])} {unit}"
         white = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
         axes.text(0.5 * end, place + 1, text, ha="center", va="center", fontsize=8.0, color=MARK, bbox=white)
     if drifts.apart.any():
@@ -312,5 +318,5 @@ def _draw_shears(axes: Any, response: Response, units: OutputUnits) -> None:
     if np.any(devices):
         _bars(axes, factor * total, color=INK, linewidth=1.0, linestyle=DASHES[1], label="with viscous forces")
         _bars(axes, factor * devices, color=INK, linewidth=1.0, linestyle=DASHES[2], label="dashpots")
-        axes.legend(loc="upper right", handlelength=1.6)
+        axes.legend(loc="lower left", bbox_to_anchor=(-0.02, 1.0), borderaxespad=0.1, fontsize=7.0, handlelength=1.6)
     axes.set_xlabel(f"story shear ({unit})")

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
+from tdint.ground_motion.horizontals import is_vertical
 from tdint.ground_motion.record import Record, component_names
 from tdint.output.figures.style import (
     COLORS,
@@ -25,6 +26,7 @@ from tdint.output.figures.style import (
     plain_minor_numbers,
     plain_numbers,
     record_name,
+    record_names,
 )
 from tdint.output.figures.suites import BETWEEN_FRACTILES, draw_fractiles, draw_median
 from tdint.output_units import OutputUnits
@@ -125,6 +127,12 @@ def is_suite(results: Sequence[OverPeriods]) -> bool:
     return all(np.array_equal(result.periods, results[0].periods) for result in results)
 
 
+def in_median(results: Sequence[OverPeriods]) -> list[bool]:
+    """Whether the median of a suite counts each: verticals have no part in that of motions with horizontals."""
+    level = [not is_vertical(result.record.component) for result in results]
+    return level if any(level) else [True] * len(level)
+
+
 def _draw_line(column: Any, result: Line, panels: Sequence[Panel[Line]], style: dict[str, Any]) -> Any:
     """A line in each panel of a column; the first one, for the legend."""
     order = _shown(result.periods)
@@ -145,14 +153,16 @@ def _draw_suite(
     period = results[0].periods[order]
     kinds = list(dict.fromkeys(variants))
     lines: dict[str, Any] = {}
+    counted = in_median(results)
+    of_horizontals = "" if all(counted) else " of horizontals"
     for axes, (_, values) in zip(column, panels, strict=True):
         rows = np.array([values(result)[order] for result in results])
         gray = axes.plot(period, rows.T, color=GRAY, linewidth=0.6, zorder=1.5)[0]
         lines.setdefault(f"{len(set(_motions(results)))} components", gray)
         for i, kind in enumerate(kinds):
-            own = rows[[variant == kind for variant in variants]]
+            own = rows[[variant == kind and one for variant, one in zip(variants, counted, strict=True)]]
             color, name = COLORS[i % len(COLORS)], f", {_variant_name(kind)}" if len(kinds) > 1 else ""
-            lines.setdefault(f"median{name}", draw_median(axes, period, own, color))
+            lines.setdefault(f"median{of_horizontals}{name}", draw_median(axes, period, own, color))
             lines.setdefault(f"{BETWEEN_FRACTILES}{name}", draw_fractiles(axes, period, own, color))
     return lines
 
@@ -200,11 +210,12 @@ def log_periods(axes: Any, periods: Array) -> None:
 def line_labels(results: Sequence[OverPeriods]) -> list[str]:
     """What tells the lines apart: the record if there are several, the component, the damping if there are several."""
     names = component_names([result.record for result in results])
-    several_files = len({result.record.source for result in results}) > 1
+    files = record_names(result.record.source for result in results)
+    several_files = len(files) > 1
     several_ratios = len({result.damping for result in results}) > 1
     labels = []
     for result, name in zip(results, names, strict=True):
-        file = record_name(result.record.source) if several_files or not name else ""
+        file = files[result.record.source] if several_files or not name else ""
         ratio = f"{100.0 * result.damping:g} %" if several_ratios else ""
         labels.append(", ".join(filter(None, (file, name, ratio))))
     return labels
@@ -255,7 +266,8 @@ def _curves(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUni
     curves[0] = replace(curves[0], name="single components")
     ratios = dict.fromkeys(one.damping for one in spectra)
     for i, ratio in enumerate(ratios):
-        own = [curve for one, curve in zip(spectra, curves, strict=False) if one.damping == ratio]
+        chosen = zip(spectra, curves, in_median(spectra), strict=False)
+        own = [curve for one, curve, counted in chosen if counted and one.damping == ratio]
         sd, psv, psa = (np.median([getattr(one, name) for one in own], axis=0) for name in ("sd", "psv", "psa"))
         name = f"median of {len(own)}" + (f", {100.0 * ratio:g} %" if len(ratios) > 1 else "")
         curves.append(_Curve(spectra[0].periods, sd, psv, psa, name, style(i) | {"linewidth": 2.0}))

@@ -23,7 +23,7 @@ from tdint.output.figures.spectrum_axes import (
     log_periods,
     over_periods_title,
 )
-from tdint.output.figures.style import LIGHT, add_title, picture, plain_numbers, record_name
+from tdint.output.figures.style import LIGHT, add_title, picture, plain_numbers, record_name, record_names
 from tdint.output_units import SI, OutputUnits
 
 if TYPE_CHECKING:
@@ -155,10 +155,11 @@ def _draw_inelastic(spectra: Sequence[InelasticSpectrum], units: OutputUnits) ->
 
 def _components(spectra: Sequence[InelasticSpectrum]) -> list[str]:
     """What each spectrum is of; the file, too, where there are several."""
-    several = len({spectrum.record.source for spectrum in spectra}) > 1
+    files = record_names(spectrum.record.source for spectrum in spectra)
+    several = len(files) > 1
     names = component_names([spectrum.record for spectrum in spectra])
     return [
-        f"{record_name(spectrum.record.source)} {name}".rstrip() if several else name
+        f"{files[spectrum.record.source]} {name}".rstrip() if several else name
         for spectrum, name in zip(spectra, names, strict=True)
     ]
 

@@ -78,6 +78,10 @@ _METADATA: dict[str, dict[str, Any]] = {
 }
 
 
+_LONG = 1e5
+"""A number from which a unit other than N and J gets a power of ten before it."""
+
+_RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 _LABEL_SIZE = 6.5  # points
 _LETTER = 0.6  # of a character, over its height
 _MARKER = 3.5  # half the size of a marker, points
@@ -228,7 +232,9 @@ def scaled_unit(largest: float, si: str, units: OutputUnits) -> tuple[float, str
     N and J, which no building has few of, have M, k or nothing before them, so that the largest number is 1 at least.
     """
     if units.unit(si)[0] != si:
-        return 1.0 / units.unit(si)[1], units.label(si)
+        factor, label = 1.0 / units.unit(si)[1], units.label(si)
+        power = 3 * math.floor(math.log10(largest * factor) / 3.0) if largest * factor >= _LONG else 0
+        return factor / 10.0**power, f"10{str(power).translate(_RAISED)} {label}" if power else label
     for factor, prefix in ((1e-6, "M"), (1e-3, "k")):
         if largest * factor >= 1.0:
             return factor, prefix + si
@@ -236,14 +242,36 @@ def scaled_unit(largest: float, si: str, units: OutputUnits) -> tuple[float, str
 
 
 def changed(records: Iterable[Record]) -> str:
-    """` (processed)` behind the name of records of which some were changed on request, else nothing."""
-    return " (processed)" if any(record.processing for record in records) else ""
+    """` (processed)` behind the name of records of which some were changed on request, ` x 1.7` where all were scaled
+    by that, else nothing."""
+    found = list(records)
+    scales = {record.scale for record in found}
+    scaled = f" x {next(iter(scales)):.4g}" if len(scales) == 1 and scales != {1.0} else ""
+    return scaled + (" (processed)" if any(record.processing for record in found) else "")
 
 
 def record_name(source: str) -> str:
     """What a picture calls a record; bytes of a file name that are no UTF-8 have no letters to be drawn with."""
     name = "standard input" if source == "-" else Path(source).name
     return name.encode("utf-8", "replace").decode("utf-8")
+
+
+def record_names(sources: Iterable[str]) -> dict[str, str]:
+    """What a picture calls each of several records: its file, with as many folders as tell it from others."""
+    found = list(dict.fromkeys(sources))
+    named: dict[str, list[str]] = {}
+    for source in found:
+        named.setdefault(record_name(source), []).append(source)
+    return {source: _told_apart(source, named[record_name(source)]) for source in found}
+
+
+def _told_apart(source: str, alike: Sequence[str]) -> str:
+    if len(alike) == 1:
+        return record_name(source)
+    parts = Path(source).parts
+    others = [Path(other).parts for other in alike if other != source]
+    count = next((n for n in range(1, len(parts)) if all(other[-n:] != parts[-n:] for other in others)), len(parts))
+    return "/".join(parts[-count:]).encode("utf-8", "replace").decode("utf-8")
 
 
 def plain_numbers(axis: Any) -> None:

@@ -1,0 +1,78 @@
+"""Small things that users asked for: factors of spectra, names apart, where to go with two buildings."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tdint.ground_motion.record import Record
+from tdint.output.figures.spectrum_axes import in_median
+from tdint.output.figures.style import changed, record_names, scaled_unit
+from tdint.output_units import parse_output_units
+
+
+def rows(text):
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def test_a_spectrum_of_a_scaled_record(folder, tdint):
+    plain = rows(tdint("spectrum", "motion.mseed", "--units", "m/s^2", "--period", "0.3,1").stdout)
+    scaled = rows(tdint("spectrum", "motion.mseed", "--units", "m/s^2", "--period", "0.3,1", "--scale", "-1.7").stdout)
+    for one, other in zip(plain, scaled, strict=True):
+        assert math.isclose(1.7 * float(one["psa_m_s2"]), float(other["psa_m_s2"]), rel_tol=1e-10)
+    assert tdint("spectrum", "--target", "ec8:type=1,soil=B,ag=0.25g", "--scale", "2").exit_code == 2
+
+
+def test_several_models_point_to_campaigns(folder, tdint):
+    result = tdint("run", "shaken.yaml", "forced.yaml", "motion.mseed")
+    assert result.exit_code == 2 and "models: [shaken.yaml, forced.yaml]" in result.stderr
+
+
+def test_several_methods_point_to_the_chart(folder, tdint):
+    result = tdint("run", "shaken.yaml", "--method", "newmark-average,impulse4", "--plot=a.png")
+    assert result.exit_code == 2 and "tdint chart shaken.yaml --method newmark-average,impulse4" in result.stderr
+    assert not Path("a.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("sources", "wanted"),
+    [
+        (["a/x.at2", "b/y.at2"], ["x.at2", "y.at2"]),
+        (["a/x.at2", "b/x.at2", "c.at2"], ["a/x.at2", "b/x.at2", "c.at2"]),
+        (["1/a/x.at2", "2/a/x.at2"], ["1/a/x.at2", "2/a/x.at2"]),
+    ],
+)
+def test_records_of_one_name_are_told_apart(sources, wanted):
+    assert [record_names(sources)[source] for source in sources] == wanted
+
+
+class Line:
+    """A result of a component."""
+
+    def __init__(self, component: str) -> None:
+        self.record = Record(np.zeros(4), 0.01, "", "", component, "file")
+
+
+def test_verticals_have_no_part_in_a_median_of_horizontals():
+    assert in_median([Line("HNE"), Line("HNZ"), Line("UP"), Line("090")]) == [True, False, False, True]
+    assert in_median([Line("HNZ"), Line("UP")]) == [True, True]
+
+
+def test_titles_say_the_scale():
+    record = Record(np.ones(4), 0.01, "", "", "HNE", "file")
+    assert changed([record]) == ""
+    assert changed([record.scaled(1.7)]) == " x 1.7"
+    assert changed([record.scaled(1.7), record]) == ""
+
+
+def test_large_numbers_of_other_units_have_their_power_in_the_label():
+    """Not above the panel, where it is under a legend."""
+    units = parse_output_units("kN,mm")
+    factor, label = scaled_unit(2.3e6, "J", units)  # 2.3e6 kN mm
+    assert (label, factor * 2.3e6) == ("10⁶ kN·mm", pytest.approx(2.3))
+    assert scaled_unit(5e4, "J", units)[1] == "kN·mm"
