@@ -216,3 +216,9 @@ def test_a_named_pipe_is_not_waited_for(tdint, tmp_path, monkeypatch, command) -
     os.mkfifo("pipe.yaml")
     result = tdint(command, "pipe.yaml", *(["-o", "out"] if command == "campaign" else []))
     assert (result.exit_code, "is a named pipe" in result.stderr) == (3, True), result.stderr
+
+
+@pytest.mark.parametrize("name", [" .yaml", "", "..", "m.yaml.gz"])
+def test_a_name_that_no_model_has(folder, tdint, name):
+    result = tdint("init", name)
+    assert (result.exit_code, "is no name of a file; give one such as" in result.stderr) == (2, True), result.stderr

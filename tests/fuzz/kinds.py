@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from fuzz import api, command_lines, model_files, oracle, stores, studies
+from fuzz import names as file_names
 from fuzz.corpus import corpus
 from fuzz.mutators import mutated
 from fuzz.printed import CODES
@@ -55,5 +56,6 @@ KINDS = {
     ),
     "studies": Kind(studies.names, studies.outcome, tuple(CODES.values())),
     "stores": Kind(stores.names, stores.outcome, stores.OUTCOMES),
+    "names": Kind(file_names.names, file_names.outcome, tuple(CODES.values())),
     "api": Kind(lambda: list(api.CALLS), api.outcome, api.OUTCOMES),
 }

@@ -1,7 +1,7 @@
 """Damage records, models, studies, command lines and calls by the hundred thousand, and count what becomes of them.
 
-    python tests/fuzz/run.py [--of records|models|studies|stores|commands|api] [--cases 100000] [--seed 0] [--jobs 2]
-                             [--name MSEED]
+    python tests/fuzz/run.py [--of records|models|studies|stores|names|commands|api] [--cases 100000] [--seed 0]
+                             [--jobs 2] [--name MSEED]
     python tests/fuzz/run.py --bits                # every single bit of the headers of MiniSEED and SAC
 
 Each case is a name and a seed; a failure is printed with both, so that `--of KIND --name NAME --only SEED` repeats it.

@@ -7,6 +7,7 @@ from collections import Counter
 import pytest
 
 from fuzz import api, command_lines, model_files, stores, studies
+from fuzz import names as file_names
 from fuzz.corpus import corpus
 from fuzz.mutators import mutated
 from fuzz.oracle import REFUSED, SAME, Failure, outcome, read
@@ -65,6 +66,12 @@ def test_damaged_stores(work, name):
     found = Counter(stores.outcome(name, seed) for seed in range(EACH))
     assert found[stores.HEALED] > 0
     assert found[stores.REFUSED] > 0
+
+
+@pytest.mark.parametrize("name", file_names.names())
+def test_strange_names_and_long_runs(work, name):
+    found = Counter(file_names.outcome(name, seed) for seed in range(EACH // 8 if name == "memory" else EACH))
+    assert sum(found.values()) > 0
 
 
 @pytest.mark.parametrize("name", sorted(set(command_lines.names()) - SLOW))

@@ -15,7 +15,7 @@ from tdint_cli.settings import current, is_quiet
 
 _EMPTY_LINE = "\r\x1b[K"  # in place of the line on which the terminal's cursor is
 _SETTING = re.compile(r"`(units|component|inventory|step|column|skip_lines)(?:=([^`]*))?`")
-_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
+_CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
 
 
 def emit(data: bytes) -> None:

@@ -186,7 +186,8 @@ def _check(request: Request) -> None:
     UsageError
         A name or a period that no model has; a period beside a type, or a type without its facts.
     """
-    if not request.file or Path(request.file).name in ("", ".."):
+    # Of a name that ends in .gz the content would be packed, which no model is.
+    if not Path(request.file).stem.strip() or Path(request.file).name == ".." or request.file.lower().endswith(".gz"):
         raise UsageError(f"{request.file!r} is no name of a file; give one such as {FILE}")
     if not request.file.isprintable():  # nor are bytes that are no UTF-8
         raise UsageError(f"{request.file!a:.100}: a model's name is a line of UTF-8 without control characters")

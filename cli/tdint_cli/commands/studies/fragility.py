@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -57,6 +58,20 @@ _IM = {"sa": "sa_t1", "pga": "pga"}
     "Also draw functions, observations and confidence bands, to this file (.png, .pdf, .svg) or beside -o under its "
     "name."
 )
+@options.output.option(
+    "--openquake",
+    type=FileName(),
+    metavar="FILE.xml",
+    help="Also write the functions as OpenQuake reads them (NRML 0.5), under the file's name as their id.",
+)
+@options.output.option(
+    "--states",
+    type=click.STRING,
+    many=True,
+    needs="--openquake",
+    metavar="NAME,...",
+    help="Names of its limit states, by rising thresholds; ds1, ds2, ... by default.",
+)
 @options.output.units
 @options.output.overwrite
 def command(**given: Any) -> None:
@@ -73,15 +88,19 @@ def command(**given: Any) -> None:
 def _fragility(
     table: str, fit: str | None, threshold: tuple[float, ...] | None, edp_range: tuple[float, float] | None,
     im: str | None, beta_model: float, output: str | None, plot: str | None, overwrite: bool,
-    output_units: OutputUnits | None,
+    output_units: OutputUnits | None, openquake: str | None, states: tuple[str, ...] | None,
 ) -> None:  # fmt: skip
     from tdint.campaign.fragility.fit_table import FragilityRequest, fit_table
+    from tdint.files import check_outputs, write_files
+    from tdint.output.openquake import fragility_model
     from tdint.output.tables.studies import fragility_table
 
     if edp_range is not None and fit not in (None, "cloud"):
         raise UsageError("--edp-range is for --fit cloud")
     outputs = Outputs.checked(output, plot, overwrite)
-    refuse_inputs(outputs.files, [table])
+    refuse_inputs([*outputs.files, *([Path(openquake)] if openquake else [])], [table])
+    if openquake:
+        check_outputs([Path(openquake)], overwrite=overwrite)
     request = FragilityRequest(
         fit=fit,
         thresholds=threshold or (),
@@ -102,6 +121,9 @@ def _fragility(
 
         return fragility_picture(functions, suffix)
 
+    if openquake:
+        model = fragility_model(result.functions, Path(openquake).stem, states or ())
+        write_files({Path(openquake): lambda stream: stream.write(model)}, overwrite=overwrite)
     outputs.deliver(fragility_table(functions, total=beta_model > 0.0), draw)
     for function in functions:
         say(_words(function))

@@ -124,5 +124,5 @@ def in_words(name: str) -> Iterator[None]:
         yield
     except sqlite3.OperationalError as error:
         raise OutputError(f"{name}: cannot be used: {error}") from error
-    except sqlite3.Error as error:
+    except (sqlite3.Error, UnicodeDecodeError) as error:  # of what SQLite says of damaged text, too
         raise UntrustedStoreError(name, str(error)) from error

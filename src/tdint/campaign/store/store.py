@@ -67,7 +67,7 @@ class Store:
             SQLite failed at what was within: in words.
         """
         try:
-            if isinstance(what, sqlite3.Error):
+            if isinstance(what, sqlite3.Error | UnicodeDecodeError):
                 with in_words(self.name):
                     raise what
             if error is None:

@@ -1,0 +1,77 @@
+"""Fragility functions as OpenQuake reads them, read again by the rules of its format."""
+
+from __future__ import annotations
+
+import math
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from tdint.campaign.fragility.fits import Fragility
+from tdint.errors import UsageError
+from tdint.output.openquake import fragility_model
+
+SPACE = "{http://openquake.org/xmlns/nrml/0.5}"
+
+
+def function(threshold, theta, beta=0.4, im="sa(0.6)", unit="g", **more):
+    return Fragility("stripes", theta, beta, np.eye(2), 40, threshold=threshold, im=im, unit=unit, **more)
+
+
+OFFICE = [function(one, theta) for one, theta in zip((0.01, 0.02, 0.03, 0.05), (0.2, 0.4, 0.7, 1.0), strict=True)]
+STATES = ("slight", "moderate", "extensive", "complete")
+
+
+def read(data):
+    """Median and dispersion of each limit state, in the order that the format demands."""
+    (model,) = ElementTree.fromstring(data)
+    description, states, *functions = model
+    assert (description.tag, states.tag) == (f"{SPACE}description", f"{SPACE}limitStates")
+    assert model.attrib.keys() >= {"id", "assetCategory", "lossCategory"}
+    found = {}
+    for one in functions:
+        imls, *params = one
+        assert (one.get("format"), one.get("shape"), imls.tag) == ("continuous", "logncdf", f"{SPACE}imls")
+        assert [part.get("ls") for part in params] == states.text.split()
+        values = [(float(part.get("mean")), float(part.get("stddev"))) for part in params]
+        medians = [(m**2 / math.hypot(m, s), math.sqrt(math.log(1.0 + (s / m) ** 2))) for m, s in values]
+        assert float(imls.get("minIML")) < min(medians)[0] <= max(medians)[0] < float(imls.get("maxIML"))
+        found[one.get("id")] = imls.get("imt"), dict(zip(states.text.split(), medians, strict=True))
+    return found
+
+
+def test_a_published_model():
+    data = fragility_model(OFFICE, "office", STATES)
+    ((imt, found),) = read(data).values()
+    assert imt == "SA(0.6)"
+    for one, state in zip(OFFICE, STATES, strict=True):
+        assert found[state] == pytest.approx((one.theta, 0.4), rel=1e-7)
+    assert b'ls="slight" mean="0.216657' in data and b'stddev="0.09024' in data
+
+
+def test_units_measures_and_total_dispersion():
+    ((imt, found),) = read(fragility_model([function(0.1, 9.80665, unit="m/s^2", beta_model=0.3)], "a & b")).values()
+    assert (imt, found["ds1"]) == ("SA(0.6)", pytest.approx((1.0, 0.5), rel=1e-7))
+    ((imt, found),) = read(fragility_model([function(0.1, 0.5, im="pgv", unit="m/s")], "x")).values()
+    assert (imt, found["ds1"][0]) == ("PGV", pytest.approx(50.0))
+    assert next(iter(read(fragility_model([function(0.1, 0.5, im="pga")], "x")).values()))[0] == "PGA"
+
+
+def test_a_function_for_each_state_of_the_building():
+    both = [*(function(0.1, 1.0, damage=0.0),), function(0.1, 0.5, damage=0.02)]
+    assert list(read(fragility_model(both, "x"))) == ["x", "x-damaged-0.02"]
+
+
+@pytest.mark.parametrize(
+    ("functions", "states", "text"),
+    [
+        (OFFICE, ("one",), "4 thresholds"),
+        (OFFICE, ("a", "b", "c", "d e"), "a word each"),
+        ([function(0.1, 1.0, im="sa-avg(1)")], (), "OpenQuake knows"),
+        ([function(0.1, 1.0, unit="")], (), "OpenQuake knows"),
+    ],
+)
+def test_refusals(functions, states, text):
+    with pytest.raises(UsageError, match=text):
+        fragility_model(functions, "x", states)
