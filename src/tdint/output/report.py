@@ -28,11 +28,11 @@ h1 { font-size: 16pt; margin: 0 0 2mm } h2 { font-size: 12pt; margin: 7mm 0 2mm;
 table { border-collapse: collapse; font-size: 8.5pt; margin: 2mm 0; width: 100% }
 th, td { border-bottom: 1px solid #ddd; padding: 0.6mm 1.5mm; text-align: right; vertical-align: top }
 th { border-bottom-color: #888; font-weight: 600 } th.t, td.t { text-align: left; overflow-wrap: anywhere }
-thead { display: table-header-group } tr, figure, p.w { break-inside: avoid } h2 { break-after: avoid }
+thead { display: table-header-group } tr, table, figure, p.w { break-inside: avoid } h2 { break-after: avoid }
 figure { margin: 3mm 0 } img { max-width: 100%; max-height: 245mm; display: block; margin: 0 auto }
 figcaption { font-size: 8.5pt; color: #444 } p.w { border-left: 3px solid #b03a2e; padding-left: 3mm }
 code { font-size: 8pt; overflow-wrap: anywhere } ul { margin: 1mm 0; padding-left: 5mm }
-@media print { body { margin: 0; padding: 0; max-width: none } }
+@media print { body { margin: 0; padding: 0; max-width: none } img { max-height: 185mm } }
 """
 
 LEFT_OUT = (
