@@ -246,7 +246,8 @@ def test_an_option_with_nothing_to_act_on_is_refused(tmp_path, monkeypatch, tdin
     """
     monkeypatch.chdir(tmp_path)
     option = max(parameter.opts, key=len)
-    words = [name, *WORDS.get(name, ["x.csv"]), *REQUIRED.get(name, [])]
+    inputs = [] if parameter.needs == "RECORD" else WORDS.get(name, ["x.csv"])
+    words = [name, *inputs, *REQUIRED.get(name, [])]
     words += {"--period": ["--im", "pga"], "--damping": ["--im", "pga"]}.get(option, []) if name == "ida" else []
     words += ["--load", "free"] if option == "--frequency-ratio" else []
     value = {

@@ -83,11 +83,13 @@ def _check_file(name: str, content: bytes) -> None:
 
 
 def _check_table(name: str, text: str) -> None:
-    """CSV, or the words of a help: no control character; in a table as many cells in every row, each sound."""
+    """CSV, JSON, BibTeX or the words of a help: no control character; in a table as many sound cells in every row."""
     for line in text.split("\n"):
         if found := _CONTROL.search(line):
             raise Failure(f"{name}: the control character {found[0]!r}: {line[:200]!r}")
     if text.startswith(("Usage:", "tdint ", "# ")):
+        return
+    if text.startswith("@misc{"):  # BibTeX
         return
     if text.startswith("{"):
         json.loads(text, parse_constant=_no_constant)

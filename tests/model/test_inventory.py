@@ -119,7 +119,7 @@ def test_a_model_names_a_building_or_writes_it_out():
     ("text", "message"),
     [
         ("building: {}", "building.type: is missing; give one of W1, W2, "),
-        ("building: 3", "building: must be a mapping with the keys rules, type, "),
+        ("building: 3", "building: must be a mapping with the keys rules, capacity, type, "),
         (
             "building: {rules: mine, type: C9, stories: 51, year: 1, area: 0}",
             "building.rules: unknown set of rules 'mine'",

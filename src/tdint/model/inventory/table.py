@@ -91,7 +91,7 @@ def read_inventory(
         elif building:
             seen[building.id] = line
             buildings.append(building)
-    return buildings, faults
+    return buildings, sorted(faults, key=lambda fault: (fault.line, fault.column))
 
 
 class _Row:
