@@ -140,7 +140,7 @@ def suite_page(
             for one in models[:_MOST_MODELS]
         ),
         _motions([motion.record for motion in plan.motions], units),
-        _assumptions(step, rest),
+        _assumptions(step, [*rest, _SUITE]),
         Chapter("Notes", (list(plan.notes),)),
         Chapter("Inputs", (_inputs(plan, content),)),
     ]
@@ -181,6 +181,12 @@ def _motions(records: Sequence[Record], units: OutputUnits) -> Chapter:
     return Chapter("Ground motions", parts)
 
 
+_SUITE = (
+    "of pairs of horizontal components the larger value counts; means are over the motions under which the building "
+    "stood"
+)
+
+
 def _assumptions(step: str, more: Sequence[str]) -> Chapter:
     points = (
         f"Time integration: {step}.",
@@ -188,7 +194,5 @@ def _assumptions(step: str, more: Sequence[str]) -> Chapter:
         "A shear building: " + LEFT_OUT[0][0].lower() + LEFT_OUT[0][1:],
         *LEFT_OUT[1:],
         "Drifts and displacements are relative to the floor below and to the ground; accelerations are absolute.",
-        "Of pairs of horizontal components the larger value counts; means are over the motions under which the "
-        "building stood.",
     )
     return Chapter("Assumptions", (points,))
