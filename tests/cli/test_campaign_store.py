@@ -95,6 +95,7 @@ def test_a_merge_leaves_out_what_is_damaged(done: dict[str, bytes], tdint: Run) 
         "DELETE FROM meta",
         "DELETE FROM meta WHERE key = 'fingerprint'",
         "UPDATE buildings SET name = '=1+1'",
+        "UPDATE buildings SET name = CAST(x'ff00' AS TEXT)",
         "UPDATE records SET direction = 2",
         "INSERT INTO unused VALUES('ghost', '')",
         "DROP TABLE meta",

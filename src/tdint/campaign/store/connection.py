@@ -123,6 +123,8 @@ def in_words(name: str) -> Iterator[None]:
     try:
         yield
     except sqlite3.OperationalError as error:
+        if "decode" in str(error):
+            raise UntrustedStoreError(name, "text that is no UTF-8") from error
         raise OutputError(f"{name}: cannot be used: {error}") from error
     except (sqlite3.Error, UnicodeDecodeError) as error:  # of what SQLite says of damaged text, too
         raise UntrustedStoreError(name, str(error)) from error
