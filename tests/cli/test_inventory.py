@@ -45,7 +45,7 @@ def test_bad_rows_cost_the_exit_code_alone(folder, tdint):
     assert {row["id"] for row in rows((folder / "models.csv").read_text())} == {"good"}
     words, *faults = result.stderr.splitlines()
     assert words == "1 of 2 buildings by the rules mdof-lu."
-    assert [fault.split(": ")[1] for fault in faults] == ["b.csv:3:4", "b.csv:3:2"]
+    assert [fault.split(": ")[1] for fault in faults] == ["b.csv:3:2", "b.csv:3:4"]
 
 
 def test_scatter_has_a_seed(folder, tdint):

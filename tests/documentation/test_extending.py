@@ -27,6 +27,7 @@ LAWS = "src/tdint/kernels/laws"
 FORMATS = "src/tdint/ground_motion/formats"
 CHANGES = (
     ("member", "src/tdint/methods/single_step.py", "METHODS = (\n"),
+    ("member-reference", "src/tdint/methods/references.py", "REFERENCES: dict[str, tuple[Publication, ...]] = {\n"),
     ("member-accuracy", "tests/analysis/assessment/test_stability.py", "ACCURACY = {\n"),
     ("member-powers", "tests/analysis/assessment/test_overshoot.py", "POWERS = {\n"),
     ("law-import", f"{LAWS}/__init__.py", "from __future__ import annotations\n\n"),

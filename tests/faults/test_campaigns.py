@@ -36,6 +36,7 @@ from tdint.campaign.plan import make_plan
 from tdint.campaign.reader import load_campaign
 from tdint.campaign.carry_out import compile_for, threads
 from tdint_cli.batch.campaigns import carry_out
+from tdint_cli.batch.profiles import SuiteRequest
 from tdint_cli.settings import Settings
 import click, tdint.output.tables.campaign, tdint.output.summaries.summary
 
@@ -45,7 +46,7 @@ def plan():
 
 def campaign(folder):
     with click.Context(click.Command("campaign"), obj=Settings(quiet=True)):
-        carry_out(plan(), threads(2), Path(folder))
+        carry_out(plan(), threads(2), Path(folder), of_suite=SuiteRequest())
 
 compile_for(plan())
 random.seed(int(sys.argv[1]))
@@ -82,7 +83,7 @@ def test_a_hundred_kills_leave_nothing_out_and_nothing_twice(study, start):
     )
     assert (killer.returncode, killer.stdout.split()[:1]) == (0, ["100"]), killer.stderr
     assert start("campaign", "study.yaml", "-o", "out").end(300.0)[0] == 0
-    for name in ("runs.csv", "stories.csv"):
+    for name in ("runs.csv", "stories.csv", "profiles.csv"):
         assert (study / "out" / name).read_bytes() == (study / "whole" / name).read_bytes()
     assert sorted(path.name for path in (study / "out").iterdir() if path.suffix == ".tmp") == []
 
