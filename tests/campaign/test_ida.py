@@ -101,7 +101,7 @@ def test_curves_are_filled(study):
 
 def test_threads_change_nothing(frame, study):
     again = ida(frame, [motion(seed) for seed in range(4)], jobs=1)
-    assert [one.runs for one in again.curves] == [one.runs for one in study.curves]
+    assert same_runs(again, study)
 
 
 def test_a_narrower_bracket(frame, study):
@@ -287,7 +287,7 @@ def test_an_interrupted_study_goes_on(tmp_path, frame, study):
     told = []
     again = ida(frame, records, folder=tmp_path, progress=lambda done, of: told.append((done, of)))
     assert (again.resumed, told) == (2, [(2, 4), (3, 4), (4, 4)])
-    assert [one.runs for one in again.curves] == [one.runs for one in study.curves]
+    assert same_runs(again, study)
     assert ida(frame, records, folder=tmp_path).resumed == 4
 
 
@@ -299,8 +299,13 @@ def test_runs_at_levels_that_are_no_longer_chosen_are_done_again(tmp_path, frame
         ida(frame, [motion(0)], pga(), settings, folder=tmp_path)
     again = ida(frame, [motion(0)], pga(), settings, folder=tmp_path)
     assert again.resumed == 0
-    assert again.curves[0].runs == ida(frame, [motion(0)], pga(), settings).curves[0].runs
+    assert same_runs(again, ida(frame, [motion(0)], pga(), settings))
     assert ida(frame, [motion(0)], pga(), settings, folder=tmp_path).resumed == 1
+
+
+def same_runs(one, other):
+    """Whether two studies have the same runs to the last bit; an error that is not estimated is nan in both."""
+    return repr([curve.runs for curve in one.curves]) == repr([curve.runs for curve in other.curves])
 
 
 def drop_chunks(folder, *numbers):
