@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -94,11 +96,9 @@ def test_levels_are_those_of_the_first_shock(study, tdint):
 
 
 def test_a_shock_that_was_changed_in_the_store_is_done_again(study, tdint):
-    import sqlite3
-
     assert tdint("campaign", "study.yaml", "-o", "out").exit_code == 0
     before = Path("out/shocks.csv").read_bytes()
-    with sqlite3.connect("out/campaign.sqlite") as connection:
+    with closing(sqlite3.connect("out/campaign.sqlite")) as connection, connection:
         connection.execute("UPDATE shock_rows SET peak_drift_m = 1 WHERE shock = 2")
     again = tdint("campaign", "study.yaml", "-o", "out")
     assert again.exit_code == 0 and "done again" in again.stderr
