@@ -145,3 +145,25 @@ def canonical(name: str) -> str:
     plain = "".join(name.split()).lower().lstrip("*").replace("²", "^2").replace("sec", "s").replace("**", "^")
     plain = re.sub(r"/(s/s|s2|\(s\^2\))$", "/s^2", plain)
     return "gal" if plain == "gals" else plain
+
+
+def parse_acceleration(key: str, text: str, example: str) -> float:
+    """An acceleration in m/s^2; a number without a unit is refused.
+
+    Parameters
+    ----------
+    key, example : str
+        What it is called and how it is written, for messages.
+
+    Raises
+    ------
+    UsageError
+        It is none.
+    """
+    try:
+        units = parse_units(text)
+    except UsageError:
+        units = None
+    if units is None or not units.has_factor or units.quantity != "acceleration":
+        raise UsageError(f"{key} must be a number with its unit, such as {example}, got {text[:40]!r}")
+    return units.scale

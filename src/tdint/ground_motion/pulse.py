@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tdint.csv_table import number
 from tdint.errors import UsageError
-from tdint.units import ACCELERATION, parse_units
+from tdint.units import ACCELERATION, parse_acceleration
 from tdint.written_numbers import parse_named
 
 Array = NDArray[np.float64]
@@ -106,7 +106,7 @@ def parse_motion(text: str) -> Artificial:
     numbers = {key: _positive(key, value) for key, value in given.items() if key != "pga"}
     if name == "pulse":
         return VelocityPulse(numbers["velocity"], numbers["period"], numbers.get("cycles", 3.0))
-    pga, duration = _acceleration(given["pga"]), numbers["duration"]
+    pga, duration = parse_acceleration("pga", given["pga"], "0.1g"), numbers["duration"]
     first = numbers["frequency"] if name == "sine" else numbers["first"]
     last = numbers["frequency"] if name == "sine" else numbers["last"]
     if not duration * max(first, last) <= _MOST_TURNS:
@@ -119,17 +119,6 @@ def _positive(key: str, text: str) -> float:
     if not (math.isfinite(value) and value > 0.0):
         raise UsageError(f"{key} must be a positive number, got {text[:40]!r}")
     return value
-
-
-def _acceleration(text: str) -> float:
-    """m/s^2; a number without a unit is refused."""
-    try:
-        units = parse_units(text)
-    except UsageError:
-        units = None
-    if units is None or not units.has_factor or units.quantity != "acceleration":
-        raise UsageError(f"pga must be a number with its unit, such as 0.1g, got {text[:40]!r}")
-    return units.scale
 
 
 def motion_text(motion: Artificial, *, unit: str) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import UsageError
-from tdint.units import STANDARD_GRAVITY, parse_units
+from tdint.units import STANDARD_GRAVITY, parse_acceleration
 from tdint.written_numbers import parse_named, parse_ratio
 
 Array = NDArray[np.float64]
@@ -125,7 +125,7 @@ def _ec8(given: Texts) -> DesignSpectrum:
     s, tb, tc, td = (_positive(given, key) if key in given else value for key, value in recommended.items())
     if not tb < tc < td < _EC8_END:
         raise UsageError(f"tb, tc, td must rise, below {_EC8_END:g} s, got {tb:g}, {tc:g}, {td:g} s")
-    ag = _acceleration(given["ag"])
+    ag = parse_acceleration("ag", given["ag"], "0.25g")
     damping = parse_ratio(given.get("damping", "5%"))
     if not 0.0 < damping < 1.0:
         raise UsageError(f"damping must lie between 0 and 100 %, got {given['damping']!r}")
@@ -147,17 +147,6 @@ def _positive(given: Texts, key: str) -> float:
     if not (math.isfinite(value) and value > 0.0):
         raise UsageError(f"{key} must be a positive number, got {given[key]!r}")
     return value
-
-
-def _acceleration(text: str) -> float:
-    """m/s^2; a number without a unit is refused."""
-    try:
-        units = parse_units(text)
-    except UsageError:
-        units = None
-    if units is None or not units.has_factor or units.quantity != "acceleration":
-        raise UsageError(f"ag must be a number with its unit, such as 0.25g, got {text!r}")
-    return units.scale
 
 
 _TWO_PERIOD = {"sds": True, "sd1": True, "tl": True}
