@@ -77,16 +77,20 @@ def _of_backbone(name: str, point: int) -> Callable[[Any], Any]:
     return lambda one: getattr(one.building, name)[:, point]
 
 
+_SHEAR_BEAM = Column("period_shear_beam_s", "s", "building.period", "fundamental period of the shear building")
+_OF_STORIES = (
+    Column("damping_ratio", "1", "building.damping_ratio", "viscous damping ratio"),
+    Column("story", "1", lambda one: np.arange(1, one.building.mass.size + 1), "story, from 1 at the ground"),
+    Column("mass_kg", "kg", "building.mass", "mass of the floor"),
+    Column("height_m", "m", "building.height", "story height"),
+)
 INVENTORY = (
     Column("id", "text", "row.id", "id of the building"),
     Column("design_level", "text", "building.design_level", "design level: pre, low, moderate, high"),
     Column("hazus_type", "text", "building.type", "structure type with its class of height"),
     Column("period_rule_s", "s", "building.rule_period", "fundamental period by the rules"),
-    Column("period_shear_beam_s", "s", "building.period", "fundamental period of the shear building"),
-    Column("damping_ratio", "1", "building.damping_ratio", "viscous damping ratio"),
-    Column("story", "1", lambda one: np.arange(1, one.building.mass.size + 1), "story, from 1 at the ground"),
-    Column("mass_kg", "kg", "building.mass", "mass of the floor"),
-    Column("height_m", "m", "building.height", "story height"),
+    _SHEAR_BEAM,
+    *_OF_STORIES,
     Column("stiffness_N_m", "N/m", "building.stiffness", "initial stiffness"),
     Column("yield_force_N", "N", "building.yield_force", "force at first yield"),
     Column("ultimate_force_N", "N", "building.ultimate_force", "largest force"),
@@ -99,12 +103,9 @@ OF_CLASSES = (
     INVENTORY[0],
     Column("class", "text", "building.name", "class of the building"),
     Column("period_curve_s", "s", "building.curve_period", "period of the first line of the capacity curve"),
-    Column("period_shear_beam_s", "s", "building.period", "fundamental period of the shear building"),
+    _SHEAR_BEAM,
     Column("participation", "1", "building.participation", "roof displacement over spectral displacement"),
-    Column("damping_ratio", "1", "building.damping_ratio", "viscous damping ratio"),
-    Column("story", "1", lambda one: np.arange(1, one.building.mass.size + 1), "story, from 1 at the ground"),
-    Column("mass_kg", "kg", "building.mass", "mass of the floor"),
-    Column("height_m", "m", "building.height", "story height"),
+    *_OF_STORIES,
     *(
         Column(
             f"{name}_{point + 1}_{unit}", unit, _of_backbone(of, point), f"{name} of point {point + 1} of the backbone"
