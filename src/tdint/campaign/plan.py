@@ -15,6 +15,7 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.campaign.building_types import Damage, damage_of
 from tdint.campaign.buildings import Buildings, GivenBuildings, InventoryBuildings, Rules
 from tdint.campaign.definition import AnalysisWishes, CampaignFile, GridFile, InventoryFile
 from tdint.campaign.draws import Assignment, Draw, EveryMotion, GridDraws, SuiteMotion
@@ -64,6 +65,8 @@ class Plan:
         Records and rows of an inventory that could not be read; the others are taken.
     notes : tuple of str
         What a person should know.
+    damage : Damage or None
+        How damage is told, where it is.
     """
 
     name: str
@@ -74,6 +77,7 @@ class Plan:
     settings: RunSettings
     failures: tuple[TdintError, ...] = ()
     notes: tuple[str, ...] = ()
+    damage: Damage | None = None
     _chosen: dict[int, Future[float | None]] = field(default_factory=dict, init=False, repr=False, compare=False)
     _choosing: Lock = field(default_factory=Lock, init=False, repr=False, compare=False)
 
@@ -234,9 +238,13 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         A time step that does not fit.
     """
     analysis, notes = campaign.analysis, list[str]()
+    buildings = _buildings(campaign, inputs, notes)
+    damage = damage_of(campaign.damage, inputs, buildings)
+    if damage and not analysis.until_rest and any("residual" in one.demand for one in damage.types.values()):
+        notes.append("damage is told by drifts at the end of the records: until_rest of the analysis goes on to rest")
     plan = Plan(
         name=campaign.name,
-        buildings=_buildings(campaign, inputs, notes),
+        buildings=buildings,
         motions=inputs.motions,
         assignment=_assignment(campaign, inputs),
         levels=_levels(campaign, inputs),
@@ -251,6 +259,7 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         ),
         failures=inputs.failures,
         notes=(*notes, *inputs.notes),
+        damage=damage,
     )
     plan.check_steps()
     return plan
