@@ -8,6 +8,7 @@ from tdint.campaign.damage_reader import DamageWishes
 from tdint.campaign.levels import MeasureLevels, Scales
 from tdint.campaign.suites.suite import RecordChoice
 from tdint.campaign.sweep import ParameterSweep
+from tdint.ground_motion.pairing import PairNames
 
 
 @dataclass(frozen=True)
@@ -54,11 +55,12 @@ class InventoryFile:
 
 @dataclass(frozen=True)
 class RecordFiles:
-    """Records by files and folders; `pairs`: the two horizontals of each motion together."""
+    """Records by files and folders; `pairs`: how the two horizontals of each motion are named that are taken
+    together."""
 
     files: tuple[str, ...]
     choice: RecordChoice
-    pairs: bool = False
+    pairs: PairNames | None = None
 
 
 @dataclass(frozen=True)
