@@ -243,7 +243,7 @@ def test_parts_that_are_put_together_tell_the_same(region: Path, tdint: Run) -> 
     [
         ("{dispersion: 0.3}", "damage.thresholds: is missing; give the demand of each state, hazus, capacity"),
         ("{thresholds: {slight: 1%}}", "damage.dispersion: is missing; give 0 for thresholds that are exact"),
-        ("{thresholds: {slight: 1%, worse: 0.5%}, dispersion: 0}", "damage.thresholds: the thresholds of damage states"),
+        ("{thresholds: {slight: 1%, worse: 0.5%}, dispersion: 0}", "damage.thresholds: the thresholds of damage"),
         ("{demand: drift, thresholds: {slight: 1%}, dispersion: 0}", "damage.demand: unknown demand 'drift'"),
         ("{demand: acceleration, thresholds: {slight: 1}, dispersion: 0}", "number with its unit, such as 0.3 g, got"),
         ("{thresholds: hazus}", "hazus has thresholds of buildings of an inventory by the rules mdof-lu"),

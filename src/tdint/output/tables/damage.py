@@ -99,7 +99,11 @@ def _numbers(of: BuildingDamage) -> Any:
 def damage_summary(store: Store) -> dict[str, Any]:
     """The damage states of each type, SI units, and what the columns mean."""
     types = stored_states(store)
-    columns = {"damage.csv": damage_columns(next(iter(types.values()))), "damage-types.csv": TYPES, "losses.csv": LOSSES}
+    columns = {
+        "damage.csv": damage_columns(next(iter(types.values()))),
+        "damage-types.csv": TYPES,
+        "losses.csv": LOSSES,
+    }
     return {
         "types": {name: asdict(states) for name, states in types.items()},
         **{name: {"columns": describe(of_one)} for name, of_one in columns.items()},
