@@ -126,7 +126,7 @@ def test_means_over_the_motions_with_their_errors(folder: Path, tdint: Run) -> N
 def test_falls_and_failures_are_what_they_are(folder: Path, tdint: Run) -> None:
     """A run that collapses is collapsed with certainty, and costs what a collapse does; one without a result has no
     state and no part in any mean, but a place among those that failed."""
-    low, middle, high = sorted(drifts(1.0))
+    _, middle, high = sorted(drifts(1.0))
     text = STUDY.replace("newmark-average", f"newmark-average, collapse_drift: {float(math.sqrt(middle * high))!r}")
     (folder / "study.yaml").write_text(text + DAMAGE % (2.0 * float(high), 3.0 * float(high), 0.0))
     assert tdint("campaign", "study.yaml", "-o", "out").exit_code == 0
