@@ -24,9 +24,9 @@ from tdint.kernels import layout
 from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
-from tdint.model.damage import STATES, DamageStates
+from tdint.model.damage_states import STATES, DamageStates
 from tdint.model.definition import LAWS
-from tdint.output.tables import buildings, campaign, damage, methods, spectra, studies
+from tdint.output.tables import buildings, campaign, damage_states, methods, spectra, studies
 from tdint.output.tables import table as shared
 from tdint_cli.main import COMMANDS, GROUPS, cli
 
@@ -217,11 +217,11 @@ def column_tables():
         "shocks.csv of tdint campaign": campaign.SHOCKS,
         "profiles.csv of tdint campaign": campaign.PROFILES,
         "ratios.csv of tdint campaign": campaign.RATIOS,
-        "damage.csv of tdint campaign": damage.damage_columns(
+        "damage.csv of tdint campaign": damage_states.damage_columns(
             DamageStates("drift_ratio", STATES, (1.0, 2.0, 3.0, 4.0), 0.0, (1.0,) * 5)
         ),
-        "damage-types.csv of tdint campaign": damage.TYPES,
-        "losses.csv of tdint campaign": damage.LOSSES,
+        "damage-types.csv of tdint campaign": damage_states.TYPES,
+        "losses.csv of tdint campaign": damage_states.LOSSES,
         "floor-spectra-mean.csv of tdint campaign": campaign.FLOOR_SUITES,
         "tdint scale": studies.FACTORS,
         "tdint ida": studies.CAPACITIES,

@@ -152,7 +152,7 @@ def test_falls_and_failures_are_what_they_are(folder: Path, tdint: Run) -> None:
 def test_thresholds_of_capacity_curves(region: Path, tdint: Run) -> None:
     """0.75 Sdy, 0.5 Sdy + 0.33 Sdu, 0.25 Sdy + 0.67 Sdu and Sdu; the demand is the displacement of the roof over the
     participation factor of the first mode."""
-    from tdint.campaign.building_types import curve_medians
+    from tdint.campaign.fragility.type_states import curve_medians
 
     published = CapacityFacts(CapacityCurve((0.0017, 0.0087, 0.0656, 0.1), (0.1, 0.2, 0.3, 0.3)), 1)
     assert curve_medians(published) == pytest.approx((0.006525, 0.03735, 0.069175, 0.1), rel=1e-12)

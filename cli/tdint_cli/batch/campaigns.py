@@ -267,8 +267,8 @@ def _damage(store: Store, units: OutputUnits) -> dict[str, Writer]:
     """What is written of damage, where the campaign tells it; means over the motions once all runs are done."""
     if not store.damage():
         return {}
-    from tdint.campaign.damage import stored_states
-    from tdint.output.tables.damage import write_damage, write_losses, write_types
+    from tdint.campaign.fragility.run_damage import stored_states
+    from tdint.output.tables.damage_states import write_damage, write_losses, write_types
 
     writers: dict[str, Writer] = {DAMAGE: lambda stream: write_damage(store, stream, units)}
     if is_complete(store):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tdint.campaign.damage_reader import DamageWishes
+from tdint.campaign.fragility.type_states import DamageWishes
 from tdint.campaign.levels import MeasureLevels, Scales
 from tdint.campaign.suites.suite import RecordChoice
 from tdint.campaign.sweep import ParameterSweep

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
-from tdint.campaign.damage_reader import read_class_losses, read_class_states
 from tdint.campaign.definition import (
     AnalysisWishes,
     CampaignFile,
@@ -20,6 +19,7 @@ from tdint.campaign.definition import (
     SequenceFile,
 )
 from tdint.campaign.draws import GridMotions, SuiteMotion, suite_motions
+from tdint.campaign.fragility.type_states import read_class_losses, read_class_states
 from tdint.campaign.grid_files import read_grid
 from tdint.campaign.levels import FactorTable
 from tdint.campaign.suites.suite import read_components, read_pairs
@@ -29,7 +29,7 @@ from tdint.ground_motion.joining import JoinedRecord
 from tdint.ground_motion.reading.folders import records_of
 from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
-from tdint.model.damage import CAPACITY, HAZUS, DamageStates
+from tdint.model.damage_states import CAPACITY, HAZUS, DamageStates
 from tdint.model.definition import Model
 from tdint.model.inventory.capacity import read_classes
 from tdint.model.inventory.table import InventoryRow, read_inventory

@@ -15,13 +15,13 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.campaign.building_types import Damage, damage_of
 from tdint.campaign.buildings import Buildings, GivenBuildings, InventoryBuildings, Rules
 from tdint.campaign.definition import AnalysisWishes, CampaignFile, GridFile, InventoryFile
 from tdint.campaign.draws import Assignment, Draw, EveryMotion, GridDraws, SuiteMotion
 from tdint.campaign.engine.chunk import Chunk
 from tdint.campaign.engine.task import BuildingRuns, Run, RunSettings, Source, Subject
 from tdint.campaign.engine.tolerance import building_step
+from tdint.campaign.fragility.type_states import Damage, damage_of
 from tdint.campaign.inputs import Inputs
 from tdint.campaign.levels import GivenFactors, IntensityLevels, Levels, MeasureLevels, Scales
 from tdint.errors import ModelError, TdintError, UsageError

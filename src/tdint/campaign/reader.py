@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
-from tdint.campaign.damage_reader import DAMAGE, read_wishes
 from tdint.campaign.definition import (
     AnalysisWishes,
     CampaignFile,
@@ -18,6 +17,7 @@ from tdint.campaign.definition import (
     RecordFiles,
     SequenceFile,
 )
+from tdint.campaign.fragility.type_states import DAMAGE, read_wishes
 from tdint.campaign.levels import MeasureLevels, Scales
 from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, PAIRS, IntensityMeasure, PeakVelocity, pga, sa, sa_average
 from tdint.campaign.suites.suite import RecordChoice

@@ -17,7 +17,7 @@ from tdint.ground_motion.processing import Processing
 from tdint.ground_motion.text_layout import AS_STATED, TextLayout
 from tdint.kernels.laws import LAWS as _LAWS
 from tdint.kernels.laws.law import DriftLaw
-from tdint.model.damage import DamageStates
+from tdint.model.damage_states import DamageStates
 from tdint.model.plugins import check_name, declared, faults_of, installed
 from tdint.output_units import SI, OutputUnits
 

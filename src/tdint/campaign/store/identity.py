@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
-from tdint.campaign.building_types import Damage
+from tdint.campaign.fragility.type_states import Damage
 from tdint.campaign.plan import Plan
 from tdint.ground_motion.record import Record
 from tdint.output_units import SI, OutputUnits

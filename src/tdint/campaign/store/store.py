@@ -238,7 +238,7 @@ class Store:
         return self._known("damage") or ""
 
     def building_types(self) -> dict[int, tuple[str, float, float]]:
-        """Of each building by its number what `tdint.campaign.building_types.BuildingType` has; nothing without
+        """Of each building by its number what `tdint.campaign.fragility.type_states.BuildingType` has; nothing without
         damage states."""
         rows = self.connection.execute("SELECT building, type, divisor, period_s FROM building_types ORDER BY building")
         return {number: (name, divisor, period) for number, name, divisor, period in rows}

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from tdint.errors import UsageError
-from tdint.model.damage import DEMANDS, DamageStates
+from tdint.model.damage_states import DEMANDS, DamageStates
 from tdint.model.keys.fields import Section, Value
 from tdint.model.keys.kinds import POSITIVE_RATIO, Bounds, Choice, Either, Key, Keys, Schema, ValueKind, Words
 from tdint.units import parse_units

@@ -81,7 +81,7 @@ def table_summary(
 def campaign_summary(store: Store) -> dict[str, Any]:
     """What a campaign is, how far it has come, and what the columns of runs.csv mean."""
     from tdint.output.tables.campaign import PROFILES, run_columns
-    from tdint.output.tables.damage import damage_summary
+    from tdint.output.tables.damage_states import damage_summary
 
     statuses, unused = store.statuses(), store.unused()
     records = store.connection.execute(

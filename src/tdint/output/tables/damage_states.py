@@ -8,9 +8,15 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from tdint.campaign.damage import BuildingDamage, TypeDamage, building_damages, group_damages, stored_states
+from tdint.campaign.fragility.run_damage import (
+    BuildingDamage,
+    TypeDamage,
+    building_damages,
+    group_damages,
+    stored_states,
+)
 from tdint.campaign.store.store import Store
-from tdint.model.damage import DEMANDS, DamageStates
+from tdint.model.damage_states import DEMANDS, DamageStates
 from tdint.output.tables.campaign import OF_BUILDING, SAMPLE, write_rows
 from tdint.output.tables.table import Column, cell_text, describe
 from tdint.output_units import SI, OutputUnits

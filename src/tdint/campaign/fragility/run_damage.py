@@ -23,7 +23,7 @@ from scipy.special import ndtr
 
 from tdint.campaign.profiles import motion_numbers
 from tdint.campaign.store.store import Store
-from tdint.model.damage import FALLEN, DamageStates
+from tdint.model.damage_states import FALLEN, DamageStates
 
 Array = NDArray[np.float64]
 
@@ -150,9 +150,19 @@ def building_damages(store: Store) -> Iterator[BuildingDamage]:
         demand = np.abs(values) / divisor
         keys = [(run[1], run[2], run[3]) for run in runs]
         yield BuildingDamage(
-            number, names[number][0], name, period, states, keys, _ranks(keys), status, demand,
-            probabilities(states, demand, status), sa, pga,
-        )  # fmt: skip
+            number,
+            names[number][0],
+            name,
+            period,
+            states,
+            keys,
+            _ranks(keys),
+            status,
+            demand,
+            probabilities(states, demand, status),
+            sa,
+            pga,
+        )
 
 
 def _ranks(keys: Sequence[tuple[int, float, int]]) -> NDArray[np.intp]:
@@ -241,9 +251,17 @@ class _Group:
             loss = Mean(mean.value[-2:-1], mean.error[-2:-1])
             sd = math.sqrt(max(float(mean.value[-1] - mean.value[-2] ** 2), 0.0))
         return TypeDamage(
-            name, building, level, self.states, self.buildings, self.runs, self.failed,
-            Mean(mean.value[:count], mean.error[:count]), loss, sd,
-        )  # fmt: skip
+            name,
+            building,
+            level,
+            self.states,
+            self.buildings,
+            self.runs,
+            self.failed,
+            Mean(mean.value[:count], mean.error[:count]),
+            loss,
+            sd,
+        )
 
 
 def _mean(sums: Array) -> Mean:

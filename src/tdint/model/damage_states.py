@@ -21,7 +21,7 @@ HAZUS_DISPERSION = 0.4
 
 
 @dataclass(frozen=True)
-class Demand:
+class DamageDemand:
     """What damage states are told by.
 
     Attributes
@@ -40,11 +40,11 @@ class Demand:
 
 
 DEMANDS = {
-    "drift_ratio": Demand("1", "largest peak drift over story height"),
-    "roof_drift_ratio": Demand("1", "largest displacement of the roof over the height of the building", "height"),
-    "residual_drift_ratio": Demand("1", "largest drift over story height at the end of the run"),
-    "acceleration": Demand("m/s^2", "largest absolute acceleration of a floor"),
-    "spectral_displacement": Demand(
+    "drift_ratio": DamageDemand("1", "largest peak drift over story height"),
+    "roof_drift_ratio": DamageDemand("1", "largest displacement of the roof over the height of the building", "height"),
+    "residual_drift_ratio": DamageDemand("1", "largest drift over story height at the end of the run"),
+    "acceleration": DamageDemand("m/s^2", "largest absolute acceleration of a floor"),
+    "spectral_displacement": DamageDemand(
         "m", "largest displacement of the roof over the participation factor of the first mode", "participation"
     ),
 }
