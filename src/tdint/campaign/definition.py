@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from tdint.campaign.levels import MeasureLevels, Scales
 from tdint.campaign.suites.suite import RecordChoice
 from tdint.campaign.sweep import ParameterSweep
+from tdint.ground_motion.pairing import PairNames
 
 
 @dataclass(frozen=True)
@@ -53,11 +54,12 @@ class InventoryFile:
 
 @dataclass(frozen=True)
 class RecordFiles:
-    """Records by files and folders; `pairs`: the two horizontals of each motion together."""
+    """Records by files and folders; `pairs`: how the two horizontals of each motion are named that are taken
+    together."""
 
     files: tuple[str, ...]
     choice: RecordChoice
-    pairs: bool = False
+    pairs: PairNames | None = None
 
 
 @dataclass(frozen=True)

@@ -191,7 +191,10 @@ def read_motions(wanted: RecordFiles) -> FoundMotions:
         None can be used: why, one line each.
     """
     sources = records_of(wanted.files, wanted.choice.layout)
-    suite = (read_pairs if wanted.pairs else read_components)(sources.files, wanted.choice)
+    if wanted.pairs:
+        suite = read_pairs(sources.files, wanted.choice, wanted.pairs)
+    else:
+        suite = read_components(sources.files, wanted.choice)
     failures = (*sources.failures, *suite.failures)
     if not suite.motions:
         raise RecordError("\n".join(map(str, failures)) or "there is no record in this campaign")

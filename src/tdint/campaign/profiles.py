@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from tdint.analysis.run.outcome import STORY
 from tdint.campaign.store.store import Store
 from tdint.errors import UsageError, did_you_mean
-from tdint.ground_motion.horizontals import at_right_angles, motion_name
+from tdint.ground_motion.horizontals import at_right_angles
+from tdint.ground_motion.pairing import motion_name
 from tdint.quantity import Quantity
 
 Array = NDArray[np.float64]
