@@ -116,5 +116,6 @@ def methods(suite: Motions, step: float) -> None:
 if __name__ == "__main__":
     suite = motions()
     step = suite.records[0].dt
-    if "methods" not in sys.argv: laws(suite, step)
+    if "methods" not in sys.argv:
+        laws(suite, step)
     methods(suite, step)
