@@ -168,3 +168,23 @@ def test_parquet_has_the_rows_of_the_tables(region: Path, tdint: Run) -> None:
                     assert math.isclose(value, float(text), rel_tol=1e-11)
     kinds = {field.name: str(field.type) for field in parquet.read_schema("out/runs.parquet")}
     assert (kinds["Cost"], kinds["zip"], kinds["steps"], kinds["note"]) == ("double", "string", "int64", "string")
+
+
+def test_damage_has_them_too(region: Path, tdint: Run) -> None:
+    """Columns of the inventory in damage.csv and damage.parquet; the map has the means over the runs of damage.csv."""
+    with Path("campaign.yaml").open("a") as stream:
+        stream.write(
+            "damage: {thresholds: {slight: 0.4%, complete: 2%}, dispersion: 0.3, losses: {slight: 10%, complete: 1}}\n"
+        )
+    assert tdint("campaign", "campaign.yaml", "-o", "out").exit_code == 0
+    assert tdint("campaign", "export", "out", "--geojson").exit_code == 0
+    table = rows("out/damage.csv")
+    assert list(table[0])[-len(CARRIED) :] == CARRIED
+    for feature in json.loads(Path("out/buildings.geojson").read_text("utf-8"))["features"]:
+        one = feature["properties"]
+        mine = [row for row in table if (row["building"], float(row["scale"])) == (one["building"], one["scale"])]
+        for name in ("probability_none", "probability_slight", "probability_collapsed", "loss_ratio"):
+            assert one[name] == pytest.approx(sum(float(row[name]) for row in mine) / 2, rel=1e-10, abs=1e-12)
+    parquet = pytest.importorskip("pyarrow.parquet")
+    found = parquet.read_table("out/damage.parquet")
+    assert found.column_names == list(table[0]) and found.num_rows == len(table)

@@ -22,6 +22,7 @@ _SEALED = (
     "SELECT * FROM buildings ORDER BY id",
     "SELECT * FROM records ORDER BY id",
     "SELECT * FROM inventory ORDER BY building",
+    "SELECT * FROM building_types ORDER BY building",
     "SELECT kind, reason FROM unused ORDER BY rowid",
 )
 

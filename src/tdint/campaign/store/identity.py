@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
+from tdint.campaign.fragility.type_states import Damage
 from tdint.campaign.plan import Plan
 from tdint.ground_motion.record import Record
 from tdint.output_units import SI, OutputUnits
@@ -60,6 +61,8 @@ class Identity:
         What a sweep changed in each building.
     columns, cells : sequence of str
         Columns of an inventory that are carried along, and of each building what stands there, a JSON list.
+    damage : Damage or None
+        How damage is told.
     """
 
     name: str
@@ -75,6 +78,7 @@ class Identity:
     varied: Sequence[Mapping[str, float]] = ()
     columns: Sequence[str] = ()
     cells: Sequence[str] = ()
+    damage: Damage | None = None
 
     @classmethod
     def of(cls, plan: Plan) -> Identity:
@@ -98,6 +102,7 @@ class Identity:
             varied=[buildings.varied(i) for i in range(len(buildings))],
             columns=buildings.columns,
             cells=[buildings.cells(i) for i in range(len(buildings))] if buildings.columns else (),
+            damage=plan.damage,
         )
 
     @cached_property

@@ -9,9 +9,11 @@ from itertools import groupby
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from tdint.campaign.engine.rows import RUN
+from tdint.campaign.fragility.run_damage import BuildingDamage, building_damages, stored_states
 from tdint.campaign.store.schema import RUN_COLUMNS
 from tdint.errors import UsageError
 from tdint.output.tables.campaign import carried_columns, numeric
+from tdint.output.tables.damage_states import LOSS
 from tdint.output.tables.table import names
 from tdint.output_units import SI, OutputUnits
 
@@ -33,7 +35,8 @@ def write_geojson(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> No
 
     Properties are the columns of the inventory, the level (`scale`, and `level` as in profiles.csv), how many motions
     there were and under how many the building collapsed or a run failed, and of the demands the mean and the largest
-    over the others: of a pair the larger component counts. What is not known is null.
+    over the others: of a pair the larger component counts. Where damage is told, the mean probability of each state and
+    the mean loss ratio follow. What is not known is null.
 
     Raises
     ------
@@ -67,18 +70,20 @@ def _features(store: Store, units: OutputUnits) -> Iterator[Feature]:
 
     longitude, latitude = places_of(store)
     rules, properties = SuiteRules.of(store), _properties(store)
-    buildings = store.buildings()
+    buildings, damages = store.buildings(), building_damages(store)
     for number, rows in groupby(store.runs(), key=lambda row: row[0]):
+        damage = next(damages, None)
         runs = {RunKey(*row[1:4]): row for row in rows}
         cells = store.carried(number)
         geometry = _point(cells[longitude], cells[latitude])
-        for level in rules.levels({key: row[_STATUS] for key, row in runs.items()}):
+        for rank, level in enumerate(rules.levels({key: row[_STATUS] for key, row in runs.items()})):
             head: Feature = {"building": buildings[number][0]}
             if not math.isnan(level.scale):
                 head["scale"] = _digits(level.scale)
             if not math.isnan(level.value):
                 head["level"] = _digits(level.value)
-            found = head | _counts(level) | _demands(level, runs, units) | properties(cells)
+            told = _damage(damage, rank) if damage else {}
+            found = head | _counts(level) | _demands(level, runs, units) | told | properties(cells)
             yield {"type": "Feature", "geometry": geometry, "properties": found}
 
 
@@ -108,10 +113,29 @@ def _demands(level: SuiteLevel, runs: Mapping[RunKey, Sequence[Any]], units: Out
     return found
 
 
+def _damage(of: BuildingDamage, rank: int) -> Feature:
+    """Mean probability of each damage state and mean loss ratio over the runs of a level."""
+    chosen = of.known & (of.rank == rank)
+    means = of.probability[chosen].mean(axis=0).tolist() if chosen.any() else [None] * len(of.states.outcomes)
+    found = {_probability(name): _known(mean) for name, mean in zip(of.states.outcomes, means, strict=True)}
+    if of.states.losses:
+        found[LOSS.name] = _known(float(of.loss[chosen].mean()) if chosen.any() else None)
+    return found
+
+
+def _probability(outcome: str) -> str:
+    return f"probability_{outcome.replace('-', '_')}"
+
+
+def _known(value: float | None) -> float | None:
+    return None if value is None else _digits(value)
+
+
 def _properties(store: Store) -> Callable[[Sequence[str]], Feature]:
     """What makes the properties of the inventory's cells: numbers where a column has numbers alone."""
     demands = [f"{what}_{one.column}" for one in _DEMANDS for what in ("mean", "max")]
-    columns = names(carried_columns(store, (*_OWN, *demands)))
+    outcomes = [_probability(name) for states in stored_states(store).values() for name in states.outcomes]
+    columns = names(carried_columns(store, (*_OWN, *demands, *outcomes, LOSS.name)))
     kinds = numeric(store)
 
     def properties(cells: Sequence[str]) -> Feature:

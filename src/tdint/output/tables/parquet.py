@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
 from tdint.campaign.engine.rows import RUN
 from tdint.output.tables.campaign import SAMPLE, numeric, run_columns, run_rows, story_columns, story_rows
+from tdint.output.tables.damage_states import damage_rows, damage_table_columns
 from tdint.output.tables.table import TEXT, Column
 
 if TYPE_CHECKING:
@@ -27,6 +28,12 @@ def runs_parquet(store: Store) -> Callable[[BinaryIO], None] | None:
 def stories_parquet(store: Store) -> Callable[[BinaryIO], None] | None:
     """What writes stories.parquet; None without pyarrow."""
     return parquet_writer(store, story_columns(store), lambda: story_rows(store))
+
+
+def damage_parquet(store: Store) -> Callable[[BinaryIO], None] | None:
+    """What writes damage.parquet; None without pyarrow."""
+    columns = damage_table_columns(store)
+    return parquet_writer(store, columns, lambda: damage_rows(store), carried=len(store.inventory_columns()))
 
 
 def parquet_writer(
