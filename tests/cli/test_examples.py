@@ -15,7 +15,7 @@ COLUMNS = (
 )
 FIGURES = {1: (7, 8), 2: (10, 11, 12), 3: (14, 15, 16)}
 FILES = {
-    number: [f"example-{number}-errors.csv", *(f"figure-{figure:02d}.png" for figure in figures)]
+    number: [f"example-{number}-errors.csv", f"example-{number}-errors.json", *(f"figure-{figure:02d}.png" for figure in figures)]
     for number, figures in FIGURES.items()
 }
 
@@ -109,7 +109,8 @@ def test_a_run_without_an_end_leaves_its_cells_empty_and_a_picture_out(here, tdi
     (row,) = rows(result.stdout)
     assert (row["outcome"], row["displacement_m_error"], row["rank"]) == ("refused", "", "")
     assert "exact has no result: refused" in result.stderr
-    assert [path.name for path in (here / "out").iterdir()] == ["example-2-errors.csv"]
+    left = sorted(path.name for path in (here / "out").iterdir())
+    assert left == ["example-2-errors.csv", "example-2-errors.json"]
 
 
 def test_existing_files_are_kept_before_any_work(here, tdint):
