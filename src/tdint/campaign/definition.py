@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from tdint.campaign.fragility.type_states import DamageWishes
 from tdint.campaign.levels import MeasureLevels, Scales
 from tdint.campaign.suites.suite import RecordChoice
 from tdint.campaign.sweep import ParameterSweep
@@ -146,6 +147,8 @@ class CampaignFile:
         Write the peaks of every story, and what they are over the motions.
     sweep : ParameterSweep or None
         What is varied in every building.
+    damage : DamageWishes or None
+        How damage is told; None: as the models say.
     """
 
     name: str
@@ -157,3 +160,4 @@ class CampaignFile:
     stories: bool = False
     profiles: bool = True
     sweep: ParameterSweep | None = None
+    damage: DamageWishes | None = None

@@ -17,6 +17,7 @@ from tdint.campaign.definition import (
     RecordFiles,
     SequenceFile,
 )
+from tdint.campaign.fragility.type_states import DAMAGE, read_wishes
 from tdint.campaign.levels import MeasureLevels, Scales
 from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, PAIRS, IntensityMeasure, PeakVelocity, pga, sa, sa_average
 from tdint.campaign.suites.suite import RecordChoice
@@ -158,6 +159,7 @@ CAMPAIGN = Keys(
         Key("intensity", _INTENSITY, "how strong the motions are made; as they are where it is left out"),
         Key("analysis", _ANALYSIS, "what is the same for all runs"),
         Key("vary", _VARY, "parameters of the buildings, each value with all the others"),
+        Key("damage", DAMAGE, "damage states of the buildings, and what they cost"),
         Key("outputs", _OUTPUTS, "what is kept beside a row for each run"),
     )
 )
@@ -211,6 +213,7 @@ def _read(section: Section, label: str, name: str, folder: Path) -> CampaignFile
         stories=stories.boolean() if stories else False,
         profiles=profiles.boolean() if profiles else isinstance(found, ModelFiles),
         sweep=read_sweep(section.get("vary"), section.get("analysis"), models=isinstance(found, ModelFiles)),
+        damage=read_wishes(section.get("damage"), folder, found.rules if isinstance(found, InventoryFile) else None),
     )
 
 
