@@ -15,7 +15,11 @@ COLUMNS = (
 )
 FIGURES = {1: (7, 8), 2: (10, 11, 12), 3: (14, 15, 16)}
 FILES = {
-    number: [f"example-{number}-errors.csv", f"example-{number}-errors.json", *(f"figure-{figure:02d}.png" for figure in figures)]
+    number: [
+        f"example-{number}-errors.csv",
+        f"example-{number}-errors.json",
+        *(f"figure-{figure:02d}.png" for figure in figures),
+    ]
     for number, figures in FIGURES.items()
 }
 
@@ -42,7 +46,7 @@ def test_all_examples_with_their_figures(here, tdint):
     assert sorted(path.name for path in (here / "paper").iterdir()) == sorted(
         name for names in FILES.values() for name in names
     )
-    for number, (name, *figures) in FILES.items():
+    for number, (name, _, *figures) in FILES.items():
         assert rows((here / "paper" / name).read_text()) == [row for row in table if row["example"] == str(number)]
         assert all((here / "paper" / figure).read_bytes().startswith(b"\x89PNG") for figure in figures)
     assert "The paper: the proposed method errs least, the central difference most." in result.stderr

@@ -118,20 +118,6 @@ def test_options_and_units_are_told(folder, tdint):
     ]
 
 
-def test_plug_ins_are_inputs(folder, tdint):
-    """They are executed: what is in them makes the numbers."""
-    source = (
-        "from tdint.methods.multi_step import METHODS as THEIRS\n"
-        "from dataclasses import replace\n"
-        "METHODS = (replace(THEIRS[0], name='my-houbolt'),)\n"
-    )
-    (folder / "mine.py").write_text(source)
-    result = tdint("stability", "--plugin", "mine.py", "--method", "my-houbolt", "-o", "table.csv")
-    assert result.exit_code == 0, result.stderr
-    (one,) = json.loads((folder / "table.json").read_text())["inputs"]
-    assert one == {"file": "mine.py", "sha256": hashlib.sha256(source.encode()).hexdigest()}
-
-
 def test_a_checkout_does_not_call_itself_a_release(tmp_path, monkeypatch):
     """Nor does a package with an edited file; the hash is that of its sources, wherever they are."""
     own = Path(tdint.__file__).parent
