@@ -35,6 +35,7 @@ from tdint.output.tables.table import (
 from tdint.output_units import SI, OutputUnits
 
 if TYPE_CHECKING:
+    from tdint.campaign.carry_out import CampaignRuns
     from tdint.campaign.floor_suites import FloorSuite, RunFloors
     from tdint.campaign.profiles import Profile, Ratios
     from tdint.campaign.store.store import Store
@@ -128,7 +129,7 @@ STATUS = (
 _ROWS_AT_ONCE = 2048
 
 
-def run_columns(store: Store) -> tuple[Column, ...]:
+def run_columns(store: Store | CampaignRuns) -> tuple[Column, ...]:
     """Of runs.csv of a campaign; what a sweep varied comes last."""
     errors = RUN_ERRORS if store.checked else ()
     return (
@@ -151,7 +152,7 @@ def _parameter(name: str) -> str:
     return name.rpartition(".")[2]
 
 
-def run_rows(store: Store) -> Iterator[list[Any]]:
+def run_rows(store: Store | CampaignRuns) -> Iterator[list[Any]]:
     """The rows of runs.csv, in the order of buildings, records, scales and draws."""
     varied = store.varied()
     swept = [[one.get(name) for name in _swept(varied)] for one in varied]
@@ -304,7 +305,7 @@ def number_text(cell: Any) -> str:
     return "" if cell is None else str(cell)
 
 
-def runs_table(store: Store) -> Table:
+def runs_table(store: Store | CampaignRuns) -> Table:
     """runs.csv as a table, for a small campaign."""
     rows: list[tuple[Cell, ...]] = [tuple(row) for row in run_rows(store)]
     return Table.of(run_columns(store), rows)
