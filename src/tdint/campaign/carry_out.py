@@ -164,14 +164,26 @@ class CampaignRuns(Tabular):
     _buildings: Mapping[int, tuple[str, str]]
     _records: Mapping[int, tuple[str, str, int]]
     _varied: tuple[dict[str, float], ...]
+    _columns: tuple[str, ...]
+    _carried: Mapping[int, list[str]]
 
     @classmethod
     def of(cls, store: Store, failures: tuple[TdintError, ...]) -> CampaignRuns:
         """What is in a store."""
+        buildings, columns = store.buildings(), store.inventory_columns()
         return cls(
-            store.meta("name"), int(store.meta("runs")), store.statuses(), failures, store.checked,
-            tuple(store.runs()), store.buildings(), store.records(), tuple(store.varied()),
-        )  # fmt: skip
+            name=store.meta("name"),
+            asked=int(store.meta("runs")),
+            statuses=store.statuses(),
+            failures=failures,
+            checked=store.checked,
+            _rows=tuple(store.runs()),
+            _buildings=buildings,
+            _records=store.records(),
+            _varied=tuple(store.varied()),
+            _columns=columns,
+            _carried={number: store.carried(number) for number in buildings} if columns else {},
+        )
 
     def runs(self) -> Iterator[tuple[Any, ...]]:
         """As of `Store`, as are the following."""
@@ -188,6 +200,14 @@ class CampaignRuns(Tabular):
     def varied(self) -> list[dict[str, float]]:
         """What a sweep varied, for each building."""
         return list(self._varied)
+
+    def inventory_columns(self) -> tuple[str, ...]:
+        """The columns of an inventory that are carried along."""
+        return self._columns
+
+    def carried(self, building: int) -> list[str]:
+        """What the inventory says of a building in these columns."""
+        return self._carried.get(building, [])
 
     def _headline(self) -> str:
         ended = ", ".join(f"{count} {status}" for status, count in self.statuses.items())

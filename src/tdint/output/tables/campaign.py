@@ -133,13 +133,8 @@ _NUMBER = re.compile(r"-?(?:0|[1-9][0-9]*)(?:\.[0-9]+)?(?:[eE][-+]?[0-9]{1,2})?"
 """As JSON writes numbers: 02138 is a word."""
 
 
-<<<<<<< HEAD
 def run_columns(store: Store | CampaignRuns) -> tuple[Column, ...]:
-    """Of runs.csv of a campaign; what a sweep varied comes last."""
-=======
-def run_columns(store: Store) -> tuple[Column, ...]:
     """Of runs.csv of a campaign; last come what a sweep varied and the columns of an inventory."""
->>>>>>> main
     errors = RUN_ERRORS if store.checked else ()
     own = (
         *RUNS,
@@ -329,7 +324,7 @@ def status_table(statuses: dict[str, int], left: int) -> Table:
     return Table.of(STATUS, [*statuses.items(), ("left", left)])
 
 
-def carried_columns(store: Store, others: Iterable[str]) -> tuple[Column, ...]:
+def carried_columns(store: Store | CampaignRuns, others: Iterable[str]) -> tuple[Column, ...]:
     """The columns of an inventory, which stand behind others of these names; one that is among them gets `inventory_`
     before its own."""
     taken, found = set(others), []
@@ -342,7 +337,7 @@ def carried_columns(store: Store, others: Iterable[str]) -> tuple[Column, ...]:
     return tuple(found)
 
 
-def carried_cells(store: Store) -> Callable[[int], list[str]]:
+def carried_cells(store: Store | CampaignRuns) -> Callable[[int], list[str]]:
     """What stands in the columns of the inventory, by a building's number; it is asked building by building."""
     last: tuple[int, list[str]] = (-1, [])
 
