@@ -87,8 +87,10 @@ def passes(carried):
 
 @inlined
 def _comes_near(value, rate, change, more, peak):
-    """Whether `_beyond` may say so: half the change of the rate is the most that a parabola that turns goes back."""
-    return abs(value + rate + 0.5 * change) + (0.5 + _TURN) * abs(change) + more > peak
+    """Whether a value comes near a peak where its rate, which changes by `change` over the step, is zero: half the
+    change is the most that a parabola goes back from there. A little more, and `more`, is allowed for."""
+    size = abs(change)
+    return (rate * (rate + change) <= 0.0) & (abs(value + rate + 0.5 * change) + (0.5 + _TURN) * size + more > peak)
 
 
 @called
@@ -344,13 +346,11 @@ def _move(carried, i, link, still, count, peak, fastest):
     bend = work[ROW.BEND, i] + work[base + OWN.BEND, i]
     bend -= link * (work[ROW.BEND, below] + work[base + OWN.BEND, below])
     row = base + OWN.MOTION
-    slows = v * (v + bend) <= 0.0
     goes_far = _comes_near(u, v, bend, 0.0, work[base + OWN.PEAKS + peak, i])
     if BENDING and still:
         slope = springs[at.SLOPE, n + 1 + i]
         peak_shear = work[base + OWN.PEAKS + at.PEAK_SHEAR, i]
         goes_far |= _comes_near(springs[at.FORCE, n + 1 + i], slope * v, slope * bend, 0.0, peak_shear)
-    goes_far &= slows
     goes_fast = False
     if DASHPOTS or fastest == at.PEAK_VELOCITY:
         before, after = _relative(work, row, i, link), _relative(work, row + count - 1, i, link)
