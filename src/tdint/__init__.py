@@ -12,6 +12,7 @@ A tour; everything is in SI units, `help(tdint.run)` and the like tell shapes, u
     pandas.DataFrame(response.to_dict("kip,in,g"))       # the columns of the command's table, in other units
     case = tdint.prepare(model, record)                  # put together once for many runs:
     tdint.run_case(case.scaled(2.0))
+    tdint.run_many(models, records, scales=[1, 2], history="drift")    # arrays [run, time, story], on all processors
     tdint.run_sequence(case, [record, aftershock])       # one after the other; .shocks has the peaks of each
     tdint.cyclic_test(model, 1, ["1%", "2%"])            # the law of a story, as in a laboratory
     tdint.pushover(model, "2%")
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from tdint.analysis.run.run import prepare as prepare
     from tdint.analysis.run.run import run as run
     from tdint.analysis.run.run import run_case as run_case
+    from tdint.analysis.run_many import run_many as run_many
     from tdint.analysis.sequence import run_sequence as run_sequence
     from tdint.analysis.spectra.drift import drift_spectrum as drift_spectrum
     from tdint.analysis.spectra.elastic import spectrum as spectrum
@@ -78,6 +80,7 @@ _HOMES = {
     "prepare": "tdint.analysis.run.run",
     "run": "tdint.analysis.run.run",
     "run_case": "tdint.analysis.run.run",
+    "run_many": "tdint.analysis.run_many",
     "run_sequence": "tdint.analysis.sequence",
     "spectrum": "tdint.analysis.spectra.elastic",
     "constant_ductility": "tdint.analysis.spectra.inelastic",
@@ -116,6 +119,7 @@ __all__ = [
     "rotated_spectrum",
     "run",
     "run_case",
+    "run_many",
     "run_sequence",
     "spectrum",
     "stability",

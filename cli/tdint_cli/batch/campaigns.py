@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from tdint.files import Writer
 
 RUNS, STORIES, SHOCKS, SUMMARY = "runs.csv", "stories.csv", "shocks.csv", "summary.json"
+DAMAGE, TYPES, LOSSES = "damage.csv", "damage-types.csv", "losses.csv"
 PARQUET, SIMCENTER = "runs.parquet", "simcenter.csv"
 """What is made of a store, each file whole."""
 
@@ -134,7 +135,8 @@ def _forget(folder: Path) -> None:
     from tdint.campaign.store.store import FILE, forget, remove
 
     forget(folder / FILE)
-    for name in (RUNS, STORIES, SHOCKS, PROFILES, PICTURE, RATIOS, *OF_FLOORS, PARQUET, SIMCENTER, SUMMARY):
+    tables = (RUNS, STORIES, SHOCKS, PROFILES, RATIOS, DAMAGE, TYPES, LOSSES)
+    for name in (*tables, PICTURE, *OF_FLOORS, PARQUET, SIMCENTER, SUMMARY):
         remove(folder / name)
 
 
@@ -252,12 +254,28 @@ def _write(folder: Path, store: Store, writers: dict[str, Writer], units: Output
         writers = writers | {SHOCKS: lambda stream: write_shocks(store, stream, units)}
     if store.settings().get("profiles") == "true" and is_complete(store):
         writers = writers | {PROFILES: Profiles(store, SuiteRequest(), units).table()}
+    writers = writers | _damage(store, units)
     summary = json_bytes(in_units(campaign_summary(store), units))
     writers = writers | {SUMMARY: lambda stream: stream.write(summary)}
     files = {folder / name: writer for name, writer in writers.items()}
     if not overwrite:
         store.refuse_foreign(files)
     write_files(files, overwrite=True, tell=store.will_write)
+
+
+def _damage(store: Store, units: OutputUnits) -> dict[str, Writer]:
+    """What is written of damage, where the campaign tells it; means over the motions once all runs are done."""
+    if not store.damage():
+        return {}
+    from tdint.campaign.fragility.run_damage import stored_states
+    from tdint.output.tables.damage_states import write_damage, write_losses, write_types
+
+    writers: dict[str, Writer] = {DAMAGE: lambda stream: write_damage(store, stream, units)}
+    if is_complete(store):
+        writers[TYPES] = lambda stream: write_types(store, stream)
+        if any(states.losses for states in stored_states(store).values()):
+            writers[LOSSES] = lambda stream: write_losses(store, stream)
+    return writers
 
 
 def _say(store: Store, advance: Advance) -> None:

@@ -118,7 +118,7 @@ class GivenBuildings:
 def digest_of(model: Model, method: str) -> str:
     """SHA-256 of what a model says of its building and its steps, and of the method."""
     content = asdict(model)
-    for name in ("name", "source", "text", "output_units", "varied", "label"):
+    for name in ("name", "source", "text", "output_units", "varied", "label", "damage"):
         del content[name]
     del content["excitation"]["record"]
     return hashlib.sha256(json.dumps([content, method], sort_keys=True).encode()).hexdigest()

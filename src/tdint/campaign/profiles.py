@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from tdint.analysis.run.outcome import STORY
 from tdint.campaign.store.store import Store
 from tdint.errors import UsageError, did_you_mean
-from tdint.ground_motion.horizontals import at_right_angles, motion_name
+from tdint.ground_motion.horizontals import at_right_angles
+from tdint.ground_motion.pairing import motion_name
 from tdint.quantity import Quantity
 
 Array = NDArray[np.float64]
@@ -229,7 +230,7 @@ def suite_levels(store: Store, building: int) -> Iterator[SuiteLevel]:
     """The levels of a building by its number, from the smallest factor."""
     query = "SELECT record, scale, sample, status FROM run_rows WHERE building = ? ORDER BY record, scale, sample"
     status = {RunKey(*key): told for *key, told in store.connection.execute(query, (building,))}
-    motions = _motions(store.records())
+    motions = motion_numbers(store.records())
     values, several = sorted(json.loads(store.settings().get("levels", "[]")), key=abs), has_levels(store)
     for rank, keys in enumerate(_by_level(status)):
         scales = {key.scale for key in keys}
@@ -264,7 +265,7 @@ def _peaks(level: SuiteLevel, kept: Mapping[RunKey, Array], stories: int) -> tup
     return height, {one.name: rows[:, :, 1 + i] for i, one in enumerate(STORY)}
 
 
-def _motions(records: Mapping[int, tuple[str, str, int]]) -> dict[int, int]:
+def motion_numbers(records: Mapping[int, tuple[str, str, int]]) -> dict[int, int]:
     """The motion of each record, named by its first one: pairs are those that were read so, and what are by their names
     the two horizontals of a motion."""
     groups: dict[str, list[int]] = defaultdict(list)

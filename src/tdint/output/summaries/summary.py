@@ -81,6 +81,7 @@ def table_summary(
 def campaign_summary(store: Store) -> dict[str, Any]:
     """What a campaign is, how far it has come, and what the columns of runs.csv mean."""
     from tdint.output.tables.campaign import PROFILES, run_columns
+    from tdint.output.tables.damage_states import damage_summary
 
     statuses, unused = store.statuses(), store.unused()
     records = store.connection.execute(
@@ -103,6 +104,7 @@ def campaign_summary(store: Store) -> dict[str, Any]:
         "without_an_error": without_error(store),
         "columns": describe(run_columns(store)),
         "profiles": {"columns": describe(PROFILES)},
+        **({"damage": damage_summary(store)} if store.damage() else {}),
         "versions": versions(),
     }
 

@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 
 from tdint.analysis.assessment.stability import StabilityCurve
+from tdint.analysis.run.demands import demands_of_runs
 from tdint.analysis.run.outcome import History, Response, StoryPeaks
+from tdint.analysis.run_many import Runs
 from tdint.analysis.spectra.drift import DriftSpectrum
 from tdint.analysis.spectra.elastic import Spectrum
 from tdint.analysis.spectra.floors import FloorSpectrum
@@ -18,10 +20,11 @@ from tdint.analysis.spectra.inelastic import InelasticSpectrum
 from tdint.analysis.spectra.rotated import RotatedSpectrum
 from tdint.analysis.static.cyclic import CyclicTest
 from tdint.analysis.static.pushover import Pushover
+from tdint.campaign.engine.rows import DEMANDED
 from tdint.errors import UsageError
 from tdint.ground_motion.record import Record
 from tdint.model.modes import Modes
-from tdint.output.tables import buildings, spectra
+from tdint.output.tables import buildings, campaign, spectra
 from tdint.output.tables.methods import STABILITY
 from tdint.output.tables.table import FLOOR, OF_RECORD, Column
 from tdint.output_units import SI, parse_output_units
@@ -53,6 +56,8 @@ def to_dict(result: Any, units: str = "") -> dict[str, Any]:
         renamed, factor = wanted.column(column.name, column.unit)
         if isinstance(value, str):
             found[renamed] = [value] * size
+        elif isinstance(value, np.ndarray) and value.dtype.kind == "U":
+            found[renamed] = value.tolist()
         elif isinstance(value, np.ndarray):
             found[renamed] = value / factor if factor != 1.0 else value
         else:
@@ -78,6 +83,9 @@ def _cell(value: Any) -> str:
 
 
 _Values = list[tuple[Column, Any]]
+
+OF_RUNS: dict[str, Column] = {str(column.value): column for column in campaign.RUNS}
+"""The columns of runs.csv by their attributes."""
 
 
 @singledispatch
@@ -116,6 +124,24 @@ def _(result: Response) -> _Values:
         ]
     errors = _of(buildings.STORY_ERROR, result.check.errors) if result.check else []
     return _values(result.stories) + errors
+
+
+@_values.register
+def _(result: Runs) -> _Values:
+    cells = {one.name: np.full(len(result.model), np.nan) for one in DEMANDED}
+    for number in range(len(result.models)):
+        runs, stories = result.of_building(number)
+        demands = demands_of_runs(stories)
+        for one in DEMANDED:
+            cells[one.name][runs] = one.value(demands) if one.value else np.nan
+    return [
+        (OF_RUNS["building"], np.array([one.name for one in result.models])[result.model]),
+        (OF_RUNS["record"], np.array([one.source for one in result.records])[result.record]),
+        (OF_RUNS["component"], np.array([one.component for one in result.records])[result.record]),
+        (OF_RUNS["method"], np.array(result.methods)[result.model]),
+        *((OF_RUNS[one], getattr(result, one)) for one in ("scale", "dt", "status", "energy_error", "steps")),
+        *((OF_RUNS[name], values) for name, values in cells.items()),
+    ]
 
 
 @_values.register
