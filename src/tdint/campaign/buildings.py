@@ -41,6 +41,13 @@ class Buildings(Protocol):
     def varied(self, number: int) -> Mapping[str, float]:
         """What a sweep changed in it, by name."""
 
+    def cells(self, number: int) -> str:
+        """What its inventory says of it in the columns that are carried along, a JSON list of texts."""
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The columns of the inventory that are carried along into tables."""
+
     @property
     def output_units(self) -> OutputUnits:
         """The units in which all of their models want results; SI where they do not agree."""
@@ -108,6 +115,13 @@ class GivenBuildings:
 
     def varied(self, number: int) -> Mapping[str, float]:
         return dict(self.sources[number].made.model.varied)
+
+    def cells(self, number: int) -> str:
+        return "[]"
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        return ()
 
     @property
     def output_units(self) -> OutputUnits:
@@ -209,6 +223,13 @@ class InventoryBuildings:
 
     def varied(self, number: int) -> Mapping[str, float]:
         return {}
+
+    def cells(self, number: int) -> str:
+        return self.rows[number].cells
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        return self.rows[0].columns
 
     @property
     def output_units(self) -> OutputUnits:

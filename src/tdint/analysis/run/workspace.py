@@ -102,7 +102,8 @@ def workspace(
     flags[at.ON_PATH] = family.parabolic
     flags[at.CARRIES_ERROR] = family.carries_error
     width = history_width(building, integrator)
-    _check_room(rows, width)
+    if rows:
+        _check_room(rows, width)
     totals = np.zeros(at.TOTALS_SIZE)
     totals[at.COLLAPSE_STEP] = at.NO_COLLAPSE
     return Workspace(

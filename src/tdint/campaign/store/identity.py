@@ -59,6 +59,8 @@ class Identity:
         The units in which the models want their results.
     varied : sequence of mapping
         What a sweep changed in each building.
+    columns, cells : sequence of str
+        Columns of an inventory that are carried along, and of each building what stands there, a JSON list.
     damage : Damage or None
         How damage is told.
     """
@@ -74,6 +76,8 @@ class Identity:
     unused: Sequence[tuple[str, str]] = ()
     units: OutputUnits = SI
     varied: Sequence[Mapping[str, float]] = ()
+    columns: Sequence[str] = ()
+    cells: Sequence[str] = ()
     damage: Damage | None = None
 
     @classmethod
@@ -96,6 +100,8 @@ class Identity:
             unused=plan.unused,
             units=buildings.output_units,
             varied=[buildings.varied(i) for i in range(len(buildings))],
+            columns=buildings.columns,
+            cells=[buildings.cells(i) for i in range(len(buildings))] if buildings.columns else (),
             damage=plan.damage,
         )
 

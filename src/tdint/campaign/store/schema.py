@@ -66,6 +66,7 @@ TABLES = (
     " WITHOUT ROWID",
     f"CREATE TABLE shock_rows({_columns(_SHOCK)}, chunk INTEGER NOT NULL, PRIMARY KEY({', '.join(_KEY)}, shock))"
     " WITHOUT ROWID",
+    "CREATE TABLE inventory(building INTEGER PRIMARY KEY, cells TEXT NOT NULL)",
     "CREATE TABLE building_types(building INTEGER PRIMARY KEY, type TEXT NOT NULL, divisor REAL NOT NULL, period_s REAL"
     " NOT NULL)",
     "CREATE TABLE unused(kind TEXT NOT NULL, reason TEXT NOT NULL, PRIMARY KEY(kind, reason))",

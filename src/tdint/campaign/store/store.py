@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import sqlite3
 from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -211,7 +212,9 @@ class Store:
         return parse_output_units(found) if found is not None else SI
 
     def tell(self, identity: Identity) -> None:
-        """Keep what is known beside what the runs depend on: inputs that could not be used, units, damage states."""
+        """Keep what is known beside what the runs depend on: inputs that could not be used, units, damage states, and
+        columns of an inventory."""
+        self._tell_inventory(identity)
         units, damage = str(identity.units), identity.damage.description() if identity.damage else ""
         before = [(kind, reason) for kind, reasons in self.unused().items() for reason in reasons]
         types = list(map(tuple, identity.damage.buildings)) if identity.damage else []
@@ -227,6 +230,29 @@ class Store:
             rows = ((number, *one) for number, one in enumerate(types))
             self.connection.executemany("INSERT INTO building_types VALUES(?, ?, ?, ?)", rows)
             self.seal()
+
+    def _tell_inventory(self, identity: Identity) -> None:
+        """Keep the columns of an inventory that are carried along: other ones change no run."""
+        whole = hashlib.sha256(json.dumps(identity.columns).encode())
+        for cells in identity.cells:
+            whole.update(cells.encode())
+        told = json.dumps({"columns": identity.columns, "sha256": whole.hexdigest()})
+        if self._known("inventory") == told:
+            return
+        with in_words(self.name), transaction(self.connection, self.name):
+            self.connection.execute("INSERT OR REPLACE INTO meta VALUES('inventory', ?)", (told,))
+            self.connection.execute("DELETE FROM inventory")
+            self.connection.executemany("INSERT INTO inventory VALUES(?, ?)", enumerate(identity.cells))
+            self.seal()
+
+    def inventory_columns(self) -> tuple[str, ...]:
+        """Columns of the inventory that are carried along, as they are written there; none without one."""
+        return tuple(json.loads(self.meta("inventory"))["columns"])
+
+    def carried(self, building: int) -> list[str]:
+        """What the inventory says of a building in these columns."""
+        found = self.connection.execute("SELECT cells FROM inventory WHERE building = ?", (building,)).fetchone()
+        return list(json.loads(found[0])) if found else []
 
     def _known(self, key: str) -> str | None:
         """A value of the table meta; None where there is none."""

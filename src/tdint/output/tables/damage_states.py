@@ -17,8 +17,8 @@ from tdint.campaign.fragility.run_damage import (
 )
 from tdint.campaign.store.store import Store
 from tdint.model.damage_states import DEMANDS, DamageStates
-from tdint.output.tables.campaign import OF_BUILDING, SAMPLE, write_rows
-from tdint.output.tables.table import Column, cell_text, describe
+from tdint.output.tables.campaign import OF_BUILDING, SAMPLE, carried_cells, carried_columns, write_rows
+from tdint.output.tables.table import Column, cell_text, describe, names
 from tdint.output_units import SI, OutputUnits
 from tdint.quantity import suffix
 
@@ -87,14 +87,21 @@ def damage_columns(states: DamageStates) -> tuple[Column, ...]:
     return (*head, *outcomes, *(LOSS,) * bool(states.losses))
 
 
+def damage_table_columns(store: Store) -> tuple[Column, ...]:
+    """Those of a store, the columns of an inventory last."""
+    own = damage_columns(next(iter(stored_states(store).values())))
+    return (*own, *carried_columns(store, names(own)))
+
+
 def damage_rows(store: Store) -> Iterator[list[Any]]:
     """The rows of damage.csv, in the order of runs.csv."""
-    records = {number: tuple(map(cell_text, names[:2])) for number, names in store.records().items()}
+    records = {number: tuple(map(cell_text, named[:2])) for number, named in store.records().items()}
+    carried = carried_cells(store)
     for of in building_damages(store):
         head, kind = cell_text(of.building), cell_text(of.type)
         cells = zip(of.keys, of.status, of.demand.tolist(), of.state, _numbers(of).tolist(), strict=True)
         for (record, scale, sample), status, demand, state, numbers in cells:
-            yield [head, *records[record], scale, sample, kind, status, demand, state, *numbers]
+            yield [head, *records[record], scale, sample, kind, status, demand, state, *numbers, *carried(of.number)]
 
 
 def _numbers(of: BuildingDamage) -> Any:
@@ -106,7 +113,7 @@ def damage_summary(store: Store) -> dict[str, Any]:
     """The damage states of each type, SI units, and what the columns mean."""
     types = stored_states(store)
     columns = {
-        "damage.csv": damage_columns(next(iter(types.values()))),
+        "damage.csv": damage_table_columns(store),
         "damage-types.csv": TYPES,
         "losses.csv": LOSSES,
     }
@@ -118,8 +125,7 @@ def damage_summary(store: Store) -> dict[str, Any]:
 
 def write_damage(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
     """Write damage.csv."""
-    states = next(iter(stored_states(store).values()))
-    write_rows(damage_columns(states), damage_rows(store), stream, units)
+    write_rows(damage_table_columns(store), damage_rows(store), stream, units)
 
 
 def write_types(store: Store, stream: BinaryIO) -> None:
