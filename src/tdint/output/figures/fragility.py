@@ -36,16 +36,17 @@ def _draw(functions: Sequence[Fragility]) -> Figure:
     cloud = functions[0].cloud
     figure = Figure(figsize=(9.2 if cloud else 6.8, 4.6), layout="constrained")
     if cloud is None:
-        _draw_functions(figure.subplots(), functions)
+        draw_functions(figure.subplots(), functions)
     else:
         left, right = figure.subplots(1, 2)
         _draw_cloud(left, cloud, functions)
-        _draw_functions(right, functions)
+        draw_functions(right, functions)
     add_title(figure, _title(functions))
     return figure
 
 
-def _draw_functions(axes: Any, functions: Sequence[Fragility]) -> None:
+def draw_functions(axes: Any, functions: Sequence[Fragility]) -> None:
+    """The functions with their observations and confidence bands."""
     end = _end(functions)
     im = np.linspace(0.0, end, _POINTS)[1:]
     for i, function in enumerate(functions):
