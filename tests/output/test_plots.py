@@ -77,9 +77,9 @@ def test_the_same_result_gives_the_same_file(tmp_path):
         assert one.read_bytes() == other.read_bytes()
 
 
-def test_a_run_without_history_is_refused(forced):
-    with pytest.raises(ValueError, match="history=True"):
-        run_picture(replace(forced, history=None), ".png")
+def test_of_a_run_without_history_what_is_over_the_height_is_drawn(forced):
+    labels = [axes.get_xlabel() for axes in run_picture(replace(forced, history=None), ".png").figure().axes]
+    assert len(labels) == 3 and "story shear" in labels[2]
 
 
 @pytest.mark.parametrize("name", ["a $x_ building", "_hidden", "建物", "x" * 300, "two\nlines"])
