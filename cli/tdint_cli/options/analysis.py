@@ -169,6 +169,6 @@ def integrators(specifications: Sequence[str]) -> list[Integrator]:
     UsageError
         An unknown method or parameter, or a value out of range.
     """
-    from tdint.methods.catalogue import catalogue, parse
+    from tdint.methods.catalogue import chosen
 
-    return list(dict.fromkeys(parse(text) for text in specifications or catalogue()))
+    return chosen(specifications)

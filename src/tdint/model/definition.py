@@ -61,7 +61,10 @@ def register_law(law: DriftLaw, where: str = "") -> None:
         raise UsageError(f"{where}: under TDINT_KERNELS=python laws are registered before methods are imported")
     with faults_of(where):
         law.functions()
+    from tdint.kernels.building.sources import OUTSIDE
+
     own = replace(law, apart=False)
+    OUTSIDE[law.name] = home
     CODES[law.name] = len(_LAWS)
     LAWS[law.name] = own
     _LAWS.append(own)

@@ -36,6 +36,7 @@ from tdint.output.tables.table import (
 from tdint.output_units import SI, OutputUnits
 
 if TYPE_CHECKING:
+    from tdint.campaign.carry_out import CampaignRuns
     from tdint.campaign.floor_suites import FloorSuite, RunFloors
     from tdint.campaign.profiles import Profile, Ratios
     from tdint.campaign.store.store import Store
@@ -136,7 +137,7 @@ _NUMBER = re.compile(r"-?(?:0|[1-9][0-9]*)(?:\.[0-9]+)?(?:[eE][-+]?[0-9]{1,2})?"
 """As JSON writes numbers: 02138 is a word."""
 
 
-def run_columns(store: Store) -> tuple[Column, ...]:
+def run_columns(store: Store | CampaignRuns) -> tuple[Column, ...]:
     """Of runs.csv of a campaign; last come what a sweep varied and the columns of an inventory."""
     errors = RUN_ERRORS if store.checked else ()
     own = (
@@ -160,7 +161,7 @@ def _parameter(name: str) -> str:
     return name.rpartition(".")[2]
 
 
-def run_rows(store: Store) -> Iterator[list[Any]]:
+def run_rows(store: Store | CampaignRuns) -> Iterator[list[Any]]:
     """The rows of runs.csv, in the order of buildings, records, scales and draws."""
     varied = store.varied()
     swept = [[one.get(name) for name in _swept(varied)] for one in varied]
@@ -317,7 +318,7 @@ def number_text(cell: Any) -> str:
     return "" if cell is None else str(cell)
 
 
-def runs_table(store: Store) -> Table:
+def runs_table(store: Store | CampaignRuns) -> Table:
     """runs.csv as a table, for a small campaign."""
     rows: list[tuple[Cell, ...]] = [tuple(row) for row in run_rows(store)]
     return Table.of(run_columns(store), rows)
@@ -328,7 +329,7 @@ def status_table(statuses: dict[str, int], left: int) -> Table:
     return Table.of(STATUS, [*statuses.items(), ("left", left)])
 
 
-def carried_columns(store: Store, others: Iterable[str]) -> tuple[Column, ...]:
+def carried_columns(store: Store | CampaignRuns, others: Iterable[str]) -> tuple[Column, ...]:
     """The event, where there are fields, and the columns of an inventory, which stand behind others of these names; one
     that is among them gets `inventory_` before its own."""
     found = [EVENT] if store.events() else []
@@ -342,7 +343,7 @@ def carried_columns(store: Store, others: Iterable[str]) -> tuple[Column, ...]:
     return tuple(found)
 
 
-def carried_cells(store: Store) -> Callable[[int, int], list[str]]:
+def carried_cells(store: Store | CampaignRuns) -> Callable[[int, int], list[str]]:
     """What stands in these columns, by a building's number and the draw's; it is asked building by building."""
     events = [cell_text(event) for event in store.events()]
     last: tuple[int, list[str]] = (-1, [])
