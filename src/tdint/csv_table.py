@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 
 from tdint.errors import ModelError, TdintError, nearest
-from tdint.input_bytes import MOST_BYTES, read_at_most
+from tdint.input_bytes import MOST_BYTES, note_input, read_at_most
 from tdint.written_numbers import LARGEST, SMALLEST
 
 _END = "end"  # a last row of our own
@@ -209,6 +209,7 @@ def _text(source: str, needs: str, error: type[TdintError]) -> str:
         raise error(f"{source}: cannot be read: {getattr(fault, 'strerror', None) or fault}") from None
     if len(data) > MOST_BYTES:
         raise error(f"{source}: larger than {MOST_BYTES // 1024**2} MiB; {needs}")
+    note_input(source, data)
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as fault:
