@@ -11,12 +11,14 @@ from tdint.campaign.definition import (
     AnalysisWishes,
     CampaignFile,
     FactorsFile,
+    FieldFile,
     GridFile,
     InventoryFile,
     ModelFiles,
     RecordFiles,
     SequenceFile,
 )
+from tdint.campaign.draws import COORDINATES
 from tdint.campaign.fragility.type_states import DAMAGE, read_wishes
 from tdint.campaign.levels import MeasureLevels, Scales
 from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, PAIRS, IntensityMeasure, PeakVelocity, pga, sa, sa_average
@@ -92,14 +94,27 @@ _GRID = (
     Key("neighbors", Whole(1, 1000), "grid points among which each building draws"),
     Key("samples", Whole(1, 100_000), "draws for each building"),
     Key("seed", _SEED, "what is drawn from, with the building's id"),
+    Key(
+        "events", Flag(), "nothing is drawn: the rows of the points' files are events, those of the nearest point count"
+    ),
 )
+_FIELDS = (
+    Key("fields", Words(), "CSV file of what each event does (event, site, record, factor), relative to this file"),
+    Key("sites", Words(), "CSV file of the sites' places (site, longitude, latitude), relative to this file"),
+)
+_DISTANCE = Key("distance", Choice(tuple(COORDINATES)), "what is near: in km, or in degrees as SimCenter has it")
 _SEQUENCES = (
     Key("sequences", Words(), "CSV file of shocks (sequence, record, component, factor), relative to this file"),
     Key("rest", Bounds(0.0), "seconds from the end of a shock to the next; until rest where it is left out"),
 )
-_FILE_KEYS, _GRID_KEYS, _SEQUENCE_KEYS = (tuple(key.name for key in keys) for keys in (_FILES, _GRID, _SEQUENCES))
+_FILE_KEYS, _GRID_KEYS, _FIELD_KEYS, _SEQUENCE_KEYS = (
+    tuple(key.name for key in keys) for keys in (_FILES, _GRID, _FIELDS, _SEQUENCES)
+)
 _SAMPLE_UNITS = Key("units", Words(), "units of the samples, where the files do not say them: m/s^2, g, ...")
-_RECORDS = Keys((*_FILES, *_SEQUENCES, *_GRID, _SAMPLE_UNITS), one_of=(("files", "sequences", "grid"),))
+_RECORDS = Keys(
+    (*_FILES, *_SEQUENCES, *_FIELDS, *_GRID, _DISTANCE, _SAMPLE_UNITS),
+    one_of=(("files", "sequences", "fields", "grid"),),
+)
 
 _OF_MEASURES = ("period", "damping", "levels", "pair")
 _FIRST = "T1"
@@ -199,6 +214,7 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
     records = section.need("records", "give `files` or a `grid`")
     _check_pair(section)
     _check_duration(section)
+    _check_levels(section)
     outputs = section.get("outputs")
     kept = outputs.section(_OUTPUTS) if outputs else None
     stories, profiles = (kept.get(name) if kept else None for name in ("stories", "profiles"))
@@ -234,6 +250,16 @@ def _check_duration(section: Section) -> None:
     duration = analysis.peek("duration") if analysis else None
     if duration is not None and records is not None and records.peek("sequences"):
         duration.fault("is not for `sequences`, which have all of each record; `rest` of the records is in between")
+
+
+def _check_levels(section: Section) -> None:
+    """Events have factors of their own."""
+    intensity, records = section.get("intensity"), section.get("records")
+    if intensity is None or records is None or not (records.peek("fields") or records.peek("events")):
+        return
+    for name in ("measure", "factors"):
+        if entry := intensity.peek(name):
+            entry.fault("has no part in events, whose factors are given; `scales` multiply them")
 
 
 def _read_analysis(value: Value | None) -> AnalysisWishes:
@@ -312,18 +338,23 @@ def _inventory(section: Section, inventory: Value) -> InventoryFile | None:
     )
 
 
-def _read_records(value: Value) -> RecordFiles | SequenceFile | GridFile | None:
-    """Files, sequences or a grid; None after a fault."""
+def _read_records(value: Value) -> RecordFiles | SequenceFile | GridFile | FieldFile | None:
+    """Files, sequences, fields or a grid; None after a fault."""
     section = value.section(_RECORDS)
     if section is None:
         return None
     units = section.get("units")
     text = read_sample_units(units)
     if section.has("grid"):
-        _refuse(section, (*_FILE_KEYS, *_SEQUENCE_KEYS), "belongs to `files` or `sequences`, not to a `grid`")
+        others = (*_FILE_KEYS, *_SEQUENCE_KEYS, *_FIELD_KEYS)
+        _refuse(section, others, "belongs to `files`, `sequences` or `fields`, not to a `grid`")
         section.need("units", "give the units of the grid's motions, such as g or m/s^2")
         return _grid(section, text)
     _refuse(section, _GRID_KEYS, "belongs to a `grid`")
+    if section.has("fields"):
+        _refuse(section, ("files", *_SEQUENCE_KEYS), "has no part in `fields`")
+        return _fields(section, text)
+    _refuse(section, ("sites", "distance"), "belongs to `fields`" + " or a `grid`" * section.has("distance"))
     if section.has("sequences"):
         _refuse(section, ("files", "pairs"), "has no part in `sequences`")
         shocks = section.file("sequences")
@@ -363,8 +394,27 @@ def _choice(section: Section, units: str | None) -> RecordChoice:
     )
 
 
+def _fields(section: Section, units: str | None) -> FieldFile | None:
+    file, sites, pairs = section.file("fields"), section.file("sites"), section.get("pairs")
+    both, component = bool(pairs.boolean()) if pairs else False, section.get("component")
+    if both and component:
+        component.fault("pairs have both horizontal components; leave one of the two out")
+    if section.has("distance") and not sites:
+        _refuse(section, ("distance",), "has nothing to act on without `sites`")
+    choice, distance = _choice(section, units), _distance(section)
+    return FieldFile(file, choice, both, sites, distance) if file else None
+
+
+def _distance(section: Section) -> str:
+    value = section.get("distance")
+    return (value.choice(tuple(COORDINATES), "distance") if value else None) or "km"
+
+
 def _grid(section: Section, units: str | None) -> GridFile | None:
-    file = section.file("grid")
+    file, distance, events = section.file("grid"), _distance(section), section.get("events")
+    if events and events.boolean():
+        _refuse(section, ("neighbors", "samples", "seed"), "has no part in `events`, of which nothing is drawn")
+        return GridFile(file, units, 1, 0, 0, distance, events=True) if file and units else None
     neighbors = section.need("neighbors", "give the number of grid points among which is drawn")
     samples = section.need("samples", "give the number of draws for each building")
     seed = section.get("seed")
@@ -375,7 +425,7 @@ def _grid(section: Section, units: str | None) -> GridFile | None:
     )
     if file is None or units is None or None in numbers:
         return None
-    return GridFile(file, units, *numbers)  # type: ignore[arg-type]
+    return GridFile(file, units, *numbers, distance)  # type: ignore[arg-type]
 
 
 def _refuse(section: Section, names: tuple[str, ...], reason: str) -> None:
