@@ -25,7 +25,7 @@ from tdint.campaign.sweep_reader import positive as _positive
 from tdint.errors import UsageError
 from tdint.methods.catalogue import parse as parse_method
 from tdint.model.inventory.derive import CAPACITY, RULES
-from tdint.model.keys.document import read_document, resolve
+from tdint.model.keys.document import read_document
 from tdint.model.keys.fields import Section, Value
 from tdint.model.keys.kinds import (
     ANY,
@@ -155,13 +155,13 @@ def load_campaign(source: str | Path) -> CampaignFile:
     """
     origin, root = read_document(source, "campaign file", "`buildings` and `records`")
     section = root.section(CAMPAIGN)
-    campaign = _read(section, origin.label, origin.name, origin.folder) if section else None
+    campaign = _read(section, origin.label, origin.name) if section else None
     root.faults.raise_if_any()
     assert campaign is not None
     return campaign
 
 
-def _read(section: Section, label: str, name: str, folder: Path) -> CampaignFile:
+def _read(section: Section, label: str, name: str) -> CampaignFile:
     buildings = section.need("buildings", "give `models` or an `inventory`")
     records = section.need("records", "give `files` or a `grid`")
     _check_pair(section)
@@ -170,18 +170,18 @@ def _read(section: Section, label: str, name: str, folder: Path) -> CampaignFile
     outputs = section.get("outputs")
     kept = outputs.section(_OUTPUTS) if outputs else None
     stories, profiles = (kept.get(name) if kept else None for name in ("stories", "profiles"))
-    found = (_read_buildings(buildings, folder) if buildings else None) or ModelFiles(())
+    found = (_read_buildings(buildings) if buildings else None) or ModelFiles(())
     return CampaignFile(
         name=section.text("name") or name,
         source=label,
         buildings=found,
-        records=(read_motions(records, folder) if records else None) or RecordFiles((), RecordChoice()),
-        intensity=_read_intensity(section.get("intensity"), folder) or Scales((1.0,)),
+        records=(read_motions(records) if records else None) or RecordFiles((), RecordChoice()),
+        intensity=_read_intensity(section.get("intensity")) or Scales((1.0,)),
         analysis=_read_analysis(section.get("analysis")),
         stories=stories.boolean() if stories else False,
         profiles=profiles.boolean() if profiles else isinstance(found, ModelFiles),
         sweep=read_sweep(section.get("vary"), section.get("analysis"), models=isinstance(found, ModelFiles)),
-        damage=read_wishes(section.get("damage"), folder, found.rules if isinstance(found, InventoryFile) else None),
+        damage=read_wishes(section.get("damage"), found.rules if isinstance(found, InventoryFile) else None),
     )
 
 
@@ -235,7 +235,7 @@ def _read_analysis(value: Value | None) -> AnalysisWishes:
     )
 
 
-def _read_buildings(value: Value, folder: Path) -> ModelFiles | InventoryFile | None:
+def _read_buildings(value: Value) -> ModelFiles | InventoryFile | None:
     """Model files or an inventory; None after a fault."""
     section = value.section(_BUILDINGS)
     if section is None:
@@ -245,7 +245,7 @@ def _read_buildings(value: Value, folder: Path) -> ModelFiles | InventoryFile | 
         inventory.fault("stands in place of `models`; give one of the two")
         return None
     if inventory:
-        return _inventory(section, inventory, folder)
+        return _inventory(section, inventory)
     if models is None:
         section.need("models", "give a list of model files, or an inventory in its place")
         return None
@@ -255,11 +255,11 @@ def _read_buildings(value: Value, folder: Path) -> ModelFiles | InventoryFile | 
     items = models.items("a list of model files")
     if items is not None and not items:
         models.fault("is empty; give at least one model file")
-    return ModelFiles(tuple(resolve(text, folder) for item in items or () if (text := item.text())))
+    return ModelFiles(tuple(file for item in items or () if (file := item.file())))
 
 
-def _inventory(section: Section, inventory: Value, folder: Path) -> InventoryFile | None:
-    file = inventory.text()
+def _inventory(section: Section, inventory: Value) -> InventoryFile | None:
+    file = inventory.file()
     rules = section.get("rules")
     name = rules.choice(RULES, "set of rules") if rules else next(iter(RULES))
     units = section.need("units", "give {length: ft} or {length: m}; plan areas are in its square")
@@ -269,7 +269,7 @@ def _inventory(section: Section, inventory: Value, folder: Path) -> InventoryFil
     damping = section.get("damping")
     kind = damping.choice(_DAMPING, "damping") if damping else "full"
     seed = section.get("seed")
-    classes, published = section.text("classes"), section.get("as_published")
+    classes, published = section.file("classes"), section.get("as_published")
     if name == CAPACITY:
         section.need("classes", "give the CSV file of the classes (class, sd_m, sa_g)")
         refuse(section, ("damping", "stiffness_scatter", "damping_scatter", "seed"), f"has no part in {CAPACITY}")
@@ -278,19 +278,19 @@ def _inventory(section: Section, inventory: Value, folder: Path) -> InventoryFil
     if file is None or name is None or unit is None:
         return None
     return InventoryFile(
-        file=resolve(file, folder),
+        file=file,
         rules=name,
         length=LENGTH[unit],
         mass_only=kind == "mass-only",
         stiffness_scatter=section.number("stiffness_scatter", default=0.0),
         damping_scatter=section.number("damping_scatter", default=0.0),
         seed=(seed.whole() if seed else 0) or 0,
-        classes=resolve(classes, folder) if classes else None,
+        classes=classes,
         as_published=bool(published.boolean()) if published else False,
     )
 
 
-def _read_intensity(value: Value | None, folder: Path) -> Scales | MeasureLevels | FactorsFile | None:
+def _read_intensity(value: Value | None) -> Scales | MeasureLevels | FactorsFile | None:
     """Factors, levels of a measure, or a file of factors; None without any, or after a fault."""
     section = value.section(_INTENSITY) if value else None
     if value is None or section is None:
@@ -306,8 +306,8 @@ def _read_intensity(value: Value | None, folder: Path) -> Scales | MeasureLevels
     if ways == ["measure"]:
         return _levels(section)
     if ways == ["factors"]:
-        file = section.text("factors")
-        return FactorsFile(resolve(file, folder)) if file else None
+        file = section.file("factors")
+        return FactorsFile(file) if file else None
     return Scales(_scales(section))
 
 

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from tdint.campaign.definition import FieldFile, GridFile, RecordFiles, SequenceFile
 from tdint.campaign.draws import COORDINATES
 from tdint.campaign.suites.suite import RecordChoice
 from tdint.ground_motion.pairing import USUAL, PairNames
 from tdint.model.config.excitation import LAYOUT, PROCESSING, read_layout, read_processing
 from tdint.model.config.units import read_sample_units
-from tdint.model.keys.document import resolve
 from tdint.model.keys.fields import Section, Value
 from tdint.model.keys.kinds import Bounds, Choice, Either, EntriesOf, Flag, Key, Keys, Whole, Words
 
@@ -57,7 +54,7 @@ MOTIONS = Keys(
 """The keys of `records`, and what may stand under them."""
 
 
-def read_motions(value: Value, folder: Path) -> RecordFiles | SequenceFile | GridFile | FieldFile | None:
+def read_motions(value: Value) -> RecordFiles | SequenceFile | GridFile | FieldFile | None:
     """Files, sequences, fields or a grid; None after a fault."""
     section = value.section(MOTIONS)
     if section is None:
@@ -68,17 +65,17 @@ def read_motions(value: Value, folder: Path) -> RecordFiles | SequenceFile | Gri
         others = (*_FILE_KEYS, *_SEQUENCE_KEYS, *_FIELD_KEYS)
         refuse(section, others, "belongs to `files`, `sequences` or `fields`, not to a `grid`")
         section.need("units", "give the units of the grid's motions, such as g or m/s^2")
-        return _grid(section, text, folder)
+        return _grid(section, text)
     refuse(section, _GRID_KEYS, "belongs to a `grid`")
     if section.has("fields"):
         refuse(section, ("files", *_SEQUENCE_KEYS), "has no part in `fields`")
-        return _fields(section, text, folder)
+        return _fields(section, text)
     refuse(section, ("sites", "distance"), "belongs to `fields`" + " or a `grid`" * section.has("distance"))
     if section.has("sequences"):
         refuse(section, ("files", "pairs"), "has no part in `sequences`")
-        shocks = section.text("sequences")
-        choice = _choice(section, text, folder)
-        return SequenceFile(resolve(shocks, folder), choice, section.number_or_none("rest")) if shocks else None
+        shocks = section.file("sequences")
+        choice = _choice(section, text)
+        return SequenceFile(shocks, choice, section.number_or_none("rest")) if shocks else None
     refuse(section, ("rest",), "belongs to `sequences`")
     files = section.need("files", "give a list of files and folders, or a `grid` in its place")
     items = files.items("a list of files and folders") if files else None
@@ -88,8 +85,8 @@ def read_motions(value: Value, folder: Path) -> RecordFiles | SequenceFile | Gri
     both = _pair_names(pairs) if pairs else None
     if both and component:
         component.fault("pairs have both horizontal components; leave one of the two out")
-    choice = _choice(section, text, folder)
-    return RecordFiles(tuple(resolve(text, folder) for item in items or () if (text := item.text())), choice, both)
+    choice = _choice(section, text)
+    return RecordFiles(tuple(file for item in items or () if (file := item.file())), choice, both)
 
 
 def _pair_names(value: Value) -> PairNames | None:
@@ -99,33 +96,29 @@ def _pair_names(value: Value) -> PairNames | None:
     return USUAL if value.boolean() else None
 
 
-def _choice(section: Section, units: str | None, folder: Path) -> RecordChoice:
+def _choice(section: Section, units: str | None) -> RecordChoice:
     """What is taken of each file, and what is done to it."""
-    inventory, given = section.text("inventory"), section.get("units")
+    inventory, given = section.file("inventory"), section.get("units")
     if given and inventory:
         given.fault("an inventory gives the units; leave one of the two out")
     return RecordChoice(
         units=units,
         component=section.text("component"),
-        inventory=resolve(inventory, folder) if inventory else None,
+        inventory=inventory,
         processing=read_processing(section),
         layout=read_layout(section),
     )
 
 
-def _fields(section: Section, units: str | None, folder: Path) -> FieldFile | None:
-    file, sites, pairs = section.text("fields"), section.text("sites"), section.get("pairs")
+def _fields(section: Section, units: str | None) -> FieldFile | None:
+    file, sites, pairs = section.file("fields"), section.file("sites"), section.get("pairs")
     both, component = bool(pairs.boolean()) if pairs else False, section.get("component")
     if both and component:
         component.fault("pairs have both horizontal components; leave one of the two out")
     if section.has("distance") and not sites:
         refuse(section, ("distance",), "has nothing to act on without `sites`")
-    choice, distance = _choice(section, units, folder), _distance(section)
-    return (
-        FieldFile(resolve(file, folder), choice, both, resolve(sites, folder) if sites else None, distance)
-        if file
-        else None
-    )
+    choice, distance = _choice(section, units), _distance(section)
+    return FieldFile(file, choice, both, sites, distance) if file else None
 
 
 def _distance(section: Section) -> str:
@@ -133,11 +126,11 @@ def _distance(section: Section) -> str:
     return (value.choice(tuple(COORDINATES), "distance") if value else None) or "km"
 
 
-def _grid(section: Section, units: str | None, folder: Path) -> GridFile | None:
-    file, distance, events = section.text("grid"), _distance(section), section.get("events")
+def _grid(section: Section, units: str | None) -> GridFile | None:
+    file, distance, events = section.file("grid"), _distance(section), section.get("events")
     if events and events.boolean():
         refuse(section, ("neighbors", "samples", "seed"), "has no part in `events`, of which nothing is drawn")
-        return GridFile(resolve(file, folder), units, 1, 0, 0, distance, events=True) if file and units else None
+        return GridFile(file, units, 1, 0, 0, distance, events=True) if file and units else None
     neighbors = section.need("neighbors", "give the number of grid points among which is drawn")
     samples = section.need("samples", "give the number of draws for each building")
     seed = section.get("seed")
@@ -148,7 +141,7 @@ def _grid(section: Section, units: str | None, folder: Path) -> GridFile | None:
     )
     if file is None or units is None or None in numbers:
         return None
-    return GridFile(resolve(file, folder), units, *numbers, distance)  # type: ignore[arg-type]
+    return GridFile(file, units, *numbers, distance)  # type: ignore[arg-type]
 
 
 def refuse(section: Section, names: tuple[str, ...], reason: str) -> None:
