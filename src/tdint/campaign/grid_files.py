@@ -27,7 +27,7 @@ from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.reading.segments import check_possible
 from tdint.ground_motion.record import Record
 from tdint.input_bytes import MOST_BYTES, read_at_most
-from tdint.model.keys.document import resolve
+from tdint.model.keys.fields import resolve
 from tdint.units import parse_units
 
 _EVENTS, _SITES = ("event", "event_id"), ("site", "site_id", "custom_site_id")

@@ -36,7 +36,7 @@ from tdint.model.damage_states import CAPACITY, HAZUS, DamageStates
 from tdint.model.definition import Model
 from tdint.model.inventory.capacity import read_classes
 from tdint.model.inventory.table import InventoryRow, read_inventory
-from tdint.model.keys.document import resolve
+from tdint.model.keys.fields import resolve
 
 _SHOCK_COLUMNS = ("sequence", "record", "component", "factor")
 _FACTOR_COLUMNS = ("record", "component", "factor")
