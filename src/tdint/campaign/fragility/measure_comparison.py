@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import linregress
 
+from tdint.campaign.fragility.run_measures import run_measure
 from tdint.campaign.ida.runs import COLLAPSED, DONE
-from tdint.campaign.run_measures import run_measure
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.quantity import suffix
@@ -87,7 +87,7 @@ def compare_measures(
     folder : str or Path
         Of a campaign of one building, with runs.csv and, for other measures than `sa` and `pga`, measures.csv.
     measures : sequence of str
-        As `tdint.campaign.run_measures.run_measure` reads them.
+        As `tdint.campaign.fragility.run_measures.run_measure` reads them.
     characteristics : str or Path, optional
         CSV file of the motions, a row for each record; beside them stands the factor, where it differs.
 

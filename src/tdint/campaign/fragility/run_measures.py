@@ -119,7 +119,8 @@ def _period(text: str) -> float | None:
 
 
 def _named(*parts: object) -> str:
-    return "_".join(f"{one:g}" if isinstance(one, float) else str(one) for one in parts).lower()
+    """A name of a column: parts with _ between them, p for the decimal point."""
+    return "_".join(f"{one:g}" if isinstance(one, float) else str(one) for one in parts).replace(".", "p")
 
 
 def _spectral(rest: str) -> RunMeasure:
