@@ -28,6 +28,7 @@ class _Rows(NamedTuple):
     MEAN: int = 1  # what mean and first moment of a story's force are more than the run's
     MOMENT: int = 1
     CALM: int = 1  # 1 if the story is on the same linear branch in both motions
+    DOUBT: int = 1  # in its first column what was left to correct in steps whose passes did not settle, m
     PATH: int = error_path.ERROR_PATH_ROWS
     OTHER: int = 2  # modal damping, and forces on floors
     FORCES: int = NODES  # of stories at the nodes within a step, later total shears; their times in column n
@@ -55,6 +56,11 @@ class Carried(NamedTuple):
 def error_peaks(modes: int) -> int:
     """The first of the rows of work with the peaks of the corrected motion, rows as of `Workspace.peaks`."""
     return STORE + 6 * modes + 1 + OWN.PEAKS
+
+
+def error_doubt(modes: int) -> int:
+    """The row of work with what was left to correct where the passes did not settle."""
+    return STORE + 6 * modes + 1 + OWN.DOUBT
 
 
 @inlined
@@ -116,7 +122,7 @@ def add_loads(carried):
 
 @inlined
 def correct(carried, anew):
-    """Rise and bend of the error, or their corrections. Returns whether these are small."""
+    """Rise and bend of the error, or their corrections. Returns the size of these, 0 if they are small."""
     scene, memory, _, h, base = carried
     work = memory.work
     n = scene.linear_terms.shape[1] - 1
@@ -131,4 +137,4 @@ def correct(carried, anew):
                 work[base + OWN.RISE + row, i] += work[ROW.X + row, i]
                 change += abs(work[ROW.X + row, i])
                 size += abs(work[base + OWN.RISE + row, i])
-    return change <= _SETTLED * size
+    return 0.0 if change <= _SETTLED * size else change
