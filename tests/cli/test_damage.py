@@ -13,6 +13,7 @@ from click.testing import Result
 from scipy.special import ndtr
 
 import tdint as package
+from tdint.campaign.fragility.fits import Fragility, fit_cloud, fit_stripes
 from tdint.model.inventory.capacity import CapacityCurve, CapacityFacts, derive_capacity
 
 Run = Callable[..., Result]
@@ -236,6 +237,93 @@ def test_parts_that_are_put_together_tell_the_same(region: Path, tdint: Run) -> 
         (region / "out" / name).unlink()
     assert tdint("campaign", "export", "out").exit_code == 0
     assert (region / "all" / "damage.csv").read_bytes() == (region / "out" / "damage.csv").read_bytes()
+
+
+LEVELS = "intensity: {measure: pga, levels: [0.3 m/s^2, 1 m/s^2, 3 m/s^2]}"
+
+
+@pytest.fixture
+def fitted(region: Path, tdint: Run, make_record: Callable[..., None]) -> Path:
+    """The region under four motions at three levels, done in `out`."""
+    for number in range(2):
+        make_record(region / f"more-{number}.mseed", "HNE", samples=250 + 70 * number)
+    files = "[motion.mseed, other.mseed, more-0.mseed, more-1.mseed]"
+    text = REGION.replace("[motion.mseed, other.mseed]", files).replace("intensity: {scales: [0.5, 1]}", LEVELS)
+    (region / "study.yaml").write_text(text + "damage: {thresholds: capacity, dispersion: 0.3}\n")
+    assert tdint("campaign", "study.yaml", "-o", "out").exit_code == 0
+    return region
+
+
+def of_type(name: str) -> list[dict[str, str]]:
+    """The runs of a type, each with its peak ground acceleration."""
+    table = zip(rows("out/damage.csv"), rows("out/runs.csv"), strict=True)
+    return [{**row, "pga": run["pga_m_s2"]} for row, run in table if row["type"] == name]
+
+
+def test_fragility_of_each_type_and_state(fitted: Path, tdint: Run) -> None:
+    """Stripes: the fit of the sums of probabilities at each level, falls among them; its errors are those of leaving
+    out one motion after the other: variance (g - 1)/g sum (theta_i - mean)^2."""
+    result = tdint("fragility", "out", "--by", "type", "--im", "pga", "-o", "f.csv", "--plot", "--openquake", "f.xml")
+    assert result.exit_code == 0, result.output
+    found = {(row["type"], row["state"]): row for row in rows("f.csv")}
+    assert ("A", "slight") in found and Path("f.png").read_bytes().startswith(b"\x89PNG")
+    runs = of_type("A")
+    motions = sorted({row["record"] for row in runs})
+
+    def fit(left_out: str) -> Fragility:
+        levels: dict[float, list[float]] = {}
+        for row in runs:
+            if row["record"] != left_out:
+                levels.setdefault(round(float(row["pga"]), 6), []).append(1.0 - probabilities(row)["none"])
+        return fit_stripes(list(levels), [sum(one) for one in levels.values()], [len(one) for one in levels.values()])
+
+    whole, parts = fit(""), [fit(motion) for motion in motions]
+    row = found["A", "slight"]
+    assert (float(row["theta"]), float(row["beta"])) == pytest.approx((whole.theta, whole.beta), rel=1e-6)
+    for name, values in (("theta", [math.log(one.theta) for one in parts]), ("beta", [one.beta for one in parts])):
+        mean, count = sum(values) / len(values), len(values)
+        error = math.sqrt((count - 1) / count * sum((value - mean) ** 2 for value in values))
+        assert float(row[f"{name}_error"]) == pytest.approx(error, rel=1e-4)
+    states = max(([state for name, state in found if name == one] for one in "AB"), key=len)
+    assert f"<limitStates>{' '.join(states)}</limitStates>" in Path("f.xml").read_text()
+
+
+def test_fragility_of_types_by_clouds(fitted: Path, tdint: Run) -> None:
+    """The line through the demands of all runs of the type, falls known only to be above what they reached; beta has
+    the dispersion of the thresholds over the line's slope. Sa is at the period of the class's curve."""
+    result = tdint("fragility", "out", "--by", "type", "--fit", "cloud")
+    row = next(
+        row for row in csv.DictReader(result.stdout.splitlines()) if (row["type"], row["state"]) == ("A", "slight")
+    )
+    runs = [
+        (float(run["sa_t1_m_s2"]), float(row["spectral_displacement_m"]), row["status"] != "done")
+        for row, run in zip(rows("out/damage.csv"), rows("out/runs.csv"), strict=True)
+        if row["type"] == "A"
+    ]
+    (line,) = fit_cloud(*(list(one) for one in list(zip(*runs, strict=True))[:2]), [0.015], [one[2] for one in runs])
+    assert line.cloud is not None
+    beta = math.hypot(line.beta, 0.3 / line.cloud.slope)
+    assert (float(row["theta"]), float(row["beta"])) == pytest.approx((line.theta, beta), rel=1e-6)
+    period = 2.0 * math.pi * math.sqrt(0.004 / (0.15 * 9.81))
+    assert row["im"] == f"sa({period:.6g})"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("out", "--threshold", "1%"), "leave --threshold out"),
+        (("out", "--fit", "ida"), "--fit stripes or cloud"),
+        (("out", "--openquake", "f.xml", "--states", "a,b"), "--states is not for --by type"),
+        ((".",), "holds no campaign"),
+        (("bare",), "says nothing of damage"),
+    ],
+)
+def test_refusals_of_functions_by_type(region: Path, tdint: Run, arguments: tuple[str, ...], said: str) -> None:
+    for name, damage in (("out", "damage: {thresholds: capacity, dispersion: 0}\n"), ("bare", "")):
+        (region / "study.yaml").write_text(REGION + damage)
+        tdint("campaign", "study.yaml", "-o", name)
+    result = tdint("fragility", *arguments, "--by", "type")
+    assert (result.exit_code, said in result.stderr) == (2, True), result.stderr
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,11 @@ COLUMNS = (
 )
 FIGURES = {1: (7, 8), 2: (10, 11, 12), 3: (14, 15, 16)}
 FILES = {
-    number: [f"example-{number}-errors.csv", *(f"figure-{figure:02d}.png" for figure in figures)]
+    number: [
+        f"example-{number}-errors.csv",
+        f"example-{number}-errors.json",
+        *(f"figure-{figure:02d}.png" for figure in figures),
+    ]
     for number, figures in FIGURES.items()
 }
 
@@ -44,7 +48,7 @@ def test_all_examples_with_their_figures(here, tdint, numbers):
     assert sorted(path.name for path in (here / "paper").iterdir()) == sorted(
         name for names in wanted.values() for name in names
     )
-    for number, (name, *figures) in wanted.items():
+    for number, (name, _, *figures) in wanted.items():
         assert rows((here / "paper" / name).read_text()) == [row for row in table if row["example"] == str(number)]
         assert all((here / "paper" / figure).read_bytes().startswith(b"\x89PNG") for figure in figures)
     assert "The paper: the proposed method errs least, the central difference most." in result.stderr
@@ -112,7 +116,8 @@ def test_a_run_without_an_end_leaves_its_cells_empty_and_a_picture_out(here, tdi
     (row,) = rows(result.stdout)
     assert (row["outcome"], row["displacement_m_error"], row["rank"]) == ("refused", "", "")
     assert "exact has no result: refused" in result.stderr
-    assert [path.name for path in (here / "out").iterdir()] == ["example-2-errors.csv"]
+    left = sorted(path.name for path in (here / "out").iterdir())
+    assert left == ["example-2-errors.csv", "example-2-errors.json"]
 
 
 def test_existing_files_are_kept_before_any_work(here, tdint):

@@ -90,7 +90,7 @@ def command(**given: Any) -> None:
 
 def _run(request: Request) -> None:
     sources = records_of(request.records, request.layout)
-    outputs = Outputs.checked(request.output, request.plot, request.overwrite, summary=True, units=request.output_units)
+    outputs = Outputs.checked(request.output, request.plot, request.overwrite, units=request.output_units)
     refuse_inputs(outputs.files, [*sources.files, request.inventory])
     notes = dict.fromkeys(sources.notes)  # a set in the order of arrival
     warnings: dict[str, None] = {}

@@ -200,7 +200,7 @@ def _scale(request: ScaleRequest) -> None:
     from tdint_cli.errors import Failures
 
     request.check()
-    outputs = Outputs.checked(request.output, request.plot, request.overwrite, summary=True, units=request.output_units)
+    outputs = Outputs.checked(request.output, request.plot, request.overwrite, units=request.output_units)
     spectra = [Path(request.spectra)] if request.spectra else []
     check_outputs([*outputs.files, *spectra], overwrite=request.overwrite)
     refuse_inputs(

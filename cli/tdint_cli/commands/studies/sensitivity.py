@@ -98,11 +98,14 @@ def command(
 def _ranks(building: str, outputs: Outputs) -> None:
     from tdint.campaign.sensitivity import rank_correlations
     from tdint.campaign.store.store import check_chunks, open_existing
+    from tdint.files import digest_of
+    from tdint.input_bytes import note_input
     from tdint.output.tables.studies import CORRELATIONS
     from tdint.output.tables.table import Table
 
     with open_existing(Path(building)) as store:
         check_chunks(store)
+        note_input(store.name, lambda: digest_of(Path(store.name)))
         found = rank_correlations(store)
     outputs.deliver(Table.of_results(CORRELATIONS, found))
 

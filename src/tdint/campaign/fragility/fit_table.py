@@ -41,7 +41,7 @@ NEEDS = (
     "or is one of tdint ida or tdint campaign"
 )
 _RUNS = ("status", "peak_drift_ratio")
-_MEASURES = {"sa_t1": "sa(T1)", "pga": "pga"}
+MEASURES = {"sa_t1": "sa(T1)", "pga": "pga"}
 """Columns of runs in which their intensity may stand, without their unit, and its name."""
 
 _SAME = 1e-6  # intensities that differ by less than this part are one level
@@ -270,7 +270,7 @@ def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
     if not result.any():
         raise ModelError(f"{table.source}: no run has a result")
     im, drift, collapsed, result = im[known], drift[known], collapsed[known], result[known]
-    return _Runs(im, _levels(im), drift, collapsed, result, ~result, (name, unit))
+    return _Runs(im, levels_of(im), drift, collapsed, result, ~result, (name, unit))
 
 
 def _intensity(table: CsvTable, request: FragilityRequest) -> tuple[str, str, str]:
@@ -281,8 +281,8 @@ def _intensity(table: CsvTable, request: FragilityRequest) -> tuple[str, str, st
     for unit in ACCELERATION:
         column = f"{wanted}{suffix(unit)}"
         if table.has(column):
-            return column, _MEASURES[wanted], unit
-    return f"{wanted}{suffix('m/s^2')}", _MEASURES[wanted], "m/s^2"
+            return column, MEASURES[wanted], unit
+    return f"{wanted}{suffix('m/s^2')}", MEASURES[wanted], "m/s^2"
 
 
 def _of_stripes(runs: _Runs, threshold: float) -> Fragility:
@@ -372,7 +372,7 @@ def _check_thresholds(table: CsvTable, request: FragilityRequest) -> None:
         raise UsageError(f"{table.source}: which demands are exceeded? Give --threshold")
 
 
-def _levels(im: Array) -> NDArray[np.intp]:
+def levels_of(im: Array) -> NDArray[np.intp]:
     """The number of the level of each intensity, from 0."""
     order = np.argsort(im)
     steps = np.diff(np.log(im[order]), prepend=math.log(float(im[order[0]]))) > _SAME

@@ -5,7 +5,6 @@ The text comes from a file, standard input or a stream; paths in it start from i
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, TextIO
 
 from tdint.errors import ModelError
-from tdint.input_bytes import is_named_pipe
+from tdint.input_bytes import is_named_pipe, note_input
 from tdint.model.keys.fields import Value
 from tdint.model.keys.nodes import Faults, decode, nodes_of, parse, text_of
 
@@ -80,7 +79,9 @@ def _read_stream(stream: TextIO | BinaryIO, label: str, kind: str) -> bytes:
     if len(content) > MAX_BYTES:
         raise ModelError(f"{label}: larger than {MAX_BYTES // 1024**2} MiB; this is no {kind}")
     # Surrogates stand for bytes that the stream could not decode; passed on, `decode` finds them.
-    return content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content
+    found = content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content
+    note_input(label, found)
+    return found
 
 
 def read_document(
@@ -105,17 +106,5 @@ def read_document(
         node = nodes_of(source, faults)
         return SourceText("model", "model", Path(), text_of(node)), Value(node, "", faults)
     origin = read_source(source, kind)
-    faults = Faults(origin.label, kind, needs)
+    faults = Faults(origin.label, kind, needs, origin.folder)
     return origin, Value(parse(decode(origin.data, faults), faults), "", faults)
-
-
-def resolve(file: str, folder: Path) -> str:
-    """The path as seen from the working directory, without `folder/..` where that means the same."""
-    path = os.fspath(folder / file)
-    plain = os.path.normpath(path)
-    return plain if os.path.realpath(plain) == os.path.realpath(path) else path
-
-
-def resolve_or_stdin(file: str, folder: Path) -> str:
-    """The same where `-`, standard input, may stand: it stays."""
-    return file if file == "-" else resolve(file, folder)
