@@ -23,7 +23,7 @@ from tdint.analysis.run.outcome import (
 )
 from tdint.analysis.run.workspace import Workspace
 from tdint.kernels import layout as at
-from tdint.kernels.equations.carried.rows import error_doubt, error_peaks
+from tdint.kernels.equations.carried.rows import error_peaks, unsettled
 from tdint.model.building import Building
 
 Array = NDArray[np.float64]
@@ -35,7 +35,7 @@ _TINY = np.finfo(float).tiny
 
 _OF_MOTION = ("peak_drift", "residual_drift", "peak_displacement", "peak_velocity")
 _COMMON = 0.1
-"""Part of the largest of their errors, over the peaks, below which none is told: one peak alone may be hit by chance."""
+"""Part of the largest of their errors, over the peaks, below which none is told: one may be hit by chance."""
 
 _CURVED = 1.2
 """By how much more errors are told where a law is curved: steps that pass its bend are seen less sharply."""
@@ -100,8 +100,8 @@ def carried_error(building: Building, space: Workspace, stories: StoryPeaks, dou
     relative = [
         np.divide(off[name], sizes[name], out=np.zeros(n), where=sizes[name] != 0.0).max() for name in _OF_MOTION
     ]
-    unsettled = space.work[error_doubt(building.modal.shape[0]), 0] / max(float(stories.peak_drift.max()), _TINY)
-    least = _ROUNDING + _COMMON * np.max(relative) + unsettled
+    left = space.work[unsettled(building.modal.shape[0]), n] / max(float(stories.peak_drift.max()), _TINY)
+    least = _ROUNDING + _COMMON * np.max(relative) + left
     more = 1.0 if building.piecewise_linear else _CURVED
     errors = {
         name: np.maximum(more * np.maximum(off[name], least * size), getattr(doubt, name))

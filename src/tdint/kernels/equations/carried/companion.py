@@ -41,7 +41,7 @@ def follow_anew(scene, h, load, memory, base):
         left = correct(carried, False)
         if left == 0.0 and passed > 0:
             break
-    work[base + OWN.DOUBT, 0] += left
+    work[base + OWN.CALM, n] += left
     for i in range(n):
         if work[base + OWN.CALM, i] == 0.0:
             raise_peak(work, base + OWN.PEAKS + at.PEAK_SHEAR, i, work[base + OWN.PATH + RESULT.LARGEST, n + 1 + i])

@@ -27,8 +27,7 @@ class _Rows(NamedTuple):
     THIRD: int = 1
     MEAN: int = 1  # what mean and first moment of a story's force are more than the run's
     MOMENT: int = 1
-    CALM: int = 1  # 1 if the story is on the same linear branch in both motions
-    DOUBT: int = 1  # in its first column what was left to correct in steps whose passes did not settle, m
+    CALM: int = 1  # 1 if the story is on the same linear branch in both motions; column n: `unsettled`
     PATH: int = error_path.ERROR_PATH_ROWS
     OTHER: int = 2  # modal damping, and forces on floors
     FORCES: int = NODES  # of stories at the nodes within a step, later total shears; their times in column n
@@ -58,9 +57,9 @@ def error_peaks(modes: int) -> int:
     return STORE + 6 * modes + 1 + OWN.PEAKS
 
 
-def error_doubt(modes: int) -> int:
-    """The row of work with what was left to correct where the passes did not settle."""
-    return STORE + 6 * modes + 1 + OWN.DOUBT
+def unsettled(modes: int) -> int:
+    """The row of work in whose column n is what was left to correct where the passes did not settle, m."""
+    return STORE + 6 * modes + 1 + OWN.CALM
 
 
 @inlined
