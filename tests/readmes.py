@@ -25,7 +25,7 @@ from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
 from tdint.model.definition import LAWS
-from tdint.output.tables import buildings, campaign, methods, spectra, studies
+from tdint.output.tables import buildings, campaign, methods, runs, spectra, studies
 from tdint.output.tables import table as shared
 from tdint_cli.main import COMMANDS, GROUPS, cli
 
@@ -191,8 +191,8 @@ def command_list():
 def column_tables():
     """The columns of every table, by command."""
     tables = {
-        "tdint run": buildings.STORY,
-        "history.csv of tdint run": buildings.history_columns(1, error=True),
+        "tdint run": runs.STORY,
+        "history.csv of tdint run": runs.history_columns(1, error=True),
         "floor-spectra.csv of tdint run": (shared.FLOOR, *spectra.SPECTRUM),
         "tdint check": buildings.OVERVIEW,
         "tdint modes": (*buildings.MODE, buildings.mode_damping(None), *buildings.MODE_END),

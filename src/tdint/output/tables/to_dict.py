@@ -21,7 +21,7 @@ from tdint.analysis.static.pushover import Pushover
 from tdint.errors import UsageError
 from tdint.ground_motion.record import Record
 from tdint.model.modes import Modes
-from tdint.output.tables import buildings, spectra
+from tdint.output.tables import buildings, runs, spectra
 from tdint.output.tables.methods import STABILITY
 from tdint.output.tables.table import FLOOR, OF_RECORD, Column
 from tdint.output_units import SI, parse_output_units
@@ -94,7 +94,7 @@ def _of_record(own: Sequence[Column], result: Any) -> _Values:
     return _of((*OF_RECORD, *own), result)
 
 
-_values.register(StoryPeaks, lambda result: _of(buildings.STORY, result))
+_values.register(StoryPeaks, lambda result: _of(runs.STORY, result))
 _values.register(Spectrum, partial(_of_record, spectra.SPECTRUM))
 _values.register(InelasticSpectrum, partial(_of_record, spectra.INELASTIC))
 _values.register(DriftSpectrum, partial(_of_record, spectra.DRIFT_SPECTRUM))
@@ -107,14 +107,14 @@ _values.register(Record, partial(_of, spectra.SAMPLES))
 @_values.register
 def _(result: Response) -> _Values:
     if result.shocks:
-        table = buildings.response_table(result)
-        columns = (buildings.SHOCK, *buildings.STORY, *(buildings.STORY_ERROR if result.check else ()))
+        table = runs.response_table(result)
+        columns = (runs.SHOCK, *runs.STORY, *(runs.STORY_ERROR if result.check else ()))
         cells = zip(*table.rows, strict=True)
         return [
             (column, np.array([np.nan if one is None else one for one in values]))
             for column, values in zip(columns, cells, strict=True)
         ]
-    errors = _of(buildings.STORY_ERROR, result.check.errors) if result.check else []
+    errors = _of(runs.STORY_ERROR, result.check.errors) if result.check else []
     return _values(result.stories) + errors
 
 
@@ -138,7 +138,7 @@ def _(result: Modes) -> _Values:
 def _(result: History) -> _Values:
     stories, error = result.displacement.shape[1], result.error is not None
     values: list[Any] = []
-    for place, columns in buildings.history_groups(error):
+    for place, columns in runs.history_groups(error):
         found = [column.of(result) for column in columns]
         values += [one[:, i] for i in range(stories) for one in found] if place else found
-    return list(zip(buildings.history_columns(stories, error), values, strict=True))
+    return list(zip(runs.history_columns(stories, error), values, strict=True))
