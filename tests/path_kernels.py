@@ -1,30 +1,17 @@
-"""Kernels of one story along a parabola of drift, and at many drifts, for tests/kernels: a kernel stands in a module
-that the process that compiles it can load by itself."""
+"""Kernels of one story along a parabola of drift, for tests/kernels: a kernel stands in a module that
+the process that compiles it can load by itself."""
 
 from __future__ import annotations
 
 from tdint.kernels import layout as at
-from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, kernel
-from tdint.kernels.stories.law_state import commit, dissipated, recoverable, restoring, start
+from tdint.kernels.compiling import F8, I8, TABLE, kernel
+from tdint.kernels.stories.law_state import commit, restoring
 from tdint.kernels.stories.path import arrive, follow, keep_to_branch, stays
-
-
-@kernel(I8(TABLE, TABLE, F8))
-def begin(law_parameters, state, drift):
-    start(law_parameters, state, 0, drift)
-    return 0
-
-
-@kernel(I8(TABLE, TABLE, F8, F8, TABLE))
-def integrate(law_parameters, state, rise, bend, out):
-    """Mean, moment and the four tangents into the first rows of `out`."""
-    follow(law_parameters, state, 0, rise, bend, out, 0)
-    return 0
 
 
 @kernel(I8(TABLE, F8, F8, TABLE))
 def integrate_on_branch(state, rise, bend, out):
-    """As `integrate` where the story stays on its branch: 1, else 0."""
+    """As `go` where the story stays on its branch: 1, else 0."""
     if not stays(state, 0, rise, bend):
         return 0
     keep_to_branch(state, 0, rise, bend, out, 0)
@@ -33,7 +20,7 @@ def integrate_on_branch(state, rise, bend, out):
 
 @kernel(I8(TABLE, TABLE, F8, F8, TABLE))
 def go(law_parameters, state, rise, bend, out):
-    """As `integrate`, and the story goes there."""
+    """Mean, moment and the four tangents into the first rows of `out`; the story goes there."""
     follow(law_parameters, state, 0, rise, bend, out, 0)
     arrive(law_parameters, state, 0, rise)
     return 0
@@ -55,21 +42,4 @@ def walk(law_parameters, state, rise, bend, parts, out):
     return 0
 
 
-@kernel(I8(TABLE, TABLE, VECTOR))
-def energies(law_parameters, state, out):
-    """What is stored, and what has been dissipated, J."""
-    out[0] = recoverable(law_parameters, state, 0)
-    out[1] = dissipated(law_parameters, state, 0)
-    return 0
-
-
-@kernel(I8(TABLE, TABLE, VECTOR, VECTOR))
-def forces_at(law_parameters, state, drifts, forces):
-    """The force at each of many drifts, all reached from the committed state."""
-    for s in range(drifts.size):
-        restoring(law_parameters, state, 0, at.COMMITTED, at.FIRST_TRIAL, drifts[s])
-        forces[s] = state[at.FIRST_TRIAL + at.FORCE, 0]
-    return 0
-
-
-KERNELS = (begin, integrate, integrate_on_branch, go, walk, energies, forces_at)
+KERNELS = (integrate_on_branch, go, walk)

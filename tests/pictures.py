@@ -22,6 +22,14 @@ FOLDER = readmes.ROOT / "configs"
 DIGESTS = FOLDER / "pictures.json"
 _FIGURES = readmes.ROOT / "src" / "tdint" / "output" / "figures"
 _IDA = "tdint ida configs/collapse-prone-frame.yaml records --units m/s^2 -q"
+_REGION = " && ".join(
+    next(
+        [command.replace("{", "{{").replace("}", "}}") for command, _ in session[:2]]
+        for session in readmes.sessions((readmes.ROOT / "src" / "tdint" / "campaign" / "README.md").read_text())
+        if "region.yaml" in "".join(command for command, _ in session)
+    )
+)
+"""The inventory and the campaign of the README's region."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +54,9 @@ PICTURES = {
     "collapse-prone-frame-ida.png": Picture(f"{_IDA} --plot={{file}}", "ida"),
     "collapse-prone-frame-fragility.png": Picture(
         f"{_IDA} | tdint fragility - --threshold 10% --beta-model 0.35 --plot={{file}}", "fragility"
+    ),
+    "region-fragility.png": Picture(
+        f"{_REGION} && tdint fragility region --by type --im pga --plot={{file}}", "fragility"
     ),
     "failures.png": Picture("tdint failures --plot={file}", "failure_matrix", of_methods=True),
     "ten-story-bilinear-chart.png": Picture(

@@ -24,8 +24,9 @@ from tdint.kernels import layout
 from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
+from tdint.model.damage_states import STATES, DamageStates
 from tdint.model.definition import LAWS
-from tdint.output.tables import buildings, campaign, methods, runs, spectra, studies
+from tdint.output.tables import buildings, campaign, damage_states, methods, runs, spectra, studies
 from tdint.output.tables import table as shared
 from tdint_cli.main import COMMANDS, GROUPS, cli
 
@@ -216,6 +217,11 @@ def column_tables():
         "shocks.csv of tdint campaign": campaign.SHOCKS,
         "profiles.csv of tdint campaign": campaign.PROFILES,
         "ratios.csv of tdint campaign": campaign.RATIOS,
+        "damage.csv of tdint campaign": damage_states.damage_columns(
+            DamageStates("drift_ratio", STATES, (1.0, 2.0, 3.0, 4.0), 0.0, (1.0,) * 5)
+        ),
+        "damage-types.csv of tdint campaign": damage_states.TYPES,
+        "losses.csv of tdint campaign": damage_states.LOSSES,
         "floor-spectra-mean.csv of tdint campaign": campaign.FLOOR_SUITES,
         "tdint scale": studies.FACTORS,
         "tdint ida": studies.CAPACITIES,
@@ -287,7 +293,7 @@ def checkout():
         folder = Path(name)
         for part in ("configs", "records"):
             (folder / part).symlink_to(ROOT / part)
-        for shown in ("workshop", "recorded", "campaign", "drift-check"):
+        for shown in ("workshop", "recorded", "campaign", "drift-check", "region"):
             (folder / f"{shown}.yaml").write_text(block(shown))
         path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
         yield folder, {**os.environ, "PATH": path}

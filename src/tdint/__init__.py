@@ -9,17 +9,29 @@ A tour; everything is in SI units, `help(tdint.run)` and the like tell shapes, u
     tdint.modes(model)                                   # periods, damping ratios, masses
     response = tdint.run(model, record, history=True, check=True)
     response.stories.peak_drift_ratio                    # an array over the stories
+    response.plot(), response.plot(ax=ax)                # a matplotlib Figure; or its main panel on your axes
     pandas.DataFrame(response.to_dict("kip,in,g"))       # the columns of the command's table, in other units
     case = tdint.prepare(model, record)                  # put together once for many runs:
     tdint.run_case(case.scaled(2.0))
+    tdint.run_many(models, records, scales=[1, 2], history="drift")    # arrays [run, time, story], on all processors
     tdint.run_sequence(case, [record, aftershock])       # one after the other; .shocks has the peaks of each
     tdint.cyclic_test(model, 1, ["1%", "2%"])            # the law of a story, as in a laboratory
     tdint.pushover(model, "2%")
 
-Spectra of records: `spectrum`, `rotated_spectrum` (of `read_horizontals`), `constant_ductility`, `constant_strength`,
-`drift_spectrum`, `floor_spectra` of a response. Methods: `stability`. Text tables that do not tell what they are take a
-`TextLayout`. In a notebook results show themselves as tables; `to_dict` of each gives its columns. All of it loads on
-first use, so that importing tdint costs nothing.
+Each command has the function of its name; what these give shows itself in a line, as a table in a notebook, has its
+columns by `to_dict`, is drawn by `plot`, and can be pickled:
+
+    Buildings        init, check, run (run_many, run_case of prepare, run_sequence), modes, law, pushover, compare,
+                     inventory
+    Ground motions   info, spectrum (rotated_spectrum of read_horizontals, constant_ductility, constant_strength,
+                     floor_spectra of a response), drift_spectrum
+    Studies          campaign, scale, ida, sensitivity, fragility (fit_stripes, fit_capacities, fit_cloud)
+    Methods          methods, stability, overshoot, order, failures, examples, chart; load_plugin, register_method,
+                     register_law
+    Housekeeping     compile, validate
+
+Text tables that do not tell what they are take a `TextLayout`. All of it loads on first use, so that importing tdint
+costs nothing; matplotlib loads with the first picture.
 """
 
 from __future__ import annotations
@@ -31,10 +43,19 @@ from tdint.tabular import Tabular
 from tdint.version import __version__
 
 if TYPE_CHECKING:
+    from tdint.analysis.assessment.failures import failures as failures
+    from tdint.analysis.assessment.order import order as order
+    from tdint.analysis.assessment.overshoot import overshoot as overshoot
+    from tdint.analysis.assessment.paper_examples import run_examples as examples
     from tdint.analysis.assessment.stability import stability as stability
+    from tdint.analysis.chart.work_precision import chart as chart
+    from tdint.analysis.comparison.compare import compare as compare
+    from tdint.analysis.run.compilation import compile_model as compile
+    from tdint.analysis.run.overview import overview as check
     from tdint.analysis.run.run import prepare as prepare
     from tdint.analysis.run.run import run as run
     from tdint.analysis.run.run import run_case as run_case
+    from tdint.analysis.run_many import run_many as run_many
     from tdint.analysis.sequence import run_sequence as run_sequence
     from tdint.analysis.spectra.drift import drift_spectrum as drift_spectrum
     from tdint.analysis.spectra.elastic import spectrum as spectrum
@@ -43,69 +64,116 @@ if TYPE_CHECKING:
     from tdint.analysis.spectra.inelastic import constant_strength as constant_strength
     from tdint.analysis.spectra.rotated import rotated_spectrum as rotated_spectrum
     from tdint.analysis.static.cyclic import cyclic_test as cyclic_test
+    from tdint.analysis.static.cyclic import cyclic_test as law
     from tdint.analysis.static.pushover import pushover as pushover
+    from tdint.campaign.carry_out import campaign as campaign
+    from tdint.campaign.fragility.fit_table import fragility as fragility
     from tdint.campaign.fragility.fits import fit_capacities as fit_capacities
     from tdint.campaign.fragility.fits import fit_cloud as fit_cloud
     from tdint.campaign.fragility.fits import fit_stripes as fit_stripes
     from tdint.campaign.ida.study import ida as ida
+    from tdint.campaign.sensitivity import sensitivity as sensitivity
+    from tdint.campaign.suites.scaling import scale as scale
     from tdint.ground_motion.processing import process as process
     from tdint.ground_motion.reading.read import make_record as make_record
     from tdint.ground_motion.reading.read import read_horizontals as read_horizontals
     from tdint.ground_motion.reading.read import read_record as read_record
     from tdint.ground_motion.text_layout import TextLayout as TextLayout
+    from tdint.methods.catalogue import list_methods as methods
     from tdint.methods.catalogue import load_plugin as load_plugin
     from tdint.methods.catalogue import register_method as register_method
     from tdint.model.building import modes as modes
     from tdint.model.config.model_file import load_model as load_model
     from tdint.model.definition import register_law as register_law
+    from tdint.model.first_model import first_model as init
+    from tdint.model.inventory.derive import inventory as inventory
+    from tdint.output.plotting import plot as plot
+    from tdint.output.tables.spectra import record_info as info
     from tdint.output.tables.to_dict import to_dict as to_dict
+    from tdint.validation.textbook import validate as validate
 
 _HOMES = {
-    "load_plugin": "tdint.methods.catalogue",
-    "register_law": "tdint.model.definition",
-    "register_method": "tdint.methods.catalogue",
-    "make_record": "tdint.ground_motion.reading.read",
-    "modes": "tdint.model.building",
-    "cyclic_test": "tdint.analysis.static.cyclic",
-    "pushover": "tdint.analysis.static.pushover",
-    "stability": "tdint.analysis.assessment.stability",
-    "floor_spectra": "tdint.analysis.spectra.floors",
-    "to_dict": "tdint.output.tables.to_dict",
     "TextLayout": "tdint.ground_motion.text_layout",
-    "process": "tdint.ground_motion.processing",
-    "read_record": "tdint.ground_motion.reading.read",
-    "load_model": "tdint.model.config.model_file",
-    "prepare": "tdint.analysis.run.run",
-    "run": "tdint.analysis.run.run",
-    "run_case": "tdint.analysis.run.run",
-    "run_sequence": "tdint.analysis.sequence",
-    "spectrum": "tdint.analysis.spectra.elastic",
+    "campaign": "tdint.campaign.carry_out",
+    "chart": "tdint.analysis.chart.work_precision",
+    "check": "tdint.analysis.run.overview:overview",
+    "compare": "tdint.analysis.comparison.compare",
+    "compile": "tdint.analysis.run.compilation:compile_model",
     "constant_ductility": "tdint.analysis.spectra.inelastic",
     "constant_strength": "tdint.analysis.spectra.inelastic",
+    "cyclic_test": "tdint.analysis.static.cyclic",
+    "drift_spectrum": "tdint.analysis.spectra.drift",
+    "examples": "tdint.analysis.assessment.paper_examples:run_examples",
+    "failures": "tdint.analysis.assessment.failures",
     "fit_capacities": "tdint.campaign.fragility.fits",
     "fit_cloud": "tdint.campaign.fragility.fits",
     "fit_stripes": "tdint.campaign.fragility.fits",
+    "floor_spectra": "tdint.analysis.spectra.floors",
+    "fragility": "tdint.campaign.fragility.fit_table",
     "ida": "tdint.campaign.ida.study",
-    "drift_spectrum": "tdint.analysis.spectra.drift",
+    "info": "tdint.output.tables.spectra:record_info",
+    "init": "tdint.model.first_model:first_model",
+    "inventory": "tdint.model.inventory.derive",
+    "law": "tdint.analysis.static.cyclic:cyclic_test",
+    "load_model": "tdint.model.config.model_file",
+    "load_plugin": "tdint.methods.catalogue",
+    "make_record": "tdint.ground_motion.reading.read",
+    "methods": "tdint.methods.catalogue:list_methods",
+    "modes": "tdint.model.building",
+    "order": "tdint.analysis.assessment.order",
+    "overshoot": "tdint.analysis.assessment.overshoot",
+    "plot": "tdint.output.plotting",
+    "prepare": "tdint.analysis.run.run",
+    "process": "tdint.ground_motion.processing",
+    "pushover": "tdint.analysis.static.pushover",
     "read_horizontals": "tdint.ground_motion.reading.read",
+    "read_record": "tdint.ground_motion.reading.read",
+    "register_law": "tdint.model.definition",
+    "register_method": "tdint.methods.catalogue",
     "rotated_spectrum": "tdint.analysis.spectra.rotated",
+    "run": "tdint.analysis.run.run",
+    "run_case": "tdint.analysis.run.run",
+    "run_many": "tdint.analysis.run_many",
+    "run_sequence": "tdint.analysis.sequence",
+    "scale": "tdint.campaign.suites.scaling",
+    "sensitivity": "tdint.campaign.sensitivity",
+    "spectrum": "tdint.analysis.spectra.elastic",
+    "stability": "tdint.analysis.assessment.stability",
+    "to_dict": "tdint.output.tables.to_dict",
+    "validate": "tdint.validation.textbook",
 }
 __all__ = [
     "TextLayout",
     "__version__",
+    "campaign",
+    "chart",
+    "check",
+    "compare",
+    "compile",
     "constant_ductility",
     "constant_strength",
     "cyclic_test",
     "drift_spectrum",
+    "examples",
+    "failures",
     "fit_capacities",
     "fit_cloud",
     "fit_stripes",
     "floor_spectra",
+    "fragility",
     "ida",
+    "info",
+    "init",
+    "inventory",
+    "law",
     "load_model",
     "load_plugin",
     "make_record",
+    "methods",
     "modes",
+    "order",
+    "overshoot",
+    "plot",
     "prepare",
     "process",
     "pushover",
@@ -116,20 +184,30 @@ __all__ = [
     "rotated_spectrum",
     "run",
     "run_case",
+    "run_many",
     "run_sequence",
+    "scale",
+    "sensitivity",
     "spectrum",
     "stability",
     "to_dict",
+    "validate",
 ]
 
 Tabular.tables = _HOMES["to_dict"]
+Tabular.figures = _HOMES["plot"]
+
+
+def _found(name: str) -> Any:
+    home, _, attribute = _HOMES[name].partition(":")
+    return getattr(import_module(home), attribute or name)
 
 
 if not TYPE_CHECKING:  # to a checker of types every name would be one of tdint's
 
     def __getattr__(name: str) -> Any:
         if name in _HOMES:
-            return getattr(import_module(_HOMES[name]), name)
+            return _found(name)
         raise AttributeError(f"module 'tdint' has no attribute {name!r}")
 
 

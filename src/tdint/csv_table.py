@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 
 from tdint.errors import ModelError, TdintError, nearest
-from tdint.input_bytes import MOST_BYTES, read_at_most
+from tdint.input_bytes import MOST_BYTES, note_input, read_at_most
 from tdint.written_numbers import LARGEST, SMALLEST
 
 _END = "end"  # a last row of our own
@@ -29,6 +29,8 @@ class CsvTable:
         The file as the user named it.
     header : tuple of str
         The columns' names, in lower case.
+    titles : tuple of str
+        The same as they are written.
     header_line : int
         Where they stand.
     rows : tuple of (int, list of str)
@@ -41,6 +43,7 @@ class CsvTable:
 
     source: str
     header: tuple[str, ...]
+    titles: tuple[str, ...]
     header_line: int
     rows: tuple[tuple[int, list[str]], ...]
     needs: str
@@ -164,11 +167,12 @@ def read_table(
     if not lines:
         raise error(f"{source}: is empty; {needs}")
     (header_line, header), *rows = lines
-    names = tuple(cell.strip().lower() for cell in header)
+    titles = tuple(cell.strip() for cell in header)
+    names = tuple(title.lower() for title in titles)
     for name in names if columns is None else columns:
         if name and names.count(name.lower()) > 1:
             raise error(f"{source}:{header_line}: the column {name} is there twice")
-    return CsvTable(source, names, header_line, tuple(rows), needs, error)
+    return CsvTable(source, names, titles, header_line, tuple(rows), needs, error)
 
 
 def _lines(source: str, text: str, error: type[TdintError]) -> list[tuple[int, list[str]]]:
@@ -196,6 +200,7 @@ def _text(source: str, needs: str, error: type[TdintError]) -> str:
         raise error(f"{source}: cannot be read: {getattr(fault, 'strerror', None) or fault}") from None
     if len(data) > MOST_BYTES:
         raise error(f"{source}: larger than {MOST_BYTES // 1024**2} MiB; {needs}")
+    note_input(source, data)
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as fault:

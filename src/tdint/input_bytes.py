@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import stat
 import sys
+from collections.abc import Callable
+from contextvars import ContextVar
+from hashlib import sha256
 from pathlib import Path
 from typing import BinaryIO
 
@@ -16,6 +19,16 @@ MOST_BYTES = 2**28
 """Of the largest file that is read: 256 MiB."""
 
 _PIECE = 2**20
+
+READ: ContextVar[dict[str, str] | None] = ContextVar("read", default=None)
+"""SHA-256 of the inputs that the command that runs has read, by name; None where nobody asks."""
+
+
+def note_input(source: str | Path, content: bytes | Callable[[], str]) -> None:
+    """Keep that this was read, for who tells what a result came from; of what is large give what makes its SHA-256."""
+    seen = READ.get()
+    if seen is not None:
+        seen[str(source)] = sha256(content).hexdigest() if isinstance(content, bytes) else content()
 
 
 def read_at_most(source: str | Path, most: int, error: type[TdintError]) -> bytes:

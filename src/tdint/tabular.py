@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from importlib import import_module
-from typing import Any, ClassVar
+from types import ModuleType
+from typing import Any, ClassVar, Generic, TypeVar
 
 
 class Tabular:
@@ -12,11 +14,12 @@ class Tabular:
 
     Attributes
     ----------
-    tables : str
-        Name of the module with `to_dict` and `to_html`; set by `tdint/__init__.py`.
+    tables, figures : str
+        Names of the modules with `to_dict` and `to_html`, and with `plot`; set by `tdint/__init__.py`.
     """
 
     tables: ClassVar[str]
+    figures: ClassVar[str]
 
     def _headline(self) -> str:
         """What it is, in a line."""
@@ -38,9 +41,69 @@ class Tabular:
         columns: dict[str, Any] = import_module(self.tables).to_dict(self, units)
         return columns
 
+    def plot(self, ax: Any = None, units: str = "") -> Any:
+        """Draw it: a new figure, or its main panel on axes that are there.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            The axes; what has no single panel is refused.
+        units : str
+            Units in place of SI, such as `kip,in,g`.
+
+        Returns
+        -------
+        matplotlib.figure.Figure or matplotlib.axes.Axes
+            The figure, of this call alone: matplotlib's pyplot does not know it; or the axes that were given.
+        """
+        return import_module(self.figures).plot(self, ax=ax, units=units)
+
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self._headline()}>"
 
     def _repr_html_(self) -> str:
         """A caption and the first rows, for notebooks."""
         return str(import_module(self.tables).to_html(self, self._headline()))
+
+
+Member = TypeVar("Member")
+
+
+class Several(Tabular, Generic[Member]):
+    """Results of one kind in a row, with one table: it has a length, members by number, and may be walked through.
+
+    Attributes
+    ----------
+    members : tuple
+        The results.
+    """
+
+    def __init__(self, members: Iterable[Member]) -> None:
+        self.members = tuple(members)
+
+    def __len__(self) -> int:
+        return len(self.members)
+
+    def __iter__(self) -> Iterator[Member]:
+        return iter(self.members)
+
+    def __getitem__(self, place: int) -> Member:
+        return self.members[place]
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Several) and self.members == other.members
+
+    def __hash__(self) -> int:
+        return hash(self.members)
+
+    def _headline(self) -> str:
+        return f"{len(self.members)} of {type(self.members[0]).__name__}" if self.members else "none"
+
+
+class FunctionPackage(ModuleType):
+    """A package that is the function of its name, too: once it is loaded, `tdint.campaign` stands for both."""
+
+    def __call__(self, *given: Any, **named: Any) -> Any:
+        """Call the function."""
+        whole, _, name = self.__name__.rpartition(".")
+        return import_module(whole).__getattr__(name)(*given, **named)

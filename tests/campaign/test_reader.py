@@ -6,8 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from tdint.campaign.definition import RecordFiles
 from tdint.campaign.reader import load_campaign
 from tdint.errors import ModelError
+from tdint.ground_motion.pairing import USUAL, PairNames
 
 STUDY = """\
 buildings: {models: [model.yaml]}
@@ -32,3 +34,18 @@ def test_numbers_and_words_without_a_meaning(tmp_path: Path, intensity: str, ana
     with pytest.raises(ModelError) as caught:
         load_campaign(file)
     assert said in str(caught.value) and len(str(caught.value).splitlines()) == 1
+
+
+def test_how_the_files_of_pairs_are_named(tmp_path: Path) -> None:
+    file = tmp_path / "study.yaml"
+    for written, read in (
+        ("true", USUAL),
+        ("false", None),
+        ("'{}_a.csv,{}_b.csv'", PairNames("{}_a.csv", "{}_b.csv")),
+    ):
+        file.write_text(f"buildings: {{models: [model.yaml]}}\nrecords: {{files: [a.csv], pairs: {written}}}\n")
+        records = load_campaign(file).records
+        assert isinstance(records, RecordFiles) and records.pairs == read
+    file.write_text("buildings: {models: [model.yaml]}\nrecords: {files: [a.csv], pairs: '{}_a.csv'}\n")
+    with pytest.raises(ModelError, match=r":2:\d+: records.pairs: .*write two names"):
+        load_campaign(file)

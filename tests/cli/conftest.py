@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 from textwrap import dedent
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import pytest
@@ -76,6 +76,17 @@ def tdint() -> Callable[..., Result]:
         return result
 
     return run
+
+
+@pytest.fixture
+def blank_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures are made, but not drawn: for tests that ask which files there are, and for which tens are written."""
+    from matplotlib.figure import Figure
+
+    def write(self: Figure, stream: BinaryIO, *, format: str, **_: object) -> None:
+        stream.write(f"a picture as {format}".encode())
+
+    monkeypatch.setattr(Figure, "savefig", write)
 
 
 @pytest.fixture

@@ -132,7 +132,7 @@ def test_what_a_table_came_from(folder, tdint):
     tdint("spectrum", "motion.mseed", "-o", "one.csv", "--units", "gal", "--damping", "0.02",
           "--periods", "0.1:1:5", "--component", "HNN")  # fmt: skip
     summary = json.loads((folder / "one.json").read_text())
-    assert list(summary) == ["schema", "command", "settings", "records", "columns", "versions"]
+    assert list(summary) == ["schema", "command", "settings", "records", "inputs", "columns", "versions"]
     assert summary["command"] == "spectrum"
     for name, value in {
         "units": "gal", "component": "HNN", "inventory": None, "damping": [0.02], "periods": "0.1:1:5",
@@ -150,7 +150,7 @@ def test_what_a_table_came_from(folder, tdint):
         }],
     }.items():  # fmt: skip
         assert record[name] == value
-    assert set(summary["versions"]) == {"tdint", "numpy", "scipy", "numba", "obspy", "python"}
+    assert set(summary["versions"]) == {"tdint", "numpy", "scipy", "numba", "obspy", "python", "sources"}
 
 
 def test_the_summary_names_what_stands_in_the_table(many, tdint):

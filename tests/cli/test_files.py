@@ -145,6 +145,7 @@ def test_every_command_that_writes_is_here() -> None:
     assert writing_commands() - {"compile"} == {arguments[0] for arguments, _ in WRITING.values()}
 
 
+@pytest.mark.usefixtures("blank_pictures")
 @pytest.mark.parametrize("name", WRITING)
 def test_what_a_command_did_not_write_it_does_not_replace(study: Path, tdint: Run, name: str) -> None:
     arguments, files = WRITING[name]

@@ -259,6 +259,7 @@ def test_an_option_with_nothing_to_act_on_is_refused(tmp_path, monkeypatch, tdin
         "--hardening": "0.1",
         "--figure-width": "90mm",
         "--label": "hht=HHT",
+        "--pairs": "{}_N.txt,{}_E.txt",
     }.get(option)
     asked = [*words, option, *([value] if value else a_value(parameter))]
     result = tdint(*asked)

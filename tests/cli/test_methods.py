@@ -72,7 +72,7 @@ def test_table_and_picture(here, tdint, name):
         assert (here / f"x{suffix}").read_bytes().startswith(start)
     result = tdint(*command, "--plot", "y.png")
     assert (result.exit_code, result.stdout) == (0, table)
-    assert sorted(path.name for path in here.iterdir()) == ["x.csv", "x.pdf", "x.png", "x.svg", "y.png"]
+    assert sorted(path.name for path in here.iterdir()) == ["x.csv", "x.json", "x.pdf", "x.png", "x.svg", "y.png"]
 
 
 @pytest.mark.parametrize("file", ["x.csv", "x.png"])

@@ -120,7 +120,7 @@ def test_the_summary(folder, tdint):
     assert summary["peaks"]["roof_displacement_m"] == float(table[1]["peak_displacement_m"])
     assert summary["peaks"]["base_shear_N"] == float(table[0]["peak_shear_N"])
     assert summary["record"]["component"] == "HNE"
-    assert set(summary["versions"]) == {"tdint", "numpy", "scipy", "numba", "obspy", "python"}
+    assert set(summary["versions"]) == {"tdint", "numpy", "scipy", "numba", "obspy", "python", "sources"}
     assert [item["sha256"] for item in summary["inputs"]] == [
         hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in ("shaken.yaml", "motion.mseed")
     ]

@@ -87,6 +87,33 @@ def test_a_pair_has_one_factor(folder, tdint):
     assert "1 pair scaled to sa(0.5) = 2 m/s^2" in result.stderr
 
 
+def test_pairs_by_the_names_of_their_files(folder, tdint, make_record):
+    """Whose names are unknown: one message says what would do, and with it two motions are two pairs."""
+    (folder / "named").mkdir()
+    for i, name in enumerate(("kobe", "taft")):
+        for channel, ending in (("HNE", "tran"), ("HNN", "long"), ("HNZ", "vert")):
+            peak = 1.0 + i + 0.5 * (ending == "long")
+            make_record(folder / "named" / f"{name}_{ending}.mseed", channel, peak=peak)
+    names = "{}_long.mseed,{}_tran.mseed"
+    wanted = ("scale", "named", *UNITS, "--pga", "0.1g")
+    alone = tdint(*wanted, "--pairs", "geometric-mean")
+    assert alone.exit_code == 4
+    told = [line for line in alone.stderr.splitlines() if "single" in line]
+    assert len(told) == 1 and "4 files have a single horizontal component" in told[0]
+    assert "--pairs '{}long.mseed,{}tran.mseed'" in told[0]
+    for given in (names, f"rotd50,{names}"):
+        result = tdint(*wanted, "--pairs", given)
+        assert result.exit_code == 0, result.stderr
+        assert "2 pairs scaled to pga" in result.stderr
+        assert "kobe_vert.mseed" in result.stderr
+    assert "2 pairs" in tdint(*wanted[:-2], "--p695", "--pairs", names).stderr
+    spectra = tdint("spectrum", "named", *UNITS, "--rotd", "50", "--pairs", names, "--period", "1")
+    assert spectra.exit_code == 0 and len(rows(spectra.stdout)) == 2
+    assert tdint("spectrum", "named", *UNITS, "--pairs", names).exit_code == 2
+    for bad in ("rotd50,rotd100", "rotd5", "{}_long.mseed", "{}_a,{}_b"):
+        assert tdint(*wanted, "--pairs", bad).exit_code == 2
+
+
 def test_a_record_that_fails_does_not_keep_the_others(folder, tdint):
     result = tdint("scale", "motion.mseed", "none.mseed", *UNITS, "--pgv", "10cm/s")
     assert result.exit_code == 4

@@ -42,6 +42,9 @@ COMMANDS = {
     "shocks.csv of tdint campaign": "{folder}/sequences.yaml",
     "profiles.csv of tdint campaign": "{folder}/campaign.yaml",
     "ratios.csv of tdint campaign": "{folder}/campaign.yaml --baseline frame",
+    "damage.csv of tdint campaign": "{folder}/damage.yaml",
+    "damage-types.csv of tdint campaign": "{folder}/damage.yaml",
+    "losses.csv of tdint campaign": "{folder}/damage.yaml",
     "floor-spectra-mean.csv of tdint campaign": "{folder}/campaign.yaml --floor-spectra roof",
     "tdint scale": "records/firm-soil.mseed --pga 0.4g",
     "tdint ida": f"{FRAME} records/firm-soil.mseed --component HN1 --max-im 1.2m/s^2",
@@ -80,6 +83,12 @@ def test_columns(name, monkeypatch, tmp_path):
         f"buildings: {{models: [frame.yaml, other.yaml]}}\n"
         f"records: {{files: [{readmes.ROOT / 'records' / 'firm-soil.mseed'}]}}\n"
         "analysis: {method: newmark-average}\noutputs: {stories: true}\n"
+    )
+    (tmp_path / "damage.yaml").write_text(
+        f"buildings: {{models: [{readmes.ROOT / FRAME}]}}\n"
+        f"records: {{files: [{readmes.ROOT / 'records' / 'firm-soil.mseed'}], component: HN1}}\n"
+        "damage:\n  thresholds: {slight: 1%, moderate: 2%, extensive: 3%, complete: 4%}\n  dispersion: 0\n"
+        "  losses: {slight: 0, moderate: 0, extensive: 0, complete: 1}\n"
     )
     (tmp_path / "sequences.yaml").write_text(
         "buildings: {models: [frame.yaml]}\nrecords: {sequences: pairs.csv, component: HN1}\n"

@@ -34,8 +34,14 @@ def test_every_command_stands_in_the_readme_of_the_command_line():
     assert all(f"### tdint {name}\n" in text for name in COMMANDS)
 
 
+def sessions():
+    """READMEs with sessions; that of campaigns is a dozen studies."""
+    paths = [path for path in readmes.files() if readmes.sessions(path.read_text())]
+    return [pytest.param(one, marks=[pytest.mark.slow] if one.parent.name == "campaign" else []) for one in paths]
+
+
 @pytest.mark.long
-@pytest.mark.parametrize("path", [path for path in readmes.files() if readmes.sessions(path.read_text())], ids=named)
+@pytest.mark.parametrize("path", sessions(), ids=named)
 def test_sessions_print_what_they_show(path):
     for session in readmes.sessions(path.read_text()):
         with readmes.checkout() as (folder, environment):

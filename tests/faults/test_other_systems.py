@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -98,8 +99,15 @@ def test_what_has_less_writes_the_same(elsewhere):
     assert (less.returncode, less.stdout) == (0, all_of_it.stdout)
 
 
+@pytest.fixture(scope="module")
+def in_utf8(elsewhere):
+    """What a command prints where nothing is missing."""
+    _folder, run = elsewhere
+    return cache(lambda *command: run(*command, less=False, PYTHONUTF8="1").stdout)
+
+
 @pytest.mark.parametrize("encoding", ["cp1252", "ascii"])
-def test_a_console_of_another_encoding_gets_words_and_data(elsewhere, encoding):
+def test_a_console_of_another_encoding_gets_words_and_data(elsewhere, in_utf8, encoding):
     """Words are shown as far as it can; data are UTF-8 everywhere."""
     folder, run = elsewhere
     model = (CONFIGS / "ten-story.yaml").read_text(encoding="utf-8").replace("../", f"{CONFIGS.parent}/")
@@ -114,4 +122,4 @@ def test_a_console_of_another_encoding_gets_words_and_data(elsewhere, encoding):
     ]:
         done = run(*command, PYTHONIOENCODING=encoding)
         assert (done.returncode, b"internal error" in done.stderr) == (code, False), done.stderr
-        assert done.stdout == run(*command, less=False, PYTHONUTF8="1").stdout
+        assert done.stdout == in_utf8(*command)

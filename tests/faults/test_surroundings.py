@@ -39,6 +39,7 @@ def test_without_a_home(folder, start):
     assert out.count("\n") == 2
 
 
+@pytest.mark.slow  # compiles; whose folder is trusted is asked in tests/kernels/test_compiling.py, too
 def test_a_cache_that_others_may_write_to_is_not_used(folder, start):
     cache = folder.parent / "cache"
     cache.mkdir()
@@ -49,6 +50,7 @@ def test_a_cache_that_others_may_write_to_is_not_used(folder, start):
     assert not kept
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "getuid") or os.getuid() != 0, reason="only root can give a folder away")
 def test_a_cache_of_another_user_is_not_used(folder, start):
     cache = folder.parent / "cache"

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from real_records import real_file
-from tdint.errors import RecordError
-from tdint.ground_motion.horizontals import azimuth, find_horizontals, is_vertical, motion_name
+from tdint.errors import RecordError, UsageError
+from tdint.ground_motion.horizontals import SingleHorizontal, azimuth, find_horizontals, is_vertical
+from tdint.ground_motion.pairing import PairNames, files_of_motions, motion_name, told_once, with_component
 from tdint.ground_motion.reading.read import read_horizontals, read_record, read_records
 from tdint.ground_motion.record import Record
 
@@ -118,6 +119,12 @@ def test_the_end_that_one_alone_has_is_left_out(samples, words):
         ("RSN763_LOMAP_GIL067.AT2", "RSN763_LOMAP_GIL-UP.AT2"),
         ("H-E01140.AT2", "H-E01230.AT2"),
         ("CI.CLC..HNE.mseed", "CI.CLC..HNN.mseed"),
+        ("a/site_N.csv", "a/site_E.csv"),
+        ("site_EW.txt.gz", "site_NS.txt.gz"),
+        ("RSN1-H1.txt", "RSN1-H2.txt"),
+        ("RSN1_X000.AT2", "RSN1_X090.AT2"),
+        ("GM1_FN.AT2", "GM1_FP.AT2"),
+        ("site.N.txt", "site.Z.txt"),
     ],
 )
 def test_files_of_one_motion(one, other):
@@ -133,10 +140,68 @@ def test_files_of_one_motion(one, other):
         ("A.AT2", "B.AT2"),
         ("CI.CLC..HNE.mseed", "CI.TOW..HNN.mseed"),
         ("CI.CLC..HNE.mseed", "CI.CLC..BNN.mseed"),
+        ("site_N.csv", "site_E.txt"),
+        ("site_N.csv", "site.csv"),
+        ("record_000.csv", "record_090.csv"),
+        ("one.N", "one.E"),
     ],
 )
 def test_files_of_different_motions(one, other):
     assert motion_name(one) != motion_name(other)
+
+
+def test_pairs_by_names_that_are_given():
+    names = PairNames.parse("{}_long.txt, {}_tran.txt")
+    files = ["r/a_long.txt", "r/b_long.txt", "r/a_tran.txt", "r/b_tran.txt", "s/a_tran.txt", "r/a_up.txt"]
+    motions, others = files_of_motions(files, names)
+    assert motions == [("r/a_long.txt", "r/a_tran.txt"), ("r/b_long.txt", "r/b_tran.txt"), ("s/a_tran.txt",)]
+    assert others == ["r/a_up.txt"]
+    folders = PairNames.parse("N/{}.txt,E/{}.txt")
+    assert files_of_motions(["x/N/1.txt", "x/E/1.txt", "x/N/2.txt"], folders)[0] == [
+        ("x/N/1.txt", "x/E/1.txt"),
+        ("x/N/2.txt",),
+    ]
+    with pytest.raises(UsageError, match=r"no file is named N/\{\}.txt or E/\{\}.txt; there are a.txt"):
+        files_of_motions(["a.txt"], folders)
+
+
+@pytest.mark.parametrize("text", ["{}_N.txt", "{}_N.txt,{}_N.txt", "{}_N.txt,{}_E.txt,{}_Z.txt", "{}{},{}_E", "a,{}_b"])
+def test_names_that_make_no_pair(text):
+    with pytest.raises(UsageError, match="write two names with"):
+        PairNames.parse(text)
+
+
+def test_a_component_comes_from_the_name_where_the_file_has_none():
+    assert with_component(record("", source="a/site_ns.csv")).component == "NS"
+    assert with_component(record("HNE", source="a/site_ns.csv")).component == "HNE"
+    assert with_component(record("", source="a/site.csv")).component == ""
+
+
+@pytest.mark.parametrize(
+    ("files", "names"),
+    [
+        (("a1.txt", "a2.txt", "b1.txt", "b2.txt"), "{}1.txt,{}2.txt"),
+        (("a_000.csv", "b_000.csv", "a_090.csv", "b_090.csv"), "{}000.csv,{}090.csv"),
+        (("lon_kobe.csv", "lon_northridge.csv", "tra_kobe.csv", "tra_northridge.csv"), "lon{}.csv,tra{}.csv"),
+    ],
+)
+def test_files_without_a_partner_are_told_once(files, names):
+    """With names that `PairNames` takes, by which they are pairs."""
+    failures = []
+    for file in files:
+        with pytest.raises(RecordError) as caught:
+            find_horizontals([record("", source=file)])
+        failures.append(caught.value)
+    (told,) = told_once(failures)
+    assert str(told).startswith(f"{len(files)} files have a single horizontal component")
+    assert f"--pairs '{names}'" in str(told)
+    assert [len(motion) for motion in files_of_motions(files, PairNames.parse(names))[0]] == [2, 2]
+    assert told_once(failures[:1]) == failures[:1]
+
+
+def test_names_far_from_each_other_are_not_called_close():
+    failures = [SingleHorizontal(file, "") for file in ("kobe.txt", "northridge.txt")]
+    assert "--pairs" not in str(told_once(failures)[0])
 
 
 @pytest.mark.parametrize(

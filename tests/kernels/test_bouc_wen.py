@@ -9,10 +9,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from law_paths import CYCLE, FY, HARDENING, K, follow, law_table
-from path_kernels import forces_at
+from path_kernels import go
 from tdint.kernels import layout as at
 from tdint.kernels.laws.compiled_separately import spring_table
 from tdint.kernels.stories.law_state import commit, restoring, start
+from tdint.kernels.stories.path import PATH_ROWS
 
 pytestmark = pytest.mark.long
 
@@ -93,6 +94,13 @@ def test_the_force_does_not_depend_on_the_steps_along_a_straight_path(exponent):
         assert lost_once == pytest.approx(lost, abs=1e-5 * FY * DY)
 
 
+def gone(law_parameters, state, rise):
+    """The force of a story that has gone from a state."""
+    after = state.copy()
+    go.compiled(law_parameters, after, rise, 0.0, np.zeros((PATH_ROWS, 2)))
+    return after[at.FORCE, 0]
+
+
 @pytest.mark.parametrize("exponent", [1.0, 1.7, 20.0])
 def test_the_force_is_a_continuous_function_of_the_drift(exponent):
     """Newton's iteration needs it: no jump where the number of substeps changes or w its sign."""
@@ -101,13 +109,12 @@ def test_the_force_is_a_continuous_function_of_the_drift(exponent):
     start(law_parameters, state, 0, 0.0)
     restoring(law_parameters, state, 0, 0, at.FIRST_TRIAL, 3.0 * DY)
     commit(law_parameters, state, 0, 0, at.FIRST_TRIAL)
-    drifts = 3.0 * DY - np.linspace(0.0, 4.0, 40001) * DY
-    forces = np.zeros_like(drifts)
-    forces_at.compiled(law_parameters, state, drifts, forces)
+    drifts = 3.0 * DY - np.linspace(0.0, 4.0, 10001) * DY
+    forces = [gone(law_parameters, state, drift - 3.0 * DY) for drift in drifts]
     slopes = np.diff(forces) / np.diff(drifts)
     assert slopes.max() <= 2.0 * K
     assert slopes.min() >= 0.0
-    assert np.max(np.abs(np.diff(slopes))) < 0.005 * K * exponent
+    assert np.max(np.abs(np.diff(slopes))) < 0.02 * K * exponent
 
 
 @pytest.mark.parametrize("exponent", [1.0, 2.0, 100.0])

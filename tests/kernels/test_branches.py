@@ -52,7 +52,7 @@ def test_work_is_stored_or_dissipated(name):
     rounding."""
     law_parameters = law_table(name, *LAW_CASES[name])
     path = np.concatenate(
-        [np.linspace(a, b, 20001)[1:] for a, b in zip([0, *CYCLE[38::39]], CYCLE[38::39], strict=False)]
+        [np.linspace(a, b, 5001)[1:] for a, b in zip([0, *CYCLE[38::39]], CYCLE[38::39], strict=False)]
     )
     forces, stored, dissipated = follow(law_parameters, path)
     middle = 0.5 * (forces + np.append(0.0, forces[:-1]))

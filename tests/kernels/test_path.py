@@ -7,10 +7,11 @@ import pytest
 
 from law_examples import example
 from law_paths import FY, K, law_table
-from path_kernels import begin, energies, go, integrate, integrate_on_branch, walk
+from path_kernels import go, integrate_on_branch, walk
 from tdint.kernels import layout as at
 from tdint.kernels.laws import LAWS as COMPILED
 from tdint.kernels.laws.compiled_separately import spring_table
+from tdint.kernels.stories.law_state import dissipated, recoverable, start
 from tdint.kernels.stories.path import PATH_ROWS
 
 pytestmark = pytest.mark.long
@@ -46,14 +47,13 @@ def random_paths(seed=3):
 
 
 def stored_and_dissipated(law_parameters, state):
-    out = np.zeros(2)
-    energies.compiled(law_parameters, state, out)
-    return out
+    return np.array([energy(law_parameters, state, 0) for energy in (recoverable, dissipated)])
 
 
-def results(call, *arguments):
+def results(*arguments):
+    """Mean, moment and the four tangents of a story that goes along a path."""
     out = np.zeros((PATH_ROWS, 2))
-    call.compiled(*arguments, out)
+    go.compiled(*arguments, out)
     return out[:6, 0].copy()
 
 
@@ -62,13 +62,13 @@ def journey(request):
     """A law, and the states and paths of one story of it that goes on from path to path."""
     law_parameters = table(request.param)
     state = spring_table(law_parameters)
-    begin.compiled(law_parameters, state, 0.0)
+    start(law_parameters, state, 0, 0.0)
     visited = []
     for rise, bend in random_paths():
         if abs(state[at.DRIFT, 0] + rise) > 8.0 * DY:  # not ever farther
             rise, bend = -rise, -bend
         visited.append((state.copy(), rise, bend))
-        results(go, law_parameters, state, rise, bend)
+        results(law_parameters, state, rise, bend)
     return request.param, law_parameters, visited
 
 
@@ -76,7 +76,7 @@ def test_the_work_is_what_is_stored_and_dissipated(journey):
     name, law_parameters, visited = journey
     for state, rise, bend in visited:
         before = stored_and_dissipated(law_parameters, state)
-        mean, moment, *_ = results(go, law_parameters, state, rise, bend)
+        mean, moment, *_ = results(law_parameters, state, rise, bend)
         after = stored_and_dissipated(law_parameters, state)
         work = rise * mean + bend * moment / 12.0
         way = abs(rise) + abs(bend) + 1e-3 * DY
@@ -87,7 +87,7 @@ def test_the_work_is_what_is_stored_and_dissipated(journey):
 def test_the_integrals_are_those_of_the_force(journey):
     name, law_parameters, visited = journey
     for state, rise, bend in visited:
-        got = results(integrate, law_parameters, state.copy(), rise, bend)
+        got = results(law_parameters, state.copy(), rise, bend)
         out = np.zeros((PATH_ROWS, 2))
         walk.compiled(law_parameters, state.copy(), rise, bend, 400, out)
         size = abs(state[at.FORCE, 0]) + abs(got[0]) + K * (abs(rise) + abs(bend))
@@ -99,12 +99,12 @@ def test_the_tangents_are_the_derivatives(journey):
     name, law_parameters, visited = journey
     off = []
     for state, rise, bend in visited[3:]:
-        got = results(integrate, law_parameters, state.copy(), rise, bend)[2:]
+        got = results(law_parameters, state.copy(), rise, bend)[2:]
         eps = 1e-5 * (abs(rise) + abs(bend))
         numeric = []
         for by_rise, by_bend in ((eps, 0.0), (0.0, eps)):
             ends = [
-                results(integrate, law_parameters, state.copy(), rise + sign * by_rise, bend + sign * by_bend)[:2]
+                results(law_parameters, state.copy(), rise + sign * by_rise, bend + sign * by_bend)[:2]
                 for sign in (1.0, -1.0)
             ]
             numeric.append((ends[0] - ends[1]) / (2.0 * eps))
@@ -120,7 +120,7 @@ def test_a_story_on_its_branch_needs_no_walk(journey):
         out = np.zeros((PATH_ROWS, 2))
         if integrate_on_branch.compiled(state, rise, bend, out):
             kept += 1
-            walked = results(integrate, law_parameters, state.copy(), rise, bend)
+            walked = results(law_parameters, state.copy(), rise, bend)
             scale = K * (abs(rise) + abs(bend)) + abs(state[at.FORCE, 0]) + K
             assert out[:6, 0] == pytest.approx(walked, abs=1e-11 * scale)
     assert (kept > 0) == (not LAWS[name].curved)
@@ -134,7 +134,7 @@ def test_rows_beyond_the_committed_state_do_not_matter(journey):
         clean, dirty = state.copy(), state.copy()
         clean[at.SPRING_ROWS : at.ADDRESS] = 0.0
         dirty[at.SPRING_ROWS : at.ADDRESS] = 1e3
-        one, other = (results(go, law_parameters, table, rise, bend) for table in (clean, dirty))
+        one, other = (results(law_parameters, table, rise, bend) for table in (clean, dirty))
         assert np.array_equal(one, other)
         for row in (at.DRIFT, at.FORCE, at.DISSIPATED):
             assert clean[row, 0] == dirty[row, 0]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
 import subprocess
 import sys
@@ -9,6 +11,7 @@ from textwrap import dedent
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import readmes
 import tdint
@@ -19,6 +22,7 @@ from tdint.kernels.laws import LAWS as NUMBERED
 from tdint.kernels.laws import OURS
 from tdint.methods import catalogue as methods
 from tdint.model import definition
+from tdint_cli.main import cli
 
 
 @pytest.fixture(autouse=True)
@@ -49,6 +53,15 @@ def hyperbolic(tmp_path):
     file = tmp_path / "hyperbolic.py"
     file.write_text(readmes.block("law-file"))
     return file
+
+
+def test_it_is_an_input_of_what_it_makes(verlet, tmp_path):
+    """What is executed makes the numbers: its hash stands beside the table."""
+    table = tmp_path / "table.csv"
+    words = ["stability", "--plugin", str(verlet), "--method", "verlet", "-o", str(table)]
+    assert CliRunner().invoke(cli, words).exit_code == 0
+    (one,) = json.loads(table.with_suffix(".json").read_text())["inputs"]
+    assert one == {"file": str(verlet), "sha256": hashlib.sha256(verlet.read_bytes()).hexdigest()}
 
 
 def outside(tmp_path, text, name="outside_plugin"):

@@ -12,7 +12,10 @@ from tdint.errors import ModelError, ModelFault
 from tdint.model.config.model_file import load_model
 from tdint.model.keys import document as config
 
-KEYS = "name, units, stories, building, damping, p_delta, excitation, initial, analysis, collapse_drift, output_units"
+KEYS = (
+    "name, units, stories, building, damping, p_delta, excitation, initial, analysis, collapse_drift, damage, "
+    "output_units"
+)
 STORY_KEYS = "mass, weight, height, stiffness, law, dashpot, isolator, repeat"
 THREE = "stories: [{repeat: 3, mass: 1, stiffness: 1}]\n"
 RATIO = "must be a number of at least 0 and below 1"

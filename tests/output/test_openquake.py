@@ -10,7 +10,7 @@ import pytest
 
 from tdint.campaign.fragility.fits import Fragility
 from tdint.errors import UsageError
-from tdint.output.openquake import fragility_model
+from tdint.output.openquake import fragility_model, whole_types
 
 SPACE = "{http://openquake.org/xmlns/nrml/0.5}"
 
@@ -61,6 +61,22 @@ def test_units_measures_and_total_dispersion():
 def test_a_function_for_each_state_of_the_building():
     both = [*(function(0.1, 1.0, damage=0.0),), function(0.1, 0.5, damage=0.02)]
     assert list(read(fragility_model(both, "x"))) == ["x", "x-damaged-0.02"]
+
+
+def test_a_function_for_each_type_of_buildings():
+    """Under the type's name, by its thresholds, which are others in another type; each with its measure."""
+    frame = [function(0.2, 1.0, type="C1 & more", state="b"), function(0.1, 0.5, type="C1 & more", state="a")]
+    wall = [
+        function(0.3, 0.8, im="sa(0.3)", type="W", state="a"),
+        function(0.4, 0.9, im="sa(0.3)", type="W", state="b"),
+    ]
+    found = read(fragility_model([*frame[::-1], *wall], "region"))
+    assert {name: imt for name, (imt, _) in found.items()} == {"C1 & more": "SA(0.6)", "W": "SA(0.3)"}
+    assert found["C1 & more"][1]["b"] == pytest.approx((1.0, 0.4), rel=1e-7)
+    assert found["W"][1]["a"] == pytest.approx((0.8, 0.4), rel=1e-7)
+    assert whole_types([*frame, wall[0]]) == (frame, ["W"])
+    with pytest.raises(UsageError, match="W: no function of b"):
+        fragility_model([*frame[::-1], wall[0]], "region")
 
 
 @pytest.mark.parametrize(

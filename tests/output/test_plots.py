@@ -69,17 +69,17 @@ def test_other_formats_are_refused(tmp_path, forced, name):
         draw_run(forced, tmp_path / name)
 
 
-def test_the_same_result_gives_the_same_file(tmp_path, forced):
+def test_the_same_result_gives_the_same_file(tmp_path):
     for suffix in STARTS:
         one, other = tmp_path / f"1{suffix}", tmp_path / f"2{suffix}"
-        draw_run(forced, one)
-        draw_run(forced, other)
+        for file in (one, other):
+            draw_spectra([spectrum(motion(), np.array([0.1, 1.0]))], file)
         assert one.read_bytes() == other.read_bytes()
 
 
-def test_a_run_without_history_is_refused(forced):
-    with pytest.raises(ValueError, match="history=True"):
-        run_picture(replace(forced, history=None), ".png")
+def test_of_a_run_without_history_what_is_over_the_height_is_drawn(forced):
+    labels = [axes.get_xlabel() for axes in run_picture(replace(forced, history=None), ".png").figure().axes]
+    assert len(labels) == 3 and "story shear" in labels[2]
 
 
 @pytest.mark.parametrize("name", ["a $x_ building", "_hidden", "建物", "x" * 300, "two\nlines"])

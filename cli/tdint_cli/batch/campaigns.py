@@ -23,7 +23,9 @@ if TYPE_CHECKING:
     from tdint.files import Writer
 
 RUNS, STORIES, SHOCKS, SUMMARY = "runs.csv", "stories.csv", "shocks.csv", "summary.json"
-PARQUET, SIMCENTER = "runs.parquet", "simcenter.csv"
+DAMAGE, TYPES, LOSSES = "damage.csv", "damage-types.csv", "losses.csv"
+PARQUET = ("runs.parquet", "stories.parquet", "damage.parquet")
+SIMCENTER, GEOJSON = "simcenter.csv", "buildings.geojson"
 """What is made of a store, each file whole."""
 
 OF_FLOORS = (SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE)
@@ -134,7 +136,8 @@ def _forget(folder: Path) -> None:
     from tdint.campaign.store.store import FILE, forget, remove
 
     forget(folder / FILE)
-    for name in (RUNS, STORIES, SHOCKS, PROFILES, PICTURE, RATIOS, *OF_FLOORS, PARQUET, SIMCENTER, SUMMARY):
+    tables = (RUNS, STORIES, SHOCKS, PROFILES, RATIOS, DAMAGE, TYPES, LOSSES)
+    for name in (*tables, PICTURE, *OF_FLOORS, *PARQUET, SIMCENTER, GEOJSON, SUMMARY):
         remove(folder / name)
 
 
@@ -168,7 +171,7 @@ def finish(
     """Write what stands beside a store: runs.csv, stories.csv and profiles.csv if they are wanted, with a picture of
     these, `more`, summary.json; and what was exported of an earlier state anew."""
     writers = {RUNS: _runs(store, units), **_picture(folder, profiles), **_ratios(profiles), **more}
-    again = {name: writer for name, writer in _exports(store).items() if store.is_ours(folder / name)}
+    again = {name: writer for name, writer in _exports(store, units).items() if store.is_ours(folder / name)}
     written = {name: writer for name, writer in again.items() if writer}
     _write(folder, store, {**writers, **written}, units, overwrite=overwrite)
     for name, writer in again.items():
@@ -216,23 +219,53 @@ def export(
     folder: Path,
     *,
     simcenter: bool,
+    geojson: bool = False,
     units: OutputUnits = SI,
     overwrite: bool = False,
     profiles: Profiles | None = None,
 ) -> None:
-    """Write all tables of a store anew; runs.parquet if pyarrow is there: that one and SimCenter's have SI units."""
-    wanted = {PARQUET, *(SIMCENTER,) * (simcenter or store.is_ours(folder / SIMCENTER))}
-    others = {name: writer for name, writer in _exports(store).items() if writer and name in wanted}
+    """Write all tables of a store anew; Parquet files if pyarrow is there: these and SimCenter's have SI units.
+
+    Raises
+    ------
+    UsageError
+        A map is asked for and there are no places, or runs are left.
+    """
+    if geojson:
+        check_map(store)
+    asked = (SIMCENTER,) * simcenter + (GEOJSON,) * geojson
+    wanted = {*PARQUET, *asked, *(name for name in (SIMCENTER, GEOJSON) if store.is_ours(folder / name))}
+    others = {name: writer for name, writer in _exports(store, units).items() if writer and name in wanted}
     writers = {RUNS: _runs(store, units), **_picture(folder, profiles), **_ratios(profiles), **others}
     _write(folder, store, writers, units, overwrite=overwrite)
 
 
-def _exports(store: Store) -> dict[str, Writer | None]:
+def _exports(store: Store, units: OutputUnits) -> dict[str, Writer | None]:
     """What is written on request alone; None for what cannot be written here."""
-    from tdint.output.tables.campaign import parquet_writer
+    from tdint.output.tables.geojson import write_geojson
+    from tdint.output.tables.parquet import damage_parquet, runs_parquet, stories_parquet
     from tdint.output.tables.simcenter import write_simcenter
 
-    return {PARQUET: parquet_writer(store), SIMCENTER: lambda stream: write_simcenter(store, stream)}
+    runs, stories, damage = PARQUET
+    return {
+        runs: runs_parquet(store),
+        stories: stories_parquet(store) if store.meta("setting stories") == "true" else None,
+        damage: damage_parquet(store) if store.damage() else None,
+        SIMCENTER: lambda stream: write_simcenter(store, stream),
+        GEOJSON: (lambda stream: write_geojson(store, stream, units)) if is_complete(store) else None,
+    }
+
+
+def check_map(store: Store) -> None:
+    """Raise UsageError where a map has no places, or runs are left."""
+    from tdint.output.tables.geojson import places_of
+
+    places_of(store)
+    if not is_complete(store):
+        raise UsageError(
+            f"{store.name}: not all runs are done; a map tells what the buildings do under all motions: call `tdint "
+            "campaign` again first"
+        )
 
 
 def _runs(store: Store, units: OutputUnits) -> Writer:
@@ -252,12 +285,28 @@ def _write(folder: Path, store: Store, writers: dict[str, Writer], units: Output
         writers = writers | {SHOCKS: lambda stream: write_shocks(store, stream, units)}
     if store.settings().get("profiles") == "true" and is_complete(store):
         writers = writers | {PROFILES: Profiles(store, SuiteRequest(), units).table()}
+    writers = writers | _damage(store, units)
     summary = json_bytes(in_units(campaign_summary(store), units))
     writers = writers | {SUMMARY: lambda stream: stream.write(summary)}
     files = {folder / name: writer for name, writer in writers.items()}
     if not overwrite:
         store.refuse_foreign(files)
     write_files(files, overwrite=True, tell=store.will_write)
+
+
+def _damage(store: Store, units: OutputUnits) -> dict[str, Writer]:
+    """What is written of damage, where the campaign tells it; means over the motions once all runs are done."""
+    if not store.damage():
+        return {}
+    from tdint.campaign.fragility.run_damage import stored_states
+    from tdint.output.tables.damage_states import write_damage, write_losses, write_types
+
+    writers: dict[str, Writer] = {DAMAGE: lambda stream: write_damage(store, stream, units)}
+    if is_complete(store):
+        writers[TYPES] = lambda stream: write_types(store, stream)
+        if any(states.losses for states in stored_states(store).values()):
+            writers[LOSSES] = lambda stream: write_losses(store, stream)
+    return writers
 
 
 def _say(store: Store, advance: Advance) -> None:

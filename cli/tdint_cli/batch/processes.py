@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from contextvars import copy_context
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
 from tdint.errors import AnalysisError, RecordError, TdintError
+from tdint.input_bytes import READ
 from tdint_cli.batch.sources import STDIN
 from tdint_cli.batch.workers import Lost, Workers
 from tdint_cli.terminal.progress import counted
@@ -96,8 +98,14 @@ def _lost(task: Task) -> AnalysisError:
 
 def _attempt(work: Callable[[Task], Result], task: Task) -> Result | TdintError:
     try:
-        return work(task)
+        return copy_context().run(_unnoted, work, task)
     except RecordError as error:
         return error
     except AnalysisError as error:
         return AnalysisError(f"{task.source}: {error}")
+
+
+def _unnoted(work: Callable[[Task], Result], task: Task) -> Result:
+    """The result as another process makes it: what it reads is told by its records alone."""
+    READ.set(None)
+    return work(task)

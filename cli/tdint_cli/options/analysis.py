@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import click
@@ -44,10 +45,14 @@ damping_ratio = Ratio(0.0, 1.0, max_open=True)
 
 def _load(_: click.Context, __: click.Parameter, files: tuple[str, ...]) -> tuple[str, ...]:
     if files:
+        from tdint.input_bytes import note_input
         from tdint.methods.catalogue import load_plugin
+        from tdint_cli.options.output import note_inputs
 
+        note_inputs()
         for file in files:
             load_plugin(file)
+            note_input(file, Path(file).read_bytes())
     return files
 
 
@@ -169,6 +174,6 @@ def integrators(specifications: Sequence[str]) -> list[Integrator]:
     UsageError
         An unknown method or parameter, or a value out of range.
     """
-    from tdint.methods.catalogue import catalogue, parse
+    from tdint.methods.catalogue import chosen
 
-    return list(dict.fromkeys(parse(text) for text in specifications or catalogue()))
+    return chosen(specifications)

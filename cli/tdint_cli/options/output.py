@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -173,11 +173,10 @@ class Outputs:
         plot: str | None,
         overwrite: bool,
         *,
-        summary: bool = False,
         units: OutputUnits | None = None,
     ) -> Outputs:
         """The outputs of a command line, after what can be seen to fail was refused; the summary is a JSON file beside
-        the table.
+        the table. From now on it is noted what the command reads.
 
         Raises
         ------
@@ -188,9 +187,10 @@ class Outputs:
         """
         from tdint.files import check_outputs
 
+        note_inputs()
         table = Path(output) if output else None
         picture = picture_file(plot, table)
-        outputs = cls(table, picture, beside(table, ".json") if table and summary else None, overwrite, units)
+        outputs = cls(table, picture, beside(table, ".json") if table else None, overwrite, units)
         check_outputs(outputs.files, overwrite=overwrite)
         if outputs.picture:
             check_picture(outputs.picture)
@@ -206,26 +206,60 @@ class Outputs:
         draw: Callable[[str], Writer] | None = None,
         summarize: Callable[[], dict[str, Any]] | None = None,
     ) -> None:
-        """Write all; `draw` makes the picture's writer from its suffix, `summarize` what the summary holds."""
+        """Write all; `draw` makes the picture's writer from its suffix, `summarize` what the summary holds, if that is
+        more than the command line, what was read and what the columns mean."""
         from tdint.files import write_files
         from tdint.output_units import SI
 
         units = self.units or SI
+        told = summarize() if self.summary and summarize else None
+        meanings = table.meanings
         table = table.in_units(units)
         files: dict[Path, Writer] = {}
         if self.table:
             files[self.table] = lambda stream: stream.write(table.csv())
         if self.picture and draw:
             files[self.picture] = draw(self.picture.suffix)
-        if self.summary and summarize:
-            from tdint.output.summaries.summary import in_units, json_bytes
-
-            summary = json_bytes(in_units(summarize(), units))
+        if self.summary:
+            summary = provenance(meanings, units, told)
             files[self.summary] = lambda stream: stream.write(summary)
         if not self.table:
             emit_table(table)
         if files:
             write_files(files, overwrite=self.overwrite)
+
+
+def note_inputs() -> None:
+    """From now on note what the command reads."""
+    from tdint.input_bytes import READ
+
+    if READ.get() is None:
+        READ.set({})
+
+
+def provenance(
+    meanings: Mapping[str, Mapping[str, str]], units: OutputUnits, told: dict[str, Any] | None = None
+) -> bytes:
+    """The JSON file beside a table whose columns mean this: what is `told`, by default the options of the command
+    line, and with it all that was read."""
+    from tdint.input_bytes import READ
+    from tdint.output.summaries.summary import in_units, json_bytes, merged_inputs, table_summary
+
+    if told is None:
+        context = click.get_current_context()
+        left_out = ("output", "plot", "overwrite", "jobs", "output_units")
+        settings = {name: _plain(value) for name, value in context.params.items() if name not in left_out}
+        told = table_summary(str(context.info_name), settings, [], meanings)
+        del told["records"]
+    read = [{"file": file, "sha256": digest} for file, digest in (READ.get() or {}).items()]
+    return json_bytes(in_units(told | {"inputs": merged_inputs(told.get("inputs", ()), read)}, units))
+
+
+def _plain(value: Any) -> Any:
+    """The value of an option as it was written."""
+    if isinstance(value, tuple):
+        return [_plain(one) for one in value]
+    return value if value is None or isinstance(value, bool | int | float | str) else getattr(value, "text", str(value))
 
 
 def check_picture(file: Path) -> None:

@@ -11,7 +11,7 @@ import click
 from tdint.errors import TdintError, UsageError
 from tdint_cli.options import headings
 from tdint_cli.options.analysis import damping_ratio
-from tdint_cli.options.values import FileName, GridType, Ratio
+from tdint_cli.options.values import FileName, GridType, PairsType, PairWish, Ratio
 from tdint_cli.terminal.streams import note, warn
 
 if TYPE_CHECKING:
@@ -35,7 +35,13 @@ def target(text: str, heading: str = headings.OWN) -> Callable[[Function], Funct
 
 def pairs(text: str) -> Callable[[Function], Function]:
     """The option --pairs; what it does differs between the commands."""
-    return option("--pairs", type=click.Choice(PAIRS), help=text)
+    return option(
+        "--pairs",
+        type=PairsType(PAIRS),
+        metavar=f"[{'|'.join(PAIRS)}][,NAMES]",
+        help=f"{text} Files of a pair are named alike but for the component, or as NAMES says: "
+        "'{}_a.txt,{}_b.txt'.",
+    )
 
 
 def damping(needs: str) -> Callable[[Function], Function]:
@@ -78,7 +84,7 @@ threads = headings.option(
 )
 
 
-def read_suite(records: Sequence[str], choice: RecordChoice, *, pairs: bool) -> tuple[Suite, list[TdintError]]:
+def read_suite(records: Sequence[str], choice: RecordChoice, pairs: PairWish | None) -> tuple[Suite, list[TdintError]]:
     """The ground motions of a command line, and what could not be read; what there is to say of them is said.
 
     Raises
@@ -97,7 +103,7 @@ def read_suite(records: Sequence[str], choice: RecordChoice, *, pairs: bool) -> 
     sources = records_of(records, choice.layout)
     for text in sources.notes:
         note(text)
-    suite = (read_pairs if pairs else read_components)(sources.files, choice)
+    suite = read_pairs(sources.files, choice, pairs.names) if pairs else read_components(sources.files, choice)
     failures: list[TdintError] = [*sources.failures, *suite.failures]
     if not suite.motions:
         raise Failures(failures)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -15,6 +16,8 @@ from tdint.units import ACCELERATION, FORCE, LENGTH, MASS, DriftSize, Units, par
 from tdint.written_numbers import LARGEST, SMALLEST, Grid, parse_grid, parse_ratio
 
 if TYPE_CHECKING:
+    from tdint.ground_motion.pairing import PairNames
+
     ValueType = click.ParamType[Any]
 else:
     ValueType = click.ParamType  # generic for a type checker alone: click before 8.4 knows no brackets
@@ -191,6 +194,50 @@ class IntensityType(ValueType):
         if units is None or not units.has_factor or units.quantity not in self.quantities:
             self.fail(f"{value!r}: write a number with its unit, such as {example}", param, ctx)
         return units
+
+
+class PairsType(ValueType):
+    """What stands for a pair of components, how their files are named ({}_N.AT2,{}_E.AT2), or both."""
+
+    name = "pairs"
+
+    def __init__(self, measures: Sequence[str]) -> None:
+        self.measures = click.Choice(measures)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        from tdint.ground_motion.pairing import USUAL, PairNames
+
+        if not isinstance(value, str):
+            return value
+        measures = [part for part in value.split(",") if "{}" not in part]
+        if len(measures) > 1:
+            self.fail(f"{value!r}: one of {', '.join(self.measures.choices)}, and two names with {{}}", param, ctx)
+        measure = str(self.measures.convert(measures[0], param, ctx)) if measures else None
+        names = PairNames.parse(",".join(part for part in value.split(",") if "{}" in part)) if "{}" in value else USUAL
+        return PairWish(measure, names)
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Complete what stands for a pair."""
+        return self.measures.shell_complete(ctx, param, incomplete)
+
+
+@dataclass(frozen=True)
+class PairWish:
+    """What stands for a pair of components, None where nobody said, and how their files are named."""
+
+    measure: str | None
+    names: PairNames
+
+
+class PairNamesType(ValueType):
+    """How the files of a pair are named: two names with {}."""
+
+    name = "names"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        from tdint.ground_motion.pairing import PairNames
+
+        return PairNames.parse(value) if isinstance(value, str) else value
 
 
 class Name(ValueType):

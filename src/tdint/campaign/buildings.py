@@ -41,6 +41,13 @@ class Buildings(Protocol):
     def varied(self, number: int) -> Mapping[str, float]:
         """What a sweep changed in it, by name."""
 
+    def cells(self, number: int) -> str:
+        """What its inventory says of it in the columns that are carried along, a JSON list of texts."""
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The columns of the inventory that are carried along into tables."""
+
     @property
     def output_units(self) -> OutputUnits:
         """The units in which all of their models want results; SI where they do not agree."""
@@ -109,6 +116,13 @@ class GivenBuildings:
     def varied(self, number: int) -> Mapping[str, float]:
         return dict(self.sources[number].made.model.varied)
 
+    def cells(self, number: int) -> str:
+        return "[]"
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        return ()
+
     @property
     def output_units(self) -> OutputUnits:
         wanted = {source.made.model.output_units for source in self.sources}
@@ -118,7 +132,7 @@ class GivenBuildings:
 def digest_of(model: Model, method: str) -> str:
     """SHA-256 of what a model says of its building and its steps, and of the method."""
     content = asdict(model)
-    for name in ("name", "source", "text", "output_units", "varied", "label"):
+    for name in ("name", "source", "text", "output_units", "varied", "label", "damage"):
         del content[name]
     del content["excitation"]["record"]
     return hashlib.sha256(json.dumps([content, method], sort_keys=True).encode()).hexdigest()
@@ -209,6 +223,13 @@ class InventoryBuildings:
 
     def varied(self, number: int) -> Mapping[str, float]:
         return {}
+
+    def cells(self, number: int) -> str:
+        return self.rows[number].cells
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        return self.rows[0].columns
 
     @property
     def output_units(self) -> OutputUnits:

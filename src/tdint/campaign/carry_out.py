@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from itertools import accumulate
+from pathlib import Path
+from typing import Any
 
 from tdint.analysis.run.workspace import kernels
 from tdint.campaign.engine.chunk import Done, do, spectral_accelerations
 from tdint.campaign.engine.cluster import Cluster, on_cluster
-from tdint.campaign.plan import Plan
-from tdint.campaign.store.store import Store
-from tdint.errors import UsageError
+from tdint.campaign.inputs import read_inputs
+from tdint.campaign.plan import Plan, make_plan
+from tdint.campaign.reader import load_campaign
+from tdint.campaign.store.place import locked, refuse_network
+from tdint.campaign.store.store import Store, open_store
+from tdint.errors import OutputError, TdintError, UsageError
 from tdint.kernels.building.obtaining import obtain
 from tdint.kernels.building.variant import EVERYTHING
 from tdint.kernels.march.many import many
 from tdint.processors import on_threads
+from tdint.system import processors
+from tdint.tabular import Tabular
 
 Engine = Callable[[Plan, Sequence[int]], Iterator[Done]]
 """Who does chunks: threads here, or workers elsewhere."""
@@ -127,3 +135,135 @@ def compile_for(plan: Plan) -> None:
 
 _LOOKED_AT = 1000
 """Buildings whose time loops are compiled ahead: those of an inventory need the same ones."""
+
+
+@dataclass(frozen=True, repr=False)
+class CampaignRuns(Tabular):
+    """The runs of a campaign that are done, as its store has them.
+
+    Attributes
+    ----------
+    name : str
+        The campaign's.
+    asked : int
+        All runs that the campaign has.
+    statuses : mapping of str to int
+        How many runs ended how.
+    failures : tuple of TdintError
+        Records and buildings that could not be used.
+    checked : bool
+        Whether the errors of the demands were estimated.
+    """
+
+    name: str
+    asked: int
+    statuses: dict[str, int]
+    failures: tuple[TdintError, ...]
+    checked: bool
+    _rows: tuple[tuple[Any, ...], ...]
+    _buildings: Mapping[int, tuple[str, str]]
+    _records: Mapping[int, tuple[str, str, int]]
+    _varied: tuple[dict[str, float], ...]
+    _columns: tuple[str, ...]
+    _carried: Mapping[int, list[str]]
+
+    @classmethod
+    def of(cls, store: Store, failures: tuple[TdintError, ...]) -> CampaignRuns:
+        """What is in a store."""
+        buildings, columns = store.buildings(), store.inventory_columns()
+        return cls(
+            name=store.meta("name"),
+            asked=int(store.meta("runs")),
+            statuses=store.statuses(),
+            failures=failures,
+            checked=store.checked,
+            _rows=tuple(store.runs()),
+            _buildings=buildings,
+            _records=store.records(),
+            _varied=tuple(store.varied()),
+            _columns=columns,
+            _carried={number: store.carried(number) for number in buildings} if columns else {},
+        )
+
+    def runs(self) -> Iterator[tuple[Any, ...]]:
+        """As of `Store`, as are the following."""
+        return iter(self._rows)
+
+    def buildings(self) -> Mapping[int, tuple[str, str]]:
+        """Name and method of each building by its number."""
+        return self._buildings
+
+    def records(self) -> Mapping[int, tuple[str, str, int]]:
+        """Name, component and direction of each motion by its number."""
+        return self._records
+
+    def varied(self) -> list[dict[str, float]]:
+        """What a sweep varied, for each building."""
+        return list(self._varied)
+
+    def inventory_columns(self) -> tuple[str, ...]:
+        """The columns of an inventory that are carried along."""
+        return self._columns
+
+    def carried(self, building: int) -> list[str]:
+        """What the inventory says of a building in these columns."""
+        return self._carried.get(building, [])
+
+    def _headline(self) -> str:
+        ended = ", ".join(f"{count} {status}" for status, count in self.statuses.items())
+        return f"of {self.name!r}: {len(self._rows)} of {self.asked} runs ({ended})"
+
+
+def campaign(
+    source: str | Path, folder: str | Path | None = None, *, jobs: int | None = None, limit: int | None = None
+) -> CampaignRuns:
+    """Do the runs of a campaign file.
+
+    Parameters
+    ----------
+    source : str or Path
+        The YAML file.
+    folder : str or Path, optional
+        Where the runs are kept as they are done, and found again by the next call; `tdint campaign export FOLDER`
+        writes the tables of it. In memory by default.
+    jobs : int, optional
+        Threads; one for each processor by default. The result does not depend on it.
+    limit : int, optional
+        Stop after about so many runs.
+
+    Returns
+    -------
+    CampaignRuns
+        `to_dict` has the columns of runs.csv.
+
+    Raises
+    ------
+    ModelError
+        The campaign file or a model has faults.
+    UsageError
+        A step that does not fit; the folder holds another campaign.
+    RecordError
+        No record can be read.
+    OutputError
+        The folder cannot be written, or another process is at it.
+    """
+    wanted = load_campaign(source)
+    plan = make_plan(wanted, read_inputs(wanted))
+    with ExitStack() as stack:
+        if folder is not None:
+            stack.enter_context(_kept_in(Path(folder)))
+        store = stack.enter_context(open_store(None if folder is None else Path(folder), plan)[0])
+        carry_out(plan, store, threads(processors() if jobs is None else jobs), limit=limit)
+        return CampaignRuns.of(store, plan.failures)
+
+
+@contextmanager
+def _kept_in(folder: Path) -> Iterator[None]:
+    """A folder that nobody else writes, made if it is not there."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot be made: {error.strerror or error}") from None
+    refuse_network(folder)
+    with locked(folder):
+        yield

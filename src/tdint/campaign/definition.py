@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from tdint.campaign.fragility.type_states import DamageWishes
 from tdint.campaign.levels import MeasureLevels, Scales
 from tdint.campaign.suites.suite import RecordChoice
 from tdint.campaign.sweep import ParameterSweep
+from tdint.ground_motion.pairing import PairNames
 
 
 @dataclass(frozen=True)
@@ -53,11 +55,12 @@ class InventoryFile:
 
 @dataclass(frozen=True)
 class RecordFiles:
-    """Records by files and folders; `pairs`: the two horizontals of each motion together."""
+    """Records by files and folders; `pairs`: how the two horizontals of each motion are named that are taken
+    together."""
 
     files: tuple[str, ...]
     choice: RecordChoice
-    pairs: bool = False
+    pairs: PairNames | None = None
 
 
 @dataclass(frozen=True)
@@ -144,6 +147,8 @@ class CampaignFile:
         Write the peaks of every story, and what they are over the motions.
     sweep : ParameterSweep or None
         What is varied in every building.
+    damage : DamageWishes or None
+        How damage is told; None: as the models say.
     """
 
     name: str
@@ -155,3 +160,4 @@ class CampaignFile:
     stories: bool = False
     profiles: bool = True
     sweep: ParameterSweep | None = None
+    damage: DamageWishes | None = None

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,6 +19,7 @@ from tdint.campaign.definition import (
     SequenceFile,
 )
 from tdint.campaign.draws import GridMotions, SuiteMotion, suite_motions
+from tdint.campaign.fragility.type_states import read_class_losses, read_class_states
 from tdint.campaign.grid_files import read_grid
 from tdint.campaign.levels import FactorTable
 from tdint.campaign.suites.suite import read_components, read_pairs
@@ -28,6 +29,7 @@ from tdint.ground_motion.joining import JoinedRecord
 from tdint.ground_motion.reading.folders import records_of
 from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
+from tdint.model.damage_states import CAPACITY, HAZUS, DamageStates
 from tdint.model.definition import Model
 from tdint.model.inventory.capacity import read_classes
 from tdint.model.inventory.table import InventoryRow, read_inventory
@@ -53,6 +55,8 @@ class Inputs:
         Where they are, if they belong to a grid.
     factors : FactorTable or None
         The factors on them, if a file has them.
+    class_states, class_losses : mapping
+        Damage states and loss ratios by class, if files have them.
     failures : tuple of TdintError
         Records and rows of an inventory that could not be used; the others are taken.
     notes : tuple of str
@@ -64,6 +68,8 @@ class Inputs:
     motions: tuple[SuiteMotion, ...] = ()
     grid: GridMotions | None = None
     factors: FactorTable | None = None
+    class_states: Mapping[str, DamageStates] = field(default_factory=dict)
+    class_losses: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     failures: tuple[TdintError, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -106,7 +112,18 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
     else:
         found = read_motions(campaign.records)
     factors = read_factors(campaign.intensity) if isinstance(campaign.intensity, FactorsFile) else None
-    return Inputs(models, rows, found.motions, found.grid, factors, (*found.failures, *faults), found.notes)
+    damage = campaign.damage
+    return Inputs(
+        models,
+        rows,
+        found.motions,
+        found.grid,
+        factors,
+        class_states=read_class_states(damage) if damage and damage.source not in ("", HAZUS, CAPACITY) else {},
+        class_losses=read_class_losses(damage) if damage and damage.loss_file else {},
+        failures=(*found.failures, *faults),
+        notes=found.notes,
+    )
 
 
 def read_models(wanted: ModelFiles, analysis: AnalysisWishes) -> tuple[Model, ...]:
@@ -191,7 +208,10 @@ def read_motions(wanted: RecordFiles) -> FoundMotions:
         None can be used: why, one line each.
     """
     sources = records_of(wanted.files, wanted.choice.layout)
-    suite = (read_pairs if wanted.pairs else read_components)(sources.files, wanted.choice)
+    if wanted.pairs:
+        suite = read_pairs(sources.files, wanted.choice, wanted.pairs)
+    else:
+        suite = read_components(sources.files, wanted.choice)
     failures = (*sources.failures, *suite.failures)
     if not suite.motions:
         raise RecordError("\n".join(map(str, failures)) or "there is no record in this campaign")

@@ -21,6 +21,7 @@ from tdint.campaign.draws import Assignment, Draw, EveryMotion, GridDraws, Suite
 from tdint.campaign.engine.chunk import Chunk
 from tdint.campaign.engine.task import BuildingRuns, Run, RunSettings, Source, Subject
 from tdint.campaign.engine.tolerance import building_step
+from tdint.campaign.fragility.type_states import Damage, damage_of
 from tdint.campaign.inputs import Inputs
 from tdint.campaign.levels import GivenFactors, IntensityLevels, Levels, MeasureLevels, Scales
 from tdint.errors import ModelError, TdintError, UsageError
@@ -64,6 +65,8 @@ class Plan:
         Records and rows of an inventory that could not be read; the others are taken.
     notes : tuple of str
         What a person should know.
+    damage : Damage or None
+        How damage is told, where it is.
     """
 
     name: str
@@ -74,6 +77,7 @@ class Plan:
     settings: RunSettings
     failures: tuple[TdintError, ...] = ()
     notes: tuple[str, ...] = ()
+    damage: Damage | None = None
     _chosen: dict[int, Future[float | None]] = field(default_factory=dict, init=False, repr=False, compare=False)
     _choosing: Lock = field(default_factory=Lock, init=False, repr=False, compare=False)
 
@@ -234,9 +238,13 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         A time step that does not fit.
     """
     analysis, notes = campaign.analysis, list[str]()
+    buildings = _buildings(campaign, inputs, notes)
+    damage = damage_of(campaign.damage, inputs, buildings)
+    if damage and not analysis.until_rest and any("residual" in one.demand for one in damage.types.values()):
+        notes.append("damage is told by drifts at the end of the records: until_rest of the analysis goes on to rest")
     plan = Plan(
         name=campaign.name,
-        buildings=_buildings(campaign, inputs, notes),
+        buildings=buildings,
         motions=inputs.motions,
         assignment=_assignment(campaign, inputs),
         levels=_levels(campaign, inputs),
@@ -251,6 +259,7 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         ),
         failures=inputs.failures,
         notes=(*notes, *inputs.notes),
+        damage=damage,
     )
     plan.check_steps()
     return plan

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from tdint.analysis.run.outcome import STORY
 from tdint.campaign.store.store import Store
 from tdint.errors import UsageError, did_you_mean
-from tdint.ground_motion.horizontals import at_right_angles, motion_name
+from tdint.ground_motion.horizontals import at_right_angles
+from tdint.ground_motion.pairing import motion_name
 from tdint.quantity import Quantity
 
 Array = NDArray[np.float64]
@@ -229,23 +230,43 @@ def suite_levels(store: Store, building: int) -> Iterator[SuiteLevel]:
     """The levels of a building by its number, from the smallest factor."""
     query = "SELECT record, scale, sample, status FROM run_rows WHERE building = ? ORDER BY record, scale, sample"
     status = {RunKey(*key): told for *key, told in store.connection.execute(query, (building,))}
-    motions = _motions(store.records())
-    values, several = sorted(json.loads(store.settings().get("levels", "[]")), key=abs), has_levels(store)
-    for rank, keys in enumerate(_by_level(status)):
-        scales = {key.scale for key in keys}
-        grouped: dict[tuple[int, int], list[RunKey]] = defaultdict(list)
-        for key in keys:
-            grouped[motions[key.record], key.sample].append(key)
-        failed = [runs for runs in grouped.values() if any(status[key] not in ("done", *_COLLAPSED) for key in runs)]
-        fell = [runs for runs in grouped.values() if any(status[key] in _COLLAPSED for key in runs)]
-        yield SuiteLevel(
-            math.nan if several or len(scales) > 1 else scales.pop(),
-            values[rank] if values else rank + 1.0 if several else math.nan,
-            [runs for runs in grouped.values() if runs not in failed and runs not in fell],
-            sum(len(runs) > 1 for runs in grouped.values()),
-            sum(runs not in failed for runs in fell),
-            len(failed),
-        )
+    return SuiteRules.of(store).levels(status)
+
+
+@dataclass(frozen=True)
+class SuiteRules:
+    """How the runs of a building are taken together: the motion of each record (`motion_numbers`), the values of the
+    levels, if a measure has them, and whether there are `several` (`has_levels`)."""
+
+    motions: Mapping[int, int]
+    values: Sequence[float]
+    several: bool
+
+    @classmethod
+    def of(cls, store: Store) -> SuiteRules:
+        """Those of a campaign."""
+        values = sorted(json.loads(store.settings().get("levels", "[]")), key=abs)
+        return cls(motion_numbers(store.records()), values, has_levels(store))
+
+    def levels(self, status: Mapping[RunKey, str]) -> Iterator[SuiteLevel]:
+        """The levels of a building, from the smallest factor, by the statuses of its runs."""
+        for rank, keys in enumerate(_by_level(status)):
+            scales = {key.scale for key in keys}
+            grouped: dict[tuple[int, int], list[RunKey]] = defaultdict(list)
+            for key in keys:
+                grouped[self.motions[key.record], key.sample].append(key)
+            failed = [
+                runs for runs in grouped.values() if any(status[key] not in ("done", *_COLLAPSED) for key in runs)
+            ]
+            fell = [runs for runs in grouped.values() if any(status[key] in _COLLAPSED for key in runs)]
+            yield SuiteLevel(
+                math.nan if self.several or len(scales) > 1 else scales.pop(),
+                self.values[rank] if self.values else rank + 1.0 if self.several else math.nan,
+                [runs for runs in grouped.values() if runs not in failed and runs not in fell],
+                sum(len(runs) > 1 for runs in grouped.values()),
+                sum(runs not in failed for runs in fell),
+                len(failed),
+            )
 
 
 def has_levels(store: Store) -> bool:
@@ -264,7 +285,7 @@ def _peaks(level: SuiteLevel, kept: Mapping[RunKey, Array], stories: int) -> tup
     return height, {one.name: rows[:, :, 1 + i] for i, one in enumerate(STORY)}
 
 
-def _motions(records: Mapping[int, tuple[str, str, int]]) -> dict[int, int]:
+def motion_numbers(records: Mapping[int, tuple[str, str, int]]) -> dict[int, int]:
     """The motion of each record, named by its first one: pairs are those that were read so, and what are by their names
     the two horizontals of a motion."""
     groups: dict[str, list[int]] = defaultdict(list)

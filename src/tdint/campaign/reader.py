@@ -17,12 +17,14 @@ from tdint.campaign.definition import (
     RecordFiles,
     SequenceFile,
 )
+from tdint.campaign.fragility.type_states import DAMAGE, read_wishes
 from tdint.campaign.levels import MeasureLevels, Scales
 from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, PAIRS, IntensityMeasure, PeakVelocity, pga, sa, sa_average
 from tdint.campaign.suites.suite import RecordChoice
 from tdint.campaign.sweep_reader import Varied, read_sweep
 from tdint.campaign.sweep_reader import positive as _positive
 from tdint.errors import UsageError
+from tdint.ground_motion.pairing import USUAL, PairNames
 from tdint.methods.catalogue import parse as parse_method
 from tdint.model.config.excitation import LAYOUT, PROCESSING, read_layout, read_processing
 from tdint.model.config.units import read_sample_units
@@ -75,7 +77,12 @@ _BUILDINGS = Keys(
 _FILES = (
     Key("files", EntriesOf(Words(), least=1), "records and folders of records, relative to this file"),
     Key("component", Words(), "component, where files hold several; all horizontal ones without it"),
-    Key("pairs", Flag(), "take the two horizontals of a motion together: they share their factors"),
+    Key(
+        "pairs",
+        Either((Flag(), Words())),
+        "take the two horizontals of a motion together: they share their factors; true, or how the files are named: "
+        "'{}_N.AT2,{}_E.AT2'",
+    ),
     Key("inventory", Words(), "station metadata, to remove the instrument's response"),
     *LAYOUT,
     *PROCESSING,
@@ -152,6 +159,7 @@ CAMPAIGN = Keys(
         Key("intensity", _INTENSITY, "how strong the motions are made; as they are where it is left out"),
         Key("analysis", _ANALYSIS, "what is the same for all runs"),
         Key("vary", _VARY, "parameters of the buildings, each value with all the others"),
+        Key("damage", DAMAGE, "damage states of the buildings, and what they cost"),
         Key("outputs", _OUTPUTS, "what is kept beside a row for each run"),
     )
 )
@@ -205,6 +213,7 @@ def _read(section: Section, label: str, name: str, folder: Path) -> CampaignFile
         stories=stories.boolean() if stories else False,
         profiles=profiles.boolean() if profiles else isinstance(found, ModelFiles),
         sweep=read_sweep(section.get("vary"), section.get("analysis"), models=isinstance(found, ModelFiles)),
+        damage=read_wishes(section.get("damage"), folder, found.rules if isinstance(found, InventoryFile) else None),
     )
 
 
@@ -215,7 +224,7 @@ def _check_pair(section: Section) -> None:
     if pair is None or records is None or records.peek("grid"):
         return
     pairs = records.peek("pairs")
-    if pairs is None or pairs.boolean() is False:
+    if pairs is None or pairs.is_word("false"):
         pair.fault("has nothing to act on without `pairs: true` of the records")
 
 
@@ -326,11 +335,18 @@ def _read_records(value: Value, folder: Path) -> RecordFiles | SequenceFile | Gr
     if files and items is not None and not items:
         files.fault("is empty; give at least one record")
     pairs, component = section.get("pairs"), section.get("component")
-    both = pairs.boolean() if pairs else False
+    both = _pair_names(pairs) if pairs else None
     if both and component:
         component.fault("pairs have both horizontal components; leave one of the two out")
     choice = _choice(section, text, folder)
     return RecordFiles(tuple(resolve(text, folder) for item in items or () if (text := item.text())), choice, both)
+
+
+def _pair_names(value: Value) -> PairNames | None:
+    """How pairs are named; None for no pairs, or after a fault."""
+    if "{}" in value.word:
+        return value.parsed(PairNames.parse)
+    return USUAL if value.boolean() else None
 
 
 def _choice(section: Section, units: str | None, folder: Path) -> RecordChoice:

@@ -4,16 +4,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.analysis.given import record_of
+from tdint.campaign.carry_out import carry_out, threads
+from tdint.campaign.definition import AnalysisWishes, CampaignFile, ModelFiles, RecordFiles
+from tdint.campaign.draws import suite_motions
 from tdint.campaign.engine.rows import RUN
-from tdint.campaign.store.store import Store
+from tdint.campaign.inputs import FoundMotions, Inputs
+from tdint.campaign.levels import Scales
+from tdint.campaign.plan import Plan, make_plan
+from tdint.campaign.store.store import Store, open_store
+from tdint.campaign.suites.suite import RecordChoice
 from tdint.errors import UsageError
+from tdint.methods.catalogue import parse
+from tdint.model.config.model_file import model_of
 from tdint.model.definition import Model
 from tdint.quantity import Quantity
+from tdint.system import processors
+from tdint.tabular import Several
 
 Array = NDArray[np.float64]
 
@@ -53,10 +66,20 @@ class Swing:
     as_it_is: float
     at_high: float
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        values = {one.name: getattr(self, one.name) for one in fields(self)}
+        return _swing, ({**values, "quantity": self.quantity.name},)
+
     @property
     def swing(self) -> float:
         """What lies between the peaks at both ends, over that of the building as it is."""
         return abs(self.at_high - self.at_low) / abs(self.as_it_is) if self.as_it_is else math.nan
+
+
+def _swing(values: dict[str, Any]) -> Swing:
+    """One that has travelled: a quantity is found again by its name."""
+    (quantity,) = (one for one in PEAKS if one.name == values["quantity"])
+    return Swing(**{**values, "quantity": quantity})
 
 
 @dataclass(frozen=True)
@@ -101,6 +124,63 @@ def one_at_a_time(model: Model, ranges: Mapping[str, tuple[float, float]]) -> tu
     """
     ends = [(name, value) for name, both in ranges.items() for value in both]
     return (model, *(replace(model.replace(**{name: value}), label=f"{name}={value:g}") for name, value in ends))
+
+
+def sensitivity(
+    model: Any,
+    records: Any,
+    ranges: Mapping[str, tuple[float, float]],
+    *,
+    method: str | None = None,
+    dt: float | None = None,
+    jobs: int | None = None,
+) -> Several[Swing]:
+    """How much each parameter of a building moves its peaks under records, one at a time.
+
+    Parameters
+    ----------
+    model : Model, str, Path or mapping
+        What `run` takes.
+    records : one or a sequence
+        Records, paths or traces.
+    ranges : mapping of str to (float, float)
+        As of `one_at_a_time`: `{"damping": (0.02, 0.05), "stiffness_factor": (0.8, 1.2)}`.
+    method, dt : optional
+        In place of what the model says; s.
+    jobs : int, optional
+        Threads; one for each processor by default.
+
+    Returns
+    -------
+    Several of Swing
+        Of each peak the largest swing first.
+
+    Raises
+    ------
+    ModelError, RecordError
+        The model or a record is none.
+    UsageError
+        An unknown parameter or method, a value out of range, a step that does not fit.
+    """
+    building = model_of(model)
+    given = records if isinstance(records, list | tuple) else [records]
+    motions = FoundMotions(suite_motions([record_of(one) for one in given]), ())
+    plan = plan_of(building, ranges, motions, AnalysisWishes(method=method and parse(method).label, dt=dt))
+    with open_store(None, plan)[0] as store:
+        carry_out(plan, store, threads(jobs or processors()))
+        return Several(swings(store, building.name, ranges))
+
+
+def plan_of(
+    model: Model, ranges: Mapping[str, tuple[float, float]], motions: FoundMotions, wishes: AnalysisWishes
+) -> Plan:
+    """The runs of the buildings that `one_at_a_time` gives under some motions."""
+    inputs = Inputs(
+        one_at_a_time(model, ranges), motions=motions.motions, failures=motions.failures, notes=motions.notes
+    )
+    wanted = RecordFiles((), RecordChoice())
+    campaign = CampaignFile(model.name, model.source, ModelFiles((model.source,)), wanted, Scales((1.0,)), wishes)
+    return make_plan(campaign, inputs)
 
 
 def swings(store: Store, name: str, ranges: Mapping[str, tuple[float, float]]) -> list[Swing]:

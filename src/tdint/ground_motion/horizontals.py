@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from math import isclose
-from pathlib import Path
 
 from tdint.errors import RecordError
 from tdint.ground_motion.record import Record
@@ -18,7 +17,8 @@ _QUADRANT = re.compile(r"([NS])(\d{1,2})([EW])", re.IGNORECASE)
 _NORTH = re.compile(r"N-?S\d?|([A-Z]{2})?N", re.IGNORECASE)
 _EAST = re.compile(r"E-?W\d?|([A-Z]{2})?E", re.IGNORECASE)
 _LEAST_AZIMUTH = 4  # 1, 2 and 3 are numbers of channels
-_AXES = {"1": "2", "2": "1", "X": "Y", "Y": "X", "R": "T", "T": "R"}
+_AXES = {"1": "2", "2": "1", "X": "Y", "Y": "X", "R": "T", "T": "R", "N": "P", "P": "N"}
+"""Last letters of names at right angles; FN and FP are normal and parallel to the fault."""
 
 _SKEW = 5.0
 """Degrees by which the components may miss the right angle."""
@@ -26,9 +26,17 @@ _SKEW = 5.0
 _LONGER = 0.05
 """Part of the longer component that may be cut off to make them equal."""
 
-_KNET = re.compile(r"\.(?:EW|NS|UD)(?=\d?$)", re.IGNORECASE)
-_PEER = re.compile(r"[-_]?(?:\d{3}|UP|DOWN|DWN|DN|VERT?|V)(?=\.AT2$)", re.IGNORECASE)
-_SEED = re.compile(r"(?<![A-Z0-9])([A-Z][GHLN])[ENZ123](?![A-Z0-9])", re.IGNORECASE)
+
+class SingleHorizontal(RecordError):
+    """A file has one horizontal component alone."""
+
+    def __init__(self, file: str, component: str) -> None:
+        self.file, self.component = file, component
+        whose = component or "one"
+        super().__init__(f"{file}: has a single horizontal component, {whose}; name the file of the other one, too")
+
+    def __reduce__(self) -> tuple[type[SingleHorizontal], tuple[str, str]]:
+        return type(self), (self.file, self.component)
 
 
 @dataclass(frozen=True)
@@ -77,8 +85,7 @@ def find_horizontals(records: Sequence[Record]) -> Horizontals:
     source = "+".join(dict.fromkeys(record.source for record in records))
     found = [record for record in records if not is_vertical(record.component)]
     if len(found) == 1:
-        whose = found[0].component or "one"
-        raise RecordError(f"{source}: has a single horizontal component, {whose}; name the file of the other one, too")
+        raise SingleHorizontal(source, found[0].component)
     if len(found) != 2:
         names = ", ".join(record.component or record.id or record.source for record in found) or "none"
         raise RecordError(f"{source}: two horizontal components are needed, there are {len(found)}: {names}")
@@ -115,16 +122,6 @@ def at_right_angles(one: str, other: str) -> bool:
         return abs(abs((second - first + 90.0) % 180.0 - 90.0) - 90.0) <= _SKEW
     code, partner = one.strip().upper(), other.strip().upper()
     return bool(code and partner) and code[:-1] == partner[:-1] and _AXES.get(code[-1]) == partner[-1]
-
-
-def motion_name(file: str) -> str:
-    """The name of a file without what tells its component: equal for the files of one motion.
-
-    Known are the endings of K-NET (.EW, .NS2), of PEER's AT2 files (067.AT2, -UP.AT2) and channel codes (HNE).
-    """
-    path = Path(file)
-    name = _SEED.sub(r"\1?", _PEER.sub("", _KNET.sub(".", path.name)))
-    return str(path.with_name(name))
 
 
 def _check_directions(first: Record, second: Record, source: str) -> list[str]:

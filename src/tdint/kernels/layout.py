@@ -194,9 +194,7 @@ RESIDUAL = 8  # there: what is out of balance over the sizes of the terms
 EVENTS = 9  # changes of branch located so far
 # of the error carried along
 ERROR_BEGUN = 10  # 1 once it is
-ERROR_SIDE = 11  # which of two sets of rows is the last step's
-ERROR_KNOWN = 12  # 1 if accelerations are known there
-REPORT_SIZE = 13
+REPORT_SIZE = 11
 
 # what a step returns instead of its number of iterations
 NOT_CONVERGED = -1

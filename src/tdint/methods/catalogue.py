@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copyreg
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
 from typing import Any
 
@@ -16,6 +16,7 @@ from tdint.methods import bathe, exact, impulse, impulse4, model_based, moment4,
 from tdint.methods.method import Integrator, Method, Parameter
 from tdint.model.definition import LAWS, register_law
 from tdint.model.plugins import check_name, declared, faults_of, installed, module_of
+from tdint.tabular import Several
 
 FAMILIES = (impulse, impulse4, moment4, single_step, multi_step, bathe, model_based, runge_kutta, exact)
 
@@ -175,3 +176,21 @@ def _parameters(method: Method) -> str:
     if not method.parameters:
         return "it has none"
     return "it has " + ", ".join(f"{parameter.name} in {parameter.range}" for parameter in method.parameters)
+
+
+def chosen(specifications: str | Iterable[str] | None) -> list[Integrator]:
+    """The methods of one or several specifications, each once; all of the catalogue at their defaults if none is given.
+
+    Raises
+    ------
+    UsageError
+        An unknown method or parameter, or a value out of range.
+    """
+    given = [specifications] if isinstance(specifications, str) else list(specifications or catalogue())
+    return list(dict.fromkeys(map(parse, given)))
+
+
+def list_methods(specifications: str | Iterable[str] | None = None) -> Several[Integrator]:
+    """The time-integration methods with these parameters, or all at their defaults; `to_dict` has what
+    `tdint methods` tells of them. Errors are those of `chosen`."""
+    return Several(chosen(specifications))

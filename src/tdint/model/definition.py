@@ -17,6 +17,7 @@ from tdint.ground_motion.processing import Processing
 from tdint.ground_motion.text_layout import AS_STATED, TextLayout
 from tdint.kernels.laws import LAWS as _LAWS
 from tdint.kernels.laws.law import DriftLaw
+from tdint.model.damage_states import DamageStates
 from tdint.model.plugins import check_name, declared, faults_of, installed
 from tdint.output_units import SI, OutputUnits
 
@@ -60,7 +61,10 @@ def register_law(law: DriftLaw, where: str = "") -> None:
         raise UsageError(f"{where}: under TDINT_KERNELS=python laws are registered before methods are imported")
     with faults_of(where):
         law.functions()
+    from tdint.kernels.building.sources import OUTSIDE
+
     own = replace(law, apart=False)
+    OUTSIDE[law.name] = home
     CODES[law.name] = len(_LAWS)
     LAWS[law.name] = own
     _LAWS.append(own)
@@ -323,6 +327,8 @@ class Model:
         What `replace` changed, and the values.
     label : str
         What tells it from other variations of the building.
+    damage : DamageStates or None
+        How campaigns tell its damage.
     """
 
     name: str
@@ -338,6 +344,7 @@ class Model:
     output_units: OutputUnits = SI
     varied: tuple[tuple[str, float], ...] = ()
     label: str = ""
+    damage: DamageStates | None = None
 
     def replace(self, **changes: float) -> Model:
         """The building with some of its numbers changed: `model.replace(damping=0.02, stiffness_factor=1.1)`.

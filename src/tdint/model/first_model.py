@@ -7,6 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from tdint.errors import UsageError
 from tdint.units import FORCE, LENGTH, STANDARD_GRAVITY
 
 _HARDENING = "3%"
@@ -174,3 +175,29 @@ def _rest(units: _System, motion: str | None, pulled: list[str], *, damping: boo
             "analysis: {method: impulse4, dt: 0.01, duration: 20}",
         ]
     return [*lines, f"output_units: {units.output}", ""]
+
+
+def first_model(stories: int = 5, *, period: float | None = None, name: str = "building", units: str = "si") -> str:
+    """The text of a first model that `load_model(io.StringIO(text))` takes: equal floors on bilinear stories, vibrating
+    freely.
+
+    Parameters
+    ----------
+    stories : int
+        Their number.
+    period : float, optional
+        Fundamental period, s; 0.1 s for each story by default.
+    name : str
+        The building's.
+    units : str
+        `si` or `us`.
+
+    Raises
+    ------
+    UsageError
+        No story, no positive period, unknown units.
+    """
+    chosen = 0.1 * stories if period is None else period
+    if stories < 1 or not 0.0 < chosen < math.inf or units not in SYSTEMS:
+        raise UsageError("a first model has stories from 1 on, a positive period, and units of si or us")
+    return story_model(name, stories=stories, period=chosen, system=units, motion=None)

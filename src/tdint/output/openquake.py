@@ -19,19 +19,59 @@ _VELOCITY = {"m/s": 100.0, "cm/s": 1.0}
 
 
 def fragility_model(functions: Sequence[Fragility], name: str, states: Sequence[str] = ()) -> bytes:
-    """The fragility model of functions of one intensity measure, a function for each state of the building before.
+    """The fragility model of functions of one intensity measure: one for each state of the building before, or for each
+    type of buildings, under whose name it stands.
 
     Parameters
     ----------
     name : str
-        Taxonomy of the building: the function's id.
+        Taxonomy of the building, where the functions are of no type: the function's id.
     states : sequence of str
-        Limit states, by rising thresholds; by default ds1, ds2, ...
+        Limit states, by rising thresholds; by default ds1, ds2, ...; those of the types where they are of some.
 
     Raises
     ------
     UsageError
         The measure is none that OpenQuake knows; as many states as thresholds are not given.
+    """
+    named = {} if functions[0].type else _named(functions, states)
+    every = list(dict.fromkeys(named[one] for one in sorted(named)) or dict.fromkeys(one.state for one in functions))
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        '<nrml xmlns="http://openquake.org/xmlns/nrml/0.5">',
+        '  <fragilityModel id="tdint" assetCategory="buildings" lossCategory="structural">',
+        f"    <description>{escape(name)}, {functions[0].fit}, made by tdint</description>",
+        f"    <limitStates>{' '.join(every)}</limitStates>",
+    ]
+    for of_one in _grouped(functions):
+        told = [one.state or named[one.threshold] for one in of_one]
+        first = of_one[0]
+        if told != every:
+            missing = ", ".join(one for one in every if one not in told)
+            what = first.type or f"damage {first.damage:g}"
+            raise UsageError(
+                f"{what}: no function of {missing}, and OpenQuake needs one of every state of all; more levels of "
+                "intensity tell it, or leave it out with --threshold"
+            )
+        suffix = f"-damaged-{first.damage:g}" if first.damage > 0.0 else ""
+        lines += _function(of_one, first.type or f"{name}{suffix}", told)
+    return "\n".join([*lines, "  </fragilityModel>", "</nrml>", ""]).encode()
+
+
+def whole_types(functions: Sequence[Fragility]) -> tuple[list[Fragility], list[str]]:
+    """The functions of the types that have one of every state, and the names of the others."""
+    most = max(len(of_one) for of_one in _grouped(functions))
+    partial = [of_one[0].type for of_one in _grouped(functions) if len(of_one) < most]
+    return [one for one in functions if one.type not in partial], partial
+
+
+def _named(functions: Sequence[Fragility], states: Sequence[str]) -> dict[float, str]:
+    """The limit states by their thresholds.
+
+    Raises
+    ------
+    UsageError
+        There are not as many.
     """
     thresholds = sorted({one.threshold for one in functions})
     states = list(states) or [f"ds{number}" for number in range(1, len(thresholds) + 1)]
@@ -40,34 +80,28 @@ def fragility_model(functions: Sequence[Fragility], name: str, states: Sequence[
         raise UsageError(
             f"the functions have {len(thresholds)} thresholds ({listed}): name as many states, a word each"
         )
-    named = dict(zip(thresholds, states, strict=True))
-    lines = [
-        '<?xml version="1.0" encoding="UTF-8"?>',
-        '<nrml xmlns="http://openquake.org/xmlns/nrml/0.5">',
-        '  <fragilityModel id="tdint" assetCategory="buildings" lossCategory="structural">',
-        f"    <description>{escape(name)}, {functions[0].fit}, made by tdint</description>",
-        f"    <limitStates>{' '.join(states)}</limitStates>",
-    ]
-    for damage in dict.fromkeys(str(one.damage) for one in functions):
-        of_one = sorted((one for one in functions if str(one.damage) == damage), key=lambda one: one.threshold)
-        if [one.threshold for one in of_one] != thresholds:
-            raise UsageError(f"damage {damage}: not every threshold has a function; choose some with --threshold")
-        suffix = "" if damage in ("nan", "0.0") else f"-damaged-{float(damage):g}"
-        lines += _function(of_one, f"{name}{suffix}", named)
-    return "\n".join([*lines, "  </fragilityModel>", "</nrml>", ""]).encode()
+    return dict(zip(thresholds, states, strict=True))
 
 
-def _function(functions: Sequence[Fragility], name: str, states: dict[float, str]) -> list[str]:
+def _grouped(functions: Sequence[Fragility]) -> list[list[Fragility]]:
+    """The functions of each building or type, by rising thresholds."""
+    groups: dict[tuple[str, str], list[Fragility]] = {}
+    for one in functions:
+        groups.setdefault((str(one.damage), one.type), []).append(one)
+    return [sorted(of_one, key=lambda one: one.threshold) for of_one in groups.values()]
+
+
+def _function(functions: Sequence[Fragility], name: str, states: Sequence[str]) -> list[str]:
     imt, factor = _measure(functions[0])
     far = [one.theta * factor * math.exp(sign * _FAR * one.beta_total) for one in functions for sign in (-1.0, 1.0)]
     lines = [
         f'    <fragilityFunction id={quoteattr(name)} format="continuous" shape="logncdf">',
         f'      <imls imt="{imt}" minIML="{min(far):.6g}" maxIML="{max(far):.6g}"/>',
     ]
-    for one in functions:
+    for one, state in zip(functions, states, strict=True):
         mean = one.theta * factor * math.exp(0.5 * one.beta_total**2)
         deviation = mean * math.sqrt(math.expm1(one.beta_total**2))
-        lines.append(f'      <params ls="{states[one.threshold]}" mean="{mean:.9g}" stddev="{deviation:.9g}"/>')
+        lines.append(f'      <params ls="{state}" mean="{mean:.9g}" stddev="{deviation:.9g}"/>')
     return [*lines, "    </fragilityFunction>"]
 
 

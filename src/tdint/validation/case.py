@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +57,16 @@ class ValidationCase:
     difference_is: str
     relative: bool = False
     remark: str = ""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _without_computing, (
+            {one.name: getattr(self, one.name) for one in fields(self) if one.name != "computed"},
+        )
+
+
+def _without_computing(values: dict[str, Any]) -> ValidationCase:
+    """A case that has travelled to another process: it tells what it is, and computes nothing."""
+    return ValidationCase(**values, computed=tuple)
 
 
 @dataclass(frozen=True)

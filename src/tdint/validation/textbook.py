@@ -13,7 +13,9 @@ from tdint.campaign.fragility.fits import fit_stripes
 from tdint.ground_motion.reading.read import make_record
 from tdint.model.building import modes
 from tdint.model.config.model_file import load_model
-from tdint.validation.case import NUMERICAL, ROUNDING, Array, ValidationCase
+from tdint.tabular import Several
+from tdint.validation.case import NUMERICAL, ROUNDING, Array, ValidationCase, ValidationResult, carry_out
+from tdint.validation.closed_forms import closed_form_cases
 
 INCH = 0.0254
 _TENTHS = tuple(f"u({i / 10:.1f} s)" for i in range(1, 11))
@@ -265,3 +267,9 @@ def textbook_cases() -> tuple[ValidationCase, ...]:
             remark="the numbers printed in the paper were not at hand",
         ),
     )
+
+
+def validate() -> Several[ValidationResult]:
+    """Closed forms, tables of textbooks and printed results of other programs beside those of this installation: for
+    each case the largest difference and whether it is within what the case allows."""
+    return Several([carry_out(case) for case in (*closed_form_cases(), *textbook_cases())])

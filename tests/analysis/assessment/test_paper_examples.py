@@ -150,7 +150,7 @@ def test_errors_of_example_1(method, errors):
         assert error(1, dt, method) == pytest.approx(expected, rel=digits)
 
 
-@pytest.mark.parametrize("number", FILES)
+@pytest.mark.parametrize("number", [1, 2, pytest.param(3, marks=pytest.mark.slow)])
 def test_orders(number):
     """impulse4 and moment4 are of order 4, the others of order 2, rk5 of order 5: all see the load as they should."""
     for method in ("impulse4", "moment4", "rk5", *ORDER_2):

@@ -26,7 +26,7 @@ from tdint.output.tables.runs import history_columns, story_table
 
 pytestmark = pytest.mark.long
 
-RUNS = 1000
+RUNS, USUAL = 1000, 300
 BATCH = 50
 STIFFNESS = 1e6
 METHODS = [name for name in catalogue() if name != "exact"] + [
@@ -129,7 +129,9 @@ def check_failure(failure, case, record):
         assert summary["largest_stable_dt_s"] is not None
 
 
-@pytest.mark.parametrize("batch", range(RUNS // BATCH))
+@pytest.mark.parametrize(
+    "batch", [pytest.param(i, marks=[pytest.mark.slow] if i >= USUAL // BATCH else []) for i in range(RUNS // BATCH)]
+)
 def test_every_run_ends_as_one_of_the_named_outcomes(batch):
     ends = Counter()
     for seed in range(batch * BATCH, (batch + 1) * BATCH):

@@ -18,14 +18,9 @@ from tdint_cli.terminal.streams import note, warn
 
 if TYPE_CHECKING:
     from tdint.files import Writer
-    from tdint.ground_motion.record import Record
     from tdint.output.tables.spectra import RecordInfo
     from tdint.output.tables.table import Table
     from tdint.output_units import OutputUnits
-
-_DAMPING = 0.05
-_PERIODS = 481
-"""Periods of the spectrum whose integral is the Housner intensity: 0.005 s apart."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +90,7 @@ def command(**given: Any) -> None:
 
 def _run(request: Request) -> None:
     sources = records_of(request.records, request.layout)
-    outputs = Outputs.checked(request.output, request.plot, request.overwrite, summary=True, units=request.output_units)
+    outputs = Outputs.checked(request.output, request.plot, request.overwrite, units=request.output_units)
     refuse_inputs(outputs.files, [*sources.files, request.inventory])
     notes = dict.fromkeys(sources.notes)  # a set in the order of arrival
     warnings: dict[str, None] = {}
@@ -149,12 +144,11 @@ def _deliver(request: Request, outputs: Outputs, products: Sequence[Product]) ->
 
 def _work(request: Request, task: Task) -> Product:
     """All components of a record; it may run in another process."""
-    from tdint.ground_motion.measures import measure
     from tdint.output.summaries.summary import record_summary
-    from tdint.output.tables.spectra import RecordInfo, info_table
+    from tdint.output.tables.spectra import info_table, record_info
 
     records = request.read(task.source)
-    infos = [RecordInfo(record, measure(record), _housner_intensity(record)) for record in records]
+    infos = list(map(record_info, records))
     return Product(
         table=info_table(infos),
         records=tuple(map(record_summary, records)),
@@ -162,13 +156,3 @@ def _work(request: Request, task: Task) -> Product:
         changes=notes_of_components(records, lambda record: record.processing),
         warnings=notes_of_components(records, lambda record: record.warnings),
     )
-
-
-def _housner_intensity(record: Record) -> float:
-    import numpy as np
-
-    from tdint.analysis.spectra.elastic import spectrum
-    from tdint.ground_motion.measures import HOUSNER_PERIODS, spectrum_intensity
-
-    periods = np.linspace(*HOUSNER_PERIODS, _PERIODS)
-    return spectrum_intensity(periods, spectrum(record, periods, _DAMPING).psv)

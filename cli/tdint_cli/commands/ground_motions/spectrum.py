@@ -21,6 +21,7 @@ from tdint_cli.commands.ground_motions.target_table import write_target
 @kinds.maxima
 @kinds.interpolation
 @kinds.rotd
+@kinds.pairs
 @kinds.ductility
 @kinds.strength
 @kinds.hardening

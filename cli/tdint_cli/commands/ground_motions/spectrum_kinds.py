@@ -14,7 +14,8 @@ from tdint_cli.batch.sources import STDIN
 from tdint_cli.commands.ground_motions.spectrum_request import Kind, Results, SpectrumRequest
 from tdint_cli.options import output
 from tdint_cli.options.spectra import option
-from tdint_cli.options.values import FileName, Number, Ratio
+from tdint_cli.options.values import FileName, Number, PairNamesType, Ratio
+from tdint_cli.terminal.streams import note
 
 if TYPE_CHECKING:
     from tdint.analysis.spectra.elastic import Spectrum
@@ -55,6 +56,13 @@ rotd = option(
     metavar="P,...",
     help="Spectra of two horizontal components instead: these percentiles of the pseudo-acceleration over all "
     "directions, such as 0,50,100 (RotD00, RotD50, RotD100).",
+)
+pairs = option(
+    "--pairs",
+    needs="--rotd",
+    type=PairNamesType(),
+    metavar="NAMES",
+    help="How the two files of a motion are named, {} for what they share: '{}_N.AT2,{}_E.AT2'.",
 )
 ductility = option(
     "--ductility",
@@ -201,12 +209,11 @@ class Rotated(_OfOscillators):
 
         Two files of a single horizontal component each are one motion, too, whatever their names are.
         """
-        from tdint.ground_motion.horizontals import motion_name
+        from tdint.ground_motion.pairing import USUAL, files_of_motions
 
-        motions: dict[str, list[str]] = {}
-        for file in files:
-            motions.setdefault(file if file == STDIN else motion_name(file), []).append(file)
-        result = [tuple(members) for members in motions.values()]
+        result, others = files_of_motions(files, request.pairs or USUAL)
+        if others:
+            note(f"left out, named otherwise than --pairs says: {', '.join(others)}")
         if len(files) == len(result) == 2 and STDIN not in files and all(_is_single(request, file) for file in files):
             return [tuple(files)]
         return result
@@ -215,8 +222,9 @@ class Rotated(_OfOscillators):
         """The spectra of the two horizontals among the components of a motion, for each damping ratio."""
         from tdint.analysis.spectra.rotated import rotated_spectrum
         from tdint.ground_motion.horizontals import find_horizontals
+        from tdint.ground_motion.pairing import with_component
 
-        motion = find_horizontals(records)
+        motion = find_horizontals([with_component(record) for record in records])
         periods = request.chosen_periods(PERIODS)
         lines = [
             rotated_spectrum(

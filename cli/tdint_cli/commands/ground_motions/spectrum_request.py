@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from tdint.analysis.spectra.published import PublishedSpectrum
     from tdint.campaign.suites.target import TargetSpectrum
     from tdint.files import Writer
+    from tdint.ground_motion.pairing import PairNames
     from tdint.ground_motion.record import Record
     from tdint.output.tables.table import Table
     from tdint.output_units import OutputUnits
@@ -138,6 +139,7 @@ class SpectrumRequest(TablesRequest):
     maxima: str | None
     interpolation: str | None
     rotd: tuple[int, ...] | None
+    pairs: PairNames | None
     ductility: tuple[float, ...] | None
     strength: tuple[float, ...] | None
     hardening: float | None

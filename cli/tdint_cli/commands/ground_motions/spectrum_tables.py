@@ -114,7 +114,9 @@ def make_tables(request: TablesRequest, kind: Kind) -> None:
     for text in filter(None, (*messages.notes, remark)):
         note(text)
     if messages.failures:
-        raise Failures(messages.failures)
+        from tdint.ground_motion.pairing import told_once
+
+        raise Failures(told_once(messages.failures))
 
 
 def _tasks(request: TablesRequest, records: Sequence[tuple[str, ...]]) -> list[Task]:

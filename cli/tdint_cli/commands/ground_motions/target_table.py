@@ -37,7 +37,7 @@ def write_target(request: SpectrumRequest) -> None:
         raise UsageError("--damping is for records; a design spectrum takes it by name: ec8:...,damping=2%")
     if request.is_folder:
         raise UsageError("-o is the file of one table here, not a folder")
-    outputs = Outputs.checked(request.output, request.plot, request.overwrite, summary=True, units=request.output_units)
+    outputs = Outputs.checked(request.output, request.plot, request.overwrite, units=request.output_units)
     refuse_inputs(outputs.files, [request.target])
     if request.period or request.periods is not None:
         periods = request.chosen_periods(PERIODS)

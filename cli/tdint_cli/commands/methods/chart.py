@@ -160,7 +160,7 @@ def _checked(request: Request) -> Outputs:
     if request.stories and request.peers:
         raise UsageError("--peers charts one building; leave out --stories")
     check_motion(request)
-    outputs = Outputs.checked(request.output, request.plot, request.overwrite, summary=True)
+    outputs = Outputs.checked(request.output, request.plot, request.overwrite)
     refuse_inputs(outputs.files, [request.model, request.record, request.inventory])
     return outputs
 

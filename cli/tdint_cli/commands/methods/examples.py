@@ -102,21 +102,24 @@ def _run(request: Request) -> None:
 
 
 def _names(example: Example) -> list[str]:
-    return [f"example-{example.number}-errors.csv", *(f"figure-{one.number:02d}.png" for one in example.figures)]
+    errors = f"example-{example.number}-errors"
+    return [f"{errors}.csv", f"{errors}.json", *(f"figure-{one.number:02d}.png" for one in example.figures)]
 
 
 def _files(example: Example, runs: list[ExampleRun], reference: str) -> list[tuple[str, Writer]]:
     """The files of one example and what writes each; no figures where no run came to its end."""
     from tdint.output.figures.paper_examples import example_picture
     from tdint.output.tables.methods import example_table
+    from tdint.output_units import SI
 
-    table = example_table(runs, reference).csv()
+    table = example_table(runs, reference)
+    text, about = table.csv(), options.output.provenance(table.meanings, SI)
     first = [run for run in runs if run.dt == runs[0].dt]
-    writers: list[Writer] = [lambda stream: stream.write(table)]
+    writers: list[Writer] = [lambda stream: stream.write(text), lambda stream: stream.write(about)]
     if any(run.outcome == "done" and not run.variant for run in first):
-        about = f"example {example.number}, {example.about}"
+        title = f"example {example.number}, {example.about}"
         exact = f"exact: {_exact(example, runs[0].dt, reference)}"
-        writers += [example_picture(about, first, figure, exact, reference, ".png") for figure in example.figures]
+        writers += [example_picture(title, first, figure, exact, reference, ".png") for figure in example.figures]
     return list(zip(_names(example), writers, strict=False))
 
 

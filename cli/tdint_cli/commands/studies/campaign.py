@@ -40,6 +40,7 @@ class CampaignRequest:
     tls_cert: str | None
     tls_key: str | None
     simcenter: bool
+    geojson: bool
     output_units: OutputUnits | None
     overwrite: bool
     plot: str | None
@@ -108,6 +109,12 @@ _OF_RUNS = ("jobs", "shard", "limit", "dask", "tls_ca", "tls_cert", "tls_key")
     is_flag=True,
     help="With export: also simcenter.csv, the demands under SimCenter's names (1-PFA-1-1).",
 )
+@options.output.option(
+    "--geojson",
+    is_flag=True,
+    help="With export: also buildings.geojson, the buildings of an inventory as points with their mean and largest "
+    "demands, for maps.",
+)
 @options.output.plot(
     "Also draw drifts, accelerations and shears over the height, of each motion and over all: to this file (.png, "
     ".pdf, .svg), or alone as profiles.png into the folder."
@@ -141,7 +148,7 @@ def command(**given: Any) -> None:
 def _run(request: CampaignRequest) -> None:
     if len(request.words) > 1:
         raise UsageError(f"a campaign is one file, got {len(request.words)}: {' '.join(request.words)}")
-    request.refuse("simcenter")
+    request.refuse("simcenter", "geojson")
     if request.output is None:
         raise UsageError("a campaign is kept in a folder: give -o DIR")
     request.of_floors.check(request.output)
@@ -164,7 +171,7 @@ def _run(request: CampaignRequest) -> None:
 
 
 def _status(request: CampaignRequest) -> None:
-    request.refuse(*_OF_RUNS, "simcenter", "output", "output_units", "overwrite", "plot", "drift_limit")
+    request.refuse(*_OF_RUNS, "simcenter", "geojson", "output", "output_units", "overwrite", "plot", "drift_limit")
     from tdint.campaign.store.store import check_chunks, open_existing
     from tdint.output.tables.campaign import status_table
 
@@ -189,14 +196,20 @@ def _export(request: CampaignRequest) -> None:
         units = request.output_units or store.output_units()
         profiles = Profiles(store, request.of_suite, units)
         export(
-            store, folder, simcenter=request.simcenter, units=units, overwrite=request.overwrite, profiles=profiles
-        )  # fmt: skip
+            store,
+            folder,
+            simcenter=request.simcenter,
+            geojson=request.geojson,
+            units=units,
+            overwrite=request.overwrite,
+            profiles=profiles,
+        )
         if unmet := profiles.tell():
             raise Failures(unmet)
 
 
 def _merge(request: CampaignRequest) -> None:
-    request.refuse(*_OF_RUNS, "simcenter")
+    request.refuse(*_OF_RUNS, "simcenter", "geojson")
     folders = [Path(word) for word in request.words[1:]]
     if not folders or request.output is None:
         raise UsageError("give the folders to merge and -o DIR: tdint campaign merge out-*/ -o all/")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,7 @@ from tdint_cli.options.values import FileName, Number, SpanType
 from tdint_cli.terminal.streams import complain, say, warn
 
 if TYPE_CHECKING:
+    from tdint.campaign.fragility.fit_table import FragilityRequest, FragilityResult
     from tdint.campaign.fragility.fits import Fragility
     from tdint.files import Writer
     from tdint.output_units import OutputUnits
@@ -35,6 +37,12 @@ _IM = {"sa": "sa_t1", "pga": "pga"}
 )
 @options.studies.threshold(
     help="Drift ratios, or other demands, whose exceedance is meant; by default those of the table."
+)
+@options.option(
+    "--by",
+    type=click.Choice(["type"]),
+    help="A function for each type (class) of buildings of a campaign and each of its damage states: DIR is the folder "
+    "of a campaign with `damage`. Standard errors are those of leaving out ground motions.",
 )
 @options.option(
     "--edp-range",
@@ -62,7 +70,8 @@ _IM = {"sa": "sa_t1", "pga": "pga"}
     "--openquake",
     type=FileName(),
     metavar="FILE.xml",
-    help="Also write the functions as OpenQuake reads them (NRML 0.5), under the file's name as their id.",
+    help="Also write the functions as OpenQuake reads them (NRML 0.5), under the file's name as their id, or those of "
+    "types under their names.",
 )
 @options.output.option(
     "--states",
@@ -78,7 +87,8 @@ def command(**given: Any) -> None:
     """Fragility functions: the probability of exceedance over intensity.
 
     TABLE.csv has the columns im,collapses,records (stripes), capacity[,censored] (ida) or im,edp[,censored] (cloud),
-    and if it likes threshold, im_name, unit; - is standard input. DIR is a folder of `tdint ida` or `tdint campaign`.
+    and if it likes threshold, im_name, unit; - is standard input. DIR is a folder of `tdint ida` or `tdint campaign`;
+    --by type fits the types of buildings of a campaign's damage states.
     CSV: median theta and dispersion beta of a lognormal distribution for each threshold, with the standard errors of ln
     theta and beta from the information matrix. The picture has 95 % confidence bands by the delta method.
     """
@@ -88,13 +98,14 @@ def command(**given: Any) -> None:
 def _fragility(
     table: str, fit: str | None, threshold: tuple[float, ...] | None, edp_range: tuple[float, float] | None,
     im: str | None, beta_model: float, output: str | None, plot: str | None, overwrite: bool,
-    output_units: OutputUnits | None, openquake: str | None, states: tuple[str, ...] | None,
+    output_units: OutputUnits | None, openquake: str | None, states: tuple[str, ...] | None, by: str | None,
 ) -> None:  # fmt: skip
-    from tdint.campaign.fragility.fit_table import FragilityRequest, fit_table
-    from tdint.files import check_outputs, write_files
-    from tdint.output.openquake import fragility_model
+    from tdint.campaign.fragility.fit_table import FragilityRequest
+    from tdint.files import check_outputs
     from tdint.output.tables.studies import fragility_table
 
+    if by and states:
+        raise UsageError("--states is not for --by type: the states are those of the campaign")
     if edp_range is not None and fit not in (None, "cloud"):
         raise UsageError("--edp-range is for --fit cloud")
     outputs = Outputs.checked(output, plot, overwrite)
@@ -108,7 +119,7 @@ def _fragility(
         beta_model=beta_model,
         measure=_IM[im] if im else None,
     )
-    result = fit_table(table, request)
+    result = _fitted(table, request, by_type=by is not None)
     for text in result.warnings:
         warn(text)
     if not result.functions:
@@ -117,18 +128,46 @@ def _fragility(
     functions = [function.in_units(output_units) if output_units else function for function in result.functions]
 
     def draw(suffix: str) -> Writer:
-        from tdint.output.figures.fragility import fragility_picture
+        from tdint.output.figures.fragility import fragility_picture, types_picture
 
-        return fragility_picture(functions, suffix)
+        return (types_picture if by else fragility_picture)(functions, suffix)
 
     if openquake:
-        model = fragility_model(result.functions, Path(openquake).stem, states or ())
-        write_files({Path(openquake): lambda stream: stream.write(model)}, overwrite=overwrite)
+        _write_model(result.functions, Path(openquake), states or (), overwrite)
     outputs.deliver(fragility_table(functions, total=beta_model > 0.0), draw)
-    for function in functions:
-        say(_words(function))
+    for text in [_count(functions)] if by else map(_words, functions):
+        say(text)
     for error in result.failures:
         complain(f"Warning: {error}")
+
+
+def _fitted(table: str, request: FragilityRequest, *, by_type: bool) -> FragilityResult:
+    if by_type:
+        from tdint.campaign.fragility.type_fits import fit_types
+
+        return fit_types(Path(table), request)
+    from tdint.campaign.fragility.fit_table import fit_table
+
+    return fit_table(table, request)
+
+
+def _write_model(functions: Sequence[Fragility], file: Path, states: Sequence[str], overwrite: bool) -> None:
+    """Write the functions for OpenQuake; of types those that have one of every state."""
+    from tdint.files import write_files
+    from tdint.output.openquake import fragility_model, whole_types
+
+    whole, partial = whole_types(functions) if functions[0].type else (functions, [])
+    for name in partial:
+        warn(f"{file}: without {name}, which has no function of some states")
+    model = fragility_model(whole, file.stem, states)
+    write_files({file: lambda stream: stream.write(model)}, overwrite=overwrite)
+
+
+def _count(functions: Sequence[Fragility]) -> str:
+    """How many functions of how many types, and by which fits."""
+    types = dict.fromkeys(function.type for function in functions)
+    fits = " and ".join(dict.fromkeys(function.fit for function in functions))
+    return f"{len(functions)} functions of {len(types)} types: {fits}."
 
 
 def _words(function: Fragility) -> str:

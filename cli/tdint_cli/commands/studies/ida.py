@@ -15,7 +15,7 @@ from tdint_cli.options.output import check_picture
 from tdint_cli.options.plot import picture_file
 from tdint_cli.options.record import RecordsRequest
 from tdint_cli.options.studies import PAIRS, read_suite
-from tdint_cli.options.values import FileName, IntensityType, PeriodType, Ratio
+from tdint_cli.options.values import FileName, IntensityType, PairWish, PeriodType, Ratio
 from tdint_cli.terminal.drawing import emit_table
 from tdint_cli.terminal.progress import progress_bar
 from tdint_cli.terminal.streams import note, say, warn
@@ -42,7 +42,7 @@ class IdaRequest(RecordsRequest):
     model: str
     im: str
     period: float | None
-    pairs: str | None
+    pairs: PairWish | None
     damping: float
     average: Grid | None
     precision: float
@@ -187,7 +187,7 @@ def _ida(request: IdaRequest) -> None:
         check=request.check,
         **({"thresholds": request.threshold} if request.threshold else {}),
     )
-    suite, failures = read_suite(request.records, request.choice, pairs=request.pairs is not None)
+    suite, failures = read_suite(request.records, request.choice, request.pairs)
     with progress_bar(request.output is None) as tell:
         study = ida(
             model,
@@ -195,7 +195,7 @@ def _ida(request: IdaRequest) -> None:
             measure,
             settings,
             method=request.method,
-            pair=request.pairs or PAIRS[0],
+            pair=(request.pairs and request.pairs.measure) or PAIRS[0],
             jobs=request.jobs or processors(),
             folder=folder,
             progress=lambda done, of: tell(f"records {done}/{of}", done / of),
@@ -215,7 +215,7 @@ def _mainshock(request: IdaRequest) -> Mainshock | None:
 
     if request.after is None or not request.damage:
         return None
-    suite, failures = read_suite([request.after], request.choice, pairs=False)
+    suite, failures = read_suite([request.after], request.choice, None)
     if failures:
         raise failures[0]
     return Mainshock(tuple(suite.records), request.damage)

@@ -14,7 +14,7 @@ from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import RecordsRequest
 from tdint_cli.options.studies import PAIRS, read_suite
-from tdint_cli.options.values import FileName, IntensityType, Number, RangeType
+from tdint_cli.options.values import FileName, IntensityType, Number, PairWish, RangeType
 from tdint_cli.terminal.streams import say, warn
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ class ScaleRequest(RecordsRequest):
     pgv: Units | None
     at: float | None
     p695: bool
-    pairs: str | None
+    pairs: PairWish | None
     damping: float
     average: Grid | None
     output: str | None
@@ -96,13 +96,20 @@ class ScaleRequest(RecordsRequest):
             raise UsageError(
                 f"--rule {self.rule} compares over 0.2 T to 2 T: give the period T by --at, or --building, or --range"
             )
-        if (self.p695 or self.rule == "asce7") and self.pairs is not None:
+        if (self.p695 or self.rule == "asce7") and self.pairs is not None and self.pairs.measure:
             raise UsageError(f"--pairs: {'--p695' if self.p695 else '--rule asce7'} says itself what stands for a pair")
 
     @property
-    def in_pairs(self) -> bool:
-        """Whether the motions are pairs."""
-        return self.pairs is not None or self.p695 or self.rule == "asce7"
+    def pair_wish(self) -> PairWish | None:
+        """What is asked of pairs; None for single components."""
+        from tdint.ground_motion.pairing import USUAL
+
+        return self.pairs or (PairWish(None, USUAL) if self.p695 or self.rule == "asce7" else None)
+
+    @property
+    def pair(self) -> str:
+        """What stands for a pair."""
+        return (self.pairs and self.pairs.measure) or PAIRS[0]
 
 
 @options.command("scale")
@@ -193,14 +200,14 @@ def _scale(request: ScaleRequest) -> None:
     from tdint_cli.errors import Failures
 
     request.check()
-    outputs = Outputs.checked(request.output, request.plot, request.overwrite, summary=True, units=request.output_units)
+    outputs = Outputs.checked(request.output, request.plot, request.overwrite, units=request.output_units)
     spectra = [Path(request.spectra)] if request.spectra else []
     check_outputs([*outputs.files, *spectra], overwrite=request.overwrite)
     refuse_inputs(
         [*outputs.files, *spectra], [*request.records, request.target, request.inventory, *(request.building or ())]
     )
     aim = _aim(request)
-    suite, failures = read_suite(request.records, request.choice, pairs=request.in_pairs)
+    suite, failures = read_suite(request.records, request.choice, request.pair_wish)
     if failures and (request.p695 or request.rule in _BY_PERIOD):
         raise Failures(failures)
     scaling = aim(suite.motions)
@@ -240,7 +247,7 @@ def _aim(request: ScaleRequest) -> Any:
         assert value is not None
         name, number = value
         measure = _measure(request, name)
-        return lambda motions: scaling.scale_to_value(motions, measure, number, request.pairs or PAIRS[0])
+        return lambda motions: scaling.scale_to_value(motions, measure, number, request.pair)
     from tdint.campaign.suites.target import read_target
     from tdint.written_numbers import Grid
 
@@ -263,7 +270,7 @@ def _aim(request: ScaleRequest) -> Any:
         )
     if request.rule == "asce7":
         return lambda motions: scaling.scale_asce7(motions, target, periods, damping=request.damping)
-    pair = request.pairs or PAIRS[0]
+    pair = request.pair
     scale = scaling.scale_ec8 if request.rule == "ec8" else scaling.scale_to_target
     return lambda motions: scale(motions, target, periods, damping=request.damping, pair=pair)
 
@@ -328,7 +335,7 @@ def _settings(request: ScaleRequest, scaling: Scaling) -> dict[str, Any]:
         "max_factor": request.max_factor,
         "periods_s": None if periods is None else [float(periods[0]), float(periods[-1]), int(periods.size)],
         "damping": scaling.damping,
-        "pairs": scaling.pair if request.in_pairs else None,
+        "pairs": scaling.pair if request.pair_wish else None,
         "least_average_over_target": scaling.least[0] if scaling.least else None,
     }
 

@@ -98,22 +98,23 @@ def command(
 def _ranks(building: str, outputs: Outputs) -> None:
     from tdint.campaign.sensitivity import rank_correlations
     from tdint.campaign.store.store import check_chunks, open_existing
+    from tdint.files import digest_of
+    from tdint.input_bytes import note_input
     from tdint.output.tables.studies import CORRELATIONS
     from tdint.output.tables.table import Table
 
     with open_existing(Path(building)) as store:
         check_chunks(store)
+        note_input(store.name, lambda: digest_of(Path(store.name)))
         found = rank_correlations(store)
     outputs.deliver(Table.of_results(CORRELATIONS, found))
 
 
 def _one_at_a_time(building: str, request: Request, outputs: Outputs) -> None:
     from tdint.campaign.carry_out import threads
-    from tdint.campaign.definition import AnalysisWishes, CampaignFile, ModelFiles, RecordFiles
-    from tdint.campaign.inputs import Inputs, read_motions
-    from tdint.campaign.levels import Scales
-    from tdint.campaign.plan import make_plan
-    from tdint.campaign.sensitivity import one_at_a_time, swings
+    from tdint.campaign.definition import AnalysisWishes, RecordFiles
+    from tdint.campaign.inputs import read_motions
+    from tdint.campaign.sensitivity import plan_of, swings
     from tdint.campaign.store.store import open_store
     from tdint.methods.catalogue import parse
     from tdint.model.config.model_file import load_model
@@ -123,13 +124,8 @@ def _one_at_a_time(building: str, request: Request, outputs: Outputs) -> None:
     from tdint_cli.batch.campaigns import advance_with_bar, tell_outcomes
 
     model = load_model(building)
-    wanted = RecordFiles(request.records, request.choice)
     wishes = AnalysisWishes(method=parse(request.method).label if request.method else None, dt=request.dt)
-    models = one_at_a_time(model, request.ranges)
-    motions = read_motions(wanted)
-    inputs = Inputs(models, motions=motions.motions, failures=motions.failures, notes=motions.notes)
-    campaign = CampaignFile(model.name, model.source, ModelFiles((model.source,)), wanted, Scales((1.0,)), wishes)
-    plan = make_plan(campaign, inputs)
+    plan = plan_of(model, request.ranges, read_motions(RecordFiles(request.records, request.choice)), wishes)
     store, _ = open_store(None, plan)
     for text in dict.fromkeys(plan.notes):
         note(text)

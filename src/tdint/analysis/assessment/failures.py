@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,9 +11,10 @@ import numpy as np
 from tdint.analysis.assessment.hard_problems import HardProblem, problems
 from tdint.analysis.run.run import FailedRun, History, run
 from tdint.errors import UsageError, did_you_mean
-from tdint.methods.catalogue import catalogue, parse
+from tdint.methods.catalogue import catalogue, chosen, parse
 from tdint.methods.method import Integrator
 from tdint.model.building import assemble
+from tdint.tabular import Several
 
 PASS = "pass"
 BLOWS_UP = "blows up"
@@ -87,6 +88,31 @@ def find_problems(names: Sequence[str]) -> list[HardProblem]:
         if name not in known:
             raise UsageError(f"unknown problem {name!r}{did_you_mean(name, known)} (known: {', '.join(known)})")
     return [known[name] for name in dict.fromkeys(names or known)]
+
+
+def failures(methods: str | Iterable[str] | None = None, problems: Sequence[str] = ()) -> Several[Trial]:
+    """Put methods to hard problems with known answers.
+
+    Parameters
+    ----------
+    methods : str or iterable of str, optional
+        Specifications; by default `usual_methods`.
+    problems : sequence of str
+        Names of problems; all if none is given.
+
+    Returns
+    -------
+    Several of Trial
+        One for each problem, method and step.
+
+    Raises
+    ------
+    UsageError
+        An unknown method or problem.
+    """
+    integrators = usual_methods() if methods is None else chosen(methods)
+    hard = find_problems(problems)
+    return Several([trial for one in hard for each in integrators for trial in attempt(each, one)])
 
 
 def attempt(integrator: Integrator, problem: HardProblem) -> list[Trial]:

@@ -14,10 +14,12 @@ from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.steps import Steps
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as at
+from tdint.methods.catalogue import parse
 from tdint.methods.exact import oscillator
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, assemble, force_table
 from tdint.model.definition import Force, Law, simple_model, simple_story
+from tdint.tabular import Tabular
 
 Array = NDArray[np.float64]
 
@@ -45,8 +47,8 @@ _ROUNDING = 3e-12  # errors below this, over the largest value, are rounding
 _ENDS = (40, 90, 130, 170, 200)  # coarse steps at whose ends the method's own acceleration is looked at
 
 
-@dataclass(frozen=True)
-class ObservedOrder:
+@dataclass(frozen=True, repr=False)
+class ObservedOrder(Tabular):
     """Errors over steps and the orders that follow from them.
 
     Attributes
@@ -69,6 +71,10 @@ class ObservedOrder:
     velocity: Array
     acceleration: Array
     own_acceleration: Array
+
+    def _headline(self) -> str:
+        order = self.order("displacement")
+        return f"of {self.method}: {order:.3g} of the displacement, load {self.load}, law {self.law}"
 
     def order(self, quantity: str) -> float:
         """Slope of the error over the step, by regression over the finest three errors that are not rounding.
@@ -110,6 +116,28 @@ class OrderProblem:
     def building(self) -> Building:
         """The oscillator as arrays."""
         return self.prepared.building
+
+
+def order(
+    method: Integrator | str,
+    *,
+    load: str = "harmonic",
+    law: str = "linear",
+    frequency_ratio: float = 0.5,
+    stride: int = 1,
+) -> ObservedOrder:
+    """Measure the order of a method, or of the one of this name: errors of an oscillator over halved steps.
+
+    Parameters and errors are those of `order_problem`.
+
+    Raises
+    ------
+    AnalysisError
+        The method is for linear buildings and the law is not linear, or it failed.
+    """
+    return observed_order(
+        parse(method) if isinstance(method, str) else method, order_problem(load, law, frequency_ratio, stride)
+    )
 
 
 def order_problem(

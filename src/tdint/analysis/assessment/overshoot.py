@@ -12,8 +12,11 @@ from numpy.typing import NDArray
 from tdint.analysis.run.amplification import STABLE, spectral_radius
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.steps import Steps
+from tdint.errors import UsageError
+from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
 from tdint.model.building import oscillators
+from tdint.tabular import Tabular
 
 Array = NDArray[np.float64]
 
@@ -32,8 +35,8 @@ _FAR = 1e3  # omega h by which an unstable method has left the unit circle
 _TINY = 1e-200  # the motion is linear in its start: a tiny one leaves room for what grows
 
 
-@dataclass(frozen=True)
-class Overshoot:
+@dataclass(frozen=True, repr=False)
+class Overshoot(Tabular):
     """First steps from one start; arrays of shape (steps + 1,), the first entry the start.
 
     Attributes
@@ -55,6 +58,9 @@ class Overshoot:
     displacement_power: float
     velocity_power: float
 
+    def _headline(self) -> str:
+        return f"of {self.method} from a {self.start}, dt/T {self.dt_over_t:g}, {self.displacement.size - 1} steps"
+
     @property
     def growing(self) -> set[str]:
         """Which of displacement and velocity grow with a higher power than in the exact motion."""
@@ -64,19 +70,33 @@ class Overshoot:
 
 
 def overshoot(
-    integrator: Integrator, start: str, dt_over_t: float = 10.0, steps: int = 10, damping: float = 0.0
+    integrator: Integrator | str,
+    start: str = "displacement",
+    dt_over_t: float = 10.0,
+    steps: int = 10,
+    damping: float = 0.0,
 ) -> Overshoot:
     """Integrate an undriven oscillator over a few large steps, and measure the power of the first step's growth.
 
     Parameters
     ----------
+    integrator : Integrator or str
+        The method, or its name.
     start : str
         A key of `STARTS`.
     dt_over_t : float
         Step over undamped period.
     damping : float
         Damping ratio, in [0, 1).
+
+    Raises
+    ------
+    UsageError
+        An unknown method or start.
     """
+    integrator = parse(integrator) if isinstance(integrator, str) else integrator
+    if start not in STARTS:
+        raise UsageError(f"a motion starts from one of {', '.join(STARTS)}, got {start!r:.60}")
     omega_h = 2.0 * math.pi * dt_over_t
     u, hv = _first_steps(integrator, start, np.array([omega_h]), steps, damping)[:, :, 0]
     amplitude = math.hypot(STARTS[start][0], STARTS[start][1] / omega_h)

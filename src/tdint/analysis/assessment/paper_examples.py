@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 
@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import FailedRun, History, run
 from tdint.analysis.run.steps import Steps
-from tdint.errors import AnalysisError
-from tdint.methods.catalogue import parse
+from tdint.errors import AnalysisError, UsageError
+from tdint.methods.catalogue import chosen, parse
 from tdint.methods.method import Integrator
 from tdint.model.building import assemble, force_table
 from tdint.model.definition import Force, Law, Model, simple_model, simple_story
+from tdint.tabular import Several
 
 Array = NDArray[np.float64]
 
@@ -326,3 +327,20 @@ VARIANTS: Mapping[str, Mapping[str, Callable[[Example, float, Integrator], Examp
 def default_integrators() -> list[Integrator]:
     """The methods of `METHODS`."""
     return [parse(text) for text in METHODS]
+
+
+def run_examples(
+    numbers: Sequence[int] = (1, 2, 3), methods: str | Iterable[str] | None = None, dts: Sequence[float] = (DT,)
+) -> Several[ExampleRun]:
+    """The examples of the paper of 2022 by their numbers, with the paper's methods or others, at steps (s).
+
+    Raises
+    ------
+    UsageError
+        No such example, an unknown method.
+    """
+    known = examples()
+    if unknown := [number for number in numbers if number not in known]:
+        raise UsageError(f"the paper has no example {unknown[0]}; there are {', '.join(map(str, known))}")
+    integrators = default_integrators() if methods is None else chosen(methods)
+    return Several([run for one in numbers for dt in dts for run in run_example(known[one], dt, integrators)])

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
-from tdint.analysis.chart.problem import Problem, ending_together, reached
+from tdint.analysis.chart.problem import Problem, ending_together, pose, reached
 from tdint.analysis.chart.reference import Errors, Reference, errors, find_reference
+from tdint.analysis.given import record_of
 from tdint.analysis.run.steps import Steps
 from tdint.errors import UsageError
-from tdint.methods.catalogue import parse
+from tdint.methods.catalogue import chosen, parse
 from tdint.methods.method import Integrator
+from tdint.model.config.model_file import model_of
+from tdint.tabular import Tabular
 
 USUAL = "newmark-average"
 """What most programs do unless told otherwise, at the record's step."""
@@ -102,8 +106,8 @@ class Point:
         return min(self.times, default=math.nan)
 
 
-@dataclass(frozen=True)
-class Chart:
+@dataclass(frozen=True, repr=False)
+class Chart(Tabular):
     """All points of one problem, and what they were measured against.
 
     Attributes
@@ -128,6 +132,10 @@ class Chart:
     points: tuple[Point, ...]
     reference: Reference
     usual: Point
+
+    def _headline(self) -> str:
+        lines = dict.fromkeys(point.line for point in self.points)
+        return f"of {len(lines)} methods, {len(self.points)} points, {self.stories} stories"
 
 
 def default_steps(problem: Problem, methods: int, repeats: int) -> tuple[float, ...]:
@@ -218,6 +226,46 @@ def measure(
         reference=reference,
         usual=points[usual],
     )
+
+
+def chart(
+    model: Any,
+    record: Any = None,
+    *,
+    methods: str | Iterable[str] = DEFAULT_METHODS,
+    dts: Sequence[float] = (),
+    duration: float | None = None,
+    repeats: int = 5,
+    cached: bool = True,
+) -> Chart:
+    """Measure what methods cost and how much they err on a building.
+
+    Parameters
+    ----------
+    model, record : optional
+        What `run` takes.
+    methods : str or iterable of str
+        Specifications; those for linear buildings are left out of a nonlinear one.
+    dts : sequence of float
+        Steps, s; by default from eight sampling intervals down (`default_steps`).
+    duration : float, optional
+        In place of the model's, else the record's, s.
+    repeats, cached
+        As of `measure`.
+
+    Raises
+    ------
+    UsageError
+        An unknown method, a step that does not fit, no method for this building.
+    ModelError, RecordError
+        The model or the record is none.
+    AnalysisError
+        Nothing moves the building; the reference cannot be had.
+    """
+    problem = pose(model_of(model), None if record is None else record_of(record), duration=duration, dts=tuple(dts))
+    integrators = suited(problem, chosen(methods))
+    steps = tuple(dts) or default_steps(problem, len(integrators), repeats)
+    return measure(ending_together(problem, steps), integrators, steps, repeats=repeats, cached=cached)
 
 
 _Pair = tuple[Integrator, Steps]

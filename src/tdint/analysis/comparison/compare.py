@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +20,10 @@ from tdint.analysis.spectra.elastic import spectrum
 from tdint.errors import AnalysisError, UsageError, did_you_mean
 from tdint.ground_motion.reading.scale import differentiated
 from tdint.ground_motion.record import Record
+from tdint.model.config.model_file import model_of
 from tdint.model.definition import Excitation, Model
-from tdint.model.recorded import AUTO
+from tdint.model.recorded import AUTO, load_recording
+from tdint.tabular import Tabular
 
 Array = NDArray[np.float64]
 
@@ -97,8 +101,8 @@ class FloorSpectra:
     recorded: Array
 
 
-@dataclass(frozen=True)
-class Comparison:
+@dataclass(frozen=True, repr=False)
+class Comparison(Tabular):
     """A result beside a recording.
 
     Attributes
@@ -117,6 +121,10 @@ class Comparison:
     response: Response
     shift: float
     floors: tuple[FloorComparison, ...]
+
+    def _headline(self) -> str:
+        least = min(one.correlation for one in self.floors)
+        return f"of {self.response.model.name!r}: {len(self.floors)} floors, correlations of {least:.3f} and more"
 
     def spectra(self, periods: Array, damping: float) -> tuple[FloorSpectra, ...]:
         """Response spectra of the floors' absolute accelerations, of the part that is compared.
@@ -155,12 +163,21 @@ def absolute_displacements(comparison: Comparison) -> list[str]:
 
 
 def compare(
-    model: Model, event: Event, *, method: str | None = None, dt: float | None = None, shift: float | None = None
+    model: Any,
+    event: Event | str | Path,
+    *,
+    method: str | None = None,
+    dt: float | None = None,
+    shift: float | None = None,
 ) -> Comparison:
     """Integrate a model under the base's motion of an event, and set the floors beside what was recorded.
 
     Parameters
     ----------
+    model : Model, str, Path or mapping
+        What `run` takes.
+    event : Event, str or Path
+        What was recorded, or the YAML file that says so.
     method, dt : optional
         As in `run`; the step is the base's sampling interval or a whole part of it.
     shift : float, optional
@@ -173,6 +190,9 @@ def compare(
     AnalysisError
         The run has no result, or ends before the recording (`FailedRun`).
     """
+    model = model_of(model)
+    if not isinstance(event, Event):
+        event = Event.of(load_recording(str(event), len(model.stories)))
     response = respond(case_under(model, event, method), dt, event.recording.band)
     computed = computed_floors(response, event)
     if shift is None:

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from tdint.analysis.run import run_totals
 from tdint.analysis.run.outcome import Collapse, Energy, FailedRun, History, Response, StoryErrors, StoryPeaks
-from tdint.analysis.run.prepared import Marched, PreparedBuilding
+from tdint.analysis.run.prepared import Marched, MarchedRuns, PreparedBuilding
 from tdint.analysis.run.steps import Steps, choose_steps
 from tdint.analysis.run.workspace import HALVINGS, Workspace
 from tdint.errors import UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels import layout as at
+from tdint.kernels.march.many import CODE
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, falling_stories
 from tdint.model.definition import LAWS, Model
@@ -327,6 +328,14 @@ class Case:
             f"{self.integrator.method.name} is stable only for small steps where a story becomes stiffer than at rest, "
             f"as story {stories[0]} can: check with a smaller step",
         )
+
+
+def doubtful(marched: MarchedRuns) -> NDArray[np.bool_]:
+    """Runs that did not come to their end, collapsed, or went on with energy that the method made; shape (runs,)."""
+    numbers = marched.totals
+    made = ~(-run_totals.energy_errors(numbers) < RUNAWAY)
+    collapsed = numbers[:, at.COLLAPSE_STEP] != at.NO_COLLAPSE
+    return np.asarray((marched.ends[:, CODE] < 0) | collapsed | made)
 
 
 def _imbalance(energy: Energy) -> tuple[str, ...]:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.workspace import kernels
+from tdint.kernels.building.ahead import compile_ahead
 from tdint.kernels.building.variant import EVERYTHING, Variant
 from tdint.kernels.compiling import Kernel
 from tdint.kernels.laws.compiled_separately import kernels_apart
@@ -13,8 +17,9 @@ from tdint.kernels.oscillators.elastic import peaks
 from tdint.kernels.oscillators.modal_sums import largest_drifts
 from tdint.kernels.oscillators.rotated import rotated_peaks
 from tdint.kernels.stories.cyclic import follow
-from tdint.methods.catalogue import catalogue, parse
+from tdint.methods.catalogue import DEFAULT_METHOD, catalogue, parse
 from tdint.methods.method import Integrator
+from tdint.model.config.model_file import model_of
 from tdint.model.definition import Model
 
 
@@ -33,3 +38,30 @@ def of_everything() -> list[tuple[Kernel, Variant]]:
     steps += [(one.with_error.step, EVERYTHING) for one in families.values() if one.with_error]
     others = (many, follow, peaks, rotated_peaks, largest_drifts, bilinear_response, *kernels_apart())
     return [*steps, *((kernel, EVERYTHING) for kernel in others)]
+
+
+def compile_model(model: Any, method: str | None = None) -> list[Path]:
+    """Compile the time loops that a run of a model calls, which its first run else does.
+
+    Parameters
+    ----------
+    model : Model, str, Path or mapping
+        What `run` takes.
+    method : str, optional
+        In place of the model's.
+
+    Returns
+    -------
+    list of Path
+        The files that were written; none where all of it was compiled already.
+
+    Raises
+    ------
+    ModelError, UsageError
+        The model is none; an unknown method.
+    OutputError
+        The files cannot be written.
+    """
+    building = model_of(model)
+    integrator = parse(method or building.analysis.method or DEFAULT_METHOD)
+    return compile_ahead(of_model(building, integrator), ("native",), None, lambda done: None)

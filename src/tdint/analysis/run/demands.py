@@ -53,8 +53,10 @@ class Demand(Quantity):
     def of(self, stories: StoryPeaks) -> LargestOfRuns:
         """The largest of each run, from peaks of shape (runs, n) or (n,); nan is passed over."""
         values = np.atleast_2d(self.values(stories))
-        bare = np.where(np.isnan(values), -1.0, values)
-        place = np.argmax(bare, axis=1) if self.story is None else np.full(len(values), self.story) % values.shape[1]
+        if self.story is not None:
+            value = values[:, self.story]
+            return LargestOfRuns(value, np.where(np.isnan(value), 0, self.story % values.shape[1] + 1))
+        place = np.where(np.isnan(values), -1.0, values).argmax(axis=1)
         value = values[np.arange(len(values)), place]
         return LargestOfRuns(value, np.where(np.isnan(value), 0, place + 1))
 

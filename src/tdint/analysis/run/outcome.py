@@ -148,7 +148,7 @@ class StoryPeaks(Tabular, StoryValues):
     height: Array
 
     def _headline(self) -> str:
-        return f"of {self.peak_drift.size} stories, largest drift {np.max(self.peak_drift):.4g} m"
+        return f"of {self.peak_drift.shape[-1]} stories, largest drift {np.nanmax(self.peak_drift, initial=0.0):.4g} m"
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,11 @@ from tdint.methods.catalogue import DEFAULT_METHOD, parse
 from tdint.model.building import assemble
 from tdint.model.config.model_file import load_judged
 from tdint.model.definition import Model
+from tdint.tabular import Tabular
 
 
-@dataclass(frozen=True)
-class Overview:
+@dataclass(frozen=True, repr=False)
+class Overview(Tabular):
     """A model in a line.
 
     Attributes
@@ -34,6 +35,11 @@ class Overview:
     height: float
     period: float
     damping: float
+
+    def _headline(self) -> str:
+        return (
+            f"of {self.model.name!r}: {self.stories} stories, T1 {self.period:.4g} s, laws {self.laws}, {self.method}"
+        )
 
     @property
     def stories(self) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import reduce
 from operator import add, sub
@@ -29,6 +30,9 @@ Array = NDArray[np.float64]
 
 _ROUNDING = 1e-12
 """Error over the peak that is always there."""
+
+Telling = Callable[[Building, Array, Array, Array], Array]
+"""Of the rows of a history, from the building, the forces on its floors (`force_table`) and the times of the rows."""
 
 
 def story_peaks(building: Building, space: Workspace) -> StoryPeaks:
@@ -136,26 +140,34 @@ def history(building: Building, forces: Array, space: Workspace, h: float, large
     energy of the whole must be told."""
     n = building.stories
     table = space.history
-    fields = at.HISTORY_FIELDS
-    displacement, velocity, acceleration, shear = (table[:, 1 + j * n : 1 + (j + 1) * n] for j in range(fields))
-    drift = displacement.copy()
-    drift[:, 1:] -= displacement[:, :-1]
-    rate = velocity.copy()
-    rate[:, 1:] -= velocity[:, :-1]
+    behind = 1 + at.HISTORY_FIELDS * n
     time = h * (space.every * np.arange(space.before, space.before + len(table), dtype=np.float64))
     return History(
         time=time,
         ground_acceleration=table[:, 0],
-        displacement=displacement,
-        velocity=velocity,
-        acceleration=acceleration,
-        drift=drift,
-        shear=shear,
-        damper_force=building.device_force(rate),
-        total_shear=_total_shear(building, forces, time, acceleration),
-        energy=_energy_history(table[:, 1 + fields * n : 1 + fields * n + at.ENERGY_TERMS], space.totals, largest),
-        error=_error_history(table[:, 1 + fields * n + at.ENERGY_TERMS :], n),
+        energy=_energy_history(table[:, behind : behind + at.ENERGY_TERMS], space.totals, largest),
+        error=_error_history(table[:, behind + at.ENERGY_TERMS :], n),
+        **{name: told(building, forces, time, table) for name, told in HISTORIES.items()},
     )
+
+
+def _field(place: int) -> Telling:
+    """What rows of a history hold themselves."""
+    return lambda building, forces, time, table: table[
+        :, 1 + place * building.stories : 1 + (place + 1) * building.stories
+    ]
+
+
+def _over_story(place: int) -> Telling:
+    """What of such a field lies between the floors above and below a story."""
+
+    def told(building: Building, forces: Array, time: Array, table: Array) -> Array:
+        floors = _field(place)(building, forces, time, table)
+        found = floors.copy()
+        found[:, 1:] -= floors[:, :-1]
+        return found
+
+    return told
 
 
 def _error_history(table: Array, n: int) -> ErrorHistory | None:
@@ -167,9 +179,9 @@ def _error_history(table: Array, n: int) -> ErrorHistory | None:
     return ErrorHistory(displacement, velocity, drift, shear)
 
 
-def _total_shear(building: Building, forces: Array, time: Array, acceleration: Array) -> Array:
+def _total_shear(building: Building, forces: Array, time: Array, table: Array) -> Array:
     """What moves the floors above each story: forces on them less masses times absolute accelerations."""
-    moved = -building.linear_terms[at.MASS, :-1] * acceleration
+    moved = -building.linear_terms[at.MASS, :-1] * _ACCELERATION(building, forces, time, table)
     for force in forces:
         angle = force[at.OMEGA] * time
         moved[:, int(force[at.FLOOR])] += force[at.COSINE] * np.cos(angle) + force[at.SINE] * np.sin(angle)
@@ -182,3 +194,18 @@ def _energy_history(table: Array, totals: Array, largest: float | None) -> Energ
     imbalance = reduce(sub, terms[1:], start + terms[0])
     error = imbalance / largest if largest > 0.0 else np.zeros_like(imbalance)
     return EnergyHistory(**dict(zip(ENERGY_TERMS, terms, strict=True)), error=error)
+
+
+_ACCELERATION = _field(2)
+_DRIFT_RATE = _over_story(1)
+
+HISTORIES: dict[str, Telling] = {
+    "displacement": _field(0),
+    "velocity": _field(1),
+    "acceleration": _ACCELERATION,
+    "drift": _over_story(0),
+    "shear": _field(3),
+    "damper_force": lambda building, *told: building.device_force(_DRIFT_RATE(building, *told)),
+    "total_shear": _total_shear,
+}
+"""What gives each field of `History` that stories and floors have, shape (rows, n)."""

@@ -101,7 +101,8 @@ def workspace(
     flags[at.ON_PATH] = family.parabolic
     flags[at.CARRIES_ERROR] = family.carries_error
     width = history_width(building, integrator)
-    _check_room(rows, width)
+    if rows:
+        _check_room(rows, width)
     totals = np.zeros(at.TOTALS_SIZE)
     totals[at.COLLAPSE_STEP] = at.NO_COLLAPSE
     return Workspace(
@@ -184,35 +185,49 @@ def integrate(
     `coefficients` are those of the integrator for this building, these forces and this step; `wanted` is what the
     building and the forces need of the kernels, or more.
     """
-    law_parameters = _law_parameters(building, integrator)
-    scene = Scene(building.linear_terms, building.modal, law_parameters, forces, space.flags)
+    go = marching(integrator, coefficients, building, forces, ground, steps.h, space)
     return _in_pieces(
         steps.done,
         steps.count,
         _FIRST_PIECE // (building.stories * (1 + len(building.modal))),
-        lambda first, last: march.variant(wanted)(
-            integrator.family.step.variant(wanted),
-            begin.variant(wanted),
-            take_stock.variant(wanted),
-            raise_shears.variant(wanted),
-            steps.count,
-            first,
-            last,
-            space.every,
-            space.before,
-            steps.per_sample,
-            steps.stride,
-            HALVINGS if integrator.family.halvable else 0,
-            steps.h,
-            ground,
-            coefficients,
-            shifts(integrator, steps.h),
-            *scene,
-            *space.memory,
-            np.zeros(at.LOAD_SIZE),
-            *space.seen,
-        ),
+        lambda first, last: go(wanted, steps, first, last),
     )
+
+
+def marching(
+    integrator: Integrator,
+    coefficients: Array,
+    building: Building,
+    forces: Array,
+    ground: Array,
+    h: float,
+    space: Workspace,
+) -> Callable[[Variant, Steps, int, int], int]:
+    """The compiled time loop with all its arrays, which it finds as they are when it is called.
+
+    Takes what the building and the forces need of the kernels, or more, the steps, and from which of them on to go on
+    until which; returns 0 or the code of the step that failed.
+    """
+    law_parameters = _law_parameters(building, integrator)
+    called = (integrator.family.step, begin, take_stock, raise_shears)
+    halvings = HALVINGS if integrator.family.halvable else 0
+    arrays = (
+        *(ground, coefficients, shifts(integrator, h)),
+        *Scene(building.linear_terms, building.modal, law_parameters, forces, space.flags),
+        *space.memory,
+        np.zeros(at.LOAD_SIZE),
+        *space.seen,
+    )
+
+    def go(wanted: Variant, steps: Steps, first: int, last: int) -> int:
+        code: int = march.variant(wanted)(
+            *(kernel.variant(wanted) for kernel in called),
+            *(steps.count, first, last, space.every, space.before, steps.per_sample, steps.stride, halvings, h),
+            *arrays,
+        )
+        return code
+
+    return go
 
 
 def _in_pieces(done: int, count: int, size: int, go_on: Callable[[int, int], int]) -> int:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.run import run_totals
-from tdint.analysis.run.case import RUNAWAY, Case
+from tdint.analysis.run.case import RUNAWAY, Case, doubtful
 from tdint.analysis.run.error_estimate import checked_run
 from tdint.analysis.run.outcome import Collapse, FailedRun, Response, StoryPeaks
 from tdint.analysis.run.prepared import MarchedRuns, Rest
@@ -185,10 +185,10 @@ class Batch:
                 self._take_failure(job, "unstable-step", results)
             return []
         marched = self._march(jobs)
-        doubtful = _doubtful(marched)
-        self._take(jobs, marched, np.flatnonzero(~doubtful), results)
+        unsure = doubtful(marched)
+        self._take(jobs, marched, np.flatnonzero(~unsure), results)
         again = []
-        for i in np.flatnonzero(doubtful).tolist():
+        for i in np.flatnonzero(unsure).tolist():
             job = jobs[i]
             try:
                 self._judge(job, marched, i, results)
@@ -318,11 +318,3 @@ class Batch:
 
     def _take_failure(self, job: _Job, status: str, results: Rows) -> None:
         results.runs.append(self._row(job, job.steps.h, status))
-
-
-def _doubtful(marched: MarchedRuns) -> NDArray[np.bool_]:
-    """Runs that did not come to their end, collapsed, or went on with energy that the method made."""
-    numbers = marched.totals
-    made = ~(-run_totals.energy_errors(numbers) < RUNAWAY)
-    collapsed = numbers[:, at.COLLAPSE_STEP] != at.NO_COLLAPSE
-    return np.asarray((marched.ends[:, lanes.CODE] < 0) | collapsed | made)

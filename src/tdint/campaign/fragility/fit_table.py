@@ -7,7 +7,7 @@ tables of `tdint ida` and of campaigns are understood, too. `threshold`, `im_nam
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.analysis.given import numbers_of
 from tdint.campaign.fragility.fits import (
     CLOUD,
     FITS,
@@ -30,6 +31,7 @@ from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.files import is_folder
 from tdint.quantity import suffix
+from tdint.tabular import Tabular
 from tdint.units import ACCELERATION
 
 Array = NDArray[np.float64]
@@ -39,7 +41,7 @@ NEEDS = (
     "or is one of tdint ida or tdint campaign"
 )
 _RUNS = ("status", "peak_drift_ratio")
-_MEASURES = {"sa_t1": "sa(T1)", "pga": "pga"}
+MEASURES = {"sa_t1": "sa(T1)", "pga": "pga"}
 """Columns of runs in which their intensity may stand, without their unit, and its name."""
 
 _SAME = 1e-6  # intensities that differ by less than this part are one level
@@ -71,13 +73,51 @@ class FragilityRequest:
     measure: str | None = None
 
 
-@dataclass(frozen=True)
-class FragilityResult:
+@dataclass(frozen=True, repr=False)
+class FragilityResult(Tabular):
     """The functions that could be fitted, why others could not, and what is to be said."""
 
     functions: tuple[Fragility, ...]
     failures: tuple[AnalysisError, ...] = ()
     warnings: tuple[str, ...] = ()
+
+    def _headline(self) -> str:
+        medians = ", ".join(f"{one.theta:.4g} {one.unit}".rstrip() for one in self.functions)
+        return f"of {len(self.functions)} functions, medians {medians}"
+
+
+def fragility(
+    source: str | Path,
+    thresholds: float | Sequence[float] = (),
+    *,
+    fit: str | None = None,
+    edp_range: tuple[float, float] = (0.0, math.inf),
+    beta_model: float = 0.0,
+    measure: str | None = None,
+) -> FragilityResult:
+    """Fit lognormal fragility functions to a CSV table, or to the one in a folder of `tdint ida` or `tdint campaign`.
+
+    What is in memory goes to `fit_stripes`, `fit_capacities` or `fit_cloud`.
+
+    Parameters
+    ----------
+    thresholds : float or sequence of float
+        Demands whose exceedance is meant (drift ratios); by default those of the table.
+    fit, edp_range, beta_model, measure : optional
+        As of `FragilityRequest`.
+
+    Raises
+    ------
+    UsageError, ModelError
+        As of `fit_table`.
+    AnalysisError
+        None of the functions can be fitted.
+    """
+    asked = tuple(numbers_of(thresholds, "thresholds").tolist())
+    result = fit_table(str(source), FragilityRequest(fit, asked, edp_range, beta_model, measure))
+    if not result.functions:
+        raise result.failures[0]
+    return result
 
 
 def fit_table(source: str, request: FragilityRequest | None = None) -> FragilityResult:
@@ -230,7 +270,7 @@ def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
     if not result.any():
         raise ModelError(f"{table.source}: no run has a result")
     im, drift, collapsed, result = im[known], drift[known], collapsed[known], result[known]
-    return _Runs(im, _levels(im), drift, collapsed, result, ~result, (name, unit))
+    return _Runs(im, levels_of(im), drift, collapsed, result, ~result, (name, unit))
 
 
 def _intensity(table: CsvTable, request: FragilityRequest) -> tuple[str, str, str]:
@@ -241,8 +281,8 @@ def _intensity(table: CsvTable, request: FragilityRequest) -> tuple[str, str, st
     for unit in ACCELERATION:
         column = f"{wanted}{suffix(unit)}"
         if table.has(column):
-            return column, _MEASURES[wanted], unit
-    return f"{wanted}{suffix('m/s^2')}", _MEASURES[wanted], "m/s^2"
+            return column, MEASURES[wanted], unit
+    return f"{wanted}{suffix('m/s^2')}", MEASURES[wanted], "m/s^2"
 
 
 def _of_stripes(runs: _Runs, threshold: float) -> Fragility:
@@ -332,7 +372,7 @@ def _check_thresholds(table: CsvTable, request: FragilityRequest) -> None:
         raise UsageError(f"{table.source}: which demands are exceeded? Give --threshold")
 
 
-def _levels(im: Array) -> NDArray[np.intp]:
+def levels_of(im: Array) -> NDArray[np.intp]:
     """The number of the level of each intensity, from 0."""
     order = np.argsort(im)
     steps = np.diff(np.log(im[order]), prepend=math.log(float(im[order[0]]))) > _SAME

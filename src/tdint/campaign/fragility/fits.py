@@ -75,6 +75,8 @@ class Fragility:
     damage : float
         The drift ratio to which a mainshock has damaged the building before; 0 of an intact one, nan where the
         observations do not tell.
+    type, state : str
+        The type of buildings and the damage state that the function is of; empty where it is of neither.
     beta_model : float
         Standard deviation of what is not known of the model; not part of `beta`.
     failed : int
@@ -93,6 +95,8 @@ class Fragility:
     im: str = ""
     unit: str = ""
     damage: float = math.nan
+    type: str = ""
+    state: str = ""
     beta_model: float = 0.0
     failed: int = 0
     bounds: tuple[Fragility | None, Fragility | None] = (None, None)

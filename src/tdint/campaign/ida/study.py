@@ -37,6 +37,7 @@ from tdint.model.config.model_file import model_of
 from tdint.model.definition import Model
 from tdint.output_units import OutputUnits
 from tdint.processors import on_threads
+from tdint.tabular import Tabular
 
 THRESHOLDS = (0.01, 0.02, 0.04)
 """Drift ratios whose capacities are told beside that of collapse, where none are asked for."""
@@ -91,8 +92,8 @@ class IdaSettings:
     check: bool = False
 
 
-@dataclass(frozen=True)
-class IdaStudy:
+@dataclass(frozen=True, repr=False)
+class IdaStudy(Tabular):
     """The curves of a building under many records.
 
     Attributes
@@ -126,6 +127,9 @@ class IdaStudy:
     resumed: int = 0
     remarks: tuple[str, ...] = ()
     checked: bool = False
+
+    def _headline(self) -> str:
+        return f"of {self.model.name!r}: {len(self.curves)} records, levels of {self.im_name}, {self.method}"
 
     @property
     def im_name(self) -> str:

@@ -21,6 +21,8 @@ _SEALED = (
     "SELECT key, value FROM meta WHERE key <> 'seal' ORDER BY key",
     "SELECT * FROM buildings ORDER BY id",
     "SELECT * FROM records ORDER BY id",
+    "SELECT * FROM inventory ORDER BY building",
+    "SELECT * FROM building_types ORDER BY building",
     "SELECT kind, reason FROM unused ORDER BY rowid",
 )
 

@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
+from tdint.campaign.fragility.type_states import Damage
 from tdint.campaign.plan import Plan
 from tdint.ground_motion.record import Record
 from tdint.output_units import SI, OutputUnits
@@ -58,6 +59,10 @@ class Identity:
         The units in which the models want their results.
     varied : sequence of mapping
         What a sweep changed in each building.
+    columns, cells : sequence of str
+        Columns of an inventory that are carried along, and of each building what stands there, a JSON list.
+    damage : Damage or None
+        How damage is told.
     """
 
     name: str
@@ -71,6 +76,9 @@ class Identity:
     unused: Sequence[tuple[str, str]] = ()
     units: OutputUnits = SI
     varied: Sequence[Mapping[str, float]] = ()
+    columns: Sequence[str] = ()
+    cells: Sequence[str] = ()
+    damage: Damage | None = None
 
     @classmethod
     def of(cls, plan: Plan) -> Identity:
@@ -92,6 +100,9 @@ class Identity:
             unused=plan.unused,
             units=buildings.output_units,
             varied=[buildings.varied(i) for i in range(len(buildings))],
+            columns=buildings.columns,
+            cells=[buildings.cells(i) for i in range(len(buildings))] if buildings.columns else (),
+            damage=plan.damage,
         )
 
     @cached_property

@@ -15,7 +15,7 @@ from tdint.campaign.store.schema import TABLES
 from tdint.campaign.store.store import FILE, Store, is_empty, open_existing
 from tdint.errors import UsageError
 
-_TABLES = ("buildings", "records")
+_TABLES = ("buildings", "records", "inventory", "building_types")
 _ROWS = {"run_rows": -1, "story_rows": -1, "shock_rows": -1, "chunks": 0}
 """Tables, and where in their rows the number of the chunk stands."""
 

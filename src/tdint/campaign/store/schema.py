@@ -9,7 +9,7 @@ from typing import Any
 from tdint.analysis.run.outcome import STORY
 from tdint.campaign.engine.rows import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR, RunRow, StoryRow
 
-VERSION = "3"
+VERSION = "4"
 """Of the layout; another one is not read."""
 
 _KEY = {"building": int, "record": int, "scale": float, "sample": int}
@@ -66,6 +66,9 @@ TABLES = (
     " WITHOUT ROWID",
     f"CREATE TABLE shock_rows({_columns(_SHOCK)}, chunk INTEGER NOT NULL, PRIMARY KEY({', '.join(_KEY)}, shock))"
     " WITHOUT ROWID",
+    "CREATE TABLE inventory(building INTEGER PRIMARY KEY, cells TEXT NOT NULL)",
+    "CREATE TABLE building_types(building INTEGER PRIMARY KEY, type TEXT NOT NULL, divisor REAL NOT NULL, period_s REAL"
+    " NOT NULL)",
     "CREATE TABLE unused(kind TEXT NOT NULL, reason TEXT NOT NULL, PRIMARY KEY(kind, reason))",
     "CREATE TABLE written(file TEXT NOT NULL, sha256 TEXT NOT NULL, PRIMARY KEY(file, sha256))",
     _view("runs", "run_rows", SHOWN_RUN, ", ".join(f"run_rows.{name}" for name in _KEY)),

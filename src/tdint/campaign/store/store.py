@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import sqlite3
 from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -207,21 +208,66 @@ class Store:
 
     def output_units(self) -> OutputUnits:
         """The units in which the models want their results."""
-        found = self.connection.execute("SELECT value FROM meta WHERE key = 'output_units'").fetchone()
-        return parse_output_units(found[0]) if found else SI
+        found = self._known("output_units")
+        return parse_output_units(found) if found is not None else SI
 
     def tell(self, identity: Identity) -> None:
-        """Keep what is known beside what the runs depend on: inputs that could not be used, units."""
-        units = str(identity.units)
-        known = self.connection.execute("SELECT value FROM meta WHERE key = 'output_units'").fetchone()
+        """Keep what is known beside what the runs depend on: inputs that could not be used, units, damage states, and
+        columns of an inventory."""
+        self._tell_inventory(identity)
+        units, damage = str(identity.units), identity.damage.description() if identity.damage else ""
         before = [(kind, reason) for kind, reasons in self.unused().items() for reason in reasons]
-        if known == (units,) and sorted(before) == sorted(dict.fromkeys(identity.unused)):
+        types = list(map(tuple, identity.damage.buildings)) if identity.damage else []
+        same = sorted(before) == sorted(dict.fromkeys(identity.unused)) and self._known("output_units") == units
+        if same and self._known("damage") == damage and list(self.building_types().values()) == types:
             return
         with in_words(self.name), transaction(self.connection, self.name):
             self.connection.execute("DELETE FROM unused")
             self.add_unused(identity.unused)
-            self.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", ("output_units", units))
+            values = (("output_units", units), ("damage", damage))
+            self.connection.executemany("INSERT OR REPLACE INTO meta VALUES(?, ?)", values)
+            self.connection.execute("DELETE FROM building_types")
+            rows = ((number, *one) for number, one in enumerate(types))
+            self.connection.executemany("INSERT INTO building_types VALUES(?, ?, ?, ?)", rows)
             self.seal()
+
+    def _tell_inventory(self, identity: Identity) -> None:
+        """Keep the columns of an inventory that are carried along: other ones change no run."""
+        whole = hashlib.sha256(json.dumps(identity.columns).encode())
+        for cells in identity.cells:
+            whole.update(cells.encode())
+        told = json.dumps({"columns": identity.columns, "sha256": whole.hexdigest()})
+        if self._known("inventory") == told:
+            return
+        with in_words(self.name), transaction(self.connection, self.name):
+            self.connection.execute("INSERT OR REPLACE INTO meta VALUES('inventory', ?)", (told,))
+            self.connection.execute("DELETE FROM inventory")
+            self.connection.executemany("INSERT INTO inventory VALUES(?, ?)", enumerate(identity.cells))
+            self.seal()
+
+    def inventory_columns(self) -> tuple[str, ...]:
+        """Columns of the inventory that are carried along, as they are written there; none without one."""
+        return tuple(json.loads(self.meta("inventory"))["columns"])
+
+    def carried(self, building: int) -> list[str]:
+        """What the inventory says of a building in these columns."""
+        found = self.connection.execute("SELECT cells FROM inventory WHERE building = ?", (building,)).fetchone()
+        return list(json.loads(found[0])) if found else []
+
+    def _known(self, key: str) -> str | None:
+        """A value of the table meta; None where there is none."""
+        found = self.connection.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
+        return found[0] if found else None
+
+    def damage(self) -> str:
+        """The damage states of each type of buildings, JSON; nothing where nothing is said of damage."""
+        return self._known("damage") or ""
+
+    def building_types(self) -> dict[int, tuple[str, float, float]]:
+        """Of each building by its number what `tdint.campaign.fragility.type_states.BuildingType` has; nothing without
+        damage states."""
+        rows = self.connection.execute("SELECT building, type, divisor, period_s FROM building_types ORDER BY building")
+        return {number: (name, divisor, period) for number, name, divisor, period in rows}
 
     def add_unused(self, found: Iterable[tuple[str, str]]) -> None:
         """Add inputs that could not be used; `seal` follows."""

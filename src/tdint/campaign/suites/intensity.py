@@ -7,6 +7,7 @@ All of them grow in proportion to a factor on the motion.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -120,6 +121,25 @@ def sa_average(period: float, damping: float = SA_DAMPING, multiples: Grid = AVE
     _check_period(period)
     periods = tuple((period * multiples.values()).tolist())
     return SpectralIntensity(f"sa-avg({period:.6g})", periods, damping)
+
+
+def measure_of(name: str, damping: float = SA_DAMPING) -> IntensityMeasure:
+    """The measure of a name as tables have it: `pga`, `pgv`, `sa(1.0)`, `sa-avg(1.0)` with the period in s.
+
+    Raises
+    ------
+    UsageError
+        There is none of that name.
+    """
+    kind, _, period = name.strip().removesuffix(")").partition("(")
+    plain: dict[str, Callable[[], IntensityMeasure]] = {"pga": pga, "pgv": PeakVelocity}
+    spectral: dict[str, Callable[..., IntensityMeasure]] = {"sa": sa, "sa-avg": sa_average}
+    if kind in plain and not period:
+        return plain[kind]()
+    try:
+        return spectral[kind](float(period), damping)
+    except (KeyError, ValueError):
+        raise UsageError(f"unknown measure {name!r:.60}; known: pga, pgv, sa(T), sa-avg(T) with T in s") from None
 
 
 def percentile_of(pair: str) -> int | None:

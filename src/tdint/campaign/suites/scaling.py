@@ -6,26 +6,31 @@ One factor for both components of a pair.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.analysis.given import horizontals_of, numbers_of, record_of
 from tdint.analysis.spectra.first_mode import SA_DAMPING
 from tdint.campaign.suites.intensity import (
     GEOMETRIC_MEAN,
     GroundMotion,
     IntensityMeasure,
     PeakVelocity,
+    SpectralIntensity,
+    measure_of,
     pga,
     pseudo_accelerations,
     sa,
 )
 from tdint.campaign.suites.suite import components
-from tdint.campaign.suites.target import TargetSpectrum
+from tdint.campaign.suites.target import TargetSpectrum, read_target
 from tdint.errors import UsageError
 from tdint.ground_motion.horizontals import Horizontals
+from tdint.tabular import Tabular
 
 Array = NDArray[np.float64]
 
@@ -44,8 +49,8 @@ BOUNDS = (0.25, 4.0)
 MAXIMUM_DIRECTION = "rotd100"
 
 
-@dataclass(frozen=True)
-class Scaling:
+@dataclass(frozen=True, repr=False)
+class Scaling(Tabular):
     """The factors of a suite, and by which rule.
 
     Attributes
@@ -80,6 +85,10 @@ class Scaling:
     target: TargetSpectrum | None = None
     periods: Array | None = None
     least: tuple[float, float] | None = None
+
+    def _headline(self) -> str:
+        low, high = np.min(self.factors), np.max(self.factors)
+        return f"of {len(self.motions)} motions by the rule {self.rule}, factors {low:.4g} to {high:.4g}"
 
     def beyond(self, low: float, high: float) -> list[tuple[str, float]]:
         """The motions whose factors lie outside these, and the factors."""
@@ -243,6 +252,78 @@ def scale_p695(
     ]
     factors = factors * (value / float(np.median(values)))
     return Scaling(tuple(pairs), factors, "p695", GEOMETRIC_MEAN, damping, measure, value)
+
+
+def scale(
+    motions: Any,
+    measure: IntensityMeasure | str | None = None,
+    value: float | None = None,
+    *,
+    target: TargetSpectrum | str | None = None,
+    rule: str = "mean",
+    periods: Any = None,
+    damping: float = SA_DAMPING,
+    pair: str = GEOMETRIC_MEAN,
+) -> Scaling:
+    """Factors that scale ground motions to a value of an intensity measure, or to a target spectrum.
+
+    Parameters
+    ----------
+    motions : sequence
+        Records, paths or traces; a tuple of two, or what `read_horizontals` gives, is a pair with one factor.
+    measure : IntensityMeasure or str
+        `pga`, `pgv`, `sa(1.0)` or `sa-avg(1.0)` with the period in s.
+    value : float
+        Its value, m/s^2 or m/s.
+    target : TargetSpectrum or str
+        Instead: a file of a spectrum, or the text of a design spectrum (`tdint.campaign.suites.target.read_target`).
+    rule : str
+        For a target: `mean` (each motion by least squares of ln Sa), `asce7` or `ec8`; for pairs without a target also
+        `p695`, which takes a measure `sa(T)` and its value or none.
+    periods : sequence of float, optional
+        Where the target is met, s; by default 100 in equal ratios over all of it.
+    damping : float
+        Damping ratio of the spectra.
+    pair : str
+        What stands for a pair: a name of `tdint.campaign.suites.intensity.PAIRS`.
+
+    Raises
+    ------
+    UsageError
+        Neither a value nor a target, or both; an unknown measure or rule; periods beyond the target.
+    RecordError
+        A motion is none, or zero.
+    """
+    suite = [horizontals_of(one) if isinstance(one, tuple | list | Horizontals) else record_of(one) for one in motions]
+    chosen = measure_of(measure, damping) if isinstance(measure, str) else measure
+    if target is not None:
+        if chosen is not None or value is not None:
+            raise UsageError("a target and a value are given; motions are scaled to one of them")
+        spectrum = read_target(target) if isinstance(target, str) else target
+        ends = float(spectrum.periods[0]), float(spectrum.periods[-1])
+        places = np.geomspace(*ends, _PLACES) if periods is None else numbers_of(periods, "periods")
+        if rule not in _RULES:
+            raise UsageError(f"unknown rule {rule!r:.60}; known for a target: {', '.join(_RULES)}")
+        return _RULES[rule](suite, spectrum, places, damping, pair)
+    if rule == "p695":
+        if chosen is not None and not isinstance(chosen, SpectralIntensity):
+            raise UsageError("the rule p695 scales a set on to a value of sa(T)")
+        return scale_p695(suite, chosen.periods[0] if chosen else None, value, damping=damping)
+    if chosen is None or value is None:
+        raise UsageError("nothing to scale to: give a measure and its value, or a target")
+    return scale_to_value(suite, chosen, value, pair)
+
+
+_PLACES = 100
+_RULES: dict[str, Callable[[Sequence[GroundMotion], TargetSpectrum, Array, float, str], Scaling]] = {
+    "mean": lambda motions, target, periods, damping, pair: scale_to_target(
+        motions, target, periods, damping=damping, pair=pair
+    ),
+    "asce7": lambda motions, target, periods, damping, _: scale_asce7(motions, target, periods, damping=damping),
+    "ec8": lambda motions, target, periods, damping, pair: scale_ec8(
+        motions, target, periods, damping=damping, pair=pair
+    ),
+}
 
 
 def _check_pairs(pairs: Sequence[GroundMotion], rule: str) -> None:

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 
 from tdint.campaign.suites.intensity import GroundMotion
 from tdint.errors import RecordError
-from tdint.ground_motion.horizontals import Horizontals, find_horizontals, is_vertical, motion_name
+from tdint.ground_motion.horizontals import Horizontals, find_horizontals, is_vertical
+from tdint.ground_motion.pairing import USUAL, PairNames, files_of_motions, told_once, with_component
 from tdint.ground_motion.processing import Processing
 from tdint.ground_motion.reading.read import read_records
 from tdint.ground_motion.record import Record
 from tdint.ground_motion.text_layout import AS_STATED, TextLayout
-from tdint.input_bytes import STDIN
 
 
 @dataclass(frozen=True)
@@ -80,24 +80,29 @@ def read_components(files: Sequence[str], choice: RecordChoice | None = None) ->
     return Suite(tuple(records), tuple(failures), tuple(notes))
 
 
-def read_pairs(files: Sequence[str], choice: RecordChoice | None = None) -> Suite:
-    """Pairs of horizontal components: of one file, or of files that are named alike but for the component."""
+def read_pairs(files: Sequence[str], choice: RecordChoice | None = None, names: PairNames = USUAL) -> Suite:
+    """Pairs of horizontal components: of one file, or of files that are named alike but for the component.
+
+    Raises
+    ------
+    UsageError
+        No file has one of the names given.
+    """
     choice = choice or RecordChoice()
-    groups: dict[str, list[str]] = {}
-    for file in files:
-        groups.setdefault(file if file == STDIN else motion_name(file), []).append(file)
+    groups, others = files_of_motions(files, names)
     pairs: list[GroundMotion] = []
     failures: list[RecordError] = []
-    notes: list[str] = []
-    for group in groups.values():
+    notes = [f"left out, named neither {names.first} nor {names.second}: {', '.join(others)}"] if others else []
+    for group in groups:
         try:
-            pair: Horizontals = find_horizontals([record for file in group for record in _read(file, choice)])
+            found = [with_component(record) for file in group for record in _read(file, choice)]
+            pair: Horizontals = find_horizontals(found)
         except RecordError as error:
             failures.append(error)
             continue
         notes += [f"{pair.source}: {note}" for note in pair.notes]
         pairs.append(pair)
-    return Suite(tuple(pairs), tuple(failures), tuple(notes))
+    return Suite(tuple(pairs), tuple(told_once(failures)), tuple(notes))
 
 
 def _read(file: str, choice: RecordChoice) -> list[Record]:

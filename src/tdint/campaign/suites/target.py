@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +53,11 @@ class TargetSpectrum:
     zero: float | None = None
     damping: float | None = None
     curve: Callable[[Array], Array] | None = None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        if self.curve is not None:  # a formula is found again by its name
+            return read_target, (self.source,)
+        return TargetSpectrum, (self.source, self.periods, self.psa, self.zero, self.damping)
 
     @property
     def sd(self) -> Array:

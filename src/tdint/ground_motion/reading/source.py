@@ -14,7 +14,7 @@ from pathlib import Path
 from tdint.errors import RecordError
 from tdint.ground_motion.messages import one_line
 from tdint.ground_motion.record import Input
-from tdint.input_bytes import MOST_BYTES, read_at_most
+from tdint.input_bytes import MOST_BYTES, note_input, read_at_most
 
 LARGEST = MOST_BYTES
 """Bytes; reading takes some six times as much memory."""
@@ -60,6 +60,7 @@ def read_bytes(source: str | Path) -> bytes:
 
 def digested(data: bytes, source: str | Path) -> Input:
     """What was read from a file, by name and SHA-256."""
+    note_input(source, data)
     return Input(str(source), hashlib.sha256(data).hexdigest())
 
 

@@ -56,6 +56,7 @@ def _module(name: str, file: str) -> Any:
 
 def _add_laws(variant: str) -> None:
     """Put the laws of plug-ins that a variant names at their numbers, before what goes by the laws is imported."""
+    from tdint.kernels.building.sources import OUTSIDE
     from tdint.kernels.building.variant import parse
     from tdint.kernels.laws import LAWS, linear
     from tdint.kernels.laws.law import DriftLaw
@@ -65,6 +66,7 @@ def _add_laws(variant: str) -> None:
         LAWS.extend([replace(linear.LAW, name="")] * (code + 1 - len(LAWS)))
         values = list(vars(_module(*files[name])).values())
         values += [one for value in values if isinstance(value, tuple | list) for one in value]
+        OUTSIDE[name] = files[name][0]
         LAWS[code] = next(one for one in values if isinstance(one, DriftLaw) and one.name == name)
 
 

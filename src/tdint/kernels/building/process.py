@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from tdint.errors import AnalysisError
-from tdint.kernels.building.sources import size
+from tdint.kernels.building.sources import OUTSIDE, size
 from tdint.kernels.building.target import Target, named, native
 from tdint.kernels.building.variant import Variant
 from tdint.system import processors
@@ -79,13 +79,8 @@ class Compilation:
 
     def _plugins(self) -> dict[str, tuple[str, str]]:
         """Module and file of each law of the variant that is a plug-in's."""
-        laws = self.variant.outside.items()
-        if not laws:
-            return {}
-        from tdint.kernels.laws import LAWS
-
-        modules = {law: sys.modules[LAWS[code].functions.__module__] for law, code in laws}
-        return {law: (module.__name__, str(module.__file__)) for law, module in modules.items()}
+        modules = {law: OUTSIDE[law] for law in self.variant.outside}
+        return {law: (name, str(sys.modules[name].__file__)) for law, name in modules.items()}
 
     def stop(self) -> None:
         """End the process, if it runs."""

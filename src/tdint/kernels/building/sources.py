@@ -10,7 +10,6 @@ import ast
 import hashlib
 import re
 import sys
-from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
@@ -20,6 +19,9 @@ _PACKAGE = Path(__file__).parents[2]
 _BUILDING = "tdint.kernels.building."
 _COMPILING = tuple(_BUILDING + name for name in ("compiler", "compilable", "target", "variant"))
 """What of `building` an object depends on, whatever imports it."""
+
+OUTSIDE: dict[str, str] = {}
+"""The modules of the laws of plug-ins, by the law's name: told by who makes a law known."""
 
 _LAWS = "tdint.kernels.laws"
 _IMPORT = re.compile(rb"^[ \t]*from (tdint\.(?:kernels|methods)[\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
@@ -65,7 +67,7 @@ def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
     """
     wanted = {"law", *(name.replace("-", "_") for name in laws)}
     found: dict[str, Path] = {}
-    new = [module, *_COMPILING, *_modules_of(Variant(laws).outside)]
+    new = [module, *_COMPILING, *(OUTSIDE[name] for name in Variant(laws).outside)]
     while new:
         name = new.pop()
         file = _file(name)
@@ -79,15 +81,6 @@ def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
             and not (laws and name == _LAWS and imported.rpartition(".")[2] not in wanted)
         ]
     return found
-
-
-def _modules_of(outside: Mapping[str, int]) -> list[str]:
-    """The modules of the laws of plug-ins."""
-    if not outside:
-        return []
-    from tdint.kernels.laws import LAWS
-
-    return [LAWS[code].functions.__module__ for code in outside.values()]
 
 
 @cache

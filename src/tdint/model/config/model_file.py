@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from tdint.errors import UsageError
+from tdint.model.config.damage import DAMAGE, read_damage
 from tdint.model.config.damping import DAMPING, read_damping
 from tdint.model.config.excitation import EXCITATION, read_excitation
 from tdint.model.config.stories import STORIES, read_stories
@@ -86,6 +87,7 @@ _MODEL = Keys(
         Key("initial", _INITIAL, "state at the start; at rest where it is left out"),
         Key("analysis", _ANALYSIS, "method, time step and duration; the command line comes before it"),
         Key("collapse_drift", POSITIVE_RATIO, "drift ratio beyond which a run counts as collapsed; 10% by default"),
+        Key("damage", DAMAGE, "damage states, for campaigns"),
         Key("output_units", Either((Words(), EntriesOf(Words(), least=1))), "units of the output: kip, in, g"),
     ),
     one_of=(("stories", "building"),),
@@ -181,6 +183,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         analysis=_read_analysis(section.get("analysis")),
         collapse_drift=section.number("collapse_drift", default=_DEFAULT_COLLAPSE_DRIFT),
         output_units=_read_output_units(section.get("output_units")),
+        damage=read_damage(section.get("damage")),
     )
     record = model.excitation.record
     if origin.label == "-" and record and record.file == "-" and excitation:

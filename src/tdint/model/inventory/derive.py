@@ -10,12 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from tdint.errors import UsageError
+from tdint.errors import ModelError, UsageError
 from tdint.model.definition import RayleighRatio, Story
 from tdint.model.inventory import mdof_lu
 from tdint.model.inventory.capacity import CapacityBuilding, derive_capacity
 from tdint.model.inventory.facts import DerivedBuilding, Scatter
-from tdint.model.inventory.table import InventoryRow
+from tdint.model.inventory.table import InventoryRow, read_inventory
+from tdint.tabular import Several
+from tdint.units import LENGTH
 
 CAPACITY = "capacity"
 """The rules of buildings that have capacity curves by their classes."""
@@ -130,3 +132,40 @@ def _multilinear(story: Story, degradation: bool) -> str:
         values = zip(names, numbers[23 + 5 * place : 28 + 5 * place], strict=True)
         parts.append(f"{kind}: {{{', '.join(f'{name}: {value!r}' for name, value in values)}}}")
     return f"{text}, degradation: {{{', '.join(parts)}, capacity: {numbers[38]!r}}}"
+
+
+def inventory(
+    source: str,
+    *,
+    units: str = "m",
+    rules: str = "mdof-lu",
+    stiffness: float = 0.0,
+    damping: float = 0.0,
+    seed: int = 0,
+) -> Several[InventoryBuilding]:
+    """Shear buildings by rules from a table of buildings.
+
+    Parameters
+    ----------
+    source : str
+        The CSV file.
+    units : str
+        Of its lengths, such as `m` or `ft`; areas are in its square.
+    rules : str
+        One of `RULES` without classes.
+    stiffness, damping, seed
+        Scatter, as of `derive_all`.
+
+    Raises
+    ------
+    UsageError
+        Unknown units or rules, or a scatter out of range.
+    ModelError
+        The file cannot be read, lacks a column, or has rows that cannot be used: all of them.
+    """
+    if units not in LENGTH:
+        raise UsageError(f"unknown unit of length {units!r:.60}; known: {', '.join(LENGTH)}")
+    rows, faults = read_inventory(source, LENGTH[units])
+    if faults:
+        raise ModelError(faults)
+    return Several(derive_all(rows, rules, stiffness=stiffness, damping=damping, seed=seed))

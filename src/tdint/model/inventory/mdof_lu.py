@@ -58,6 +58,12 @@ def design_level(structure: str, year: int, zone: str) -> str:
     return max(level, _LEAST[zone], key=LEVELS.index) if structure == "W1" else level
 
 
+def code_of(facts: BuildingFacts) -> tuple[str, str]:
+    """Design level and type of Hazus."""
+    level = facts.design_level or design_level(facts.structure, facts.year, facts.zone)
+    return level, hazus_type(facts.structure, facts.stories)
+
+
 def derive(facts: BuildingFacts, scatter: Scatter | None = None) -> DerivedBuilding:
     """The shear building of these facts.
 
@@ -66,8 +72,7 @@ def derive(facts: BuildingFacts, scatter: Scatter | None = None) -> DerivedBuild
     """
     scatter = scatter or Scatter()
     n = facts.stories
-    level = facts.design_level or design_level(facts.structure, facts.year, facts.zone)
-    row = hazus_types()[level, hazus_type(facts.structure, n)]
+    row = hazus_types()[code_of(facts)]
     mass = _FLOOR_MASS * facts.area
     period = n * row.period_per_story_s
     factor = 0.4053 * n**2 + 0.405 * n + 0.1869
@@ -80,7 +85,7 @@ def derive(facts: BuildingFacts, scatter: Scatter | None = None) -> DerivedBuild
     modes = solve_modes(masses, stiffness, np.minimum(below, 1.0))
     ratio = (row.damping_ratio if facts.damping_ratio is None else facts.damping_ratio) * scatter.damping
     return DerivedBuilding(
-        design_level=level,
+        design_level=row.design_level,
         type=row.type,
         rule_period=period,
         period=float(2.0 * math.pi / modes.omega[0]),

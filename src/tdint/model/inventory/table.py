@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -30,12 +31,33 @@ _YEARS = (1000, 2200)
 
 @dataclass(frozen=True, slots=True)
 class InventoryRow:
-    """A building of an inventory: its id, what is said of it, and where it is (degrees), None if that is not said."""
+    """A building of an inventory.
+
+    Attributes
+    ----------
+    id : str
+        Its own.
+    facts : BuildingFacts or CapacityFacts
+        What is said of it.
+    latitude, longitude : float or None
+        Where it is, degrees; None if that is not said.
+    columns : tuple of str
+        Names of all columns but the id, as they are written; the same object in all rows.
+    cells : str
+        What stands there, as a JSON list of texts: of millions of buildings one object each.
+    """
 
     id: str
     facts: BuildingFacts | CapacityFacts
     latitude: float | None = None
     longitude: float | None = None
+    columns: tuple[str, ...] = ()
+    cells: str = "[]"
+
+    def cell(self, name: str) -> str:
+        """What stands in a column, whose name is compared without regard to case; nothing where there is none."""
+        lower = [column.lower() for column in self.columns]
+        return str(json.loads(self.cells)[lower.index(name.lower())]) if name.lower() in lower else ""
 
 
 def read_inventory(
@@ -71,6 +93,7 @@ def read_inventory(
     table = read_table(source, needs, columns=columns)
     table.need(*needed)
     places = {name: table.header.index(name.lower()) for name in columns if table.has(name)}
+    carried = _Carried.of(table)
     faults: list[ModelFault] = []
     buildings: list[InventoryRow] = []
     seen: dict[str, int] = {}
@@ -81,7 +104,7 @@ def read_inventory(
             row.fault(width, "", f"{len(cells)} cells under {width} columns")
             continue
         facts = row.facts(length, mass_only) if classes is None else row.facts_of_class(length, classes, as_published)
-        building = row.building(facts)
+        building = row.building(facts, carried)
         if building and building.id in seen:
             row.fault(
                 places["id"],
@@ -92,6 +115,24 @@ def read_inventory(
             seen[building.id] = line
             buildings.append(building)
     return buildings, sorted(faults, key=lambda fault: (fault.line, fault.column))
+
+
+@dataclass(frozen=True)
+class _Carried:
+    """The columns that are carried along, and their places."""
+
+    names: tuple[str, ...]
+    places: tuple[int, ...]
+
+    @classmethod
+    def of(cls, table: CsvTable) -> _Carried:
+        """All that have a name, but the id."""
+        places = tuple(place for place, title in enumerate(table.titles) if title and table.header[place] != "id")
+        return cls(tuple(table.titles[place] for place in places), places)
+
+    def cells(self, row: list[str]) -> str:
+        """What a row has there."""
+        return json.dumps([row[place].strip() if place < len(row) else "" for place in self.places])
 
 
 class _Row:
@@ -107,7 +148,7 @@ class _Row:
         """Note what is wrong with a cell."""
         self._faults.append(ModelFault(self._source, self._line, place + 1, name, message))
 
-    def building(self, facts: BuildingFacts | CapacityFacts | None) -> InventoryRow | None:
+    def building(self, facts: BuildingFacts | CapacityFacts | None, carried: _Carried) -> InventoryRow | None:
         """The building; None after a fault."""
         name = self._cell("id")
         if not name:
@@ -117,7 +158,7 @@ class _Row:
         longitude = self._number("Longitude", Bounds(-360.0, 360.0)) if given("Longitude") else None
         if facts is None or len(self._faults) > self._before:
             return None
-        return InventoryRow(name, facts, latitude, longitude)
+        return InventoryRow(name, facts, latitude, longitude, carried.names, carried.cells(self._cells))
 
     def facts_of_class(
         self, length: float, classes: Mapping[str, CapacityClass], as_published: bool

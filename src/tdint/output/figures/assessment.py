@@ -129,6 +129,15 @@ def _draw_stability(curves: Sequence[StabilityCurve], band: bool) -> Figure:
     return figure
 
 
+def draw_radius(axes: Any, curves: Sequence[StabilityCurve]) -> None:
+    """The spectral radius over dt/T."""
+    labels = _curve_labels(curves)
+    for curve, style, label in zip(curves, _curve_styles(curves), labels, strict=True):
+        _plot(axes, curve.dt_over_t, curve.spectral_radius, {**style, "label": label})
+    _frame_radius(axes, curves)
+    axes.legend(loc="best")
+
+
 def _curve_styles(curves: Sequence[StabilityCurve]) -> list[dict[str, Any]]:
     return line_styles([curve.method for curve in curves], [curve.damping for curve in curves])
 

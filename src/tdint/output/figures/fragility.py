@@ -16,6 +16,7 @@ from tdint.output.figures.style import COLORS, DASHES, MARKERS, add_title, pictu
 from tdint.output.figures.suites import GRAY, add_gravity_axis, measure_label
 
 _POINTS = 300
+_ACROSS = 4  # panels of types in a row
 _FAR = 2.6  # standard deviations above the largest median at which the axis ends
 _NAMES = {
     "stripes": "Fragility of stripes, maximum likelihood",
@@ -32,20 +33,77 @@ def fragility_picture(functions: Sequence[Fragility], suffix: str) -> Writer:
     return picture(suffix, lambda: _draw(functions))
 
 
+def types_picture(functions: Sequence[Fragility], suffix: str) -> Writer:
+    """Picture of functions of types of buildings, a panel for each type with a curve for each damage state.
+
+    Parameters, return value and errors are those of `tdint.output.figures.style.picture`.
+    """
+    return picture(suffix, lambda: _draw_types(functions))
+
+
+def _draw_types(functions: Sequence[Fragility]) -> Figure:
+    types = {name: [one for one in functions if one.type == name] for name in dict.fromkeys(f.type for f in functions)}
+    states = list(dict.fromkeys(one.state for one in sorted(functions, key=lambda one: one.threshold)))
+    wide = min(len(types), _ACROSS)
+    high = -(-len(types) // wide)
+    figure = Figure(figsize=(max(2.5 * wide, 5.0) + 0.6, 2.0 * high + 1.3), layout="constrained")
+    grid = figure.subplots(high, wide, squeeze=False, sharey=True)
+    for axes in grid.flat[len(types) :]:
+        axes.set_visible(False)
+    for place, (axes, (name, of_one)) in enumerate(zip(grid.flat, types.items(), strict=False)):
+        _draw_type(axes, of_one, states)
+        axes.set_title(name, fontsize="medium")
+        if place % wide == 0:
+            axes.set_ylabel("probability")
+        alike = len({one.im for one in functions}) == 1
+        if not alike or place >= len(types) - wide:
+            axes.set_xlabel(_im_label(of_one[0]))
+    lines = [
+        axes.plot([], [], color=COLORS[i % len(COLORS)], linestyle=DASHES[i % len(DASHES)], linewidth=1.8)[0]
+        for i in range(len(states))
+    ]
+    figure.legend(lines, states, loc="outside lower center", ncols=min(len(states), 5), handlelength=3.2)
+    add_title(figure, "Probability of reaching or exceeding damage states, 95 % confidence over the motions")
+    return figure
+
+
+def _draw_type(axes: Any, functions: Sequence[Fragility], states: Sequence[str]) -> None:
+    """The functions of a type with what was observed and how sure they are."""
+    end = _end(functions)
+    im = np.linspace(0.0, end, _POINTS)[1:]
+    for one in functions:
+        i = states.index(one.state)
+        style = {"color": COLORS[i % len(COLORS)], "linestyle": DASHES[i % len(DASHES)]}
+        if np.isfinite(one.covariance).all():
+            axes.fill_between(im, *one.band(im), color=style["color"], alpha=0.08, linewidth=0.0)
+            for edge in one.band(im):
+                axes.plot(im, edge, linewidth=0.4, **style)
+        axes.plot(im, one.probability(im, total=one.beta_model > 0.0), linewidth=1.6, **style)
+        if one.points is not None:
+            shown = one.points.im <= end
+            mark = {"marker": MARKERS[i % len(MARKERS)], "markersize": 3.5, "markerfacecolor": "white"}
+            axes.plot(
+                one.points.im[shown], one.points.part[shown], linestyle="none", color=style["color"], zorder=4, **mark
+            )
+    axes.set_xlim(0.0, end)
+    axes.set_ylim(-0.01, 1.01)
+
+
 def _draw(functions: Sequence[Fragility]) -> Figure:
     cloud = functions[0].cloud
     figure = Figure(figsize=(9.2 if cloud else 6.8, 4.6), layout="constrained")
     if cloud is None:
-        _draw_functions(figure.subplots(), functions)
+        draw_functions(figure.subplots(), functions)
     else:
         left, right = figure.subplots(1, 2)
         _draw_cloud(left, cloud, functions)
-        _draw_functions(right, functions)
+        draw_functions(right, functions)
     add_title(figure, _title(functions))
     return figure
 
 
-def _draw_functions(axes: Any, functions: Sequence[Fragility]) -> None:
+def draw_functions(axes: Any, functions: Sequence[Fragility]) -> None:
+    """The functions with their observations and confidence bands."""
     end = _end(functions)
     im = np.linspace(0.0, end, _POINTS)[1:]
     for i, function in enumerate(functions):

@@ -35,7 +35,13 @@ def ida_picture(study: IdaStudy, suffix: str) -> Writer:
 
 def _draw(study: IdaStudy) -> Figure:
     figure = Figure(figsize=(7.2, 5.2), layout="constrained")
-    axes = figure.subplots()
+    draw_ida(figure.subplots(), study)
+    add_title(figure, _title(study))
+    return figure
+
+
+def draw_ida(axes: Any, study: IdaStudy) -> None:
+    """The curves of a study with their fractiles and capacities."""
     limit = _largest_drift(study)
     states = study.states
     count = len(states[0].curves)
@@ -54,8 +60,6 @@ def _draw(study: IdaStudy) -> Figure:
     axes.set_ylabel(measure_label(study.im_name, study.measure.unit))
     add_gravity_axis(axes, study.measure.unit)
     axes.legend(loc="lower right", frameon=True, framealpha=0.9, edgecolor="none")
-    add_title(figure, _title(study))
-    return figure
 
 
 def _highest(curve: IdaCurve) -> float:

@@ -11,6 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from tdint.files import Writer
 from tdint.ground_motion.measures import cumulative_energy, integrate, time_of_energy
+from tdint.ground_motion.record import Record
 from tdint.output.figures.style import COLORS, LIGHT, MARK, changed, picture, record_name, write_note
 from tdint.output.tables.spectra import RecordInfo
 from tdint.output_units import SI, OutputUnits
@@ -45,6 +46,17 @@ def _draw(infos: Sequence[RecordInfo], units: OutputUnits) -> Figure:
         axes.set_ylabel(f"{name} ({units.label(si)})")
     grid[-1, 0].set_ylabel("Arias intensity (%)")
     return figure
+
+
+def draw_acceleration(axes: Any, record: Record, units: OutputUnits) -> None:
+    """The acceleration over time with its peak."""
+    time = np.arange(record.acceleration.size) * record.dt
+    axes.plot(time, units.of(record.acceleration, "m/s^2"), color=COLORS[0], linewidth=0.8)
+    axes.axhline(0.0, color=LIGHT, linewidth=0.6)
+    axes.set_xlim(time[0], time[-1])
+    axes.set_xlabel("time (s)")
+    axes.set_ylabel(f"acceleration ({units.label('m/s^2')})")
+    write_note(axes, f"peak {units.of(record.pga, 'm/s^2'):.3g} {units.label('m/s^2')}")
 
 
 def _draw_record(column: Any, info: RecordInfo, units: OutputUnits) -> None:

@@ -46,12 +46,18 @@ def run_picture(response: Response, suffix: str, units: OutputUnits = SI) -> Wri
     """Picture of a run: ground, roof displacement and energies over time; drifts, floor accelerations and shears over
     the height; the hysteresis of one story.
 
-    Return value and errors are those of `tdint.output.figures.style.picture`; the response has its history, else
-    ValueError.
+    Return value and errors are those of `tdint.output.figures.style.picture`. Of a response without its history what is
+    over the height.
     """
-    if response.history is None:
-        raise ValueError("a picture of a run needs its history: run(..., history=True)")
-    return picture(suffix, lambda: _draw(response, units.in_pictures))
+    draw = _draw_heights if response.history is None else _draw
+    return picture(suffix, lambda: draw(response, units.in_pictures))
+
+
+def _draw_heights(response: Response, units: OutputUnits) -> Figure:
+    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
+    draw_profiles(figure.subplots(1, 3), response, units)
+    add_title(figure, f"{response.model.name}\n{response.method}, dt {response.dt:.4g} s")
+    return figure
 
 
 def _draw(response: Response, units: OutputUnits) -> Figure:
@@ -231,18 +237,28 @@ class _Drifts:
         return float(np.max(rest)) if rest.size else 0.0
 
 
+def draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
+    """The peak drifts over the stories."""
+    _draw_drifts(axes, response, units)
+    _frame_profile(axes, response)
+    axes.set_ylabel("story")
+
+
+def _frame_profile(axes: Any, response: Response) -> None:
+    axes.set_ylim(0.5, response.stories.peak_drift.size + 0.5)
+    axes.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
+    axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]))
+    axes.set_xlim(left=0.0)
+
+
 def draw_profiles(panels: Sequence[Any], response: Response, units: OutputUnits) -> None:
     """Three panels over the stories: drifts, absolute accelerations of the floors (the ground below them), shears."""
     drifts, accelerations, shears = panels
     _draw_drifts(drifts, response, units)
     _draw_accelerations(accelerations, response, units)
     _draw_shears(shears, response, units)
-    count = response.stories.peak_drift.size
     for axes in panels:
-        axes.set_ylim(0.5, count + 0.5)
-        axes.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
-        axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]))
-        axes.set_xlim(left=0.0)
+        _frame_profile(axes, response)
         axes.tick_params(labelleft=axes is drifts)
     drifts.set_ylabel("story")
 

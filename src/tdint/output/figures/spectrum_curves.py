@@ -23,7 +23,16 @@ from tdint.output.figures.spectrum_axes import (
     log_periods,
     over_periods_title,
 )
-from tdint.output.figures.style import LIGHT, add_title, picture, plain_numbers, record_name, record_names
+from tdint.output.figures.style import (
+    COLORS,
+    DASHES,
+    LIGHT,
+    add_title,
+    picture,
+    plain_numbers,
+    record_name,
+    record_names,
+)
 from tdint.output_units import SI, OutputUnits
 
 if TYPE_CHECKING:
@@ -91,6 +100,19 @@ def _draw_periods(spectra: Sequence[Spectrum], labels: Sequence[str], units: Out
         (f"displacement SD ({units.label('m')})", lambda spectrum: units.of(spectrum.sd, "m")),
     ]
     return draw_over_periods(spectra, panels, labels)
+
+
+def draw_accelerations(axes: Any, spectra: Sequence[Spectrum], units: OutputUnits) -> None:
+    """Pseudo-accelerations over the periods, a line each."""
+    for number, (spectrum, label) in enumerate(zip(spectra, line_labels(spectra), strict=True), len(axes.get_lines())):
+        look = {"color": COLORS[number % len(COLORS)], "linestyle": DASHES[number % len(DASHES)]}
+        axes.plot(spectrum.periods, units.of(spectrum.psa, "m/s^2"), label=label, **look)
+    log_periods(axes, np.concatenate([spectrum.periods for spectrum in spectra]))
+    axes.set_ylim(bottom=0.0)
+    axes.set_xlabel("period (s)")
+    axes.set_ylabel(f"pseudo-acceleration PSA ({units.label('m/s^2')})")
+    if len(axes.get_lines()) > 1:
+        axes.legend(loc="best")
 
 
 DRAWN = {"periods": _draw_periods, "tripartite": draw_tripartite, "adrs": draw_adrs}

@@ -33,14 +33,15 @@ def cyclic_picture(test: CyclicTest, suffix: str, units: OutputUnits = SI) -> Wr
 def _draw_test(test: CyclicTest, units: OutputUnits) -> Figure:
     figure = Figure(figsize=(6.5, 7.6), layout="constrained")
     loop, energy = figure.subplots(2, 1, height_ratios=(2.6, 1.0))
-    _draw_loop(loop, test, units)
+    draw_loop(loop, test, units)
     _draw_energy(energy, test, units)
     kind = "cyclic test" if test.points else "path of drifts"
     add_title(figure, f"{test.model.name}\nStory {test.story}, {test.law} law: {kind} without dashpots")
     return figure
 
 
-def _draw_loop(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
+def draw_loop(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
+    """The shear of the story over its drift."""
     factor, unit = scaled_unit(float(np.max(np.abs(test.path.shear))), "N", units)
     drift = units.of(test.path.drift, "m")
     axes.axhline(0.0, color=LIGHT, linewidth=0.6)
@@ -90,13 +91,14 @@ def pushover_picture(result: Pushover, suffix: str, units: OutputUnits = SI) -> 
 def _draw_pushover(result: Pushover, units: OutputUnits) -> Figure:
     figure = Figure(figsize=(8.4, 4.6), layout="constrained")
     curve, profile = figure.subplots(1, 2, width_ratios=(1.7, 1.0))
-    _draw_curve(curve, result, units)
+    draw_curve(curve, result, units)
     _draw_profile(profile, result, units)
     add_title(figure, f"{result.model.name}\nPushover, {result.pattern} pattern")
     return figure
 
 
-def _draw_curve(axes: Any, result: Pushover, units: OutputUnits) -> None:
+def draw_curve(axes: Any, result: Pushover, units: OutputUnits) -> None:
+    """The base shear over the roof displacement."""
     factor, unit = scaled_unit(float(np.max(np.abs(result.base_shear))), "N", units)
     roof, shear = units.of(result.roof_displacement, "m"), result.base_shear * factor
     axes.axhline(0.0, color=LIGHT, linewidth=0.6)

@@ -8,7 +8,8 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from textwrap import shorten, wrap
 from typing import Any, BinaryIO
@@ -21,7 +22,6 @@ from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, LogLocator
 
 from tdint.errors import OutputError, UsageError, did_you_mean
-from tdint.files import Writer
 from tdint.ground_motion.record import Record
 from tdint.output.printed import ON_SCREEN, PRINTED, PrintedAs, in_print
 from tdint.output_units import OutputUnits
@@ -103,7 +103,7 @@ def picture_format(suffix: str) -> str:
     return kind
 
 
-def picture(suffix: str, draw: Callable[[], Figure]) -> Writer:
+def picture(suffix: str, draw: Callable[[], Figure]) -> Picture:
     """What draws a figure and writes it to a binary stream.
 
     Every function `..._picture` of the modules of figures takes its results and a suffix, and returns this.
@@ -122,21 +122,44 @@ def picture(suffix: str, draw: Callable[[], Figure]) -> Writer:
     """
     kind = picture_format(suffix)
     check_print(PRINTED.get())
+    return Picture(kind, draw)
 
-    def write(stream: BinaryIO) -> None:
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure that is drawn when it is asked for, or written to a binary stream."""
+
+    kind: str
+    draw: Callable[[], Figure]
+
+    def figure(self) -> Figure:
+        """The figure, by itself: matplotlib's pyplot does not know it."""
         printed = PRINTED.get()
-        with mpl.rc_context(_settings(printed)), warnings.catch_warnings():
-            # A name in a script that the font does not have is drawn with boxes; that is no reason to fail.
-            warnings.filterwarnings("ignore", message="Glyph .* missing from")
-            figure = draw()
+        with mpl.rc_context(_settings(printed)), _quiet():
+            figure = self.draw()
             FigureCanvasAgg(figure)
             if printed != ON_SCREEN:
                 with _room(printed.width):
                     _print(figure, printed)
-            with _room(printed.width):
-                figure.savefig(stream, format=kind, dpi=_RESOLUTION[bool(printed.width)], metadata=_METADATA[kind])
+        return figure
 
-    return write
+    def __call__(self, stream: BinaryIO) -> None:
+        self.save(self.figure(), stream)
+
+    def save(self, figure: Figure, stream: BinaryIO) -> None:
+        """Write a figure that was drawn."""
+        printed = PRINTED.get()
+        with mpl.rc_context(_settings(printed)), _quiet(), _room(printed.width):
+            metadata = _METADATA[self.kind]
+            figure.savefig(stream, format=self.kind, dpi=_RESOLUTION[bool(printed.width)], metadata=metadata)
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """A name in a script that the font does not have is drawn with boxes; that is no reason to fail."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from")
+        yield
 
 
 @contextmanager
@@ -156,6 +179,11 @@ def _settings(printed: PrintedAs) -> dict[str, Any]:
     if printed.style:
         found = found | dict(mpl.rc_params_from_file(printed.style, use_default_template=False))
     return found | ({"font.family": printed.font} if printed.font else {})
+
+
+def style_context() -> AbstractContextManager[None]:
+    """Our settings of lines, for what is drawn on axes of others: sizes of letters and grids are theirs."""
+    return mpl.rc_context({name: _STYLE[name] for name in ("lines.linewidth", "legend.frameon", "agg.path.chunksize")})
 
 
 def check_print(printed: PrintedAs) -> None:

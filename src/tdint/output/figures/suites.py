@@ -107,7 +107,13 @@ def suite_picture(scaling: Scaling, suffix: str, units: OutputUnits = SI) -> Wri
 
 def _draw(scaling: Scaling, units: OutputUnits) -> Figure:
     figure = Figure(figsize=(7.2, 5.2), layout="constrained")
-    axes = figure.subplots()
+    draw_suite(figure.subplots(), scaling, units)
+    add_title(figure, _title(scaling, units))
+    return figure
+
+
+def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
+    """The scaled spectra with median, fractiles and what they were scaled to."""
     periods = _periods(scaling)
     spectra, what = _spectra(scaling, periods)
     spectra = units.of(spectra, "m/s^2")
@@ -126,8 +132,6 @@ def _draw(scaling: Scaling, units: OutputUnits) -> Figure:
     axes.set_ylabel(f"pseudo-acceleration Sa ({units.label('m/s^2')})")
     add_gravity_axis(axes, units.unit("m/s^2")[0])
     axes.legend(loc="lower left")
-    add_title(figure, _title(scaling, units))
-    return figure
 
 
 def _spectra(scaling: Scaling, periods: Array) -> tuple[Array, str]:

@@ -7,7 +7,7 @@ import hashlib
 import json
 import math
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -19,7 +19,7 @@ from tdint.ground_motion.record import Input, Record
 from tdint.model.definition import Model
 from tdint.output.tables.table import converted, describe, described_in
 from tdint.output_units import SI, OutputUnits
-from tdint.version import __version__
+from tdint.version import version_of_sources
 
 if TYPE_CHECKING:
     from tdint.campaign.store.store import Store
@@ -55,7 +55,7 @@ def table_summary(
     records: Sequence[dict[str, Any]],
     meanings: Mapping[str, Mapping[str, str]],
 ) -> dict[str, Any]:
-    """Content of the JSON file beside a table of records.
+    """Content of the JSON file beside a table.
 
     Parameters
     ----------
@@ -73,6 +73,7 @@ def table_summary(
         "command": command,
         "settings": settings,
         "records": list(records),
+        "inputs": merged_inputs(one for record in records for one in record["inputs"]),
         "columns": meanings,
         "versions": versions(),
     }
@@ -81,6 +82,7 @@ def table_summary(
 def campaign_summary(store: Store) -> dict[str, Any]:
     """What a campaign is, how far it has come, and what the columns of runs.csv mean."""
     from tdint.output.tables.campaign import PROFILES, run_columns
+    from tdint.output.tables.damage_states import damage_summary
 
     statuses, unused = store.statuses(), store.unused()
     records = store.connection.execute(
@@ -103,6 +105,7 @@ def campaign_summary(store: Store) -> dict[str, Any]:
         "without_an_error": without_error(store),
         "columns": describe(run_columns(store)),
         "profiles": {"columns": describe(PROFILES)},
+        **({"damage": damage_summary(store)} if store.damage() else {}),
         "versions": versions(),
     }
 
@@ -191,15 +194,22 @@ def motion_summary(record: Record) -> dict[str, Any]:
     }
 
 
+def merged_inputs(*some: Iterable[Mapping[str, str]]) -> list[dict[str, str]]:
+    """Inputs of several parts, each once, by name."""
+    found = {(one["file"], one["sha256"]): dict(one) for inputs in some for one in inputs}
+    return [found[key] for key in sorted(found)]
+
+
 def inputs_summary(inputs: Sequence[Input]) -> list[dict[str, str]]:
     """Files and the SHA-256 of what was read of them."""
     return [{"file": item.file, "sha256": item.sha256} for item in inputs]
 
 
 def versions() -> dict[str, str | None]:
-    """Versions of tdint, of the packages it computes with, and of Python."""
+    """Versions of tdint, of the packages it computes with, and of Python; and the hash of tdint's sources."""
     packages = {package: _version(package) for package in _PACKAGES}
-    return {"tdint": __version__, **packages, "python": platform.python_version()}
+    own, sources = version_of_sources()
+    return {"tdint": own, **packages, "python": platform.python_version(), "sources": sources}
 
 
 def _version(package: str) -> str | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
@@ -35,6 +36,7 @@ from tdint.output.tables.table import (
 from tdint.output_units import SI, OutputUnits
 
 if TYPE_CHECKING:
+    from tdint.campaign.carry_out import CampaignRuns
     from tdint.campaign.floor_suites import FloorSuite, RunFloors
     from tdint.campaign.profiles import Profile, Ratios
     from tdint.campaign.store.store import Store
@@ -127,15 +129,19 @@ STATUS = (
 
 _ROWS_AT_ONCE = 2048
 
+_NUMBER = re.compile(r"-?(?:0|[1-9][0-9]*)(?:\.[0-9]+)?(?:[eE][-+]?[0-9]{1,2})?")
+"""As JSON writes numbers: 02138 is a word."""
 
-def run_columns(store: Store) -> tuple[Column, ...]:
-    """Of runs.csv of a campaign; what a sweep varied comes last."""
+
+def run_columns(store: Store | CampaignRuns) -> tuple[Column, ...]:
+    """Of runs.csv of a campaign; last come what a sweep varied and the columns of an inventory."""
     errors = RUN_ERRORS if store.checked else ()
-    return (
+    own = (
         *RUNS,
         *errors,
         *(Column(_word(name), "1", name, PARAMETERS[_parameter(name)]) for name in _swept(store.varied())),
     )
+    return (*own, *carried_columns(store, names(own)))
 
 
 def _swept(varied: Sequence[Mapping[str, float]]) -> list[str]:
@@ -151,20 +157,26 @@ def _parameter(name: str) -> str:
     return name.rpartition(".")[2]
 
 
-def run_rows(store: Store) -> Iterator[list[Any]]:
+def run_rows(store: Store | CampaignRuns) -> Iterator[list[Any]]:
     """The rows of runs.csv, in the order of buildings, records, scales and draws."""
     varied = store.varied()
     swept = [[one.get(name) for name in _swept(varied)] for one in varied]
     buildings, records = store.buildings(), store.records()
     building_names = {number: cell_text(name) for number, (name, _) in buildings.items()}
-    checked = store.checked
+    checked, carried = store.checked, carried_cells(store)
     method_names = {number: cell_text(method) for number, (_, method) in buildings.items()}
     for building, record, scale, sample, dt, status, *rest in store.runs():
         name, component, _ = records[record]
         head = [building_names[building], cell_text(name), cell_text(component), scale, sample, method_names[building]]
         head += [dt, cell_text(status)]
         errors = rest[-len(RUN_ERRORS) :] if checked else []
-        yield head + rest[: len(RUNS) - len(head)] + errors + (swept[building] if swept else [])
+        yield head + rest[: len(RUNS) - len(head)] + errors + (swept[building] if swept else []) + carried(building)
+
+
+def story_columns(store: Store) -> tuple[Column, ...]:
+    """Of stories.csv of a campaign; with `sample` where motions were drawn, for two draws may be the same motion."""
+    drawn = (SAMPLE,) if store.count("sample > 0") else ()
+    return (*OF_BUILDING, *drawn, *STORY, *(STORY_ERROR if store.checked else ()))
 
 
 def story_rows(store: Store) -> Iterator[list[Any]]:
@@ -183,11 +195,8 @@ def write_runs(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
 
 
 def write_stories(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
-    """Write stories.csv; with a column `sample` where motions were drawn, for two draws may be the same motion."""
-    columns = [*STORIES, *(STORY_ERROR if store.checked else ())]
-    if store.count("sample > 0"):
-        columns.insert(len(OF_BUILDING), SAMPLE)
-    write_rows(columns, story_rows(store), stream, units)
+    """Write stories.csv."""
+    write_rows(story_columns(store), story_rows(store), stream, units)
 
 
 def profile_rows(profiles: Iterable[Profile], units: OutputUnits = SI) -> Iterator[list[Any]]:
@@ -304,7 +313,7 @@ def number_text(cell: Any) -> str:
     return "" if cell is None else str(cell)
 
 
-def runs_table(store: Store) -> Table:
+def runs_table(store: Store | CampaignRuns) -> Table:
     """runs.csv as a table, for a small campaign."""
     rows: list[tuple[Cell, ...]] = [tuple(row) for row in run_rows(store)]
     return Table.of(run_columns(store), rows)
@@ -315,23 +324,39 @@ def status_table(statuses: dict[str, int], left: int) -> Table:
     return Table.of(STATUS, [*statuses.items(), ("left", left)])
 
 
-def parquet_writer(store: Store) -> Callable[[BinaryIO], None] | None:
-    """What writes runs.parquet; None without pyarrow."""
-    try:
-        import pyarrow
-        from pyarrow import parquet
-    except ImportError:
-        return None
-    counted = {SAMPLE.name, *(one.column for one in RUN if one.kind is int)}
-    kinds = {one.name: pyarrow.string() for one in RUNS if one.unit == TEXT} | dict.fromkeys(counted, pyarrow.int64())
-    schema = pyarrow.schema([(name, kinds.get(name, pyarrow.float64())) for name in names(run_columns(store))])
+def carried_columns(store: Store | CampaignRuns, others: Iterable[str]) -> tuple[Column, ...]:
+    """The columns of an inventory, which stand behind others of these names; one that is among them gets `inventory_`
+    before its own."""
+    taken, found = set(others), []
+    for title in store.inventory_columns():
+        name = title
+        while name in taken:
+            name = f"inventory_{name}"
+        taken.add(name)
+        found.append(Column(name, TEXT, name, f"column {title} of the inventory, as it is written there"))
+    return tuple(found)
 
-    def write(stream: BinaryIO) -> None:
-        source = run_rows(store)
-        with parquet.ParquetWriter(stream, schema) as writer:
-            while batch := list(islice(source, 64 * _ROWS_AT_ONCE)):
-                writer.write_table(
-                    pyarrow.Table.from_pylist([dict(zip(schema.names, row, strict=True)) for row in batch], schema)
-                )
 
-    return write
+def carried_cells(store: Store | CampaignRuns) -> Callable[[int], list[str]]:
+    """What stands in the columns of the inventory, by a building's number; it is asked building by building."""
+    last: tuple[int, list[str]] = (-1, [])
+
+    def cells(building: int) -> list[str]:
+        nonlocal last
+        if last[0] != building:
+            last = (building, [cell_text(cell) for cell in store.carried(building)])
+        return last[1]
+
+    return cells
+
+
+def numeric(store: Store) -> list[bool]:
+    """Of each column of the inventory whether all that stands there are numbers, empty cells aside."""
+    count = len(store.inventory_columns())
+    found, said = [True] * count, [False] * count
+    for number in store.buildings():
+        for place, text in enumerate(store.carried(number)):
+            if text:
+                said[place] = True
+                found[place] = found[place] and _NUMBER.fullmatch(text) is not None
+    return [sound and given for sound, given in zip(found, said, strict=True)]

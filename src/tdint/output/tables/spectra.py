@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tdint.ground_motion.measures import Measures
+from tdint.ground_motion.measures import HOUSNER_PERIODS, Measures, measure, spectrum_intensity
 from tdint.ground_motion.record import Record, component_names
 from tdint.output.tables.table import DAMPING, FLOOR, OF_RECORD, PERIOD, Cell, Column, Table, rows_of
+from tdint.tabular import Tabular
 
 if TYPE_CHECKING:
     from tdint.analysis.spectra.drift import DriftSpectrum
@@ -165,13 +166,44 @@ DRIFT_SPECTRUM = (
 )
 
 
-@dataclass(frozen=True)
-class RecordInfo:
+@dataclass(frozen=True, repr=False)
+class RecordInfo(Tabular):
     """A record, its measures and its spectrum intensity, m."""
 
     record: Record
     measures: Measures
     housner_intensity: float = math.nan
+
+    def _headline(self) -> str:
+        one = self.record
+        return f"of {one.source} {one.component}: {one.duration:.4g} s, PGA {one.pga:.4g} m/s^2"
+
+
+_HOUSNER = 481
+"""Periods of the spectrum whose integral is the Housner intensity: 0.005 s apart."""
+
+
+def record_info(record: Any) -> RecordInfo:
+    """What a record is and how strong: the columns of `tdint info`.
+
+    Parameters
+    ----------
+    record : Record, str, Path or ObsPy trace
+        What `run` takes.
+
+    Raises
+    ------
+    RecordError
+        The record is none, or cannot be read.
+    """
+    from tdint.analysis.given import record_of
+    from tdint.analysis.spectra.elastic import spectrum
+    from tdint.analysis.spectra.first_mode import SA_DAMPING
+
+    found = record_of(record)
+    periods = np.linspace(*HOUSNER_PERIODS, _HOUSNER)
+    psv = spectrum(found, periods, SA_DAMPING).psv
+    return RecordInfo(found, measure(found), spectrum_intensity(periods, psv))
 
 
 def info_table(infos: Iterable[RecordInfo]) -> Table:

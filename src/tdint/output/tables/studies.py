@@ -126,6 +126,12 @@ CAPACITIES = (
     ),
 )
 FRAGILITY_DAMAGE = Column("damage", "1", "damage", DAMAGE.meaning)
+FRAGILITY_STATES = (
+    Column("type", "text", "type", "type of buildings: class, Hazus' type and design level, or name of the model"),
+    Column("state", "text", "state", "damage state that is reached or exceeded"),
+)
+"""Before those of functions by type; their errors are over the ground motions."""
+
 FRAGILITY = (
     Column("threshold", "1", "threshold", "demand whose exceedance is meant"),
     Column("fit", "text", "fit", "stripes, ida or cloud"),
@@ -234,10 +240,11 @@ def fragility_table(functions: Sequence[Fragility], *, total: bool = False) -> T
     """A row for each function; with `total` a column of the standard deviation with that of the model. Clouds bring the
     columns of their line, runs without a result those that bound what they may change."""
     wanted = (
+        *(FRAGILITY_STATES if any(one.type for one in functions) else ()),
         *((FRAGILITY_DAMAGE,) if any(one.damage == one.damage for one in functions) else ()),
         *FRAGILITY,
         *(CLOUD if any(one.cloud for one in functions) else ()),
-        *(FAILED if any(one.failed for one in functions) else ()),
+        *(FAILED if any(one.failed and not one.type for one in functions) else ()),
         *(FRAGILITY_TOTAL,) * total,
     )
     return Table.of_results(wanted, functions)

@@ -142,6 +142,18 @@ class Table:
         rows = [tuple(map(converted, row, factors)) for row in self.rows]
         return Table(tuple(name for name, _ in found), rows, described_in(self.meanings, units))
 
+    def by_column(self) -> list[tuple[Column, Any]]:
+        """Each column with its cells: numbers as an array, nan for none; words as a list."""
+        found = []
+        for place, name in enumerate(self.columns):
+            about = self.meanings[name]
+            unit = about.get("unit", TEXT)
+            cells = [row[place] for row in self.rows]
+            words = unit == TEXT or any(isinstance(cell, str) for cell in cells)
+            values = cells if words else np.array([np.nan if cell is None else cell for cell in cells])
+            found.append((Column(name, unit, name, about["meaning"]), values))
+        return found
+
     def csv(self, *, header: bool = True) -> bytes:
         """The table as CSV, without its first line if `header` is False."""
         text = io.StringIO()

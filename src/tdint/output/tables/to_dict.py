@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial, singledispatch
 from html import escape
 from typing import Any
 
 import numpy as np
 
+from tdint.analysis.assessment.failures import Trial
+from tdint.analysis.assessment.order import ObservedOrder
+from tdint.analysis.assessment.overshoot import Overshoot
+from tdint.analysis.assessment.paper_examples import ExampleRun
 from tdint.analysis.assessment.stability import StabilityCurve
+from tdint.analysis.chart.work_precision import Chart
+from tdint.analysis.comparison.compare import Comparison
+from tdint.analysis.run.demands import demands_of_runs
 from tdint.analysis.run.outcome import History, Response, StoryPeaks
+from tdint.analysis.run.overview import Overview
+from tdint.analysis.run_many import Runs
 from tdint.analysis.spectra.drift import DriftSpectrum
 from tdint.analysis.spectra.elastic import Spectrum
 from tdint.analysis.spectra.floors import FloorSpectrum
@@ -18,13 +27,25 @@ from tdint.analysis.spectra.inelastic import InelasticSpectrum
 from tdint.analysis.spectra.rotated import RotatedSpectrum
 from tdint.analysis.static.cyclic import CyclicTest
 from tdint.analysis.static.pushover import Pushover
+from tdint.campaign.carry_out import CampaignRuns
+from tdint.campaign.engine.rows import DEMANDED
+from tdint.campaign.fragility.fit_table import FragilityResult
+from tdint.campaign.fragility.fits import Fragility
+from tdint.campaign.ida.study import IdaStudy
+from tdint.campaign.sensitivity import Swing
+from tdint.campaign.suites.scaling import Scaling
 from tdint.errors import UsageError
 from tdint.ground_motion.record import Record
+from tdint.methods.method import Integrator
+from tdint.model.inventory.derive import InventoryBuilding
 from tdint.model.modes import Modes
-from tdint.output.tables import buildings, runs, spectra
-from tdint.output.tables.methods import STABILITY
-from tdint.output.tables.table import FLOOR, OF_RECORD, Column
+from tdint.output.tables import buildings, campaign, methods, runs, spectra, studies
+from tdint.output.tables.spectra import RecordInfo
+from tdint.output.tables.table import FLOOR, OF_RECORD, Column, Table
+from tdint.output.tables.validation import validation_table
 from tdint.output_units import SI, parse_output_units
+from tdint.tabular import Several
+from tdint.validation.case import ValidationResult
 
 _ROWS = 20
 _DIGITS = 5
@@ -36,7 +57,8 @@ def to_dict(result: Any, units: str = "") -> dict[str, Any]:
     Parameters
     ----------
     result : object
-        What `run`, `spectrum`, `modes`, `law`, `pushover`, `stability`, ... give; also a response's history, a record.
+        What `run`, `spectrum`, `modes`, `law`, `pushover`, `stability`, ... give; also a response's history, a record,
+        and several results of one kind.
     units : str
         Units in place of SI, such as `kip,in,g`; the names change with them.
 
@@ -45,19 +67,43 @@ def to_dict(result: Any, units: str = "") -> dict[str, Any]:
     UsageError
         The result has no table, or a unit is unknown.
     """
+    if isinstance(result, list | tuple | Several) and type(result[0] if len(result) else None) not in _IN_ROWS:
+        return _joined([to_dict(one, units) for one in result])
     wanted = parse_output_units(units) if units else SI
     values = _values(result)
     size = max((len(value) for _, value in values if isinstance(value, np.ndarray)), default=1)
     found: dict[str, Any] = {}
     for column, value in values:
         renamed, factor = wanted.column(column.name, column.unit)
-        if isinstance(value, str):
+        if isinstance(value, list):
+            found[renamed] = value
+        elif isinstance(value, str):
             found[renamed] = [value] * size
+        elif isinstance(value, np.ndarray) and value.dtype.kind == "U":
+            found[renamed] = value.tolist()
         elif isinstance(value, np.ndarray):
             found[renamed] = value / factor if factor != 1.0 else value
         else:
             found[renamed] = np.full(size, np.nan if value is None else value if factor == 1.0 else value / factor)
     return found
+
+
+def _joined(tables: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """The columns of several tables, one below the other.
+
+    Raises
+    ------
+    UsageError
+        There is none, or their columns differ.
+    """
+    if not tables or any(table.keys() != tables[0].keys() for table in tables):
+        raise UsageError("a table is of one or several results of one kind")
+    return {
+        name: [cell for table in tables for cell in table[name]]
+        if isinstance(first, list)
+        else np.concatenate([table[name] for table in tables])
+        for name, first in tables[0].items()
+    }
 
 
 def to_html(result: Any, caption: str) -> str:
@@ -79,6 +125,9 @@ def _cell(value: Any) -> str:
 
 _Values = list[tuple[Column, Any]]
 
+OF_RUNS: dict[str, Column] = {str(column.value): column for column in campaign.RUNS}
+"""The columns of runs.csv by their attributes."""
+
 
 @singledispatch
 def _values(result: object) -> _Values:
@@ -94,13 +143,47 @@ def _of_record(own: Sequence[Column], result: Any) -> _Values:
     return _of((*OF_RECORD, *own), result)
 
 
+def _rows_of(columns: Sequence[Column]) -> Callable[[Sequence[Any]], Table]:
+    return partial(Table.of_results, columns)
+
+
+_IN_ROWS: dict[type, Callable[[Sequence[Any]], Table]] = {
+    ExampleRun: methods.example_table,
+    Fragility: studies.fragility_table,
+    Integrator: methods.method_table,
+    InventoryBuilding: _rows_of(buildings.INVENTORY),
+    Overview: _rows_of(buildings.OVERVIEW),
+    RecordInfo: spectra.info_table,
+    Swing: _rows_of(studies.SWINGS),
+    Trial: methods.failure_table,
+    ValidationResult: validation_table,
+}
+"""Tables with a row for each of several results."""
+
+
+def _in_rows(results: Sequence[Any]) -> _Values:
+    return _IN_ROWS[type(results[0])](results).by_column()
+
+
+for _kind in (Fragility, Overview, RecordInfo):
+    _values.register(_kind, lambda result: _in_rows([result]))
+for _several in (Several, list, tuple):
+    _values.register(_several, lambda result: _in_rows(list(result)))
+_values.register(CampaignRuns, lambda result: campaign.runs_table(result).by_column())
+_values.register(Chart, lambda result: methods.chart_table(result).by_column())
+_values.register(Comparison, lambda result: buildings.comparison_table([result]).by_column())
+_values.register(FragilityResult, lambda result: studies.fragility_table(result.functions).by_column())
+_values.register(IdaStudy, lambda result: studies.ida_table(result).by_column())
+_values.register(ObservedOrder, lambda result: methods.order_table([result]).by_column())
+_values.register(Overshoot, lambda result: _of(methods.OVERSHOOT, result))
+_values.register(Scaling, lambda result: studies.factor_table(result).by_column())
 _values.register(StoryPeaks, lambda result: _of(runs.STORY, result))
 _values.register(Spectrum, partial(_of_record, spectra.SPECTRUM))
 _values.register(InelasticSpectrum, partial(_of_record, spectra.INELASTIC))
 _values.register(DriftSpectrum, partial(_of_record, spectra.DRIFT_SPECTRUM))
 _values.register(CyclicTest, lambda result: _of(buildings.CYCLIC, result))
 _values.register(Pushover, lambda result: _of(buildings.pushover(result.drift.shape[1]), result))
-_values.register(StabilityCurve, lambda result: _of(STABILITY, result))
+_values.register(StabilityCurve, lambda result: _of(methods.STABILITY, result))
 _values.register(Record, partial(_of, spectra.SAMPLES))
 
 
@@ -116,6 +199,24 @@ def _(result: Response) -> _Values:
         ]
     errors = _of(runs.STORY_ERROR, result.check.errors) if result.check else []
     return _values(result.stories) + errors
+
+
+@_values.register
+def _(result: Runs) -> _Values:
+    cells = {one.name: np.full(len(result.model), np.nan) for one in DEMANDED}
+    for number in range(len(result.models)):
+        runs, stories = result.of_building(number)
+        demands = demands_of_runs(stories)
+        for one in DEMANDED:
+            cells[one.name][runs] = one.value(demands) if one.value else np.nan
+    return [
+        (OF_RUNS["building"], np.array([one.name for one in result.models])[result.model]),
+        (OF_RUNS["record"], np.array([one.source for one in result.records])[result.record]),
+        (OF_RUNS["component"], np.array([one.component for one in result.records])[result.record]),
+        (OF_RUNS["method"], np.array(result.methods)[result.model]),
+        *((OF_RUNS[one], getattr(result, one)) for one in ("scale", "dt", "status", "energy_error", "steps")),
+        *((OF_RUNS[name], values) for name, values in cells.items()),
+    ]
 
 
 @_values.register

@@ -156,13 +156,36 @@ def _still(linear_terms, springs, work, base):
     n = linear_terms.shape[1] - 1
     rise_below = bend_below = 0.0
     still = True
-    for i in range(n):
+    for i in range(n):  # without a branch; that the parabola lies within its Bezier points is enough
+        c = n + 1 + i
+        link = linear_terms[at.LINK, i]
         rise = work[ROW.RISE, i] + work[base + OWN.RISE, i]
         bend = work[ROW.BEND, i] + work[base + OWN.BEND, i]
-        link = linear_terms[at.LINK, i]
-        still = still and stays(springs, n + 1 + i, rise - link * rise_below, bend - link * bend_below)
+        half = 0.5 * (bend - link * bend_below)
+        whole = rise - link * rise_below
         rise_below, bend_below = rise, bend
-    return still
+        start = springs[at.DRIFT, c]
+        middle = start + 0.5 * (whole - half)
+        turn = springs[at.TURN, c]
+        still &= (turn * (whole - half) >= 0.0) & (turn * (whole + half) >= 0.0)
+        still &= max(start, middle, start + whole) <= springs[at.UPPER, c]
+        still &= min(start, middle, start + whole) >= springs[at.LOWER, c]
+    return still or _stays_still(linear_terms, springs, work, base)
+
+
+@called
+def _stays_still(linear_terms, springs, work, base):
+    """`_still`, exactly."""
+    n = linear_terms.shape[1] - 1
+    rise_below = bend_below = 0.0
+    for i in range(n):
+        link = linear_terms[at.LINK, i]
+        rise = work[ROW.RISE, i] + work[base + OWN.RISE, i]
+        bend = work[ROW.BEND, i] + work[base + OWN.BEND, i]
+        if not stays(springs, n + 1 + i, rise - link * rise_below, bend - link * bend_below):
+            return False
+        rise_below, bend_below = rise, bend
+    return True
 
 
 @inlined

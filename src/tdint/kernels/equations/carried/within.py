@@ -28,6 +28,7 @@ _PAIRS = (3.0, 2.0)  # of equal parts in a step, and in a calm one
 # the acceleration's bulge is 360 times.
 _TURN = 0.03
 _BULGE = 10.0
+_BULGES = _BULGE + 60.0
 
 _OF_MOTION = (at.PEAK_DISPLACEMENT, at.PEAK_VELOCITY, at.PEAK_DRIFT, at.PEAK_DRIFT_RATE)
 _AT_NODES = (at.PEAK_ACCELERATION, at.PEAK_TOTAL_SHEAR, at.PEAK_SHEAR)
@@ -36,8 +37,65 @@ _AT_NODES = (at.PEAK_ACCELERATION, at.PEAK_TOTAL_SHEAR, at.PEAK_SHEAR)
 @inlined
 def passes(carried):
     """What may pass its peak within the step, whose state is still that at its start: nothing (0), accelerations or
-    total shears at its end (1), something inside (2); and the first and the last floor of which something does."""
+    total shears at its end (1), something inside (2); and the first and the last floor of which something does.
+
+    In most steps nothing is near: that is found first, without a branch.
+    """
     scene, memory, load, h, base = carried
+    linear_terms = scene.linear_terms
+    state, springs, work, _ = memory
+    n = linear_terms.shape[1] - 1
+    square = h * h
+    ground = 0.5 * square * (load[at.GROUND_0] + load[at.GROUND_1])
+    jerk = square * (load[at.GROUND_1] - load[at.GROUND_0])
+    peaks = base + OWN.PEAKS
+    near = False
+    sum_a = sum_1 = sum_even = 0.0
+    for j in range(1, n + 1):
+        i = n - j
+        u0 = state[at.DISPLACEMENT, i] + state[at.ERROR_DISPLACEMENT, i]
+        v0 = h * (state[at.VELOCITY, i] + state[at.ERROR_VELOCITY, i])
+        bend = work[ROW.BEND, i] + work[base + OWN.BEND, i]
+        a1 = work[base + OWN.A1, i]
+        even = abs(work[base + OWN.EVEN, i])
+        near |= _comes_near(u0, v0, bend, 0.0, work[peaks + at.PEAK_DISPLACEMENT, i])
+        near |= _comes_near(v0, work[ROW.BEND, i] - 0.5 * a1, a1, _BULGE * even, h * work[peaks + at.PEAK_VELOCITY, i])
+        a = work[ROW.BEND, i] + ground
+        a1 += jerk
+        near |= abs(a) + 0.5 * abs(a1) + _BULGES * even > square * work[peaks + at.PEAK_ACCELERATION, i]
+        mass = linear_terms[at.MASS, i]
+        above = linear_terms[at.LINK, i + 1]
+        sum_a = above * sum_a + mass * a
+        sum_1 = above * sum_1 + mass * a1
+        sum_even = above * sum_even + mass * even
+        near |= abs(sum_a) + 0.5 * abs(sum_1) + _BULGES * sum_even > square * work[peaks + at.PEAK_TOTAL_SHEAR, i]
+        link = linear_terms[at.LINK, i] if i > 0 else 0.0
+        below = max(i - 1, 0)
+        v0 -= link * h * (state[at.VELOCITY, below] + state[at.ERROR_VELOCITY, below])
+        bend -= link * (work[ROW.BEND, below] + work[base + OWN.BEND, below])
+        near |= _comes_near(springs[at.DRIFT, n + 1 + i], v0, bend, 0.0, work[peaks + at.PEAK_DRIFT, i])
+        if BENDING:
+            slope = springs[at.SLOPE, n + 1 + i]
+            slope = slope if slope < math.inf else 0.0
+            near |= _comes_near(
+                springs[at.FORCE, n + 1 + i], slope * v0, slope * bend, 0.0, work[peaks + at.PEAK_SHEAR, i]
+            )
+        if DASHPOTS:
+            near |= max(abs(v0), abs(v0 + bend)) > 0.8 * h * work[peaks + at.PEAK_DRIFT_RATE, i]
+    return _passes(scene, h, load, memory, base) if near else (0, n, -1)
+
+
+@inlined
+def _comes_near(value, rate, change, more, peak):
+    """Whether a value comes near a peak where its rate, which changes by `change` over the step, is zero: half the
+    change is the most that a parabola goes back from there. A little more, and `more`, is allowed for."""
+    size = abs(change)
+    return (rate * (rate + change) <= 0.0) & (abs(value + rate + 0.5 * change) + (0.5 + _TURN) * size + more > peak)
+
+
+@called
+def _passes(scene, h, load, memory, base):
+    """`passes` if something is near."""
     linear_terms = scene.linear_terms
     state, springs, work, _ = memory
     n = linear_terms.shape[1] - 1
@@ -288,7 +346,18 @@ def _move(carried, i, link, still, count, peak, fastest):
     bend = work[ROW.BEND, i] + work[base + OWN.BEND, i]
     bend -= link * (work[ROW.BEND, below] + work[base + OWN.BEND, below])
     row = base + OWN.MOTION
-    if v * (v + bend) > 0.0 and _relative(work, row, i, link) * _relative(work, row + count - 1, i, link) > 0.0:
+    goes_far = _comes_near(u, v, bend, 0.0, work[base + OWN.PEAKS + peak, i])
+    if BENDING and still:
+        slope = springs[at.SLOPE, n + 1 + i]
+        peak_shear = work[base + OWN.PEAKS + at.PEAK_SHEAR, i]
+        goes_far |= _comes_near(springs[at.FORCE, n + 1 + i], slope * v, slope * bend, 0.0, peak_shear)
+    goes_fast = False
+    if DASHPOTS or fastest == at.PEAK_VELOCITY:
+        before, after = _relative(work, row, i, link), _relative(work, row + count - 1, i, link)
+        even = abs(work[base + OWN.EVEN, i]) + link * abs(work[base + OWN.EVEN, below])
+        most = max(abs(v), abs(v + bend)) + 0.25 * square * abs(after - before) + _BULGE * even
+        goes_fast = (before * after <= 0.0) & (most > 0.8 * h * work[base + OWN.PEAKS + fastest, i])
+    if not (goes_far or goes_fast):
         return
     far, fast = 0.0, v
     for k in range(0, count - 2, 2):
@@ -317,7 +386,7 @@ def _move(carried, i, link, still, count, peak, fastest):
             v_end = _speed(v, d, a0, b, c, start + 1.0)
             a_start = a0 if half == 0 else a1
             a_end = a1 if half == 0 else a2
-            if v_start * v_end < 0.0:
+            if goes_far and v_start * v_end < 0.0:
                 x = start + v_start / (v_start - v_end)
                 for _ in range(3):
                     slope = d * (a0 + x * (b + x * c))
@@ -328,7 +397,7 @@ def _move(carried, i, link, still, count, peak, fastest):
                 if still:
                     stretched = springs[at.SLOPE, n + 1 + i] * (far - springs[at.DRIFT, n + 1 + i])
                     raise_peak(work, peaks + at.PEAK_SHEAR, i, springs[at.FORCE, n + 1 + i] + stretched)
-            if a_start * a_end < 0.0:
+            if goes_fast and a_start * a_end < 0.0:
                 x = start + a_start / (a_start - a_end)
                 for _ in range(2):
                     slope = b + 2.0 * c * x

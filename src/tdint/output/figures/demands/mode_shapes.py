@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -26,7 +27,13 @@ def mode_picture(modes: Modes, suffix: str, *, name: str, norm: str = "roof") ->
 
 def _draw(modes: Modes, name: str, norm: str) -> Figure:
     figure = Figure(figsize=(5.4, 5.6), layout="constrained")
-    axes = figure.subplots()
+    draw_modes(figure.subplots(), modes, norm)
+    add_title(figure, name)
+    return figure
+
+
+def draw_modes(axes: Any, modes: Modes, norm: str = "roof") -> None:
+    """The shapes of the first modes over the floors."""
     shapes = modes.normalized(norm)
     floors = np.arange(len(shapes) + 1)
     axes.axvline(0.0, color=LIGHT, linewidth=0.8)
@@ -40,5 +47,3 @@ def _draw(modes: Modes, name: str, norm: str) -> Figure:
     axes.set_ylabel("floor")
     axes.set_xlabel("shape, 1 at the roof" if norm == "roof" else "shape, with a participation factor of 1")
     axes.legend(loc="best")
-    add_title(figure, name)
-    return figure

@@ -1,0 +1,466 @@
+"""Many runs at once, their peaks and histories as arrays over the runs: the work behind `tdint.run_many`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import groupby, product
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.analysis.given import number_of, numbers_of, record_of
+from tdint.analysis.run import run_totals
+from tdint.analysis.run.case import RUNAWAY, Case, doubtful
+from tdint.analysis.run.outcome import STORY, FailedRun, History, Response, StoryPeaks
+from tdint.analysis.run.prepared import MarchedRuns, PreparedBuilding
+from tdint.analysis.run.steps import Steps
+from tdint.errors import AnalysisError, UsageError, did_you_mean
+from tdint.ground_motion.joining import JoinedRecord
+from tdint.ground_motion.record import Record
+from tdint.kernels.march import many as lanes
+from tdint.methods.catalogue import DEFAULT_METHOD, parse
+from tdint.methods.method import Integrator
+from tdint.model.config.model_file import model_of
+from tdint.model.definition import Model
+from tdint.processors import on_threads
+from tdint.quantity import quantities
+from tdint.system import available_memory, processors
+from tdint.tabular import Tabular
+
+Array = NDArray[np.float64]
+
+KEPT = {one.called or one.name: one.name for one in quantities(History) if one.name in run_totals.HISTORIES}
+"""What may be kept of a history: its fields by the names of their columns, without the unit."""
+
+_AT_ONCE = 64
+"""Runs that a thread takes at a time."""
+
+
+@dataclass(frozen=True, repr=False)
+class Runs(Tabular):
+    """Many runs; arrays have the runs first. Where a building has fewer stories than another one, what lies above it is
+    nan.
+
+    Attributes
+    ----------
+    models, records : tuple
+        The buildings and ground motions, each once.
+    methods : tuple of str
+        The method of each building, with all its parameters.
+    model, record : ndarray of int, shape (runs,)
+        Which of them each run has.
+    scale, dt : ndarray, shape (runs,)
+        Factor on the ground motion; time step, s.
+    steps : ndarray of int, shape (runs,)
+        Steps that were taken.
+    status : ndarray of str, shape (runs,)
+        As of `Response`, or of `FailedRun` where there is no result; the run's numbers are nan then.
+    energy_error : ndarray, shape (runs,)
+        Imbalance of the energies over the largest input energy.
+    stories : StoryPeaks
+        Peaks of shape (runs, stories), SI units.
+    history : mapping of str to ndarray, shape (runs, rows, stories)
+        What was kept of the histories, SI units; nan after the end of a run.
+    every : int
+        Steps from one row to the next.
+    failures : mapping of int to str
+        What there is to say of the runs without a result, by their numbers.
+    """
+
+    models: tuple[Model, ...]
+    records: tuple[Record, ...]
+    methods: tuple[str, ...]
+    model: NDArray[np.int64]
+    record: NDArray[np.int64]
+    scale: Array
+    dt: Array
+    steps: NDArray[np.int64]
+    status: NDArray[np.str_]
+    energy_error: Array
+    stories: StoryPeaks
+    history: dict[str, NDArray[np.floating[Any]]]
+    every: int
+    failures: dict[int, str]
+
+    @property
+    def time(self) -> Array:
+        """Times of the rows, s, shape (1, rows) where all runs have one step, else (runs, rows)."""
+        rows = max((kept.shape[1] for kept in self.history.values()), default=0)
+        steps = self.dt[:1] if np.all(self.dt == self.dt[0]) else self.dt
+        return np.asarray(np.multiply.outer(self.every * steps, np.arange(rows)))
+
+    def of_building(self, number: int) -> tuple[NDArray[np.int64], StoryPeaks]:
+        """The runs of a building by its number, and their peaks, shape (runs of it, its stories)."""
+        runs = np.flatnonzero(self.model == number)
+        n = len(self.models[number].stories)
+        values = {one.name: getattr(self.stories, one.name)[runs, :n] for one in STORY}
+        return runs, StoryPeaks(height=self.stories.height[runs, :n], **values)
+
+    def _headline(self) -> str:
+        kept = f", histories of {', '.join(self.history)}" if self.history else ""
+        lost = f", {len(self.failures)} without a result" if self.failures else ""
+        return f"{len(self.model)} of {len(self.models)} buildings under {len(self.records)} records{kept}{lost}"
+
+
+def run_many(
+    models: Any,
+    records: Any,
+    *,
+    scales: float | Iterable[float] = 1.0,
+    paired: bool = False,
+    method: str | None = None,
+    dt: float | None = None,
+    duration: float | None = None,
+    history: str | Sequence[str] = (),
+    every: int = 1,
+    out: NDArray[Any] | Mapping[str, NDArray[Any]] | None = None,
+    jobs: int | None = None,
+) -> Runs:
+    """Integrate every building under every ground motion at every scale; in that order, the scales fastest.
+
+    Each run is the one that `run` makes, to the last bit. The time loops run on threads without Python's lock; runs
+    without a history go some dozens to a compiled call. A run that fails keeps no other from being done and is not
+    repeated with a smaller step.
+
+    Parameters
+    ----------
+    models, records : one or a sequence
+        What `run` takes.
+    scales : float or sequence of float
+        Factors on the ground accelerations, not zero.
+    paired : bool
+        The first building under the first record at the first scale, the second under the second, ...: sequences of one
+        length, or of one member that stands for all.
+    method, dt, duration : optional
+        In place of what each model says, as of `run`; dt and duration in s.
+    history : str or sequence of str
+        What to keep of each step: of `displacement`, `velocity` (relative to the ground), `absolute_acceleration` of
+        the floors, `drift`, `shear`, `damper_force`, `total_shear` of the stories.
+    every : int
+        Keep every so many steps, from the start on.
+    out : ndarray or mapping of str to ndarray, optional
+        Where to put the histories, shape (runs, rows, stories) each: arrays of any floating-point type, or maps of
+        files (`numpy.lib.format.open_memmap`); the rows are those of the longest run, the stories those of the tallest
+        building. An array alone is for a single quantity. Without, arrays of float64 are made.
+    jobs : int, optional
+        Threads; one for each processor by default. The result does not depend on it.
+
+    Returns
+    -------
+    Runs
+
+    Raises
+    ------
+    UsageError
+        An unknown method or quantity, a step that does not fit a record, an array of another shape.
+    ModelError, RecordError
+        A model or a record is none.
+    AnalysisError
+        A method does not integrate a building; the memory does not hold the histories.
+    """
+    work = _Wanted.of(models, records, method=method, dt=dt, duration=duration)
+    plan = _planned(work, scales, paired)
+    kept = _kept(history)
+    if isinstance(every, bool) or not isinstance(every, int) or every < 1:
+        raise UsageError(f"every must be a whole number of steps, 1 at least, got {every!r:.60}")
+    threads = processors() if jobs is None else jobs
+    if threads < 1:
+        raise UsageError(f"the number of jobs must be at least 1, got {jobs}")
+    table = _Table.of(work, plan, every, _room(work, plan, kept, every, out))
+    parts = [plan[first : first + _AT_ONCE] for first in range(0, len(plan), _AT_ONCE)]
+    for _ in on_threads(lambda part: _march(work, table, part), parts, threads):
+        pass
+    return table.runs(work, plan)
+
+
+class _Run(NamedTuple):
+    """A run by its number: its building and record by theirs, the factor, the steps."""
+
+    number: int
+    model: int
+    record: int
+    scale: float
+    steps: Steps
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """Buildings with their methods, ground motions, and what is asked of the steps."""
+
+    models: tuple[Model, ...]
+    records: tuple[Record, ...]
+    integrators: tuple[Integrator, ...]
+    dt: float | None
+    duration: float | None
+    _prepared: dict[int, PreparedBuilding] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, models: Any, records: Any, *, method: str | None, dt: float | None, duration: float | None) -> _Wanted:
+        buildings = tuple(map(model_of, _several(models, "models")))
+        motions = tuple(map(record_of, _several(records, "records")))
+        if any(isinstance(one, JoinedRecord) for one in motions):
+            raise UsageError("a sequence of shocks is run by run_sequence, one at a time")
+        specifications = [method or one.analysis.method or DEFAULT_METHOD for one in buildings]
+        parsed = {one: parse(one) for one in dict.fromkeys(specifications)}
+        integrators = tuple(parsed[one] for one in specifications)
+        return cls(buildings, motions, integrators, number_of(dt, "dt"), number_of(duration, "duration"))
+
+    def prepared(self, model: int) -> PreparedBuilding:
+        """A building put together, once but for threads that ask at the same time."""
+        found = self._prepared.get(model)
+        if found is None:
+            found = self._prepared[model] = PreparedBuilding.of(self.models[model])
+        return found
+
+    def case(self, run: _Run) -> Case:
+        """A run as a single one."""
+        record = self.records[run.record]
+        scaled = record if run.scale == 1.0 else record.scaled(run.scale)
+        return Case(self.models[run.model], self.prepared(run.model), scaled, self.integrators[run.model])
+
+    @cached_property
+    def stories(self) -> int:
+        """Of the tallest building."""
+        return max(len(model.stories) for model in self.models)
+
+
+def _several(given: Any, name: str) -> Sequence[Any]:
+    found = list(given) if isinstance(given, list | tuple) else [given]
+    if not found:
+        raise UsageError(f"no {name} are given")
+    return found
+
+
+def _planned(work: _Wanted, scales: float | Iterable[float], paired: bool) -> list[_Run]:
+    factors = numbers_of(scales, "scales").tolist()
+    if not factors or not all(math.isfinite(factor) and factor for factor in factors):
+        raise UsageError(f"scales must be numbers other than zero, got {scales!r:.60}")
+    if paired:
+        sizes = {"models": len(work.models), "records": len(work.records), "scales": len(factors)}
+        count = max(sizes.values())
+        for name, size in sizes.items():
+            if size not in (1, count):
+                raise UsageError(f"paired: {size} {name} beside {count} of the others; give one, or as many")
+        models, motions, which = (np.arange(count) % size for size in sizes.values())
+        places = tuple(zip(models.tolist(), motions.tolist(), which.tolist(), strict=True))
+    else:
+        places = tuple(product(range(len(work.models)), range(len(work.records)), range(len(factors))))
+    steps: dict[tuple[Any, ...], Steps] = {}
+    plan = []
+    for number, (model, record, scale) in enumerate(places):
+        analysis, motion = work.models[model].analysis, work.records[record]
+        key = (analysis.dt, analysis.duration, motion.dt, motion.duration)
+        run = _Run(number, model, record, factors[scale], steps.get(key, _UNKNOWN))
+        if run.steps is _UNKNOWN:
+            steps[key] = work.case(run._replace(scale=1.0)).steps(work.dt, work.duration)
+        plan.append(run._replace(steps=steps[key]))
+    return plan
+
+
+_UNKNOWN = Steps(0.0, 0)
+
+
+def _kept(history: str | Sequence[str]) -> tuple[str, ...]:
+    names = (history,) if isinstance(history, str) else tuple(history)
+    for name in names:
+        if name not in KEPT:
+            raise UsageError(f"unknown quantity {name!r}{did_you_mean(str(name), KEPT)} (known: {', '.join(KEPT)})")
+    return tuple(dict.fromkeys(names))
+
+
+def _room(
+    work: _Wanted, plan: Sequence[_Run], kept: tuple[str, ...], every: int, out: Any
+) -> dict[str, NDArray[np.floating[Any]]]:
+    """Where the histories go: arrays of the caller, or new ones."""
+    rows = max(run.steps.count for run in plan) // every + 1
+    shape = (len(plan), rows, work.stories)
+    if out is None:
+        wanted, free = 8.0 * len(kept) * math.prod(shape), available_memory()
+        if wanted > free:
+            raise AnalysisError(
+                f"the histories of {len(plan)} runs take {wanted / 1e9:.3g} GB of memory, {free / 1e9:.3g} GB "
+                "are free; keep fewer steps by every=, or give arrays by out= (float32, or maps of files)"
+            )
+        return {name: np.full(shape, math.nan) for name in kept}
+    given = dict(out) if isinstance(out, Mapping) else dict.fromkeys(kept[:1], out)
+    if tuple(sorted(given)) != tuple(sorted(kept)) or not kept:
+        raise UsageError(f"out must have an array for each quantity of the history: {', '.join(kept) or 'none'}")
+    for name, array in given.items():
+        if not isinstance(array, np.ndarray) or array.shape != shape or array.dtype.kind != "f":
+            found = f"{array.dtype} {array.shape}" if isinstance(array, np.ndarray) else type(array).__name__
+            raise UsageError(f"out of {name} must be an array of floating-point numbers, shape {shape}, got {found}")
+    return given
+
+
+@dataclass(frozen=True)
+class _Table:
+    """The numbers of all runs, each written by the thread that has the run."""
+
+    peaks: dict[str, Array]
+    height: Array
+    energy_error: Array
+    steps: NDArray[np.int64]
+    status: NDArray[np.str_]
+    history: dict[str, NDArray[np.floating[Any]]]
+    every: int
+    failures: dict[int, str]
+
+    @classmethod
+    def of(
+        cls, work: _Wanted, plan: Sequence[_Run], every: int, history: dict[str, NDArray[np.floating[Any]]]
+    ) -> _Table:
+        count = len(plan)
+        shape = (count, work.stories)
+        return cls(
+            {one.name: np.full(shape, math.nan) for one in STORY},
+            np.full(shape, math.nan),
+            np.full(count, math.nan),
+            np.zeros(count, np.int64),
+            np.full(count, "done", "<U24"),
+            history,
+            every,
+            {},
+        )
+
+    def take(self, runs: Sequence[_Run], prepared: PreparedBuilding, marched: MarchedRuns) -> None:
+        """What was marched, but for the histories."""
+        places = [run.number for run in runs]
+        peaks = run_totals.peaks_of(prepared.building, marched.peaks, marched.drifts)
+        self._put(places, peaks)
+        self.energy_error[places] = run_totals.energy_errors(marched.totals)
+        self.steps[places] = marched.ends[:, lanes.STEPS_TAKEN]
+
+    def take_response(self, run: _Run, response: Response) -> None:
+        """What came of a run by itself."""
+        self._put([run.number], response.stories)
+        self.energy_error[run.number] = response.energy.error
+        self.steps[run.number] = response.steps
+        self.status[run.number] = response.status
+        for name, kept in self.history.items():
+            assert response.history is not None
+            rows = getattr(response.history, KEPT[name])[:: self.every]
+            kept[run.number] = math.nan
+            kept[run.number, : len(rows), : rows.shape[1]] = rows
+
+    def take_failure(self, run: _Run, failure: FailedRun) -> None:
+        """That a run has no result."""
+        for values in (*self.peaks.values(), self.energy_error, *self.history.values()):
+            values[run.number] = math.nan
+        self.steps[run.number] = 0
+        self.status[run.number] = failure.status
+        self.failures[run.number] = str(failure)
+
+    def _put(self, places: Sequence[int], peaks: StoryPeaks) -> None:
+        n = len(peaks.height)
+        self.height[places, :n] = peaks.height
+        for name, values in self.peaks.items():
+            values[places, :n] = getattr(peaks, name)
+
+    def runs(self, work: _Wanted, plan: Sequence[_Run]) -> Runs:
+        """The result."""
+        return Runs(
+            models=work.models,
+            records=work.records,
+            methods=tuple(one.label for one in work.integrators),
+            model=np.array([run.model for run in plan]),
+            record=np.array([run.record for run in plan]),
+            scale=np.array([run.scale for run in plan]),
+            dt=np.array([run.steps.h for run in plan]),
+            steps=self.steps,
+            status=self.status,
+            energy_error=self.energy_error,
+            stories=StoryPeaks(height=self.height, **self.peaks),
+            history=self.history,
+            every=self.every,
+            failures=dict(sorted(self.failures.items())),
+        )
+
+
+def _march(work: _Wanted, table: _Table, part: Sequence[_Run]) -> None:
+    """Some runs, those of one building and one step together."""
+    for (model, h), group in groupby(part, key=lambda run: (run.model, run.steps.h)):
+        runs, prepared, integrator = list(group), work.prepared(model), work.integrators[model]
+        if prepared.instability(integrator, h):
+            for run in runs:
+                _alone(work, table, run)
+            continue
+        marched = _kept_runs(work, table, runs) if table.history else _bare_runs(work, runs)
+        table.take(runs, prepared, marched)
+        for place in np.flatnonzero(doubtful(marched)).tolist():
+            _judge(work, table, runs[place], marched, place)
+
+
+def _bare_runs(work: _Wanted, runs: Sequence[_Run]) -> MarchedRuns:
+    """Runs of one building and one step in one compiled call."""
+    motions = [work.records[number].acceleration for number in dict.fromkeys(run.record for run in runs)]
+    starts = dict(zip(dict.fromkeys(run.record for run in runs), np.cumsum([0, *map(len, motions)]), strict=False))
+    table = [
+        (
+            *(starts[run.record], len(work.records[run.record].acceleration), run.scale),
+            *(run.steps.count, run.steps.per_sample, run.steps.stride),
+        )
+        for run in runs
+    ]
+    model = runs[0].model
+    return work.prepared(model).march_many(
+        work.integrators[model],
+        runs[0].steps.h,
+        np.concatenate(motions),
+        np.array(table, dtype=np.float64),
+        collapse_drift=work.models[model].collapse_drift,
+    )
+
+
+def _kept_runs(work: _Wanted, table: _Table, runs: Sequence[_Run]) -> MarchedRuns:
+    """The same with what is kept of the histories."""
+    model = runs[0].model
+    prepared, h = work.prepared(model), runs[0].steps.h
+    time = table.every * h * np.arange(next(iter(table.history.values())).shape[1], dtype=np.float64)
+    telling = [(kept, run_totals.HISTORIES[KEPT[name]]) for name, kept in table.history.items()]
+    building, forces, n = prepared.building, prepared.forces, prepared.building.stories
+
+    def see(r: int, rows: Array) -> None:
+        for kept, told in telling:
+            kept[runs[r].number, : len(rows), :n] = told(building, forces, time[: len(rows)], rows)
+            if len(rows) < kept.shape[1] or n < kept.shape[2]:
+                kept[runs[r].number, len(rows) :] = kept[runs[r].number, :, n:] = math.nan
+
+    return prepared.march_each(
+        work.integrators[model],
+        h,
+        [(work.records[run.record].acceleration, run.scale, run.steps) for run in runs],
+        every=table.every,
+        see=see,
+        collapse_drift=work.models[model].collapse_drift,
+    )
+
+
+def _judge(work: _Wanted, table: _Table, run: _Run, marched: MarchedRuns, place: int) -> None:
+    """What a run is that collapsed, did not come to its end, or ran away."""
+    code, totals = int(marched.ends[place, lanes.CODE]), marched.totals[place]
+    if code < 0 or not -run_totals.energy_errors(marched.totals[place : place + 1])[0] < RUNAWAY:
+        _alone(work, table, run)
+        return
+    try:
+        collapse = work.case(run).judge(run.steps, code, totals)
+    except FailedRun as failure:
+        table.take_failure(run, failure)
+        return
+    if collapse is None:
+        _alone(work, table, run)
+    else:
+        table.status[run.number] = "failed-story" if collapse.failed else "collapsed"
+
+
+def _alone(work: _Wanted, table: _Table, run: _Run) -> None:
+    """A run by itself, which tells how it ends."""
+    try:
+        response = work.case(run).march(run.steps, history=bool(table.history))
+    except FailedRun as failure:
+        table.take_failure(run, failure)
+        return
+    table.take_response(run, response)

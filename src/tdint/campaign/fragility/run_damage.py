@@ -1,0 +1,294 @@
+"""Damage of the buildings of a campaign: the state after each run, probabilities by type and level, and losses.
+
+A run that comes to its end has a demand; the probability of a state or a heavier one is Phi(ln(demand / median) /
+dispersion). A run under which the building falls is told as what it is, with the probability 1, and one without a
+result has no part in any probability. The standard error of a probability or a mean is that of a mean over the ground
+motions: runs under the same one are taken together, for they err alike.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from operator import itemgetter
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+from tdint.campaign.profiles import motion_numbers
+from tdint.campaign.store.store import Store
+from tdint.model.damage_states import FALLEN, DamageStates
+
+Array = NDArray[np.float64]
+
+_DONE = "done"
+_COLUMNS = {
+    "drift_ratio": "peak_drift_ratio",
+    "roof_drift_ratio": "peak_roof_displacement_m",
+    "residual_drift_ratio": "residual_drift_ratio",
+    "acceleration": "peak_absolute_acceleration_m_s2",
+    "spectral_displacement": "peak_roof_displacement_m",
+}
+"""The column of the runs that each demand is made of."""
+
+
+def stored_states(store: Store) -> dict[str, DamageStates]:
+    """The damage states of each type of a store; empty where nothing is said of damage."""
+    said = json.loads(store.damage() or "{}")
+    return {name: DamageStates.of_json(one) for name, one in said.items()}
+
+
+@dataclass(frozen=True)
+class BuildingDamage:
+    """The damage of a building after each of its runs.
+
+    Attributes
+    ----------
+    number : int
+        Of the building.
+    building, type : str
+        Its name and its type.
+    period : float
+        First period, s.
+    states : DamageStates
+        Of its type.
+    keys : list of (int, float, int)
+        Record, factor and draw of each run.
+    rank : ndarray of int, shape (runs,)
+        The place of the level among those of its motion, from 0.
+    status : list of str
+        How it ended.
+    demand : ndarray, shape (runs,)
+        What the states are told by, SI units; nan of a run without a result. Of a run under which the building falls
+        what it had reached.
+    probability : ndarray, shape (runs, outcomes)
+        Of each of `states.outcomes`; nan of a run without a result.
+    sa, pga : ndarray, shape (runs,)
+        Pseudo-acceleration at the first period and peak ground acceleration, m/s^2.
+    """
+
+    number: int
+    building: str
+    type: str
+    period: float
+    states: DamageStates
+    keys: list[tuple[int, float, int]]
+    rank: NDArray[np.intp]
+    status: list[str]
+    demand: Array
+    probability: Array
+    sa: Array
+    pga: Array
+
+    @property
+    def state(self) -> list[str]:
+        """What became of the building: the state that the medians tell, or how it fell; nothing without a result."""
+        reached = np.sum(self.demand[:, np.newaxis] >= np.array(self.states.medians), axis=1)
+        return [
+            self.states.outcomes[place] if status == _DONE else status if status in FALLEN else ""
+            for place, status in zip(reached.tolist(), self.status, strict=True)
+        ]
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Which runs have a result."""
+        return np.array([status == _DONE or status in FALLEN for status in self.status])
+
+    @property
+    def loss(self) -> Array:
+        """Mean loss ratio after each run, shape (runs,); nan without a result."""
+        return np.asarray(self.probability @ np.array(self.states.outcome_losses))
+
+    @property
+    def squared_loss(self) -> Array:
+        """Mean of the loss ratio's square, shape (runs,)."""
+        return np.asarray(self.probability @ np.square(self.states.outcome_losses))
+
+
+def probabilities(states: DamageStates, demand: Array, status: Sequence[str]) -> Array:
+    """The probability of each outcome after runs with these demands and ends, shape (runs, outcomes)."""
+    exceeded = exceedance(states, demand)
+    edges = np.column_stack([np.ones(demand.size), exceeded, np.zeros(demand.size)])
+    found = np.zeros((demand.size, len(states.outcomes)))
+    found[:, : -len(FALLEN)] = edges[:, :-1] - edges[:, 1:]
+    for run, end in enumerate(status):
+        if end != _DONE:
+            found[run] = [float(outcome == end) for outcome in states.outcomes] if end in FALLEN else math.nan
+    return found
+
+
+def exceedance(states: DamageStates, demand: Array) -> Array:
+    """The probability of each state or a heavier one under these demands, shape (runs, states)."""
+    medians = np.array(states.medians)
+    if states.dispersion == 0.0:
+        return np.asarray(demand[:, np.newaxis] >= medians, float)
+    with np.errstate(divide="ignore"):
+        return np.asarray(ndtr(np.log(demand[:, np.newaxis] / medians) / states.dispersion))
+
+
+def building_damages(store: Store) -> Iterator[BuildingDamage]:
+    """Of each building of a store, in their order; one building is held at a time."""
+    types = stored_states(store)
+    if not types:
+        return
+    of_buildings = store.building_types()
+    names = store.buildings()
+    column = _COLUMNS[next(iter(types.values())).demand]
+    query = f"SELECT building, record, scale, sample, status, {column}, sa_t1_m_s2, pga_m_s2 FROM run_rows"
+    rows = store.connection.execute(f"{query} ORDER BY 1, 2, 3, 4")
+    for number, of_one in groupby(rows, key=itemgetter(0)):
+        runs = list(of_one)
+        name, divisor, period = of_buildings[number]
+        states, status = types[name], [run[4] for run in runs]
+        values, sa, pga = (np.array([run[place] for run in runs], float) for place in (5, 6, 7))
+        demand = np.abs(values) / divisor
+        keys = [(run[1], run[2], run[3]) for run in runs]
+        yield BuildingDamage(
+            number,
+            names[number][0],
+            name,
+            period,
+            states,
+            keys,
+            _ranks(keys),
+            status,
+            demand,
+            probabilities(states, demand, status),
+            sa,
+            pga,
+        )
+
+
+def _ranks(keys: Sequence[tuple[int, float, int]]) -> NDArray[np.intp]:
+    """The place of each run's factor among those of its motion and draw, from the smallest."""
+    factors: dict[tuple[int, int], list[float]] = defaultdict(list)
+    for record, scale, sample in keys:
+        factors[record, sample].append(abs(scale))
+    places = {key: {value: rank for rank, value in enumerate(sorted(values))} for key, values in factors.items()}
+    return np.array([places[record, sample][abs(scale)] for record, scale, sample in keys])
+
+
+def level_values(store: Store) -> list[float]:
+    """The levels of a campaign from the smallest: values of a measure, SI units, or factors; none where motions have
+    factors of their own, whose levels are their numbers from 1."""
+    settings = {name: json.loads(value) for name, value in store.settings().items()}
+    return sorted(settings.get("levels") or settings.get("scales") or (), key=abs)
+
+
+class Mean(NamedTuple):
+    """A mean over runs with its standard error over the ground motions; nan where there is none."""
+
+    value: Array
+    error: Array
+
+
+@dataclass(frozen=True)
+class TypeDamage:
+    """The damage of a type of buildings, or of one building, at one level.
+
+    Attributes
+    ----------
+    type, building : str
+        The type, and the building; empty for all of the type.
+    level : float
+        As `level_values` has it.
+    states : DamageStates
+        Of the type.
+    buildings, runs, failed : int
+        Buildings, their runs, and those of them without a result, which have no part in what follows.
+    probability : Mean
+        Of each of `states.outcomes`.
+    loss : Mean
+        Of the loss ratio; arrays of one number, nan where losses are not told.
+    loss_sd : float
+        Standard deviation of the loss ratio of one building under one motion.
+    """
+
+    type: str
+    building: str
+    level: float
+    states: DamageStates
+    buildings: int
+    runs: int
+    failed: int
+    probability: Mean
+    loss: Mean
+    loss_sd: float
+
+
+class _Group:
+    """Runs that are taken together: sums under each ground motion, a row of outcomes, loss and its square."""
+
+    def __init__(self, states: DamageStates) -> None:
+        self.states, self.buildings, self.runs, self.failed = states, 0, 0, 0
+        self._sums: dict[int, Array] = {}
+
+    def add(self, of: BuildingDamage, chosen: NDArray[np.bool_], motions: NDArray[np.intp]) -> None:
+        """Take the runs of a building at one level; motions tells which one each run is under."""
+        known = chosen & of.known
+        self.buildings += 1
+        self.runs += int(np.sum(chosen))
+        self.failed += int(np.sum(chosen & ~known))
+        ones, loss = np.ones(len(of.keys)), (of.loss, of.squared_loss) if of.states.losses else ()
+        rows = np.column_stack([ones, of.probability, *loss])
+        for motion in np.unique(motions[known]).tolist():
+            added = rows[known & (motions == motion)].sum(axis=0)
+            self._sums[motion] = self._sums[motion] + added if motion in self._sums else added
+
+    def damage(self, name: str, building: str, level: float) -> TypeDamage:
+        """What the runs tell."""
+        count = len(self.states.outcomes)
+        sums = np.array(list(self._sums.values()))
+        mean = _mean(sums) if len(sums) else Mean(*np.full((2, count + 2), math.nan))
+        loss, sd = Mean(np.full(1, math.nan), np.full(1, math.nan)), math.nan
+        if self.states.losses and len(sums):
+            loss = Mean(mean.value[-2:-1], mean.error[-2:-1])
+            sd = math.sqrt(max(float(mean.value[-1] - mean.value[-2] ** 2), 0.0))
+        return TypeDamage(
+            name,
+            building,
+            level,
+            self.states,
+            self.buildings,
+            self.runs,
+            self.failed,
+            Mean(mean.value[:count], mean.error[:count]),
+            loss,
+            sd,
+        )
+
+
+def _mean(sums: Array) -> Mean:
+    """The mean over all runs of rows of sums under each motion, the first of which counts the runs; its error that of a
+    ratio of two sums over motions."""
+    counts, motions = sums[:, :1], len(sums)
+    value = sums[:, 1:].sum(axis=0) / counts.sum()
+    if motions < 2:
+        return Mean(value, np.full(value.size, math.nan))
+    spread = np.sum((sums[:, 1:] - counts * value) ** 2, axis=0)
+    return Mean(value, np.sqrt(spread * motions / (motions - 1)) / counts.sum())
+
+
+def group_damages(store: Store, *, by_building: bool) -> Iterator[TypeDamage]:
+    """The damage of each type at each level, or of each building: one building is held at a time."""
+    motion_of, levels = motion_numbers(store.records()), level_values(store)
+    of_types: dict[tuple[str, int], _Group] = {}
+    for of in building_damages(store):
+        motions = np.array([motion_of[record] for record, _, _ in of.keys])
+        for rank in np.unique(of.rank).tolist():
+            level = levels[rank] if levels else rank + 1.0
+            chosen = of.rank == rank
+            if by_building:
+                one = _Group(of.states)
+                one.add(of, chosen, motions)
+                yield one.damage(of.type, of.building, level)
+            else:
+                of_types.setdefault((of.type, rank), _Group(of.states)).add(of, chosen, motions)
+    for name, rank in sorted(of_types):
+        yield of_types[name, rank].damage(name, "", levels[rank] if levels else rank + 1.0)

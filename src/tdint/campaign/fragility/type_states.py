@@ -1,0 +1,372 @@
+"""The damage states of the types of buildings of a campaign: what its key `damage` says, the tables of thresholds and
+losses that it names, and the type that each building belongs to."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from tdint.campaign.buildings import Buildings, InventoryBuildings, RowBuilding
+from tdint.csv_table import CsvTable, no_number, number, read_table
+from tdint.errors import ModelError, UsageError
+from tdint.model.config.damage import (
+    COLLAPSE,
+    DEMAND,
+    DISPERSION,
+    LOSS,
+    THRESHOLDS,
+    ByState,
+    is_state,
+    losses_of,
+    read_demand,
+    read_losses,
+    states_of,
+)
+from tdint.model.damage_states import CAPACITY, DEMANDS, HAZUS, HAZUS_DISPERSION, STATES, DamageStates
+from tdint.model.definition import Model, Story
+from tdint.model.inventory.capacity import UNIT_MASS, CapacityFacts
+from tdint.model.inventory.derive import CAPACITY as CAPACITY_RULES
+from tdint.model.inventory.derive import RULES
+from tdint.model.inventory.facts import BuildingFacts
+from tdint.model.inventory.hazus import hazus_types
+from tdint.model.inventory.mdof_lu import code_of
+from tdint.model.keys.document import resolve
+from tdint.model.keys.fields import Section, Value
+from tdint.model.keys.kinds import Either, EntriesOf, Key, Keys, Words
+from tdint.model.modes import solve_modes
+from tdint.units import ACCELERATION, LENGTH, STANDARD_GRAVITY
+
+if TYPE_CHECKING:
+    from tdint.campaign.inputs import Inputs
+
+_WHERE = "hazus, capacity (the rules of the capacity curves), or a CSV file with a row for each class"
+DAMAGE = Keys(
+    (
+        DEMAND,
+        Key("states", EntriesOf(Words(), least=1), f"names of the states, from the lightest; {', '.join(STATES)}"),
+        Key("thresholds", Either((THRESHOLDS, Words())), f"median demand of each state; or {_WHERE}", needed=True),
+        DISPERSION,
+        Key("losses", Either((ByState(LOSS), Words())), "loss ratio in each state; or a CSV file by class"),
+    )
+)
+_OF_RULES = {HAZUS: ("roof_drift_ratio", "drift_ratio"), CAPACITY: ("spectral_displacement",)}
+"""The demands that these thresholds may be of; the first by default."""
+
+_SUFFIXES = {
+    "1": {"": 1.0},
+    "m": {f"_{unit}": factor for unit, factor in LENGTH.items()},
+    "m/s^2": {"_g": STANDARD_GRAVITY, "_m_s2": ACCELERATION["m/s^2"]},
+}
+"""What follows the name of a state in the header of a table of thresholds, and the value in SI units."""
+
+
+@dataclass(frozen=True)
+class DamageWishes:
+    """What a campaign file says of damage.
+
+    Attributes
+    ----------
+    demand : str
+        What states are told by, one of `tdint.model.damage_states.DEMANDS`.
+    states : tuple of str
+        Names of the states, from the lightest.
+    of_all : DamageStates or None
+        Where all buildings have the same.
+    source : str
+        Else `hazus`, `capacity` or a CSV file of thresholds by class.
+    dispersion : float or None
+        As of `tdint.model.damage_states.DamageStates`; None where a table has it.
+    losses : tuple of float
+        The loss ratio of each state and after a collapse, the same for all.
+    loss_file : str or None
+        A CSV file of loss ratios by class.
+    """
+
+    demand: str
+    states: tuple[str, ...]
+    of_all: DamageStates | None = None
+    source: str = ""
+    dispersion: float | None = None
+    losses: tuple[float, ...] = ()
+    loss_file: str | None = None
+
+
+def read_wishes(value: Value | None, folder: Path, rules: str | None) -> DamageWishes | None:
+    """What is wanted of damage; None without any, or after a fault. `rules` are those of an inventory."""
+    section = value.section(DAMAGE) if value else None
+    advice = f"give the demand of each state, {_WHERE}"
+    thresholds = section.need("thresholds", advice) if section else None
+    if section is None or thresholds is None:
+        return None
+    if not thresholds.is_mapping:
+        return _by_class(section, thresholds, folder, rules)
+    if entry := section.get("states"):
+        entry.fault("the thresholds name the states; leave one of the two out")
+    losses = section.get("losses")
+    demand = read_demand(section)
+    if losses is None or losses.is_mapping:
+        found = states_of(section, demand or "", thresholds)
+        return DamageWishes(found.demand, found.states, found) if found else None
+    losses.fault("must be a mapping by state, as the thresholds are")
+    return None
+
+
+def _by_class(section: Section, thresholds: Value, folder: Path, rules: str | None) -> DamageWishes | None:
+    """Thresholds by rules or of a table; None after a fault."""
+    source = thresholds.text()
+    needed = {HAZUS: "mdof-lu", CAPACITY: CAPACITY_RULES}.get(source or "")
+    if needed and rules != needed:
+        thresholds.fault(f"{source} has thresholds of buildings of an inventory by the rules {needed}")
+        return None
+    demand = read_demand(section, _OF_RULES.get(source or "", ("",))[0])
+    states = _names(section)
+    if source is None or demand is None or states is None:
+        return None
+    if not demand:
+        section.need("demand", f"give one of {', '.join(DEMANDS)}")
+        return None
+    if needed and (demand not in _OF_RULES[source] or len(states) != len(STATES)):
+        of = " or ".join(_OF_RULES[source])
+        section.value.fault(f"the thresholds {source} are of {len(STATES)} states, by {of}; leave the others out")
+        return None
+    beta = section.number_or_none("dispersion")
+    if source == CAPACITY and not section.has("dispersion"):
+        section.need("dispersion", "give 0 for thresholds that are exact")
+    given = section.get("losses")
+    of_all = given if given and given.is_mapping else None
+    losses = read_losses(of_all, states)
+    file = given.text() if given and not of_all else None
+    return (
+        None
+        if losses is None
+        else DamageWishes(
+            demand=demand,
+            states=states,
+            source=source if needed else resolve(source, folder),
+            dispersion=HAZUS_DISPERSION if source == HAZUS and beta is None else beta,
+            losses=losses,
+            loss_file=resolve(file, folder) if file else None,
+        )
+    )
+
+
+def _names(section: Section) -> tuple[str, ...] | None:
+    """The names of the states; None after a fault."""
+    value = section.get("states")
+    if value is None:
+        return STATES
+    names = [item.text() for item in value.items("a list of names, from the lightest") or ()]
+    found = tuple(name for name in names if name)
+    if not found or len(set(found)) < len(names) or not all(map(is_state, found)):
+        value.fault("must be names, each its own: words of letters, digits, _ and -")
+        return None
+    return found
+
+
+def read_class_states(wanted: DamageWishes) -> dict[str, DamageStates]:
+    """The damage states by class of a CSV file, which may be the one of capacity curves: the column `class`, one for
+    each state with the unit of the demand (`slight` of a ratio, `slight_m`, `slight_g`), and if wanted `beta`. Of the
+    rows of a class one has them; the others may repeat them or be empty.
+
+    Raises
+    ------
+    ModelError
+        It cannot be read, or the thresholds of a class make no sense.
+    """
+    columns, factor = {}, 1.0
+    table = read_table(wanted.source, "thresholds are a CSV file with the column class and one for each damage state")
+    suffixes = _SUFFIXES[DEMANDS[wanted.demand].unit]
+    for suffix, factor in suffixes.items():  # noqa: B007
+        columns = {state: f"{state}{suffix}" for state in wanted.states}
+        if table.has(*columns.values()):
+            break
+    else:
+        columns = {state: f"{state}{next(iter(suffixes))}" for state in wanted.states}
+    if wanted.dispersion is None:
+        table.need(*columns.values(), "beta")
+    rows = _of_classes(table, {**columns, **({"beta": "beta"} if wanted.dispersion is None else {})})
+    found = {}
+    for name, values in rows.items():
+        beta = values.pop("beta", wanted.dispersion or 0.0)
+        try:
+            medians = tuple(factor * values[state] for state in wanted.states)
+            found[name] = DamageStates(wanted.demand, wanted.states, medians, beta, wanted.losses)
+        except UsageError as error:
+            raise ModelError(f"{wanted.source}: class {name}: {error}") from None
+    return found
+
+
+def read_class_losses(wanted: DamageWishes) -> dict[str, tuple[float, ...]]:
+    """The loss ratios by class of a CSV file with the column `class`, one for each state, and if wanted `collapsed`.
+
+    Raises
+    ------
+    ModelError
+        It cannot be read, or has what is no ratio.
+    """
+    assert wanted.loss_file is not None
+    table = read_table(wanted.loss_file, "losses are a CSV file with the column class and one for each damage state")
+    columns = {state: state for state in wanted.states}
+    if table.has(COLLAPSE):
+        columns[COLLAPSE] = COLLAPSE
+    rows = _of_classes(table, columns)
+    for name, values in rows.items():
+        if not all(map(LOSS.allow, values.values())):
+            raise ModelError(f"{wanted.loss_file}: class {name}: a loss ratio is a number from 0 to 1")
+    return {name: losses_of(values, wanted.states) for name, values in rows.items()}
+
+
+def _of_classes(table: CsvTable, columns: Mapping[str, str]) -> dict[str, dict[str, float]]:
+    """The numbers of each class that has some, by the keys of their columns."""
+    table.need("class", *columns.values())
+    cells = {key: list(table.lines(column)) for key, column in columns.items()}
+    found: dict[str, dict[str, float]] = {}
+    for row, name in enumerate(table.texts("class", empty=False)):
+        texts = {key: lines[row] for key, lines in cells.items()}
+        if not any(text for _, text in texts.values()):
+            continue
+        values = {}
+        for key, (line, text) in texts.items():
+            values[key] = number(text)
+            if math.isnan(values[key]) or values[key] < 0.0:
+                said = no_number(text, "zero or a positive number") if text else "is missing"
+                raise ModelError(f"{table.source}:{line}: {columns[key]} {said}")
+        if found.setdefault(name, values) != values:
+            raise ModelError(f"{table.source}:{line}: class {name} has other numbers in a row above")
+    return found
+
+
+class BuildingType(NamedTuple):
+    """What a building is for its damage: the type that it belongs to, what the displacement of its roof is divided by
+    for the demand, and its first period, s."""
+
+    type: str
+    divisor: float
+    period: float
+
+
+@dataclass(frozen=True)
+class Damage:
+    """How the damage of a campaign is told: the states of each type, and the type of each building by its number."""
+
+    types: Mapping[str, DamageStates]
+    buildings: Sequence[BuildingType]
+
+    def description(self) -> str:
+        """The states as a store keeps them."""
+        return json.dumps({name: asdict(states) for name, states in self.types.items()})
+
+
+def damage_of(wanted: DamageWishes | None, inputs: Inputs, buildings: Buildings) -> Damage | None:
+    """How the damage of a campaign is told; None where nothing is said of it.
+
+    Raises
+    ------
+    ModelError
+        A type has no states, or its buildings have not what the demand is made of.
+    """
+    if wanted is None and not any(model.damage for model in inputs.models):
+        return None
+    types: dict[str, DamageStates] = {}
+    found: list[BuildingType] = []
+    for place in range(len(buildings)):
+        if isinstance(buildings, InventoryBuildings):
+            facts = buildings.rows[place].facts
+            name = type_of(facts)
+            states = types.get(name) or _states(wanted, inputs, name, facts)
+            one = _of_row(RowBuilding(buildings.rows[place], buildings.rules), states.demand)
+        else:
+            model = inputs.models[place]
+            name = model.name
+            states = types.get(name) or (_states(wanted, inputs, name) if wanted else _own(model, inputs.models))
+            one = _of_model(model, states.demand)
+        types[name] = states
+        found.append(BuildingType(name, *one))
+    return Damage(types, found)
+
+
+def type_of(facts: BuildingFacts | CapacityFacts) -> str:
+    """The name of the type of a building of an inventory: its class, or Hazus' type and design level (C1M-high)."""
+    return facts.name if isinstance(facts, CapacityFacts) else "{1}-{0}".format(*code_of(facts))
+
+
+def curve_medians(facts: CapacityFacts) -> tuple[float, ...]:
+    """Spectral displacements of four damage states from a capacity curve, m, as GEM's toolkit of single-degree
+    buildings has them: from yielding to the end of the curve."""
+    first, last = facts.curve.yielding, facts.curve.displacement[-1]
+    return 0.75 * first, 0.5 * first + 0.33 * last, 0.25 * first + 0.67 * last, last
+
+
+def _states(
+    wanted: DamageWishes | None, inputs: Inputs, name: str, facts: BuildingFacts | CapacityFacts | None = None
+) -> DamageStates:
+    """The states of a type as the campaign says."""
+    assert wanted is not None
+    if wanted.of_all:
+        return wanted.of_all
+    if wanted.source in (HAZUS, CAPACITY):
+        medians = _HAZUS_OR_CURVE[wanted.source](facts)
+        states = DamageStates(wanted.demand, wanted.states, medians, wanted.dispersion or 0.0, wanted.losses)
+    elif name in inputs.class_states:
+        states = inputs.class_states[name]
+    else:
+        raise ModelError(f"{wanted.source}: has no damage thresholds of the class {name!r}")
+    if wanted.loss_file and name not in inputs.class_losses:
+        raise ModelError(f"{wanted.loss_file}: has no losses of the class {name!r}")
+    return replace(states, losses=inputs.class_losses[name]) if wanted.loss_file else states
+
+
+def _hazus_medians(facts: Any) -> tuple[float, ...]:
+    row = hazus_types()[code_of(facts)]
+    return row.slight_drift_ratio, row.moderate_drift_ratio, row.extensive_drift_ratio, row.complete_drift_ratio
+
+
+_HAZUS_OR_CURVE = {HAZUS: _hazus_medians, CAPACITY: curve_medians}
+
+
+def _own(model: Model, models: Sequence[Model]) -> DamageStates:
+    """The states that a model says for itself, which are those of the others by name and demand."""
+    first = next(one.damage for one in models if one.damage)
+    if model.damage is None:
+        raise ModelError(f"{model.source}: says nothing of `damage`, as other models of the campaign do")
+    assert first is not None
+    if (model.damage.demand, model.damage.states) != (first.demand, first.states):
+        raise ModelError(f"{model.source}: damage: has another demand or other states than the models before it")
+    return model.damage
+
+
+def _of_row(source: RowBuilding, demand: str) -> tuple[float, float]:
+    """Divisor and period of a building of an inventory; alike ones are made once."""
+    rules, facts = source.rules, source.row.facts
+    if rules.stiffness or rules.damping:
+        return _of_model(source.subject().model, demand)
+    alike = replace(facts, mass=UNIT_MASS) if isinstance(facts, CapacityFacts) else replace(facts, area=1.0)
+    return _of_facts(alike, rules.name, demand)
+
+
+@lru_cache(maxsize=10_000)
+def _of_facts(facts: BuildingFacts | CapacityFacts, rules: str, demand: str) -> tuple[float, float]:
+    return _divisor_and_period(RULES[rules](facts, None).stories, demand, "")
+
+
+def _of_model(model: Model, demand: str) -> tuple[float, float]:
+    return _divisor_and_period(model.stories, demand, model.source or model.name)
+
+
+def _divisor_and_period(stories: Sequence[Story], demand: str, name: str) -> tuple[float, float]:
+    heights = [story.height for story in stories]
+    if "ratio" in demand and (None in heights if DEMANDS[demand].per else not any(heights)):
+        raise ModelError(f"{name}: damage by {demand} needs the heights of the stories")
+    links = np.minimum(np.arange(len(stories)), 1.0)
+    modes = solve_modes(
+        np.array([story.mass for story in stories]), np.array([story.stiffness for story in stories]), links
+    )
+    per = {"": 1.0, "height": math.fsum(filter(None, heights)), "participation": float(modes.participation[0])}
+    return per[DEMANDS[demand].per], float(2.0 * math.pi / modes.omega[0])

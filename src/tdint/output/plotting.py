@@ -1,0 +1,211 @@
+"""Pictures from Python: the figure of any result, or its main panel on axes of the caller."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tdint.analysis.assessment.failures import Trial
+from tdint.analysis.assessment.order import ObservedOrder
+from tdint.analysis.assessment.overshoot import Overshoot
+from tdint.analysis.assessment.stability import StabilityCurve
+from tdint.analysis.chart.work_precision import Chart
+from tdint.analysis.comparison.compare import Comparison
+from tdint.analysis.run.outcome import Response
+from tdint.analysis.spectra.drift import DriftSpectrum
+from tdint.analysis.spectra.elastic import Spectrum
+from tdint.analysis.spectra.first_mode import SA_DAMPING
+from tdint.analysis.spectra.floors import FloorSpectrum
+from tdint.analysis.spectra.inelastic import InelasticSpectrum
+from tdint.analysis.spectra.rotated import RotatedSpectrum
+from tdint.analysis.static.cyclic import CyclicTest
+from tdint.analysis.static.pushover import Pushover
+from tdint.campaign.fragility.fit_table import FragilityResult
+from tdint.campaign.fragility.fits import Fragility
+from tdint.campaign.ida.study import IdaStudy
+from tdint.campaign.sensitivity import Swing
+from tdint.campaign.suites.scaling import Scaling
+from tdint.errors import UsageError
+from tdint.files import Writer, write_files
+from tdint.ground_motion.record import Record
+from tdint.model.modes import Modes
+from tdint.output.figures import assessment, fragility, ida, records, runs, spectrum_curves, statics, suites
+from tdint.output.figures.comparison import comparison_picture
+from tdint.output.figures.demands import floor_spectra, mode_shapes, tornado
+from tdint.output.figures.failure_matrix import failure_picture
+from tdint.output.figures.style import Picture, style_context
+from tdint.output.figures.work_precision import chart_picture
+from tdint.output.printed import PRINTED, PrintedAs
+from tdint.output.tables.spectra import RecordInfo, record_info
+from tdint.output_units import SI, OutputUnits, parse_output_units
+from tdint.tabular import Several
+
+_Shown = Sequence[Any]
+_PERIODS = (0.04, 4.0, 100)
+"""Of the spectra beside recordings, s."""
+
+
+@dataclass(frozen=True)
+class _Look:
+    """How results of a kind are drawn: as a picture, and on axes where one panel says what they are."""
+
+    picture: Callable[[_Shown, str, OutputUnits], Writer]
+    on_axes: Callable[[Any, _Shown, OutputUnits], None] | None = None
+
+
+def plot(
+    result: Any,
+    ax: Any = None,
+    units: str = "",
+    *,
+    file: str | Path | None = None,
+    width: float | None = None,
+    font: str | None = None,
+    title: bool = True,
+    labels: Mapping[str, str] | None = None,
+) -> Any:
+    """Draw a result, or several of one kind in one picture.
+
+    Parameters
+    ----------
+    result : object
+        What `run`, `spectrum`, `stability`, `ida`, `fragility`, ... give; a record; or a sequence of those that share a
+        picture: spectra, curves of methods.
+    ax : matplotlib.axes.Axes, optional
+        Draw the main panel alone on these axes: pseudo-accelerations of spectra, peak drifts of a run, the spectral
+        radius of methods, ...
+    units : str
+        Units in place of SI, such as `kip,in,g`.
+    file : str or Path, optional
+        Also write the figure: .png, .pdf (with TrueType letters) or .svg.
+    width : float, optional
+        Of print, m: letters have 6 to 8 points then, symbols are those of the field.
+    font : str, optional
+        Name of a font of this machine.
+    title : bool
+        Whether the figure has a title; papers have captions.
+    labels : mapping of str to str, optional
+        Words in the picture and what shall stand for them: `{"moment4": "present method"}`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure or matplotlib.axes.Axes
+        The figure, of this call alone: matplotlib's pyplot does not know it; or the axes that were given.
+
+    Raises
+    ------
+    UsageError
+        The result has no picture, or no main panel; a unit or a font is unknown; the panels find no room.
+    OutputError
+        The file is of another kind, or cannot be written.
+    """
+    several = list(result) if isinstance(result, list | tuple | Several) else [result]
+    kind = _kind_of(several)
+    wanted = parse_output_units(units) if units else SI
+    printed = PrintedAs(width, font, title, tuple((labels or {}).items()))
+    if ax is not None:
+        if file is not None or printed != PrintedAs():
+            raise UsageError("on axes that are there, size, letters and file are those of their figure")
+        if kind.on_axes is None:
+            raise UsageError(f"a {type(several[0]).__name__} has no single panel: plot it without axes")
+        with style_context():
+            kind.on_axes(ax, several, wanted.in_pictures)
+        return ax
+    before = PRINTED.set(printed)
+    try:
+        path = Path(file) if file is not None else None
+        made = kind.picture(several, path.suffix if path else ".png", wanted)
+        assert isinstance(made, Picture)
+        figure = made.figure()
+        if path is not None:
+            write_files({path: lambda stream: made.save(figure, stream)}, overwrite=True)
+    finally:
+        PRINTED.reset(before)
+    return figure
+
+
+def _kind_of(results: _Shown) -> _Look:
+    kinds = {type(one) for one in results}
+    for one in kinds:
+        if len(kinds) == 1 and (len(results) == 1 or one not in _ALONE) and one in _LOOKS:
+            return _LOOKS[one]
+    what = " and ".join(sorted(one.__name__ for one in kinds)) or "nothing"
+    raise UsageError(f"{'several of ' * (len(results) > 1)}{what}: there is no picture of it")
+
+
+def _compared(results: _Shown, suffix: str, units: OutputUnits) -> Writer:
+    least, most, count = _PERIODS
+    periods = np.geomspace(max(least, 2.0 * results[0].event.base.dt), most, count)
+    return comparison_picture(results, periods, SA_DAMPING, suffix, units)
+
+
+def _info(results: _Shown) -> list[RecordInfo]:
+    return [one if isinstance(one, RecordInfo) else record_info(one) for one in results]
+
+
+_INFO = _Look(
+    lambda found, suffix, units: records.info_picture(_info(found), suffix, units),
+    lambda ax, found, units: records.draw_acceleration(ax, _info(found)[0].record, units),
+)
+_LOOKS: dict[type, _Look] = {
+    Chart: _Look(
+        lambda found, suffix, _: chart_picture(found[0], suffix, name="Time against accuracy", target="peak-drift")
+    ),
+    Comparison: _Look(_compared),
+    CyclicTest: _Look(
+        lambda found, suffix, units: statics.cyclic_picture(found[0], suffix, units),
+        lambda ax, found, units: statics.draw_loop(ax, found[0], units),
+    ),
+    DriftSpectrum: _Look(spectrum_curves.drift_spectrum_picture),
+    FloorSpectrum: _Look(floor_spectra.floor_picture),
+    Fragility: _Look(
+        lambda found, suffix, _: fragility.fragility_picture(found, suffix),
+        lambda ax, found, _: fragility.draw_functions(ax, found),
+    ),
+    FragilityResult: _Look(
+        lambda found, suffix, _: fragility.fragility_picture(found[0].functions, suffix),
+        lambda ax, found, _: fragility.draw_functions(ax, found[0].functions),
+    ),
+    IdaStudy: _Look(
+        lambda found, suffix, units: ida.ida_picture(found[0].in_units(units), suffix),
+        lambda ax, found, units: ida.draw_ida(ax, found[0].in_units(units)),
+    ),
+    InelasticSpectrum: _Look(spectrum_curves.inelastic_picture),
+    Modes: _Look(
+        lambda found, suffix, _: mode_shapes.mode_picture(found[0], suffix, name="Modes"),
+        lambda ax, found, _: mode_shapes.draw_modes(ax, found[0]),
+    ),
+    ObservedOrder: _Look(lambda found, suffix, _: assessment.order_picture(found, suffix)),
+    Overshoot: _Look(lambda found, suffix, _: assessment.overshoot_picture(found, suffix)),
+    Pushover: _Look(
+        lambda found, suffix, units: statics.pushover_picture(found[0], suffix, units),
+        lambda ax, found, units: statics.draw_curve(ax, found[0], units),
+    ),
+    Record: _INFO,
+    RecordInfo: _INFO,
+    Response: _Look(
+        lambda found, suffix, units: runs.run_picture(found[0], suffix, units),
+        lambda ax, found, units: runs.draw_drifts(ax, found[0], units),
+    ),
+    RotatedSpectrum: _Look(spectrum_curves.rotated_picture),
+    Scaling: _Look(
+        lambda found, suffix, units: suites.suite_picture(found[0], suffix, units),
+        lambda ax, found, units: suites.draw_suite(ax, found[0], units),
+    ),
+    Spectrum: _Look(
+        lambda found, suffix, units: spectrum_curves.spectrum_picture(found, suffix, units=units),
+        spectrum_curves.draw_accelerations,
+    ),
+    StabilityCurve: _Look(
+        lambda found, suffix, _: assessment.stability_picture(found, suffix),
+        lambda ax, found, _: assessment.draw_radius(ax, found),
+    ),
+    Swing: _Look(tornado.sensitivity_picture),
+    Trial: _Look(lambda found, suffix, _: failure_picture(found, suffix)),
+}
+_ALONE = (Chart, CyclicTest, FragilityResult, IdaStudy, Modes, Pushover, Response, Scaling)
+"""Of these a picture shows one."""

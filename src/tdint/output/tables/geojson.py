@@ -1,0 +1,152 @@
+"""A campaign as points on a map: GeoJSON (RFC 7946) with a feature for each building and level, and each event."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import groupby
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+from tdint.campaign.engine.rows import RUN
+from tdint.campaign.fragility.run_damage import BuildingDamage, building_damages, stored_states
+from tdint.campaign.store.schema import RUN_COLUMNS
+from tdint.errors import UsageError
+from tdint.output.tables.campaign import carried_columns, numeric
+from tdint.output.tables.damage_states import LOSS
+from tdint.output.tables.table import names
+from tdint.output_units import SI, OutputUnits
+
+if TYPE_CHECKING:
+    from tdint.campaign.profiles import RunKey, SuiteLevel
+    from tdint.campaign.store.store import Store
+
+_SHOWN = ("peak_drift_ratio", "residual_drift_ratio", "peak_acceleration")
+_DEMANDS = tuple(one for one in RUN if one.name in _SHOWN)
+_PLACES = tuple(RUN_COLUMNS.index(one.column) for one in _DEMANDS)
+_STATUS = RUN_COLUMNS.index("status")
+_OWN = ("building", "scale", "level", "runs", "collapsed", "failed")
+
+Feature = dict[str, Any]
+
+
+def write_geojson(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
+    """Write a FeatureCollection of points: longitude and latitude, degrees; null for a building without a place.
+
+    Properties are the columns of the inventory, the level (`scale`, and `level` as in profiles.csv), how many motions
+    there were and under how many the building collapsed or a run failed, and of the demands the mean and the largest
+    over the others: of a pair the larger component counts. Where damage is told, the mean probability of each state and
+    the mean loss ratio follow. What is not known is null.
+
+    Raises
+    ------
+    UsageError
+        The campaign has no places.
+    """
+    stream.write(b'{"type": "FeatureCollection", "features": [')
+    between = b"\n"
+    for feature in _features(store, units):
+        stream.write(between + json.dumps(feature, ensure_ascii=False, allow_nan=False).encode("utf-8", "replace"))
+        between = b",\n"
+    stream.write(b"\n]}\n")
+
+
+def places_of(store: Store) -> tuple[int, int]:
+    """Which columns of the inventory are longitude and latitude.
+
+    Raises
+    ------
+    UsageError
+        There are none.
+    """
+    titles = [title.lower() for title in store.inventory_columns()]
+    if "longitude" in titles and "latitude" in titles:
+        return titles.index("longitude"), titles.index("latitude")
+    raise UsageError(f"{store.name}: a map needs an inventory with the columns Latitude and Longitude")
+
+
+def _features(store: Store, units: OutputUnits) -> Iterator[Feature]:
+    from tdint.campaign.profiles import RunKey, SuiteRules
+
+    longitude, latitude = places_of(store)
+    rules, properties = SuiteRules.of(store), _properties(store)
+    buildings, damages = store.buildings(), building_damages(store)
+    for number, rows in groupby(store.runs(), key=lambda row: row[0]):
+        damage = next(damages, None)
+        runs = {RunKey(*row[1:4]): row for row in rows}
+        cells = store.carried(number)
+        geometry = _point(cells[longitude], cells[latitude])
+        for rank, level in enumerate(rules.levels({key: row[_STATUS] for key, row in runs.items()})):
+            head: Feature = {"building": buildings[number][0]}
+            if not math.isnan(level.scale):
+                head["scale"] = _digits(level.scale)
+            if not math.isnan(level.value):
+                head["level"] = _digits(level.value)
+            told = _damage(damage, rank) if damage else {}
+            found = head | _counts(level) | _demands(level, runs, units) | told | properties(cells)
+            yield {"type": "Feature", "geometry": geometry, "properties": found}
+
+
+def _point(longitude: str, latitude: str) -> Feature | None:
+    """A position from -180 to 180 degrees: east of the meridian of Greenwich, then north of the equator."""
+    if not longitude or not latitude:
+        return None
+    east = float(longitude)
+    return {"type": "Point", "coordinates": [_digits((east + 180.0) % 360.0 - 180.0 if abs(east) > 180.0 else east),
+                                             _digits(float(latitude))]}  # fmt: skip
+
+
+def _counts(level: SuiteLevel) -> Feature:
+    runs = len(level.stood) + level.collapsed + level.failed
+    return {"runs": runs, "collapsed": level.collapsed, "failed": level.failed}
+
+
+def _demands(level: SuiteLevel, runs: Mapping[RunKey, Sequence[Any]], units: OutputUnits) -> Feature:
+    """Mean and largest of each demand; None without a motion, or without the demand (no heights, no ratio)."""
+    found: Feature = {}
+    for one, place in zip(_DEMANDS, _PLACES, strict=True):
+        column, factor = units.column(one.column, one.unit)
+        cells = [[runs[key][place] for key in keys] for keys in level.stood]
+        values = [max(abs(cell) for cell in of_motion) / factor for of_motion in cells if None not in of_motion]
+        found[f"mean_{column}"] = _digits(math.fsum(values) / len(values)) if values else None
+        found[f"max_{column}"] = _digits(max(values)) if values else None
+    return found
+
+
+def _damage(of: BuildingDamage, rank: int) -> Feature:
+    """Mean probability of each damage state and mean loss ratio over the runs of a level."""
+    chosen = of.known & (of.rank == rank)
+    means = of.probability[chosen].mean(axis=0).tolist() if chosen.any() else [None] * len(of.states.outcomes)
+    found = {_probability(name): _known(mean) for name, mean in zip(of.states.outcomes, means, strict=True)}
+    if of.states.losses:
+        found[LOSS.name] = _known(float(of.loss[chosen].mean()) if chosen.any() else None)
+    return found
+
+
+def _probability(outcome: str) -> str:
+    return f"probability_{outcome.replace('-', '_')}"
+
+
+def _known(value: float | None) -> float | None:
+    return None if value is None else _digits(value)
+
+
+def _properties(store: Store) -> Callable[[Sequence[str]], Feature]:
+    """What makes the properties of the inventory's cells: numbers where a column has numbers alone."""
+    demands = [f"{what}_{one.column}" for one in _DEMANDS for what in ("mean", "max")]
+    outcomes = [_probability(name) for states in stored_states(store).values() for name in states.outcomes]
+    columns = names(carried_columns(store, (*_OWN, *demands, *outcomes, LOSS.name)))
+    kinds = numeric(store)
+
+    def properties(cells: Sequence[str]) -> Feature:
+        return {
+            name: (json.loads(text) if text else None) if is_number else text
+            for name, text, is_number in zip(columns, cells, kinds, strict=True)
+        }
+
+    return properties
+
+
+def _digits(value: float) -> float:
+    """Twelve significant digits, as in tables."""
+    return float(format(value + 0.0, ".12g"))

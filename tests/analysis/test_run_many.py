@@ -1,0 +1,156 @@
+"""Many runs in one call are single runs, to the last bit: peaks, histories, how they end."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+
+import tdint
+from building_cases import Law, model, noise, story, ten_bilinear, ten_linear
+from tdint.analysis.run.outcome import STORY, FailedRun
+from tdint.analysis.run_many import KEPT
+from tdint.errors import ModelError, UsageError
+from tdint.model.definition import RayleighRatio
+from tdint.units import STANDARD_GRAVITY
+
+SCALES = (0.5, 1.0, -2.0)
+TWO_PERCENT = RayleighRatio((0.02, 0.02), (1, 2))
+
+
+def small(**more):
+    """Two bilinear stories."""
+    law = Law("bilinear", (2e4, 0.05))
+    return model([story(2e3, 2e6, law, height=3.0)] * 2, damping=TWO_PERCENT, **more)
+
+
+def falling():
+    """A story whose P-delta outweighs its stiffness after yielding."""
+    stiffness = 2.0 * STANDARD_GRAVITY / 3.0
+    return model([story(1.0, stiffness, Law("bilinear", (0.05 * stiffness, 0.0)), height=3.0)], p_delta=True)
+
+
+MODELS = [ten_bilinear(), small(), ten_linear()]
+RECORDS = [noise(samples=150), noise(samples=90, seed=8)]
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return tdint.run_many(MODELS, RECORDS, scales=SCALES, method="newmark-average", history=tuple(KEPT), jobs=2)
+
+
+def test_each_run_is_the_single_one(runs):
+    assert runs.model.tolist() == np.repeat([0, 1, 2], 6).tolist()
+    assert runs.record.tolist() == [0, 0, 0, 1, 1, 1] * 3
+    assert runs.scale.tolist() == [*SCALES] * 6
+    for i, (building, record, scale) in enumerate(zip(runs.model, runs.record, runs.scale, strict=True)):
+        n = len(MODELS[building].stories)
+        single = tdint.run(MODELS[building], RECORDS[record].scaled(scale), method="newmark-average", history=True)
+        assert (runs.status[i], runs.steps[i], runs.dt[i]) == (single.status, single.steps, single.dt)
+        assert runs.energy_error[i] == single.energy.error
+        for one in STORY:
+            np.testing.assert_array_equal(getattr(runs.stories, one.name)[i, :n], getattr(single.stories, one.name))
+            assert np.isnan(getattr(runs.stories, one.name)[i, n:]).all()
+        for name, attribute in KEPT.items():
+            expected = getattr(single.history, attribute)
+            np.testing.assert_array_equal(runs.history[name][i, : len(expected), :n], expected, err_msg=name)
+            assert np.isnan(runs.history[name][i, len(expected) :]).all()
+            assert np.isnan(runs.history[name][i, :, n:]).all()
+    np.testing.assert_array_equal(runs.time[0, : len(single.history.time)], single.history.time)
+
+
+@pytest.mark.parametrize("method", ["impulse4", "moment4"])
+def test_neither_jobs_nor_what_is_kept_change_a_run(method):
+    """With a history runs are made one by one, without in one call; a method that carries its error has wider rows."""
+    both = [
+        tdint.run_many(small(), RECORDS, scales=SCALES, method=method, history=kept, jobs=jobs)
+        for kept, jobs in (("drift", 1), ((), 2))
+    ]
+    for one in STORY:
+        np.testing.assert_array_equal(*(getattr(found.stories, one.name) for found in both))
+    np.testing.assert_array_equal(both[0].energy_error, both[1].energy_error)
+    assert np.nanmax(np.abs(both[0].history["drift"])) <= np.max(both[0].stories.peak_drift)
+
+
+def test_how_runs_end():
+    """Fallen, diverged and refused runs have the status of single ones, and do not keep the others from being done."""
+    record = noise(samples=300)
+    found = tdint.run_many(falling(), record, scales=(1e-3, 5.0), method="newmark-average", history="drift", jobs=1)
+    assert found.status.tolist() == ["done", "collapsed"]
+    single = tdint.run(falling(), record.scaled(5.0), method="newmark-average", history=True)
+    assert single.status == "collapsed" and found.steps[1] == single.steps
+    np.testing.assert_array_equal(found.stories.peak_drift[1], single.stories.peak_drift)
+    np.testing.assert_array_equal(found.history["drift"][1, : single.steps + 1], single.history.drift)
+    stiff = model([story(1.0, 1e6)])
+    refused = tdint.run_many([stiff, ten_linear()], record, method="central-difference", dt=0.01, history="drift")
+    ends = []
+    for building in (stiff, ten_linear()):
+        try:
+            ends.append(tdint.run(building, record, method="central-difference", dt=0.01).status)
+        except FailedRun as failure:
+            ends.append(failure.status)
+    assert refused.status.tolist() == ends and "unstable-step" in ends
+    for i, status in enumerate(ends):
+        assert (i in refused.failures) == (status == "unstable-step")
+        assert np.isnan(refused.stories.peak_drift[i]).all() == (status == "unstable-step")
+        assert np.isnan(refused.history["drift"][i]).all() == (status == "unstable-step")
+
+
+def test_histories_go_where_they_are_asked_to(tmp_path, runs):
+    whole = runs.history["drift"][6:12, :, :2]
+    file = np.lib.format.open_memmap(tmp_path / "drift.npy", mode="w+", shape=(6, 50, 2), dtype=np.float32)
+    file[...] = 7.0
+    given = {"records": RECORDS, "scales": SCALES, "method": "newmark-average", "history": "drift", "every": 3}
+    found = tdint.run_many(small(), **given, out=file)
+    assert found.history["drift"] is file
+    thinned = whole[:, : 3 * 50 : 3]
+    np.testing.assert_array_equal(np.load(tmp_path / "drift.npy"), thinned.astype(np.float32))
+    assert found.time.shape == (1, 50) and found.time[0, -1] == pytest.approx(1.47)
+    with pytest.raises(
+        UsageError, match=r"out of drift must be an array .* shape \(6, 50, 2\), got float64 \(6, 51, 2\)"
+    ):
+        tdint.run_many(small(), **given, out={"drift": np.zeros((6, 51, 2))})
+    with pytest.raises(UsageError, match="an array for each quantity of the history: drift, shear"):
+        tdint.run_many(small(), **{**given, "history": ("drift", "shear")}, out=file)
+
+
+def test_pairs_of_a_model_a_record_and_a_scale(runs):
+    found = tdint.run_many([MODELS[1], MODELS[0]], RECORDS, scales=2.0, paired=True, method="newmark-average")
+    assert (found.model.tolist(), found.record.tolist(), found.scale.tolist()) == ([0, 1], [0, 1], [2.0, 2.0])
+    single = tdint.run(MODELS[0], RECORDS[1].scaled(2.0), method="newmark-average")
+    np.testing.assert_array_equal(found.stories.peak_drift[1], single.stories.peak_drift)
+    with pytest.raises(UsageError, match="paired: 2 records beside 3"):
+        tdint.run_many(MODELS, RECORDS, paired=True)
+
+
+def test_the_columns_are_those_of_a_campaign(runs):
+    found = runs.to_dict()
+    single = tdint.run(MODELS[1], RECORDS[0].scaled(-2.0), method="newmark-average")
+    assert found["method"] == ["newmark-average"] * 18 and found["status"][8] == "done"
+    assert found["peak_drift_m"][8] == np.max(single.stories.peak_drift)
+    assert found["peak_roof_displacement_m"][8] == single.stories.peak_displacement[-1]
+    assert found["peak_drift_ratio"].shape == (18,) and found["scale"][8] == -2.0
+    assert runs.to_dict("kip,in,g")["peak_drift_in"][8] * 0.0254 == pytest.approx(found["peak_drift_m"][8])
+    assert repr(runs).startswith("<Runs 18 of 3 buildings under 2 records, histories of displacement, velocity")
+    again = pickle.loads(pickle.dumps(runs))
+    np.testing.assert_array_equal(again.history["shear"], runs.history["shear"])
+
+
+@pytest.mark.parametrize(
+    ("given", "kind", "message"),
+    [
+        ({"history": "drfit"}, UsageError, "unknown quantity 'drfit'; did you mean 'drift'"),
+        ({"history": "acceleration"}, UsageError, "absolute_acceleration"),
+        ({"scales": (1.0, 0.0)}, UsageError, "scales must be numbers other than zero"),
+        ({"every": 0}, UsageError, "every must be a whole number"),
+        ({"jobs": 0}, UsageError, "the number of jobs"),
+        ({"models": []}, UsageError, "no models are given"),
+        ({"models": 3.0}, ModelError, "model"),
+        ({"dt": 0.007}, UsageError, "does not fit the record"),
+        ({"method": "newmrk"}, UsageError, "newmark"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(given, kind, message):
+    with pytest.raises(kind, match=message):
+        tdint.run_many(**{"models": small(), "records": RECORDS[0], **given})

@@ -1,0 +1,121 @@
+"""What laws and methods cost in the buildings of inventories: python tests/benchmarks/inventories.py
+
+First the processor time of multilinear-pinching over that of trilinear-pinching in the same buildings (one to four
+stories, the same backbones), taking turns. Then what error of the peak drifts each method has at steps from one to
+eight times the records', and in what time: by the rules mdof-lu, and with the law multilinear-pinching in its place.
+"""
+
+from __future__ import annotations
+
+import random
+import re
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+import tdint
+from tdint.campaign.engine.batch import Batch
+from tdint.campaign.engine.chunk import spectral_accelerations
+from tdint.campaign.engine.task import Motions, Run, RunSettings, Subject
+from tdint.model.definition import Model
+from tdint.model.inventory.derive import derive_row, model_text
+from tdint.model.inventory.facts import BuildingFacts
+from tdint.model.inventory.table import InventoryRow
+
+BUILDINGS = 40
+REPEATS = 3
+METHODS = ("impulse4", "moment4", "newmark-average")
+STEPS = (1, 2, 4, 8)
+SCALES = (0.5, 1.0, 2.0)
+TRILINEAR = re.compile(
+    r"type: trilinear-pinching, yield_force: (\S+), ultimate_force: (\S+), ultimate_drift: (\S+), .*?}"
+)
+
+
+def buildings(law: str) -> list[Model]:
+    """Models by the rules mdof-lu, with their law or the other one through the same points."""
+    kinds, found = random.Random(1), []
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "building.yaml"
+        for number in range(BUILDINGS):
+            structure = kinds.choice(["W1", "C1", "S1", "RM1", "URM"])
+            facts = BuildingFacts(structure, kinds.randint(1, 4), kinds.randint(1920, 2015), 200.0)
+            row = InventoryRow(str(number), facts)
+            text = model_text(row.id, derive_row(row, "mdof-lu"), "mdof-lu")
+            file.write_text(text if law == "trilinear" else _multilinear(text))
+            found.append(tdint.load_model(file))
+    return found
+
+
+def _multilinear(text: str) -> str:
+    lines = text.splitlines()
+    for number, line in enumerate(lines):
+        if found := TRILINEAR.search(line):
+            stiffness = float(lines[number - 1].split()[-1])
+            first, last, drift = (float(one) for one in found.groups())
+            points = f"[[{first / stiffness!r}, {first!r}], [{drift!r}, {last!r}]]"
+            pinching = "{drift: 0.5, force: 0.25, unloading: 0.05}"
+            lines[number] = f"    law: {{type: multilinear-pinching, backbone: {points}, pinching: {pinching}}}"
+    return "\n".join(lines) + "\n"
+
+
+def motions() -> Motions:
+    """The horizontals of the shipped motions."""
+    files = (f"records/{name}.mseed" for name in ("firm-soil", "near-fault", "soft-soil"))
+    pairs = [tdint.read_horizontals(file, units="m/s^2") for file in files]
+    return Motions.of(dict(enumerate(record for pair in pairs for record in (pair.first, pair.second))))
+
+
+def campaign(subjects: Sequence[Subject], suite: Motions, dt: float) -> tuple[float, np.ndarray]:
+    """Processor time of all runs, and their peak drift ratios; nan where a building has collapsed."""
+    runs, drifts, used = [Run(motion, scale) for motion in suite.records for scale in SCALES], [], 0.0
+    for subject in subjects:
+        spectral = {n: spectral_accelerations(record, [subject.period])[0] for n, record in suite.records.items()}
+        began = time.process_time()
+        rows = Batch(0, subject, suite, spectral, RunSettings(dt=dt)).results(runs).runs
+        used += time.process_time() - began
+        found = {row[1:3]: row.peak_drift_ratio if row.status == "done" else np.nan for row in rows}
+        drifts.append([found[run.motion, run.scale] for run in runs])
+    return used, np.array(drifts, dtype=float)
+
+
+def laws(suite: Motions, step: float) -> None:
+    for method in METHODS:
+        sets = {law: [Subject(model, method) for model in buildings(law)] for law in ("trilinear", "multilinear")}
+        times = {law: [] for law in sets}
+        for _ in range(REPEATS):
+            for law, subjects in sets.items():
+                times[law].append(campaign(subjects, suite, step)[0])
+        least = {law: min(found) for law, found in times.items()}
+        print(f"{method}: multilinear-pinching over trilinear-pinching {least['multilinear'] / least['trilinear']:.2f}")
+
+
+def methods(suite: Motions, step: float) -> None:
+    for law in ("trilinear", "multilinear"):
+        models = buildings(law)
+        _, exact = campaign([Subject(model, "impulse4") for model in models], suite, step / 16)
+        print(f"\n| {law}: step over the record's | method | s | 50 % | 90 % | 99 % of errors within |")
+        print("|---|---|---|---|---|---|")
+        for part in STEPS:
+            sets = {method: [Subject(model, method) for model in models] for method in METHODS}
+            least, drifts = dict.fromkeys(METHODS, np.inf), {}
+            for _ in range(REPEATS):
+                for method, subjects in sets.items():
+                    used, drifts[method] = campaign(subjects, suite, step * part)
+                    least[method] = min(least[method], used)
+            for method in METHODS:
+                errors = np.abs(drifts[method] / exact - 1.0)
+                within = " | ".join(f"{100 * one:.2g} %" for one in np.nanquantile(errors, [0.5, 0.9, 0.99]))
+                print(f"| {part:g} | {method} | {least[method]:.3f} | {within} |")
+
+
+if __name__ == "__main__":
+    suite = motions()
+    step = suite.records[0].dt
+    if "methods" not in sys.argv:
+        laws(suite, step)
+    methods(suite, step)

@@ -1,0 +1,179 @@
+"""Each command has its function in Python, which gives what the command prints; results show themselves and travel."""
+
+from __future__ import annotations
+
+import csv
+import io
+import pickle
+import pydoc
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import tdint as package
+from tdint.errors import ModelError, RecordError, UsageError
+from tdint.output.tables.table import cell_text
+from tdint_cli.main import COMMANDS
+
+STRIPES = "im,collapses,records\n1,1,20\n2,8,20\n3,18,20\n"
+BUILDINGS = "id,numberofstories,yearbuilt,structuretype,planarea\na,4,1985,C1,600\nb,2,1990,W1,120\n"
+CAMPAIGN = """\
+buildings: {models: [shaken.yaml]}
+records: {files: [motion.mseed], units: m/s^2}
+intensity: {scales: [0.5, 1.0]}
+analysis: {method: newmark-average}
+"""
+MOTION = ("--record", "motion.mseed", "--component", "HNE", "--units", "m/s^2")
+
+
+@pytest.fixture
+def study(folder):
+    """The folder with tables and a campaign beside models and records."""
+    for name, text in (("stripes.csv", STRIPES), ("buildings.csv", BUILDINGS), ("campaign.yaml", CAMPAIGN)):
+        (folder / name).write_text(text, encoding="utf-8")
+    return folder
+
+
+def motion(**more):
+    return package.read_record("motion.mseed", component="HNE", units="m/s^2", **more)
+
+
+def same(result, printed):
+    """Whether columns are those of CSV, to its digits."""
+    header, *rows = csv.reader(io.StringIO(printed))
+    assert list(result) == header
+    for name, cells in zip(header, zip(*rows, strict=True), strict=True):
+        values = result[name]
+        if isinstance(values, list):
+            assert [cell_text(one) for one in values] == list(cells), name
+        else:
+            expected = [float(cell) if cell else np.nan for cell in cells]
+            np.testing.assert_allclose(values, expected, rtol=1e-11, atol=1e-300, err_msg=name)
+
+
+CASES = {
+    "campaign": (("campaign", "campaign.yaml", "-o", "out"), lambda: package.campaign("campaign.yaml", jobs=1)),
+    "check": (("check", "shaken.yaml"), lambda: package.check("shaken.yaml")),
+    "failures": (
+        ("failures", "--method", "impulse4,newmark-average", "--problem", "large-step"),
+        lambda: package.failures(["impulse4", "newmark-average"], ["large-step"]),
+    ),
+    "fragility": (("fragility", "stripes.csv"), lambda: package.fragility("stripes.csv")),
+    "info": (("info", "motion.mseed", "--component", "HNE", "--units", "m/s^2"), lambda: package.info(motion())),
+    "inventory": (("inventory", "buildings.csv", "--units", "m"), lambda: package.inventory("buildings.csv")),
+    "methods": (("methods",), lambda: package.methods()),
+    "modes": (("modes", "shaken.yaml"), lambda: package.modes(package.load_model("shaken.yaml"))),
+    "order": (
+        ("order", "--method", "hht", "--frequency-ratio", "0.5"),
+        lambda: package.order("hht", frequency_ratio=0.5),
+    ),
+    "overshoot": (
+        ("overshoot", "--method", "wilson", "--steps", "3"),
+        lambda: [package.overshoot("wilson", start, steps=3) for start in ("displacement", "velocity")],
+    ),
+    "scale": (
+        ("scale", "motion.mseed", "--component", "HNE", "--units", "m/s^2", "--sa", "2m/s^2", "--at", "0.5"),
+        lambda: package.scale([motion()], "sa(0.5)", 2.0),
+    ),
+    "sensitivity": (
+        ("sensitivity", "shaken.yaml", *MOTION[1:], "--vary", "damping=2%:5%,mass_factor=0.9:1.1"),
+        lambda: package.sensitivity("shaken.yaml", motion(), {"damping": (0.02, 0.05), "mass_factor": (0.9, 1.1)}),
+    ),
+    "validate": (("validate",), package.validate),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_functions_give_what_commands_print(name, study, tdint):
+    words, call = CASES[name]
+    printed = tdint(*words)
+    assert printed.exit_code == 0, printed.stderr
+    text = (study / "out" / "runs.csv").read_text(encoding="utf-8") if name == "campaign" else printed.stdout
+    result = call()
+    same(package.to_dict(result), text)
+    again = pickle.loads(pickle.dumps(result))
+    assert repr(again) == repr(result) and len(repr(result)) < 250
+    same(package.to_dict(again), text)
+
+
+def test_the_examples_and_the_chart(study, tdint):
+    """Ranks and times are of a whole table, and of a clock."""
+    found = package.to_dict(package.examples([1], ["newmark-linear", "wilson"]))
+    same(found, tdint("examples", "1", "--method", "newmark-linear,wilson").stdout)
+    chart = package.chart("shaken.yaml", motion(), methods=["impulse4", "newmark-average"], dts=[0.01], repeats=1)
+    told = chart.to_dict()
+    printed = tdint(
+        "chart", "shaken.yaml", *MOTION, "--method", "impulse4,newmark-average", "--dt", "0.01", "--repeat", "1"
+    )
+    rows = list(csv.DictReader(io.StringIO(printed.stdout)))
+    assert [row["method"] for row in rows] == told["method"]
+    np.testing.assert_allclose([float(row["drift_error"]) for row in rows], told["drift_error"], rtol=1e-11)
+
+
+def test_a_first_model_and_its_loops(study, tdint):
+    text = package.init(3, period=0.4)
+    model = package.load_model(io.StringIO(text))
+    assert 2.0 * np.pi / package.modes(model).omega[0] == pytest.approx(0.4, rel=1e-8)
+    package.compile(model)
+    assert package.compile(model) == []  # all of it is there now
+
+
+def test_every_command_has_its_function_and_help_lists_them():
+    names = {command.replace("-", "_") for command in COMMANDS}
+    assert names <= set(package.__all__)
+    for name in names | {"plot", "run_many", "to_dict"}:
+        assert callable(getattr(package, name)), name
+    text = pydoc.plain(pydoc.render_doc(package))
+    assert [name for name in names if name not in text] == []
+    import tdint.campaign.plan
+    import tdint.methods.bathe  # noqa: F401  # a package that is loaded is still the function
+
+    assert len(package.methods("bathe")) == 1
+    with pytest.raises(ModelError, match="nowhere"):
+        package.campaign("nowhere.yaml")
+
+
+def test_importing_loads_nothing():
+    code = "import sys, tdint; tdint.run; print([m for m in ('numpy', 'matplotlib', 'click') if m in sys.modules])"
+    first = subprocess.run([sys.executable, "-c", code.replace("tdint.run; ", "")], capture_output=True, text=True)
+    assert first.stdout.strip() == "[]"
+    second = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert "matplotlib" not in second.stdout and "click" not in second.stdout
+
+
+def test_a_campaign_goes_on_where_it_stopped(study):
+    half = package.campaign("campaign.yaml", "kept", limit=1, jobs=1)
+    whole = package.campaign("campaign.yaml", "kept", jobs=2)
+    assert sum(half.statuses.values()) <= sum(whole.statuses.values()) == whole.asked == 4
+    np.testing.assert_array_equal(
+        whole.to_dict()["peak_drift_m"], package.campaign("campaign.yaml").to_dict()["peak_drift_m"]
+    )
+
+
+@pytest.mark.parametrize(
+    ("call", "kind", "message"),
+    [
+        (lambda: package.order("hth"), UsageError, "hth"),
+        (lambda: package.order("hht", load="wind"), UsageError, "wind"),
+        (lambda: package.overshoot("hht", "rest"), UsageError, "a motion starts from one of displacement, velocity"),
+        (lambda: package.failures(problems=["hardning"]), UsageError, "hardening"),
+        (lambda: package.examples([4]), UsageError, "no example 4"),
+        (lambda: package.scale([motion()]), UsageError, "nothing to scale to"),
+        (lambda: package.scale([motion()], "sa", 1.0), UsageError, "unknown measure 'sa'"),
+        (lambda: package.scale([motion()], target="asce7:sds=1,sd1=0.6,tl=8", rule="best"), UsageError, "unknown rule"),
+        (lambda: package.scale([3.0], "pga", 1.0), RecordError, "a record is what"),
+        (lambda: package.info("nowhere.mseed"), RecordError, "nowhere.mseed"),
+        (lambda: package.inventory("buildings.csv", units="mile"), UsageError, "mile"),
+        (lambda: package.fragility("buildings.csv"), ModelError, "columns"),
+        (lambda: package.sensitivity("shaken.yaml", motion(), {"colour": (1.0, 2.0)}), UsageError, "colour"),
+        (lambda: package.init(0), UsageError, "stories from 1 on"),
+        (lambda: package.to_dict([]), UsageError, "one or several results"),
+        (lambda: package.to_dict([motion(), package.methods()]), UsageError, "of one kind"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_in_a_line(call, kind, message, study):
+    with pytest.raises(kind, match=message) as caught:
+        call()
+    assert len(str(caught.value).splitlines()) == 1

@@ -1,0 +1,122 @@
+"""Pictures from Python: figures of every result, main panels on axes of the caller, files."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import tdint
+from tdint.errors import OutputError, UsageError
+from tdint.units import STANDARD_GRAVITY
+
+STORY = {
+    "mass": 10.0,
+    "height": 3.0,
+    "stiffness": 8000.0,
+    "law": {"type": "bilinear", "yield_force": 50, "hardening": 0.1},
+}
+MODEL = {"name": "small", "stories": [{**STORY, "repeat": 2}], "damping": 0.05}
+WAVE = np.sin(9.0 * np.arange(300) * 0.01)
+PERIODS = np.geomspace(0.1, 2.0, 20)
+
+
+@pytest.fixture(scope="module")
+def results():
+    """A result of each kind that has a picture."""
+    record = tdint.make_record(3.0 * WAVE, dt=0.01, units="m/s^2")
+    model = tdint.load_model({**MODEL, "analysis": {"method": "newmark-average"}})
+    return {
+        "record": record,
+        "run": tdint.run(model, record, history=True),
+        "peaks": tdint.run(model, record),
+        "modes": tdint.modes(model),
+        "law": tdint.law(model, 1, ["1%"]),
+        "pushover": tdint.pushover(model, "1%"),
+        "spectrum": tdint.spectrum(record, PERIODS),
+        "inelastic": tdint.constant_ductility(record, PERIODS[-3:], [2.0]),
+        "drifts": tdint.drift_spectrum(record, PERIODS),
+        "scale": tdint.scale([record], "pga", 1.0),
+        "sensitivity": tdint.sensitivity(model, record, {"damping": (0.02, 0.05)}),
+        "fragility": tdint.fit_stripes([1.0, 2.0, 3.0], [1, 5, 9], [10, 10, 10]),
+        "stability": tdint.stability("hht", np.geomspace(0.01, 1.0, 20)),
+        "overshoot": tdint.overshoot("hht"),
+        "order": tdint.order("hht"),
+        "failures": tdint.failures("hht", ["large-step"]),
+    }
+
+
+ON_AXES = {"record", "run", "peaks", "modes", "law", "pushover", "spectrum", "scale", "fragility", "stability"}
+
+
+def test_each_is_drawn(results, tmp_path):
+    for name, result in results.items():
+        figure = tdint.plot(result, file=tmp_path / f"{name}.png")
+        assert isinstance(figure, Figure) and figure.axes, name
+        assert (tmp_path / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+        assert any(axes.has_data() for axes in figure.axes), name
+
+
+def test_the_main_panel_goes_onto_axes(results):
+    for name, result in results.items():
+        axes = Figure().subplots()
+        if name not in ON_AXES:
+            with pytest.raises(UsageError, match="no single panel"):
+                tdint.plot(result, ax=axes)
+            continue
+        assert tdint.plot(result, axes) is axes
+        assert axes.has_data() and axes.get_xlabel() and axes.get_ylabel(), name
+
+
+def test_what_is_drawn_is_the_result(results):
+    axes = Figure().subplots()
+    spectrum = results["spectrum"]
+    spectrum.plot(axes)
+    np.testing.assert_allclose(axes.lines[0].get_ydata() * STANDARD_GRAVITY, spectrum.psa, rtol=1e-12)
+    spectrum.plot(ax=axes)
+    assert axes.lines[0].get_color() != axes.lines[1].get_color() and axes.get_legend() is not None
+    inches = Figure().subplots()
+    results["law"].plot(ax=inches, units="kip,in,g")
+    assert "(in)" in inches.get_xlabel() and "kip" in inches.get_ylabel()
+    drift = results["law"].path.drift / 0.0254
+    assert any(np.allclose(line.get_xdata(), drift) for line in inches.lines if len(line.get_xdata()) == drift.size)
+    assert len(results["run"].plot().axes) > len(results["peaks"].plot().axes)
+    assert len(tdint.plot([spectrum, spectrum]).axes[0].lines) == 2
+
+
+def test_print(results, tmp_path):
+    file = tmp_path / "a.pdf"
+    both = [results["stability"], tdint.stability("wilson", np.geomspace(0.01, 1.0, 20))]
+    figure = tdint.plot(both, file=file, width=0.09, title=False, labels={"hht": "present method"})
+    assert figure.get_size_inches()[0] * 25.4 == pytest.approx(90.0)
+    assert figure.get_suptitle() == "" and b"/FontFile2" in file.read_bytes()
+    once_more = tdint.plot(results["stability"])
+    assert once_more.get_size_inches()[0] * 25.4 > 150.0  # what is asked of one picture is not asked of the next
+    with pytest.raises(UsageError, match="no such font"):
+        tdint.plot(results["stability"], font="No Such Font")
+
+
+def test_what_has_no_picture_is_refused(results, tmp_path):
+    with pytest.raises(UsageError, match="Record and Spectrum"):
+        tdint.plot([results["record"], results["spectrum"]])
+    with pytest.raises(UsageError, match="several of Response"):
+        tdint.plot([results["run"], results["run"]])
+    with pytest.raises(UsageError, match="there is no picture"):
+        tdint.methods().plot()
+    with pytest.raises(UsageError, match="those of their figure"):
+        tdint.plot(results["run"], ax=Figure().subplots(), width=0.09)
+    with pytest.raises(OutputError, match=r"written as \.png, \.pdf or \.svg"):
+        tdint.plot(results["run"], file=tmp_path / "a.jpg")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_pyplot_is_left_alone():
+    code = (
+        "import sys, tdint; r = tdint.make_record([0.0, 1.0, 0.0], dt=0.01, units='m/s^2');"
+        "before = 'matplotlib.figure' in sys.modules; r.plot(); print(before, 'matplotlib.pyplot' in sys.modules)"
+    )
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert shown.stdout.split() == ["False", "False"], shown.stderr
