@@ -293,7 +293,7 @@ def checkout():
         folder = Path(name)
         for part in ("configs", "records"):
             (folder / part).symlink_to(ROOT / part)
-        for shown in ("workshop", "recorded", "campaign", "drift-check", "region"):
+        for shown in ("workshop", "recorded", "campaign", "drift-check", "region", "fields"):
             (folder / f"{shown}.yaml").write_text(block(shown))
         path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
         yield folder, {**os.environ, "PATH": path}

@@ -143,7 +143,12 @@ def _float(text: str) -> float:
 
 
 def read_table(
-    source: str, needs: str, *, columns: Collection[str] | None = None, error: type[TdintError] = ModelError
+    source: str,
+    needs: str,
+    *,
+    columns: Collection[str] | None = None,
+    comment: str = "",
+    error: type[TdintError] = ModelError,
 ) -> CsvTable:
     """Read a CSV file with a header.
 
@@ -155,6 +160,8 @@ def read_table(
         What it must be, for messages: `a target spectrum is a CSV file with the columns ...`.
     columns : collection of str, optional
         Those that will be asked for, no two of one name; all if it is not given.
+    comment : str
+        What a line above the header begins with that is none, as in OpenQuake's files; nothing for no such lines.
     error : type
         The error of this kind of file; by default the one of models.
 
@@ -164,6 +171,8 @@ def read_table(
         Of that type: it cannot be read, is no CSV file in UTF-8, is empty, or two columns have one name.
     """
     lines = _lines(source, _text(source, needs, error), error)
+    while comment and lines and lines[0][1][0].lstrip().startswith(comment):
+        del lines[0]
     if not lines:
         raise error(f"{source}: is empty; {needs}")
     (header_line, header), *rows = lines

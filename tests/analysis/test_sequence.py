@@ -133,6 +133,6 @@ def test_a_rest_is_a_time(rest):
 def test_the_table_has_the_shocks_and_all():
     found = run_sequence(case(), [MAIN, AFTER], rest=1.0)
     table = found.to_dict()
-    assert list(dict.fromkeys(table["shock"].tolist())) == ["1", "2", "all"]
+    assert list(dict.fromkeys(table["shock"])) == ["1", "2", "all"]
     assert table["peak_drift_m"][-10:] == pytest.approx(found.stories.peak_drift)
     assert table["peak_drift_m"][:10] == pytest.approx(found.shocks[0].stories.peak_drift)

@@ -51,7 +51,8 @@ def survives(package: Path, module: Path, text: str, tests: list[str]) -> bool:
     file = package / "tdint" / module.relative_to(ROOT / "src" / "tdint")
     before = file.read_text(encoding="utf-8")
     file.write_text(text, encoding="utf-8")
-    environment = {**os.environ, "PYTHONPATH": str(package), "PYTHONDONTWRITEBYTECODE": "1"}
+    environment = {**os.environ, "PYTHONPATH": str(package), "PYTHONPYCACHEPREFIX": str(package / "bytecode")}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *tests]
     try:
         return not subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, timeout=SECONDS).returncode

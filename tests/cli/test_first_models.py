@@ -58,6 +58,20 @@ def test_laws_come_out_of_curves_that_they_drew(folder, tdint):
     assert story.law.parameters[:3] == pytest.approx((1e6, 1.4e6, 0.04), rel=1e-4)
 
 
+def test_a_falling_curve_in_four_points(folder, tdint):
+    """The law of the model has the curve again, past its largest shear, and runs; loops reload along straight lines."""
+    drift, shear = [0, 10, 40, 60, 80], [0, 1000, 1400, 700, 500]
+    curves("fall.csv", (drift, shear), (drift, [2 * one for one in shear]))
+    call = ("init", "b.yaml", "--weights", "2x4000", "--from-pushover", "fall.csv", "--law", "multilinear")
+    assert tdint(*call).exit_code == 0
+    for factor, story in zip((1.0, 2.0), load_model("b.yaml").stories, strict=True):
+        points = np.array(story.law.parameters[:8]).reshape(4, 2)
+        assert points[:, 0] == pytest.approx(1e-3 * np.array(drift[1:]), rel=1e-3)
+        assert points[:, 1] == pytest.approx(1e3 * factor * np.array(shear[1:]), rel=1e-3)
+    table = tdint("law", "b.yaml", "--drift", "20mm", "--story", "1").stdout.splitlines()
+    assert len(table) > 10 and tdint("run", "b.yaml", "-o", "out").exit_code == 0
+
+
 def test_the_misfit_is_the_root_mean_square_of_what_is_left(folder):
     """Of a curve that is no bilinear law; no law of a grid of them comes closer."""
     curves("three.csv", ([0, 10, 40, 80], [0, 1000, 1400, 1400]))

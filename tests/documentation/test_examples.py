@@ -10,9 +10,11 @@ import re
 import shlex
 import sys
 
+import numpy as np
 import pytest
 
 import readmes
+import tdint
 from tdint.analysis.assessment.order import observed_order, order_problem
 from tdint.analysis.assessment.stability import critical_step
 from tdint.methods import single_step
@@ -114,6 +116,33 @@ def test_the_study_in_python(checkout):
     assert [name for name, *_ in curves] == ["HN1", "HN2"]
     assert all(1.0 < float(upper) / float(lower) <= 1.05 for _, _, lower, upper, _ in curves)
     assert 0.0 < float(fragility[-1]) < 1.0
+
+
+def test_the_day_of_a_researcher(checkout):
+    """What it says of methods, a run of its file beside a single one, figures of 90 mm with TrueType letters."""
+    folder, run = checkout
+    script = readmes.block("day")
+    assert len(script.splitlines()) <= 60
+    output, _ = run(shlex.join([sys.executable, "-W", "error", "-c", script]))
+    spectra, *lines, sweep = output.splitlines()
+    assert spectra.startswith("500 spectra") and len(lines) == 15
+    apart = {tuple(line.split(":")[0].split(", ")): float(re.findall(r"up to ([\d.e-]+) %", line)[0]) for line in lines}
+    for (_, method), most in apart.items():
+        assert most == 0.0 if method == "impulse4" else most < 0.1 if method == "moment4" else 1.0 < most < 12.0
+    drifts = np.load(folder / "drifts.npy")
+    stiffness, strength = np.random.default_rng(1).lognormal(0.0, 0.2, (30, 2))[-1]
+    office = load_model(folder / "configs" / "ten-story-bilinear.yaml")
+    varied = office.replace(stiffness_factor=stiffness, strength_factor=strength)
+    pair = tdint.read_horizontals(folder / "records" / "near-fault.mseed", units="m/s^2")
+    angle = 0.9 * np.pi
+    samples = np.cos(angle) * pair.first.acceleration + np.sin(angle) * pair.second.acceleration
+    single = tdint.run(varied, tdint.make_record(samples, dt=0.01, units="m/s^2"), history=True)
+    np.testing.assert_allclose(drifts[-1], single.history.drift[::10], rtol=1e-5, atol=1e-8)
+    assert -1.0 < float(re.findall(r"stiffness\^(\S+)", sweep)[0]) < -0.2  # stiffer buildings move less
+    for name in ("spectra.pdf", "fragility.pdf"):
+        data = (folder / name).read_bytes()
+        width = float(re.findall(rb"/MediaBox \[ 0 0 ([\d.]+)", data)[0])
+        assert width / 72.0 * 25.4 == pytest.approx(90.0, abs=0.1) and b"/FontFile2" in data
 
 
 def test_the_model_with_all_keys(checkout):

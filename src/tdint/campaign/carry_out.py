@@ -166,6 +166,7 @@ class CampaignRuns(Tabular):
     _varied: tuple[dict[str, float], ...]
     _columns: tuple[str, ...]
     _carried: Mapping[int, list[str]]
+    _events: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, store: Store, failures: tuple[TdintError, ...]) -> CampaignRuns:
@@ -183,6 +184,7 @@ class CampaignRuns(Tabular):
             _varied=tuple(store.varied()),
             _columns=columns,
             _carried={number: store.carried(number) for number in buildings} if columns else {},
+            _events=tuple(store.events()),
         )
 
     def runs(self) -> Iterator[tuple[Any, ...]]:
@@ -208,6 +210,10 @@ class CampaignRuns(Tabular):
     def carried(self, building: int) -> list[str]:
         """What the inventory says of a building in these columns."""
         return self._carried.get(building, [])
+
+    def events(self) -> list[str]:
+        """The events of ground motion fields."""
+        return list(self._events)
 
     def _headline(self) -> str:
         ended = ", ".join(f"{count} {status}" for status, count in self.statuses.items())

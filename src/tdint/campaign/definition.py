@@ -87,6 +87,10 @@ class GridFile:
         Points among which is drawn, and draws for each building.
     seed : int
         What is drawn from, with the building's id.
+    distance : str
+        As of `tdint.campaign.draws.COORDINATES`.
+    events : bool
+        Nothing is drawn: rows of the points' files are events, and a building has those of the nearest point.
     """
 
     file: str
@@ -94,6 +98,33 @@ class GridFile:
     neighbors: int
     samples: int
     seed: int
+    distance: str = "km"
+    events: bool = False
+
+
+@dataclass(frozen=True)
+class FieldFile:
+    """Ground motion fields: what each event does at each site.
+
+    Attributes
+    ----------
+    file : str
+        The CSV file of events, sites, records and factors.
+    choice : RecordChoice
+        How the records are read.
+    pairs : bool
+        Take the two horizontals of a record together.
+    sites : str or None
+        The CSV file of the sites' places; None: the inventory names the site of each building.
+    distance : str
+        As of `tdint.campaign.draws.COORDINATES`: by which the nearest site is found.
+    """
+
+    file: str
+    choice: RecordChoice
+    pairs: bool = False
+    sites: str | None = None
+    distance: str = "km"
 
 
 @dataclass(frozen=True)
@@ -154,7 +185,7 @@ class CampaignFile:
     name: str
     source: str
     buildings: ModelFiles | InventoryFile
-    records: RecordFiles | SequenceFile | GridFile
+    records: RecordFiles | SequenceFile | GridFile | FieldFile
     intensity: Scales | MeasureLevels | FactorsFile
     analysis: AnalysisWishes
     stories: bool = False

@@ -6,7 +6,7 @@ Draws are by nearest neighbors, as in the regional workflow of SimCenter.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple, Protocol, Self
@@ -69,6 +69,57 @@ class Draw(NamedTuple):
     factor: float = 1.0
 
 
+@dataclass(frozen=True)
+class FieldMotions:
+    """Ground motions of events at sites.
+
+    Attributes
+    ----------
+    events : tuple of str
+        The events, which are numbered from 1.
+    sites : tuple of str
+        The sites.
+    motions : tuple of tuples of Draw
+        Of each site the motions there; the number of a draw is that of its event.
+    places : sequence of tuples of two floats
+        Longitude and latitude of the sites, degrees; empty where buildings name theirs.
+    """
+
+    events: tuple[str, ...]
+    sites: tuple[str, ...] = field(repr=False)
+    motions: tuple[tuple[Draw, ...], ...] = field(repr=False)
+    places: Sequence[tuple[float, float]] = field(default=(), repr=False)
+
+    def nearest(self, rows: Sequence[InventoryRow], distance: str) -> NDArray[np.int64]:
+        """Of each building, all of which have a place, the number of the nearest site."""
+        here, there = (coordinates(places, distance) for places in (places_of(rows), self.places))
+        return np.asarray(cKDTree(there).query(here)[1], dtype=np.int64)
+
+
+@dataclass(frozen=True)
+class FieldDraws:
+    """Each building has all events of its site, nothing is drawn: how the motions of one event lie to each other is
+    that of the fields.
+
+    Attributes
+    ----------
+    field : FieldMotions
+        The motions.
+    site_of : ndarray of int, shape (buildings,)
+        The site of each building.
+    """
+
+    field: FieldMotions
+    site_of: NDArray[np.int64]
+
+    def draws(self, building: int) -> Sequence[Draw]:
+        return self.field.motions[self.site_of[building]]
+
+    def description(self) -> dict[str, object]:
+        whole = repr((self.field.sites, self.field.motions, self.site_of.tolist()))
+        return {"events": self.field.events, "field_sha256": hashlib.sha256(whole.encode()).hexdigest()}
+
+
 PointMotion = tuple[tuple[int, ...], float]
 """A ground motion at a point of a grid: the numbers of its components, and the factor on it there."""
 
@@ -120,14 +171,16 @@ class GridDraws:
     ----------
     ids : sequence of str
         Of the buildings.
-    places : ndarray, shape (buildings, 3)
-        Where they are, as unit vectors from the center of the earth.
-    points : ndarray, shape (points, 3)
+    places : ndarray, shape (buildings, 2 or 3)
+        Where they are, by `coordinates`.
+    points : ndarray, shape (points, 2 or 3)
         The same of the grid's points that have motions.
     motions : tuple of tuples of PointMotion
         Of each point its ground motions.
     neighbors, samples, seed : int
         Points among which is drawn, draws, and what is drawn from, with the building's id.
+    distance : str
+        Of `COORDINATES`.
     """
 
     ids: Sequence[str] = field(repr=False)
@@ -137,14 +190,23 @@ class GridDraws:
     neighbors: int
     samples: int
     seed: int
+    distance: str = "km"
 
     @classmethod
-    def of(cls, rows: Sequence[InventoryRow], grid: GridMotions, neighbors: int, samples: int, seed: int) -> Self:
+    def of(
+        cls,
+        rows: Sequence[InventoryRow],
+        grid: GridMotions,
+        *,
+        neighbors: int,
+        samples: int,
+        seed: int,
+        distance: str = "km",
+    ) -> Self:
         """Draws among the points of a grid for the buildings of an inventory, all of which have a place."""
-        places = [(row.longitude or 0.0, row.latitude or 0.0) for row in rows]
         ids = [row.id for row in rows]
-        here, there = unit_vectors(np.array(places)), unit_vectors(np.array(grid.places))
-        return cls(ids, here, there, grid.motions, neighbors, samples, seed)
+        here, there = (coordinates(places, distance) for places in (places_of(rows), grid.places))
+        return cls(ids, here, there, grid.motions, neighbors, samples, seed, distance)
 
     def draws(self, building: int) -> Sequence[Draw]:
         """Points by their weights, with replacement; then one of the point's ground motions, each as likely."""
@@ -168,11 +230,22 @@ class GridDraws:
 
     def description(self) -> dict[str, object]:
         grid = hashlib.sha256(repr((self.points.tolist(), self.motions)).encode()).hexdigest()
-        return {"neighbors": self.neighbors, "samples": self.samples, "draw_seed": self.seed, "grid_sha256": grid}
+        numbers = {"neighbors": self.neighbors, "samples": self.samples, "draw_seed": self.seed}
+        return {**numbers, "distance": self.distance, "grid_sha256": grid}
 
     @cached_property
     def _tree(self) -> Any:
         return cKDTree(self.points)
+
+
+def places_of(rows: Sequence[InventoryRow]) -> list[tuple[float, float]]:
+    """Longitude and latitude of buildings, degrees."""
+    return [(row.longitude or 0.0, row.latitude or 0.0) for row in rows]
+
+
+def coordinates(places: Sequence[tuple[float, float]], distance: str) -> Array:
+    """Points whose distances are those that are meant (`COORDINATES`), of longitudes and latitudes in degrees."""
+    return COORDINATES[distance](np.array(places, dtype=np.float64).reshape(-1, 2))
 
 
 def unit_vectors(degrees: Array) -> Array:
@@ -181,3 +254,8 @@ def unit_vectors(degrees: Array) -> Array:
     return np.column_stack(
         [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)]
     )
+
+
+COORDINATES: Mapping[str, Callable[[Array], Array]] = {"km": unit_vectors, "degrees": lambda degrees: degrees}
+"""What distances are between: places on the earth, or, as in SimCenter's workflow, degrees of longitude and latitude as
+if they were alike and the plane did not end."""

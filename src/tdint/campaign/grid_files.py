@@ -1,33 +1,41 @@
-"""Reading a grid of ground motions, as the regional workflow of SimCenter has it.
+"""Reading ground motions at places: a grid, as the regional workflow of SimCenter has it, and fields of many events.
 
 EventGrid.csv names a file for each point (GP_file, Longitude, Latitude), that file the ground motions there (TH_file
-and, if they differ, their factor), and NAME.json holds one of these: name, dT, data_x and, of a pair, data_y.
+and, if they differ, their factor), and NAME.json holds one of these: name, dT, data_x and, of a pair, data_y. Fields
+are a table of event, site, record and factor, and a table of sites; OpenQuake's names of the columns are known, too.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import starmap
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from tdint.campaign.definition import GridFile
-from tdint.campaign.draws import GridMotions, PointMotion, SuiteMotion
-from tdint.csv_table import read_table
-from tdint.errors import RecordError
+from tdint.campaign.definition import FieldFile, GridFile
+from tdint.campaign.draws import Draw, FieldMotions, GridMotions, PointMotion, SuiteMotion, suite_motions
+from tdint.campaign.suites.suite import read_components, read_pairs
+from tdint.csv_table import CsvTable, read_table
+from tdint.errors import ModelError, RecordError, TdintError, UsageError
 from tdint.ground_motion.header_checks.statement import LONGEST_STEP, SHORTEST_STEP
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.reading.segments import check_possible
 from tdint.ground_motion.record import Record
 from tdint.input_bytes import MOST_BYTES, read_at_most
+from tdint.model.keys.fields import resolve
 from tdint.units import parse_units
 
+_EVENTS, _SITES = ("event", "event_id"), ("site", "site_id", "custom_site_id")
+_LONGITUDES, _LATITUDES = ("longitude", "lon"), ("latitude", "lat")
 _COMPONENTS = {"data_x": "x", "data_y": "y"}
 
 
-def read_grid(grid: GridFile) -> tuple[tuple[SuiteMotion, ...], GridMotions, list[RecordError]]:
+def read_grid(grid: GridFile) -> tuple[tuple[SuiteMotion, ...], GridMotions | FieldMotions, list[RecordError]]:
     """The ground motions of a grid, at which points they are, and why others could not be read and are left out.
 
     Raises
@@ -52,14 +60,178 @@ def read_grid(grid: GridFile) -> tuple[tuple[SuiteMotion, ...], GridMotions, lis
         for name, factor in _motions_at(str(folder / file)):
             if name not in numbers:
                 numbers[name] = _add(motions, folder, name, unit.scale, failures)
-            if numbers[name]:
-                found.append((numbers[name], factor))
-        if found:
-            points.append(place)
-            of_points.append(tuple(found))
-    if not points:
+            found.append((numbers[name], factor))
+        points.append((file, place))
+        of_points.append(found)
+    if not motions:
         raise RecordError("\n".join(map(str, failures)) or f"{grid.file}: no point has a ground motion")
-    return tuple(motions), GridMotions(points, tuple(of_points)), failures
+    if grid.events:
+        return tuple(motions), _rows_as_events(grid.file, points, of_points), failures
+    kept = [(place, tuple(one for one in found if one[0])) for (_, place), found in zip(points, of_points, strict=True)]
+    there = [(place, found) for place, found in kept if found]
+    return tuple(motions), GridMotions([place for place, _ in there], tuple(found for _, found in there)), failures
+
+
+def _rows_as_events(
+    source: str, points: Sequence[tuple[str, tuple[float, float]]], of_points: Sequence[Sequence[PointMotion]]
+) -> FieldMotions:
+    """The field in which the k-th row of each point's file is event k."""
+    count = len(of_points[0])
+    for (file, _), found in zip(points, of_points, strict=True):
+        if len(found) != count:
+            raise ModelError(
+                f"{Path(source).parent / file}: {len(found)} motions, where {points[0][0]} has {count}; with `events` "
+                "the rows of these files are the same events at all points"
+            )
+    motions = tuple(
+        tuple(sorted(Draw(one, k, factor) for k, (both, factor) in enumerate(found, start=1) for one in both))
+        for found in of_points
+    )
+    events = tuple(str(number) for number in range(1, count + 1))
+    return FieldMotions(events, tuple(file for file, _ in points), motions, [place for _, place in points])
+
+
+def read_field(wanted: FieldFile) -> tuple[tuple[SuiteMotion, ...], FieldMotions, list[TdintError], list[str]]:
+    """The ground motions of fields, what each event does at each site, why records could not be read and are left out,
+    and what a person should know.
+
+    Raises
+    ------
+    ModelError
+        A table cannot be read; an event is twice at a site, or a site is in no table of sites.
+    RecordError
+        No record can be read.
+    """
+    rows = _field_rows(wanted.file, needs_site=wanted.sites is not None)
+    places = _site_places(wanted.sites) if wanted.sites else dict.fromkeys((row.site for row in rows), (0.0, 0.0))
+    seen: dict[tuple[str, str], int] = {}
+    for row in rows:
+        if row.site not in places:
+            raise ModelError(f"{wanted.file}:{row.line}: site {row.site!r} is not in {wanted.sites}")
+        if (row.event, row.site) in seen:
+            at = f"site {row.site!r}" if row.site else "all buildings"
+            raise ModelError(
+                f"{wanted.file}:{row.line}: event {row.event!r} at {at} is already on line "
+                f"{seen[row.event, row.site]}; give each event one record at a site"
+            )
+        seen[row.event, row.site] = row.line
+    records = _FieldRecords(wanted)
+    numbers = {event: number for number, event in enumerate(dict.fromkeys(row.event for row in rows), start=1)}
+    found: dict[str, list[Draw]] = {site: [] for site in places}
+    for row in rows:
+        found[row.site] += [Draw(motion, numbers[row.event], row.factor) for motion in records.of(row)]
+    if not records.motions:
+        raise RecordError("\n".join(map(str, records.failures)))
+    given = list(places.values()) if wanted.sites else []
+    field = FieldMotions(tuple(numbers), tuple(places), tuple(tuple(sorted(one)) for one in found.values()), given)
+    return tuple(records.motions), field, records.failures, list(dict.fromkeys(records.notes))
+
+
+class _FieldRow(NamedTuple):
+    """What an event does at a site."""
+
+    line: int
+    event: str
+    site: str
+    record: str
+    component: str
+    factor: float
+
+
+def _field_rows(file: str, *, needs_site: bool) -> list[_FieldRow]:
+    needs = "fields are a CSV file with the columns event, site, record and, if they are wanted, component and factor"
+    table = read_table(file, needs, columns=(*_EVENTS, *_SITES, "record", "component", "factor"), comment="#")
+    event, site = _called(table, _EVENTS), _called(table, _SITES)
+    table.need(event or "event", "record", *(("site",) if needs_site and site is None else ()))
+    lines = [line for line, _ in table.rows]
+    nothing = [""] * len(lines)
+    events, names = table.texts(event or "event", empty=False), table.texts("record", empty=False)
+    sites = table.texts(site, empty=False) if site else nothing
+    components = table.texts("component") if table.has("component") else nothing
+    factors = table.numbers("factor", empty=True) if table.has("factor") else [math.nan] * len(lines)
+    if table.has("factor"):
+        table.check("factor", (one != 0.0 for one in factors), "must not be zero")
+    given = [1.0 if math.isnan(one) else one for one in factors]
+    return list(starmap(_FieldRow, zip(lines, events, sites, names, components, given, strict=True)))
+
+
+def _site_places(file: str) -> dict[str, tuple[float, float]]:
+    """Longitude and latitude of each site, degrees."""
+    needs = "sites are a CSV file with the columns site, longitude, latitude"
+    table = read_table(file, needs, columns=(*_SITES, *_LONGITUDES, *_LATITUDES), comment="#")
+    names = [_called(table, known) for known in (_SITES, _LONGITUDES, _LATITUDES)]
+    site, longitude, latitude = (
+        name or known for name, known in zip(names, ("site", "longitude", "latitude"), strict=True)
+    )
+    table.need(site, longitude, latitude)
+    found: dict[str, tuple[float, float]] = {}
+    for (line, name), place in zip(table.lines(site, empty=False), _degrees(table, longitude, latitude), strict=True):
+        if name in found:
+            raise ModelError(f"{file}:{line}: site {name!r} is there twice")
+        found[name] = place
+    return found
+
+
+def _called(table: CsvTable, known: Sequence[str]) -> str | None:
+    """The first of some names of a column that a table has."""
+    return next((name for name in known if table.has(name)), None)
+
+
+class _FieldRecords:
+    """The records of fields, each read once."""
+
+    def __init__(self, wanted: FieldFile) -> None:
+        self._wanted = wanted
+        self._known: dict[tuple[str, str], tuple[int, ...]] = {}
+        self.motions: list[SuiteMotion] = []
+        self.failures: list[TdintError] = []
+        self.notes: list[str] = []
+
+    def of(self, row: _FieldRow) -> tuple[int, ...]:
+        """The numbers of the components of a record; none if it cannot be read."""
+        key = (row.record, row.component)
+        if key not in self._known:
+            try:
+                found = self._read(row)
+            except (RecordError, UsageError) as error:
+                self.failures.append(RecordError(f"{self._wanted.file}:{row.line}: {error}"))
+                found = ()
+            self._known[key] = tuple(range(len(self.motions), len(self.motions) + len(found)))
+            self.motions += found
+        return self._known[key]
+
+    def _read(self, row: _FieldRow) -> tuple[SuiteMotion, ...]:
+        wanted, file = self._wanted, resolve(row.record, Path(self._wanted.file).parent)
+        if file.endswith(".json"):
+            return _json_motions(file, row, wanted)
+        choice = replace(wanted.choice, component=row.component or wanted.choice.component)
+        suite = (read_pairs if wanted.pairs else read_components)([file], choice)
+        for error in suite.failures:
+            raise error
+        self.notes += suite.notes
+        self.notes += [f"{one.source}: {one.component}: {text}" for one in suite.records for text in one.warnings]
+        return suite_motions(suite.motions)
+
+
+def _json_motions(file: str, row: _FieldRow, wanted: FieldFile) -> tuple[SuiteMotion, ...]:
+    """The components of a motion as SimCenter has them."""
+    if wanted.choice.units is None:
+        raise RecordError(f"{file}: does not say its units; give `units` of the records")
+    unit = parse_units(wanted.choice.units)
+    if unit.quantity != "acceleration":
+        raise RecordError(f"{file}: is an acceleration, its units are given as {wanted.choice.units}")
+    motions: list[SuiteMotion] = []
+    failures: list[RecordError] = []
+    _add(motions, Path(), file, unit.scale, failures)
+    for error in failures:
+        raise error
+    component = row.component or wanted.choice.component
+    kept = [one for one in motions if component in (None, "", one.component)]
+    if not kept:
+        raise RecordError(
+            f"{file}: has no component {component!r}; it has {', '.join(one.component for one in motions)}"
+        )
+    return tuple(kept if wanted.pairs else (replace(one, whole=one.record, direction=1) for one in kept))
 
 
 def _points(file: str) -> list[tuple[str, tuple[float, float]]]:
@@ -67,10 +239,16 @@ def _points(file: str) -> list[tuple[str, tuple[float, float]]]:
     columns = ("GP_file", "Longitude", "Latitude")
     table = read_table(file, f"a grid is a CSV file with the columns {', '.join(columns)}", columns=columns)
     table.need(*columns)
-    longitude, latitude = table.numbers("Longitude"), table.numbers("Latitude")
-    table.check("Longitude", (abs(one) <= 360.0 for one in longitude), "must be from -360 to 360 degrees")
-    table.check("Latitude", (abs(one) <= 90.0 for one in latitude), "must be from -90 to 90 degrees")
-    return list(zip(table.texts("GP_file", empty=False), zip(longitude, latitude, strict=True), strict=True))
+    places = _degrees(table, "Longitude", "Latitude")
+    return list(zip(table.texts("GP_file", empty=False), places, strict=True))
+
+
+def _degrees(table: CsvTable, longitude: str, latitude: str) -> list[tuple[float, float]]:
+    """The places of rows, degrees."""
+    east, north = table.numbers(longitude), table.numbers(latitude)
+    table.check(longitude, (abs(one) <= 360.0 for one in east), "must be from -360 to 360 degrees")
+    table.check(latitude, (abs(one) <= 90.0 for one in north), "must be from -90 to 90 degrees")
+    return list(zip(east, north, strict=True))
 
 
 def _motions_at(file: str) -> list[tuple[str, float]]:

@@ -3,28 +3,31 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
+
+import numpy as np
 
 from tdint.campaign.definition import (
     AnalysisWishes,
     CampaignFile,
     FactorsFile,
+    FieldFile,
     GridFile,
     InventoryFile,
     ModelFiles,
     RecordFiles,
     SequenceFile,
 )
-from tdint.campaign.draws import GridMotions, SuiteMotion, suite_motions
+from tdint.campaign.draws import FieldDraws, FieldMotions, GridMotions, SuiteMotion, suite_motions
 from tdint.campaign.fragility.type_states import read_class_losses, read_class_states
-from tdint.campaign.grid_files import read_grid
+from tdint.campaign.grid_files import read_field, read_grid
 from tdint.campaign.levels import FactorTable
 from tdint.campaign.suites.suite import read_components, read_pairs
 from tdint.csv_table import no_number, number, read_table
-from tdint.errors import ModelError, RecordError, TdintError, UsageError
+from tdint.errors import ModelError, ModelFault, RecordError, TdintError, UsageError
 from tdint.ground_motion.joining import JoinedRecord
 from tdint.ground_motion.reading.folders import records_of
 from tdint.ground_motion.record import Record
@@ -33,7 +36,7 @@ from tdint.model.damage_states import CAPACITY, HAZUS, DamageStates
 from tdint.model.definition import Model
 from tdint.model.inventory.capacity import read_classes
 from tdint.model.inventory.table import InventoryRow, read_inventory
-from tdint.model.keys.document import resolve
+from tdint.model.keys.fields import resolve
 
 _SHOCK_COLUMNS = ("sequence", "record", "component", "factor")
 _FACTOR_COLUMNS = ("record", "component", "factor")
@@ -55,6 +58,8 @@ class Inputs:
         Where they are, if they belong to a grid.
     factors : FactorTable or None
         The factors on them, if a file has them.
+    events : FieldDraws or None
+        Which of them each building has, where they are those of events.
     class_states, class_losses : mapping
         Damage states and loss ratios by class, if files have them.
     failures : tuple of TdintError
@@ -68,6 +73,7 @@ class Inputs:
     motions: tuple[SuiteMotion, ...] = ()
     grid: GridMotions | None = None
     factors: FactorTable | None = None
+    events: FieldDraws | None = None
     class_states: Mapping[str, DamageStates] = field(default_factory=dict)
     class_losses: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     failures: tuple[TdintError, ...] = ()
@@ -81,7 +87,7 @@ class FoundMotions:
     motions: tuple[SuiteMotion, ...]
     failures: tuple[TdintError, ...]
     notes: tuple[str, ...] = ()
-    grid: GridMotions | None = None
+    grid: GridMotions | FieldMotions | None = None
 
 
 def read_inputs(campaign: CampaignFile) -> Inputs:
@@ -104,21 +110,27 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
         models = campaign.sweep.of(models) if campaign.sweep else models
     else:
         rows, faults = read_rows(campaign.buildings)
+    events: FieldDraws | None = None
     if isinstance(campaign.records, GridFile):
-        _check_places(campaign.source, rows)
+        _check_places(campaign, rows)
         found = read_grid_motions(campaign.records)
+    elif isinstance(campaign.records, FieldFile):
+        found = read_field_motions(campaign.records)
     elif isinstance(campaign.records, SequenceFile):
         found = read_sequences(campaign.records)
     else:
         found = read_motions(campaign.records)
+    if isinstance(campaign.records, GridFile | FieldFile) and isinstance(found.grid, FieldMotions):
+        events = _at_sites(campaign, found.grid, rows, len(models))
     factors = read_factors(campaign.intensity) if isinstance(campaign.intensity, FactorsFile) else None
     damage = campaign.damage
     return Inputs(
         models,
         rows,
         found.motions,
-        found.grid,
+        found.grid if isinstance(found.grid, GridMotions) else None,
         factors,
+        events=events,
         class_states=read_class_states(damage) if damage and damage.source not in ("", HAZUS, CAPACITY) else {},
         class_losses=read_class_losses(damage) if damage and damage.loss_file else {},
         failures=(*found.failures, *faults),
@@ -182,21 +194,74 @@ def read_rows(wanted: InventoryFile) -> tuple[tuple[InventoryRow, ...], tuple[Mo
     return tuple(rows), (ModelError(faults),) if faults else ()
 
 
-def _check_places(source: str, rows: tuple[InventoryRow, ...]) -> None:
+def _check_places(campaign: CampaignFile, rows: tuple[InventoryRow, ...]) -> None:
     """Raise UsageError without an inventory, and ModelError for buildings without a place."""
-    if not rows:
-        raise UsageError(f"{source}: a grid of ground motions needs an inventory with Latitude and Longitude")
+    if not isinstance(campaign.buildings, InventoryFile):
+        raise UsageError(f"{campaign.source}: motions at places need an inventory with Latitude and Longitude")
     lost = [row.id for row in rows if row.latitude is None or row.longitude is None]
     if lost:
-        raise ModelError(
-            f"the inventory has no Latitude and Longitude of {', '.join(lost[:5])}{' ...' * (len(lost) > 5)}"
+        file, missing = campaign.buildings.file, "is missing; motions at places need that of each building"
+        columns = (
+            _faults(file, name, lost, lambda text: "" if text else missing) for name in ("Latitude", "Longitude")
         )
+        raise ModelError(sorted((one for faults in columns for one in faults), key=lambda one: (one.line, one.column)))
 
 
 def read_grid_motions(wanted: GridFile) -> FoundMotions:
     """The ground motions of a grid. Errors are those of `tdint.campaign.grid_files.read_grid`."""
     motions, grid, failures = read_grid(wanted)
     return FoundMotions(motions, tuple(failures), grid=grid)
+
+
+def read_field_motions(wanted: FieldFile) -> FoundMotions:
+    """The ground motions of fields. Errors are those of `tdint.campaign.grid_files.read_field`."""
+    motions, found, failures, notes = read_field(wanted)
+    return FoundMotions(motions, tuple(failures), tuple(notes), found)
+
+
+def _at_sites(campaign: CampaignFile, found: FieldMotions, rows: tuple[InventoryRow, ...], models: int) -> FieldDraws:
+    """The events of each building: those of the nearest site, of the one that it names, or, without sites, all.
+
+    Raises
+    ------
+    UsageError
+        There are sites, and no inventory with places or sites.
+    ModelError
+        Buildings have no place or no site, or a site that no event is at.
+    """
+    wanted = campaign.records
+    assert isinstance(wanted, GridFile | FieldFile)
+    if found.sites == ("",):
+        return FieldDraws(found, np.zeros(len(rows) or models, dtype=np.int64))
+    if found.places:
+        _check_places(campaign, rows)
+        return FieldDraws(found, found.nearest(rows, wanted.distance))
+    if not rows or "site" not in [name.lower() for name in rows[0].columns]:
+        raise UsageError(
+            f"{campaign.source}: events at sites need an inventory with a column `site`, or `sites` of the records, a "
+            "file of their places"
+        )
+    numbers = {site: number for number, site in enumerate(found.sites)}
+    named = [row.cell("site") for row in rows]
+    lost = [row.id for row, site in zip(rows, named, strict=True) if site not in numbers]
+    if lost and isinstance(campaign.buildings, InventoryFile):
+        known = f"is not in {wanted.file}; known: {', '.join(found.sites[:5])}{' ...' * (len(numbers) > 5)}"
+        raise ModelError(_faults(campaign.buildings.file, "site", lost, lambda text: f"{text!r} {known}"))
+    return FieldDraws(found, np.array([numbers[site] for site in named], dtype=np.int64))
+
+
+def _faults(file: str, column: str, ids: Collection[str], message: Callable[[str], str]) -> list[ModelFault]:
+    """Where some buildings of an inventory stand, and what is wrong with their cells in a column; nothing to say of a
+    cell is no fault."""
+    table = read_table(file, "an inventory", columns=("id", column))
+    table.need(column)
+    rows, wanted = zip(table.lines("id"), table.texts(column), strict=True), set(ids)
+    place = table.header.index(column.lower()) + 1
+    return [
+        ModelFault(file, line, place, column, said)
+        for (line, name), text in rows
+        if name in wanted and (said := message(text))
+    ]
 
 
 def read_motions(wanted: RecordFiles) -> FoundMotions:

@@ -300,8 +300,17 @@ def _rules(wanted: InventoryFile, analysis: AnalysisWishes, notes: list[str]) ->
 
 def _assignment(campaign: CampaignFile, inputs: Inputs) -> Assignment:
     wanted = campaign.records
+    if inputs.events is not None:
+        return inputs.events
     if isinstance(wanted, GridFile) and inputs.grid is not None:
-        return GridDraws.of(inputs.rows, inputs.grid, wanted.neighbors, wanted.samples, wanted.seed)
+        return GridDraws.of(
+            inputs.rows,
+            inputs.grid,
+            neighbors=wanted.neighbors,
+            samples=wanted.samples,
+            seed=wanted.seed,
+            distance=wanted.distance,
+        )
     return EveryMotion(len(inputs.motions))
 
 

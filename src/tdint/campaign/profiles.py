@@ -273,7 +273,8 @@ def has_levels(store: Store) -> bool:
     """Whether a level is more than one factor on all motions, or one on each."""
     settings = {name: json.loads(value) for name, value in store.settings().items()}
     several = any(len(values) > 1 for values in settings.get("factors", {}).values())
-    return "levels" in settings or several or ("grid_sha256" in settings and len(settings.get("scales", ())) > 1)
+    own = "grid_sha256" in settings or "field_sha256" in settings
+    return "levels" in settings or several or (own and len(settings.get("scales", ())) > 1)
 
 
 def _peaks(level: SuiteLevel, kept: Mapping[RunKey, Array], stories: int) -> tuple[Array, dict[str, Array]]:

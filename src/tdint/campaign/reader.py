@@ -11,25 +11,21 @@ from tdint.campaign.definition import (
     AnalysisWishes,
     CampaignFile,
     FactorsFile,
-    GridFile,
     InventoryFile,
     ModelFiles,
     RecordFiles,
-    SequenceFile,
 )
 from tdint.campaign.fragility.type_states import DAMAGE, read_wishes
 from tdint.campaign.levels import MeasureLevels, Scales
 from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, PAIRS, IntensityMeasure, PeakVelocity, pga, sa, sa_average
+from tdint.campaign.suites.motion_reader import MOTIONS, SEED, read_motions, refuse
 from tdint.campaign.suites.suite import RecordChoice
 from tdint.campaign.sweep_reader import Varied, read_sweep
 from tdint.campaign.sweep_reader import positive as _positive
 from tdint.errors import UsageError
-from tdint.ground_motion.pairing import USUAL, PairNames
 from tdint.methods.catalogue import parse as parse_method
-from tdint.model.config.excitation import LAYOUT, PROCESSING, read_layout, read_processing
-from tdint.model.config.units import read_sample_units
 from tdint.model.inventory.derive import CAPACITY, RULES
-from tdint.model.keys.document import read_document, resolve
+from tdint.model.keys.document import read_document
 from tdint.model.keys.fields import Section, Value
 from tdint.model.keys.kinds import (
     ANY,
@@ -44,7 +40,6 @@ from tdint.model.keys.kinds import (
     Key,
     Keys,
     Schema,
-    Whole,
     Words,
 )
 from tdint.units import LENGTH, parse_units
@@ -54,7 +49,6 @@ _LEAST_LEVEL, _MOST_LEVEL = 1e-6, 1e6
 """Of an intensity, m/s^2 or m/s: beyond them lies no ground motion."""
 
 _SCATTER = Bounds(0.0, 0.5, ratio=True)
-_SEED = Whole(0, 2**31 - 1)
 _LENGTHS = ("m", "ft")
 _DAMPING = ("full", "mass-only")
 _UNITS = Keys((Key("length", Choice(_LENGTHS), "of the inventory; plan areas are in its square", needed=True),))
@@ -69,37 +63,10 @@ _BUILDINGS = Keys(
         Key("damping", Choice(_DAMPING), "mass-only leaves out the stiffness-proportional part"),
         Key("stiffness_scatter", _SCATTER, "standard deviation of a factor on each stiffness"),
         Key("damping_scatter", _SCATTER, "standard deviation of a factor on each damping ratio"),
-        Key("seed", _SEED, "what the factors are drawn from"),
+        Key("seed", SEED, "what the factors are drawn from"),
     ),
     one_of=(("models", "inventory"),),
 )
-
-_FILES = (
-    Key("files", EntriesOf(Words(), least=1), "records and folders of records, relative to this file"),
-    Key("component", Words(), "component, where files hold several; all horizontal ones without it"),
-    Key(
-        "pairs",
-        Either((Flag(), Words())),
-        "take the two horizontals of a motion together: they share their factors; true, or how the files are named: "
-        "'{}_N.AT2,{}_E.AT2'",
-    ),
-    Key("inventory", Words(), "station metadata, to remove the instrument's response"),
-    *LAYOUT,
-    *PROCESSING,
-)
-_GRID = (
-    Key("grid", Words(), "EventGrid.csv, relative to this file"),
-    Key("neighbors", Whole(1, 1000), "grid points among which each building draws"),
-    Key("samples", Whole(1, 100_000), "draws for each building"),
-    Key("seed", _SEED, "what is drawn from, with the building's id"),
-)
-_SEQUENCES = (
-    Key("sequences", Words(), "CSV file of shocks (sequence, record, component, factor), relative to this file"),
-    Key("rest", Bounds(0.0), "seconds from the end of a shock to the next; until rest where it is left out"),
-)
-_FILE_KEYS, _GRID_KEYS, _SEQUENCE_KEYS = (tuple(key.name for key in keys) for keys in (_FILES, _GRID, _SEQUENCES))
-_SAMPLE_UNITS = Key("units", Words(), "units of the samples, where the files do not say them: m/s^2, g, ...")
-_RECORDS = Keys((*_FILES, *_SEQUENCES, *_GRID, _SAMPLE_UNITS), one_of=(("files", "sequences", "grid"),))
 
 _OF_MEASURES = ("period", "damping", "levels", "pair")
 _FIRST = "T1"
@@ -155,7 +122,7 @@ CAMPAIGN = Keys(
     (
         Key("name", Words(), "the campaign's name; that of the file where it is left out"),
         Key("buildings", _BUILDINGS, "model files, or an inventory", needed=True),
-        Key("records", _RECORDS, "files and folders, or a grid", needed=True),
+        Key("records", MOTIONS, "files and folders, or a grid", needed=True),
         Key("intensity", _INTENSITY, "how strong the motions are made; as they are where it is left out"),
         Key("analysis", _ANALYSIS, "what is the same for all runs"),
         Key("vary", _VARY, "parameters of the buildings, each value with all the others"),
@@ -188,32 +155,33 @@ def load_campaign(source: str | Path) -> CampaignFile:
     """
     origin, root = read_document(source, "campaign file", "`buildings` and `records`")
     section = root.section(CAMPAIGN)
-    campaign = _read(section, origin.label, origin.name, origin.folder) if section else None
+    campaign = _read(section, origin.label, origin.name) if section else None
     root.faults.raise_if_any()
     assert campaign is not None
     return campaign
 
 
-def _read(section: Section, label: str, name: str, folder: Path) -> CampaignFile:
+def _read(section: Section, label: str, name: str) -> CampaignFile:
     buildings = section.need("buildings", "give `models` or an `inventory`")
     records = section.need("records", "give `files` or a `grid`")
     _check_pair(section)
     _check_duration(section)
+    _check_levels(section)
     outputs = section.get("outputs")
     kept = outputs.section(_OUTPUTS) if outputs else None
     stories, profiles = (kept.get(name) if kept else None for name in ("stories", "profiles"))
-    found = (_read_buildings(buildings, folder) if buildings else None) or ModelFiles(())
+    found = (_read_buildings(buildings) if buildings else None) or ModelFiles(())
     return CampaignFile(
         name=section.text("name") or name,
         source=label,
         buildings=found,
-        records=(_read_records(records, folder) if records else None) or RecordFiles((), RecordChoice()),
-        intensity=_read_intensity(section.get("intensity"), folder) or Scales((1.0,)),
+        records=(read_motions(records) if records else None) or RecordFiles((), RecordChoice()),
+        intensity=_read_intensity(section.get("intensity")) or Scales((1.0,)),
         analysis=_read_analysis(section.get("analysis")),
         stories=stories.boolean() if stories else False,
         profiles=profiles.boolean() if profiles else isinstance(found, ModelFiles),
         sweep=read_sweep(section.get("vary"), section.get("analysis"), models=isinstance(found, ModelFiles)),
-        damage=read_wishes(section.get("damage"), folder, found.rules if isinstance(found, InventoryFile) else None),
+        damage=read_wishes(section.get("damage"), found.rules if isinstance(found, InventoryFile) else None),
     )
 
 
@@ -234,6 +202,16 @@ def _check_duration(section: Section) -> None:
     duration = analysis.peek("duration") if analysis else None
     if duration is not None and records is not None and records.peek("sequences"):
         duration.fault("is not for `sequences`, which have all of each record; `rest` of the records is in between")
+
+
+def _check_levels(section: Section) -> None:
+    """Events have factors of their own."""
+    intensity, records = section.get("intensity"), section.get("records")
+    if intensity is None or records is None or not (records.peek("fields") or records.peek("events")):
+        return
+    for name in ("measure", "factors"):
+        if entry := intensity.peek(name):
+            entry.fault("has no part in events, whose factors are given; `scales` multiply them")
 
 
 def _read_analysis(value: Value | None) -> AnalysisWishes:
@@ -257,7 +235,7 @@ def _read_analysis(value: Value | None) -> AnalysisWishes:
     )
 
 
-def _read_buildings(value: Value, folder: Path) -> ModelFiles | InventoryFile | None:
+def _read_buildings(value: Value) -> ModelFiles | InventoryFile | None:
     """Model files or an inventory; None after a fault."""
     section = value.section(_BUILDINGS)
     if section is None:
@@ -267,7 +245,7 @@ def _read_buildings(value: Value, folder: Path) -> ModelFiles | InventoryFile | 
         inventory.fault("stands in place of `models`; give one of the two")
         return None
     if inventory:
-        return _inventory(section, inventory, folder)
+        return _inventory(section, inventory)
     if models is None:
         section.need("models", "give a list of model files, or an inventory in its place")
         return None
@@ -277,11 +255,11 @@ def _read_buildings(value: Value, folder: Path) -> ModelFiles | InventoryFile | 
     items = models.items("a list of model files")
     if items is not None and not items:
         models.fault("is empty; give at least one model file")
-    return ModelFiles(tuple(resolve(text, folder) for item in items or () if (text := item.text())))
+    return ModelFiles(tuple(file for item in items or () if (file := item.file())))
 
 
-def _inventory(section: Section, inventory: Value, folder: Path) -> InventoryFile | None:
-    file = inventory.text()
+def _inventory(section: Section, inventory: Value) -> InventoryFile | None:
+    file = inventory.file()
     rules = section.get("rules")
     name = rules.choice(RULES, "set of rules") if rules else next(iter(RULES))
     units = section.need("units", "give {length: ft} or {length: m}; plan areas are in its square")
@@ -291,100 +269,28 @@ def _inventory(section: Section, inventory: Value, folder: Path) -> InventoryFil
     damping = section.get("damping")
     kind = damping.choice(_DAMPING, "damping") if damping else "full"
     seed = section.get("seed")
-    classes, published = section.text("classes"), section.get("as_published")
+    classes, published = section.file("classes"), section.get("as_published")
     if name == CAPACITY:
         section.need("classes", "give the CSV file of the classes (class, sd_m, sa_g)")
-        _refuse(section, ("damping", "stiffness_scatter", "damping_scatter", "seed"), f"has no part in {CAPACITY}")
+        refuse(section, ("damping", "stiffness_scatter", "damping_scatter", "seed"), f"has no part in {CAPACITY}")
     else:
-        _refuse(section, ("classes", "as_published"), f"belongs to the rules {CAPACITY}")
+        refuse(section, ("classes", "as_published"), f"belongs to the rules {CAPACITY}")
     if file is None or name is None or unit is None:
         return None
     return InventoryFile(
-        file=resolve(file, folder),
+        file=file,
         rules=name,
         length=LENGTH[unit],
         mass_only=kind == "mass-only",
         stiffness_scatter=section.number("stiffness_scatter", default=0.0),
         damping_scatter=section.number("damping_scatter", default=0.0),
         seed=(seed.whole() if seed else 0) or 0,
-        classes=resolve(classes, folder) if classes else None,
+        classes=classes,
         as_published=bool(published.boolean()) if published else False,
     )
 
 
-def _read_records(value: Value, folder: Path) -> RecordFiles | SequenceFile | GridFile | None:
-    """Files, sequences or a grid; None after a fault."""
-    section = value.section(_RECORDS)
-    if section is None:
-        return None
-    units = section.get("units")
-    text = read_sample_units(units)
-    if section.has("grid"):
-        _refuse(section, (*_FILE_KEYS, *_SEQUENCE_KEYS), "belongs to `files` or `sequences`, not to a `grid`")
-        section.need("units", "give the units of the grid's motions, such as g or m/s^2")
-        return _grid(section, text, folder)
-    _refuse(section, _GRID_KEYS, "belongs to a `grid`")
-    if section.has("sequences"):
-        _refuse(section, ("files", "pairs"), "has no part in `sequences`")
-        shocks = section.text("sequences")
-        choice = _choice(section, text, folder)
-        return SequenceFile(resolve(shocks, folder), choice, section.number_or_none("rest")) if shocks else None
-    _refuse(section, ("rest",), "belongs to `sequences`")
-    files = section.need("files", "give a list of files and folders, or a `grid` in its place")
-    items = files.items("a list of files and folders") if files else None
-    if files and items is not None and not items:
-        files.fault("is empty; give at least one record")
-    pairs, component = section.get("pairs"), section.get("component")
-    both = _pair_names(pairs) if pairs else None
-    if both and component:
-        component.fault("pairs have both horizontal components; leave one of the two out")
-    choice = _choice(section, text, folder)
-    return RecordFiles(tuple(resolve(text, folder) for item in items or () if (text := item.text())), choice, both)
-
-
-def _pair_names(value: Value) -> PairNames | None:
-    """How pairs are named; None for no pairs, or after a fault."""
-    if "{}" in value.word:
-        return value.parsed(PairNames.parse)
-    return USUAL if value.boolean() else None
-
-
-def _choice(section: Section, units: str | None, folder: Path) -> RecordChoice:
-    """What is taken of each file, and what is done to it."""
-    inventory, given = section.text("inventory"), section.get("units")
-    if given and inventory:
-        given.fault("an inventory gives the units; leave one of the two out")
-    return RecordChoice(
-        units=units,
-        component=section.text("component"),
-        inventory=resolve(inventory, folder) if inventory else None,
-        processing=read_processing(section),
-        layout=read_layout(section),
-    )
-
-
-def _grid(section: Section, units: str | None, folder: Path) -> GridFile | None:
-    file = section.text("grid")
-    neighbors = section.need("neighbors", "give the number of grid points among which is drawn")
-    samples = section.need("samples", "give the number of draws for each building")
-    seed = section.get("seed")
-    numbers = (
-        neighbors.whole() if neighbors else None,
-        samples.whole() if samples else None,
-        seed.whole() if seed else 0,
-    )
-    if file is None or units is None or None in numbers:
-        return None
-    return GridFile(resolve(file, folder), units, *numbers)  # type: ignore[arg-type]
-
-
-def _refuse(section: Section, names: tuple[str, ...], reason: str) -> None:
-    for name in names:
-        if entry := section.get(name):
-            entry.fault(reason)
-
-
-def _read_intensity(value: Value | None, folder: Path) -> Scales | MeasureLevels | FactorsFile | None:
+def _read_intensity(value: Value | None) -> Scales | MeasureLevels | FactorsFile | None:
     """Factors, levels of a measure, or a file of factors; None without any, or after a fault."""
     section = value.section(_INTENSITY) if value else None
     if value is None or section is None:
@@ -400,8 +306,8 @@ def _read_intensity(value: Value | None, folder: Path) -> Scales | MeasureLevels
     if ways == ["measure"]:
         return _levels(section)
     if ways == ["factors"]:
-        file = section.text("factors")
-        return FactorsFile(resolve(file, folder)) if file else None
+        file = section.file("factors")
+        return FactorsFile(file) if file else None
     return Scales(_scales(section))
 
 

@@ -41,11 +41,13 @@ SYSTEMS = {
 
 @dataclass(frozen=True)
 class FittedLaw:
-    """A law that was fitted to a story's curve, SI units: its initial stiffness, and its parameters by their names."""
+    """A law that was fitted to a story's curve, SI units: its initial stiffness, and its parameters by their names, or
+    the points of a backbone (drift, shear)."""
 
     type: str
     stiffness: float
     parameters: tuple[tuple[str, float, str], ...]
+    backbone: tuple[tuple[float, float], ...] = ()
 
 
 def story_model(
@@ -81,13 +83,12 @@ def story_model(
     lines = []
     for i, load in enumerate(loads):
         law = f"type: bilinear, yield_force: {strength[i]:.6g}, hardening: {_HARDENING}"
-        initial = stiffness[i]
+        initial = f"stiffness: {stiffness[i]:.9g}, "
         if laws is not None:
-            initial = laws[i].stiffness * LENGTH[units.length] / FORCE[units.force]
+            own = laws[i].stiffness * LENGTH[units.length] / FORCE[units.force]
+            initial = "" if laws[i].backbone else f"stiffness: {own:.9g}, "
             law = _written(laws[i], units)
-        lines.append(
-            f"  - {{{units.load_key}: {load:g}, height: {units.height:g}, stiffness: {initial:.9g}, law: {{{law}}}}}"
-        )
+        lines.append(f"  - {{{units.load_key}: {load:g}, height: {units.height:g}, {initial}law: {{{law}}}}}")
     told = [
         "# yields (leave `law` out for a story that stays linear). The stiffness falls with the height so that the",
         f"# first mode is a straight line; the first story yields at {100.0 * _BASE_SHEAR:g} % of the weight.",
@@ -128,7 +129,9 @@ def _written(law: FittedLaw, units: _System) -> str:
     """A law as a model file has it; a parameter's dimension is force, length or none."""
     scale = {"force": FORCE[units.force], "length": LENGTH[units.length], "": 1.0}
     values = [f"{name}: {value / scale[dimension]:.6g}" for name, value, dimension in law.parameters]
-    return ", ".join([f"type: {law.type}", *values])
+    points = ", ".join(f"[{d / scale['length']:.6g}, {f / scale['force']:.6g}]" for d, f in law.backbone)
+    backbone = [f"backbone: [{points}]", "pinching: {drift: 1, force: 1, unloading: 0}"] if points else []
+    return ", ".join([f"type: {law.type}", *values, *backbone])
 
 
 def type_model(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tdint.model.config.units import read_sample_units
-from tdint.model.keys.document import read_document, resolve_or_stdin
+from tdint.model.keys.document import read_document
 from tdint.model.keys.fields import Section, Value
 from tdint.model.keys.kinds import ANY, NOT_NEGATIVE, POSITIVE
 from tdint.model.keys.nodes import MappingNode, ScalarNode
@@ -115,8 +115,8 @@ def load_recording(source: str | Path, stories: int) -> Recording:
             name=section.text("name") or origin.name,
             source=origin.label,
             text=origin.data,
-            base=_read_place(base, origin.folder) if base else (),
-            floors=_read_floors(floors, stories, origin.folder) if floors else (),
+            base=_read_place(base) if base else (),
+            floors=_read_floors(floors, stories) if floors else (),
             band=_read_pair(section, "band", "two frequencies (Hz), the lower one first", lowest_open=True),
             window=_read_pair(section, "window", "two times (s), the earlier one first", lowest_open=False),
             shift=_read_shift(section.get("shift")),
@@ -126,17 +126,17 @@ def load_recording(source: str | Path, stories: int) -> Recording:
     return recording
 
 
-def _read_place(value: Value, folder: Path) -> tuple[Sensor, ...]:
+def _read_place(value: Value) -> tuple[Sensor, ...]:
     """One sensor or a list of them."""
     if not value.is_list:
-        return tuple(filter(None, [_read_sensor(value, folder)]))
+        return tuple(filter(None, [_read_sensor(value)]))
     items = value.items("a list of files") or ()
     if not items:
         value.fault("must name at least one file")
-    return tuple(filter(None, [_read_sensor(item, folder) for item in items]))
+    return tuple(filter(None, [_read_sensor(item) for item in items]))
 
 
-def _read_floors(value: Value, stories: int, folder: Path) -> tuple[tuple[int, tuple[Sensor, ...]], ...]:
+def _read_floors(value: Value, stories: int) -> tuple[tuple[int, tuple[Sensor, ...]], ...]:
     """The sensors by floor, from the ground up."""
     node = value.node
     if not isinstance(node, MappingNode):
@@ -157,15 +157,15 @@ def _read_floors(value: Value, stories: int, folder: Path) -> tuple[tuple[int, t
             entry.fault(f"must be a floor from 1 to {stories} (the number of stories), or {ROOF}")
         elif floor in found:
             entry.fault(f"floor {floor} is given twice")
-        if sensors := _read_place(entry, folder):
+        if sensors := _read_place(entry):
             found[floor] = sensors
     return tuple(sorted(found.items()))
 
 
-def _read_sensor(value: Value, folder: Path) -> Sensor | None:
+def _read_sensor(value: Value) -> Sensor | None:
     if not value.is_list and not value.is_mapping:
-        file = value.text()
-        return Sensor(resolve_or_stdin(file, folder)) if file else None
+        file = value.file(stdin=True)
+        return Sensor(file) if file else None
     section = value.section(_SENSOR_KEYS, _SENSOR)
     if section is None:
         return None
@@ -177,7 +177,7 @@ def _read_sensor(value: Value, folder: Path) -> Sensor | None:
     quantity = said.choice(QUANTITIES, "quantity") if said else None
     sign = section.get("sign")
     return Sensor(
-        file=resolve_or_stdin(section.text("file") or "", folder),
+        file=section.file("file", stdin=True) or "",
         component=section.text("component"),
         column=column.text() if column else None,
         units=read_sample_units(section.get("units"), quantity),

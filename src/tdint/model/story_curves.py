@@ -22,6 +22,8 @@ _NEEDS = "story curves are a CSV file with the columns story, drift_m and shear_
 _FEWEST = 4
 _STARTS = (0.15, 0.3, 0.5, 0.7, 0.85)
 """Where the corners of a law are looked for, over the largest drift."""
+_GAP = 1e-3  # between the points of a law, over the largest drift
+_LEAST_SHEAR = 1e-6  # over the largest
 
 
 @dataclass(frozen=True)
@@ -91,7 +93,8 @@ def fit_story(story: int, drift: Array, shear: Array, kind: str) -> CurveFit:
     Parameters
     ----------
     kind : str
-        `bilinear`, or `trilinear`: a law `trilinear-pinching` without pinching, flat beyond its largest force.
+        `bilinear`; `trilinear`: a law `trilinear-pinching` without pinching, flat beyond its largest force; or
+        `multilinear`: a law `multilinear-pinching` without pinching, with four points, which may fall.
     """
     fit, model = _KINDS[kind]
     scale, top = float(drift[-1]), float(np.max(shear))
@@ -137,6 +140,27 @@ def _trilinear(d: Array, f: Array, start: float) -> Corners:
     return np.concatenate([corners, slopes]), squares
 
 
+def _multilinear(d: Array, f: Array, start: float) -> Corners:
+    """Drifts of four points, the last one that of the curve, and the shears there by least squares, none negative."""
+    from scipy.optimize import nnls
+
+    low = 0.5 * float(d[d > 0.0][0])
+
+    def points(corners: Array) -> Array:
+        inside = np.sort(np.clip(corners, low, 1.0))
+        return np.append(np.minimum(inside + _GAP * np.arange(3), 1.0 - _GAP * np.arange(3, 0, -1)), 1.0)
+
+    def shears(x: Array) -> tuple[Array, float]:
+        hats = np.eye(5)[1:]
+        found, rest = nnls(np.column_stack([np.interp(d, np.append(0.0, x), hat) for hat in hats]), f)
+        return np.asarray(found), float(rest**2)
+
+    begin = np.array([0.3 * start, start, 0.5 * (1.0 + start)])
+    search = {"xatol": 1e-7, "fatol": 1e-14, "maxiter": 2000}
+    best = points(minimize(lambda x: shears(points(x))[1], begin, method="Nelder-Mead", options=search).x)
+    return np.concatenate([best, shears(best)[0]]), shears(best)[1]
+
+
 def _bilinear_law(found: Array, scale: float, top: float) -> FittedLaw:
     corner, first, second = found
     hardening = float(np.clip(second / first, 0.0, 0.999))
@@ -158,9 +182,16 @@ def _trilinear_law(found: Array, scale: float, top: float) -> FittedLaw:
     return FittedLaw("trilinear-pinching", float(first * top / scale), parameters)
 
 
+def _multilinear_law(found: Array, scale: float, top: float) -> FittedLaw:
+    drifts, shears = scale * found[:4], top * np.maximum(found[4:], _LEAST_SHEAR)
+    backbone = tuple(zip(drifts.tolist(), shears.tolist(), strict=True))
+    return FittedLaw("multilinear-pinching", float(shears[0] / drifts[0]), (), backbone)
+
+
 _KINDS: dict[str, tuple[Callable[[Array, Array, float], Corners], Callable[[Array, float, float], FittedLaw]]] = {
     "bilinear": (_bilinear, _bilinear_law),
     "trilinear": (_trilinear, _trilinear_law),
+    "multilinear": (_multilinear, _multilinear_law),
 }
 KINDS = tuple(_KINDS)
 """The laws that curves are fitted by."""

@@ -109,9 +109,9 @@ class Request:
 @options.option(
     "--law",
     needs="--from-pushover",
-    type=click.Choice(["bilinear", "trilinear"]),
+    type=click.Choice(["bilinear", "trilinear", "multilinear"]),
     default="bilinear",
-    help="What is fitted; bilinear by default.",
+    help="What is fitted; bilinear by default. A multilinear one has four points and may fall; none of them pinches.",
 )
 @options.option(
     "--motion",

@@ -8,7 +8,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -37,7 +36,6 @@ from tdint.model.inventory.derive import RULES
 from tdint.model.inventory.facts import BuildingFacts
 from tdint.model.inventory.hazus import hazus_types
 from tdint.model.inventory.mdof_lu import code_of
-from tdint.model.keys.document import resolve
 from tdint.model.keys.fields import Section, Value
 from tdint.model.keys.kinds import Either, EntriesOf, Key, Keys, Words
 from tdint.model.modes import solve_modes
@@ -98,7 +96,7 @@ class DamageWishes:
     loss_file: str | None = None
 
 
-def read_wishes(value: Value | None, folder: Path, rules: str | None) -> DamageWishes | None:
+def read_wishes(value: Value | None, rules: str | None) -> DamageWishes | None:
     """What is wanted of damage; None without any, or after a fault. `rules` are those of an inventory."""
     section = value.section(DAMAGE) if value else None
     advice = f"give the demand of each state, {_WHERE}"
@@ -106,7 +104,7 @@ def read_wishes(value: Value | None, folder: Path, rules: str | None) -> DamageW
     if section is None or thresholds is None:
         return None
     if not thresholds.is_mapping:
-        return _by_class(section, thresholds, folder, rules)
+        return _by_class(section, thresholds, rules)
     if entry := section.get("states"):
         entry.fault("the thresholds name the states; leave one of the two out")
     losses = section.get("losses")
@@ -118,7 +116,7 @@ def read_wishes(value: Value | None, folder: Path, rules: str | None) -> DamageW
     return None
 
 
-def _by_class(section: Section, thresholds: Value, folder: Path, rules: str | None) -> DamageWishes | None:
+def _by_class(section: Section, thresholds: Value, rules: str | None) -> DamageWishes | None:
     """Thresholds by rules or of a table; None after a fault."""
     source = thresholds.text()
     needed = {HAZUS: "mdof-lu", CAPACITY: CAPACITY_RULES}.get(source or "")
@@ -142,17 +140,17 @@ def _by_class(section: Section, thresholds: Value, folder: Path, rules: str | No
     given = section.get("losses")
     of_all = given if given and given.is_mapping else None
     losses = read_losses(of_all, states)
-    file = given.text() if given and not of_all else None
+    file = given.file() if given and not of_all else None
     return (
         None
         if losses is None
         else DamageWishes(
             demand=demand,
             states=states,
-            source=source if needed else resolve(source, folder),
+            source=source if needed else thresholds.file() or source,
             dispersion=HAZUS_DISPERSION if source == HAZUS and beta is None else beta,
             losses=losses,
-            loss_file=resolve(file, folder) if file else None,
+            loss_file=file,
         )
     )
 

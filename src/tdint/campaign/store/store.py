@@ -249,6 +249,10 @@ class Store:
         """Columns of the inventory that are carried along, as they are written there; none without one."""
         return tuple(json.loads(self.meta("inventory"))["columns"])
 
+    def events(self) -> list[str]:
+        """The events of ground motion fields, whose numbers from 1 are those of the draws; none without fields."""
+        return list(json.loads(self._known("setting events") or "[]"))
+
     def carried(self, building: int) -> list[str]:
         """What the inventory says of a building in these columns."""
         found = self.connection.execute("SELECT cells FROM inventory WHERE building = ?", (building,)).fetchone()

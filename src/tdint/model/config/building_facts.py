@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 from tdint.errors import ModelError
 from tdint.model.config.units import ModelUnits
@@ -19,7 +18,6 @@ from tdint.model.inventory.derive import CAPACITY, RULES
 from tdint.model.inventory.facts import BuildingFacts, DerivedBuilding
 from tdint.model.inventory.hazus import LEVELS
 from tdint.model.inventory.mdof_lu import MOST_STORIES, STRUCTURES, ZONES
-from tdint.model.keys.document import resolve
 from tdint.model.keys.fields import Section, Value
 from tdint.model.keys.kinds import POSITIVE, RATIO, Choice, Flag, Key, Keys, Whole, Words
 
@@ -49,14 +47,14 @@ _OF_RULES = ("rules", "type", "year", "area", "zone", "design_level", "damping")
 _OF_CAPACITY = ("mass", "soft_story", "degradation", "as_published")
 
 
-def read_building(value: Value, unit: ModelUnits, folder: Path) -> DerivedBuilding | CapacityBuilding | None:
+def read_building(value: Value, unit: ModelUnits) -> DerivedBuilding | CapacityBuilding | None:
     """The building that the rules derive; None after a fault."""
     section = value.section(BUILDING)
     if section is None:
         return None
     if section.has("capacity"):
         _refuse(section, _OF_RULES, "has no part in a building with a `capacity` curve")
-        return _of_curve(section, unit, folder)
+        return _of_curve(section, unit)
     _refuse(section, _OF_CAPACITY, "belongs to a building with a `capacity` curve")
     rules = _choice(section, "rules", "set of rules")
     structure = _choice(section, "type", "structure type")
@@ -93,14 +91,14 @@ def _refuse(section: Section, names: tuple[str, ...], reason: str) -> None:
             entry.fault(reason)
 
 
-def _of_curve(section: Section, unit: ModelUnits, folder: Path) -> CapacityBuilding | None:
+def _of_curve(section: Section, unit: ModelUnits) -> CapacityBuilding | None:
     """The building of a capacity curve; None after a fault."""
     file = section.get("capacity")
-    text = file.text() if file else None
+    path = file.file() if file else None
     curve = None
-    if file and text:
+    if file and path:
         try:
-            curve = read_curve(resolve(text, folder))
+            curve = read_curve(path)
         except ModelError as error:
             file.fault(str(error))
     count = section.need("stories", f"give a whole number from 1 to {MOST_STORIES}")

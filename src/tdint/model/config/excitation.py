@@ -7,14 +7,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from pathlib import Path
 
 from tdint.errors import UsageError
 from tdint.ground_motion.processing import BASELINES, MOST_CORNERS, Processing, parse_pad, parse_trim
 from tdint.ground_motion.text_layout import AS_STATED, MOST_LINES, TextLayout
 from tdint.model.config.units import ModelUnits, read_sample_units
 from tdint.model.definition import MAX_STORIES, Excitation, Force, RecordSource
-from tdint.model.keys.document import resolve_or_stdin
 from tdint.model.keys.fields import Section, Value
 from tdint.model.keys.kinds import ANY, NOT_NEGATIVE, POSITIVE, Choice, Either, EntriesOf, Key, Keys, Whole, Words
 
@@ -96,34 +94,33 @@ EXCITATION = Keys(
 )
 
 
-def read_excitation(value: Value | None, unit: ModelUnits, count: int | None, folder: Path) -> Excitation:
-    """Record and forces; relative paths are relative to `folder`, `count` is the number of stories."""
+def read_excitation(value: Value | None, unit: ModelUnits, count: int | None) -> Excitation:
+    """Record and forces; `count` is the number of stories."""
     section = value.section(EXCITATION) if value else None
     if section is None:
         return Excitation(None, ())
     record, forces = section.get("record"), section.get("forces")
     items = forces.items("a list of forces") if forces else None
     return Excitation(
-        _read_record(record, folder) if record else None,
+        _read_record(record) if record else None,
         tuple(_read_force(item, unit, count) for item in items or ()),
     )
 
 
-def _read_record(value: Value, folder: Path) -> RecordSource | None:
+def _read_record(value: Value) -> RecordSource | None:
     if not value.is_list and not value.is_mapping:
-        file = value.text()
-        return RecordSource(resolve_or_stdin(file, folder), None, None, 1.0, None) if file else None
+        file = value.file(stdin=True)
+        return RecordSource(file, None, None, 1.0, None) if file else None
     section = value.section(_RECORD, "a file or a mapping with the key file")
     if section is None:
         return None
     section.need("file", "give the record's file")
-    inventory = section.text("inventory")
     return RecordSource(
-        file=resolve_or_stdin(section.text("file") or "", folder),
+        file=section.file("file", stdin=True) or "",
         units=read_sample_units(section.get("units")),
         component=section.text("component"),
         scale=_read_scale(section),
-        inventory=resolve_or_stdin(inventory, folder) if inventory else None,
+        inventory=section.file("inventory", stdin=True),
         processing=read_processing(section),
         layout=read_layout(section),
     )

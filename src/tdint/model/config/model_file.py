@@ -146,20 +146,20 @@ def load_judged(
     section = root.section(_MODEL)
     model = _read_model(section, origin) if section else None
     for path, judge in judges.items():
-        _let_judge(root, path, judge, origin.folder)
+        _let_judge(root, path, judge)
     root.faults.raise_if_any()
     assert model is not None
     return model
 
 
-def _let_judge(root: Value, path: str, judge: Callable[[str, Path], object], folder: Path) -> None:
+def _let_judge(root: Value, path: str, judge: Callable[[str, Path], object]) -> None:
     value: Value | None = root
     for name in path.split("."):
         value = value.peek(name) if value else None
     if value is None or value.is_list or value.is_mapping or not (text := value.word):
         return
     try:
-        judge(text, folder)
+        judge(text, root.faults.folder)
     except UsageError as error:
         Value(value.node, path, value.faults).fault(str(error))
 
@@ -169,7 +169,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
     unit = read_units(section.get("units"))
     p_delta_value = section.get("p_delta")
     p_delta = p_delta_value.boolean() if p_delta_value else False
-    stories, count, damping = _read_stories(section, unit, p_delta, origin.folder)
+    stories, count, damping = _read_stories(section, unit, p_delta)
     excitation = section.get("excitation")
     model = Model(
         name=section.text("name") or origin.name,
@@ -178,7 +178,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         stories=stories,
         damping=damping,
         p_delta=p_delta,
-        excitation=read_excitation(excitation, unit, count, origin.folder),
+        excitation=read_excitation(excitation, unit, count),
         initial=_read_initial(section.get("initial"), unit.length, count),
         analysis=_read_analysis(section.get("analysis")),
         collapse_drift=section.number("collapse_drift", default=_DEFAULT_COLLAPSE_DRIFT),
@@ -191,9 +191,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
     return model
 
 
-def _read_stories(
-    section: Section, unit: ModelUnits, p_delta: bool, folder: Path
-) -> tuple[tuple[Story, ...], int | None, Damping]:
+def _read_stories(section: Section, unit: ModelUnits, p_delta: bool) -> tuple[tuple[Story, ...], int | None, Damping]:
     """Stories, their number and the damping: as they are written out, or as rules derive them of a `building`."""
     building, damping = section.get("building"), section.get("damping")
     if building is None:
@@ -203,7 +201,7 @@ def _read_stories(
         return stories, count, read_damping(damping, count)
     from tdint.model.config.building_facts import read_building  # needs numpy, which other models are read without
 
-    derived = read_building(building, unit, folder)
+    derived = read_building(building, unit)
     if section.has("stories"):
         building.fault("stands in place of `stories`; give one of the two")
     if derived is None:

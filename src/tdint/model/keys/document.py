@@ -5,7 +5,6 @@ The text comes from a file, standard input or a stream; paths in it start from i
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -107,17 +106,5 @@ def read_document(
         node = nodes_of(source, faults)
         return SourceText("model", "model", Path(), text_of(node)), Value(node, "", faults)
     origin = read_source(source, kind)
-    faults = Faults(origin.label, kind, needs)
+    faults = Faults(origin.label, kind, needs, origin.folder)
     return origin, Value(parse(decode(origin.data, faults), faults), "", faults)
-
-
-def resolve(file: str, folder: Path) -> str:
-    """The path as seen from the working directory, without `folder/..` where that means the same."""
-    path = os.fspath(folder / file)
-    plain = os.path.normpath(path)
-    return plain if os.path.realpath(plain) == os.path.realpath(path) else path
-
-
-def resolve_or_stdin(file: str, folder: Path) -> str:
-    """The same where `-`, standard input, may stand: it stays."""
-    return file if file == "-" else resolve(file, folder)

@@ -7,10 +7,12 @@ stay silent about it: one fault gives one line.
 from __future__ import annotations
 
 import math
+import os
 import re
 import unicodedata
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TypeVar
 
 from tdint.errors import UsageError, did_you_mean, nearest
@@ -124,6 +126,13 @@ class Value:
             self.fault(f"must be one line without control characters, got {self._shown()}")
             return None
         return self.node.text
+
+    def file(self, *, stdin: bool = False) -> str | None:
+        """The path of a file, which starts from the folder of the one that it stands in, as seen from the working
+        directory; None if there is a fault. With `stdin`, `-` stays what it is.
+        """
+        text = self.text()
+        return text if text is None or (stdin and text == "-") else resolve(text, self.faults.folder)
 
     def parsed(self, parse: Callable[[str], Parsed]) -> Parsed | None:
         """What `parse` makes of the text; None if there is a fault, as where it raises UsageError."""
@@ -281,6 +290,11 @@ class Section:
         value = self.get(name)
         return value.text() if value else None
 
+    def file(self, name: str, *, stdin: bool = False) -> str | None:
+        """The path of the entry, as `Value.file` has it; None if the section lacks it or it is faulty."""
+        value = self.get(name)
+        return value.file(stdin=stdin) if value else None
+
     def _admit(self, key: ScalarNode, entry: Node, known: Collection[str]) -> None:
         faults, path = self.value.faults, self.path(key.text)
         if key.text in known:
@@ -300,6 +314,13 @@ class Section:
             meant = nearest(key.text, known, cutoff=_MEANT)
             if meant and meant not in self._entries:
                 self._entries[meant] = Value(entry, self.path(key.text), self.value.faults, self._kinds.get(meant))
+
+
+def resolve(file: str, folder: Path) -> str:
+    """The path as seen from the working directory, without `folder/..` where that means the same."""
+    path = os.fspath(folder / file)
+    plain = os.path.normpath(path)
+    return plain if os.path.realpath(plain) == os.path.realpath(path) else path
 
 
 def quoted(text: str) -> str:

@@ -11,6 +11,7 @@ import json
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import yaml
@@ -57,12 +58,15 @@ Node = ScalarNode | ListNode | MappingNode
 
 class Faults:
     """The problems of one file, collected so that they are reported together; `kind` is what the file is, `needs` what
-    it must hold."""
+    it must hold, `folder` where paths in it start from."""
 
-    def __init__(self, source: str, kind: str = "model file", needs: str = "`stories`") -> None:
+    def __init__(
+        self, source: str, kind: str = "model file", needs: str = "`stories`", folder: Path | None = None
+    ) -> None:
         self.source = source
         self.kind = kind
         self.needs = needs
+        self.folder = folder or Path()
         self._faults: list[ModelFault] = []
 
     def add(self, place: Place, key: str, message: str) -> None:

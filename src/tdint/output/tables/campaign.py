@@ -47,8 +47,12 @@ OF_BUILDING = (
     Column("scale", "1", "scale", "factor on the ground acceleration"),
 )
 SAMPLE = Column(
-    "sample", "1", "sample", "number of the draw from a grid of ground motions, from 1; 0 where nothing is drawn"
+    "sample",
+    "1",
+    "sample",
+    "number of the draw from a grid of ground motions, or of the event, from 1; 0 where neither is",
 )
+EVENT = Column("event", "text", "event", "event of a ground motion field")
 RUNS = (
     *OF_BUILDING,
     SAMPLE,
@@ -170,7 +174,8 @@ def run_rows(store: Store | CampaignRuns) -> Iterator[list[Any]]:
         head = [building_names[building], cell_text(name), cell_text(component), scale, sample, method_names[building]]
         head += [dt, cell_text(status)]
         errors = rest[-len(RUN_ERRORS) :] if checked else []
-        yield head + rest[: len(RUNS) - len(head)] + errors + (swept[building] if swept else []) + carried(building)
+        behind = (swept[building] if swept else []) + carried(building, sample)
+        yield head + rest[: len(RUNS) - len(head)] + errors + behind
 
 
 def story_columns(store: Store) -> tuple[Column, ...]:
@@ -325,9 +330,10 @@ def status_table(statuses: dict[str, int], left: int) -> Table:
 
 
 def carried_columns(store: Store | CampaignRuns, others: Iterable[str]) -> tuple[Column, ...]:
-    """The columns of an inventory, which stand behind others of these names; one that is among them gets `inventory_`
-    before its own."""
-    taken, found = set(others), []
+    """The event, where there are fields, and the columns of an inventory, which stand behind others of these names; one
+    that is among them gets `inventory_` before its own."""
+    found = [EVENT] if store.events() else []
+    taken = {*others, *names(found)}
     for title in store.inventory_columns():
         name = title
         while name in taken:
@@ -337,15 +343,16 @@ def carried_columns(store: Store | CampaignRuns, others: Iterable[str]) -> tuple
     return tuple(found)
 
 
-def carried_cells(store: Store | CampaignRuns) -> Callable[[int], list[str]]:
-    """What stands in the columns of the inventory, by a building's number; it is asked building by building."""
+def carried_cells(store: Store | CampaignRuns) -> Callable[[int, int], list[str]]:
+    """What stands in these columns, by a building's number and the draw's; it is asked building by building."""
+    events = [cell_text(event) for event in store.events()]
     last: tuple[int, list[str]] = (-1, [])
 
-    def cells(building: int) -> list[str]:
+    def cells(building: int, sample: int) -> list[str]:
         nonlocal last
         if last[0] != building:
             last = (building, [cell_text(cell) for cell in store.carried(building)])
-        return last[1]
+        return [events[sample - 1], *last[1]] if events else last[1]
 
     return cells
 

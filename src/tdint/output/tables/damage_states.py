@@ -101,7 +101,18 @@ def damage_rows(store: Store) -> Iterator[list[Any]]:
         head, kind = cell_text(of.building), cell_text(of.type)
         cells = zip(of.keys, of.status, of.demand.tolist(), of.state, _numbers(of).tolist(), strict=True)
         for (record, scale, sample), status, demand, state, numbers in cells:
-            yield [head, *records[record], scale, sample, kind, status, demand, state, *numbers, *carried(of.number)]
+            yield [
+                head,
+                *records[record],
+                scale,
+                sample,
+                kind,
+                status,
+                demand,
+                state,
+                *numbers,
+                *carried(of.number, sample),
+            ]
 
 
 def _numbers(of: BuildingDamage) -> Any:

@@ -1,4 +1,4 @@
-"""A campaign as points on a map: GeoJSON (RFC 7946) with a feature for each building and level, and each event."""
+"""A campaign as points on a map: GeoJSON (RFC 7946) with a feature for each building, event and level."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
 
 from tdint.campaign.engine.rows import RUN
 from tdint.campaign.fragility.run_damage import BuildingDamage, building_damages, stored_states
@@ -33,10 +35,10 @@ Feature = dict[str, Any]
 def write_geojson(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
     """Write a FeatureCollection of points: longitude and latitude, degrees; null for a building without a place.
 
-    Properties are the columns of the inventory, the level (`scale`, and `level` as in profiles.csv), how many motions
-    there were and under how many the building collapsed or a run failed, and of the demands the mean and the largest
-    over the others: of a pair the larger component counts. Where damage is told, the mean probability of each state and
-    the mean loss ratio follow. What is not known is null.
+    Properties are the columns of the inventory, the event of a field, the level (`scale`, and `level` as in
+    profiles.csv), how many motions there were and under how many the building collapsed or a run failed, and of the
+    demands the mean and the largest over the others: of a pair the larger component counts. Where damage is told, the
+    mean probability of each state and the mean loss ratio follow. What is not known is null.
 
     Raises
     ------
@@ -69,22 +71,20 @@ def _features(store: Store, units: OutputUnits) -> Iterator[Feature]:
     from tdint.campaign.profiles import RunKey, SuiteRules
 
     longitude, latitude = places_of(store)
-    rules, properties = SuiteRules.of(store), _properties(store)
+    rules, properties, events = SuiteRules.of(store), _properties(store), store.events()
     buildings, damages = store.buildings(), building_damages(store)
     for number, rows in groupby(store.runs(), key=lambda row: row[0]):
         damage = next(damages, None)
         runs = {RunKey(*row[1:4]): row for row in rows}
         cells = store.carried(number)
         geometry = _point(cells[longitude], cells[latitude])
-        for rank, level in enumerate(rules.levels({key: row[_STATUS] for key, row in runs.items()})):
-            head: Feature = {"building": buildings[number][0]}
-            if not math.isnan(level.scale):
-                head["scale"] = _digits(level.scale)
-            if not math.isnan(level.value):
-                head["level"] = _digits(level.value)
-            told = _damage(damage, rank) if damage else {}
-            found = head | _counts(level) | _demands(level, runs, units) | told | properties(cells)
-            yield {"type": "Feature", "geometry": geometry, "properties": found}
+        for event in sorted({key.sample for key in runs}) if events else (0,):
+            head: Feature = {"building": buildings[number][0]} | ({"event": events[event - 1]} if events else {})
+            mine = {key: row for key, row in runs.items() if event in (0, key.sample)}
+            for rank, level in enumerate(rules.levels({key: row[_STATUS] for key, row in mine.items()})):
+                told = _damage(damage, rank, event) if damage else {}
+                found = head | _of_level(level) | _demands(level, mine, units) | told | properties(cells)
+                yield {"type": "Feature", "geometry": geometry, "properties": found}
 
 
 def _point(longitude: str, latitude: str) -> Feature | None:
@@ -96,9 +96,11 @@ def _point(longitude: str, latitude: str) -> Feature | None:
                                              _digits(float(latitude))]}  # fmt: skip
 
 
-def _counts(level: SuiteLevel) -> Feature:
+def _of_level(level: SuiteLevel) -> Feature:
+    values = {"scale": level.scale, "level": level.value}
     runs = len(level.stood) + level.collapsed + level.failed
-    return {"runs": runs, "collapsed": level.collapsed, "failed": level.failed}
+    known = {name: _digits(value) for name, value in values.items() if not math.isnan(value)}
+    return {**known, "runs": runs, "collapsed": level.collapsed, "failed": level.failed}
 
 
 def _demands(level: SuiteLevel, runs: Mapping[RunKey, Sequence[Any]], units: OutputUnits) -> Feature:
@@ -113,9 +115,10 @@ def _demands(level: SuiteLevel, runs: Mapping[RunKey, Sequence[Any]], units: Out
     return found
 
 
-def _damage(of: BuildingDamage, rank: int) -> Feature:
-    """Mean probability of each damage state and mean loss ratio over the runs of a level."""
-    chosen = of.known & (of.rank == rank)
+def _damage(of: BuildingDamage, rank: int, event: int) -> Feature:
+    """Mean probability of each damage state and mean loss ratio over the runs of a level, of one event if not 0."""
+    mine = np.array([event in (0, sample) for _, _, sample in of.keys])
+    chosen = of.known & (of.rank == rank) & mine
     means = of.probability[chosen].mean(axis=0).tolist() if chosen.any() else [None] * len(of.states.outcomes)
     found = {_probability(name): _known(mean) for name, mean in zip(of.states.outcomes, means, strict=True)}
     if of.states.losses:
@@ -135,7 +138,7 @@ def _properties(store: Store) -> Callable[[Sequence[str]], Feature]:
     """What makes the properties of the inventory's cells: numbers where a column has numbers alone."""
     demands = [f"{what}_{one.column}" for one in _DEMANDS for what in ("mean", "max")]
     outcomes = [_probability(name) for states in stored_states(store).values() for name in states.outcomes]
-    columns = names(carried_columns(store, (*_OWN, *demands, *outcomes, LOSS.name)))
+    columns = names(carried_columns(store, (*_OWN, *demands, *outcomes, LOSS.name)))[1 if store.events() else 0 :]
     kinds = numeric(store)
 
     def properties(cells: Sequence[str]) -> Feature:
