@@ -53,7 +53,7 @@ SPARED = {
         *WITHOUT_RECORDS, "numpy.polynomial", "tdint.methods", "tdint.kernels.march"
     },
     ("modes", "configs/ten-story.yaml"): {
-        *WITHOUT_RECORDS, "llvmlite", "numpy.polynomial", "tdint.methods", "hashlib", "shutil", "tempfile"
+        *WITHOUT_RECORDS, "llvmlite", "numpy.polynomial", "tdint.methods", "shutil", "tempfile"
     },
     ("methods",): {*WITHOUT_RECORDS - {"importlib.metadata"}, "llvmlite", "yaml", "tdint.model.config", "hashlib"},
 }  # fmt: skip
