@@ -65,7 +65,7 @@ def test_a_column_is_declared_in_one_place():
         "buildings",
         "spectra",
         "methods",
-        "runs",
+        "responses",
         "campaign",
         "damage_states",
         "studies",
