@@ -3,6 +3,7 @@ losses that it names, and the type that each building belongs to."""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -258,8 +259,12 @@ class Damage:
     buildings: Sequence[BuildingType]
 
     def description(self) -> str:
-        """The states as a store keeps them."""
-        return json.dumps({name: asdict(states) for name, states in self.types.items()})
+        """The states of each type as a store keeps them, and the SHA-256 of what its buildings are; JSON."""
+        whole = hashlib.sha256()
+        for one in self.buildings:
+            whole.update(repr(tuple(one)).encode())
+        types = {name: asdict(states) for name, states in self.types.items()}
+        return json.dumps({"types": types, "buildings_sha256": whole.hexdigest()})
 
 
 def damage_of(wanted: DamageWishes | None, inputs: Inputs, buildings: Buildings) -> Damage | None:
