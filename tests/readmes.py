@@ -20,6 +20,7 @@ from tempfile import TemporaryDirectory
 from click.testing import CliRunner
 
 from tdint.analysis.assessment.hard_problems import HardProblem, problems
+from tdint.campaign.fragility.run_measures import run_measure
 from tdint.kernels import layout
 from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.methods.catalogue import catalogue, parse
@@ -189,6 +190,9 @@ def command_list():
     return "\n".join(rows) + "\n"
 
 
+MEASURES = ("pgv", "arias", "cav", "cav5", "d5-95", "sa:0.5", "sa-avg", "sdi:T1:0.1")
+
+
 def column_tables():
     """The columns of every table, by command."""
     tables = {
@@ -223,10 +227,12 @@ def column_tables():
         "damage-types.csv of tdint campaign": damage_states.TYPES,
         "losses.csv of tdint campaign": damage_states.LOSSES,
         "floor-spectra-mean.csv of tdint campaign": campaign.FLOOR_SUITES,
+        "measures.csv of tdint campaign": campaign.measure_columns(list(map(run_measure, MEASURES))),
         "tdint scale": studies.FACTORS,
         "tdint ida": studies.CAPACITIES,
         "ida.csv of tdint ida": studies.IDA,
         "tdint fragility": (*studies.FRAGILITY, studies.FRAGILITY_TOTAL),
+        "tdint fragility --im sa,pga": (*studies.COMPARED, *studies.DEPENDENCE),
         "tdint methods": methods.METHOD,
         "tdint stability": methods.STABILITY,
         "tdint overshoot": methods.OVERSHOOT,

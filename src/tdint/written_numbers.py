@@ -38,6 +38,23 @@ def parse_ratio(text: str) -> float:
     return ratio
 
 
+def parse_positive(name: str, text: str) -> float:
+    """A positive number; `name` is what it is, for the message.
+
+    Raises
+    ------
+    UsageError
+        It is none, or one that cannot be computed with (`SMALLEST`, `LARGEST`).
+    """
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not SMALLEST <= number <= LARGEST:
+        raise UsageError(f"{name} must be a positive number, got {text[:40]!r}")
+    return number
+
+
 @dataclass(frozen=True)
 class Grid:
     """Numbers in equal ratios, both ends included; a single one if `count` is 1."""

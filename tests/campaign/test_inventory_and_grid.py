@@ -184,7 +184,9 @@ def test_points_of_a_grid_lie_on_the_earth(study: Path, place: str, message: str
 def test_a_grid_needs_places(study: Path) -> None:
     text = (study / "buildings.csv").read_text().replace(",37.805,-122.265", ",,")
     (study / "buildings.csv").write_text(text)
-    with pytest.raises(ModelError, match="no Latitude and Longitude of c"):
+    with pytest.raises(
+        ModelError, match=r"buildings.csv:4:6: Latitude: is missing; motions at places need that of each building"
+    ):
         plan(study)
 
 

@@ -15,7 +15,7 @@ from tdint.ground_motion.measures import measure, spectrum_intensity
 from tdint.ground_motion.reading.read import read_record
 
 COLUMNS = (
-    "record,component,id,start,samples,dt_s,duration_s,units,pga_m_s2,pgv_m_s,pgd_m,arias_intensity_m_s,cav_m_s,"
+    "record,component,id,start,samples,dt_s,duration_s,units,pga_m_s2,pgv_m_s,pgd_m,arias_intensity_m_s,cav_m_s,cav5_m_s,"
     "d5_75_s,d5_95_s,housner_intensity_m,mean_m_s2,leading_zeros,trailing_zeros,notes"
 )
 
@@ -51,7 +51,8 @@ def test_the_numbers_are_those_of_the_library(folder, tdint):
     measures = measure(record)
     for column, value in (
         ("pga_m_s2", record.pga), ("pgv_m_s", measures.pgv), ("pgd_m", measures.pgd),
-        ("arias_intensity_m_s", measures.arias), ("cav_m_s", measures.cav), ("d5_75_s", measures.d5_75),
+        ("arias_intensity_m_s", measures.arias), ("cav_m_s", measures.cav), ("cav5_m_s", measures.cav5),
+        ("d5_75_s", measures.d5_75),
         ("d5_95_s", measures.d5_95), ("mean_m_s2", record.acceleration.mean()),
     ):  # fmt: skip
         assert float(row[column]) == pytest.approx(value, rel=5.1e-12)

@@ -46,10 +46,12 @@ COMMANDS = {
     "damage-types.csv of tdint campaign": "{folder}/damage.yaml",
     "losses.csv of tdint campaign": "{folder}/damage.yaml",
     "floor-spectra-mean.csv of tdint campaign": "{folder}/campaign.yaml --floor-spectra roof",
+    "measures.csv of tdint campaign": f"{{folder}}/campaign.yaml --im {','.join(readmes.MEASURES)}",
     "tdint scale": "records/firm-soil.mseed --pga 0.4g",
     "tdint ida": f"{FRAME} records/firm-soil.mseed --component HN1 --max-im 1.2m/s^2",
     "ida.csv of tdint ida": f"{FRAME} records/firm-soil.mseed --component HN1 --max-im 1.2m/s^2",
     "tdint fragility": "configs/stripes.csv --beta-model 0.2",
+    "tdint fragility --im sa,pga": "{folder}",
     "tdint methods": "",
     "tdint stability": "--method impulse4 --dt-over-t 0.1",
     "tdint overshoot": "--method impulse4",
@@ -95,6 +97,10 @@ def test_columns(name, monkeypatch, tmp_path):
     )
     shock = f"twice,{readmes.ROOT / 'records' / 'firm-soil.mseed'}"
     (tmp_path / "pairs.csv").write_text(f"sequence,record\n{shock}\n{shock}\n")
+    (tmp_path / "runs.csv").write_text(
+        "building,status,scale,peak_drift_ratio,sa_t1_m_s2,pga_m_s2\n"
+        "one,done,1,0.01,1,1\none,done,2,0.02,2,3\none,done,1,0.01,1,1.5\n"
+    )
     file, _, command = name.rpartition("tdint ")
     arguments = f"{command} {COMMANDS[name].format(folder=tmp_path)}".split()
     if file:

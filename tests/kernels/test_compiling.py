@@ -119,6 +119,12 @@ def test_kernels_compiled_ahead_for_several_processors(small, monkeypatch):
     assert sorted(file.name for file in files) == sorted(names)
     assert done == [0.5, 1.0]
     assert compile_ahead(wanted, ["native"], folder, done.append) == []
+    # Where kernels are kept: copied there once, then there.
+    monkeypatch.setenv("TDINT_CACHE_DIR", str(small / "cache"))
+    monkeypatch.setenv("TDINT_KERNELS_DIR", str(folder))
+    (kept,) = compile_ahead(wanted, ["native"], None, done.append)
+    assert kept.is_relative_to(small / "cache")
+    assert compile_ahead(wanted, ["native"], None, done.append) == []
     monkeypatch.setenv("TDINT_KERNELS_DIR", str(folder))
     if named("x86-64-v2") in runnable():
         (folder / files[0].parent.name / names[0]).unlink()

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import csv
 import hashlib
+import io
 import json
 import math
+import pickle
 import subprocess
 import sys
 from textwrap import dedent
@@ -16,12 +19,17 @@ from click.testing import CliRunner
 import readmes
 import tdint
 from tdint.analysis.assessment.declarations import check_law, check_method
+from tdint.campaign.engine.cluster import do_with
+from tdint.campaign.inputs import read_inputs
+from tdint.campaign.plan import make_plan
+from tdint.campaign.reader import load_campaign
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels.building.sources import closure
 from tdint.kernels.laws import LAWS as NUMBERED
 from tdint.kernels.laws import OURS
 from tdint.methods import catalogue as methods
 from tdint.model import definition
+from tdint.model.plugins import files_to_send
 from tdint_cli.main import cli
 
 
@@ -251,3 +259,63 @@ def test_an_installed_package_needs_no_option(tmp_path, verlet, hyperbolic):
     assert warning.startswith(
         "a plug-in is left out: outside-package 1.0, entry point wrong of tdint.methods (outside_package.nothing)"
     )
+
+
+SHAKEN = """\
+stories: [{mass: 1e4, height: 4, stiffness: 3e7, law: {type: hyperbolic, strength: 3e5}}]
+excitation: {record: {file: motion.txt, units: m/s^2}}
+"""
+
+
+@pytest.fixture
+def workshop(tmp_path, hyperbolic, monkeypatch):
+    """A folder with a model of the README's law and a record; what runs a command in it."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "shaken.yaml").write_text(SHAKEN)
+    samples = 8.0 * np.sin(np.arange(200) * 0.07)
+    (tmp_path / "motion.txt").write_text("\n".join(f"{0.01 * i:.2f} {a:.9f}" for i, a in enumerate(samples)) + "\n")
+    (tmp_path / "campaign.yaml").write_text(
+        "buildings: {models: [shaken.yaml]}\nrecords: {files: [motion.txt], units: m/s^2}\n"
+        "intensity: {scales: [0.5, 1.0]}\nanalysis: {method: verlet, dt: 0.005}\n"
+    )
+
+    def run(*words):
+        place, table = ("out", "out/stories.csv") if words[0] == "run" else ("table.csv", "table.csv")
+        result = CliRunner().invoke(cli, [*words, "-o", place, "--overwrite"])
+        assert result.exit_code == 0, result.output
+        return list(csv.DictReader(io.StringIO((tmp_path / table).read_text(encoding="utf-8"))))
+
+    return run
+
+
+def test_commands_take_methods_and_laws_of_files(workshop, verlet):
+    """`run`, `stability` and `order` in one process each see what their own --plugin names, as Python does."""
+    plugins = ("--plugin", "verlet.py", "--plugin", "hyperbolic.py")
+    (story,) = workshop("run", "shaken.yaml", *plugins, "--method", "verlet", "--dt", "0.005")
+    single = tdint.run("shaken.yaml", method="verlet", dt=0.005).stories
+    assert float(story["peak_drift_m"]) == pytest.approx(single.peak_drift[0], rel=1e-11)
+    by_ours = tdint.run("shaken.yaml", method="central-difference", dt=0.005).stories
+    np.testing.assert_allclose(single.peak_drift, by_ours.peak_drift, rtol=1e-9)  # without damping they are one
+    curve = workshop("stability", "--plugin", "verlet.py", "--method", "verlet", "--dt-over-t", "0.1:0.5:5")
+    radius = {float(row["dt_over_t"]): float(row["spectral_radius"]) for row in curve}
+    assert radius[0.1] == pytest.approx(1.0) and radius[0.5] > 2.0  # the limit is 1 / pi
+    (order,) = workshop("order", "--plugin", "verlet.py", "--method", "verlet", "--frequency-ratio", "0.5")
+    assert float(order["displacement_order"]) == pytest.approx(2.0, abs=0.1)
+
+
+def test_files_of_plugins_go_to_workers(workshop, verlet, hyperbolic, tmp_path):
+    """A process that knows neither file, as a Dask worker, gives the runs of this one."""
+    for file in (verlet, hyperbolic):
+        tdint.load_plugin(str(file))
+    wanted = load_campaign("campaign.yaml")
+    chunk = make_plan(wanted, read_inputs(wanted)).chunk(0)
+    sent = files_to_send()
+    assert [name for name, _ in sent] == ["verlet.py", "hyperbolic.py"]
+    worker = "import pickle, sys; f, *a = pickle.load(sys.stdin.buffer); sys.stdout.buffer.write(pickle.dumps(f(*a)))"
+    called = pickle.dumps((do_with, sent, chunk))
+    done = subprocess.run([sys.executable, "-c", worker], input=called, capture_output=True, cwd="/")
+    assert done.returncode == 0, done.stderr
+    assert pickle.loads(done.stdout).rows.runs == do_with(sent, chunk).rows.runs
+    assert len(do_with(sent, chunk).rows.runs) == 2
+    with pytest.raises(UsageError, match=r"verlet\.py: a worker has executed another version"):
+        do_with((("verlet.py", b"METHODS = ()"),), chunk)

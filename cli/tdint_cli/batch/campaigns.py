@@ -28,6 +28,9 @@ PARQUET = ("runs.parquet", "stories.parquet", "damage.parquet")
 SIMCENTER, GEOJSON = "simcenter.csv", "buildings.geojson"
 """What is made of a store, each file whole."""
 
+MEASURES = "measures.csv"
+"""Of the intensities of runs, for `tdint fragility`."""
+
 OF_FLOORS = (SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE)
 
 _FAILED = ("diverged", "not-converged", "unstable-step", "not-within-tolerance")
@@ -70,7 +73,7 @@ def carry_out(
             units = of_suite.units or store.output_units()
             advance = advance_with_bar(plan, store, engine, shard=shard, limit=limit)
             profiles = Profiles(store, of_suite, units)
-            more = {**_of_floors(plan, profiles), **_report(plan, profiles)}
+            more = {**_of_floors(plan, profiles), **_report(plan, profiles), **_measures(plan, profiles)}
             finish(store, folder, units, overwrite=overwrite, profiles=profiles, more=more)
             if show:
                 emit_table(runs_table(store).in_units(units))
@@ -137,7 +140,7 @@ def _forget(folder: Path) -> None:
 
     forget(folder / FILE)
     tables = (RUNS, STORIES, SHOCKS, PROFILES, RATIOS, DAMAGE, TYPES, LOSSES)
-    for name in (*tables, PICTURE, *OF_FLOORS, *PARQUET, SIMCENTER, GEOJSON, SUMMARY):
+    for name in (*tables, PICTURE, MEASURES, *OF_FLOORS, *PARQUET, SIMCENTER, GEOJSON, SUMMARY):
         remove(folder / name)
 
 
@@ -204,6 +207,20 @@ def _report(plan: Plan, profiles: Profiles) -> dict[str, Writer]:
     if report is None or not is_complete(profiles.store):
         return {}
     return {str(Path(report).absolute()): profiles.report(plan)}
+
+
+def _measures(plan: Plan, profiles: Profiles) -> dict[str, Writer]:
+    """The intensities of the runs, if they are asked for and all are done."""
+    wanted = profiles.request.measures
+    if not wanted or not is_complete(profiles.store):
+        return {}
+    from tdint.campaign.fragility.run_measures import measured, run_measure
+    from tdint.output.tables.campaign import measures_table
+
+    found = [run_measure(name) for name in wanted]
+    table = measures_table(found, measured(plan, profiles.store, found)).in_units(profiles.units)
+    content = table.csv()
+    return {MEASURES: lambda stream: stream.write(content)}
 
 
 def _of_floors(plan: Plan, profiles: Profiles) -> dict[str, Writer]:

@@ -53,7 +53,7 @@ def drift_limit(*names: str) -> Callable[[Function], Function]:
 @dataclass(frozen=True)
 class SuiteRequest:
     """What a command line asks of a suite: units of tables and pictures (None: those of the models), a picture of the
-    profiles, a limit of drifts, a baseline, spectra of floors, and in how many threads."""
+    profiles, a limit of drifts, a baseline, spectra of floors, in how many threads, and measures of the motions."""
 
     units: OutputUnits | None = None
     plot: str | None = None
@@ -63,6 +63,7 @@ class SuiteRequest:
     report: str | None = None
     of_floors: FloorRequest | None = None
     jobs: int | None = None
+    measures: tuple[str, ...] = ()
 
     def picture(self, folder: Path | None) -> Path | None:
         """The file of the picture, if one is asked for.

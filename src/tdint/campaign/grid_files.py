@@ -102,7 +102,7 @@ def read_field(wanted: FieldFile) -> tuple[tuple[SuiteMotion, ...], FieldMotions
     RecordError
         No record can be read.
     """
-    rows = _field_rows(wanted.file)
+    rows = _field_rows(wanted.file, needs_site=wanted.sites is not None)
     places = _site_places(wanted.sites) if wanted.sites else dict.fromkeys((row.site for row in rows), (0.0, 0.0))
     seen: dict[tuple[str, str], int] = {}
     for row in rows:
@@ -138,13 +138,11 @@ class _FieldRow(NamedTuple):
     factor: float
 
 
-def _field_rows(file: str) -> list[_FieldRow]:
+def _field_rows(file: str, *, needs_site: bool) -> list[_FieldRow]:
     needs = "fields are a CSV file with the columns event, site, record and, if they are wanted, component and factor"
     table = read_table(file, needs, columns=(*_EVENTS, *_SITES, "record", "component", "factor"), comment="#")
     event, site = _called(table, _EVENTS), _called(table, _SITES)
-    if event is None:
-        table.need("event")
-    table.need("record")
+    table.need(event or "event", "record", *(("site",) if needs_site and site is None else ()))
     lines = [line for line, _ in table.rows]
     nothing = [""] * len(lines)
     events, names = table.texts(event or "event", empty=False), table.texts("record", empty=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -112,7 +112,7 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
         rows, faults = read_rows(campaign.buildings)
     events: FieldDraws | None = None
     if isinstance(campaign.records, GridFile):
-        _check_places(campaign.source, rows)
+        _check_places(campaign, rows)
         found = read_grid_motions(campaign.records)
     elif isinstance(campaign.records, FieldFile):
         found = read_field_motions(campaign.records)
@@ -194,15 +194,17 @@ def read_rows(wanted: InventoryFile) -> tuple[tuple[InventoryRow, ...], tuple[Mo
     return tuple(rows), (ModelError(faults),) if faults else ()
 
 
-def _check_places(source: str, rows: tuple[InventoryRow, ...]) -> None:
+def _check_places(campaign: CampaignFile, rows: tuple[InventoryRow, ...]) -> None:
     """Raise UsageError without an inventory, and ModelError for buildings without a place."""
-    if not rows:
-        raise UsageError(f"{source}: a grid of ground motions needs an inventory with Latitude and Longitude")
+    if not isinstance(campaign.buildings, InventoryFile):
+        raise UsageError(f"{campaign.source}: motions at places need an inventory with Latitude and Longitude")
     lost = [row.id for row in rows if row.latitude is None or row.longitude is None]
     if lost:
-        raise ModelError(
-            f"the inventory has no Latitude and Longitude of {', '.join(lost[:5])}{' ...' * (len(lost) > 5)}"
+        file, missing = campaign.buildings.file, "is missing; motions at places need that of each building"
+        columns = (
+            _faults(file, name, lost, lambda text: "" if text else missing) for name in ("Latitude", "Longitude")
         )
+        raise ModelError(sorted((one for faults in columns for one in faults), key=lambda one: (one.line, one.column)))
 
 
 def read_grid_motions(wanted: GridFile) -> FoundMotions:
@@ -232,7 +234,7 @@ def _at_sites(campaign: CampaignFile, found: FieldMotions, rows: tuple[Inventory
     if found.sites == ("",):
         return FieldDraws(found, np.zeros(len(rows) or models, dtype=np.int64))
     if found.places:
-        _check_places(campaign.source, rows)
+        _check_places(campaign, rows)
         return FieldDraws(found, found.nearest(rows, wanted.distance))
     if not rows or "site" not in [name.lower() for name in rows[0].columns]:
         raise UsageError(
@@ -243,19 +245,22 @@ def _at_sites(campaign: CampaignFile, found: FieldMotions, rows: tuple[Inventory
     named = [row.cell("site") for row in rows]
     lost = [row.id for row, site in zip(rows, named, strict=True) if site not in numbers]
     if lost and isinstance(campaign.buildings, InventoryFile):
-        raise ModelError(_sites_lost(campaign.buildings.file, lost, numbers, wanted.file))
+        known = f"is not in {wanted.file}; known: {', '.join(found.sites[:5])}{' ...' * (len(numbers) > 5)}"
+        raise ModelError(_faults(campaign.buildings.file, "site", lost, lambda text: f"{text!r} {known}"))
     return FieldDraws(found, np.array([numbers[site] for site in named], dtype=np.int64))
 
 
-def _sites_lost(file: str, lost: list[str], known: Collection[str], fields: str) -> list[ModelFault]:
-    """Where buildings of an inventory name sites that are in no field."""
-    table, ids = read_table(file, "an inventory", columns=("id", "site")), set(lost)
-    rows = zip(table.lines("id"), table.texts("site"), strict=True)
-    place = table.header.index("site") + 1
+def _faults(file: str, column: str, ids: Collection[str], message: Callable[[str], str]) -> list[ModelFault]:
+    """Where some buildings of an inventory stand, and what is wrong with their cells in a column; nothing to say of a
+    cell is no fault."""
+    table = read_table(file, "an inventory", columns=("id", column))
+    table.need(column)
+    rows, wanted = zip(table.lines("id"), table.texts(column), strict=True), set(ids)
+    place = table.header.index(column.lower()) + 1
     return [
-        ModelFault(file, line, place, "site", f"{site!r} is not in {fields}; known: {', '.join(list(known)[:5])}")
-        for (line, name), site in rows
-        if name in ids
+        ModelFault(file, line, place, column, said)
+        for (line, name), text in rows
+        if name in wanted and (said := message(text))
     ]
 
 

@@ -11,25 +11,19 @@ from tdint.campaign.definition import (
     AnalysisWishes,
     CampaignFile,
     FactorsFile,
-    FieldFile,
-    GridFile,
     InventoryFile,
     ModelFiles,
     RecordFiles,
-    SequenceFile,
 )
-from tdint.campaign.draws import COORDINATES
 from tdint.campaign.fragility.type_states import DAMAGE, read_wishes
 from tdint.campaign.levels import MeasureLevels, Scales
 from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, PAIRS, IntensityMeasure, PeakVelocity, pga, sa, sa_average
+from tdint.campaign.suites.motion_reader import MOTIONS, SEED, read_motions, refuse
 from tdint.campaign.suites.suite import RecordChoice
 from tdint.campaign.sweep_reader import Varied, read_sweep
 from tdint.campaign.sweep_reader import positive as _positive
 from tdint.errors import UsageError
-from tdint.ground_motion.pairing import USUAL, PairNames
 from tdint.methods.catalogue import parse as parse_method
-from tdint.model.config.excitation import LAYOUT, PROCESSING, read_layout, read_processing
-from tdint.model.config.units import read_sample_units
 from tdint.model.inventory.derive import CAPACITY, RULES
 from tdint.model.keys.document import read_document
 from tdint.model.keys.fields import Section, Value
@@ -46,7 +40,6 @@ from tdint.model.keys.kinds import (
     Key,
     Keys,
     Schema,
-    Whole,
     Words,
 )
 from tdint.units import LENGTH, parse_units
@@ -56,7 +49,6 @@ _LEAST_LEVEL, _MOST_LEVEL = 1e-6, 1e6
 """Of an intensity, m/s^2 or m/s: beyond them lies no ground motion."""
 
 _SCATTER = Bounds(0.0, 0.5, ratio=True)
-_SEED = Whole(0, 2**31 - 1)
 _LENGTHS = ("m", "ft")
 _DAMPING = ("full", "mass-only")
 _UNITS = Keys((Key("length", Choice(_LENGTHS), "of the inventory; plan areas are in its square", needed=True),))
@@ -71,49 +63,9 @@ _BUILDINGS = Keys(
         Key("damping", Choice(_DAMPING), "mass-only leaves out the stiffness-proportional part"),
         Key("stiffness_scatter", _SCATTER, "standard deviation of a factor on each stiffness"),
         Key("damping_scatter", _SCATTER, "standard deviation of a factor on each damping ratio"),
-        Key("seed", _SEED, "what the factors are drawn from"),
+        Key("seed", SEED, "what the factors are drawn from"),
     ),
     one_of=(("models", "inventory"),),
-)
-
-_FILES = (
-    Key("files", EntriesOf(Words(), least=1), "records and folders of records, relative to this file"),
-    Key("component", Words(), "component, where files hold several; all horizontal ones without it"),
-    Key(
-        "pairs",
-        Either((Flag(), Words())),
-        "take the two horizontals of a motion together: they share their factors; true, or how the files are named: "
-        "'{}_N.AT2,{}_E.AT2'",
-    ),
-    Key("inventory", Words(), "station metadata, to remove the instrument's response"),
-    *LAYOUT,
-    *PROCESSING,
-)
-_GRID = (
-    Key("grid", Words(), "EventGrid.csv, relative to this file"),
-    Key("neighbors", Whole(1, 1000), "grid points among which each building draws"),
-    Key("samples", Whole(1, 100_000), "draws for each building"),
-    Key("seed", _SEED, "what is drawn from, with the building's id"),
-    Key(
-        "events", Flag(), "nothing is drawn: the rows of the points' files are events, those of the nearest point count"
-    ),
-)
-_FIELDS = (
-    Key("fields", Words(), "CSV file of what each event does (event, site, record, factor), relative to this file"),
-    Key("sites", Words(), "CSV file of the sites' places (site, longitude, latitude), relative to this file"),
-)
-_DISTANCE = Key("distance", Choice(tuple(COORDINATES)), "what is near: in km, or in degrees as SimCenter has it")
-_SEQUENCES = (
-    Key("sequences", Words(), "CSV file of shocks (sequence, record, component, factor), relative to this file"),
-    Key("rest", Bounds(0.0), "seconds from the end of a shock to the next; until rest where it is left out"),
-)
-_FILE_KEYS, _GRID_KEYS, _FIELD_KEYS, _SEQUENCE_KEYS = (
-    tuple(key.name for key in keys) for keys in (_FILES, _GRID, _FIELDS, _SEQUENCES)
-)
-_SAMPLE_UNITS = Key("units", Words(), "units of the samples, where the files do not say them: m/s^2, g, ...")
-_RECORDS = Keys(
-    (*_FILES, *_SEQUENCES, *_FIELDS, *_GRID, _DISTANCE, _SAMPLE_UNITS),
-    one_of=(("files", "sequences", "fields", "grid"),),
 )
 
 _OF_MEASURES = ("period", "damping", "levels", "pair")
@@ -170,7 +122,7 @@ CAMPAIGN = Keys(
     (
         Key("name", Words(), "the campaign's name; that of the file where it is left out"),
         Key("buildings", _BUILDINGS, "model files, or an inventory", needed=True),
-        Key("records", _RECORDS, "files and folders, or a grid", needed=True),
+        Key("records", MOTIONS, "files and folders, or a grid", needed=True),
         Key("intensity", _INTENSITY, "how strong the motions are made; as they are where it is left out"),
         Key("analysis", _ANALYSIS, "what is the same for all runs"),
         Key("vary", _VARY, "parameters of the buildings, each value with all the others"),
@@ -223,7 +175,7 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
         name=section.text("name") or name,
         source=label,
         buildings=found,
-        records=(_read_records(records) if records else None) or RecordFiles((), RecordChoice()),
+        records=(read_motions(records) if records else None) or RecordFiles((), RecordChoice()),
         intensity=_read_intensity(section.get("intensity")) or Scales((1.0,)),
         analysis=_read_analysis(section.get("analysis")),
         stories=stories.boolean() if stories else False,
@@ -320,9 +272,9 @@ def _inventory(section: Section, inventory: Value) -> InventoryFile | None:
     classes, published = section.file("classes"), section.get("as_published")
     if name == CAPACITY:
         section.need("classes", "give the CSV file of the classes (class, sd_m, sa_g)")
-        _refuse(section, ("damping", "stiffness_scatter", "damping_scatter", "seed"), f"has no part in {CAPACITY}")
+        refuse(section, ("damping", "stiffness_scatter", "damping_scatter", "seed"), f"has no part in {CAPACITY}")
     else:
-        _refuse(section, ("classes", "as_published"), f"belongs to the rules {CAPACITY}")
+        refuse(section, ("classes", "as_published"), f"belongs to the rules {CAPACITY}")
     if file is None or name is None or unit is None:
         return None
     return InventoryFile(
@@ -336,102 +288,6 @@ def _inventory(section: Section, inventory: Value) -> InventoryFile | None:
         classes=classes,
         as_published=bool(published.boolean()) if published else False,
     )
-
-
-def _read_records(value: Value) -> RecordFiles | SequenceFile | GridFile | FieldFile | None:
-    """Files, sequences, fields or a grid; None after a fault."""
-    section = value.section(_RECORDS)
-    if section is None:
-        return None
-    units = section.get("units")
-    text = read_sample_units(units)
-    if section.has("grid"):
-        others = (*_FILE_KEYS, *_SEQUENCE_KEYS, *_FIELD_KEYS)
-        _refuse(section, others, "belongs to `files`, `sequences` or `fields`, not to a `grid`")
-        section.need("units", "give the units of the grid's motions, such as g or m/s^2")
-        return _grid(section, text)
-    _refuse(section, _GRID_KEYS, "belongs to a `grid`")
-    if section.has("fields"):
-        _refuse(section, ("files", *_SEQUENCE_KEYS), "has no part in `fields`")
-        return _fields(section, text)
-    _refuse(section, ("sites", "distance"), "belongs to `fields`" + " or a `grid`" * section.has("distance"))
-    if section.has("sequences"):
-        _refuse(section, ("files", "pairs"), "has no part in `sequences`")
-        shocks = section.file("sequences")
-        choice = _choice(section, text)
-        return SequenceFile(shocks, choice, section.number_or_none("rest")) if shocks else None
-    _refuse(section, ("rest",), "belongs to `sequences`")
-    files = section.need("files", "give a list of files and folders, or a `grid` in its place")
-    items = files.items("a list of files and folders") if files else None
-    if files and items is not None and not items:
-        files.fault("is empty; give at least one record")
-    pairs, component = section.get("pairs"), section.get("component")
-    both = _pair_names(pairs) if pairs else None
-    if both and component:
-        component.fault("pairs have both horizontal components; leave one of the two out")
-    choice = _choice(section, text)
-    return RecordFiles(tuple(file for item in items or () if (file := item.file())), choice, both)
-
-
-def _pair_names(value: Value) -> PairNames | None:
-    """How pairs are named; None for no pairs, or after a fault."""
-    if "{}" in value.word:
-        return value.parsed(PairNames.parse)
-    return USUAL if value.boolean() else None
-
-
-def _choice(section: Section, units: str | None) -> RecordChoice:
-    """What is taken of each file, and what is done to it."""
-    inventory, given = section.file("inventory"), section.get("units")
-    if given and inventory:
-        given.fault("an inventory gives the units; leave one of the two out")
-    return RecordChoice(
-        units=units,
-        component=section.text("component"),
-        inventory=inventory,
-        processing=read_processing(section),
-        layout=read_layout(section),
-    )
-
-
-def _fields(section: Section, units: str | None) -> FieldFile | None:
-    file, sites, pairs = section.file("fields"), section.file("sites"), section.get("pairs")
-    both, component = bool(pairs.boolean()) if pairs else False, section.get("component")
-    if both and component:
-        component.fault("pairs have both horizontal components; leave one of the two out")
-    if section.has("distance") and not sites:
-        _refuse(section, ("distance",), "has nothing to act on without `sites`")
-    choice, distance = _choice(section, units), _distance(section)
-    return FieldFile(file, choice, both, sites, distance) if file else None
-
-
-def _distance(section: Section) -> str:
-    value = section.get("distance")
-    return (value.choice(tuple(COORDINATES), "distance") if value else None) or "km"
-
-
-def _grid(section: Section, units: str | None) -> GridFile | None:
-    file, distance, events = section.file("grid"), _distance(section), section.get("events")
-    if events and events.boolean():
-        _refuse(section, ("neighbors", "samples", "seed"), "has no part in `events`, of which nothing is drawn")
-        return GridFile(file, units, 1, 0, 0, distance, events=True) if file and units else None
-    neighbors = section.need("neighbors", "give the number of grid points among which is drawn")
-    samples = section.need("samples", "give the number of draws for each building")
-    seed = section.get("seed")
-    numbers = (
-        neighbors.whole() if neighbors else None,
-        samples.whole() if samples else None,
-        seed.whole() if seed else 0,
-    )
-    if file is None or units is None or None in numbers:
-        return None
-    return GridFile(file, units, *numbers, distance)  # type: ignore[arg-type]
-
-
-def _refuse(section: Section, names: tuple[str, ...], reason: str) -> None:
-    for name in names:
-        if entry := section.get(name):
-            entry.fault(reason)
 
 
 def _read_intensity(value: Value | None) -> Scales | MeasureLevels | FactorsFile | None:

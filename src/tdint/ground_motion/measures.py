@@ -1,8 +1,8 @@
 """Measures of a ground motion's strength, exact for an acceleration that is linear between its samples.
 
 Peak velocity and displacement (from rest at the first sample), Arias intensity (Arias 1970) with its significant
-durations (Trifunac and Brady 1975), cumulative absolute velocity (EPRI NP-5930, 1988) and the spectrum intensity of
-Housner (1952).
+durations (Trifunac and Brady 1975), cumulative absolute velocity (EPRI NP-5930, 1988; CAV5: Kramer and Mitchell 2006,
+Earthquake Spectra 22(2)) and the spectrum intensity of Housner (1952).
 """
 
 from __future__ import annotations
@@ -20,6 +20,9 @@ Array = NDArray[np.float64]
 
 HOUSNER_PERIODS = (0.1, 2.5)
 """Range of periods of the spectrum intensity, s, its spectrum at 5 % damping (Housner 1952)."""
+
+CAV5 = 0.05
+"""Acceleration below which CAV5 counts nothing, m/s^2 (Kramer and Mitchell 2006)."""
 
 _HALVINGS = 60
 _PADDING = 0.05
@@ -63,6 +66,8 @@ class Measures:
         Arias intensity, pi / (2 g) times the integral of the squared acceleration, m/s.
     cav : float
         Cumulative absolute velocity, the integral of the absolute acceleration, m/s.
+    cav5 : float
+        The same of the times at which the acceleration is 0.05 m/s^2 or more (Kramer and Mitchell 2006), m/s.
     d5_75, d5_95 : float
         Time between 5 and 75 or 95 % of the Arias intensity, s; nan without any acceleration.
     mean : float
@@ -78,6 +83,7 @@ class Measures:
     pgd: float
     arias: float
     cav: float
+    cav5: float
     d5_75: float
     d5_95: float
     mean: float
@@ -103,6 +109,7 @@ def _measure(record: Record) -> Measures:
         pgd=motion.pgd if record.peaks[1] is None else record.peaks[1],
         arias=math.pi / (2.0 * STANDARD_GRAVITY) * float(energy[-1]),
         cav=cumulative_absolute_velocity(record),
+        cav5=cumulative_absolute_velocity_above(record, CAV5),
         d5_75=ends[1] - ends[0],
         d5_95=ends[2] - ends[0],
         mean=float(np.mean(record.acceleration)),
@@ -157,6 +164,22 @@ def cumulative_absolute_velocity(record: Record) -> float:
     # Two triangles on both sides of the zero, else a trapezoid.
     means = np.where(crosses, (a * a + b * b) / np.where(crosses, total, 1.0), total)
     return 0.5 * record.dt * float(np.sum(means))
+
+
+def cumulative_absolute_velocity_above(record: Record, threshold: float) -> float:
+    """Integral of the absolute acceleration over the times at which it is a threshold (m/s^2) or more, m/s."""
+    a, b = record.acceleration[:-1], record.acceleration[1:]
+    low, high = np.minimum(a, b), np.maximum(a, b)
+    change = np.where(high > low, high - low, 1.0)
+
+    def below(value: Array) -> Array:
+        """The integral of what counts, over the acceleration, up to a value."""
+        size = np.abs(value)
+        return np.asarray(np.copysign(np.maximum(0.5 * (size - threshold) * (size + threshold), 0.0), value))
+
+    whole = (np.minimum(np.abs(a), np.abs(b)) >= threshold) & (a * b > 0.0)
+    means = np.where(whole, 0.5 * (np.abs(a) + np.abs(b)), (below(high) - below(low)) / change)
+    return record.dt * float(np.sum(means))
 
 
 def spectrum_intensity(periods: Array, psv: Array) -> float:

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.csv_table import number
 from tdint.errors import UsageError
 from tdint.units import ACCELERATION, parse_acceleration
-from tdint.written_numbers import parse_named
+from tdint.written_numbers import parse_named, parse_positive
 
 Array = NDArray[np.float64]
 
@@ -103,7 +102,7 @@ def parse_motion(text: str) -> Artificial:
     if name not in _PARAMETERS:
         raise UsageError(f"no motion {name[:40]!r}; there are {', '.join(EXAMPLES.values())}")
     given = parse_named(name, words, _PARAMETERS[name], EXAMPLES[name])
-    numbers = {key: _positive(key, value) for key, value in given.items() if key != "pga"}
+    numbers = {key: parse_positive(key, value) for key, value in given.items() if key != "pga"}
     if name == "pulse":
         return VelocityPulse(numbers["velocity"], numbers["period"], numbers.get("cycles", 3.0))
     pga, duration = parse_acceleration("pga", given["pga"], "0.1g"), numbers["duration"]
@@ -112,13 +111,6 @@ def parse_motion(text: str) -> Artificial:
     if not duration * max(first, last) <= _MOST_TURNS:
         raise UsageError(f"{name}: {duration * max(first, last):.4g} cycles are too many; at most {_MOST_TURNS}")
     return Sweep(first, last, duration, pga)
-
-
-def _positive(key: str, text: str) -> float:
-    value = number(text)
-    if not (math.isfinite(value) and value > 0.0):
-        raise UsageError(f"{key} must be a positive number, got {text[:40]!r}")
-    return value
 
 
 def motion_text(motion: Artificial, *, unit: str) -> str:

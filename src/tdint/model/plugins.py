@@ -10,8 +10,10 @@ import logging
 import re
 import sys
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from functools import cache
 from pathlib import Path
+from tempfile import mkdtemp
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +28,13 @@ NAME = re.compile(r"[a-z][a-z0-9]*([-_][a-z0-9]+)*")
 """Names of methods and laws: they stand in specifications, in labels and in names of files."""
 
 
+_PREFIX = "tdint_plugin_"
+
+
+def _module_name(path: Path) -> str:
+    return _PREFIX + re.sub(r"\W", "_", path.stem)
+
+
 def module_of(file: str) -> ModuleType:
     """The module in a file, executed once, as `tdint_plugin_` and the file's name.
 
@@ -37,7 +46,7 @@ def module_of(file: str) -> ModuleType:
     path = Path(file)
     if path.suffix != ".py" or not path.is_file():
         raise UsageError(f"{file}: a plug-in is a Python file, NAME.py; there is none of this name")
-    name = "tdint_plugin_" + re.sub(r"\W", "_", path.stem)
+    name = _module_name(path)
     known = sys.modules.get(name)
     if known is not None:
         if known.__file__ != str(path.resolve()):
@@ -54,6 +63,38 @@ def module_of(file: str) -> ModuleType:
         del sys.modules[name]
         raise
     return module
+
+
+def files_to_send() -> tuple[tuple[str, bytes], ...]:
+    """Names and contents of the files that were executed, in that order, for processes that cannot read them."""
+    found = [module.__file__ for name, module in sys.modules.items() if name.startswith(_PREFIX)]
+    return tuple((Path(file).name, Path(file).read_bytes()) for file in found if file)
+
+
+def files_received(sent: Iterable[tuple[str, bytes]]) -> list[str]:
+    """The paths of files that another process sent: where this one has them already, or in a folder of its own.
+
+    Raises
+    ------
+    UsageError
+        This process has executed another file of this name.
+    """
+    found = []
+    for name, content in sent:
+        known = getattr(sys.modules.get(_module_name(Path(name))), "__file__", None)
+        file = Path(known) if known else _folder() / name
+        if not known:
+            file.write_bytes(content)
+        elif file.read_bytes() != content:
+            raise UsageError(f"{name}: a worker has executed another version of this plug-in; start the workers anew")
+        found.append(str(file))
+    return found
+
+
+@cache
+def _folder() -> Path:
+    """Of the files that this process was sent."""
+    return Path(mkdtemp(prefix="tdint-plugins-"))
 
 
 class faults_of:  # noqa: N801 a context

@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 from building_cases import LINEAR, Force, Law, model, story
-from tdint.analysis.comparison.compare import absolute_displacements, case_under, compare
+from tdint.analysis.comparison.compare import absolute_displacements, case_under, compare, parse_requirement
 from tdint.analysis.comparison.event import Event
+from tdint.analysis.comparison.fit import _smoothed as smoothed
 from tdint.analysis.comparison.fit import fit
 from tdint.analysis.run.run import prepare, run_case
 from tdint.errors import AnalysisError, RecordError, UsageError
+from tdint.ground_motion.messages import quiet_import
 from tdint.ground_motion.reading.scale import differentiated
 from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
@@ -165,6 +167,45 @@ def test_a_shift_of_the_clocks_is_found(made):
     assert compare(made.model, made.event(text)).floors[0].correlation < 0.9
 
 
+def test_weak_motions_are_shifted_as_strong_ones(made):
+    weak = {name: 1e-4 * values for name, values in made.motions.items()}
+    made.usual(
+        base_m_s2=1e-4 * made.base, floor_1_m_s2=np.roll(weak["floor_1"], 7), floor_3_m_s2=np.roll(weak["floor_3"], 7)
+    )
+    assert compare(made.model, made.event(FLOORS + "shift: auto\n")).shift == pytest.approx(-7 * DT, abs=1e-3)
+
+
+def test_recordings_of_clocks_that_cannot_be_compared_begin_together(made, tmp_path):
+    """A record says its date, a table only the seconds since something: that is noted, and no time lies between."""
+    with quiet_import():
+        from obspy import Trace, UTCDateTime
+
+    made.usual()
+    plain = compare(made.model, made.event())
+    header = {"delta": DT, "starttime": UTCDateTime(2016, 11, 13), "channel": "HNE"}
+    Trace(made.motions["floor_1"].copy(), header).write(str(tmp_path / "floor.mseed"), format="MSEED")
+    mixed = FLOORS.replace("{file: event.csv, column: floor_1_m_s2}", "{file: floor.mseed, units: m/s^2}")
+    other = compare(made.model, made.event(mixed))
+    np.testing.assert_allclose(other.floors[0].recorded, plain.floors[0].recorded, atol=1e-9)
+    assert [note for note in other.event.notes if "the files do not tell on one clock" in note]
+    assert not [note for note in plain.event.notes if "one clock" in note]
+
+
+def test_the_smoothed_spectrum_of_an_impulse_is_its_size():
+    """At all frequencies: whatever is averaged over, the Fourier amplitude of a single sample is that sample."""
+    impulse = np.zeros(SIZE)
+    impulse[SIZE // 3] = -4.0
+    for band in (None, (0.5, 8.0)):
+        assert smoothed(impulse, DT, band) == pytest.approx(math.log(4.0), abs=1e-12)
+
+
+def test_a_requirement_is_a_name_and_a_positive_number():
+    assert parse_requirement("correlation = 0.9") == ("correlation", 0.9)
+    for number in ("0", "-1", "inf", "nan", "much"):
+        with pytest.raises(UsageError, match="must be a positive number"):
+            parse_requirement(f"correlation={number}")
+
+
 def test_the_window_is_what_is_compared(made):
     made.usual()
     (first, _) = compare(made.model, made.event(FLOORS + "window: [4, 12.5]\n")).floors
@@ -230,7 +271,7 @@ def test_what_cannot_be_fitted_is_refused(made):
 
 def test_files_that_do_not_fit(made):
     made.usual()
-    with pytest.raises(RecordError, match="units say acceleration, its quantity says displacement"):
+    with pytest.raises(RecordError, match=r"units say acceleration, its quantity says displacement.*one of m, cm"):
         made.event(FLOORS.replace("column: floor_1_m_s2", "column: floor_1_m_s2, quantity: displacement"))
     cured = made.event(
         FLOORS.replace("column: floor_1_m_s2", "column: floor_1_m_s2, quantity: displacement, units: cm")

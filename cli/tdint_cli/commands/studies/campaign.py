@@ -48,6 +48,7 @@ class CampaignRequest:
     require: bool
     baseline: str | None
     report: str | None
+    im: tuple[str, ...] | None
     of_floors: FloorRequest
 
     @property
@@ -62,6 +63,7 @@ class CampaignRequest:
             report=self.report,
             of_floors=self.of_floors,
             jobs=self.jobs,
+            measures=self.im or (),
         )
 
     def refuse(self, *names: str) -> None:
@@ -70,7 +72,7 @@ class CampaignRequest:
             raise UsageError(f"--report is not for `tdint campaign {self.words[0]}`, which has no models")
         if self.of_floors and "jobs" in names:
             raise UsageError(f"--floor-spectra is not for `tdint campaign {self.words[0]}`, which has no models")
-        for name in names:
+        for name in (*names, *("im",) * ("jobs" in names)):
             if getattr(self, name) not in (None, False):
                 raise UsageError(f"--{name.replace('_', '-')} is not for `tdint campaign {self.words[0]}`")
 
@@ -129,6 +131,15 @@ _OF_RUNS = ("jobs", "shard", "limit", "dask", "tls_ca", "tls_cert", "tls_key")
     help="Also write ratios.csv: each building's mean, median and largest over those of this one, and tell the ratios "
     "of the largest of all stories.",
 )
+@options.studies.option(
+    "--im",
+    many=True,
+    type=click.STRING,
+    metavar="NAME,...",
+    help="Also write measures.csv, intensities of each run for `tdint fragility --im`: pga, pgv, pgd, arias, cav, "
+    "cav5, d5-75, d5-95, sa (at T1) or sa:SECONDS, sa-avg (about T1) or sa-avg:FIRST:LAST in seconds, "
+    "sdi:T1:STRENGTH or sdi:SECONDS:STRENGTH (yield force over weight).",
+)
 def command(**given: Any) -> None:
     """Runs of many buildings under many records at many levels.
 
@@ -152,6 +163,7 @@ def _run(request: CampaignRequest) -> None:
     if request.output is None:
         raise UsageError("a campaign is kept in a folder: give -o DIR")
     request.of_floors.check(request.output)
+    _check_measures(request)
     shard, engine = _shard(request.shard), _engine(request)
     from tdint.campaign.inputs import read_inputs
     from tdint.campaign.plan import make_plan
@@ -168,6 +180,15 @@ def _run(request: CampaignRequest) -> None:
         overwrite=request.overwrite,
         of_suite=request.of_suite,
     )
+
+
+def _check_measures(request: CampaignRequest) -> None:
+    """Refuse measures that are not known before the runs."""
+    if request.im:
+        from tdint.campaign.fragility.run_measures import run_measure
+
+        for name in request.im:
+            run_measure(name)
 
 
 def _status(request: CampaignRequest) -> None:

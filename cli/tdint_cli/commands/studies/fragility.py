@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from tdint.output_units import OutputUnits
 
 _FITS = ("stripes", "ida", "cloud")
-_IM = {"sa": "sa_t1", "pga": "pga"}
+SIGNIFICANT = 0.05
+"""P-value below which a slope is told."""
 
 
 @options.command("fragility")
@@ -51,7 +52,20 @@ _IM = {"sa": "sa_t1", "pga": "pga"}
     help="Of a cloud: demands below LOW are left out, those above HIGH known only to be above it. One may be left out.",
 )
 @options.option(
-    "--im", type=click.Choice(list(_IM)), help="Intensity of a campaign's runs; sa, at the first period, by default."
+    "--im",
+    many=True,
+    type=click.STRING,
+    metavar="NAME,...",
+    help="Intensity of a campaign's runs: sa, at the first period (by default), pga, or what `tdint campaign --im` has "
+    "found. Several are compared, by how well they tell the largest drift: another table.",
+)
+@options.option(
+    "--sufficiency",
+    needs="--im",
+    type=FileName(),
+    metavar="FILE.csv",
+    help="With several: characteristics of the motions (record,magnitude,...), on which what a measure leaves should "
+    "not depend.",
 )
 @options.option(
     "--beta-model",
@@ -91,13 +105,43 @@ def command(**given: Any) -> None:
     --by type fits the types of buildings of a campaign's damage states.
     CSV: median theta and dispersion beta of a lognormal distribution for each threshold, with the standard errors of ln
     theta and beta from the information matrix. The picture has 95 % confidence bands by the delta method.
+
+    With several measures of --im no function is fitted: CSV, from the best on, the line of ln drift over ln IM of the
+    runs that ended, beta about it (efficiency), beta over the slope (proficiency), and for each characteristic the
+    slope of what is left with its p-value (sufficiency).
     """
+    sufficiency = given.pop("sufficiency")
+    if len(given["im"] or ()) > 1:
+        _compare(sufficiency, **given)
+        return
+    if sufficiency:
+        raise UsageError("--sufficiency compares measures: give several with --im")
     _fragility(**given)
+
+
+def _compare(
+    sufficiency: str | None, table: str, im: tuple[str, ...], output: str | None, overwrite: bool, **given: Any
+) -> None:
+    from tdint.campaign.fragility.measure_comparison import compare_measures
+    from tdint.output.tables.studies import comparison_of_measures
+
+    for name, value in given.items():
+        if value:
+            raise UsageError(f"--{name.replace('_', '-')} has no part in a comparison of measures; give one --im")
+    outputs = Outputs.checked(output, None, overwrite)
+    refuse_inputs(outputs.files, [table, sufficiency])
+    fits = compare_measures(table, im, sufficiency)
+    outputs.deliver(comparison_of_measures(fits))
+    best = fits[0]
+    say(f"{best.im} leaves the least: beta {best.beta:.3g} about its line, {best.runs} runs; {best.left_out} left out.")
+    for one in best.dependences:
+        if one.p_value < SIGNIFICANT:
+            say(f"What it leaves depends on {one.characteristic}: slope {one.slope:.3g}, p {one.p_value:.2g}.")
 
 
 def _fragility(
     table: str, fit: str | None, threshold: tuple[float, ...] | None, edp_range: tuple[float, float] | None,
-    im: str | None, beta_model: float, output: str | None, plot: str | None, overwrite: bool,
+    im: tuple[str, ...] | None, beta_model: float, output: str | None, plot: str | None, overwrite: bool,
     output_units: OutputUnits | None, openquake: str | None, states: tuple[str, ...] | None, by: str | None,
 ) -> None:  # fmt: skip
     from tdint.campaign.fragility.fit_table import FragilityRequest
@@ -117,7 +161,7 @@ def _fragility(
         thresholds=threshold or (),
         edp_range=edp_range or (0.0, math.inf),
         beta_model=beta_model,
-        measure=_IM[im] if im else None,
+        measure=_column(im[0]) if im else None,
     )
     result = _fitted(table, request, by_type=by is not None)
     for text in result.warnings:
@@ -139,6 +183,12 @@ def _fragility(
         say(text)
     for error in result.failures:
         complain(f"Warning: {error}")
+
+
+def _column(measure: str) -> str:
+    from tdint.campaign.fragility.run_measures import run_measure
+
+    return run_measure(measure).column
 
 
 def _fitted(table: str, request: FragilityRequest, *, by_type: bool) -> FragilityResult:

@@ -24,6 +24,7 @@ from tdint.model.config.model_file import model_of
 from tdint.model.definition import Excitation, Model
 from tdint.model.recorded import AUTO, load_recording
 from tdint.tabular import Tabular
+from tdint.written_numbers import parse_positive
 
 Array = NDArray[np.float64]
 
@@ -320,13 +321,7 @@ def parse_requirement(text: str) -> tuple[str, float]:
     if name not in _MET:
         hint = did_you_mean(name, _MET) or f"; known: {', '.join(_MET)}"
         raise UsageError(f"{text!r}: write NAME=NUMBER, such as correlation=0.9{hint}")
-    try:
-        limit = float(number)
-    except ValueError:
-        limit = math.nan
-    if not 0.0 < limit < math.inf:
-        raise UsageError(f"{text!r}: {name} must be a positive number")
-    return name, limit
+    return name, parse_positive(name, number)
 
 
 def unmet(comparison: Comparison, requirements: Sequence[tuple[str, float]]) -> list[str]:

@@ -18,6 +18,8 @@ from urllib.parse import urlsplit
 from tdint.campaign.engine.chunk import Chunk, Done, do
 from tdint.errors import AnalysisError, TdintError, UsageError
 from tdint.input_bytes import MOST_BYTES, read_at_most
+from tdint.methods.catalogue import load_plugin
+from tdint.model.plugins import files_received, files_to_send
 
 _AHEAD = 3
 """Chunks for each thread of the workers, those they are at among them."""
@@ -121,6 +123,19 @@ def on_cluster(cluster: Cluster, chunk: Callable[[int], Chunk], numbers: Sequenc
         client.close()
 
 
+def do_with(plugins: tuple[tuple[str, bytes], ...], chunk: Chunk) -> Done:
+    """Integrate the runs of a chunk on a worker, which executes the files of plug-ins that the chunk may need first.
+
+    Raises
+    ------
+    UsageError
+        A plug-in that does not run there: what else it imports does not travel.
+    """
+    for file in files_received(plugins):
+        load_plugin(file)
+    return do(chunk)
+
+
 def _connect(cluster: Cluster) -> Any:
     try:
         from distributed import Client, Security
@@ -161,6 +176,7 @@ def _waited_for(answer: Queue[Any], address: str) -> Any:
 def _done(client: Any, chunk: Callable[[int], Chunk], numbers: Iterator[int]) -> Iterator[Done]:
     from distributed import KilledWorker, as_completed
 
+    plugins = files_to_send()
     running = as_completed(loop=client.loop)
     under_way = 0
 
@@ -172,7 +188,7 @@ def _done(client: Any, chunk: Callable[[int], Chunk], numbers: Iterator[int]) ->
         number = next(numbers, None)
         if number is None:
             return 0
-        running.add(client.submit(do, chunk(number), pure=False, retries=0))
+        running.add(client.submit(do_with, plugins, chunk(number), pure=False, retries=0))
         return 1
 
     while under_way < width() and go_on():

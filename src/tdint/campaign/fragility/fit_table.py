@@ -26,6 +26,7 @@ from tdint.campaign.fragility.fits import (
     fit_cloud,
     fit_stripes,
 )
+from tdint.campaign.fragility.measure_comparison import column_of, with_measures
 from tdint.campaign.ida.runs import COLLAPSED, DONE
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, UsageError
@@ -63,7 +64,7 @@ class FragilityRequest:
     beta_model : float
         Standard deviation of what is not known of the model.
     measure : str or None
-        Of a table of runs: the column of their intensity without its unit, sa_t1 or pga; the first by default.
+        Of a table of runs: the column of their intensity without its unit, such as pga; sa_t1 by default.
     """
 
     fit: str | None = None
@@ -134,6 +135,7 @@ def fit_table(source: str, request: FragilityRequest | None = None) -> Fragility
     if request.fit is not None and request.fit not in FITS:
         raise UsageError(f"the fit must be one of {', '.join(FITS)}, got {request.fit!r}")
     table = read_table(_file(source, request.fit), NEEDS)
+    table = with_measures(table) if request.measure else table
     kind = _kind_of(table, request.fit)
     result = kind.fit(table, request)
     functions = [replace(one, beta_model=request.beta_model) for one in result.functions]
@@ -278,11 +280,10 @@ def _intensity(table: CsvTable, request: FragilityRequest) -> tuple[str, str, st
     if request.measure is None and table.has("im"):
         return "im", table.only("im_name"), table.only("unit")
     wanted = request.measure or "sa_t1"
-    for unit in ACCELERATION:
-        column = f"{wanted}{suffix(unit)}"
-        if table.has(column):
-            return column, MEASURES[wanted], unit
-    return f"{wanted}{suffix('m/s^2')}", MEASURES[wanted], "m/s^2"
+    if request.measure is None and not any(table.has(f"{wanted}{suffix(unit)}") for unit in ACCELERATION):
+        return f"{wanted}{suffix('m/s^2')}", MEASURES[wanted], "m/s^2"  # which the table is then said to lack
+    column, unit = column_of(table, wanted)
+    return column, MEASURES.get(wanted, wanted), unit
 
 
 def _of_stripes(runs: _Runs, threshold: float) -> Fragility:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tdint.errors import UsageError
 from tdint.units import STANDARD_GRAVITY, parse_acceleration
-from tdint.written_numbers import parse_named, parse_ratio
+from tdint.written_numbers import parse_named, parse_positive, parse_ratio
 
 Array = NDArray[np.float64]
 Texts = Mapping[str, str]
@@ -100,7 +100,7 @@ def _mcer(given: Texts) -> DesignSpectrum:
 
 
 def _two_period(given: Texts, factor: float) -> DesignSpectrum:
-    sds, sd1, tl = (_positive(given, key) for key in ("sds", "sd1", "tl"))
+    sds, sd1, tl = (parse_positive(key, given[key]) for key in ("sds", "sd1", "tl"))
     ts = sd1 / sds
     if not ts < tl:
         raise UsageError(f"tl = {tl:g} s must be longer than TS = sd1/sds = {ts:.4g} s")
@@ -122,7 +122,7 @@ def _ec8(given: Texts) -> DesignSpectrum:
     if given["soil"].upper() not in soils:
         raise UsageError(f"soil must be one of {', '.join(soils)}, got {given['soil']!r}")
     recommended = dict(zip(("s", "tb", "tc", "td"), soils[given["soil"].upper()], strict=True))
-    s, tb, tc, td = (_positive(given, key) if key in given else value for key, value in recommended.items())
+    s, tb, tc, td = (parse_positive(key, given[key]) if key in given else value for key, value in recommended.items())
     if not tb < tc < td < _EC8_END:
         raise UsageError(f"tb, tc, td must rise, below {_EC8_END:g} s, got {tb:g}, {tc:g}, {td:g} s")
     ag = parse_acceleration("ag", given["ag"], "0.25g")
@@ -137,16 +137,6 @@ def _ec8(given: Texts) -> DesignSpectrum:
         return ag * s * np.where(periods < tb, 1.0 + periods / tb * (plateau - 1.0), shape)
 
     return DesignSpectrum(curve, (tb, tc, td), damping, _EC8_END)
-
-
-def _positive(given: Texts, key: str) -> float:
-    try:
-        value = float(given[key])
-    except ValueError:
-        value = math.nan
-    if not (math.isfinite(value) and value > 0.0):
-        raise UsageError(f"{key} must be a positive number, got {given[key]!r}")
-    return value
 
 
 _TWO_PERIOD = {"sds": True, "sd1": True, "tl": True}

@@ -34,10 +34,12 @@ from tdint.output.tables.table import (
     rows_of,
 )
 from tdint.output_units import SI, OutputUnits
+from tdint.quantity import suffix
 
 if TYPE_CHECKING:
     from tdint.campaign.carry_out import CampaignRuns
     from tdint.campaign.floor_suites import FloorSuite, RunFloors
+    from tdint.campaign.fragility.run_measures import MeasuredRun, RunMeasure
     from tdint.campaign.profiles import Profile, Ratios
     from tdint.campaign.store.store import Store
 
@@ -124,6 +126,21 @@ RATIOS = (
     Column("max_ratio", "1", "max", "the same of the largest of any motion"),
 )
 """Of ratios.csv."""
+
+
+def measures_table(measures: Sequence[RunMeasure], runs: Iterable[MeasuredRun]) -> Table:
+    """What tells each run, and its intensities."""
+    rows: list[tuple[Cell, ...]] = [
+        (one.building, one.record, one.component, one.scale, one.sample, *one.values) for one in runs
+    ]
+    return Table.of(measure_columns(measures), rows)
+
+
+def measure_columns(measures: Sequence[RunMeasure]) -> tuple[Column, ...]:
+    """Of measures.csv."""
+    own = [Column(f"{one.column}{suffix(one.unit)}", one.unit, one.column, one.meaning) for one in measures]
+    return (*OF_BUILDING, SAMPLE, *own)
+
 
 STATUS = (
     Column("status", "text", "status", "how runs ended; left: not done yet"),

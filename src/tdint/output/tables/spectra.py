@@ -44,6 +44,7 @@ INFO = (
     Column("pgd_m", "m", "measures.pgd", "peak ground displacement"),
     Column("arias_intensity_m_s", "m/s", "measures.arias", "Arias intensity"),
     Column("cav_m_s", "m/s", "measures.cav", "cumulative absolute velocity"),
+    Column("cav5_m_s", "m/s", "measures.cav5", "the same of accelerations of 0.05 m/s^2 and more"),
     Column("d5_75_s", "s", "measures.d5_75", "time between 5 and 75 % of the Arias intensity"),
     Column("d5_95_s", "s", "measures.d5_95", "time between 5 and 95 % of the Arias intensity"),
     Column("housner_intensity_m", "m", "housner_intensity", "Housner's spectrum intensity"),

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from tdint.campaign.fragility.fits import Fragility
+from tdint.campaign.fragility.measure_comparison import MeasureFit
 from tdint.campaign.ida.curve import Capacity, IdaCurve
 from tdint.campaign.ida.study import IdaStudy
 from tdint.campaign.suites.scaling import Scaling
@@ -248,6 +249,34 @@ def fragility_table(functions: Sequence[Fragility], *, total: bool = False) -> T
         *(FRAGILITY_TOTAL,) * total,
     )
     return Table.of_results(wanted, functions)
+
+
+COMPARED = (
+    Column("im", "text", "im", "intensity measure, as it was asked for"),
+    Column("unit", "text", "unit", "its unit"),
+    Column("runs", "1", "runs", "runs on the line: those that ended"),
+    Column("left_out", "1", "left_out", "runs left out: collapsed, without a result, or without the measure"),
+    Column("slope", "1", "slope", "of the line of ln drift ratio over ln IM"),
+    Column("slope_error", "1", "slope_error", "its standard error"),
+    Column("beta", "1", "beta", "efficiency: standard deviation of ln drift ratio about the line"),
+    Column("proficiency", "1", "proficiency", "beta over the slope"),
+    Column("r_squared", "1", "r_squared", "squared correlation of the logarithms"),
+)
+DEPENDENCE = (
+    Column("characteristic", "text", "characteristic", "of the motions, on which the residuals may depend"),
+    Column("residual_slope", "1", "slope", "sufficiency: slope of the residuals over the characteristic"),
+    Column("p_value", "1", "p_value", "chance of a slope as large where the residuals do not depend on it"),
+)
+
+
+def comparison_of_measures(fits: Sequence[MeasureFit]) -> Table:
+    """A row for each measure and characteristic of the motions; one for each measure where there is none."""
+    rows: list[tuple[Cell, ...]] = []
+    for fit in fits:
+        own = tuple(column.of(fit) for column in COMPARED)
+        ends = [tuple(column.of(one) for column in DEPENDENCE) for one in fit.dependences]
+        rows += [(*own, *end) for end in ends or [(None, None, None)]]
+    return Table.of((*COMPARED, *DEPENDENCE), rows)
 
 
 def _with_damage(columns: tuple[Column, ...], study: IdaStudy) -> tuple[Column, ...]:
