@@ -348,7 +348,7 @@ def _own(model: Model, models: Sequence[Model]) -> DamageStates:
 def _of_row(source: RowBuilding, demand: str) -> tuple[float, float]:
     """Divisor and period of a building of an inventory; alike ones are made once."""
     rules, facts = source.rules, source.row.facts
-    if rules.stiffness or rules.damping:
+    if rules.stiffness or rules.damping or source.row.changes:
         return _of_model(source.subject().model, demand)
     alike = replace(facts, mass=UNIT_MASS) if isinstance(facts, CapacityFacts) else replace(facts, area=1.0)
     return _of_facts(alike, rules.name, demand)
