@@ -117,6 +117,23 @@ def test_tables_of_openquake(region: Path, tdint: Run) -> None:
     assert Path("theirs/runs.csv").read_bytes() == Path("out/runs.csv").read_bytes()
 
 
+@pytest.mark.parametrize(("column", "measure", "unit"), [("gmv_PGA", "pga", "g"), ("gmv_SA(0.6)", "sa", "g"),
+                                                         ("gmv_PGV", "pgv", "m/s")])  # fmt: skip
+def test_intensities_of_openquake(region: Path, tdint: Run, column: str, measure: str, unit: str) -> None:
+    """A record has the value of its row: what levels of the measure do, to the last digit."""
+    value = "0.31" if unit == "g" else "31"
+    Path("fields.csv").write_text(f"event_id,site_id,{column},record\n0,west,{value},firm.mseed\n")
+    Path("sites.csv").write_text("site_id,lon,lat\nwest,-122.27,37.8\n")
+    assert tdint("campaign", "campaign.yaml", "-o", "out").exit_code == 0
+    period = ", period: 0.6" if measure == "sa" else ""
+    Path("campaign.yaml").write_text(
+        CAMPAIGN.replace("fields: fields.csv, sites: sites.csv", "files: [firm.mseed]")
+        + f"intensity: {{measure: {measure}{period}, levels: [0.31 {unit}]}}\n"
+    )
+    assert tdint("campaign", "campaign.yaml", "-o", "levels").exit_code == 0
+    assert [outcome(row) for row in rows("out/runs.csv")] == [outcome(row) for row in rows("levels/runs.csv")]
+
+
 def test_rows_of_simcenters_files_are_events(region: Path, tdint: Run) -> None:
     """`events` of a grid: the k-th row of each point's file is event k, and buildings have those of the nearest point;
     the runs are those of a table of fields that says the same."""
@@ -178,6 +195,13 @@ def test_a_map_and_damage_of_each_event(region: Path, tdint: Run) -> None:
         ("fields.csv", ("-1.25", "x"), 3, "fields.csv:3: factor must be a number, got 'x'"),
         ("fields.csv", ("M7-2,west", ",west"), 3, "fields.csv:4: event is missing"),
         ("fields.csv", ("event,", "quake,"), 3, "fields.csv:1: no column event"),
+        ("fields.csv", ("record,factor", "record,gmv_PGA"), 3, "fields.csv:5: gmv_pga is missing"),
+        ("fields.csv", (FIELDS, "event,record,gmv_SA(0.6)\n1,firm.mseed,-1\n"), 3, "fields.csv:1: no column site"),
+        ("fields.csv", (FIELDS, "event,site,record,gmv_SA(0.6)\n1,east,firm.mseed,-1\n"), 3,
+         "fields.csv:2: gmv_sa(0.6) must be a positive number, got '-1'"),
+        ("fields.csv", (FIELDS, "event,site,record,gmv_SA(1e-5)\n1,east,firm.mseed,1\n"), 3, "gmv_SA(period)"),
+        ("fields.csv", (FIELDS, "event,site,record,gmv_SA(.0001)\n1,east,firm.mseed,1\n"), 4, "fields.csv:2: "),
+        ("fields.csv", ("record,factor", "record,gmv_MMI"), 3, "fields.csv:1: gmv_mmi: leave the one"),
         ("sites.csv", ("37.81", "97.81"), 3, "sites.csv:3: latitude must be from -90 to 90 degrees, got '97.81'"),
         ("sites.csv", ("east", "west"), 3, "sites.csv:3: site 'west' is there twice"),
         (

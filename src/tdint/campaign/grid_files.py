@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import starmap
@@ -17,21 +18,25 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tdint.analysis.spectra.first_mode import SA_DAMPING
 from tdint.campaign.definition import FieldFile, GridFile
 from tdint.campaign.draws import Draw, FieldMotions, GridMotions, PointMotion, SuiteMotion, suite_motions
+from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, IntensityMeasure, PeakVelocity, pga, sa
 from tdint.campaign.suites.suite import read_components, read_pairs
 from tdint.csv_table import CsvTable, read_table
-from tdint.errors import ModelError, RecordError, TdintError, UsageError
+from tdint.errors import AnalysisError, ModelError, RecordError, TdintError, UsageError
 from tdint.ground_motion.header_checks.statement import LONGEST_STEP, SHORTEST_STEP
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.reading.segments import check_possible
 from tdint.ground_motion.record import Record
 from tdint.input_bytes import MOST_BYTES, read_at_most
 from tdint.model.keys.fields import resolve
-from tdint.units import parse_units
+from tdint.units import STANDARD_GRAVITY, parse_units
 
 _EVENTS, _SITES = ("event", "event_id"), ("site", "site_id", "custom_site_id")
 _LONGITUDES, _LATITUDES = ("longitude", "lon"), ("latitude", "lat")
+_GMV = re.compile(r"gmv_(pga|pgv|sa\((?P<period>[0-9]*\.?[0-9]+)\))")
+_CENTIMETER = 0.01
 _COMPONENTS = {"data_x": "x", "data_y": "y"}
 
 
@@ -102,7 +107,7 @@ def read_field(wanted: FieldFile) -> tuple[tuple[SuiteMotion, ...], FieldMotions
     RecordError
         No record can be read.
     """
-    rows = _field_rows(wanted.file, needs_site=wanted.sites is not None)
+    rows, measure = _field_rows(wanted.file, needs_site=wanted.sites is not None)
     places = _site_places(wanted.sites) if wanted.sites else dict.fromkeys((row.site for row in rows), (0.0, 0.0))
     seen: dict[tuple[str, str], int] = {}
     for row in rows:
@@ -119,8 +124,8 @@ def read_field(wanted: FieldFile) -> tuple[tuple[SuiteMotion, ...], FieldMotions
     numbers = {event: number for number, event in enumerate(dict.fromkeys(row.event for row in rows), start=1)}
     found: dict[str, list[Draw]] = {site: [] for site in places}
     for row in rows:
-        found[row.site] += [Draw(motion, numbers[row.event], row.factor) for motion in records.of(row)]
-    if not records.motions:
+        found[row.site] += records.draws(row, numbers[row.event], measure)
+    if not any(found.values()):
         raise RecordError("\n".join(map(str, records.failures)))
     given = list(places.values()) if wanted.sites else []
     field = FieldMotions(tuple(numbers), tuple(places), tuple(tuple(sorted(one)) for one in found.values()), given)
@@ -128,17 +133,18 @@ def read_field(wanted: FieldFile) -> tuple[tuple[SuiteMotion, ...], FieldMotions
 
 
 class _FieldRow(NamedTuple):
-    """What an event does at a site."""
+    """What an event does at a site; the value is a factor on the record, or the intensity that it is brought to, SI."""
 
     line: int
     event: str
     site: str
     record: str
     component: str
-    factor: float
+    value: float
 
 
-def _field_rows(file: str, *, needs_site: bool) -> list[_FieldRow]:
+def _field_rows(file: str, *, needs_site: bool) -> tuple[list[_FieldRow], IntensityMeasure | None]:
+    """The rows, and the measure of their values; None for factors."""
     needs = "fields are a CSV file with the columns event, site, record and, if they are wanted, component and factor"
     table = read_table(file, needs, columns=(*_EVENTS, *_SITES, "record", "component", "factor"), comment="#")
     event, site = _called(table, _EVENTS), _called(table, _SITES)
@@ -148,11 +154,29 @@ def _field_rows(file: str, *, needs_site: bool) -> list[_FieldRow]:
     events, names = table.texts(event or "event", empty=False), table.texts("record", empty=False)
     sites = table.texts(site, empty=False) if site else nothing
     components = table.texts("component") if table.has("component") else nothing
-    factors = table.numbers("factor", empty=True) if table.has("factor") else [math.nan] * len(lines)
+    values, measure = _field_values(table)
+    return list(starmap(_FieldRow, zip(lines, events, sites, names, components, values, strict=True))), measure
+
+
+def _field_values(table: CsvTable) -> tuple[list[float], IntensityMeasure | None]:
+    """Factors, or OpenQuake's intensities with their measure: of a column gmv_PGA, gmv_PGV or gmv_SA(0.6)."""
     if table.has("factor"):
+        factors = table.numbers("factor", empty=True)
         table.check("factor", (one != 0.0 for one in factors), "must not be zero")
-    given = [1.0 if math.isnan(one) else one for one in factors]
-    return list(starmap(_FieldRow, zip(lines, events, sites, names, components, given, strict=True)))
+        return [1.0 if math.isnan(one) else one for one in factors], None
+    columns = [name for name in table.header if name.startswith("gmv_")]
+    if not columns:
+        return [1.0] * len(table.rows), None
+    known = _GMV.fullmatch(columns[0])
+    if len(columns) > 1 or known is None:
+        raise ModelError(
+            f"{table.source}:{table.header_line}: {', '.join(columns)}: leave the one that the records are to have, "
+            "gmv_PGA, gmv_PGV or gmv_SA(period), or give a column factor"
+        )
+    values, period = table.numbers(columns[0], positive=True), known["period"]
+    if columns[0] == "gmv_pgv":
+        return [_CENTIMETER * value for value in values], PeakVelocity()
+    return [STANDARD_GRAVITY * value for value in values], sa(float(period), SA_DAMPING) if period else pga()
 
 
 def _site_places(file: str) -> dict[str, tuple[float, float]]:
@@ -183,22 +207,31 @@ class _FieldRecords:
     def __init__(self, wanted: FieldFile) -> None:
         self._wanted = wanted
         self._known: dict[tuple[str, str], tuple[int, ...]] = {}
+        self._measured: dict[int, float] = {}
         self.motions: list[SuiteMotion] = []
         self.failures: list[TdintError] = []
         self.notes: list[str] = []
 
-    def of(self, row: _FieldRow) -> tuple[int, ...]:
-        """The numbers of the components of a record; none if it cannot be read."""
+    def draws(self, row: _FieldRow, event: int, measure: IntensityMeasure | None) -> list[Draw]:
+        """The components of a row's record with their factors; none if it cannot be read or has not the measure."""
         key = (row.record, row.component)
-        if key not in self._known:
-            try:
+        try:
+            if key not in self._known:
+                self._known[key] = ()  # a record that cannot be read is told once
                 found = self._read(row)
-            except (RecordError, UsageError) as error:
-                self.failures.append(RecordError(f"{self._wanted.file}:{row.line}: {error}"))
-                found = ()
-            self._known[key] = tuple(range(len(self.motions), len(self.motions) + len(found)))
-            self.motions += found
-        return self._known[key]
+                self._known[key] = tuple(range(len(self.motions), len(self.motions) + len(found)))
+                self.motions += found
+            measured = [1.0 if measure is None else self._value(motion, measure) for motion in self._known[key]]
+        except (AnalysisError, RecordError, UsageError) as error:
+            self.failures.append(RecordError(f"{self._wanted.file}:{row.line}: {error}"))
+            return []
+        return [Draw(motion, event, row.value / one) for motion, one in zip(self._known[key], measured, strict=True)]
+
+    def _value(self, motion: int, measure: IntensityMeasure) -> float:
+        """The intensity of a motion, of a pair the geometric mean, in SI units."""
+        if motion not in self._measured:
+            self._measured[motion] = measure.of(self.motions[motion].whole, GEOMETRIC_MEAN)
+        return self._measured[motion]
 
     def _read(self, row: _FieldRow) -> tuple[SuiteMotion, ...]:
         wanted, file = self._wanted, resolve(row.record, Path(self._wanted.file).parent)
