@@ -46,6 +46,13 @@ def test_it_is_the_record_put_together_by_hand_to_the_last_digit(method):
     assert [one.start for one in found.shocks] == pytest.approx([0.0, (MAIN.acceleration.size - 1) * 0.01 + 20.0])
 
 
+@pytest.mark.parametrize(("dt", "stride"), [(None, 1), (0.03, 3)])
+def test_a_shock_begins_with_the_first_step_after_the_rest(dt, stride):
+    """599 samples lie before the last one of the first shock; then 1.01 s of rest are 101."""
+    found = sequence_of(case(), [MAIN, AFTER], rest=1.01, dt=dt)
+    assert found.starts == (0, 700 + -700 % stride)
+
+
 def test_peaks_over_all_are_the_largest_of_the_shocks():
     found = run_sequence(case("moment4"), [AFTER, MAIN, AFTER.scaled(-1.1)], rest=5.0)
     for name in NAMES:
