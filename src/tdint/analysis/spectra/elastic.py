@@ -180,7 +180,7 @@ class OscillatorMotion:
     @property
     def time(self) -> Array:
         """Time from the first sample, s."""
-        return np.arange(self.displacement.size) * self.record.dt
+        return np.asarray(np.arange(self.displacement.size) * self.record.dt, dtype=np.float64)
 
 
 def oscillator_motion(record: Record, period: float, damping: float = 0.05) -> OscillatorMotion:
