@@ -224,3 +224,47 @@ def test_another_grid_is_another_campaign(study: Path) -> None:
     assert plan(study).assignment.description() == before
     (study / "site2.csv").write_text("TH_file,factor\nm20,1.0\nm21,0.25\n")
     assert plan(study).assignment.description() != before
+
+
+def test_a_sweep_varies_what_the_rules_make(study: Path) -> None:
+    """Each variation is the run of the varied model, under the motions that its building draws without a sweep."""
+    plain = plan(study)
+    (study / "campaign.yaml").write_text(STUDY + "vary: {stiffness_factor: [0.8, 1.3], mass_factor: [1.2]}\n")
+    whole = plan(study)
+    assert whole.runs == 2 * plain.runs
+    names = [whole.buildings.name(number) for number in range(6)]
+    assert names[:2] == ["a: stiffness_factor=0.8, mass_factor=1.2", "a: stiffness_factor=1.3, mass_factor=1.2"]
+    assert len({whole.buildings.digest(number) for number in range(6)}) == 6
+    done = [row for number in range(whole.chunks) for row in do(whole.chunk(number)).rows.runs]
+    rows, _ = read_inventory(str(study / "buildings.csv"), 0.3048)
+    for number, one in enumerate(derive_all(rows, "mdof-lu")):
+        (study / "model.yaml").write_text(model_text(one.row.id, one.building, "mdof-lu"))
+        model = tdint.load_model(study / "model.yaml")
+        for place, factor in enumerate((0.8, 1.3)):
+            building = 2 * number + place
+            assert whole.assignment.draws(building) == plain.assignment.draws(number)
+            assert whole.buildings.varied(building) == {"stiffness_factor": factor, "mass_factor": 1.2}
+            row = max((row for row in done if row.building == building), key=lambda row: row.scale)
+            motion = whole.motions[row.motion]
+            samples = json.loads((study / f"{motion.name}.json").read_text())[f"data_{motion.component}"]
+            record = Record(row.scale * STANDARD_GRAVITY * np.array(samples), 0.01, "", "", "", "")
+            changed = model.replace(stiffness_factor=factor, mass_factor=1.2)
+            response = tdint.run(changed, record, method="newmark-average")
+            np.testing.assert_allclose(row.peak_drift_ratio, response.stories.peak_drift_ratio.max(), rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("analysis", "vary: {story 3.mass_factor: [0.9]}\nanalysis"), "story 3.mass_factor: a has 2 stories"),
+        (("analysis", "vary: {damping: [2%]}\nanalysis"), "damping has no ratio to vary: b states it by coefficients"),
+        (("method: newmark-average", "methods: [hht, trio]"), "lists of methods and steps are of `models`"),
+    ],
+)
+def test_what_a_sweep_cannot_change_is_refused_before_any_run(
+    study: Path, change: tuple[str, str], message: str
+) -> None:
+    (study / "campaign.yaml").write_text(STUDY.replace(*change))
+    with pytest.raises(TdintError) as caught:
+        plan(study)
+    assert message in str(caught.value)

@@ -12,6 +12,7 @@ from tdint.campaign.engine.task import Source, Subject
 from tdint.model.definition import Analysis, Excitation, Initial, Model
 from tdint.model.inventory.derive import derive_row
 from tdint.model.inventory.table import InventoryRow
+from tdint.model.variation import varied
 from tdint.output_units import SI, OutputUnits
 
 
@@ -189,7 +190,7 @@ class RowBuilding:
             analysis=Analysis(None, None, None),
             collapse_drift=rules.collapse_drift,
         )
-        return Subject(model, rules.method)
+        return Subject(varied(model, dict(self.row.changes)) if self.row.changes else model, rules.method)
 
 
 @dataclass(frozen=True)
@@ -202,8 +203,22 @@ class InventoryBuildings:
     def __len__(self) -> int:
         return len(self.rows)
 
+    def check_changes(self) -> None:
+        """Refuse, before any run, what a sweep cannot change: in the first building of each number of stories.
+
+        Raises
+        ------
+        UsageError
+            What is varied is not there, or goes out of range.
+        """
+        firsts: dict[int, str] = {}
+        for row in self.rows:
+            if row.changes and firsts.setdefault(row.facts.stories, row.id) == row.id:
+                RowBuilding(row, self.rules).subject()
+
     def name(self, number: int) -> str:
-        return self.rows[number].id
+        row = self.rows[number]
+        return f"{row.id}: {row.label}" if row.label else row.id
 
     def stories(self, number: int) -> int:
         return self.rows[number].facts.stories
@@ -213,7 +228,8 @@ class InventoryBuildings:
 
     def digest(self, number: int) -> str:
         row = self.rows[number]
-        return hashlib.sha256(repr((row.id, row.facts, self.rules)).encode()).hexdigest()
+        own = (row.id, row.facts, self.rules, *((row.changes,) if row.changes else ()))
+        return hashlib.sha256(repr(own).encode()).hexdigest()
 
     def source(self, number: int) -> Source:
         return RowBuilding(self.rows[number], self.rules)
@@ -222,7 +238,7 @@ class InventoryBuildings:
         return None, None
 
     def varied(self, number: int) -> Mapping[str, float]:
-        return {}
+        return dict(self.rows[number].changes)
 
     def cells(self, number: int) -> str:
         return self.rows[number].cells

@@ -110,6 +110,7 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
         models = campaign.sweep.of(models) if campaign.sweep else models
     else:
         rows, faults = read_rows(campaign.buildings)
+        rows = campaign.sweep.of_rows(rows) if campaign.sweep else rows
     events: FieldDraws | None = None
     if isinstance(campaign.records, GridFile):
         _check_places(campaign, rows)

@@ -268,7 +268,9 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
 def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buildings:
     wanted, analysis = campaign.buildings, campaign.analysis
     if isinstance(wanted, InventoryFile):
-        return InventoryBuildings(inputs.rows, _rules(wanted, analysis, notes))
+        made = InventoryBuildings(inputs.rows, _rules(wanted, analysis, notes))
+        made.check_changes()
+        return made
     if len({model.output_units for model in inputs.models}) > 1:
         notes.append("the models want results in different units: they are written in SI; --output-units names others")
     return GivenBuildings.of([_subject(model, analysis.method, notes) for model in inputs.models])

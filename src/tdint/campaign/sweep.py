@@ -17,6 +17,8 @@ from tdint.model.variation import check_value, varied
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from tdint.model.inventory.table import InventoryRow
+
 _MOST = 1_000_000
 _SHOWN = 6
 
@@ -128,6 +130,17 @@ class ParameterSweep:
             for method in self.methods or (None,)
             for dt in self.steps or (None,)
         )
+
+    def of_rows(self, rows: Sequence[InventoryRow]) -> tuple[InventoryRow, ...]:
+        """All variations of the buildings of an inventory: scatter and drawn motions of one are those of the others.
+
+        Raises
+        ------
+        UsageError
+            A drawn value is out of range; too many variations.
+        """
+        changes = [(tuple(one.items()), self._label(one, i, None, None)) for i, one in enumerate(self.changes(), 1)]
+        return tuple(replace(row, changes=change, label=label) for row in rows for change, label in changes)
 
     def _label(self, change: Mapping[str, float], number: int, method: str | None, dt: float | None) -> str:
         """What tells a variation from the others of its building."""

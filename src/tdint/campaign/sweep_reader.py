@@ -60,9 +60,9 @@ def read_sweep(vary: Value | None, analysis: Value | None, *, models: bool) -> P
     """
     methods, dt = (analysis.peek(name) if analysis else None for name in ("methods", "dt"))
     steps = dt if dt and dt.is_list else None
-    for value in (vary, methods, steps):
+    for value in (methods, steps):
         if value and not models:
-            value.fault("sweeps are of `models`; leave it out with an inventory")
+            value.fault("lists of methods and steps are of `models`; an inventory has one of each")
             return None
     if not (vary or methods or steps):
         return None

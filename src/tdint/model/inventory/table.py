@@ -45,6 +45,10 @@ class InventoryRow:
         Names of all columns but the id, as they are written; the same object in all rows.
     cells : str
         What stands there, as a JSON list of texts: of millions of buildings one object each.
+    changes : tuple of (str, float)
+        What a sweep changes in the building that the rules make (`tdint.model.variation.PARAMETERS`).
+    label : str
+        What tells it from the building's other variations.
     """
 
     id: str
@@ -53,6 +57,8 @@ class InventoryRow:
     longitude: float | None = None
     columns: tuple[str, ...] = ()
     cells: str = "[]"
+    changes: tuple[tuple[str, float], ...] = ()
+    label: str = ""
 
     def cell(self, name: str) -> str:
         """What stands in a column, whose name is compared without regard to case; nothing where there is none."""
