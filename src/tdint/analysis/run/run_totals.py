@@ -23,13 +23,22 @@ from tdint.analysis.run.outcome import (
 )
 from tdint.analysis.run.workspace import Workspace
 from tdint.kernels import layout as at
-from tdint.kernels.equations.carried.rows import error_peaks
+from tdint.kernels.equations.carried.rows import error_peaks, unsettled
 from tdint.model.building import Building
 
 Array = NDArray[np.float64]
 
 _ROUNDING = 1e-12
 """Error over the peak that is always there."""
+
+_TINY = np.finfo(float).tiny
+
+_OF_MOTION = ("peak_drift", "residual_drift", "peak_displacement", "peak_velocity")
+_COMMON = 0.1
+"""Part of the largest of their errors, over the peaks, below which none is told: one may be hit by chance."""
+
+_CURVED = 1.2
+"""By how much more errors are told where a law is curved: steps that pass its bend are seen less sharply."""
 
 Telling = Callable[[Building, Array, Array, Array], Array]
 """Of the rows of a history, from the building, the forces on its floors (`force_table`) and the times of the rows."""
@@ -75,21 +84,30 @@ def unresolved(building: Building, space: Workspace, late: float) -> StoryErrors
 
 
 def carried_error(building: Building, space: Workspace, stories: StoryPeaks, doubt: StoryErrors) -> ErrorEstimate:
-    """What the error that a run has carried along says of its peaks, which may be in `doubt` beside that."""
+    """What the error that a run has carried along says of its peaks, which may be in `doubt` beside that.
+
+    An error is what the corrected peak differs by, but no less, over the peak, than a tenth of what any drift,
+    displacement or velocity is off by, and what steps whose iteration did not settle left to correct.
+    """
     n = building.stories
     first = error_peaks(building.modal.shape[0])
     residual = space.springs[at.DRIFT, n + 1 : 2 * n + 1].copy()
     peaks = space.work[first : first + at.PEAK_ROWS, :n].copy()
     corrected = peaks_of(building, peaks, residual)
-
-    def error(name: str) -> Array:
-        own: Array = getattr(stories, name)
-        size = stories.peak_drift if name == "residual_drift" else own
-        known = np.abs(getattr(corrected, name) - own) + _ROUNDING * size
-        return np.asarray(np.maximum(known, getattr(doubt, name)))
-
-    errors = StoryErrors(**{field.name: error(field.name) for field in fields(StoryErrors)})
-    return ErrorEstimate.of(stories, errors, dts=(), corrected=corrected)
+    sizes = {field.name: getattr(stories, field.name) for field in fields(StoryErrors)}
+    sizes["residual_drift"] = stories.peak_drift
+    off = {name: np.abs(getattr(corrected, name) - getattr(stories, name)) for name in sizes}
+    relative = [
+        np.divide(off[name], sizes[name], out=np.zeros(n), where=sizes[name] != 0.0).max() for name in _OF_MOTION
+    ]
+    left = space.work[unsettled(building.modal.shape[0]), n] / max(float(stories.peak_drift.max()), _TINY)
+    least = _ROUNDING + _COMMON * np.max(relative) + left
+    more = 1.0 if building.piecewise_linear else _CURVED
+    errors = {
+        name: np.maximum(more * np.maximum(off[name], least * size), getattr(doubt, name))
+        for name, size in sizes.items()
+    }
+    return ErrorEstimate.of(stories, StoryErrors(**errors), dts=(), corrected=corrected)
 
 
 def energy(space: Workspace) -> Energy:

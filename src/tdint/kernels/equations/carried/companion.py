@@ -30,6 +30,7 @@ def follow_anew(scene, h, load, memory, base):
     n = linear_terms.shape[1] - 1
     for i in range(n):
         work[base + OWN.A1, i] = 12.0 * (0.5 * work[ROW.BEND, i] - work[ROW.RISE, i] + h * state[at.VELOCITY, i])
+    left = 0.0
     for passed in range(PASSES):
         _paths(carried, passed > 0)
         _moments(carried)
@@ -37,8 +38,10 @@ def follow_anew(scene, h, load, memory, base):
         add_loads(carried)
         _story_forces(carried)
         _unbalanced(carried)
-        if correct(carried, False) and passed > 0:
+        left = correct(carried, False)
+        if left == 0.0 and passed > 0:
             break
+    work[base + OWN.CALM, n] += left
     for i in range(n):
         if work[base + OWN.CALM, i] == 0.0:
             raise_peak(work, base + OWN.PEAKS + at.PEAK_SHEAR, i, work[base + OWN.PATH + RESULT.LARGEST, n + 1 + i])

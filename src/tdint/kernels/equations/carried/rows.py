@@ -27,7 +27,7 @@ class _Rows(NamedTuple):
     THIRD: int = 1
     MEAN: int = 1  # what mean and first moment of a story's force are more than the run's
     MOMENT: int = 1
-    CALM: int = 1  # 1 if the story is on the same linear branch in both motions
+    CALM: int = 1  # 1 if the story is on the same linear branch in both motions; column n: `unsettled`
     PATH: int = error_path.ERROR_PATH_ROWS
     OTHER: int = 2  # modal damping, and forces on floors
     FORCES: int = NODES  # of stories at the nodes within a step, later total shears; their times in column n
@@ -55,6 +55,11 @@ class Carried(NamedTuple):
 def error_peaks(modes: int) -> int:
     """The first of the rows of work with the peaks of the corrected motion, rows as of `Workspace.peaks`."""
     return STORE + 6 * modes + 1 + OWN.PEAKS
+
+
+def unsettled(modes: int) -> int:
+    """The row of work in whose column n is what was left to correct where the passes did not settle, m."""
+    return STORE + 6 * modes + 1 + OWN.CALM
 
 
 @inlined
@@ -116,7 +121,7 @@ def add_loads(carried):
 
 @inlined
 def correct(carried, anew):
-    """Rise and bend of the error, or their corrections. Returns whether these are small."""
+    """Rise and bend of the error, or their corrections. Returns the size of these, 0 if they are small."""
     scene, memory, _, h, base = carried
     work = memory.work
     n = scene.linear_terms.shape[1] - 1
@@ -131,4 +136,4 @@ def correct(carried, anew):
                 work[base + OWN.RISE + row, i] += work[ROW.X + row, i]
                 change += abs(work[ROW.X + row, i])
                 size += abs(work[base + OWN.RISE + row, i])
-    return change <= _SETTLED * size
+    return 0.0 if change <= _SETTLED * size else change
