@@ -27,7 +27,7 @@ from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
 from tdint.model.damage_states import STATES, DamageStates
 from tdint.model.definition import LAWS
-from tdint.output.tables import buildings, campaign, damage_states, methods, spectra, studies
+from tdint.output.tables import buildings, campaign, damage_states, methods, responses, spectra, studies
 from tdint.output.tables import table as shared
 from tdint_cli.main import COMMANDS, GROUPS, cli
 
@@ -196,8 +196,8 @@ MEASURES = ("pgv", "arias", "cav", "cav5", "d5-95", "sa:0.5", "sa-avg", "sdi:T1:
 def column_tables():
     """The columns of every table, by command."""
     tables = {
-        "tdint run": buildings.STORY,
-        "history.csv of tdint run": buildings.history_columns(1, error=True),
+        "tdint run": responses.STORY,
+        "history.csv of tdint run": responses.history_columns(1, error=True),
         "floor-spectra.csv of tdint run": (shared.FLOOR, *spectra.SPECTRUM),
         "tdint check": buildings.OVERVIEW,
         "tdint modes": (*buildings.MODE, buildings.mode_damping(None), *buildings.MODE_END),

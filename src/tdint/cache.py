@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -40,6 +39,8 @@ def cache_subfolder(name: str) -> Path | None:
 
 def remove_unused(pattern: str, days: float, *, keep: Path) -> None:
     """Remove files or folders beside `keep` by a pattern of their names that were not used for some days."""
+    import shutil
+
     limit = time.time() - days * 86400.0
     for one in keep.parent.glob(pattern):
         with suppress(OSError):

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import gzip
-import hashlib
 import os
-import secrets
-import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -105,7 +101,7 @@ def write_files(
         for folder in {file.parent: None for file in writers}:
             made += _made(folder)
         for file, writer in writers.items():
-            temporary = Path(os.path.realpath(file)).with_name(_TEMPORARY.format(secrets.token_hex(8)))
+            temporary = Path(os.path.realpath(file)).with_name(_TEMPORARY.format(os.urandom(8).hex()))
             temporaries.append(temporary)
             _unfinished.add(temporary)
             with _in_words(file), temporary.open("xb") as stream:
@@ -137,6 +133,8 @@ def digest_of(file: Path) -> str:
     OutputError
         It cannot be read.
     """
+    import hashlib
+
     try:
         with file.open("rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()
@@ -149,6 +147,8 @@ def _write(file: Path, writer: Writer, stream: BinaryIO) -> None:
     if file.suffix.lower() != ".gz":
         writer(stream)
         return
+    import gzip
+
     with gzip.GzipFile(filename="", mode="wb", compresslevel=_PACKED, fileobj=stream, mtime=0) as packed:
         writer(packed)  # type: ignore[arg-type]
 
@@ -180,6 +180,8 @@ def check_room(file: Path, least: float) -> None:
     OutputError
         It has not; of a file that is replaced, the old one stays until the new one is whole.
     """
+    import shutil
+
     folder = file.parent
     while not folder.exists() and folder != folder.parent:
         folder = folder.parent

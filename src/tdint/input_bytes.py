@@ -6,7 +6,6 @@ import stat
 import sys
 from collections.abc import Callable
 from contextvars import ContextVar
-from hashlib import sha256
 from pathlib import Path
 from typing import BinaryIO
 
@@ -28,6 +27,8 @@ def note_input(source: str | Path, content: bytes | Callable[[], str]) -> None:
     """Keep that this was read, for who tells what a result came from; of what is large give what makes its SHA-256."""
     seen = READ.get()
     if seen is not None:
+        from hashlib import sha256
+
         seen[str(source)] = sha256(content).hexdigest() if isinstance(content, bytes) else content()
 
 

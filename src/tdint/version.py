@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from base64 import urlsafe_b64encode
 from functools import cache
-from hashlib import sha256
-from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 __version__ = "0.2.0"
@@ -18,6 +15,10 @@ def version_of_sources() -> tuple[str, str]:
 
     Nothing tells a checkout that was changed from one that was not: none calls itself a release.
     """
+    from base64 import urlsafe_b64encode
+    from hashlib import sha256
+    from importlib.metadata import PackageNotFoundError, distribution
+
     folder = Path(__file__).parent
     digests = {file.relative_to(folder).as_posix(): sha256(file.read_bytes()) for file in folder.rglob("*.py")}
     of_all = sha256("".join(f"{name} {digests[name].hexdigest()}\n" for name in sorted(digests)).encode()).hexdigest()

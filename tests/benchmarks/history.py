@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from tdint import load_model, run
-from tdint.output.tables.buildings import history_columns, write_history
+from tdint.output.tables.responses import history_columns, write_history
 
 MODEL = Path(__file__).parents[2] / "configs" / "ten-story.yaml"
 

@@ -199,5 +199,6 @@ def test_ranks_of_a_monotonic_response(records):
         found = {one.quantity.name: one for one in rank_correlations(store)}
     assert math.isclose(found["peak_drift_ratio"].coefficient, -1.0)
     assert found["peak_drift_ratio"].draws == 12
+    assert {one.building for one in found.values()} == {"stiff"}  # whose draws they are, without the numbers of each
     with stored([stiff], records) as store, pytest.raises(UsageError, match="has no sweep"):
         rank_correlations(store)

@@ -291,7 +291,7 @@ def test_fragility_of_each_type_and_state(fitted: Path, tdint: Run) -> None:
 def test_fragility_of_types_by_clouds(fitted: Path, tdint: Run) -> None:
     """The line through the demands of all runs of the type, falls known only to be above what they reached; beta has
     the dispersion of the thresholds over the line's slope. Sa is at the period of the class's curve."""
-    result = tdint("fragility", "out", "--by", "type", "--fit", "cloud")
+    result = tdint("fragility", "out", "--by", "type")  # at each Sa there are the runs of one motion alone: a cloud
     row = next(
         row for row in csv.DictReader(result.stdout.splitlines()) if (row["type"], row["state"]) == ("A", "slight")
     )

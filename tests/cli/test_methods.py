@@ -75,6 +75,7 @@ def test_table_and_picture(here, tdint, name):
     assert sorted(path.name for path in here.iterdir()) == ["x.csv", "x.json", "x.pdf", "x.png", "x.svg", "y.png"]
 
 
+@pytest.mark.usefixtures("blank_pictures")
 @pytest.mark.parametrize("file", ["x.csv", "x.png"])
 @pytest.mark.parametrize("name", COMMANDS)
 def test_existing_files_are_kept_before_any_work(here, tdint, name, file):
@@ -331,18 +332,19 @@ def test_the_choices_are_those_of_the_library():
     assert set(choices["law"]) == set(STORY_LAWS)
 
 
-def test_pictures_of_all_methods_are_a_selection(tmp_path, monkeypatch, tdint):
+@pytest.mark.parametrize(
+    "command",
+    [("stability", "--dt-over-t", "0.1:1:3"), pytest.param(("overshoot",), marks=pytest.mark.slow)],
+    ids=" ".join,
+)
+def test_pictures_of_all_methods_are_a_selection(tmp_path, monkeypatch, tdint, command):
     """The table has all; the picture has the selection, or all with --all."""
     monkeypatch.chdir(tmp_path)
-    for command in ("stability", "overshoot"):
-        options = ("--dt-over-t", "0.1:1:3") if command == "stability" else ()
-        table = tdint(command, *options, "--plot=few.svg").stdout
-        tdint(command, *options, "--plot=all.svg", "--all")
-        few, every = (Path(f"{name}.svg").read_text(encoding="utf-8") for name in ("few", "all"))
-        for name in ("houbolt", "wilson"):
-            assert name in table
-            assert name in every
-            assert name not in few
-        assert "newmark-average" in few
-        for name in ("few", "all"):
-            Path(f"{name}.svg").unlink()
+    table = tdint(*command, "--plot=few.svg").stdout
+    tdint(*command, "--plot=all.svg", "--all")
+    few, every = (Path(f"{name}.svg").read_text(encoding="utf-8") for name in ("few", "all"))
+    for name in ("houbolt", "wilson"):
+        assert name in table
+        assert name in every
+        assert name not in few
+    assert "newmark-average" in few

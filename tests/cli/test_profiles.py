@@ -9,8 +9,11 @@ import statistics
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import Result
+
+from tdint.campaign.profiles import Statistics
 
 Run = Callable[..., Result]
 
@@ -218,3 +221,12 @@ def test_ratios_are_those_of_the_profiles(study: Path, tdint: Run) -> None:
 def test_a_baseline_that_is_no_building(study: Path, tdint: Run) -> None:
     result = tdint("campaign", "study.yaml", "-o", "out", "--baseline", "shakn")
     assert result.exit_code == 2 and "shaken" in result.stderr
+
+
+def test_without_a_motion_there_is_no_number() -> None:
+    """Where all runs of a building collapse; one motion is each of its statistics."""
+    for values in vars(Statistics.of(np.empty((0, 3)))).values():
+        assert values.shape == (3,)
+        assert np.isnan(values).all()
+    for values in vars(Statistics.of(np.array([[1.0, 2.0, 3.0]]))).values():
+        assert values.tolist() == [1.0, 2.0, 3.0]

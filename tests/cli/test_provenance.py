@@ -152,4 +152,4 @@ def _packed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (about / "RECORD").write_text(record)
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: tdint\nVersion: 0\n")
     monkeypatch.setattr(version, "__file__", str(folder / "tdint" / "version.py"))
-    monkeypatch.setattr(version, "distribution", lambda _: Distribution.at(about))
+    monkeypatch.setattr("importlib.metadata.distribution", lambda _: Distribution.at(about))

@@ -83,6 +83,7 @@ def test_components_in_files_of_their_own(folder, tdint, names):
     assert {row["record"] for row in table} == {"+".join(sorted(name for name in names if "UP" not in name))}
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_several_motions_go_to_files_of_their_own(folder, tdint):
     for seed, (name, component) in enumerate((("A000", "0"), ("A090", "90"), ("B000", "0"), ("B090", "90"))):
         write_at2(folder / f"{name}.AT2", component, seed)

@@ -164,6 +164,7 @@ def test_output_to_a_file_or_a_folder(folder, tdint, into):
         assert parts[0] + parts[1].removeprefix(COLUMNS + "\n") == whole
 
 
+@pytest.mark.usefixtures("blank_pictures")
 @pytest.mark.parametrize(("into", "file"), [("all.csv", "all.csv"), ("all.csv", "all.png"), (".", "other.csv")])
 def test_existing_files_are_kept_before_any_work(folder, tdint, into, file):
     (folder / file).write_text("old")

@@ -123,7 +123,7 @@ def test_whatever_a_write_takes_all_goes_out_or_it_is_an_error(monkeypatch):
 
 HALF = """
 import sys, time
-from tdint.output.tables import buildings
+from tdint.output.tables import responses
 
 def write_half(history, stream, units, header):
     stream.write(b"time_s")
@@ -131,7 +131,7 @@ def write_half(history, stream, units, header):
     print("half", file=sys.stderr, flush=True)
     time.sleep(60)
 
-buildings.write_history = write_half
+responses.write_history = write_half
 from tdint_cli.main import main
 main()
 """

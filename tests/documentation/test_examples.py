@@ -58,6 +58,7 @@ def test_the_loops_of_a_law(checkout):
     assert (folder / "loops.png").exists()
 
 
+@pytest.mark.slow
 def test_the_elastic_spectra(checkout):
     folder, run = checkout
     output, _ = run(readmes.block("elastic"))
@@ -78,6 +79,7 @@ def test_the_inelastic_spectra(checkout):
     assert (folder / "ductilities.png").exists()
 
 
+@pytest.mark.slow
 def test_the_batches(checkout):
     folder, run = checkout
     _, said = run(readmes.block("batch"))

@@ -11,7 +11,8 @@ import pytest
 
 import tdint
 from tdint.errors import RecordError, UsageError
-from tdint.output.tables.buildings import history_columns, mode_table, story_table, write_history
+from tdint.output.tables.buildings import mode_table
+from tdint.output.tables.responses import history_columns, story_table, write_history
 from tdint.output.tables.spectra import spectrum_table
 from tdint.units import STANDARD_GRAVITY
 

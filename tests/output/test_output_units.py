@@ -11,14 +11,14 @@ from hypothesis import strategies as st
 
 from tdint.errors import UsageError
 from tdint.output.summaries.summary import in_units
-from tdint.output.tables import buildings, spectra
+from tdint.output.tables import buildings, responses, spectra
 from tdint.output.tables.table import TEXT, Column, Table, describe
 from tdint.output_units import SI, OutputUnits, parse_output_units
 from tdint.quantity import suffix
 from tdint.units import ACCELERATION, FORCE, LENGTH, MASS
 
 US = parse_output_units("kip,in,g")
-EVERY = (*buildings.STORY, *buildings.STORY_ERROR, *buildings.HISTORY_ENERGY, *spectra.SPECTRUM, *buildings.CYCLIC)
+EVERY = (*responses.STORY, *responses.STORY_ERROR, *responses.HISTORY_ENERGY, *spectra.SPECTRUM, *buildings.CYCLIC)
 
 
 @pytest.mark.parametrize(
@@ -140,4 +140,4 @@ def test_units_that_are_none(text: str, message: str) -> None:
 def test_spelling_is_free_where_it_is_plain() -> None:
     assert parse_output_units("KIP, IN, G") == US
     assert parse_output_units("kN,m,cm/s2").acceleration == "cm/s^2"
-    assert describe(buildings.STORY)["peak_shear_N"]["unit"] == "N"
+    assert describe(responses.STORY)["peak_shear_N"]["unit"] == "N"

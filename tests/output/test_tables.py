@@ -21,7 +21,7 @@ from tdint.analysis.spectra.elastic import Spectrum
 from tdint.ground_motion.record import Record, component_names
 from tdint.methods.catalogue import catalogue, parse
 from tdint.output import tables
-from tdint.output.tables import buildings, methods, spectra
+from tdint.output.tables import buildings, methods, responses, spectra
 from tdint.output.tables.table import TEXT, Column, Table, cell_text
 from tdint.quantity import suffix
 
@@ -86,7 +86,7 @@ def test_story_table():
         peak_velocity=np.array([1.0, 2.0]),
         peak_acceleration=np.array([9.80665, 1e-20]),
     )
-    assert buildings.story_table(peaks).csv().decode() == (
+    assert responses.story_table(peaks).csv().decode() == (
         "story,height_m,peak_drift_m,peak_drift_ratio,residual_drift_m,peak_shear_N,peak_damper_force_N,"
         "peak_total_shear_N,ductility,peak_displacement_m,"
         "peak_velocity_m_s,peak_absolute_acceleration_m_s2\n"
@@ -146,11 +146,11 @@ def test_mode_table():
 @pytest.mark.parametrize("stories", [1, 3])
 @pytest.mark.parametrize("rows_at_once", [2, 4096])
 def test_history(monkeypatch, stories, rows_at_once):
-    monkeypatch.setattr(buildings, "_ROWS_AT_ONCE", rows_at_once)
+    monkeypatch.setattr(responses, "_ROWS_AT_ONCE", rows_at_once)
     whole = history(5, stories)
     whole = replace(whole, displacement=np.where(np.arange(5)[:, None] == 0, -0.0, whole.displacement))
     stream = io.BytesIO()
-    buildings.write_history(whole, stream)
+    responses.write_history(whole, stream)
     rows = read(stream.getvalue())
     floors = [
         f"floor_{i}_{x}"

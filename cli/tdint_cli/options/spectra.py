@@ -129,9 +129,11 @@ class FloorRequest:
 
     def chosen_floors(self, stories: int) -> tuple[int, ...]:
         """The floors whose spectra are asked for; UsageError if the building has no such floor."""
+        if not self.floors:
+            return ()
         from tdint.analysis.spectra.floors import floor_numbers
 
-        return floor_numbers(self.floors or (), stories)
+        return floor_numbers(self.floors, stories)
 
     def chosen_periods(self) -> NDArray[np.float64]:
         """The periods, s."""

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from tdint.errors import TdintError, UsageError
-from tdint_cli.batch.sources import records_of
 from tdint_cli.options import headings
 from tdint_cli.options.analysis import damping_ratio
 from tdint_cli.options.values import FileName, GridType, PairsType, PairWish, Ratio
@@ -96,6 +95,7 @@ def read_suite(records: Sequence[str], choice: RecordChoice, pairs: PairWish | N
         Nothing could be read.
     """
     from tdint.campaign.suites.suite import read_components, read_pairs
+    from tdint_cli.batch.sources import records_of
     from tdint_cli.errors import Failures
 
     if pairs and choice.component is not None:

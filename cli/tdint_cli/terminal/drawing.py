@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shutil
 import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, TypeVar
@@ -28,7 +27,11 @@ _FEW = 3
 
 def reading_width() -> int | None:
     """Columns of the screen that standard output is, or None if it is none."""
-    return shutil.get_terminal_size().columns if is_terminal(sys.stdout) else None
+    if not is_terminal(sys.stdout):
+        return None
+    import shutil
+
+    return shutil.get_terminal_size().columns
 
 
 def table_bytes(table: Table, width: int | None) -> bytes:

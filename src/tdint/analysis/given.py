@@ -5,16 +5,18 @@ from __future__ import annotations
 import math
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError, UsageError
-from tdint.ground_motion.horizontals import Horizontals, find_horizontals
 from tdint.ground_motion.reading.read import make_record, read_record
 from tdint.ground_motion.record import Record
 from tdint.written_numbers import parse_ratio
+
+if TYPE_CHECKING:
+    from tdint.ground_motion.horizontals import Horizontals
 
 
 def record_of(given: Any) -> Record:
@@ -42,6 +44,8 @@ def record_of(given: Any) -> Record:
 def horizontals_of(given: Any) -> Horizontals:
     """A pair of components, or that of a sequence of two records or paths. Errors are those of `record_of`, and of
     `find_horizontals`."""
+    from tdint.ground_motion.horizontals import Horizontals, find_horizontals
+
     if isinstance(given, Horizontals):
         return given
     if isinstance(given, tuple | list):

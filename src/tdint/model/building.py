@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.kernels import layout as at
+from tdint.kernels.building.variant import Variant
+from tdint.kernels.laws import OURS
 from tdint.model.damping import add_damping
 from tdint.model.definition import CODES, LAWS, Force, Model, Story
 from tdint.model.modes import FreeVibration, Modes
@@ -308,3 +310,18 @@ def force_table(forces: Sequence[Force]) -> NDArray[np.float64]:
     for row, force in zip(table, forces, strict=True):
         row[:] = force.floor - 1, force.cosine, force.sine, force.omega
     return table
+
+
+def variant(building: Building, forces: Array | None = None) -> Variant:
+    """What the kernels need for a building under forces; none by default."""
+    codes = set(building.law_parameters[at.CODE, :-1].tolist())
+    return Variant(
+        laws=tuple(
+            name if code < OURS else f"{name}@{code}"
+            for name, code in CODES.items()
+            if code in codes or name == "linear"
+        ),
+        modal=len(building.modal) > 0,
+        forces=forces is not None and len(forces) > 0,
+        dashpots=building.damped_by_devices,
+    )

@@ -13,7 +13,6 @@ import traceback
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from pathlib import Path
-from tempfile import mkdtemp
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -94,6 +93,8 @@ def files_received(sent: Iterable[tuple[str, bytes]]) -> list[str]:
 @cache
 def _folder() -> Path:
     """Of the files that this process was sent."""
+    from tempfile import mkdtemp
+
     return Path(mkdtemp(prefix="tdint-plugins-"))
 
 

@@ -12,8 +12,8 @@ from tdint.analysis.spectra.elastic import spectrum
 from tdint.ground_motion.record import Record, component_names
 from tdint.model.building import assemble
 from tdint.output.report import LEFT_OUT, Chapter, Part, Picture, chosen, input_points, model_chapter, page
-from tdint.output.tables.buildings import story_table
 from tdint.output.tables.campaign import profile_table
+from tdint.output.tables.responses import story_table
 from tdint.output.tables.spectra import motion_table
 from tdint.output_units import SI, OutputUnits
 

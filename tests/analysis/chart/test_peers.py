@@ -59,7 +59,7 @@ def test_average_acceleration_of_openseespy_is_ours(name, parts):
     problem = PROBLEMS[name]()
     dt = problem.interval / parts
     points, notes = openseespy_points(problem, [dt], ours(problem, "newmark-average", dt), repeats=1)
-    assert notes == []
+    assert notes == ([] if name == "linear" else [opensees_peer.ITERATED])
     point = next(point for point in points if point.line == "openseespy/newmark-average")
     assert (point.outcome, point.dt, point.steps) == ("done", dt, problem.samples * parts)
     assert point.fastest > 0.0

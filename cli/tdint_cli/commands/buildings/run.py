@@ -284,7 +284,6 @@ def _run(request: Request) -> None:
 
 def _respond(case: Case, shocks: list[Record], request: Request) -> Response:
     from tdint.analysis.run.run import run_case
-    from tdint.analysis.sequence import run_sequence
 
     wanted: dict[str, Any] = {
         "dt": request.dt,
@@ -293,7 +292,10 @@ def _respond(case: Case, shocks: list[Record], request: Request) -> Response:
         "tolerance": request.tolerance,
         "until_rest": request.until_rest,
     }
-    if shocks:  # The errors of each shock alone take repetitions: only of one who asked for them.
+    if shocks:
+        from tdint.analysis.sequence import run_sequence
+
+        # The errors of each shock alone take repetitions: only of one who asked for them.
         wanted["check"] = bool(request.check)
         return run_sequence(case, shocks, rest=request.rest, **wanted)
     return run_case(case, duration=request.duration, **wanted)
@@ -377,7 +379,7 @@ def _history(request: Request) -> Path | None:
 def _check_room(request: Request, stories: int, steps: int) -> None:
     """Raise OutputError for a history that the disk cannot hold."""
     from tdint.files import check_room
-    from tdint.output.tables.buildings import history_columns
+    from tdint.output.tables.responses import history_columns
 
     if file := _history(request):
         columns = len(history_columns(stories, bool(request.check)))
@@ -392,7 +394,7 @@ def _units(request: Request) -> OutputUnits:
 
 def _stories(request: Request, response: Response) -> Table:
     """The table of stories, in the units asked for."""
-    from tdint.output.tables.buildings import response_table
+    from tdint.output.tables.responses import response_table
 
     return response_table(response).in_units(_units(request))
 
@@ -402,7 +404,7 @@ def _files(request: Request, response: Response, case: Case, inputs: list[Input]
     from tdint.analysis.spectra.first_mode import first_mode
     from tdint.output.summaries.of_run import UNITS, run_summary
     from tdint.output.summaries.summary import in_units, json_bytes
-    from tdint.output.tables.buildings import write_pieces
+    from tdint.output.tables.responses import write_pieces
 
     units = _units(request)
     files: dict[Path, Writer] = {}

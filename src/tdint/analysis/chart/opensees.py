@@ -51,6 +51,14 @@ _OPENSEES: dict[str, Callable[[Integrator], tuple[Any, ...]]] = {
 """Our method and OpenSees' name for it with its parameters, as weights of the end of the step instead of the start."""
 
 
+ITERATED = (
+    "openseespy/generalized-alpha: from the second iteration of a step on OpenSees balances the forces of the weighted "
+    "time with the acceleration at the end of the step; its error falls with order 1, and its iterations converge by "
+    "(1 - alpha_m) / alpha_m (shown by tests/benchmarks/opensees_generalized_alpha.py)"
+)
+"""What is said of a chart where steps take more than one solve."""
+
+
 def openseespy_points(
     problem: Problem, dts: Sequence[float], reference: Reference, *, repeats: int = _REPEATS
 ) -> tuple[list[Point], list[str]]:
@@ -78,6 +86,8 @@ def openseespy_points(
     notes = (
         [f"openseespy: {missing} of {len(runs)} runs, those with the smallest steps, take too long"] if missing else []
     )
+    if points and not _one_solve(problem):
+        notes.append(ITERATED)
     return points, notes
 
 
@@ -100,6 +110,14 @@ def _proportion(values: Array, other: Array) -> float | None:
     """values / other where that is one number."""
     ratios = values / other
     return float(ratios[0]) if np.ptp(ratios) <= _SAME * np.max(np.abs(ratios)) else None
+
+
+def _one_solve(problem: Problem) -> bool:
+    """Whether a step takes one solve. The tangent of Viscous is not that of a dashpot: with it a single one does not
+    do."""
+    building = problem.building
+    dampers, stiffness = building.linear_terms[at.STORY_DAMPER, :-1], building.law_parameters[at.STIFFNESS, :-1]
+    return building.linear and _proportion(dampers, stiffness) is not None
 
 
 def _ask(
@@ -155,8 +173,7 @@ def _arrays(problem: Problem, reference: Reference) -> dict[str, Any]:
         "forces": problem.forces,
         "ground": problem.ground,
         "interval": np.array(problem.interval),
-        # The tangent of Viscous is not that of a dashpot: a single solve does not do.
-        "one_solve": np.array(building.linear and beta is not None),
+        "one_solve": np.array(_one_solve(problem)),
         "u_start": problem.displacement,
         "v_start": problem.velocity,
         "a_start": _start_acceleration(problem),

@@ -23,7 +23,6 @@ from tdint.analysis.run.workspace import (
     kernels,
     marching,
     shifts,
-    variant,
     workspace,
 )
 from tdint.kernels import layout as at
@@ -34,7 +33,7 @@ from tdint.kernels.march.law_energies import begin, raise_shears, take_stock
 from tdint.kernels.march.many import END_COLUMNS, GROUND_SIZE, many
 from tdint.kernels.march.march import march
 from tdint.methods.method import Integrator
-from tdint.model.building import Building, assemble, force_table
+from tdint.model.building import Building, assemble, force_table, variant
 from tdint.model.definition import Model
 
 Array = NDArray[np.float64]

@@ -21,8 +21,6 @@ from tdint.analysis.run.outcome import (
     StoryPeaks,
 )
 from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.run.rest import until_rest as go_on
-from tdint.analysis.run.step_choice import choose_step
 from tdint.errors import UsageError
 from tdint.ground_motion.reading.read import read_record
 from tdint.ground_motion.record import Record
@@ -147,12 +145,16 @@ def run_case(
     """Integrate a case in time. Parameters and errors are those of `run`."""
     dt, duration, tolerance = number_of(dt, "dt"), number_of(duration, "duration"), ratio_of(tolerance, "tolerance")
     if until_rest:
+        from tdint.analysis.run.rest import until_rest as go_on
+
         steps, at_rest = go_on(case, case.steps(dt, duration))
         response = run_case(
             case, dt=dt, duration=steps.count * steps.h, history=history, check=check, tolerance=tolerance
         )
         return replace(response, rest_time=response.steps * response.dt) if at_rest else response
     if tolerance is not None:
+        from tdint.analysis.run.step_choice import choose_step
+
         return choose_step(case, tolerance, dt=dt, duration=duration, history=history)
     steps = case.steps(dt, duration)
     if check is False:

@@ -17,7 +17,6 @@ from tdint.kernels.building.variant import EVERYTHING, Variant
 from tdint.kernels.bundles import Memory, Scene, Seen
 from tdint.kernels.compiling import Kernel
 from tdint.kernels.equations.carried.rows import error_peaks
-from tdint.kernels.laws import OURS
 from tdint.kernels.laws.compiled_separately import spring_table
 from tdint.kernels.march.law_energies import begin, raise_shears, take_stock
 from tdint.kernels.march.march import march
@@ -156,21 +155,6 @@ def _branches(building: Building) -> int:
     if building.piecewise_linear and not building.power_damped:
         return at.ALL_BRANCHES
     return at.SOME_BRANCHES if building.kinked else at.NO_BRANCHES
-
-
-def variant(building: Building, forces: Array | None = None) -> Variant:
-    """What the kernels need for a building under forces; none by default."""
-    codes = np.unique(building.law_parameters[at.CODE, :-1]).tolist()
-    return Variant(
-        laws=tuple(
-            name if code < OURS else f"{name}@{code}"
-            for name, code in CODES.items()
-            if code in codes or name == "linear"
-        ),
-        modal=len(building.modal) > 0,
-        forces=forces is not None and len(forces) > 0,
-        dashpots=building.damped_by_devices,
-    )
 
 
 def kernels(integrator: Integrator, wanted: Variant) -> list[tuple[Kernel, Variant]]:

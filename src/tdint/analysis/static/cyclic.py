@@ -9,13 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.run.workspace import variant
 from tdint.csv_table import read_table
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as at
 from tdint.kernels.laws.compiled_separately import spring_table
 from tdint.kernels.stories.cyclic import DISSIPATION, RECOVERABLE, RESULT_COLUMNS, SHEAR, TANGENT, follow
-from tdint.model.building import Building, assemble
+from tdint.model.building import Building, assemble, variant
 from tdint.model.config.model_file import model_of
 from tdint.model.definition import Model
 from tdint.tabular import Tabular

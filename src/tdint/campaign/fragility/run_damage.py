@@ -41,7 +41,7 @@ _COLUMNS = {
 def stored_states(store: Store) -> dict[str, DamageStates]:
     """The damage states of each type of a store; empty where nothing is said of damage."""
     said = json.loads(store.damage() or "{}")
-    return {name: DamageStates.of_json(one) for name, one in said.items()}
+    return {name: DamageStates.of_json(one) for name, one in said.get("types", {}).items()}
 
 
 @dataclass(frozen=True)
@@ -137,21 +137,19 @@ def building_damages(store: Store) -> Iterator[BuildingDamage]:
     types = stored_states(store)
     if not types:
         return
-    of_buildings = store.building_types()
-    names = store.buildings()
     column = _COLUMNS[next(iter(types.values())).demand]
     query = f"SELECT building, record, scale, sample, status, {column}, sa_t1_m_s2, pga_m_s2 FROM run_rows"
     rows = store.connection.execute(f"{query} ORDER BY 1, 2, 3, 4")
     for number, of_one in groupby(rows, key=itemgetter(0)):
         runs = list(of_one)
-        name, divisor, period = of_buildings[number]
+        building, name, divisor, period = store.building_type(number)
         states, status = types[name], [run[4] for run in runs]
         values, sa, pga = (np.array([run[place] for run in runs], float) for place in (5, 6, 7))
         demand = np.abs(values) / divisor
         keys = [(run[1], run[2], run[3]) for run in runs]
         yield BuildingDamage(
             number,
-            names[number][0],
+            building,
             name,
             period,
             states,

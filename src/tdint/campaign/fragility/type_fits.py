@@ -9,9 +9,9 @@ jackknife, Kott 2001).
 from __future__ import annotations
 
 import math
-from collections import defaultdict
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from array import array
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 Fit = Callable[[NDArray[np.bool_]], list[Fragility | AnalysisError]]
 
 _GROUPS = 30  # of motions, at the most
-_LEAST_STRIPE = 3  # runs a level has at the least
+_LEAST_STRIPE = 3  # motions a level has at the least
 _SAME_PERIOD = 1e-6
 
 
@@ -96,27 +96,50 @@ def fit_types(folder: Path, request: FragilityRequest) -> FragilityResult:
 
 
 def type_runs(store: Store, measure: str) -> dict[str, TypeRuns]:
-    """The runs of each type, by its name; the intensity is `sa_t1` or `pga`."""
+    """The runs of each type, by its name; the intensity is `sa_t1` or `pga`. One building is held at a time."""
     motions = motion_numbers(store.records())
-    buildings: dict[str, list[BuildingDamage]] = defaultdict(list)
+    gathered: dict[str, _Gathered] = {}
     for of in building_damages(store):
-        buildings[of.type].append(of)
-    return {name: _joined(buildings[name], measure, motions) for name in sorted(buildings)}
+        gathered.setdefault(of.type, _Gathered(of.states)).add(of, measure, motions)
+    return {name: gathered[name].runs(measure) for name in sorted(gathered)}
 
 
-def _joined(buildings: Sequence[BuildingDamage], measure: str, motions: dict[int, int]) -> TypeRuns:
-    im = np.concatenate([of.pga if measure == "pga" else of.sa for of in buildings])
-    demand = np.concatenate([of.demand for of in buildings])
-    known = np.concatenate([of.known for of in buildings])
-    status = np.concatenate([of.status for of in buildings])
-    motion = np.array([motions[record] for of in buildings for record, _, _ in of.keys])
-    taken = known & (im > 0.0)
-    periods = [of.period for of in buildings]
-    common = measure != "pga" and max(periods) - min(periods) <= _SAME_PERIOD * min(periods)
-    name = f"sa({periods[0]:.6g})" if common else MEASURES[measure]
-    fallen = np.isin(status, FALLEN)
-    lost = int(np.sum(~known))
-    return TypeRuns(buildings[0].states, im[taken], demand[taken], fallen[taken], motion[taken], lost, name)
+@dataclass
+class _Gathered:
+    """The runs of a type, as they come: numbers one after the other."""
+
+    states: DamageStates
+    failed: int = 0
+    periods: tuple[float, float] = (math.inf, 0.0)
+    im: array[float] = field(default_factory=lambda: array("d"))
+    demand: array[float] = field(default_factory=lambda: array("d"))
+    fallen: array[int] = field(default_factory=lambda: array("b"))
+    motion: array[int] = field(default_factory=lambda: array("q"))
+
+    def add(self, of: BuildingDamage, measure: str, motions: Mapping[int, int]) -> None:
+        """Take the runs of a building."""
+        im = of.pga if measure == "pga" else of.sa
+        taken = of.known & (im > 0.0)
+        fallen = np.isin(of.status, FALLEN).astype(np.int8)
+        motion = np.array([motions[record] for record, _, _ in of.keys], np.int64)
+        for kept, values in ((self.im, im), (self.demand, of.demand), (self.fallen, fallen), (self.motion, motion)):
+            kept.frombytes(values[taken].tobytes())
+        self.failed += int(np.sum(~of.known))
+        self.periods = min(self.periods[0], of.period), max(self.periods[1], of.period)
+
+    def runs(self, measure: str) -> TypeRuns:
+        """All of them as arrays."""
+        first, last = self.periods
+        common = measure != "pga" and last - first <= _SAME_PERIOD * first
+        return TypeRuns(
+            self.states,
+            np.frombuffer(self.im, np.float64),
+            np.frombuffer(self.demand, np.float64),
+            np.frombuffer(self.fallen, np.int8).astype(bool),
+            np.frombuffer(self.motion, np.int64),
+            self.failed,
+            f"sa({first:.6g})" if common else MEASURES[measure],
+        )
 
 
 def _fitted(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | AnalysisError]:
@@ -124,8 +147,8 @@ def _fitted(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | Analy
     if not runs.im.size:
         return [AnalysisError("no run has a result") for _ in runs.states.states]
     level = levels_of(runs.im)
-    counts = np.bincount(level)
-    stripes = counts.size > 1 and int(counts.min()) >= _LEAST_STRIPE
+    motions = np.bincount(np.unique(np.column_stack([level, runs.motion]), axis=0)[:, 0])  # of each level
+    stripes = motions.size > 1 and int(motions.min()) >= _LEAST_STRIPE
     if request.fit == STRIPES and not stripes:
         raise UsageError("the runs do not stand at common levels of intensity; use --fit cloud, or another --im")
     chosen = request.fit or (STRIPES if stripes else CLOUD)

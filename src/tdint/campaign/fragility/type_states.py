@@ -3,6 +3,7 @@ losses that it names, and the type that each building belongs to."""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -258,8 +259,12 @@ class Damage:
     buildings: Sequence[BuildingType]
 
     def description(self) -> str:
-        """The states as a store keeps them."""
-        return json.dumps({name: asdict(states) for name, states in self.types.items()})
+        """The states of each type as a store keeps them, and the SHA-256 of what its buildings are; JSON."""
+        whole = hashlib.sha256()
+        for one in self.buildings:
+            whole.update(repr(tuple(one)).encode())
+        types = {name: asdict(states) for name, states in self.types.items()}
+        return json.dumps({"types": types, "buildings_sha256": whole.hexdigest()})
 
 
 def damage_of(wanted: DamageWishes | None, inputs: Inputs, buildings: Buildings) -> Damage | None:
@@ -343,7 +348,7 @@ def _own(model: Model, models: Sequence[Model]) -> DamageStates:
 def _of_row(source: RowBuilding, demand: str) -> tuple[float, float]:
     """Divisor and period of a building of an inventory; alike ones are made once."""
     rules, facts = source.rules, source.row.facts
-    if rules.stiffness or rules.damping:
+    if rules.stiffness or rules.damping or source.row.changes:
         return _of_model(source.subject().model, demand)
     alike = replace(facts, mass=UNIT_MASS) if isinstance(facts, CapacityFacts) else replace(facts, area=1.0)
     return _of_facts(alike, rules.name, demand)

@@ -217,9 +217,8 @@ class Store:
         self._tell_inventory(identity)
         units, damage = str(identity.units), identity.damage.description() if identity.damage else ""
         before = [(kind, reason) for kind, reasons in self.unused().items() for reason in reasons]
-        types = list(map(tuple, identity.damage.buildings)) if identity.damage else []
         same = sorted(before) == sorted(dict.fromkeys(identity.unused)) and self._known("output_units") == units
-        if same and self._known("damage") == damage and list(self.building_types().values()) == types:
+        if same and self._known("damage") == damage:
             return
         with in_words(self.name), transaction(self.connection, self.name):
             self.connection.execute("DELETE FROM unused")
@@ -227,7 +226,8 @@ class Store:
             values = (("output_units", units), ("damage", damage))
             self.connection.executemany("INSERT OR REPLACE INTO meta VALUES(?, ?)", values)
             self.connection.execute("DELETE FROM building_types")
-            rows = ((number, *one) for number, one in enumerate(types))
+            of_buildings = identity.damage.buildings if identity.damage else ()
+            rows = ((number, *one) for number, one in enumerate(of_buildings))
             self.connection.executemany("INSERT INTO building_types VALUES(?, ?, ?, ?)", rows)
             self.seal()
 
@@ -264,14 +264,17 @@ class Store:
         return found[0] if found else None
 
     def damage(self) -> str:
-        """The damage states of each type of buildings, JSON; nothing where nothing is said of damage."""
+        """What `tdint.campaign.fragility.type_states.Damage.description` tells; nothing where damage is not told."""
         return self._known("damage") or ""
 
-    def building_types(self) -> dict[int, tuple[str, float, float]]:
-        """Of each building by its number what `tdint.campaign.fragility.type_states.BuildingType` has; nothing without
-        damage states."""
-        rows = self.connection.execute("SELECT building, type, divisor, period_s FROM building_types ORDER BY building")
-        return {number: (name, divisor, period) for number, name, divisor, period in rows}
+    def building_type(self, building: int) -> tuple[str, str, float, float]:
+        """The name of a building, and what `tdint.campaign.fragility.type_states.BuildingType` has of it."""
+        query = (
+            "SELECT b.name, t.type, t.divisor, t.period_s FROM buildings b JOIN building_types t ON t.building = b.id "
+            "WHERE b.id = ?"
+        )
+        name, of_type, divisor, period = self.connection.execute(query, (building,)).fetchone()
+        return name, of_type, divisor, period
 
     def add_unused(self, found: Iterable[tuple[str, str]]) -> None:
         """Add inputs that could not be used; `seal` follows."""

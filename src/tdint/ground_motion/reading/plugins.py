@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint, EntryPoints, PackageNotFoundError, distribution
@@ -141,11 +141,12 @@ def plugins() -> tuple[Plugin, ...]:
     return (*_named(theirs, _FIRST), *_named(ours, own), *_named(theirs, _REST))
 
 
-def _named(entries: EntryPoints, names: tuple[str, ...] | list[str]) -> Iterator[Plugin]:
+def _named(entries: EntryPoints, names: Iterable[str]) -> Iterator[Plugin]:
+    found = {(entry.group, entry.name): entry for entry in entries}
     for name in names:
-        functions = {entry.name: entry for entry in entries.select(group=f"{_GROUP}.{name}")}
-        if {"isFormat", "readFormat"} <= functions.keys():
-            yield Plugin(name, functions["isFormat"], functions["readFormat"])
+        is_format, read_format = (found.get((f"{_GROUP}.{name}", one)) for one in ("isFormat", "readFormat"))
+        if is_format and read_format:
+            yield Plugin(name, is_format, read_format)
 
 
 def _detect(data: bytes, source: str, layout: TextLayout) -> Plugin:

@@ -7,13 +7,11 @@ from dataclasses import dataclass, replace
 from functools import partial
 from logging import getLogger
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.header_checks.statement import LONGEST_STEP
-from tdint.ground_motion.horizontals import Horizontals, find_horizontals
 from tdint.ground_motion.messages import quiet_import
-from tdint.ground_motion.reading.instrument import Instruments, read_instruments, remove_response
 from tdint.ground_motion.reading.plugins import Contents, has_known_format, read_contents
 from tdint.ground_motion.reading.scale import Motion, declared_units, to_acceleration, to_motion
 from tdint.ground_motion.reading.segments import (
@@ -30,6 +28,10 @@ from tdint.ground_motion.record import Input, Record, station_of
 from tdint.ground_motion.signal import Signal
 from tdint.ground_motion.text_layout import AS_STATED, TextLayout
 from tdint.units import Units, parse_units
+
+if TYPE_CHECKING:
+    from tdint.ground_motion.horizontals import Horizontals
+    from tdint.ground_motion.reading.instrument import Instruments
 
 _LOGGER = getLogger("tdint.assumptions")
 """For users of Python; the command line tells the warnings of `Record` itself."""
@@ -171,6 +173,8 @@ def read_horizontals(
 
     Parameters, and errors beside those of `find_horizontals`, are those of `read_records`.
     """
+    from tdint.ground_motion.horizontals import find_horizontals
+
     read = partial(read_records, units=units, inventory=inventory, layout=layout)
     return find_horizontals([one for source in sources for one in read(source)])
 
@@ -188,9 +192,15 @@ def _read(
         raise UsageError("units and an inventory are given; the inventory gives the units, leave one of them out")
     wanted = None if units is None else parse_units(units)
     found, input_file = _components(source, component, layout, single=single)
-    instruments = None if inventory is None else read_instruments(inventory)
+    instruments = None if inventory is None else _instruments(inventory)
     inputs = (input_file, *([instruments.input] if instruments else []))
     return tuple(replace(_to_record(one, trace, wanted, instruments), inputs=inputs) for one, trace in found)
+
+
+def _instruments(inventory: str | Path) -> Instruments:
+    from tdint.ground_motion.reading.instrument import read_instruments
+
+    return read_instruments(inventory)
 
 
 def read_signal(source: str | Path, *, units: str | None = None, component: str | None = None) -> Signal:
@@ -299,6 +309,8 @@ def _to_record(one: _Component, trace: Any, wanted: Units | None, instruments: I
     else:
         if declared_units(trace, contents.format, label):
             raise RecordError(f"{label}: the file gives its own units; leave the inventory out")
+        from tdint.ground_motion.reading.instrument import remove_response
+
         acceleration, notes = remove_response(trace, instruments, label)
         motion = Motion(acceleration, "counts", "inventory", notes=notes)
     for warning in motion.warnings:

@@ -15,9 +15,7 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import os
-import shutil
 import sys
-import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import suppress
@@ -138,6 +136,8 @@ def clean() -> int:
 
     Also those that earlier versions left in the installed package.
     """
+    import shutil
+
     homes = [_PACKAGE / "kernels" / "__pycache__", *filter(None, [cache_home()])]
     folders = [one for home in homes for one in home.glob("kernels-*") if one.is_dir() and not one.is_symlink()]
     count = sum(1 for folder in folders for _ in folder.glob("*.object"))
@@ -161,6 +161,8 @@ def file_name(name: str, variant: str, target: Target) -> str:
 
 
 def _write(data: bytes, path: Path) -> Path:
+    import tempfile
+
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".part")
     try:

@@ -141,7 +141,7 @@ def _address(code: int) -> float:
 def spring_table(law_parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     """A fresh table of the state of drift laws (`tdint.kernels.layout`); what they need is compiled."""
     codes = law_parameters[at.CODE, :-1].astype(int)
-    kinds = np.unique(codes).tolist()
+    kinds = sorted(set(codes.tolist()))
     extra_rows = max((LAWS[code].extra_rows for code in kinds), default=0)
     springs = np.zeros((at.EXTRA_ROWS + at.SPRING_BLOCKS * extra_rows, law_parameters.shape[1]))
     for code in kinds:

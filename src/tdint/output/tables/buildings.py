@@ -1,63 +1,26 @@
-"""Tables of buildings: runs and their histories, statics, modes, inventories, results beside recordings."""
+"""Tables of buildings: models, modes, statics, inventories, results beside recordings."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.run.outcome import ENERGY_TERMS, ErrorHistory, History
-from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
 from tdint.model.definition import LAWS
-from tdint.output.tables.table import FLOOR, METHOD_SPEC, PERIOD, Cell, Column, Table, describe, error_columns, rows_of
+from tdint.output.tables.table import FLOOR, METHOD_SPEC, PERIOD, Cell, Column, Table, rows_of
 from tdint.output_units import SI, OutputUnits
-from tdint.quantity import quantities
 
 if TYPE_CHECKING:
     from tdint.analysis.comparison.compare import Comparison
     from tdint.analysis.comparison.fit import FittedValue
-    from tdint.analysis.run.outcome import Response, StoryErrors, StoryPeaks
     from tdint.analysis.static.cyclic import CyclicTest
     from tdint.model.definition import Model, Story
     from tdint.model.modes import Modes
 
-
-def _counted(result: Any) -> Any:
-    return np.arange(1, result.peak_drift.size + 1)
-
-
-STORY = (
-    Column("story", "1", _counted, "story, or the floor above it, from 1 at the ground"),
-    Column("height_m", "m", "height", "story height"),
-    *(Column.of_quantity(one) for one in STORY_QUANTITIES if "table" in one.shown),
-)
-STORY_ERROR = error_columns(STORY[2:])
-
-_ALL = "all"
-SHOCK = Column("shock", "text", "shock", f"shock of a sequence, from 1; {_ALL}: over the whole sequence")
-
-HISTORY_START, HISTORY_FLOOR, HISTORY_STORY = (
-    tuple(Column.of_quantity(one) for one in quantities(History) if one.shown == (place,))
-    for place in ("ground", "floor", "story")
-)
-HISTORY_ENERGY = (
-    *(Column(f"energy_{name}_J", "J", f"energy.{name}", meaning) for name, meaning in ENERGY_TERMS.items()),
-    Column("energy_error", "1", "energy.error", "imbalance over the largest input energy of the run"),
-)
-
-HISTORY_FLOOR_ERROR, HISTORY_STORY_ERROR = (
-    tuple(
-        Column(f"{one.column}_error", one.unit, f"error.{one.name}", one.meaning)
-        for one in quantities(ErrorHistory)
-        if one.shown == (place,)
-    )
-    for place in ("floor", "story")
-)
-"""Behind all others, of a run that has carried its error along."""
 
 CYCLIC = (
     Column("story", "1", "story", "story, from 1 at the ground"),
@@ -204,32 +167,6 @@ def of_event(name: str) -> Column:
 
 Array = NDArray[np.float64]
 
-_ROWS_AT_ONCE = 256
-
-
-def story_table(stories: StoryPeaks, errors: StoryErrors | None = None) -> Table:
-    """One row per story, from the ground up; with errors a column `<name>_error` for each peak, after all peaks."""
-    rows = rows_of(STORY, stories)
-    if errors is None:
-        return Table.of(STORY, rows)
-    both = [peaks + of for peaks, of in zip(rows, rows_of(STORY_ERROR, errors), strict=True)]
-    return Table.of((*STORY, *STORY_ERROR), both)
-
-
-def response_table(response: Response) -> Table:
-    """`story_table` of a run; of a sequence once for each shock and, last, for all, the shock in the first column."""
-    errors = response.check.errors if response.check else None
-    whole = story_table(response.stories, errors)
-    if not response.shocks:
-        return whole
-    rows: list[tuple[Cell, ...]] = []
-    for number, shock in enumerate(response.shocks, start=1):
-        part = story_table(shock.stories, shock.errors)
-        empty = (None,) * (len(whole.columns) - len(part.columns))
-        rows += [(str(number), *row, *empty) for row in part.rows]
-    rows += [(_ALL, *row) for row in whole.rows]
-    return Table((SHOCK.name, *whole.columns), rows, describe([SHOCK]) | whole.meanings)
-
 
 def cyclic_table(test: CyclicTest) -> Table:
     """One row per point of the path; row 0 is the start at rest."""
@@ -290,47 +227,6 @@ def mode_shapes(floors: int, norm: str) -> tuple[Column, ...]:
         Column(f"floor_{i + 1}_shape", "1", ordinate(i), f"ordinate of the mode at the floor, {what}")
         for i in range(floors)
     )
-
-
-def history_groups(error: bool) -> tuple[tuple[str, tuple[Column, ...]], ...]:
-    """The columns of a history by what each of them is there for: every floor, every story, or nothing."""
-    errors = (("floor", HISTORY_FLOOR_ERROR), ("story", HISTORY_STORY_ERROR)) if error else ()
-    return ("", HISTORY_START), ("floor", HISTORY_FLOOR), ("story", HISTORY_STORY), ("", HISTORY_ENERGY), *errors
-
-
-def history_columns(stories: int, error: bool = False) -> tuple[Column, ...]:
-    """Columns of a history; at the end those of its error, if it has one."""
-    found: list[Column] = []
-    for place, columns in history_groups(error):
-        heads = [f"{place}_{i}_" for i in range(1, stories + 1)] if place else [""]
-        found += (replace(column, name=head + column.name) for head in heads for column in columns)
-    return tuple(found)
-
-
-def write_pieces(pieces: Iterable[History], stream: BinaryIO, units: OutputUnits = SI) -> None:
-    """Write a history that comes in pieces as `write_history` writes it whole."""
-    for number, history in enumerate(pieces):
-        write_history(history, stream, units, header=number == 0)
-
-
-def write_history(history: History, stream: BinaryIO, units: OutputUnits = SI, *, header: bool = True) -> None:
-    """Write a history as CSV, one row per step; some hundred rows are held as text at a time."""
-    error = history.error is not None
-    columns = [units.column(one.name, one.unit) for one in history_columns(history.displacement.shape[1], error)]
-    if header:
-        stream.write((",".join(name for name, _ in columns) + "\n").encode())
-    factors = None if units == SI else np.array([factor for _, factor in columns])
-    line = ",".join(["%.12g"] * len(columns)) + "\n"
-    groups = [[one.of(history) for one in group] for _, group in history_groups(error)]
-    for first in range(0, len(history.time), _ROWS_AT_ONCE):
-        part = slice(first, first + _ROWS_AT_ONCE)
-        blocks = (np.stack([values[part] for values in group], axis=-1) for group in groups)
-        table = np.hstack([block.reshape(len(block), -1) for block in blocks])
-        if factors is not None:
-            table /= factors
-        table += 0.0  # zero has no sign
-        text = line * len(table) % tuple(table.ravel().tolist())
-        stream.write((text.replace("nan", "") if np.isnan(table).any() else text).encode("ascii"))
 
 
 def comparison_table(comparisons: Sequence[Comparison]) -> Table:

@@ -39,7 +39,7 @@ from tdint.ground_motion.record import Record
 from tdint.methods.method import Integrator
 from tdint.model.inventory.derive import InventoryBuilding
 from tdint.model.modes import Modes
-from tdint.output.tables import buildings, campaign, methods, spectra, studies
+from tdint.output.tables import buildings, campaign, methods, responses, spectra, studies
 from tdint.output.tables.spectra import RecordInfo
 from tdint.output.tables.table import FLOOR, OF_RECORD, Column, Table
 from tdint.output.tables.validation import validation_table
@@ -177,7 +177,7 @@ _values.register(IdaStudy, lambda result: studies.ida_table(result).by_column())
 _values.register(ObservedOrder, lambda result: methods.order_table([result]).by_column())
 _values.register(Overshoot, lambda result: _of(methods.OVERSHOOT, result))
 _values.register(Scaling, lambda result: studies.factor_table(result).by_column())
-_values.register(StoryPeaks, lambda result: _of(buildings.STORY, result))
+_values.register(StoryPeaks, lambda result: _of(responses.STORY, result))
 _values.register(Spectrum, partial(_of_record, spectra.SPECTRUM))
 _values.register(InelasticSpectrum, partial(_of_record, spectra.INELASTIC))
 _values.register(DriftSpectrum, partial(_of_record, spectra.DRIFT_SPECTRUM))
@@ -190,14 +190,14 @@ _values.register(Record, partial(_of, spectra.SAMPLES))
 @_values.register
 def _(result: Response) -> _Values:
     if result.shocks:
-        table = buildings.response_table(result)
-        columns = (buildings.SHOCK, *buildings.STORY, *(buildings.STORY_ERROR if result.check else ()))
+        table = responses.response_table(result)
+        columns = (responses.SHOCK, *responses.STORY, *(responses.STORY_ERROR if result.check else ()))
         cells = zip(*table.rows, strict=True)
         return [
             (column, np.array([np.nan if one is None else one for one in values]))
             for column, values in zip(columns, cells, strict=True)
         ]
-    errors = _of(buildings.STORY_ERROR, result.check.errors) if result.check else []
+    errors = _of(responses.STORY_ERROR, result.check.errors) if result.check else []
     return _values(result.stories) + errors
 
 
@@ -239,7 +239,7 @@ def _(result: Modes) -> _Values:
 def _(result: History) -> _Values:
     stories, error = result.displacement.shape[1], result.error is not None
     values: list[Any] = []
-    for place, columns in buildings.history_groups(error):
+    for place, columns in responses.history_groups(error):
         found = [column.of(result) for column in columns]
         values += [one[:, i] for i in range(stories) for one in found] if place else found
-    return list(zip(buildings.history_columns(stories, error), values, strict=True))
+    return list(zip(responses.history_columns(stories, error), values, strict=True))
