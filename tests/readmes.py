@@ -214,6 +214,7 @@ def column_tables():
         "tdint spectrum --target": spectra.TARGET,
         "tdint spectrum --rotd 50,100": (*spectra.OF_MOTION, *spectra.rotated((50, 100)), *spectra.CHOICES),
         "tdint spectrum --ductility": (*shared.OF_RECORD, *spectra.INELASTIC),
+        "tdint spectrum --oscillator 1 --history": spectra.OSCILLATOR,
         "tdint drift-spectrum": (*shared.OF_RECORD, *spectra.DRIFT_SPECTRUM),
         "tdint run --scale 1,2": campaign.RUNS,
         "runs.csv of tdint campaign": campaign.RUNS,

@@ -122,7 +122,7 @@ def tell(rows):
     for index, name in enumerate(NAMES):
         for low, high in zip(BOUNDS, (*BOUNDS[1:], np.inf), strict=True):
             found = rows[(rows[:, 2] == index) & (low <= rows[:, 4]) & (rows[:, 4] < high)][:, 3:]
-            sure = found[found[:, 4] < SURE * np.maximum(found[:, 0], found[:, 1])]
+            sure = found[(found[:, 4] < SURE * np.maximum(found[:, 0], found[:, 1])) & (found[:, 0] > 0.0)]
             if len(sure):
                 print(f"| {low:.0e} | {name} | {len(sure)} ({len(found) - len(sure)}) | {shares(sure)} |")
     found = rows[(rows[:, 1] == PARTS.index(1)) & (rows[:, 3] > 1e-9) & (rows[:, 7] < SURE * rows[:, 3])]
@@ -135,7 +135,7 @@ def tell(rows):
 def shares(found):
     """A line of the table from rows of `errors`."""
     ratio, corrected = found[:, 0] / found[:, 1], found[:, 2] / found[:, 0]
-    two = 15.0 / 16.0 * found[:, 0] / found[:, 3]
+    two = 15.0 / 16.0 * found[:, 0] / np.maximum(found[:, 3], 1e-300)
     spread = " / ".join(f"{one:.2f}" for one in np.percentile(ratio, (5, 50, 95)))
     within = f"{100 * np.mean(ratio < 1.25):.0f} / {100 * np.mean(ratio < 2.0):.0f} %"
     better = f"{np.median(corrected):.3f}, {np.percentile(corrected, 95):.2f}"

@@ -244,3 +244,21 @@ def test_a_record_that_is_missing_leaves_its_rows_out(region: Path, tdint: Run) 
     (line,) = [line for line in result.stderr.splitlines() if "none.mseed" in line]
     assert "fields.csv:4: none.mseed: " in line
     assert len(rows("out/runs.csv")) == 2 * (1 + 3 + 3)
+
+
+def test_damage_of_each_event(region: Path, tdint: Run) -> None:
+    """Of each type in each event the mean of its runs' probabilities and losses, told once with the event's name."""
+    damage = "damage: {thresholds: hazus, losses: {slight: 5%, moderate: 20%, extensive: 60%, complete: 1}}\n"
+    Path("campaign.yaml").write_text(CAMPAIGN + damage)
+    assert tdint("campaign", "campaign.yaml", "-o", "out").exit_code == 0
+    runs, types, losses = (rows(f"out/{name}.csv") for name in ("damage", "damage-types", "losses"))
+    assert {row["event"] for row in types} == {"M7-1", "M7-2", "M6"}
+    for row in types:
+        column = f"probability_{row['state'].replace('-', '_')}"
+        told = [float(run[column]) for run in runs if (run["type"], run["event"]) == (row["type"], row["event"])]
+        assert int(row["runs"]) == len(told) > 0
+        assert float(row["probability"]) == pytest.approx(sum(told) / len(told), abs=1e-11)
+    for row in losses:
+        names = ("type", "event", *(("building",) if row["building"] else ()))
+        told = [float(run["loss_ratio"]) for run in runs if all(run[name] == row[name] for name in names)]
+        assert float(row["loss_ratio"]) == pytest.approx(sum(told) / len(told), rel=1e-9)

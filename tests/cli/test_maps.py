@@ -151,6 +151,20 @@ def test_what_a_map_refuses(region: Path, tdint: Run, change: tuple[str, str], m
     assert not Path("out/buildings.geojson").exists()
 
 
+def test_a_map_goes_with_its_places(region: Path, tdint: Run) -> None:
+    """It is written anew with the other tables, and is gone where the inventory has no places any more."""
+    tdint("campaign", "campaign.yaml", "-o", "out")
+    tdint("campaign", "export", "out", "--geojson")
+    Path("buildings.csv").write_text(BUILDINGS.replace("1e6", "3e6"))
+    again = tdint("campaign", "campaign.yaml", "-o", "out")
+    assert "buildings.geojson: written anew" in again.stderr
+    assert json.loads(Path("out/buildings.geojson").read_text("utf-8"))["features"][0]["properties"]["Cost"] == 3e6
+    Path("buildings.csv").write_text(BUILDINGS.replace("Latitude", "North"))
+    again = tdint("campaign", "campaign.yaml", "-o", "out")
+    assert again.exit_code == 0 and "buildings.geojson: removed" in again.stderr
+    assert not Path("out/buildings.geojson").exists()
+
+
 def test_parquet_has_the_rows_of_the_tables(region: Path, tdint: Run) -> None:
     """Runs and stories; columns of the inventory are numbers where all their cells are."""
     parquet = pytest.importorskip("pyarrow.parquet")

@@ -35,6 +35,7 @@ COMMANDS = {
     "tdint spectrum --target": "ec8:type=1,soil=B,ag=0.25g --period 1",
     "tdint spectrum --rotd 50,100": f"{RECORD} --maxima exact --interpolation linear",
     "tdint spectrum --ductility": f"2 {RECORD}",
+    "tdint spectrum --oscillator 1 --history": "records/firm-soil.mseed",
     "tdint drift-spectrum": RECORD,
     "tdint run --scale 1,2": "configs/ten-story.yaml --duration 1",
     "runs.csv of tdint campaign": "{folder}/campaign.yaml",

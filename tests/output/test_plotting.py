@@ -120,3 +120,20 @@ def test_pyplot_is_left_alone():
     )
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert shown.stdout.split() == ["False", "False"], shown.stderr
+
+
+def test_words_at_ticks_are_those_of_print(results):
+    figure = tdint.plot([results["order"], tdint.order("moment4")], width=0.09, labels={"moment4:rho_inf=1": "present"})
+    figure.draw_without_rendering()
+    assert [text.get_text() for text in figure.axes[0].get_yticklabels()] == ["hht:α=-0.05", "present"]
+
+
+@pytest.mark.parametrize("name", ["order", "stability", "spectrum"])
+def test_no_legend_is_wider_than_the_page(results, name):
+    """At 90 mm four marks do not stand beside each other."""
+    several = [results[name], results[name]]
+    figure = tdint.plot(several, width=0.09, title=False)
+    figure.draw_without_rendering()
+    for legend in figure.legends:
+        box = legend.get_window_extent()
+        assert box.x0 >= 0.0 and box.x1 <= figure.bbox.x1

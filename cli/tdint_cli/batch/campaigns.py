@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -174,7 +174,8 @@ def finish(
     """Write what stands beside a store: runs.csv, stories.csv and profiles.csv if they are wanted, with a picture of
     these, `more`, summary.json; and what was exported of an earlier state anew."""
     writers = {RUNS: _runs(store, units), **_picture(folder, profiles), **_ratios(profiles), **more}
-    again = {name: writer for name, writer in _exports(store, units).items() if store.is_ours(folder / name)}
+    ours = [name for name in (*PARQUET, SIMCENTER, GEOJSON) if store.is_ours(folder / name)]
+    again = _exports(store, units, ours)
     written = {name: writer for name, writer in again.items() if writer}
     _write(folder, store, {**writers, **written}, units, overwrite=overwrite)
     for name, writer in again.items():
@@ -252,32 +253,38 @@ def export(
         check_map(store)
     asked = (SIMCENTER,) * simcenter + (GEOJSON,) * geojson
     wanted = {*PARQUET, *asked, *(name for name in (SIMCENTER, GEOJSON) if store.is_ours(folder / name))}
-    others = {name: writer for name, writer in _exports(store, units).items() if writer and name in wanted}
+    others = {name: writer for name, writer in _exports(store, units, wanted).items() if writer}
     writers = {RUNS: _runs(store, units), **_picture(folder, profiles), **_ratios(profiles), **others}
     _write(folder, store, writers, units, overwrite=overwrite)
 
 
-def _exports(store: Store, units: OutputUnits) -> dict[str, Writer | None]:
-    """What is written on request alone; None for what cannot be written here."""
-    from tdint.output.tables.geojson import write_geojson
+def _exports(store: Store, units: OutputUnits, names: Collection[str]) -> dict[str, Writer | None]:
+    """What is written on request alone, of these names; None for what cannot be written here."""
+    if not names:
+        return {}
+    from tdint.output.tables.geojson import is_mapped, write_geojson
     from tdint.output.tables.parquet import damage_parquet, runs_parquet, stories_parquet
     from tdint.output.tables.simcenter import write_simcenter
 
     runs, stories, damage = PARQUET
-    return {
-        runs: runs_parquet(store),
-        stories: stories_parquet(store) if store.meta("setting stories") == "true" else None,
-        damage: damage_parquet(store) if store.damage() else None,
-        SIMCENTER: lambda stream: write_simcenter(store, stream),
-        GEOJSON: (lambda stream: write_geojson(store, stream, units)) if is_complete(store) else None,
+    makers: dict[str, Callable[[], Writer | None]] = {
+        runs: lambda: runs_parquet(store),
+        stories: lambda: stories_parquet(store) if store.meta("setting stories") == "true" else None,
+        damage: lambda: damage_parquet(store) if store.damage() else None,
+        SIMCENTER: lambda: lambda stream: write_simcenter(store, stream),
+        GEOJSON: lambda: (
+            (lambda stream: write_geojson(store, stream, units)) if is_complete(store) and is_mapped(store) else None
+        ),
     }
+    return {name: makers[name]() for name in makers if name in names}
 
 
 def check_map(store: Store) -> None:
     """Raise UsageError where a map has no places, or runs are left."""
-    from tdint.output.tables.geojson import places_of
+    from tdint.output.tables.geojson import is_mapped
 
-    places_of(store)
+    if not is_mapped(store):
+        raise UsageError(f"{store.name}: a map needs an inventory with the columns Latitude and Longitude")
     if not is_complete(store):
         raise UsageError(
             f"{store.name}: not all runs are done; a map tells what the buildings do under all motions: call `tdint "

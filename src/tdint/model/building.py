@@ -92,6 +92,8 @@ class Building:
 
     def device_force(self, rate: Array) -> Array:
         """Force of the stories' dashpots at drift rates, m/s, shape (..., n); N."""
+        if not self.damped_by_devices:
+            return np.zeros_like(rate)
         secant = self.linear_terms[at.DASHPOT, :-1] * np.ones_like(rate)
         size = rate**2 + self.linear_terms[at.THRESHOLD, :-1]
         power = self.linear_terms[at.POWER, :-1] * np.ones_like(rate)

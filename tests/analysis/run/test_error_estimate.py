@@ -176,3 +176,4 @@ def test_a_collapse_is_compared_up_to_its_time():
     response = run(falling, method="newmark-average", dt=0.01, duration=100.0, check=True)
     assert response.collapse.ended
     assert 0.0 < response.check.drift_error < 0.01
+    assert any(f"the run ends with the step to {response.collapse.time:.6g} s" in note for note in response.notes)

@@ -25,6 +25,8 @@ from tdint_cli.commands.ground_motions.target_table import write_target
 @kinds.ductility
 @kinds.strength
 @kinds.hardening
+@kinds.oscillator
+@kinds.history
 @options.studies.target(
     "Draw this spectrum over those of the records (--plot) or, without RECORD, write it as a table",
     options.headings.SPECTRUM,
@@ -56,6 +58,9 @@ def command(**given: Any) -> None:
     the first named component towards the second. They stand in one file, or in two that are named alike (K-NET, PEER,
     channel codes) or given as the only ones.
 
+    --oscillator with --history makes another table, of the motion of oscillators at the record's samples: relative
+    displacement and velocity, absolute acceleration.
+
     --target without RECORD writes the design spectrum itself: displacement, pseudo-velocity, pseudo-acceleration.
 
     --against makes another table, of one column of a published spectrum and what is computed at its periods.
@@ -73,4 +78,6 @@ def _kind(request: SpectrumRequest) -> Kind:
         return kinds.Against()
     if request.ductility or request.strength:
         return kinds.Inelastic()
+    if request.oscillator:
+        return kinds.Histories()
     return kinds.Rotated() if request.rotd else kinds.Elastic()

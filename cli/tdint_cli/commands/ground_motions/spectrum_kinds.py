@@ -13,12 +13,13 @@ from tdint.errors import RecordError, UsageError
 from tdint_cli.batch.sources import STDIN
 from tdint_cli.commands.ground_motions.spectrum_request import Kind, Results, SpectrumRequest
 from tdint_cli.options import output
+from tdint_cli.options.plot import BESIDE
 from tdint_cli.options.spectra import option
 from tdint_cli.options.values import FileName, Number, PairNamesType, Ratio
 from tdint_cli.terminal.streams import note
 
 if TYPE_CHECKING:
-    from tdint.analysis.spectra.elastic import Spectrum
+    from tdint.analysis.spectra.elastic import OscillatorMotion, Spectrum
     from tdint.analysis.spectra.inelastic import InelasticSpectrum
     from tdint.analysis.spectra.published import SpectrumDifference
     from tdint.analysis.spectra.rotated import RotatedSpectrum
@@ -85,6 +86,20 @@ hardening = option(
     type=Ratio(0.0, 1.0, max_open=True),
     metavar="RATIO",
     help="With --ductility or --strength: stiffness after yielding over the initial one; 0 by default (elastoplastic).",
+)
+oscillator = option(
+    "--oscillator",
+    needs="--history",
+    type=Number(0.0, min_open=True),
+    many=True,
+    metavar="SECONDS,...",
+    help="With --history: the motion of elastic oscillators of these periods instead.",
+)
+history = option(
+    "--history",
+    needs="--oscillator",
+    metavar="",
+    help="With --oscillator: a row for each sample.",
 )
 against = option(
     "--against",
@@ -194,6 +209,36 @@ class Inelastic(_OfOscillators):
         from tdint.output.figures.spectrum_curves import inelastic_picture
 
         return inelastic_picture(lines, suffix, request.shown_units)
+
+
+class Histories(Kind):
+    """The motion of oscillators at the samples of single components."""
+
+    def check(self, request: SpectrumRequest) -> None:
+        """Refuse, before any work, what makes no sense together."""
+        others = ("axes", "rotd", "method", "maxima", "interpolation", "target", "plot", "periods", "period")
+        request.refuse(others, "is for spectra; leave it out with --oscillator")
+        if request.history != BESIDE:
+            raise UsageError(f"--history {request.history}: the table goes to -o; write -o {request.history} --history")
+
+    def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
+        """The motion of each oscillator with each damping ratio under each component."""
+        from tdint.analysis.spectra.elastic import oscillator_motion
+
+        lines = [
+            oscillator_motion(record, period, damping)
+            for record in records
+            for damping in request.damping
+            for period in request.oscillator or ()
+        ]
+        return Results(lines, records)
+
+    def table(self, _: SpectrumRequest, lines: Sequence[OscillatorMotion]) -> Table:
+        """A row for each oscillator and sample."""
+        from tdint.output.tables.spectra import OSCILLATOR
+        from tdint.output.tables.table import Table
+
+        return Table.of_results(OSCILLATOR, lines)
 
 
 class Rotated(_OfOscillators):

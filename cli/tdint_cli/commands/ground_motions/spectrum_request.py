@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from tdint.output.tables.table import Table
     from tdint.output_units import OutputUnits
 
-_NOT_SETTINGS = ("records", "output", "plot", "axes", "jobs", "overwrite", "period", "output_units")
+_NOT_SETTINGS = ("records", "output", "plot", "axes", "jobs", "overwrite", "period", "output_units", "history")
 
 
 @dataclass(frozen=True)
@@ -143,6 +143,8 @@ class SpectrumRequest(TablesRequest):
     ductility: tuple[float, ...] | None
     strength: tuple[float, ...] | None
     hardening: float | None
+    oscillator: tuple[float, ...] | None
+    history: str | None
     axes: str | None
     target: str | None
     against: str | None

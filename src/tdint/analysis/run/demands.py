@@ -178,9 +178,18 @@ def demands(stories: StoryPeaks) -> Demands[Largest]:
     return Demands(**{one.name: only(one.of(stories)) for one in DECLARED})
 
 
-def demands_of_runs(stories: StoryPeaks) -> Demands[LargestOfRuns]:
-    """Those of many runs of a building, whose peaks have the shape (runs, n)."""
-    return Demands(**{one.name: one.of(stories) for one in DECLARED})
+class DemandsOfRuns:
+    """`Demands` of many runs of a building, peaks of shape (runs, n): each is found when it is asked for."""
+
+    def __init__(self, stories: StoryPeaks) -> None:
+        self._stories = stories
+
+    def __getattr__(self, name: str) -> LargestOfRuns:
+        for one in DECLARED:
+            if one.name == name:
+                setattr(self, name, found := one.of(self._stories))
+                return found
+        raise AttributeError(name)
 
 
 def only(found: Any) -> Largest:

@@ -67,6 +67,16 @@ class Overview(Tabular):
 def overview(source: str | Path) -> Overview:
     """Read a model and look at it.
 
+    Parameters
+    ----------
+    source : str or Path
+        The model file.
+
+    Returns
+    -------
+    Overview
+        Mass (kg), height (m), first period (s) and its damping ratio; `to_dict` has the row of `tdint check`.
+
     Raises
     ------
     ModelError

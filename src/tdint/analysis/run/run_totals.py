@@ -86,7 +86,7 @@ def unresolved(building: Building, space: Workspace, late: float) -> StoryErrors
 def carried_error(building: Building, space: Workspace, stories: StoryPeaks, doubt: StoryErrors) -> ErrorEstimate:
     """What the error that a run has carried along says of its peaks, which may be in `doubt` beside that.
 
-    An error is what the corrected peak differs by, but no less, over the peak, than a tenth of what any drift,
+    An error is what the corrected peak differs by, but no less, over the peak, than a tenth of what the story's drift,
     displacement or velocity is off by, and what steps whose iteration did not settle left to correct.
     """
     n = building.stories
@@ -97,11 +97,9 @@ def carried_error(building: Building, space: Workspace, stories: StoryPeaks, dou
     sizes = {field.name: getattr(stories, field.name) for field in fields(StoryErrors)}
     sizes["residual_drift"] = stories.peak_drift
     off = {name: np.abs(getattr(corrected, name) - getattr(stories, name)) for name in sizes}
-    relative = [
-        np.divide(off[name], sizes[name], out=np.zeros(n), where=sizes[name] != 0.0).max() for name in _OF_MOTION
-    ]
+    relative = [np.divide(off[name], sizes[name], out=np.zeros(n), where=sizes[name] != 0.0) for name in _OF_MOTION]
     left = space.work[unsettled(building.modal.shape[0]), n] / max(float(stories.peak_drift.max()), _TINY)
-    least = _ROUNDING + _COMMON * np.max(relative) + left
+    least = _ROUNDING + _COMMON * np.max(relative, axis=0) + left
     more = 1.0 if building.piecewise_linear else _CURVED
     errors = {
         name: np.maximum(more * np.maximum(off[name], least * size), getattr(doubt, name))

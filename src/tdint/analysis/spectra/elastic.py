@@ -11,10 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.given import damping_of, numbers_of, record_of
-from tdint.analysis.spectra.oscillators import EXACT, INTERPOLATED, MAXIMA, Maxima, check_shortest, largest
+from tdint.analysis.spectra.oscillators import (
+    EXACT,
+    INTERPOLATED,
+    MAXIMA,
+    Maxima,
+    check_shortest,
+    largest,
+    recursion_table,
+)
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.interpolation import INTERPOLATIONS, LINEAR, Interpolation
 from tdint.ground_motion.record import Record
+from tdint.kernels.oscillators.between import A11, A12, A21, A22, B10, B11, B20, B21
 from tdint.tabular import Tabular
 
 if TYPE_CHECKING:
@@ -145,6 +154,65 @@ def spectrum(
         maxima=settings.maxima.name,
         interpolation=settings.interpolation.name,
     )
+
+
+@dataclass(frozen=True)
+class OscillatorMotion:
+    """Motion of an oscillator under a record, at its samples.
+
+    Attributes
+    ----------
+    damping, periods : float
+        Damping ratio; natural period, s.
+    displacement, velocity : ndarray, shape (samples,)
+        Relative to the ground, m and m/s.
+    acceleration : ndarray, shape (samples,)
+        Absolute, m/s^2.
+    """
+
+    record: Record
+    damping: float
+    periods: float
+    displacement: Array
+    velocity: Array
+    acceleration: Array
+
+    @property
+    def time(self) -> Array:
+        """Time from the first sample, s."""
+        return np.asarray(np.arange(self.displacement.size) * self.record.dt, dtype=np.float64)
+
+
+def oscillator_motion(record: Record, period: float, damping: float = 0.05) -> OscillatorMotion:
+    """The motion of an oscillator that is at rest at the first sample, exact for a ground acceleration that is linear
+    between its samples (Nigam and Jennings 1969).
+
+    Parameters
+    ----------
+    period, damping : float
+        Natural period, s, positive; damping ratio in [0, 1).
+
+    Raises
+    ------
+    UsageError
+        One of them is out of range.
+    """
+    (period,), damping = checked_periods(np.array([period])).tolist(), damping_of(damping)
+    if period == 0.0:
+        raise UsageError("the period of an oscillator must be positive")
+    omega = 2.0 * math.pi / period
+    table = recursion_table(np.array([omega]), np.array([record.dt]), damping, 0)[:, 0].tolist()
+    a11, a12, b10, b11, a21, a22, b20, b21 = (table[row] for row in (A11, A12, B10, B11, A21, A22, B20, B21))
+    ground = record.acceleration.tolist()
+    motion = np.zeros((len(ground), 2))
+    u = v = 0.0
+    for i in range(1, len(ground)):
+        g0, g1 = ground[i - 1], ground[i]
+        u, v = a11 * u + a12 * v - b10 * g0 - b11 * g1, a21 * u + a22 * v - b20 * g0 - b21 * g1
+        motion[i] = u, v
+    displacement, velocity = motion.T
+    absolute = -2.0 * damping * omega * velocity - omega**2 * displacement
+    return OscillatorMotion(record, damping, period, displacement, velocity, absolute)
 
 
 LONGEST_PERIOD = 1e6

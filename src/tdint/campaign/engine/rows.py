@@ -9,7 +9,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.run.demands import DECLARED, Demands, Largest, LargestOfRuns, demands_of_runs
+from tdint.analysis.run.demands import DECLARED, Demands, DemandsOfRuns, Largest
 from tdint.analysis.run.outcome import STORY, Shock, StoryErrors, StoryPeaks, StoryValues
 from tdint.campaign.engine.task import Run
 from tdint.quantity import Quantity, quantities
@@ -131,7 +131,7 @@ class StoryRow(NamedTuple):
 
 def demand_cells(stories: StoryPeaks) -> list[dict[str, Any]]:
     """Of each run, whose peaks have the shape (runs, n), the fields of `RunRow` that follow from its demands."""
-    found: Demands[LargestOfRuns] = demands_of_runs(stories)
+    found = DemandsOfRuns(stories)
     columns = {one.name: one.value(found).tolist() for one in DEMANDED if one.value}
     return [dict(zip(columns, cells, strict=True)) for cells in zip(*columns.values(), strict=True)]
 

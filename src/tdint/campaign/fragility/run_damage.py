@@ -188,12 +188,14 @@ class Mean(NamedTuple):
 
 @dataclass(frozen=True)
 class TypeDamage:
-    """The damage of a type of buildings, or of one building, at one level.
+    """The damage of a type of buildings, or of one building, in one event and at one level.
 
     Attributes
     ----------
     type, building : str
         The type, and the building; empty for all of the type.
+    event : str
+        Of a ground motion field; empty where there are none.
     level : float
         As `level_values` has it.
     states : DamageStates
@@ -210,6 +212,7 @@ class TypeDamage:
 
     type: str
     building: str
+    event: str
     level: float
     states: DamageStates
     buildings: int
@@ -239,7 +242,7 @@ class _Group:
             added = rows[known & (motions == motion)].sum(axis=0)
             self._sums[motion] = self._sums[motion] + added if motion in self._sums else added
 
-    def damage(self, name: str, building: str, level: float) -> TypeDamage:
+    def damage(self, name: str, building: str, event: str, level: float) -> TypeDamage:
         """What the runs tell."""
         count = len(self.states.outcomes)
         sums = np.array(list(self._sums.values()))
@@ -251,6 +254,7 @@ class _Group:
         return TypeDamage(
             name,
             building,
+            event,
             level,
             self.states,
             self.buildings,
@@ -274,19 +278,22 @@ def _mean(sums: Array) -> Mean:
 
 
 def group_damages(store: Store, *, by_building: bool) -> Iterator[TypeDamage]:
-    """The damage of each type at each level, or of each building: one building is held at a time."""
-    motion_of, levels = motion_numbers(store.records()), level_values(store)
-    of_types: dict[tuple[str, int], _Group] = {}
+    """The damage of each type in each event and at each level, or of each building: one building is held at a time."""
+    motion_of, levels, events = motion_numbers(store.records()), level_values(store), ["", *store.events()]
+    of_types: dict[tuple[str, int, int], _Group] = {}
+
+    def told(group: _Group, building: str, key: tuple[str, int, int]) -> TypeDamage:
+        name, event, rank = key
+        return group.damage(name, building, events[event], levels[rank] if levels else rank + 1.0)
+
     for of in building_damages(store):
         motions = np.array([motion_of[record] for record, _, _ in of.keys])
-        for rank in np.unique(of.rank).tolist():
-            level = levels[rank] if levels else rank + 1.0
-            chosen = of.rank == rank
+        event = np.array([sample if len(events) > 1 else 0 for _, _, sample in of.keys])
+        for one, rank in sorted(set(zip(event.tolist(), of.rank.tolist(), strict=True))):
+            chosen, key = (of.rank == rank) & (event == one), (of.type, one, rank)
+            group = _Group(of.states) if by_building else of_types.setdefault(key, _Group(of.states))
+            group.add(of, chosen, motions)
             if by_building:
-                one = _Group(of.states)
-                one.add(of, chosen, motions)
-                yield one.damage(of.type, of.building, level)
-            else:
-                of_types.setdefault((of.type, rank), _Group(of.states)).add(of, chosen, motions)
-    for name, rank in sorted(of_types):
-        yield of_types[name, rank].damage(name, "", levels[rank] if levels else rank + 1.0)
+                yield told(group, of.building, key)
+    for key in sorted(of_types):
+        yield told(of_types[key], "", key)

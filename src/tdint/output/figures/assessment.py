@@ -13,7 +13,17 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
 from tdint.files import Writer
-from tdint.output.figures.style import COLORS, DASHES, LIGHT, MARKERS, add_legend, add_title, picture, plain_numbers
+from tdint.output.figures.style import (
+    COLORS,
+    DASHES,
+    LIGHT,
+    MARKERS,
+    add_legend,
+    add_title,
+    legend_columns,
+    picture,
+    plain_numbers,
+)
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.order import ObservedOrder
@@ -282,7 +292,10 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
     axes.set_xlim(0.0, 5.6)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlabel("observed order")
-    figure.legend(loc="outside lower center", ncols=4, handlelength=1.2)
+    labels = axes.get_legend_handles_labels()[1]
+    columns = legend_columns(labels, 4)
+    figure.set_figheight(figure.get_figheight() + 0.17 * (math.ceil(len(labels) / columns) - 1))
+    figure.legend(loc="outside lower center", ncols=columns, handlelength=1.2)
     add_title(figure, _order_title(measured))
     return figure
 

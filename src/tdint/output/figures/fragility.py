@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from tdint.campaign.fragility.fits import CloudPoints, Fragility
 from tdint.files import Writer
-from tdint.output.figures.style import COLORS, DASHES, MARKERS, add_title, picture, plain_logarithmic
+from tdint.output.figures.style import COLORS, DASHES, MARKERS, add_title, legend_columns, picture, plain_logarithmic
 from tdint.output.figures.suites import GRAY, add_gravity_axis, measure_label
 
 _POINTS = 300
@@ -62,7 +62,7 @@ def _draw_types(functions: Sequence[Fragility]) -> Figure:
         axes.plot([], [], color=COLORS[i % len(COLORS)], linestyle=DASHES[i % len(DASHES)], linewidth=1.8)[0]
         for i in range(len(states))
     ]
-    figure.legend(lines, states, loc="outside lower center", ncols=min(len(states), 5), handlelength=3.2)
+    figure.legend(lines, states, loc="outside lower center", ncols=legend_columns(states, 5), handlelength=3.2)
     add_title(figure, "Probability of reaching or exceeding damage states, 95 % confidence over the motions")
     return figure
 

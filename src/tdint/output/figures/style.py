@@ -19,7 +19,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.font_manager import get_font_names
 from matplotlib.text import Text
-from matplotlib.ticker import FuncFormatter, LogLocator
+from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator
 
 from tdint.errors import OutputError, UsageError, did_you_mean
 from tdint.ground_motion.record import Record
@@ -210,6 +210,11 @@ def _print(figure: Figure, printed: PrintedAs) -> None:
         figure.suptitle("\n".join(wrap(title, int(width * 72.0 / (_LARGEST * _LETTER)))) if printed.title else "")
     figure.draw_without_rendering()  # numbers at ticks are made now
     before: set[str] = set()
+    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
+        words = [text.get_text() for text in axis.get_ticklabels()]
+        if isinstance(axis.get_major_locator(), FixedLocator) and any(words):  # each drawing writes them anew
+            before.update(words)
+            axis.set_ticklabels([in_print(word, printed) for word in words])
     for text in figure.findobj(Text):
         before.add(text.get_text().strip())
         text.set_text(in_print(text.get_text(), printed))
@@ -233,6 +238,15 @@ def write_note(axes: Any, text: str, x: float = 0.99, y: float = 0.95) -> None:
     axes.text(x, y, text, **place, fontsize=8.0, color=MARK, bbox=white)
 
 
+def legend_columns(labels: Sequence[str], most: int) -> int:
+    """Columns of a legend below the panels: as many as stand beside each other where a width is given for print."""
+    columns = max(1, min(len(labels), most))
+    if (printed := PRINTED.get().width) and labels:
+        letters = printed / _INCH * 72.0 / (7.0 * _LETTER)
+        columns = max(1, min(columns, int(letters / (max(map(len, labels)) + 8))))
+    return columns
+
+
 def add_legend(figure: Figure, axes: Any, lines: list[Any], labels: list[str], narrow: int = 24) -> None:
     """A legend below the panels, for which the figure grows; none for a single line.
 
@@ -243,10 +257,7 @@ def add_legend(figure: Figure, axes: Any, lines: list[Any], labels: list[str], n
     if len(labels) > _IN_LEGEND:
         labels = [*labels[: _IN_LEGEND - 1], f"... and {len(labels) - _IN_LEGEND + 1} more"]
         lines = [*lines[: _IN_LEGEND - 1], axes.plot([], [], linestyle="none")[0]]
-    columns = min(len(labels), 2 if max(map(len, labels)) > narrow else 3)
-    if printed := PRINTED.get().width:
-        letters = printed / _INCH * 72.0 / (7.0 * _LETTER)
-        columns = max(1, min(columns, int(letters / (max(map(len, labels)) + 8))))
+    columns = legend_columns(labels, 2 if max(map(len, labels)) > narrow else 3)
     figure.set_figheight(figure.get_figheight() + 0.17 * math.ceil(len(labels) / columns))
     labels = [" " + label for label in labels]  # a label that begins with _ would be left out
     legend = figure.legend(lines, labels, loc="outside lower center", ncols=columns, handlelength=3.6)

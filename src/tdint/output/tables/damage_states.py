@@ -17,7 +17,7 @@ from tdint.campaign.fragility.run_damage import (
 )
 from tdint.campaign.store.store import Store
 from tdint.model.damage_states import DEMANDS, DamageStates
-from tdint.output.tables.campaign import OF_BUILDING, SAMPLE, carried_cells, carried_columns, write_rows
+from tdint.output.tables.campaign import EVENT, OF_BUILDING, SAMPLE, carried_cells, carried_columns, write_rows
 from tdint.output.tables.table import Column, cell_text, describe, names
 from tdint.output_units import SI, OutputUnits
 from tdint.quantity import suffix
@@ -125,8 +125,8 @@ def damage_summary(store: Store) -> dict[str, Any]:
     types = stored_states(store)
     columns = {
         "damage.csv": damage_table_columns(store),
-        "damage-types.csv": TYPES,
-        "losses.csv": LOSSES,
+        "damage-types.csv": type_columns(store),
+        "losses.csv": loss_columns(store),
     }
     return {
         "types": {name: asdict(states) for name, states in types.items()},
@@ -139,22 +139,40 @@ def write_damage(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> Non
     write_rows(damage_table_columns(store), damage_rows(store), stream, units)
 
 
+def type_columns(store: Store) -> tuple[Column, ...]:
+    """Of damage-types.csv; of ground motion fields the last one is the event."""
+    return (*TYPES, *(EVENT,) * bool(store.events()))
+
+
+def loss_columns(store: Store) -> tuple[Column, ...]:
+    """Of losses.csv, likewise."""
+    return (*LOSSES, *(EVENT,) * bool(store.events()))
+
+
 def write_types(store: Store, stream: BinaryIO) -> None:
     """Write damage-types.csv."""
     rows = (
-        [cell_text(of.type), of.level, of.buildings, of.runs, of.failed, cell_text(state), *numbers]
+        [cell_text(of.type), of.level, *_counts(of), cell_text(state), *numbers, *_event(of)]
         for of in group_damages(store, by_building=False)
         for state, *numbers in zip(of.states.outcomes, *(one.tolist() for one in of.probability), strict=True)
     )
-    write_rows(TYPES, rows, stream)
+    write_rows(type_columns(store), rows, stream)
 
 
 def write_losses(store: Store, stream: BinaryIO) -> None:
     """Write losses.csv: first all buildings of each type, then each building."""
     groups = (of for by_building in (False, True) for of in group_damages(store, by_building=by_building))
-    write_rows(LOSSES, map(_loss_row, groups), stream)
+    write_rows(loss_columns(store), map(_loss_row, groups), stream)
 
 
 def _loss_row(of: TypeDamage) -> list[Any]:
-    names = (cell_text(of.type), cell_text(of.building), of.level)
-    return [*names, of.buildings, of.runs, of.failed, float(of.loss.value[0]), float(of.loss.error[0]), of.loss_sd]
+    means = (float(of.loss.value[0]), float(of.loss.error[0]), of.loss_sd)
+    return [cell_text(of.type), cell_text(of.building), of.level, *_counts(of), *means, *_event(of)]
+
+
+def _counts(of: TypeDamage) -> tuple[int, ...]:
+    return of.buildings, of.runs, of.failed
+
+
+def _event(of: TypeDamage) -> tuple[str, ...]:
+    return (cell_text(of.event),) if of.event else ()

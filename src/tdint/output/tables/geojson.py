@@ -13,7 +13,6 @@ import numpy as np
 from tdint.campaign.engine.rows import RUN
 from tdint.campaign.fragility.run_damage import BuildingDamage, building_damages, stored_states
 from tdint.campaign.store.schema import RUN_COLUMNS
-from tdint.errors import UsageError
 from tdint.output.tables.campaign import carried_columns, numeric
 from tdint.output.tables.damage_states import LOSS
 from tdint.output.tables.table import names
@@ -39,11 +38,7 @@ def write_geojson(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> No
     profiles.csv), how many motions there were and under how many the building collapsed or a run failed, and of the
     demands the mean and the largest over the others: of a pair the larger component counts. Where damage is told, the
     mean probability of each state and the mean loss ratio follow. What is not known is null.
-
-    Raises
-    ------
-    UsageError
-        The campaign has no places.
+    The store must have places (`is_mapped`).
     """
     stream.write(b'{"type": "FeatureCollection", "features": [')
     between = b"\n"
@@ -53,24 +48,16 @@ def write_geojson(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> No
     stream.write(b"\n]}\n")
 
 
-def places_of(store: Store) -> tuple[int, int]:
-    """Which columns of the inventory are longitude and latitude.
-
-    Raises
-    ------
-    UsageError
-        There are none.
-    """
-    titles = [title.lower() for title in store.inventory_columns()]
-    if "longitude" in titles and "latitude" in titles:
-        return titles.index("longitude"), titles.index("latitude")
-    raise UsageError(f"{store.name}: a map needs an inventory with the columns Latitude and Longitude")
+def is_mapped(store: Store) -> bool:
+    """Whether its inventory has places."""
+    return {"longitude", "latitude"} <= {title.lower() for title in store.inventory_columns()}
 
 
 def _features(store: Store, units: OutputUnits) -> Iterator[Feature]:
     from tdint.campaign.profiles import RunKey, SuiteRules
 
-    longitude, latitude = places_of(store)
+    titles = [title.lower() for title in store.inventory_columns()]
+    longitude, latitude = titles.index("longitude"), titles.index("latitude")
     rules, properties, events = SuiteRules.of(store), _properties(store), store.events()
     buildings, damages = store.buildings(), building_damages(store)
     for number, rows in groupby(store.runs(), key=lambda row: row[0]):

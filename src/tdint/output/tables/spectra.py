@@ -221,6 +221,19 @@ def record_table(own: Sequence[Column], results: Sequence[Any]) -> Table:
     return Table.of((*OF_RECORD, *own), rows)
 
 
+OSCILLATOR = (
+    *OF_RECORD,
+    DAMPING,
+    PERIOD,
+    Column("time_s", "s", "time", "time from the first sample"),
+    Column("ground_acceleration_m_s2", "m/s^2", "record.acceleration", "acceleration of the ground"),
+    Column("displacement_m", "m", "displacement", "relative to the ground"),
+    Column("velocity_m_s", "m/s", "velocity", "relative to the ground"),
+    Column("absolute_acceleration_m_s2", "m/s^2", "acceleration", "absolute"),
+)
+"""Of histories of oscillators."""
+
+
 def spectrum_table(spectra: Sequence[Spectrum], stated: Sequence[str] = ()) -> Table:
     """One row per record, component, damping ratio and period, in the order given.
 

@@ -16,7 +16,7 @@ from tdint.analysis.assessment.paper_examples import ExampleRun
 from tdint.analysis.assessment.stability import StabilityCurve
 from tdint.analysis.chart.work_precision import Chart
 from tdint.analysis.comparison.compare import Comparison
-from tdint.analysis.run.demands import demands_of_runs
+from tdint.analysis.run.demands import DemandsOfRuns
 from tdint.analysis.run.outcome import History, Response, StoryPeaks
 from tdint.analysis.run.overview import Overview
 from tdint.analysis.run_many import Runs
@@ -206,7 +206,7 @@ def _(result: Runs) -> _Values:
     cells = {one.name: np.full(len(result.model), np.nan) for one in DEMANDED}
     for number in range(len(result.models)):
         runs, stories = result.of_building(number)
-        demands = demands_of_runs(stories)
+        demands = DemandsOfRuns(stories)
         for one in DEMANDED:
             cells[one.name][runs] = one.value(demands) if one.value else np.nan
     return [

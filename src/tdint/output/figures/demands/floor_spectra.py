@@ -12,7 +12,7 @@ from tdint.analysis.spectra.floors import FloorSpectrum
 from tdint.campaign.floor_suites import FloorSuite
 from tdint.files import Writer
 from tdint.output.figures.demands.story_profiles import building_colors
-from tdint.output.figures.style import COLORS, DASHES, INK, add_title, picture, plain_logarithmic
+from tdint.output.figures.style import COLORS, DASHES, INK, add_title, legend_columns, picture, plain_logarithmic
 from tdint.output.figures.suites import GRAY
 from tdint.output_units import SI, OutputUnits
 
@@ -73,7 +73,7 @@ def _draw_suites(suites: Sequence[FloorSuite], units: OutputUnits) -> Figure:
     for axes in grid.ravel()[len(shown) :]:
         axes.set_visible(False)
     handles, labels = grid[0][0].get_legend_handles_labels()
-    for text in figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 4)).get_texts():
+    for text in figure.legend(handles, labels, loc="outside lower center", ncols=legend_columns(labels, 4)).get_texts():
         text.set_parse_math(False)
     what = names[0] if len(names) == 1 else f"{len(names)} buildings"
     more = f"; the first {len(shown)} of {len(panels)} panels" if len(panels) > len(shown) else ""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tdint.campaign.profiles import DRIFT_RATIO, Profile
 from tdint.files import Writer
-from tdint.output.figures.style import COLORS, DASHES, INK, MARK, add_title, picture, scaled_unit
+from tdint.output.figures.style import COLORS, DASHES, INK, MARK, add_title, legend_columns, picture, scaled_unit
 from tdint.output.figures.suites import GRAY
 from tdint.output_units import SI, OutputUnits
 
@@ -60,7 +60,7 @@ def _draw(profiles: Sequence[Profile], units: OutputUnits, limit: float | None, 
             _draw_row(axes, one, units, INK if alone else colors[one.building], alone=alone)
         _finish_row(axes, same, units, limit, level=_level(same[0]) if len(rows) > 1 else "")
     handles, labels = panels[0][0].get_legend_handles_labels()
-    legend = figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 4))
+    legend = figure.legend(handles, labels, loc="outside lower center", ncols=legend_columns(labels, 4))
     for text in legend.get_texts():
         text.set_parse_math(False)
     what = names[0] if alone else title or f"{len(colors)} buildings"
