@@ -277,7 +277,8 @@ def test_moment4_carries_its_error_along(folder, tdint):
     check, worst = summary["check"], max(rows(result.stdout), key=lambda row: float(row["peak_drift_m"]))
     assert check["dts_s"] == [] and 0.0 < check["drift_error"] < 0.01
     off = abs(check["corrected_peaks"]["drift_m"] - summary["peaks"]["drift_m"])
-    assert off == pytest.approx(float(worst["peak_drift_m_error"]), rel=1e-3)
+    # What is told is no less than what was carried along.
+    assert 0.0 < off <= float(worst["peak_drift_m_error"]) * 1.001
     assert ", carried along in the run." in result.stderr and "Corrected by it: largest drift " in result.stderr
     assert tdint("run", "shaken.yaml", "--method", "moment4", "--check").stdout == result.stdout
     assert "estimated error" not in plain.stderr
@@ -316,7 +317,7 @@ def test_a_history_holds_the_error_that_was_carried_along(folder, tdint):
     assert 0.9 * found["drift_m"] < max(first) <= found["drift_m"] * (1.0 + 1e-9) or found["drift_story"] != 1
     last = rows(result.stdout)[1]
     off = abs(float(table[-1]["story_2_drift_m_error"]))
-    assert off == pytest.approx(float(last["residual_drift_m_error"]), rel=1e-3)
+    assert 0.0 < off <= float(last["residual_drift_m_error"]) * 1.001
 
 
 def test_no_check_under_a_tolerance_is_refused(folder, tdint):
