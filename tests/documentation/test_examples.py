@@ -120,6 +120,7 @@ def test_the_study_in_python(checkout):
     assert 0.0 < float(fragility[-1]) < 1.0
 
 
+@pytest.mark.slow
 def test_the_day_of_a_researcher(checkout):
     """What it says of methods, a run of its file beside a single one, figures of 90 mm with TrueType letters."""
     folder, run = checkout
