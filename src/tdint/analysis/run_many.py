@@ -16,7 +16,7 @@ from tdint.analysis.given import number_of, numbers_of, record_of
 from tdint.analysis.run import run_totals
 from tdint.analysis.run.case import RUNAWAY, Case, doubtful
 from tdint.analysis.run.outcome import STORY, FailedRun, History, Response, StoryPeaks
-from tdint.analysis.run.prepared import MarchedRuns, PreparedBuilding
+from tdint.analysis.run.prepared import Lane, MarchedRuns, PreparedBuilding
 from tdint.analysis.run.steps import Steps
 from tdint.errors import AnalysisError, UsageError, did_you_mean
 from tdint.ground_motion.joining import JoinedRecord
@@ -398,19 +398,12 @@ def _bare_runs(work: _Wanted, runs: Sequence[_Run]) -> MarchedRuns:
     """Runs of one building and one step in one compiled call."""
     motions = [work.records[number].acceleration for number in dict.fromkeys(run.record for run in runs)]
     starts = dict(zip(dict.fromkeys(run.record for run in runs), np.cumsum([0, *map(len, motions)]), strict=False))
-    table = [
-        (
-            *(starts[run.record], len(work.records[run.record].acceleration), run.scale),
-            *(run.steps.count, run.steps.per_sample, run.steps.stride),
-        )
-        for run in runs
-    ]
     model = runs[0].model
     return work.prepared(model).march_many(
         work.integrators[model],
         runs[0].steps.h,
         np.concatenate(motions),
-        np.array(table, dtype=np.float64),
+        [Lane(starts[run.record], len(work.records[run.record].acceleration), run.scale, run.steps) for run in runs],
         collapse_drift=work.models[model].collapse_drift,
     )
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +31,7 @@ from tdint.kernels.building.obtaining import obtain
 from tdint.kernels.building.variant import Variant
 from tdint.kernels.bundles import Memory, Scene
 from tdint.kernels.march.law_energies import begin, raise_shears, take_stock
-from tdint.kernels.march.many import END_COLUMNS, GROUND_SIZE, many
+from tdint.kernels.march.many import END_COLUMNS, many
 from tdint.kernels.march.march import march
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, assemble, force_table, variant
@@ -50,6 +51,16 @@ class Marched:
     space: Workspace
     code: int
     seconds: float
+
+
+class Lane(NamedTuple):
+    """One of many runs: where in all samples its ground motion begins, how many those are, the factor on them, and its
+    steps."""
+
+    start: int
+    size: int
+    scale: float
+    steps: Steps
 
 
 @dataclass(frozen=True)
@@ -293,7 +304,7 @@ class PreparedBuilding:
         integrator: Integrator,
         h: float,
         samples: Array,
-        runs: Array,
+        runs: Sequence[Lane],
         *,
         collapse_drift: float = math.inf,
         rest: Rest | None = None,
@@ -304,8 +315,8 @@ class PreparedBuilding:
         ----------
         samples : ndarray
             Ground accelerations of all runs, one after the other, m/s^2.
-        runs : ndarray, shape (runs, RUN_COLUMNS)
-            The columns of `tdint.kernels.march.many`: where in `samples` a run's motion is, its factor, its steps.
+        runs : sequence of Lane
+            Where in `samples` a run's motion is, its factor, its steps.
 
         Raises
         ------
@@ -316,6 +327,7 @@ class PreparedBuilding:
         rest = rest or Rest()
         n = self.building.stories
         marched = MarchedRuns.empty(len(runs), n)
+        table = np.array([(*run[:3], run.steps.count, run.steps.per_sample, run.steps.stride) for run in runs], float)
         called = (march, integrator.family.step, begin, take_stock, raise_shears)
         building = self.building
         many.compiled(
@@ -323,7 +335,7 @@ class PreparedBuilding:
             HALVINGS if integrator.family.halvable else 0,
             h,
             samples,
-            runs,
+            table,
             self.coefficients(integrator, h),
             shifts(integrator, h),
             *Scene(building.linear_terms, building.modal, building.law_parameters, self.forces, space.flags),
@@ -331,7 +343,7 @@ class PreparedBuilding:
             space.totals,
             *Memory(space.state.copy(), space.springs.copy(), space.work, space.report.copy()),
             np.zeros(at.LOAD_SIZE),
-            np.zeros(int(np.max(runs[:, GROUND_SIZE]))),
+            np.zeros(max(run.size for run in runs)),
             space.watch,
             space.limits,
             np.zeros(n),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.prepared import PreparedBuilding, Rest
+from tdint.analysis.run.prepared import Lane, PreparedBuilding, Rest
 from tdint.analysis.run.steps import Steps
 
 REST_PERIODS = 100.0
@@ -36,7 +36,7 @@ def until_rest(case: Case, steps: Steps) -> tuple[Steps, bool]:
         case.integrator,
         steps.h,
         ground,
-        np.array([[0.0, ground.size, 1.0, steps.count, steps.per_sample, steps.stride]]),
+        [Lane(0, ground.size, 1.0, steps)],
         collapse_drift=case.model.collapse_drift,
         rest=windows(case.prepared, steps.h),
     )

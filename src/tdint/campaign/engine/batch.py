@@ -18,7 +18,7 @@ from tdint.analysis.run import run_totals
 from tdint.analysis.run.case import RUNAWAY, Case, doubtful
 from tdint.analysis.run.error_estimate import checked_run
 from tdint.analysis.run.outcome import Collapse, FailedRun, Response, StoryPeaks
-from tdint.analysis.run.prepared import MarchedRuns, Rest
+from tdint.analysis.run.prepared import Lane, MarchedRuns, Rest
 from tdint.analysis.run.rest import until_rest, windows
 from tdint.analysis.run.steps import Steps, finer
 from tdint.analysis.sequence import sequence_of, shocks_of
@@ -236,25 +236,19 @@ class Batch:
         self._take_response(job, response, results, at_rest=int(at_rest))
 
     def _march(self, jobs: list[_Job]) -> MarchedRuns:
-        h = jobs[0].steps.h
+        h, starts, records = jobs[0].steps.h, self.motions.starts, self.motions.records
+        runs = [
+            Lane(starts[job.run.motion], records[job.run.motion].acceleration.size, job.run.scale, job.steps)
+            for job in jobs
+        ]
         return self.subject.prepared.march_many(
-            self.subject.integrator, h, self.motions.samples, self._table(jobs),
-            collapse_drift=self.subject.model.collapse_drift, rest=self._rest(h),
-        )  # fmt: skip
-
-    def _table(self, jobs: list[_Job]) -> Array:
-        """The runs as the compiled call takes them."""
-        motions = self.motions
-        return np.array(
-            [
-                [
-                    motions.starts[job.run.motion], motions.records[job.run.motion].acceleration.size, job.run.scale,
-                    job.steps.count, job.steps.per_sample, job.steps.stride,
-                ]
-                for job in jobs
-            ],
-            dtype=np.float64,
-        )  # fmt: skip
+            self.subject.integrator,
+            h,
+            self.motions.samples,
+            runs,
+            collapse_drift=self.subject.model.collapse_drift,
+            rest=self._rest(h),
+        )
 
     def _rest(self, h: float) -> Rest:
         return windows(self.subject.prepared, h) if self.settings.until_rest else Rest()
