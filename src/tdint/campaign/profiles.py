@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import NamedTuple
 
@@ -311,13 +311,19 @@ def _stories(store: Store, building: int) -> dict[RunKey, Array]:
     return {key: np.array(rows, dtype=np.float64) for key, rows in found.items()}
 
 
-def _by_level(runs: Mapping[RunKey, str]) -> list[list[RunKey]]:
-    """The runs of each level: the smallest factor of every motion, the next one, and so on."""
+def level_ranks(runs: Iterable[RunKey]) -> dict[RunKey, int]:
+    """The level of each run, from 0: the smallest factor of every motion and draw, the next one, and so on."""
     factors: dict[tuple[int, int], list[RunKey]] = defaultdict(list)
     for key in runs:
         factors[key.record, key.sample].append(key)
+    return {
+        key: rank for keys in factors.values() for rank, key in enumerate(sorted(keys, key=lambda key: abs(key.scale)))
+    }
+
+
+def _by_level(runs: Iterable[RunKey]) -> list[list[RunKey]]:
+    """The runs of each level."""
     levels: dict[int, list[RunKey]] = defaultdict(list)
-    for keys in factors.values():
-        for rank, key in enumerate(sorted(keys, key=lambda key: abs(key.scale))):
-            levels[rank].append(key)
+    for key, rank in level_ranks(runs).items():
+        levels[rank].append(key)
     return [levels[rank] for rank in sorted(levels)]

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
@@ -21,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from tdint.campaign.profiles import motion_numbers
+from tdint.campaign.profiles import RunKey, level_ranks, motion_numbers
 from tdint.campaign.store.store import Store
 from tdint.model.damage_states import FALLEN, DamageStates
 
@@ -58,7 +57,7 @@ class BuildingDamage:
         First period, s.
     states : DamageStates
         Of its type.
-    keys : list of (int, float, int)
+    keys : list of RunKey
         Record, factor and draw of each run.
     rank : ndarray of int, shape (runs,)
         The place of the level among those of its motion, from 0.
@@ -78,7 +77,7 @@ class BuildingDamage:
     type: str
     period: float
     states: DamageStates
-    keys: list[tuple[int, float, int]]
+    keys: list[RunKey]
     rank: NDArray[np.intp]
     status: list[str]
     demand: Array
@@ -146,7 +145,8 @@ def building_damages(store: Store) -> Iterator[BuildingDamage]:
         states, status = types[name], [run[4] for run in runs]
         values, sa, pga = (np.array([run[place] for run in runs], float) for place in (5, 6, 7))
         demand = np.abs(values) / divisor
-        keys = [(run[1], run[2], run[3]) for run in runs]
+        keys = [RunKey(*run[1:4]) for run in runs]
+        ranks = level_ranks(keys)
         yield BuildingDamage(
             number,
             building,
@@ -154,22 +154,13 @@ def building_damages(store: Store) -> Iterator[BuildingDamage]:
             period,
             states,
             keys,
-            _ranks(keys),
+            np.array([ranks[key] for key in keys]),
             status,
             demand,
             probabilities(states, demand, status),
             sa,
             pga,
         )
-
-
-def _ranks(keys: Sequence[tuple[int, float, int]]) -> NDArray[np.intp]:
-    """The place of each run's factor among those of its motion and draw, from the smallest."""
-    factors: dict[tuple[int, int], list[float]] = defaultdict(list)
-    for record, scale, sample in keys:
-        factors[record, sample].append(abs(scale))
-    places = {key: {value: rank for rank, value in enumerate(sorted(values))} for key, values in factors.items()}
-    return np.array([places[record, sample][abs(scale)] for record, scale, sample in keys])
 
 
 def level_values(store: Store) -> list[float]:
