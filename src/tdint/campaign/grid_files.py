@@ -161,12 +161,10 @@ def _field_rows(file: str, *, needs_site: bool) -> tuple[list[_FieldRow], Intens
 def _field_values(table: CsvTable) -> tuple[list[float], IntensityMeasure | None]:
     """Factors, or OpenQuake's intensities with their measure: of a column gmv_PGA, gmv_PGV or gmv_SA(0.6)."""
     if table.has("factor"):
-        factors = table.numbers("factor", empty=True)
-        table.check("factor", (one != 0.0 for one in factors), "must not be zero")
-        return [1.0 if math.isnan(one) else one for one in factors], None
+        return _factors(table), None
     columns = [name for name in table.header if name.startswith("gmv_")]
     if not columns:
-        return [1.0] * len(table.rows), None
+        return _factors(table), None
     known = _GMV.fullmatch(columns[0])
     if len(columns) > 1 or known is None:
         raise ModelError(
@@ -289,11 +287,16 @@ def _motions_at(file: str) -> list[tuple[str, float]]:
     needs = "the file of a grid's point is a CSV file with the column TH_file and, if they differ, factor"
     table = read_table(file, needs, columns=("TH_file", "factor"))
     names = table.texts("TH_file", empty=False)
+    return list(zip(names, _factors(table), strict=True))
+
+
+def _factors(table: CsvTable) -> list[float]:
+    """The factor of each row, 1 where nothing is said."""
     if not table.has("factor"):
-        return [(name, 1.0) for name in names]
+        return [1.0] * len(table.rows)
     factors = table.numbers("factor", empty=True)
     table.check("factor", (one != 0.0 for one in factors), "must not be zero")
-    return [(name, 1.0 if math.isnan(factor) else factor) for name, factor in zip(names, factors, strict=True)]
+    return [1.0 if math.isnan(factor) else factor for factor in factors]
 
 
 def _add(

@@ -20,7 +20,7 @@ from tdint.analysis.spectra.first_mode import SA_DAMPING
 from tdint.analysis.spectra.inelastic import constant_strength
 from tdint.campaign.plan import Plan
 from tdint.campaign.store.store import Store
-from tdint.campaign.suites.intensity import AVERAGE
+from tdint.campaign.suites.intensity import AVERAGE, geometric_mean
 from tdint.errors import AnalysisError, UsageError, did_you_mean
 from tdint.ground_motion import measures
 from tdint.ground_motion.record import Record
@@ -142,8 +142,7 @@ def _average(rest: str) -> RunMeasure:
 
     def value(record: Record, own: float) -> float:
         periods = grid.values() if grid else own * AVERAGE.values()
-        psa = spectrum(record, periods, SA_DAMPING).psa
-        return float(np.exp(np.mean(np.log(psa)))) if (psa > 0.0).all() else 0.0
+        return geometric_mean(spectrum(record, periods, SA_DAMPING).psa)
 
     column = _named("sa_avg", grid.first, grid.last) if grid else "sa_avg_t1"
     return RunMeasure(column, "m/s^2", f"geometric mean of Sa from {where}, 5 % damping", value)

@@ -179,15 +179,11 @@ def read_class_states(wanted: DamageWishes) -> dict[str, DamageStates]:
     ModelError
         It cannot be read, or the thresholds of a class make no sense.
     """
-    columns, factor = {}, 1.0
     table = read_table(wanted.source, "thresholds are a CSV file with the column class and one for each damage state")
     suffixes = _SUFFIXES[DEMANDS[wanted.demand].unit]
-    for suffix, factor in suffixes.items():  # noqa: B007
-        columns = {state: f"{state}{suffix}" for state in wanted.states}
-        if table.has(*columns.values()):
-            break
-    else:
-        columns = {state: f"{state}{next(iter(suffixes))}" for state in wanted.states}
+    there = (one for one in suffixes if table.has(*(f"{state}{one}" for state in wanted.states)))
+    suffix = next(there, next(iter(suffixes)))
+    columns = {state: f"{state}{suffix}" for state in wanted.states}
     if wanted.dispersion is None:
         table.need(*columns.values(), "beta")
     rows = _of_classes(table, {**columns, **({"beta": "beta"} if wanted.dispersion is None else {})})
@@ -195,7 +191,7 @@ def read_class_states(wanted: DamageWishes) -> dict[str, DamageStates]:
     for name, values in rows.items():
         beta = values.pop("beta", wanted.dispersion or 0.0)
         try:
-            medians = tuple(factor * values[state] for state in wanted.states)
+            medians = tuple(suffixes[suffix] * values[state] for state in wanted.states)
             found[name] = DamageStates(wanted.demand, wanted.states, medians, beta, wanted.losses)
         except UsageError as error:
             raise ModelError(f"{wanted.source}: class {name}: {error}") from None

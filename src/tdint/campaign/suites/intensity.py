@@ -67,7 +67,7 @@ class SpectralIntensity:
             A period is too short for the record.
         """
         values = pseudo_accelerations(motion, np.array(self.periods), self.damping, pair)
-        return _positive(float(np.exp(np.mean(np.log(values)))) if np.all(values > 0.0) else 0.0, self.name, motion)
+        return _positive(geometric_mean(values), self.name, motion)
 
 
 @dataclass(frozen=True)
@@ -153,6 +153,11 @@ def percentile_of(pair: str) -> int | None:
     if pair not in PAIRS:
         raise UsageError(f"pairs must be one of {', '.join(PAIRS)}, got {pair!r}{did_you_mean(pair, PAIRS)}")
     return PAIRS[pair]
+
+
+def geometric_mean(values: Array) -> float:
+    """Of numbers none of which is negative; 0 if one is zero."""
+    return float(np.exp(np.mean(np.log(values)))) if np.all(values > 0.0) else 0.0
 
 
 def pseudo_accelerations(motion: GroundMotion, periods: Array, damping: float, pair: str = GEOMETRIC_MEAN) -> Array:

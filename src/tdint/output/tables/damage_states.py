@@ -72,11 +72,16 @@ def demand_column(states: DamageStates) -> Column:
     )
 
 
+def probability_name(outcome: str) -> str:
+    """The column of the probability of an outcome."""
+    return f"probability_{outcome.replace('-', '_')}"
+
+
 def damage_columns(states: DamageStates) -> tuple[Column, ...]:
     """Of damage.csv of a campaign, whose types all have these states."""
     outcomes = (
         Column(
-            f"probability_{name.replace('-', '_')}",
+            probability_name(name),
             "1",
             "probability",
             f"probability of {name}; empty without a result",

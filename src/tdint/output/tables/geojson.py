@@ -14,7 +14,7 @@ from tdint.campaign.engine.rows import RUN
 from tdint.campaign.fragility.run_damage import BuildingDamage, building_damages, stored_states
 from tdint.campaign.store.schema import RUN_COLUMNS
 from tdint.output.tables.campaign import carried_columns, numeric
-from tdint.output.tables.damage_states import LOSS
+from tdint.output.tables.damage_states import LOSS, probability_name
 from tdint.output.tables.table import names
 from tdint.output_units import SI, OutputUnits
 
@@ -107,14 +107,10 @@ def _damage(of: BuildingDamage, rank: int, event: int) -> Feature:
     mine = np.array([event in (0, sample) for _, _, sample in of.keys])
     chosen = of.known & (of.rank == rank) & mine
     means = of.probability[chosen].mean(axis=0).tolist() if chosen.any() else [None] * len(of.states.outcomes)
-    found = {_probability(name): _known(mean) for name, mean in zip(of.states.outcomes, means, strict=True)}
+    found = {probability_name(name): _known(mean) for name, mean in zip(of.states.outcomes, means, strict=True)}
     if of.states.losses:
         found[LOSS.name] = _known(float(of.loss[chosen].mean()) if chosen.any() else None)
     return found
-
-
-def _probability(outcome: str) -> str:
-    return f"probability_{outcome.replace('-', '_')}"
 
 
 def _known(value: float | None) -> float | None:
@@ -124,7 +120,7 @@ def _known(value: float | None) -> float | None:
 def _properties(store: Store) -> Callable[[Sequence[str]], Feature]:
     """What makes the properties of the inventory's cells: numbers where a column has numbers alone."""
     demands = [f"{what}_{one.column}" for one in _DEMANDS for what in ("mean", "max")]
-    outcomes = [_probability(name) for states in stored_states(store).values() for name in states.outcomes]
+    outcomes = [probability_name(name) for states in stored_states(store).values() for name in states.outcomes]
     columns = names(carried_columns(store, (*_OWN, *demands, *outcomes, LOSS.name)))[1 if store.events() else 0 :]
     kinds = numeric(store)
 
