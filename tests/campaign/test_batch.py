@@ -9,6 +9,7 @@ import pytest
 
 import tdint
 from tdint.analysis.run.demands import DEMANDS, demands
+from tdint.analysis.run.error_estimate import TOLD
 from tdint.analysis.run.outcome import STORY
 from tdint.analysis.run.run import FailedRun
 from tdint.analysis.sequence import run_sequence
@@ -83,7 +84,7 @@ def test_errors_are_those_of_single_runs(model: str, method: str, runs: list[Run
     """Of every demand and story; none of a run that collapsed. The runs themselves are those without errors."""
     results = batch(model, method, stories=True, check=True, until_rest=rest).results(runs)
     plain = batch(model, method, stories=True, until_rest=rest).results(runs)
-    assert [row._replace(errors=(), at_rest=0) for row in results.runs] == [
+    assert [row._replace(errors=(), corrected=(), at_rest=0) for row in results.runs] == [
         row._replace(at_rest=0) for row in sorted(plain.runs, key=lambda row: runs.index(Run(row.motion, row.scale)))
     ]
     told = 0
@@ -91,12 +92,16 @@ def test_errors_are_those_of_single_runs(model: str, method: str, runs: list[Run
         run = Run(row.motion, row.scale)
         stories = [one for one in results.stories if (one.motion, one.scale) == (row.motion, row.scale)]
         if row.status != "done":
-            assert row.errors == () and all(one.errors == () for one in stories)
+            assert row.errors == row.corrected == () and all(one.errors == () for one in stories)
             continue
         response = single(batch(model, method), run, check=True, until_rest=rest)
         own = {one.name: one.error(response.stories, response.check.errors) for one in DEMANDS}
         named = ("drift_ratio", "drift", "residual_drift_ratio", "acceleration", "roof_displacement", "base_shear")
         assert row.errors == tuple(own[name] for name in named)
+        corrected = response.check.corrected
+        better = corrected and {one.name: float(one.of(corrected).value[0]) for one in DEMANDS}
+        assert row.corrected == (tuple(better[name] for name in named) if better else ())
+        assert bool(corrected) == (method == "moment4" and response.check.drift_error <= TOLD)
         for number, quantity in enumerate(STORY):
             np.testing.assert_array_equal(
                 [one.errors[number] for one in stories], getattr(response.check.errors, quantity.name)

@@ -14,9 +14,12 @@ import numpy as np
 import pytest
 from click.testing import Result
 
+from tdint import ida, load_model, read_record, run_many
+from tdint.campaign.ida.study import IdaSettings
 from tdint.campaign.store.checksums import seal_of
 from tdint.campaign.store.place import locked
 from tdint.campaign.store.store import FILE
+from tdint.campaign.suites.intensity import pga
 
 Run = Callable[..., Result]
 
@@ -72,7 +75,7 @@ def test_a_check_adds_an_error_beside_each_demand(study: Path, tdint: Run) -> No
     found, plain = rows("out/runs.csv"), rows("plain/runs.csv")
     named = [name for name in COLUMNS.split(",")[10:18] if not name.endswith(("_story", "_floor"))]
     assert list(plain[0]) == COLUMNS.split(",")
-    assert list(found[0]) == [*plain[0], *(f"{name}_error" for name in named)]
+    assert list(found[0]) == [*plain[0], *(f"{name}_error" for name in named), *(f"corrected_{name}" for name in named)]
     assert list(rows("out/stories.csv")[0])[len(rows("plain/stories.csv")[0]) :][0] == "peak_drift_m_error"
     alone = tdint("run", "shaken.yaml", "motion.mseed", "--units", "m/s^2", "--component", "HNN", "--scale", "0.25",
                   "--method", "moment4", "-o", "alone")  # fmt: skip
@@ -95,6 +98,42 @@ def test_a_check_adds_an_error_beside_each_demand(study: Path, tdint: Run) -> No
                  "--check", "--component", "HNN")  # fmt: skip
     table = list(csv.DictReader(io.StringIO(many.stdout)))
     assert table[0]["peak_drift_m_error"] == one["peak_drift_m_error"]
+
+
+def test_corrected_peaks_are_the_same_by_every_route(study: Path, tdint: Run) -> None:
+    """`run`, several of them, `run_many`, a campaign and `ida` tell one number, to the last digit that is printed."""
+    model, record = load_model("shaken.yaml"), read_record("motion.mseed", component="HNN", units="m/s^2")
+    levels = ida(model, [record], pga(), IdaSettings(max_im=2.0 * record.pga, check=True), method="moment4")
+    scales = sorted(run.scale for run in levels.curves[0].runs)
+    change("study.yaml", ("analysis: {method: newmark-average}", "analysis: {method: moment4, check: true}"),
+           ("[0.25, 1, 2.5]", repr(scales)))  # fmt: skip
+    assert tdint("campaign", "study.yaml", "-o", "out").exit_code == 0
+    of_campaign = {
+        float(row["scale"]): row
+        for row in rows("out/runs.csv")
+        if (row["building"], row["record"], row["component"]) == ("shaken", "motion.mseed", "HNN")
+    }
+    many = run_many(model, record, scales=scales, method="moment4", check=True).to_dict()
+    of_ida = levels.to_dict()
+    pairs = ("peak_drift_ratio", "drift_ratio"), ("peak_absolute_acceleration_m_s2", "floor_absolute_acceleration_m_s2")
+    told = 0
+    for place, scale in enumerate(scales):
+        alone = ("run", "shaken.yaml", "motion.mseed", "--units", "m/s^2", "--component", "HNN", "--method", "moment4",
+                 "--scale", repr(scale), "-o", f"alone-{place}")  # fmt: skip
+        assert tdint(*alone).exit_code == 0
+        summary = json.loads(Path(f"alone-{place}/summary.json").read_text())
+        check, own = summary["check"], summary["peaks"]
+        row = of_campaign[float(f"{scale:.12g}")]
+        assert float(check["drift_error"] < 1e-2) == bool(check["corrected_peaks"])
+        for column, key in pairs:
+            name = f"corrected_{column}"
+            corrected = check["corrected_peaks"][key] if check["corrected_peaks"] else float("nan")
+            words = {f"{value:.12g}" for value in (corrected, many[name][place], of_ida[name][place])}
+            assert words == {row[name] or "nan"}
+            words = {f"{value[column][place]:.12g}" for value in (many, of_ida)}
+            assert words == {row[column], f"{own[key]:.12g}"}  # and what was corrected, as it was
+            told += bool(row[name])
+    assert told >= 6
 
 
 def test_a_row_for_each_run(study: Path, tdint: Run) -> None:
@@ -415,7 +454,8 @@ def test_the_store_can_be_asked_in_sql(study: Path, tdint: Run) -> None:
     found = connection.execute("SELECT * FROM runs WHERE building = 'stiff'")
     names, own = [column[0] for column in found.description], COLUMNS.count(",") + 1
     assert names[:own] == COLUMNS.split(",")
-    assert names[own:] and all(name.removesuffix("_error") in names[:own] for name in names[own:])  # empty here
+    bare = [name.removesuffix("_error").removeprefix("corrected_") for name in names[own:]]
+    assert bare and set(bare) <= set(names[:own])  # empty here
     wanted = [row for row in rows("out/runs.csv") if row["building"] == "stiff"]
     assert [(row[1], row[2], f"{row[10]:.12g}") for row in found] == [
         (row["record"], row["component"], row["peak_drift_ratio"]) for row in wanted

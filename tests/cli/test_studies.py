@@ -42,7 +42,7 @@ def test_an_ida_with_the_errors_of_its_runs(folder, tdint):
     assert plain.exit_code == checked.exit_code == 0, checked.output
     one, other = (rows((folder / name / "ida.csv").read_text()) for name in ("plain", "out"))
     demands = ("peak_drift_ratio", "peak_absolute_acceleration_m_s2", "residual_drift_ratio")
-    assert list(other[0]) == [*one[0], *(f"{name}_error" for name in demands)]
+    assert list(other[0]) == [*one[0], *(f"{name}_error" for name in demands), *(f"corrected_{one}" for one in demands)]
     assert [{name: row[name] for name in one[0]} for row in other] == one
     for row in other:
         assert all((row[f"{name}_error"] != "") == (row["status"] == "done") for name in demands)

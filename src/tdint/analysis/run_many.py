@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from tdint.analysis.given import number_of, numbers_of, record_of
 from tdint.analysis.run import run_totals
 from tdint.analysis.run.case import RUNAWAY, Case, doubtful
-from tdint.analysis.run.outcome import STORY, FailedRun, History, Response, StoryPeaks
+from tdint.analysis.run.error_estimate import checked_run
+from tdint.analysis.run.outcome import STORY, FailedRun, History, Response, StoryErrors, StoryPeaks, StoryValues
 from tdint.analysis.run.prepared import Lane, MarchedRuns, PreparedBuilding
 from tdint.analysis.run.steps import Steps
 from tdint.errors import AnalysisError, UsageError, did_you_mean
@@ -69,6 +70,9 @@ class Runs(Tabular):
         Steps from one row to the next.
     failures : mapping of int to str
         What there is to say of the runs without a result, by their numbers.
+    errors, corrected : StoryErrors and StoryPeaks, or None
+        Estimated errors of the peaks, and the peaks by the error that the run carried along, if they were asked for:
+        those of `ErrorEstimate`, of shape (runs, stories), nan where there is none.
     """
 
     models: tuple[Model, ...]
@@ -85,6 +89,8 @@ class Runs(Tabular):
     history: dict[str, NDArray[np.floating[Any]]]
     every: int
     failures: dict[int, str]
+    errors: StoryErrors | None = None
+    corrected: StoryPeaks | None = None
 
     @property
     def time(self) -> Array:
@@ -119,6 +125,7 @@ def run_many(
     every: int = 1,
     out: NDArray[Any] | Mapping[str, NDArray[Any]] | None = None,
     jobs: int | None = None,
+    check: bool = False,
 ) -> Runs:
     """Integrate every building under every ground motion at every scale; in that order, the scales fastest.
 
@@ -148,6 +155,8 @@ def run_many(
         building. An array alone is for a single quantity. Without, arrays of float64 are made.
     jobs : int, optional
         Threads; one for each processor by default. The result does not depend on it.
+    check : bool
+        Estimate the errors of the peaks, as by `run`: moment4 carries them along, other methods run again twice.
 
     Returns
     -------
@@ -162,7 +171,7 @@ def run_many(
     AnalysisError
         A method does not integrate a building; the memory does not hold the histories.
     """
-    work = _Wanted.of(models, records, method=method, dt=dt, duration=duration)
+    work = _Wanted.of(models, records, method=method, dt=dt, duration=duration, check=check)
     plan = _planned(work, scales, paired)
     kept = _kept(history)
     if isinstance(every, bool) or not isinstance(every, int) or every < 1:
@@ -196,10 +205,13 @@ class _Wanted:
     integrators: tuple[Integrator, ...]
     dt: float | None
     duration: float | None
+    check: bool
     _prepared: dict[int, PreparedBuilding] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, models: Any, records: Any, *, method: str | None, dt: float | None, duration: float | None) -> _Wanted:
+    def of(
+        cls, models: Any, records: Any, *, method: str | None, dt: float | None, duration: float | None, check: bool
+    ) -> _Wanted:
         buildings = tuple(map(model_of, _several(models, "models")))
         motions = tuple(map(record_of, _several(records, "records")))
         if any(isinstance(one, JoinedRecord) for one in motions):
@@ -207,7 +219,7 @@ class _Wanted:
         specifications = [method or one.analysis.method or DEFAULT_METHOD for one in buildings]
         parsed = {one: parse(one) for one in dict.fromkeys(specifications)}
         integrators = tuple(parsed[one] for one in specifications)
-        return cls(buildings, motions, integrators, number_of(dt, "dt"), number_of(duration, "duration"))
+        return cls(buildings, motions, integrators, number_of(dt, "dt"), number_of(duration, "duration"), check)
 
     def prepared(self, model: int) -> PreparedBuilding:
         """A building put together, once but for threads that ask at the same time."""
@@ -308,6 +320,8 @@ class _Table:
     history: dict[str, NDArray[np.floating[Any]]]
     every: int
     failures: dict[int, str]
+    errors: dict[str, Array]
+    corrected: dict[str, Array]
 
     @classmethod
     def of(
@@ -315,8 +329,11 @@ class _Table:
     ) -> _Table:
         count = len(plan)
         shape = (count, work.stories)
+        peaks, errors, corrected = (
+            {one.name: np.full(shape, math.nan) for one in STORY if wanted} for wanted in (True, work.check, work.check)
+        )
         return cls(
-            {one.name: np.full(shape, math.nan) for one in STORY},
+            peaks,
             np.full(shape, math.nan),
             np.full(count, math.nan),
             np.zeros(count, np.int64),
@@ -324,19 +341,28 @@ class _Table:
             history,
             every,
             {},
+            errors,
+            corrected,
         )
 
     def take(self, runs: Sequence[_Run], prepared: PreparedBuilding, marched: MarchedRuns) -> None:
         """What was marched, but for the histories."""
         places = [run.number for run in runs]
         peaks = run_totals.peaks_of(prepared.building, marched.peaks, marched.drifts)
-        self._put(places, peaks)
+        self.height[places, : len(peaks.height)] = peaks.height
+        _put(self.peaks, places, peaks)
         self.energy_error[places] = run_totals.energy_errors(marched.totals)
         self.steps[places] = marched.ends[:, lanes.STEPS_TAKEN]
 
     def take_response(self, run: _Run, response: Response) -> None:
         """What came of a run by itself."""
-        self._put([run.number], response.stories)
+        stories, check = response.stories, response.check
+        self.height[run.number, : len(stories.height)] = stories.height
+        _put(self.peaks, run.number, stories)
+        if check:
+            _put(self.errors, run.number, check.errors)
+        if check and check.corrected:
+            _put(self.corrected, run.number, check.corrected)
         self.energy_error[run.number] = response.energy.error
         self.steps[run.number] = response.steps
         self.status[run.number] = response.status
@@ -353,12 +379,6 @@ class _Table:
         self.steps[run.number] = 0
         self.status[run.number] = failure.status
         self.failures[run.number] = str(failure)
-
-    def _put(self, places: Sequence[int], peaks: StoryPeaks) -> None:
-        n = len(peaks.height)
-        self.height[places, :n] = peaks.height
-        for name, values in self.peaks.items():
-            values[places, :n] = getattr(peaks, name)
 
     def runs(self, work: _Wanted, plan: Sequence[_Run]) -> Runs:
         """The result."""
@@ -377,14 +397,23 @@ class _Table:
             history=self.history,
             every=self.every,
             failures=dict(sorted(self.failures.items())),
+            errors=StoryErrors(**self.errors) if work.check else None,
+            corrected=StoryPeaks(height=self.height, **self.corrected) if work.check else None,
         )
+
+
+def _put(arrays: Mapping[str, Array], places: int | Sequence[int], found: StoryValues) -> None:
+    """Write the values of runs where theirs are."""
+    for name, values in arrays.items():
+        own = getattr(found, name)
+        values[places, : own.shape[-1]] = own
 
 
 def _march(work: _Wanted, table: _Table, part: Sequence[_Run]) -> None:
     """Some runs, those of one building and one step together."""
     for (model, h), group in groupby(part, key=lambda run: (run.model, run.steps.h)):
         runs, prepared, integrator = list(group), work.prepared(model), work.integrators[model]
-        if prepared.instability(integrator, h):
+        if work.check or prepared.instability(integrator, h):
             for run in runs:
                 _alone(work, table, run)
             continue
@@ -452,7 +481,8 @@ def _judge(work: _Wanted, table: _Table, run: _Run, marched: MarchedRuns, place:
 def _alone(work: _Wanted, table: _Table, run: _Run) -> None:
     """A run by itself, which tells how it ends."""
     try:
-        response = work.case(run).march(run.steps, history=bool(table.history))
+        case, history = work.case(run), bool(table.history)
+        response = checked_run(case, run.steps, history) if work.check else case.march(run.steps, history)
     except FailedRun as failure:
         table.take_failure(run, failure)
         return

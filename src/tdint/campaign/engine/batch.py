@@ -28,6 +28,7 @@ from tdint.campaign.engine.rows import (
     StoryRow,
     demand_cells,
     demand_errors,
+    demand_values,
     run_key,
     shock_rows,
     story_rows,
@@ -154,7 +155,7 @@ class Batch:
             if record.fixed and len(shocks) > record.fixed:
                 last = shocks[-1]
                 errors = demand_errors(last.stories, last.errors) if row.errors and last.errors else ()
-                row = row._replace(**demand_cells(last.stories)[0], errors=errors)
+                row = row._replace(**demand_cells(last.stories)[0], errors=errors, corrected=())
         return Rows(
             [row._replace(scale=run.scale)], [one._replace(scale=run.scale) for one in rows.stories], rows.shocks
         )
@@ -303,9 +304,12 @@ class Batch:
         """Rows of a run. A building that has collapsed has peaks that mean little, and no errors of them."""
         (cells,) = demand_cells(response.stories)
         cells |= {"energy_error": response.energy.error, "steps": response.steps, **more}
-        errors = response.check.errors if response.check and not response.collapse else None
+        check = None if response.collapse else response.check
+        errors = check.errors if check else None
         if errors is not None:
             cells["errors"] = demand_errors(response.stories, errors)
+        if check and check.corrected:
+            cells["corrected"] = demand_values(check.corrected)
         results.runs.append(self._row(job, response.dt, response.status, response.collapse, cells))
         if self.settings.keeps_stories:
             results.stories += story_rows(self.number, job.run, response.stories, errors)

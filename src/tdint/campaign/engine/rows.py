@@ -85,6 +85,7 @@ class RunRow(NamedTuple):
     at_rest: Annotated[int | None, Quantity("1", "whether it came to rest before its last time", shown=HIDDEN)] = None
     repeats: Annotated[int, Quantity("1", "how often it was repeated with half of the step", shown=HIDDEN)] = 0
     errors: tuple[float | None, ...] = ()
+    corrected: tuple[float | None, ...] = ()
 
 
 RUN = quantities(RunRow)
@@ -95,7 +96,8 @@ DEMANDED = tuple(one for one in RUN if one.value)
 """Those of them that follow from its demands."""
 
 RUN_WITH_ERROR = tuple(one for one in DEMANDED if one.kind is float)
-"""Those whose errors `RunRow.errors` are, where these were estimated."""
+"""Those whose errors `RunRow.errors` are, where these were estimated; `RunRow.corrected` are they themselves, corrected
+by the error that the run has carried along."""
 
 
 class ShockRow(NamedTuple):
@@ -140,6 +142,12 @@ def demand_errors(stories: StoryPeaks, errors: StoryErrors) -> tuple[float, ...]
     """The estimated errors of the demands of a run, in the order of `RUN_WITH_ERROR`."""
     found = Demands(**{one.name: Largest(one.error(stories, errors), None) for one in DECLARED})
     return tuple(float(one.value(found)) for one in RUN_WITH_ERROR if one.value)
+
+
+def demand_values(stories: StoryPeaks) -> tuple[float, ...]:
+    """The demands of a run that have errors, in the order of `RUN_WITH_ERROR`."""
+    (cells,) = demand_cells(stories)
+    return tuple(cells[one.name] for one in RUN_WITH_ERROR)
 
 
 def story_rows(building: int, run: Run, stories: StoryPeaks, errors: StoryErrors | None = None) -> list[StoryRow]:

@@ -37,6 +37,8 @@ class IdaRun:
         Imbalance over the largest input energy; nan without a result.
     drift_ratio_error, acceleration_error, residual_drift_ratio_error : float
         Estimated errors; nan where there are none.
+    corrected_drift_ratio, corrected_acceleration, corrected_residual_drift_ratio : float
+        The demands by the error that the run has carried along; nan where that does not do.
     """
 
     im: float
@@ -50,11 +52,15 @@ class IdaRun:
     drift_ratio_error: float = math.nan
     acceleration_error: float = math.nan
     residual_drift_ratio_error: float = math.nan
+    corrected_drift_ratio: float = math.nan
+    corrected_acceleration: float = math.nan
+    corrected_residual_drift_ratio: float = math.nan
 
     @classmethod
     def of(cls, im: float, row: RunRow) -> IdaRun:
         """What the row of a run at a level says."""
-        errors = dict(zip((one.name for one in RUN_WITH_ERROR), row.errors, strict=False))
+        names = [one.name for one in RUN_WITH_ERROR]
+        errors, corrected = (dict(zip(names, told, strict=False)) for told in (row.errors, row.corrected))
         return cls(
             im=im,
             scale=row.scale,
@@ -67,6 +73,9 @@ class IdaRun:
             drift_ratio_error=_number(errors.get("peak_drift_ratio")),
             acceleration_error=_number(errors.get("peak_acceleration")),
             residual_drift_ratio_error=_number(errors.get("residual_drift_ratio")),
+            corrected_drift_ratio=_number(corrected.get("peak_drift_ratio")),
+            corrected_acceleration=_number(corrected.get("peak_acceleration")),
+            corrected_residual_drift_ratio=_number(corrected.get("residual_drift_ratio")),
         )
 
     @property

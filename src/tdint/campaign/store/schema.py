@@ -9,13 +9,14 @@ from typing import Any
 from tdint.analysis.run.outcome import STORY
 from tdint.campaign.engine.rows import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR, RunRow, StoryRow
 
-VERSION = "4"
+VERSION = "5"
 """Of the layout; another one is not read."""
 
 _KEY = {"building": int, "record": int, "scale": float, "sample": int}
 
 _RUN = _KEY | {one.column: one.kind for one in RUN}
 _RUN |= {f"{one.column}_error": float for one in RUN_WITH_ERROR}
+_RUN |= {f"corrected_{one.column}": float for one in RUN_WITH_ERROR}
 _STORY = _KEY | {"story": int, "height_m": float} | {one.column: one.kind for one in STORY}
 _STORY |= {f"{one.column}_error": float for one in STORY}
 _SHOCK = _KEY | {"shock": int, "start_s": float, "pga_m_s2": float} | {one.column: one.kind for one in DEMANDED}
@@ -85,13 +86,14 @@ INSERT_SHOCK = f"INSERT INTO shock_rows VALUES({', '.join('?' * (len(SHOCK_COLUM
 
 def plain_run(row: RunRow) -> tuple[Any, ...]:
     """The values of a run as SQLite gives them back: nan is nothing there, and a column has one type."""
-    return _plain(_RUN.values(), (*row[:-1], *row.errors))
+    return _plain(_RUN.values(), (*row[:-2], *row.errors, *row.corrected))
 
 
 def run_of(row: Sequence[Any]) -> RunRow:
     """The run whose plain values these are."""
-    own = len(RUN_COLUMNS) - len(RUN_WITH_ERROR)
-    return RunRow(*row[:own])._replace(errors=tuple(row[own:]))
+    told = len(RUN_WITH_ERROR)
+    own = len(RUN_COLUMNS) - 2 * told
+    return RunRow(*row[:own])._replace(errors=tuple(row[own : own + told]), corrected=tuple(row[own + told :]))
 
 
 def plain_story(row: StoryRow) -> tuple[Any, ...]:

@@ -29,6 +29,7 @@ from tdint.output.tables.table import (
     Column,
     Table,
     cell_text,
+    corrected_columns,
     error_columns,
     names,
     rows_of,
@@ -63,8 +64,12 @@ RUNS = (
 )
 """Of runs.csv."""
 
-RUN_ERRORS = error_columns(Column.of_quantity(one) for one in RUN_WITH_ERROR)
+_WITH_ERROR = tuple(Column.of_quantity(one) for one in RUN_WITH_ERROR)
+RUN_ERRORS = error_columns(_WITH_ERROR)
 """Behind them, of a campaign that has estimated them."""
+
+RUN_CORRECTED = corrected_columns(_WITH_ERROR)
+"""Behind these, where runs have carried their errors along."""
 
 STORIES = (*OF_BUILDING, *STORY)
 """Of stories.csv of a campaign."""
@@ -156,13 +161,17 @@ _NUMBER = re.compile(r"-?(?:0|[1-9][0-9]*)(?:\.[0-9]+)?(?:[eE][-+]?[0-9]{1,2})?"
 
 def run_columns(store: Store | CampaignRuns) -> tuple[Column, ...]:
     """Of runs.csv of a campaign; last come what a sweep varied and the columns of an inventory."""
-    errors = RUN_ERRORS if store.checked else ()
     own = (
         *RUNS,
-        *errors,
+        *_estimated(store),
         *(Column(_word(name), "1", name, PARAMETERS[_parameter(name)]) for name in _swept(store.varied())),
     )
     return (*own, *carried_columns(store, names(own)))
+
+
+def _estimated(store: Store | CampaignRuns) -> tuple[Column, ...]:
+    """The columns of errors, and of what is corrected by them."""
+    return (*RUN_ERRORS * store.checked, *RUN_CORRECTED * store.corrected)
 
 
 def _swept(varied: Sequence[Mapping[str, float]]) -> list[str]:
@@ -184,15 +193,15 @@ def run_rows(store: Store | CampaignRuns) -> Iterator[list[Any]]:
     swept = [[one.get(name) for name in _swept(varied)] for one in varied]
     buildings, records = store.buildings(), store.records()
     building_names = {number: cell_text(name) for number, (name, _) in buildings.items()}
-    checked, carried = store.checked, carried_cells(store)
+    told, carried = len(_estimated(store)), carried_cells(store)
     method_names = {number: cell_text(method) for number, (_, method) in buildings.items()}
     for building, record, scale, sample, dt, status, *rest in store.runs():
         name, component, _ = records[record]
         head = [building_names[building], cell_text(name), cell_text(component), scale, sample, method_names[building]]
         head += [dt, cell_text(status)]
-        errors = rest[-len(RUN_ERRORS) :] if checked else []
         behind = (swept[building] if swept else []) + carried(building, sample)
-        yield head + rest[: len(RUNS) - len(head)] + errors + behind
+        own, errors = rest[: len(RUNS) - len(head)], rest[len(rest) - len(RUN_ERRORS) - len(RUN_CORRECTED) :][:told]
+        yield head + own + errors + behind
 
 
 def story_columns(store: Store) -> tuple[Column, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,7 +15,17 @@ from tdint.campaign.ida.study import IdaStudy
 from tdint.campaign.suites.scaling import Scaling
 from tdint.campaign.suites.suite import components
 from tdint.ground_motion.record import component_names
-from tdint.output.tables.table import OF_NAMED_RECORD, OF_RECORD, PERIOD, Cell, Column, Table, error_columns, rows_of
+from tdint.output.tables.table import (
+    OF_NAMED_RECORD,
+    OF_RECORD,
+    PERIOD,
+    Cell,
+    Column,
+    Table,
+    corrected_columns,
+    error_columns,
+    rows_of,
+)
 
 _PEAK = (
     Column("quantity", "text", lambda one: one.quantity.called or one.quantity.name, "peak: median over the motions"),
@@ -61,6 +71,12 @@ _RECORD = (
 )
 """The first columns of the tables of an incremental dynamic analysis."""
 
+
+def _of_runs(name: str) -> Callable[[Any], Any]:
+    """What gives a value of all runs."""
+    return lambda one: one.of_runs(name)
+
+
 IDA = (
     *_RECORD,
     Column(
@@ -69,36 +85,35 @@ IDA = (
         lambda one: np.arange(1, len(one.curve.runs) + 1),
         "number of the level of intensity, from the lowest",
     ),
-    Column("im", "1", lambda one: one.of_runs("im"), "intensity"),
-    Column("scale", "1", lambda one: one.of_runs("scale"), "factor on the record"),
-    Column("status", "text", lambda one: one.of_runs("status"), "how the run ended"),
-    Column("peak_drift_ratio", "1", lambda one: one.of_runs("drift_ratio"), "largest peak drift over story height"),
+    Column("im", "1", _of_runs("im"), "intensity"),
+    Column("scale", "1", _of_runs("scale"), "factor on the record"),
+    Column("status", "text", _of_runs("status"), "how the run ended"),
+    Column("peak_drift_ratio", "1", _of_runs("drift_ratio"), "largest peak drift over story height"),
     Column(
         "peak_absolute_acceleration_m_s2",
         "m/s^2",
-        lambda one: one.of_runs("acceleration"),
+        _of_runs("acceleration"),
         "largest absolute acceleration of a floor",
     ),
     Column(
         "residual_drift_ratio",
         "1",
-        lambda one: one.of_runs("residual_drift_ratio"),
+        _of_runs("residual_drift_ratio"),
         "largest drift at the end of the run over story height",
     ),
 )
+_DEMANDS = ("drift_ratio", "acceleration", "residual_drift_ratio")
 IDA_ERRORS = tuple(
-    replace(column, value=value)
-    for column, value in zip(
-        error_columns(IDA[-3:]),
-        (
-            lambda one: one.of_runs("drift_ratio_error"),
-            lambda one: one.of_runs("acceleration_error"),
-            lambda one: one.of_runs("residual_drift_ratio_error"),
-        ),
-        strict=True,
-    )
+    replace(column, value=_of_runs(f"{name}_error"))
+    for column, name in zip(error_columns(IDA[-3:]), _DEMANDS, strict=True)
 )
 """Behind them, of a study that has estimated them."""
+
+IDA_CORRECTED = tuple(
+    replace(column, value=_of_runs(f"corrected_{name}"))
+    for column, name in zip(corrected_columns(IDA[-3:]), _DEMANDS, strict=True)
+)
+"""Behind these, where runs have carried their errors along."""
 
 DAMAGE = Column("damage", "1", "curve.damage", "drift ratio to which a mainshock has damaged the building; 0: intact")
 INTENSITIES = ("im", "capacity", "lower", "upper")
@@ -221,7 +236,8 @@ class _CurveRows:
 
 def ida_table(study: IdaStudy) -> Table:
     """A row for each run of each record, from the lowest level."""
-    columns = (*_with_damage(IDA, study), *(IDA_ERRORS if study.checked else ()))
+    corrected = any(run.corrected_drift_ratio == run.corrected_drift_ratio for one in study.curves for run in one.runs)
+    columns = (*_with_damage(IDA, study), *IDA_ERRORS * study.checked, *IDA_CORRECTED * corrected)
     table = Table.of(columns, [row for one in _curves(study) for row in rows_of(columns, one)])
     return _with_unit(table, study.measure.unit)
 

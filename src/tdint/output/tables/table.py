@@ -115,6 +115,18 @@ def error_columns(columns: Iterable[Column]) -> tuple[Column, ...]:
     )
 
 
+def corrected_columns(columns: Iterable[Column]) -> tuple[Column, ...]:
+    """The columns of others once they are corrected by the error that the run has carried along."""
+    return tuple(
+        replace(
+            column,
+            name=f"corrected_{column.name}",
+            meaning=f"{column.name} by the error that the run carried along; empty where that does not do",
+        )
+        for column in columns
+    )
+
+
 @dataclass(frozen=True)
 class Table:
     """Column names, rows of as many cells, and what the columns mean, as `describe` tells it."""

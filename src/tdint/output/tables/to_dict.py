@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import fields
 from functools import partial, singledispatch
 from html import escape
 from typing import Any
@@ -28,7 +29,7 @@ from tdint.analysis.spectra.rotated import RotatedSpectrum
 from tdint.analysis.static.cyclic import CyclicTest
 from tdint.analysis.static.pushover import Pushover
 from tdint.campaign.carry_out import CampaignRuns
-from tdint.campaign.engine.rows import DEMANDED
+from tdint.campaign.engine.rows import DEMANDED, demand_errors, demand_values
 from tdint.campaign.fragility.fit_table import FragilityResult
 from tdint.campaign.fragility.fits import Fragility
 from tdint.campaign.ida.study import IdaStudy
@@ -216,7 +217,28 @@ def _(result: Runs) -> _Values:
         (OF_RUNS["method"], np.array(result.methods)[result.model]),
         *((OF_RUNS[one], getattr(result, one)) for one in ("scale", "dt", "status", "energy_error", "steps")),
         *((OF_RUNS[name], values) for name, values in cells.items()),
+        *_estimated(result),
     ]
+
+
+def _estimated(result: Runs) -> _Values:
+    """Errors of the demands, and the demands that are corrected by them, as runs.csv has them."""
+    if result.errors is None or result.corrected is None:
+        return []
+    rows = []
+    for run, model in enumerate(result.model.tolist()):
+        of_run = partial(_one, run=run, stories=len(result.models[model].stories))
+        rows.append(
+            demand_errors(of_run(result.stories), of_run(result.errors)) + demand_values(of_run(result.corrected))
+        )
+    columns = zip((*campaign.RUN_ERRORS, *campaign.RUN_CORRECTED), np.array(rows).T, strict=True)
+    corrected = not np.isnan(result.corrected.peak_drift).all()
+    return list(columns)[: None if corrected else len(campaign.RUN_ERRORS)]
+
+
+def _one(values: Any, *, run: int, stories: int) -> Any:
+    """The values of a run of several."""
+    return type(values)(**{one.name: getattr(values, one.name)[run, :stories] for one in fields(values)})
 
 
 @_values.register
