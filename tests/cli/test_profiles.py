@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import math
 import statistics
 from collections.abc import Callable
@@ -88,6 +89,37 @@ def test_every_number_is_that_of_the_stories(study: Path, tdint: Run) -> None:
         told = [float(row[name]) for name in ("mean", "median", "p16", "p84", "max")]
         assert told == pytest.approx(wanted, rel=1e-11, abs=1e-300), row
         assert (row["runs"], row["collapsed"], row["failed"]) == ("3", "0", "0")
+
+
+def test_errors_of_the_runs_are_carried_to_the_statistics(study: Path, tdint: Run) -> None:
+    """All values a little larger or smaller give other statistics: by so much these may be off, and no more."""
+    text = Path("study.yaml").read_text().replace("{method: newmark-average}", "{method: moment4, check: true}")
+    Path("study.yaml").write_text(text)
+    assert tdint("campaign", "study.yaml", "-o", "out").exit_code == 0
+    stories, found = rows("out/stories.csv"), rows("out/profiles.csv")
+    of_statistics = {
+        "mean": statistics.fmean, "median": statistics.median, "p16": lambda those: fractile(those, 0.16),
+        "p84": lambda those: fractile(those, 0.84), "max": max,
+    }  # fmt: skip
+    assert list(found[0]) == [*COLUMNS.split(","), *(f"{name}_error" for name in of_statistics)]
+    for row in stories:
+        for name in ("peak_drift_m", "peak_absolute_acceleration_m_s2"):
+            value, error = float(row[name]), float(row[f"{name}_error"])
+            row[f"{name}_up"], row[f"{name}_down"] = str(value + error), str(value - error)
+    told = 0
+    for row in found:
+        if row["quantity"] not in ("peak_drift", "peak_absolute_acceleration"):
+            continue
+        which = {name: row[name] for name in ("building", "scale", "story")}
+        column = row["quantity"] + UNITS[row["unit"]]
+        up, own, down = (by_hand(stories, f"{column}{end}", which) for end in ("_up", "", "_down"))
+        for name, of in of_statistics.items():
+            wanted = max(of(up) - of(own), of(own) - of(down))
+            assert float(row[f"{name}_error"]) == pytest.approx(wanted, rel=1e-6, abs=1e-11 * of(own))
+            told += wanted > 1e-9 * of(own)
+    assert told > 40
+    summary = json.loads(Path("out/summary.json").read_text())
+    assert list(summary["profiles"]["columns"])[-1] == "max_error"
 
 
 def test_the_limit_is_of_the_mean_in_the_worst_story(study: Path, tdint: Run) -> None:

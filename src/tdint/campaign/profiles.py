@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import NamedTuple
 
@@ -49,6 +49,18 @@ class Statistics:
         p16, median, p84 = np.percentile(values, (16.0, 50.0, 84.0), axis=0)
         return cls(np.mean(values, axis=0), median, p16, p84, np.max(values, axis=0))
 
+    @classmethod
+    def errors(cls, values: Array, errors: Array) -> Statistics:
+        """By how much these may be off where values, shape (motions, n), are off by their errors: none of them falls
+        where a value grows, so they are off most where all are to one side."""
+        return cls(*_may_add(lambda those: np.array(list(vars(cls.of(those)).values())), values, errors))
+
+
+def _may_add(rising: Callable[[Array], Array], values: Array, errors: Array) -> Array:
+    """By how much what rises with all values may be off where they are off by their errors, to one side."""
+    told = rising(values)
+    return np.asarray(np.maximum(rising(values + errors) - told, told - rising(values - errors)))
+
 
 @dataclass(frozen=True)
 class Profile:
@@ -73,6 +85,8 @@ class Profile:
         Story heights, m; nan where there is none.
     peaks : mapping of str to ndarray, shape (motions, n)
         The largest absolute values of each quantity of `tdint.analysis.run.outcome.STORY`, by its name.
+    peak_errors : mapping of str to ndarray, shape (motions, n)
+        Their estimated errors, nan where there is none; empty where they were not asked for.
     """
 
     building: str
@@ -84,6 +98,7 @@ class Profile:
     failed: int
     height: Array
     peaks: Mapping[str, Array]
+    peak_errors: Mapping[str, Array]
 
     @property
     def runs(self) -> int:
@@ -93,6 +108,12 @@ class Profile:
     def statistics(self, quantity: Quantity) -> Statistics:
         """Of a quantity, in each story."""
         return Statistics.of(self.peaks[quantity.name])
+
+    def errors(self, quantity: Quantity) -> Statistics | None:
+        """What errors of the runs may add to these, in each story; nothing is said of the choice of the motions."""
+        if not self.peak_errors:
+            return None
+        return Statistics.errors(self.peaks[quantity.name], self.peak_errors[quantity.name])
 
 
 @dataclass(frozen=True)
@@ -201,9 +222,10 @@ def profiles(store: Store) -> Iterator[Profile]:
         kept = _stories(store, number)
         for level in suite_levels(store, number):
             motions = tuple(motion_name(records[keys[0].record][0]) for keys in level.stood)
-            height, peaks = _peaks(level, kept, counts[number])
             counts_of = (level.pairs, level.collapsed, level.failed)
-            yield Profile(name, level.scale, level.value, motions, *counts_of, height, peaks)
+            yield Profile(
+                name, level.scale, level.value, motions, *counts_of, *_peaks(level, kept, counts[number], store.checked)
+            )
 
 
 class RunKey(NamedTuple):
@@ -277,13 +299,30 @@ def has_levels(store: Store) -> bool:
     return "levels" in settings or several or (own and len(settings.get("scales", ())) > 1)
 
 
-def _peaks(level: SuiteLevel, kept: Mapping[RunKey, Array], stories: int) -> tuple[Array, dict[str, Array]]:
-    """Story heights, shape (n,), and the quantities by their names, shape (motions, n), from the rows of the runs."""
-    # Of both components the larger; a residual drift has a sign.
-    largest = [np.max([np.abs(kept[key]) for key in keys], axis=0) for keys in level.stood]
-    rows = np.array(largest).reshape(len(largest), stories, 1 + len(STORY))
-    height = rows[0, :, 0] if len(rows) else np.full(stories, math.nan)
-    return height, {one.name: rows[:, :, 1 + i] for i, one in enumerate(STORY)}
+def _peaks(
+    level: SuiteLevel, kept: Mapping[RunKey, Array], stories: int, checked: bool
+) -> tuple[Array, dict[str, Array], dict[str, Array]]:
+    """Story heights, shape (n,), the quantities by their names, shape (motions, n), and their errors, if they were
+    `checked`, from the rows of the runs."""
+    if not level.stood:
+        nothing = {one.name: np.empty((0, stories)) for one in STORY}
+        return np.full(stories, math.nan), nothing, nothing if checked else {}
+    # A residual drift has a sign.
+    found = [np.abs([kept[key] for key in keys]) for keys in level.stood]
+    values, errors = ([one[:, :, part] for one in found] for part in (slice(1, _OWN), slice(_OWN, None)))
+    peaks = np.stack([_of_motion(one) for one in values], axis=-1)
+    off = [_may_add(_of_motion, *one) for one in zip(values, errors, strict=True)] if checked else []
+    return found[0][0, :, 0], _by_name(peaks), _by_name(np.stack(off, axis=-1)) if off else {}
+
+
+def _of_motion(runs: Array) -> Array:
+    """Of both components the larger, shape (n, quantities) from (runs, n, quantities)."""
+    return np.asarray(np.max(runs, axis=0))
+
+
+def _by_name(values: Array) -> dict[str, Array]:
+    """The quantities, shape (motions, n), from values of shape (n, quantities, motions)."""
+    return {one.name: values[:, i].T for i, one in enumerate(STORY)}
 
 
 def motion_numbers(records: Mapping[int, tuple[str, str, int]]) -> dict[int, int]:
@@ -302,8 +341,13 @@ def motion_numbers(records: Mapping[int, tuple[str, str, int]]) -> dict[int, int
     return found
 
 
+_OWN = 1 + len(STORY)
+"""Where errors begin among the columns of a story: behind its height and its quantities."""
+
+
 def _stories(store: Store, building: int) -> dict[RunKey, Array]:
-    columns = ", ".join(("height_m", *(one.column for one in STORY)))
+    own = [one.column for one in STORY]
+    columns = ", ".join(("height_m", *own, *(f"{name}_error" for name in own if store.checked)))
     query = f"SELECT record, scale, sample, {columns} FROM story_rows WHERE building = ? ORDER BY 1, 2, 3, story"
     found: dict[RunKey, list[list[float]]] = defaultdict(list)
     for record, scale, sample, *values in store.connection.execute(query, (building,)):

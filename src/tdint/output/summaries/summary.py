@@ -81,7 +81,7 @@ def table_summary(
 
 def campaign_summary(store: Store) -> dict[str, Any]:
     """What a campaign is, how far it has come, and what the columns of runs.csv mean."""
-    from tdint.output.tables.campaign import PROFILES, run_columns
+    from tdint.output.tables.campaign import PROFILE_ERRORS, PROFILES, run_columns
     from tdint.output.tables.damage_states import damage_summary
 
     statuses, unused = store.statuses(), store.unused()
@@ -104,7 +104,7 @@ def campaign_summary(store: Store) -> dict[str, Any]:
         "processor_time_s": store.seconds(),
         "without_an_error": without_error(store),
         "columns": describe(run_columns(store)),
-        "profiles": {"columns": describe(PROFILES)},
+        "profiles": {"columns": describe([*PROFILES, *PROFILE_ERRORS * store.checked])},
         **({"damage": damage_summary(store)} if store.damage() else {}),
         "versions": versions(),
     }

@@ -100,6 +100,9 @@ PROFILES = (
 )
 """Of profiles.csv."""
 
+PROFILE_ERRORS = error_columns(PROFILES[5:10])
+"""Behind them, of a campaign that has estimated errors."""
+
 SHOCKS = (
     *OF_BUILDING,
     Column("shock", "1", "shock", "shock of the sequence, from 1"),
@@ -238,17 +241,21 @@ def profile_rows(profiles: Iterable[Profile], units: OutputUnits = SI) -> Iterat
         for one in STORY_QUANTITIES:
             unit, factor = units.unit(one.unit)
             found = profile.statistics(one)
-            columns = [(values / factor).tolist() for values in vars(found).values()]
-            for story, cells in enumerate(zip(*columns, strict=True), start=1):
+            errors = profile.errors(one)
+            columns, behind = (
+                (np.array(list(vars(of).values())).T / factor).tolist() if of else [()] * profile.height.size
+                for of in (found, errors)
+            )
+            for story, (cells, off) in enumerate(zip(columns, behind, strict=True), start=1):
                 head = (cell_text(profile.building), profile.scale, *level)
-                yield [*head, one.called or one.name, story, unit, *cells, *counts]
+                yield [*head, one.called or one.name, story, unit, *cells, *counts, *off]
 
 
 def write_profiles(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
     """Write profiles.csv; with a column `level` where a level is more than a factor."""
     from tdint.campaign.profiles import has_levels, profiles
 
-    columns = [*PROFILES[:2], *((LEVEL,) if has_levels(store) else ()), *PROFILES[2:]]
+    columns = [*PROFILES[:2], *((LEVEL,) if has_levels(store) else ()), *PROFILES[2:], *PROFILE_ERRORS * store.checked]
     write_rows(columns, profile_rows(profiles(store), units), stream)
 
 
