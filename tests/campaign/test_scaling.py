@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tdint import read_record
-from tdint.campaign.suites.intensity import PeakVelocity, pga, pseudo_accelerations, sa, sa_average
+from tdint.campaign.suites.intensity import MotionIntensity, measure_of, pga, pseudo_accelerations, sa, sa_average
 from tdint.campaign.suites.scaling import scale_asce7, scale_p695, scale_to_target, scale_to_value
 from tdint.campaign.suites.suite import RecordChoice, read_components, read_pairs
 from tdint.campaign.suites.target import TargetSpectrum, read_target
@@ -23,6 +23,7 @@ from tdint.written_numbers import Grid
 ROOT = Path(__file__).parents[2]
 FILES = [str(ROOT / "records" / f"{name}.mseed") for name in ("firm-soil", "near-fault", "soft-soil")]
 PERIODS = np.array([0.3, 1.0])
+GROUND = {"pgv": 1, "arias": 2, "cav": 1}
 
 
 def oscillator_peak(acceleration, dt, period, damping):
@@ -81,32 +82,70 @@ def test_measures_of_a_component():
     one = record(1)
     assert pga().of(one) == np.max(np.abs(one.acceleration))
     assert sa(1.0).of(one) == pytest.approx(oscillator_peak(one.acceleration, one.dt, 1.0, 0.05), rel=2e-4)
-    assert PeakVelocity().of(one) == pytest.approx(peak_velocity(one.acceleration, one.dt), rel=1e-3)
+    assert MotionIntensity("pgv").of(one) == pytest.approx(peak_velocity(one.acceleration, one.dt), rel=1e-3)
     grid = Grid(0.5, 2.0, 3)
     values = [sa(period, 0.02).of(one) for period in (0.4, 0.8, 1.6)]
     assert sa_average(0.8, 0.02, grid).of(one) == pytest.approx(np.prod(values) ** (1 / 3), rel=1e-12)
 
 
-@pytest.mark.parametrize("measure", [pga(), PeakVelocity(), sa(0.7), sa_average(0.7)])
-def test_measures_grow_with_the_motion(measure):
+@pytest.mark.parametrize(
+    ("measure", "power"),
+    [
+        (pga(), 1),
+        (sa(0.7), 1),
+        (sa_average(0.7), 1),
+        *((MotionIntensity(name), power) for name, power in GROUND.items()),
+    ],
+)
+def test_measures_grow_with_the_motion(measure, power):
+    """By a power of the factor, which factors that bring a motion to a value know."""
     one = record(3)
-    assert measure.of(one.scaled(-2.5)) == pytest.approx(2.5 * measure.of(one), rel=1e-12)
+    assert measure.of(one.scaled(-2.5)) == pytest.approx(2.5**power * measure.of(one), rel=1e-12)
+    (factor,) = scale_to_value([one], measure, 0.37).factors
+    assert measure.of(one.scaled(float(factor))) == pytest.approx(0.37, rel=1e-12)
+
+
+def test_integrals_of_the_motion():
+    """Arias intensity and CAV, on straight lines between the samples; of a pair over all directions, too."""
+    (pair,) = pairs(1)
+
+    def arias(acceleration, dt):
+        return np.pi / (2.0 * 9.80665) * np.sum(between(acceleration) ** 2) * dt / 50
+
+    def cav(acceleration, dt):
+        return np.sum(np.abs(between(acceleration))) * dt / 50
+
+    def between(acceleration):
+        places = (np.arange(50 * (acceleration.size - 1)) + 0.5) / 50
+        return np.interp(places, np.arange(acceleration.size), acceleration)
+
+    for name, of in (("arias", arias), ("cav", cav)):
+        measure = MotionIntensity(name)
+        assert measure.of(pair.first) == pytest.approx(of(pair.first.acceleration, pair.first.dt), rel=1e-3)
+        assert measure.of(pair, "rotd50") == pytest.approx(rotated(pair, 50, of), rel=1e-3)
+
+
+def test_a_duration_has_no_levels():
+    with pytest.raises(UsageError, match="d5-95: a duration does not change with a factor"):
+        measure_of("d5-95")
 
 
 def test_measures_of_a_pair():
     (pair,) = pairs(1)
     one, other = pair.first, pair.second
-    for measure in (pga(), PeakVelocity(), sa(0.7)):
+    for measure in (pga(), MotionIntensity("pgv"), sa(0.7)):
         assert measure.of(pair) == pytest.approx(math.sqrt(measure.of(one) * measure.of(other)), rel=1e-12)
     for name, percentile in (("rotd50", 50), ("rotd100", 100)):
         peak = rotated(pair, percentile, lambda a, dt: np.max(np.abs(a)))
         assert pga().of(pair, name) == pytest.approx(peak, rel=1e-9)
-        assert PeakVelocity().of(pair, name) == pytest.approx(rotated(pair, percentile, peak_velocity), rel=1e-3)
+        assert MotionIntensity("pgv").of(pair, name) == pytest.approx(
+            rotated(pair, percentile, peak_velocity), rel=1e-3
+        )
 
 
 def test_measures_that_are_none():
     still = Record(np.zeros(10), 0.01, "", "", "HN1", "still.mseed")
-    for measure in (pga(), PeakVelocity(), sa(1.0)):
+    for measure in (pga(), MotionIntensity("pgv"), sa(1.0)):
         with pytest.raises(RecordError, match=r"still\.mseed HN1: its .* is 0"):
             measure.of(still)
     with pytest.raises(UsageError, match="did you mean 'rotd50'"):

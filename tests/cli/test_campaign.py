@@ -136,6 +136,17 @@ def test_corrected_peaks_are_the_same_by_every_route(study: Path, tdint: Run) ->
     assert told >= 6
 
 
+def test_levels_of_an_integral_of_the_motion(study: Path, tdint: Run) -> None:
+    """Arias intensity goes with the square of the factor; a duration has no levels, and it is said why."""
+    change("study.yaml", ("scales: [0.25, 1, 2.5]", "measure: arias, levels: [0.1 m/s, 40 cm/s]"))
+    assert tdint("campaign", "study.yaml", "-o", "out", "--im", "arias").exit_code == 0
+    assert {row["arias_intensity_m_s"] for row in rows("out/measures.csv")} == {"0.1", "0.4"}
+    change("study.yaml", ("measure: arias", "measure: d5-95"))
+    refused = tdint("campaign", "study.yaml", "-o", "other")
+    assert refused.exit_code == 3
+    assert "d5-95: a duration does not change with a factor; no level can be asked of it" in refused.stderr
+
+
 def test_a_row_for_each_run(study: Path, tdint: Run) -> None:
     """The numbers are those of `tdint run`; buildings, records and scales come in their order."""
     result = tdint("campaign", "study.yaml", "-o", "out")

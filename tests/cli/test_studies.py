@@ -453,6 +453,7 @@ def test_a_bad_record_is_named_and_the_others_are_done(folder, tdint):
         (("--average", "0.2:3:5"), 2, "--average has nothing to act on without --im sa-avg"),
         (("--max-im", "3"), 2, "'3': write a number with its unit"),
         (("--max-im", "30cm/s"), 2, "--max-im 30cm/s: sa("),
+        (("--im", "d5-95"), 2, "d5-95: a duration does not change with a factor; there are no levels of it"),
         (("--im", "pgv", "--max-im", "3g"), 2, "--max-im 3g: pgv is in m/s"),
         (("--threshold", "20%"), 2, "threshold 0.2: a drift ratio above 0 and at most the collapse drift, 0.1"),
         (("--period", "T2"), 2, "'T2' is not a valid float"),
@@ -491,11 +492,19 @@ def test_a_model_without_heights(folder, tdint):
     assert "give story 1 a height" in result.stderr
 
 
-@pytest.mark.parametrize("im", ["pga", "pgv", "sa-avg"])
-def test_every_measure(folder, tdint, im):
-    result = tdint("ida", FRAME, "other.mseed", *UNITS, "--im", im, "--precision", "50%", "--threshold", "5%")
-    assert result.exit_code == 0, result.output
-    assert rows(result.stdout)[0]["im_name"].startswith(im)
+def test_every_measure(folder, tdint):
+    """Levels go with a power of the factor; where the building collapses is the same in all of them."""
+    fell = []
+    for im, power in {"pga": 1, "pgv": 1, "sa-avg": 1, "arias": 2, "cav": 1}.items():
+        call = ("ida", FRAME, "other.mseed", *UNITS, "--im", im, "--precision", "20%", "--threshold", "5%")
+        result = tdint(*call, "-o", im)
+        assert result.exit_code == 0, result.output
+        found = rows((folder / im / "ida.csv").read_text())
+        assert found[0]["im_name"].startswith(im)
+        ratios = [float(row["im"]) / float(row["scale"]) ** power for row in found]
+        assert ratios == pytest.approx([ratios[0]] * len(found), rel=1e-10)
+        fell.append(min(float(row["scale"]) for row in found if row["status"] == "collapsed"))
+    assert fell == pytest.approx([fell[0]] * 5, rel=0.2)
 
 
 def test_pairs(folder, tdint):

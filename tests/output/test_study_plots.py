@@ -13,7 +13,7 @@ from tdint.campaign.fragility.fits import fit_capacities, fit_cloud, fit_stripes
 from tdint.campaign.ida.curve import IdaCurve
 from tdint.campaign.ida.runs import IdaRun
 from tdint.campaign.ida.study import IdaStudy
-from tdint.campaign.suites.intensity import PeakVelocity, pga, sa, sa_average
+from tdint.campaign.suites.intensity import MotionIntensity, pga, sa, sa_average
 from tdint.campaign.suites.scaling import Scaling, scale_p695, scale_to_target, scale_to_value
 from tdint.campaign.suites.target import TargetSpectrum
 from tdint.files import write_file
@@ -70,7 +70,7 @@ def test_incremental_dynamic_analyses(tmp_path, curves, there, missing):
 
 @pytest.mark.parametrize(
     ("measure", "label"),
-    [(sa(0.51234567), "Sa(0.5123 s) (m/s²)"), (pga(), "PGA (m/s²)"), (PeakVelocity(), "PGV (m/s)")],
+    [(sa(0.51234567), "Sa(0.5123 s) (m/s²)"), (pga(), "PGA (m/s²)"), (MotionIntensity("pgv"), "PGV (m/s)")],
 )
 def test_axes_tell_measure_and_unit(tmp_path, measure, label):
     text = drawn(tmp_path, ida_picture(study(curve(0, *COLLAPSING), measure=measure), ".svg"))
@@ -92,7 +92,7 @@ PAIR = Horizontals(record(0), record(1))
     [
         (scale_to_value([record()], sa(1.0), 2.0), ["1 record<", "Sa(1 s) = 2 m/s²"]),
         (scale_to_value([record(), record(2)], sa_average(1.0), 2.0), ["2 records", "median", "Sa_avg = 2 m/s²"]),
-        (scale_to_value([PAIR], PeakVelocity(), 0.3, "rotd50"), ["1 pair<", "RotD50", "PGV = 0.3 m/s"]),
+        (scale_to_value([PAIR], MotionIntensity("pgv"), 0.3, "rotd50"), ["1 pair<", "RotD50", "PGV = 0.3 m/s"]),
         (
             scale_to_target([record(i) for i in range(44)], TARGET, np.geomspace(0.2, 2.0, 5)),
             ["44 records", "16 % and 84 %", "target", "a $target$_x.csv"],

@@ -24,6 +24,11 @@ option = partial(headings.option, heading=headings.INTENSITY)
 PAIRS = ("geometric-mean", "rotd50", "rotd100")
 
 
+def pair_measure(wish: PairWish | None) -> str:
+    """What stands for a pair: what is asked for, else the first of `PAIRS`."""
+    return (wish and wish.measure) or PAIRS[0]
+
+
 def target(text: str, heading: str = headings.OWN) -> Callable[[Function], Function]:
     """The option --target; what becomes of it differs between the commands."""
     named = (

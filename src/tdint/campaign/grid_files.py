@@ -21,7 +21,7 @@ import numpy as np
 from tdint.analysis.spectra.first_mode import SA_DAMPING
 from tdint.campaign.definition import FieldFile, GridFile
 from tdint.campaign.draws import Draw, FieldMotions, GridMotions, PointMotion, SuiteMotion, suite_motions
-from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, IntensityMeasure, PeakVelocity, pga, sa
+from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, IntensityMeasure, MotionIntensity, pga, sa
 from tdint.campaign.suites.suite import read_components, read_pairs
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, RecordError, TdintError, UsageError
@@ -173,7 +173,7 @@ def _field_values(table: CsvTable) -> tuple[list[float], IntensityMeasure | None
         )
     values, period = table.numbers(columns[0], positive=True), known["period"]
     if columns[0] == "gmv_pgv":
-        return [_CENTIMETER * value for value in values], PeakVelocity()
+        return [_CENTIMETER * value for value in values], MotionIntensity("pgv")
     return [STANDARD_GRAVITY * value for value in values], sa(float(period), SA_DAMPING) if period else pga()
 
 

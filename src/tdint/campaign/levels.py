@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Protocol, Self
 
 from tdint.campaign.draws import SuiteMotion
-from tdint.campaign.suites.intensity import GroundMotion, IntensityMeasure
+from tdint.campaign.suites.intensity import GroundMotion, IntensityMeasure, factor_to
 from tdint.errors import ModelError
 
 
@@ -135,8 +135,9 @@ class MeasureLevels:
 
     def factors(self, whole: GroundMotion, period: float) -> tuple[float, ...]:
         """The factors with which a motion takes them at a period, s; both components of a pair have the same one."""
-        measured = self.measure(period).of(whole, self.pair)
-        return tuple(value / measured for value in self.values)
+        measure = self.measure(period)
+        measured = measure.of(whole, self.pair)
+        return tuple(factor_to(value, measure, measured) for value in self.values)
 
     def description(self) -> dict[str, object]:
         """What was asked for, for the fingerprint."""

@@ -17,7 +17,16 @@ from tdint.campaign.definition import (
 )
 from tdint.campaign.fragility.type_states import DAMAGE, read_wishes
 from tdint.campaign.levels import MeasureLevels, Scales
-from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, PAIRS, IntensityMeasure, PeakVelocity, pga, sa, sa_average
+from tdint.campaign.suites.intensity import (
+    GEOMETRIC_MEAN,
+    PAIRS,
+    WITHOUT_LEVELS,
+    IntensityMeasure,
+    MotionIntensity,
+    pga,
+    sa,
+    sa_average,
+)
 from tdint.campaign.suites.motion_reader import MOTIONS, SEED, read_motions, refuse
 from tdint.campaign.suites.suite import RecordChoice
 from tdint.campaign.sweep_reader import Varied, read_sweep
@@ -71,15 +80,20 @@ _BUILDINGS = Keys(
 _OF_MEASURES = ("period", "damping", "levels", "pair")
 _FIRST = "T1"
 
+
+def _of_motion(name: str, period: float, damping: float) -> IntensityMeasure:
+    return MotionIntensity(name)
+
+
 _MEASURES: Mapping[str, tuple[str, Callable[[float, float], IntensityMeasure]]] = {
     "pga": ("acceleration", lambda period, damping: pga()),
-    "pgv": ("velocity", lambda period, damping: PeakVelocity()),
+    **{name: ("velocity", partial(_of_motion, name)) for name in ("pgv", "arias", "cav")},
     "sa": ("acceleration", sa),
     "sa-avg": ("acceleration", sa_average),
 }
 """Of each measure the quantity of its levels, and (period, damping) -> measure."""
 
-_WITHOUT_PERIOD = ("pga", "pgv")
+_WITHOUT_PERIOD = ("pga", "pgv", "arias", "cav")
 
 _INTENSITY = Keys(
     (
@@ -327,6 +341,10 @@ def _scales(section: Section) -> tuple[float, ...]:
 
 def _levels(section: Section) -> MeasureLevels | None:
     named = section.get("measure")
+    for unlevelled, reason in WITHOUT_LEVELS.items():
+        if named and named.is_word(unlevelled):
+            named.fault(f"{unlevelled}: {reason}; no level can be asked of it")
+            return None
     name = named.choice(_MEASURES, "measure") if named else None
     pair = section.get("pair")
     whole = pair.choice(PAIRS, "measure of pairs") if pair else GEOMETRIC_MEAN

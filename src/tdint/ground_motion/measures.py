@@ -107,7 +107,7 @@ def _measure(record: Record) -> Measures:
         pga=record.pga,
         pgv=motion.pgv if record.peaks[0] is None else record.peaks[0],
         pgd=motion.pgd if record.peaks[1] is None else record.peaks[1],
-        arias=math.pi / (2.0 * STANDARD_GRAVITY) * float(energy[-1]),
+        arias=_ARIAS * float(energy[-1]),
         cav=cumulative_absolute_velocity(record),
         cav5=cumulative_absolute_velocity_above(record, CAV5),
         d5_75=ends[1] - ends[0],
@@ -133,6 +133,14 @@ def cumulative_energy(record: Record) -> Array:
     """Integral of the squared acceleration from the first sample to each one, m^2/s^3, shape (samples,)."""
     a, b = record.acceleration[:-1], record.acceleration[1:]
     return np.concatenate([[0.0], np.cumsum(record.dt / 3.0 * (a * a + a * b + b * b))])
+
+
+_ARIAS = math.pi / (2.0 * STANDARD_GRAVITY)
+
+
+def arias_intensity(record: Record) -> float:
+    """Arias intensity (Arias 1970), m/s: pi / (2 g) times the integral of the squared acceleration."""
+    return _ARIAS * float(cumulative_energy(record)[-1])
 
 
 def time_of_energy(record: Record, energy: Array, part: float) -> float:

@@ -14,7 +14,7 @@ from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.options.output import check_picture
 from tdint_cli.options.plot import picture_file
 from tdint_cli.options.record import RecordsRequest
-from tdint_cli.options.studies import PAIRS, read_suite
+from tdint_cli.options.studies import pair_measure, read_suite
 from tdint_cli.options.values import FileName, IntensityType, PairWish, PeriodType, Ratio
 from tdint_cli.terminal.drawing import emit_table
 from tdint_cli.terminal.progress import progress_bar
@@ -31,8 +31,19 @@ if TYPE_CHECKING:
     from tdint.written_numbers import Grid
 
 RUNS, CAPACITIES, SUMMARY = "ida.csv", "capacities.csv", "ida.json"
-_MEASURES = ("sa", "pga", "pgv", "sa-avg")
+_MEASURES = ("sa", "pga", "pgv", "sa-avg", "arias", "cav")
 _OFF_BALANCE = 0.01
+
+
+class _Measure(click.Choice):  # type: ignore[type-arg]
+    """A measure of levels; of another one it is said why there are none."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        from tdint.campaign.suites.intensity import WITHOUT_LEVELS
+
+        if reason := WITHOUT_LEVELS.get(value):
+            self.fail(f"{value}: {reason}; there are no levels of it", param, ctx)
+        return super().convert(value, param, ctx)
 
 
 @dataclass(frozen=True)
@@ -74,10 +85,10 @@ class IdaRequest(RecordsRequest):
 @options.record.of_records
 @options.studies.option(
     "--im",
-    type=click.Choice(_MEASURES),
+    type=_Measure(_MEASURES),
     default=_MEASURES[0],
-    help="Intensity measure: Sa at a period (by default), PGA, PGV, or Sa_avg, the geometric mean of Sa about a "
-    "period.",
+    help="Intensity measure: Sa at a period (by default), PGA, PGV, Sa_avg, the geometric mean of Sa about a period, "
+    "Arias intensity or CAV.",
 )
 @options.studies.option(
     "--period",
@@ -195,7 +206,7 @@ def _ida(request: IdaRequest) -> None:
             measure,
             settings,
             method=request.method,
-            pair=(request.pairs and request.pairs.measure) or PAIRS[0],
+            pair=pair_measure(request.pairs),
             jobs=request.jobs or processors(),
             folder=folder,
             progress=lambda done, of: tell(f"records {done}/{of}", done / of),
@@ -268,7 +279,7 @@ def _measure(request: IdaRequest, model: Model) -> IntensityMeasure:
     from tdint.model.building import assemble
 
     if not request.im.startswith("sa"):
-        return intensity.PeakVelocity() if request.im == "pgv" else intensity.pga()
+        return intensity.measure_of(request.im)
     period = request.period or first_mode(assemble(model), None).period
     if request.im == "sa":
         return intensity.sa(period, request.damping)

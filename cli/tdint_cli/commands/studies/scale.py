@@ -13,7 +13,7 @@ from tdint_cli import options
 from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import RecordsRequest
-from tdint_cli.options.studies import PAIRS, read_suite
+from tdint_cli.options.studies import pair_measure, read_suite
 from tdint_cli.options.values import FileName, IntensityType, Number, PairWish, RangeType
 from tdint_cli.terminal.streams import say, warn
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from tdint.units import Units
     from tdint.written_numbers import Grid
 
-_VALUES = ("sa", "sa_avg", "pga", "pgv")
+_VALUES = ("sa", "sa_avg", "pga", "pgv", "arias", "cav")
 _RULES = ("mean", "asce7", "ec8")
 _BY_PERIOD = ("asce7", "ec8")
 _ACCELERATION = IntensityType("acceleration")
@@ -44,6 +44,8 @@ class ScaleRequest(RecordsRequest):
     sa_avg: Units | None
     pga: Units | None
     pgv: Units | None
+    arias: Units | None
+    cav: Units | None
     at: float | None
     p695: bool
     pairs: PairWish | None
@@ -78,7 +80,10 @@ class ScaleRequest(RecordsRequest):
             aims.append(f"--{value[0].replace('_', '-')}")
         if len(aims) != 1:
             what = f"{' and '.join(aims)} are given" if aims else "nothing to scale to"
-            raise UsageError(f"{what}: give one of --target, --sa with --at, --sa-avg with --at, --pga, --pgv, --p695")
+            raise UsageError(
+                f"{what}: give one of --target, --sa with --at, --sa-avg with --at, --pga, --pgv, "
+                "--arias, --cav, --p695"
+            )
         if self.p695 and value and value[0] != "sa":
             raise UsageError("--p695 is scaled on by --sa with --at")
         needs_period = value is not None and value[0].startswith("sa")
@@ -109,7 +114,7 @@ class ScaleRequest(RecordsRequest):
     @property
     def pair(self) -> str:
         """What stands for a pair."""
-        return (self.pairs and self.pairs.measure) or PAIRS[0]
+        return pair_measure(self.pairs)
 
 
 @options.command("scale")
@@ -152,6 +157,10 @@ class ScaleRequest(RecordsRequest):
 @options.option("--at", type=Number(0.0, min_open=True), metavar="SECONDS", help="Period of --sa and --sa-avg.")
 @options.option("--pga", type=_ACCELERATION, metavar="VALUE", help="Scale to this peak ground acceleration: 0.4g.")
 @options.option("--pgv", type=IntensityType("velocity"), metavar="VALUE", help="Scale to this peak velocity: 40cm/s.")
+@options.option("--arias", type=IntensityType("velocity"), metavar="VALUE", help="Scale to this Arias intensity: 2m/s.")
+@options.option(
+    "--cav", type=IntensityType("velocity"), metavar="VALUE", help="Scale to this cumulative absolute velocity: 9m/s."
+)
 @options.option(
     "--p695",
     is_flag=True,
@@ -312,10 +321,8 @@ def _doubts(scaling: Scaling) -> list[str]:
 def _measure(request: ScaleRequest, name: str) -> IntensityMeasure:
     from tdint.campaign.suites import intensity
 
-    if name == "pga":
-        return intensity.pga()
-    if name == "pgv":
-        return intensity.PeakVelocity()
+    if not name.startswith("sa"):
+        return intensity.measure_of(name)
     assert request.at is not None
     if name == "sa":
         return intensity.sa(request.at, request.damping)

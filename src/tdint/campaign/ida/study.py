@@ -25,7 +25,14 @@ from tdint.campaign.ida.runs import IdaRun, run_level
 from tdint.campaign.store.identity import Identity, StoredBuilding, StoredMotion, as_json
 from tdint.campaign.store.place import locked
 from tdint.campaign.store.store import Store, open_or_begin
-from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, GroundMotion, IntensityMeasure, SpectralIntensity, sa
+from tdint.campaign.suites.intensity import (
+    GEOMETRIC_MEAN,
+    GroundMotion,
+    IntensityMeasure,
+    SpectralIntensity,
+    factor_to,
+    sa,
+)
 from tdint.campaign.suites.suite import components
 from tdint.errors import ModelError, OutputError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
@@ -216,7 +223,7 @@ def ida(
     subject.prepared.compile([subject.integrator])
     states = _states(subject, records, mainshock, settings)
     works = [
-        _Work.of(number, subject, record, chosen.of(motion, pair), settings, before)
+        _Work.of(number, subject, record, chosen, chosen.of(motion, pair), settings, before)
         for number, ((motion, record), before) in enumerate(
             (part, one) for state in states for part, one in zip(parts, state, strict=True)
         )
@@ -267,11 +274,12 @@ def _opened(folder: Path | None, identity: Identity) -> Iterator[tuple[Store | N
 
 @dataclass(frozen=True)
 class _Work:
-    """The runs of a record by its number: what does them, the intensity of the record as it is, and what decides on the
-    levels."""
+    """The runs of a record by its number: what does them, the measure of its intensity and its value for the record as
+    it is, and what decides on the levels."""
 
     number: int
     batch: Batch
+    measure: IntensityMeasure
     intensity: float
     levels: Levels
 
@@ -286,13 +294,15 @@ class _Work:
         number: int,
         subject: Subject,
         record: Record,
+        measure: IntensityMeasure,
         intensity: float,
         settings: IdaSettings,
         before: DamagedState | None = None,
     ) -> _Work:
         left = before.left if before else 0.0
+        elastic = _elastic_scale(subject.prepared.building, record, subject.model.collapse_drift)
         levels = Levels(
-            start=intensity * _elastic_scale(subject.prepared.building, record, subject.model.collapse_drift),
+            start=intensity * elastic**measure.growth,
             precision=settings.precision,
             lowest_drift=min((one for one in settings.thresholds if one > _ABOVE * left), default=math.inf),
             most=settings.max_im,
@@ -300,7 +310,8 @@ class _Work:
         how = RunSettings(settings.dt, settings.duration, settings.until_rest, check=settings.check)
         if before:
             record = JoinedRecord.of([before.record, record], before.rest, fixed=1)
-        return cls(number, Batch(0, subject, Motions.of({number: record}), {number: None}, how), intensity, levels)
+        batch = Batch(0, subject, Motions.of({number: record}), {number: None}, how)
+        return cls(number, batch, measure, intensity, levels)
 
     def done(self) -> tuple[Done, RecordRuns]:
         """Do all runs of the record."""
@@ -327,7 +338,7 @@ class _Work:
         """The runs from the lowest level; each level follows from the runs before."""
         runs: list[IdaRun] = []
         while (level := self.levels.next(runs)) is not None:
-            runs.append(IdaRun.of(level, run(level / self.intensity)))
+            runs.append(IdaRun.of(level, run(factor_to(level, self.measure, self.intensity))))
         return tuple(sorted(runs, key=lambda run: run.im))
 
 

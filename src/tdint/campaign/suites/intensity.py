@@ -1,7 +1,8 @@
-"""Measures of a ground motion's intensity, by which records are scaled: PGA, PGV, Sa at a period, its average.
+"""Measures of a ground motion's intensity, by which records are scaled: PGA, PGV, Sa at a period, its average, Arias
+intensity, CAV.
 
 Of a pair of horizontal components the geometric mean of both, or a percentile over all directions (RotD, Boore 2010).
-All of them grow in proportion to a factor on the motion.
+All of them grow in proportion to a factor on the motion, Arias intensity to its square.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +20,7 @@ from tdint.analysis.spectra.first_mode import SA_DAMPING
 from tdint.analysis.spectra.rotated import rotated_spectrum
 from tdint.errors import RecordError, UsageError, did_you_mean
 from tdint.ground_motion.horizontals import Horizontals
-from tdint.ground_motion.measures import integrate
+from tdint.ground_motion.measures import arias_intensity, cumulative_absolute_velocity, integrate
 from tdint.ground_motion.record import Record
 from tdint.written_numbers import Grid
 
@@ -55,6 +57,7 @@ class SpectralIntensity:
     periods: tuple[float, ...]
     damping: float
     unit: str = "m/s^2"
+    growth: ClassVar[float] = 1.0
 
     def of(self, motion: GroundMotion, pair: str = GEOMETRIC_MEAN) -> float:
         """The intensity of a motion, m/s^2; of two components that which `pair` names.
@@ -71,11 +74,20 @@ class SpectralIntensity:
 
 
 @dataclass(frozen=True)
-class PeakVelocity:
-    """Peak ground velocity, from rest at the first sample."""
+class MotionIntensity:
+    """A measure of the motion of the ground alone, m/s: `pgv`, `arias` or `cav`.
 
-    name: str = "pgv"
+    The peak ground velocity from rest at the first sample; Arias intensity (Arias 1970), which grows with the square of
+    a factor; cumulative absolute velocity (EPRI 1988).
+    """
+
+    name: str
     unit: str = "m/s"
+
+    @property
+    def growth(self) -> float:
+        """The power of a factor with which it grows."""
+        return _OF_MOTION[self.name][1]
 
     def of(self, motion: GroundMotion, pair: str = GEOMETRIC_MEAN) -> float:
         """The intensity of a motion, m/s; of two components that which `pair` names.
@@ -85,24 +97,42 @@ class PeakVelocity:
         RecordError
             The motion has none: it is zero.
         """
+        value, _ = _OF_MOTION[self.name]
         if isinstance(motion, Record):
-            return _positive(integrate(motion).pgv, self.name, motion)
+            return _positive(value(motion), self.name, motion)
         percentile = percentile_of(pair)
-        if percentile is None:
-            both = [integrate(record).pgv for record in (motion.first, motion.second)]
-            return _positive(math.sqrt(both[0] * both[1]), self.name, motion)
-        angles = np.arange(_DIRECTIONS) * (math.pi / _DIRECTIONS)
         first, second = motion.first, motion.second
-        peaks = [
-            integrate(
+        if percentile is None:
+            return _positive(math.sqrt(value(first) * value(second)), self.name, motion)
+        angles = np.arange(_DIRECTIONS) * (math.pi / _DIRECTIONS)
+        values = [
+            value(
                 Record(math.cos(a) * first.acceleration + math.sin(a) * second.acceleration, first.dt, "", "", "", "")
-            ).pgv
+            )
             for a in angles.tolist()
         ]
-        return _positive(float(np.percentile(peaks, percentile)), self.name, motion)
+        return _positive(float(np.percentile(values, percentile)), self.name, motion)
 
 
-IntensityMeasure = SpectralIntensity | PeakVelocity
+_OF_MOTION: dict[str, tuple[Callable[[Record], float], float]] = {
+    "pgv": (lambda record: integrate(record).pgv, 1.0),
+    "arias": (arias_intensity, 2.0),
+    "cav": (cumulative_absolute_velocity, 1.0),
+}
+
+WITHOUT_LEVELS = {
+    **dict.fromkeys(("d5-75", "d5-95"), "a duration does not change with a factor"),
+    **dict.fromkeys(("cav5", "sdi"), "it does not grow by a power of the factor"),
+}
+"""Measures that no factor brings to a level, and why."""
+
+
+IntensityMeasure = SpectralIntensity | MotionIntensity
+
+
+def factor_to(value: float, measure: IntensityMeasure, measured: float) -> float:
+    """The factor that brings a motion from what was measured to a value."""
+    return float((value / measured) ** (1.0 / measure.growth))
 
 
 def pga() -> SpectralIntensity:
@@ -124,22 +154,25 @@ def sa_average(period: float, damping: float = SA_DAMPING, multiples: Grid = AVE
 
 
 def measure_of(name: str, damping: float = SA_DAMPING) -> IntensityMeasure:
-    """The measure of a name as tables have it: `pga`, `pgv`, `sa(1.0)`, `sa-avg(1.0)` with the period in s.
+    """The measure of a name as tables have it: `pga`, `pgv`, `arias`, `cav`, `sa(1.0)`, `sa-avg(1.0)`, periods in s.
 
     Raises
     ------
     UsageError
-        There is none of that name.
+        There is none of that name, or no factor brings a motion to a level of it.
     """
     kind, _, period = name.strip().removesuffix(")").partition("(")
-    plain: dict[str, Callable[[], IntensityMeasure]] = {"pga": pga, "pgv": PeakVelocity}
     spectral: dict[str, Callable[..., IntensityMeasure]] = {"sa": sa, "sa-avg": sa_average}
-    if kind in plain and not period:
-        return plain[kind]()
+    if kind in WITHOUT_LEVELS:
+        raise UsageError(f"{name}: {WITHOUT_LEVELS[kind]}; nothing can be scaled to it")
+    if kind in ("pga", *_OF_MOTION) and not period:
+        return pga() if kind == "pga" else MotionIntensity(kind)
     try:
         return spectral[kind](float(period), damping)
     except (KeyError, ValueError):
-        raise UsageError(f"unknown measure {name!r:.60}; known: pga, pgv, sa(T), sa-avg(T) with T in s") from None
+        raise UsageError(
+            f"unknown measure {name!r:.60}; known: pga, pgv, arias, cav, sa(T), sa-avg(T) with T in s"
+        ) from None
 
 
 def percentile_of(pair: str) -> int | None:

@@ -19,8 +19,9 @@ from tdint.campaign.suites.intensity import (
     GEOMETRIC_MEAN,
     GroundMotion,
     IntensityMeasure,
-    PeakVelocity,
+    MotionIntensity,
     SpectralIntensity,
+    factor_to,
     measure_of,
     pga,
     pseudo_accelerations,
@@ -122,7 +123,7 @@ def scale_to_value(
     """
     if not (math.isfinite(value) and value > 0.0):
         raise UsageError(f"{measure.name}: the value must be positive, got {value:g}")
-    factors = np.array([value / measure.of(motion, pair) for motion in motions])
+    factors = np.array([factor_to(value, measure, measure.of(motion, pair)) for motion in motions])
     damping = getattr(measure, "damping", SA_DAMPING)
     return Scaling(tuple(motions), factors, "value", pair, damping, measure, value)
 
@@ -240,7 +241,7 @@ def scale_p695(
     _check_pairs(pairs, "p695")
     if (period is None) != (value is None):
         raise UsageError("a set is scaled to a pseudo-acceleration at a period: give both or none")
-    velocities = np.array([PeakVelocity().of(pair) for pair in pairs])
+    velocities = np.array([MotionIntensity("pgv").of(pair) for pair in pairs])
     factors = np.median(velocities) / velocities
     if period is None or value is None:
         return Scaling(tuple(pairs), factors, "p695", GEOMETRIC_MEAN, damping)
@@ -272,7 +273,7 @@ def scale(
     motions : sequence
         Records, paths or traces; a tuple of two, or what `read_horizontals` gives, is a pair with one factor.
     measure : IntensityMeasure or str
-        `pga`, `pgv`, `sa(1.0)` or `sa-avg(1.0)` with the period in s.
+        `pga`, `pgv`, `arias`, `cav`, `sa(1.0)` or `sa-avg(1.0)` with the period in s.
     value : float
         Its value, m/s^2 or m/s.
     target : TargetSpectrum or str

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tdint.campaign.ida.curve import IdaCurve, fractiles
 from tdint.campaign.ida.study import IdaStudy
-from tdint.campaign.suites.intensity import PeakVelocity
+from tdint.campaign.suites.intensity import MotionIntensity
 from tdint.files import Writer
 from tdint.output.figures.style import COLORS, DASHES, add_title, changed, picture, record_name
 from tdint.output.figures.suites import add_gravity_axis, measure_label, single_look
@@ -145,6 +145,6 @@ def _title(study: IdaStudy) -> str:
     records = [curve.record for curve in study.states[0].curves]
     what = f"{len(records)} records" if len(records) > 1 else f"{record_name(records[0].source)} {records[0].component}"
     text = f"{study.model.name}\nIncremental dynamic analysis, {what}{changed(records)}, {study.method}"
-    if isinstance(study.measure, PeakVelocity) or study.measure.periods == (0.0,):
+    if isinstance(study.measure, MotionIntensity) or study.measure.periods == (0.0,):
         return text
     return f"{text}, {100.0 * study.measure.damping:g} % damping of Sa"

@@ -35,7 +35,7 @@ GRAY = "0.72"
 """Of what is one record among many."""
 
 _PAIRS = {GEOMETRIC_MEAN: "geometric mean ", "rotd50": "RotD50 ", "rotd100": "RotD100 "}
-_WORDS = {"sa": "Sa", "sa-avg": "Sa_avg", "pga": "PGA", "pgv": "PGV"}
+_WORDS = {"sa": "Sa", "sa-avg": "Sa_avg", "pga": "PGA", "pgv": "PGV", "arias": "Arias intensity", "cav": "CAV"}
 
 Array = NDArray[np.float64]
 FRACTILES = (16, 84)

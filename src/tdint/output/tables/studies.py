@@ -66,7 +66,12 @@ SCALED = (
 
 _RECORD = (
     *OF_NAMED_RECORD,
-    Column("im_name", "text", "study.im_name", "intensity measure: sa(T) and sa-avg(T) with the period in s, pga, pgv"),
+    Column(
+        "im_name",
+        "text",
+        "study.im_name",
+        "intensity measure: sa(T) and sa-avg(T) with the period in s, pga, pgv, arias, cav",
+    ),
     Column("unit", "text", "study.measure.unit", "its unit"),
 )
 """The first columns of the tables of an incremental dynamic analysis."""
