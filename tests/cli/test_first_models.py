@@ -58,6 +58,15 @@ def test_laws_come_out_of_curves_that_they_drew(folder, tdint):
     assert story.law.parameters[:3] == pytest.approx((1e6, 1.4e6, 0.04), rel=1e-4)
 
 
+def test_a_curve_without_a_corner_is_a_law_that_the_model_takes(folder, tdint):
+    """A law hardens by less than its stiffness: of a straight line, and of one that grows steeper, just so."""
+    curves("line.csv", ([0, 80], [0, 800]), ([0, 40, 80], [0, 400, 1000]))
+    assert tdint("init", "b.yaml", "--weights", "4000,3500", "--from-pushover", "line.csv").exit_code == 0
+    for story in load_model("b.yaml").stories:
+        assert story.law.parameters[1] == 0.999
+        assert story.stiffness == pytest.approx(1e7, rel=1e-6)
+
+
 def test_a_falling_curve_in_four_points(folder, tdint):
     """The law of the model has the curve again, past its largest shear, and runs; loops reload along straight lines."""
     drift, shear = [0, 10, 40, 60, 80], [0, 1000, 1400, 700, 500]
@@ -107,19 +116,22 @@ def test_curves_that_are_none(folder, tdint, text, message):
 
 
 @pytest.mark.parametrize(
-    ("motion", "wanted"),
+    ("motion", "ends", "wanted"),
     [
-        ("sine:frequency=1.5,duration=12,pga=0.1g", lambda t: np.where(t <= 12, np.sin(3.0 * np.pi * t), 0.0)),
+        ("sine:frequency=1.5,duration=18,pga=0.1g", 23, lambda t: np.where(t <= 18, np.sin(3.0 * np.pi * t), 0.0)),
         (
             "sweep:first=1,last=5,duration=10,pga=0.1g",
+            20,
             lambda t: np.where(t <= 10, np.sin(2.0 * np.pi * (t + 0.2 * t**2)), 0.0),
         ),
     ],
 )
-def test_motions_for_teaching(folder, tdint, motion, wanted):
+def test_motions_for_teaching(folder, tdint, motion, ends, wanted):
+    """With 5 s of rest after them, and of 20 s at least."""
     assert tdint("init", "f.yaml", "--motion", motion).exit_code == 0
     record = read_record("f-motion.txt")
     t = record.dt * np.arange(record.acceleration.size)
+    assert t[-1] == pytest.approx(ends)
     assert record.acceleration == pytest.approx(0.1 * STANDARD_GRAVITY * wanted(t), abs=1e-6)
     assert tdint("run", "f.yaml", "-q").exit_code == 0
 

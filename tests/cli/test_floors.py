@@ -108,7 +108,7 @@ def test_wrong_use(folder, tdint, arguments, message):
 def test_floors_of_several_runs_have_their_mean_and_envelope(run, tdint):
     """Each run's spectra are those of a single call; of a pair the larger component counts at each period."""
     options = ("--floor-spectra", "1,roof", "--period", "0.05,0.3", "--units", "m/s^2")
-    result = run("motion.mseed", "other.mseed", *options, "--plot")
+    result = run("other.mseed", "motion.mseed", *options, "--plot")
     assert result.exit_code == 0, result.stderr
     every, means = written("floor-spectra.csv"), written("floor-spectra-mean.csv")
     assert (Path("out") / "floor-spectra.png").stat().st_size > 10_000

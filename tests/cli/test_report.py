@@ -85,6 +85,9 @@ def test_the_page_of_a_run(folder: Path, tdint: Run) -> None:
     for told, row in zip(table_with(found, "peak drift (m)"), stories, strict=True):
         assert told["peak drift (m)"] == f"{float(row['peak_drift_m']):.4g}"
         assert told["peak drift error (m)"] == f"{float(row['peak_drift_m_error']):.4g}"
+    mode = rows(tdint("modes", "shaken.yaml").stdout)[0]
+    period, damping = float(mode["period_s"]), float(mode["damping"])
+    assert f"first period {period:.4g} s with {100.0 * damping:.3g} % damping" in found.text
     assert hashlib.sha256(Path("shaken.yaml").read_bytes()).hexdigest() in found.text
     assert hashlib.sha256(Path("motion.mseed").read_bytes()).hexdigest() in found.text
     assert len(found.sources) == 2

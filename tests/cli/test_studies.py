@@ -576,6 +576,16 @@ def test_runs_of_several_buildings_are_no_fragility(folder, tdint):
     assert "runs.csv: several building: a, b; leave one of them" in result.stderr
 
 
+@pytest.mark.parametrize(
+    ("options", "code", "message"),
+    [((), 3, "no column sa_t1_m_s2"), (("--im", "pgv"), 2, "the runs have no measure pgv")],
+)
+def test_runs_without_the_intensity_that_is_wanted(folder, tdint, options, code, message):
+    (folder / "runs.csv").write_text("building,status,peak_drift_ratio\na,done,0.1\na,done,0.2\n")
+    result = tdint("fragility", ".", "--threshold", "3%", *options)
+    assert result.exit_code == code and message in result.stderr
+
+
 def test_what_cannot_be_fitted_is_told_beside_what_can(folder, tdint):
     (folder / "c.csv").write_text(
         "threshold,capacity,censored,im_name,unit\n"

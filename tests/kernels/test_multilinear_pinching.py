@@ -12,7 +12,7 @@ import pytest
 
 from tdint.analysis.static.cyclic import follow_path
 from tdint.model.building import assemble
-from tdint.model.definition import Law, simple_model, simple_story
+from tdint.model.definition import LAWS, Law, simple_model, simple_story
 
 LOOPS = Path(__file__).parent / "pinching4_loops.csv"
 """Turn points and points between them of loops that OpenSeesPy 3.7.1 made with Pinching4 (1000 steps from row to row;
@@ -92,6 +92,29 @@ def test_steps_do_not_matter():
         assert fine.shear[7::7] == pytest.approx(coarse.shear[1:], abs=1e-10)
         done = [path.recoverable + path.dissipated for path in (coarse, fine)]
         assert done[1][7::7] == pytest.approx(done[0][1:], abs=1e-9)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_what_comes_back_is_the_work_of_the_way_to_no_force(case):
+    """From each place of the way back, after four turns: the area under the forces that follow on it."""
+    corners = pairwise([0.0, 6.3, -8.1, 4.2, -9.6])
+    path = imposed(CASES[case], [0.0, *np.concatenate([np.linspace(a, b, 2001)[1:] for a, b in corners])])
+    middles = 0.5 * (path.shear[1:] + path.shear[:-1]) * np.diff(path.drift)
+    for turned in range(2000, 8000, 2000):
+        back = path.shear[turned:] * np.sign(path.shear[turned]) > 0.0
+        ended = turned + int(np.argmin(back))
+        area = -np.cumsum(middles[turned:ended][::-1])[::-1]
+        assert area.size > 50
+        assert path.recoverable[turned:ended] == pytest.approx(area, abs=1e-3 * area[0])
+
+
+@pytest.mark.parametrize(
+    ("points", "stiffens"),
+    [(VMTK, False), (((1, 1), (3, 3), (4, 3.5), (6, 3.5)), False), (((1, 1), (3, 1.5), (4, 2.6), (6, 3)), True)],
+)
+def test_it_stiffens_where_a_later_line_is_steeper_than_the_first(points, stiffens):
+    for law in (multilinear(points), multilinear(VMTK, negative=points)):
+        assert LAWS[law.name].stiffens(law.parameters) is stiffens
 
 
 def test_nothing_is_carried_beyond_the_ultimate_drift():

@@ -55,7 +55,8 @@ def test_units_measures_and_total_dispersion():
     assert (imt, found["ds1"]) == ("SA(0.6)", pytest.approx((1.0, 0.5), rel=1e-7))
     ((imt, found),) = read(fragility_model([function(0.1, 0.5, im="pgv", unit="m/s")], "x")).values()
     assert (imt, found["ds1"][0]) == ("PGV", pytest.approx(50.0))
-    assert next(iter(read(fragility_model([function(0.1, 0.5, im="pga")], "x")).values()))[0] == "PGA"
+    ((imt, found),) = read(fragility_model([function(0.1, 4.903325, im="pga", unit="m/s^2")], "x")).values()
+    assert (imt, found["ds1"][0]) == ("PGA", pytest.approx(0.5))
 
 
 def test_a_function_for_each_state_of_the_building():
