@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import io
 import json
 import socket
@@ -134,6 +135,26 @@ def test_corrected_peaks_are_the_same_by_every_route(study: Path, tdint: Run) ->
             assert words == {row[column], f"{own[key]:.12g}"}  # and what was corrected, as it was
             told += bool(row[name])
     assert told >= 6
+
+
+def test_the_summary_tells_which_model_files(study: Path, tdint: Run) -> None:
+    """Each once, as it was read last: a comment changes a file, not the campaign."""
+
+    def told() -> list[dict[str, str]]:
+        return json.loads(Path("out/summary.json").read_text())["inputs"]
+
+    def there() -> list[dict[str, str]]:
+        return [{"file": name, "sha256": hashlib.sha256(Path(name).read_bytes()).hexdigest()}
+                for name in ("shaken.yaml", "stiff.yaml")]  # fmt: skip
+
+    change("study.yaml", ("outputs:", "vary: {stiffness_factor: [1, 1.1]}\noutputs:"))
+    assert tdint("campaign", "study.yaml", "-o", "out").exit_code == 0
+    before = told()
+    assert before == there()
+    Path("stiff.yaml").write_text(STIFF + "# checked\n")
+    again = tdint("campaign", "study.yaml", "-o", "out")
+    assert "nothing to do" in again.stderr and told() == there() != before
+    assert tdint("campaign", "export", "out").exit_code == 0 and told() == there()
 
 
 def test_levels_of_an_integral_of_the_motion(study: Path, tdint: Run) -> None:

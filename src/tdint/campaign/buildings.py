@@ -50,6 +50,10 @@ class Buildings(Protocol):
         """The columns of the inventory that are carried along into tables."""
 
     @property
+    def files(self) -> Mapping[str, str]:
+        """SHA-256 of the model files that they come from, by name."""
+
+    @property
     def output_units(self) -> OutputUnits:
         """The units in which all of their models want results; SI where they do not agree."""
 
@@ -123,6 +127,11 @@ class GivenBuildings:
     @property
     def columns(self) -> tuple[str, ...]:
         return ()
+
+    @property
+    def files(self) -> Mapping[str, str]:
+        texts = {source.made.model.source: source.made.model.text for source in self.sources}
+        return {file: hashlib.sha256(text).hexdigest() for file, text in texts.items()}
 
     @property
     def output_units(self) -> OutputUnits:
@@ -246,6 +255,10 @@ class InventoryBuildings:
     @property
     def columns(self) -> tuple[str, ...]:
         return self.rows[0].columns
+
+    @property
+    def files(self) -> Mapping[str, str]:
+        return {}
 
     @property
     def output_units(self) -> OutputUnits:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -63,6 +63,8 @@ class Identity:
         Columns of an inventory that are carried along, and of each building what stands there, a JSON list.
     damage : Damage or None
         How damage is told.
+    files : mapping of str to str
+        SHA-256 of the model files, by name.
     """
 
     name: str
@@ -79,6 +81,7 @@ class Identity:
     columns: Sequence[str] = ()
     cells: Sequence[str] = ()
     damage: Damage | None = None
+    files: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
     def of(cls, plan: Plan) -> Identity:
@@ -103,6 +106,7 @@ class Identity:
             columns=buildings.columns,
             cells=[buildings.cells(i) for i in range(len(buildings))] if buildings.columns else (),
             damage=plan.damage,
+            files=buildings.files,
         )
 
     @cached_property

@@ -218,19 +218,22 @@ class Store:
         return parse_output_units(found) if found is not None else SI
 
     def tell(self, identity: Identity) -> None:
-        """Keep what is known beside what the runs depend on: inputs that could not be used, units, damage states, and
-        columns of an inventory."""
+        """Keep what is known beside what the runs depend on: inputs that could not be used, units, damage states, files
+        of models, and columns of an inventory."""
         self._tell_inventory(identity)
-        units, damage = str(identity.units), identity.damage.description() if identity.damage else ""
+        values = {
+            "output_units": str(identity.units),
+            "damage": identity.damage.description() if identity.damage else "",
+            "files": json.dumps(dict(identity.files)),
+        }
         before = [(kind, reason) for kind, reasons in self.unused().items() for reason in reasons]
-        same = sorted(before) == sorted(dict.fromkeys(identity.unused)) and self._known("output_units") == units
-        if same and self._known("damage") == damage:
+        same = all(self._known(key) == value for key, value in values.items())
+        if same and sorted(before) == sorted(dict.fromkeys(identity.unused)):
             return
         with in_words(self.name), transaction(self.connection, self.name):
             self.connection.execute("DELETE FROM unused")
             self.add_unused(identity.unused)
-            values = (("output_units", units), ("damage", damage))
-            self.connection.executemany("INSERT OR REPLACE INTO meta VALUES(?, ?)", values)
+            self.connection.executemany("INSERT OR REPLACE INTO meta VALUES(?, ?)", values.items())
             self.connection.execute("DELETE FROM building_types")
             of_buildings = identity.damage.buildings if identity.damage else ()
             rows = ((number, *one) for number, one in enumerate(of_buildings))
@@ -268,6 +271,10 @@ class Store:
         """A value of the table meta; None where there is none."""
         found = self.connection.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
         return found[0] if found else None
+
+    def files(self) -> dict[str, str]:
+        """SHA-256 of the model files, by name."""
+        return dict(json.loads(self._known("files") or "{}"))
 
     def damage(self) -> str:
         """What `tdint.campaign.fragility.type_states.Damage.description` tells; nothing where damage is not told."""

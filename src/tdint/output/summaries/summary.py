@@ -96,6 +96,7 @@ def campaign_summary(store: Store) -> dict[str, Any]:
         "fingerprint": store.meta("fingerprint"),
         "settings": {name: json.loads(value) for name, value in store.settings().items()},
         "buildings": buildings,
+        "inputs": [{"file": file, "sha256": digest} for file, digest in store.files().items()],
         "records": [dict(zip(keys, row, strict=True)) for row in records],
         "runs": {"all": int(store.meta("runs")), "done": sum(statuses.values()), "by_status": statuses},
         "not_used": {f"{kind}s": {"count": len(reasons), "reasons": reasons} for kind, reasons in unused.items()},
