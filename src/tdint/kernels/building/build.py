@@ -1,12 +1,14 @@
-"""A process that compiles one kernel: `python -P -m tdint.kernels.building.build MODULE:KERNEL [FILE]`.
+"""A process that compiles kernels of one variant, one after the other: `python -P -m tdint.kernels.building.build`.
 
-Its objects, for the targets that TDINT_KERNELS_TARGETS names, go to standard output, each as
-`tdint.kernels.building.loading` packs it, behind a line that tells how many bytes follow. FILE is that of a module that
-cannot be found by its name. The process ends when its standard input does, so that none is left behind.
+A line of its standard input asks for one, as JSON: `["MODULE:KERNEL", FILE]`, where FILE is that of a module that
+cannot be found by its name, else null. Its objects, for the targets that TDINT_KERNELS_TARGETS names, go to standard
+output, each as `tdint.kernels.building.loading` packs it, behind a line that tells how many bytes follow. What two
+kernels have in common is compiled once. The process ends when its standard input does, so that none is left behind.
 """
 
 from __future__ import annotations
 
+import gc
 import importlib
 import importlib.util
 import json
@@ -14,34 +16,63 @@ import os
 import sys
 import threading
 from dataclasses import replace
+from queue import SimpleQueue
+from types import SimpleNamespace
 from typing import Any
 
 
 def main() -> None:
-    """Compile the kernel named on the command line."""
+    """Compile the kernels that are asked for."""
     # numba looks for SciPy's linear algebra, which kernels have no use for.
     sys.modules["scipy.linalg"] = None  # type: ignore[assignment]
-    name, *file = sys.argv[1:]
-    module_name, _, attribute = name.partition(":")
     variant = os.environ["TDINT_KERNELS_VARIANT"]
     _add_laws(variant)
-    module = _module(module_name, file[0]) if file else importlib.import_module(module_name)
 
     from tdint.kernels.building.compiler import objects_of
     from tdint.kernels.building.loading import pack
     from tdint.kernels.building.store import identity
     from tdint.kernels.building.target import named
 
-    # After the imports: on Windows numpy's would wait for the pipe that the thread reads.
-    threading.Thread(target=_end_with_the_parent, daemon=True).start()
-    kernel = getattr(module, attribute)
+    _take_shortcuts()
     targets = [named(target) for target in os.environ["TDINT_KERNELS_TARGETS"].split(",")]
-    codes, symbol = objects_of(kernel.function, kernel.signature, targets)
-    for code, target in zip(codes, targets, strict=True):
-        about = identity(name, variant, target)
-        data = pack(code, {**about, "symbol": symbol})
-        sys.stdout.buffer.write(b"%d\n" % len(data) + data)
-    sys.stdout.buffer.flush()
+    # After the imports: on Windows numpy's would wait for the pipe that the thread reads.
+    asked: SimpleQueue[bytes] = SimpleQueue()
+    threading.Thread(target=_listen, args=(asked,), daemon=True).start()
+    while True:
+        name, file = json.loads(asked.get())
+        module_name, _, attribute = name.partition(":")
+        kernel = getattr(_module(module_name, file) if file else importlib.import_module(module_name), attribute)
+        codes, symbol = objects_of(kernel.function, kernel.signature, targets)
+        for code, target in zip(codes, targets, strict=True):
+            data = pack(code, {**identity(name, variant, target), "symbol": symbol})
+            sys.stdout.buffer.write(b"%d\n" % len(data) + data)
+        sys.stdout.buffer.flush()
+
+
+def _take_shortcuts() -> None:
+    """Spare numba what it does over and over: the objects are the same, after two thirds of the time."""
+    import numba.core.inline_closurecall as inlining
+    from numba.core import types
+    from numba.core.types.functions import BaseFunction
+
+    # A function is read anew for each place where it is inlined; numba copies twice what it read.
+    inlining.copy = SimpleNamespace(deepcopy=lambda block: block)
+    # What an operator of numbers gives: numba tries all that might fit, and lists what does not.
+    resolve = BaseFunction.get_call_type
+
+    def resolve_once(self: Any, context: Any, arguments: tuple[Any, ...], named: dict[str, Any]) -> Any:
+        if named or not all(isinstance(one, types.Number | types.Boolean) for one in arguments):
+            return resolve(self, context, arguments, named)
+        known = self.__dict__.setdefault("_known", {})
+        key = arguments, tuple(map(type, arguments))
+        if key not in known:
+            known[key] = resolve(self, context, arguments, named)
+        return known[key]
+
+    setattr(BaseFunction, "get_call_type", resolve_once)  # noqa: B010 (a method, to mypy)
+    # Most of what numba makes stays.
+    gc.freeze()
+    gc.set_threshold(200_000, 20, 100)
 
 
 def _module(name: str, file: str) -> Any:
@@ -70,10 +101,14 @@ def _add_laws(variant: str) -> None:
         LAWS[code] = next(one for one in values if isinstance(one, DriftLaw) and one.name == name)
 
 
-def _end_with_the_parent() -> None:
-    while os.read(0, 1024):  # not sys.stdin, whose lock a thread must not hold when Python ends
-        pass
-    os._exit(1)
+def _listen(asked: SimpleQueue[bytes]) -> None:
+    """Take what is asked for; who asks may end at any time, and the process with it."""
+    text = b""
+    while new := os.read(0, 4096):  # not sys.stdin, whose lock a thread must not hold when Python ends
+        *lines, text = (text + new).split(b"\n")
+        for line in lines:
+            asked.put(line)
+    os._exit(0)
 
 
 if __name__ == "__main__":

@@ -9,8 +9,12 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
+from queue import SimpleQueue
+from threading import Lock
 from typing import IO, TYPE_CHECKING, Any
 
 from tdint.errors import AnalysisError
@@ -25,49 +29,56 @@ if TYPE_CHECKING:
 _PLACE = re.compile(r'File "(?:[^"]*[/\\])?([^"/\\]+)", line (\d+)')
 
 
+@dataclass(frozen=True)
 class Compilation:
-    """One kernel in one variant, compiled by a process of its own for targets that numba optimizes alike."""
+    """One kernel in one variant, to be compiled for targets that numba optimizes alike."""
 
-    def __init__(self, kernel: Compilable, variant: Variant, targets: Mapping[str, Target]) -> None:
-        self.kernel = kernel
-        self.variant = variant
-        self.targets = targets
-        self._process: subprocess.Popen[bytes] | None = None
-        self._stopped = False
+    kernel: Compilable
+    variant: Variant
+    targets: Mapping[str, Target]
 
-    def run(self) -> list[bytes]:
-        """The packed object for each target.
+    @property
+    def module(self) -> str:
+        """The kernel's module."""
+        return self.kernel.function.__module__
+
+    @property
+    def settings(self) -> dict[str, str]:
+        """The environment of a process that compiles it, and whatever else has the same settings."""
+        cpu, features = next(iter(self.targets.values())).optimized_for
+        return {
+            "TDINT_KERNELS_VARIANT": self.variant.text,
+            "TDINT_KERNELS_TARGETS": ",".join(self.targets),
+            "NUMBA_CPU_NAME": cpu,
+            "NUMBA_CPU_FEATURES": features,
+            "TDINT_KERNELS_PLUGINS": json.dumps(self.plugins),
+            "NUMBA_LOOP_VECTORIZE": str(int(self.kernel.vectorized)),
+        }
+
+    @property
+    def plugins(self) -> dict[str, tuple[str, str]]:
+        """Module and file of each law of the variant that is a plug-in's."""
+        modules = {law: OUTSIDE[law] for law in self.variant.outside}
+        return {law: (name, str(sys.modules[name].__file__)) for law, name in modules.items()}
+
+    @property
+    def request(self) -> tuple[str, str | None]:
+        """The kernel as a process knows it: its name, and the file of a module that is not the package's.
 
         Raises
         ------
         AnalysisError
-            No process can be started, or it failed.
+            It is in no module that another process can load.
         """
-        if self._stopped:
-            return []
-        pipe = subprocess.PIPE
-        try:
-            self._process = subprocess.Popen(
-                self._command(), stdin=pipe, stdout=pipe, stderr=pipe, env=self._environment()
-            )
-        except OSError as error:
-            raise AnalysisError(f"{self.kernel.name} cannot be compiled: no process can be started ({error})") from None
-        # `communicate` would close its standard input, which ends it; and a temporary file needs a folder for it.
-        with self._process as process, ThreadPoolExecutor(1) as beside:
-            assert process.stdout is not None and process.stderr is not None
-            words = beside.submit(process.stderr.read)
-            packed = list(_packed(process.stdout))
-            code = process.wait()
-            text = words.result().decode(errors="replace").strip().splitlines()
-        if code and not self._stopped:
-            raise AnalysisError(f"{self.kernel.name} cannot be compiled: {self._reason(text) or f'exit code {code}'}")
-        return packed
+        module = sys.modules[self.module]
+        if module.__name__ == "__main__" or not getattr(module, "__file__", None):
+            raise AnalysisError(f"{self.kernel.name} cannot be compiled: put the kernel into a module of its own")
+        return self.kernel.name, None if module.__name__.startswith("tdint.") else str(module.__file__)
 
-    def _reason(self, text: list[str]) -> str:
-        """The last line that the process wrote; with plug-ins, what numba says of them and the line it says it of."""
-        files = [file for _, file in self._plugins().values()]
-        module = sys.modules[self.kernel.function.__module__]
-        files += [] if module.__name__.startswith("tdint.") else [str(module.__file__)]
+    def reason(self, text: list[str]) -> str:
+        """The last line that its process wrote; with plug-ins, what numba says of them and the line it says it of."""
+        own = self.request[1]
+        files = [file for _, file in self.plugins.values()] + ([own] if own else [])
         names = {Path(file).name: file for file in files}
         places = [found for line in text if (found := _PLACE.search(line)) and found[1] in names]
         if not files or not text:
@@ -77,45 +88,60 @@ class Compilation:
         place = f"{names[places[-1][1]]}:{places[-1][2]}" if places else files[-1]
         return f"{place}: {said}"
 
-    def _plugins(self) -> dict[str, tuple[str, str]]:
-        """Module and file of each law of the variant that is a plug-in's."""
-        modules = {law: OUTSIDE[law] for law in self.variant.outside}
-        return {law: (name, str(sys.modules[name].__file__)) for law, name in modules.items()}
 
-    def stop(self) -> None:
-        """End the process, if it runs."""
-        self._stopped = True
-        if self._process is not None:
-            self._process.kill()
+class _Process:
+    """A process that compiles kernels of the same settings, one after the other: what they share is compiled once."""
 
-    def _command(self) -> list[str]:
-        module = sys.modules[self.kernel.function.__module__]
-        if module.__name__ == "__main__" or not getattr(module, "__file__", None):
-            raise AnalysisError(f"{self.kernel.name} cannot be compiled: put the kernel into a module of its own")
-        command = [sys.executable, "-P", "-m", "tdint.kernels.building.build", self.kernel.name]
-        if not module.__name__.startswith("tdint."):
-            command.append(str(module.__file__))
-        return command
+    def __init__(self, settings: Mapping[str, str]) -> None:
+        """Raises OSError where no process can be started."""
+        self.settings = settings
+        pipe = subprocess.PIPE
+        path = os.pathsep.join(filter(None, sys.path))
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "tdint.kernels.building.build"],
+            stdin=pipe,
+            stdout=pipe,
+            stderr=pipe,
+            env={**os.environ, **settings, "PYTHONPATH": path, "TDINT_KERNELS": "compile", "OPENBLAS_NUM_THREADS": "1"},
+        )
+        self._beside = ThreadPoolExecutor(1)  # a temporary file would need a folder for it
+        self._words = self._beside.submit(self._pipe(self._process.stderr).read)
 
-    def _environment(self) -> dict[str, str]:
-        cpu, features = next(iter(self.targets.values())).optimized_for
-        return {
-            **os.environ,
-            "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
-            "TDINT_KERNELS": "compile",
-            "TDINT_KERNELS_VARIANT": self.variant.text,
-            "TDINT_KERNELS_TARGETS": ",".join(self.targets),
-            "NUMBA_CPU_NAME": cpu,
-            "NUMBA_CPU_FEATURES": features,
-            "TDINT_KERNELS_PLUGINS": json.dumps(self._plugins()),
-            "NUMBA_LOOP_VECTORIZE": str(int(self.kernel.vectorized)),
-            "OPENBLAS_NUM_THREADS": "1",
-        }
+    def compile(self, wanted: Compilation) -> list[bytes]:
+        """The packed object for each target.
+
+        Raises
+        ------
+        AnalysisError
+            It cannot be compiled; the process has ended.
+        """
+        try:
+            asked = self._pipe(self._process.stdin)
+            asked.write(json.dumps(wanted.request).encode() + b"\n")
+            asked.flush()
+        except OSError:  # it has ended, and says why
+            pass
+        packed = list(_packed(self._pipe(self._process.stdout), len(wanted.targets)))
+        if len(packed) == len(wanted.targets):
+            return packed
+        code = self._process.wait()
+        text = self._words.result().decode(errors="replace").strip().splitlines()
+        raise AnalysisError(f"{wanted.kernel.name} cannot be compiled: {wanted.reason(text) or f'exit code {code}'}")
+
+    def end(self) -> None:
+        """End it, whatever it does."""
+        self._process.kill()
+        self._beside.shutdown()
+        with suppress(OSError), self._process:  # what was asked of an ended one cannot be handed over
+            pass
+
+    @staticmethod
+    def _pipe(pipe: IO[bytes] | None) -> IO[bytes]:
+        assert pipe is not None
+        return pipe
 
 
-def compilations(
-    missing: Iterable[tuple[Compilable, Variant, str]],
-) -> list[Compilation]:
+def compilations(missing: Iterable[tuple[Compilable, Variant, str]]) -> list[Compilation]:
     """What is to be run for kernels and names of targets (`target.named`): those that are optimized alike together."""
     together: dict[Any, dict[str, Target]] = {}
     for kernel, variant, name in missing:
@@ -127,7 +153,7 @@ def compilations(
 
 
 def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, list[bytes]]]:
-    """Run as many processes side by side as there are processors, the longest first; each one's objects as it is done.
+    """Run as many processes side by side as there are processors; the objects of each kernel as it is done.
 
     Raises
     ------
@@ -137,19 +163,87 @@ def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, 
     if compilations and importlib.util.find_spec("numba") is None:
         names = ", ".join(dict.fromkeys(one.kernel.name for one in compilations))
         raise AnalysisError(f"{names}: not among the compiled loops that came with tdint; to compile, install numba")
-    longest_first = sorted(compilations, key=lambda one: size(one.kernel.name), reverse=True)
-    with ThreadPoolExecutor(processors()) as pool:
+    crew = _Crew(compilations)
+    count = min(processors(), len(compilations))
+    with ThreadPoolExecutor(max(count, 1)) as pool:
         try:
-            running = {pool.submit(one.run): one for one in longest_first}
-            for future in as_completed(running):
-                yield running[future], future.result()
-        except BaseException:
-            for one in compilations:
-                one.stop()
-            raise
+            for _ in range(count):
+                pool.submit(crew.work)
+            for _ in compilations:
+                one, packed = crew.done.get()
+                if isinstance(packed, BaseException):
+                    raise packed
+                yield one, packed
+        finally:
+            crew.stop()
 
 
-def _packed(stream: IO[bytes]) -> Iterator[bytes]:
-    """What `build` writes."""
-    while size := stream.readline():
+class _Crew:
+    """Processes that share what is to be compiled."""
+
+    def __init__(self, compilations: Sequence[Compilation]) -> None:
+        self.done: SimpleQueue[tuple[Compilation, list[bytes] | BaseException]] = SimpleQueue()
+        self._lock = Lock()
+        self._waiting = sorted(compilations, key=lambda one: size(one.kernel.name), reverse=True)
+        self._in_work: list[str] = []
+        self._processes: set[_Process] = set()
+
+    def work(self) -> None:
+        """Let one process after the other compile what waits, until nothing does."""
+        process, last = None, None
+        while last := self._next(last):
+            try:
+                if process is None or process.settings != last.settings:
+                    self._end(process)
+                    process = self._start(last)
+                self.done.put((last, process.compile(last)))
+            except BaseException as error:
+                self.done.put((last, error))
+                break
+        self._end(process)
+
+    def stop(self) -> None:
+        """Start nothing more, and end what runs."""
+        with self._lock:
+            self._waiting.clear()
+            running = set(self._processes)
+        for process in running:
+            self._end(process)
+
+    def _next(self, last: Compilation | None) -> Compilation | None:
+        """The longest one; rather one of the last one's module, or of its settings, and of no module in work."""
+        with self._lock:
+            if last:
+                self._in_work.remove(last.module)
+            alike = [one for one in self._waiting if last and one.settings == last.settings]
+            near = [one for one in alike if last and one.module == last.module]
+            others = [one for one in alike or self._waiting if one.module not in self._in_work]
+            found = next(iter(near or others or self._waiting), None)
+            if found:
+                self._waiting.remove(found)
+                self._in_work.append(found.module)
+            return found
+
+    def _start(self, wanted: Compilation) -> _Process:
+        with self._lock:
+            try:
+                process = _Process(wanted.settings)
+            except OSError as error:
+                name = wanted.kernel.name
+                raise AnalysisError(f"{name} cannot be compiled: no process can be started ({error})") from None
+            self._processes.add(process)
+            return process
+
+    def _end(self, process: _Process | None) -> None:
+        with self._lock:
+            known = process in self._processes
+            self._processes.discard(process)
+        if process and known:
+            process.end()
+
+
+def _packed(stream: IO[bytes], count: int) -> Iterator[bytes]:
+    """What `build` writes for so many targets, or as far as it comes."""
+    while count and (size := stream.readline()):
         yield stream.read(int(size))
+        count -= 1
