@@ -113,6 +113,14 @@ def test_a_shock_begins_with_a_step():
     assert len(found.shocks) == 2
 
 
+def test_the_whole_has_what_its_shocks_have_in_common():
+    one, other = replace(MAIN, units="g", id="A"), replace(AFTER, units="g", id="B", component="HNN")
+    whole = join([one.scaled(2.0), other.scaled(2.0)], [0, 900])
+    assert (whole.scale, whole.units, whole.id) == (2.0, "g", "")
+    assert (whole.component, whole.source) == ("HNE + HNN", "main + after")
+    assert join([one, other.scaled(2.0)], [0, 900]).scale == 1.0
+
+
 def test_a_building_that_never_rests_is_told():
     found = run_sequence(case(model=ten_bilinear(damping=None)), [MAIN.scaled(1e-3), AFTER])
     assert any("after shock 1 the building still moved" in note for note in found.notes)

@@ -17,6 +17,7 @@ from tdint import load_model, spectrum
 from tdint.campaign.engine.batch import Batch
 from tdint.campaign.engine.rows import RunRow, run_key
 from tdint.campaign.ida.curve import IdaCurve, fractiles
+from tdint.campaign.ida.damage import Mainshock
 from tdint.campaign.ida.levels import Levels, below_collapse
 from tdint.campaign.ida.runs import IdaRun
 from tdint.campaign.ida.study import STORE, IdaSettings, ida
@@ -364,3 +365,12 @@ def test_a_larger_collapse_drift_is_not_smaller_a_capacity(frame, study):
     assert wide.collapse.upper >= study.curves[0].collapse.lower
     (other,) = ida(frame, [motion(0)], sa(0.3)).curves
     assert [run.scale for run in other.runs] == pytest.approx([run.scale for run in study.curves[0].runs], rel=1e-9)
+
+
+def test_a_mainshock_has_the_component_of_the_record_or_one_for_all():
+    east, north = (replace(motion(9), component=name) for name in ("HNE", "HNN"))
+    record = replace(motion(0), component="HNN")
+    assert Mainshock((east, north), (0.01,)).before(record) is north
+    assert Mainshock((east,), (0.01,)).before(record) is east
+    with pytest.raises(UsageError, match=r"no component HNZ to go with 0\.m.*it has HNE, HNN: name one"):
+        Mainshock((east, north), (0.01,)).before(replace(record, component="HNZ"))

@@ -87,7 +87,8 @@ def test_inelastic_displacement():
     [
         ("pgx", "unknown intensity measure 'pgx'; did you mean 'pg"), ("pga:1", "unknown intensity measure"),
         ("sa:0", "must be a positive number"), ("sa:x", "write sa"), ("sdi", "write sdi"), ("sdi:1", "write sdi"),
-        ("sdi:1:-1", "must be positive"), ("sa-avg:1", "write sa-avg"), ("sa-avg:2:1", "write sa-avg"),
+        ("sdi:1:-1", "must be positive"), ("sdi:1:0", "must be positive"), ("sa-avg:1", "write sa-avg"),
+        ("sa-avg:2:1", "write sa-avg"),
     ],
 )  # fmt: skip
 def test_measures_that_there_are_not(text, words):

@@ -165,6 +165,8 @@ def test_a_campaign_file_with_a_sweep(tmp_path):
     faults = {
         "damping: [2%, 5%]": ("damping: [2%, 500%]", "vary.damping[2]: damping must be a ratio"),
         "low: 0.9": ("low: 1.9", "uniform: low must be less than high"),
+        "samples: 7": ("samples: 100001", "vary.samples: must be a whole number from 1 to 100000"),
+        "seed: 2": ("seed: 2147483648", "vary.seed: must be a whole number from 0 to 2147483647"),
         ", samples: 7": ("", "random parameters need `samples`"),
         "mass_factor": ("masses", "no parameter 'masses'"),
         "{uniform": ("{triangular", "triangular"),

@@ -118,6 +118,16 @@ class TestTwoColumns:
         rows = text([f"{t:.3f} {value:.3f}" for t, value in zip(times, motion(), strict=True)])
         refused(rows, "not at equal steps of 0.0[01].* s: they are 0.0.* s apart after 0.69 s")
 
+    @pytest.mark.parametrize(("slip", "told"), [(0.00015, False), (-0.00015, False), (0.0003, True)])
+    def test_a_time_may_slip_by_a_fiftieth_of_the_interval(self, slip, told):
+        times = np.arange(120) * 0.01
+        times[70] += slip
+        rows = text([f"{t:.5f} {value:.3f}" for t, value in zip(times, motion(), strict=True)])
+        if told:
+            refused(rows, "not at equal steps of 0.01 s")
+        else:
+            assert only(rows).stats.delta == 0.01
+
     def test_times_that_turn_back_or_are_too_coarse(self):
         lines = two_columns().splitlines(keepends=True)
         refused("".join([*lines[:50], *lines[40:]]), "times do not grow after sample 48")
