@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import Result
@@ -30,6 +32,7 @@ damage:
   dispersion: %g
   losses: {slight: 10%%, complete: 0.8, collapsed: 1}
 """
+LOSSES = "losses: {slight: 0.1, complete: 1}"
 CLASSES = """\
 class,sd_m,sa_g,slight_m,moderate_m,extensive_m,complete_m,beta
 A,0.004,0.15,0.003,0.01,0.03,0.06,0.4
@@ -377,3 +380,56 @@ def test_drift_ratios_need_heights(folder: Path, tdint: Run) -> None:
     assert (result.exit_code, result.stderr) == (
         3, "Error: shaken.yaml: damage by drift_ratio needs the heights of the stories\n",
     )  # fmt: skip
+
+
+@pytest.mark.parametrize("demand", ["drift_ratio", "acceleration", "spectral_displacement"])
+def test_a_single_run_tells_the_damage_of_its_model(folder: Path, tdint: Run, demand: str) -> None:
+    """In summary.json and in a line, with the numbers of a campaign of that run; nothing without damage states."""
+    unit, low, high = {"drift_ratio": ("", 2e-3, 0.05), "acceleration": ("_m_s2", 0.5, 9.0),
+                       "spectral_displacement": ("_m", 0.04, 0.2)}[demand]  # fmt: skip
+    assert "damage" not in summary_of(tdint, "plain")
+    text = {"": "%r", "_m": "%r m", "_m_s2": "%r m/s^2"}[unit]
+    thresholds = f"slight: {text % low}, complete: {text % high}"
+    with Path("shaken.yaml").open("a") as file:
+        file.write(f"damage: {{demand: {demand}, thresholds: {{{thresholds}}}, dispersion: 0.5, {LOSSES}}}\n")
+    told = summary_of(tdint, "out")["damage"]
+    campaign = STUDY.replace(", other.mseed", "").replace("[0.5, 1]", "[1]").replace("units", "component: HNN, units")
+    Path("study.yaml").write_text(campaign)
+    assert tdint("campaign", "study.yaml", "-o", "many").exit_code == 0
+    (row,) = rows("many/damage.csv")
+    assert f"{told[demand + unit]:.12g}" == row[demand + unit] and told["state"] == row["state"] == "slight"
+    for one in told["outcomes"]:
+        name = f"probability_{one['outcome'].replace('-', '_')}"
+        assert one["probability"] == pytest.approx(float(row[name]), rel=1e-11, abs=1e-300)
+    assert f"{told['loss_ratio']:.12g}" == row["loss_ratio"]
+
+
+def summary_of(tdint: Run, name: str) -> dict[str, Any]:
+    """summary.json of a run of shaken.yaml; what it says of damage is said in a line, too."""
+    call = ("run", "shaken.yaml", "motion.mseed", "--component", "HNN", "--units", "m/s^2", "-o", name)
+    result = tdint(*call)
+    assert result.exit_code == 0, result.output
+    found = json.loads(Path(name, "summary.json").read_text())
+    assert ("damage" in found) == ("Damage by " in result.stderr)
+    if "damage" in found:
+        assert f": {found['damage']['state']} (" in result.stderr
+    return dict(found)
+
+
+def test_damage_that_a_single_run_cannot_tell_is_refused_before(folder: Path, tdint: Run) -> None:
+    text = Path("shaken.yaml").read_text().replace("height: 3, ", "")
+    Path("shaken.yaml").write_text(text + DAMAGE % (0.01, 0.04, 0.4))
+    result = tdint("run", "shaken.yaml", "motion.mseed", "--units", "m/s^2", "-o", "out")
+    assert result.exit_code == 3 and "damage by drift_ratio needs the heights of the stories" in result.stderr
+    assert not Path("out").exists()
+
+
+def test_an_ida_asks_for_the_medians_of_the_damage_states(folder: Path, tdint: Run) -> None:
+    """Where no thresholds are asked for; of other demands than drift ratios it tells nothing."""
+    with Path("shaken.yaml").open("a") as file:
+        file.write(DAMAGE % (0.003, 0.012, 0.4))
+    call = ("ida", "shaken.yaml", "other.mseed", "--units", "m/s^2", "--im", "pga", "--precision", "50%")
+    told = csv.DictReader(io.StringIO(tdint(*call).stdout))
+    assert [row["threshold"] for row in told] == ["0.003", "0.012", "0.1"]
+    asked = csv.DictReader(io.StringIO(tdint(*call, "--threshold", "2%").stdout))
+    assert [row["threshold"] for row in asked] == ["0.02", "0.1"]

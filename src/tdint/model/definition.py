@@ -328,7 +328,7 @@ class Model:
     label : str
         What tells it from other variations of the building.
     damage : DamageStates or None
-        How campaigns tell its damage.
+        How its damage is told.
     """
 
     name: str

@@ -37,6 +37,9 @@ _STEPS_OF_A_PICTURE = 20_000
 _LEAST_BYTES = (6.0, 2.0)
 """Of a number in a history, and in a packed one; 18 and 8 as a rule."""
 
+_TOLD = 5e-4
+"""Probability below which what may become of a building is not said."""
+
 ALL_FILES = (STORIES, HISTORY, SPECTRA, SPECTRA_PICTURE, MOTIONS, PICTURE, SUMMARY)
 """The files of a run. The summary is written last: where it says `done`, all is there."""
 
@@ -259,6 +262,10 @@ def _run(request: Request) -> None:
     model = load_model(request.model) if request.sequence else with_motion(load_model(request.model), request)
     request = replace(request, output_units=request.output_units or model.output_units)
     request.of_floors.chosen_floors(len(model.stories))
+    if model.damage:
+        from tdint.campaign.fragility.type_states import own_type
+
+        own_type(model)  # refused now, not after the run
     shocks = _shocks(model, request)
     record = None if shocks else model_record(model)
     inputs = [model_input(model), *(one for read in shocks or filter(None, [record]) for one in read.inputs)]
@@ -526,6 +533,8 @@ def _paragraph(response: Response, units: OutputUnits) -> str:
         f"base shear {units.text(found.base_shear.value, 'N')}{viscous}.",
     ]
     lines += [_of_shock(number, shock, units) for number, shock in enumerate(response.shocks, start=1)]
+    if response.model.damage:
+        lines.append(_damage(response, units))
     if response.rest_time is not None:
         lines.append(f"The building is at rest at {response.rest_time:.6g} s.")
     if (check := response.check) and check.drift_error is not None:
@@ -540,6 +549,24 @@ def _paragraph(response: Response, units: OutputUnits) -> str:
         if check.corrected is not None:
             lines.append(_corrected(check.corrected, units))
     return "\n".join(lines)
+
+
+def _damage(response: Response, units: OutputUnits) -> str:
+    """The damage that the model's states tell."""
+    from tdint.campaign.fragility.run_damage import damage_of_run
+    from tdint.model.damage_states import DEMANDS
+
+    found = damage_of_run(response.model, response.stories, response.status)
+    assert found is not None
+    states, demand = found.states, DEMANDS[found.states.demand]
+    value = f"{found.demand[0]:.4g}" if demand.unit == "1" else units.text(float(found.demand[0]), demand.unit)
+    shares = (
+        f"{outcome} {100.0 * probability:.3g} %"
+        for outcome, probability in zip(states.outcomes, found.probability[0].tolist(), strict=True)
+        if probability >= _TOLD
+    )
+    loss = f"; mean loss ratio {found.loss[0]:.3g}" if states.losses else ""
+    return f"Damage by {states.demand.replace('_', ' ')} {value}: {found.state[0]} ({', '.join(shares)}){loss}."
 
 
 def _of_shock(number: int, shock: Shock, units: OutputUnits) -> str:

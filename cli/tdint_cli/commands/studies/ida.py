@@ -121,7 +121,10 @@ class IdaRequest(RecordsRequest):
     metavar="10%",
     help="Drift ratio over which the building has collapsed; by default the model's.",
 )
-@options.studies.threshold(help="Drift ratios whose capacities are told beside that of collapse; 1%,2%,4% by default.")
+@options.studies.threshold(
+    help="Drift ratios whose capacities are told beside that of collapse; by default the medians of the model's damage "
+    "states by drift_ratio, else 1%,2%,4%."
+)
 @options.option(
     "--after",
     needs="--damage",
@@ -196,7 +199,7 @@ def _ida(request: IdaRequest) -> None:
         duration=request.duration,
         until_rest=request.until_rest,
         check=request.check,
-        **({"thresholds": request.threshold} if request.threshold else {}),
+        thresholds=request.threshold or None,
     )
     suite, failures = read_suite(request.records, request.choice, request.pairs)
     with progress_bar(request.output is None) as tell:
@@ -324,6 +327,7 @@ def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: O
             "intensity_measure": asdict(study.measure),
             "pairs": study.pair,
             **asdict(settings),
+            "thresholds": list(study.thresholds[:-1]),
             **({"after": request.after, "damage": list(request.damage)} if request.damage else {}),
             "collapse_drift": study.model.collapse_drift,
         }

@@ -20,21 +20,27 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from tdint.analysis.run.outcome import StoryPeaks
+from tdint.campaign.engine.rows import RUN, demand_cells
+from tdint.campaign.fragility.type_states import own_type
 from tdint.campaign.profiles import RunKey, level_ranks, motion_numbers
 from tdint.campaign.store.store import Store
 from tdint.model.damage_states import FALLEN, DamageStates
+from tdint.model.definition import Model
 
 Array = NDArray[np.float64]
 
 _DONE = "done"
-_COLUMNS = {
+_MADE_OF = {
     "drift_ratio": "peak_drift_ratio",
-    "roof_drift_ratio": "peak_roof_displacement_m",
+    "roof_drift_ratio": "peak_roof_displacement",
     "residual_drift_ratio": "residual_drift_ratio",
-    "acceleration": "peak_absolute_acceleration_m_s2",
-    "spectral_displacement": "peak_roof_displacement_m",
+    "acceleration": "peak_acceleration",
+    "spectral_displacement": "peak_roof_displacement",
 }
-"""The column of the runs that each demand is made of."""
+"""The quantity of the runs that each demand is made of."""
+
+_COLUMNS = {one.name: one.column for one in RUN}
 
 
 def stored_states(store: Store) -> dict[str, DamageStates]:
@@ -131,12 +137,32 @@ def exceedance(states: DamageStates, demand: Array) -> Array:
         return np.asarray(ndtr(np.log(demand[:, np.newaxis] / medians) / states.dispersion))
 
 
+def damage_of_run(model: Model, stories: StoryPeaks, status: str) -> BuildingDamage | None:
+    """The damage of a building after a single run; None where its model says nothing of it.
+
+    Raises
+    ------
+    ModelError
+        The building has not what the demand is made of.
+    """
+    states, own = model.damage, own_type(model)
+    if states is None or own is None:
+        return None
+    (cells,) = demand_cells(stories)
+    demand, nothing = np.array([abs(cells[_MADE_OF[states.demand]])]) / own.divisor, np.array([math.nan])
+    probability = probabilities(states, demand, [status])
+    keys, rank = [RunKey(0, 1.0, 0)], np.array([0])
+    return BuildingDamage(
+        0, model.name, own.type, own.period, states, keys, rank, [status], demand, probability, nothing, nothing
+    )
+
+
 def building_damages(store: Store) -> Iterator[BuildingDamage]:
     """Of each building of a store, in their order; one building is held at a time."""
     types = stored_states(store)
     if not types:
         return
-    column = _COLUMNS[next(iter(types.values())).demand]
+    column = _COLUMNS[_MADE_OF[next(iter(types.values())).demand]]
     query = f"SELECT building, record, scale, sample, status, {column}, sa_t1_m_s2, pga_m_s2 FROM run_rows"
     rows = store.connection.execute(f"{query} ORDER BY 1, 2, 3, 4")
     for number, of_one in groupby(rows, key=itemgetter(0)):

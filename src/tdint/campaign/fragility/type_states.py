@@ -341,6 +341,17 @@ def _own(model: Model, models: Sequence[Model]) -> DamageStates:
     return model.damage
 
 
+def own_type(model: Model) -> BuildingType | None:
+    """What a building is for the damage states of its own model; None where that has none.
+
+    Raises
+    ------
+    ModelError
+        It has not what the demand is made of.
+    """
+    return BuildingType(model.name, *_of_model(model, model.damage.demand)) if model.damage else None
+
+
 def _of_row(source: RowBuilding, demand: str) -> tuple[float, float]:
     """Divisor and period of a building of an inventory; alike ones are made once."""
     rules, facts = source.rules, source.row.facts

@@ -47,7 +47,8 @@ from tdint.processors import on_threads
 from tdint.tabular import Tabular
 
 THRESHOLDS = (0.01, 0.02, 0.04)
-"""Drift ratios whose capacities are told beside that of collapse, where none are asked for."""
+"""Drift ratios whose capacities are told beside that of collapse, where neither the settings nor the model's damage
+states tell others."""
 
 PRECISION = 0.05
 
@@ -77,8 +78,9 @@ class IdaSettings:
         Bracket of the capacity: upper over lower level, less 1.
     collapse_drift : float or None
         Drift ratio over which the building has collapsed; by default the model's.
-    thresholds : tuple of float
-        Drift ratios whose capacities are told beside that of collapse.
+    thresholds : tuple of float or None
+        Drift ratios whose capacities are told beside that of collapse; by default the medians of the model's damage
+        states, where they are drift ratios, else `THRESHOLDS`.
     max_im : float
         The largest intensity, in the measure's unit: capacities above it are censored.
     dt, duration : float or None
@@ -91,7 +93,7 @@ class IdaSettings:
 
     precision: float = PRECISION
     collapse_drift: float | None = None
-    thresholds: tuple[float, ...] = THRESHOLDS
+    thresholds: tuple[float, ...] | None = None
     max_im: float = math.inf
     dt: float | None = None
     duration: float | None = None
@@ -238,7 +240,7 @@ def ida(
         IdaCurve(record, runs, collapse_drift, *((before.drift, before.left) if before else ()))
         for record, runs, before in zip(records * len(states), found, befores, strict=True)
     ]
-    thresholds = (*sorted(set(settings.thresholds) - {collapse_drift}), collapse_drift)
+    thresholds = (*sorted(set(settings.thresholds or ()) - {collapse_drift}), collapse_drift)
     return IdaStudy(
         subject.model,
         chosen,
@@ -304,7 +306,7 @@ class _Work:
         levels = Levels(
             start=intensity * elastic**measure.growth,
             precision=settings.precision,
-            lowest_drift=min((one for one in settings.thresholds if one > _ABOVE * left), default=math.inf),
+            lowest_drift=min((one for one in settings.thresholds or () if one > _ABOVE * left), default=math.inf),
             most=settings.max_im,
         )
         how = RunSettings(settings.dt, settings.duration, settings.until_rest, check=settings.check)
@@ -365,7 +367,10 @@ def _prepared(model: Model, settings: IdaSettings, method: str | None) -> tuple[
     collapse_drift = settings.collapse_drift or model.collapse_drift
     if not 0.0 < settings.precision <= 0.5:
         raise UsageError(f"the precision of a capacity must be above 0 and at most 50 %, got {settings.precision:g}")
-    for threshold in settings.thresholds:
+    states = model.damage if model.damage and model.damage.demand == "drift_ratio" else None
+    own = tuple(one for one in states.medians if one <= collapse_drift) if states else THRESHOLDS
+    thresholds = own if settings.thresholds is None else settings.thresholds
+    for threshold in thresholds:
         if not 0.0 < threshold <= collapse_drift:
             raise UsageError(
                 f"threshold {threshold:g}: a drift ratio above 0 and at most the collapse drift, {collapse_drift:g}"
@@ -380,7 +385,7 @@ def _prepared(model: Model, settings: IdaSettings, method: str | None) -> tuple[
             f"{model.source}: an incremental dynamic analysis needs drift ratios: give story {without[0]} a height"
         )
     subject = Subject(replace(model, collapse_drift=collapse_drift), method or model.analysis.method or DEFAULT_METHOD)
-    return subject, replace(settings, collapse_drift=collapse_drift)
+    return subject, replace(settings, collapse_drift=collapse_drift, thresholds=thresholds)
 
 
 def _states(
@@ -446,7 +451,7 @@ def _identity(
         "check": settings.check,
         "precision": settings.precision,
         "collapse drift": settings.collapse_drift,
-        "thresholds": sorted(settings.thresholds),
+        "thresholds": sorted(settings.thresholds or ()),
         "max im": settings.max_im,
         "pairs": paired,
     }

@@ -87,7 +87,7 @@ _MODEL = Keys(
         Key("initial", _INITIAL, "state at the start; at rest where it is left out"),
         Key("analysis", _ANALYSIS, "method, time step and duration; the command line comes before it"),
         Key("collapse_drift", POSITIVE_RATIO, "drift ratio beyond which a run counts as collapsed; 10% by default"),
-        Key("damage", DAMAGE, "damage states, for campaigns"),
+        Key("damage", DAMAGE, "damage states of the building"),
         Key("output_units", Either((Words(), EntriesOf(Words(), least=1))), "units of the output: kip, in, g"),
     ),
     one_of=(("stories", "building"),),

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 from tdint.analysis.run.demands import DEMANDS, only
 from tdint.analysis.run.outcome import ENERGY_TERMS
 from tdint.ground_motion.record import Input, Record
+from tdint.model.damage_states import DEMANDS as DEMANDS_OF_DAMAGE
 from tdint.model.definition import Damping, ModalDamping, Model, RayleighCoefficients
 from tdint.output.summaries.summary import inputs_summary, motion_summary, schema, versions
+from tdint.quantity import suffix
 
 if TYPE_CHECKING:
     from tdint.analysis.run.outcome import (
@@ -64,11 +66,14 @@ MEANINGS = {
     "samples": ("1", "samples of the record"),
     "pga_m_s2": ("m/s^2", "peak ground acceleration"),
     "scale": ("1", "factor on the record's acceleration"),
+    "probability": ("1", "probability of an outcome: none, a damage state, or an end by falling"),
+    "loss_ratio": ("1", "mean loss ratio"),
     "version": ("1", "version of this file's layout"),
 }
 MEANINGS |= {
     f"{name}_J": ("J", f"{meaning}, at the end or the last time reached") for name, meaning in ENERGY_TERMS.items()
 }
+MEANINGS |= {f"{name}{suffix(one.unit)}": (one.unit, one.meaning) for name, one in DEMANDS_OF_DAMAGE.items()}
 MEANINGS |= {one.column: (one.unit, one.meaning) for one in DEMANDS}
 MEANINGS |= {one.of_place: ("1", f"its {one.place}") for one in DEMANDS}
 MEANINGS |= {f"{one.column}_error": (one.unit, f"estimated absolute error of {one.column}") for one in DEMANDS}
@@ -119,6 +124,7 @@ def run_summary(
         "at_end": _at_end(response),
         "collapse_drift": response.model.collapse_drift,
         "collapse": _collapse(response.collapse),
+        **_damage(response),
     }
     return _ended(content, response.record, settings, (*response.warnings, *response.notes), inputs)
 
@@ -267,6 +273,32 @@ def _check(check: ErrorEstimate | None, stories: StoryPeaks) -> dict[str, Any] |
         "errors": peak_errors(stories, check.errors),
         "corrected_peaks": peaks(check.corrected) if check.corrected else None,
     }
+
+
+def _damage(response: Response) -> dict[str, Any]:
+    """The damage that the model's states tell; nothing without any."""
+    if response.model.damage is None:
+        return {}
+    from tdint.campaign.fragility.run_damage import damage_of_run
+
+    found = damage_of_run(response.model, response.stories, response.status)
+    assert found is not None
+    states = found.states
+    told = {
+        demand_key(states.demand): float(found.demand[0]),
+        "state": found.state[0],
+        "outcomes": [
+            {"outcome": outcome, "probability": probability}
+            for outcome, probability in zip(states.outcomes, found.probability[0].tolist(), strict=True)
+        ],
+        **({"loss_ratio": float(found.loss[0])} if states.losses else {}),
+    }
+    return {"damage": told}
+
+
+def demand_key(demand: str) -> str:
+    """The key of what damage states are told by."""
+    return f"{demand}{suffix(DEMANDS_OF_DAMAGE[demand].unit)}"
 
 
 def _collapse(collapse: Collapse | None) -> dict[str, Any] | None:
