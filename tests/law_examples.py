@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from tdint.model.definition import LAWS, Law
+from tdint.model.laws import LAWS, Law
 
 
 def example(name, stiffness, strength):

@@ -8,7 +8,7 @@ from tdint.kernels import layout
 from tdint.kernels import layout as at
 from tdint.kernels.laws.compiled_separately import spring_table
 from tdint.kernels.stories.law_state import commit, dissipated, recoverable, restoring, start
-from tdint.model.definition import CODES
+from tdint.model.laws import CODES
 
 K, FY, HARDENING = 1000.0, 20.0, 0.05
 CYCLE = np.concatenate([np.linspace(a, b, 40)[1:] for a, b in ((0, 0.06), (0.06, -0.09), (-0.09, 0.05), (0.05, 0.1))])

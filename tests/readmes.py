@@ -26,7 +26,7 @@ from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
 from tdint.model.damage_states import STATES, DamageStates
-from tdint.model.definition import LAWS
+from tdint.model.laws import LAWS
 from tdint.output.tables import buildings, campaign, damage_states, methods, responses, spectra, studies
 from tdint.output.tables import table as shared
 from tdint_cli.main import COMMANDS, GROUPS, cli

@@ -84,9 +84,9 @@ if TYPE_CHECKING:
     from tdint.methods.catalogue import register_method as register_method
     from tdint.model.building import modes as modes
     from tdint.model.config.model_file import load_model as load_model
-    from tdint.model.definition import register_law as register_law
     from tdint.model.first_model import first_model as init
     from tdint.model.inventory.derive import inventory as inventory
+    from tdint.model.laws import register_law as register_law
     from tdint.output.plotting import plot as plot
     from tdint.output.tables.spectra import record_info as info
     from tdint.output.tables.to_dict import to_dict as to_dict
@@ -128,7 +128,7 @@ _HOMES = {
     "pushover": "tdint.analysis.static.pushover",
     "read_horizontals": "tdint.ground_motion.reading.read",
     "read_record": "tdint.ground_motion.reading.read",
-    "register_law": "tdint.model.definition",
+    "register_law": "tdint.model.laws",
     "register_method": "tdint.methods.catalogue",
     "rotated_spectrum": "tdint.analysis.spectra.rotated",
     "run": "tdint.analysis.run.run",

@@ -1,5 +1,5 @@
-"""What operating systems do in different ways: each name that only some of them have stands here, with what is done
-without it."""
+"""The machine: what operating systems do in different ways, each name that only some of them have, with what is done
+without it; and work on its processors, in threads, for compiled loops let Python go on meanwhile."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import signal
 import stat
 import sys
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TypeVar
 
 _SIGNAL_AT_PARENTS_DEATH = 1
 """PR_SET_PDEATHSIG of Linux's prctl."""
@@ -246,3 +246,38 @@ def locked(file: Path | None, waiting: Callable[[], object]) -> Iterator[None]:
                 told = True
             time.sleep(0.05)
         yield
+
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+_AHEAD = 2
+"""Items that each thread has, the one that it is at among them: none waits for who writes the results."""
+
+
+def on_threads(work: Callable[[Item], Result], items: Iterable[Item], jobs: int) -> Iterator[Result]:
+    """What `work` makes of each item, in the order in which they are done; what it raises is raised here.
+
+    No more than a few items are under way or waiting to be taken.
+    """
+    from concurrent.futures import (  # not for who asks for their number
+        FIRST_COMPLETED,
+        Future,
+        ThreadPoolExecutor,
+        wait,
+    )
+
+    waiting = iter(items)
+    running: set[Future[Result]] = set()
+    pool = ThreadPoolExecutor(jobs)
+    try:
+        while True:
+            while len(running) < _AHEAD * jobs and (item := next(waiting, None)) is not None:
+                running.add(pool.submit(work, item))
+            if not running:
+                return
+            finished, running = wait(running, return_when=FIRST_COMPLETED)
+            for one in finished:
+                yield one.result()
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)

@@ -14,7 +14,7 @@ from tdint.analysis.sequence import run_sequence, sequence_of
 from tdint.errors import UsageError
 from tdint.ground_motion.joining import join
 from tdint.ground_motion.record import Record
-from tdint.model.definition import Law
+from tdint.model.laws import Law
 
 NAMES = [field.name for field in fields(StoryPeaks) if field.name not in ("height", "residual_drift")]
 

@@ -21,7 +21,7 @@ import numpy as np
 
 import tdint
 from tdint.analysis.run.case import Case
-from tdint.campaign.buildings import GivenBuildings
+from tdint.campaign.buildings import given_buildings
 from tdint.campaign.carry_out import carry_out, compile_for, threads
 from tdint.campaign.draws import EveryMotion, suite_motions
 from tdint.campaign.engine.task import RunSettings, Subject
@@ -51,7 +51,7 @@ def versions() -> list[Record]:
 def study(method: str) -> None:
     subject = Subject(tdint.load_model("configs/ten-story-bilinear.yaml"), method)
     records = versions()
-    plan = Plan("study", GivenBuildings.of([subject]), suite_motions(records), EveryMotion(len(records)),
+    plan = Plan("study", given_buildings([subject]), suite_motions(records), EveryMotion(len(records)),
                 Scales(SCALES), RunSettings(dt=0.01))  # fmt: skip
     compile_for(plan)
     cases = [

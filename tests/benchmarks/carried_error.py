@@ -22,7 +22,8 @@ from matplotlib.figure import Figure
 
 from tdint import load_model
 from tdint.analysis.run.error_estimate import TOLD, checked
-from tdint.analysis.run.run import FailedRun, prepare
+from tdint.analysis.run.outcome import FailedRun
+from tdint.analysis.run.run import prepare
 from tdint.errors import TdintError
 from tdint.ground_motion.reading.read import read_records
 from tdint.output.figures.style import COLORS, MARKERS, add_legend, picture

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from tdint import run
-from tdint.analysis.run.run import FailedRun, StoryErrors
+from tdint.analysis.run.outcome import FailedRun, StoryErrors
 
 sys.path.append(str(Path(__file__).parents[1]))
 from random_buildings import checked_building

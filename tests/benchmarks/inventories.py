@@ -23,7 +23,7 @@ from tdint.campaign.engine.chunk import spectral_accelerations
 from tdint.campaign.engine.task import Motions, Run, RunSettings, Subject
 from tdint.model.definition import Model
 from tdint.model.inventory.derive import derive_row, model_text
-from tdint.model.inventory.facts import BuildingFacts
+from tdint.model.inventory.mdof_lu import BuildingFacts
 from tdint.model.inventory.table import InventoryRow
 
 BUILDINGS = 40

@@ -17,7 +17,7 @@ import numba
 import numpy as np
 
 from tdint import load_model, run
-from tdint.analysis.chart.sizes import stretched
+from tdint.analysis.chart.problem import stretched
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import model_record
 from tdint.analysis.run.steps import choose_steps
@@ -25,7 +25,7 @@ from tdint.errors import TdintError
 from tdint.kernels import layout as at
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model.building import Building, assemble
-from tdint.model.definition import LAWS
+from tdint.model.laws import LAWS
 
 sys.path.append(str(Path(__file__).parents[1]))
 from law_examples import example

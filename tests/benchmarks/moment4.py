@@ -16,11 +16,12 @@ import numpy as np
 
 from tdint import load_model, run
 from tdint.analysis.assessment.hard_problems import problems
+from tdint.analysis.run.outcome import FailedRun
 from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.run.run import FailedRun, model_record
+from tdint.analysis.run.run import model_record
 from tdint.analysis.run.steps import choose_steps
 from tdint.methods.catalogue import parse
-from tdint.model.definition import LAWS
+from tdint.model.laws import LAWS
 
 sys.path.append(str(Path(__file__).parents[1]))
 from building_cases import story

@@ -19,7 +19,8 @@ from pathlib import Path
 import numpy as np
 
 from tdint import load_model, run
-from tdint.analysis.run.run import FailedRun, model_record
+from tdint.analysis.run.outcome import FailedRun
+from tdint.analysis.run.run import model_record
 from tdint.errors import AnalysisError
 from tdint.methods.catalogue import catalogue, parse
 

@@ -10,8 +10,7 @@ import pytest
 import tdint
 from tdint.analysis.run.demands import DEMANDS, demands
 from tdint.analysis.run.error_estimate import TOLD
-from tdint.analysis.run.outcome import STORY
-from tdint.analysis.run.run import FailedRun
+from tdint.analysis.run.outcome import STORY, FailedRun
 from tdint.analysis.sequence import run_sequence
 from tdint.campaign.engine.batch import Batch
 from tdint.campaign.engine.rows import RunRow, demand_errors
@@ -32,7 +31,7 @@ def batch(model: str, method: str, **settings: bool | float) -> Batch:
     return Batch(0, subject, Motions.of(RECORDS), dict.fromkeys(RECORDS), RunSettings(**settings))
 
 
-def single(of: Batch, run: Run, **wishes: float) -> tdint.analysis.run.run.Response:
+def single(of: Batch, run: Run, **wishes: float) -> tdint.analysis.run.outcome.Response:
     case = tdint.prepare(of.subject.model, RECORDS[run.motion].scaled(run.scale), method=of.subject.method)
     return tdint.run_case(case, **wishes)
 

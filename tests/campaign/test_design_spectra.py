@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tdint.campaign.suites.design_spectra import EXAMPLES
-from tdint.campaign.suites.target import read_target
+from tdint.campaign.suites.target import EXAMPLES, read_target
 from tdint.errors import ModelError, UsageError
 from tdint.units import STANDARD_GRAVITY
 

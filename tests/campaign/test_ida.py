@@ -21,7 +21,7 @@ from tdint.campaign.ida.damage import Mainshock
 from tdint.campaign.ida.levels import Levels, below_collapse
 from tdint.campaign.ida.runs import IdaRun
 from tdint.campaign.ida.study import STORE, IdaSettings, ida
-from tdint.campaign.store.place import locked
+from tdint.campaign.store.connection import locked
 from tdint.campaign.suites.intensity import pga, sa
 from tdint.errors import ModelError, OutputError, UsageError
 from tdint.ground_motion.horizontals import Horizontals

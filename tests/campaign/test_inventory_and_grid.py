@@ -71,7 +71,7 @@ def test_buildings_are_those_of_their_model_files(study: Path) -> None:
     for number, one in enumerate(derive_all(rows, "mdof-lu")):
         (study / "model.yaml").write_text(model_text(one.row.id, one.building, "mdof-lu"))
         model = tdint.load_model(study / "model.yaml")
-        assert whole.buildings.source(number).subject().model.collapse_drift == model.collapse_drift
+        assert whole.buildings[number].subject().model.collapse_drift == model.collapse_drift
         row = max((row for row in done if row.building == number), key=lambda row: row.scale)
         motion = whole.motions[row.motion]
         samples = json.loads((study / f"{motion.name}.json").read_text())[f"data_{motion.component}"]
@@ -232,9 +232,9 @@ def test_a_sweep_varies_what_the_rules_make(study: Path) -> None:
     (study / "campaign.yaml").write_text(STUDY + "vary: {stiffness_factor: [0.8, 1.3], mass_factor: [1.2]}\n")
     whole = plan(study)
     assert whole.runs == 2 * plain.runs
-    names = [whole.buildings.name(number) for number in range(6)]
+    names = [whole.buildings[number].name for number in range(6)]
     assert names[:2] == ["a: stiffness_factor=0.8, mass_factor=1.2", "a: stiffness_factor=1.3, mass_factor=1.2"]
-    assert len({whole.buildings.digest(number) for number in range(6)}) == 6
+    assert len({whole.buildings[number].digest for number in range(6)}) == 6
     done = [row for number in range(whole.chunks) for row in do(whole.chunk(number)).rows.runs]
     rows, _ = read_inventory(str(study / "buildings.csv"), 0.3048)
     for number, one in enumerate(derive_all(rows, "mdof-lu")):
@@ -243,7 +243,7 @@ def test_a_sweep_varies_what_the_rules_make(study: Path) -> None:
         for place, factor in enumerate((0.8, 1.3)):
             building = 2 * number + place
             assert whole.assignment.draws(building) == plain.assignment.draws(number)
-            assert whole.buildings.varied(building) == {"stiffness_factor": factor, "mass_factor": 1.2}
+            assert whole.buildings[building].varied == {"stiffness_factor": factor, "mass_factor": 1.2}
             row = max((row for row in done if row.building == building), key=lambda row: row.scale)
             motion = whole.motions[row.motion]
             samples = json.loads((study / f"{motion.name}.json").read_text())[f"data_{motion.component}"]

@@ -11,8 +11,7 @@ import pytest
 
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.analysis.spectra.inelastic import constant_strength
-from tdint.campaign.fragility.measure_comparison import compare_measures, line
-from tdint.campaign.fragility.run_measures import run_measure
+from tdint.campaign.fragility.run_measures import compare_measures, line, run_measure
 from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.ground_motion.measures import cumulative_absolute_velocity_above, measure
 from tdint.ground_motion.record import Record

@@ -12,15 +12,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tdint import spectrum, system
-from tdint.campaign.buildings import GivenBuildings
+from tdint.campaign.buildings import given_buildings
 from tdint.campaign.carry_out import Advance
 from tdint.campaign.draws import EveryMotion, suite_motions
 from tdint.campaign.engine.chunk import do, spectral_accelerations
 from tdint.campaign.engine.task import RunSettings, Subject
 from tdint.campaign.levels import GivenFactors
 from tdint.campaign.plan import Plan
+from tdint.campaign.store.connection import refuse_network
 from tdint.campaign.store.merge import merge
-from tdint.campaign.store.place import refuse_network
 from tdint.campaign.store.store import open_store
 from tdint.errors import OutputError, UsageError
 from tdint.ground_motion.record import Record
@@ -58,7 +58,7 @@ def test_chunks_hold_every_run_once_in_order(sizes: list[int], factors: list[int
     motions = suite_motions([Record(np.ones(size), 0.01, "", "", f"c{i}", "r") for i, size in enumerate(sizes)])
     levels = GivenFactors({i: tuple(float(f + 1) for f in range(factors[i])) for i in range(len(sizes))})
     subjects = [Subject(model, "newmark-average")] * buildings
-    plan = Plan("", GivenBuildings.of(subjects), motions, EveryMotion(len(motions)), levels, RunSettings())
+    plan = Plan("", given_buildings(subjects), motions, EveryMotion(len(motions)), levels, RunSettings())
     found = [
         (one.number, run) for number in range(plan.chunks) for one in plan.chunk(number).buildings for run in one.runs
     ]
@@ -75,7 +75,7 @@ def test_chunks_of_equal_runs_are_of_equal_length() -> None:
     motions = suite_motions([Record(np.ones(1000), 0.01, "", "", "c", "r")])
     levels = GivenFactors({0: tuple(float(f + 1) for f in range(40))})
     subjects = [Subject(model, "newmark-average")] * 25
-    plan = Plan("", GivenBuildings.of(subjects), motions, EveryMotion(1), levels, RunSettings())
+    plan = Plan("", given_buildings(subjects), motions, EveryMotion(1), levels, RunSettings())
     assert plan.chunks == 64
     assert {plan.size(number) for number in range(64)} == {15, 16}
 
@@ -118,7 +118,7 @@ def small_plan(names: tuple[str, ...] = ("a", "b"), peak: float = 1.0, duration:
     motions = suite_motions([Record(np.full(30, peaks[name]), 0.01, "", "", name, "r") for name in names])
     levels = GivenFactors(dict.fromkeys(range(2), (1.0, 2.0)))
     settings = RunSettings(duration=duration)
-    return Plan("", GivenBuildings.of([Subject(model, "newmark-average")]), motions, EveryMotion(2), levels, settings)
+    return Plan("", given_buildings([Subject(model, "newmark-average")]), motions, EveryMotion(2), levels, settings)
 
 
 def test_the_time_of_a_chunk_is_a_part_of_the_time_around_it() -> None:

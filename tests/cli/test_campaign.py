@@ -17,8 +17,8 @@ from click.testing import Result
 
 from tdint import ida, load_model, read_record, run_many
 from tdint.campaign.ida.study import IdaSettings
-from tdint.campaign.store.checksums import seal_of
-from tdint.campaign.store.place import locked
+from tdint.campaign.store.connection import locked
+from tdint.campaign.store.schema import seal_of
 from tdint.campaign.store.store import FILE
 from tdint.campaign.suites.intensity import pga
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from click.testing import Result
 
-from tdint.campaign.store.place import LOCK
+from tdint.campaign.store.connection import LOCK
 from tdint.campaign.store.store import FILE
 
 Run = Callable[..., Result]

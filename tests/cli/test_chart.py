@@ -168,7 +168,7 @@ def test_over_the_number_of_stories(folder, tdint):
 
 
 def test_peers_in_the_chart(folder, tdint, monkeypatch):
-    from tdint.analysis.chart import solve_ivp as scipy_peer
+    from tdint.analysis.chart import peers as scipy_peer
 
     monkeypatch.setattr(scipy_peer, "TOLERANCES", (1e-3,))
     result = tdint("chart", "shaken.yaml", *QUICK, "--peers", "--plot", "x.svg", "--duration", "1")  # of 2.99 s

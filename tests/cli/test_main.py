@@ -43,7 +43,7 @@ def test_the_group_does_not_import_the_commands():
 ROOT = Path(__file__).parents[2]
 ALWAYS_SPARED = {
     "scipy", "numba", "matplotlib", "numpy.ma", "numpy.random", "argparse", "difflib", "gzip", "secrets",
-    "tdint.campaign", "tdint.analysis.sequence", "tdint.analysis.spectra.floors", "tdint.analysis.run.rest",
+    "tdint.campaign", "tdint.analysis.sequence", "tdint.analysis.spectra.floors",
     "tdint.analysis.run.step_choice", "tdint.ground_motion.horizontals", "tdint.ground_motion.reading.instrument",
 }  # fmt: skip
 WITHOUT_RECORDS = {"obspy", "importlib.metadata", "tdint.ground_motion.reading.read", "tdint.analysis.run.outcome"}

@@ -14,7 +14,7 @@ import pytest
 
 from tdint.campaign.engine.batch import Batch
 from tdint.campaign.ida.study import STORE
-from tdint.campaign.store.place import LOCK
+from tdint.campaign.store.connection import LOCK
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 FRAME = CONFIGS / "collapse-prone-frame.yaml"

@@ -17,7 +17,8 @@ from fuzz.mutators import mutated
 from fuzz.oracle import LARGEST_MESSAGE, Failure
 from fuzz.sandbox import MODELS, run
 from tdint.errors import ModelError
-from tdint.model.config.model_file import Model, load_model
+from tdint.model.config.model_file import load_model
+from tdint.model.definition import Model
 
 REFUSED, SAME, FAILS = "refused", "unchanged", "changed, does not run"
 RUNS = "changed, runs"

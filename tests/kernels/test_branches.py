@@ -13,7 +13,7 @@ from tdint.kernels.laws.compiled_separately import spring_table
 from tdint.kernels.laws.walking import walker
 from tdint.kernels.stories.branches import NONE, _crossing, turning
 from tdint.kernels.stories.law_state import restoring, start
-from tdint.model.definition import LAWS
+from tdint.model.laws import LAWS
 
 IMK_SIDE = (FY, 0.035, 0.1, 1.1, 0.2, 0.5, 1.0)
 MULTILINEAR_SIDE = (FY / K, FY, 0.05, 1.4 * FY, 0.1, 1.1 * FY, 0.3, 0.5 * FY)

@@ -12,7 +12,8 @@ import pytest
 
 from tdint.analysis.static.cyclic import follow_path
 from tdint.model.building import assemble
-from tdint.model.definition import LAWS, Law, simple_model, simple_story
+from tdint.model.definition import simple_model, simple_story
+from tdint.model.laws import LAWS, Law
 
 LOOPS = Path(__file__).parent / "pinching4_loops.csv"
 """Turn points and points between them of loops that OpenSeesPy 3.7.1 made with Pinching4 (1000 steps from row to row;

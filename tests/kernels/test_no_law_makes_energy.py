@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from tdint.analysis.static.cyclic import follow_path
 from tdint.model.building import assemble
-from tdint.model.definition import Law, simple_model, simple_story
+from tdint.model.definition import simple_model, simple_story
+from tdint.model.laws import Law
 
 pytestmark = pytest.mark.long
 

@@ -13,7 +13,8 @@ import pytest
 
 from tdint.analysis.static.cyclic import follow_path
 from tdint.model.building import assemble
-from tdint.model.definition import Law, simple_model, simple_story
+from tdint.model.definition import simple_model, simple_story
+from tdint.model.laws import Law
 
 LOOPS = os.environ.get("TDINT_LAW_LOOPS")
 """A folder with law_loops.csv: loops of other programs, in units of yield drift and force."""

@@ -16,7 +16,7 @@ from tdint.kernels.building import compilable
 from tdint.kernels.building.variant import EVERYTHING
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
-from tdint.model.definition import LAWS, Law
+from tdint.model.laws import LAWS, Law
 
 CONFIG = Path(__file__).parents[2] / "configs" / "ten-story-bilinear.yaml"
 METHODS = ("newmark-average", "impulse4", "moment4")

@@ -19,7 +19,8 @@ from step_checks import (
     period_error_and_damping,
 )
 from tdint.analysis.run.amplification import amplification, spectral_radius
-from tdint.analysis.run.run import FailedRun, run
+from tdint.analysis.run.outcome import FailedRun
+from tdint.analysis.run.run import run
 from tdint.methods.catalogue import parse
 
 KR = ("kr-alpha:rho_inf=1", "kr-alpha", "kr-alpha:rho_inf=0.5", "kr-alpha:rho_inf=0")

@@ -12,20 +12,20 @@ import pytest
 import tdint
 from tdint.errors import ModelError
 from tdint.ground_motion.processing import Processing
-from tdint.model.config.model_file import (
+from tdint.model.config.model_file import load_model
+from tdint.model.definition import (
     Analysis,
     Excitation,
     Force,
     Initial,
-    Law,
     ModalDamping,
+    PowerDashpot,
     RayleighCoefficients,
     RayleighRatio,
     RecordSource,
     Story,
-    load_model,
 )
-from tdint.model.definition import PowerDashpot
+from tdint.model.laws import Law
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 G = 9.80665

@@ -6,7 +6,7 @@ import pytest
 
 from tdint.errors import ModelError
 from tdint.model.config.model_file import load_model
-from tdint.model.definition import LAWS
+from tdint.model.laws import LAWS
 
 STORY_KEYS = "mass, weight, height, stiffness, law, dashpot, isolator, repeat"
 THREE = "stories: [{repeat: 3, mass: 1, stiffness: 1}]\n"

@@ -9,7 +9,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from tdint.errors import ModelError
-from tdint.model.config.model_file import Model, load_model
+from tdint.model.config.model_file import load_model
+from tdint.model.definition import Model
 
 NUMBERS = [
     ("2e8", 2e8),

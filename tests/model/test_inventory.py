@@ -13,9 +13,16 @@ from tdint.errors import ModelError, UsageError
 from tdint.model.building import assemble
 from tdint.model.definition import RayleighCoefficients, RayleighRatio
 from tdint.model.inventory.derive import derive_all, model_text
-from tdint.model.inventory.facts import BuildingFacts
-from tdint.model.inventory.hazus import LEVELS, hazus_types
-from tdint.model.inventory.mdof_lu import STRUCTURES, ZONES, derive, design_level, hazus_type
+from tdint.model.inventory.mdof_lu import (
+    LEVELS,
+    STRUCTURES,
+    ZONES,
+    BuildingFacts,
+    derive,
+    design_level,
+    hazus_type,
+    hazus_types,
+)
 from tdint.model.inventory.table import read_inventory
 from tdint.units import LENGTH
 

@@ -11,8 +11,8 @@ import pytest
 
 from building_cases import ModalDamping, RayleighCoefficients, RayleighRatio, model, noise, ten_bilinear, ten_linear
 from tdint import prepare, run_case, spectrum
-from tdint.analysis.run.run import FailedRun, StoryErrors, StoryPeaks
-from tdint.analysis.spectra.first_mode import first_mode
+from tdint.analysis.run.outcome import FailedRun, StoryErrors, StoryPeaks
+from tdint.analysis.spectra.elastic import first_mode
 from tdint.model.building import assemble
 from tdint.output.summaries.of_run import MEANINGS, failure_summary, peak_errors, peaks, run_summary
 from tdint.output.summaries.summary import json_bytes

@@ -15,8 +15,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tdint.analysis.run.outcome import ENERGY_TERMS
-from tdint.analysis.run.run import EnergyHistory, History, StoryPeaks
+from tdint.analysis.run.outcome import ENERGY_TERMS, EnergyHistory, History, StoryPeaks
 from tdint.analysis.spectra.elastic import Spectrum
 from tdint.ground_motion.record import Record, component_names
 from tdint.methods.catalogue import catalogue, parse

@@ -7,7 +7,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from tdint.errors import OutputError, UsageError
+from tdint.errors import UsageError
 from tdint.output_units import SI, OutputUnits
 from tdint_cli.batch.profiles import PICTURE, PROFILES, RATIOS, Profiles, SuiteRequest
 from tdint_cli.errors import Failures
@@ -59,10 +59,9 @@ def carry_out(
     Failures
         Records that could not be read, when all else is done.
     """
-    from tdint.campaign.store.place import locked, refuse_network
+    from tdint.campaign.store.connection import locked, refuse_network
     from tdint.output.tables.campaign import runs_table
 
-    make_folder(folder)
     refuse_network(folder)
     with locked(folder):
         refuse_foreign(folder, plan.settings.stories, plan.settings.profiles, overwrite=overwrite)
@@ -83,20 +82,6 @@ def carry_out(
             unmet = profiles.tell() if is_complete(store) else []
     if plan.failures or unmet:
         raise Failures([*plan.failures, *unmet])
-
-
-def make_folder(folder: Path) -> None:
-    """Make a folder and those above it.
-
-    Raises
-    ------
-    OutputError
-        It cannot be made.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be made: {error.strerror or error}") from None
 
 
 def _opened(folder: Path, plan: Plan, overwrite: bool) -> tuple[Store, list[str]]:

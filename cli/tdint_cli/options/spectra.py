@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from tdint.analysis.run.run import Response
+    from tdint.analysis.run.outcome import Response
     from tdint.campaign.plan import Plan
     from tdint.campaign.store.store import Store
     from tdint.files import Writer

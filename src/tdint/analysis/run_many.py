@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property, partial
 from itertools import groupby, product
 from typing import Any, NamedTuple
 
@@ -14,11 +14,21 @@ from numpy.typing import NDArray
 
 from tdint.analysis.given import number_of, numbers_of, record_of
 from tdint.analysis.run import run_totals
-from tdint.analysis.run.case import RUNAWAY, Case, doubtful
+from tdint.analysis.run.case import Case, doubtful
 from tdint.analysis.run.error_estimate import checked_run
-from tdint.analysis.run.outcome import STORY, FailedRun, History, Response, StoryErrors, StoryPeaks, StoryValues
+from tdint.analysis.run.outcome import (
+    STORY,
+    Collapse,
+    FailedRun,
+    History,
+    Response,
+    StoryErrors,
+    StoryPeaks,
+    StoryValues,
+)
 from tdint.analysis.run.prepared import Lane, MarchedRuns, PreparedBuilding
 from tdint.analysis.run.steps import Steps
+from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError, did_you_mean
 from tdint.ground_motion.joining import JoinedRecord
 from tdint.ground_motion.record import Record
@@ -27,12 +37,9 @@ from tdint.methods.catalogue import DEFAULT_METHOD, parse
 from tdint.methods.method import Integrator
 from tdint.model.config.model_file import model_of
 from tdint.model.definition import Model
-from tdint.processors import on_threads
 from tdint.quantity import quantities
-from tdint.system import available_memory, processors
+from tdint.system import available_memory, on_threads, processors
 from tdint.tabular import Tabular
-
-Array = NDArray[np.float64]
 
 KEPT = {one.called or one.name: one.name for one in quantities(History) if one.name in run_totals.HISTORIES}
 """What may be kept of a history: its fields by the names of their columns, without the unit."""
@@ -179,11 +186,11 @@ def run_many(
     threads = processors() if jobs is None else jobs
     if threads < 1:
         raise UsageError(f"the number of jobs must be at least 1, got {jobs}")
-    table = _Table.of(work, plan, every, _room(work, plan, kept, every, out))
+    found = _unfilled(work, plan, every, _room(work, plan, kept, every, out))
     parts = [plan[first : first + _AT_ONCE] for first in range(0, len(plan), _AT_ONCE)]
-    for _ in on_threads(lambda part: _march(work, table, part), parts, threads):
+    for _ in on_threads(lambda part: _march(work, found, part), parts, threads):
         pass
-    return table.runs(work, plan)
+    return replace(found, failures=dict(sorted(found.failures.items())))
 
 
 class _Run(NamedTuple):
@@ -308,119 +315,89 @@ def _room(
     return given
 
 
-@dataclass(frozen=True)
-class _Table:
-    """The numbers of all runs, each written by the thread that has the run."""
-
-    peaks: dict[str, Array]
-    height: Array
-    energy_error: Array
-    steps: NDArray[np.int64]
-    status: NDArray[np.str_]
-    history: dict[str, NDArray[np.floating[Any]]]
-    every: int
-    failures: dict[int, str]
-    errors: dict[str, Array]
-    corrected: dict[str, Array]
-
-    @classmethod
-    def of(
-        cls, work: _Wanted, plan: Sequence[_Run], every: int, history: dict[str, NDArray[np.floating[Any]]]
-    ) -> _Table:
-        count = len(plan)
-        shape = (count, work.stories)
-        peaks, errors, corrected = (
-            {one.name: np.full(shape, math.nan) for one in STORY if wanted} for wanted in (True, work.check, work.check)
-        )
-        return cls(
-            peaks,
-            np.full(shape, math.nan),
-            np.full(count, math.nan),
-            np.zeros(count, np.int64),
-            np.full(count, "done", "<U24"),
-            history,
-            every,
-            {},
-            errors,
-            corrected,
-        )
-
-    def take(self, runs: Sequence[_Run], prepared: PreparedBuilding, marched: MarchedRuns) -> None:
-        """What was marched, but for the histories."""
-        places = [run.number for run in runs]
-        peaks = run_totals.peaks_of(prepared.building, marched.peaks, marched.drifts)
-        self.height[places, : len(peaks.height)] = peaks.height
-        _put(self.peaks, places, peaks)
-        self.energy_error[places] = run_totals.energy_errors(marched.totals)
-        self.steps[places] = marched.ends[:, lanes.STEPS_TAKEN]
-
-    def take_response(self, run: _Run, response: Response) -> None:
-        """What came of a run by itself."""
-        stories, check = response.stories, response.check
-        self.height[run.number, : len(stories.height)] = stories.height
-        _put(self.peaks, run.number, stories)
-        if check:
-            _put(self.errors, run.number, check.errors)
-        if check and check.corrected:
-            _put(self.corrected, run.number, check.corrected)
-        self.energy_error[run.number] = response.energy.error
-        self.steps[run.number] = response.steps
-        self.status[run.number] = response.status
-        for name, kept in self.history.items():
-            assert response.history is not None
-            rows = getattr(response.history, KEPT[name])[:: self.every]
-            kept[run.number] = math.nan
-            kept[run.number, : len(rows), : rows.shape[1]] = rows
-
-    def take_failure(self, run: _Run, failure: FailedRun) -> None:
-        """That a run has no result."""
-        for values in (*self.peaks.values(), self.energy_error, *self.history.values()):
-            values[run.number] = math.nan
-        self.steps[run.number] = 0
-        self.status[run.number] = failure.status
-        self.failures[run.number] = str(failure)
-
-    def runs(self, work: _Wanted, plan: Sequence[_Run]) -> Runs:
-        """The result."""
-        return Runs(
-            models=work.models,
-            records=work.records,
-            methods=tuple(one.label for one in work.integrators),
-            model=np.array([run.model for run in plan]),
-            record=np.array([run.record for run in plan]),
-            scale=np.array([run.scale for run in plan]),
-            dt=np.array([run.steps.h for run in plan]),
-            steps=self.steps,
-            status=self.status,
-            energy_error=self.energy_error,
-            stories=StoryPeaks(height=self.height, **self.peaks),
-            history=self.history,
-            every=self.every,
-            failures=dict(sorted(self.failures.items())),
-            errors=StoryErrors(**self.errors) if work.check else None,
-            corrected=StoryPeaks(height=self.height, **self.corrected) if work.check else None,
-        )
+def _unfilled(work: _Wanted, plan: Sequence[_Run], every: int, history: dict[str, NDArray[np.floating[Any]]]) -> Runs:
+    """The result, whose arrays each thread fills for the runs that it has."""
+    peaks, errors, corrected = (
+        {one.name: np.full((len(plan), work.stories), math.nan) for one in fields(kind)}
+        for kind in (StoryPeaks, StoryErrors, StoryErrors)
+    )
+    return Runs(
+        models=work.models,
+        records=work.records,
+        methods=tuple(one.label for one in work.integrators),
+        model=np.array([run.model for run in plan]),
+        record=np.array([run.record for run in plan]),
+        scale=np.array([run.scale for run in plan]),
+        dt=np.array([run.steps.h for run in plan]),
+        steps=np.zeros(len(plan), np.int64),
+        status=np.full(len(plan), "done", "<U24"),
+        energy_error=np.full(len(plan), math.nan),
+        stories=StoryPeaks(**peaks),
+        history=history,
+        every=every,
+        failures={},
+        errors=StoryErrors(**errors) if work.check else None,
+        corrected=StoryPeaks(height=peaks["height"], **corrected) if work.check else None,
+    )
 
 
-def _put(arrays: Mapping[str, Array], places: int | Sequence[int], found: StoryValues) -> None:
+def _put(arrays: StoryValues | None, places: int | Sequence[int], found: StoryValues | None) -> None:
     """Write the values of runs where theirs are."""
-    for name, values in arrays.items():
-        own = getattr(found, name)
-        values[places, : own.shape[-1]] = own
+    if arrays and found:
+        for one in fields(arrays):
+            values = getattr(found, one.name)
+            getattr(arrays, one.name)[places, : values.shape[-1]] = values
 
 
-def _march(work: _Wanted, table: _Table, part: Sequence[_Run]) -> None:
+def _take(found: Runs, runs: Sequence[_Run], prepared: PreparedBuilding, marched: MarchedRuns) -> None:
+    """What was marched, but for the histories."""
+    places = [run.number for run in runs]
+    _put(found.stories, places, run_totals.peaks_of(prepared.building, marched.peaks, marched.drifts))
+    found.energy_error[places] = run_totals.energy_errors(marched.totals)
+    found.steps[places] = marched.ends[:, lanes.STEPS_TAKEN]
+
+
+def _take_response(found: Runs, run: _Run, response: Response) -> None:
+    """What came of a run by itself."""
+    _put(found.stories, run.number, response.stories)
+    if response.check:
+        _put(found.errors, run.number, response.check.errors)
+        _put(found.corrected, run.number, response.check.corrected)
+    found.energy_error[run.number] = response.energy.error
+    found.steps[run.number] = response.steps
+    found.status[run.number] = response.status
+    for name, kept in found.history.items():
+        assert response.history is not None
+        rows = getattr(response.history, KEPT[name])[:: found.every]
+        kept[run.number] = math.nan
+        kept[run.number, : len(rows), : rows.shape[1]] = rows
+
+
+def _take_failure(found: Runs, run: _Run, failure: FailedRun) -> None:
+    """That a run has no result."""
+    peaks = (getattr(found.stories, one.name) for one in STORY)
+    for values in (*peaks, found.energy_error, *found.history.values()):
+        values[run.number] = math.nan
+    found.steps[run.number] = 0
+    found.status[run.number] = failure.status
+    found.failures[run.number] = str(failure)
+
+
+def _march(work: _Wanted, found: Runs, part: Sequence[_Run]) -> None:
     """Some runs, those of one building and one step together."""
     for (model, h), group in groupby(part, key=lambda run: (run.model, run.steps.h)):
         runs, prepared, integrator = list(group), work.prepared(model), work.integrators[model]
         if work.check or prepared.instability(integrator, h):
             for run in runs:
-                _alone(work, table, run)
+                case, history = work.case(run), bool(found.history)
+                _take_settled(found, run, partial(checked_run if work.check else Case.march, case, run.steps, history))
             continue
-        marched = _kept_runs(work, table, runs) if table.history else _bare_runs(work, runs)
-        table.take(runs, prepared, marched)
+        marched = _kept_runs(work, found, runs) if found.history else _bare_runs(work, runs)
+        _take(found, runs, prepared, marched)
         for place in np.flatnonzero(doubtful(marched)).tolist():
-            _judge(work, table, runs[place], marched, place)
+            run = runs[place]
+            settle = partial(work.case(run).settle, run.steps, marched, place, bool(found.history))
+            _take_settled(found, run, settle)
 
 
 def _bare_runs(work: _Wanted, runs: Sequence[_Run]) -> MarchedRuns:
@@ -437,12 +414,12 @@ def _bare_runs(work: _Wanted, runs: Sequence[_Run]) -> MarchedRuns:
     )
 
 
-def _kept_runs(work: _Wanted, table: _Table, runs: Sequence[_Run]) -> MarchedRuns:
+def _kept_runs(work: _Wanted, found: Runs, runs: Sequence[_Run]) -> MarchedRuns:
     """The same with what is kept of the histories."""
     model = runs[0].model
     prepared, h = work.prepared(model), runs[0].steps.h
-    time = table.every * h * np.arange(next(iter(table.history.values())).shape[1], dtype=np.float64)
-    telling = [(kept, run_totals.HISTORIES[KEPT[name]]) for name, kept in table.history.items()]
+    time = found.every * h * np.arange(next(iter(found.history.values())).shape[1], dtype=np.float64)
+    telling = [(kept, run_totals.HISTORIES[KEPT[name]]) for name, kept in found.history.items()]
     building, forces, n = prepared.building, prepared.forces, prepared.building.stories
 
     def see(r: int, rows: Array) -> None:
@@ -455,35 +432,20 @@ def _kept_runs(work: _Wanted, table: _Table, runs: Sequence[_Run]) -> MarchedRun
         work.integrators[model],
         h,
         [(work.records[run.record].acceleration, run.scale, run.steps) for run in runs],
-        every=table.every,
+        every=found.every,
         see=see,
         collapse_drift=work.models[model].collapse_drift,
     )
 
 
-def _judge(work: _Wanted, table: _Table, run: _Run, marched: MarchedRuns, place: int) -> None:
-    """What a run is that collapsed, did not come to its end, or ran away."""
-    code, totals = int(marched.ends[place, lanes.CODE]), marched.totals[place]
-    if code < 0 or not -run_totals.energy_errors(marched.totals[place : place + 1])[0] < RUNAWAY:
-        _alone(work, table, run)
-        return
+def _take_settled(found: Runs, run: _Run, settle: Callable[[], Response | Collapse]) -> None:
+    """What came of a run that is settled by itself, or that it has no result."""
     try:
-        collapse = work.case(run).judge(run.steps, code, totals)
+        settled = settle()
     except FailedRun as failure:
-        table.take_failure(run, failure)
+        _take_failure(found, run, failure)
         return
-    if collapse is None:
-        _alone(work, table, run)
+    if isinstance(settled, Collapse):
+        found.status[run.number] = settled.status
     else:
-        table.status[run.number] = "failed-story" if collapse.failed else "collapsed"
-
-
-def _alone(work: _Wanted, table: _Table, run: _Run) -> None:
-    """A run by itself, which tells how it ends."""
-    try:
-        case, history = work.case(run), bool(table.history)
-        response = checked_run(case, run.steps, history) if work.check else case.march(run.steps, history)
-    except FailedRun as failure:
-        table.take_failure(run, failure)
-        return
-    table.take_response(run, response)
+        _take_response(found, run, settled)

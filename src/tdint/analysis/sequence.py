@@ -12,10 +12,9 @@ from dataclasses import dataclass, replace
 
 from tdint.analysis.given import number_of
 from tdint.analysis.run import run_totals
-from tdint.analysis.run.case import Case
+from tdint.analysis.run.case import REST_PERIODS, Case, until_rest
 from tdint.analysis.run.error_estimate import FINER, story_errors
 from tdint.analysis.run.outcome import Response, Shock
-from tdint.analysis.run.rest import REST_PERIODS, until_rest
 from tdint.analysis.run.run import run_case
 from tdint.analysis.run.steps import Steps, choose_steps, finer
 from tdint.errors import UsageError
@@ -69,7 +68,7 @@ def sequence_of(
         The shocks, scaled.
     rest : float, optional
         Time from the last sample of one to the first of the next, s, rounded up to whole samples and steps; by default
-        until the building is at rest (`tdint.analysis.run.rest`).
+        until the building is at rest (`tdint.analysis.run.case`).
     dt : float, optional
         Step of the runs that find that, s; by default the model's, else that of the records.
 

@@ -5,138 +5,123 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Protocol
 
-from tdint.campaign.engine.task import Source, Subject
-from tdint.model.definition import Analysis, Excitation, Initial, Model
+from tdint.campaign.engine.task import Subject
+from tdint.model.definition import Model, simple_model
 from tdint.model.inventory.derive import derive_row
 from tdint.model.inventory.table import InventoryRow
-from tdint.model.variation import varied
 from tdint.output_units import SI, OutputUnits
 
 
-class Buildings(Protocol):
-    """Buildings by their numbers from 0."""
+class PlannedBuilding(Protocol):
+    """A building of a campaign: what makes it, and what is known of it before that."""
 
-    def __len__(self) -> int: ...
+    def subject(self) -> Subject:
+        """The building."""
 
-    def name(self, number: int) -> str:
-        """The building's name in tables."""
+    @property
+    def name(self) -> str:
+        """Its name in tables, its own."""
 
-    def stories(self, number: int) -> int:
+    @property
+    def stories(self) -> int:
         """How many stories it has."""
 
-    def method(self, number: int) -> str:
+    @property
+    def method(self) -> str:
         """The method that integrates it, with its parameters."""
 
-    def digest(self, number: int) -> str:
+    @property
+    def digest(self) -> str:
         """SHA-256 of all that its response depends on, the ground motion apart."""
 
-    def source(self, number: int) -> Source:
-        """What makes it."""
-
-    def wishes(self, number: int) -> tuple[float | None, float | None]:
+    @property
+    def wishes(self) -> tuple[float | None, float | None]:
         """The time step and the duration that its model asks for, s."""
 
-    def varied(self, number: int) -> Mapping[str, float]:
+    @property
+    def varied(self) -> Mapping[str, float]:
         """What a sweep changed in it, by name."""
-
-    def cells(self, number: int) -> str:
-        """What its inventory says of it in the columns that are carried along, a JSON list of texts."""
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """The columns of the inventory that are carried along into tables."""
-
-    @property
-    def files(self) -> Mapping[str, str]:
-        """SHA-256 of the model files that they come from, by name."""
 
     @property
     def output_units(self) -> OutputUnits:
-        """The units in which all of their models want results; SI where they do not agree."""
+        """The units in which its model wants results."""
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The columns of its inventory that are carried along into tables."""
+
+    @property
+    def cells(self) -> str:
+        """What stands there, a JSON list of texts."""
+
+
+Buildings = Sequence[PlannedBuilding]
+"""By their numbers from 0."""
+
+
+def output_units(buildings: Buildings) -> OutputUnits:
+    """The units in which all of their models want results; SI where they do not agree."""
+    wanted = {one.output_units for one in buildings}
+    return wanted.pop() if len(wanted) == 1 else SI
+
+
+def model_files(buildings: Buildings) -> dict[str, str]:
+    """SHA-256 of the model files that they come from, by name."""
+    texts = {one.made.model.source: one.made.model.text for one in buildings if isinstance(one, GivenBuilding)}
+    return {file: hashlib.sha256(text).hexdigest() for file, text in texts.items()}
 
 
 @dataclass(frozen=True)
 class GivenBuilding:
     """A building of a model file, the same for all its runs."""
 
+    name: str
     made: Subject
+    columns: tuple[str, ...] = field(default=(), init=False)
+    cells: str = field(default="[]", init=False)
 
     def subject(self) -> Subject:
-        """The building."""
         return self.made
 
-
-@dataclass(frozen=True)
-class GivenBuildings:
-    """Buildings of model files.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Their names, each its own.
-    sources : tuple of GivenBuilding
-        The buildings.
-    """
-
-    names: tuple[str, ...]
-    sources: tuple[GivenBuilding, ...]
-
-    @classmethod
-    def of(cls, subjects: Sequence[Subject]) -> GivenBuildings:
-        """Under their models' names; those that share one, under their files'."""
-        sources: dict[str, set[str]] = {}
-        for subject in subjects:
-            sources.setdefault(subject.model.name, set()).add(subject.model.source)
-        models = [subject.model for subject in subjects]
-        names = [one.name if len(sources[one.name]) == 1 else one.source for one in models]
-        unique = [f"{name}: {one.label}" if one.label else name for name, one in zip(names, models, strict=True)]
-        return cls(tuple(unique), tuple(GivenBuilding(subject) for subject in subjects))
-
-    def __len__(self) -> int:
-        return len(self.sources)
-
-    def name(self, number: int) -> str:
-        return self.names[number]
-
-    def stories(self, number: int) -> int:
-        return len(self.sources[number].made.model.stories)
-
-    def method(self, number: int) -> str:
-        return self.sources[number].made.integrator.label
-
-    def digest(self, number: int) -> str:
-        subject = self.sources[number].made
-        return digest_of(subject.model, subject.integrator.label)
-
-    def source(self, number: int) -> Source:
-        return self.sources[number]
-
-    def wishes(self, number: int) -> tuple[float | None, float | None]:
-        analysis = self.sources[number].made.model.analysis
-        return analysis.dt, analysis.duration
-
-    def varied(self, number: int) -> Mapping[str, float]:
-        return dict(self.sources[number].made.model.varied)
-
-    def cells(self, number: int) -> str:
-        return "[]"
+    @property
+    def stories(self) -> int:
+        return len(self.made.model.stories)
 
     @property
-    def columns(self) -> tuple[str, ...]:
-        return ()
+    def method(self) -> str:
+        return self.made.integrator.label
 
     @property
-    def files(self) -> Mapping[str, str]:
-        texts = {source.made.model.source: source.made.model.text for source in self.sources}
-        return {file: hashlib.sha256(text).hexdigest() for file, text in texts.items()}
+    def digest(self) -> str:
+        return digest_of(self.made.model, self.method)
+
+    @property
+    def wishes(self) -> tuple[float | None, float | None]:
+        return self.made.model.analysis.dt, self.made.model.analysis.duration
+
+    @property
+    def varied(self) -> Mapping[str, float]:
+        return dict(self.made.model.varied)
 
     @property
     def output_units(self) -> OutputUnits:
-        wanted = {source.made.model.output_units for source in self.sources}
-        return wanted.pop() if len(wanted) == 1 else SI
+        return self.made.model.output_units
+
+
+def given_buildings(subjects: Sequence[Subject]) -> tuple[GivenBuilding, ...]:
+    """Under their models' names; those that share one, under their files'."""
+    sources: dict[str, set[str]] = {}
+    for subject in subjects:
+        sources.setdefault(subject.model.name, set()).add(subject.model.source)
+    found = []
+    for subject in subjects:
+        model = subject.model
+        name = model.name if len(sources[model.name]) == 1 else model.source
+        found.append(GivenBuilding(f"{name}: {model.label}" if model.label else name, subject))
+    return tuple(found)
 
 
 def digest_of(model: Model, method: str) -> str:
@@ -175,7 +160,7 @@ class Rules:
     p_delta: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class RowBuilding:
     """A building of an inventory, made anew for its runs."""
 
@@ -186,80 +171,63 @@ class RowBuilding:
         """The building by the rules."""
         rules = self.rules
         derived = derive_row(self.row, rules.name, stiffness=rules.stiffness, damping=rules.damping, seed=rules.seed)
-        rest = (0.0,) * self.row.facts.stories
-        model = Model(
-            name=self.row.id,
-            source="",
-            text=b"",
-            stories=derived.stories,
-            damping=derived.damping,
-            p_delta=rules.p_delta,
-            excitation=Excitation(None, ()),
-            initial=Initial(rest, rest),
-            analysis=Analysis(None, None, None),
-            collapse_drift=rules.collapse_drift,
+        bare = simple_model(self.row.id, derived.stories)
+        model = replace(
+            bare, source="", damping=derived.damping, p_delta=rules.p_delta, collapse_drift=rules.collapse_drift
         )
-        return Subject(varied(model, dict(self.row.changes)) if self.row.changes else model, rules.method)
+        return Subject(model.replace(**dict(self.row.changes)) if self.row.changes else model, rules.method)
 
+    @property
+    def name(self) -> str:
+        return f"{self.row.id}: {self.row.label}" if self.row.label else self.row.id
 
-@dataclass(frozen=True)
-class InventoryBuildings:
-    """Buildings of an inventory."""
+    @property
+    def stories(self) -> int:
+        return self.row.facts.stories
 
-    rows: Sequence[InventoryRow] = field(repr=False)
-    rules: Rules
-
-    def __len__(self) -> int:
-        return len(self.rows)
-
-    def check_changes(self) -> None:
-        """Refuse, before any run, what a sweep cannot change: in the first building of each number of stories.
-
-        Raises
-        ------
-        UsageError
-            What is varied is not there, or goes out of range.
-        """
-        firsts: dict[int, str] = {}
-        for row in self.rows:
-            if row.changes and firsts.setdefault(row.facts.stories, row.id) == row.id:
-                RowBuilding(row, self.rules).subject()
-
-    def name(self, number: int) -> str:
-        row = self.rows[number]
-        return f"{row.id}: {row.label}" if row.label else row.id
-
-    def stories(self, number: int) -> int:
-        return self.rows[number].facts.stories
-
-    def method(self, number: int) -> str:
+    @property
+    def method(self) -> str:
         return self.rules.method
 
-    def digest(self, number: int) -> str:
-        row = self.rows[number]
+    @property
+    def digest(self) -> str:
+        row = self.row
         own = (row.id, row.facts, self.rules, *((row.changes,) if row.changes else ()))
         return hashlib.sha256(repr(own).encode()).hexdigest()
 
-    def source(self, number: int) -> Source:
-        return RowBuilding(self.rows[number], self.rules)
-
-    def wishes(self, number: int) -> tuple[float | None, float | None]:
+    @property
+    def wishes(self) -> tuple[float | None, float | None]:
         return None, None
 
-    def varied(self, number: int) -> Mapping[str, float]:
-        return dict(self.rows[number].changes)
-
-    def cells(self, number: int) -> str:
-        return self.rows[number].cells
-
     @property
-    def columns(self) -> tuple[str, ...]:
-        return self.rows[0].columns
-
-    @property
-    def files(self) -> Mapping[str, str]:
-        return {}
+    def varied(self) -> Mapping[str, float]:
+        return dict(self.row.changes)
 
     @property
     def output_units(self) -> OutputUnits:
         return SI
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        return self.row.columns
+
+    @property
+    def cells(self) -> str:
+        return self.row.cells
+
+
+def inventory_buildings(rows: Sequence[InventoryRow], rules: Rules) -> tuple[RowBuilding, ...]:
+    """Those of an inventory. What a sweep cannot change is refused before any run, in the first building of each number
+    of stories.
+
+    Raises
+    ------
+    UsageError
+        What is varied is not there, or goes out of range.
+    """
+    found = tuple(RowBuilding(row, rules) for row in rows)
+    firsts: dict[int, str] = {}
+    for one in found:
+        if one.row.changes and firsts.setdefault(one.stories, one.row.id) == one.row.id:
+            one.subject()
+    return found

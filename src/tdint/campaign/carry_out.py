@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
@@ -16,14 +16,13 @@ from tdint.campaign.engine.cluster import Cluster, on_cluster
 from tdint.campaign.inputs import read_inputs
 from tdint.campaign.plan import Plan, make_plan
 from tdint.campaign.reader import load_campaign
-from tdint.campaign.store.place import locked, refuse_network
+from tdint.campaign.store.connection import locked, refuse_network
 from tdint.campaign.store.store import Store, open_store
-from tdint.errors import OutputError, TdintError, UsageError
+from tdint.errors import TdintError, UsageError
 from tdint.kernels.building.obtaining import obtain
 from tdint.kernels.building.variant import EVERYTHING
 from tdint.kernels.march.many import many
-from tdint.processors import on_threads
-from tdint.system import processors
+from tdint.system import on_threads, processors
 from tdint.tabular import Tabular
 
 Engine = Callable[[Plan, Sequence[int]], Iterator[Done]]
@@ -126,8 +125,8 @@ def cluster(of: Cluster) -> Engine:
 def compile_for(plan: Plan) -> None:
     """Load the time loops of the buildings, compiled if they are not yet: before threads ask for them all at once."""
     wanted = {(many, EVERYTHING): None}
-    for number in range(min(len(plan.buildings), _LOOKED_AT)):
-        subject = plan.buildings.source(number).subject()
+    for building in plan.buildings[:_LOOKED_AT]:
+        subject = building.subject()
         wanted |= dict.fromkeys(kernels(subject.integrator, subject.prepared.variant))
     obtain(list(wanted))
     spectral_accelerations(plan.motions[0].record, [1.0])
@@ -261,19 +260,8 @@ def campaign(
     plan = make_plan(wanted, read_inputs(wanted))
     with ExitStack() as stack:
         if folder is not None:
-            stack.enter_context(_kept_in(Path(folder)))
+            refuse_network(Path(folder))
+            stack.enter_context(locked(Path(folder)))
         store = stack.enter_context(open_store(None if folder is None else Path(folder), plan)[0])
         carry_out(plan, store, threads(processors() if jobs is None else jobs), limit=limit)
         return CampaignRuns.of(store, plan.failures)
-
-
-@contextmanager
-def _kept_in(folder: Path) -> Iterator[None]:
-    """A folder that nobody else writes, made if it is not there."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be made: {error.strerror or error}") from None
-    refuse_network(folder)
-    with locked(folder):
-        yield

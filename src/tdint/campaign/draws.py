@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from tdint.arrays import Array
 from tdint.campaign.suites.intensity import GroundMotion
 from tdint.campaign.suites.suite import components
+from tdint.errors import TdintError
 from tdint.ground_motion.record import Record, component_names
 from tdint.model.inventory.table import InventoryRow
-
-Array = NDArray[np.float64]
 
 EARTH_RADIUS = 6371.0088
 """Mean radius of the earth, km (IUGG)."""
@@ -124,6 +124,32 @@ PointMotion = tuple[tuple[int, ...], float]
 """A ground motion at a point of a grid: the numbers of its components, and the factor on it there."""
 
 
+@dataclass(frozen=True)
+class GridMotions:
+    """Ground motions at points of a grid.
+
+    Attributes
+    ----------
+    places : sequence of tuples of two floats
+        Longitude and latitude of the points that have motions, degrees.
+    motions : tuple of tuples of PointMotion
+        Of each point its ground motions.
+    """
+
+    places: Sequence[tuple[float, float]] = field(repr=False)
+    motions: tuple[tuple[PointMotion, ...], ...] = field(repr=False)
+
+
+@dataclass(frozen=True)
+class FoundMotions:
+    """Ground motions that were read, what could not be, what a person should know of them, and where they are."""
+
+    motions: tuple[SuiteMotion, ...]
+    failures: tuple[TdintError, ...]
+    notes: tuple[str, ...] = ()
+    places: GridMotions | FieldMotions | None = None
+
+
 class Assignment(Protocol):
     """Which motions each building gets."""
 
@@ -145,22 +171,6 @@ class EveryMotion:
 
     def description(self) -> dict[str, object]:
         return {}
-
-
-@dataclass(frozen=True)
-class GridMotions:
-    """Ground motions at points of a grid.
-
-    Attributes
-    ----------
-    places : sequence of tuples of two floats
-        Longitude and latitude of the points that have motions, degrees.
-    motions : tuple of tuples of PointMotion
-        Of each point its ground motions.
-    """
-
-    places: Sequence[tuple[float, float]] = field(repr=False)
-    motions: tuple[tuple[PointMotion, ...], ...] = field(repr=False)
 
 
 @dataclass(frozen=True)
@@ -194,14 +204,7 @@ class GridDraws:
 
     @classmethod
     def of(
-        cls,
-        rows: Sequence[InventoryRow],
-        grid: GridMotions,
-        *,
-        neighbors: int,
-        samples: int,
-        seed: int,
-        distance: str = "km",
+        cls, rows: Sequence[InventoryRow], grid: GridMotions, neighbors: int, samples: int, seed: int, distance: str
     ) -> Self:
         """Draws among the points of a grid for the buildings of an inventory, all of which have a place."""
         ids = [row.id for row in rows]

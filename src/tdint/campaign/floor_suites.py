@@ -8,18 +8,16 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import run_case
 from tdint.analysis.spectra.floors import FloorSpectrum, floor_numbers, floor_spectra
+from tdint.arrays import Array
 from tdint.campaign.plan import Plan
 from tdint.campaign.profiles import RunKey, suite_levels
 from tdint.campaign.store.store import Store
-from tdint.processors import on_threads
-
-Array = NDArray[np.float64]
+from tdint.system import on_threads
 
 
 @dataclass(frozen=True)
@@ -111,8 +109,8 @@ def run_floors(plan: Plan, store: Store, choice: FloorChoice, jobs: int) -> list
     for building, record, scale, sample, dt in done:
         buildings[building].append((RunKey(record, scale, sample), dt))
     for building, runs in buildings.items():
-        subject = plan.buildings.source(building).subject()
-        floor_numbers(choice.floors, plan.buildings.stories(building))
+        subject = plan.buildings[building].subject()
+        floor_numbers(choice.floors, plan.buildings[building].stories)
         case = Case(subject.model, PreparedBuilding.of(subject.model), None, subject.integrator)
         found += on_threads(partial(_spectra, plan, building, case, choice), runs, jobs)
     return sorted(found, key=lambda one: (one.building, one.run))

@@ -18,9 +18,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tdint.analysis.spectra.first_mode import SA_DAMPING
+from tdint.analysis.spectra.elastic import SA_DAMPING
 from tdint.campaign.definition import FieldFile, GridFile
-from tdint.campaign.draws import Draw, FieldMotions, GridMotions, PointMotion, SuiteMotion, suite_motions
+from tdint.campaign.draws import Draw, FieldMotions, FoundMotions, GridMotions, PointMotion, SuiteMotion, suite_motions
 from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, IntensityMeasure, MotionIntensity, pga, sa
 from tdint.campaign.suites.suite import read_components, read_pairs
 from tdint.csv_table import CsvTable, read_table
@@ -40,8 +40,8 @@ _CENTIMETER = 0.01
 _COMPONENTS = {"data_x": "x", "data_y": "y"}
 
 
-def read_grid(grid: GridFile) -> tuple[tuple[SuiteMotion, ...], GridMotions | FieldMotions, list[RecordError]]:
-    """The ground motions of a grid, at which points they are, and why others could not be read and are left out.
+def read_grid(grid: GridFile) -> FoundMotions:
+    """The ground motions of a grid, and at which points they are.
 
     Raises
     ------
@@ -71,10 +71,11 @@ def read_grid(grid: GridFile) -> tuple[tuple[SuiteMotion, ...], GridMotions | Fi
     if not motions:
         raise RecordError("\n".join(map(str, failures)) or f"{grid.file}: no point has a ground motion")
     if grid.events:
-        return tuple(motions), _rows_as_events(grid.file, points, of_points), failures
+        return FoundMotions(tuple(motions), tuple(failures), places=_rows_as_events(grid.file, points, of_points))
     kept = [(place, tuple(one for one in found if one[0])) for (_, place), found in zip(points, of_points, strict=True)]
     there = [(place, found) for place, found in kept if found]
-    return tuple(motions), GridMotions([place for place, _ in there], tuple(found for _, found in there)), failures
+    places = GridMotions([place for place, _ in there], tuple(found for _, found in there))
+    return FoundMotions(tuple(motions), tuple(failures), places=places)
 
 
 def _rows_as_events(
@@ -96,9 +97,8 @@ def _rows_as_events(
     return FieldMotions(events, tuple(file for file, _ in points), motions, [place for _, place in points])
 
 
-def read_field(wanted: FieldFile) -> tuple[tuple[SuiteMotion, ...], FieldMotions, list[TdintError], list[str]]:
-    """The ground motions of fields, what each event does at each site, why records could not be read and are left out,
-    and what a person should know.
+def read_field(wanted: FieldFile) -> FoundMotions:
+    """The ground motions of fields, and what each event does at each site.
 
     Raises
     ------
@@ -129,7 +129,7 @@ def read_field(wanted: FieldFile) -> tuple[tuple[SuiteMotion, ...], FieldMotions
         raise RecordError("\n".join(map(str, records.failures)))
     given = list(places.values()) if wanted.sites else []
     field = FieldMotions(tuple(numbers), tuple(places), tuple(tuple(sorted(one)) for one in found.values()), given)
-    return tuple(records.motions), field, records.failures, list(dict.fromkeys(records.notes))
+    return FoundMotions(tuple(records.motions), tuple(records.failures), tuple(dict.fromkeys(records.notes)), field)
 
 
 class _FieldRow(NamedTuple):

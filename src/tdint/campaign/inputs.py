@@ -21,7 +21,16 @@ from tdint.campaign.definition import (
     RecordFiles,
     SequenceFile,
 )
-from tdint.campaign.draws import FieldDraws, FieldMotions, GridMotions, SuiteMotion, suite_motions
+from tdint.campaign.draws import (
+    Assignment,
+    FieldDraws,
+    FieldMotions,
+    FoundMotions,
+    GridDraws,
+    GridMotions,
+    SuiteMotion,
+    suite_motions,
+)
 from tdint.campaign.fragility.type_states import read_class_losses, read_class_states
 from tdint.campaign.grid_files import read_field, read_grid
 from tdint.campaign.levels import FactorTable
@@ -54,12 +63,10 @@ class Inputs:
         Of an inventory.
     motions : tuple of SuiteMotion
         The ground motions.
-    grid : GridMotions or None
-        Where they are, if they belong to a grid.
+    assignment : Assignment or None
+        Which of them each building gets; None: all.
     factors : FactorTable or None
         The factors on them, if a file has them.
-    events : FieldDraws or None
-        Which of them each building has, where they are those of events.
     class_states, class_losses : mapping
         Damage states and loss ratios by class, if files have them.
     failures : tuple of TdintError
@@ -71,23 +78,12 @@ class Inputs:
     models: tuple[Model, ...] = ()
     rows: tuple[InventoryRow, ...] = ()
     motions: tuple[SuiteMotion, ...] = ()
-    grid: GridMotions | None = None
+    assignment: Assignment | None = None
     factors: FactorTable | None = None
-    events: FieldDraws | None = None
     class_states: Mapping[str, DamageStates] = field(default_factory=dict)
     class_losses: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     failures: tuple[TdintError, ...] = ()
     notes: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class FoundMotions:
-    """Ground motions that were read, what could not be, and what a person should know of them."""
-
-    motions: tuple[SuiteMotion, ...]
-    failures: tuple[TdintError, ...]
-    notes: tuple[str, ...] = ()
-    grid: GridMotions | FieldMotions | None = None
 
 
 def read_inputs(campaign: CampaignFile) -> Inputs:
@@ -111,27 +107,23 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
     else:
         rows, faults = read_rows(campaign.buildings)
         rows = campaign.sweep.of_rows(rows) if campaign.sweep else rows
-    events: FieldDraws | None = None
     if isinstance(campaign.records, GridFile):
         _check_places(campaign, rows)
-        found = read_grid_motions(campaign.records)
+        found = read_grid(campaign.records)
     elif isinstance(campaign.records, FieldFile):
-        found = read_field_motions(campaign.records)
+        found = read_field(campaign.records)
     elif isinstance(campaign.records, SequenceFile):
         found = read_sequences(campaign.records)
     else:
         found = read_motions(campaign.records)
-    if isinstance(campaign.records, GridFile | FieldFile) and isinstance(found.grid, FieldMotions):
-        events = _at_sites(campaign, found.grid, rows, len(models))
     factors = read_factors(campaign.intensity) if isinstance(campaign.intensity, FactorsFile) else None
     damage = campaign.damage
     return Inputs(
         models,
         rows,
         found.motions,
-        found.grid if isinstance(found.grid, GridMotions) else None,
+        _assignment(campaign, found.places, rows, len(models)),
         factors,
-        events=events,
         class_states=read_class_states(damage) if damage and damage.source not in ("", HAZUS, CAPACITY) else {},
         class_losses=read_class_losses(damage) if damage and damage.loss_file else {},
         failures=(*found.failures, *faults),
@@ -208,20 +200,11 @@ def _check_places(campaign: CampaignFile, rows: tuple[InventoryRow, ...]) -> Non
         raise ModelError(sorted((one for faults in columns for one in faults), key=lambda one: (one.line, one.column)))
 
 
-def read_grid_motions(wanted: GridFile) -> FoundMotions:
-    """The ground motions of a grid. Errors are those of `tdint.campaign.grid_files.read_grid`."""
-    motions, grid, failures = read_grid(wanted)
-    return FoundMotions(motions, tuple(failures), grid=grid)
-
-
-def read_field_motions(wanted: FieldFile) -> FoundMotions:
-    """The ground motions of fields. Errors are those of `tdint.campaign.grid_files.read_field`."""
-    motions, found, failures, notes = read_field(wanted)
-    return FoundMotions(motions, tuple(failures), tuple(notes), found)
-
-
-def _at_sites(campaign: CampaignFile, found: FieldMotions, rows: tuple[InventoryRow, ...], models: int) -> FieldDraws:
-    """The events of each building: those of the nearest site, of the one that it names, or, without sites, all.
+def _assignment(
+    campaign: CampaignFile, found: GridMotions | FieldMotions | None, rows: tuple[InventoryRow, ...], models: int
+) -> Assignment | None:
+    """The motions of each building: draws near it, or the events of the nearest site, of the one that it names, or,
+    without sites, all; None for all motions.
 
     Raises
     ------
@@ -231,7 +214,11 @@ def _at_sites(campaign: CampaignFile, found: FieldMotions, rows: tuple[Inventory
         Buildings have no place or no site, or a site that no event is at.
     """
     wanted = campaign.records
-    assert isinstance(wanted, GridFile | FieldFile)
+    if found is None or not isinstance(wanted, GridFile | FieldFile):
+        return None
+    if isinstance(found, GridMotions):
+        assert isinstance(wanted, GridFile)
+        return GridDraws.of(rows, found, wanted.neighbors, wanted.samples, wanted.seed, wanted.distance)
     if found.sites == ("",):
         return FieldDraws(found, np.zeros(len(rows) or models, dtype=np.int64))
     if found.places:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Protocol, Self
 
 from tdint.campaign.draws import SuiteMotion
-from tdint.campaign.suites.intensity import GroundMotion, IntensityMeasure, factor_to
+from tdint.campaign.suites.intensity import IntensityMeasure, factor_to
 from tdint.errors import ModelError
 
 
@@ -126,46 +126,37 @@ class MeasureLevels:
         The values, in SI units.
     pair : str
         What stands for a pair of components, a name of `tdint.campaign.suites.intensity.PAIRS`.
+    motions : sequence of SuiteMotion
+        What is brought to them.
     """
 
     measure: Callable[[float], IntensityMeasure]
     period: float | None
     values: tuple[float, ...]
     pair: str
-
-    def factors(self, whole: GroundMotion, period: float) -> tuple[float, ...]:
-        """The factors with which a motion takes them at a period, s; both components of a pair have the same one."""
-        measure = self.measure(period)
-        measured = measure.of(whole, self.pair)
-        return tuple(factor_to(value, measure, measured) for value in self.values)
-
-    def description(self) -> dict[str, object]:
-        """What was asked for, for the fingerprint."""
-        name = self.measure(1.0).name.partition("(")[0]
-        period = "T1" if self.period is None else self.period
-        return {"measure": name, "period": period, "levels": list(self.values), "pair": self.pair}
-
-
-@dataclass(frozen=True)
-class IntensityLevels:
-    """Factors with which each of some motions takes values of a measure."""
-
-    wanted: MeasureLevels
-    motions: Sequence[SuiteMotion]
+    motions: Sequence[SuiteMotion] = ()
     of_value: bool = field(default=True, init=False)
 
     def count(self, motion: int) -> int:
-        return len(self.wanted.values)
+        return len(self.values)
 
     @property
     def by_period(self) -> bool:
-        return self.wanted.period is None
+        return self.period is None
 
     def factors(self, motion: int, periods: Sequence[float]) -> Sequence[tuple[float, ...]]:
-        whole, period = self.motions[motion].whole, self.wanted.period
-        if period is not None:
-            return [self.wanted.factors(whole, period)] * len(periods)
-        return [self.wanted.factors(whole, one) for one in periods]
+        """Both components of a pair have the same ones."""
+        whole, found = self.motions[motion].whole, dict[float, tuple[float, ...]]()
+        for period in dict.fromkeys(self._at(periods)):
+            measure = self.measure(period)
+            measured = measure.of(whole, self.pair)
+            found[period] = tuple(factor_to(value, measure, measured) for value in self.values)
+        return [found[period] for period in self._at(periods)]
+
+    def _at(self, periods: Sequence[float]) -> Sequence[float]:
+        return periods if self.period is None else [self.period] * len(periods)
 
     def description(self) -> dict[str, object]:
-        return self.wanted.description()
+        name = self.measure(1.0).name.partition("(")[0]
+        period = "T1" if self.period is None else self.period
+        return {"measure": name, "period": period, "levels": list(self.values), "pair": self.pair}

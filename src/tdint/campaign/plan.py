@@ -8,22 +8,22 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.campaign.buildings import Buildings, GivenBuildings, InventoryBuildings, Rules
-from tdint.campaign.definition import AnalysisWishes, CampaignFile, GridFile, InventoryFile
-from tdint.campaign.draws import Assignment, Draw, EveryMotion, GridDraws, SuiteMotion
+from tdint.campaign.buildings import Buildings, Rules, given_buildings, inventory_buildings
+from tdint.campaign.definition import AnalysisWishes, CampaignFile, InventoryFile
+from tdint.campaign.draws import Assignment, Draw, EveryMotion, SuiteMotion
 from tdint.campaign.engine.chunk import Chunk
 from tdint.campaign.engine.task import BuildingRuns, Run, RunSettings, Source, Subject
 from tdint.campaign.engine.tolerance import building_step
 from tdint.campaign.fragility.type_states import Damage, damage_of
 from tdint.campaign.inputs import Inputs
-from tdint.campaign.levels import GivenFactors, IntensityLevels, Levels, MeasureLevels, Scales
+from tdint.campaign.levels import GivenFactors, Levels, MeasureLevels, Scales
 from tdint.errors import ModelError, TdintError, UsageError
 from tdint.methods.catalogue import DEFAULT_METHOD
 from tdint.model.building import falling_stories
@@ -126,7 +126,7 @@ class Plan:
         from tdint.analysis.run.steps import choose_steps
 
         settings = self.settings
-        analyses = {self.buildings.wishes(number) for number in range(min(len(self.buildings), _LOOKED_AT))}
+        analyses = {building.wishes for building in self.buildings[:_LOOKED_AT]}
         for dt, duration in sorted(analyses, key=str):
             for motion in {one.record.dt: one for one in reversed(self.motions)}.values():
                 record = motion.record
@@ -158,7 +158,7 @@ class Plan:
     def _cuts(self) -> NDArray[np.int64]:
         """The first run of each chunk, and the number of all runs."""
         steps = np.mean([motion.record.acceleration.size for motion in self.motions])
-        stories = np.array([self.buildings.stories(number) for number in range(len(self.buildings))])
+        stories = np.array([building.stories for building in self.buildings])
         counts = np.maximum(self._counts, 1)
         each = stories * steps * _SECONDS_PER_STEP + _SECONDS_PER_BUILDING / counts
         costs = np.cumsum(each * counts)
@@ -171,7 +171,7 @@ class Plan:
 
     def _with_runs(self, chosen: Sequence[tuple[int, slice]]) -> tuple[BuildingRuns, ...]:
         """Buildings with some of their runs."""
-        sources = [self.buildings.source(number) for number, _ in chosen]
+        sources = [self.buildings[number] for number, _ in chosen]
         draws = [self.assignment.draws(number) for number, _ in chosen]
         factors = self._factors(sources, draws)
         found = []
@@ -246,7 +246,7 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         name=campaign.name,
         buildings=buildings,
         motions=inputs.motions,
-        assignment=_assignment(campaign, inputs),
+        assignment=inputs.assignment or EveryMotion(len(inputs.motions)),
         levels=_levels(campaign, inputs),
         settings=RunSettings(
             analysis.dt,
@@ -268,12 +268,10 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
 def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buildings:
     wanted, analysis = campaign.buildings, campaign.analysis
     if isinstance(wanted, InventoryFile):
-        made = InventoryBuildings(inputs.rows, _rules(wanted, analysis, notes))
-        made.check_changes()
-        return made
+        return inventory_buildings(inputs.rows, _rules(wanted, analysis, notes))
     if len({model.output_units for model in inputs.models}) > 1:
         notes.append("the models want results in different units: they are written in SI; --output-units names others")
-    return GivenBuildings.of([_subject(model, analysis.method, notes) for model in inputs.models])
+    return given_buildings([_subject(model, analysis.method, notes) for model in inputs.models])
 
 
 def _subject(model: Model, method: str | None, notes: list[str]) -> Subject:
@@ -300,27 +298,11 @@ def _rules(wanted: InventoryFile, analysis: AnalysisWishes, notes: list[str]) ->
     )
 
 
-def _assignment(campaign: CampaignFile, inputs: Inputs) -> Assignment:
-    wanted = campaign.records
-    if inputs.events is not None:
-        return inputs.events
-    if isinstance(wanted, GridFile) and inputs.grid is not None:
-        return GridDraws.of(
-            inputs.rows,
-            inputs.grid,
-            neighbors=wanted.neighbors,
-            samples=wanted.samples,
-            seed=wanted.seed,
-            distance=wanted.distance,
-        )
-    return EveryMotion(len(inputs.motions))
-
-
 def _levels(campaign: CampaignFile, inputs: Inputs) -> Levels:
     wanted = campaign.intensity
     if isinstance(wanted, Scales):
         return wanted
     if isinstance(wanted, MeasureLevels):
-        return IntensityLevels(wanted, inputs.motions)
+        return replace(wanted, motions=inputs.motions)
     assert inputs.factors is not None
     return GivenFactors.of(inputs.factors, inputs.motions)

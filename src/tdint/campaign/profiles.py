@@ -15,16 +15,14 @@ from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tdint.analysis.run.outcome import STORY
+from tdint.arrays import Array
 from tdint.campaign.store.store import Store
 from tdint.errors import UsageError, did_you_mean
 from tdint.ground_motion.horizontals import at_right_angles
 from tdint.ground_motion.pairing import motion_name
 from tdint.quantity import Quantity
-
-Array = NDArray[np.float64]
 
 DRIFT_RATIO = "peak_drift_ratio"
 

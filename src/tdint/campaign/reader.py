@@ -7,14 +7,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
-from tdint.campaign.definition import (
-    AnalysisWishes,
-    CampaignFile,
-    FactorsFile,
-    InventoryFile,
-    ModelFiles,
-    RecordFiles,
-)
+from tdint.campaign.definition import AnalysisWishes, CampaignFile, FactorsFile, InventoryFile, ModelFiles, RecordFiles
 from tdint.campaign.fragility.type_states import DAMAGE, read_wishes
 from tdint.campaign.levels import MeasureLevels, Scales
 from tdint.campaign.suites.intensity import (
@@ -27,10 +20,10 @@ from tdint.campaign.suites.intensity import (
     sa,
     sa_average,
 )
-from tdint.campaign.suites.motion_reader import MOTIONS, SEED, read_motions, refuse
+from tdint.campaign.suites.motion_reader import MOTIONS, SEED, read_motions
 from tdint.campaign.suites.suite import RecordChoice
-from tdint.campaign.sweep_reader import Varied, read_sweep
-from tdint.campaign.sweep_reader import positive as _positive
+from tdint.campaign.sweep import Varied, read_sweep
+from tdint.campaign.sweep import positive as _positive
 from tdint.errors import UsageError
 from tdint.methods.catalogue import parse as parse_method
 from tdint.model.inventory.derive import CAPACITY, RULES
@@ -58,18 +51,18 @@ _LEAST_LEVEL, _MOST_LEVEL = 1e-6, 1e6
 """Of an intensity, m/s^2 or m/s: beyond them lies no ground motion."""
 
 _SCATTER = Bounds(0.0, 0.5, ratio=True)
-_LENGTHS = ("m", "ft")
 _DAMPING = ("full", "mass-only")
-_UNITS = Keys((Key("length", Choice(_LENGTHS), "of the inventory; plan areas are in its square", needed=True),))
+_LENGTH = Choice(("m", "ft"), "length unit of inventories")
+_UNITS = Keys((Key("length", _LENGTH, "of the inventory; plan areas are in its square", needed=True),))
 _BUILDINGS = Keys(
     (
         Key("models", EntriesOf(Words(), least=1), "model files, relative to this file"),
         Key("inventory", Words(), "CSV file with a building per row, relative to this file"),
-        Key("rules", Choice(tuple(RULES)), "by which the buildings follow from their rows"),
+        Key("rules", Choice(tuple(RULES), "set of rules"), "by which the buildings follow from their rows"),
         Key("classes", Words(), "CSV file of the classes' capacity curves, for the rules capacity"),
         Key("as_published", Flag(), "multiply forces by the factor of oq-vmtk 1.1, for the rules capacity"),
         Key("units", _UNITS, "units of the inventory"),
-        Key("damping", Choice(_DAMPING), "mass-only leaves out the stiffness-proportional part"),
+        Key("damping", Choice(_DAMPING, "damping"), "mass-only leaves out the stiffness-proportional part"),
         Key("stiffness_scatter", _SCATTER, "standard deviation of a factor on each stiffness"),
         Key("damping_scatter", _SCATTER, "standard deviation of a factor on each damping ratio"),
         Key("seed", SEED, "what the factors are drawn from"),
@@ -98,11 +91,11 @@ _WITHOUT_PERIOD = ("pga", "pgv", "arias", "cav")
 _INTENSITY = Keys(
     (
         Key("scales", EntriesOf(ANY, least=1), "factors on all motions"),
-        Key("measure", Choice(tuple(_MEASURES)), "intensity measure that takes the levels"),
+        Key("measure", Choice(tuple(_MEASURES), "measure"), "intensity measure that takes the levels"),
         Key("period", Either((Choice((_FIRST,)), POSITIVE)), "of sa and sa-avg; that of each building by default"),
         Key("damping", RATIO, "damping ratio of sa and sa-avg; 5% by default"),
         Key("levels", EntriesOf(Words(), least=1), "values with their unit: 0.1 g, 0.2 m/s"),
-        Key("pair", Choice(tuple(PAIRS)), "what stands for the two components of a pair"),
+        Key("pair", Choice(tuple(PAIRS), "measure of pairs"), "what stands for the two components of a pair"),
         Key("factors", Words(), "CSV file of `tdint scale`, relative to this file"),
     ),
     one_of=(("scales", "measure", "factors"),),
@@ -181,9 +174,7 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
     _check_pair(section)
     _check_duration(section)
     _check_levels(section)
-    outputs = section.get("outputs")
-    kept = outputs.section(_OUTPUTS) if outputs else None
-    stories, profiles = (kept.get(name) if kept else None for name in ("stories", "profiles"))
+    outputs = section.inner("outputs")
     found = (_read_buildings(buildings) if buildings else None) or ModelFiles(())
     return CampaignFile(
         name=section.text("name") or name,
@@ -191,9 +182,9 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
         buildings=found,
         records=(read_motions(records) if records else None) or RecordFiles((), RecordChoice()),
         intensity=_read_intensity(section.get("intensity")) or Scales((1.0,)),
-        analysis=_read_analysis(section.get("analysis")),
-        stories=stories.boolean() if stories else False,
-        profiles=profiles.boolean() if profiles else isinstance(found, ModelFiles),
+        analysis=_read_analysis(section.inner("analysis")),
+        stories=outputs.read("stories", False),
+        profiles=outputs.read("profiles", isinstance(found, ModelFiles)),
         sweep=read_sweep(section.get("vary"), section.get("analysis"), models=isinstance(found, ModelFiles)),
         damage=read_wishes(section.get("damage"), found.rules if isinstance(found, InventoryFile) else None),
     )
@@ -228,30 +219,21 @@ def _check_levels(section: Section) -> None:
             entry.fault("has no part in events, whose factors are given; `scales` multiply them")
 
 
-def _read_analysis(value: Value | None) -> AnalysisWishes:
-    section = value.section(_ANALYSIS) if value else None
-    if section is None:
-        return AnalysisWishes()
+def _read_analysis(section: Section) -> AnalysisWishes:
     method, dt = section.get("method"), section.get("dt")
     named = method.parsed(parse_method) if method else None
     if method and section.has("methods"):
         method.fault("stands in place of `methods`; give one of the two")
-    p_delta, until_rest, check = (section.get(name) for name in ("p_delta", "until_rest", "check"))
     return AnalysisWishes(
         method=named.label if named else None,
         dt=None if dt is None or dt.is_list else _positive(dt),
-        duration=section.number_or_none("duration"),
-        tolerance=section.number_or_none("tolerance"),
-        collapse_drift=section.number_or_none("collapse_drift"),
-        p_delta=p_delta.boolean() if p_delta else None,
-        until_rest=until_rest.boolean() if until_rest else False,
-        check=check.boolean() if check else False,
+        **section.given("duration", "tolerance", "collapse_drift", "p_delta", "until_rest", "check"),
     )
 
 
 def _read_buildings(value: Value) -> ModelFiles | InventoryFile | None:
     """Model files or an inventory; None after a fault."""
-    section = value.section(_BUILDINGS)
+    section = value.section()
     if section is None:
         return None
     models, inventory = section.get("models"), section.get("inventory")
@@ -263,9 +245,7 @@ def _read_buildings(value: Value) -> ModelFiles | InventoryFile | None:
     if models is None:
         section.need("models", "give a list of model files, or an inventory in its place")
         return None
-    for name in tuple(_BUILDINGS)[2:]:
-        if entry := section.get(name):
-            entry.fault("belongs to an `inventory`")
+    section.refuse(_BUILDINGS[2:], "belongs to an `inventory`")
     items = models.items("a list of model files")
     if items is not None and not items:
         models.fault("is empty; give at least one model file")
@@ -274,51 +254,35 @@ def _read_buildings(value: Value) -> ModelFiles | InventoryFile | None:
 
 def _inventory(section: Section, inventory: Value) -> InventoryFile | None:
     file = inventory.file()
-    rules = section.get("rules")
-    name = rules.choice(RULES, "set of rules") if rules else next(iter(RULES))
+    name = section.read("rules", next(iter(RULES)))
     units = section.need("units", "give {length: ft} or {length: m}; plan areas are in its square")
-    lengths = units.section(_UNITS) if units else None
+    lengths = units.section() if units else None
     length = lengths.need("length", "give ft or m") if lengths else None
-    unit = length.choice(_LENGTHS, "length unit of inventories") if length else None
-    damping = section.get("damping")
-    kind = damping.choice(_DAMPING, "damping") if damping else "full"
-    seed = section.get("seed")
-    classes, published = section.file("classes"), section.get("as_published")
+    unit = length.read() if length else None
+    kind, classes = section.read("damping"), section.file("classes")
+    numbers = section.given("stiffness_scatter", "damping_scatter", "seed", "as_published")
     if name == CAPACITY:
         section.need("classes", "give the CSV file of the classes (class, sd_m, sa_g)")
-        refuse(section, ("damping", "stiffness_scatter", "damping_scatter", "seed"), f"has no part in {CAPACITY}")
+        section.refuse(("damping", "stiffness_scatter", "damping_scatter", "seed"), f"has no part in {CAPACITY}")
     else:
-        refuse(section, ("classes", "as_published"), f"belongs to the rules {CAPACITY}")
+        section.refuse(("classes", "as_published"), f"belongs to the rules {CAPACITY}")
     if file is None or name is None or unit is None:
         return None
-    return InventoryFile(
-        file=file,
-        rules=name,
-        length=LENGTH[unit],
-        mass_only=kind == "mass-only",
-        stiffness_scatter=section.number("stiffness_scatter", default=0.0),
-        damping_scatter=section.number("damping_scatter", default=0.0),
-        seed=(seed.whole() if seed else 0) or 0,
-        classes=classes,
-        as_published=bool(published.boolean()) if published else False,
-    )
+    return InventoryFile(file, name, LENGTH[unit], mass_only=kind == "mass-only", classes=classes, **numbers)
 
 
 def _read_intensity(value: Value | None) -> Scales | MeasureLevels | FactorsFile | None:
     """Factors, levels of a measure, or a file of factors; None without any, or after a fault."""
-    section = value.section(_INTENSITY) if value else None
+    section = value.section() if value else None
     if value is None or section is None:
         return None
     ways = [name for name in ("scales", "measure", "factors") if section.has(name)]
     if len(ways) != 1:
         value.fault("give one of scales, measure and factors" + (f", not {' and '.join(ways)}" if ways else ""))
         return None
-    if ways != ["measure"]:
-        for name in _OF_MEASURES:
-            if entry := section.get(name):
-                entry.fault("belongs to a `measure`")
     if ways == ["measure"]:
         return _levels(section)
+    section.refuse(_OF_MEASURES, "belongs to a `measure`")
     if ways == ["factors"]:
         file = section.file("factors")
         return FactorsFile(file) if file else None
@@ -345,9 +309,7 @@ def _levels(section: Section) -> MeasureLevels | None:
         if named and named.is_word(unlevelled):
             named.fault(f"{unlevelled}: {reason}; no level can be asked of it")
             return None
-    name = named.choice(_MEASURES, "measure") if named else None
-    pair = section.get("pair")
-    whole = pair.choice(PAIRS, "measure of pairs") if pair else GEOMETRIC_MEAN
+    name, pair = section.read("measure"), section.read("pair", GEOMETRIC_MEAN)
     damping = section.number("damping", default=0.05)
     levels = section.need("levels", "give the values, such as [0.1 g, 0.2 g]")
     items = levels.items("a list of values with their unit") if levels else None
@@ -356,7 +318,7 @@ def _levels(section: Section) -> MeasureLevels | None:
     quantity = _MEASURES[name][0]
     values = tuple(dict.fromkeys(_level(item, quantity) for item in items or ()))
     period = _period(section, name)
-    return MeasureLevels(partial(_measure, name, damping), period, values, whole or GEOMETRIC_MEAN)
+    return MeasureLevels(partial(_measure, name, damping), period, values, pair)
 
 
 def _measure(name: str, damping: float, period: float) -> IntensityMeasure:

@@ -8,14 +8,14 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tdint.analysis.given import record_of
+from tdint.arrays import Array
 from tdint.campaign.carry_out import carry_out, threads
 from tdint.campaign.definition import AnalysisWishes, CampaignFile, ModelFiles, RecordFiles
-from tdint.campaign.draws import suite_motions
+from tdint.campaign.draws import FoundMotions, suite_motions
 from tdint.campaign.engine.rows import RUN
-from tdint.campaign.inputs import FoundMotions, Inputs
+from tdint.campaign.inputs import Inputs
 from tdint.campaign.levels import Scales
 from tdint.campaign.plan import Plan, make_plan
 from tdint.campaign.store.store import Store, open_store
@@ -27,8 +27,6 @@ from tdint.model.definition import Model
 from tdint.quantity import Quantity
 from tdint.system import processors
 from tdint.tabular import Several
-
-Array = NDArray[np.float64]
 
 _LOOKED_AT = (
     "peak_drift_ratio",
@@ -115,7 +113,7 @@ def one_at_a_time(model: Model, ranges: Mapping[str, tuple[float, float]]) -> tu
     model : Model
         The building.
     ranges : mapping of str to (float, float)
-        Low and high values of parameters (`tdint.model.variation.PARAMETERS`).
+        Low and high values of parameters (`tdint.model.definition.PARAMETERS`).
 
     Raises
     ------

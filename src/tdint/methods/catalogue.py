@@ -14,7 +14,7 @@ from tdint.kernels.laws.law import DriftLaw
 from tdint.kernels.stepping import STEP
 from tdint.methods import bathe, exact, impulse, impulse4, model_based, moment4, multi_step, runge_kutta, single_step
 from tdint.methods.method import Integrator, Method, Parameter
-from tdint.model.definition import LAWS, register_law
+from tdint.model.laws import LAWS, register_law
 from tdint.model.plugins import check_name, declared, faults_of, installed, module_of
 from tdint.tabular import Several
 

@@ -1,101 +1,25 @@
 """What a model file says, as typed values in SI units; `tdint.model.config.model_file` reads the file.
 
-Also models made from numbers, without a file: for problems that are part of tdint.
+Also models made from numbers, without a file: for problems that are part of tdint; and models with some of their
+numbers changed: for sweeps, and what a response is sensitive to.
 """
 
 from __future__ import annotations
 
-import os
-import sys
-from collections.abc import Sequence
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
-from typing import Any
 
-from tdint.errors import UsageError
+from tdint.errors import UsageError, did_you_mean
 from tdint.ground_motion.processing import Processing
 from tdint.ground_motion.text_layout import AS_STATED, TextLayout
-from tdint.kernels.laws import LAWS as _LAWS
-from tdint.kernels.laws.law import DriftLaw
 from tdint.model.damage_states import DamageStates
-from tdint.model.plugins import check_name, declared, faults_of, installed
+from tdint.model.laws import LAWS, LINEAR, Law
 from tdint.output_units import SI, OutputUnits
 
 MAX_STORIES = 100_000
 """Stories that a model may have; it keeps a slip in `repeat` from filling the memory."""
-
-LAWS: dict[str, DriftLaw] = {law.name: law for law in _LAWS}
-"""The drift laws that a model file may name: those of `tdint.kernels.laws`."""
-
-CODES: dict[str, int] = {law.name: code for code, law in enumerate(_LAWS)}
-"""The number of each law in the compiled tables."""
-
-
-def register_law(law: DriftLaw, where: str = "") -> None:
-    """Make a drift law known to models, and compiled where a model has it.
-
-    It is compiled into the loops of the models that have it, whatever it says of `apart`. Its functions stand in a
-    module with a file, in which it has a name of its own or stands in a tuple: there the process that compiles finds
-    it.
-
-    Parameters
-    ----------
-    law : DriftLaw
-        See `tdint.kernels.laws.law`.
-    where : str
-        Where it is from, for messages; by default its name.
-
-    Raises
-    ------
-    UsageError
-        No law; a name that is taken or is none; no file.
-    """
-    if not isinstance(law, DriftLaw):
-        raise UsageError(f"{where or law!r}: a law is a tdint.DriftLaw, not {type(law).__name__}")
-    where = where or f"law {law.name!r}"
-    check_name(law.name, LAWS, "law", where)
-    home = law.functions.__module__
-    if home == "__main__" or getattr(sys.modules.get(home), "__file__", None) is None:
-        raise UsageError(f"{where}: put the law into a module of its own, a file that another process can execute")
-    if os.environ.get("TDINT_KERNELS") == "python" and "tdint.kernels.laws.choosing" in sys.modules:
-        raise UsageError(f"{where}: under TDINT_KERNELS=python laws are registered before methods are imported")
-    with faults_of(where):
-        law.functions()
-    from tdint.kernels.building.sources import OUTSIDE
-
-    own = replace(law, apart=False)
-    OUTSIDE[law.name] = home
-    CODES[law.name] = len(_LAWS)
-    LAWS[law.name] = own
-    _LAWS.append(own)
-
-
-@cache
-def laws() -> dict[str, DriftLaw]:
-    """All drift laws by name, those of installed packages (entry points `tdint.laws`) among them."""
-
-    def take(found: Any, where: str) -> None:
-        for law in declared(found, "LAWS", DriftLaw, where):
-            register_law(law, where)
-
-    installed("tdint.laws", take)
-    return LAWS
-
-
-@dataclass(frozen=True)
-class Law:
-    """The drift law of a story.
-
-    Attributes
-    ----------
-    name : str
-        A key of `LAWS`.
-    parameters : tuple of float
-        Values in SI in the order of `LAWS[name].parameters`; a `many` parameter comes last and is flattened.
-    """
-
-    name: str
-    parameters: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -349,7 +273,8 @@ class Model:
     def replace(self, **changes: float) -> Model:
         """The building with some of its numbers changed: `model.replace(damping=0.02, stiffness_factor=1.1)`.
 
-        Names are those of `tdint.model.variation.PARAMETERS`, which tells what they mean; a factor of one story is
+        Names are those of `PARAMETERS`, which tells what they mean; what changes with them (modes, drifts at yield,
+        P-delta) follows; a factor of one story is
         given as `model.replace(**{"story 3.stiffness_factor": 0.8})`.
 
         Raises
@@ -357,16 +282,31 @@ class Model:
         UsageError
             An unknown name, a value out of range, or nothing that it could act on.
         """
-        from tdint.model.variation import varied
-
-        return varied(self, changes)
+        model = self
+        for name, value in changes.items():
+            check_parameter(name)
+            check_value(name, value)
+            if name == "damping":
+                model = replace(model, damping=_damped(model, value))
+                continue
+            found = _OF_STORY.fullmatch(name)
+            stories = [int(found[1]) - 1] if found else range(len(model.stories))
+            change = _FACTORS[found[2] if found else name]
+            if found and not 0 <= stories[0] < len(model.stories):
+                raise UsageError(f"{name}: {model.name} has {len(model.stories)} stories")
+            changed = [change(one, value) if i in stories else one for i, one in enumerate(model.stories)]
+            if change is _strength and not any(_strength(model.stories[i], 2.0) != model.stories[i] for i in stories):
+                raise UsageError(f"{name} has nothing to act on: no such story of {model.name} has a strength")
+            model = replace(model, stories=tuple(changed))
+        for number, story in enumerate(model.stories, start=1):
+            if fault := LAWS[story.law.name].fault(story.stiffness, story.law.parameters):
+                raise UsageError(f"{model.name}: story {number} cannot be varied so: {fault}")
+        before = dict(model.varied)
+        return replace(model, varied=tuple((before | changes).items()))
 
     def __repr__(self) -> str:
         count = len(self.stories)
         return f"<Model {self.name!r}: {count} {'story' if count == 1 else 'stories'}>"
-
-
-LINEAR = Law("linear", ())
 
 
 def simple_story(mass: float, law: Law = LINEAR, *, stiffness: float | None = None, dashpot: float = 0.0) -> Story:
@@ -402,11 +342,71 @@ def simple_model(
     )
 
 
-def four_points(points: Sequence[Sequence[float]]) -> tuple[float, ...]:
-    """Two to four points as four, flattened: of two the others lie at the thirds between them, of three the one that is
-    missing lies midway between the last ones (as the buildings of GEM's vulnerability toolkit have it)."""
-    (*first, before, last) = points
-    missing = 4 - len(points)
-    parts = [j / (missing + 1) for j in range(1, missing + 1)]
-    between = [[a + part * (b - a) for a, b in zip(before, last, strict=True)] for part in parts]
-    return tuple(number for point in (*first, before, *between, last) for number in point)
+_OF_STORY = re.compile(r"story (\d+)\.(\w+)")
+
+
+def _mass(story: Story, factor: float) -> Story:
+    return replace(story, mass=story.mass * factor)
+
+
+def _scaled_law(law: Law, factor: float, chosen: Callable[[int, int], bool]) -> Law:
+    """The law with the parameters of some dimensions (exponents of force and length) times a factor."""
+    own = LAWS[law.name].parameters
+    kinds = [*own, *own[-1:] * (len(law.parameters) - len(own))]  # one that is a list comes last
+    powers = [(1, -j) if one.many else (one.force, one.length) for j, one in enumerate(kinds, start=2 - len(own))]
+    values = zip(law.parameters, powers, strict=True)
+    return Law(law.name, tuple(value * factor if chosen(*power) else value for value, power in values))
+
+
+def _stiffness(story: Story, factor: float) -> Story:
+    """With a law that has its own stiffness all of its forces grow alike."""
+    own = LAWS[story.law.name].initial_stiffness is not None
+    law = _scaled_law(story.law, factor, lambda force, length: force == 1 and (own or length == -1))
+    return replace(story, stiffness=story.stiffness * factor, law=law)
+
+
+def _strength(story: Story, factor: float) -> Story:
+    return replace(story, law=_scaled_law(story.law, factor, lambda force, length: (force, length) == (1, 0)))
+
+
+_FACTORS: Mapping[str, Callable[[Story, float], Story]] = {
+    "mass_factor": _mass,
+    "stiffness_factor": _stiffness,
+    "strength_factor": _strength,
+}
+
+PARAMETERS = {
+    "damping": "damping ratio, in place of the model's: of both modes of Rayleigh damping, or of all of modal damping",
+    "mass_factor": "factor on the masses",
+    "stiffness_factor": "factor on the initial stiffnesses; strengths stay, drifts at yield change",
+    "strength_factor": "factor on the strengths of the drift laws; stiffnesses stay",
+}
+"""What can be changed in a building, and what it means; factors also of one story, as `story 3.mass_factor`."""
+
+
+def check_parameter(name: str) -> None:
+    """Raise UsageError for a name that is no parameter of `Model.replace`."""
+    found = _OF_STORY.fullmatch(name)
+    if name not in PARAMETERS and not (found and found[2] in _FACTORS):
+        hint = did_you_mean(name, PARAMETERS)
+        names = ", ".join(PARAMETERS)
+        raise UsageError(f"no parameter {name!r}{hint}; there are {names}, and factors of one story, `story 3.NAME`")
+
+
+def check_value(name: str, value: float) -> None:
+    """Raise UsageError for a value out of range."""
+    if name == "damping":
+        if not 0.0 <= value < 1.0:
+            raise UsageError(f"{name} must be a ratio from 0 to less than 1, got {value!r}")
+    elif not (math.isfinite(value) and value > 0.0):
+        raise UsageError(f"{name} must be a positive number, got {value!r}")
+
+
+def _damped(model: Model, ratio: float) -> Damping:
+    match model.damping:
+        case RayleighRatio(_, modes):
+            return RayleighRatio((ratio, ratio), modes)
+        case ModalDamping(ratios):
+            return ModalDamping((ratio,) * len(ratios))
+    what = "has none" if model.damping is None else "states it by coefficients"
+    raise UsageError(f"damping has no ratio to vary: {model.name} {what}")

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tdint.arrays import Array
 from tdint.errors import ModelError
 from tdint.tabular import Tabular
-
-Array = NDArray[np.float64]
 
 CLASSICAL = 1e-12
 """Couplings of the modal damping matrix below this, over its diagonal, are rounding."""

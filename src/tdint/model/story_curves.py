@@ -8,15 +8,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from tdint.arrays import Array
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import ModelError
 from tdint.model.first_model import FittedLaw
 from tdint.units import FORCE, LENGTH
-
-Array = NDArray[np.float64]
 
 _NEEDS = "story curves are a CSV file with the columns story, drift_m and shear_N (or drift_mm, shear_kN, ...)"
 _FEWEST = 4

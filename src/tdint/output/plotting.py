@@ -17,8 +17,7 @@ from tdint.analysis.chart.work_precision import Chart
 from tdint.analysis.comparison.compare import Comparison
 from tdint.analysis.run.outcome import Response
 from tdint.analysis.spectra.drift import DriftSpectrum
-from tdint.analysis.spectra.elastic import Spectrum
-from tdint.analysis.spectra.first_mode import SA_DAMPING
+from tdint.analysis.spectra.elastic import SA_DAMPING, Spectrum
 from tdint.analysis.spectra.floors import FloorSpectrum
 from tdint.analysis.spectra.inelastic import InelasticSpectrum
 from tdint.analysis.spectra.rotated import RotatedSpectrum

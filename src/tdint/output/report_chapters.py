@@ -118,8 +118,8 @@ def suite_page(
 
     runs = content["runs"]
     about = ", ".join(f"{count} {status}" for status, count in runs["by_status"].items())
-    buildings = {plan.buildings.name(number): number for number in range(len(plan.buildings))}
-    models = [plan.buildings.source(number).subject() for number in buildings.values()]
+    buildings = {one.name: one for one in plan.buildings}
+    models = [one.subject() for one in buildings.values()]
     limits = "" if limit is None else f", limit {100.0 * limit:g} %"
     profile = Picture(
         lambda end: profile_picture(found, end, units, limit=limit, title=plan.name),
@@ -158,7 +158,7 @@ def _level(one: Profile) -> str:
 
 
 def _inputs(plan: Plan, content: Mapping[str, Any]) -> list[str]:
-    models = {plan.buildings.name(number): plan.buildings.digest(number) for number in range(len(plan.buildings))}
+    models = {one.name: one.digest for one in plan.buildings}
     files = [{**one, "file": f"{one['file']} {one['component']}, its samples"} for one in content["records"]]
     return [
         *(f"{name}, as it was run: SHA-256 {digest}" for name, digest in models.items()),

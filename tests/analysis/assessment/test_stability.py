@@ -9,8 +9,9 @@ import pytest
 
 from tdint.analysis.assessment.stability import critical_step, false_limit, stability
 from tdint.analysis.run.amplification import amplification
+from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.steps import Steps
-from tdint.analysis.run.workspace import integrate, workspace
+from tdint.analysis.run.workspace import workspace
 from tdint.kernels import layout as at
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model.building import oscillators
@@ -168,9 +169,7 @@ def test_k_steps_are_the_kth_power_of_the_matrix(method, damping):
     matrices = amplification(integrator, omega, np.full_like(omega, damping), h)
     powers = np.linalg.matrix_power(matrices, k)
     expected = np.einsum("jab,bj->aj", powers, space.state[memory, :-1])
-    no_forces = np.zeros((0, at.FORCE_COLUMNS))
-    coefficients = integrator.coefficients(building, no_forces, h)
-    assert integrate(integrator, coefficients, building, no_forces, np.zeros(1), Steps(h, k), space) == 0
+    assert PreparedBuilding(building).loop(integrator, h, np.zeros(1), space)(Steps(h, k), 0, k) == 0
     np.testing.assert_allclose(space.state[memory, :-1] / units, expected / units, rtol=0.0, atol=1e-11)
 
 

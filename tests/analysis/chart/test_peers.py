@@ -11,12 +11,11 @@ import pytest
 from building_cases import Force, Law, model, noise, story, ten_bilinear, ten_linear
 from tdint.analysis.chart import opensees as opensees_peer
 from tdint.analysis.chart import opensees_worker
-from tdint.analysis.chart import solve_ivp as scipy_peer
+from tdint.analysis.chart import peers as scipy_peer
 from tdint.analysis.chart.opensees import openseespy_points
-from tdint.analysis.chart.peers import with_peers
+from tdint.analysis.chart.peers import solve_ivp_points, with_peers
 from tdint.analysis.chart.problem import pose
 from tdint.analysis.chart.reference import Errors, Reference, find_reference
-from tdint.analysis.chart.solve_ivp import solve_ivp_points
 from tdint.analysis.chart.work_precision import measure
 from tdint.methods.catalogue import parse
 from tdint.model.definition import ModalDamping

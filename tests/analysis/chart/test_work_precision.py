@@ -13,9 +13,8 @@ from building_cases import Force, Law, model, noise, oscillator, story, ten_bili
 from references import drifts, exact_linear, smooth
 from tdint import run
 from tdint.analysis.chart import reference as references
-from tdint.analysis.chart.problem import FloorMotion, pose
+from tdint.analysis.chart.problem import FloorMotion, pose, stretched
 from tdint.analysis.chart.reference import Errors, errors, find_reference
-from tdint.analysis.chart.sizes import stretched
 from tdint.analysis.chart.work_precision import (
     DEFAULT_METHODS,
     Point,
@@ -287,16 +286,16 @@ def test_errors_and_peaks_are_those_of_a_run():
 
 @pytest.mark.parametrize("name", ["diverged", "not-converged"])
 def test_a_march_that_fails_stays_among_the_points(name, monkeypatch):
-    from tdint.analysis.run import prepared
+    from tdint.analysis.run.prepared import PreparedBuilding
     from tdint.kernels import layout as at
 
-    integrate = prepared.integrate
+    loop = PreparedBuilding.loop
     code = at.NOT_FINITE if name == "diverged" else at.NOT_CONVERGED
 
-    def fail(integrator, *rest):
-        return code if integrator.label == "houbolt" else integrate(integrator, *rest)
+    def fail(self, integrator, *rest):
+        return (lambda *_: code) if integrator.label == "houbolt" else loop(self, integrator, *rest)
 
-    monkeypatch.setattr(prepared, "integrate", fail)
+    monkeypatch.setattr(PreparedBuilding, "loop", fail)
     chart = measure(pose(forced()), integrators("houbolt", "impulse4"), [0.02], repeats=2, cached=False)
     assert [(point.outcome, point.errors is None) for point in chart.points] == [(name, True), ("done", False)]
     assert cheapest(chart.points, "displacement", 1.0).line == "impulse4"

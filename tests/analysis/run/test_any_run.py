@@ -16,8 +16,7 @@ import pytest
 
 from building_cases import LINEAR, Force, Law, ModalDamping, RayleighCoefficients, model, noise, story
 from tdint import run
-from tdint.analysis.run.outcome import ENERGY_TERMS
-from tdint.analysis.run.run import FailedRun
+from tdint.analysis.run.outcome import ENERGY_TERMS, FailedRun
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model.definition import PowerDashpot
 from tdint.output.summaries.of_run import failure_summary, run_summary

@@ -20,7 +20,7 @@ from random_buildings import checked_building
 from tdint import run
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.error_estimate import estimate, finer
-from tdint.analysis.run.run import FailedRun, StoryErrors
+from tdint.analysis.run.outcome import FailedRun, StoryErrors
 from tdint.analysis.run.steps import Steps
 
 NAMES = [field.name for field in fields(StoryErrors)]

@@ -7,8 +7,8 @@ import pytest
 
 from building_cases import Force, Law, model, noise, oscillator, story, ten_bilinear
 from tdint import run
-from tdint.analysis.run import workspace
-from tdint.analysis.run.run import FailedRun
+from tdint.analysis.run import prepared
+from tdint.analysis.run.outcome import FailedRun
 from tdint.units import STANDARD_GRAVITY
 
 TIMES = np.linspace(0.0, 2.0, 201)
@@ -148,7 +148,7 @@ def test_halving_rescues_and_is_counted(method, monkeypatch):
     assert response.halvings > 0
     assert any(f"were halved, {response.halvings} times" in note for note in response.notes)
     assert np.all(response.stories.peak_drift > 0.0) and np.all(np.isfinite(response.stories.peak_drift))
-    monkeypatch.setattr(workspace, "HALVINGS", 0)
+    monkeypatch.setattr(prepared, "HALVINGS", 0)
     with pytest.raises(FailedRun) as failure:
         run(case, method=method, dt=20.0, duration=800.0)
     failed = failure.value

@@ -10,9 +10,9 @@ import pytest
 
 from building_cases import Force, model, noise, story, ten_bilinear, ten_linear
 from tdint import prepare, run, run_case, spectrum
-from tdint.analysis.run import amplification, prepared, workspace
+from tdint.analysis.run import amplification, prepared
+from tdint.analysis.run.outcome import FailedRun
 from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.run.run import FailedRun
 from tdint.analysis.run.steps import Steps
 from tdint.analysis.static.cyclic import cyclic_test
 from tdint.errors import AnalysisError, ModelError, ModelFault, UsageError
@@ -173,8 +173,8 @@ def test_a_march_in_pieces_is_the_march(scene, monkeypatch):
     """Whoever runs it can be interrupted between the pieces, and nothing else is to be seen of them."""
     case, steps = prepare(scene(), noise(samples=201, peak=30.0), method="impulse4"), Steps(0.01, 200)
     whole = case.march(steps, history=True)
-    monkeypatch.setattr(workspace, "_FIRST_PIECE", 1)
-    monkeypatch.setattr(workspace, "_PIECE", 0.0)
+    monkeypatch.setattr(prepared, "_FIRST_PIECE", 1)
+    monkeypatch.setattr(prepared, "_PIECE", 0.0)
     pieces = case.march(steps, history=True)
     np.testing.assert_array_equal(pieces.history.displacement, whole.history.displacement)
     np.testing.assert_array_equal(pieces.history.energy.error, whole.history.energy.error)

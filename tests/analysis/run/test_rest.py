@@ -10,7 +10,7 @@ import pytest
 from building_cases import Force, noise, oscillator, ten_bilinear, ten_linear
 from random_buildings import checked_building
 from tdint import run
-from tdint.analysis.run.rest import AT_REST, REST_PERIODS
+from tdint.analysis.run.case import AT_REST, REST_PERIODS
 from tdint.campaign.engine.batch import Batch
 from tdint.campaign.engine.task import Motions, Run, RunSettings, Subject
 

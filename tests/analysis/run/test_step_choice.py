@@ -8,7 +8,7 @@ import pytest
 from building_cases import noise, oscillator, ten_bilinear, ten_linear
 from tdint import prepare, run
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.run import FailedRun
+from tdint.analysis.run.outcome import FailedRun
 from tdint.analysis.run.step_choice import choose_step
 from tdint.errors import UsageError
 

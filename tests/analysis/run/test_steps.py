@@ -9,8 +9,8 @@ import pytest
 
 from building_cases import Force, Law, model, noise, oscillator, story, ten_linear
 from tdint import run
+from tdint.analysis.run.outcome import FailedRun
 from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.run.run import FailedRun
 from tdint.analysis.run.steps import Steps, choose_steps
 from tdint.errors import AnalysisError, UsageError
 from tdint.methods.catalogue import DEFAULT_METHOD, parse

@@ -185,7 +185,7 @@ def _header(units: OutputUnits) -> tuple[str, ...]:
 
 def _paragraph(test: CyclicTest, units: OutputUnits) -> str:
     """The law and what the model says of it, in a sentence or two."""
-    from tdint.model.definition import LAWS
+    from tdint.model.laws import LAWS
 
     text = f"{test.model.name}, story {test.story}, {test.law} law: {LAWS[test.law].formula}\n"
     text += f"Initial stiffness {units.text(test.initial_stiffness, 'N/m')}"

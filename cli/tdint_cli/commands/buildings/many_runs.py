@@ -78,7 +78,8 @@ def _plan(
     request: BuildingRequest, records: tuple[str, ...], model: Model, wishes: AnalysisWishes, factors: str | None
 ) -> Plan:
     from tdint.campaign.definition import CampaignFile, FactorsFile, ModelFiles, RecordFiles
-    from tdint.campaign.inputs import FoundMotions, Inputs, read_factors, read_motions
+    from tdint.campaign.draws import FoundMotions
+    from tdint.campaign.inputs import Inputs, read_factors, read_motions
     from tdint.campaign.levels import Scales
     from tdint.campaign.plan import make_plan
 

@@ -24,8 +24,8 @@ from tdint_cli.terminal.drawing import emit_table
 from tdint_cli.terminal.streams import complain, note, say, warn
 
 if TYPE_CHECKING:
-    from tdint.analysis.run.outcome import Collapse, Shock
-    from tdint.analysis.run.run import Case, FailedRun, Response, StepChoice, StoryPeaks
+    from tdint.analysis.run.case import Case
+    from tdint.analysis.run.outcome import Collapse, FailedRun, Response, Shock, StepChoice, StoryPeaks
     from tdint.files import Writer
     from tdint.ground_motion.record import Input, Record
     from tdint.model.definition import Model
@@ -254,7 +254,8 @@ def _check_sequence(request: Request) -> None:
 
 def _run(request: Request) -> None:
     began = time.perf_counter()
-    from tdint.analysis.run.run import FailedRun, model_record, prepare
+    from tdint.analysis.run.outcome import FailedRun
+    from tdint.analysis.run.run import model_record, prepare
     from tdint.model.config.model_file import load_model
     from tdint.output.summaries.summary import model_input
 
@@ -408,7 +409,7 @@ def _stories(request: Request, response: Response) -> Table:
 
 def _files(request: Request, response: Response, case: Case, inputs: list[Input], began: float) -> dict[Path, Writer]:
     """The files of a run and what writes them."""
-    from tdint.analysis.spectra.first_mode import first_mode
+    from tdint.analysis.spectra.elastic import first_mode
     from tdint.output.summaries.of_run import UNITS, run_summary
     from tdint.output.summaries.summary import in_units, json_bytes
     from tdint.output.tables.responses import write_pieces
@@ -471,7 +472,7 @@ def _warnings(response: Response) -> list[str]:
 def _failed_files(
     request: Request, failure: FailedRun, case: Case, inputs: list[Input], began: float
 ) -> dict[Path, Writer]:
-    from tdint.analysis.spectra.first_mode import first_mode
+    from tdint.analysis.spectra.elastic import first_mode
     from tdint.output.summaries.of_run import UNITS, failure_summary
     from tdint.output.summaries.summary import in_units, json_bytes
 

@@ -170,7 +170,7 @@ def _charts(request: Request, model: Model, record: Record | None, progress: Pro
     if not request.stories:
         chart, left_out = _chart(request, model, record, progress)
         return [chart], left_out
-    from tdint.analysis.chart.sizes import stretched
+    from tdint.analysis.chart.problem import stretched
 
     charts = []
     share = 1.0 / len(request.stories)

@@ -12,7 +12,7 @@ import click
 from tdint.errors import UsageError
 from tdint.output_units import OutputUnits
 from tdint_cli import options
-from tdint_cli.batch.campaigns import carry_out, export, finish, make_folder, refuse_foreign
+from tdint_cli.batch.campaigns import carry_out, export, finish, refuse_foreign
 from tdint_cli.batch.profiles import Profiles, SuiteRequest, drift_limit
 from tdint_cli.errors import Failures
 from tdint_cli.options.spectra import FloorRequest
@@ -234,11 +234,10 @@ def _merge(request: CampaignRequest) -> None:
     folders = [Path(word) for word in request.words[1:]]
     if not folders or request.output is None:
         raise UsageError("give the folders to merge and -o DIR: tdint campaign merge out-*/ -o all/")
+    from tdint.campaign.store.connection import locked
     from tdint.campaign.store.merge import merge
-    from tdint.campaign.store.place import locked
 
     target = Path(request.output)
-    make_folder(target)
     with locked(target):
         refuse_foreign(target, stories=True, profiles=True, overwrite=request.overwrite)
         with merge(folders, target) as store:

@@ -122,7 +122,7 @@ def command(**given: Any) -> None:
 def _compare(
     sufficiency: str | None, table: str, im: tuple[str, ...], output: str | None, overwrite: bool, **given: Any
 ) -> None:
-    from tdint.campaign.fragility.measure_comparison import compare_measures
+    from tdint.campaign.fragility.run_measures import compare_measures
     from tdint.output.tables.studies import comparison_of_measures
 
     for name, value in given.items():

@@ -244,7 +244,7 @@ def _folder(request: IdaRequest) -> Path | None:
         Files are in the way that were not made of its store, or that cannot be trusted.
     """
     from tdint.campaign.ida.study import STORE
-    from tdint.campaign.store.place import locked
+    from tdint.campaign.store.connection import locked
     from tdint.campaign.store.store import forget, open_written
     from tdint.files import check_outputs
 
@@ -277,7 +277,7 @@ def _measure(request: IdaRequest, model: Model) -> IntensityMeasure:
     UsageError
         Options that have no part in it.
     """
-    from tdint.analysis.spectra.first_mode import first_mode
+    from tdint.analysis.spectra.elastic import first_mode
     from tdint.campaign.suites import intensity
     from tdint.model.building import assemble
 

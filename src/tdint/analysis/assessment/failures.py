@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tdint.analysis.assessment.hard_problems import HardProblem, problems
-from tdint.analysis.run.run import FailedRun, History, run
+from tdint.analysis.run.outcome import FailedRun, History
+from tdint.analysis.run.run import run
 from tdint.errors import UsageError, did_you_mean
 from tdint.methods.catalogue import catalogue, chosen, parse
 from tdint.methods.method import Integrator
@@ -54,15 +55,15 @@ class Trial:
     problem: str
     method: str
     dt: float
-    energy_ratio_min: float
-    energy_ratio_max: float
-    error: float
-    error_of: str
     outcome: str
     verdict: str
-    time: float
-    steps: int
-    measure: float
+    error_of: str
+    energy_ratio_min: float = math.nan
+    energy_ratio_max: float = math.nan
+    error: float = math.nan
+    time: float = 0.0
+    steps: int = 0
+    measure: float = math.nan
 
 
 def usual_methods() -> list[Integrator]:
@@ -121,16 +122,18 @@ def attempt(integrator: Integrator, problem: HardProblem) -> list[Trial]:
 
 
 def _attempt(integrator: Integrator, problem: HardProblem, dt: float, steps: int) -> Trial:
+    without = Trial(problem.name, integrator.label, dt, REFUSED, REFUSED, problem.error_of)
     if integrator.family.linear_only and not assemble(problem.model).linear:
-        return _without_numbers(integrator, problem, dt, REFUSED, REFUSED, 0.0)
+        return without
     ended = _run(integrator, problem, dt, steps, allow_unstable=False)
     outcome = "done"
     if isinstance(ended, FailedRun):
         outcome = ended.status
         ended = _run(integrator, problem, dt, steps, allow_unstable=True)
     if isinstance(ended, FailedRun):
-        return _without_numbers(integrator, problem, dt, outcome, _ENDS[ended.status], ended.time)
-    return _judged(integrator, problem, dt, outcome, ended)
+        done = round(ended.time / dt)
+        return replace(without, outcome=outcome, verdict=_ENDS[ended.status], time=ended.time, steps=done)
+    return _judged(replace(without, outcome=outcome), problem, ended)
 
 
 def _run(
@@ -151,42 +154,19 @@ def _run(
     return response.history
 
 
-def _judged(integrator: Integrator, problem: HardProblem, dt: float, outcome: str, history: History) -> Trial:
+def _judged(trial: Trial, problem: HardProblem, history: History) -> Trial:
     ratio = problem.energy(history) / problem.energy_scale
     least, largest = float(np.min(ratio)), float(np.max(ratio))
     error = problem.error(history)
     farthest = least if least * largest < 1.0 else largest
     measure = farthest if problem.by_energy else error
-    return Trial(
-        problem=problem.name,
-        method=integrator.label,
-        dt=dt,
+    return replace(
+        trial,
         energy_ratio_min=least if ratio[0] > 0.0 else math.nan,
         energy_ratio_max=largest,
         error=error,
-        error_of=problem.error_of,
-        outcome=outcome,
         verdict=next((fault.name for fault in problem.faults if fault.found(measure)), PASS),
         time=float(history.time[-1]),
         steps=len(history.time) - 1,
         measure=measure,
-    )
-
-
-def _without_numbers(
-    integrator: Integrator, problem: HardProblem, dt: float, outcome: str, verdict: str, time: float
-) -> Trial:
-    return Trial(
-        problem=problem.name,
-        method=integrator.label,
-        dt=dt,
-        energy_ratio_min=math.nan,
-        energy_ratio_max=math.nan,
-        error=math.nan,
-        error_of=problem.error_of,
-        outcome=outcome,
-        verdict=verdict,
-        time=time,
-        steps=round(time / dt),
-        measure=math.nan,
     )

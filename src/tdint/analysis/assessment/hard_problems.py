@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tdint.analysis.run.run import History, run
-from tdint.model.definition import Force, Law, Model, simple_model, simple_story
-
-Array = NDArray[np.float64]
+from tdint.analysis.run.outcome import History
+from tdint.analysis.run.run import run
+from tdint.arrays import Array
+from tdint.model.definition import Force, Model, simple_model, simple_story
+from tdint.model.laws import Law
 
 FINER = 64
 """Steps of the reference of the softening oscillator within one step."""

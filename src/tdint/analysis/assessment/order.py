@@ -7,21 +7,20 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tdint.analysis.run.amplification import find_instability
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.steps import Steps
+from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as at
 from tdint.methods.catalogue import parse
 from tdint.methods.exact import oscillator
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, assemble, force_table
-from tdint.model.definition import Force, Law, simple_model, simple_story
+from tdint.model.definition import Force, simple_model, simple_story
+from tdint.model.laws import Law
 from tdint.tabular import Tabular
-
-Array = NDArray[np.float64]
 
 LOADS = ("free", "harmonic", "record")
 

@@ -7,18 +7,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tdint.analysis.run.amplification import STABLE, spectral_radius
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.steps import Steps
+from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
 from tdint.model.building import oscillators
 from tdint.tabular import Tabular
-
-Array = NDArray[np.float64]
 
 STARTS = {"displacement": (1.0, 0.0), "velocity": (0.0, 1.0)}
 """Starts by name: u(0) and h v(0), m."""

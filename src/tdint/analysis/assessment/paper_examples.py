@@ -8,19 +8,19 @@ from dataclasses import dataclass, replace
 from functools import cache, partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tdint.analysis.run.outcome import FailedRun, History
 from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.run.run import FailedRun, History, run
+from tdint.analysis.run.run import run
 from tdint.analysis.run.steps import Steps
+from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError
 from tdint.methods.catalogue import chosen, parse
 from tdint.methods.method import Integrator
 from tdint.model.building import assemble, force_table
-from tdint.model.definition import Force, Law, Model, simple_model, simple_story
+from tdint.model.definition import Force, Model, simple_model, simple_story
+from tdint.model.laws import Law
 from tdint.tabular import Several
-
-Array = NDArray[np.float64]
 
 METHODS = (
     "impulse",

@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.run.amplification import STABLE, amplification
+from tdint.arrays import Array
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
 from tdint.tabular import Tabular
-
-Array = NDArray[np.float64]
 
 _SMALLEST = 1e-3  # dt/T at which the principal root is beyond doubt
 _REAL = 1e-9  # imaginary part of a root that is real but for rounding

@@ -11,19 +11,17 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tdint.analysis.chart import opensees_worker
 from tdint.analysis.chart.problem import FloorMotion, Problem
 from tdint.analysis.chart.reference import Reference, errors
 from tdint.analysis.chart.work_precision import DONE, Point, line_of
 from tdint.analysis.run.steps import Steps
+from tdint.arrays import Array
 from tdint.kernels import layout as at
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
-from tdint.model.definition import CODES
-
-Array = NDArray[np.float64]
+from tdint.model.laws import CODES
 
 _REPEATS = 3
 _MINUTES = 5.0  # after which the process is ended

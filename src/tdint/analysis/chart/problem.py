@@ -8,21 +8,19 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.outcome import FailedRun
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import model_record
 from tdint.analysis.run.steps import Steps, choose_steps
+from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels import layout as at
 from tdint.methods.method import Integrator
-from tdint.model.building import Building
-from tdint.model.definition import Model
-
-Array = NDArray[np.float64]
+from tdint.model.building import Building, assemble
+from tdint.model.definition import Initial, ModalDamping, Model, RayleighCoefficients, RayleighRatio
 
 
 @dataclass(frozen=True)
@@ -196,3 +194,37 @@ def ending_together(problem: Problem, dts: Iterable[float]) -> Problem:
 def reached(problem: Problem, all_steps: tuple[Steps, ...]) -> int:
     """Samples that the longest of some marches reaches."""
     return max((steps.count * steps.stride // steps.per_sample for steps in all_steps), default=problem.samples)
+
+
+def stretched(model: Model, count: int) -> Model:
+    """The model with `count` stories: its own ones, each repeated (or left out) so that their pattern stays.
+
+    Rayleigh damping keeps its coefficients. Of modal damping of the first modes those remain that there are. Forces
+    and the initial state move with their floors.
+    """
+    own = len(model.stories)
+    if count == own:
+        return model
+    floors = [i * own // count for i in range(count)]
+    damping = model.damping
+    if isinstance(damping, RayleighRatio):
+        building = assemble(model)
+        first = model.stories[0]
+        damping = RayleighCoefficients(
+            mass=float(building.linear_terms[at.FLOOR_DAMPER, 0] / building.linear_terms[at.MASS, 0]),
+            stiffness=float((building.linear_terms[at.STORY_DAMPER, 0] - first.dashpot) / first.stiffness),
+        )
+    elif isinstance(damping, ModalDamping):
+        damping = ModalDamping(damping.ratios[:count])
+    forces = tuple(
+        replace(force, floor=max(1, math.ceil(force.floor * count / own))) for force in model.excitation.forces
+    )
+    return replace(
+        model,
+        stories=tuple(model.stories[i] for i in floors),
+        damping=damping,
+        excitation=replace(model.excitation, forces=forces),
+        initial=Initial(
+            tuple(model.initial.displacement[i] for i in floors), tuple(model.initial.velocity[i] for i in floors)
+        ),
+    )

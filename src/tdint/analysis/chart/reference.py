@@ -5,23 +5,21 @@ from __future__ import annotations
 import hashlib
 import time
 from contextlib import suppress
-from dataclasses import dataclass, fields
+from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tdint.analysis.chart.problem import FloorMotion, Problem
 from tdint.analysis.run.steps import Steps
+from tdint.arrays import Array
 from tdint.cache import cache_subfolder
 from tdint.errors import AnalysisError, OutputError
 from tdint.files import is_file, write_file
 from tdint.kernels.building.sources import digest_of_all
 from tdint.kernels.building.store import folder_name
 from tdint.methods.catalogue import parse
-
-Array = NDArray[np.float64]
 
 EXACT_UP_TO = 100
 """Stories up to which the exact method serves; the cost of its step grows with their square."""
@@ -61,7 +59,7 @@ class Errors:
     @property
     def worst(self) -> float:
         """The largest of all."""
-        return max(self.displacement, self.drift, self.velocity, self.acceleration, self.peak_drift)
+        return float(max(astuple(self)))
 
 
 QUANTITIES = tuple(field.name for field in fields(Errors))
@@ -72,13 +70,8 @@ def errors(motion: FloorMotion, reference: FloorMotion) -> Errors:
     true = reference.every(motion.stride, len(motion.displacement))
     counted = true.peak_drift > _SMALL * np.max(true.peak_drift)
     peaks = motion.peak_drift[counted] / true.peak_drift[counted] - 1.0
-    return Errors(
-        displacement=_relative(motion.displacement, true.displacement),
-        drift=_relative(motion.drift, true.drift),
-        velocity=_relative(motion.velocity, true.velocity),
-        acceleration=_relative(motion.acceleration, true.acceleration),
-        peak_drift=float(np.max(np.abs(peaks))),
-    )
+    of_history = {name: _relative(getattr(motion, name), getattr(true, name)) for name in QUANTITIES[:-1]}
+    return Errors(**of_history, peak_drift=float(np.max(np.abs(peaks))))
 
 
 def _relative(values: Array, true: Array) -> float:
@@ -187,17 +180,8 @@ def _motion(problem: Problem, samples: int, method: str, parts: int) -> FloorMot
 
 def _extrapolated(coarse: FloorMotion, fine: FloorMotion) -> FloorMotion:
     """The limit of two motions of a method of order 2, the step of the second half of the first's (Richardson)."""
-
-    def limit(slow: Array, fast: Array) -> Array:
-        return (4.0 * fast - slow) / 3.0
-
-    return FloorMotion(
-        fine.stride,
-        limit(coarse.displacement, fine.displacement),
-        limit(coarse.velocity, fine.velocity),
-        limit(coarse.acceleration, fine.acceleration),
-        limit(coarse.peak_drift, fine.peak_drift),
-    )
+    names = [one.name for one in fields(FloorMotion)[1:]]
+    return FloorMotion(fine.stride, *((4.0 * getattr(fine, name) - getattr(coarse, name)) / 3.0 for name in names))
 
 
 # ---- The cache: a file per problem and sources of the kernels, in the folder of the compiled ones.
@@ -243,7 +227,7 @@ def _save(file: Path, reference: Reference) -> None:
     content: dict[str, Any] = {
         "table": np.array([motion.displacement, motion.velocity, motion.acceleration]),
         "peak_drift": motion.peak_drift,
-        "gap": np.array([getattr(reference.gap, name) for name in QUANTITIES]),
+        "gap": np.array(astuple(reference.gap)),
         "method": reference.method,
         "dt": reference.dt,
         "confirmed_by": reference.confirmed_by,

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from tdint.analysis.comparison.event import Event
@@ -17,6 +16,7 @@ from tdint.analysis.run.case import Case
 from tdint.analysis.run.outcome import Response
 from tdint.analysis.run.run import prepare
 from tdint.analysis.spectra.elastic import spectrum
+from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError, did_you_mean
 from tdint.ground_motion.reading.scale import differentiated
 from tdint.ground_motion.record import Record
@@ -25,8 +25,6 @@ from tdint.model.definition import Excitation, Model
 from tdint.model.recorded import AUTO, load_recording
 from tdint.tabular import Tabular
 from tdint.written_numbers import parse_positive
-
-Array = NDArray[np.float64]
 
 _LONGEST_SHIFT = 10.0
 """s; clocks that are further apart are no matter of a shift."""

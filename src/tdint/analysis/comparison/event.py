@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
+from tdint.arrays import Array
 from tdint.errors import RecordError
 from tdint.ground_motion.reading.named_table import read_column
 from tdint.ground_motion.reading.read import read_signal
@@ -19,8 +19,6 @@ from tdint.ground_motion.record import Input, Record
 from tdint.ground_motion.signal import Signal, at_times, in_band, without_offset
 from tdint.model.recorded import Recording, Sensor
 from tdint.units import GROUND_MOTION
-
-Array = NDArray[np.float64]
 
 _FEWEST = 10
 """Samples that a comparison needs."""

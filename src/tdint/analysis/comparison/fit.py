@@ -12,7 +12,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from tdint.analysis.comparison.compare import (
@@ -24,11 +23,11 @@ from tdint.analysis.comparison.compare import (
     respond,
 )
 from tdint.analysis.comparison.event import Event
+from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError
-from tdint.model.definition import LAWS, Damping, ModalDamping, Model, RayleighCoefficients, RayleighRatio
+from tdint.model.definition import Damping, ModalDamping, Model, RayleighCoefficients, RayleighRatio
+from tdint.model.laws import LAWS
 from tdint.model.recorded import AUTO
-
-Array = NDArray[np.float64]
 
 FITTED = ("stiffness", "stiffness-factor", "damping")
 

@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.run.workspace import workspace
+from tdint.arrays import Array
 from tdint.errors import AnalysisError
 from tdint.kernels import layout as at
 from tdint.kernels.building.variant import Variant
 from tdint.kernels.bundles import Scene
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, oscillators
-
-Array = NDArray[np.float64]
 
 LINEAR_OSCILLATORS = Variant(laws=("linear",), modal=False, forces=False, dashpots=False)
 """What the kernels need for them."""

@@ -1,5 +1,6 @@
 """A building under a ground motion, integrated with one step, and how that ended: done, collapsed, diverged, not
-converged, or refused."""
+converged, or refused; and runs that go on with the ground at rest until the building is.
+"""
 
 from __future__ import annotations
 
@@ -13,18 +14,18 @@ from numpy.typing import NDArray
 
 from tdint.analysis.run import run_totals
 from tdint.analysis.run.outcome import Collapse, Energy, FailedRun, History, Response, StoryErrors, StoryPeaks
-from tdint.analysis.run.prepared import Marched, MarchedRuns, PreparedBuilding
+from tdint.analysis.run.prepared import Lane, Marched, MarchedRuns, PreparedBuilding, Rest
 from tdint.analysis.run.steps import Steps, choose_steps
 from tdint.analysis.run.workspace import HALVINGS, Workspace
+from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels import layout as at
 from tdint.kernels.march.many import CODE
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, falling_stories
-from tdint.model.definition import LAWS, Model
-
-Array = NDArray[np.float64]
+from tdint.model.definition import Model
+from tdint.model.laws import LAWS
 
 _LARGE_IMBALANCE = 0.01
 """Energy error above which a run says so."""
@@ -261,6 +262,23 @@ class Case:
         reason = f"{what} on {made:.3g} times the input energy"
         raise self._diverged(steps, time, noted.energy.kinetic, reason, noted.story)
 
+    def settle(self, steps: Steps, marched: MarchedRuns, i: int, history: bool = False) -> Collapse | Response:
+        """What the i-th run of many is, which is this one, if that is in doubt (`doubtful`): a collapse, or as far as
+        the many came, and through the step in which it failed, run by itself.
+
+        Raises
+        ------
+        FailedRun
+            It failed.
+        """
+        code, taken, _ = marched.ends[i].astype(int).tolist()
+        totals = marched.totals[i]
+        at_its_end = code == 0 and -run_totals.energy_errors(marched.totals[i : i + 1])[0] < RUNAWAY
+        if at_its_end and (collapse := self.judge(steps, code, totals)):
+            return collapse
+        most = max(taken, int(totals[at.STEPS_REACHED]) + 1)
+        return self.march(replace(steps, count=max(most, steps.count)), history)
+
     def _response(self, steps: Steps, marched: Marched, collapse: Collapse | None) -> Response:
         space = marched.space
         energy = run_totals.energy(space)
@@ -271,7 +289,7 @@ class Case:
         return Response(
             model=self.model,
             record=self.record,
-            status=("failed-story" if collapse.failed else "collapsed") if collapse else "done",
+            status=collapse.status if collapse else "done",
             method=self.integrator.label,
             dt=steps.h,
             steps=steps.count,
@@ -380,3 +398,37 @@ def _kinetic(building: Building, space: Workspace) -> float | None:
     with np.errstate(over="ignore", invalid="ignore"):
         energy = float(0.5 * np.sum(building.mass * space.state[at.VELOCITY, :-1] ** 2))
     return energy if math.isfinite(energy) else None
+
+
+REST_PERIODS = 100.0
+"""How long a run goes on with the ground at rest, in first periods of the building."""
+
+AT_REST = 1e-3
+"""Amplitude of what is left of the motion, over the largest displacement, from which a building is at rest."""
+
+
+def windows(prepared: PreparedBuilding, h: float) -> Rest:
+    """The first periods by which a run of steps h (s) goes on until the velocities in one of them are those of an
+    amplitude below `AT_REST` times the largest displacement; `REST_PERIODS` of them at most."""
+    period = prepared.period
+    return Rest(math.ceil(period / h), round(REST_PERIODS), AT_REST * 2.0 * math.pi / period)
+
+
+def until_rest(case: Case, steps: Steps) -> tuple[Steps, bool]:
+    """The steps of a run that goes on until the building is at rest, and whether it comes to that.
+
+    Where the run fails on the way, the steps are those with which it does.
+    """
+    ground: NDArray[np.float64] = np.zeros(1) if case.ground is None else case.ground
+    marched = case.prepared.march_many(
+        case.integrator,
+        steps.h,
+        ground,
+        [Lane(0, ground.size, 1.0, steps)],
+        collapse_drift=case.model.collapse_drift,
+        rest=windows(case.prepared, steps.h),
+    )
+    code, count, at_rest = marched.ends[0].tolist()
+    if code < 0:
+        count += windows(case.prepared, steps.h).window
+    return replace(steps, count=max(int(count), steps.count)), bool(at_rest) and code >= 0

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.run.outcome import STORY, StoryErrors, StoryPeaks, StoryValues
+from tdint.arrays import Array
 from tdint.quantity import Quantity, quantities
-
-Array = NDArray[np.float64]
 
 
 class Largest(NamedTuple):

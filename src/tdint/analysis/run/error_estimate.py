@@ -28,13 +28,11 @@ from dataclasses import fields, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.outcome import ErrorEstimate, FailedRun, History, Response, Shock, StoryErrors
 from tdint.analysis.run.steps import Steps, finer
-
-Array = NDArray[np.float64]
+from tdint.arrays import Array
 
 FINER = 2
 """Repetitions with smaller steps."""

@@ -9,8 +9,8 @@ from operator import add
 from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar, get_type_hints
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tdint.arrays import Array
 from tdint.errors import AnalysisError
 from tdint.kernels import layout as at
 from tdint.quantity import Quantity, quantities
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from tdint.ground_motion.record import Record
     from tdint.model.building import Building
     from tdint.model.definition import Model
-
-Array = NDArray[np.float64]
 
 
 _TABLE = ("table",)
@@ -317,22 +315,18 @@ class History(Tabular):
 
     def every(self, steps: int) -> History:
         """Every so many steps, from the first one; nothing is copied."""
-        energy = EnergyHistory(**{one.name: getattr(self.energy, one.name)[::steps] for one in fields(self.energy)})
-        error = self.error and ErrorHistory(
-            **{one.name: getattr(self.error, one.name)[::steps] for one in fields(self.error)}
-        )
-        own = {one.name: getattr(self, one.name) for one in fields(self) if one.name not in ("energy", "error")}
-        return History(**{name: values[::steps] for name, values in own.items()}, energy=energy, error=error)
+        found: History = _joined([self], lambda arrays: arrays[0][::steps])
+        return found
 
 
-def _joined(parts: Sequence[Any]) -> Any:
-    """Records of arrays, which may hold records of arrays, one after the other."""
+def _joined(parts: Sequence[Any], join: Callable[[Sequence[Array]], Array] = np.concatenate) -> Any:
+    """Records of arrays, which may hold records of arrays: one after the other, or joined in another way."""
     if parts[0] is None:
         return None
     if isinstance(parts[0], np.ndarray):
-        return np.concatenate(parts)
+        return join(parts)
     names = [one.name for one in fields(parts[0])]
-    return type(parts[0])(**{name: _joined([getattr(part, name) for part in parts]) for name in names})
+    return type(parts[0])(**{name: _joined([getattr(part, name) for part in parts], join) for name in names})
 
 
 @dataclass(frozen=True)
@@ -355,6 +349,11 @@ class Collapse:
     story: int
     ended: bool
     failed: bool = False
+
+    @property
+    def status(self) -> str:
+        """As of `Response`."""
+        return "failed-story" if self.failed else "collapsed"
 
 
 @dataclass(frozen=True)
@@ -456,11 +455,14 @@ class Response(Tabular):
         )
 
 
+@dataclass(eq=False, repr=False)
 class FailedRun(AnalysisError):
     """A run without a result: it ended before its time, or was refused.
 
     Attributes
     ----------
+    message : str
+        What happened, for people.
     status : str
         `diverged`, `not-converged`, `unstable-step` or `not-within-tolerance`.
     method, dt : str, float
@@ -479,31 +481,19 @@ class FailedRun(AnalysisError):
         What a person should know of the run.
     """
 
-    def __init__(
-        self,
-        message: str,
-        status: str,
-        method: str,
-        dt: float,
-        *,
-        time: float = 0.0,
-        story: int | None = None,
-        residual: float | None = None,
-        energy: float | None = None,
-        largest_stable_dt: float | None = None,
-        notes: tuple[str, ...] = (),
-    ) -> None:
-        super().__init__(message)
-        self.status = status
-        self.method = method
-        self.dt = dt
-        self.time = time
-        self.story = story
-        self.residual = residual
-        self.energy = energy
-        self.largest_stable_dt = largest_stable_dt
-        self.notes = notes
+    message: str
+    status: str
+    method: str
+    dt: float
+    time: float = field(default=0.0, kw_only=True)
+    story: int | None = field(default=None, kw_only=True)
+    residual: float | None = field(default=None, kw_only=True)
+    energy: float | None = field(default=None, kw_only=True)
+    largest_stable_dt: float | None = field(default=None, kw_only=True)
+    notes: tuple[str, ...] = field(default=(), kw_only=True)
+
+    def __post_init__(self) -> None:
+        super().__init__(self.message)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        names = ("status", "method", "dt", "time", "story", "residual", "energy", "largest_stable_dt", "notes")
-        return partial(type(self), str(self), **{name: getattr(self, name) for name in names}), ()
+        return partial(type(self), **{one.name: getattr(self, one.name) for one in fields(self)}), ()

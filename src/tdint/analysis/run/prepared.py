@@ -1,4 +1,5 @@
-"""A building put together once, under its forces and from its initial state, to be integrated any number of times."""
+"""A building put together once, under its forces and from its initial state, to be integrated any number of times: the
+one place that calls the compiled time loop."""
 
 from __future__ import annotations
 
@@ -11,7 +12,6 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tdint.analysis.run.amplification import Instability, find_instability
 from tdint.analysis.run.steps import Steps
@@ -19,13 +19,13 @@ from tdint.analysis.run.workspace import (
     HALVINGS,
     Workspace,
     check_suited,
+    doubled_laws,
     history_width,
-    integrate,
     kernels,
-    marching,
     shifts,
     workspace,
 )
+from tdint.arrays import Array
 from tdint.kernels import layout as at
 from tdint.kernels.building.obtaining import obtain
 from tdint.kernels.building.variant import Variant
@@ -37,11 +37,15 @@ from tdint.methods.method import Integrator
 from tdint.model.building import Building, assemble, force_table, variant
 from tdint.model.definition import Model
 
-Array = NDArray[np.float64]
-
 _RESOLVED = 2.5  # omega dt of the fastest mode, bounded from above, up to which a step is taken to follow all modes
+_PIECE = 0.1  # s
+_FIRST_PIECE = 100_000  # steps times stories, and as much for each modally damped mode
 _PIECE_BYTES = 2**23  # of a piece of a history
 _KEPT = 4  # sets of coefficients that are kept: a run, its two repetitions with smaller steps, one more
+
+
+Loop = Callable[[Steps, int, int], int]
+"""Takes all steps, and from which of them on to go on until which; gives 0 or the code of the step that failed."""
 
 
 @dataclass(frozen=True)
@@ -231,11 +235,10 @@ class PreparedBuilding:
             raise ValueError(f"{steps.count} steps do not fit into a history of {rows}")
         space = self._ready(integrator, steps.h, rows + 1 if rows else 0, collapse_drift)
         space.every = steps.count // rows if rows else 1
-        motion = np.zeros(1) if ground is None else ground
-        coefficients = self.coefficients(integrator, steps.h)
-        begin = time.perf_counter()
-        code = integrate(integrator, coefficients, self.building, self.forces, motion, steps, space, self.variant)
-        return Marched(space, code, time.perf_counter() - begin)
+        go = self.loop(integrator, steps.h, np.zeros(1) if ground is None else ground, space)
+        began = time.perf_counter()
+        code = self._in_pieces(go, steps)
+        return Marched(space, code, time.perf_counter() - began)
 
     def march_pieces(
         self, integrator: Integrator, steps: Steps, ground: Array | None, *, every: int
@@ -255,15 +258,14 @@ class PreparedBuilding:
         rows = max(2, _PIECE_BYTES // (8 * history_width(self.building, integrator)))
         space = self._ready(integrator, steps.h, 0, math.inf)
         motion = np.zeros(1) if ground is None else ground
-        coefficients = self.coefficients(integrator, steps.h)
         done, total = 0, steps.count // every + 1
         while done < steps.count:
             before = done // every + 1 if done else 0
             last = min((before + rows) * every - 1, steps.count)
             space.every, space.before = every, before
             space.history = np.zeros((min(rows, total - before), history_width(self.building, integrator)))
-            part = replace(steps, count=last, done=done)
-            if integrate(integrator, coefficients, self.building, self.forces, motion, part, space, self.variant) < 0:
+            go = self.loop(integrator, steps.h, motion, space)
+            if self._in_pieces(go, replace(steps, count=last, done=done)) < 0:
                 return
             if len(space.history):
                 yield space
@@ -290,11 +292,9 @@ class PreparedBuilding:
             The method does not integrate this building.
         """
         space = self._ready(integrator, steps.h, 0, math.inf)
-        coefficients = self.coefficients(integrator, steps.h)
+        go = self.loop(integrator, steps.h, ground, space)
         for done, last in pairwise((*(first for first in firsts if first < steps.count), steps.count)):
-            part = replace(steps, count=last, done=done)
-            code = integrate(integrator, coefficients, self.building, self.forces, ground, part, space, self.variant)
-            if code < 0:
+            if self._in_pieces(go, replace(steps, count=last, done=done)) < 0:
                 return
             yield space
             space.forget_peaks(integrator, len(self.building.modal))
@@ -388,14 +388,14 @@ class PreparedBuilding:
         begun = [(array, array.copy()) for array in (*space.memory, space.watch, space.peaks, space.totals)]
         ground = np.zeros(max(len(acceleration) for acceleration, _, _ in motions))
         space.every = every
-        go = marching(integrator, self.coefficients(integrator, h), self.building, self.forces, ground, h, space)
+        go = self.loop(integrator, h, ground, space)
         marched = MarchedRuns.empty(len(motions), self.building.stories)
         for r, (acceleration, scale, steps) in enumerate(motions):
             for array, first in begun:
                 array[...] = first
             np.multiply(acceleration, scale, out=ground[: len(acceleration)])
             ground[len(acceleration) :] = 0.0
-            code = go(self.variant, steps, 0, steps.count)
+            code = go(steps, 0, steps.count)
             marched.peaks[r], marched.totals[r] = space.peaks, space.totals
             marched.drifts[r] = space.springs[at.DRIFT, : self.building.stories]
             reached = int(space.totals[at.STEPS_REACHED])
@@ -412,3 +412,39 @@ class PreparedBuilding:
         space.state[at.VELOCITY, :-1] = self.velocity
         space.flags[at.FAST] = self.building.fastest * h > _RESOLVED
         return space
+
+    def loop(self, integrator: Integrator, h: float, ground: Array, space: Workspace) -> Loop:
+        """The compiled time loop with all its arrays, which it finds as they are when it is called."""
+        building = self.building
+        arrays = (
+            *(ground, self.coefficients(integrator, h), shifts(integrator, h)),
+            *Scene(building.linear_terms, building.modal, doubled_laws(building, integrator), self.forces, space.flags),
+            *space.memory,
+            np.zeros(at.LOAD_SIZE),
+            *space.seen,
+        )
+        called = [kernel.variant(self.variant) for kernel in (integrator.family.step, begin, take_stock, raise_shears)]
+        halvings = HALVINGS if integrator.family.halvable else 0
+
+        def go(steps: Steps, first: int, last: int) -> int:
+            code: int = march.variant(self.variant)(
+                *called,
+                *(steps.count, first, last, space.every, space.before, steps.per_sample, steps.stride, halvings, h),
+                *arrays,
+            )
+            return code
+
+        return go
+
+    def _in_pieces(self, go: Loop, steps: Steps) -> int:
+        """March over the steps that are left in pieces that take about `_PIECE`, between which Python can be
+        interrupted. 0, or the code of the step that failed."""
+        done, size = steps.done, max(_FIRST_PIECE // (self.building.stories * (1 + len(self.building.modal))), 1)
+        while True:
+            last = min(done + size, steps.count)
+            began = time.perf_counter()
+            code = go(steps, done, last)
+            if code < 0 or last == steps.count:
+                return code
+            seconds = time.perf_counter() - began
+            done, size = last, max(1, min(2 * size, int(size * _PIECE / max(seconds, 1e-6))))

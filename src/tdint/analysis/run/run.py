@@ -7,19 +7,10 @@ from pathlib import Path
 
 from tdint.analysis.given import number_of, ratio_of, record_of
 from tdint.analysis.run.case import Case
+from tdint.analysis.run.case import until_rest as go_on
 from tdint.analysis.run.error_estimate import checked_run
-from tdint.analysis.run.outcome import (
-    Collapse,
-    Energy,
-    EnergyHistory,
-    ErrorEstimate,
-    FailedRun,
-    History,
-    Response,
-    StepChoice,
-    StoryErrors,
-    StoryPeaks,
-)
+from tdint.analysis.run.outcome import FailedRun as FailedRun
+from tdint.analysis.run.outcome import Response
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.errors import UsageError
 from tdint.ground_motion.reading.read import read_record
@@ -27,24 +18,6 @@ from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
 from tdint.model.config.model_file import model_of
 from tdint.model.definition import Model
-
-__all__ = [
-    "Case",
-    "Collapse",
-    "Energy",
-    "EnergyHistory",
-    "ErrorEstimate",
-    "FailedRun",
-    "History",
-    "Response",
-    "StepChoice",
-    "StoryErrors",
-    "StoryPeaks",
-    "model_record",
-    "prepare",
-    "run",
-    "run_case",
-]
 
 
 def run(
@@ -85,7 +58,7 @@ def run(
         several sampling intervals of the record, or from dt where one is given, down to a 256th of either
         (`tdint.analysis.run.step_choice`). The response is checked.
     until_rest : bool
-        Go on after that with the ground at rest until the building is (`tdint.analysis.run.rest`): residual drifts are
+        Go on after that with the ground at rest until the building is (`tdint.analysis.run.case`): residual drifts are
         at rest then.
 
     Returns
@@ -145,8 +118,6 @@ def run_case(
     """Integrate a case in time. Parameters and errors are those of `run`."""
     dt, duration, tolerance = number_of(dt, "dt"), number_of(duration, "duration"), ratio_of(tolerance, "tolerance")
     if until_rest:
-        from tdint.analysis.run.rest import until_rest as go_on
-
         steps, at_rest = go_on(case, case.steps(dt, duration))
         response = run_case(
             case, dt=dt, duration=steps.count * steps.h, history=history, check=check, tolerance=tolerance

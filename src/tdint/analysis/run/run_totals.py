@@ -8,7 +8,6 @@ from functools import reduce
 from operator import add, sub
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tdint.analysis.run.outcome import (
     ENERGY_TERMS,
@@ -22,11 +21,10 @@ from tdint.analysis.run.outcome import (
     story_values,
 )
 from tdint.analysis.run.workspace import Workspace
+from tdint.arrays import Array
 from tdint.kernels import layout as at
 from tdint.kernels.equations.carried.rows import error_peaks, unsettled
 from tdint.model.building import Building
-
-Array = NDArray[np.float64]
 
 _ROUNDING = 1e-12
 """Error over the peak that is always there."""

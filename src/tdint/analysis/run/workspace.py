@@ -1,20 +1,17 @@
-"""The arrays that a march works on, and the march itself: the one place that calls the compiled time loop."""
+"""The arrays that a march works on, and the kernels that it calls."""
 
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tdint.analysis.run.steps import Steps
+from tdint.arrays import Array
 from tdint.errors import AnalysisError
 from tdint.kernels import layout as at
-from tdint.kernels.building.variant import EVERYTHING, Variant
-from tdint.kernels.bundles import Memory, Scene, Seen
+from tdint.kernels.building.variant import Variant
+from tdint.kernels.bundles import Memory, Seen
 from tdint.kernels.compiling import Kernel
 from tdint.kernels.equations.carried.rows import error_peaks
 from tdint.kernels.laws.compiled_separately import spring_table
@@ -22,19 +19,14 @@ from tdint.kernels.march.law_energies import begin, raise_shears, take_stock
 from tdint.kernels.march.march import march
 from tdint.methods.method import Integrator
 from tdint.model.building import Building
-from tdint.model.definition import CODES, LAWS
+from tdint.model.laws import CODES, LAWS
 from tdint.system import available_memory
-
-Array = NDArray[np.float64]
 
 HALVINGS = 8
 """How often a step that does not converge is halved before the run ends."""
 
 _WITH_RESULTS = 2.5
 """Memory of a history as results, with drifts and forces, over that of its rows."""
-
-_PIECE = 0.1  # s
-_FIRST_PIECE = 100_000  # steps times stories, and as much for each modally damped mode
 
 
 @dataclass
@@ -107,7 +99,7 @@ def workspace(
     totals[at.COLLAPSE_STEP] = at.NO_COLLAPSE
     return Workspace(
         state=np.zeros((family.state_rows, n + 1)),
-        springs=spring_table(_law_parameters(building, integrator)),
+        springs=spring_table(doubled_laws(building, integrator)),
         work=np.zeros((family.work_rows(modes), max((2 if family.carries_error else 1) * (n + 1), 2 * modes + 1))),
         flags=flags,
         report=np.zeros(at.REPORT_SIZE),
@@ -134,7 +126,7 @@ def _check_room(rows: int, width: int) -> None:
         )
 
 
-def _law_parameters(building: Building, integrator: Integrator) -> Array:
+def doubled_laws(building: Building, integrator: Integrator) -> Array:
     """The laws; twice where the error is carried along."""
     return (
         np.hstack([building.law_parameters, building.law_parameters])
@@ -158,7 +150,7 @@ def _branches(building: Building) -> int:
 
 
 def kernels(integrator: Integrator, wanted: Variant) -> list[tuple[Kernel, Variant]]:
-    """The kernels that `integrate` calls, those first that take the longest to compile."""
+    """The kernels that a march calls, those first that take the longest to compile."""
     return [(kernel, wanted) for kernel in (integrator.family.step, march, begin, take_stock, raise_shears)]
 
 
@@ -166,81 +158,6 @@ def shifts(integrator: Integrator, h: float) -> Array:
     """What each row of the state takes of a jump of the ground acceleration between two steps h (s)."""
     family = integrator.family
     return np.array(family.shifts) * h ** (2.0 - np.array(family.derivatives))
-
-
-def integrate(
-    integrator: Integrator,
-    coefficients: Array,
-    building: Building,
-    forces: Array,
-    ground: Array,
-    steps: Steps,
-    space: Workspace,
-    wanted: Variant = EVERYTHING,
-) -> int:
-    """March over the steps from the state in `space`: the initial one, or that after the steps that are done.
-
-    Returns 0 or the code of the step that failed.
-
-    `coefficients` are those of the integrator for this building, these forces and this step; `wanted` is what the
-    building and the forces need of the kernels, or more.
-    """
-    go = marching(integrator, coefficients, building, forces, ground, steps.h, space)
-    return _in_pieces(
-        steps.done,
-        steps.count,
-        _FIRST_PIECE // (building.stories * (1 + len(building.modal))),
-        lambda first, last: go(wanted, steps, first, last),
-    )
-
-
-def marching(
-    integrator: Integrator,
-    coefficients: Array,
-    building: Building,
-    forces: Array,
-    ground: Array,
-    h: float,
-    space: Workspace,
-) -> Callable[[Variant, Steps, int, int], int]:
-    """The compiled time loop with all its arrays, which it finds as they are when it is called.
-
-    Takes what the building and the forces need of the kernels, or more, the steps, and from which of them on to go on
-    until which; returns 0 or the code of the step that failed.
-    """
-    law_parameters = _law_parameters(building, integrator)
-    called = (integrator.family.step, begin, take_stock, raise_shears)
-    halvings = HALVINGS if integrator.family.halvable else 0
-    arrays = (
-        *(ground, coefficients, shifts(integrator, h)),
-        *Scene(building.linear_terms, building.modal, law_parameters, forces, space.flags),
-        *space.memory,
-        np.zeros(at.LOAD_SIZE),
-        *space.seen,
-    )
-
-    def go(wanted: Variant, steps: Steps, first: int, last: int) -> int:
-        code: int = march.variant(wanted)(
-            *(kernel.variant(wanted) for kernel in called),
-            *(steps.count, first, last, space.every, space.before, steps.per_sample, steps.stride, halvings, h),
-            *arrays,
-        )
-        return code
-
-    return go
-
-
-def _in_pieces(done: int, count: int, size: int, go_on: Callable[[int, int], int]) -> int:
-    """March over all steps in pieces that take about `_PIECE`, between which Python can be interrupted."""
-    size = max(size, 1)
-    while True:
-        last = min(done + size, count)
-        started = time.perf_counter()
-        code = go_on(done, last)
-        if code < 0 or last == count:
-            return code
-        seconds = time.perf_counter() - started
-        done, size = last, max(1, min(2 * size, int(size * _PIECE / max(seconds, 1e-6))))
 
 
 def check_suited(integrator: Integrator, building: Building) -> None:

@@ -19,12 +19,11 @@ from tdint.analysis.given import damping_of, numbers_of, record_of
 from tdint.analysis.spectra.defaults import HEIGHT_PERIOD, STORY_HEIGHT
 from tdint.analysis.spectra.inelastic import SHORTEST
 from tdint.analysis.spectra.oscillators import check_shortest, recursion_table
+from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels.oscillators import modal_sums as drifts
 from tdint.tabular import Tabular
-
-Array = NDArray[np.float64]
 
 MOST_STORIES = 1000
 MOST_BEAM_MODES = 20_000

@@ -1,4 +1,4 @@
-"""Elastic response spectra: the work behind `tdint spectrum`."""
+"""Elastic response spectra: the work behind `tdint spectrum`; and Sa(T1) of a building's first mode."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tdint.analysis.given import damping_of, numbers_of, record_of
 from tdint.analysis.spectra.oscillators import (
@@ -20,6 +19,7 @@ from tdint.analysis.spectra.oscillators import (
     largest,
     recursion_table,
 )
+from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.interpolation import INTERPOLATIONS, LINEAR, Interpolation
 from tdint.ground_motion.record import Record
@@ -28,8 +28,8 @@ from tdint.tabular import Tabular
 
 if TYPE_CHECKING:
     from tdint.methods.method import Integrator
+    from tdint.model.building import Building
 
-Array = NDArray[np.float64]
 
 Choice = TypeVar("Choice")
 
@@ -293,3 +293,42 @@ def _integrated(record: Record, omega: Array, damping: float, method: str) -> tu
         raise AnalysisError(f"{integrator.label} diverged at the record's step {record.dt:.6g} s; use another method")
     rows = [at.PEAK_DISPLACEMENT, at.PEAK_VELOCITY, at.PEAK_ACCELERATION]
     return integrator.label, marched.space.peaks[rows]
+
+
+SA_DAMPING = 0.05
+"""Damping ratio of Sa(T1) as an intensity measure."""
+
+
+@dataclass(frozen=True)
+class FirstMode:
+    """The first mode of a building's initial stiffness.
+
+    Attributes
+    ----------
+    period, damping : float
+        T1, s, and its viscous damping ratio (of the diagonal of the modal damping matrix, without power-law dashpots).
+    sa : float or None
+        Pseudo-acceleration of the ground motion at T1, m/s^2; None without a motion, or for a period that is too short
+        for it.
+    sa_damping : float
+        The damping ratio of `sa`.
+    """
+
+    period: float
+    damping: float
+    sa: float | None
+    sa_damping: float = SA_DAMPING
+
+
+def first_mode(building: Building, record: Record | None) -> FirstMode:
+    """The first mode, and Sa(T1) of a record."""
+    omega, damping = building.first_mode()
+    period = 2.0 * math.pi / omega
+    return FirstMode(period, damping, None if record is None else _sa(record, period))
+
+
+def _sa(record: Record, period: float) -> float | None:
+    try:
+        return float(spectrum(record, np.array([period]), SA_DAMPING).psa[0])
+    except AnalysisError:
+        return None

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from tdint.analysis.run.outcome import Response
-from tdint.analysis.spectra.elastic import Array, Spectrum, spectrum
+from tdint.analysis.spectra.elastic import Spectrum, spectrum
+from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.ground_motion.record import IN_SI, Record
 from tdint.tabular import Tabular

@@ -9,19 +9,17 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tdint.analysis.given import damping_of, numbers_of, record_of
 from tdint.analysis.spectra.defaults import MOST_DUCTILE
 from tdint.analysis.spectra.elastic import checked_periods
 from tdint.analysis.spectra.oscillators import check_shortest
+from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels.oscillators import bilinear as inelastic
 from tdint.tabular import Tabular
 from tdint.units import STANDARD_GRAVITY
-
-Array = NDArray[np.float64]
 
 SHORTEST = 1e-3
 """The shortest period over the sampling interval: shorter ones take too many steps."""

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.spectra.defaults import STEPS_PER_PERIOD
+from tdint.arrays import Array
 from tdint.errors import AnalysisError
 from tdint.kernels.oscillators import elastic as spectra
 from tdint.kernels.oscillators.between import A11, A12, A21, B10, B11, B20, B21, RECURSION_ROWS
 from tdint.methods.exact import oscillator
 
-Array = NDArray[np.float64]
 Parts = NDArray[np.int64]
 
 _LANES = 56  # oscillators marched together at most: their numbers stay in the processor's first cache

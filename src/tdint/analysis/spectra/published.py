@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tdint.analysis.spectra.elastic import Array, Spectrum
+from tdint.analysis.spectra.elastic import Spectrum
+from tdint.arrays import Array
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.formats.table_columns import name_and_units
 from tdint.ground_motion.reading.named_table import SECONDS, NamedTable, read_named_table

@@ -7,19 +7,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tdint.analysis.given import damping_of, horizontals_of
 from tdint.analysis.spectra.elastic import OR_ZERO, SHORTEST, checked_periods, choose_settings
 from tdint.analysis.spectra.oscillators import Maxima, check_shortest, groups
+from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.interpolation import Interpolation
 from tdint.ground_motion.record import Record
 from tdint.kernels.oscillators import rotated as rotation
 from tdint.tabular import Tabular
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False)

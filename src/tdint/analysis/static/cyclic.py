@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.arrays import Array
 from tdint.csv_table import read_table
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as at
@@ -19,8 +20,6 @@ from tdint.model.config.model_file import model_of
 from tdint.model.definition import Model
 from tdint.tabular import Tabular
 from tdint.units import DriftSize, parse_drift
-
-Array = NDArray[np.float64]
 
 MOST_POINTS = 2_000_000
 """Points that a test may have; it keeps a slip in the number of cycles from filling the memory."""

@@ -13,9 +13,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tdint.analysis.static.cyclic import follow_path
+from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as at
 from tdint.model.building import Building, assemble
@@ -23,8 +23,6 @@ from tdint.model.config.model_file import model_of
 from tdint.model.definition import Model
 from tdint.tabular import Tabular
 from tdint.units import DriftSize, parse_drift
-
-Array = NDArray[np.float64]
 
 MOST_POINTS = 100_000
 _CLOSE = 1e-11  # of a force over the story's largest one so far: it carries its share

@@ -15,11 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.run import run_totals
-from tdint.analysis.run.case import RUNAWAY, Case, doubtful
+from tdint.analysis.run.case import Case, doubtful, until_rest, windows
 from tdint.analysis.run.error_estimate import checked_run
 from tdint.analysis.run.outcome import Collapse, FailedRun, Response, StoryPeaks
 from tdint.analysis.run.prepared import Lane, MarchedRuns, Rest
-from tdint.analysis.run.rest import until_rest, windows
 from tdint.analysis.run.steps import Steps, finer
 from tdint.analysis.sequence import sequence_of, shocks_of
 from tdint.campaign.engine.rows import (
@@ -35,10 +34,7 @@ from tdint.campaign.engine.rows import (
 )
 from tdint.campaign.engine.task import REPEATS, Motions, Run, RunSettings, Subject
 from tdint.ground_motion.joining import JoinedRecord
-from tdint.kernels import layout as at
 from tdint.kernels.march import many as lanes
-
-Array = NDArray[np.float64]
 
 _REPEATED = ("not-converged", "diverged")
 
@@ -192,32 +188,17 @@ class Batch:
         for i in np.flatnonzero(unsure).tolist():
             job = jobs[i]
             try:
-                self._judge(job, marched, i, results)
+                settled = self._case(job.run).settle(job.steps, marched, i)
+                if isinstance(settled, Collapse):
+                    self._take([job], marched, np.array([i]), results, settled)
+                else:
+                    self._take_response(job, settled, results)
             except FailedRun as failure:
                 if failure.status not in _REPEATED or job.repeats == REPEATS:
                     self._take_failure(job, failure.status, results)
                 else:
                     again.append(_Job(job.run, finer(job.steps), job.repeats + 1))
         return again
-
-    def _judge(self, job: _Job, marched: MarchedRuns, i: int, results: Rows) -> None:
-        """What a run is that collapsed, or did not come to its end.
-
-        Raises
-        ------
-        FailedRun
-            It failed.
-        """
-        code, taken = int(marched.ends[i, lanes.CODE]), int(marched.ends[i, lanes.STEPS_TAKEN])
-        numbers = marched.totals[i]
-        if code == 0 and -run_totals.energy_errors(marched.totals[i : i + 1])[0] < RUNAWAY:
-            collapse = self._case(job.run).judge(job.steps, code, numbers)
-            self._take([job], marched, np.array([i]), results, collapse)
-            return
-        # As far as the call came, and the step in which it failed.
-        most = max(taken, int(numbers[at.STEPS_REACHED]) + 1)
-        response = self._case(job.run).march(replace(job.steps, count=max(most, job.steps.count)))
-        self._take_response(job, response, results)
 
     def _check(self, job: _Job, results: Rows) -> None:
         """Integrate a run with its errors, as a single one is; with half of the step if that fails."""
@@ -289,7 +270,7 @@ class Batch:
         """The row of a run; without cells of one without a result."""
         found = dict(cells or {})
         if collapse:
-            status = "failed-story" if collapse.failed else "collapsed"
+            status = collapse.status
             found |= {"collapse_time": collapse.time, "collapse_story": collapse.story}
         spectral, factor = self.spectral[job.run.motion], abs(job.run.scale)
         found["pga"] = self.motions.records[job.run.motion].pga * factor

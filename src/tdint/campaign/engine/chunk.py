@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdint.analysis.spectra.elastic import spectrum
-from tdint.analysis.spectra.first_mode import SA_DAMPING
+from tdint.analysis.spectra.elastic import SA_DAMPING, spectrum
 from tdint.campaign.engine.batch import Batch, Rows
 from tdint.campaign.engine.task import BuildingRuns, Motions, Run, RunSettings, Subject
 from tdint.errors import AnalysisError

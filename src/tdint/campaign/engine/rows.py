@@ -7,14 +7,11 @@ from itertools import repeat
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tdint.analysis.run.demands import DECLARED, Demands, DemandsOfRuns, Largest
 from tdint.analysis.run.outcome import STORY, Shock, StoryErrors, StoryPeaks, StoryValues
 from tdint.campaign.engine.task import Run
 from tdint.quantity import Quantity, quantities
-
-Array = NDArray[np.float64]
 
 HIDDEN: tuple[str, ...] = ()
 """Where a quantity appears that only the store has."""

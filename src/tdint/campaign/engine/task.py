@@ -9,15 +9,13 @@ from functools import cached_property, lru_cache
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tdint.analysis.run.prepared import PreparedBuilding
+from tdint.arrays import Array
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
 from tdint.model.definition import Model
-
-Array = NDArray[np.float64]
 
 REPEATS = 3
 """How often a run that failed is repeated, each time with half of the step before."""
@@ -32,7 +30,7 @@ class RunSettings:
     dt, duration : float or None
         Time step and duration, s; None: those of the building's model, else those of the record.
     until_rest : bool
-        Go on after that with the ground at rest until the building is (`tdint.analysis.run.rest`).
+        Go on after that with the ground at rest until the building is (`tdint.analysis.run.case`).
     stories, profiles : bool
         Keep the peaks of every story, too: to write them, or what they are over the motions.
     check : bool

@@ -7,26 +7,19 @@ tables of `tdint ida` and of campaigns are understood, too. `threshold`, `im_nam
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.given import numbers_of
-from tdint.campaign.fragility.fits import (
-    CLOUD,
-    FITS,
-    IDA,
-    STRIPES,
-    Fragility,
-    fit_capacities,
-    fit_cloud,
-    fit_stripes,
-)
-from tdint.campaign.fragility.measure_comparison import column_of, with_measures
+from tdint.arrays import Array
+from tdint.campaign.fragility.fits import CLOUD, FITS, IDA, STRIPES, Fragility, fit_capacities, fit_cloud, fit_stripes
+from tdint.campaign.fragility.run_measures import column_of, with_measures
 from tdint.campaign.ida.runs import COLLAPSED, DONE
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, UsageError
@@ -34,8 +27,6 @@ from tdint.files import is_folder
 from tdint.quantity import suffix
 from tdint.tabular import Tabular
 from tdint.units import ACCELERATION
-
-Array = NDArray[np.float64]
 
 NEEDS = (
     "a table has the columns im,collapses,records (stripes), capacity[,censored] (ida) or im,edp[,censored] (cloud), "
@@ -81,6 +72,13 @@ class FragilityResult(Tabular):
     functions: tuple[Fragility, ...]
     failures: tuple[AnalysisError, ...] = ()
     warnings: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, found: Iterable[Fragility | AnalysisError], *warnings: str) -> Self:
+        """What came of several fits."""
+        every = list(found)
+        functions = tuple(one for one in every if isinstance(one, Fragility))
+        return cls(functions, tuple(one for one in every if isinstance(one, AnalysisError)), warnings)
 
     def _headline(self) -> str:
         medians = ", ".join(f"{one.theta:.4g} {one.unit}".rstrip() for one in self.functions)
@@ -180,21 +178,22 @@ def _fit_stripes(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     for name, counts in (("records", total), ("collapses", hits)):
         table.check(name, counts == np.floor(counts), "must be a whole number")
     table.check("collapses", (hits >= 0.0) & (hits <= total), "must be from 0 to the number of records")
-    return _by_threshold(table, request, lambda chosen: fit_stripes(im[chosen], hits[chosen], total[chosen]))
+    found = _by_threshold(table, request, lambda chosen: fit_stripes(im[chosen], hits[chosen], total[chosen]))
+    return FragilityResult.of(found)
 
 
 def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     capacity = np.array(table.numbers("capacity", empty=True, positive=True))
     censored = np.array(table.truths("censored"))
     known = np.isfinite(capacity)
-    result = FragilityResult(())
-    for damage, rows in _states(table):
-        part = _by_threshold(table, request, partial(_of_capacities, capacity, censored, known & rows))
-        functions = tuple(replace(one, damage=damage) for one in part.functions)
-        failures = tuple(_of_state(damage, one) for one in part.failures)
-        result = replace(result, functions=(*result.functions, *functions), failures=(*result.failures, *failures))
+    found = [
+        _of_state(damage, one)
+        for damage, rows in _states(table)
+        for one in _by_threshold(table, request, partial(_of_capacities, capacity, censored, known & rows))
+    ]
     without = int(np.sum(~known))
-    return replace(result, warnings=(f"{table.source}: {without} rows without a capacity left out",) * (without > 0))
+    warnings = (f"{table.source}: {without} rows without a capacity left out",) * (without > 0)
+    return FragilityResult.of(found, *warnings)
 
 
 def _of_capacities(
@@ -211,8 +210,10 @@ def _states(table: CsvTable) -> list[tuple[float, NDArray[np.bool_]]]:
     return [(one, damage == one) for one in np.unique(damage).tolist()]
 
 
-def _of_state(damage: float, error: AnalysisError) -> AnalysisError:
-    return error if math.isnan(damage) else AnalysisError(f"damage {damage:g}: {error}")
+def _of_state(damage: float, found: Fragility | AnalysisError) -> Fragility | AnalysisError:
+    if isinstance(found, Fragility):
+        return replace(found, damage=damage)
+    return found if math.isnan(damage) else AnalysisError(f"damage {damage:g}: {found}")
 
 
 def _fit_cloud(table: CsvTable, request: FragilityRequest) -> FragilityResult:
@@ -236,14 +237,11 @@ def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
         result = _cloud(table, request, runs.im[of], runs.drift[of], runs.collapsed[of], runs.names)
         of_cloud = tuple(replace(one, failed=lost) for one in result.functions)
         return replace(result, functions=of_cloud, warnings=tuple(warnings * (lost > 0)))
-    functions: list[Fragility] = []
-    failures: list[AnalysisError] = []
-    for threshold in request.thresholds:
-        _attempt(functions, failures, threshold, runs.names, partial(_of_stripes, runs, threshold))
+    found = [_tried(one, runs.names, partial(_of_stripes, runs, one)) for one in request.thresholds]
     warnings[0] += (
         ", which leans the fits; how far at most tell those with all of them counted as exceeding, and as not"
     )
-    return FragilityResult(tuple(functions), tuple(failures), tuple(warnings * (lost > 0)))
+    return FragilityResult.of(found, *warnings * (lost > 0))
 
 
 @dataclass(frozen=True)
@@ -331,41 +329,34 @@ def _cloud(
 
 def _by_threshold(
     table: CsvTable, request: FragilityRequest, fit: Callable[[NDArray[np.bool_]], Fragility]
-) -> FragilityResult:
+) -> list[Fragility | AnalysisError]:
     """A fit for each threshold of the table that is asked for; of all rows where it has no thresholds."""
     names = (table.only("im_name"), table.only("unit"))
-    functions: list[Fragility] = []
-    failures: list[AnalysisError] = []
     if not table.has("threshold"):
         if len(request.thresholds) > 1:
             raise UsageError(f"{table.source}: has no column threshold: one --threshold at most, the one it is for")
         every = np.ones(len(table.rows), bool)
-        _attempt(functions, failures, next(iter(request.thresholds), math.nan), names, lambda: fit(every))
-        return FragilityResult(tuple(functions), tuple(failures))
+        return [_tried(next(iter(request.thresholds), math.nan), names, lambda: fit(every))]
     thresholds = np.array(table.numbers("threshold", empty=True))
     there = list(dict.fromkeys(thresholds[np.isfinite(thresholds)].tolist()))
     if not there:
         raise ModelError(f"{table.source}: no row has a threshold; fill the column in or leave it out")
+    found = []
     for wanted in request.thresholds or there:
         rows = np.isclose(thresholds, wanted, rtol=_SAME, atol=0.0)
         if not rows.any():
             listed = ", ".join(f"{one:g}" for one in there)
             raise UsageError(f"{table.source}: has no threshold {wanted:g}; there are {listed}")
-        _attempt(functions, failures, wanted, names, partial(fit, rows))
-    return FragilityResult(tuple(functions), tuple(failures))
+        found.append(_tried(wanted, names, partial(fit, rows)))
+    return found
 
 
-def _attempt(
-    functions: list[Fragility],
-    failures: list[AnalysisError],
-    threshold: float,
-    names: tuple[str, str],
-    fit: Callable[[], Fragility],
-) -> None:
+def _tried(threshold: float, names: tuple[str, str], fit: Callable[[], Fragility]) -> Fragility | AnalysisError:
+    """The function of a threshold, or why there is none."""
     try:
-        functions.append(fit().named(threshold, *names))
+        return fit().named(threshold, *names)
     except AnalysisError as error:
-        failures.append(AnalysisError(f"threshold {threshold:g}: {error}" if math.isfinite(threshold) else str(error)))
+        return AnalysisError(f"threshold {threshold:g}: {error}" if math.isfinite(threshold) else str(error))
 
 
 def _check_thresholds(table: CsvTable, request: FragilityRequest) -> None:

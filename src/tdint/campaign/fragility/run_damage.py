@@ -21,14 +21,13 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from tdint.analysis.run.outcome import StoryPeaks
+from tdint.arrays import Array
 from tdint.campaign.engine.rows import RUN, demand_cells
 from tdint.campaign.fragility.type_states import own_type
 from tdint.campaign.profiles import RunKey, level_ranks, motion_numbers
 from tdint.campaign.store.store import Store
 from tdint.model.damage_states import FALLEN, DamageStates
 from tdint.model.definition import Model
-
-Array = NDArray[np.float64]
 
 _DONE = "done"
 _MADE_OF = {

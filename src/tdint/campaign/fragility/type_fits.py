@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.arrays import Array
 from tdint.campaign.fragility.fit_table import MEASURES, FragilityRequest, FragilityResult, levels_of
 from tdint.campaign.fragility.fits import CLOUD, IDA, STRIPES, Fragility, fit_cloud, fit_stripes
 from tdint.campaign.fragility.run_damage import BuildingDamage, building_damages, exceedance
@@ -26,7 +27,6 @@ from tdint.campaign.store.store import Store, check_chunks, open_existing
 from tdint.errors import AnalysisError, UsageError
 from tdint.model.damage_states import FALLEN, DamageStates
 
-Array = NDArray[np.float64]
 Fit = Callable[[NDArray[np.bool_]], list[Fragility | AnalysisError]]
 
 _GROUPS = 30  # of motions, at the most
@@ -82,17 +82,16 @@ def fit_types(folder: Path, request: FragilityRequest) -> FragilityResult:
         found = type_runs(store, request.measure or "sa_t1")
     if not found:
         raise UsageError(f"{folder}: this campaign says nothing of damage; add `damage` to its file and call it again")
-    functions: list[Fragility] = []
-    failures: list[AnalysisError] = []
-    for name, runs in found.items():
-        for state, one in zip(runs.states.states, _fitted(runs, request), strict=True):
-            if isinstance(one, AnalysisError):
-                failures.append(AnalysisError(f"{name}, {state}: {one}"))
-            else:
-                functions.append(replace(one, type=name, state=state, beta_model=request.beta_model))
+    fitted = [
+        AnalysisError(f"{name}, {state}: {one}")
+        if isinstance(one, AnalysisError)
+        else replace(one, type=name, state=state, beta_model=request.beta_model)
+        for name, runs in found.items()
+        for state, one in zip(runs.states.states, _fitted(runs, request), strict=True)
+    ]
     lost = sum(runs.failed for runs in found.values())
     warnings = (f"{folder}: {lost} runs have no result and are left out",) * (lost > 0)
-    return FragilityResult(tuple(functions), tuple(failures), warnings)
+    return FragilityResult.of(fitted, *warnings)
 
 
 def type_runs(store: Store, measure: str) -> dict[str, TypeRuns]:

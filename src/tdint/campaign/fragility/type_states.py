@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from tdint.campaign.buildings import Buildings, InventoryBuildings, RowBuilding
+from tdint.campaign.buildings import Buildings, RowBuilding
 from tdint.csv_table import CsvTable, no_number, number, read_table
 from tdint.errors import ModelError, UsageError
 from tdint.model.config.damage import (
@@ -25,7 +25,6 @@ from tdint.model.config.damage import (
     ByState,
     is_state,
     losses_of,
-    read_demand,
     read_losses,
     states_of,
 )
@@ -34,9 +33,7 @@ from tdint.model.definition import Model, Story
 from tdint.model.inventory.capacity import UNIT_MASS, CapacityFacts
 from tdint.model.inventory.derive import CAPACITY as CAPACITY_RULES
 from tdint.model.inventory.derive import RULES
-from tdint.model.inventory.facts import BuildingFacts
-from tdint.model.inventory.hazus import hazus_types
-from tdint.model.inventory.mdof_lu import code_of
+from tdint.model.inventory.mdof_lu import BuildingFacts, code_of, hazus_types
 from tdint.model.keys.fields import Section, Value
 from tdint.model.keys.kinds import Either, EntriesOf, Key, Keys, Words
 from tdint.model.modes import solve_modes
@@ -109,7 +106,7 @@ def read_wishes(value: Value | None, rules: str | None) -> DamageWishes | None:
     if entry := section.get("states"):
         entry.fault("the thresholds name the states; leave one of the two out")
     losses = section.get("losses")
-    demand = read_demand(section)
+    demand = section.read("demand", "drift_ratio")
     if losses is None or losses.is_mapping:
         found = states_of(section, demand or "", thresholds)
         return DamageWishes(found.demand, found.states, found) if found else None
@@ -124,7 +121,7 @@ def _by_class(section: Section, thresholds: Value, rules: str | None) -> DamageW
     if needed and rules != needed:
         thresholds.fault(f"{source} has thresholds of buildings of an inventory by the rules {needed}")
         return None
-    demand = read_demand(section, _OF_RULES.get(source or "", ("",))[0])
+    demand = section.read("demand", _OF_RULES.get(source or "", ("",))[0])
     states = _names(section)
     if source is None or demand is None or states is None:
         return None
@@ -275,12 +272,12 @@ def damage_of(wanted: DamageWishes | None, inputs: Inputs, buildings: Buildings)
         return None
     types: dict[str, DamageStates] = {}
     found: list[BuildingType] = []
-    for place in range(len(buildings)):
-        if isinstance(buildings, InventoryBuildings):
-            facts = buildings.rows[place].facts
+    for place, building in enumerate(buildings):
+        if isinstance(building, RowBuilding):
+            facts = building.row.facts
             name = type_of(facts)
             states = types.get(name) or _states(wanted, inputs, name, facts)
-            one = _of_row(RowBuilding(buildings.rows[place], buildings.rules), states.demand)
+            one = _of_row(building, states.demand)
         else:
             model = inputs.models[place]
             name = model.name

@@ -8,13 +8,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tdint.arrays import Array
 from tdint.campaign.ida.levels import below_collapse, first_collapse, last_stable
 from tdint.campaign.ida.runs import IdaRun
 from tdint.ground_motion.record import Record
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from tdint.analysis.given import horizontals_of, record_of
+from tdint.campaign.buildings import GivenBuilding
+from tdint.campaign.draws import SuiteMotion
 from tdint.campaign.engine.batch import Batch, Rows
 from tdint.campaign.engine.chunk import Done
 from tdint.campaign.engine.rows import RunRow
@@ -22,8 +22,8 @@ from tdint.campaign.ida.curve import IdaCurve
 from tdint.campaign.ida.damage import DamagedState, Mainshock, damaged, damages_of
 from tdint.campaign.ida.levels import Levels
 from tdint.campaign.ida.runs import IdaRun, run_level
-from tdint.campaign.store.identity import Identity, StoredBuilding, StoredMotion, as_json
-from tdint.campaign.store.place import locked
+from tdint.campaign.store.connection import locked
+from tdint.campaign.store.identity import Identity, as_json
 from tdint.campaign.store.store import Store, open_or_begin
 from tdint.campaign.suites.intensity import (
     GEOMETRIC_MEAN,
@@ -34,7 +34,7 @@ from tdint.campaign.suites.intensity import (
     sa,
 )
 from tdint.campaign.suites.suite import components
-from tdint.errors import ModelError, OutputError, UsageError
+from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.joining import JoinedRecord
 from tdint.ground_motion.record import Record
@@ -43,7 +43,7 @@ from tdint.model.building import Building
 from tdint.model.config.model_file import model_of
 from tdint.model.definition import Model
 from tdint.output_units import OutputUnits
-from tdint.processors import on_threads
+from tdint.system import on_threads
 from tdint.tabular import Tabular
 
 THRESHOLDS = (0.01, 0.02, 0.04)
@@ -264,10 +264,6 @@ def _opened(folder: Path | None, identity: Identity) -> Iterator[tuple[Store | N
     if folder is None:
         yield None, []
         return
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be made: {error.strerror or error}") from None
     with locked(folder):
         store, remarks = open_or_begin(folder / STORE, identity, log=False)
         with store:
@@ -455,18 +451,6 @@ def _identity(
         "max im": settings.max_im,
         "pairs": paired,
     }
-    model = subject.model
-    digest = hashlib.sha256(repr((subject.integrator.label, _building(model))).encode()).hexdigest()
-    return Identity(
-        name=model.name,
-        kind="study",
-        settings=as_json(about),
-        buildings=[StoredBuilding(model.name, subject.integrator.label, len(model.stories), digest)],
-        motions=[StoredMotion(record.source, record.component, 1, record) for record in records],
-        chunks=len(records),
-    )
-
-
-def _building(model: Model) -> tuple[Any, ...]:
-    """What the runs depend on of a model."""
-    return model.stories, model.damping, model.p_delta, model.initial, model.excitation.forces, model.analysis
+    name, count = subject.model.name, len(records)
+    motions = [SuiteMotion(record, record.source, record.component, record, 1) for record in records]
+    return Identity(name, "study", as_json(about), [GivenBuilding(name, subject)], motions, chunks=count)

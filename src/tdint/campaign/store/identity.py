@@ -7,32 +7,15 @@ import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
+from tdint.campaign.buildings import Buildings, model_files, output_units
+from tdint.campaign.draws import SuiteMotion
 from tdint.campaign.fragility.type_states import Damage
 from tdint.campaign.plan import Plan
-from tdint.ground_motion.record import Record
 from tdint.output_units import SI, OutputUnits
 
 _MOST_DIFFERENCES = 8
-
-
-class StoredBuilding(NamedTuple):
-    """Name, method, number of stories and SHA-256 of a building."""
-
-    name: str
-    method: str
-    stories: int
-    digest: str
-
-
-class StoredMotion(NamedTuple):
-    """A record under the name that it has here; direction 1 or 2 of a pair."""
-
-    name: str
-    component: str
-    direction: int
-    record: Record
 
 
 @dataclass(frozen=True)
@@ -57,10 +40,6 @@ class Identity:
         Inputs that could not be used: `record` or `building`, and why.
     units : OutputUnits
         The units in which the models want their results.
-    varied : sequence of mapping
-        What a sweep changed in each building.
-    columns, cells : sequence of str
-        Columns of an inventory that are carried along, and of each building what stands there, a JSON list.
     damage : Damage or None
         How damage is told.
     files : mapping of str to str
@@ -70,16 +49,13 @@ class Identity:
     name: str
     kind: str
     settings: dict[str, str]
-    buildings: Sequence[StoredBuilding]
-    motions: Sequence[StoredMotion]
+    buildings: Buildings
+    motions: Sequence[SuiteMotion]
     chunks: int
     runs: int = 0
     size: Callable[[int], int | None] = lambda chunk: None
     unused: Sequence[tuple[str, str]] = ()
     units: OutputUnits = SI
-    varied: Sequence[Mapping[str, float]] = ()
-    columns: Sequence[str] = ()
-    cells: Sequence[str] = ()
     damage: Damage | None = None
     files: Mapping[str, str] = field(default_factory=dict)
 
@@ -87,34 +63,32 @@ class Identity:
     def of(cls, plan: Plan) -> Identity:
         """What the store of a campaign is of."""
         parts = asdict(plan.settings) | plan.levels.description() | plan.assignment.description()
-        buildings = plan.buildings
         return cls(
             name=plan.name,
             kind="campaign",
             settings=as_json(parts),
-            buildings=[
-                StoredBuilding(buildings.name(i), buildings.method(i), buildings.stories(i), buildings.digest(i))
-                for i in range(len(buildings))
-            ],
-            motions=[StoredMotion(one.name, one.component, one.direction, one.record) for one in plan.motions],
+            buildings=plan.buildings,
+            motions=plan.motions,
             chunks=plan.chunks,
             runs=plan.runs,
             size=plan.size,
             unused=plan.unused,
-            units=buildings.output_units,
-            varied=[buildings.varied(i) for i in range(len(buildings))],
-            columns=buildings.columns,
-            cells=[buildings.cells(i) for i in range(len(buildings))] if buildings.columns else (),
+            units=output_units(plan.buildings),
             damage=plan.damage,
-            files=buildings.files,
+            files=model_files(plan.buildings),
         )
+
+    @cached_property
+    def digests(self) -> list[str]:
+        """SHA-256 of the buildings."""
+        return [one.digest for one in self.buildings]
 
     @cached_property
     def fingerprint(self) -> str:
         """SHA-256 over the settings and the SHA-256 of all buildings and records in order."""
         whole = hashlib.sha256(json.dumps(self.settings, sort_keys=True).encode())
         for kind, digests in (
-            ("buildings", [one.digest for one in self.buildings]),
+            ("buildings", self.digests),
             ("records", [one.record.digest for one in self.motions]),
         ):
             whole.update(kind.encode())
@@ -124,7 +98,7 @@ class Identity:
 
     def building_digests(self) -> dict[str, str]:
         """SHA-256 of the buildings by their names."""
-        return {one.name: one.digest for one in self.buildings}
+        return dict(zip((one.name for one in self.buildings), self.digests, strict=True))
 
     def record_digests(self) -> dict[str, str]:
         """SHA-256 of the records by their names and components."""

@@ -8,15 +8,14 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from tdint.campaign.store.checksums import check_store, damaged_chunks
 from tdint.campaign.store.connection import connect, in_words, transaction
 from tdint.campaign.store.identity import all_differences
-from tdint.campaign.store.schema import TABLES
+from tdint.campaign.store.schema import ROW_TABLES, TABLES, check_store, damaged_chunks
 from tdint.campaign.store.store import FILE, Store, is_empty, open_existing
 from tdint.errors import UsageError
 
 _TABLES = ("buildings", "records", "inventory", "building_types")
-_ROWS = {"run_rows": -1, "story_rows": -1, "shock_rows": -1, "chunks": 0}
+_ROWS = {**{one.name: -1 for one in ROW_TABLES}, "chunks": 0}
 """Tables, and where in their rows the number of the chunk stands."""
 
 _log = logging.getLogger(__name__)

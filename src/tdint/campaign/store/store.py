@@ -13,22 +13,21 @@ from typing import Any, Self
 from tdint.campaign.engine.chunk import Done
 from tdint.campaign.engine.rows import RunRow
 from tdint.campaign.plan import Plan
-from tdint.campaign.store.checksums import SEAL, check_store, chunk_digest, damaged_chunks, seal_of
 from tdint.campaign.store.connection import UntrustedStoreError, connect, connect_to_read, in_words, transaction
 from tdint.campaign.store.identity import Identity, all_differences
 from tdint.campaign.store.schema import (
-    INSERT_RUN,
-    INSERT_SHOCK,
-    INSERT_STORY,
-    RUN_COLUMNS,
-    SHOCK_COLUMNS,
-    STORY_COLUMNS,
+    ROW_TABLES,
+    RUNS,
+    SEAL,
+    SHOCKS,
+    STORIES,
     TABLES,
     VERSION,
-    plain_run,
-    plain_shock,
-    plain_story,
+    check_store,
+    chunk_digest,
+    damaged_chunks,
     run_of,
+    seal_of,
 )
 from tdint.errors import OutputError, UsageError
 from tdint.files import digest_of, is_file
@@ -88,8 +87,7 @@ class Store:
 
     def varied(self) -> list[dict[str, float]]:
         """What a sweep changed in each building, by its number; empty without a sweep."""
-        found = self.connection.execute("SELECT value FROM meta WHERE key = 'varied'").fetchone()
-        return json.loads(found[0]) if found else []
+        return list(json.loads(self._known("varied") or "[]"))
 
     @property
     def checked(self) -> bool:
@@ -132,16 +130,13 @@ class Store:
         OutputError
             The disk is full, the file is damaged, somebody else writes.
         """
-        runs = sorted(map(plain_run, done.rows.runs), key=lambda row: row[:4])
-        stories = sorted(map(plain_story, done.rows.stories), key=lambda row: row[:5])
-        shocks = sorted((plain_shock((*row[:-1], *row.values)) for row in done.rows.shocks), key=lambda row: row[:5])
+        found: tuple[list[Any], ...] = (done.rows.runs, done.rows.stories, done.rows.shocks)
+        rows = [table.plain(own) for table, own in zip(ROW_TABLES, found, strict=True)]
         number, seconds = done.number, float(done.seconds)
         with in_words(self.name), transaction(self.connection, self.name):
-            self.connection.executemany(INSERT_RUN, ((*row, number) for row in runs))
-            self.connection.executemany(INSERT_STORY, ((*row, number) for row in stories))
-            self.connection.executemany(INSERT_SHOCK, ((*row, number) for row in shocks))
-            digest = chunk_digest(number, seconds, runs, stories, shocks)
-            values = (number, len(runs), len(stories), seconds, digest)
+            for table, own in zip(ROW_TABLES, rows, strict=True):
+                table.insert(self.connection, own, number)
+            values = (number, len(rows[0]), len(rows[1]), seconds, chunk_digest(number, seconds, *rows))
             self.connection.execute("INSERT INTO chunks VALUES(?, ?, ?, ?, ?)", values)
 
     def heal(self, identity: Identity | None = None) -> int:
@@ -176,12 +171,7 @@ class Store:
     def remove(self, chunks: Collection[int]) -> None:
         """Take out chunks: they are left to be done."""
         with in_words(self.name), transaction(self.connection, self.name):
-            for table, column in (
-                ("run_rows", "chunk"),
-                ("story_rows", "chunk"),
-                ("shock_rows", "chunk"),
-                ("chunks", "id"),
-            ):
+            for table, column in (*((one.name, "chunk") for one in ROW_TABLES), ("chunks", "id")):
                 self.connection.executemany(f"DELETE FROM {table} WHERE {column} IS ?", ((one,) for one in chunks))
 
     def is_ours(self, file: Path) -> bool:
@@ -242,16 +232,18 @@ class Store:
 
     def _tell_inventory(self, identity: Identity) -> None:
         """Keep the columns of an inventory that are carried along: other ones change no run."""
-        whole = hashlib.sha256(json.dumps(identity.columns).encode())
-        for cells in identity.cells:
-            whole.update(cells.encode())
-        told = json.dumps({"columns": identity.columns, "sha256": whole.hexdigest()})
+        columns = identity.buildings[0].columns
+        cells = [one.cells for one in identity.buildings] if columns else []
+        whole = hashlib.sha256(json.dumps(columns).encode())
+        for cell in cells:
+            whole.update(cell.encode())
+        told = json.dumps({"columns": columns, "sha256": whole.hexdigest()})
         if self._known("inventory") == told:
             return
         with in_words(self.name), transaction(self.connection, self.name):
             self.connection.execute("INSERT OR REPLACE INTO meta VALUES('inventory', ?)", (told,))
             self.connection.execute("DELETE FROM inventory")
-            self.connection.executemany("INSERT INTO inventory VALUES(?, ?)", enumerate(identity.cells))
+            self.connection.executemany("INSERT INTO inventory VALUES(?, ?)", enumerate(cells))
             self.seal()
 
     def inventory_columns(self) -> tuple[str, ...]:
@@ -299,22 +291,20 @@ class Store:
         self.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", values)
 
     def runs(self) -> Iterator[tuple[Any, ...]]:
-        """All runs: the columns of `RUN_COLUMNS`, in the order of their key."""
-        yield from self.connection.execute(f"SELECT {', '.join(RUN_COLUMNS)} FROM run_rows ORDER BY 1, 2, 3, 4")
+        """All runs: the columns of `RUNS`, in the order of their key."""
+        yield from self.connection.execute(RUNS.select())
 
     def runs_of(self, chunk: int) -> list[RunRow]:
         """The runs of a chunk."""
-        statement = f"SELECT {', '.join(RUN_COLUMNS)} FROM run_rows WHERE chunk = ? ORDER BY 1, 2, 3, 4"
-        return [run_of(row) for row in self.connection.execute(statement, (chunk,))]
+        return [run_of(row) for row in self.connection.execute(RUNS.select(where="WHERE chunk = ?"), (chunk,))]
 
     def stories(self) -> Iterator[tuple[Any, ...]]:
-        """The stories of all runs: the columns of `STORY_COLUMNS`, in the order of their key."""
-        columns = ", ".join(STORY_COLUMNS)
-        yield from self.connection.execute(f"SELECT {columns} FROM story_rows ORDER BY 1, 2, 3, 4, 5")
+        """The stories of all runs: the columns of `STORIES`, in the order of their key."""
+        yield from self.connection.execute(STORIES.select())
 
     def shocks(self) -> Iterator[tuple[Any, ...]]:
-        """The shocks of all runs of several: the columns of `SHOCK_COLUMNS`, in the order of their key."""
-        yield from self.connection.execute(f"SELECT {', '.join(SHOCK_COLUMNS)} FROM shock_rows ORDER BY 1, 2, 3, 4, 5")
+        """The shocks of all runs of several: the columns of `SHOCKS`, in the order of their key."""
+        yield from self.connection.execute(SHOCKS.select())
 
     def buildings(self) -> Mapping[int, tuple[str, str]]:
         """Name and method of each building by its number."""
@@ -498,24 +488,27 @@ def _create(store: Store, identity: Identity) -> None:
         "schema": VERSION, "version": __version__, "name": identity.name, "fingerprint": identity.fingerprint,
         "runs": str(identity.runs), "chunks": str(identity.chunks),
     } | {f"{_SETTING}{name}": value for name, value in identity.settings.items()}  # fmt: skip
-    if any(identity.varied):
-        about["varied"] = json.dumps([dict(one) for one in identity.varied])
+    if any(varied := [dict(one.varied) for one in identity.buildings]):
+        about["varied"] = json.dumps(varied)
     with transaction(store.connection, store.name):
         for statement in TABLES:
             store.connection.execute(statement)
         store.connection.executemany("INSERT INTO meta VALUES(?, ?)", about.items())
         store.connection.executemany(
             "INSERT INTO buildings VALUES(?, ?, ?, ?, ?)",
-            ((number, *building) for number, building in enumerate(identity.buildings)),
+            (
+                (number, one.name, one.method, one.stories, digest)
+                for number, (one, digest) in enumerate(zip(identity.buildings, identity.digests, strict=True))
+            ),
         )
         store.connection.executemany(
             "INSERT INTO records VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?)",
             (
                 (
-                    number, _text(name), _text(component), direction, record.dt, record.acceleration.size, record.pga,
-                    measure(record).pgv, record.digest,
+                    number, _text(one.name), _text(one.component), one.direction, one.record.dt,
+                    one.record.acceleration.size, one.record.pga, measure(one.record).pgv, one.record.digest,
                 )
-                for number, (name, component, direction, record) in enumerate(identity.motions)
+                for number, one in enumerate(identity.motions)
             ),
         )  # fmt: skip
         store.seal()

@@ -13,18 +13,15 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tdint.analysis.spectra.elastic import spectrum
-from tdint.analysis.spectra.first_mode import SA_DAMPING
+from tdint.analysis.spectra.elastic import SA_DAMPING, spectrum
 from tdint.analysis.spectra.rotated import rotated_spectrum
+from tdint.arrays import Array
 from tdint.errors import RecordError, UsageError, did_you_mean
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.measures import arias_intensity, cumulative_absolute_velocity, integrate
 from tdint.ground_motion.record import Record
 from tdint.written_numbers import Grid
-
-Array = NDArray[np.float64]
 
 GroundMotion = Record | Horizontals
 """One component, or a pair of horizontal ones."""

@@ -38,7 +38,8 @@ _FIELDS = (
     Key("fields", Words(), "CSV file of what each event does (event, site, record, factor), relative to this file"),
     Key("sites", Words(), "CSV file of the sites' places (site, longitude, latitude), relative to this file"),
 )
-_DISTANCE = Key("distance", Choice(tuple(COORDINATES)), "what is near: in km, or in degrees as SimCenter has it")
+_BY_DISTANCE = Choice(tuple(COORDINATES), "distance")
+_DISTANCE = Key("distance", _BY_DISTANCE, "what is near: in km, or in degrees as SimCenter has it")
 _SEQUENCES = (
     Key("sequences", Words(), "CSV file of shocks (sequence, record, component, factor), relative to this file"),
     Key("rest", Bounds(0.0), "seconds from the end of a shock to the next; until rest where it is left out"),
@@ -56,27 +57,27 @@ MOTIONS = Keys(
 
 def read_motions(value: Value) -> RecordFiles | SequenceFile | GridFile | FieldFile | None:
     """Files, sequences, fields or a grid; None after a fault."""
-    section = value.section(MOTIONS)
+    section = value.section()
     if section is None:
         return None
     units = section.get("units")
     text = read_sample_units(units)
     if section.has("grid"):
         others = (*_FILE_KEYS, *_SEQUENCE_KEYS, *_FIELD_KEYS)
-        refuse(section, others, "belongs to `files`, `sequences` or `fields`, not to a `grid`")
+        section.refuse(others, "belongs to `files`, `sequences` or `fields`, not to a `grid`")
         section.need("units", "give the units of the grid's motions, such as g or m/s^2")
         return _grid(section, text)
-    refuse(section, _GRID_KEYS, "belongs to a `grid`")
+    section.refuse(_GRID_KEYS, "belongs to a `grid`")
     if section.has("fields"):
-        refuse(section, ("files", *_SEQUENCE_KEYS), "has no part in `fields`")
+        section.refuse(("files", *_SEQUENCE_KEYS), "has no part in `fields`")
         return _fields(section, text)
-    refuse(section, ("sites", "distance"), "belongs to `fields`" + " or a `grid`" * section.has("distance"))
+    section.refuse(("sites", "distance"), "belongs to `fields`" + " or a `grid`" * section.has("distance"))
     if section.has("sequences"):
-        refuse(section, ("files", "pairs"), "has no part in `sequences`")
+        section.refuse(("files", "pairs"), "has no part in `sequences`")
         shocks = section.file("sequences")
         choice = _choice(section, text)
         return SequenceFile(shocks, choice, section.number_or_none("rest")) if shocks else None
-    refuse(section, ("rest",), "belongs to `sequences`")
+    section.refuse(("rest",), "belongs to `sequences`")
     files = section.need("files", "give a list of files and folders, or a `grid` in its place")
     items = files.items("a list of files and folders") if files else None
     if files and items is not None and not items:
@@ -112,39 +113,22 @@ def _choice(section: Section, units: str | None) -> RecordChoice:
 
 def _fields(section: Section, units: str | None) -> FieldFile | None:
     file, sites, pairs = section.file("fields"), section.file("sites"), section.get("pairs")
-    both, component = bool(pairs.boolean()) if pairs else False, section.get("component")
+    both, component = pairs.boolean() if pairs else False, section.get("component")
     if both and component:
         component.fault("pairs have both horizontal components; leave one of the two out")
     if section.has("distance") and not sites:
-        refuse(section, ("distance",), "has nothing to act on without `sites`")
-    choice, distance = _choice(section, units), _distance(section)
+        section.refuse(("distance",), "has nothing to act on without `sites`")
+    choice, distance = _choice(section, units), section.read("distance", "km")
     return FieldFile(file, choice, both, sites, distance) if file else None
 
 
-def _distance(section: Section) -> str:
-    value = section.get("distance")
-    return (value.choice(tuple(COORDINATES), "distance") if value else None) or "km"
-
-
 def _grid(section: Section, units: str | None) -> GridFile | None:
-    file, distance, events = section.file("grid"), _distance(section), section.get("events")
-    if events and events.boolean():
-        refuse(section, ("neighbors", "samples", "seed"), "has no part in `events`, of which nothing is drawn")
+    file, distance = section.file("grid"), section.read("distance", "km")
+    if section.read("events"):
+        section.refuse(("neighbors", "samples", "seed"), "has no part in `events`, of which nothing is drawn")
         return GridFile(file, units, 1, 0, 0, distance, events=True) if file and units else None
     neighbors = section.need("neighbors", "give the number of grid points among which is drawn")
     samples = section.need("samples", "give the number of draws for each building")
-    seed = section.get("seed")
-    numbers = (
-        neighbors.whole() if neighbors else None,
-        samples.whole() if samples else None,
-        seed.whole() if seed else 0,
-    )
-    if file is None or units is None or None in numbers:
+    if file is None or units is None or neighbors is None or samples is None:
         return None
-    return GridFile(file, units, *numbers, distance)  # type: ignore[arg-type]
-
-
-def refuse(section: Section, names: tuple[str, ...], reason: str) -> None:
-    for name in names:
-        if entry := section.get(name):
-            entry.fault(reason)
+    return GridFile(file, units, neighbors.read(), samples.read(), section.read("seed", 0), distance)

@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tdint.analysis.given import horizontals_of, numbers_of, record_of
-from tdint.analysis.spectra.first_mode import SA_DAMPING
+from tdint.analysis.spectra.elastic import SA_DAMPING
+from tdint.arrays import Array
 from tdint.campaign.suites.intensity import (
     GEOMETRIC_MEAN,
     GroundMotion,
@@ -32,8 +32,6 @@ from tdint.campaign.suites.target import TargetSpectrum, read_target
 from tdint.errors import UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.tabular import Tabular
-
-Array = NDArray[np.float64]
 
 LEAST_PAIRS = 11
 """Ground motions that ASCE 7-16 asks for (16.2.2)."""
@@ -305,7 +303,8 @@ def scale(
         places = np.geomspace(*ends, _PLACES) if periods is None else numbers_of(periods, "periods")
         if rule not in _RULES:
             raise UsageError(f"unknown rule {rule!r:.60}; known for a target: {', '.join(_RULES)}")
-        return _RULES[rule](suite, spectrum, places, damping, pair)
+        pairs = {} if rule == "asce7" else {"pair": pair}  # that has a pair of its own
+        return _RULES[rule](suite, spectrum, places, damping=damping, **pairs)
     if rule == "p695":
         if chosen is not None and not isinstance(chosen, SpectralIntensity):
             raise UsageError("the rule p695 scales a set on to a value of sa(T)")
@@ -316,15 +315,7 @@ def scale(
 
 
 _PLACES = 100
-_RULES: dict[str, Callable[[Sequence[GroundMotion], TargetSpectrum, Array, float, str], Scaling]] = {
-    "mean": lambda motions, target, periods, damping, pair: scale_to_target(
-        motions, target, periods, damping=damping, pair=pair
-    ),
-    "asce7": lambda motions, target, periods, damping, _: scale_asce7(motions, target, periods, damping=damping),
-    "ec8": lambda motions, target, periods, damping, pair: scale_ec8(
-        motions, target, periods, damping=damping, pair=pair
-    ),
-}
+_RULES: dict[str, Callable[..., Scaling]] = {"mean": scale_to_target, "asce7": scale_asce7, "ec8": scale_ec8}
 
 
 def _check_pairs(pairs: Sequence[GroundMotion], rule: str) -> None:

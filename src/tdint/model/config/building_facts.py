@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from tdint.errors import ModelError
 from tdint.model.config.units import ModelUnits
@@ -15,27 +16,30 @@ from tdint.model.inventory.capacity import (
     read_curve,
 )
 from tdint.model.inventory.derive import CAPACITY, RULES
-from tdint.model.inventory.facts import BuildingFacts, DerivedBuilding
-from tdint.model.inventory.hazus import LEVELS
-from tdint.model.inventory.mdof_lu import MOST_STORIES, STRUCTURES, ZONES
+from tdint.model.inventory.mdof_lu import LEVELS, MOST_STORIES, STRUCTURES, ZONES, BuildingFacts, DerivedBuilding
 from tdint.model.keys.fields import Section, Value
 from tdint.model.keys.kinds import POSITIVE, RATIO, Choice, Flag, Key, Keys, Whole, Words
 
 _DAMPING = ("full", "mass-only")
+_RULES = Choice(tuple(one for one in RULES if one != CAPACITY), "set of rules")
 _YEARS = Whole(1000, 2200)
 BUILDING = Keys(
     (
-        Key("rules", Choice(tuple(one for one in RULES if one != CAPACITY)), "the rules that derive the stories"),
+        Key(
+            "rules",
+            _RULES,
+            "the rules that derive the stories",
+        ),
         Key("capacity", Words(), "capacity curve, a CSV file (sd_m, sa_g) relative to this one, in place of rules"),
-        Key("type", Choice(STRUCTURES), "structure type of Hazus"),
+        Key("type", Choice(STRUCTURES, "structure type"), "structure type of Hazus"),
         Key("stories", Whole(1, MOST_STORIES), "number of stories", needed=True),
         Key("year", _YEARS, "year of construction"),
         Key("area", POSITIVE, "area of one floor, in the square of the unit of length"),
         Key("height", POSITIVE, "height of the whole building"),
-        Key("zone", Choice(ZONES), "seismic zone; Z4 where it is left out"),
-        Key("design_level", Choice(LEVELS), "design level; else from zone and year"),
+        Key("zone", Choice(ZONES, "seismic zone"), "seismic zone; Z4 where it is left out"),
+        Key("design_level", Choice(LEVELS, "design level"), "design level; else from zone and year"),
         Key("damping_ratio", RATIO, "viscous damping ratio; else that of the type"),
-        Key("damping", Choice(_DAMPING), "without the stiffness-proportional part, or full"),
+        Key("damping", Choice(_DAMPING, "kind of damping"), "without the stiffness-proportional part, or full"),
         Key("mass", POSITIVE, "of all floors of a building with a capacity curve; 1 t where it is left out"),
         Key("soft_story", Flag(), "whether its ground story is soft"),
         Key("degradation", Flag(), "whether its stories lose stiffness and strength"),
@@ -53,24 +57,23 @@ def read_building(value: Value, unit: ModelUnits) -> DerivedBuilding | CapacityB
     if section is None:
         return None
     if section.has("capacity"):
-        _refuse(section, _OF_RULES, "has no part in a building with a `capacity` curve")
+        section.refuse(_OF_RULES, "has no part in a building with a `capacity` curve")
         return _of_curve(section, unit)
-    _refuse(section, _OF_CAPACITY, "belongs to a building with a `capacity` curve")
-    rules = _choice(section, "rules", "set of rules")
-    structure = _choice(section, "type", "structure type")
-    count = section.need("stories", f"give a whole number from 1 to {MOST_STORIES}")
-    stories = count.whole() if count else None
-    built = section.need("year", "give the year of construction")
-    year = built.whole() if built else None
+    section.refuse(_OF_CAPACITY, "belongs to a building with a `capacity` curve")
+    needed = [
+        _needed(section, "rules"),
+        _needed(section, "type"),
+        _needed(section, "stories", f"give a whole number from 1 to {MOST_STORIES}"),
+        _needed(section, "year", "give the year of construction"),
+    ]
     area = section.number("area", scale=unit.factor(length=2))
     height = section.number("height", scale=unit.length, default=0.0)
-    zone = _choice(section, "zone", "seismic zone", "Z4")
-    level = _choice(section, "design_level", "design level", "")
+    words = {"zone": "Z4", "design_level": "", "damping": "full"}
+    zone, level, damping = (section.read(name, default) for name, default in words.items())
     ratio = section.number("damping_ratio", default=-1.0)
-    damping = _choice(section, "damping", "kind of damping", "full")
-    if None in (rules, structure, stories, year, zone, level, damping) or any(map(math.isnan, (area, height, ratio))):
+    if None in (*needed, zone, level, damping) or any(map(math.isnan, (area, height, ratio))):
         return None
-    assert rules and structure and stories and year and zone
+    rules, structure, stories, year = needed
     facts = BuildingFacts(
         structure=structure,
         stories=stories,
@@ -85,10 +88,11 @@ def read_building(value: Value, unit: ModelUnits) -> DerivedBuilding | CapacityB
     return RULES[rules](facts, None)
 
 
-def _refuse(section: Section, names: tuple[str, ...], reason: str) -> None:
-    for name in names:
-        if entry := section.get(name):
-            entry.fault(reason)
+def _needed(section: Section, name: str, advice: str = "") -> Any:
+    """What must be there, as its key declares it; None after a fault."""
+    kind = BUILDING.kinds()[name]
+    value = section.need(name, advice or f"give one of {', '.join(kind.names)}" if isinstance(kind, Choice) else advice)
+    return value.read() if value else None
 
 
 def _of_curve(section: Section, unit: ModelUnits) -> CapacityBuilding | None:
@@ -101,23 +105,11 @@ def _of_curve(section: Section, unit: ModelUnits) -> CapacityBuilding | None:
             curve = read_curve(path)
         except ModelError as error:
             file.fault(str(error))
-    count = section.need("stories", f"give a whole number from 1 to {MOST_STORIES}")
-    stories = count.whole() if count else None
+    stories = _needed(section, "stories", f"give a whole number from 1 to {MOST_STORIES}")
     height = section.number("height", scale=unit.length, default=0.0)
     ratio = section.number("damping_ratio", default=DAMPING_RATIO)
     mass = section.number("mass", scale=unit.mass, default=UNIT_MASS)
-    soft, degrading, published = (
-        bool(entry.boolean()) if (entry := section.get(name)) else False for name in _OF_CAPACITY[1:]
-    )
+    soft, degrading, published = (section.read(name, False) for name in _OF_CAPACITY[1:])
     if curve is None or stories is None or any(map(math.isnan, (height, ratio, mass))):
         return None
     return derive_capacity(CapacityFacts(curve, stories, height or None, mass, soft, degrading, ratio, published))
-
-
-def _choice(section: Section, name: str, what: str, default: str | None = None) -> str | None:
-    kind = BUILDING.kinds()[name]
-    assert isinstance(kind, Choice)
-    value = section.get(name) if default is not None else section.need(name, f"give one of {', '.join(kind.names)}")
-    if value is None:
-        return default
-    return value.choice(kind.names, what)

@@ -29,7 +29,7 @@ class ByState:
 
 
 THRESHOLDS = ByState(Either((POSITIVE_RATIO, Words())))
-DEMAND = Key("demand", Choice(tuple(DEMANDS)), "what the states are told by; drift_ratio by default")
+DEMAND = Key("demand", Choice(tuple(DEMANDS), "demand"), "what the states are told by; drift_ratio by default")
 DISPERSION = Key("dispersion", Bounds(0.0, 3.0), "standard deviation of the logarithms of the thresholds; 0: exact")
 _OF_LOSSES = "loss ratio in each state, and if it is another one than in the last, `collapsed`"
 DAMAGE = Keys(
@@ -49,13 +49,7 @@ def read_damage(value: Value | None) -> DamageStates | None:
     thresholds = section.need("thresholds", "give the demand of each state") if section else None
     if section is None or thresholds is None:
         return None
-    return states_of(section, read_demand(section) or "", thresholds)
-
-
-def read_demand(section: Section, default: str = "drift_ratio") -> str | None:
-    """What states are told by; None after a fault."""
-    named = section.get("demand")
-    return named.choice(DEMANDS, "demand") if named else default
+    return states_of(section, section.read("demand", "drift_ratio") or "", thresholds)
 
 
 def states_of(section: Section, demand: str, thresholds: Value) -> DamageStates | None:

@@ -18,7 +18,7 @@ from tdint.model.keys.kinds import ANY, NOT_NEGATIVE, POSITIVE, Choice, Either, 
 
 PROCESSING = (
     Key("trim", Words(), "START:END in s from the first sample"),
-    Key("baseline", Choice(tuple(BASELINES)), "what is taken off the acceleration"),
+    Key("baseline", Choice(tuple(BASELINES), "baseline"), "what is taken off the acceleration"),
     Key("pad", Words(), "zeros before and after: SECONDS or BEFORE:AFTER"),
     Key("highpass", POSITIVE, "corner frequency, Hz"),
     Key("lowpass", POSITIVE, "corner frequency, Hz"),
@@ -30,16 +30,9 @@ PROCESSING_KEYS = tuple(key.name for key in PROCESSING)
 
 def read_processing(section: Section) -> Processing:
     """The processing that the entries of a section ask for; none of it if one of them is faulty."""
-    readers: dict[str, Callable[[Value], object]] = {
-        "trim": lambda value: value.parsed(parse_trim),
-        "baseline": lambda value: value.choice(BASELINES, "baseline"),
-        "pad": lambda value: value.parsed(parse_pad),
-        "highpass": Value.number_or_none,
-        "lowpass": Value.number_or_none,
-        "corners": Value.whole,
-        "resample": Value.number_or_none,
-    }
-    values = {name: readers[name](value) for name in PROCESSING_KEYS if (value := section.get(name))}
+    parsers: dict[str, Callable[[str], object]] = {"trim": parse_trim, "pad": parse_pad}
+    there = {name: value for name in PROCESSING_KEYS if (value := section.get(name))}
+    values = {name: value.parsed(parsers[name]) if name in parsers else value.read() for name, value in there.items()}
     if None in values.values():
         return Processing()
     try:
@@ -58,13 +51,10 @@ LAYOUT = (
 
 def read_layout(section: Section) -> TextLayout:
     """What the entries of a section say; nothing if one of them is faulty."""
-    step, column, skipped = (section.get(key.name) for key in LAYOUT)
-    interval = step.number() if step else None
-    name = column.text() if column else None
-    lines = skipped.whole() if skipped else None
-    if (step and math.isnan(interval or math.nan)) or (column and not name) or (skipped and lines is None):
+    step, column, lines = values = [section.read(key.name) for key in LAYOUT]
+    if any(section.has(key.name) and value is None for key, value in zip(LAYOUT, values, strict=True)):
         return AS_STATED
-    return TextLayout(interval, (name,) if name else (), lines)
+    return TextLayout(step, (column,) if column else (), lines)
 
 
 _RECORD = Keys(

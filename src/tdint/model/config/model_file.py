@@ -17,40 +17,11 @@ from tdint.model.config.damping import DAMPING, read_damping
 from tdint.model.config.excitation import EXCITATION, read_excitation
 from tdint.model.config.stories import STORIES, read_stories
 from tdint.model.config.units import UNITS, ModelUnits, read_units
-from tdint.model.definition import (
-    Analysis,
-    Damping,
-    Excitation,
-    Force,
-    Initial,
-    Law,
-    ModalDamping,
-    Model,
-    RayleighCoefficients,
-    RayleighRatio,
-    RecordSource,
-    Story,
-)
+from tdint.model.definition import Analysis, Damping, Initial, Model, Story
 from tdint.model.keys.document import SourceText, read_document
 from tdint.model.keys.fields import Section, Value
 from tdint.model.keys.kinds import ANY, POSITIVE, POSITIVE_RATIO, Either, EntriesOf, Flag, Key, Keys, Schema, Words
 from tdint.output_units import SI, OutputUnits, parse_output_units
-
-__all__ = [
-    "Analysis",
-    "Damping",
-    "Excitation",
-    "Force",
-    "Initial",
-    "Law",
-    "ModalDamping",
-    "Model",
-    "RayleighCoefficients",
-    "RayleighRatio",
-    "RecordSource",
-    "Story",
-    "load_model",
-]
 
 _INITIAL = Keys(
     (
@@ -167,8 +138,7 @@ def _let_judge(root: Value, path: str, judge: Callable[[str, Path], object]) -> 
 def _read_model(section: Section, origin: SourceText) -> Model:
     """The model; faults are noted, and leave nan or None behind."""
     unit = read_units(section.get("units"))
-    p_delta_value = section.get("p_delta")
-    p_delta = p_delta_value.boolean() if p_delta_value else False
+    p_delta = section.read("p_delta", False)
     stories, count, damping = _read_stories(section, unit, p_delta)
     excitation = section.get("excitation")
     model = Model(
@@ -179,8 +149,8 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         damping=damping,
         p_delta=p_delta,
         excitation=read_excitation(excitation, unit, count),
-        initial=_read_initial(section.get("initial"), unit.length, count),
-        analysis=_read_analysis(section.get("analysis")),
+        initial=_read_initial(section.inner("initial"), unit.length, count),
+        analysis=Analysis(*map(section.inner("analysis").read, _ANALYSIS)),
         collapse_drift=section.number("collapse_drift", default=_DEFAULT_COLLAPSE_DRIFT),
         output_units=_read_output_units(section.get("output_units")),
         damage=read_damage(section.get("damage")),
@@ -211,11 +181,9 @@ def _read_stories(section: Section, unit: ModelUnits, p_delta: bool) -> tuple[tu
     return derived.stories, count, read_damping(damping, count) if damping else derived.damping
 
 
-def _read_initial(value: Value | None, length: float, count: int | None) -> Initial:
-    section = value.section(_INITIAL) if value else None
-
+def _read_initial(section: Section, length: float, count: int | None) -> Initial:
     def entries(name: str) -> tuple[float, ...]:
-        entry = section.get(name) if section else None
+        entry = section.get(name)
         if entry is None:
             return (0.0,) * (count or 0)
         items = entry.items("a list with one number per story")
@@ -224,13 +192,6 @@ def _read_initial(value: Value | None, length: float, count: int | None) -> Init
         return tuple(item.number(scale=length) for item in items or ())
 
     return Initial(entries("displacement"), entries("velocity"))
-
-
-def _read_analysis(value: Value | None) -> Analysis:
-    section = value.section(_ANALYSIS) if value else None
-    if section is None:
-        return Analysis(None, None, None)
-    return Analysis(section.text("method"), section.number_or_none("dt"), section.number_or_none("duration"))
 
 
 def _read_output_units(value: Value | None) -> OutputUnits:

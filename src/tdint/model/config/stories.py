@@ -1,13 +1,16 @@
-"""The `stories` of a model file."""
+"""The `stories` of a model file, and the `law` of each: a name, or a mapping with `type` and the parameters that `LAWS`
+lists for it.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
-from tdint.model.config.laws import LAW, LINEAR, check_together, read_law
+from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.model.config.units import ModelUnits
-from tdint.model.definition import MAX_STORIES, Law, PowerDashpot, Story
+from tdint.model.definition import MAX_STORIES, PowerDashpot, Story
 from tdint.model.keys.fields import Section, Value
 from tdint.model.keys.kinds import (
     NOT_NEGATIVE,
@@ -19,9 +22,212 @@ from tdint.model.keys.kinds import (
     Flag,
     Key,
     Keys,
+    Schema,
+    ValueKind,
     Whole,
 )
+from tdint.model.laws import LAWS, Law, four_points, laws
 from tdint.units import MASS, STANDARD_GRAVITY
+
+LINEAR = Law("linear", ())
+_LIST = "a list of numbers"
+_POINTS = "two to four points [drift, force]"
+
+
+def _keys(law: DriftLaw, group: str = "") -> tuple[Key, ...]:
+    """The keys of a law's mapping, or of one of its groups."""
+    keys: dict[str, Key] = {}
+    for one in law.parameters:
+        needed = one.default is None and one.without is None
+        inner = _inner(one, group)
+        if one.group == group:
+            keys[one.name] = Key(one.name, _kind(one), needed=needed)
+        elif inner and inner not in keys:
+            mapping: ValueKind = Keys(_keys(law, f"{group}.{inner}" if group else inner))
+            whole = (_bounds(one), mapping, Choice(("none",)))
+            keys[inner] = Key(inner, Either(whole) if one.shared else mapping, needed=needed)
+    return tuple(keys.values())
+
+
+def _kind(parameter: LawParameter) -> ValueKind:
+    """What stands under the key of a parameter."""
+    bounds = _bounds(parameter)
+    if parameter.points:
+        return EntriesOf(EntriesOf(bounds, least=2, most=2), least=2, most=4)
+    return EntriesOf(bounds, least=1) if parameter.many else bounds
+
+
+def _inner(parameter: LawParameter, group: str) -> str:
+    """The key in `group` under which a parameter of a group inside it stands, else nothing."""
+    start = f"{group}." if group else ""
+    return parameter.group[len(start) :].split(".")[0] if parameter.group.startswith(start) else ""
+
+
+@dataclass(frozen=True)
+class _LawKind:
+    """The name of a law, or a mapping with its type and parameters."""
+
+    def schema(self) -> Schema:
+        bare = [name for name, law in laws().items() if not law.parameters]
+        kinds = [Keys((Key("type", Choice((law.name,)), law.formula, True), *_keys(law))) for law in laws().values()]
+        return Either((Choice(tuple(bare)), *kinds)).schema()
+
+
+LAW = _LawKind()
+
+
+def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
+    """The law and its own initial stiffness, N/m: None where the story gives it, nan where a fault leaves it open."""
+    if value is None:
+        return LINEAR, None
+    law, section = _read_type(value)
+    if law is None:
+        return LINEAR, math.nan
+    parameters = _read_parameters(section, law, unit) if section else ()
+    return Law(law.name, parameters), _own_stiffness(value, law, parameters, unit)
+
+
+def _read_type(value: Value) -> tuple[DriftLaw | None, Section | None]:
+    """The law, None after a fault, and the section that holds its parameters, None if it was only named."""
+    if not value.is_mapping:
+        name = value.choice(_known(value), "law")
+        if name and LAWS[name].parameters:
+            needed = (one.name for one in LAWS[name].parameters if one.default is None and one.without is None)
+            names = ", ".join(f"{one}: ..." for one in needed)
+            value.fault(f"the {name} law needs its parameters; write {{type: {name}, {names}}}")
+        return (LAWS[name] if name else None), None
+    kind = value.peek("type")
+    name = kind.choice(_known(kind), "law") if kind else None
+    possible = [LAWS[name]] if name else LAWS.values()
+    known = dict.fromkeys(["type", *(_inner(one, "") or one.name for law in possible for one in law.parameters)])
+    section = value.section(list(known))
+    if section:
+        section.need("type", f"give one of {', '.join(LAWS)}")
+    return (LAWS[name] if name else None), section
+
+
+def _known(name: Value) -> Mapping[str, DriftLaw]:
+    """The laws by name; those of installed packages are looked for where it is none of the others."""
+    return LAWS if any(map(name.is_word, LAWS)) else laws()
+
+
+def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple[float, ...]:
+    """The parameters in SI in the order of the law, lists flattened."""
+    names = sorted(dict.fromkeys(one.group for one in law.parameters), key=lambda name: name.count("."))
+    groups: dict[str, Section | float | None] = {"": section}
+    for name in names:
+        groups[name] = _read_group(groups, law, name, unit)
+    values: list[float] = []
+    known: dict[str, tuple[float, ...]] = {}
+    for parameter in law.parameters:
+        if parameter.many:
+            entry = section.need(parameter.name, f"give {_LIST}")
+            read = _read_list(entry, _bounds(parameter), unit) if entry else (math.nan,)
+        elif parameter.points:
+            read = _read_points(groups[parameter.group], parameter, unit, known)
+        else:
+            read = (_read_number(groups[parameter.group], parameter, unit, known),)
+        values += read
+        known.setdefault(parameter.name, read)
+    return tuple(values)
+
+
+def _read_group(
+    groups: Mapping[str, Section | float | None], law: DriftLaw, group: str, unit: ModelUnits
+) -> Section | float | None:
+    """Where the parameters of a group stand: the law's own section for those without one; a number in SI for all of
+    them; None where the group, or the one around it, is left out."""
+    outer, _, name = group.rpartition(".")
+    around = groups.get(outer)
+    if not group or not isinstance(around, Section):
+        return around
+    members = [one for one in law.parameters if one.group == group]
+    if members[0].default is None and members[0].without is None:
+        value = around.need(name, f"give a mapping with the keys {', '.join(one.name for one in members)}")
+        if value is None:
+            return math.nan
+    value = around.get(name)
+    if value is None or (members[0].shared and value.is_word("none")):
+        return None
+    names = [key.name for key in _keys(law, group)]
+    if members[0].shared and not value.is_mapping:
+        what = f"{_bounds(members[0])} for all of {', '.join(names)}, a mapping of them, or none"
+        return value.number(_bounds(members[0]), unit.factor(members[0].force, members[0].length), what)
+    return value.section(names) or math.nan
+
+
+def _read_points(
+    group: Section | float | None, parameter: LawParameter, unit: ModelUnits, known: Mapping[str, tuple[float, ...]]
+) -> tuple[float, ...]:
+    """Four points in SI, flattened; between two or three of them the others lie on the last line but one."""
+    nothing = (math.nan,) * 8
+    if isinstance(group, float):
+        return nothing
+    if isinstance(parameter.default, str) and (group is None or not group.has(parameter.name)):
+        return known[parameter.default]
+    value = group.need(parameter.name, f"give {_POINTS}") if group else None
+    items = value.items(_POINTS) if value else None
+    if value is None or items is None:
+        return nothing
+    pairs = [item.items("a point [drift, force]") for item in items]
+    if not 2 <= len(pairs) <= 4 or any(pair is not None and len(pair) != 2 for pair in pairs):
+        value.fault(f"must be {_POINTS}")
+        return nothing
+    bounds, factors = _bounds(parameter), (unit.factor(length=1), unit.factor(force=1))
+    points = [[one.number(bounds, f) for one, f in zip(pair or (), factors, strict=False)] for pair in pairs]
+    return four_points(points) if all(points) else nothing
+
+
+def _read_number(
+    group: Section | float | None, parameter: LawParameter, unit: ModelUnits, known: Mapping[str, tuple[float, ...]]
+) -> float:
+    """A parameter in SI, its default where it is left out."""
+    bounds, factor = _bounds(parameter), unit.factor(parameter.force, parameter.length)
+    default = known[parameter.default][0] if isinstance(parameter.default, str) else parameter.default
+    if isinstance(group, float):
+        return group
+    if group is None:
+        return parameter.without if parameter.without is not None else default if default is not None else math.nan
+    if default is not None and not group.has(parameter.name):
+        return default
+    return group.number(parameter.name, bounds, factor)
+
+
+def _bounds(parameter: LawParameter) -> Bounds:
+    ratio = not parameter.force and not parameter.length and parameter.high <= 1.0
+    return Bounds(parameter.low, parameter.high, parameter.low_allowed, parameter.high_allowed, ratio)
+
+
+def _read_list(value: Value, bounds: Bounds, unit: ModelUnits) -> tuple[float, ...]:
+    """The numbers of a `many` parameter in SI: the j-th is force length^-j."""
+    items = value.items(_LIST)
+    if items is not None and not items:
+        value.fault("must hold at least one number")
+    if not items:
+        return (math.nan,)
+    return tuple(item.number(bounds, unit.factor(force=1, length=-j)) for j, item in enumerate(items, start=1))
+
+
+def _own_stiffness(value: Value, law: DriftLaw, parameters: Sequence[float], unit: ModelUnits) -> float | None:
+    """The initial stiffness that follows from the law's parameters, checked to be positive."""
+    if law.initial_stiffness is None:
+        return None
+    stiffness = law.initial_stiffness(parameters) if parameters else math.nan
+    if stiffness <= 0.0 or stiffness == math.inf:
+        shown = f"{stiffness / unit.factor(force=1, length=-1):.10g}"
+        value.fault(f"the initial stiffness of the {law.name} law must be a positive number, got {shown}")
+        return math.nan
+    return stiffness
+
+
+def check_together(value: Value | None, law: Law, stiffness: float) -> None:
+    """Note what is wrong with a law's parameters and the initial stiffness (N/m) together."""
+    if value is None or math.isnan(stiffness) or any(math.isnan(one) for one in law.parameters):
+        return
+    fault = LAWS[law.name].fault(stiffness, law.parameters) if law.parameters else None
+    if fault:
+        value.fault(fault)
+
 
 _DAMPED = "rayleigh"
 _EXPONENT = Bounds(0.0, 2.0, low_allowed=False)
@@ -94,8 +300,7 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
     elif isolator and isolator.boolean():
         story = replace(story, isolator=True, rayleigh=False)
     check_together(section.get("law"), law, story.stiffness)
-    repeat = section.get("repeat")
-    return story, repeat.whole() if repeat else 1
+    return story, section.read("repeat", 1)
 
 
 def _read_mass(section: Section, unit: ModelUnits) -> float:

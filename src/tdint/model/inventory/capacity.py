@@ -14,14 +14,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tdint.arrays import Array
 from tdint.csv_table import read_table
 from tdint.errors import ModelError, UsageError
-from tdint.model.definition import Law, RayleighCoefficients, RayleighRatio, Story, four_points
+from tdint.model.definition import RayleighCoefficients, RayleighRatio, Story
+from tdint.model.laws import Law, four_points
 from tdint.model.modes import solve_modes
-
-Array = NDArray[np.float64]
 
 GRAVITY = 9.81
 MOST_STORIES = 50

@@ -14,7 +14,7 @@ from tdint.errors import ModelError, UsageError
 from tdint.model.definition import RayleighRatio, Story
 from tdint.model.inventory import mdof_lu
 from tdint.model.inventory.capacity import CapacityBuilding, derive_capacity
-from tdint.model.inventory.facts import DerivedBuilding, Scatter
+from tdint.model.inventory.mdof_lu import DerivedBuilding, Scatter
 from tdint.model.inventory.table import InventoryRow, read_inventory
 from tdint.tabular import Several
 from tdint.units import LENGTH

@@ -1,20 +1,190 @@
-"""Shear buildings of Hazus types from a few facts, after Lu et al. (2014, 2020).
+"""Shear buildings of Hazus types from a few facts, after Lu et al. (2014, 2020): the rules MDOF-LU of SimCenter's
+regional workflow.
 
-The rules are those of the shear buildings (MDOF-LU) in SimCenter's regional workflow.
+The table `hazus_types.csv` holds the numbers of Hazus-MH 2.1 (FEMA, Technical Manual, chapter 5) in the form that Lu,
+Lu, Guan and Ye (Earthquake Spectra 30, 2014) and SimCenter's regional workflow use for shear buildings: capacity,
+hysteresis, period and damping by design level and type.
 """
 
 from __future__ import annotations
 
+import csv
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from functools import cache
+from importlib.resources import files
 
 import numpy as np
 
-from tdint.model.damping import rayleigh
-from tdint.model.definition import RayleighCoefficients, RayleighRatio
-from tdint.model.inventory.facts import BuildingFacts, DerivedBuilding, Scatter
-from tdint.model.inventory.hazus import LEVELS, hazus_types
+from tdint.arrays import Array
+from tdint.model.building import rayleigh
+from tdint.model.definition import RayleighCoefficients, RayleighRatio, Story
+from tdint.model.laws import Law
 from tdint.model.modes import solve_modes
+
+
+@dataclass(frozen=True, slots=True)
+class BuildingFacts:
+    """What an inventory says of one building.
+
+    Attributes
+    ----------
+    structure : str
+        Structure type, such as C1.
+    stories, year : int
+        Number of stories, year of construction.
+    area : float
+        Plan area of one floor, m^2.
+    height : float or None
+        Height of the building, m; None where it is not said.
+    zone : str
+        Seismic zone of the code: Z0, Z1, Z2A, Z2B, Z3 or Z4.
+    design_level : str or None
+        pre, low, moderate or high; None where it follows from zone and year.
+    damping_ratio : float or None
+        Damping ratio; None where it follows from the type.
+    mass_only : bool
+        Whether the stiffness-proportional part of the damping is left out, as in programs that lose it.
+    """
+
+    structure: str
+    stories: int
+    year: int
+    area: float
+    height: float | None = None
+    zone: str = "Z4"
+    design_level: str | None = None
+    damping_ratio: float | None = None
+    mass_only: bool = False
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Factors that a building differs by from what the rules say: on stiffness, strength unchanged, and on damping."""
+
+    stiffness: float = 1.0
+    damping: float = 1.0
+
+
+@dataclass(frozen=True)
+class DerivedBuilding:
+    """A shear building by rules; arrays of shape (stories,), from the ground up.
+
+    Attributes
+    ----------
+    design_level, type : str
+        The row of the table that holds its numbers.
+    rule_period : float
+        Fundamental period that the stiffness is made for, without scatter, s.
+    period : float
+        Fundamental period of the shear building, s.
+    damping_ratio : float
+        Damping ratio with scatter.
+    mass, height, stiffness, yield_force, ultimate_force, ultimate_drift : ndarray
+        Of each story, kg, m, N/m, N, N, m.
+    pinching, unloading : float
+        As in the trilinear-pinching law.
+    damping : RayleighRatio or RayleighCoefficients
+        Damping of the building.
+    """
+
+    design_level: str
+    type: str
+    rule_period: float
+    period: float
+    damping_ratio: float
+    mass: Array
+    height: Array
+    stiffness: Array
+    yield_force: Array
+    ultimate_force: Array
+    ultimate_drift: Array
+    pinching: float
+    unloading: float
+    damping: RayleighRatio | RayleighCoefficients
+
+    @property
+    def yield_drift(self) -> Array:
+        """Drift at first yield, m."""
+        return np.asarray(self.yield_force / self.stiffness)
+
+    @property
+    def stories(self) -> tuple[Story, ...]:
+        """The stories of a model."""
+        strengths = self.yield_force, self.ultimate_force, self.ultimate_drift
+        columns = (self.mass, self.height, self.stiffness, *strengths)
+        return tuple(
+            Story(
+                mass=mass,
+                height=height,
+                stiffness=stiffness,
+                law=Law("trilinear-pinching", (strength, ultimate, drift, self.pinching, self.unloading)),
+                dashpot=0.0,
+            )
+            for mass, height, stiffness, strength, ultimate, drift in zip(*(c.tolist() for c in columns), strict=True)
+        )
+
+
+LEVELS = ("pre", "low", "moderate", "high")
+"""Design levels from the weakest to the strongest."""
+
+
+@dataclass(frozen=True)
+class HazusType:
+    """A row of the table.
+
+    Attributes
+    ----------
+    design_level, type : str
+        One of `LEVELS`; a type with its class of height, such as C1M.
+    min_stories, max_stories : float
+        Stories that the row is made for.
+    yield_acceleration_g : float
+        Yield force of the building over its weight, but for the share of mass that the first mode moves.
+    overstrength : float
+        Ultimate over yield force.
+    post_yield_ratio : float
+        Stiffness after yielding over the initial one.
+    pinching, unloading_exponent : float
+        As in the trilinear-pinching law.
+    period_per_story_s : float
+        Fundamental period over number of stories, s.
+    damping_ratio : float
+        Viscous damping ratio.
+    slight_drift_ratio, moderate_drift_ratio, extensive_drift_ratio, complete_drift_ratio : float
+        Median drift ratios of the damage states.
+    """
+
+    design_level: str
+    type: str
+    min_stories: float
+    max_stories: float
+    yield_acceleration_g: float
+    overstrength: float
+    post_yield_ratio: float
+    pinching: float
+    unloading_exponent: float
+    period_per_story_s: float
+    damping_ratio: float
+    slight_drift_ratio: float
+    moderate_drift_ratio: float
+    extensive_drift_ratio: float
+    complete_drift_ratio: float
+
+
+@cache
+def hazus_types() -> Mapping[tuple[str, str], HazusType]:
+    """The table by design level and type."""
+    text = (files("tdint.model.inventory") / "hazus_types.csv").read_text(encoding="utf-8")
+    words = ("design_level", "type")
+    names = [field.name for field in fields(HazusType)]
+    rows = (
+        HazusType(*(row[name] if name in words else float(row[name]) for name in names))  # type: ignore[arg-type]
+        for row in csv.DictReader(text.splitlines())
+    )
+    return {(row.design_level, row.type): row for row in rows}
+
 
 STRUCTURES = ("W1", "W2", "S1", "S2", "S3", "S4", "S5", "C1", "C2", "C3", "PC1", "PC2", "RM1", "RM2", "URM", "MH")
 ZONES = ("Z0", "Z1", "Z2A", "Z2B", "Z3", "Z4")

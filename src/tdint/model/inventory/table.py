@@ -10,9 +10,7 @@ from dataclasses import dataclass
 from tdint.csv_table import CsvTable, no_number, number, read_table
 from tdint.errors import ModelFault
 from tdint.model.inventory.capacity import DAMPING_RATIO, UNIT_MASS, CapacityClass, CapacityFacts
-from tdint.model.inventory.facts import BuildingFacts
-from tdint.model.inventory.hazus import LEVELS
-from tdint.model.inventory.mdof_lu import MOST_STORIES, STRUCTURES, ZONES
+from tdint.model.inventory.mdof_lu import LEVELS, MOST_STORIES, STRUCTURES, ZONES, BuildingFacts
 from tdint.model.keys.kinds import POSITIVE, RATIO, Bounds
 
 NEEDED = ("id", "NumberOfStories", "YearBuilt", "StructureType", "PlanArea")
@@ -46,7 +44,7 @@ class InventoryRow:
     cells : str
         What stands there, as a JSON list of texts: of millions of buildings one object each.
     changes : tuple of (str, float)
-        What a sweep changes in the building that the rules make (`tdint.model.variation.PARAMETERS`).
+        What a sweep changes in the building that the rules make (`tdint.model.definition.PARAMETERS`).
     label : str
         What tells it from the building's other variations.
     """

@@ -13,11 +13,11 @@ import unicodedata
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from tdint.errors import UsageError, did_you_mean, nearest
 from tdint.model.definition import MAX_STORIES
-from tdint.model.keys.kinds import ANY, Bounds, EntriesOf, Keys, ValueKind, Whole
+from tdint.model.keys.kinds import ANY, Bounds, Choice, EntriesOf, Flag, Keys, ValueKind, Whole, Words
 from tdint.model.keys.nodes import Faults, ListNode, MappingNode, Node, ScalarNode
 from tdint.written_numbers import LARGEST, SMALLEST
 
@@ -33,6 +33,7 @@ _NUMBER_HINTS = (
     (re.compile(r"[+-]?[0-9][0-9.]*\s*[A-Za-z%].*"), "; write the number alone"),
 )
 _NOTHING = ("", "~", "null")
+_NOTHING_THERE = MappingNode(0, 0, ())
 
 _MEANT = 0.75
 """How alike an unknown key must be to a known one that is not there for its value to be read as that of the other."""
@@ -134,6 +135,21 @@ class Value:
         text = self.text()
         return text if text is None or (stdin and text == "-") else resolve(text, self.faults.folder)
 
+    def read(self) -> Any:
+        """The value as its key declares it, a number, a word, true or false; None if there is a fault."""
+        match self.kind:
+            case Bounds():
+                return self.number_or_none()
+            case Whole():
+                return self.whole()
+            case Flag():
+                return self.boolean()
+            case Choice(names, what):
+                return self.choice(names, what)
+            case Words():
+                return self.text()
+        raise TypeError(f"{self.key}: {self.kind} is read by its own reader")
+
     def parsed(self, parse: Callable[[str], Parsed]) -> Parsed | None:
         """What `parse` makes of the text; None if there is a fault, as where it raises UsageError."""
         text = self.text()
@@ -164,8 +180,12 @@ class Value:
         entries = enumerate(self.node.items, start=1)
         return tuple(Value(item, f"{self.key}[{i}]", self.faults, kind) for i, item in entries)
 
-    def section(self, known: Collection[str], what: str = "") -> Section | None:
-        """The entries of a mapping; None if there is a fault. `what` says what the value must be if not just that."""
+    def section(self, known: Collection[str] | None = None, what: str = "") -> Section | None:
+        """The entries of a mapping, by default those that its key declares; None if there is a fault. `what` says what
+        the value must be if not just that."""
+        if known is None:
+            assert isinstance(self.kind, Keys)
+            known = self.kind
         if not isinstance(self.node, MappingNode):
             self.fault(f"must be {what or 'a mapping with the keys ' + ', '.join(known)}, got {self._shown()}")
             return None
@@ -284,6 +304,27 @@ class Section:
         """The number of the entry; None if the section lacks it or it is faulty."""
         value = self.get(name)
         return value.number_or_none() if value else None
+
+    def read(self, name: str, default: Any = None) -> Any:
+        """The entry as its key declares it (`Value.read`); the default if the section lacks it."""
+        value = self.get(name)
+        return value.read() if value else default
+
+    def given(self, *names: str) -> dict[str, Any]:
+        """The entries that are there, as their keys declare them."""
+        return {name: value.read() for name in names if (value := self.get(name))}
+
+    def inner(self, name: str) -> Section:
+        """The section under a key, as that declares it: an empty one if there is none, or after a fault."""
+        value = self.get(name)
+        found = value.section() if value else None
+        return found or Section(Value(_NOTHING_THERE, self.path(name), self.value.faults), _NOTHING_THERE, ())
+
+    def refuse(self, names: Collection[str], reason: str) -> None:
+        """Note that some entries, where they are there, have no place in this section."""
+        for name in names:
+            if entry := self.get(name):
+                entry.fault(reason)
 
     def text(self, name: str) -> str | None:
         """The text of the entry; None if the section lacks it or it is faulty."""

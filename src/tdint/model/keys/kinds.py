@@ -92,9 +92,10 @@ class Words:
 
 @dataclass(frozen=True)
 class Choice:
-    """One of some names."""
+    """One of some names; `what` says what they name."""
 
     names: tuple[str, ...]
+    what: str = "value"
 
     def schema(self) -> Schema:
         return {"enum": list(self.names)}

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
         StoryErrors,
         StoryPeaks,
     )
-    from tdint.analysis.spectra.first_mode import FirstMode
+    from tdint.analysis.spectra.elastic import FirstMode
 
 MEANINGS = {
     "time_s": ("s", "last time reached"),

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.model.definition import LAWS
+from tdint.model.laws import LAWS
 from tdint.output.tables.table import FLOOR, METHOD_SPEC, PERIOD, Cell, Column, Table, rows_of
 from tdint.output_units import SI, OutputUnits
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
 from tdint.campaign.engine.rows import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR
-from tdint.model.variation import PARAMETERS
+from tdint.model.definition import PARAMETERS
 from tdint.output.tables.responses import STORY, STORY_ERROR
 from tdint.output.tables.spectra import OF_FLOORS, SPECTRUM
 from tdint.output.tables.table import (

@@ -12,7 +12,7 @@ import numpy as np
 
 from tdint.campaign.engine.rows import RUN
 from tdint.campaign.fragility.run_damage import BuildingDamage, building_damages, stored_states
-from tdint.campaign.store.schema import RUN_COLUMNS
+from tdint.campaign.store.schema import RUNS
 from tdint.output.tables.campaign import carried_columns, numeric
 from tdint.output.tables.damage_states import LOSS, probability_name
 from tdint.output.tables.table import names
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 _SHOWN = ("peak_drift_ratio", "residual_drift_ratio", "peak_acceleration")
 _DEMANDS = tuple(one for one in RUN if one.name in _SHOWN)
-_PLACES = tuple(RUN_COLUMNS.index(one.column) for one in _DEMANDS)
-_STATUS = RUN_COLUMNS.index("status")
+_PLACES = tuple(RUNS.columns.index(one.column) for one in _DEMANDS)
+_STATUS = RUNS.columns.index("status")
 _OWN = ("building", "scale", "level", "runs", "collapsed", "failed")
 
 Feature = dict[str, Any]

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from itertools import groupby
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from tdint.campaign.store.schema import STORY_COLUMNS
+from tdint.campaign.store.schema import STORIES
 from tdint.errors import UsageError
 from tdint.output.tables.campaign import write_rows
 from tdint.output.tables.table import Column, cell_text
@@ -14,7 +14,7 @@ from tdint.output.tables.table import Column, cell_text
 if TYPE_CHECKING:
     from tdint.campaign.store.store import Store
 
-_AT = {name: place for place, name in enumerate(STORY_COLUMNS)}
+_AT = {name: place for place, name in enumerate(STORIES.columns)}
 
 
 def write_simcenter(store: Store, stream: BinaryIO) -> None:

@@ -198,8 +198,7 @@ def record_info(record: Any) -> RecordInfo:
         The record is none, or cannot be read.
     """
     from tdint.analysis.given import record_of
-    from tdint.analysis.spectra.elastic import spectrum
-    from tdint.analysis.spectra.first_mode import SA_DAMPING
+    from tdint.analysis.spectra.elastic import SA_DAMPING, spectrum
 
     found = record_of(record)
     periods = np.linspace(*HOUSNER_PERIODS, _HOUSNER)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from tdint.campaign.fragility.fits import Fragility
-from tdint.campaign.fragility.measure_comparison import MeasureFit
+from tdint.campaign.fragility.run_measures import MeasureFit
 from tdint.campaign.ida.curve import Capacity, IdaCurve
 from tdint.campaign.ida.study import IdaStudy
 from tdint.campaign.suites.scaling import Scaling
