@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import time
@@ -13,9 +14,27 @@ import pytest
 # need. What a scene alone would get is tested in tests/kernels/test_variants.py.
 os.environ.setdefault("TDINT_KERNELS", "whole")
 
+# The heap is large, of libraries, and what the tests leave behind is little: garbage is searched for seldom.
+gc.set_threshold(50_000, 20, 20)
+
 # Jobs that a script starts in the background, as .ci/run does, ignore an interrupt, and hand that on to what they
 # start: commands that a test interrupts would never end.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_cmdline_main(config: pytest.Config) -> None:
+    """Side by side, each process has the files of its half of the suite, whose fixtures are then made once.
+
+    The one that is done first takes tests from the other's end.
+    """
+    if config.getoption("numprocesses", None) and config.getoption("dist", "") == "no":
+        config.option.dist = "worksteal"
+
+
+def pytest_collection_finish() -> None:
+    """What has been imported stays: garbage is not searched for in it."""
+    gc.freeze()
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
@@ -31,12 +50,15 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         return
     from path_kernels import KERNELS
     from tdint.analysis.run.compilation import of_everything
-    from tdint.kernels.building.ahead import compile_ahead
+    from tdint.kernels.building.ahead import compile_ahead, shown
     from tdint.kernels.building.variant import EVERYTHING
 
     wanted = [*of_everything(), *((kernel, EVERYTHING) for kernel in KERNELS)]
+    missing = sum(not file for _, _, file in shown(wanted))
+    terminal = config.pluginmanager.get_plugin("terminalreporter") if missing else None
+    if terminal:
+        terminal.write(f"compiling {missing} time loops for all tests, once: ", flush=True)
     began = time.perf_counter()
-    written = compile_ahead(wanted, ["native"], None, lambda done: None)
-    terminal = config.pluginmanager.get_plugin("terminalreporter")
-    if written and terminal:
-        terminal.write_line(f"{len(written)} time loops compiled for all tests in {time.perf_counter() - began:.0f} s")
+    compile_ahead(wanted, ["native"], None, lambda done: None)
+    if terminal:
+        terminal.write_line(f"{time.perf_counter() - began:.0f} s")

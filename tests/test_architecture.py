@@ -30,6 +30,7 @@ def trees():
     return found
 
 
+@cache
 def nodes(kind):
     """All nodes of a kind with their layer and path."""
     return [(layer, path, node) for layer, path, tree in trees() for node in ast.walk(tree) if isinstance(node, kind)]
