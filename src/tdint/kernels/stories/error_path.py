@@ -166,11 +166,13 @@ def _piece(springs, i, stretch, results):
 
 @called
 def _with_memory(law_parameters, springs, i, whole, turn, moved, results):
-    """To the turning point, and from there to the last Gauss point: the state there is left in FIRST_TRIAL."""
+    """To the turning point, and from there to the last Gauss point: the state there is left in FIRST_TRIAL.
+
+    The bubbles may have the story turn before the last Gauss point: it is led there from the start."""
     past = _pass(law_parameters, springs, i, 0, path.part_of(whole, 0.0, turn), results)
     if turn < 1.0:
-        reach(law_parameters, springs, i, past, at.THIRD_TRIAL, path.drift_at(whole, turn) + moved)
-        settle(law_parameters, springs, i, past, at.THIRD_TRIAL)
+        reach(law_parameters, springs, i, 0, at.THIRD_TRIAL, path.drift_at(whole, turn) + moved)
+        settle(law_parameters, springs, i, 0, at.THIRD_TRIAL)
         _note(results, i, 1.0, springs[at.THIRD_TRIAL + at.FORCE, i])
         past = _pass(law_parameters, springs, i, at.THIRD_TRIAL, path.part_of(whole, turn, 1.0), results)
     if past != at.FIRST_TRIAL:
@@ -244,8 +246,6 @@ def go_on(law_parameters, springs, i, stretch, bubbles, past, results):
         reach(law_parameters, springs, i, 0, at.FIRST_TRIAL, drift)
         return springs[at.FIRST_TRIAL + at.FORCE, i], past
     if here <= turn < there:
-        if here < turn:
-            past = _pass(law_parameters, springs, i, past, path.part_of(whole, here, turn), results)
         moved = path.drift_at(whole, turn) + bubble(bubbles, turn - 0.5)
         reach(law_parameters, springs, i, past, at.THIRD_TRIAL, moved)
         settle(law_parameters, springs, i, past, at.THIRD_TRIAL)
