@@ -33,6 +33,7 @@ from tdint.analysis.run.case import Case
 from tdint.analysis.run.outcome import ErrorEstimate, FailedRun, History, Response, Shock, StoryErrors
 from tdint.analysis.run.steps import Steps, finer
 from tdint.arrays import Array
+from tdint.model.building import Building
 
 FINER = 2
 """Repetitions with smaller steps."""
@@ -42,6 +43,13 @@ _COMMON = 0.3
 
 TOLD = 1e-2
 """Error over the peak drift up to which the error that a run carries along is taken at its word."""
+
+_OF_MOTION = ("peak_drift", "residual_drift", "peak_displacement", "peak_velocity")
+_BESIDE = 20.0
+"""How many times the error of the drifts, over their peaks, that of another motion may be: beyond, theirs is small by
+chance, and what the run does not know of its error is more."""
+
+_TINY = np.finfo(float).tiny
 
 _ROUNDING = 1e-12
 """Error over the peak that is always there."""
@@ -62,7 +70,7 @@ def checked_run(case: Case, steps: Steps, history: bool = False, *, repeat: bool
     carrying, reason = case.carrying_error()
     response = _noted((carrying or case).march(steps, history))
     if response.check is not None:
-        reason = doubt(response.check)
+        reason = doubt(response, case.building)
         if not reason:
             return response
         response = replace(
@@ -73,9 +81,34 @@ def checked_run(case: Case, steps: Steps, history: bool = False, *, repeat: bool
         )
     if not repeat:
         return _unknown(response, f"{reason}; --check repeats the run") if carrying is not None else response
-    if reason:
-        response = replace(response, notes=(*response.notes, f"the error comes from repetitions of the run: {reason}"))
-    return checked(case, steps, response)
+    if carrying is None:
+        return checked(case, steps, _with_note(response, reason))
+    steps = replace(steps, count=response.steps)
+    half = attempt(carrying, finer(steps))
+    if isinstance(half, Response) and not doubt(half, case.building) and _alike(response, half):
+        response = replace(
+            response, notes=(*response.notes, f"the error comes from a run with half of the step: {reason}")
+        )
+        return replace(response, check=_from_corrected(response, half))
+    return with_check(_with_note(response, reason), [half, attempt(case, finer(finer(steps)))])
+
+
+def _with_note(response: Response, reason: str) -> Response:
+    note = f"the error comes from repetitions of the run: {reason}"
+    return replace(response, notes=(*response.notes, note)) if reason else response
+
+
+def _from_corrected(response: Response, half: Response) -> ErrorEstimate:
+    """What the peaks of a run differ by from the corrected ones of a run with half of the step."""
+    assert half.check is not None and half.check.corrected is not None
+    errors = {}
+    for name in (field.name for field in fields(StoryErrors)):
+        own, true = getattr(response.stories, name), getattr(half.check.corrected, name)
+        size = response.stories.peak_drift if name == "residual_drift" else own
+        off = np.abs(own - true) + _ROUNDING * np.abs(size)
+        unresolved = getattr(response.unresolved, name)
+        errors[name] = off + unresolved if name == "residual_drift" else np.maximum(off, unresolved)
+    return ErrorEstimate.of(response.stories, StoryErrors(**errors), dts=(half.dt,))
 
 
 def _noted(response: Response) -> Response:
@@ -93,15 +126,29 @@ def _without_error(pieces: Callable[..., Iterator[History]], every: int = 1) -> 
     return (piece.without_error() for piece in pieces(every))
 
 
-def doubt(check: ErrorEstimate) -> str:
+def doubt(response: Response, building: Building) -> str:
     """Why the error that a run has carried along does not do, in words; empty if it does."""
+    check = response.check
+    assert check is not None and check.drift_error is not None
     values = [getattr(check.errors, name) for name in ("peak_drift", "peak_shear", "peak_acceleration")]
     if not all(np.isfinite(value).all() for value in values):
         return "the one that it carries along ran away"
-    assert check.drift_error is not None
     if check.drift_error > TOLD:
         return f"the one that it carries along, {100.0 * check.drift_error:.2g} %, says only that the step is too long"
+    if not building.linear and _off(response, *_OF_MOTION) > _BESIDE * _off(response, "peak_drift"):
+        return "the one that it carries along all but vanishes where the drifts have their peaks"
     return ""
+
+
+def _off(response: Response, *names: str) -> float:
+    """The largest error over the peak that a run has carried along to peaks of these names."""
+    assert response.check is not None and response.check.corrected is not None
+    worst = 0.0
+    for name in names:
+        own, true = getattr(response.stories, name), getattr(response.check.corrected, name)
+        size = response.stories.peak_drift if name == "residual_drift" else own
+        worst = max(worst, float(np.max(np.abs(true - own) / np.maximum(size, _TINY))))
+    return worst
 
 
 def checked(case: Case, steps: Steps, response: Response) -> Response:
@@ -126,16 +173,20 @@ def attempt(case: Case, steps: Steps) -> Response | FailedRun:
 
 def with_check(response: Response, finer_runs: list[Response | FailedRun]) -> Response:
     """The response with the errors that finer runs tell; unknown ones, and a note, where one of them failed."""
-    end = response.steps * response.dt
     others: list[Response] = []
     for other in finer_runs[:FINER]:
         if isinstance(other, FailedRun):
             return _unknown(response, f"the run with dt {other.dt:.6g} s failed ({other.status})")
-        if abs(other.steps * other.dt - end) > 0.5 * other.dt:
+        if not _alike(response, other):
             return _unknown(response, f"the run with dt {other.dt:.6g} s ends at another time")
         others.append(other)
     errors = story_errors(response, others)
     return replace(response, check=ErrorEstimate.of(response.stories, errors, dts=tuple(other.dt for other in others)))
+
+
+def _alike(response: Response, other: Response) -> bool:
+    """Whether a run with smaller steps ends when the other one does."""
+    return abs(other.steps * other.dt - response.steps * response.dt) <= 0.5 * other.dt
 
 
 def _unknown(response: Response, reason: str) -> Response:

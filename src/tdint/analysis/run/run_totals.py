@@ -31,13 +31,6 @@ _ROUNDING = 1e-12
 
 _TINY = np.finfo(float).tiny
 
-_OF_MOTION = ("peak_drift", "residual_drift", "peak_displacement", "peak_velocity")
-_COMMON = 0.1
-"""Part of the largest of their errors, over the peaks, below which none is told: one may be hit by chance."""
-
-_CURVED = 1.2
-"""By how much more errors are told where a law is curved: steps that pass its bend are seen less sharply."""
-
 Telling = Callable[[Building, Array, Array, Array], Array]
 """Of the rows of a history, from the building, the forces on its floors (`force_table`) and the times of the rows."""
 
@@ -84,8 +77,7 @@ def unresolved(building: Building, space: Workspace, late: float) -> StoryErrors
 def carried_error(building: Building, space: Workspace, stories: StoryPeaks, doubt: StoryErrors) -> ErrorEstimate:
     """What the error that a run has carried along says of its peaks, which may be in `doubt` beside that.
 
-    An error is what the corrected peak differs by, but no less, over the peak, than a tenth of what the story's drift,
-    displacement or velocity is off by, and what steps whose iteration did not settle left to correct.
+    An error is what the corrected peak differs by, and what steps whose iteration did not settle left to correct.
     """
     n = building.stories
     first = error_peaks(building.modal.shape[0])
@@ -94,13 +86,12 @@ def carried_error(building: Building, space: Workspace, stories: StoryPeaks, dou
     corrected = peaks_of(building, peaks, residual)
     sizes = {field.name: getattr(stories, field.name) for field in fields(StoryErrors)}
     sizes["residual_drift"] = stories.peak_drift
-    off = {name: np.abs(getattr(corrected, name) - getattr(stories, name)) for name in sizes}
-    relative = [np.divide(off[name], sizes[name], out=np.zeros(n), where=sizes[name] != 0.0) for name in _OF_MOTION]
     left = space.work[unsettled(building.modal.shape[0]), n] / max(float(stories.peak_drift.max()), _TINY)
-    least = _ROUNDING + _COMMON * np.max(relative, axis=0) + left
-    more = 1.0 if building.piecewise_linear else _CURVED
     errors = {
-        name: np.maximum(more * np.maximum(off[name], least * size), getattr(doubt, name))
+        name: np.maximum(
+            np.abs(getattr(corrected, name) - getattr(stories, name)),
+            np.maximum((_ROUNDING + left) * size, getattr(doubt, name)),
+        )
         for name, size in sizes.items()
     }
     return ErrorEstimate.of(stories, StoryErrors(**errors), dts=(), corrected=corrected)

@@ -124,7 +124,7 @@ class _Search:
             if level not in self.runs:
                 self.runs[level] = attempt(carrying, self.steps(level))
             carried = self.runs[level]
-            if isinstance(carried, FailedRun) or (carried.check is not None and not doubt(carried.check)):
+            if isinstance(carried, FailedRun) or not doubt(carried, self.case.building):
                 return carried
         for one in range(level, level + FINER + 1):
             if one not in self.runs:
