@@ -102,7 +102,7 @@ PEAK_ROWS = 7
 # watch: what an observer of the motion keeps
 ACCELERATION_NOW = 0  # that of equilibrium, whatever the method carries
 OTHER_FORCE = 1  # forces on floors less modal damping
-STORY_FORCE = 2  # columns and dampers
+TOTAL_SHEAR = 2  # of stories
 U_BEFORE = 3  # at the last observed time
 V_BEFORE = 4
 A_BEFORE = 5
@@ -149,14 +149,13 @@ COLLAPSE_STEP = ENERGY_TERMS + 11  # whole steps after which a story was first b
 COLLAPSE_STORY = ENERGY_TERMS + 12  # the first story that failed, else the one farthest beyond its limit then
 COLLAPSE_FAILED = ENERGY_TERMS + 13  # 1 if it failed
 COLLAPSE_ENERGIES = ENERGY_TERMS + 14  # the energies then, ENERGY_START and ENERGY_LARGEST after them
-NEAR_PEAK = COLLAPSE_ENERGIES + ENERGY_TERMS + 2  # 1 if a value at the last observed time was near its peak
-ALL_FORCES = NEAR_PEAK + 1  # masses times accelerations at that time
-DAMPED_BY_ALL = NEAR_PEAK + 2  # half of what the damped power's rate gains where floors accelerate by 1 m/s^2 more
-ALL_MASSES = NEAR_PEAK + 3
-POWER_DEVICES = NEAR_PEAK + 4  # of the dashpots alone
-RATE_DEVICES = NEAR_PEAK + 5
-DEVICES_BY_ALL = NEAR_PEAK + 6
-TOTALS_SIZE = NEAR_PEAK + 7
+ALL_FORCES = COLLAPSE_ENERGIES + ENERGY_TERMS + 2  # masses times accelerations at that time
+DAMPED_BY_ALL = ALL_FORCES + 1  # half of what the damped power's rate gains where floors accelerate by 1 m/s^2 more
+ALL_MASSES = ALL_FORCES + 2
+POWER_DEVICES = ALL_FORCES + 3  # of the dashpots alone
+RATE_DEVICES = ALL_FORCES + 4
+DEVICES_BY_ALL = ALL_FORCES + 5
+TOTALS_SIZE = ALL_FORCES + 6
 
 # totals[COLLAPSE_STEP]
 NO_COLLAPSE = -1.0
@@ -174,7 +173,8 @@ OWN_WORK = 3  # 1 if the step tells what work it does
 FAST = 4  # 1 if the building has modes that the step does not follow
 ON_PATH = 5  # 1 if displacements follow parabolas within a step
 CARRIES_ERROR = 6  # 1 if the step carries the run's error along
-FLAGS_SIZE = 7
+DEVICES = 7  # 1 if a story has a dashpot, linear or of a power law
+FLAGS_SIZE = 8
 
 # flags[BRANCHES]
 NO_BRANCHES = 0

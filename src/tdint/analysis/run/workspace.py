@@ -92,6 +92,7 @@ def workspace(
     flags[at.OWN_WORK] = family.own_work
     flags[at.ON_PATH] = family.parabolic
     flags[at.CARRIES_ERROR] = family.carries_error
+    flags[at.DEVICES] = building.damped_by_devices
     width = history_width(building, integrator)
     if rows:
         _check_room(rows, width)

@@ -7,10 +7,10 @@ import math
 from typing import NamedTuple
 
 from tdint.kernels import layout as at
-from tdint.kernels.bundles import Passage
+from tdint.kernels.bundles import Ends, Passage
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.linear_terms import DASHPOTS, FORCES, MODAL, add_modal_force, force_rate, force_value, power_damper
-from tdint.kernels.march.peaks_between_steps import look_within, raise_peak
+from tdint.kernels.march.peaks_between_steps import bulge, look_within, may_be_fastest, may_bulge, may_pass, raise_peak
 
 
 class _Powers(NamedTuple):
@@ -21,8 +21,6 @@ class _Powers(NamedTuple):
     momentum: float
     damped: float
     damped_rate: float
-    devices: float
-    devices_rate: float
 
 
 @inlined
@@ -30,69 +28,146 @@ def observe(scene, t, span, slope, memory, seen):
     """Take in the state at time t, reached by a step in which the ground acceleration has the given slope.
 
     The acceleration is that of equilibrium at t, whatever the method carries. Call with a span of no length at the
-    start. Returns whether a value is near its peak (`raise_peak`).
+    start. Returns whether a peak may be passed within the step or at its end, where it then is raised: in most steps
+    none comes near, which is found without a branch.
     """
-    linear_terms, modal, _, forces, _ = scene
-    state = memory.state
+    linear_terms, modal, law_parameters, forces, flags = scene
+    state, springs = memory.state, memory.springs
     watch, peaks, _, totals, _ = seen
     ground = span.ground_1
     n = linear_terms.shape[1] - 1
-    near = _story_forces(linear_terms, state, memory.springs, watch, peaks)
     if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
         _other_forces(modal, forces, t, state, watch, n)
+    by_h = 1.0 / span.h if span.h > 0.0 else 0.0
+    passing = False
     momentum = 0.0
     force = 0.0
     damped = 0.0
     damped_rate = 0.0
     by_all = 0.0
-    devices = 0.0
-    devices_rate = 0.0
-    devices_by_all = 0.0
-    v_below = 0.0
-    a_below = 0.0
-    for i in range(n):
-        v = state[at.VELOCITY, i]
-        inner = watch[at.OTHER_FORCE, i] - linear_terms[at.FLOOR_DAMPER, i] * v
-        inner = inner - watch[at.STORY_FORCE, i] + linear_terms[at.LINK, i + 1] * watch[at.STORY_FORCE, i + 1]
-        a = linear_terms[at.INVERSE_MASS, i] * inner - ground
-        watch[at.ACCELERATION_NOW, i] = a
-        near |= raise_peak(peaks, at.PEAK_DISPLACEMENT, i, state[at.DISPLACEMENT, i])
-        near |= raise_peak(peaks, at.PEAK_VELOCITY, i, v)
-        near |= raise_peak(peaks, at.PEAK_ACCELERATION, i, a + ground)
+    # Of the floors above, as far as they stand on this one
+    story_above = 0.0
+    damped_above = 0.0
+    moved_above = 0.0
+    bulge_above = 0.0
+    rate_above = 0.0
+    v = state[at.VELOCITY, n - 1]
+    v_0 = watch[at.V_BEFORE, n - 1]
+    for j in range(1, n + 1):
+        i = n - j
+        below = max(i - 1, 0)
+        v_below = state[at.VELOCITY, below]
+        v_0_below = watch[at.V_BEFORE, below]
         link = linear_terms[at.LINK, i]
-        rate_of_drift = v - link * v_below
-        story, tangent = power_damper(linear_terms, i, rate_of_drift)
-        by_story = linear_terms[at.STORY_DAMPER, i] * rate_of_drift
-        damped += linear_terms[at.FLOOR_DAMPER, i] * v * v + (by_story + story) * rate_of_drift
+        mass = linear_terms[at.MASS, i]
+        drift = springs[at.DRIFT, i]
+        shear = springs[at.FORCE, i]
+        rate = v - link * v_below
+        damper, tangent = power_damper(linear_terms, i, rate)
+        by_story = linear_terms[at.STORY_DAMPER, i] * rate
         by_floor = linear_terms[at.FLOOR_DAMPER, i] * v
-        by_story += 0.5 * (story + tangent * rate_of_drift)
-        damped_rate += by_floor * a + by_story * (a - link * a_below)
+        story = shear + linear_terms[at.GEOMETRIC, i] * drift + by_story + damper
+        a = linear_terms[at.INVERSE_MASS, i] * (watch[at.OTHER_FORCE, i] - by_floor - story + story_above) - ground
+        watch[at.ACCELERATION_NOW, i] = a
+        damped_above += by_floor
+        if MODAL:
+            damped_above += watch[at.MODAL_FORCE, i]
+        total = story + damped_above
+        watch[at.TOTAL_SHEAR, i] = total
+        a_0 = watch[at.A_BEFORE, i]
+        floor = Ends(0.0, v_0, a_0, state[at.DISPLACEMENT, i], v, a, v_0, a_0)
+        moving = Ends(0.0, v_0 - link * v_0_below, 0.0, drift, rate, 0.0, 0.0, 0.0)
+        passing |= may_pass(span, floor, moving, shear, law_parameters[at.STIFFNESS, i], peaks, i)
+        inside = bulge(by_h, floor)
+        passing |= may_bulge(a_0 + span.ground_0, a + ground, inside, peaks[at.PEAK_ACCELERATION, i])
+        moved_above += mass * (a_0 + span.ground_0)
+        bulge_above += mass * inside
+        passing |= may_bulge(moved_above, -total, bulge_above, peaks[at.PEAK_TOTAL_SHEAR, i])
+        momentum += mass * v
+        force += mass * a
+        damped += by_floor * v + (by_story + damper) * rate
+        by_story += 0.5 * (damper + tangent * rate)
+        damped_rate += (by_floor + by_story - rate_above) * a
         by_all += by_floor + (1.0 - link) * by_story
-        if DASHPOTS:
-            device = linear_terms[at.DASHPOT, i] * rate_of_drift
-            devices += (device + story) * rate_of_drift
-            device += 0.5 * (story + tangent * rate_of_drift)
-            devices_rate += device * (a - link * a_below)
-            devices_by_all += (1.0 - link) * device
-        momentum += linear_terms[at.MASS, i] * v
-        force += linear_terms[at.MASS, i] * a
+        story_above = link * story
+        damped_above *= link
+        moved_above *= link
+        bulge_above *= link
+        rate_above = link * by_story
+        v = v_below
+        v_0 = v_0_below
+    if flags[at.OWN_WORK] == 0.0:
+        power = -ground * momentum
+        rate = -ground * force
+        totals[at.ALL_FORCES] = force
+        totals[at.DAMPED_BY_ALL] = by_all
+        if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
+            others = _other_powers(modal, forces, t, state, watch, n)
+            power += others[0]
+            rate += others[1]
+            damped += others[2]
+            damped_rate += others[3]
+        _add_work(span, slope, _Powers(power, rate, momentum, damped, 2.0 * damped_rate), totals)
+    elif span.h > 0.0:
+        totals[at.ENERGY_INPUT] += memory.report[at.WORK_INPUT]
+        totals[at.ENERGY_DAMPED] += memory.report[at.WORK_DAMPED]
+    totals[at.ENERGY_LARGEST] = max(totals[at.ENERGY_LARGEST], totals[at.ENERGY_START] + totals[at.ENERGY_INPUT])
+    if DASHPOTS and flags[at.DEVICES] != 0.0:
+        passing |= _observe_devices(span, linear_terms, state, seen)
+    if passing:
+        _raise_ends(ground, state, springs, seen)
+    return passing
+
+
+@called
+def _observe_devices(span, linear_terms, state, seen):
+    """Work of the dashpots by the rule of `_add_work`, which is no longer counted as that of damping; whether a drift
+    rate may pass its peak, and peaks of those at the end of the step."""
+    watch, peaks, _, totals, _ = seen
+    h = span.h
+    power = power_rate = by_all = 0.0
+    v_below = a_below = a_0_below = 0.0
+    passing = False
+    for i in range(linear_terms.shape[1] - 1):
+        link = linear_terms[at.LINK, i]
+        v, a = state[at.VELOCITY, i], watch[at.ACCELERATION_NOW, i]
+        a_0 = watch[at.A_BEFORE, i]
+        rate = v - link * v_below
+        change = a - link * a_below
+        ends = Ends(0.0, 0.0, a_0 - link * a_0_below, 0.0, rate, change, 0.0, 0.0)
+        passing |= may_be_fastest(span, ends, peaks[at.PEAK_DRIFT_RATE, i])
+        raise_peak(peaks, at.PEAK_DRIFT_RATE, i, rate)
+        damper, tangent = power_damper(linear_terms, i, rate)
+        force = linear_terms[at.DASHPOT, i] * rate
+        power += (force + damper) * rate
+        force += 0.5 * (damper + tangent * rate)
+        power_rate += 2.0 * force * change
+        by_all += (1.0 - link) * force
         v_below = v
         a_below = a
-    near |= _total_shears(scene, state, watch, peaks)
-    power = -ground * momentum
-    rate = -ground * force
-    totals[at.ALL_FORCES] = force
-    totals[at.DAMPED_BY_ALL] = by_all
-    totals[at.DEVICES_BY_ALL] = devices_by_all
-    if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
-        others = _other_powers(modal, forces, t, state, watch, n)
-        power += others[0]
-        rate += others[1]
-        damped += others[2]
-        damped_rate += others[3]
-    now = _Powers(power, rate, momentum, damped, 2.0 * damped_rate, devices, 2.0 * devices_rate)
-    _add_work(span, slope, now, scene, memory.report, totals)
-    return near
+        a_0_below = a_0
+    if h > 0.0:
+        work = 0.5 * h * (totals[at.POWER_DEVICES] + power)
+        work += h * h / 12.0 * (totals[at.RATE_DEVICES] - power_rate)
+        totals[at.ENERGY_DEVICES] += work
+        totals[at.ENERGY_DAMPED] -= work
+    totals[at.POWER_DEVICES] = power
+    totals[at.RATE_DEVICES] = power_rate
+    totals[at.DEVICES_BY_ALL] = by_all
+    return passing
+
+
+@called
+def _raise_ends(ground, state, springs, seen):
+    """Peaks of what has been observed."""
+    watch, peaks, _, _, _ = seen
+    for i in range(watch.shape[1] - 1):
+        raise_peak(peaks, at.PEAK_DRIFT, i, springs[at.DRIFT, i])
+        raise_peak(peaks, at.PEAK_SHEAR, i, springs[at.FORCE, i])
+        raise_peak(peaks, at.PEAK_DISPLACEMENT, i, state[at.DISPLACEMENT, i])
+        raise_peak(peaks, at.PEAK_VELOCITY, i, state[at.VELOCITY, i])
+        raise_peak(peaks, at.PEAK_ACCELERATION, i, watch[at.ACCELERATION_NOW, i] + ground)
+        raise_peak(peaks, at.PEAK_TOTAL_SHEAR, i, watch[at.TOTAL_SHEAR, i])
 
 
 @called
@@ -136,21 +211,20 @@ def _by_all(modal, forces, t, state, n):
 
 
 @inlined
-def look_between(near, scene, span, memory, seen):
+def look_between(passing, scene, span, memory, seen):
     """Peaks within the step that has been observed: those that the step itself has raised, else as far as its ends tell
-    them, if one has a value near its peak. Returns how many stories turned with what may be their largest shear, at the
+    them, if one may be passed. Returns how many stories turned with what may be their largest shear, at the
     drifts in row TURNED_AT."""
     state, springs, work, report = memory
-    watch, peaks, _, totals, _ = seen
+    watch, peaks, _, _, _ = seen
     n = scene.linear_terms.shape[1] - 1
     turned = 0
     if report[at.WITHIN] != 0.0:
         _take_over(int(report[at.WITHIN]), work, peaks, n)
         report[at.WITHIN] = 0.0
-    elif near or totals[at.NEAR_PEAK] != 0.0:
+    elif passing:
         passage = Passage(watch, at.U_BEFORE, state, watch, at.ACCELERATION_NOW)
         turned = look_within(span, scene, passage, springs, watch, at.TURNED_AT, peaks, 0)
-    totals[at.NEAR_PEAK] = 1.0 if near else 0.0
     if span.fast:
         for i in range(n):
             watch[at.V_EARLIER, i] = watch[at.V_BEFORE, i]
@@ -208,45 +282,6 @@ def shift_ground(scene, load, shifts, memory, seen):
         totals[at.RATE_DAMPED] += 2.0 * shift * damped_rate
 
 
-@inlined
-def _story_forces(linear_terms, state, springs, watch, peaks):
-    """Force of each story, column and damper, into its row; peaks of drift and shear. Returns as `observe` does."""
-    n = linear_terms.shape[1] - 1
-    near = False
-    below = 0.0
-    for i in range(n):
-        v = state[at.VELOCITY, i]
-        drift = springs[at.DRIFT, i]
-        shear = springs[at.FORCE, i]
-        rate = v - linear_terms[at.LINK, i] * below
-        watch[at.STORY_FORCE, i] = (
-            shear + linear_terms[at.GEOMETRIC, i] * drift + linear_terms[at.STORY_DAMPER, i] * rate
-        )
-        watch[at.STORY_FORCE, i] += power_damper(linear_terms, i, rate)[0]
-        below = v
-        near |= raise_peak(peaks, at.PEAK_DRIFT, i, drift)
-        near |= raise_peak(peaks, at.PEAK_SHEAR, i, shear)
-        if DASHPOTS:
-            near |= raise_peak(peaks, at.PEAK_DRIFT_RATE, i, rate)
-    return near
-
-
-@inlined
-def _total_shears(scene, state, watch, peaks):
-    """Peaks of what moves all floors above a story: its own force, and the damping of these floors."""
-    linear_terms = scene.linear_terms
-    n = linear_terms.shape[1] - 1
-    near = False
-    above = 0.0
-    for j in range(1, n + 1):
-        i = n - j
-        above = linear_terms[at.LINK, i + 1] * above + linear_terms[at.FLOOR_DAMPER, i] * state[at.VELOCITY, i]
-        if MODAL:
-            above += watch[at.MODAL_FORCE, i]
-        near |= raise_peak(peaks, at.PEAK_TOTAL_SHEAR, i, watch[at.STORY_FORCE, i] + above)
-    return near
-
-
 @called
 def _other_forces(modal, forces, t, state, watch, n):
     """Forces on floors less modal damping into their row; the row stays zero where a building has neither."""
@@ -261,27 +296,13 @@ def _other_forces(modal, forces, t, state, watch, n):
 
 
 @inlined
-def _add_work(span, slope, now, scene, report, totals):
-    """Work of load and dampers: as the step has it, if it tells; else by the corrected trapezoidal (Hermite) rule, of
-    order 4, from powers and their rates."""
+def _add_work(span, slope, now, totals):
+    """Work of load and dampers by the corrected trapezoidal (Hermite) rule, of order 4, from powers and their rates."""
     h = span.h
-    if h > 0.0 and scene.flags[at.OWN_WORK] != 0.0:
-        totals[at.ENERGY_INPUT] += report[at.WORK_INPUT]
-        totals[at.ENERGY_DAMPED] += report[at.WORK_DAMPED]
-        totals[at.ENERGY_LARGEST] = max(totals[at.ENERGY_LARGEST], totals[at.ENERGY_START] + totals[at.ENERGY_INPUT])
-    elif h > 0.0:
-        ends = totals[at.RATE_INPUT] - now.rate - slope * (totals[at.MOMENTUM] - now.momentum)
-        totals[at.ENERGY_INPUT] += 0.5 * h * (totals[at.POWER_INPUT] + now.power) + h * h / 12.0 * ends
-        ends = totals[at.RATE_DAMPED] - now.damped_rate
-        totals[at.ENERGY_DAMPED] += 0.5 * h * (totals[at.POWER_DAMPED] + now.damped) + h * h / 12.0 * ends
-        totals[at.ENERGY_LARGEST] = max(totals[at.ENERGY_LARGEST], totals[at.ENERGY_START] + totals[at.ENERGY_INPUT])
-    if DASHPOTS and h > 0.0:
-        ends = totals[at.RATE_DEVICES] - now.devices_rate
-        devices = 0.5 * h * (totals[at.POWER_DEVICES] + now.devices) + h * h / 12.0 * ends
-        totals[at.ENERGY_DEVICES] += devices
-        totals[at.ENERGY_DAMPED] -= devices
-    totals[at.POWER_DEVICES] = now.devices
-    totals[at.RATE_DEVICES] = now.devices_rate
+    ends = totals[at.RATE_INPUT] - now.rate - slope * (totals[at.MOMENTUM] - now.momentum)
+    totals[at.ENERGY_INPUT] += 0.5 * h * (totals[at.POWER_INPUT] + now.power) + h * h / 12.0 * ends
+    ends = totals[at.RATE_DAMPED] - now.damped_rate
+    totals[at.ENERGY_DAMPED] += 0.5 * h * (totals[at.POWER_DAMPED] + now.damped) + h * h / 12.0 * ends
     totals[at.POWER_INPUT] = now.power
     totals[at.RATE_INPUT] = now.rate
     totals[at.MOMENTUM] = now.momentum

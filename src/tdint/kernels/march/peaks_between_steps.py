@@ -29,7 +29,7 @@ from tdint.kernels.linear_terms import DASHPOTS, FORCES
 _RESOLVED = 0.5  # what a change of velocity may miss the mean acceleration by, over the velocities
 _SMOOTH = 1.0  # what an acceleration inside may miss the straight line by, over those at the ends
 _NOTHING = Ends(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-_SWING = 0.5  # of h times the rates at both ends: what a parabola may go beyond the value at its end
+SWING = 0.5  # of h times the rates at both ends: what a parabola may go beyond the value at its end
 
 
 @inlined
@@ -43,27 +43,76 @@ def raise_peak(peaks, row, i, value):
 
 
 @inlined
+def may_pass(span, floor, story, shear, stiffness, peaks, i):
+    """Whether a displacement, velocity, drift or shear of floor `i` and its story may pass its peak within a step or at
+    its end."""
+    swing = SWING * span.h
+    by_story = swing * (abs(story.v0) + abs(story.v1))
+    passing = abs(story.u1) + by_story > peaks[at.PEAK_DRIFT, i]
+    passing |= abs(shear) + stiffness * by_story > peaks[at.PEAK_SHEAR, i]
+    passing |= abs(floor.u1) + swing * (abs(floor.v0) + abs(floor.v1)) > peaks[at.PEAK_DISPLACEMENT, i]
+    return passing | may_be_fastest(span, floor, peaks[at.PEAK_VELOCITY, i])
+
+
+@inlined
+def may_be_fastest(span, ends, peak):
+    """Whether a velocity or a drift rate may pass its peak."""
+    return abs(ends.v1) + SWING * span.h * (abs(ends.a0) + abs(ends.a1)) > peak
+
+
+@inlined
+def may_bulge(absolute_0, absolute_1, bulge, peak):
+    """Whether an absolute acceleration, or masses times such, may pass its peak: where the tilt is no larger than the
+    bulge, the Bezier points inside (`_most`) are no farther beyond the larger end than this."""
+    inside = (2.0 * abs(bulge) - abs(absolute_1 - absolute_0)) / 3.0
+    return max(abs(absolute_0), abs(absolute_1)) + max(inside, 0.0) > peak
+
+
+@called
 def look_within(span, scene, passage, springs, turns, turn, peaks, top):
     """Raise the peaks, rows of `peaks` from `top` on, that a step has between its ends.
 
     Row `turn` of `turns` receives the drift at which a story turns with what may be its largest shear, for others the
-    present drift; returns how many there are of these.
+    present drift; returns how many there are of these. With forces on floors total shears are taken as far as the ends
+    of steps tell them.
     """
-    passing = False
+    linear_terms = scene.linear_terms
+    swing = SWING * span.h
+    with_devices = scene.flags[at.DEVICES] != 0.0
+    turned = 0
+    n = linear_terms.shape[1] - 1
     above, mass = _NOTHING, 0.0
-    n = scene.linear_terms.shape[1] - 1
+    floor = _floor(span.fast, passage, n - 1)
     for j in range(1, n + 1):
         i = n - j
-        floor = _floor(False, passage, i)
-        below = _floor(False, passage, max(i - 1, 0))
-        story = _story(floor, below, scene.linear_terms[at.LINK, i], springs[at.DRIFT, i])
-        shear = springs[at.FORCE, i]
-        passing |= _may_pass(span, floor, story, shear, scene.law_parameters[at.STIFFNESS, i], peaks, top, i)
-        above, mass = _moved(scene.linear_terms, i, floor, above, mass)
-        passing |= _may_accelerate(span, above, mass, peaks[top + at.PEAK_TOTAL_SHEAR, i])
-    if not passing:
-        return 0
-    return _look_closely(span, scene, passage, springs, turns, turn, peaks, top)
+        below = _floor(span.fast, passage, max(i - 1, 0))
+        story = _story(floor, below, linear_terms[at.LINK, i], springs[at.DRIFT, i])
+        turns[turn, i] = story.u1
+        if _turns(span, story):
+            stiffness = scene.law_parameters[at.STIFFNESS, i]
+            passing = peaks[top + at.PEAK_DRIFT, i] - abs(story.u1)
+            shearing = peaks[top + at.PEAK_SHEAR, i] - abs(springs[at.FORCE, i])
+            rates = swing * (abs(story.v0) + abs(story.v1))
+            if rates > passing or stiffness * rates > shearing:
+                far = _turning_point(span, story, min(passing, shearing / stiffness), peaks, top + at.PEAK_DRIFT, i)
+                # A story that has become stiffer may have its largest shear where its drift is largest.
+                if far != story.u1:
+                    turns[turn, i] = far
+                    turned += 1
+        passing = peaks[top + at.PEAK_DISPLACEMENT, i] - abs(floor.u1)
+        if _turns(span, floor) and swing * (abs(floor.v0) + abs(floor.v1)) > passing:
+            _turning_point(span, floor, passing, peaks, top + at.PEAK_DISPLACEMENT, i)
+        if floor.a0 * floor.a1 < 0.0 and may_be_fastest(span, floor, peaks[top + at.PEAK_VELOCITY, i]):
+            _fastest(span, floor, peaks, top + at.PEAK_VELOCITY, i)
+        fastest = peaks[top + at.PEAK_DRIFT_RATE, i]
+        if DASHPOTS and with_devices and story.a0 * story.a1 < 0.0 and may_be_fastest(span, story, fastest):
+            _fastest(span, story, peaks, top + at.PEAK_DRIFT_RATE, i)
+        _most_accelerated(span, floor, 1.0, peaks, top + at.PEAK_ACCELERATION, i)
+        if not FORCES or scene.forces.shape[0] == 0:
+            above, mass = _moved(linear_terms, i, floor, above, mass)
+            _most_accelerated(span, above, mass, peaks, top + at.PEAK_TOTAL_SHEAR, i)
+        floor = below
+    return turned
 
 
 @inlined
@@ -93,37 +142,6 @@ def _story(floor, below, link, drift):
 
 
 @inlined
-def _may_pass(span, floor, story, shear, stiffness, peaks, top, i):
-    """Whether floor `i` or its story may pass a peak.
-
-    Without branches: of the many steps in which some value is near its peak few pass it.
-    """
-    h = span.h
-    swing = _SWING * h * (abs(story.v0) + abs(story.v1))
-    passed = abs(story.u1) + swing > peaks[top + at.PEAK_DRIFT, i]
-    sheared = abs(shear) + stiffness * swing > peaks[top + at.PEAK_SHEAR, i]
-    passing = _turns(span, story) & (passed | sheared)
-    passed = abs(floor.u1) + _SWING * h * (abs(floor.v0) + abs(floor.v1)) > peaks[top + at.PEAK_DISPLACEMENT, i]
-    passing |= _turns(span, floor) & passed
-    fastest = abs(floor.v1) + _SWING * h * (abs(floor.a0) + abs(floor.a1))
-    passing |= (floor.a0 * floor.a1 < 0.0) & (fastest > peaks[top + at.PEAK_VELOCITY, i])
-    if DASHPOTS:
-        fastest = abs(story.v1) + _SWING * h * (abs(story.a0) + abs(story.a1))
-        passing |= (story.a0 * story.a1 < 0.0) & (fastest > peaks[top + at.PEAK_DRIFT_RATE, i])
-    return passing | _may_accelerate(span, floor, 1.0, peaks[top + at.PEAK_ACCELERATION, i])
-
-
-@inlined
-def _may_accelerate(span, ends, mass, peak):
-    """Whether an absolute acceleration may pass its peak, or masses times such, `mass` in all."""
-    absolute_0 = ends.a0 + mass * span.ground_0
-    absolute_1 = ends.a1 + mass * span.ground_1
-    bulge, tilt = _bend(span.h, ends)
-    near = (2.0 * abs(absolute_0) > peak) | (2.0 * abs(absolute_1) > peak)
-    return near & (_most(absolute_0, absolute_1, bulge, tilt) > peak) & (abs(tilt) <= abs(bulge))
-
-
-@inlined
 def _moved(linear_terms, i, floor, above, mass):
     """Motion times mass of floor `i` and all above, of which that of those above is given; and their mass."""
     link, own = linear_terms[at.LINK, i + 1], linear_terms[at.MASS, i]
@@ -145,59 +163,6 @@ def _turns(span, ends):
     """Whether a displacement has an extremum inside the step."""
     bends = 2.0 * abs(ends.u1 - ends.u0) < span.h * abs(ends.v1 - ends.v0)
     return (span.on_path & bends) | (ends.v0 * ends.v1 < 0.0)
-
-
-@called
-def _look_closely(span, scene, passage, springs, turns, turn, peaks, top):
-    """What `look_within` does where a peak may be passed."""
-    h = span.h
-    turned = 0
-    below = _NOTHING
-    for i in range(scene.linear_terms.shape[1] - 1):
-        floor = _floor(span.fast, passage, i)
-        story = _story(floor, below, scene.linear_terms[at.LINK, i], springs[at.DRIFT, i])
-        below = floor
-        turns[turn, i] = story.u1
-        if span.on_path or story.v0 * story.v1 < 0.0:
-            passing = peaks[top + at.PEAK_DRIFT, i] - abs(story.u1)
-            shearing = (peaks[top + at.PEAK_SHEAR, i] - abs(springs[at.FORCE, i])) / scene.law_parameters[
-                at.STIFFNESS, i
-            ]
-            if _SWING * h * (abs(story.v0) + abs(story.v1)) > min(passing, shearing):
-                far = _turning_point(span, story, min(passing, shearing), peaks, top + at.PEAK_DRIFT, i)
-                # A story that has become stiffer may have its largest shear where its drift is largest.
-                if far != story.u1:
-                    turns[turn, i] = far
-                    turned += 1
-        passing = peaks[top + at.PEAK_DISPLACEMENT, i] - abs(floor.u1)
-        if (span.on_path or floor.v0 * floor.v1 < 0.0) and _SWING * h * (abs(floor.v0) + abs(floor.v1)) > passing:
-            _turning_point(span, floor, passing, peaks, top + at.PEAK_DISPLACEMENT, i)
-        fastest = abs(floor.v1) + _SWING * h * (abs(floor.a0) + abs(floor.a1))
-        if floor.a0 * floor.a1 < 0.0 and fastest > peaks[top + at.PEAK_VELOCITY, i]:
-            _fastest(span, floor, peaks, top + at.PEAK_VELOCITY, i)
-        if DASHPOTS:
-            fastest = abs(story.v1) + _SWING * h * (abs(story.a0) + abs(story.a1))
-            if story.a0 * story.a1 < 0.0 and fastest > peaks[top + at.PEAK_DRIFT_RATE, i]:
-                _fastest(span, story, peaks, top + at.PEAK_DRIFT_RATE, i)
-        _most_accelerated(span, floor, 1.0, peaks, top + at.PEAK_ACCELERATION, i)
-    _most_sheared(span, scene, passage, peaks, top)
-    return turned
-
-
-@called
-def _most_sheared(span, scene, passage, peaks, top):
-    """Raise the peaks of total shear: masses above times their absolute accelerations.
-
-    With forces on floors it is taken as far as the ends of steps tell it.
-    """
-    if FORCES and scene.forces.shape[0] > 0:
-        return
-    above, mass = _NOTHING, 0.0
-    n = scene.linear_terms.shape[1] - 1
-    for j in range(1, n + 1):
-        i = n - j
-        above, mass = _moved(scene.linear_terms, i, _floor(span.fast, passage, i), above, mass)
-        _most_accelerated(span, above, mass, peaks, top + at.PEAK_TOTAL_SHEAR, i)
 
 
 @called
@@ -273,11 +238,17 @@ def _most_accelerated(span, ends, mass, peaks, peak_row, i):
 @inlined
 def _bend(h, ends):
     """What the acceleration of the quintic has inside beside the straight line between its ends: s (1 - s) times the
-    first of these numbers plus (1 - 2 s) times the second."""
+    bulge, (1 - 2 s) times the tilt of it."""
     u0, v0, a0, u1, v1, a1, _, _ = ends
     by_h = 1.0 / h
     tilt = 60.0 * by_h * (by_h * (u1 - u0) - 0.5 * (v0 + v1)) + 5.0 * (a1 - a0)
-    return 6.0 * by_h * (v1 - v0) - 3.0 * (a0 + a1), tilt
+    return bulge(by_h, ends), tilt
+
+
+@inlined
+def bulge(by_h, ends):
+    """The bulge of the acceleration over a step of 1 / by_h."""
+    return 6.0 * by_h * (ends.v1 - ends.v0) - 3.0 * (ends.a0 + ends.a1)
 
 
 @inlined
