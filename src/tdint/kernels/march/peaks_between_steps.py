@@ -7,9 +7,10 @@ Beside the straight line between its ends an acceleration has a bulge, which the
 which needs the displacements. Where the tilt is no larger, the bulge lies on one side of that line, and is taken; where
 it is larger, with methods of order 2 as a rule, displacements do not tell, and the acceleration is largest at an end.
 
-It is looked at closely only where a peak could be passed: where some value is at least half its peak at an end, and
-there the displacement (or drift) where its rate changes sign, the velocity where the acceleration does, the absolute
-acceleration where it is that large.
+It is looked at closely only where a peak could be passed. The observer asks that of all floors without a branch
+(`may_pass`, `may_bulge`); of most steps that is all there is to do. Else the displacement (or drift) is looked at where
+its rate changes sign, the velocity where the acceleration does, the absolute acceleration where it is at least half its
+peak.
 
 Where both accelerations do not tell about what the velocities changed by, or, with modes that the step does not follow,
 the rates at the ends of two steps do not lie about on a line, the floor moves otherwise than the interpolant: then
@@ -29,24 +30,22 @@ from tdint.kernels.linear_terms import DASHPOTS, FORCES
 _RESOLVED = 0.5  # what a change of velocity may miss the mean acceleration by, over the velocities
 _SMOOTH = 1.0  # what an acceleration inside may miss the straight line by, over those at the ends
 _NOTHING = Ends(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-SWING = 0.5  # of h times the rates at both ends: what a parabola may go beyond the value at its end
+_SWING = 0.5  # of h times the rates at both ends: what a parabola may go beyond the value at its end
 
 
 @inlined
 def raise_peak(peaks, row, i, value):
-    """Raise a peak to the size of a value. Returns whether that is near the peak: at least half of it."""
+    """Raise a peak to the size of a value."""
     size = abs(value)
-    peak = peaks[row, i]
-    if size > peak:
+    if size > peaks[row, i]:
         peaks[row, i] = size
-    return 2.0 * size >= peak
 
 
 @inlined
 def may_pass(span, floor, story, shear, stiffness, peaks, i):
     """Whether a displacement, velocity, drift or shear of floor `i` and its story may pass its peak within a step or at
     its end."""
-    swing = SWING * span.h
+    swing = _SWING * span.h
     by_story = swing * (abs(story.v0) + abs(story.v1))
     passing = abs(story.u1) + by_story > peaks[at.PEAK_DRIFT, i]
     passing |= abs(shear) + stiffness * by_story > peaks[at.PEAK_SHEAR, i]
@@ -57,7 +56,7 @@ def may_pass(span, floor, story, shear, stiffness, peaks, i):
 @inlined
 def may_be_fastest(span, ends, peak):
     """Whether a velocity or a drift rate may pass its peak."""
-    return abs(ends.v1) + SWING * span.h * (abs(ends.a0) + abs(ends.a1)) > peak
+    return abs(ends.v1) + _SWING * span.h * (abs(ends.a0) + abs(ends.a1)) > peak
 
 
 @inlined
@@ -77,7 +76,7 @@ def look_within(span, scene, passage, springs, turns, turn, peaks, top):
     of steps tell them.
     """
     linear_terms = scene.linear_terms
-    swing = SWING * span.h
+    swing = _SWING * span.h
     with_devices = scene.flags[at.DEVICES] != 0.0
     turned = 0
     n = linear_terms.shape[1] - 1
