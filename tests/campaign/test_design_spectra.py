@@ -48,6 +48,8 @@ def test_points_are_on_the_curve(text):
     assert target.psa == pytest.approx(target.at(target.periods), rel=1e-14)
     assert target.zero == pytest.approx(float(target.curve(np.array([1e-9]))[0]), rel=1e-6)
     assert target.damping == 0.05
+    omega = 2.0 * np.pi / target.periods
+    assert target.psv * omega == pytest.approx(target.psa) == target.sd * omega**2
 
 
 def test_a_national_annex_and_damping():
@@ -66,7 +68,7 @@ def test_a_national_annex_and_damping():
         ("asce7", "asce7 needs sds, sd1, tl, such as asce7:sds=1.0"),
         ("asce7:sds=1,sd1=0.6", "asce7 needs tl"),
         ("ASCE7:sds=1,sd1=x,tl=8", "sd1 must be a positive number, got 'x'"),
-        ("asce7:sds=1,sd1=0.6,tl=0.5", "tl = 0.5 s must be longer than TS"),
+        ("asce7:sds=1,sd1=0.5,tl=0.5", "tl = 0.5 s must be longer than TS"),
         ("asce7:sds=1,sds=2,sd1=0.6,tl=8", "sds is given twice"),
         ("ec9:type=1", "no design spectrum 'ec9'; there are asce7, mcer, ec8"),
         ("ec8:type=3,soil=B,ag=0.25g", "type must be 1 or 2"),

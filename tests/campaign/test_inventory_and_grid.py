@@ -128,6 +128,15 @@ def test_a_building_on_a_point_draws_from_it_alone(study: Path) -> None:
     assert near <= {"m10", "m11"}
 
 
+def test_of_one_neighbor_the_nearest_point_counts_alone(study: Path) -> None:
+    file = study / "campaign.yaml"
+    file.write_text(STUDY.replace("neighbors: 2", "neighbors: 1"))
+    (study / "buildings.csv").write_text(BUILDINGS.replace("37.805,-122.265", "37.806,-122.264"))
+    whole = plan(study)
+    drawn = [{whole.motions[draw.motion].name[:2] for draw in whole.assignment.draws(number)} for number in range(3)]
+    assert drawn == [{"m1"}, {"m0"}, {"m0"}]
+
+
 def test_motions_that_cannot_be_read_are_left_out_and_named(study: Path) -> None:
     (study / "m00.json").write_text("{}")
     (study / "m01.json").unlink()

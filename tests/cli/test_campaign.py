@@ -644,10 +644,12 @@ def test_a_run_with_the_factors_of_a_suite(study: Path, tdint: Run) -> None:
         (("other.mseed", "--scale", "2", "--factors", "suite.csv"), 2, "--factors stands in place of --scale"),
         (("other.mseed", "--factors", "none.csv"), 3, "none.csv: no such file"),
         (("motion.mseed", "other.mseed", "--factors", "suite.csv"), 3, "no factor for motion.mseed HNE"),
+        (("other.mseed", "--factors", "zero.csv"), 3, "zero.csv:3: factor: must be a number that is not zero, got '0'"),
     ],
 )
 def test_factors_that_do_not_fit(study: Path, tdint: Run, arguments, code, said) -> None:
     Path("suite.csv").write_text("record,component,factor\nother.mseed,HNE,2\n")
+    Path("zero.csv").write_text("record,component,factor\nother.mseed,HNE,1\nother.mseed,HNN,0\n")
     result = tdint("run", "shaken.yaml", "--units", "m/s^2", *arguments)
     assert result.exit_code == code
     assert said in result.stderr

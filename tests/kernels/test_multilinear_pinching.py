@@ -84,6 +84,34 @@ def test_a_loop_by_hand():
     assert path.shear == pytest.approx([0, 1, 2, -0.1, pinched, -0.25, -0.5, -1, -1.5, 2.0], abs=1e-12)
 
 
+def test_the_way_to_a_point_of_reloading_that_lies_before_the_unloading_one():
+    """Without pinching of the drift it lies on the axis: from (1.01, 1.005) straight to a quarter of the force."""
+    path = imposed(multilinear(((1, 1), (3, 2), (5, 2), (7, 2)), (0.0, 0.25, 0.05)), [0, 1.01, 0.505, 0, -0.5, -1])
+    assert path.shear == pytest.approx([0, 1.005, 0.5 * (1.005 - 0.25), -0.25, -0.625, -1], abs=1e-12)
+
+
+def test_a_spent_capacity_moves_the_farthest_drift_by_hand():
+    """From 3 to 3.6, by the limit, a fifth, at the turn at 3.1, the only one where the work is beyond the capacity."""
+    points, drifts = ((1, 1), (3, 2), (5, 2), (7, 2)), [0, 3, -1.5, 3.1, -1.5, 1.8, 2.7, 3.6, 5]
+    intact = imposed(multilinear(points), drifts)
+    work = intact.recoverable + intact.dissipated
+    assert max(*work[1:3], work[4]) < 4.0 < work[3]
+    lost = (*INTACT[:5], 0.0, 0.0, 1.0, 1.0, 0.2, *INTACT[:5], 4.0 / (0.5 + 3.0 + 4.0 * 2.0))
+    path = imposed(multilinear(points, degradation=lost), drifts)
+    assert path.shear[:4] == pytest.approx(intact.shear[:4], abs=1e-12)
+    assert path.shear[5:] == pytest.approx([0.5, 1.25, 2.0, 2.0], abs=1e-12)
+
+
+def test_small_turns_on_the_pinched_part_by_hand():
+    """Of the loop above: back from 0.5 by the straight line to (3, 2), and from 0.51, where the force is beyond 0.05 F3
+    already, straight to where reloading begins."""
+    path = imposed(multilinear(((1, 1), (3, 2), (5, 2), (7, 2))), [0, 3, 0.5, 0.51, 0.13, -0.25, -1])
+    pinched = -0.1 - 0.15 * (0.9 - 0.5) / (0.9 + 0.25)
+    back = pinched + 0.01 * (2.0 - pinched) / 2.5
+    on = back - (0.25 + back) * (0.51 - 0.13) / (0.51 + 0.25)
+    assert path.shear == pytest.approx([0, 2, pinched, back, on, -0.25, -1], abs=1e-12)
+
+
 def test_steps_do_not_matter():
     """A path in one step or in many: the same forces and the same work."""
     for law in CASES.values():

@@ -132,6 +132,12 @@ def test_every_number_of_a_summary_has_a_meaning(damping):
     assert json.loads(json_bytes(summary))["settings"] == {"dt_s": 0.01}
 
 
+def test_what_still_moves_at_the_end_is_the_story_that_moves_most():
+    response = replace(run_case(prepare(ten_linear(), noise(samples=101))), moving_drift=np.array([0.1, 0.3, 0.2]))
+    summary = run_summary(response, [], 1.0, first=first_mode(assemble(ten_linear()), None))
+    assert summary["at_end"] == {"moving_drift_m": 0.3, "moving_drift_story": 2, "rest_s": None}
+
+
 def test_every_number_of_a_failure_has_a_meaning():
     case = prepare(ten_linear(), noise(samples=101), method="central-difference")
     with pytest.raises(FailedRun) as caught:
