@@ -330,6 +330,10 @@ def test_failed_runs_are_rows_with_their_status(study: Path, tdint: Run) -> None
     table = rows("out/runs.csv")
     assert [row["status"] for row in table] == 9 * ["done"] + 9 * ["unstable-step"]
     assert all(row["peak_drift_m"] == "" and row["steps"] == "" and row["pga_m_s2"] for row in table[9:])
+    assert tdint("campaign", "export", "out", "--output-units", "kN,mm").exit_code == 0
+    other = rows("out/runs.csv")
+    assert [row["peak_drift_mm"] for row in other[9:]] == 9 * [""]
+    assert float(other[0]["peak_drift_mm"]) == pytest.approx(1e3 * float(table[0]["peak_drift_m"]), rel=1e-9)
 
 
 def test_a_step_that_fits_no_record_is_refused_before_anything_is_made(study: Path, tdint: Run) -> None:

@@ -144,7 +144,7 @@ def _fragility(
     im: tuple[str, ...] | None, beta_model: float, output: str | None, plot: str | None, overwrite: bool,
     output_units: OutputUnits | None, openquake: str | None, states: tuple[str, ...] | None, by: str | None,
 ) -> None:  # fmt: skip
-    from tdint.campaign.fragility.fit_table import FragilityRequest
+    from tdint.campaign.fragility.fit_table import EVERY_DEMAND, FragilityRequest
     from tdint.files import check_outputs
     from tdint.output.tables.studies import fragility_table
 
@@ -159,7 +159,7 @@ def _fragility(
     request = FragilityRequest(
         fit=fit,
         thresholds=threshold or (),
-        edp_range=edp_range or (0.0, math.inf),
+        edp_range=edp_range or EVERY_DEMAND,
         beta_model=beta_model,
         measure=_column(im[0]) if im else None,
     )

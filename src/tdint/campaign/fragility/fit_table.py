@@ -36,6 +36,7 @@ _RUNS = ("status", "peak_drift_ratio")
 MEASURES = {"sa_t1": "sa(T1)", "pga": "pga"}
 """Columns of runs in which their intensity may stand, without their unit, and its name."""
 
+EVERY_DEMAND = (0.0, math.inf)
 _SAME = 1e-6  # intensities that differ by less than this part are one level
 _LEAST_STRIPE = 3  # runs a level has at the least
 
@@ -60,7 +61,7 @@ class FragilityRequest:
 
     fit: str | None = None
     thresholds: tuple[float, ...] = ()
-    edp_range: tuple[float, float] = (0.0, math.inf)
+    edp_range: tuple[float, float] = EVERY_DEMAND
     beta_model: float = 0.0
     measure: str | None = None
 
@@ -90,7 +91,7 @@ def fragility(
     thresholds: float | Sequence[float] = (),
     *,
     fit: str | None = None,
-    edp_range: tuple[float, float] = (0.0, math.inf),
+    edp_range: tuple[float, float] = EVERY_DEMAND,
     beta_model: float = 0.0,
     measure: str | None = None,
 ) -> FragilityResult:
@@ -119,7 +120,7 @@ def fragility(
     return result
 
 
-def fit_table(source: str, request: FragilityRequest | None = None) -> FragilityResult:
+def fit_table(source: str, request: FragilityRequest) -> FragilityResult:
     """Fit fragility functions to a table, or to the one in a folder of `tdint ida` or `tdint campaign`.
 
     Raises
@@ -129,7 +130,6 @@ def fit_table(source: str, request: FragilityRequest | None = None) -> Fragility
     ModelError
         The table cannot be read or holds what makes no sense.
     """
-    request = request or FragilityRequest()
     if request.fit is not None and request.fit not in FITS:
         raise UsageError(f"the fit must be one of {', '.join(FITS)}, got {request.fit!r}")
     table = read_table(_file(source, request.fit), NEEDS)
