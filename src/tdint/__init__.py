@@ -46,12 +46,12 @@ if TYPE_CHECKING:
     from tdint.analysis.assessment.failures import failures as failures
     from tdint.analysis.assessment.order import order as order
     from tdint.analysis.assessment.overshoot import overshoot as overshoot
-    from tdint.analysis.assessment.paper_examples import run_examples as examples
+    from tdint.analysis.assessment.paper_examples import run_examples
     from tdint.analysis.assessment.stability import stability as stability
     from tdint.analysis.chart.work_precision import chart as chart
     from tdint.analysis.comparison.compare import compare as compare
-    from tdint.analysis.run.compilation import compile_model as compile
-    from tdint.analysis.run.overview import overview as check
+    from tdint.analysis.run.compilation import compile_model
+    from tdint.analysis.run.overview import overview
     from tdint.analysis.run.run import prepare as prepare
     from tdint.analysis.run.run import run as run
     from tdint.analysis.run.run import run_case as run_case
@@ -64,7 +64,6 @@ if TYPE_CHECKING:
     from tdint.analysis.spectra.inelastic import constant_strength as constant_strength
     from tdint.analysis.spectra.rotated import rotated_spectrum as rotated_spectrum
     from tdint.analysis.static.cyclic import cyclic_test as cyclic_test
-    from tdint.analysis.static.cyclic import cyclic_test as law
     from tdint.analysis.static.pushover import pushover as pushover
     from tdint.campaign.carry_out import campaign as campaign
     from tdint.campaign.fragility.fit_table import fragility as fragility
@@ -79,18 +78,26 @@ if TYPE_CHECKING:
     from tdint.ground_motion.reading.read import read_horizontals as read_horizontals
     from tdint.ground_motion.reading.read import read_record as read_record
     from tdint.ground_motion.text_layout import TextLayout as TextLayout
-    from tdint.methods.catalogue import list_methods as methods
+    from tdint.methods.catalogue import list_methods
     from tdint.methods.catalogue import load_plugin as load_plugin
     from tdint.methods.catalogue import register_method as register_method
     from tdint.model.building import modes as modes
     from tdint.model.config.model_file import load_model as load_model
-    from tdint.model.first_model import first_model as init
+    from tdint.model.first_model import first_model
     from tdint.model.inventory.derive import inventory as inventory
     from tdint.model.laws import register_law as register_law
     from tdint.output.plotting import plot as plot
-    from tdint.output.tables.spectra import record_info as info
+    from tdint.output.tables.spectra import record_info
     from tdint.output.tables.to_dict import to_dict as to_dict
     from tdint.validation.textbook import validate as validate
+
+    examples = run_examples
+    compile = compile_model
+    check = overview
+    law = cyclic_test
+    methods = list_methods
+    init = first_model
+    info = record_info
 
 _HOMES = {
     "TextLayout": "tdint.ground_motion.text_layout",
@@ -142,57 +149,7 @@ _HOMES = {
     "to_dict": "tdint.output.tables.to_dict",
     "validate": "tdint.validation.textbook",
 }
-__all__ = [
-    "TextLayout",
-    "__version__",
-    "campaign",
-    "chart",
-    "check",
-    "compare",
-    "compile",
-    "constant_ductility",
-    "constant_strength",
-    "cyclic_test",
-    "drift_spectrum",
-    "examples",
-    "failures",
-    "fit_capacities",
-    "fit_cloud",
-    "fit_stripes",
-    "floor_spectra",
-    "fragility",
-    "ida",
-    "info",
-    "init",
-    "inventory",
-    "law",
-    "load_model",
-    "load_plugin",
-    "make_record",
-    "methods",
-    "modes",
-    "order",
-    "overshoot",
-    "plot",
-    "prepare",
-    "process",
-    "pushover",
-    "read_horizontals",
-    "read_record",
-    "register_law",
-    "register_method",
-    "rotated_spectrum",
-    "run",
-    "run_case",
-    "run_many",
-    "run_sequence",
-    "scale",
-    "sensitivity",
-    "spectrum",
-    "stability",
-    "to_dict",
-    "validate",
-]
+__all__ = ["__version__", *_HOMES]
 
 Tabular.tables = _HOMES["to_dict"]
 Tabular.figures = _HOMES["plot"]

@@ -13,6 +13,9 @@ from tdint.errors import OutputError
 Writer = Callable[[BinaryIO], object]
 """Writes the content of one file to a stream."""
 
+Content = bytes | Writer
+"""What a file shall hold, or what writes it."""
+
 _PACKED = 4
 """Level of gzip: a history is a few percent larger than with the usual 9, and written in a third of the time."""
 
@@ -67,7 +70,7 @@ def check_outputs(files: Iterable[Path], *, overwrite: bool) -> None:
 
 
 def write_files(
-    writers: Mapping[Path, Writer],
+    contents: Mapping[Path, Content],
     *,
     overwrite: bool,
     stale: Iterable[Path] = (),
@@ -80,8 +83,8 @@ def write_files(
 
     Parameters
     ----------
-    writers : mapping of Path to callable
-        What writes each file to a binary stream.
+    contents : mapping of Path to bytes or callable
+        What each file shall hold, or what writes it to a binary stream.
     overwrite : bool
         Whether existing files may be replaced.
     stale : iterable of Path
@@ -94,21 +97,21 @@ def write_files(
     OutputError
         A file cannot be written.
     """
-    check_outputs(writers, overwrite=overwrite)
+    check_outputs(contents, overwrite=overwrite)
     made: list[Path] = []
     temporaries: list[Path] = []
     try:
-        for folder in {file.parent: None for file in writers}:
+        for folder in {file.parent: None for file in contents}:
             made += _made(folder)
-        for file, writer in writers.items():
+        for file, content in contents.items():
             temporary = Path(os.path.realpath(file)).with_name(_TEMPORARY.format(os.urandom(8).hex()))
             temporaries.append(temporary)
             _unfinished.add(temporary)
             with _in_words(file), temporary.open("xb") as stream:
-                _write(file, writer, stream)
+                _write(file, content, stream)
         if tell:
-            tell({file: digest_of(temporary) for file, temporary in zip(writers, temporaries, strict=True)})
-        for file, temporary in zip(writers, temporaries, strict=True):
+            tell({file: digest_of(temporary) for file, temporary in zip(contents, temporaries, strict=True)})
+        for file, temporary in zip(contents, temporaries, strict=True):
             _move(temporary, file, overwrite)
     except BaseException:
         for temporary in temporaries:
@@ -142,8 +145,9 @@ def digest_of(file: Path) -> str:
         raise OutputError(f"{file}: cannot be read: {error.strerror or error}") from None
 
 
-def _write(file: Path, writer: Writer, stream: BinaryIO) -> None:
+def _write(file: Path, content: Content, stream: BinaryIO) -> None:
     """Write the content of a file, packed if its name ends in .gz: the same bytes at any time, under any name."""
+    writer = (lambda into: into.write(content)) if isinstance(content, bytes) else content
     if file.suffix.lower() != ".gz":
         writer(stream)
         return
@@ -167,7 +171,7 @@ def remove_unfinished() -> None:
             temporary.unlink()
 
 
-def write_file(file: Path, writer: Writer, *, overwrite: bool) -> None:
+def write_file(file: Path, writer: Content, *, overwrite: bool) -> None:
     """Write one file; see `write_files`."""
     write_files({file: writer}, overwrite=overwrite)
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from importlib import import_module
+from importlib.util import find_spec
 from types import ModuleType
 from typing import Any, ClassVar, Generic, TypeVar
 
@@ -107,3 +108,14 @@ class FunctionPackage(ModuleType):
         """Call the function."""
         whole, _, name = self.__name__.rpartition(".")
         return import_module(whole).__getattr__(name)(*given, **named)
+
+
+def modules_on_use(package: str) -> Callable[[str], ModuleType]:
+    """The `__getattr__` of a package whose modules are imported when they are first used."""
+
+    def found(name: str) -> ModuleType:
+        if find_spec(f"{package}.{name}") is None:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        return import_module(f"{package}.{name}")
+
+    return found

@@ -58,8 +58,9 @@ def main():
     print(f"largest energy error of a run that stands: {off:.1e}")
     if given.plot:
         from tdint.output.figures.ida import ida_picture
+        from tdint.output.figures.style import picture
 
-        write_file(given.plot, ida_picture(study, given.plot.suffix), overwrite=True)
+        write_file(given.plot, picture(given.plot.suffix, lambda: ida_picture(study)), overwrite=True)
 
 
 if __name__ == "__main__":

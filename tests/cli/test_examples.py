@@ -64,8 +64,13 @@ def test_the_figures_are_of_the_floors_and_quantities_of_the_paper(here, tdint, 
     from tdint.output.figures import paper_examples
 
     drawn = []
-    draw = paper_examples._draw
-    monkeypatch.setattr(paper_examples, "_draw", lambda *given: drawn.append(draw(*given)) or drawn[-1])
+    draw = paper_examples.example_picture
+
+    def keep(*given, **named):
+        drawn.append(draw(*given, **named))
+        return drawn[-1]
+
+    monkeypatch.setattr(paper_examples, "example_picture", keep)
     assert tdint("examples", "2", "-o", "paper", "--reference", "finer").exit_code == 0
     titles = [figure.get_suptitle() for figure in drawn]
     assert [title.splitlines()[1] for title in titles] == [

@@ -194,6 +194,9 @@ def _one(name: str, kind: click.ParamType, source: random.Random) -> str:
     by_name = _BY_NAME.get(name.rstrip("s"))
     if by_name:
         return source.choice(by_name)
+    for written, sound, strange in _BY_FORM:
+        if kind.name == written:
+            return source.choice(sound if source.random() < 0.6 else strange)
     for type_, sound, strange in _BY_TYPE:
         if isinstance(kind, type_):
             return source.choice(sound if source.random() < 0.6 else strange)
@@ -212,9 +215,8 @@ _BY_NAME = {
     "stories": ("1", "2", "3", "0", "1e9", "-1", "100"),
     "model": (OUTPUT, "", "/nowhere"),
 }
+_BY_FORM = (("grid", _GRIDS[:3], _GRIDS), ("drift", _DRIFTS[:5], _DRIFTS))
 _BY_TYPE: tuple[tuple[type, Sequence[str], Sequence[str]], ...] = (
-    (values.GridType, _GRIDS[:3], _GRIDS),
-    (values.DriftSizeType, _DRIFTS[:5], _DRIFTS),
     (values.FileName, ("a.txt", "linear.yaml"), (*RECORDS, "", "/dev/null")),
     (click.types.IntRange, _COUNTS, _STRANGE_COUNTS),
     (click.types.IntParamType, _COUNTS, _STRANGE_COUNTS),

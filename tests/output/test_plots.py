@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from tdint.model.config.model_file import load_model
 from tdint.output.figures.runs import run_picture
 from tdint.output.figures.spectrum_axes import draw_adrs, draw_tripartite
 from tdint.output.figures.spectrum_curves import spectrum_picture
-from tdint.output.figures.style import changed
+from tdint.output.figures.style import changed, picture
 from tdint.output_units import parse_output_units
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -34,11 +35,11 @@ def motion(component="HNE", source="a.mseed", size=400) -> Record:
 
 
 def draw_run(response, file):
-    write_file(file, run_picture(response, file.suffix), overwrite=False)
+    write_file(file, picture(file.suffix, lambda: run_picture(response)), overwrite=False)
 
 
 def draw_spectra(spectra, file, *, overwrite=False):
-    write_file(file, spectrum_picture(spectra, file.suffix), overwrite=overwrite)
+    write_file(file, picture(file.suffix, lambda: spectrum_picture(spectra)), overwrite=overwrite)
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +79,7 @@ def test_the_same_result_gives_the_same_file(tmp_path):
 
 
 def test_of_a_run_without_history_what_is_over_the_height_is_drawn(forced):
-    labels = [axes.get_xlabel() for axes in run_picture(replace(forced, history=None), ".png").figure().axes]
+    labels = [axes.get_xlabel() for axes in run_picture(replace(forced, history=None)).axes]
     assert len(labels) == 3 and "story shear" in labels[2]
 
 
@@ -141,7 +142,7 @@ def test_axes_and_suites(tmp_path, axes, count):
         for ratio in (0.02, 0.05)
     ]
     file = tmp_path / "x.svg"
-    write_file(file, spectrum_picture(spectra, ".svg", axes), overwrite=False)
+    write_file(file, picture(".svg", lambda: spectrum_picture(spectra, axes)), overwrite=False)
     text = file.read_text(encoding="utf-8")
     assert ("median" in text) is (count == 22)
     assert ("21.txt" in text) is False
@@ -178,7 +179,8 @@ def test_a_run_in_other_units(tmp_path, shaken):
         ("lbf,m/s^2", ("ground (m/s²)", "lbf·m)", "lbf)", "drift (m)", "acceleration (m/s²)")),
     ):
         chosen = parse_output_units(units)
-        write_file(tmp_path / f"{units[:3]}.svg", run_picture(shaken, ".svg", chosen), overwrite=False)
+        drawn = picture(".svg", partial(run_picture, shaken, chosen))
+        write_file(tmp_path / f"{units[:3]}.svg", drawn, overwrite=False)
         text = (tmp_path / f"{units[:3]}.svg").read_text(encoding="utf-8")
         assert not [label for label in labels if label not in text]
         peak = np.max(np.abs(shaken.history.displacement[:, -1])) / chosen.unit("m")[1]
@@ -197,10 +199,8 @@ def test_the_error_of_the_roof_is_drawn_where_it_can_be_seen(tmp_path, shaken, p
 def test_spectra_of_a_motion_at_rest_on_all_axes(tmp_path):
     still = Record(np.zeros(50), 0.01, "", "", "", "still.txt")
     for axes in ("periods", "tripartite", "adrs"):
-        write_file(
-            tmp_path / f"{axes}.png", spectrum_picture([spectrum(still, np.array([0.5, 1.0]))], ".png", axes),
-            overwrite=False,
-        )  # fmt: skip
+        drawn = picture(".png", partial(spectrum_picture, [spectrum(still, np.array([0.5, 1.0]))], axes))
+        write_file(tmp_path / f"{axes}.png", drawn, overwrite=False)
 
 
 @pytest.mark.parametrize("floors", [1, 3, 60])

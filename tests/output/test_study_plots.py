@@ -21,15 +21,16 @@ from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.record import Record
 from tdint.output.figures.fragility import fragility_picture
 from tdint.output.figures.ida import ida_picture
+from tdint.output.figures.style import picture
 from tdint.output.figures.suites import suite_picture
 
 STATUS = {math.inf: "collapsed", -math.inf: "not-converged"}
 
 
-def drawn(tmp_path, picture):
+def drawn(tmp_path, draw, *given):
     """The text of a picture as SVG."""
     file = tmp_path / "x.svg"
-    write_file(file, picture, overwrite=True)
+    write_file(file, picture(".svg", lambda: draw(*given)), overwrite=True)
     return file.read_text(encoding="utf-8")
 
 
@@ -63,7 +64,7 @@ COLLAPSING = ((1.0, 0.01), (2.0, 0.03), (2.1, math.inf))
     ],
 )
 def test_incremental_dynamic_analyses(tmp_path, curves, there, missing):
-    text = drawn(tmp_path, ida_picture(study(*(curve(i, *runs) for i, runs in enumerate(curves))), ".svg"))
+    text = drawn(tmp_path, ida_picture, study(*(curve(i, *runs) for i, runs in enumerate(curves))))
     assert all(words in text for words in there)
     assert not any(words in text for words in missing)
 
@@ -73,14 +74,14 @@ def test_incremental_dynamic_analyses(tmp_path, curves, there, missing):
     [(sa(0.51234567), "Sa(0.5123 s) (m/s²)"), (pga(), "PGA (m/s²)"), (MotionIntensity("pgv"), "PGV (m/s)")],
 )
 def test_axes_tell_measure_and_unit(tmp_path, measure, label):
-    text = drawn(tmp_path, ida_picture(study(curve(0, *COLLAPSING), measure=measure), ".svg"))
+    text = drawn(tmp_path, ida_picture, study(curve(0, *COLLAPSING), measure=measure))
     assert label in text
     assert (">(g)<" in text) == (measure.unit == "m/s^2")
 
 
 def test_axes_of_pairs(tmp_path):
     of_pair = replace(study(curve(0, *COLLAPSING)), pair="rotd50")
-    assert "RotD50 Sa(0.5 s) (m/s²)" in drawn(tmp_path, ida_picture(of_pair, ".svg"))
+    assert "RotD50 Sa(0.5 s) (m/s²)" in drawn(tmp_path, ida_picture, of_pair)
 
 
 TARGET = TargetSpectrum("a $target$_x.csv", np.array([0.1, 3.0]), np.array([5.0, 1.0]))
@@ -115,7 +116,7 @@ PAIR = Horizontals(record(0), record(1))
     ids=["value", "average", "pair", "target", "p695", "asce7"],
 )
 def test_suites(tmp_path, scaling, there):
-    text = drawn(tmp_path, suite_picture(scaling, ".svg"))
+    text = drawn(tmp_path, suite_picture, scaling)
     assert all(words in text for words in there)
 
 
@@ -134,11 +135,12 @@ CLOUD = ([1.0, 2.0, 3.0, 4.0], [0.01, 0.02, 0.02, 0.05], [0.02, 0.04])
     ids=["two", "censored", "many", "cloud", "censored-cloud"],
 )
 def test_fragility_functions(tmp_path, functions, there):
-    text = drawn(tmp_path, fragility_picture(functions, ".svg"))
+    text = drawn(tmp_path, fragility_picture, functions)
     assert all(words in text for words in there)
 
 
 def test_formats(tmp_path):
     for suffix, start in ((".png", b"\x89PNG"), (".pdf", b"%PDF")):
-        write_file(tmp_path / f"x{suffix}", fragility_picture([fit_capacities([1.0, 2.0])], suffix), overwrite=False)
+        shown = picture(suffix, lambda: fragility_picture([fit_capacities([1.0, 2.0])]))
+        write_file(tmp_path / f"x{suffix}", shown, overwrite=False)
         assert (tmp_path / f"x{suffix}").read_bytes().startswith(start)

@@ -8,6 +8,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from tdint.errors import UsageError
+from tdint.files import write_files
+from tdint.output import tables
 from tdint.output_units import SI, OutputUnits
 from tdint_cli.batch.profiles import PICTURE, PROFILES, RATIOS, Profiles, SuiteRequest
 from tdint_cli.errors import Failures
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
     from tdint.campaign.carry_out import Advance, Engine, Shard
     from tdint.campaign.plan import Plan
     from tdint.campaign.store.store import Store
-    from tdint.files import Writer
+    from tdint.files import Content, Writer
 
 RUNS, STORIES, SHOCKS, SUMMARY = "runs.csv", "stories.csv", "shocks.csv", "summary.json"
 DAMAGE, TYPES, LOSSES = "damage.csv", "damage-types.csv", "losses.csv"
@@ -39,16 +41,15 @@ _FAILED = ("diverged", "not-converged", "unstable-step", "not-within-tolerance")
 def carry_out(
     plan: Plan,
     engine: Engine,
-    folder: Path,
+    request: SuiteRequest,
     *,
     shard: Shard | None = None,
     limit: int | None = None,
-    overwrite: bool = False,
     show: bool = False,
-    of_suite: SuiteRequest,
 ) -> None:
-    """Do what is left of a campaign and write its tables, and what more is asked of the suite; `show` the runs on
-    standard output, too. `overwrite`: replace another campaign, and tables that this one did not write.
+    """Do what is left of a campaign in the folder of -o and write its tables, and what more is asked of the suite;
+    `show` the runs on standard output, too. --overwrite replaces another campaign, and tables that this one did not
+    write.
 
     Raises
     ------
@@ -60,8 +61,8 @@ def carry_out(
         Records that could not be read, when all else is done.
     """
     from tdint.campaign.store.connection import locked, refuse_network
-    from tdint.output.tables.campaign import runs_table
 
+    folder, overwrite = Path(request.output or ""), request.overwrite
     refuse_network(folder)
     with locked(folder):
         refuse_foreign(folder, plan.settings.stories, plan.settings.profiles, overwrite=overwrite)
@@ -69,14 +70,14 @@ def carry_out(
         for text in (*plan.notes, *remarks):
             note(text)
         with store:
-            units = of_suite.units or store.output_units()
+            units = request.output_units or store.output_units()
             advance = advance_with_bar(plan, store, engine, shard=shard, limit=limit)
-            profiles = Profiles(store, of_suite, units)
+            profiles = Profiles(store, request, units)
             more = {**_of_floors(plan, profiles), **_report(plan, profiles), **_measures(plan, profiles)}
             finish(store, folder, units, overwrite=overwrite, profiles=profiles, more=more)
             if show:
-                emit_table(runs_table(store).in_units(units))
-            if of_suite.baseline is not None and is_complete(store):
+                emit_table(tables.campaign.runs_table(store).in_units(units))
+            if request.baseline is not None and is_complete(store):
                 emit_table(profiles.ratios(stories=False))
             _say(store, advance)
             unmet = profiles.tell() if is_complete(store) else []
@@ -154,7 +155,7 @@ def finish(
     *,
     overwrite: bool = False,
     profiles: Profiles | None = None,
-    more: Mapping[str, Writer] = MappingProxyType({}),
+    more: Mapping[str, Content] = MappingProxyType({}),
 ) -> None:
     """Write what stands beside a store: runs.csv, stories.csv and profiles.csv if they are wanted, with a picture of
     these, `more`, summary.json; and what was exported of an earlier state anew."""
@@ -171,7 +172,7 @@ def finish(
             note(f"{folder / name}: removed, for it was of an earlier state and cannot be written here")
 
 
-def _picture(folder: Path, profiles: Profiles | None) -> dict[str, Writer]:
+def _picture(folder: Path, profiles: Profiles | None) -> dict[str, Content]:
     """The picture of the profiles, if one is asked for and all runs are done."""
     picture = profiles.request.picture(folder) if profiles else None
     if not profiles or not picture or not is_complete(profiles.store):
@@ -179,15 +180,14 @@ def _picture(folder: Path, profiles: Profiles | None) -> dict[str, Writer]:
     return {str(picture.absolute()): profiles.draw(picture)}
 
 
-def _ratios(profiles: Profiles | None) -> dict[str, Writer]:
+def _ratios(profiles: Profiles | None) -> dict[str, Content]:
     """The buildings over a baseline, if they are asked for and all runs are done."""
     if not profiles or profiles.request.baseline is None or not is_complete(profiles.store):
         return {}
-    table = profiles.ratios(stories=True).csv()
-    return {RATIOS: lambda stream: stream.write(table)}
+    return {RATIOS: profiles.ratios(stories=True).csv()}
 
 
-def _report(plan: Plan, profiles: Profiles) -> dict[str, Writer]:
+def _report(plan: Plan, profiles: Profiles) -> dict[str, Content]:
     """The page, if it is asked for and all runs are done."""
     report = profiles.request.report
     if report is None or not is_complete(profiles.store):
@@ -195,21 +195,19 @@ def _report(plan: Plan, profiles: Profiles) -> dict[str, Writer]:
     return {str(Path(report).absolute()): profiles.report(plan)}
 
 
-def _measures(plan: Plan, profiles: Profiles) -> dict[str, Writer]:
+def _measures(plan: Plan, profiles: Profiles) -> dict[str, Content]:
     """The intensities of the runs, if they are asked for and all are done."""
-    wanted = profiles.request.measures
+    wanted = profiles.request.im
     if not wanted or not is_complete(profiles.store):
         return {}
     from tdint.campaign.fragility.run_measures import measured, run_measure
-    from tdint.output.tables.campaign import measures_table
 
     found = [run_measure(name) for name in wanted]
-    table = measures_table(found, measured(plan, profiles.store, found)).in_units(profiles.units)
-    content = table.csv()
-    return {MEASURES: lambda stream: stream.write(content)}
+    table = tables.campaign.measures_table(found, measured(plan, profiles.store, found))
+    return {MEASURES: table.in_units(profiles.units).csv()}
 
 
-def _of_floors(plan: Plan, profiles: Profiles) -> dict[str, Writer]:
+def _of_floors(plan: Plan, profiles: Profiles) -> dict[str, Content]:
     """What is written of floors, once all runs are done."""
     request = profiles.request
     if not request.of_floors or not is_complete(profiles.store):
@@ -239,7 +237,12 @@ def export(
     asked = (SIMCENTER,) * simcenter + (GEOJSON,) * geojson
     wanted = {*PARQUET, *asked, *(name for name in (SIMCENTER, GEOJSON) if store.is_ours(folder / name))}
     others = {name: writer for name, writer in _exports(store, units, wanted).items() if writer}
-    writers = {RUNS: _runs(store, units), **_picture(folder, profiles), **_ratios(profiles), **others}
+    writers: dict[str, Content] = {
+        RUNS: _runs(store, units),
+        **_picture(folder, profiles),
+        **_ratios(profiles),
+        **others,
+    }
     _write(folder, store, writers, units, overwrite=overwrite)
 
 
@@ -278,39 +281,35 @@ def check_map(store: Store) -> None:
 
 
 def _runs(store: Store, units: OutputUnits) -> Writer:
-    from tdint.output.tables.campaign import write_runs
-
-    return lambda stream: write_runs(store, stream, units)
+    return lambda stream: tables.campaign.write_runs(store, stream, units)
 
 
-def _write(folder: Path, store: Store, writers: dict[str, Writer], units: OutputUnits, *, overwrite: bool) -> None:
-    from tdint.files import write_files
+def _write(folder: Path, store: Store, contents: Mapping[str, Content], units: OutputUnits, *, overwrite: bool) -> None:
     from tdint.output.summaries.summary import campaign_summary, in_units, json_bytes
-    from tdint.output.tables.campaign import write_shocks, write_stories
 
+    files: dict[str, Content] = dict(contents)
     if store.meta("setting stories") == "true":
-        writers = writers | {STORIES: lambda stream: write_stories(store, stream, units)}
+        files[STORIES] = lambda stream: tables.campaign.write_stories(store, stream, units)
     if next(store.shocks(), None) is not None:
-        writers = writers | {SHOCKS: lambda stream: write_shocks(store, stream, units)}
+        files[SHOCKS] = lambda stream: tables.campaign.write_shocks(store, stream, units)
     if store.settings().get("profiles") == "true" and is_complete(store):
-        writers = writers | {PROFILES: Profiles(store, SuiteRequest(), units).table()}
-    writers = writers | _damage(store, units)
-    summary = json_bytes(in_units(campaign_summary(store), units))
-    writers = writers | {SUMMARY: lambda stream: stream.write(summary)}
-    files = {folder / name: writer for name, writer in writers.items()}
+        files[PROFILES] = lambda stream: tables.campaign.write_profiles(store, stream, units)
+    files |= _damage(store, units)
+    files[SUMMARY] = json_bytes(in_units(campaign_summary(store), units))
+    here = {folder / name: content for name, content in files.items()}
     if not overwrite:
-        store.refuse_foreign(files)
-    write_files(files, overwrite=True, tell=store.will_write)
+        store.refuse_foreign(here)
+    write_files(here, overwrite=True, tell=store.will_write)
 
 
-def _damage(store: Store, units: OutputUnits) -> dict[str, Writer]:
+def _damage(store: Store, units: OutputUnits) -> dict[str, Content]:
     """What is written of damage, where the campaign tells it; means over the motions once all runs are done."""
     if not store.damage():
         return {}
     from tdint.campaign.fragility.run_damage import stored_states
     from tdint.output.tables.damage_states import write_damage, write_losses, write_types
 
-    writers: dict[str, Writer] = {DAMAGE: lambda stream: write_damage(store, stream, units)}
+    writers: dict[str, Content] = {DAMAGE: lambda stream: write_damage(store, stream, units)}
     if is_complete(store):
         writers[TYPES] = lambda stream: write_types(store, stream)
         if any(states.losses for states in stored_states(store).values()):

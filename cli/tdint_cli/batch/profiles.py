@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from tdint.errors import AnalysisError, TdintError, UsageError
+from tdint.output import figures, tables
 from tdint_cli import options
 from tdint_cli.options.output import check_picture
 from tdint_cli.options.plot import BESIDE
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from tdint.campaign.plan import Plan
     from tdint.campaign.profiles import Profile
     from tdint.campaign.store.store import Store
-    from tdint.files import Writer
+    from tdint.files import Content
     from tdint.output.tables.table import Table
     from tdint.output_units import OutputUnits
 
@@ -50,20 +51,22 @@ def drift_limit(*names: str) -> Callable[[Function], Function]:
     return lambda command: limit(require(command))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SuiteRequest:
-    """What a command line asks of a suite: units of tables and pictures (None: those of the models), a picture of the
-    profiles, a limit of drifts, a baseline, spectra of floors, in how many threads, and measures of the motions."""
+    """What the command lines of many runs have in common: where and how they are written, in how many threads, a limit
+    of drifts, a baseline, intensities of the motions."""
 
-    units: OutputUnits | None = None
-    plot: str | None = None
-    limit: float | None = None
-    require: bool = False
+    output: str | None
+    overwrite: bool
+    output_units: OutputUnits | None
+    plot: str | None
+    report: str | None
+    drift_limit: float | None
+    require: bool
+    jobs: int | None
+    of_floors: FloorRequest
     baseline: str | None = None
-    report: str | None = None
-    of_floors: FloorRequest | None = None
-    jobs: int | None = None
-    measures: tuple[str, ...] = ()
+    im: tuple[str, ...] | None = None
 
     def picture(self, folder: Path | None) -> Path | None:
         """The file of the picture, if one is asked for.
@@ -98,12 +101,6 @@ class Profiles:
 
         return list(profiles(self.store))
 
-    def table(self) -> Writer:
-        """What writes profiles.csv."""
-        from tdint.output.tables.campaign import write_profiles
-
-        return lambda stream: write_profiles(self.store, stream, self.units)
-
     def ratios(self, *, stories: bool) -> Table:
         """The buildings over the baseline.
 
@@ -113,25 +110,22 @@ class Profiles:
             There is no such building.
         """
         from tdint.campaign.profiles import ratios
-        from tdint.output.tables.campaign import ratio_table
 
         self._need("--baseline")
-        return ratio_table(self.store, ratios(self.found, self.request.baseline or ""), stories=stories)
+        return tables.campaign.ratio_table(self.store, ratios(self.found, self.request.baseline or ""), stories=stories)
 
-    def draw(self, file: Path) -> Writer:
-        """What draws the picture.
+    def draw(self, file: Path) -> Content:
+        """The picture.
 
         Raises
         ------
         AnalysisError
             No stories were kept.
         """
-        from tdint.output.figures.demands.story_profiles import profile_picture
-
         self._need("--plot")
-        return profile_picture(
-            self.found, file.suffix, self.units, limit=self.request.limit, title=self.store.meta("name")
-        )
+        limit, title = self.request.drift_limit, self.store.meta("name")
+        draw = partial(figures.demands.story_profiles.profile_picture, self.found, self.units, limit=limit, title=title)
+        return figures.style.picture(file.suffix, draw)
 
     def _need(self, option: str) -> None:
         if not self.found:
@@ -139,19 +133,18 @@ class Profiles:
                 f"{option}: the peaks of stories are not kept; give the campaign `outputs: {{profiles: true}}`"
             )
 
-    def report(self, plan: Plan) -> Writer:
-        """What writes the page of the suite."""
+    def report(self, plan: Plan) -> bytes:
+        """The page of the suite."""
         from tdint.output.report_chapters import suite_page
         from tdint.output.summaries.summary import campaign_summary
 
-        limit = self.request.limit
+        limit = self.request.drift_limit
         said = [] if limit is None else [self._told(one, _verdict(one, limit)[0]) for one in self.found]
         lost = [text for one in self.found if (text := self._lost(one))]
-        content = suite_page(
+        return suite_page(
             plan, self.found, campaign_summary(self.store),
             said=said, warnings=[*(str(error) for error in plan.failures), *lost], limit=limit, units=self.units,
         )  # fmt: skip
-        return lambda stream: stream.write(content)
 
     def _told(self, one: Profile, text: str) -> str:
         name = _name(one, self.found)
@@ -172,7 +165,7 @@ class Profiles:
         list of TdintError
             That they are beyond, if that is required not to be.
         """
-        limit = self.request.limit
+        limit = self.request.drift_limit
         for one in self.found:
             if text := self._lost(one):
                 warn(text)

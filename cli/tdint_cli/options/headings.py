@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
 import click
@@ -44,6 +44,13 @@ def option(
     if many:
         settings |= {"type": ListOf(settings["type"]), "multiple": True, "callback": _each_once if once else _each}
     return click.option(*names, cls=HeadedOption, heading=heading, needs=needs, **settings)
+
+
+def with_options(declarations: Iterable[Callable[[Any], Any]], command: Function) -> Function:
+    """The command with options, in their order."""
+    for declared in reversed(tuple(declarations)):
+        command = declared(command)
+    return command
 
 
 def _each(_: click.Context, __: click.Parameter, lists: tuple[tuple[Any, ...], ...]) -> tuple[Any, ...] | None:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import functools
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
 
 from tdint.errors import UsageError
+from tdint.output_units import SI, OutputUnits
 from tdint.units import LENGTH
 from tdint_cli.options import headings
 from tdint_cli.options.plot import beside, picture_file
@@ -19,9 +21,9 @@ from tdint_cli.options.values import FileName, OutputUnitsType
 from tdint_cli.terminal.drawing import emit_table
 
 if TYPE_CHECKING:
-    from tdint.files import Writer
+    from tdint.files import Content
+    from tdint.output.figures.style import Figure
     from tdint.output.tables.table import Table
-    from tdint.output_units import OutputUnits
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -53,14 +55,7 @@ def check_report(value: str | None) -> str | None:
 def plot(text: str) -> Callable[[Function], Function]:
     """The option --plot; what it draws differs between the commands."""
     own = option("--plot", type=FileName(), metavar="[FILE]", callback=refuse_empty, help=text)
-    return lambda command: own(_for_print(command))
-
-
-def _for_print(command: Function) -> Function:
-    """The options of a picture for print."""
-    for declared in reversed(_PRINTED):
-        command = declared(command)
-    return command
+    return lambda command: headings.with_options((own, *_PRINTED), command)
 
 
 def _printed(name: str, read: Callable[[Any], Any]) -> Callable[..., None]:
@@ -122,7 +117,8 @@ _PRINTED = (
     ),
     _of_print("--style", "style", str, type=FileName(), metavar="FILE.mplstyle", help="A style sheet of matplotlib."),
 )
-picture = plot("Also draw, to this file (.png, .pdf, .svg) or beside -o under its name.")
+PICTURE = "Also draw, to this file (.png, .pdf, .svg) or beside -o under its name."
+picture = plot(PICTURE)
 units = option(
     "--output-units",
     type=OutputUnitsType(),
@@ -196,6 +192,11 @@ class Outputs:
             check_picture(outputs.picture)
         return outputs
 
+    @property
+    def shown_units(self) -> OutputUnits:
+        """The units of all that is written."""
+        return self.units or SI
+
     def else_in(self, units: OutputUnits) -> Outputs:
         """The same, in these units if the command line names none."""
         return self if self.units else replace(self, units=units)
@@ -203,30 +204,54 @@ class Outputs:
     def deliver(
         self,
         table: Table,
-        draw: Callable[[str], Writer] | None = None,
+        draw: Callable[[], Figure] | None = None,
         summarize: Callable[[], dict[str, Any]] | None = None,
     ) -> None:
-        """Write all; `draw` makes the picture's writer from its suffix, `summarize` what the summary holds, if that is
-        more than the command line, what was read and what the columns mean."""
+        """Write all; `draw` makes the picture's figure, `summarize` what the summary holds, if that is more than the
+        command line, what was read and what the columns mean."""
         from tdint.files import write_files
-        from tdint.output_units import SI
+        from tdint.output import figures
 
-        units = self.units or SI
         told = summarize() if self.summary and summarize else None
         meanings = table.meanings
-        table = table.in_units(units)
-        files: dict[Path, Writer] = {}
+        table = table.in_units(self.shown_units)
+        files: dict[Path, Content] = {}
         if self.table:
-            files[self.table] = lambda stream: stream.write(table.csv())
+            files[self.table] = table.csv()
         if self.picture and draw:
-            files[self.picture] = draw(self.picture.suffix)
+            files[self.picture] = figures.style.picture(self.picture.suffix, draw)
         if self.summary:
-            summary = provenance(meanings, units, told)
-            files[self.summary] = lambda stream: stream.write(summary)
+            files[self.summary] = provenance(meanings, self.shown_units, told)
         if not self.table:
             emit_table(table)
         if files:
             write_files(files, overwrite=self.overwrite)
+
+
+def to_files(
+    text: str = TABLE,
+    *,
+    picture: str | None = PICTURE,
+    in_units: bool = True,
+    more: Sequence[Callable[[Any], Any]] = (),
+) -> Callable[[Function], Function]:
+    """The options of a command with a table: -o, `--plot` (`picture` says what it draws, None that there is none), what
+    is peculiar to the command, units, --overwrite. The command gets them together as `outputs`, checked."""
+
+    def declared(command: Function) -> Function:
+        @functools.wraps(command)
+        def collected(**given: Any) -> Any:
+            wanted = {name: given.pop(name, None) for name in ("output", "plot", "overwrite", "output_units")}
+            outputs = Outputs.checked(
+                wanted["output"], wanted["plot"], bool(wanted["overwrite"]), units=wanted["output_units"]
+            )
+            return command(**given, outputs=outputs)
+
+        plots = () if picture is None else (plot(picture),)
+        declarations = (output(text=text), *plots, *more, *((units,) if in_units else ()), overwrite)
+        return headings.with_options(declarations, cast(Function, collected))
+
+    return declared
 
 
 def note_inputs() -> None:

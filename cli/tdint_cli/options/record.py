@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
@@ -181,7 +181,7 @@ def processing(command: Function) -> Function:
                 chosen[name] = parse(chosen[name])
         return command(**given, processing=Processing(**chosen))
 
-    return cast(Function, _with(_PROCESSING, collected))
+    return cast(Function, headings.with_options(_PROCESSING, collected))
 
 
 def layout(command: Function) -> Function:
@@ -194,26 +194,19 @@ def layout(command: Function) -> Function:
         chosen = {field.name: given.pop(field.name) for field in dataclasses.fields(TextLayout)}
         return command(**given, layout=TextLayout(**chosen | {"column": chosen["column"] or ()}))
 
-    return cast(Function, _with(_LAYOUT, collected))
-
-
-def _with(options: Iterable[Callable[[Any], Any]], command: Function) -> Function:
-    """The command with options, in their order."""
-    for declared in reversed(tuple(options)):
-        command = declared(command)
-    return command
+    return cast(Function, headings.with_options(_LAYOUT, collected))
 
 
 def of_records(command: Function) -> Function:
     """All that command lines with records as arguments have in common, for a RecordsRequest."""
-    return _with((records, units, component, layout, inventory, processing), command)
+    return headings.with_options((records, units, component, layout, inventory, processing), command)
 
 
 def of_records_if_any(command: Function) -> Function:
     """The same, where there need be none."""
-    return _with((records_if_any, units, component, layout, inventory, processing), command)
+    return headings.with_options((records_if_any, units, component, layout, inventory, processing), command)
 
 
 def of_record(command: Function) -> Function:
     """The options of a single record, in place of a model's or beside it, for a BuildingRequest."""
-    return _with((record, units, component, layout, inventory, scale, processing), command)
+    return headings.with_options((record, units, component, layout, inventory, scale, processing), command)

@@ -12,9 +12,11 @@ import click
 
 from tdint.analysis.spectra.defaults import PERIODS
 from tdint.errors import UsageError
+from tdint.output import figures, tables
+from tdint.system import processors
 from tdint_cli.options import headings, output
 from tdint_cli.options.analysis import damping_ratio
-from tdint_cli.options.values import GridType, Number
+from tdint_cli.options.values import Number, grid
 
 if TYPE_CHECKING:
     import numpy as np
@@ -23,8 +25,7 @@ if TYPE_CHECKING:
     from tdint.analysis.run.outcome import Response
     from tdint.campaign.plan import Plan
     from tdint.campaign.store.store import Store
-    from tdint.files import Writer
-    from tdint.output.tables.table import Table
+    from tdint.files import Content
     from tdint.output_units import OutputUnits
     from tdint.written_numbers import Grid
 
@@ -34,7 +35,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 option = partial(headings.option, heading=headings.SPECTRUM)
 
 
-tables = output.output(
+per_record = output.output(
     "FILE|DIR",
     "Write to this file instead of standard output; to one file per record in an existing folder or one that is named "
     "with a / at its end. What the records are and how the numbers came about stands in a JSON file beside each.",
@@ -79,7 +80,7 @@ def periods(default: str, zero: str = "", needs: str = "") -> Callable[[Function
     """The options --periods and --period; `zero` says what a period of 0 gives, if it may be asked for."""
     several = option(
         "--periods",
-        type=GridType(),
+        type=grid(),
         needs=needs,
         metavar="FIRST:LAST:COUNT",
         help=f"Periods in equal ratios, s; {default} by default, both ends included.",
@@ -145,8 +146,8 @@ class FloorRequest:
 
     def of_suite(
         self, plan: Plan, store: Store, jobs: int | None, units: OutputUnits, *, plot: bool
-    ) -> dict[str, Writer]:
-        """The files of a suite by their names and what writes them, in these units, with a picture if one is wanted;
+    ) -> dict[str, Content]:
+        """The files of a suite by their names and what they hold, in these units, with a picture if one is wanted;
         nothing if no floor is asked for. Every run is done once more for them.
 
         Raises
@@ -157,48 +158,41 @@ class FloorRequest:
         if not self.floors:
             return {}
         from tdint.campaign.floor_suites import FloorChoice, floor_suites, run_floors
-        from tdint.output.figures.demands.floor_spectra import floor_suite_picture
-        from tdint.output.tables.campaign import floor_suite_table, run_floor_table
-        from tdint.system import processors
 
         choice = FloorChoice(self.floors, self.chosen_periods(), self.damping)
         found = run_floors(plan, store, choice, jobs or processors())
         suites = list(floor_suites(store, found))
-        writers = {
-            SPECTRA: _table_writer(run_floor_table(store, found).in_units(units)),
-            SPECTRA_MEAN: _table_writer(floor_suite_table(store, suites).in_units(units)),
+        contents: dict[str, Content] = {
+            SPECTRA: tables.campaign.run_floor_table(store, found).in_units(units).csv(),
+            SPECTRA_MEAN: tables.campaign.floor_suite_table(store, suites).in_units(units).csv(),
         }
-        return writers | ({SPECTRA_PICTURE: floor_suite_picture(suites, ".png", units)} if plot and suites else {})
+        if plot and suites:
+            draw = partial(figures.demands.floor_spectra.floor_suite_picture, suites, units)
+            contents[SPECTRA_PICTURE] = figures.style.picture(".png", draw)
+        return contents
 
     def files(
         self, response: Response, folder: Path, units: OutputUnits, *, plot: bool = False
-    ) -> tuple[dict[Path, Writer], Sequence[str]]:
-        """The files in a folder and what writes them, tables in these units, a picture if one is wanted; and notes on
+    ) -> tuple[dict[Path, Content], Sequence[str]]:
+        """The files in a folder and what they hold, tables in these units, a picture if one is wanted; and notes on
         them."""
         stories = len(response.model.stories)
-        files: dict[Path, Writer] = {}
+        files: dict[Path, Content] = {}
         notes: Sequence[str] = ()
         if self.floors:
             from tdint.analysis.spectra.floors import floor_spectra as spectra_of
-            from tdint.output.tables.spectra import floor_spectrum_table
 
             found = spectra_of(response, self.chosen_floors(stories), self.chosen_periods(), self.damping)
-            files[folder / SPECTRA] = _table_writer(floor_spectrum_table(found).in_units(units))
+            files[folder / SPECTRA] = tables.spectra.floor_spectrum_table(found).in_units(units).csv()
             if plot:
-                from tdint.output.figures.demands.floor_spectra import floor_picture
-
                 title = response.model.name
-                files[folder / SPECTRA_PICTURE] = floor_picture(found, ".png", units, title=title)
+                draw = partial(figures.demands.floor_spectra.floor_picture, found, units, title=title)
+                files[folder / SPECTRA_PICTURE] = figures.style.picture(".png", draw)
         if self.export:
             from tdint.analysis.spectra.floors import floor_motion
             from tdint.ground_motion.export import to_mseed
 
             exported = to_mseed([floor_motion(response, floor) for floor in range(1, stories + 1)])
-            files[folder / MOTIONS] = lambda stream: stream.write(exported.content)
+            files[folder / MOTIONS] = exported.content
             notes = exported.notes
         return files, notes
-
-
-def _table_writer(table: Table) -> Writer:
-    content = table.csv()
-    return lambda stream: stream.write(content)

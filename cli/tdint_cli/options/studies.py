@@ -11,11 +11,13 @@ import click
 from tdint.errors import TdintError, UsageError
 from tdint_cli.options import headings
 from tdint_cli.options.analysis import damping_ratio
-from tdint_cli.options.values import FileName, GridType, PairsType, PairWish, Ratio
+from tdint_cli.options.values import FileName, PairsType, PairWish, Ratio, grid
 from tdint_cli.terminal.streams import note, warn
 
 if TYPE_CHECKING:
+    from tdint.campaign.suites.intensity import IntensityMeasure
     from tdint.campaign.suites.suite import RecordChoice, Suite
+    from tdint.written_numbers import Grid
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -65,11 +67,22 @@ def average(needs: str) -> Callable[[Function], Function]:
     """The option --average, of the measure that it `needs`."""
     return option(
         "--average",
-        type=GridType(),
+        type=grid(),
         needs=needs,
         metavar="FIRST:LAST:COUNT",
         help="The periods of Sa_avg, as multiples of the period, in equal ratios; 0.2:3:50 by default.",
     )
+
+
+def measure(name: str, period: float | None, damping: float, average: Grid | None) -> IntensityMeasure:
+    """The intensity measure of a name: sa and sa-avg at a period (s), others without one."""
+    from tdint.campaign.suites import intensity
+
+    if period is None:
+        return intensity.measure_of(name)
+    if name == "sa":
+        return intensity.sa(period, damping)
+    return intensity.sa_average(period, damping, average or intensity.AVERAGE)
 
 
 threshold = partial(

@@ -12,7 +12,7 @@ from click.shell_completion import CompletionItem
 
 from tdint.errors import UsageError
 from tdint.output_units import OutputUnits, parse_output_units
-from tdint.units import ACCELERATION, FORCE, LENGTH, MASS, DriftSize, Units, parse_drift, parse_units
+from tdint.units import ACCELERATION, FORCE, LENGTH, MASS, Units, parse_drift, parse_units
 from tdint.written_numbers import LARGEST, SMALLEST, Grid, parse_grid, parse_ratio
 
 if TYPE_CHECKING:
@@ -100,100 +100,102 @@ class OutputUnitsType(ValueType):
         return [CompletionItem(f"{head}{comma}{name}") for name in names if name.startswith(last)]
 
 
-class GridType(ValueType):
+class Written(ValueType):
+    """What people write in a form of its own, such as 0.2:2:50, as `read` understands it.
+
+    Parameters
+    ----------
+    name : str
+        What it is.
+    read : callable
+        Gives the value of a text; click.BadParameter, or UsageError, for one that is none.
+    """
+
+    def __init__(self, name: str, read: Callable[[str], Any]) -> None:
+        self.name = name
+        self.read = read
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        return self.read(value) if isinstance(value, str) else value
+
+
+def grid(low: float = 0.0, high: float = math.inf) -> Written:
     """FIRST:LAST:COUNT, or a single number, within limits."""
 
-    name = "grid"
-
-    def __init__(self, low: float = 0.0, high: float = math.inf) -> None:
-        self.low, self.high = low, high
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Grid:
-        if isinstance(value, Grid):
-            return value
+    def read(text: str) -> Grid:
         try:
-            grid = parse_grid(value)
+            found = parse_grid(text)
         except UsageError as error:
-            self.fail(str(error), param, ctx)
-        if not self.low <= grid.first <= grid.last <= self.high:
-            self.fail(f"{value!r} leaves the range {self.low:g} to {self.high:g}", param, ctx)
-        return grid
+            raise click.BadParameter(str(error)) from None
+        if not low <= found.first <= found.last <= high:
+            raise click.BadParameter(f"{text!r} leaves the range {low:g} to {high:g}")
+        return found
+
+    return Written("grid", read)
 
 
-class RangeType(GridType):
+def span_at(count: int) -> Written:
     """FIRST:LAST, at so many numbers in equal ratios, or FIRST:LAST:COUNT."""
 
-    name = "range"
+    def read(text: str) -> Any:
+        if ":" not in text:
+            raise click.BadParameter(f"{text!r} is no range; write FIRST:LAST, such as 0.2:2")
+        return grid().read(f"{text}:{count}" if text.count(":") == 1 else text)
 
-    def __init__(self, count: int) -> None:
-        super().__init__()
-        self.count = count
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Grid:
-        if isinstance(value, str):
-            if ":" not in value:
-                self.fail(f"{value!r} is no range; write FIRST:LAST, such as 0.2:2", param, ctx)
-            value = f"{value}:{self.count}" if value.count(":") == 1 else value
-        return super().convert(value, param, ctx)
+    return Written("range", read)
 
 
-class SpanType(ValueType):
-    """LOW:HIGH, two numbers or ratios; without one of them 0 or infinity."""
-
-    name = "span"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, float]:
-        if isinstance(value, tuple):
-            return value
-        try:
-            low, high = (text.strip() for text in value.split(":"))
-            span = (parse_ratio(low) if low else 0.0, parse_ratio(high) if high else math.inf)
-        except (ValueError, UsageError):
-            self.fail(f"{value!r} is not LOW:HIGH, such as 0.001:0.1", param, ctx)
-        if not 0.0 <= span[0] < span[1]:
-            self.fail(f"{value!r}: LOW must be below HIGH, and not negative", param, ctx)
-        return span
+def _span(text: str) -> tuple[float, float]:
+    try:
+        low, high = (part.strip() for part in text.split(":"))
+        both = (parse_ratio(low) if low else 0.0, parse_ratio(high) if high else math.inf)
+    except (ValueError, UsageError):
+        raise click.BadParameter(f"{text!r} is not LOW:HIGH, such as 0.001:0.1") from None
+    if not 0.0 <= both[0] < both[1]:
+        raise click.BadParameter(f"{text!r}: LOW must be below HIGH, and not negative")
+    return both
 
 
-class PeriodType(ValueType):
-    """A period in s, or T1 for None: the first one of the building."""
-
-    name = "period"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float | None:
-        if isinstance(value, str) and value.strip().upper() == "T1":
-            return None
-        return float(Number(0.0, min_open=True).convert(value, param, ctx))
+def _period(text: str) -> float | None:
+    if text.strip().upper() == "T1":
+        return None
+    return float(Number(0.0, min_open=True).convert(text, None, None))
 
 
-class DriftSizeType(ValueType):
-    """A drift: a ratio, a length with its unit, or a multiple of the yield drift."""
+span = Written("span", _span)
+"""LOW:HIGH, two numbers or ratios; without one of them 0 or infinity."""
 
-    name = "drift"
+period = Written("period", _period)
+"""A period in s, or T1 for None: the first one of the building."""
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> DriftSize:
-        return parse_drift(value) if isinstance(value, str) else value
+drift_size = Written("drift", parse_drift)
+"""A drift: a ratio, a length with its unit, or a multiple of the yield drift."""
 
 
-class IntensityType(ValueType):
+def intensity(*quantities: str) -> Written:
     """A peak or a pseudo-acceleration with its unit: 0.6g, '5.9 m/s^2', 40cm/s."""
+    example = "40cm/s" if quantities == ("velocity",) else "0.6g or '5.9 m/s^2'"
 
-    name = "intensity"
-
-    def __init__(self, *quantities: str) -> None:
-        self.quantities = quantities
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Units:
-        if isinstance(value, Units):
-            return value
-        example = "40cm/s" if self.quantities == ("velocity",) else "0.6g or '5.9 m/s^2'"
+    def read(text: str) -> Units:
         try:
-            units = parse_units(value)
+            units = parse_units(text)
         except UsageError:
             units = None
-        if units is None or not units.has_factor or units.quantity not in self.quantities:
-            self.fail(f"{value!r}: write a number with its unit, such as {example}", param, ctx)
+        if units is None or not units.has_factor or units.quantity not in quantities:
+            raise click.BadParameter(f"{text!r}: write a number with its unit, such as {example}")
         return units
+
+    return Written("intensity", read)
+
+
+def _pair_names(text: str) -> PairNames:
+    from tdint.ground_motion.pairing import PairNames
+
+    return PairNames.parse(text)
+
+
+pair_names = Written("names", _pair_names)
+"""How the files of a pair are named: two names with {}."""
 
 
 class PairsType(ValueType):
@@ -227,17 +229,6 @@ class PairWish:
 
     measure: str | None
     names: PairNames
-
-
-class PairNamesType(ValueType):
-    """How the files of a pair are named: two names with {}."""
-
-    name = "names"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        from tdint.ground_motion.pairing import PairNames
-
-        return PairNames.parse(value) if isinstance(value, str) else value
 
 
 class Name(ValueType):

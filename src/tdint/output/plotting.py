@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from tdint.analysis.assessment.failures import Trial
 from tdint.analysis.assessment.order import ObservedOrder
@@ -29,14 +30,14 @@ from tdint.campaign.ida.study import IdaStudy
 from tdint.campaign.sensitivity import Swing
 from tdint.campaign.suites.scaling import Scaling
 from tdint.errors import UsageError
-from tdint.files import Writer, write_files
+from tdint.files import write_files
 from tdint.ground_motion.record import Record
 from tdint.model.modes import Modes
 from tdint.output.figures import assessment, fragility, ida, records, runs, spectrum_curves, statics, suites
 from tdint.output.figures.comparison import comparison_picture
 from tdint.output.figures.demands import floor_spectra, mode_shapes, tornado
 from tdint.output.figures.failure_matrix import failure_picture
-from tdint.output.figures.style import Picture, style_context
+from tdint.output.figures.style import picture, style_context
 from tdint.output.figures.work_precision import chart_picture
 from tdint.output.printed import PRINTED, PrintedAs
 from tdint.output.tables.spectra import RecordInfo, record_info
@@ -52,7 +53,7 @@ _PERIODS = (0.04, 4.0, 100)
 class _Look:
     """How results of a kind are drawn: as a picture, and on axes where one panel says what they are."""
 
-    picture: Callable[[_Shown, str, OutputUnits], Writer]
+    picture: Callable[[_Shown, OutputUnits], Figure]
     on_axes: Callable[[Any, _Shown, OutputUnits], None] | None = None
 
 
@@ -117,8 +118,7 @@ def plot(
     before = PRINTED.set(printed)
     try:
         path = Path(file) if file is not None else None
-        made = kind.picture(several, path.suffix if path else ".png", wanted)
-        assert isinstance(made, Picture)
+        made = picture(path.suffix if path else ".png", lambda: kind.picture(several, wanted))
         figure = made.figure()
         if path is not None:
             write_files({path: lambda stream: made.save(figure, stream)}, overwrite=True)
@@ -136,10 +136,10 @@ def _kind_of(results: _Shown) -> _Look:
     raise UsageError(f"{'several of ' * (len(results) > 1)}{what}: there is no picture of it")
 
 
-def _compared(results: _Shown, suffix: str, units: OutputUnits) -> Writer:
+def _compared(results: _Shown, units: OutputUnits) -> Figure:
     least, most, count = _PERIODS
     periods = np.geomspace(max(least, 2.0 * results[0].event.base.dt), most, count)
-    return comparison_picture(results, periods, SA_DAMPING, suffix, units)
+    return comparison_picture(results, periods, SA_DAMPING, units)
 
 
 def _info(results: _Shown) -> list[RecordInfo]:
@@ -147,64 +147,62 @@ def _info(results: _Shown) -> list[RecordInfo]:
 
 
 _INFO = _Look(
-    lambda found, suffix, units: records.info_picture(_info(found), suffix, units),
+    lambda found, units: records.info_picture(_info(found), units),
     lambda ax, found, units: records.draw_acceleration(ax, _info(found)[0].record, units),
 )
 _LOOKS: dict[type, _Look] = {
-    Chart: _Look(
-        lambda found, suffix, _: chart_picture(found[0], suffix, name="Time against accuracy", target="peak-drift")
-    ),
+    Chart: _Look(lambda found, _: chart_picture(found[0], name="Time against accuracy", target="peak-drift")),
     Comparison: _Look(_compared),
     CyclicTest: _Look(
-        lambda found, suffix, units: statics.cyclic_picture(found[0], suffix, units),
+        lambda found, units: statics.cyclic_picture(found[0], units),
         lambda ax, found, units: statics.draw_loop(ax, found[0], units),
     ),
     DriftSpectrum: _Look(spectrum_curves.drift_spectrum_picture),
     FloorSpectrum: _Look(floor_spectra.floor_picture),
     Fragility: _Look(
-        lambda found, suffix, _: fragility.fragility_picture(found, suffix),
+        lambda found, _: fragility.fragility_picture(found),
         lambda ax, found, _: fragility.draw_functions(ax, found),
     ),
     FragilityResult: _Look(
-        lambda found, suffix, _: fragility.fragility_picture(found[0].functions, suffix),
+        lambda found, _: fragility.fragility_picture(found[0].functions),
         lambda ax, found, _: fragility.draw_functions(ax, found[0].functions),
     ),
     IdaStudy: _Look(
-        lambda found, suffix, units: ida.ida_picture(found[0].in_units(units), suffix),
+        lambda found, units: ida.ida_picture(found[0].in_units(units)),
         lambda ax, found, units: ida.draw_ida(ax, found[0].in_units(units)),
     ),
     InelasticSpectrum: _Look(spectrum_curves.inelastic_picture),
     Modes: _Look(
-        lambda found, suffix, _: mode_shapes.mode_picture(found[0], suffix, name="Modes"),
+        lambda found, _: mode_shapes.mode_picture(found[0], name="Modes"),
         lambda ax, found, _: mode_shapes.draw_modes(ax, found[0]),
     ),
-    ObservedOrder: _Look(lambda found, suffix, _: assessment.order_picture(found, suffix)),
-    Overshoot: _Look(lambda found, suffix, _: assessment.overshoot_picture(found, suffix)),
+    ObservedOrder: _Look(lambda found, _: assessment.order_picture(found)),
+    Overshoot: _Look(lambda found, _: assessment.overshoot_picture(found)),
     Pushover: _Look(
-        lambda found, suffix, units: statics.pushover_picture(found[0], suffix, units),
+        lambda found, units: statics.pushover_picture(found[0], units),
         lambda ax, found, units: statics.draw_curve(ax, found[0], units),
     ),
     Record: _INFO,
     RecordInfo: _INFO,
     Response: _Look(
-        lambda found, suffix, units: runs.run_picture(found[0], suffix, units),
+        lambda found, units: runs.run_picture(found[0], units),
         lambda ax, found, units: runs.draw_drifts(ax, found[0], units),
     ),
     RotatedSpectrum: _Look(spectrum_curves.rotated_picture),
     Scaling: _Look(
-        lambda found, suffix, units: suites.suite_picture(found[0], suffix, units),
+        lambda found, units: suites.suite_picture(found[0], units),
         lambda ax, found, units: suites.draw_suite(ax, found[0], units),
     ),
     Spectrum: _Look(
-        lambda found, suffix, units: spectrum_curves.spectrum_picture(found, suffix, units=units),
+        lambda found, units: spectrum_curves.spectrum_picture(found, units=units),
         spectrum_curves.draw_accelerations,
     ),
     StabilityCurve: _Look(
-        lambda found, suffix, _: assessment.stability_picture(found, suffix),
+        lambda found, _: assessment.stability_picture(found),
         lambda ax, found, _: assessment.draw_radius(ax, found),
     ),
     Swing: _Look(tornado.sensitivity_picture),
-    Trial: _Look(lambda found, suffix, _: failure_picture(found, suffix)),
+    Trial: _Look(lambda found, _: failure_picture(found)),
 }
 _ALONE = (Chart, CyclicTest, FragilityResult, IdaStudy, Modes, Pushover, Response, Scaling)
 """Of these a picture shows one."""

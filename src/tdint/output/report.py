@@ -8,14 +8,17 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from tdint.files import Writer
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
+from tdint.output import figures
 from tdint.output.summaries.summary import versions
 from tdint.output.tables.table import TEXT, Cell, Table
 from tdint.output_units import SI, OutputUnits
 from tdint.quantity import suffix
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _LARGE = 160_000
 """Bytes of a picture as SVG, from which it is put in as PNG: a long history has many points."""
@@ -47,9 +50,9 @@ LEFT_OUT = (
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture and what stands below it; `draw` makes its writer from a suffix."""
+    """A picture and what stands below it."""
 
-    draw: Callable[[str], Writer]
+    draw: Callable[[], Figure]
     caption: str
 
 
@@ -111,7 +114,7 @@ def _image(picture: Picture) -> str:
 
 def _drawn(picture: Picture, end: str) -> bytes:
     stream = io.BytesIO()
-    picture.draw(end)(stream)
+    figures.style.picture(end, picture.draw)(stream)
     return stream.getvalue()
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.ground_motion.record import Record, component_names
 from tdint.model.building import assemble
+from tdint.output import figures
 from tdint.output.report import LEFT_OUT, Chapter, Part, Picture, chosen, input_points, model_chapter, page
 from tdint.output.tables.campaign import profile_table
 from tdint.output.tables.responses import story_table
@@ -62,14 +64,12 @@ def run_page(
     warnings : sequence of str
         What changes the meaning of a number.
     """
-    from tdint.output.figures.runs import run_picture
-
     model = response.model
     table = story_table(response.stories, response.check.errors if response.check else None).in_units(units)
     names = [name for name in table.columns if name == "story" or name.startswith(_OF_STORIES)]
     building = assemble(model)
     omega, damping = building.first_mode()
-    drawn = [Picture(lambda end: run_picture(response, end, units), "Histories, energies, profiles, hysteresis")]
+    drawn = [Picture(lambda: figures.runs.run_picture(response, units), "Histories, energies, profiles, hysteresis")]
     chapters = [
         Chapter("Result", (said, *(drawn if response.history is not None else ()))),
         Chapter("Peaks of the stories", (chosen(table, names), _errors(response))),
@@ -114,15 +114,13 @@ def suite_page(
     said : sequence of str
         What was found beside a limit.
     """
-    from tdint.output.figures.demands.story_profiles import profile_picture
-
     runs = content["runs"]
     about = ", ".join(f"{count} {status}" for status, count in runs["by_status"].items())
     buildings = {one.name: one for one in plan.buildings}
     models = [one.subject() for one in buildings.values()]
     limits = "" if limit is None else f", limit {100.0 * limit:g} %"
     profile = Picture(
-        lambda end: profile_picture(found, end, units, limit=limit, title=plan.name),
+        lambda: figures.demands.story_profiles.profile_picture(found, units, limit=limit, title=plan.name),
         f"Drifts, floor accelerations, total shears: motions, mean, largest{limits}",
     )
     methods = ", ".join(dict.fromkeys(one.method for one in models))
@@ -169,15 +167,12 @@ def _inputs(plan: Plan, content: Mapping[str, Any]) -> list[str]:
 
 def _motions(records: Sequence[Record], units: OutputUnits) -> Chapter:
     """The ground motions before the factors of a suite, and their spectra."""
-    from tdint.output.figures.spectrum_curves import spectrum_picture
-
     parts: list[Part] = [motion_table(records, component_names(records)).in_units(units)] if records else []
     if 0 < len(records) <= _MOST_MOTIONS:
         periods = np.geomspace(_PERIODS[0], _PERIODS[1], int(_PERIODS[2]))
         spectra = [spectrum(record, periods) for record in records]
-        parts.append(
-            Picture(lambda end: spectrum_picture(spectra, end, "periods", units), "Response spectra, 5 % damping")
-        )
+        draw = partial(figures.spectrum_curves.spectrum_picture, spectra, "periods", units)
+        parts.append(Picture(draw, "Response spectra, 5 % damping"))
     return Chapter("Ground motions", parts)
 
 

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from tdint.errors import AnalysisError, UsageError
+from tdint.files import check_outputs, write_files
+from tdint.output import figures
 from tdint_cli import options
 from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.options.output import check_picture
 from tdint_cli.options.plot import picture_file
-from tdint_cli.options.values import FileName, GridType
+from tdint_cli.options.values import FileName, Written, grid
 from tdint_cli.terminal.drawing import emit_table
 from tdint_cli.terminal.streams import note, say, warn
 
@@ -25,7 +28,7 @@ if TYPE_CHECKING:
     from tdint.analysis.comparison.compare import Comparison
     from tdint.analysis.comparison.event import Event
     from tdint.analysis.comparison.fit import Fit
-    from tdint.files import Writer
+    from tdint.files import Content
     from tdint.model.definition import Model
     from tdint.output_units import OutputUnits
     from tdint.written_numbers import Grid
@@ -36,21 +39,14 @@ PERIODS = "0.04:4:100"
 _FEW = 8  # fitted values that are said; all are written
 
 
-class Requirement(click.ParamType):  # type: ignore[type-arg]
+def _requirement(text: str) -> tuple[str, float]:
     """NAME=NUMBER: what the comparison of every floor must come to."""
+    from tdint.analysis.comparison.compare import parse_requirement
 
-    name = "requirement"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[str, float]:
-        """The name and the number."""
-        if isinstance(value, tuple):
-            return value
-        from tdint.analysis.comparison.compare import parse_requirement
-
-        try:
-            return parse_requirement(value)
-        except UsageError as error:
-            self.fail(str(error), param, ctx)
+    try:
+        return parse_requirement(text)
+    except UsageError as error:
+        raise click.BadParameter(str(error)) from None
 
 
 @dataclass(frozen=True)
@@ -71,11 +67,9 @@ class Request:
     overwrite: bool
     output_units: OutputUnits | None
 
-    def file(self, name: str) -> Path | None:
+    def file(self, name: str) -> Path:
         """The file of this name: in the folder of -o, or beside the table that -o names (`NAME.csv`: `NAME-name`)."""
-        if self.output is None:
-            return None
-        output = Path(self.output)
+        output = Path(self.output or "")
         if output.suffix.lower() != ".csv":
             return output / name
         return output if name == TABLE else output.with_name(f"{output.stem}-{name}")
@@ -83,13 +77,13 @@ class Request:
     @property
     def picture(self) -> Path | None:
         """The file of the picture, if one is asked for."""
-        return picture_file(self.plot, self.file(TABLE))
+        return picture_file(self.plot, self.file(TABLE) if self.output else None)
 
     @property
     def outputs(self) -> list[Path]:
         """All files that are written."""
-        names = (TABLE, SPECTRA, *((FIT,) if self.fit else ()), SUMMARY)
-        return [file for file in (*map(self.file, names), self.picture) if file]
+        names = (TABLE, SPECTRA, *((FIT,) if self.fit else ()), SUMMARY) if self.output else ()
+        return [*map(self.file, names), *([self.picture] if self.picture else [])]
 
 
 TABLE, SPECTRA, FIT, SUMMARY = "comparison.csv", "spectra.csv", "fit.csv", "summary.json"
@@ -125,7 +119,7 @@ TABLE, SPECTRA, FIT, SUMMARY = "comparison.csv", "spectra.csv", "fit.csv", "summ
 )
 @options.option(
     "--require",
-    type=Requirement(),
+    type=Written("requirement", _requirement),
     many=True,
     metavar="NAME=NUMBER,...",
     help="End with exit code 5 unless every floor has a correlation of at least this, a peak_ratio between this and "
@@ -150,7 +144,7 @@ TABLE, SPECTRA, FIT, SUMMARY = "comparison.csv", "spectra.csv", "fit.csv", "summ
 @options.spectra.option(
     "--periods",
     needs="-o or --plot",
-    type=GridType(),
+    type=grid(),
     metavar="FIRST:LAST:COUNT",
     help=f"Periods of the floors' spectra in equal ratios, s; {PERIODS} by default.",
 )
@@ -202,8 +196,6 @@ def _run(request: Request) -> None:
 
 def _check(request: Request) -> None:
     """Refuse, before any work, what can be seen to fail."""
-    from tdint.files import check_outputs
-
     if request.model == "-" and request.recorded == "-":
         raise UsageError("standard input already holds the model; give the recordings as a file")
     if request.picture:
@@ -215,31 +207,24 @@ def _check(request: Request) -> None:
 def _write(
     request: Request, model: Model, comparisons: Sequence[Comparison], fitted: Fit | None, units: OutputUnits
 ) -> None:
-    from tdint.files import write_files
     from tdint.output.summaries.of_comparison import comparison_summary
     from tdint.output.summaries.summary import in_units, json_bytes
     from tdint.output.tables.buildings import comparison_spectra_table, comparison_table, fitted_table
 
     periods = _periods(request, comparisons[0].event)
-    files: dict[Path, Writer] = {}
-
-    def add(name: str, content: bytes) -> None:
-        if file := request.file(name):
-            files[file] = lambda stream: stream.write(content)
-
+    files: dict[Path, Content] = {}
     if request.output:
-        add(TABLE, comparison_table(comparisons).csv())
-        add(SPECTRA, comparison_spectra_table(comparisons, periods, request.damping).in_units(units).csv())
+        files[request.file(TABLE)] = comparison_table(comparisons).csv()
+        spectra = comparison_spectra_table(comparisons, periods, request.damping)
+        files[request.file(SPECTRA)] = spectra.in_units(units).csv()
         if fitted:
-            add(FIT, fitted_table(fitted.values, units).csv())
-    if request.picture:
-        from tdint.output.figures.comparison import comparison_picture
-
-        files[request.picture] = comparison_picture(
-            comparisons, periods, request.damping, request.picture.suffix, units
-        )
-    summary = comparison_summary(model, comparisons, fitted, _settings(request), units)
-    add(SUMMARY, json_bytes(in_units(summary, units)))
+            files[request.file(FIT)] = fitted_table(fitted.values, units).csv()
+    if picture := request.picture:
+        draw = partial(figures.comparison.comparison_picture, comparisons, periods, request.damping, units)
+        files[picture] = figures.style.picture(picture.suffix, draw)
+    if request.output:
+        summary = comparison_summary(model, comparisons, fitted, _settings(request), units)
+        files[request.file(SUMMARY)] = json_bytes(in_units(summary, units))
     if files:
         write_files(files, overwrite=request.overwrite)
 

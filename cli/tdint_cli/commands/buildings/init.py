@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tdint.errors import UsageError
+from tdint.files import write_files
 from tdint_cli import options
-from tdint_cli.options.values import FileName, Name
+from tdint_cli.options.values import FileName, Name, Written
 from tdint_cli.terminal.streams import emit, say
 
 if TYPE_CHECKING:
-    from tdint.files import Writer
     from tdint.model.first_model import FittedLaw
 
 FILE = "building.yaml"
@@ -33,29 +33,22 @@ def _structures() -> list[str]:
     return list(STRUCTURES)
 
 
-class WeightsType(click.ParamType):  # type: ignore[type-arg]
-    """Positive numbers with commas between them, equal ones as COUNTxNUMBER."""
-
-    name = "weights"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
-        """The numbers, one for each floor."""
-        if isinstance(value, tuple):
-            return value
-        found: list[float] = []
-        for word in value.split(","):
-            count, times, number = word.strip().rpartition("x")
-            whole = int(count) if count.isascii() and count.isdecimal() else 0 if times else 1
-            try:
-                weight = float(number)
-            except ValueError:
-                weight = math.nan
-            if not (1 <= whole <= _MOST_STORIES and 0.0 < weight < math.inf):
-                self.fail(f"{word.strip()!r} is no weight; write 4200, or 6x3900 for six floors", param, ctx)
-            found += [weight] * whole
-        if len(found) > _MOST_STORIES:
-            self.fail(f"{len(found)} floors are more than {_MOST_STORIES}", param, ctx)
-        return tuple(found)
+def _weights(text: str) -> tuple[float, ...]:
+    """Positive numbers with commas between them, equal ones as COUNTxNUMBER: one for each floor."""
+    found: list[float] = []
+    for word in text.split(","):
+        count, times, number = word.strip().rpartition("x")
+        whole = int(count) if count.isascii() and count.isdecimal() else 0 if times else 1
+        try:
+            weight = float(number)
+        except ValueError:
+            weight = math.nan
+        if not (1 <= whole <= _MOST_STORIES and 0.0 < weight < math.inf):
+            raise click.BadParameter(f"{word.strip()!r} is no weight; write 4200, or 6x3900 for six floors")
+        found += [weight] * whole
+    if len(found) > _MOST_STORIES:
+        raise click.BadParameter(f"{len(found)} floors are more than {_MOST_STORIES}")
+    return tuple(found)
 
 
 @dataclass(frozen=True)
@@ -93,7 +86,7 @@ class Request:
 )
 @options.option(
     "--weights",
-    type=WeightsType(),
+    type=Written("weights", _weights),
     metavar="WEIGHT,...",
     help="Weights of the floors from the ground up, kN (kip of --units us), equal ones as 6x3900: one story each, "
     "stiffnesses such that the first mode is a straight line with --period.",
@@ -158,7 +151,6 @@ def _run(request: Request) -> None:
     if request.file == "-":
         emit(_model("building", request, None).encode())
         return
-    from tdint.files import write_files
     from tdint.ground_motion.pulse import VelocityPulse, motion_text, parse_motion
 
     file = Path(request.file)
@@ -168,11 +160,7 @@ def _run(request: Request) -> None:
         file: _model(file.stem, request, motion.name),
         motion: motion_text(parse_motion(request.motion) if request.motion else VelocityPulse(), unit=unit),
     }
-
-    def writer(text: str) -> Writer:
-        return lambda stream: stream.write(text.encode())
-
-    write_files({path: writer(text) for path, text in texts.items()}, overwrite=request.overwrite)
+    write_files({path: text.encode() for path, text in texts.items()}, overwrite=request.overwrite)
     say(f"{file} is a model that runs as it is, under the artificial motion {motion}. Next:")
     name = shlex.quote(str(file))
     say(f"  tdint check {name}\n  tdint run {name} -o out --plot")

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from tdint.errors import ModelError, UsageError
+from tdint.files import write_files
+from tdint.units import LENGTH
 from tdint_cli import options
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.values import FileName, Ratio
@@ -17,15 +19,21 @@ from tdint_cli.terminal.streams import say
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tdint.files import Writer
     from tdint.model.inventory.derive import InventoryBuilding
-    from tdint.output_units import OutputUnits
 
 RULES = ("mdof-lu", "capacity")
 _SHOWN = 10
 """Faults of a table that are shown; of more their number."""
 
 _FILE_NAME = re.compile(r"[\w][\w .+-]{0,120}")
+
+
+_MODELS = options.output.option(
+    "--models",
+    type=FileName(folder=True),
+    metavar="DIR",
+    help="Also write a model file ID.yaml of each building, as `tdint run` takes it, into this folder.",
+)
 
 
 @options.command("inventory")
@@ -76,16 +84,8 @@ _FILE_NAME = re.compile(r"[\w][\w .+-]{0,120}")
     metavar="N",
     help="Seed of the scatter; 0 by default.",
 )
-@options.output.output()
-@options.output.option(
-    "--models",
-    type=FileName(folder=True),
-    metavar="DIR",
-    help="Also write a model file ID.yaml of each building, as `tdint run` takes it, into this folder.",
-)
-@options.output.units
-@options.output.overwrite
-def command(**given: Any) -> None:
+@options.output.to_files(picture=None, more=[_MODELS])
+def command(units: str, rules: str, models: str | None, outputs: Outputs, **given: Any) -> None:
     """Shear buildings by rules from a table of buildings.
 
     BUILDINGS.csv has a row per building and the columns id, NumberOfStories, YearBuilt, StructureType (W1 W2 S1-S5
@@ -100,34 +100,28 @@ def command(**given: Any) -> None:
 
     Rows that cannot be used are told together, the others are done, and the exit code is 3.
     """
-    _run(**given)
-
-
-def _run(
-    buildings: str, units: str, rules: str, damping: str, output: str | None, models: str | None,
-    overwrite: bool, output_units: OutputUnits | None, **given: Any,
-) -> None:  # fmt: skip
-    from tdint.errors import ModelError, UsageError
-    from tdint.files import write_files
     from tdint.model.inventory.capacity import read_classes
     from tdint.model.inventory.derive import CAPACITY, derive_all
     from tdint.model.inventory.table import read_inventory
     from tdint.output.tables import buildings as columns
     from tdint.output.tables.table import Table
-    from tdint.units import LENGTH
 
-    outputs = Outputs.checked(output, None, overwrite, units=output_units)
+    buildings = given["buildings"]
     if (rules == CAPACITY) != (given["classes"] is not None):
         raise UsageError(f"the rules {CAPACITY} need --classes FILE, the capacity curves of the classes")
     classes = read_classes(given["classes"]) if given["classes"] else None
     rows, faults = read_inventory(
-        buildings, LENGTH[units], mass_only=damping == "mass-only", classes=classes, as_published=given["as_published"]
+        buildings,
+        LENGTH[units],
+        mass_only=given["damping"] == "mass-only",
+        classes=classes,
+        as_published=given["as_published"],
     )
     stiffness, ratio = (given[f"{name}_scatter"] or 0.0 for name in ("stiffness", "damping"))
     derived = derive_all(rows, rules, stiffness=stiffness, damping=ratio, seed=given["seed"])
     files = _model_files(derived, rules, models) if models else {}
     if files:
-        write_files(files, overwrite=overwrite)
+        write_files(files, overwrite=outputs.overwrite)
     outputs.deliver(Table.of_results(columns.INVENTORY if classes is None else columns.OF_CLASSES, derived))
     say(f"{len(derived)} of {len(derived) + len({fault.line for fault in faults})} buildings by the rules {rules}.")
     if len(faults) > _SHOWN:
@@ -137,28 +131,22 @@ def _run(
         raise ModelError(faults)
 
 
-def _model_files(derived: Sequence[InventoryBuilding], rules: str, folder: str) -> dict[Path, Writer]:
-    """What writes each model file.
+def _model_files(derived: Sequence[InventoryBuilding], rules: str, folder: str) -> dict[Path, bytes]:
+    """The model files.
 
     Raises
     ------
     UsageError
         An id that is no file name.
     """
-    from tdint.errors import UsageError
     from tdint.model.inventory.derive import model_text
 
-    files: dict[Path, Writer] = {}
+    files: dict[Path, bytes] = {}
     for one in derived:
         name = one.row.id
         if not _FILE_NAME.fullmatch(name):
             raise UsageError(
                 f"the id {name!r} does not make a file name; --models needs ids of letters, digits, -, _ and ."
             )
-        data = model_text(name, one.building, rules).encode()
-        files[Path(folder) / f"{name}.yaml"] = partial(_write, data)
+        files[Path(folder) / f"{name}.yaml"] = model_text(name, one.building, rules).encode()
     return files
-
-
-def _write(data: bytes, stream: BinaryIO) -> None:
-    stream.write(data)

@@ -3,49 +3,24 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from tdint.errors import UsageError
+from tdint.output import figures, tables
 from tdint_cli import options
 from tdint_cli.options.output import Outputs
-from tdint_cli.options.values import DriftSizeType, FileName, ListOf
+from tdint_cli.options.values import FileName, drift_size
 from tdint_cli.terminal.streams import say, say_table
 
 if TYPE_CHECKING:
     from tdint.analysis.static.cyclic import Cycle, CyclicTest
-    from tdint.files import Writer
     from tdint.output_units import OutputUnits
     from tdint.units import DriftSize
 
 
 _POINTS = 200
-
-
-@dataclass(frozen=True)
-class Request:
-    """The command line of `tdint law`."""
-
-    model: str
-    story: int
-    drifts: tuple[DriftSize, ...]
-    cycles: int | None
-    points: int | None
-    path: str | None
-    units: str | None
-    output: str | None
-    plot: str | None
-    output_units: OutputUnits | None
-    overwrite: bool
-
-
-def _one_after_the_other(
-    _: click.Context, __: click.Parameter, lists: tuple[tuple[DriftSize, ...], ...]
-) -> tuple[DriftSize, ...]:
-    """All amplitudes in the order given; one may come again."""
-    return tuple(size for sizes in lists for size in sizes)
 
 
 @options.command("law")
@@ -61,9 +36,9 @@ def _one_after_the_other(
 @options.option(
     "--drift",
     "drifts",
-    type=ListOf(DriftSizeType()),
-    multiple=True,
-    callback=_one_after_the_other,
+    type=drift_size,
+    many=True,
+    once=False,
     metavar="DRIFT,...",
     help="Amplitudes, one after the other: drift ratios (0.02 or 2%), lengths with their unit (20mm; m, cm, mm, in, "
     "ft), or multiples of the yield drift (4dy).",
@@ -93,11 +68,17 @@ def _one_after_the_other(
     type=click.Choice(["m", "dy"]),
     help="What the numbers of --path are: m by default, or multiples of the yield drift (dy).",
 )
-@options.output.output()
-@options.output.picture
-@options.output.units
-@options.output.overwrite
-def command(**given: Any) -> None:
+@options.output.to_files()
+def command(
+    model: str,
+    story: int,
+    drifts: tuple[DriftSize, ...] | None,
+    cycles: int | None,
+    points: int | None,
+    path: str | None,
+    units: str | None,
+    outputs: Outputs,
+) -> None:
     """Cyclic test of one story: its force over imposed cycles of drift.
 
     MODEL.yaml is a model file, - is standard input. The story starts at rest; each cycle goes to the amplitude, to the
@@ -111,58 +92,33 @@ def command(**given: Any) -> None:
     stiffness), the energy dissipated, and the equivalent viscous damping ratio, energy / (4 pi secant stiffness drift^2
     / 2).
     """
-    _run(Request(**given))
-
-
-def _run(request: Request) -> None:
-    outputs = Outputs.checked(request.output, request.plot, request.overwrite, units=request.output_units)
-    cycles = request.cycles or 1
-    drifts = _path(request)
-    from tdint.analysis.static.cyclic import cyclic_test, path_test
+    if path is None and not drifts:
+        raise UsageError("no drift: give --drift, or a path of drifts by --path")
+    if path is not None:
+        for name, given in (("--drift", drifts), ("--cycles", cycles), ("--points", points)):
+            if given:
+                raise UsageError(f"{name} and --path exclude each other: a path tells every drift")
+        if path == model == "-":
+            raise UsageError("standard input already holds the model; give the path as a file")
+    from tdint.analysis.static.cyclic import cyclic_test, path_test, read_drift_path
     from tdint.model.config.model_file import load_model
-    from tdint.output.tables.buildings import cyclic_table
 
-    model = load_model(request.model)
-    if drifts is None:
-        test = cyclic_test(model, request.story, request.drifts, cycles=cycles, points=request.points or _POINTS)
+    each = cycles or 1
+    if path is None:
+        building = load_model(model)
+        test = cyclic_test(building, story, drifts or (), cycles=each, points=points or _POINTS)
     else:
-        test = path_test(model, request.story, drifts, in_yield_drifts=request.units == "dy")
-
-    def draw(suffix: str) -> Writer:
-        from tdint.output.figures.statics import cyclic_picture
-
-        return cyclic_picture(test, suffix, units)
-
-    outputs = outputs.else_in(model.output_units)
-    units = outputs.units or model.output_units
-    outputs.deliver(cyclic_table(test), draw)
-    say(_paragraph(test, units))
-    if drifts is None:
-        say_table([_header(units), *(_row(test, cycle, units) for cycle in test.cycles[cycles - 1 :: cycles])])
+        imposed = read_drift_path(path)
+        building = load_model(model)
+        test = path_test(building, story, imposed, in_yield_drifts=units == "dy")
+    outputs = outputs.else_in(building.output_units)
+    shown = outputs.shown_units
+    outputs.deliver(tables.buildings.cyclic_table(test), lambda: figures.statics.cyclic_picture(test, shown))
+    say(_paragraph(test, shown))
+    if path is None:
+        say_table([_header(shown), *(_row(test, cycle, shown) for cycle in test.cycles[each - 1 :: each])])
     else:
-        say(_ends(test, units))
-
-
-def _path(request: Request) -> list[float] | None:
-    """The drifts of --path; None if cycles are asked for.
-
-    Raises
-    ------
-    UsageError
-        Neither or both of them, or a file that cannot be read.
-    """
-    if request.path is None:
-        if not request.drifts:
-            raise UsageError("no drift: give --drift, or a path of drifts by --path")
-        return None
-    for name, given in (("--drift", request.drifts), ("--cycles", request.cycles), ("--points", request.points)):
-        if given:
-            raise UsageError(f"{name} and --path exclude each other: a path tells every drift")
-    if request.path == "-" and request.model == "-":
-        raise UsageError("standard input already holds the model; give the path as a file")
-    from tdint.analysis.static.cyclic import read_drift_path
-
-    return read_drift_path(request.path)
+        say(_ends(test, shown))
 
 
 def _ends(test: CyclicTest, units: OutputUnits) -> str:

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import click
 
+from tdint.output import figures, tables
 from tdint_cli import options
-from tdint_cli.options.output import Outputs
+from tdint_cli.terminal.streams import note
 
 if TYPE_CHECKING:
-    from tdint.files import Writer
-    from tdint.output_units import OutputUnits
+    from tdint_cli.options.output import Outputs
 
 
 @options.command("modes")
@@ -23,18 +23,10 @@ if TYPE_CHECKING:
     help="Also a column for each floor with its ordinate: 1 at the roof, or such that the participation factor is 1 "
     "(the sum over all modes is 1 at each floor then).",
 )
-@options.output.output()
-@options.output.plot("Also draw the shapes of the first modes, to this file (.png, .pdf, .svg) or beside -o.")
-@options.output.units
-@options.output.overwrite
-def command(
-    model: str,
-    shapes: str | None,
-    output: str | None,
-    plot: str | None,
-    output_units: OutputUnits | None,
-    overwrite: bool,
-) -> None:
+@options.output.to_files(
+    picture="Also draw the shapes of the first modes, to this file (.png, .pdf, .svg) or beside -o."
+)
+def command(model: str, shapes: str | None, outputs: Outputs) -> None:
     """Periods, damping ratios, modal masses and shapes of a building.
 
     MODEL.yaml is a model file, - is standard input. CSV, one row per undamped mode of the initial
@@ -43,21 +35,14 @@ def command(
     """
     from tdint.model.building import assemble
     from tdint.model.config.model_file import load_model
-    from tdint.output.tables.buildings import mode_table
-    from tdint_cli.terminal.streams import note
 
-    outputs = Outputs.checked(output, plot, overwrite, units=output_units)
     loaded = load_model(model)
     building = assemble(loaded)
     modes = building.modes()
     matrix = building.damping_matrix()
-
-    def draw(suffix: str) -> Writer:
-        from tdint.output.figures.demands.mode_shapes import mode_picture
-
-        return mode_picture(modes, suffix, name=loaded.name, norm=shapes or "roof")
-
-    table = mode_table(modes, modes.own_damping(matrix), shapes)
-    outputs.else_in(loaded.output_units).deliver(table, draw)
+    outputs.else_in(loaded.output_units).deliver(
+        tables.buildings.mode_table(modes, modes.own_damping(matrix), shapes),
+        lambda: figures.demands.mode_shapes.mode_picture(modes, name=loaded.name, norm=shapes or "roof"),
+    )
     if modes.damping_ratios(matrix) is None:
         note("the damping couples the modes; each ratio is that of the mode moving alone")

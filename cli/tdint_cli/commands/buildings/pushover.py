@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import click
 
+from tdint.output import figures, tables
 from tdint_cli import options
 from tdint_cli.options.output import Outputs
-from tdint_cli.options.values import DriftSizeType
+from tdint_cli.options.values import drift_size
 from tdint_cli.terminal.streams import say
 
 if TYPE_CHECKING:
     from tdint.analysis.static.pushover import Pushover
-    from tdint.files import Writer
     from tdint.output_units import OutputUnits
     from tdint.units import DriftSize
 
@@ -32,7 +32,7 @@ PATTERNS = ("first-mode", "uniform", "triangular")
 )
 @options.option(
     "--drift",
-    type=DriftSizeType(),
+    type=drift_size,
     default="4%",
     metavar="DRIFT",
     help="How far the roof is pushed: a ratio of the building's height (0.04 or 4%, by default) or a length (200mm).",
@@ -44,20 +44,8 @@ PATTERNS = ("first-mode", "uniform", "triangular")
     metavar="COUNT",
     help="Steps of the roof displacement; 200 by default.",
 )
-@options.output.output()
-@options.output.picture
-@options.output.units
-@options.output.overwrite
-def command(
-    model: str,
-    pattern: str,
-    drift: DriftSize,
-    points: int,
-    output: str | None,
-    plot: str | None,
-    output_units: OutputUnits | None,
-    overwrite: bool,
-) -> None:
+@options.output.to_files()
+def command(model: str, pattern: str, drift: DriftSize, points: int, outputs: Outputs) -> None:
     """Base shear of a building over its roof displacement, pushed slowly.
 
     MODEL.yaml is a model file, - is standard input. Forces of one pattern on the floors grow until the first story
@@ -65,23 +53,14 @@ def command(
     branches, with the model's P-delta, without dashpots and damping. CSV, one row per step: displacement of
     the roof and its ratio to the height, base shear, drifts of the stories.
     """
-    outputs = Outputs.checked(output, plot, overwrite, units=output_units)
     from tdint.analysis.static.pushover import pushover
     from tdint.model.config.model_file import load_model
-    from tdint.output.tables import buildings as columns
-    from tdint.output.tables.table import Table
 
     loaded = load_model(model)
     result = pushover(loaded, drift, pattern=pattern, points=points)
-    units = output_units or loaded.output_units
-    outputs = outputs.else_in(units)
-
-    def draw(suffix: str) -> Writer:
-        from tdint.output.figures.statics import pushover_picture
-
-        return pushover_picture(result, suffix, units)
-
-    outputs.deliver(Table.of_results(columns.pushover(result.drift.shape[1]), [result]), draw)
+    outputs = outputs.else_in(loaded.output_units)
+    units = outputs.shown_units
+    outputs.deliver(tables.buildings.pushover_table(result), lambda: figures.statics.pushover_picture(result, units))
     say(_words(result, units))
 
 

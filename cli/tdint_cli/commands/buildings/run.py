@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tdint.errors import UsageError
-from tdint.files import is_folder
+from tdint.files import check_outputs, check_room, is_folder, write_files
+from tdint.output import figures, tables
+from tdint.output_units import SI, OutputUnits
 from tdint_cli import options
 from tdint_cli.batch.profiles import SuiteRequest, drift_limit
 from tdint_cli.batch.sources import refuse_inputs
@@ -26,11 +28,10 @@ from tdint_cli.terminal.streams import complain, note, say, warn
 if TYPE_CHECKING:
     from tdint.analysis.run.case import Case
     from tdint.analysis.run.outcome import Collapse, FailedRun, Response, Shock, StepChoice, StoryPeaks
-    from tdint.files import Writer
+    from tdint.files import Content
     from tdint.ground_motion.record import Input, Record
     from tdint.model.definition import Model
     from tdint.output.tables.table import Table
-    from tdint.output_units import OutputUnits
 
 STORIES, HISTORY, PICTURE, SUMMARY = "stories.csv", "history.csv", "response.png", "summary.json"
 _STEPS_OF_A_PICTURE = 20_000
@@ -44,32 +45,23 @@ ALL_FILES = (STORIES, HISTORY, SPECTRA, SPECTRA_PICTURE, MOTIONS, PICTURE, SUMMA
 """The files of a run. The summary is written last: where it says `done`, all is there."""
 
 
-@dataclass(frozen=True)
-class Request(BuildingRequest):
+@dataclass(frozen=True, kw_only=True)
+class Request(BuildingRequest, SuiteRequest):
     """The command line of `tdint run`."""
 
     method: str | None
     dt: float | None
     until_rest: bool
-    output: str | None
-    output_units: OutputUnits | None
     history: str | None
     every: int
-    plot: str | None
-    overwrite: bool
     allow_unstable: bool
     check: bool | None
     tolerance: float | None
-    of_floors: FloorRequest
-    jobs: int | None
     factors: str | None
     sequence: bool
     rest: float | None
     shocks: tuple[str, ...]
     """The records of a sequence; none for a run of one."""
-    drift_limit: float | None
-    require: bool
-    report: str | None
 
     def refuse_of_one(self) -> None:
         """Raise UsageError for options of a single run.
@@ -211,29 +203,12 @@ def command(record: str | None, records: tuple[str, ...], **given: Any) -> None:
     if request.factors is not None and (request.scale or not named):
         raise UsageError("--factors stands in place of --scale, and is for the RECORDs that were scaled: name them")
     if request.factors is not None or len(named) > 1 or len(request.scale or ()) > 1 or (named and is_folder(named[0])):
-        _run_many(request, named)
+        request.refuse_of_one()
+        from tdint_cli.commands.buildings.many_runs import run_many
+
+        run_many(request, named)
     else:
         _run(request)
-
-
-def _run_many(request: Request, records: tuple[str, ...]) -> None:
-    from tdint.campaign.definition import AnalysisWishes
-    from tdint_cli.commands.buildings.many_runs import run_many
-
-    request.refuse_of_one()
-    if "-" in (request.model, *records):
-        raise UsageError("several records or scales take files, not standard input")
-    wishes = AnalysisWishes(
-        request.method, request.dt, request.duration, until_rest=request.until_rest, check=bool(request.check)
-    )
-    run_many(
-        request, records, wishes=wishes, output=request.output, overwrite=request.overwrite,
-        jobs=request.jobs, factors=request.factors,
-        of_suite=SuiteRequest(
-            request.output_units, request.plot, request.drift_limit, request.require,
-            of_floors=request.of_floors, jobs=request.jobs, report=request.report,
-        ),
-    )  # fmt: skip
 
 
 def _check_sequence(request: Request) -> None:
@@ -334,8 +309,6 @@ def _remark(record: Record | None, notes: Sequence[str]) -> None:
 
 def _check(request: Request) -> None:
     """Refuse, before any work, what can be seen to fail."""
-    from tdint.files import check_outputs
-
     history = _history(request)
     if request.drift_limit is not None:
         raise UsageError("--limit is for the mean over several records; the drifts of one are in its table")
@@ -386,53 +359,44 @@ def _history(request: Request) -> Path | None:
 
 def _check_room(request: Request, stories: int, steps: int) -> None:
     """Raise OutputError for a history that the disk cannot hold."""
-    from tdint.files import check_room
-    from tdint.output.tables.responses import history_columns
-
     if file := _history(request):
-        columns = len(history_columns(stories, bool(request.check)))
+        columns = len(tables.responses.history_columns(stories, bool(request.check)))
         check_room(file, (steps // request.every + 1) * columns * _LEAST_BYTES[file.suffix == ".gz"])
 
 
 def _units(request: Request) -> OutputUnits:
-    from tdint.output_units import SI
-
     return request.output_units or SI
 
 
 def _stories(request: Request, response: Response) -> Table:
     """The table of stories, in the units asked for."""
-    from tdint.output.tables.responses import response_table
-
-    return response_table(response).in_units(_units(request))
+    return tables.responses.response_table(response).in_units(_units(request))
 
 
-def _files(request: Request, response: Response, case: Case, inputs: list[Input], began: float) -> dict[Path, Writer]:
+def _files(request: Request, response: Response, case: Case, inputs: list[Input], began: float) -> dict[Path, Content]:
     """The files of a run and what writes them."""
     from tdint.analysis.spectra.elastic import first_mode
     from tdint.output.summaries.of_run import UNITS, run_summary
     from tdint.output.summaries.summary import in_units, json_bytes
-    from tdint.output.tables.responses import write_pieces
 
     units = _units(request)
-    files: dict[Path, Writer] = {}
+    files: dict[Path, Content] = {}
     if request.output:
-        table = _stories(request, response).csv()
-        files[Path(request.output) / STORIES] = lambda stream: stream.write(table)
+        files[Path(request.output) / STORIES] = _stories(request, response).csv()
     _check_room(request, len(response.model.stories), response.steps)
     if (file := _history(request)) and (pieces := response.pieces):
         # The error makes it half as large again: of one who asked for it.
         kept = (one if request.check else replace(one, error=None) for one in pieces(request.every))
-        files[file] = lambda stream: write_pieces(kept, stream, units)
+        files[file] = lambda stream: tables.responses.write_pieces(kept, stream, units)
     if request.output:
         of_floors, notes = request.of_floors.files(response, Path(request.output), units, plot=request.plot is not None)
         files |= of_floors
         for text in notes:
             note(text)
     if picture := _picture(request):
-        from tdint.output.figures.runs import run_picture
-
-        files[picture] = run_picture(_thinned(response), picture.suffix, units)
+        files[picture] = figures.style.picture(
+            picture.suffix, lambda: figures.runs.run_picture(_thinned(response), units)
+        )
     if not (request.output or request.report):
         return files
     wall_time = time.perf_counter() - began
@@ -441,11 +405,11 @@ def _files(request: Request, response: Response, case: Case, inputs: list[Input]
     if request.report:
         from tdint.output.report_chapters import run_page
 
-        report = run_page(_thinned(response), content, _paragraph(response, units), _warnings(response), units)
-        files[Path(request.report)] = lambda stream: stream.write(report)
+        files[Path(request.report)] = run_page(
+            _thinned(response), content, _paragraph(response, units), _warnings(response), units
+        )
     if request.output:
-        summary = json_bytes(in_units(content, units, UNITS))
-        files[Path(request.output) / SUMMARY] = lambda stream: stream.write(summary)
+        files[Path(request.output) / SUMMARY] = json_bytes(in_units(content, units, UNITS))
     return files
 
 
@@ -471,7 +435,7 @@ def _warnings(response: Response) -> list[str]:
 
 def _failed_files(
     request: Request, failure: FailedRun, case: Case, inputs: list[Input], began: float
-) -> dict[Path, Writer]:
+) -> dict[Path, Content]:
     from tdint.analysis.spectra.elastic import first_mode
     from tdint.output.summaries.of_run import UNITS, failure_summary
     from tdint.output.summaries.summary import in_units, json_bytes
@@ -480,8 +444,7 @@ def _failed_files(
     first = first_mode(case.building, case.record)
     settings = _settings(request)
     content = failure_summary(failure, case.model, case.record, inputs, wall_time, first=first, settings=settings)
-    summary = json_bytes(in_units(content, _units(request), UNITS))
-    return {file: lambda stream: stream.write(summary) for file in _in_folder(request, (SUMMARY,))}
+    return dict.fromkeys(_in_folder(request, (SUMMARY,)), json_bytes(in_units(content, _units(request), UNITS)))
 
 
 def _settings(request: Request) -> dict[str, Any]:
@@ -499,10 +462,8 @@ def _settings(request: Request) -> dict[str, Any]:
     }
 
 
-def _write(request: Request, files: dict[Path, Writer]) -> None:
+def _write(request: Request, files: dict[Path, Content]) -> None:
     """Write the files of this run; with --overwrite the folder keeps none of an earlier one."""
-    from tdint.files import write_files
-
     every = _in_folder(request, ALL_FILES)
     write_files(files, overwrite=request.overwrite, stale=[file for file in every if file not in files])
 

@@ -10,6 +10,7 @@ import click
 
 from tdint.analysis.spectra.defaults import DRIFT_PERIODS, HEIGHT_PERIOD, STORY_HEIGHT
 from tdint.errors import UsageError
+from tdint.output import figures, tables
 from tdint_cli import options
 from tdint_cli.commands.ground_motions.spectrum_request import Kind, Results, TablesRequest
 from tdint_cli.commands.ground_motions.spectrum_tables import make_tables
@@ -17,8 +18,8 @@ from tdint_cli.options.values import Number
 
 if TYPE_CHECKING:
     from tdint.analysis.spectra.drift import DriftSpectrum
-    from tdint.files import Writer
     from tdint.ground_motion.record import Record
+    from tdint.output.figures.style import Figure
     from tdint.output.tables.table import Table
 
 _HEIGHT_PERIOD = ",".join(f"{number:g}" for number in HEIGHT_PERIOD)
@@ -67,7 +68,7 @@ class DriftRequest(TablesRequest):
     is_flag=True,
     help="A continuous shear beam instead of stories, and its drift at the base (Iwan's drift spectrum).",
 )
-@options.spectra.tables
+@options.spectra.per_record
 @options.spectra.picture
 @options.output.jobs
 @options.output.units
@@ -128,12 +129,8 @@ class _DriftSpectra(Kind):
 
     def table(self, _: DriftRequest, results: Sequence[DriftSpectrum]) -> Table:
         """A row for each spectrum and period."""
-        from tdint.output.tables.spectra import drift_spectrum_table
+        return tables.spectra.drift_spectrum_table(results)
 
-        return drift_spectrum_table(results)
-
-    def picture(self, request: DriftRequest, results: Sequence[DriftSpectrum], suffix: str) -> Writer:
+    def picture(self, request: DriftRequest, results: Sequence[DriftSpectrum]) -> Figure:
         """A line for each spectrum."""
-        from tdint.output.figures.spectrum_curves import drift_spectrum_picture
-
-        return drift_spectrum_picture(results, suffix, request.shown_units)
+        return figures.spectrum_curves.drift_spectrum_picture(results, request.shown_units)

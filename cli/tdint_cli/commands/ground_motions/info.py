@@ -8,6 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from tdint.errors import TdintError
+from tdint.output import figures, tables
 from tdint_cli import options
 from tdint_cli.batch.processes import Task, outcomes
 from tdint_cli.batch.sources import notes_of_components, records_of, refuse_inputs
@@ -17,21 +18,16 @@ from tdint_cli.options.record import RecordsRequest
 from tdint_cli.terminal.streams import note, warn
 
 if TYPE_CHECKING:
-    from tdint.files import Writer
     from tdint.output.tables.spectra import RecordInfo
     from tdint.output.tables.table import Table
-    from tdint.output_units import OutputUnits
 
 
 @dataclass(frozen=True)
 class Request(RecordsRequest):
     """The command line of `tdint info`."""
 
-    output: str | None
-    plot: str | None
     jobs: int
-    overwrite: bool
-    output_units: OutputUnits | None
+    outputs: Outputs
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -67,14 +63,10 @@ class Product:
 
 @options.command("info")
 @options.record.of_records
-@options.output.output(
-    "FILE",
-    "Write the table to this file instead of standard output, and what the records are to a JSON file beside it.",
+@options.output.to_files(
+    "Write the table to this file instead of standard output, and what the records are to a JSON file beside it."
 )
-@options.output.picture
 @options.output.jobs
-@options.output.units
-@options.output.overwrite
 def command(**given: Any) -> None:
     """What ground-motion records are and how strong.
 
@@ -90,7 +82,7 @@ def command(**given: Any) -> None:
 
 def _run(request: Request) -> None:
     sources = records_of(request.records, request.layout)
-    outputs = Outputs.checked(request.output, request.plot, request.overwrite, units=request.output_units)
+    outputs = request.outputs
     refuse_inputs(outputs.files, [*sources.files, request.inventory])
     notes = dict.fromkeys(sources.notes)  # a set in the order of arrival
     warnings: dict[str, None] = {}
@@ -98,7 +90,7 @@ def _run(request: Request) -> None:
     products: list[Product] = []
     tasks = [Task(file) for file in sources.files]
     work = partial(_work, request)
-    with outcomes(work, tasks, jobs=request.jobs, label="records", to_terminal=request.output is None) as results:
+    with outcomes(work, tasks, jobs=request.jobs, label="records", to_terminal=outputs.table is None) as results:
         for outcome in results:
             if isinstance(outcome, TdintError):
                 failures.append(outcome)
@@ -107,10 +99,10 @@ def _run(request: Request) -> None:
                 notes |= dict.fromkeys(outcome.changes)
                 warnings |= dict.fromkeys(outcome.warnings)
     if products:
-        _deliver(request, outputs, products)
+        _deliver(request, products)
     for text in warnings:
         warn(text)
-    if request.plot and (left_out := _undrawn(products)):
+    if outputs.picture and (left_out := _undrawn(products)):
         note(f"the picture shows the first components; {left_out} more are left out")
     for text in notes:
         note(text)
@@ -120,39 +112,34 @@ def _run(request: Request) -> None:
 
 def _undrawn(products: Sequence[Product]) -> int:
     """How many components the picture has no room for."""
-    from tdint.output.figures.records import MOST_RECORDS
-
-    return max(0, sum(len(product.infos) for product in products) - MOST_RECORDS)
+    return max(0, sum(len(product.infos) for product in products) - figures.records.MOST_RECORDS)
 
 
-def _deliver(request: Request, outputs: Outputs, products: Sequence[Product]) -> None:
+def _deliver(request: Request, products: Sequence[Product]) -> None:
     from tdint.output.summaries.summary import table_summary
 
     rows = [row for product in products for row in product.table.rows]
     records = [record for product in products for record in product.records]
 
-    def draw(suffix: str) -> Writer:
-        from tdint.output.figures.records import info_picture
-        from tdint.output_units import SI
-
-        infos = [info for product in products for info in product.infos]
-        return info_picture(infos, suffix, request.output_units or SI)
-
+    infos = [info for product in products for info in product.infos]
     table = replace(products[0].table, rows=rows)
-    outputs.deliver(table, draw, lambda: table_summary("info", request.settings, records, table.meanings))
+    request.outputs.deliver(
+        table,
+        lambda: figures.records.info_picture(infos, request.outputs.shown_units),
+        lambda: table_summary("info", request.settings, records, table.meanings),
+    )
 
 
 def _work(request: Request, task: Task) -> Product:
     """All components of a record; it may run in another process."""
     from tdint.output.summaries.summary import record_summary
-    from tdint.output.tables.spectra import info_table, record_info
 
     records = request.read(task.source)
-    infos = list(map(record_info, records))
+    infos = list(map(tables.spectra.record_info, records))
     return Product(
-        table=info_table(infos),
+        table=tables.spectra.info_table(infos),
         records=tuple(map(record_summary, records)),
-        infos=tuple(infos) if request.plot else (),
+        infos=tuple(infos) if request.outputs.picture else (),
         changes=notes_of_components(records, lambda record: record.processing),
         warnings=notes_of_components(records, lambda record: record.warnings),
     )

@@ -34,7 +34,7 @@ from tdint_cli.commands.ground_motions.target_table import write_target
 @kinds.against
 @kinds.against_column
 @kinds.against_interpolation
-@options.spectra.tables
+@options.spectra.per_record
 @options.spectra.picture
 @kinds.axes
 @options.output.jobs

@@ -10,12 +10,13 @@ import click
 
 from tdint.analysis.spectra.defaults import MOST_DUCTILE, PERIODS, STEPS_PER_PERIOD
 from tdint.errors import RecordError, UsageError
+from tdint.output import figures, tables
 from tdint_cli.batch.sources import STDIN
 from tdint_cli.commands.ground_motions.spectrum_request import Kind, Results, SpectrumRequest
 from tdint_cli.options import output
 from tdint_cli.options.plot import BESIDE
 from tdint_cli.options.spectra import option
-from tdint_cli.options.values import FileName, Number, PairNamesType, Ratio
+from tdint_cli.options.values import FileName, Number, Ratio, pair_names
 from tdint_cli.terminal.streams import note
 
 if TYPE_CHECKING:
@@ -23,8 +24,8 @@ if TYPE_CHECKING:
     from tdint.analysis.spectra.inelastic import InelasticSpectrum
     from tdint.analysis.spectra.published import SpectrumDifference
     from tdint.analysis.spectra.rotated import RotatedSpectrum
-    from tdint.files import Writer
     from tdint.ground_motion.record import Record
+    from tdint.output.figures.style import Figure
     from tdint.output.tables.table import Table
 
 maxima = option(
@@ -61,7 +62,7 @@ rotd = option(
 pairs = option(
     "--pairs",
     needs="--rotd",
-    type=PairNamesType(),
+    type=pair_names,
     metavar="NAMES",
     help="How the two files of a motion are named, {} for what they share: '{}_N.AT2,{}_E.AT2'.",
 )
@@ -162,15 +163,12 @@ class Elastic(_OfOscillators):
 
     def table(self, request: SpectrumRequest, lines: Sequence[Spectrum]) -> Table:
         """A row for each spectrum and period."""
-        from tdint.output.tables.spectra import spectrum_table
+        return tables.spectra.spectrum_table(lines, request.stated)
 
-        return spectrum_table(lines, request.stated)
-
-    def picture(self, request: SpectrumRequest, lines: Sequence[Spectrum], suffix: str) -> Writer:
+    def picture(self, request: SpectrumRequest, lines: Sequence[Spectrum]) -> Figure:
         """A line for each spectrum."""
-        from tdint.output.figures.spectrum_curves import spectrum_picture
-
-        return spectrum_picture(lines, suffix, request.axes or "periods", request.shown_units, request.aim)
+        axes = request.axes or "periods"
+        return figures.spectrum_curves.spectrum_picture(lines, axes, request.shown_units, request.aim)
 
 
 class Inelastic(_OfOscillators):
@@ -200,15 +198,11 @@ class Inelastic(_OfOscillators):
 
     def table(self, _: SpectrumRequest, lines: Sequence[InelasticSpectrum]) -> Table:
         """A row for each spectrum and period."""
-        from tdint.output.tables.spectra import inelastic_table
+        return tables.spectra.inelastic_table(lines)
 
-        return inelastic_table(lines)
-
-    def picture(self, request: SpectrumRequest, lines: Sequence[InelasticSpectrum], suffix: str) -> Writer:
+    def picture(self, request: SpectrumRequest, lines: Sequence[InelasticSpectrum]) -> Figure:
         """A line for each spectrum."""
-        from tdint.output.figures.spectrum_curves import inelastic_picture
-
-        return inelastic_picture(lines, suffix, request.shown_units)
+        return figures.spectrum_curves.inelastic_picture(lines, request.shown_units)
 
 
 class Histories(Kind):
@@ -235,10 +229,7 @@ class Histories(Kind):
 
     def table(self, _: SpectrumRequest, lines: Sequence[OscillatorMotion]) -> Table:
         """A row for each oscillator and sample."""
-        from tdint.output.tables.spectra import OSCILLATOR
-        from tdint.output.tables.table import Table
-
-        return Table.of_results(OSCILLATOR, lines)
+        return tables.table.Table.of_results(tables.spectra.OSCILLATOR, lines)
 
 
 class Rotated(_OfOscillators):
@@ -286,15 +277,11 @@ class Rotated(_OfOscillators):
 
     def table(self, request: SpectrumRequest, lines: Sequence[RotatedSpectrum]) -> Table:
         """A row for each damping ratio and period."""
-        from tdint.output.tables.spectra import rotated_table
+        return tables.spectra.rotated_table(lines, request.stated)
 
-        return rotated_table(lines, request.stated)
-
-    def picture(self, request: SpectrumRequest, lines: Sequence[RotatedSpectrum], suffix: str) -> Writer:
+    def picture(self, request: SpectrumRequest, lines: Sequence[RotatedSpectrum]) -> Figure:
         """A line for each percentile."""
-        from tdint.output.figures.spectrum_curves import rotated_picture
-
-        return rotated_picture(lines, suffix, request.shown_units, request.aim)
+        return figures.spectrum_curves.rotated_picture(lines, request.shown_units, request.aim)
 
 
 class Against(Kind):
@@ -327,15 +314,11 @@ class Against(Kind):
 
     def table(self, request: SpectrumRequest, lines: Sequence[SpectrumDifference]) -> Table:
         """A row for each spectrum and period."""
-        from tdint.output.tables.spectra import difference_table
+        return tables.spectra.difference_table(lines)
 
-        return difference_table(lines)
-
-    def picture(self, request: SpectrumRequest, lines: Sequence[SpectrumDifference], suffix: str) -> Writer:
+    def picture(self, request: SpectrumRequest, lines: Sequence[SpectrumDifference]) -> Figure:
         """Both spectra, and their difference."""
-        from tdint.output.figures.spectrum_curves import difference_picture
-
-        return difference_picture(lines, suffix, request.shown_units)
+        return figures.spectrum_curves.difference_picture(lines, request.shown_units)
 
 
 def _between_periods(request: SpectrumRequest) -> str:

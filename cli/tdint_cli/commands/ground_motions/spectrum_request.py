@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from tdint.analysis.spectra.elastic import SpectrumSettings
     from tdint.analysis.spectra.published import PublishedSpectrum
     from tdint.campaign.suites.target import TargetSpectrum
-    from tdint.files import Writer
     from tdint.ground_motion.pairing import PairNames
     from tdint.ground_motion.record import Record
+    from tdint.output.figures.style import Figure
     from tdint.output.tables.table import Table
     from tdint.output_units import OutputUnits
 
@@ -69,8 +69,8 @@ class Kind:
         """The table of results."""
         raise NotImplementedError
 
-    def picture(self, request: Any, lines: Sequence[Any], suffix: str) -> Writer:
-        """What draws results, as a file with this suffix."""
+    def picture(self, request: Any, lines: Sequence[Any]) -> Figure:
+        """The figure of results."""
         raise NotImplementedError
 
     def remark(self, request: Any, interval: float) -> str:

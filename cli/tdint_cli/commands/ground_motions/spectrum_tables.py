@@ -7,9 +7,11 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tdint.errors import TdintError
+from tdint.files import check_outputs, write_files
+from tdint.output import figures
 from tdint_cli.batch.processes import Task, outcomes
 from tdint_cli.batch.sources import notes_of_components, records_of, refuse_inputs, tables_of
 from tdint_cli.commands.ground_motions.spectrum_request import Kind, TablesRequest
@@ -18,9 +20,6 @@ from tdint_cli.options.output import Outputs, check_picture
 from tdint_cli.options.plot import SUFFIX, beside, picture_file
 from tdint_cli.terminal.drawing import reading_width, table_bytes
 from tdint_cli.terminal.streams import emit, note, warn
-
-if TYPE_CHECKING:
-    from tdint.files import Writer
 
 
 @dataclass(frozen=True)
@@ -121,8 +120,6 @@ def make_tables(request: TablesRequest, kind: Kind) -> None:
 
 def _tasks(request: TablesRequest, records: Sequence[tuple[str, ...]]) -> list[Task]:
     """What to do for the files of each record, after it is clear that its outputs can be written."""
-    from tdint.files import check_outputs
-
     output = Path(request.output) if request.output else None
     tables = tables_of([files[0] for files in records], output) if output and request.is_folder else [output]
     own = tables if request.is_folder else [None] * len(records)
@@ -162,13 +159,12 @@ def _work(request: TablesRequest, kind: Kind, width: int | None, task: Task) -> 
 
 def _picture(request: TablesRequest, kind: Kind, results: Sequence[Any], suffix: str) -> bytes:
     stream = BytesIO()
-    kind.picture(request, results, suffix)(stream)
+    figures.style.picture(suffix, lambda: kind.picture(request, results))(stream)
     return stream.getvalue()
 
 
 def _write(request: TablesRequest, kind: Kind, table: Path | None, products: Sequence[RecordTable]) -> None:
     """Write a table of the records of several files, or of one, with what goes beside it; or a picture alone."""
-    from tdint.files import write_files
     from tdint.output.summaries.summary import in_units, json_bytes, table_summary
 
     outputs = _outputs(request, table)
@@ -185,12 +181,7 @@ def _write(request: TablesRequest, kind: Kind, table: Path | None, products: Seq
         results = [result for product in products for result in product.results]
         contents[outputs.picture] = products[0].picture or _picture(request, kind, results, outputs.picture.suffix)
     if contents:
-        writers = {file: _writer(content) for file, content in contents.items()}
-        write_files(writers, overwrite=request.overwrite)
-
-
-def _writer(content: bytes) -> Writer:
-    return lambda stream: stream.write(content)
+        write_files(contents, overwrite=request.overwrite)
 
 
 def _without_header(csv: bytes) -> bytes:

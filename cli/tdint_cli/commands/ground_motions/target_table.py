@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from tdint.analysis.spectra.defaults import PERIODS
 from tdint.errors import UsageError
+from tdint.output import figures
 from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.commands.ground_motions.spectrum_request import SpectrumRequest
 from tdint_cli.options.output import Outputs
-
-if TYPE_CHECKING:
-    from tdint.files import Writer
 
 _NOT = ("method", "maxima", "interpolation", "rotd", "ductility", "strength", "axes", "against", "component", "units")
 
@@ -50,13 +48,8 @@ def write_target(request: SpectrumRequest) -> None:
 
     table = Table.of_results(TARGET, [target])
 
-    def draw(suffix: str) -> Writer:
-        from tdint.output.figures.spectrum_curves import target_picture
-
-        return target_picture(target, suffix, request.shown_units)
-
     def summarize() -> dict[str, Any]:
         settings = {"target": target.source, "damping": target.damping}
         return table_summary("spectrum", settings, [], table.meanings)
 
-    outputs.deliver(table, draw, summarize)
+    outputs.deliver(table, lambda: figures.spectrum_curves.target_picture(target, request.shown_units), summarize)

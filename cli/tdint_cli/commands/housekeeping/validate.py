@@ -10,9 +10,8 @@ from tdint_cli.terminal.streams import say
 
 
 @options.command("validate")
-@options.output.output()
-@options.output.overwrite
-def command(output: str | None, overwrite: bool) -> None:
+@options.output.to_files(picture=None, in_units=False)
+def command(outputs: Outputs) -> None:
     """Published and exact results beside those of this installation.
 
     Closed forms, tables of textbooks and printed results of other programs that need no file, computed on this machine
@@ -24,10 +23,9 @@ def command(output: str | None, overwrite: bool) -> None:
     from tdint.validation.closed_forms import closed_form_cases
     from tdint.validation.textbook import textbook_cases
 
-    outputs = Outputs.checked(output, None, overwrite)
     cases = (*closed_form_cases(), *textbook_cases())
     results = []
-    with progress_bar(to_terminal=output is None) as progress:
+    with progress_bar(to_terminal=outputs.table is None) as progress:
         for done, case in enumerate(cases):
             progress("validating", done / len(cases))
             results.append(carry_out(case))

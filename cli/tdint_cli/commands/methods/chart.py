@@ -10,6 +10,7 @@ import click
 
 from tdint.analysis.chart.quantities import QUANTITIES
 from tdint.errors import UsageError
+from tdint.output import figures, tables
 from tdint_cli import options
 from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.options.building import BuildingRequest, check_motion, with_motion
@@ -21,9 +22,9 @@ from tdint_cli.terminal.streams import note, say, warn
 if TYPE_CHECKING:
     from tdint.analysis.chart.problem import Problem
     from tdint.analysis.chart.work_precision import Chart, Point
-    from tdint.files import Writer
     from tdint.ground_motion.record import Record
     from tdint.model.definition import Model
+    from tdint.output.figures.style import Figure
     from tdint.output.summaries.of_chart import Advice
 
 
@@ -47,9 +48,7 @@ class Request(BuildingRequest):
     target: str
     versus: str
     cache: bool
-    output: str | None
-    plot: str | None
-    overwrite: bool
+    outputs: Outputs
 
 
 @options.command("chart")
@@ -102,9 +101,9 @@ class Request(BuildingRequest):
 @options.record.of_record
 @options.analysis.duration
 @options.option("--cache/--no-cache", default=True, help="Keep the reference for the next time (default) or not.")
-@options.output.output("FILE", "Write the table to this file instead of standard output, and a .json file beside it.")
-@options.output.picture
-@options.output.overwrite
+@options.output.to_files(
+    "Write the table to this file instead of standard output, and a .json file beside it.", in_units=False
+)
 def command(**given: Any) -> None:
     """Time against accuracy: what methods cost and how much they err on a building.
 
@@ -129,7 +128,7 @@ def command(**given: Any) -> None:
 
 
 def _run(request: Request) -> None:
-    outputs = _checked(request)
+    _check(request)
     from tdint.analysis.run.run import model_record
     from tdint.model.config.model_file import load_model
 
@@ -138,11 +137,11 @@ def _run(request: Request) -> None:
     if record:
         for warning in record.warnings:
             warn(f"{record.source}: {warning}")
-    with progress_bar(request.output is None) as progress:
+    with progress_bar(request.outputs.table is None) as progress:
         charts, left_out = _charts(request, model, record, progress)
     advice = _advice(request, charts[0].points) if len(charts) == 1 and not _peaks_at_start(request, charts[0]) else []
     notes = [*_notes(request, charts, record), *left_out]
-    _deliver(request, outputs, charts, model, record, advice, notes)
+    _deliver(request, charts, model, record, advice, notes)
     for chart in charts:
         say(_reference(request, chart))
     if advice:
@@ -151,7 +150,7 @@ def _run(request: Request) -> None:
         note(text)
 
 
-def _checked(request: Request) -> Outputs:
+def _check(request: Request) -> None:
     """Refuse, before any work, what can be seen to fail."""
     if request.steps and request.halvings is not None:
         raise UsageError("--dt already gives the steps; leave out --halvings")
@@ -160,9 +159,7 @@ def _checked(request: Request) -> Outputs:
     if request.stories and request.peers:
         raise UsageError("--peers charts one building; leave out --stories")
     check_motion(request)
-    outputs = Outputs.checked(request.output, request.plot, request.overwrite)
-    refuse_inputs(outputs.files, [request.model, request.record, request.inventory])
-    return outputs
+    refuse_inputs(request.outputs.files, [request.model, request.record, request.inventory])
 
 
 def _charts(request: Request, model: Model, record: Record | None, progress: Progress) -> tuple[list[Chart], list[str]]:
@@ -216,9 +213,8 @@ def _steps(request: Request, problem: Problem, methods: int) -> Sequence[float]:
 def _advice(request: Request, points: Sequence[Point]) -> list[Advice]:
     from tdint.analysis.chart.work_precision import cheapest, ties
     from tdint.output.summaries.of_chart import Advice
-    from tdint.output.tables.methods import PEER
 
-    own = [point for point in points if PEER not in point.line]
+    own = [point for point in points if tables.methods.PEER not in point.line]
     return [Advice(limit, cheapest(own, request.target, limit), ties(own, request.target, limit)) for limit in LIMITS]
 
 
@@ -230,28 +226,24 @@ def _peaks_at_start(request: Request, chart: Chart) -> bool:
 
 
 def _deliver(
-    request: Request, outputs: Outputs, charts: list[Chart], model: Model, record: Record | None,
-    advice: list[Advice], notes: list[str],
-) -> None:  # fmt: skip
+    request: Request, charts: list[Chart], model: Model, record: Record | None, advice: list[Advice], notes: list[str]
+) -> None:
     from tdint.output.summaries.of_chart import chart_summary
-    from tdint.output.tables.methods import chart_table, sizes_table
 
-    table = sizes_table(charts) if request.stories else chart_table(charts[0])
+    name, target = model.name, request.target
+    table = tables.methods.sizes_table(charts) if request.stories else tables.methods.chart_table(charts[0])
 
-    def draw(suffix: str) -> Writer:
-        from tdint.output.figures.work_precision import chart_picture, sizes_picture
-
+    def draw() -> Figure:
         if request.stories:
-            return sizes_picture(charts, suffix, name=model.name, target=request.target)
-        return chart_picture(charts[0], suffix, name=model.name, target=request.target, versus=request.versus)
+            return figures.work_precision.sizes_picture(charts, name=name, target=target)
+        return figures.work_precision.chart_picture(charts[0], name=name, target=target, versus=request.versus)
 
     def summarize() -> dict[str, Any]:
         return chart_summary(
-            charts, model=model, record=record, target=request.target, advice=advice, notes=notes,
-            meanings=table.meanings,
-        )  # fmt: skip
+            charts, model=model, record=record, target=target, advice=advice, notes=notes, meanings=table.meanings
+        )
 
-    outputs.deliver(table, draw, summarize)
+    request.outputs.deliver(table, draw, summarize)
 
 
 def _reference(request: Request, chart: Chart) -> str:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from textwrap import fill
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
+from tdint.files import check_outputs, write_files
+from tdint.output import figures, tables
+from tdint.output_units import SI
 from tdint_cli import options
 from tdint_cli.options.values import Number
 from tdint_cli.terminal.drawing import emit_table
@@ -16,22 +19,10 @@ from tdint_cli.terminal.streams import say, say_table
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.paper_examples import Example, ExampleRun
-    from tdint.files import Writer
+    from tdint.files import Content
 
 _CONFIRMS = "gauss4"
 _WIDTH = 100
-
-
-@dataclass(frozen=True)
-class Request:
-    """The command line of `tdint examples`."""
-
-    numbers: tuple[str, ...]
-    methods: tuple[str, ...]
-    dts: tuple[float, ...] | None
-    reference: str
-    output: str | None
-    overwrite: bool
 
 
 @options.command("examples")
@@ -55,7 +46,14 @@ class Request:
 )
 @options.output.output("DIR", "Also write the tables and figures into this folder.")
 @options.output.overwrite
-def command(**given: Any) -> None:
+def command(
+    numbers: tuple[str, ...],
+    methods: tuple[str, ...],
+    dts: tuple[float, ...] | None,
+    reference: str,
+    output: str | None,
+    overwrite: bool,
+) -> None:
     """The examples of the paper of 2022: errors of its methods, and its figures.
 
     Example 1 is one mass on a quadratic spring, 2 a building of two stories, 3 a chain of 150 masses. All three if none
@@ -71,34 +69,26 @@ def command(**given: Any) -> None:
     errors |u - u_exact|; 10 and 11 displacements of floors 1 and 2 of example 2, 12 the errors of floor 2; 14 and 15
     displacements of masses 1 and 150 of example 3, 16 the errors of mass 1.
     """
-    _run(Request(**given))
-
-
-def _run(request: Request) -> None:
     from tdint.analysis.assessment.paper_examples import DT, default_integrators, examples, run_example
-    from tdint.files import check_outputs, write_files
-    from tdint.output.tables.methods import example_table
 
-    wanted = [examples()[int(number)] for number in dict.fromkeys(sorted(request.numbers)) or map(str, examples())]
-    folder = Path(request.output) if request.output else None
+    wanted = [examples()[int(number)] for number in dict.fromkeys(sorted(numbers)) or map(str, examples())]
+    folder = Path(output) if output else None
     if folder:
         outputs = [folder / name for example in wanted for name in _names(example)]
-        check_outputs(outputs, overwrite=request.overwrite)
-    integrators = options.analysis.integrators(request.methods) if request.methods else default_integrators()
-    dts = request.dts or (DT,)
-    runs = {example: [run for dt in dts for run in run_example(example, dt, integrators)] for example in wanted}
+        check_outputs(outputs, overwrite=overwrite)
+    integrators = options.analysis.integrators(methods) if methods else default_integrators()
+    steps = dts or (DT,)
+    runs = {example: [run for dt in steps for run in run_example(example, dt, integrators)] for example in wanted}
     if folder:
         files = {
-            folder / name: writer
-            for example in wanted
-            for name, writer in _files(example, runs[example], request.reference)
+            folder / name: writer for example in wanted for name, writer in _files(example, runs[example], reference)
         }
         stale = [file for file in outputs if file not in files]
-        write_files(files, overwrite=request.overwrite, stale=stale)
-    emit_table(example_table([run for example in wanted for run in runs[example]], request.reference))
-    usual = not request.methods and dts[0] == DT
+        write_files(files, overwrite=overwrite, stale=stale)
+    emit_table(tables.methods.example_table([run for example in wanted for run in runs[example]], reference))
+    usual = not methods and steps[0] == DT
     for example in wanted:
-        _say_example(example, [run for run in runs[example] if run.dt == dts[0]], request.reference, remark=usual)
+        _say_example(example, [run for run in runs[example] if run.dt == steps[0]], reference, remark=usual)
 
 
 def _names(example: Example) -> list[str]:
@@ -106,21 +96,17 @@ def _names(example: Example) -> list[str]:
     return [f"{errors}.csv", f"{errors}.json", *(f"figure-{one.number:02d}.png" for one in example.figures)]
 
 
-def _files(example: Example, runs: list[ExampleRun], reference: str) -> list[tuple[str, Writer]]:
-    """The files of one example and what writes each; no figures where no run came to its end."""
-    from tdint.output.figures.paper_examples import example_picture
-    from tdint.output.tables.methods import example_table
-    from tdint.output_units import SI
-
-    table = example_table(runs, reference)
-    text, about = table.csv(), options.output.provenance(table.meanings, SI)
+def _files(example: Example, runs: list[ExampleRun], reference: str) -> list[tuple[str, Content]]:
+    """The files of one example and what they hold; no figures where no run came to its end."""
+    table = tables.methods.example_table(runs, reference)
     first = [run for run in runs if run.dt == runs[0].dt]
-    writers: list[Writer] = [lambda stream: stream.write(text), lambda stream: stream.write(about)]
+    contents: list[Content] = [table.csv(), options.output.provenance(table.meanings, SI)]
     if any(run.outcome == "done" and not run.variant for run in first):
         title = f"example {example.number}, {example.about}"
         exact = f"exact: {_exact(example, runs[0].dt, reference)}"
-        writers += [example_picture(title, first, figure, exact, reference, ".png") for figure in example.figures]
-    return list(zip(_names(example), writers, strict=False))
+        draw = partial(figures.paper_examples.example_picture, title, first, exact=exact, reference=reference)
+        contents += [figures.style.picture(".png", partial(draw, figure)) for figure in example.figures]
+    return list(zip(_names(example), contents, strict=False))
 
 
 def _exact(example: Example, dt: float, reference: str) -> str:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from tdint.output import figures, tables
 from tdint_cli import options
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.values import Name
@@ -13,18 +13,6 @@ from tdint_cli.terminal.streams import say, say_table
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.failures import Trial
-    from tdint.files import Writer
-
-
-@dataclass(frozen=True)
-class Request:
-    """The command line of `tdint failures`."""
-
-    methods: tuple[str, ...]
-    problems: tuple[str, ...] | None
-    output: str | None
-    plot: str | None
-    overwrite: bool
 
 
 def _problems() -> list[str]:
@@ -46,10 +34,8 @@ def _problems() -> list[str]:
     "limit-sqrt-6, limit-sqrt-12, sqrt-12, large-step, overshoot-displacement, overshoot-velocity; all if there is "
     "none.",
 )
-@options.output.output()
-@options.output.picture
-@options.output.overwrite
-def command(**given: Any) -> None:
+@options.output.to_files(in_units=False)
+def command(methods: tuple[str, ...], problems: tuple[str, ...] | None, outputs: Outputs) -> None:
     """Which methods fail on hard problems with known answers, and how.
 
     Stories that harden and soften, stiff parts beside soft ones, steps at the limits of stability, large first steps.
@@ -63,24 +49,12 @@ def command(**given: Any) -> None:
     energy, gains energy, rings, inaccurate, grows, overshoots, blows up, does not converge; the time reached. The
     counts of the verdicts go to standard error. A method that fails is a result: exit code 0.
     """
-    _run(Request(**given))
-
-
-def _run(request: Request) -> None:
     from tdint.analysis.assessment.failures import attempt, find_problems, usual_methods
-    from tdint.output.tables.methods import failure_table
 
-    outputs = Outputs.checked(request.output, request.plot, request.overwrite)
-    integrators = options.analysis.integrators(request.methods) if request.methods else usual_methods()
-    problems = find_problems(request.problems or ())
-    trials = [trial for problem in problems for integrator in integrators for trial in attempt(integrator, problem)]
-
-    def draw(suffix: str) -> Writer:
-        from tdint.output.figures.failure_matrix import failure_picture
-
-        return failure_picture(trials, suffix)
-
-    outputs.deliver(failure_table(trials), draw)
+    integrators = options.analysis.integrators(methods) if methods else usual_methods()
+    found = find_problems(problems or ())
+    trials = [trial for problem in found for integrator in integrators for trial in attempt(integrator, problem)]
+    outputs.deliver(tables.methods.failure_table(trials), lambda: figures.failure_matrix.failure_picture(trials))
     _say_verdicts(trials)
 
 

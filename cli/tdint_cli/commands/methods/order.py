@@ -3,39 +3,24 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from tdint.errors import AnalysisError, TdintError, UsageError
+from tdint.output import figures, tables
 from tdint.written_numbers import Grid
 from tdint_cli import options
 from tdint_cli.errors import Failures
 from tdint_cli.options.output import Outputs
-from tdint_cli.options.values import GridType
+from tdint_cli.options.values import grid
 from tdint_cli.terminal.streams import note
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.order import ObservedOrder, OrderProblem
-    from tdint.files import Writer
     from tdint.methods.method import Integrator
 
 _RATIOS = Grid(0.2, 5.0, 15)
-
-
-@dataclass(frozen=True)
-class Request:
-    """The command line of `tdint order`."""
-
-    methods: tuple[str, ...]
-    load: str
-    law: str
-    frequency_ratio: Grid | None
-    stride: int
-    output: str | None
-    plot: str | None
-    overwrite: bool
 
 
 @options.command("order")
@@ -56,7 +41,7 @@ class Request:
 @options.option(
     "--frequency-ratio",
     needs="--load harmonic",
-    type=GridType(0.01, 10.0),  # with 10 there are five coarsest steps to a period of the load
+    type=grid(0.01, 10.0),  # with 10 there are five coarsest steps to a period of the load
     metavar="FIRST:LAST:COUNT",
     help="Frequency of the harmonic force over the natural frequency in equal ratios, both ends included, or a single "
     f"ratio; {_RATIOS} by default.",
@@ -70,10 +55,10 @@ class Request:
     help="Samples of the record in the coarsest step, a power of 2: 1 by default, so that no step is longer than a "
     "sampling interval.",
 )
-@options.output.output()
-@options.output.picture
-@options.output.overwrite
-def command(**given: Any) -> None:
+@options.output.to_files(in_units=False)
+def command(
+    methods: tuple[str, ...], load: str, law: str, frequency_ratio: Grid | None, stride: int, outputs: Outputs
+) -> None:
     """Observed order of methods, from their errors over halved steps.
 
     An oscillator of period T = 1 s and damping ratio 0.02 starts from a displacement and a velocity and is integrated
@@ -87,35 +72,17 @@ def command(**given: Any) -> None:
     from step to step, empty for one that carries none and with --stride. Without a frequency of the load there is one
     row per method.
     """
-    _run(Request(**given))
-
-
-def _run(request: Request) -> None:
     from tdint.analysis.assessment.order import order_problem
-    from tdint.output.tables.methods import order_table
 
-    outputs = Outputs.checked(request.output, request.plot, request.overwrite)
-    integrators = options.analysis.integrators(request.methods)
-    problems = [order_problem(request.load, request.law, ratio, request.stride) for ratio in _ratios(request)]
-    integrators = _suited(integrators, problems[0])
-    measured, failures = _measure(integrators, problems)
+    ratios = [float(ratio) for ratio in (frequency_ratio or _RATIOS).values()] if load == "harmonic" else [math.nan]
+    integrators = options.analysis.integrators(methods)
+    problems = [order_problem(load, law, ratio, stride) for ratio in ratios]
+    measured, failures = _measure(_suited(integrators, problems[0]), problems)
     if measured:
-
-        def draw(suffix: str) -> Writer:
-            from tdint.output.figures.assessment import order_picture
-
-            return order_picture(measured, suffix)
-
-        outputs.deliver(order_table(measured), draw)
+        outputs.deliver(tables.methods.order_table(measured), lambda: figures.assessment.order_picture(measured))
         _say_roundings(measured)
     if failures:
         raise Failures(failures)
-
-
-def _ratios(request: Request) -> list[float]:
-    if request.load != "harmonic":
-        return [math.nan]
-    return [float(ratio) for ratio in (request.frequency_ratio or _RATIOS).values()]
 
 
 def _suited(integrators: list[Integrator], problem: OrderProblem) -> list[Integrator]:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
+from tdint.output import figures, tables
 from tdint_cli import options
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.values import Number
@@ -15,7 +15,6 @@ from tdint_cli.terminal.streams import say, say_table
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.overshoot import Overshoot
-    from tdint.files import Writer
     from tdint.methods.method import Integrator
 
 _MOST_STEPS = 100_000
@@ -23,20 +22,6 @@ _MOST_STEPS = 100_000
 
 _DRAWN = tuple(name for name in options.analysis.DRAWN if name != "central-difference")
 """A large step is far beyond that one's limit."""
-
-
-@dataclass(frozen=True)
-class Request:
-    """The command line of `tdint overshoot`."""
-
-    methods: tuple[str, ...]
-    dt_over_t: float
-    steps: int
-    damping: float
-    output: str | None
-    plot: str | None
-    draw_all: bool
-    overwrite: bool
 
 
 @options.command("overshoot")
@@ -63,11 +48,10 @@ class Request:
     metavar="RATIO",
     help="Damping ratio of the oscillator; 0 by default.",
 )
-@options.output.output()
-@options.output.picture
-@options.analysis.draw_all(_DRAWN)
-@options.output.overwrite
-def command(**given: Any) -> None:
+@options.output.to_files(more=[options.analysis.draw_all(_DRAWN)], in_units=False)
+def command(
+    methods: tuple[str, ...], dt_over_t: float, steps: int, damping: float, draw_all: bool, outputs: Outputs
+) -> None:
     """First steps of methods under a large step, and how they grow with it.
 
     An oscillator without load starts from a displacement (u, v) = (1, 0), then from a velocity (0, 1). CSV: u / U and
@@ -79,31 +63,15 @@ def command(**given: Any) -> None:
     from u = 1 and from dt v = 1. They go to standard error, too, with those of the exact motion: a method overshoots
     where its power is larger. houbolt and park start with average acceleration; theirs are the powers of that start.
     """
-    _run(Request(**given))
-
-
-def _run(request: Request) -> None:
     from tdint.analysis.assessment.overshoot import STARTS, overshoot
-    from tdint.output.tables.methods import overshoot_table
 
-    outputs = Outputs.checked(request.output, request.plot, request.overwrite)
     pairs = {
-        integrator: [
-            overshoot(integrator, start, request.dt_over_t, request.steps, request.damping) for start in STARTS
-        ]
-        for integrator in options.analysis.integrators(request.methods)
+        integrator: [overshoot(integrator, start, dt_over_t, steps, damping) for start in STARTS]
+        for integrator in options.analysis.integrators(methods)
     }
     motions = [motion for pair in pairs.values() for motion in pair]
-
-    every = request.draw_all or request.methods
-    shown = motions if every else options.analysis.drawn(motions, _DRAWN)
-
-    def draw(suffix: str) -> Writer:
-        from tdint.output.figures.assessment import overshoot_picture
-
-        return overshoot_picture(shown, suffix)
-
-    outputs.deliver(overshoot_table(motions), draw)
+    shown = motions if draw_all or methods else options.analysis.drawn(motions, _DRAWN)
+    outputs.deliver(tables.methods.overshoot_table(motions), lambda: figures.assessment.overshoot_picture(shown))
     _say_powers(pairs)
 
 

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from tdint.output import figures, tables
 from tdint.written_numbers import Grid
 from tdint_cli import options
 from tdint_cli.options.output import Outputs
-from tdint_cli.options.values import GridType
+from tdint_cli.options.values import grid
 from tdint_cli.terminal.streams import say_table, warn
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+    from collections.abc import Sequence
 
-    from tdint.files import Writer
     from tdint.methods.method import Integrator
 
 _STEPS = Grid(0.001, 1000.0, 400)
@@ -24,20 +22,6 @@ _BAND = (3.1, 3.7, 301)  # omega dt: the unstable bands lie beside sqrt(12)
 
 
 _DRAWN = options.analysis.DRAWN
-
-
-@dataclass(frozen=True)
-class Request:
-    """The command line of `tdint stability`."""
-
-    methods: tuple[str, ...]
-    damping: tuple[float, ...]
-    dt_over_t: Grid
-    beta_scan: bool
-    output: str | None
-    plot: str | None
-    draw_all: bool
-    overwrite: bool
 
 
 @options.command("stability")
@@ -53,7 +37,7 @@ class Request:
 )
 @options.analysis.option(
     "--dt-over-t",
-    type=GridType(*options.analysis.DT_OVER_T),
+    type=grid(*options.analysis.DT_OVER_T),
     default=_STEPS,
     metavar="FIRST:LAST:COUNT",
     help=f"Steps over the undamped period in equal ratios, both ends included, or a single one; {_STEPS} by default.",
@@ -64,11 +48,15 @@ class Request:
     help=f"Add (without --method: take) impulse with beta {', '.join(_SCANNED)}, and {_BAND[2]} steps with omega dt in "
     f"{_BAND[0]:g}..{_BAND[1]:g}: off 1/144 it is unstable there.",
 )
-@options.output.output()
-@options.output.picture
-@options.analysis.draw_all(_DRAWN)
-@options.output.overwrite
-def command(**given: Any) -> None:
+@options.output.to_files(more=[options.analysis.draw_all(_DRAWN)], in_units=False)
+def command(
+    methods: tuple[str, ...],
+    damping: tuple[float, ...],
+    dt_over_t: Grid,
+    beta_scan: bool,
+    draw_all: bool,
+    outputs: Outputs,
+) -> None:
     """Spectral radius, period error and numerical damping of methods over dt/T.
 
     Measured on the compiled steps that integrate buildings, for an oscillator without load. CSV: spectral radius of the
@@ -77,43 +65,24 @@ def command(**given: Any) -> None:
     takes in one cycle), empty where the method does not oscillate and beyond half a period. The largest stable omega dt
     of each method goes to standard error.
     """
-    _run(Request(**given))
-
-
-def _run(request: Request) -> None:
-    from tdint.analysis.assessment.stability import stability
-    from tdint.output.tables.methods import stability_table
-
-    outputs = Outputs.checked(request.output, request.plot, request.overwrite)
-    scanned = tuple(f"impulse:beta={beta}" for beta in _SCANNED) if request.beta_scan else ()
-    integrators = options.analysis.integrators((*request.methods, *scanned))
-    dampings = list(request.damping)
-    steps = _steps(request)
-    curves = [stability(integrator, steps, damping) for integrator in integrators for damping in dampings]
-
-    every = request.draw_all or request.methods or scanned
-    shown = curves if every else options.analysis.drawn(curves, _DRAWN)
-
-    def draw(suffix: str) -> Writer:
-        from tdint.output.figures.assessment import stability_picture
-
-        return stability_picture(shown, suffix, band=request.beta_scan)
-
-    outputs.deliver(stability_table(curves), draw)
-    _say_critical_steps(integrators, dampings)
-
-
-def _steps(request: Request) -> NDArray[np.float64]:
-    """The steps over the period, rising."""
     import numpy as np
 
-    steps = request.dt_over_t.values()
-    if request.beta_scan:
+    from tdint.analysis.assessment.stability import stability
+
+    scanned = tuple(f"impulse:beta={beta}" for beta in _SCANNED) if beta_scan else ()
+    integrators = options.analysis.integrators((*methods, *scanned))
+    steps = dt_over_t.values()
+    if beta_scan:
         steps = np.union1d(steps, np.linspace(*_BAND) / (2.0 * np.pi))
-    return steps
+    curves = [stability(integrator, steps, ratio) for integrator in integrators for ratio in damping]
+    shown = curves if draw_all or methods or scanned else options.analysis.drawn(curves, _DRAWN)
+    outputs.deliver(
+        tables.methods.stability_table(curves), lambda: figures.assessment.stability_picture(shown, band=beta_scan)
+    )
+    _say_critical_steps(integrators, damping)
 
 
-def _say_critical_steps(integrators: list[Integrator], dampings: list[float]) -> None:
+def _say_critical_steps(integrators: list[Integrator], dampings: Sequence[float]) -> None:
     from tdint.analysis.assessment.stability import LARGEST, critical_step, false_limit
 
     rows = [("method", "damping", "critical omega dt")]

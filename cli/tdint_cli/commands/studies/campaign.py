@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tdint.errors import UsageError
-from tdint.output_units import OutputUnits
 from tdint_cli import options
 from tdint_cli.batch.campaigns import carry_out, export, finish, refuse_foreign
 from tdint_cli.batch.profiles import Profiles, SuiteRequest, drift_limit
@@ -26,13 +25,11 @@ if TYPE_CHECKING:
     from tdint.campaign.store.store import Store
 
 
-@dataclass(frozen=True)
-class CampaignRequest:
+@dataclass(frozen=True, kw_only=True)
+class CampaignRequest(SuiteRequest):
     """The command line of `tdint campaign`."""
 
     words: tuple[str, ...]
-    output: str | None
-    jobs: int | None
     shard: str | None
     limit: int | None
     dask: str | None
@@ -41,30 +38,6 @@ class CampaignRequest:
     tls_key: str | None
     simcenter: bool
     geojson: bool
-    output_units: OutputUnits | None
-    overwrite: bool
-    plot: str | None
-    drift_limit: float | None
-    require: bool
-    baseline: str | None
-    report: str | None
-    im: tuple[str, ...] | None
-    of_floors: FloorRequest
-
-    @property
-    def of_suite(self) -> SuiteRequest:
-        """What is asked of the suite."""
-        return SuiteRequest(
-            self.output_units,
-            self.plot,
-            self.drift_limit,
-            self.require,
-            baseline=self.baseline,
-            report=self.report,
-            of_floors=self.of_floors,
-            jobs=self.jobs,
-            measures=self.im or (),
-        )
 
     def refuse(self, *names: str) -> None:
         """Raise UsageError for options that the action does not take."""
@@ -171,15 +144,7 @@ def _run(request: CampaignRequest) -> None:
 
     campaign = load_campaign(request.words[0])
     plan = make_plan(campaign, read_inputs(campaign))
-    carry_out(
-        plan,
-        engine,
-        Path(request.output),
-        shard=shard,
-        limit=request.limit,
-        overwrite=request.overwrite,
-        of_suite=request.of_suite,
-    )
+    carry_out(plan, engine, request, shard=shard, limit=request.limit)
 
 
 def _check_measures(request: CampaignRequest) -> None:
@@ -215,7 +180,7 @@ def _export(request: CampaignRequest) -> None:
     with open_existing(folder, write=True) as store:
         check_chunks(store)
         units = request.output_units or store.output_units()
-        profiles = Profiles(store, request.of_suite, units)
+        profiles = Profiles(store, request, units)
         export(
             store,
             folder,
@@ -242,7 +207,7 @@ def _merge(request: CampaignRequest) -> None:
         refuse_foreign(target, stories=True, profiles=True, overwrite=request.overwrite)
         with merge(folders, target) as store:
             units = request.output_units or store.output_units()
-            profiles = Profiles(store, request.of_suite, units)
+            profiles = Profiles(store, request, units)
             finish(store, target, units, overwrite=request.overwrite, profiles=profiles)
             _say_left(store, target)
             if unmet := profiles.tell():

@@ -3,29 +3,49 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from tdint.errors import UsageError
+from tdint.files import check_outputs, write_files
+from tdint.output import figures, tables
 from tdint_cli import options
 from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.errors import Failures
 from tdint_cli.options.output import Outputs
-from tdint_cli.options.values import FileName, Number, SpanType
+from tdint_cli.options.values import FileName, Number, span
 from tdint_cli.terminal.streams import complain, say, warn
 
 if TYPE_CHECKING:
     from tdint.campaign.fragility.fit_table import FragilityRequest, FragilityResult
     from tdint.campaign.fragility.fits import Fragility
-    from tdint.files import Writer
-    from tdint.output_units import OutputUnits
 
 _FITS = ("stripes", "ida", "cloud")
 SIGNIFICANT = 0.05
 """P-value below which a slope is told."""
+
+
+_OF_OPENQUAKE = (
+    options.output.option(
+        "--openquake",
+        type=FileName(),
+        metavar="FILE.xml",
+        help="Also write the functions as OpenQuake reads them (NRML 0.5), under the file's name as their id, or those "
+        "of types under their names.",
+    ),
+    options.output.option(
+        "--states",
+        type=click.STRING,
+        many=True,
+        needs="--openquake",
+        metavar="NAME,...",
+        help="Names of its limit states, by rising thresholds; ds1, ds2, ... by default.",
+    ),
+)
 
 
 @options.command("fragility")
@@ -47,7 +67,7 @@ SIGNIFICANT = 0.05
 )
 @options.option(
     "--edp-range",
-    type=SpanType(),
+    type=span,
     metavar="LOW:HIGH",
     help="Of a cloud: demands below LOW are left out, those above HIGH known only to be above it. One may be left out.",
 )
@@ -75,29 +95,12 @@ SIGNIFICANT = 0.05
     help="Standard deviation (of the logarithm) of what is not known of the model: adds the column beta_total, the "
     "root of the sum of squares.",
 )
-@options.output.output()
-@options.output.plot(
-    "Also draw functions, observations and confidence bands, to this file (.png, .pdf, .svg) or beside -o under its "
-    "name."
+@options.output.to_files(
+    picture="Also draw functions, observations and confidence bands, to this file (.png, .pdf, .svg) or beside -o "
+    "under its name.",
+    more=_OF_OPENQUAKE,
 )
-@options.output.option(
-    "--openquake",
-    type=FileName(),
-    metavar="FILE.xml",
-    help="Also write the functions as OpenQuake reads them (NRML 0.5), under the file's name as their id, or those of "
-    "types under their names.",
-)
-@options.output.option(
-    "--states",
-    type=click.STRING,
-    many=True,
-    needs="--openquake",
-    metavar="NAME,...",
-    help="Names of its limit states, by rising thresholds; ds1, ds2, ... by default.",
-)
-@options.output.units
-@options.output.overwrite
-def command(**given: Any) -> None:
+def command(table: str, im: tuple[str, ...] | None, outputs: Outputs, **given: Any) -> None:
     """Fragility functions: the probability of exceedance over intensity.
 
     TABLE.csv has the columns im,collapses,records (stripes), capacity[,censored] (ida) or im,edp[,censored] (cloud),
@@ -111,27 +114,25 @@ def command(**given: Any) -> None:
     slope of what is left with its p-value (sufficiency).
     """
     sufficiency = given.pop("sufficiency")
-    if len(given["im"] or ()) > 1:
-        _compare(sufficiency, **given)
+    if im and len(im) > 1:
+        _compare(table, im, sufficiency, outputs, given | {"plot": outputs.picture, "output_units": outputs.units})
         return
     if sufficiency:
         raise UsageError("--sufficiency compares measures: give several with --im")
-    _fragility(**given)
+    _fragility(table, outputs, measure=_column(im[0]) if im else None, **given)
 
 
 def _compare(
-    sufficiency: str | None, table: str, im: tuple[str, ...], output: str | None, overwrite: bool, **given: Any
+    table: str, im: tuple[str, ...], sufficiency: str | None, outputs: Outputs, given: Mapping[str, Any]
 ) -> None:
     from tdint.campaign.fragility.run_measures import compare_measures
-    from tdint.output.tables.studies import comparison_of_measures
 
     for name, value in given.items():
         if value:
             raise UsageError(f"--{name.replace('_', '-')} has no part in a comparison of measures; give one --im")
-    outputs = Outputs.checked(output, None, overwrite)
     refuse_inputs(outputs.files, [table, sufficiency])
     fits = compare_measures(table, im, sufficiency)
-    outputs.deliver(comparison_of_measures(fits))
+    outputs.deliver(tables.studies.comparison_of_measures(fits))
     best = fits[0]
     say(f"{best.im} leaves the least: beta {best.beta:.3g} about its line, {best.runs} runs; {best.left_out} left out.")
     for one in best.dependences:
@@ -140,45 +141,38 @@ def _compare(
 
 
 def _fragility(
-    table: str, fit: str | None, threshold: tuple[float, ...] | None, edp_range: tuple[float, float] | None,
-    im: tuple[str, ...] | None, beta_model: float, output: str | None, plot: str | None, overwrite: bool,
-    output_units: OutputUnits | None, openquake: str | None, states: tuple[str, ...] | None, by: str | None,
-) -> None:  # fmt: skip
+    table: str, outputs: Outputs, *, by: str | None, openquake: str | None, states: tuple[str, ...] | None, **given: Any
+) -> None:
     from tdint.campaign.fragility.fit_table import EVERY_DEMAND, FragilityRequest
-    from tdint.files import check_outputs
-    from tdint.output.tables.studies import fragility_table
 
+    fit, edp_range, beta_model = given["fit"], given["edp_range"], given["beta_model"]
     if by and states:
         raise UsageError("--states is not for --by type: the states are those of the campaign")
     if edp_range is not None and fit not in (None, "cloud"):
         raise UsageError("--edp-range is for --fit cloud")
-    outputs = Outputs.checked(output, plot, overwrite)
     refuse_inputs([*outputs.files, *([Path(openquake)] if openquake else [])], [table])
     if openquake:
-        check_outputs([Path(openquake)], overwrite=overwrite)
+        check_outputs([Path(openquake)], overwrite=outputs.overwrite)
     request = FragilityRequest(
         fit=fit,
-        thresholds=threshold or (),
+        thresholds=given["threshold"] or (),
         edp_range=edp_range or EVERY_DEMAND,
         beta_model=beta_model,
-        measure=_column(im[0]) if im else None,
+        measure=given["measure"],
     )
     result = _fitted(table, request, by_type=by is not None)
     for text in result.warnings:
         warn(text)
     if not result.functions:
         raise Failures(list(result.failures))
-
-    functions = [function.in_units(output_units) if output_units else function for function in result.functions]
-
-    def draw(suffix: str) -> Writer:
-        from tdint.output.figures.fragility import fragility_picture, types_picture
-
-        return (types_picture if by else fragility_picture)(functions, suffix)
-
+    units = outputs.units
+    functions = [function.in_units(units) if units else function for function in result.functions]
     if openquake:
-        _write_model(result.functions, Path(openquake), states or (), overwrite)
-    outputs.deliver(fragility_table(functions, total=beta_model > 0.0), draw)
+        _write_model(result.functions, Path(openquake), states or (), outputs.overwrite)
+    replace(outputs, units=None).deliver(
+        tables.studies.fragility_table(functions, total=beta_model > 0.0),
+        lambda: (figures.fragility.types_picture if by else figures.fragility.fragility_picture)(functions),
+    )
     for text in [_count(functions)] if by else map(_words, functions):
         say(text)
     for error in result.failures:
@@ -203,14 +197,13 @@ def _fitted(table: str, request: FragilityRequest, *, by_type: bool) -> Fragilit
 
 def _write_model(functions: Sequence[Fragility], file: Path, states: Sequence[str], overwrite: bool) -> None:
     """Write the functions for OpenQuake; of types those that have one of every state."""
-    from tdint.files import write_files
     from tdint.output.openquake import fragility_model, whole_types
 
     whole, partial = whole_types(functions) if functions[0].type else (functions, [])
     for name in partial:
         warn(f"{file}: without {name}, which has no function of some states")
     model = fragility_model(whole, file.stem, states)
-    write_files({file: lambda stream: stream.write(model)}, overwrite=overwrite)
+    write_files({file: model}, overwrite=overwrite)
 
 
 def _count(functions: Sequence[Fragility]) -> str:

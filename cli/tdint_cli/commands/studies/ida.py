@@ -9,13 +9,17 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tdint.errors import UsageError
+from tdint.files import check_outputs, write_files
+from tdint.output import figures, tables
+from tdint.system import processors
 from tdint_cli import options
 from tdint_cli.batch.sources import refuse_inputs
+from tdint_cli.errors import Failures
 from tdint_cli.options.output import check_picture
 from tdint_cli.options.plot import picture_file
 from tdint_cli.options.record import RecordsRequest
 from tdint_cli.options.studies import pair_measure, read_suite
-from tdint_cli.options.values import FileName, IntensityType, PairWish, PeriodType, Ratio
+from tdint_cli.options.values import FileName, PairWish, Ratio, intensity, period
 from tdint_cli.terminal.drawing import emit_table
 from tdint_cli.terminal.progress import progress_bar
 from tdint_cli.terminal.streams import note, say, warn
@@ -24,7 +28,7 @@ if TYPE_CHECKING:
     from tdint.campaign.ida.damage import Mainshock
     from tdint.campaign.ida.study import IdaSettings, IdaStudy
     from tdint.campaign.suites.intensity import IntensityMeasure
-    from tdint.files import Writer
+    from tdint.files import Content
     from tdint.model.definition import Model
     from tdint.output_units import OutputUnits
     from tdint.units import Units
@@ -93,7 +97,7 @@ class IdaRequest(RecordsRequest):
 @options.studies.option(
     "--period",
     needs="--im sa or sa-avg",
-    type=PeriodType(),
+    type=period,
     metavar="T1|SECONDS",
     help="Period of sa and sa-avg; by default T1, the first one of the building.",
 )
@@ -104,7 +108,7 @@ class IdaRequest(RecordsRequest):
 @options.studies.average("--im sa-avg")
 @options.studies.option(
     "--max-im",
-    type=IntensityType("acceleration", "velocity"),
+    type=intensity("acceleration", "velocity"),
     metavar="VALUE",
     help="The largest intensity, with its unit (3g): capacities above it are censored.",
 )
@@ -183,9 +187,6 @@ def command(**given: Any) -> None:
 def _ida(request: IdaRequest) -> None:
     from tdint.campaign.ida.study import IdaSettings, ida
     from tdint.model.config.model_file import load_model
-    from tdint.output.tables.studies import capacity_table
-    from tdint.system import processors
-    from tdint_cli.errors import Failures
 
     folder = _folder(request)
     model = load_model(request.model)
@@ -216,7 +217,7 @@ def _ida(request: IdaRequest) -> None:
             mainshock=_mainshock(request),
         )
     if folder is None:
-        emit_table(capacity_table(study.in_units(units)))
+        emit_table(tables.studies.capacity_table(study.in_units(units)))
     _write(request, study, settings, units, [str(error) for error in failures])
     _report(study.in_units(units), request.precision)
     if failures:
@@ -246,7 +247,6 @@ def _folder(request: IdaRequest) -> Path | None:
     from tdint.campaign.ida.study import STORE
     from tdint.campaign.store.connection import locked
     from tdint.campaign.store.store import forget, open_written
-    from tdint.files import check_outputs
 
     folder = Path(request.output) if request.output else None
     picture = request.picture
@@ -270,23 +270,13 @@ def _folder(request: IdaRequest) -> Path | None:
 
 
 def _measure(request: IdaRequest, model: Model) -> IntensityMeasure:
-    """The intensity measure that is asked for.
-
-    Raises
-    ------
-    UsageError
-        Options that have no part in it.
-    """
+    """The intensity measure that is asked for."""
     from tdint.analysis.spectra.elastic import first_mode
-    from tdint.campaign.suites import intensity
     from tdint.model.building import assemble
 
-    if not request.im.startswith("sa"):
-        return intensity.measure_of(request.im)
-    period = request.period or first_mode(assemble(model), None).period
-    if request.im == "sa":
-        return intensity.sa(period, request.damping)
-    return intensity.sa_average(period, request.damping, request.average or intensity.AVERAGE)
+    spectral = request.im.startswith("sa")
+    period = (request.period or first_mode(assemble(model), None).period) if spectral else None
+    return options.studies.measure(request.im, period, request.damping, request.average)
 
 
 def _largest(request: IdaRequest, measure: IntensityMeasure) -> float:
@@ -303,7 +293,6 @@ def _largest(request: IdaRequest, measure: IntensityMeasure) -> float:
 def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: OutputUnits, unused: list[str]) -> None:
     from tdint.campaign.ida.study import STORE
     from tdint.campaign.store.store import open_written
-    from tdint.files import write_files
     from tdint.output.summaries.summary import (
         in_units,
         inputs_summary,
@@ -312,15 +301,13 @@ def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: O
         record_summary,
         table_summary,
     )
-    from tdint.output.tables.studies import capacity_table, ida_table
 
-    files: dict[Path, Writer] = {}
+    files: dict[Path, Content] = {}
     if request.output:
         shown = study.in_units(units)
-        tables = {RUNS: ida_table(shown), CAPACITIES: capacity_table(shown)}
-        for name, table in tables.items():
-            text = table.in_units(units).csv()
-            files[Path(request.output) / name] = lambda stream, text=text: stream.write(text)  # type: ignore[misc]
+        written = {RUNS: tables.studies.ida_table(shown), CAPACITIES: tables.studies.capacity_table(shown)}
+        for name, table in written.items():
+            files[Path(request.output) / name] = table.in_units(units).csv()
         said = {
             "model": inputs_summary([model_input(study.model)])[0],
             "method": study.method,
@@ -332,15 +319,12 @@ def _write(request: IdaRequest, study: IdaStudy, settings: IdaSettings, units: O
             "collapse_drift": study.model.collapse_drift,
         }
         records = [record_summary(curve.record) for curve in study.states[0].curves]
-        meanings = {**tables[RUNS].meanings, **tables[CAPACITIES].meanings}
+        meanings = {**written[RUNS].meanings, **written[CAPACITIES].meanings}
         content = table_summary("ida", said, records, meanings)
         content |= {"not_used": {"records": {"count": len(unused), "reasons": unused}}}
-        summary = json_bytes(in_units(content, units))
-        files[Path(request.output) / SUMMARY] = lambda stream: stream.write(summary)
+        files[Path(request.output) / SUMMARY] = json_bytes(in_units(content, units))
     if picture := request.picture:
-        from tdint.output.figures.ida import ida_picture
-
-        files[picture] = ida_picture(study.in_units(units), picture.suffix)
+        files[picture] = figures.style.picture(picture.suffix, lambda: figures.ida.ida_picture(study.in_units(units)))
     if not request.output:
         write_files(files, overwrite=request.overwrite)
         return

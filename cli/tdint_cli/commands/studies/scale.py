@@ -9,18 +9,20 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tdint.errors import AnalysisError, UsageError
+from tdint.files import check_outputs, write_files
+from tdint.output import figures, tables
 from tdint_cli import options
 from tdint_cli.batch.sources import refuse_inputs
+from tdint_cli.errors import Failures
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import RecordsRequest
 from tdint_cli.options.studies import pair_measure, read_suite
-from tdint_cli.options.values import FileName, IntensityType, Number, PairWish, RangeType
+from tdint_cli.options.values import FileName, Number, PairWish, intensity, span_at
 from tdint_cli.terminal.streams import say, warn
 
 if TYPE_CHECKING:
-    from tdint.campaign.suites.intensity import GroundMotion, IntensityMeasure
+    from tdint.campaign.suites.intensity import GroundMotion
     from tdint.campaign.suites.scaling import Scaling
-    from tdint.files import Writer
     from tdint.output_units import OutputUnits
     from tdint.units import Units
     from tdint.written_numbers import Grid
@@ -28,7 +30,7 @@ if TYPE_CHECKING:
 _VALUES = ("sa", "sa_avg", "pga", "pgv", "arias", "cav")
 _RULES = ("mean", "asce7", "ec8")
 _BY_PERIOD = ("asce7", "ec8")
-_ACCELERATION = IntensityType("acceleration")
+_ACCELERATION = intensity("acceleration")
 
 
 @dataclass(frozen=True)
@@ -51,11 +53,8 @@ class ScaleRequest(RecordsRequest):
     pairs: PairWish | None
     damping: float
     average: Grid | None
-    output: str | None
-    plot: str | None
     spectra: str | None
-    overwrite: bool
-    output_units: OutputUnits | None
+    outputs: Outputs
 
     @property
     def value(self) -> tuple[str, float] | None:
@@ -117,6 +116,16 @@ class ScaleRequest(RecordsRequest):
         return pair_measure(self.pairs)
 
 
+_SPECTRA = options.output.option(
+    "--spectra",
+    needs="--target",
+    type=FileName(),
+    metavar="FILE",
+    callback=options.output.refuse_empty,
+    help="Also write the scaled spectra, their mean and the target as CSV to this file.",
+)
+
+
 @options.command("scale")
 @options.analysis.plugin
 @options.record.of_records
@@ -124,7 +133,7 @@ class ScaleRequest(RecordsRequest):
 @options.option(
     "--range",
     needs="--target",
-    type=RangeType(100),
+    type=span_at(100),
     metavar="FIRST:LAST",
     help="Periods over which the target is met, s, at 100 in equal ratios (or FIRST:LAST:COUNT); by default all of the "
     "target; with --building, or --at T and a rule of a code, 0.2 T to 2 T.",
@@ -156,10 +165,10 @@ class ScaleRequest(RecordsRequest):
 @options.option("--sa-avg", type=_ACCELERATION, metavar="VALUE", help="Scale to this Sa_avg about the period --at.")
 @options.option("--at", type=Number(0.0, min_open=True), metavar="SECONDS", help="Period of --sa and --sa-avg.")
 @options.option("--pga", type=_ACCELERATION, metavar="VALUE", help="Scale to this peak ground acceleration: 0.4g.")
-@options.option("--pgv", type=IntensityType("velocity"), metavar="VALUE", help="Scale to this peak velocity: 40cm/s.")
-@options.option("--arias", type=IntensityType("velocity"), metavar="VALUE", help="Scale to this Arias intensity: 2m/s.")
+@options.option("--pgv", type=intensity("velocity"), metavar="VALUE", help="Scale to this peak velocity: 40cm/s.")
+@options.option("--arias", type=intensity("velocity"), metavar="VALUE", help="Scale to this Arias intensity: 2m/s.")
 @options.option(
-    "--cav", type=IntensityType("velocity"), metavar="VALUE", help="Scale to this cumulative absolute velocity: 9m/s."
+    "--cav", type=intensity("velocity"), metavar="VALUE", help="Scale to this cumulative absolute velocity: 9m/s."
 )
 @options.option(
     "--p695",
@@ -172,21 +181,11 @@ class ScaleRequest(RecordsRequest):
 )
 @options.studies.damping("--target or --sa or --sa-avg or --plot")
 @options.studies.average("--sa-avg")
-@options.output.output()
-@options.output.option(
-    "--spectra",
-    needs="--target",
-    type=FileName(),
-    metavar="FILE",
-    callback=options.output.refuse_empty,
-    help="Also write the scaled spectra, their mean and the target as CSV to this file.",
+@options.output.to_files(
+    picture="Also draw the scaled spectra with median, fractiles and target, to this file (.png, .pdf, .svg) or beside "
+    "-o under its name.",
+    more=[_SPECTRA],
 )
-@options.output.plot(
-    "Also draw the scaled spectra with median, fractiles and target, to this file (.png, .pdf, .svg) or beside -o "
-    "under its name."
-)
-@options.output.units
-@options.output.overwrite
 def command(**given: Any) -> None:
     """Factors that scale ground motions to a value or to a target spectrum.
 
@@ -202,16 +201,12 @@ def command(**given: Any) -> None:
 
 
 def _scale(request: ScaleRequest) -> None:
-    from tdint.files import check_outputs, write_files
     from tdint.output.summaries.summary import record_summary, table_summary
-    from tdint.output.tables.studies import factor_table, scaled_table
-    from tdint.output_units import SI
-    from tdint_cli.errors import Failures
 
     request.check()
-    outputs = Outputs.checked(request.output, request.plot, request.overwrite, units=request.output_units)
+    outputs, units = request.outputs, request.outputs.shown_units
     spectra = [Path(request.spectra)] if request.spectra else []
-    check_outputs([*outputs.files, *spectra], overwrite=request.overwrite)
+    check_outputs([*outputs.files, *spectra], overwrite=outputs.overwrite)
     refuse_inputs(
         [*outputs.files, *spectra], [*request.records, request.target, request.inventory, *(request.building or ())]
     )
@@ -221,22 +216,17 @@ def _scale(request: ScaleRequest) -> None:
         raise Failures(failures)
     scaling = aim(suite.motions)
     _check_factors(request, scaling)
-    table = factor_table(scaling)
-
-    def draw(suffix: str) -> Writer:
-        from tdint.output.figures.suites import suite_picture
-
-        return suite_picture(scaling, suffix, request.output_units or SI)
+    table = tables.studies.factor_table(scaling)
 
     def summarize() -> dict[str, Any]:
         records = [record_summary(record) for record in suite.records]
         return table_summary("scale", _settings(request, scaling), records, table.meanings)
 
-    outputs.deliver(table, draw, summarize)
+    outputs.deliver(table, lambda: figures.suites.suite_picture(scaling, units), summarize)
     if spectra:
-        content = scaled_table(scaling).in_units(request.output_units or SI).csv()
-        write_files({spectra[0]: lambda stream: stream.write(content)}, overwrite=request.overwrite)
-    say(_words(scaling, request.output_units or SI))
+        content = tables.studies.scaled_table(scaling).in_units(units).csv()
+        write_files({spectra[0]: content}, overwrite=outputs.overwrite)
+    say(_words(scaling, units))
     for text in _doubts(scaling):
         warn(text)
     if failures:
@@ -255,7 +245,7 @@ def _aim(request: ScaleRequest) -> Any:
     if request.target is None:
         assert value is not None
         name, number = value
-        measure = _measure(request, name)
+        measure = options.studies.measure(name, request.at, request.damping, request.average)
         return lambda motions: scaling.scale_to_value(motions, measure, number, request.pair)
     from tdint.campaign.suites.target import read_target
     from tdint.written_numbers import Grid
@@ -316,17 +306,6 @@ def _doubts(scaling: Scaling) -> list[str]:
         named += f" and {len(beyond) - 5} more" if len(beyond) > 5 else ""
         doubts.append(f"factors beyond {BOUNDS[0]:g} to {BOUNDS[1]:g}, the bounds of common practice: {named}")
     return doubts
-
-
-def _measure(request: ScaleRequest, name: str) -> IntensityMeasure:
-    from tdint.campaign.suites import intensity
-
-    if not name.startswith("sa"):
-        return intensity.measure_of(name)
-    assert request.at is not None
-    if name == "sa":
-        return intensity.sa(request.at, request.damping)
-    return intensity.sa_average(request.at, request.damping, request.average or intensity.AVERAGE)
 
 
 def _settings(request: ScaleRequest, scaling: Scaling) -> dict[str, Any]:

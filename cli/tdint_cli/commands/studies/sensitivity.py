@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from tdint.errors import UsageError
+from tdint.files import digest_of
+from tdint.input_bytes import note_input
+from tdint.output import figures
+from tdint.system import processors
 from tdint.written_numbers import parse_ratio
 from tdint_cli import options
 from tdint_cli.errors import Failures
@@ -16,10 +20,6 @@ from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import RecordsRequest
 from tdint_cli.options.values import FileName
 from tdint_cli.terminal.streams import note, say
-
-if TYPE_CHECKING:
-    from tdint.files import Writer
-    from tdint.output_units import OutputUnits
 
 
 def _ranges(ctx: click.Context, parameter: click.Parameter, texts: tuple[str, ...]) -> dict[str, tuple[float, float]]:
@@ -62,18 +62,8 @@ class Request(RecordsRequest):
 )
 @options.analysis.method
 @options.analysis.dt
-@options.output.output()
-@options.output.picture
-@options.output.units
-@options.output.overwrite
-def command(
-    building: str,
-    output: str | None,
-    plot: str | None,
-    output_units: OutputUnits | None,
-    overwrite: bool,
-    **given: Any,
-) -> None:
+@options.output.to_files()
+def command(building: str, outputs: Outputs, **given: Any) -> None:
     """How much each parameter of a building moves its peaks.
 
     MODEL.yaml is run under the RECORDs as it is, and with one parameter of --vary at a time at its low and its high
@@ -83,7 +73,6 @@ def command(
     With the folder of a campaign that has `vary` in place of the model, the rank correlations (Spearman) of what was
     varied with the medians of the peaks.
     """
-    outputs = Outputs.checked(output, plot, overwrite, units=output_units)
     request = Request(**given)
     if Path(building).is_dir():
         if request.records or request.ranges or outputs.picture:
@@ -98,8 +87,6 @@ def command(
 def _ranks(building: str, outputs: Outputs) -> None:
     from tdint.campaign.sensitivity import rank_correlations
     from tdint.campaign.store.store import check_chunks, open_existing
-    from tdint.files import digest_of
-    from tdint.input_bytes import note_input
     from tdint.output.tables.studies import CORRELATIONS
     from tdint.output.tables.table import Table
 
@@ -120,7 +107,6 @@ def _one_at_a_time(building: str, request: Request, outputs: Outputs) -> None:
     from tdint.model.config.model_file import load_model
     from tdint.output.tables.studies import SWINGS
     from tdint.output.tables.table import Table
-    from tdint.system import processors
     from tdint_cli.batch.campaigns import advance_with_bar, tell_outcomes
 
     model = load_model(building)
@@ -134,14 +120,11 @@ def _one_at_a_time(building: str, request: Request, outputs: Outputs) -> None:
         tell_outcomes(store)
         found = swings(store, model.name, request.ranges)
 
-    def draw(suffix: str) -> Writer:
-        from tdint.output.figures.demands.tornado import sensitivity_picture
-
-        return sensitivity_picture(found, suffix, units)
-
     outputs = outputs.else_in(model.output_units)
-    units = outputs.units or model.output_units
-    outputs.deliver(Table.of_results(SWINGS, found), draw)
+    outputs.deliver(
+        Table.of_results(SWINGS, found),
+        lambda: figures.demands.tornado.sensitivity_picture(found, outputs.shown_units),
+    )
     first = found[0]
     say(
         f"{advance.done} runs. {first.parameter} moves the peak drift ratio most, by {100.0 * first.swing:.3g} % of it."

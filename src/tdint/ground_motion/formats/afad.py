@@ -8,14 +8,20 @@ from __future__ import annotations
 
 import re
 from datetime import datetime
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tdint.errors import RecordError
-from tdint.ground_motion.formats.lines import COUNT, NUMBER, read_lines, recognizes
-from tdint.ground_motion.formats.series import Series, code, first_match, moment, required_units, stated_peak, to_stream
-
-if TYPE_CHECKING:
-    from obspy import Stream
+from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, recognizes
+from tdint.ground_motion.formats.series import (
+    Series,
+    code,
+    first_match,
+    header_field,
+    moment,
+    reader,
+    required_units,
+    stated_peak,
+)
 
 _TITLE = re.compile(r"\s*STRONG GROUND MOTION RECORDS OF TURK", re.IGNORECASE)
 _POINTS = re.compile(rf"^\s*NUMBER OF DATA\s*:\s*({COUNT})\s*$", re.IGNORECASE)
@@ -34,7 +40,8 @@ def is_afad(file: Any, **_: Any) -> bool:
     return recognizes(file, lambda lines: _TITLE.match(lines[0]))
 
 
-def read_afad(file: Any, headonly: bool = False, **_: Any) -> Stream:
+@reader
+def read_afad(lines: Lines) -> list[Series]:
     """Read the components of an AFAD file; see `tdint.ground_motion.formats`.
 
     Raises
@@ -42,7 +49,6 @@ def read_afad(file: Any, headonly: bool = False, **_: Any) -> Stream:
     RecordError
         It is cut off, or what it holds is not what its header announces.
     """
-    lines = read_lines(file)
     texts = lines.take_until(_NAMES.fullmatch, "line with the components' names")
     names = lines.take().split()
     points, step, peaks = (first_match(pattern, texts) for pattern in (_POINTS, _STEP, _PEAKS))
@@ -52,20 +58,19 @@ def read_afad(file: Any, headonly: bool = False, **_: Any) -> Stream:
     stated = {name.upper(): value for name, value in _PEAK.findall(peaks[2])}
     columns = lines.table(int(points[1]), len(names))
     lines.expect_end()
-    station = first_match(_STATION, texts)
     series = [
         Series(
             column,
             float(step[1]),
             units,
             channel=code(name).replace("-", "").upper(),
-            station=code(station[1]) if station else "",
+            station=code(header_field(_STATION, texts)),
             start=_start(texts),
             peak=stated_peak(stated[name.upper()], units, units) if name.upper() in stated else None,
         )
         for name, column in zip(names, columns, strict=True)
     ]
-    return to_stream(series, headonly=headonly)
+    return series
 
 
 def _start(texts: list[str]) -> datetime | None:

@@ -7,14 +7,11 @@ are free; PEER's own name earthquake, date, station and component, and the units
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tdint.errors import RecordError
-from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, is_row_of_numbers, read_lines, recognizes
-from tdint.ground_motion.formats.series import Codes, Series, code, motion_units, required_units, to_stream
-
-if TYPE_CHECKING:
-    from obspy import Stream
+from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, is_row_of_numbers, recognizes
+from tdint.ground_motion.formats.series import Codes, Series, code, motion_units, reader, required_units
 
 _COUNT_AND_STEP = (
     re.compile(rf"\bNPTS?\s*[=:]?\s*({COUNT})\s*[,;]?\s*DT\s*[=:]?\s*({NUMBER})", re.IGNORECASE),
@@ -37,7 +34,8 @@ def is_at2(file: Any, **_: Any) -> bool:
     return recognizes(file, _matches)
 
 
-def read_at2(file: Any, headonly: bool = False, **_: Any) -> Stream:
+@reader
+def read_at2(lines: Lines) -> list[Series]:
     """Read a PEER file or one in its manner; see `tdint.ground_motion.formats`.
 
     Raises
@@ -45,14 +43,13 @@ def read_at2(file: Any, headonly: bool = False, **_: Any) -> Stream:
     RecordError
         It is cut off, holds more values than NPTS or something else than accelerations.
     """
-    lines = read_lines(file)
     header = [*lines.take_until(_count_and_step, "line with NPTS and DT"), lines.take()]
     while not lines.at_numbers():
         header.append(lines.take())
     found = next(filter(None, map(_count_and_step, reversed(header))))
     series = Series(lines.numbers(found[0]), found[1], _units(header), **_codes(header))
     _check_rest(lines)
-    return to_stream([series], headonly=headonly)
+    return [series]
 
 
 def _matches(lines: list[str]) -> bool:

@@ -8,15 +8,12 @@ volume 1 format). The lines of the header are cut off at 70 characters, so that 
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, is_row_of_numbers, recognizes, row_of_numbers
-from tdint.ground_motion.formats.series import Series, code, first_match, header_field, read_parts, required_units
+from tdint.ground_motion.formats.series import Series, code, first_match, header_field, reader_of_parts, required_units
 from tdint.ground_motion.header_checks.statement import SAMPLES, STEP, Statement, compare
-
-if TYPE_CHECKING:
-    from obspy import Stream
 
 _TITLE = re.compile(r"\s*\*\s*VOL1\w*\s+FILE:", re.IGNORECASE)
 _COMPONENT = re.compile(r"^\s*COMP\s+([A-Z])(\d*)", re.IGNORECASE)
@@ -40,7 +37,8 @@ def is_bhrc(file: Any, **_: Any) -> bool:
     return recognizes(file, lambda lines: _TITLE.match(lines[0]) and first_match(_COMPONENT, lines[1:20]))
 
 
-def read_bhrc(file: Any, headonly: bool = False, **_: Any) -> Stream:
+@reader_of_parts
+def read_bhrc(lines: Lines) -> list[Series]:
     """Read the components of a BHRC file; see `tdint.ground_motion.formats`.
 
     Raises
@@ -48,10 +46,6 @@ def read_bhrc(file: Any, headonly: bool = False, **_: Any) -> Stream:
     RecordError
         It is cut off, or what it holds is not what its headers announce.
     """
-    return read_parts(file, _component, headonly=headonly)
-
-
-def _component(lines: Lines) -> list[Series]:
     place = lines.number + 1
     texts = lines.take_until(_ROW.fullmatch, "header of integers")
     if not any(map(_TITLE.match, texts)):

@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from datetime import datetime
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,13 +25,10 @@ from tdint.ground_motion.formats.series import (
     moment,
     motion_scale,
     motion_units,
-    read_parts,
+    reader_of_parts,
     stated_peak,
 )
 from tdint.units import parse_units
-
-if TYPE_CHECKING:
-    from obspy import Stream
 
 _TITLE = re.compile(r"\(Format v0?1\.\d+ with\s+(\d{1,3}) text lines\)", re.IGNORECASE)
 _INTEGERS = re.compile(rf"^\s*({COUNT})\s+Integer-header values follow on", re.IGNORECASE)
@@ -70,7 +67,8 @@ def is_cosmos(file: Any, **_: Any) -> bool:
     return recognizes(file, lambda lines: _TITLE.search(lines[0]))
 
 
-def read_cosmos(file: Any, headonly: bool = False, **_: Any) -> Stream:
+@reader_of_parts
+def read_cosmos(lines: Lines) -> list[Series]:
     """Read the accelerations of a COSMOS file; see `tdint.ground_motion.formats`.
 
     Counts of a recorder (volume 0) come without units.
@@ -80,11 +78,6 @@ def read_cosmos(file: Any, headonly: bool = False, **_: Any) -> Stream:
     RecordError
         It is cut off, what it holds is not what its headers announce, or it holds no acceleration.
     """
-    return read_parts(file, _channel, headonly=headonly)
-
-
-def _channel(lines: Lines) -> list[Series]:
-    """The accelerations of one channel."""
     title = _TITLE.search(lines.take())
     if not title:
         raise RecordError(f"a channel's header should begin in line {lines.number}")

@@ -13,7 +13,7 @@ import re
 import warnings
 from dataclasses import replace
 from datetime import datetime
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,16 +27,12 @@ from tdint.ground_motion.formats.series import (
     first_match,
     moment,
     motion_scale,
-    read_parts,
+    reader_of_parts,
     required_units,
     stated_peak,
 )
 from tdint.ground_motion.header_checks.statement import PEAK, Statement, compare, last_place
 from tdint.ground_motion.sampling_interval import equal_steps, finest_step
-
-if TYPE_CHECKING:
-    from obspy import Stream
-
 
 REAL_WIDTH = 10
 REALS = 50
@@ -128,7 +124,8 @@ def is_csmip(file: Any, **_: Any) -> bool:
     return recognizes(file, lambda lines: _TITLE.match(lines[0]) and first_match(_CHANNEL, lines[1:25]))
 
 
-def read_csmip(file: Any, headonly: bool = False, **_: Any) -> Stream:
+@reader_of_parts
+def read_csmip(lines: Lines) -> list[Series]:
     """Read the accelerations of a CSMIP file; see `tdint.ground_motion.formats`.
 
     Raises
@@ -136,10 +133,6 @@ def read_csmip(file: Any, headonly: bool = False, **_: Any) -> Stream:
     RecordError
         It is cut off, or what it holds is not what its headers announce.
     """
-    return read_parts(file, _channel, headonly=headonly)
-
-
-def _channel(lines: Lines) -> list[Series]:
     place = lines.number + 1
     texts = text_header(lines)
     title = first_match(_TITLE, texts[:1])

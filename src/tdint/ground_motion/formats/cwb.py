@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import re
 from datetime import datetime
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from tdint.errors import RecordError
-from tdint.ground_motion.formats.lines import NUMBER, is_row_of_numbers, read_lines, recognizes
+from tdint.ground_motion.formats.lines import NUMBER, Lines, is_row_of_numbers, recognizes
 from tdint.ground_motion.formats.series import (
     Series,
     StatedPeak,
@@ -21,15 +21,12 @@ from tdint.ground_motion.formats.series import (
     first_match,
     header_field,
     moment,
+    reader,
     required_units,
     stated_peak,
-    to_stream,
 )
 from tdint.ground_motion.header_checks.statement import SAMPLES, STEP, Statement, compare
 from tdint.ground_motion.sampling_interval import equal_steps
-
-if TYPE_CHECKING:
-    from obspy import Stream
 
 _STATION = re.compile(r"^#\s*StationCode\s*:\s*(\S+)", re.IGNORECASE)
 _START = re.compile(
@@ -53,7 +50,8 @@ def is_cwb(file: Any, **_: Any) -> bool:
     )
 
 
-def read_cwb(file: Any, headonly: bool = False, **_: Any) -> Stream:
+@reader
+def read_cwb(lines: Lines) -> list[Series]:
     """Read the components of a CWB file; see `tdint.ground_motion.formats`.
 
     Raises
@@ -61,7 +59,6 @@ def read_cwb(file: Any, headonly: bool = False, **_: Any) -> Stream:
     RecordError
         It is cut off, its times are not in equal steps, or what it holds is not what its header announces.
     """
-    lines = read_lines(file)
     texts = lines.take_until(is_row_of_numbers, "row of numbers")
     sequence, units, rate = (first_match(pattern, texts) for pattern in (_SEQUENCE, _UNITS, _RATE))
     names = _NAME.findall(sequence[1]) if sequence else []
@@ -90,7 +87,7 @@ def read_cwb(file: Any, headonly: bool = False, **_: Any) -> Stream:
         )
         for name, column in zip(names, columns, strict=True)
     ]
-    return to_stream(series, headonly=headonly)
+    return series
 
 
 def _peak(texts: list[str], name: str, units: str) -> StatedPeak | None:

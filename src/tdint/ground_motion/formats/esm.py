@@ -7,14 +7,11 @@ from __future__ import annotations
 
 import re
 from datetime import datetime
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tdint.errors import RecordError
-from tdint.ground_motion.formats.lines import NUMBER, is_row_of_numbers, read_lines, recognizes
-from tdint.ground_motion.formats.series import Series, StatedPeak, moment, required_units, stated_peak, to_stream
-
-if TYPE_CHECKING:
-    from obspy import Stream
+from tdint.ground_motion.formats.lines import NUMBER, Lines, is_row_of_numbers, recognizes
+from tdint.ground_motion.formats.series import Series, StatedPeak, moment, reader, required_units, stated_peak
 
 _COUNT, _STEP, _UNITS = "NDATA", "SAMPLING_INTERVAL_S", "UNITS"
 _START = "DATE_TIME_FIRST_SAMPLE_YYYYMMDD_HHMMSS"
@@ -35,7 +32,8 @@ def _is_step(line: str) -> bool:
     return line.startswith(f"{_STEP}:")
 
 
-def read_esm(file: Any, headonly: bool = False, **_: Any) -> Stream:
+@reader
+def read_esm(lines: Lines) -> list[Series]:
     """Read an ESM file; see `tdint.ground_motion.formats`.
 
     Raises
@@ -43,7 +41,6 @@ def read_esm(file: Any, headonly: bool = False, **_: Any) -> Stream:
     RecordError
         It is cut off, holds more values than its header announces or something else than an acceleration.
     """
-    lines = read_lines(file)
     header = {}
     for line in lines.take_until(is_row_of_numbers, "value"):
         key, _colon, value = line.partition(":")
@@ -69,7 +66,7 @@ def read_esm(file: Any, headonly: bool = False, **_: Any) -> Stream:
     )
     if lines.peek() is not None:
         raise RecordError(f"after the {count} values that {_COUNT} announces, line {lines.number + 1} is left")
-    return to_stream([series], headonly=headonly)
+    return [series]
 
 
 def _start(text: str) -> datetime | None:

@@ -9,16 +9,21 @@ from __future__ import annotations
 import re
 from datetime import datetime
 from math import inf, isclose
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import NUMBER, Lines, recognizes
-from tdint.ground_motion.formats.series import Series, code, first_match, header_field, moment, read_parts, stated_peak
-
-if TYPE_CHECKING:
-    from obspy import Stream
+from tdint.ground_motion.formats.series import (
+    Series,
+    code,
+    first_match,
+    header_field,
+    moment,
+    reader_of_parts,
+    stated_peak,
+)
 
 _TEXTS, _INTEGERS, _REALS, _WIDTH = 16, 40, 60, 8
 _TITLE = re.compile(r"\s*(?:un)?corrected accelerogram", re.IGNORECASE)
@@ -43,7 +48,8 @@ def is_geonet(file: Any, **_: Any) -> bool:
     return recognizes(file, lambda lines: _TITLE.match(lines[0]) and _SITE.match(lines[1]))
 
 
-def read_geonet(file: Any, headonly: bool = False, **_: Any) -> Stream:
+@reader_of_parts
+def read_geonet(lines: Lines) -> list[Series]:
     """Read the accelerations of a GeoNet file; see `tdint.ground_motion.formats`.
 
     Raises
@@ -51,10 +57,6 @@ def read_geonet(file: Any, headonly: bool = False, **_: Any) -> Stream:
     RecordError
         It is cut off, or what it holds is not what its headers announce.
     """
-    return read_parts(file, _component, headonly=headonly)
-
-
-def _component(lines: Lines) -> list[Series]:
     texts = [lines.take() for _ in range(_TEXTS)]
     if not _TITLE.match(texts[0]):
         raise RecordError(f"a component's header should begin in line {lines.number - _TEXTS + 1}")

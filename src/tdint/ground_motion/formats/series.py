@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
+from functools import wraps
 from typing import Any, TypedDict
 
 import numpy as np
@@ -126,13 +127,26 @@ def to_stream(series: Sequence[Series], *, headonly: bool = False) -> Stream:
     return stream
 
 
-def read_parts(file: Any, read: Callable[[Lines], Sequence[Series]], *, headonly: bool) -> Stream:
-    """ObsPy's stream of a file that is made of one part after another, each read to its end by `read`."""
-    lines = read_lines(file)
-    series: list[Series] = []
-    while lines.peek() is not None:
-        series += read(lines)
-    return to_stream(series, headonly=headonly)
+def reader(read: Callable[[Lines], Sequence[Series]]) -> Callable[..., Stream]:
+    """The function `read_<format>(file, headonly=False)` of a format, of what reads the components from its lines."""
+
+    @wraps(read)
+    def read_file(file: Any, headonly: bool = False, **_: Any) -> Stream:
+        return to_stream(read(read_lines(file)), headonly=headonly)
+
+    return read_file
+
+
+def reader_of_parts(read: Callable[[Lines], Sequence[Series]]) -> Callable[..., Stream]:
+    """The same of a format whose files are made of one part after another, each read to its end by `read`."""
+
+    def read_all(lines: Lines) -> list[Series]:
+        series: list[Series] = []
+        while lines.peek() is not None:
+            series += read(lines)
+        return series
+
+    return reader(wraps(read)(read_all))
 
 
 def _trace(one: Series, compared: tuple[str, ...], headonly: bool) -> Trace:

@@ -11,14 +11,20 @@ import re
 import warnings
 from datetime import datetime
 from itertools import chain
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tdint.errors import RecordError
-from tdint.ground_motion.formats.lines import Lines, is_row_of_numbers, read_lines, recognizes, row_of_numbers
-from tdint.ground_motion.formats.series import Series, code, first_match, moment, required_units, stated_peak, to_stream
-
-if TYPE_CHECKING:
-    from obspy import Stream
+from tdint.ground_motion.formats.lines import Lines, is_row_of_numbers, recognizes, row_of_numbers
+from tdint.ground_motion.formats.series import (
+    Series,
+    code,
+    first_match,
+    header_field,
+    moment,
+    reader,
+    required_units,
+    stated_peak,
+)
 
 _TITLE = re.compile(r"\s*ARCHIVO EST[AÁ]NDAR DE ACELERACI[OÓ]N", re.IGNORECASE)
 _DATA = re.compile(r"\s*DATOS DE ACELERACI[OÓ]N", re.IGNORECASE)
@@ -45,7 +51,8 @@ def is_unam(file: Any, **_: Any) -> bool:
     return recognizes(file, lambda lines: any(map(_TITLE.match, lines[:20])))
 
 
-def read_unam(file: Any, headonly: bool = False, **_: Any) -> Stream:
+@reader
+def read_unam(lines: Lines) -> list[Series]:
     """Read the channels of an ASA file; see `tdint.ground_motion.formats`.
 
     Raises
@@ -53,7 +60,6 @@ def read_unam(file: Any, headonly: bool = False, **_: Any) -> Stream:
     RecordError
         It is cut off, or what it holds is not what its header announces.
     """
-    lines = read_lines(file)
     texts = lines.take_until(_DATA.match, "line with the beginning of the data")
     steps, counts, peaks, names = (_of_channels(pattern, texts) for pattern in (_STEPS, _COUNTS, _PEAKS, _NAMES))
     if not names or not len(names) == len(steps) == len(counts) or len(set(counts)) > 1 or not counts[0].isdigit():
@@ -63,22 +69,21 @@ def read_unam(file: Any, headonly: bool = False, **_: Any) -> Stream:
         lines.take()
     columns = lines.table(int(counts[0]), len(names))
     _skip_repeated(lines, [float(column[-1]) for column in columns])
-    units = first_match(_UNITS, texts)
-    unit = required_units(units[1]) if units else ""
-    station = first_match(_STATION, texts)
+    unit = header_field(_UNITS, texts)
+    unit = required_units(unit) if unit else ""
     series = [
         Series(
             column,
             _number(step),
             unit,
             channel=_channel(name),
-            station=code(station[1]) if station else "",
+            station=code(header_field(_STATION, texts)),
             start=_start(texts),
             peak=stated_peak(peaks[place], _GAL, unit) if unit and len(peaks) == len(names) else None,
         )
         for place, (name, step, column) in enumerate(zip(names, steps, columns, strict=True))
     ]
-    return to_stream(series, headonly=headonly)
+    return series
 
 
 def _skip_repeated(lines: Lines, last: list[float]) -> None:

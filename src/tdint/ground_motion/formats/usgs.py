@@ -12,16 +12,12 @@ from __future__ import annotations
 
 import re
 from datetime import datetime, timedelta
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.csmip import REAL_WIDTH, REALS, read_pairs, text_header
-from tdint.ground_motion.formats.lines import read_lines, recognizes
-from tdint.ground_motion.formats.series import Series, StatedPeak, code, first_match, header_field, moment, to_stream
-
-if TYPE_CHECKING:
-    from obspy import Stream
-
+from tdint.ground_motion.formats.lines import Lines, recognizes
+from tdint.ground_motion.formats.series import Series, StatedPeak, code, first_match, header_field, moment, reader
 
 _TEXTS, _INTEGERS, _REALS = 11, 48, 50
 _INTEGER_WIDTH, _REAL_WIDTH, _VALUE_WIDTH = 10, 15, 10
@@ -56,7 +52,8 @@ def _is_integer(word: str) -> bool:
     return word.lstrip("-").isdigit()
 
 
-def read_smc(file: Any, headonly: bool = False, **_: Any) -> Stream:
+@reader
+def read_smc(lines: Lines) -> list[Series]:
     """Read an SMC file; see `tdint.ground_motion.formats`.
 
     Raises
@@ -64,7 +61,6 @@ def read_smc(file: Any, headonly: bool = False, **_: Any) -> Stream:
     RecordError
         It is cut off, holds more or fewer values than its header announces, or something else than an acceleration.
     """
-    lines = read_lines(file)
     texts = [lines.take() for _ in range(_TEXTS)]
     kind = _KINDS.match(texts[0])
     if not kind or kind[1] not in _UNITS:
@@ -89,7 +85,7 @@ def read_smc(file: Any, headonly: bool = False, **_: Any) -> Stream:
     )
     if lines.at_numbers():
         raise RecordError(f"line {lines.number + 1} holds more values than its header announces")
-    return to_stream([series], headonly=headonly)
+    return [series]
 
 
 def _component(integers: list[float]) -> str:
@@ -143,7 +139,8 @@ def is_usc(file: Any, **_: Any) -> bool:
     return recognizes(file, lambda lines: _TITLE.match(lines[0]))
 
 
-def read_usc(file: Any, headonly: bool = False, **_: Any) -> Stream:
+@reader
+def read_usc(lines: Lines) -> list[Series]:
     """Read a USC file; see `tdint.ground_motion.formats`.
 
     Raises
@@ -151,11 +148,10 @@ def read_usc(file: Any, headonly: bool = False, **_: Any) -> Stream:
     RecordError
         It is cut off, or its times are not in equal steps.
     """
-    lines = read_lines(file)
     texts = text_header(lines)
     lines.numbers(REALS, REAL_WIDTH)
     station, component = code(header_field(_STATION, texts)), header_field(_COMPONENT, texts)
     series = read_pairs(lines, texts, station=station, channel=component.upper())
     if lines.peek() is not None:
         raise RecordError(f"line {lines.number + 1} stands after the last point that the header announces")
-    return to_stream([series], headonly=headonly)
+    return [series]

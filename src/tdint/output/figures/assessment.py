@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
-from tdint.files import Writer
 from tdint.output.figures.style import (
     COLORS,
     DASHES,
@@ -21,7 +20,6 @@ from tdint.output.figures.style import (
     add_legend,
     add_title,
     legend_columns,
-    picture,
     plain_numbers,
 )
 
@@ -40,10 +38,8 @@ _ROUNDING = 1e-9  # what a spectral radius may lie above 1
 _TALLEST = 1e4  # what runs away is cut here
 
 
-def stability_picture(curves: Sequence[StabilityCurve], suffix: str, *, band: bool = False) -> Writer:
+def stability_picture(curves: Sequence[StabilityCurve], *, band: bool = False) -> Figure:
     """Picture of stability: spectral radius, period error, numerical damping and amplitude decay over dt/T.
-
-    Return value and errors are those of `tdint.output.figures.style.picture`.
 
     Parameters
     ----------
@@ -52,24 +48,63 @@ def stability_picture(curves: Sequence[StabilityCurve], suffix: str, *, band: bo
     band : bool
         Add a panel with the growth per step around omega dt = sqrt(12), on a log scale.
     """
-    return picture(suffix, lambda: _draw_stability(curves, band))
+    figure = Figure(figsize=(7.5, 8.6 if band else 6.4), layout="constrained")
+    grid = figure.add_gridspec(3 if band else 2, 2)
+    radius, decay, period, damping = (figure.add_subplot(grid[i, j]) for i in (0, 1) for j in (0, 1))
+    zoom = figure.add_subplot(grid[2, :]) if band else None
+    lines = []
+    for curve, style in zip(curves, _curve_styles(curves), strict=True):
+        x = curve.dt_over_t
+        lines += _plot(radius, x, curve.spectral_radius, style)
+        near = x <= _ACCURACY_RANGE * 1.01
+        for axes, values in (
+            (decay, curve.amplitude_decay),
+            (period, curve.period_error),
+            (damping, curve.numerical_damping),
+        ):
+            _plot(axes, x[near], 100.0 * values[near], style)
+        if zoom is not None:
+            growth = curve.spectral_radius - 1.0
+            _plot(zoom, 2.0 * math.pi * x, np.where(growth > _ROUNDING, growth, math.nan), style)
+    _frame_radius(radius, curves)
+    _frame_accuracy(period, "period error (%)", -20.0, 60.0)
+    _frame_accuracy(damping, "numerical damping ratio (%)", -2.0, 20.0)
+    _frame_accuracy(decay, "amplitude lost per cycle (%)", -10.0, 100.0)
+    if zoom is not None:
+        _frame_band(zoom)
+    add_legend(figure, radius, lines, _curve_labels(curves), _NARROW)
+    add_title(figure, _stability_title(curves))
+    return figure
 
 
-def overshoot_picture(motions: Sequence[Overshoot], suffix: str) -> Writer:
-    """Picture of the first steps: displacement and velocity, from a displacement and from a velocity.
+def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
+    """Picture of the first steps: displacement and velocity, from a displacement and from a velocity."""
+    figure = Figure(figsize=(7.5, 6.4), layout="constrained")
+    panels = figure.subplots(2, 2, sharex=True)
+    starts = tuple(dict.fromkeys(motion.start for motion in motions))
+    methods = [motion.method for motion in motions]
+    short = short_labels(methods)
+    lines = {}
+    for motion, style in zip(motions, line_styles(methods, [motion.damping for motion in motions]), strict=True):
+        style |= {"markevery": 1, "marker": style.get("marker", "o")}
+        row = panels[starts.index(motion.start)]
+        (lines[motion.method],) = row[0].plot(motion.displacement, **style)
+        row[1].plot(motion.velocity, **style)
+    for start, row in zip(starts, panels, strict=False):
+        for axes, quantity in zip(row, ("displacement", "velocity"), strict=True):
+            axes.set_title(f"{quantity}, from a {start}")
+            _frame_steps(axes)
+    for axes in panels[-1]:
+        axes.set_xlabel("step")
+    add_legend(figure, panels[0, 0], list(lines.values()), [short[method] for method in lines], _NARROW)
+    add_title(figure, _overshoot_title(motions, short))
+    return figure
 
-    Parameters, return value and errors are those of `stability_picture`.
-    """
-    return picture(suffix, lambda: _draw_overshoot(motions))
 
-
-def order_picture(measured: Sequence[ObservedOrder], suffix: str) -> Writer:
-    """Picture of the observed order: over the frequency ratio, or for each method where the load has no frequency.
-
-    Parameters, return value and errors are those of `stability_picture`.
-    """
+def order_picture(measured: Sequence[ObservedOrder]) -> Figure:
+    """Picture of the observed order: over the frequency ratio, or for each method where the load has no frequency."""
     several = len({one.frequency_ratio for one in measured}) > 1 and not math.isnan(measured[0].frequency_ratio)
-    return picture(suffix, lambda: _draw_orders(measured) if several else _draw_order_chart(measured))
+    return _draw_orders(measured) if several else _draw_order_chart(measured)
 
 
 def short_labels(labels: Sequence[str]) -> dict[str, str]:
@@ -107,36 +142,6 @@ def _plot(axes: Any, x: Array, y: Array, style: dict[str, Any]) -> list[Any]:
     if not np.any(np.isfinite(x) & np.isfinite(y)):
         style = {**style, "markevery": None}
     return list(axes.plot(x, y, **style))
-
-
-def _draw_stability(curves: Sequence[StabilityCurve], band: bool) -> Figure:
-    figure = Figure(figsize=(7.5, 8.6 if band else 6.4), layout="constrained")
-    grid = figure.add_gridspec(3 if band else 2, 2)
-    radius, decay, period, damping = (figure.add_subplot(grid[i, j]) for i in (0, 1) for j in (0, 1))
-    zoom = figure.add_subplot(grid[2, :]) if band else None
-    lines = []
-    for curve, style in zip(curves, _curve_styles(curves), strict=True):
-        x = curve.dt_over_t
-        lines += _plot(radius, x, curve.spectral_radius, style)
-        near = x <= _ACCURACY_RANGE * 1.01
-        for axes, values in (
-            (decay, curve.amplitude_decay),
-            (period, curve.period_error),
-            (damping, curve.numerical_damping),
-        ):
-            _plot(axes, x[near], 100.0 * values[near], style)
-        if zoom is not None:
-            growth = curve.spectral_radius - 1.0
-            _plot(zoom, 2.0 * math.pi * x, np.where(growth > _ROUNDING, growth, math.nan), style)
-    _frame_radius(radius, curves)
-    _frame_accuracy(period, "period error (%)", -20.0, 60.0)
-    _frame_accuracy(damping, "numerical damping ratio (%)", -2.0, 20.0)
-    _frame_accuracy(decay, "amplitude lost per cycle (%)", -10.0, 100.0)
-    if zoom is not None:
-        _frame_band(zoom)
-    add_legend(figure, radius, lines, _curve_labels(curves), _NARROW)
-    add_title(figure, _stability_title(curves))
-    return figure
 
 
 def draw_radius(axes: Any, curves: Sequence[StabilityCurve]) -> None:
@@ -193,29 +198,6 @@ def _frame_band(axes: Any) -> None:
     axes.axvline(math.sqrt(12.0), color=LIGHT, linewidth=0.8)
     axes.set_xlabel("ω dt (the line marks √12)")
     axes.set_ylabel("spectral radius - 1")
-
-
-def _draw_overshoot(motions: Sequence[Overshoot]) -> Figure:
-    figure = Figure(figsize=(7.5, 6.4), layout="constrained")
-    panels = figure.subplots(2, 2, sharex=True)
-    starts = tuple(dict.fromkeys(motion.start for motion in motions))
-    methods = [motion.method for motion in motions]
-    short = short_labels(methods)
-    lines = {}
-    for motion, style in zip(motions, line_styles(methods, [motion.damping for motion in motions]), strict=True):
-        style |= {"markevery": 1, "marker": style.get("marker", "o")}
-        row = panels[starts.index(motion.start)]
-        (lines[motion.method],) = row[0].plot(motion.displacement, **style)
-        row[1].plot(motion.velocity, **style)
-    for start, row in zip(starts, panels, strict=False):
-        for axes, quantity in zip(row, ("displacement", "velocity"), strict=True):
-            axes.set_title(f"{quantity}, from a {start}")
-            _frame_steps(axes)
-    for axes in panels[-1]:
-        axes.set_xlabel("step")
-    add_legend(figure, panels[0, 0], list(lines.values()), [short[method] for method in lines], _NARROW)
-    add_title(figure, _overshoot_title(motions, short))
-    return figure
 
 
 def _frame_steps(axes: Any) -> None:

@@ -10,9 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from tdint.files import Writer
 from tdint.output.figures.spectrum_axes import log_periods
-from tdint.output.figures.style import LIGHT, MARK, add_title, picture, record_name
+from tdint.output.figures.style import LIGHT, MARK, add_title, record_name
 from tdint.output_units import SI, OutputUnits
 
 if TYPE_CHECKING:
@@ -29,8 +28,8 @@ _UNITS = {"acceleration": "m/s^2", "displacement": "m"}
 
 
 def comparison_picture(
-    comparisons: Sequence[Comparison], periods: Array, damping: float, suffix: str, units: OutputUnits = SI
-) -> Writer:
+    comparisons: Sequence[Comparison], periods: Array, damping: float, units: OutputUnits = SI
+) -> Figure:
     """Picture of results beside recordings, a row for each floor of each event, the roof on top.
 
     Parameters
@@ -39,15 +38,10 @@ def comparison_picture(
         One at least.
     periods : ndarray, shape (k,)
         Of the spectra, s, and their damping ratio.
-    suffix : str
-        .png, .pdf or .svg; see `tdint.output.figures.style.picture`.
     units : OutputUnits
         Of lengths and accelerations.
     """
-    return picture(suffix, lambda: _draw(comparisons, periods, damping, units.in_pictures))
-
-
-def _draw(comparisons: Sequence[Comparison], periods: Array, damping: float, units: OutputUnits) -> Figure:
+    units = units.in_pictures
     rows = [
         (one, floor, spectra)
         for one in comparisons

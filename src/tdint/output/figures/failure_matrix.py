@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from tdint.files import Writer
 from tdint.output.figures.assessment import short_labels
-from tdint.output.figures.style import add_title, picture
+from tdint.output.figures.style import add_title
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.failures import Trial
@@ -50,20 +49,14 @@ _EXPLANATION = (
 )
 
 
-def failure_picture(trials: Sequence[Trial], suffix: str) -> Writer:
+def failure_picture(trials: Sequence[Trial]) -> Figure:
     """Picture of who fails where: a row per method, a column per problem and step.
-
-    Return value and errors are those of `tdint.output.figures.style.picture`.
 
     Parameters
     ----------
     trials : sequence of Trial
         A cell each.
     """
-    return picture(suffix, lambda: _draw(trials))
-
-
-def _draw(trials: Sequence[Trial]) -> Figure:
     methods = list(dict.fromkeys(trial.method for trial in trials))
     columns = list(dict.fromkeys((trial.problem, trial.dt) for trial in trials))
     width, height = _CELL[0] * len(columns), _CELL[1] * len(methods)

@@ -11,8 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tdint.campaign.fragility.fits import CloudPoints, Fragility
-from tdint.files import Writer
-from tdint.output.figures.style import COLORS, DASHES, MARKERS, add_title, legend_columns, picture, plain_logarithmic
+from tdint.output.figures.style import COLORS, DASHES, MARKERS, add_title, legend_columns, plain_logarithmic
 from tdint.output.figures.suites import GRAY, add_gravity_axis, measure_label
 
 _POINTS = 300
@@ -25,23 +24,22 @@ _NAMES = {
 }
 
 
-def fragility_picture(functions: Sequence[Fragility], suffix: str) -> Writer:
-    """Picture of functions of one fit and one intensity measure, one at least.
-
-    Parameters, return value and errors are those of `tdint.output.figures.style.picture`.
-    """
-    return picture(suffix, lambda: _draw(functions))
-
-
-def types_picture(functions: Sequence[Fragility], suffix: str) -> Writer:
-    """Picture of functions of types of buildings, a panel for each type with a curve for each damage state.
-
-    Parameters, return value and errors are those of `tdint.output.figures.style.picture`.
-    """
-    return picture(suffix, lambda: _draw_types(functions))
+def fragility_picture(functions: Sequence[Fragility]) -> Figure:
+    """Picture of functions of one fit and one intensity measure, one at least."""
+    cloud = functions[0].cloud
+    figure = Figure(figsize=(9.2 if cloud else 6.8, 4.6), layout="constrained")
+    if cloud is None:
+        draw_functions(figure.subplots(), functions)
+    else:
+        left, right = figure.subplots(1, 2)
+        _draw_cloud(left, cloud, functions)
+        draw_functions(right, functions)
+    add_title(figure, _title(functions))
+    return figure
 
 
-def _draw_types(functions: Sequence[Fragility]) -> Figure:
+def types_picture(functions: Sequence[Fragility]) -> Figure:
+    """Picture of functions of types of buildings, a panel for each type with a curve for each damage state."""
     types = {name: [one for one in functions if one.type == name] for name in dict.fromkeys(f.type for f in functions)}
     states = list(dict.fromkeys(one.state for one in sorted(functions, key=lambda one: one.threshold)))
     wide = min(len(types), _ACROSS)
@@ -87,19 +85,6 @@ def _draw_type(axes: Any, functions: Sequence[Fragility], states: Sequence[str])
             )
     axes.set_xlim(0.0, end)
     axes.set_ylim(-0.01, 1.01)
-
-
-def _draw(functions: Sequence[Fragility]) -> Figure:
-    cloud = functions[0].cloud
-    figure = Figure(figsize=(9.2 if cloud else 6.8, 4.6), layout="constrained")
-    if cloud is None:
-        draw_functions(figure.subplots(), functions)
-    else:
-        left, right = figure.subplots(1, 2)
-        _draw_cloud(left, cloud, functions)
-        draw_functions(right, functions)
-    add_title(figure, _title(functions))
-    return figure
 
 
 def draw_functions(axes: Any, functions: Sequence[Fragility]) -> None:

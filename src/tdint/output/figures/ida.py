@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from tdint.campaign.ida.curve import IdaCurve, fractiles
 from tdint.campaign.ida.study import IdaStudy
 from tdint.campaign.suites.intensity import MotionIntensity
-from tdint.files import Writer
-from tdint.output.figures.style import COLORS, DASHES, add_title, changed, picture, record_name
+from tdint.output.figures.style import COLORS, DASHES, add_title, changed, record_name
 from tdint.output.figures.suites import add_gravity_axis, measure_label, single_look
 
 Array = NDArray[np.float64]
@@ -25,15 +24,8 @@ _ROOM = 1.1  # the axis of intensity ends so far above the largest capacity
 _BEYOND = 1.04  # of drift: where flat lines end
 
 
-def ida_picture(study: IdaStudy, suffix: str) -> Writer:
-    """Picture of a study, in the units that its intensities have (`IdaStudy.in_units`).
-
-    Parameters, return value and errors are those of `tdint.output.figures.style.picture`.
-    """
-    return picture(suffix, lambda: _draw(study))
-
-
-def _draw(study: IdaStudy) -> Figure:
+def ida_picture(study: IdaStudy) -> Figure:
+    """Picture of a study, in the units that its intensities have (`IdaStudy.in_units`)."""
     figure = Figure(figsize=(7.2, 5.2), layout="constrained")
     draw_ida(figure.subplots(), study)
     add_title(figure, _title(study))

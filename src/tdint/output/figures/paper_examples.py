@@ -9,9 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from tdint.files import Writer
 from tdint.output.figures.assessment import line_styles, short_labels
-from tdint.output.figures.style import add_legend, add_title, picture
+from tdint.output.figures.style import add_legend, add_title
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -22,12 +21,8 @@ _NARROW = 31  # labels that fit into three columns
 _NEAR = 3  # steps on both sides of the peak that a close-up shows
 
 
-def example_picture(
-    about: str, runs: Sequence[ExampleRun], figure: ExampleFigure, exact: str, reference: str, suffix: str
-) -> Writer:
+def example_picture(about: str, runs: Sequence[ExampleRun], shown: ExampleFigure, exact: str, reference: str) -> Figure:
     """One figure of the paper: displacement or error of a floor by several methods, with a close-up at the peak.
-
-    Return value and errors are those of `tdint.output.figures.style.picture`.
 
     Parameters
     ----------
@@ -35,18 +30,14 @@ def example_picture(
         What the example is, in a line.
     runs : sequence of ExampleRun
         Of one example and one step; at least one of them ended. Variants are left out.
-    figure : ExampleFigure
+    shown : ExampleFigure
         Which one.
     exact : str
         What is called exact: its name in the legend.
     reference : str
         Which one of `tdint.analysis.assessment.paper_examples.REFERENCES` that is.
     """
-    shown = [run for run in runs if run.outcome == "done" and not run.variant]
-    return picture(suffix, lambda: _draw(about, shown, figure, exact, reference))
-
-
-def _draw(about: str, runs: Sequence[ExampleRun], shown: ExampleFigure, exact: str, reference: str) -> Figure:
+    runs = [run for run in runs if run.outcome == "done" and not run.variant]
     figure = Figure(figsize=(7.5, 3.8), layout="constrained")
     wide, close = figure.subplots(1, 2, width_ratios=(2.6, 1.0))
     time = runs[0].motion.time

@@ -9,10 +9,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from tdint.files import Writer
 from tdint.ground_motion.measures import cumulative_energy, integrate, time_of_energy
 from tdint.ground_motion.record import Record
-from tdint.output.figures.style import COLORS, LIGHT, MARK, changed, picture, record_name, write_note
+from tdint.output.figures.style import COLORS, LIGHT, MARK, changed, record_name, write_note
 from tdint.output.tables.spectra import RecordInfo
 from tdint.output_units import SI, OutputUnits
 
@@ -24,20 +23,16 @@ _MOTION = {"acceleration": "m/s^2", "velocity": "m/s", "displacement": "m"}
 """What is drawn over time, from the top, and its SI unit."""
 
 
-def info_picture(infos: Sequence[RecordInfo], suffix: str, units: OutputUnits = SI) -> Writer:
+def info_picture(infos: Sequence[RecordInfo], units: OutputUnits = SI) -> Figure:
     """Picture of the first records, at most MOST_RECORDS: a column each.
-
-    Return value and errors are those of `tdint.output.figures.style.picture`.
 
     Parameters
     ----------
     infos : sequence of RecordInfo
         One at least.
     """
-    return picture(suffix, lambda: _draw(infos[:MOST_RECORDS], units.in_pictures))
-
-
-def _draw(infos: Sequence[RecordInfo], units: OutputUnits) -> Figure:
+    infos = infos[:MOST_RECORDS]
+    units = units.in_pictures
     figure = Figure(figsize=(7.5 if len(infos) == 1 else 5.0 * len(infos), 8.5), layout="constrained")
     grid = figure.subplots(4, len(infos), sharex="col", sharey="row", squeeze=False)
     for column, info in zip(grid.T, infos, strict=True):

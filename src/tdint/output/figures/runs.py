@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from tdint.files import Writer
 from tdint.output.figures.style import (
     COLORS,
     DASHES,
@@ -20,7 +19,6 @@ from tdint.output.figures.style import (
     MARK,
     add_title,
     changed,
-    picture,
     record_name,
     scaled_unit,
     write_note,
@@ -42,15 +40,12 @@ _NAMED = 3  # shocks whose records the title names
 _BEYOND = 1.25  # where the bar of an isolator ends, over the largest of all others
 
 
-def run_picture(response: Response, suffix: str, units: OutputUnits = SI) -> Writer:
+def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
     """Picture of a run: ground, roof displacement and energies over time; drifts, floor accelerations and shears over
-    the height; the hysteresis of one story.
-
-    Return value and errors are those of `tdint.output.figures.style.picture`. Of a response without its history what is
-    over the height.
+    the height; the hysteresis of one story. Of a response without its history what is over the height.
     """
     draw = _draw_heights if response.history is None else _draw
-    return picture(suffix, lambda: draw(response, units.in_pictures))
+    return draw(response, units.in_pictures)
 
 
 def _draw_heights(response: Response, units: OutputUnits) -> Figure:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
-from tdint.files import Writer
 from tdint.ground_motion.record import Record, component_names
 from tdint.output.figures.spectrum_axes import (
     Panel,
@@ -28,7 +27,6 @@ from tdint.output.figures.style import (
     DASHES,
     LIGHT,
     add_title,
-    picture,
     plain_numbers,
     record_name,
     record_names,
@@ -45,7 +43,6 @@ if TYPE_CHECKING:
 
 
 Array = NDArray[np.float64]
-DrawSpectra = Callable[[Sequence["Spectrum"], Sequence[str], OutputUnits], Figure]
 
 _MOST = 4  # components that have panels of their own
 _NAMES = {
@@ -62,15 +59,9 @@ _POINTS: dict[str, Any] = {"color": "0.25", "markersize": 3.0, "markerfacecolor"
 
 
 def spectrum_picture(
-    spectra: Sequence[Spectrum],
-    suffix: str,
-    axes: str = "periods",
-    units: OutputUnits = SI,
-    target: TargetSpectrum | None = None,
-) -> Writer:
+    spectra: Sequence[Spectrum], axes: str = "periods", units: OutputUnits = SI, target: TargetSpectrum | None = None
+) -> Figure:
     """Picture of spectra, a line per component and damping ratio, or the fractiles of a suite.
-
-    Return value and errors are those of `tdint.output.figures.style.picture`.
 
     Parameters
     ----------
@@ -80,13 +71,8 @@ def spectrum_picture(
     target : TargetSpectrum, optional
         Drawn over them on the axes `periods`.
     """
-    return picture(suffix, lambda: _draw_elastic(spectra, DRAWN[axes], units.in_pictures, target))
-
-
-def _draw_elastic(
-    spectra: Sequence[Spectrum], draw: DrawSpectra, units: OutputUnits, target: TargetSpectrum | None
-) -> Figure:
-    figure = draw(spectra, line_labels(spectra), units)
+    units = units.in_pictures
+    figure = DRAWN[axes](spectra, line_labels(spectra), units)
     if target is not None:
         _add_target(figure, target, units)
     title = over_periods_title("Elastic response spectrum", "Elastic response spectra", spectra, _how(spectra[0]))
@@ -95,11 +81,15 @@ def _draw_elastic(
 
 
 def _draw_periods(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUnits) -> Figure:
-    panels: list[Panel[Spectrum]] = [
-        (f"pseudo-acceleration PSA ({units.label('m/s^2')})", lambda spectrum: units.of(spectrum.psa, "m/s^2")),
-        (f"displacement SD ({units.label('m')})", lambda spectrum: units.of(spectrum.sd, "m")),
+    return draw_over_periods(spectra, _elastic_panels(units), labels)
+
+
+def _elastic_panels(units: OutputUnits) -> list[Panel[Any]]:
+    """Pseudo-accelerations above displacements."""
+    return [
+        (f"pseudo-acceleration PSA ({units.label('m/s^2')})", lambda line: units.of(line.psa, "m/s^2")),
+        (f"displacement SD ({units.label('m')})", lambda line: units.of(line.sd, "m")),
     ]
-    return draw_over_periods(spectra, panels, labels)
 
 
 def draw_accelerations(axes: Any, spectra: Sequence[Spectrum], units: OutputUnits) -> None:
@@ -129,20 +119,14 @@ def _how(spectrum: Spectrum) -> str:
     return ", ".join(words)
 
 
-def inelastic_picture(spectra: Sequence[InelasticSpectrum], suffix: str, units: OutputUnits = SI) -> Writer:
+def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits = SI) -> Figure:
     """Picture of inelastic spectra: a line per component, damping ratio, and ductility or strength.
-
-    Return value and errors are those of `tdint.output.figures.style.picture`.
 
     Parameters
     ----------
     spectra : sequence of InelasticSpectrum
         One at least; all for ductilities or all for strengths.
     """
-    return picture(suffix, lambda: _draw_inelastic(spectra, units))
-
-
-def _draw_inelastic(spectra: Sequence[InelasticSpectrum], units: OutputUnits) -> Figure:
     panels: list[Panel[InelasticSpectrum]] = [
         ("yield strength over weight", lambda spectrum: spectrum.yield_strength_ratio)
         if spectra[0].target is not None
@@ -220,11 +204,9 @@ class _Line:
 
 
 def rotated_picture(
-    spectra: Sequence[RotatedSpectrum], suffix: str, units: OutputUnits = SI, target: TargetSpectrum | None = None
-) -> Writer:
+    spectra: Sequence[RotatedSpectrum], units: OutputUnits = SI, target: TargetSpectrum | None = None
+) -> Figure:
     """Picture of spectra over all directions: a line per motion, damping ratio, percentile, and the geometric mean.
-
-    Return value and errors are those of `tdint.output.figures.style.picture`.
 
     Parameters
     ----------
@@ -233,17 +215,10 @@ def rotated_picture(
     target : TargetSpectrum, optional
         Drawn over them.
     """
-    return picture(suffix, lambda: _draw_rotated(spectra, units.in_pictures, target))
-
-
-def _draw_rotated(spectra: Sequence[RotatedSpectrum], units: OutputUnits, target: TargetSpectrum | None) -> Figure:
+    units = units.in_pictures
     lines = [line for spectrum in spectra for line in _lines(spectrum)]
-    panels: list[Panel[_Line]] = [
-        (f"pseudo-acceleration PSA ({units.label('m/s^2')})", lambda line: units.of(line.psa, "m/s^2")),
-        (f"displacement SD ({units.label('m')})", lambda line: units.of(line.sd, "m")),
-    ]
     labels = [f"{label}, {line.name}" for label, line in zip(line_labels(lines), lines, strict=True)]
-    figure = draw_over_periods(lines, panels, labels, [(line.damping, line.name) for line in lines])
+    figure = draw_over_periods(lines, _elastic_panels(units), labels, [(line.damping, line.name) for line in lines])
     if target is not None:
         _add_target(figure, target, units)
     more = ["exact solution", "180 directions"]
@@ -264,20 +239,14 @@ def _lines(spectrum: RotatedSpectrum) -> Iterator[_Line]:
     yield _Line("geometric mean", record, spectrum.damping, spectrum.periods, spectrum.geometric_mean)
 
 
-def drift_spectrum_picture(spectra: Sequence[DriftSpectrum], suffix: str, units: OutputUnits = SI) -> Writer:
+def drift_spectrum_picture(spectra: Sequence[DriftSpectrum], units: OutputUnits = SI) -> Figure:
     """Picture of drift spectra: a line per component and damping ratio.
-
-    Return value and errors are those of `tdint.output.figures.style.picture`.
 
     Parameters
     ----------
     spectra : sequence of DriftSpectrum
         One at least; all of the same kind of building.
     """
-    return picture(suffix, lambda: _draw_drift(spectra, units))
-
-
-def _draw_drift(spectra: Sequence[DriftSpectrum], units: OutputUnits) -> Figure:
     beam = spectra[0].stories[0] == 0
     panels: list[Panel[DriftSpectrum]] = [
         ("drift ratio at the base (%)" if beam else "largest story drift ratio (%)", _peaks),
@@ -322,15 +291,9 @@ def _add_heights(axes: Any, spectrum: DriftSpectrum, units: OutputUnits) -> None
     scale.xaxis.set_minor_formatter(NullFormatter())
 
 
-def difference_picture(lines: Sequence[SpectrumDifference], suffix: str, units: OutputUnits = SI) -> Writer:
-    """Picture of spectra, the published values as points, and of the differences below.
-
-    Parameters, return value and errors are those of `tdint.output.figures.style.picture`.
-    """
-    return picture(suffix, lambda: _draw_differences(lines, units.in_pictures))
-
-
-def _draw_differences(lines: Sequence[SpectrumDifference], units: OutputUnits) -> Figure:
+def difference_picture(lines: Sequence[SpectrumDifference], units: OutputUnits = SI) -> Figure:
+    """Picture of spectra, the published values as points, and of the differences below."""
+    units = units.in_pictures
     name, si = _NAMES[lines[0].published.quantity]
     panels: list[Panel[SpectrumDifference]] = [
         (f"{name} ({units.label(si)})", lambda line: units.of(line.computed, si)),
@@ -351,15 +314,9 @@ def _draw_differences(lines: Sequence[SpectrumDifference], units: OutputUnits) -
     return figure
 
 
-def target_picture(target: TargetSpectrum, suffix: str, units: OutputUnits = SI) -> Writer:
-    """Picture of a target spectrum: pseudo-acceleration and displacement over the period.
-
-    Parameters, return value and errors are those of `tdint.output.figures.style.picture`.
-    """
-    return picture(suffix, lambda: _draw_target(target, units.in_pictures))
-
-
-def _draw_target(target: TargetSpectrum, units: OutputUnits) -> Figure:
+def target_picture(target: TargetSpectrum, units: OutputUnits = SI) -> Figure:
+    """Picture of a target spectrum: pseudo-acceleration and displacement over the period."""
+    units = units.in_pictures
     figure = Figure(figsize=(7.5, 7.2), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.25, 1.0))
     _add_target(figure, target, units, legend=False)

@@ -8,8 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from tdint.files import Writer
-from tdint.output.figures.style import COLORS, DASHES, LIGHT, add_ratio_axis, add_title, picture, scaled_unit
+from tdint.output.figures.style import COLORS, DASHES, LIGHT, add_ratio_axis, add_title, scaled_unit
 from tdint.output_units import SI, OutputUnits
 
 if TYPE_CHECKING:
@@ -17,20 +16,14 @@ if TYPE_CHECKING:
     from tdint.analysis.static.pushover import Pushover
 
 
-def cyclic_picture(test: CyclicTest, suffix: str, units: OutputUnits = SI) -> Writer:
+def cyclic_picture(test: CyclicTest, units: OutputUnits = SI) -> Figure:
     """Picture of a cyclic test: shear over drift, and the energies over the cycles.
-
-    Return value and errors are those of `tdint.output.figures.style.picture`.
 
     Parameters
     ----------
     test : CyclicTest
         A result of `tdint.analysis.static.cyclic.cyclic_test`.
     """
-    return picture(suffix, lambda: _draw_test(test, units))
-
-
-def _draw_test(test: CyclicTest, units: OutputUnits) -> Figure:
     figure = Figure(figsize=(6.5, 7.6), layout="constrained")
     loop, energy = figure.subplots(2, 1, height_ratios=(2.6, 1.0))
     draw_loop(loop, test, units)
@@ -83,12 +76,8 @@ def _draw_energy(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
     axes.xaxis.set_major_locator(MaxNLocator(9, steps=[1, 2, 5, 10]))
 
 
-def pushover_picture(result: Pushover, suffix: str, units: OutputUnits = SI) -> Writer:
+def pushover_picture(result: Pushover, units: OutputUnits = SI) -> Figure:
     """Picture of a pushover; return value and errors are those of `tdint.output.figures.style.picture`."""
-    return picture(suffix, lambda: _draw_pushover(result, units))
-
-
-def _draw_pushover(result: Pushover, units: OutputUnits) -> Figure:
     figure = Figure(figsize=(8.4, 4.6), layout="constrained")
     curve, profile = figure.subplots(1, 2, width_ratios=(1.7, 1.0))
     draw_curve(curve, result, units)

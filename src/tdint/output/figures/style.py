@@ -16,7 +16,7 @@ from typing import Any, BinaryIO
 
 import matplotlib as mpl
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure as Figure
 from matplotlib.font_manager import get_font_names
 from matplotlib.text import Text
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator
@@ -25,6 +25,8 @@ from tdint.errors import OutputError, UsageError, did_you_mean
 from tdint.ground_motion.record import Record
 from tdint.output.printed import ON_SCREEN, PRINTED, PrintedAs, in_print
 from tdint.output_units import OutputUnits
+
+mpl.rcdefaults()
 
 _TITLE_LENGTH = 95
 
@@ -106,14 +108,13 @@ def picture_format(suffix: str) -> str:
 def picture(suffix: str, draw: Callable[[], Figure]) -> Picture:
     """What draws a figure and writes it to a binary stream.
 
-    Every function `..._picture` of the modules of figures takes its results and a suffix, and returns this.
-
     Parameters
     ----------
     suffix : str
         .png, .pdf or .svg.
     draw : callable
-        Makes the figure; it is called when the picture is written.
+        Makes the figure, by a function `..._picture` of the modules of figures; it is called when the picture is
+        written.
 
     Raises
     ------

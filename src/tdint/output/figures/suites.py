@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, PAIRS, SpectralIntensity
 from tdint.campaign.suites.scaling import LEAST_PART, Scaling, suite_spectra
 from tdint.campaign.suites.suite import components
-from tdint.files import Writer
 from tdint.ground_motion.record import Record
 from tdint.output.figures.style import (
     COLORS,
@@ -23,7 +22,6 @@ from tdint.output.figures.style import (
     add_title,
     changed,
     minor_ticks,
-    picture,
     plain_logarithmic,
     plain_numbers,
     record_name,
@@ -97,15 +95,8 @@ def draw_fractiles(axes: Any, x: Array, rows: Array, color: str, *, zorder: floa
     return axes.plot(x, high, color=color, linestyle=DASHES[1], zorder=zorder)[0]
 
 
-def suite_picture(scaling: Scaling, suffix: str, units: OutputUnits = SI) -> Writer:
-    """Picture of a scaled suite.
-
-    Parameters, return value and errors are those of `tdint.output.figures.style.picture`.
-    """
-    return picture(suffix, lambda: _draw(scaling, units))
-
-
-def _draw(scaling: Scaling, units: OutputUnits) -> Figure:
+def suite_picture(scaling: Scaling, units: OutputUnits = SI) -> Figure:
+    """Picture of a scaled suite."""
     figure = Figure(figsize=(7.2, 5.2), layout="constrained")
     draw_suite(figure.subplots(), scaling, units)
     add_title(figure, _title(scaling, units))

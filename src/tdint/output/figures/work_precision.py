@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from tdint.analysis.chart.quantities import QUANTITIES
-from tdint.files import Writer
 from tdint.output.figures.style import (
     COLORS,
     DASHES,
@@ -19,7 +18,6 @@ from tdint.output.figures.style import (
     MARKERS,
     add_legend,
     add_title,
-    picture,
     plain_numbers,
     write_labels,
 )
@@ -34,7 +32,7 @@ _SMALLEST_GAP = 1e-14  # so that it has a place on a logarithmic axis
 _LARGEST_ERROR = 10.0  # what is further off is cut
 
 
-def chart_picture(chart: Chart, suffix: str, *, name: str, target: str, versus: str = "time") -> Writer:
+def chart_picture(chart: Chart, *, name: str, target: str, versus: str = "time") -> Figure:
     """Picture of a chart: time over error, a line per method; or error over step.
 
     A point whose error is below the gap of the reference is not drawn. Of those of a line that has some, a triangle at
@@ -44,35 +42,44 @@ def chart_picture(chart: Chart, suffix: str, *, name: str, target: str, versus: 
     ----------
     chart : Chart
         What was measured.
-    suffix : str
-        .png, .pdf or .svg.
     name : str
         Of the building, for the title.
     target : str
         The error to show, a key of `QUANTITIES`.
     versus : str
         `time` or `dt`.
-
-    Returns
-    -------
-    callable
-        Draws and writes the picture to a binary stream.
-
-    Raises
-    ------
-    OutputError
-        Another suffix.
     """
     draw = {"time": _draw_times, "dt": _draw_steps}[versus]
-    return picture(suffix, lambda: draw(_Drawing(chart, target), name))
+    return draw(_Drawing(chart, target), name)
 
 
-def sizes_picture(charts: Sequence[Chart], suffix: str, *, name: str, target: str) -> Writer:
-    """Picture of time per step and of error over the number of stories, at the step closest to the record's.
-
-    Parameters, return value and errors are those of `chart_picture`.
-    """
-    return picture(suffix, lambda: _draw_sizes(charts, name, target))
+def sizes_picture(charts: Sequence[Chart], *, name: str, target: str) -> Figure:
+    """Picture of time per step and of error over the number of stories, at the step closest to the record's."""
+    figure = Figure(figsize=(7.5, 4.6), layout="constrained")
+    cost, accuracy = figure.subplots(1, 2)
+    lines = list(dict.fromkeys(point.line for chart in charts for point in chart.points))
+    handles = []
+    for i, line in enumerate(lines):
+        drawings = [_Drawing(chart, target) for chart in charts]
+        points = [(drawing, _closest(drawing, line)) for drawing in drawings]
+        found = [(drawing, point) for drawing, point in points if point is not None]
+        stories = [drawing.chart.stories for drawing, _ in found]
+        step_cost = [1e6 * point.fastest / (point.steps or math.nan) for _, point in found]
+        handles += cost.plot(stories, step_cost, **_style(i, line))
+        error = [drawing.error(point) for drawing, point in found]
+        accuracy.plot(stories, error, **_style(i, line))
+    for axes, label in ((cost, "time per step (us)"), (accuracy, QUANTITIES[target])):
+        _frame(axes)
+        plain_numbers(axes.xaxis)
+        axes.set_xlabel("stories (dotted: in proportion to them)" if axes is cost else "stories")
+        axes.set_ylabel(label)
+    _draw_proportion(cost, charts)
+    add_legend(figure, cost, handles, lines, _NARROW)
+    add_title(
+        figure,
+        f"{name}, with more stories\ncost and accuracy over the number of stories, dt {charts[0].interval:.4g} s",
+    )
+    return figure
 
 
 class _Drawing:
@@ -211,34 +218,6 @@ def _draw_steps(drawing: _Drawing, name: str) -> Figure:
     axes.set_ylabel(QUANTITIES[drawing.target])
     add_legend(figure, axes, handles, labels, _NARROW)
     add_title(figure, _title(drawing, name, "error over the time step"))
-    return figure
-
-
-def _draw_sizes(charts: Sequence[Chart], name: str, target: str) -> Figure:
-    figure = Figure(figsize=(7.5, 4.6), layout="constrained")
-    cost, accuracy = figure.subplots(1, 2)
-    lines = list(dict.fromkeys(point.line for chart in charts for point in chart.points))
-    handles = []
-    for i, line in enumerate(lines):
-        drawings = [_Drawing(chart, target) for chart in charts]
-        points = [(drawing, _closest(drawing, line)) for drawing in drawings]
-        found = [(drawing, point) for drawing, point in points if point is not None]
-        stories = [drawing.chart.stories for drawing, _ in found]
-        step_cost = [1e6 * point.fastest / (point.steps or math.nan) for _, point in found]
-        handles += cost.plot(stories, step_cost, **_style(i, line))
-        error = [drawing.error(point) for drawing, point in found]
-        accuracy.plot(stories, error, **_style(i, line))
-    for axes, label in ((cost, "time per step (us)"), (accuracy, QUANTITIES[target])):
-        _frame(axes)
-        plain_numbers(axes.xaxis)
-        axes.set_xlabel("stories (dotted: in proportion to them)" if axes is cost else "stories")
-        axes.set_ylabel(label)
-    _draw_proportion(cost, charts)
-    add_legend(figure, cost, handles, lines, _NARROW)
-    add_title(
-        figure,
-        f"{name}, with more stories\ncost and accuracy over the number of stories, dt {charts[0].interval:.4g} s",
-    )
     return figure
 
 

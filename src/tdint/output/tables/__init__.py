@@ -1,1 +1,15 @@
-"""CSV tables: columns and their order."""
+"""CSV tables: columns and their order; each module is imported when a table of it is made."""
+
+from typing import TYPE_CHECKING
+
+from tdint.tabular import modules_on_use
+
+if TYPE_CHECKING:
+    from tdint.output.tables import buildings as buildings
+    from tdint.output.tables import campaign as campaign
+    from tdint.output.tables import methods as methods
+    from tdint.output.tables import responses as responses
+    from tdint.output.tables import spectra as spectra
+    from tdint.output.tables import studies as studies
+
+__getattr__ = modules_on_use(__name__)

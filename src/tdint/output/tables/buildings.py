@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from tdint.analysis.comparison.compare import Comparison
     from tdint.analysis.comparison.fit import FittedValue
     from tdint.analysis.static.cyclic import CyclicTest
+    from tdint.analysis.static.pushover import Pushover
     from tdint.model.definition import Model, Story
     from tdint.model.modes import Modes
 
@@ -93,6 +94,11 @@ def pushover(stories: int) -> tuple[Column, ...]:
         Column("base_shear_N", "N", "base_shear", "sum of the forces on the floors"),
         *(Column(f"story_{i + 1}_drift_m", "m", drift(i), "relative to the floor below") for i in range(stories)),
     )
+
+
+def pushover_table(result: Pushover) -> Table:
+    """One row per step; row 0 is the start at rest."""
+    return Table.of_results(pushover(result.drift.shape[1]), [result])
 
 
 OVERVIEW = (

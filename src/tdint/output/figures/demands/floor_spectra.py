@@ -10,33 +10,17 @@ from matplotlib.figure import Figure
 
 from tdint.analysis.spectra.floors import FloorSpectrum
 from tdint.campaign.floor_suites import FloorSuite
-from tdint.files import Writer
 from tdint.output.figures.demands.story_profiles import building_colors
-from tdint.output.figures.style import COLORS, DASHES, INK, add_title, legend_columns, picture, plain_logarithmic
+from tdint.output.figures.style import COLORS, DASHES, INK, add_title, legend_columns, plain_logarithmic
 from tdint.output.figures.suites import GRAY
 from tdint.output_units import SI, OutputUnits
 
 _MOST = 6  # panels
 
 
-def floor_picture(spectra: Sequence[FloorSpectrum], suffix: str, units: OutputUnits = SI, *, title: str = "") -> Writer:
-    """Picture of the spectra of a run's floors, a curve for each floor and damping ratio, named by the floor.
-
-    Return value and errors are those of `tdint.output.figures.style.picture`.
-    """
-    return picture(suffix, lambda: _draw_run(spectra, units.in_pictures, title))
-
-
-def floor_suite_picture(suites: Sequence[FloorSuite], suffix: str, units: OutputUnits = SI) -> Writer:
-    """Picture of the spectra of floors under a suite: the motions thin and gray, mean and envelope; a panel for each
-    floor, scale and damping ratio, and of several buildings means and envelopes in the colors of their names.
-
-    Return value and errors are those of `tdint.output.figures.style.picture`.
-    """
-    return picture(suffix, lambda: _draw_suites(suites, units.in_pictures))
-
-
-def _draw_run(spectra: Sequence[FloorSpectrum], units: OutputUnits, title: str) -> Figure:
+def floor_picture(spectra: Sequence[FloorSpectrum], units: OutputUnits = SI, *, title: str = "") -> Figure:
+    """Picture of the spectra of a run's floors, a curve for each floor and damping ratio, named by the floor."""
+    units = units.in_pictures
     figure = Figure(figsize=(7.2, 4.8), layout="constrained")
     axes = figure.subplots()
     floors = list(dict.fromkeys(one.floor for one in spectra))
@@ -54,7 +38,11 @@ def _draw_run(spectra: Sequence[FloorSpectrum], units: OutputUnits, title: str) 
     return figure
 
 
-def _draw_suites(suites: Sequence[FloorSuite], units: OutputUnits) -> Figure:
+def floor_suite_picture(suites: Sequence[FloorSuite], units: OutputUnits = SI) -> Figure:
+    """Picture of the spectra of floors under a suite: the motions thin and gray, mean and envelope; a panel for each
+    floor, scale and damping ratio, and of several buildings means and envelopes in the colors of their names.
+    """
+    units = units.in_pictures
     panels: dict[tuple[object, ...], list[FloorSuite]] = {}
     for one in suites:
         panels.setdefault((one.floor, repr(one.scale), repr(one.level), one.damping), []).append(one)

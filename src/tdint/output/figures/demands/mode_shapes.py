@@ -9,23 +9,15 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from tdint.files import Writer
 from tdint.model.modes import Modes
-from tdint.output.figures.style import COLORS, DASHES, LIGHT, MARKERS, add_title, picture
+from tdint.output.figures.style import COLORS, DASHES, LIGHT, MARKERS, add_title
 
 _MOST = 4
 _MARKED = 20  # floors that have markers
 
 
-def mode_picture(modes: Modes, suffix: str, *, name: str, norm: str = "roof") -> Writer:
-    """Picture of the first modes over the floors, normalized as `tdint.model.modes.Modes.normalized` says.
-
-    Return value and errors are those of `tdint.output.figures.style.picture`.
-    """
-    return picture(suffix, lambda: _draw(modes, name, norm))
-
-
-def _draw(modes: Modes, name: str, norm: str) -> Figure:
+def mode_picture(modes: Modes, *, name: str, norm: str = "roof") -> Figure:
+    """Picture of the first modes over the floors, normalized as `tdint.model.modes.Modes.normalized` says."""
     figure = Figure(figsize=(5.4, 5.6), layout="constrained")
     draw_modes(figure.subplots(), modes, norm)
     add_title(figure, name)

@@ -12,8 +12,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from tdint.campaign.profiles import DRIFT_RATIO, Profile
-from tdint.files import Writer
-from tdint.output.figures.style import COLORS, DASHES, INK, MARK, add_title, legend_columns, picture, scaled_unit
+from tdint.output.figures.style import COLORS, DASHES, INK, MARK, add_title, legend_columns, scaled_unit
 from tdint.output.figures.suites import GRAY
 from tdint.output_units import SI, OutputUnits
 
@@ -24,8 +23,8 @@ _MOST_ROWS = 4
 
 
 def profile_picture(
-    profiles: Sequence[Profile], suffix: str, units: OutputUnits = SI, *, limit: float | None = None, title: str = ""
-) -> Writer:
+    profiles: Sequence[Profile], units: OutputUnits = SI, *, limit: float | None = None, title: str = ""
+) -> Figure:
     """Picture of the profiles of buildings, a row of panels for each level.
 
     Parameters
@@ -34,18 +33,8 @@ def profile_picture(
         A drift ratio, drawn as a line.
     title : str
         What was run; the building's name where there is one alone.
-
-    Return value and errors are those of `tdint.output.figures.style.picture`.
     """
-    return picture(suffix, lambda: _draw(profiles, units.in_pictures, limit, title))
-
-
-def building_colors(names: Sequence[str]) -> dict[str, str]:
-    """A color for each building, by the order of the names: the same whatever the order of the files."""
-    return {name: COLORS[i % len(COLORS)] for i, name in enumerate(sorted(dict.fromkeys(names)))}
-
-
-def _draw(profiles: Sequence[Profile], units: OutputUnits, limit: float | None, title: str) -> Figure:
+    units = units.in_pictures
     rows: dict[tuple[str, str], list[Profile]] = {}
     for one in profiles:
         rows.setdefault((repr(one.scale), repr(one.level)), []).append(one)
@@ -67,6 +56,11 @@ def _draw(profiles: Sequence[Profile], units: OutputUnits, limit: float | None, 
     more = f"; the first {len(shown)} of {len(rows)} levels" if len(rows) > len(shown) else ""
     add_title(figure, f"{what}\n{_suite(shown[0])}{more}")
     return figure
+
+
+def building_colors(names: Sequence[str]) -> dict[str, str]:
+    """A color for each building, by the order of the names: the same whatever the order of the files."""
+    return {name: COLORS[i % len(COLORS)] for i, name in enumerate(sorted(dict.fromkeys(names)))}
 
 
 def _suite(profiles: Sequence[Profile]) -> str:

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from matplotlib.figure import Figure
 
-from tdint.files import Writer
-from tdint.output.figures.style import COLORS, LIGHT, add_title, picture, scaled_unit
+from tdint.output.figures.style import COLORS, LIGHT, add_title, scaled_unit
 from tdint.output_units import SI, OutputUnits
 
 if TYPE_CHECKING:
@@ -22,15 +21,8 @@ _NAMES = {
 }
 
 
-def sensitivity_picture(swings: Sequence[Swing], suffix: str, units: OutputUnits = SI) -> Writer:
-    """Picture of swings (`tdint.campaign.sensitivity.swings`).
-
-    Return value and errors are those of `tdint.output.figures.style.picture`.
-    """
-    return picture(suffix, lambda: _draw(swings, units))
-
-
-def _draw(swings: Sequence[Swing], units: OutputUnits) -> Figure:
+def sensitivity_picture(swings: Sequence[Swing], units: OutputUnits = SI) -> Figure:
+    """Picture of swings (`tdint.campaign.sensitivity.swings`)."""
     parameters = len({one.parameter for one in swings})
     figure = Figure(figsize=(7.2, 2.2 + 0.56 * parameters), layout="constrained")
     for axes, name in zip(figure.subplots(2, 2).flat, _NAMES, strict=True):
