@@ -152,7 +152,8 @@ class IdaRequest(RecordsRequest):
 @options.analysis.option(
     "--check",
     is_flag=True,
-    help=f"Columns <name>_error in {RUNS} with the estimated errors, as `tdint run` has them; empty for collapses.",
+    help=f"Columns <name>_error in {RUNS} with the estimated errors, as `tdint run` has them, and of moment4 "
+    "corrected_<name>; empty for collapses.",
 )
 @options.output.output(
     "DIR",
