@@ -103,3 +103,15 @@ def test_a_case_chooses_its_own_step():
     case = prepare(ten_linear(), noise(), method="newmark-average")
     response = choose_step(case, 0.5)
     assert response.check.choice.runs == len({*response.check.dts, response.dt}) + (response.dt < 0.1)
+
+
+@pytest.mark.parametrize("tolerance", [0.05, 1e-4])
+def test_runs_that_tell_their_error_choose_the_step(tolerance):
+    """The first one has a step that is far too long: it is repeated only where its size is asked for, above 1 %."""
+    response = run(ten_bilinear(), noise(), method="moment4", tolerance=tolerance)
+    assert response.check.drift_error <= tolerance
+    truth = run(ten_bilinear(), noise(), method="impulse4", dt=DT / 64).stories.peak_drift
+    assert np.max(np.abs(response.stories.peak_drift / truth - 1.0)) <= tolerance
+    if tolerance < 0.01:
+        assert response.check.choice.runs == 1 + np.log2(0.08 / response.dt)
+        assert response.check.corrected is not None

@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass, field, replace
 
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.error_estimate import FINER, attempt, checked_run, doubt, with_check
+from tdint.analysis.run.error_estimate import FINER, TOLD, attempt, checked_run, doubt, with_check
 from tdint.analysis.run.outcome import FailedRun, Response, StepChoice
 from tdint.analysis.run.steps import Steps, choose_steps, finer
 from tdint.errors import UsageError
@@ -119,13 +119,9 @@ class _Search:
 
     def checked(self, level: int) -> Response | FailedRun:
         """The response of a level with its estimated errors."""
-        carrying, _ = self.case.carrying_error()
-        if carrying is not None and not isinstance(self.runs.get(level), FailedRun):
-            if level not in self.runs:
-                self.runs[level] = attempt(carrying, self.steps(level))
-            carried = self.runs[level]
-            if isinstance(carried, FailedRun) or not doubt(carried, self.case.building):
-                return carried
+        own = self._telling(level)
+        if isinstance(own, FailedRun) or (own and own.check and not doubt(own, self.case.building)):
+            return own
         for one in range(level, level + FINER + 1):
             if one not in self.runs:
                 self.runs[one] = attempt(self.case, self.steps(one))
@@ -134,8 +130,20 @@ class _Search:
             return response
         return with_check(response, [self.runs[level + one] for one in range(1, FINER + 1)])
 
+    def _telling(self, level: int) -> Response | FailedRun | None:
+        """The run of a level, which tells its error unless it was made to tell that of another; None if none does."""
+        carrying, _ = self.case.carrying_error()
+        if carrying is not None and level not in self.runs:
+            self.runs[level] = attempt(carrying, self.steps(level))
+        return None if carrying is None else self.runs[level]
+
     def within(self, level: int) -> bool:
-        """Whether a level is within the tolerance."""
+        """Whether a level is within the tolerance. Of a run that says only that its step is too long nobody asks how
+        much, where that is beyond the tolerance."""
+        own = self._telling(level)
+        error = own.check.drift_error if isinstance(own, Response) and own.check else None
+        if error is not None and self.tolerance <= TOLD and not error <= TOLD:
+            return False
         response = self.checked(level)
         if isinstance(response, FailedRun) or response.check is None or response.check.drift_error is None:
             return False
