@@ -7,17 +7,17 @@ ground motion records of Turkiye, text export).
 from __future__ import annotations
 
 import re
-from datetime import datetime
 from typing import Any
 
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, recognizes
 from tdint.ground_motion.formats.series import (
+    CLOCK,
     Series,
     code,
     first_match,
     header_field,
-    moment,
+    moment_in,
     reader,
     required_units,
     stated_peak,
@@ -30,7 +30,7 @@ _PEAKS = re.compile(r"^\s*RAW PGA VALUES\s*\(([^)]*)\)\s*:(.*)", re.IGNORECASE)
 _PEAK = re.compile(rf"\(([-A-Z]+)\)\s*({NUMBER})", re.IGNORECASE)
 _STATION = re.compile(r"^\s*STATION ID\s*:\s*(\S+)", re.IGNORECASE)
 _START = re.compile(
-    r"^\s*RECORD TIME\s*:\s*(\d+)/(\d+)/(\d+)\s+(\d+):(\d+):(\d+(?:\.\d*)?)\s*\((?:GMT|UTC)\)", re.IGNORECASE
+    rf"^\s*RECORD TIME\s*:\s*(?P<day>\d+)/(?P<month>\d+)/(?P<year>\d+)\s+{CLOCK}\s*\((?:GMT|UTC)\)", re.IGNORECASE
 )
 _NAMES = re.compile(r"\s*(?:[NSEWUD]-[NSEWUD]\s*){1,3}", re.IGNORECASE)
 
@@ -65,17 +65,9 @@ def read_afad(lines: Lines) -> list[Series]:
             units,
             channel=code(name).replace("-", "").upper(),
             station=code(header_field(_STATION, texts)),
-            start=_start(texts),
+            start=moment_in(_START, texts),
             peak=stated_peak(stated[name.upper()], units, units) if name.upper() in stated else None,
         )
         for name, column in zip(names, columns, strict=True)
     ]
     return series
-
-
-def _start(texts: list[str]) -> datetime | None:
-    match = first_match(_START, texts)
-    if not match:
-        return None
-    day, month, year, hour, minute, second = map(float, match.groups())
-    return moment(year, month, day, hour, minute, second)

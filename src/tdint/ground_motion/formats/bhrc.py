@@ -12,7 +12,7 @@ from typing import Any
 
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, is_row_of_numbers, recognizes, row_of_numbers
-from tdint.ground_motion.formats.series import Series, code, first_match, header_field, reader_of_parts, required_units
+from tdint.ground_motion.formats.series import Series, by_parts, code, first_match, header_field, required_units
 from tdint.ground_motion.header_checks.statement import SAMPLES, STEP, Statement, compare
 
 _TITLE = re.compile(r"\s*\*\s*VOL1\w*\s+FILE:", re.IGNORECASE)
@@ -37,7 +37,7 @@ def is_bhrc(file: Any, **_: Any) -> bool:
     return recognizes(file, lambda lines: _TITLE.match(lines[0]) and first_match(_COMPONENT, lines[1:20]))
 
 
-@reader_of_parts
+@by_parts
 def read_bhrc(lines: Lines) -> list[Series]:
     """Read the components of a BHRC file; see `tdint.ground_motion.formats`.
 

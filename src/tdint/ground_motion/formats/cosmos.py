@@ -20,12 +20,12 @@ from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, recognizes
 from tdint.ground_motion.formats.series import (
     Codes,
     Series,
+    by_parts,
     code,
     first_match,
     moment,
     motion_scale,
     motion_units,
-    reader_of_parts,
     stated_peak,
 )
 from tdint.units import parse_units
@@ -67,7 +67,7 @@ def is_cosmos(file: Any, **_: Any) -> bool:
     return recognizes(file, lambda lines: _TITLE.search(lines[0]))
 
 
-@reader_of_parts
+@by_parts
 def read_cosmos(lines: Lines) -> list[Series]:
     """Read the accelerations of a COSMOS file; see `tdint.ground_motion.formats`.
 

@@ -23,11 +23,11 @@ from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, recognizes
 from tdint.ground_motion.formats.series import (
     Codes,
     Series,
+    by_parts,
     code,
     first_match,
     moment,
     motion_scale,
-    reader_of_parts,
     required_units,
     stated_peak,
 )
@@ -124,7 +124,7 @@ def is_csmip(file: Any, **_: Any) -> bool:
     return recognizes(file, lambda lines: _TITLE.match(lines[0]) and first_match(_CHANNEL, lines[1:25]))
 
 
-@reader_of_parts
+@by_parts
 def read_csmip(lines: Lines) -> list[Series]:
     """Read the accelerations of a CSMIP file; see `tdint.ground_motion.formats`.
 

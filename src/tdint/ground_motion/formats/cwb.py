@@ -7,7 +7,6 @@ columns (`#DataSequence: Time U(+); N(+); E(+)`), then rows in 4F10.3 (CWB free-
 from __future__ import annotations
 
 import re
-from datetime import datetime
 from typing import Any
 
 import numpy as np
@@ -15,12 +14,13 @@ import numpy as np
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import NUMBER, Lines, is_row_of_numbers, recognizes
 from tdint.ground_motion.formats.series import (
+    CLOCK,
     Series,
     StatedPeak,
     code,
     first_match,
     header_field,
-    moment,
+    moment_in,
     reader,
     required_units,
     stated_peak,
@@ -30,7 +30,7 @@ from tdint.ground_motion.sampling_interval import equal_steps
 
 _STATION = re.compile(r"^#\s*StationCode\s*:\s*(\S+)", re.IGNORECASE)
 _START = re.compile(
-    r"^#\s*StartTime\(GMT([-+]\d+)\)\s*:\s*(\d+)/(\d+)/(\d+)-(\d+):(\d+):(\d+(?:\.\d*)?)", re.IGNORECASE
+    rf"^#\s*StartTime\(GMT(?P<zone>[-+]\d+)\)\s*:\s*(?P<year>\d+)/(?P<month>\d+)/(?P<day>\d+)-{CLOCK}", re.IGNORECASE
 )
 _LENGTH = re.compile(rf"^#\s*RecordLength\(sec\)\s*:\s*({NUMBER})", re.IGNORECASE)
 _RATE = re.compile(rf"^#\s*SampleRate\(Hz\)\s*:\s*({NUMBER})", re.IGNORECASE)
@@ -81,7 +81,7 @@ def read_cwb(lines: Lines) -> list[Series]:
             unit,
             channel=code(name).upper(),
             station=code(header_field(_STATION, texts)),
-            start=_start(texts),
+            start=moment_in(_START, texts),
             peak=_peak(texts, name, unit),
             compared=compared,
         )
@@ -95,11 +95,3 @@ def _peak(texts: list[str], name: str, units: str) -> StatedPeak | None:
         if match[1].upper() == name.upper():
             return stated_peak(max(match[2], match[3], key=lambda number: abs(float(number))), units, units)
     return None
-
-
-def _start(texts: list[str]) -> datetime | None:
-    match = first_match(_START, texts)
-    if not match:
-        return None
-    zone, year, month, day, hour, minute, second = map(float, match.groups())
-    return moment(year, month, day, hour, minute, second, zone)

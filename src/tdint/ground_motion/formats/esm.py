@@ -6,12 +6,11 @@ A header of lines `KEY: value`, then one value a line (ESM, Luzi et al. 2016; th
 from __future__ import annotations
 
 import re
-from datetime import datetime
 from typing import Any
 
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import NUMBER, Lines, is_row_of_numbers, recognizes
-from tdint.ground_motion.formats.series import Series, StatedPeak, moment, reader, required_units, stated_peak
+from tdint.ground_motion.formats.series import Series, StatedPeak, moment_in, reader, required_units, stated_peak
 
 _COUNT, _STEP, _UNITS = "NDATA", "SAMPLING_INTERVAL_S", "UNITS"
 _START = "DATE_TIME_FIRST_SAMPLE_YYYYMMDD_HHMMSS"
@@ -20,7 +19,9 @@ _PEAKS = {
     "velocity": re.compile(r"PGV_(.+)"),
     "displacement": re.compile(r"PGD_(.+)"),
 }
-_TIME = re.compile(r"(\d{4})(\d{2})(\d{2})_(\d{2})(\d{2})(\d{2}(?:\.\d+)?)")
+_TIME = re.compile(
+    r"^(?P<year>\d{4})(?P<month>\d\d)(?P<day>\d\d)_(?P<hour>\d\d)(?P<minute>\d\d)(?P<second>\d\d(?:\.\d+)?)$"
+)
 
 
 def is_esm(file: Any, **_: Any) -> bool:
@@ -61,17 +62,12 @@ def read_esm(lines: Lines) -> list[Series]:
         station=header.get("STATION_CODE", ""),
         location=header.get("LOCATION", ""),
         network=header.get("NETWORK", ""),
-        start=_start(header.get(_START, "")),
+        start=moment_in(_TIME, [header.get(_START, "")]),
         peak=_peak(header, units, _PEAKS[quantity]),
     )
     if lines.peek() is not None:
         raise RecordError(f"after the {count} values that {_COUNT} announces, line {lines.number + 1} is left")
     return [series]
-
-
-def _start(text: str) -> datetime | None:
-    match = _TIME.fullmatch(text)
-    return moment(*map(float, match.groups())) if match else None
 
 
 def _peak(header: dict[str, str], units: str, pattern: re.Pattern[str]) -> StatedPeak | None:

@@ -15,15 +15,7 @@ import numpy as np
 
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import NUMBER, Lines, recognizes
-from tdint.ground_motion.formats.series import (
-    Series,
-    code,
-    first_match,
-    header_field,
-    moment,
-    reader_of_parts,
-    stated_peak,
-)
+from tdint.ground_motion.formats.series import Series, by_parts, code, first_match, header_field, moment, stated_peak
 
 _TEXTS, _INTEGERS, _REALS, _WIDTH = 16, 40, 60, 8
 _TITLE = re.compile(r"\s*(?:un)?corrected accelerogram", re.IGNORECASE)
@@ -48,7 +40,7 @@ def is_geonet(file: Any, **_: Any) -> bool:
     return recognizes(file, lambda lines: _TITLE.match(lines[0]) and _SITE.match(lines[1]))
 
 
-@reader_of_parts
+@by_parts
 def read_geonet(lines: Lines) -> list[Series]:
     """Read the accelerations of a GeoNet file; see `tdint.ground_motion.formats`.
 

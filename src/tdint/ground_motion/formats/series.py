@@ -23,6 +23,10 @@ with quiet_import():
     from obspy import Stream, Trace, UTCDateTime
 
 
+CLOCK = r"(?P<hour>\d+):(?P<minute>\d+):(?P<second>\d+(?:\.\d*)?)"
+"""Pattern of a time of the day, for `moment_in`."""
+
+
 class Codes(TypedDict, total=False):
     """The names of a component, those that a file gives."""
 
@@ -137,7 +141,7 @@ def reader(read: Callable[[Lines], Sequence[Series]]) -> Callable[..., Stream]:
     return read_file
 
 
-def reader_of_parts(read: Callable[[Lines], Sequence[Series]]) -> Callable[..., Stream]:
+def by_parts(read: Callable[[Lines], Sequence[Series]]) -> Callable[..., Stream]:
     """The same of a format whose files are made of one part after another, each read to its end by `read`."""
 
     def read_all(lines: Lines) -> list[Series]:
@@ -265,6 +269,12 @@ def moment(
         return start + timedelta(seconds=float(second), hours=-zone)
     except (ValueError, OverflowError):
         return None
+
+
+def moment_in(pattern: re.Pattern[str], texts: Sequence[str]) -> datetime | None:
+    """The time where a pattern is found first, whose groups are named as the numbers of `moment`; None for none."""
+    match = first_match(pattern, texts)
+    return moment(**{name: float(number) for name, number in match.groupdict().items()}) if match else None
 
 
 def code(name: str) -> str:

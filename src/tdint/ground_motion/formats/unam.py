@@ -15,16 +15,7 @@ from typing import Any
 
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import Lines, is_row_of_numbers, recognizes, row_of_numbers
-from tdint.ground_motion.formats.series import (
-    Series,
-    code,
-    first_match,
-    header_field,
-    moment,
-    reader,
-    required_units,
-    stated_peak,
-)
+from tdint.ground_motion.formats.series import Series, code, first_match, moment, reader, required_units, stated_peak
 
 _TITLE = re.compile(r"\s*ARCHIVO EST[AÁ]NDAR DE ACELERACI[OÓ]N", re.IGNORECASE)
 _DATA = re.compile(r"\s*DATOS DE ACELERACI[OÓ]N", re.IGNORECASE)
@@ -69,15 +60,15 @@ def read_unam(lines: Lines) -> list[Series]:
         lines.take()
     columns = lines.table(int(counts[0]), len(names))
     _skip_repeated(lines, [float(column[-1]) for column in columns])
-    unit = header_field(_UNITS, texts)
-    unit = required_units(unit) if unit else ""
+    units, station = first_match(_UNITS, texts), first_match(_STATION, texts)
+    unit = required_units(units[1]) if units else ""
     series = [
         Series(
             column,
             _number(step),
             unit,
             channel=_channel(name),
-            station=code(header_field(_STATION, texts)),
+            station=code(station[1]) if station else "",
             start=_start(texts),
             peak=stated_peak(peaks[place], _GAL, unit) if unit and len(peaks) == len(names) else None,
         )
