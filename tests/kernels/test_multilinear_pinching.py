@@ -90,6 +90,12 @@ def test_the_way_to_a_point_of_reloading_that_lies_before_the_unloading_one():
     assert path.shear == pytest.approx([0, 1.005, 0.5 * (1.005 - 0.25), -0.25, -0.625, -1], abs=1e-12)
 
 
+def test_an_unloading_force_above_that_of_reloading_by_hand():
+    """0.2 F3 = 0.4 and 0.3 of the yield force: both are a hundredth off their mean, each on the line that it was on."""
+    path = imposed(multilinear(((1, 1), (3, 2), (5, 2), (7, 2)), (0.5, 0.3, 0.2)), [0, 3, 0.6535, -0.3535, -1])
+    assert path.shear == pytest.approx([0, 2, -0.3465, -0.3535, -1], abs=1e-12)
+
+
 def test_a_spent_capacity_moves_the_farthest_drift_by_hand():
     """From 3 to 3.6, by the limit, a fifth, at the turn at 3.1, the only one where the work is beyond the capacity."""
     points, drifts = ((1, 1), (3, 2), (5, 2), (7, 2)), [0, 3, -1.5, 3.1, -1.5, 1.8, 2.7, 3.6, 5]
