@@ -12,7 +12,7 @@ from building_cases import ten_bilinear
 from tdint.analysis.run.outcome import StoryPeaks
 from tdint.analysis.sequence import run_sequence, sequence_of
 from tdint.errors import UsageError
-from tdint.ground_motion.joining import join
+from tdint.ground_motion.joining import JoinedRecord, join
 from tdint.ground_motion.record import Record
 from tdint.model.laws import Law
 
@@ -119,6 +119,13 @@ def test_the_whole_has_what_its_shocks_have_in_common():
     assert (whole.scale, whole.units, whole.id) == (2.0, "g", "")
     assert (whole.component, whole.source) == ("HNE + HNN", "main + after")
     assert join([one, other.scaled(2.0)], [0, 900]).scale == 1.0
+
+
+@pytest.mark.parametrize(("rest", "zeros"), [(0.5, 49), (None, 0)])
+def test_shocks_that_are_one_record_have_the_shortest_rest_between_them(rest, zeros):
+    shocks = [MAIN, AFTER, MAIN]
+    by_hand = [part for one in shocks for part in (np.zeros(zeros), one.acceleration)][1:]
+    assert np.array_equal(JoinedRecord.of(shocks, rest).acceleration, np.concatenate(by_hand))
 
 
 def test_a_building_that_never_rests_is_told():

@@ -129,6 +129,7 @@ def test_curves_that_are_none(folder, tdint, text, message):
 def test_motions_for_teaching(folder, tdint, motion, ends, wanted):
     """With 5 s of rest after them, and of 20 s at least."""
     assert tdint("init", "f.yaml", "--motion", motion).exit_code == 0
+    assert "-0" not in Path("f-motion.txt").read_text().splitlines()
     record = read_record("f-motion.txt")
     t = record.dt * np.arange(record.acceleration.size)
     assert t[-1] == pytest.approx(ends)

@@ -156,9 +156,10 @@ class ParameterSweep:
 
 
 _NUMBER = Bounds(ratio=True)
+_DRAWS, _SEED = Whole(1, 100_000), Whole(0, 2**31 - 1)
 _SAMPLES = (
-    Key("samples", Whole(1, 100_000), "draws of the random parameters, by a Latin hypercube"),
-    Key("seed", Whole(0, 2**31 - 1), "what they are drawn from"),
+    Key("samples", _DRAWS, "draws of the random parameters, by a Latin hypercube"),
+    Key("seed", _SEED, "what they are drawn from"),
 )
 _RANDOM = {
     kind: Keys(tuple(Key(name, _NUMBER, needed=True) for name in numbers)) for kind, numbers in DISTRIBUTIONS.items()
@@ -247,8 +248,8 @@ def _read_vary(
         else:
             grids[name] = _values(entry, name)
     counted, seeded = section.get("samples"), section.get("seed")
-    samples = counted.whole(1, 100_000) if counted else None
-    seed = seeded.whole(0, 2**31 - 1) if seeded else 0
+    samples = counted.whole(_DRAWS.low, _DRAWS.high) if counted else None
+    seed = seeded.whole(_SEED.low, _SEED.high) if seeded else 0
     if random and not counted:
         value.fault("random parameters need `samples`: how many are drawn")
     if counted and not random:

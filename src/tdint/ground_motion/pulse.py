@@ -123,7 +123,7 @@ def motion_text(motion: Artificial, *, unit: str) -> str:
     lines = [
         f"# dt = {dt:g} s, units = {unit}",
         f"# An artificial ground motion, no record: {_words(motion)}, and rest.",
-        *(f"{sample + 0.0:.7g}" for sample in np.where(np.abs(samples) < 1e-12, 0.0, samples)),
+        *(f"{sample:.7g}" for sample in np.where(np.abs(samples) < 1e-12, 0.0, samples)),
     ]
     return "\n".join(lines) + "\n"
 
