@@ -320,6 +320,7 @@ def test_records_that_cannot_be_read_are_named_and_the_others_done(study: Path, 
     change("study.yaml", ("motion.mseed, broken.mseed, nowhere.mseed, other.mseed]", "nowhere.mseed]"))
     nothing = tdint("campaign", "study.yaml", "-o", "empty")
     assert (nothing.exit_code, Path("empty").exists()) == (4, False)
+    assert "nowhere.mseed: there is no such file" in nothing.stderr
 
 
 def test_failed_runs_are_rows_with_their_status(study: Path, tdint: Run) -> None:

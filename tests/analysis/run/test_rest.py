@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from building_cases import Force, noise, oscillator, ten_bilinear, ten_linear
+from building_cases import Force, model, noise, oscillator, story, ten_bilinear, ten_linear
 from random_buildings import checked_building
 from tdint import run
 from tdint.analysis.run.case import AT_REST, REST_PERIODS
@@ -46,8 +46,11 @@ def test_residual_drifts_are_at_rest(more):
     far = np.abs(plain.stories.residual_drift - last.stories.residual_drift)
     assert np.max(far) > 5.0 * AT_REST * scale
     assert np.max(far) < 2.0 * np.max(plain.moving_drift)
+    told = f"{MOVES} {np.argmax(plain.moving_drift) + 1} by about {1e3 * np.max(plain.moving_drift):.2g} mm"
+    assert any(note.startswith(told) for note in plain.notes)
     if rest.history is not None:
         assert rest.history.time[-1] == pytest.approx(rest.rest_time)
+        assert f"of 10 stories, {rest.steps} steps to {rest.rest_time:.6g} s" in repr(rest.history)
 
 
 def test_peaks_before_are_the_same():
@@ -89,3 +92,12 @@ def test_residual_drifts_of_steps_that_end_after_the_record(samples):
         changed.append(np.max(response.unresolved.residual_drift))
     assert len(good) >= 12 and min(changed) > 0.0
     assert np.mean(np.concatenate(good)) >= 0.98
+
+
+def test_the_amplitudes_of_a_first_mode():
+    """Two equal stories: omega^2 = (3 - sqrt 5) / 2 k/m, floors as 1 to the golden ratio, drifts as that to 1."""
+    golden, omega = (1.0 + np.sqrt(5.0)) / 2.0, 10.0 * np.sqrt((3.0 - np.sqrt(5.0)) / 2.0)
+    two = model([story(1.0, 100.0), story(1.0, 100.0)], velocity=(0.3, 0.3 * golden))
+    for duration in (1.0, 1.37):
+        response = run(two, method="exact", dt=0.001, duration=duration)
+        assert response.moving_drift == pytest.approx(0.3 / omega * np.array([1.0, golden - 1.0]), rel=1e-5)
