@@ -23,11 +23,12 @@ import tdint
 from tdint.analysis.run.case import Case
 from tdint.campaign.buildings import given_buildings
 from tdint.campaign.carry_out import carry_out, compile_for, threads
-from tdint.campaign.draws import EveryMotion, suite_motions
+from tdint.campaign.draws import EveryMotion
 from tdint.campaign.engine.task import RunSettings, Subject
 from tdint.campaign.levels import Scales
 from tdint.campaign.plan import Plan
 from tdint.campaign.store.store import open_store
+from tdint.ground_motion.reading.suites import suite_motions
 from tdint.ground_motion.record import Record
 
 SCALES = tuple(np.linspace(0.1, 2.0, 20).tolist())

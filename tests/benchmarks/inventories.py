@@ -18,8 +18,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 import tdint
-from tdint.campaign.engine.batch import Batch
-from tdint.campaign.engine.chunk import spectral_accelerations
+from tdint.campaign.engine.batch import Batch, spectral_accelerations
 from tdint.campaign.engine.task import Motions, Run, RunSettings, Subject
 from tdint.model.definition import Model
 from tdint.model.inventory.derive import derive_row, model_text

@@ -20,7 +20,7 @@ import numba
 import numpy as np
 
 from tdint import read_record, spectrum
-from tdint.analysis.spectra.defaults import PERIODS
+from tdint.analysis.defaults import PERIODS
 from tdint.analysis.spectra.rotated import rotated_spectrum
 from tdint.ground_motion.horizontals import find_horizontals
 from tdint.methods.exact import oscillator

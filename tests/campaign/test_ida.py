@@ -16,10 +16,8 @@ from building_cases import model, story
 from tdint import load_model, spectrum
 from tdint.campaign.engine.batch import Batch
 from tdint.campaign.engine.rows import RunRow, run_key
-from tdint.campaign.ida.curve import IdaCurve, fractiles
+from tdint.campaign.ida.curve import IdaCurve, IdaRun, Levels, below_collapse, fractiles
 from tdint.campaign.ida.damage import Mainshock
-from tdint.campaign.ida.levels import Levels, below_collapse
-from tdint.campaign.ida.runs import IdaRun
 from tdint.campaign.ida.study import STORE, IdaSettings, ida
 from tdint.campaign.store.connection import locked
 from tdint.campaign.suites.intensity import pga, sa
@@ -296,7 +294,7 @@ def test_runs_at_levels_that_are_no_longer_chosen_are_done_again(tmp_path, frame
     """As where a later version chooses others: their rows would mix."""
     settings = IdaSettings(precision=0.3)
     with monkeypatch.context() as before:
-        before.setattr("tdint.campaign.ida.levels._HUNT", 1.4)
+        before.setattr("tdint.campaign.ida.curve._HUNT", 1.4)
         ida(frame, [motion(0)], pga(), settings, folder=tmp_path)
     again = ida(frame, [motion(0)], pga(), settings, folder=tmp_path)
     assert again.resumed == 0

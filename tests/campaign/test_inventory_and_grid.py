@@ -12,7 +12,7 @@ import pytest
 
 import tdint
 from tdint.campaign.draws import EARTH_RADIUS, GridDraws, unit_vectors
-from tdint.campaign.engine.chunk import do
+from tdint.campaign.engine.batch import do
 from tdint.campaign.inputs import read_inputs
 from tdint.campaign.plan import Plan, make_plan
 from tdint.campaign.reader import load_campaign

@@ -12,11 +12,11 @@ import pytest
 from tdint import read_record
 from tdint.campaign.suites.intensity import MotionIntensity, measure_of, pga, pseudo_accelerations, sa, sa_average
 from tdint.campaign.suites.scaling import scale_asce7, scale_p695, scale_to_target, scale_to_value
-from tdint.campaign.suites.suite import RecordChoice, read_components, read_pairs
 from tdint.campaign.suites.target import TargetSpectrum, read_target
 from tdint.errors import ModelError, RecordError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.messages import quiet_import
+from tdint.ground_motion.reading.suites import RecordChoice, read_components, read_pairs
 from tdint.ground_motion.record import Record
 from tdint.written_numbers import Grid
 

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from tdint import spectrum, system
 from tdint.campaign.buildings import given_buildings
 from tdint.campaign.carry_out import Advance
-from tdint.campaign.draws import EveryMotion, suite_motions
-from tdint.campaign.engine.chunk import do, spectral_accelerations
+from tdint.campaign.draws import EveryMotion
+from tdint.campaign.engine.batch import do, spectral_accelerations
 from tdint.campaign.engine.task import RunSettings, Subject
 from tdint.campaign.levels import GivenFactors
 from tdint.campaign.plan import Plan
@@ -23,6 +23,7 @@ from tdint.campaign.store.connection import refuse_network
 from tdint.campaign.store.merge import merge
 from tdint.campaign.store.store import open_store
 from tdint.errors import OutputError, UsageError
+from tdint.ground_motion.reading.suites import suite_motions
 from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
 

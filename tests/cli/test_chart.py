@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from tdint import load_model, read_record, run
-from tdint.analysis.chart.quantities import QUANTITIES
 from tdint.analysis.chart.work_precision import DEFAULT_METHODS
+from tdint.analysis.defaults import QUANTITIES
 from tdint.methods.catalogue import parse
 from tdint_cli.commands.methods import chart
 

@@ -9,7 +9,7 @@ import json
 import numpy as np
 import pytest
 
-from tdint.analysis.spectra.defaults import STORY_HEIGHT
+from tdint.analysis.defaults import STORY_HEIGHT
 from tdint.analysis.spectra.drift import HeightPeriod, drift_spectrum
 from tdint.ground_motion.reading.read import read_record
 from tdint.written_numbers import parse_grid

@@ -10,8 +10,7 @@ import pytest
 
 from building_cases import model, story
 from tdint.campaign.fragility.fits import fit_capacities, fit_cloud, fit_stripes
-from tdint.campaign.ida.curve import IdaCurve
-from tdint.campaign.ida.runs import IdaRun
+from tdint.campaign.ida.curve import IdaCurve, IdaRun
 from tdint.campaign.ida.study import IdaStudy
 from tdint.campaign.suites.intensity import MotionIntensity, pga, sa, sa_average
 from tdint.campaign.suites.scaling import Scaling, scale_p695, scale_to_target, scale_to_value

@@ -14,8 +14,8 @@ from tdint_cli.options import headings
 from tdint_cli.options.values import FileName, Name, Nonzero, Number
 
 if TYPE_CHECKING:
-    from tdint.campaign.suites.suite import RecordChoice
     from tdint.ground_motion.processing import Processing
+    from tdint.ground_motion.reading.suites import RecordChoice
     from tdint.ground_motion.record import Record
     from tdint.ground_motion.text_layout import TextLayout
 
@@ -37,7 +37,7 @@ class RecordRequest:
     @property
     def choice(self) -> RecordChoice:
         """The same for a suite of motions."""
-        from tdint.campaign.suites.suite import RecordChoice
+        from tdint.ground_motion.reading.suites import RecordChoice
 
         return RecordChoice(self.units, self.component, self.inventory, self.processing, self.layout)
 

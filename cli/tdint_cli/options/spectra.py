@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from tdint.analysis.spectra.defaults import PERIODS
+from tdint.analysis.defaults import PERIODS
 from tdint.errors import UsageError
 from tdint.output import figures, tables
 from tdint.system import processors

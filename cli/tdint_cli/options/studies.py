@@ -16,7 +16,7 @@ from tdint_cli.terminal.streams import note, warn
 
 if TYPE_CHECKING:
     from tdint.campaign.suites.intensity import IntensityMeasure
-    from tdint.campaign.suites.suite import RecordChoice, Suite
+    from tdint.ground_motion.reading.suites import RecordChoice, Suite
     from tdint.written_numbers import Grid
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -112,7 +112,7 @@ def read_suite(records: Sequence[str], choice: RecordChoice, pairs: PairWish | N
     TdintError
         Nothing could be read.
     """
-    from tdint.campaign.suites.suite import read_components, read_pairs
+    from tdint.ground_motion.reading.suites import read_components, read_pairs
     from tdint_cli.batch.sources import records_of
     from tdint_cli.errors import Failures
 

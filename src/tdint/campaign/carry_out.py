@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from tdint.analysis.run.workspace import kernels
-from tdint.campaign.engine.chunk import Done, do, spectral_accelerations
+from tdint.campaign.engine.batch import Done, do, spectral_accelerations
 from tdint.campaign.engine.cluster import Cluster, on_cluster
 from tdint.campaign.inputs import read_inputs
 from tdint.campaign.plan import Plan, make_plan

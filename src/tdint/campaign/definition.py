@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 from tdint.campaign.fragility.type_states import DamageWishes
 from tdint.campaign.levels import MeasureLevels, Scales
-from tdint.campaign.suites.suite import RecordChoice
 from tdint.campaign.sweep import ParameterSweep
 from tdint.ground_motion.pairing import PairNames
+from tdint.ground_motion.reading.suites import RecordChoice
 
 
 @dataclass(frozen=True)

@@ -16,48 +16,12 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from tdint.arrays import Array
-from tdint.campaign.suites.intensity import GroundMotion
-from tdint.campaign.suites.suite import components
 from tdint.errors import TdintError
-from tdint.ground_motion.record import Record, component_names
+from tdint.ground_motion.reading.suites import SuiteMotion
 from tdint.model.inventory.table import InventoryRow
 
 EARTH_RADIUS = 6371.0088
 """Mean radius of the earth, km (IUGG)."""
-
-
-@dataclass(frozen=True)
-class SuiteMotion:
-    """A component of a ground motion.
-
-    Attributes
-    ----------
-    record : Record
-        The motion.
-    name, component : str
-        What tables call it.
-    whole : Record or Horizontals
-        The component itself, or the pair that it belongs to and shares its factors with.
-    direction : int
-        1, or 2 for the second component of a pair.
-    """
-
-    record: Record
-    name: str
-    component: str
-    whole: GroundMotion
-    direction: int
-
-
-def suite_motions(whole: Sequence[GroundMotion]) -> tuple[SuiteMotion, ...]:
-    """The components of motions, in order; those of the same name in one file are told apart by their full ids."""
-    found = [(one, records) for one in whole for records in [components(one)]]
-    names = iter(component_names([record for _, records in found for record in records]))
-    return tuple(
-        SuiteMotion(record, record.source, next(names), one, direction)
-        for one, records in found
-        for direction, record in enumerate(records, start=1)
-    )
 
 
 class Draw(NamedTuple):

@@ -20,14 +20,14 @@ import numpy as np
 
 from tdint.analysis.spectra.elastic import SA_DAMPING
 from tdint.campaign.definition import FieldFile, GridFile
-from tdint.campaign.draws import Draw, FieldMotions, FoundMotions, GridMotions, PointMotion, SuiteMotion, suite_motions
+from tdint.campaign.draws import Draw, FieldMotions, FoundMotions, GridMotions, PointMotion
 from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, IntensityMeasure, MotionIntensity, pga, sa
-from tdint.campaign.suites.suite import read_components, read_pairs
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, RecordError, TdintError, UsageError
 from tdint.ground_motion.header_checks.statement import LONGEST_STEP, SHORTEST_STEP
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.reading.segments import check_possible
+from tdint.ground_motion.reading.suites import SuiteMotion, read_components, read_pairs, suite_motions
 from tdint.ground_motion.record import Record
 from tdint.input_bytes import MOST_BYTES, read_at_most
 from tdint.model.keys.fields import resolve

@@ -21,24 +21,15 @@ from tdint.campaign.definition import (
     RecordFiles,
     SequenceFile,
 )
-from tdint.campaign.draws import (
-    Assignment,
-    FieldDraws,
-    FieldMotions,
-    FoundMotions,
-    GridDraws,
-    GridMotions,
-    SuiteMotion,
-    suite_motions,
-)
+from tdint.campaign.draws import Assignment, FieldDraws, FieldMotions, FoundMotions, GridDraws, GridMotions
 from tdint.campaign.fragility.type_states import read_class_losses, read_class_states
 from tdint.campaign.grid_files import read_field, read_grid
 from tdint.campaign.levels import FactorTable
-from tdint.campaign.suites.suite import read_components, read_pairs
 from tdint.csv_table import no_number, number, read_table
 from tdint.errors import ModelError, ModelFault, RecordError, TdintError, UsageError
 from tdint.ground_motion.joining import JoinedRecord
 from tdint.ground_motion.reading.folders import records_of
+from tdint.ground_motion.reading.suites import SuiteMotion, read_components, read_pairs, suite_motions
 from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
 from tdint.model.damage_states import CAPACITY, HAZUS, DamageStates

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol, Self
 
-from tdint.campaign.draws import SuiteMotion
 from tdint.campaign.suites.intensity import IntensityMeasure, factor_to
 from tdint.errors import ModelError
+from tdint.ground_motion.reading.suites import SuiteMotion
 
 
 class Levels(Protocol):

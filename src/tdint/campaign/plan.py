@@ -17,14 +17,15 @@ from numpy.typing import NDArray
 
 from tdint.campaign.buildings import Buildings, Rules, given_buildings, inventory_buildings
 from tdint.campaign.definition import AnalysisWishes, CampaignFile, InventoryFile
-from tdint.campaign.draws import Assignment, Draw, EveryMotion, SuiteMotion
-from tdint.campaign.engine.chunk import Chunk
+from tdint.campaign.draws import Assignment, Draw, EveryMotion
+from tdint.campaign.engine.batch import Chunk
 from tdint.campaign.engine.task import BuildingRuns, Run, RunSettings, Source, Subject
 from tdint.campaign.engine.tolerance import building_step
 from tdint.campaign.fragility.type_states import Damage, damage_of
 from tdint.campaign.inputs import Inputs
 from tdint.campaign.levels import GivenFactors, Levels, MeasureLevels, Scales
 from tdint.errors import ModelError, TdintError, UsageError
+from tdint.ground_motion.reading.suites import SuiteMotion
 from tdint.methods.catalogue import DEFAULT_METHOD
 from tdint.model.building import falling_stories
 from tdint.model.definition import Model

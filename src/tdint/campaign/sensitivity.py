@@ -13,14 +13,14 @@ from tdint.analysis.given import record_of
 from tdint.arrays import Array
 from tdint.campaign.carry_out import carry_out, threads
 from tdint.campaign.definition import AnalysisWishes, CampaignFile, ModelFiles, RecordFiles
-from tdint.campaign.draws import FoundMotions, suite_motions
+from tdint.campaign.draws import FoundMotions
 from tdint.campaign.engine.rows import RUN
 from tdint.campaign.inputs import Inputs
 from tdint.campaign.levels import Scales
 from tdint.campaign.plan import Plan, make_plan
 from tdint.campaign.store.store import Store, open_store
-from tdint.campaign.suites.suite import RecordChoice
 from tdint.errors import UsageError
+from tdint.ground_motion.reading.suites import RecordChoice, suite_motions
 from tdint.methods.catalogue import parse
 from tdint.model.config.model_file import model_of
 from tdint.model.definition import Model

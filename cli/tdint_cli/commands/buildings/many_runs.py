@@ -18,9 +18,9 @@ from tdint_cli.terminal.drawing import emit_table
 from tdint_cli.terminal.streams import note, say
 
 if TYPE_CHECKING:
-    from tdint.campaign.draws import SuiteMotion
     from tdint.campaign.plan import Plan
     from tdint.files import Content
+    from tdint.ground_motion.reading.suites import SuiteMotion
     from tdint.model.definition import Model
     from tdint_cli.commands.buildings.run import Request
 
@@ -91,7 +91,7 @@ def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
 
 def _motions_of_model(request: Request, model: Model) -> tuple[SuiteMotion, ...]:
     from tdint.analysis.run.run import model_record
-    from tdint.campaign.draws import suite_motions
+    from tdint.ground_motion.reading.suites import suite_motions
 
     record = model_record(with_motion(model, replace(request, scale=(1.0,))))
     if record is None:

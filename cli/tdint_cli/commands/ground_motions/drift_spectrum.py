@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tdint.analysis.spectra.defaults import DRIFT_PERIODS, HEIGHT_PERIOD, STORY_HEIGHT
+from tdint.analysis.defaults import DRIFT_PERIODS, HEIGHT_PERIOD, STORY_HEIGHT
 from tdint.errors import UsageError
 from tdint.output import figures, tables
 from tdint_cli import options

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from tdint.analysis.spectra.defaults import PERIODS
+from tdint.analysis.defaults import PERIODS
 from tdint_cli import options
 from tdint_cli.commands.ground_motions import spectrum_kinds as kinds
 from tdint_cli.commands.ground_motions.spectrum_request import Kind, SpectrumRequest

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tdint.analysis.spectra.defaults import MOST_DUCTILE, PERIODS, STEPS_PER_PERIOD
+from tdint.analysis.defaults import MOST_DUCTILE, PERIODS, STEPS_PER_PERIOD
 from tdint.errors import RecordError, UsageError
 from tdint.output import figures, tables
 from tdint_cli.batch.sources import STDIN

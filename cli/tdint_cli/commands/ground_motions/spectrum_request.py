@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
-from tdint.analysis.spectra.defaults import PERIODS
+from tdint.analysis.defaults import PERIODS
 from tdint.errors import UsageError
 from tdint.written_numbers import Grid, parse_grid
 from tdint_cli.options.plot import BESIDE

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from tdint.analysis.spectra.defaults import PERIODS
+from tdint.analysis.defaults import PERIODS
 from tdint.errors import UsageError
 from tdint.output import figures
 from tdint_cli.batch.sources import refuse_inputs

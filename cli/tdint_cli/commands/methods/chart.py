@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tdint.analysis.chart.quantities import QUANTITIES
+from tdint.analysis.defaults import QUANTITIES
 from tdint.errors import UsageError
 from tdint.output import figures, tables
 from tdint_cli import options

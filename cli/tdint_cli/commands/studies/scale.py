@@ -21,8 +21,8 @@ from tdint_cli.options.values import FileName, Number, PairWish, intensity, span
 from tdint_cli.terminal.streams import say, warn
 
 if TYPE_CHECKING:
-    from tdint.campaign.suites.intensity import GroundMotion
     from tdint.campaign.suites.scaling import Scaling
+    from tdint.ground_motion.reading.suites import GroundMotion
     from tdint.output_units import OutputUnits
     from tdint.units import Units
     from tdint.written_numbers import Grid

@@ -15,8 +15,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.analysis.defaults import HEIGHT_PERIOD, STORY_HEIGHT
 from tdint.analysis.given import damping_of, numbers_of, record_of
-from tdint.analysis.spectra.defaults import HEIGHT_PERIOD, STORY_HEIGHT
 from tdint.analysis.spectra.inelastic import SHORTEST
 from tdint.analysis.spectra.oscillators import check_shortest, recursion_table
 from tdint.arrays import Array

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
+from tdint.analysis.defaults import MOST_DUCTILE
 from tdint.analysis.given import damping_of, numbers_of, record_of
-from tdint.analysis.spectra.defaults import MOST_DUCTILE
 from tdint.analysis.spectra.elastic import checked_periods
 from tdint.analysis.spectra.oscillators import check_shortest
 from tdint.arrays import Array

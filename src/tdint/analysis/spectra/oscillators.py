@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.spectra.defaults import STEPS_PER_PERIOD
+from tdint.analysis.defaults import STEPS_PER_PERIOD
 from tdint.arrays import Array
 from tdint.errors import AnalysisError
 from tdint.kernels.oscillators import elastic as spectra

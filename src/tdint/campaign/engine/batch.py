@@ -1,4 +1,5 @@
-"""All runs of one building in one compiled call, and what becomes of each of them.
+"""A chunk of runs, what one thread or a worker far away does without asking for anything more: all runs of one building
+and one step in one compiled call, and what becomes of each of them.
 
 What comes to its end without a collapse is taken from the arrays as it is. All else is judged by
 `tdint.analysis.run.case.Case`, as a single run is; and what fails there is repeated with half of the step.
@@ -7,6 +8,7 @@ What comes to its end without a collapse is taken from the arrays as it is. All 
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -21,6 +23,7 @@ from tdint.analysis.run.outcome import Collapse, FailedRun, Response, StoryPeaks
 from tdint.analysis.run.prepared import Lane, MarchedRuns, Rest
 from tdint.analysis.run.steps import Steps, finer
 from tdint.analysis.sequence import sequence_of, shocks_of
+from tdint.analysis.spectra.elastic import SA_DAMPING, spectrum
 from tdint.campaign.engine.rows import (
     RunRow,
     ShockRow,
@@ -32,8 +35,10 @@ from tdint.campaign.engine.rows import (
     shock_rows,
     story_rows,
 )
-from tdint.campaign.engine.task import REPEATS, Motions, Run, RunSettings, Subject
+from tdint.campaign.engine.task import REPEATS, BuildingRuns, Motions, Run, RunSettings, Subject
+from tdint.errors import AnalysisError
 from tdint.ground_motion.joining import JoinedRecord
+from tdint.ground_motion.record import Record
 from tdint.kernels.march import many as lanes
 
 _REPEATED = ("not-converged", "diverged")
@@ -297,3 +302,75 @@ class Batch:
 
     def _take_failure(self, job: _Job, status: str, results: Rows) -> None:
         results.runs.append(self._row(job, job.steps.h, status))
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Some runs, with all that they need.
+
+    Attributes
+    ----------
+    number : int
+        Of the chunk in its campaign.
+    buildings : tuple of BuildingRuns
+        The buildings with their runs.
+    records : mapping of int to Record
+        The ground motions by their numbers.
+    """
+
+    number: int
+    buildings: tuple[BuildingRuns, ...]
+    records: Mapping[int, Record]
+    settings: RunSettings
+
+
+@dataclass(frozen=True)
+class Done:
+    """A chunk that is done: its rows, and the processor time that it took, s."""
+
+    number: int
+    rows: Rows
+    seconds: float
+
+
+def do(chunk: Chunk) -> Done:
+    """Integrate the runs of a chunk. Errors are those of `Batch.results`."""
+    began = time.thread_time()
+    motions = Motions.of(chunk.records)
+    subjects = [part.source.subject() for part in chunk.buildings]
+    spectral = _spectral(chunk.records, [(s, p.runs) for s, p in zip(subjects, chunk.buildings, strict=True)])
+    rows = Rows()
+    for part, subject, sa in zip(chunk.buildings, subjects, spectral, strict=True):
+        batch = Batch(part.number, subject, motions, sa, chunk.settings)
+        rows.extend(batch.results(part.runs, part.largest))
+    return Done(chunk.number, rows, time.thread_time() - began)
+
+
+def _spectral(
+    records: Mapping[int, Record], wanted: list[tuple[Subject, tuple[Run, ...]]]
+) -> list[dict[int, float | None]]:
+    """Sa(T1) of each building's motions: of one motion the periods of all buildings at once."""
+    found: list[dict[int, float | None]] = [{} for _ in wanted]
+    users: dict[int, list[int]] = {}
+    for place, (_, runs) in enumerate(wanted):
+        for motion in dict.fromkeys(run.motion for run in runs):
+            users.setdefault(motion, []).append(place)
+    for motion, places in users.items():
+        values = spectral_accelerations(records[motion], [wanted[place][0].period for place in places])
+        for place, value in zip(places, values, strict=True):
+            found[place][motion] = value
+    return found
+
+
+def spectral_accelerations(record: Record, periods: list[float]) -> list[float | None]:
+    """Sa of a record at some periods, m/s^2, 5 % damping; None for a period that is too short for it. Of shocks the
+    largest."""
+    if isinstance(record, JoinedRecord):
+        of_all = zip(*(spectral_accelerations(shock, periods) for shock in record.shocks), strict=True)
+        return [None if None in values else max(filter(None, values), default=0.0) for values in of_all]
+    try:
+        return list(spectrum(record, np.array(periods), SA_DAMPING).psa.tolist())
+    except AnalysisError:
+        if len(periods) == 1:
+            return [None]
+    return [value for period in periods for value in spectral_accelerations(record, [period])]

@@ -15,7 +15,7 @@ from queue import Empty, Queue
 from typing import Any
 from urllib.parse import urlsplit
 
-from tdint.campaign.engine.chunk import Chunk, Done, do
+from tdint.campaign.engine.batch import Chunk, Done, do
 from tdint.errors import AnalysisError, TdintError, UsageError
 from tdint.input_bytes import MOST_BYTES, read_at_most
 from tdint.methods.catalogue import load_plugin

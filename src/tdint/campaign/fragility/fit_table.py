@@ -20,7 +20,7 @@ from tdint.analysis.given import numbers_of
 from tdint.arrays import Array
 from tdint.campaign.fragility.fits import CLOUD, FITS, IDA, STRIPES, Fragility, fit_capacities, fit_cloud, fit_stripes
 from tdint.campaign.fragility.run_measures import column_of, with_measures
-from tdint.campaign.ida.runs import COLLAPSED, DONE
+from tdint.campaign.ida.curve import COLLAPSED, DONE
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.files import is_folder

@@ -25,7 +25,7 @@ from scipy.stats import linregress
 from tdint.analysis.spectra.elastic import SA_DAMPING, spectrum
 from tdint.analysis.spectra.inelastic import constant_strength
 from tdint.arrays import Array
-from tdint.campaign.ida.runs import COLLAPSED, DONE
+from tdint.campaign.ida.curve import COLLAPSED, DONE
 from tdint.campaign.plan import Plan
 from tdint.campaign.store.store import Store
 from tdint.campaign.suites.intensity import AVERAGE, geometric_mean

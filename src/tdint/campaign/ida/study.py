@@ -13,30 +13,19 @@ import numpy as np
 
 from tdint.analysis.given import horizontals_of, record_of
 from tdint.campaign.buildings import GivenBuilding
-from tdint.campaign.draws import SuiteMotion
-from tdint.campaign.engine.batch import Batch, Rows
-from tdint.campaign.engine.chunk import Done
+from tdint.campaign.engine.batch import Batch, Done, Rows
 from tdint.campaign.engine.rows import RunRow
 from tdint.campaign.engine.task import Motions, Run, RunSettings, Subject
-from tdint.campaign.ida.curve import IdaCurve
+from tdint.campaign.ida.curve import IdaCurve, IdaRun, Levels, run_level
 from tdint.campaign.ida.damage import DamagedState, Mainshock, damaged, damages_of
-from tdint.campaign.ida.levels import Levels
-from tdint.campaign.ida.runs import IdaRun, run_level
 from tdint.campaign.store.connection import locked
 from tdint.campaign.store.identity import Identity, as_json
 from tdint.campaign.store.store import Store, open_or_begin
-from tdint.campaign.suites.intensity import (
-    GEOMETRIC_MEAN,
-    GroundMotion,
-    IntensityMeasure,
-    SpectralIntensity,
-    factor_to,
-    sa,
-)
-from tdint.campaign.suites.suite import components
+from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, IntensityMeasure, SpectralIntensity, factor_to, sa
 from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.joining import JoinedRecord
+from tdint.ground_motion.reading.suites import GroundMotion, SuiteMotion, components
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import DEFAULT_METHOD
 from tdint.model.building import Building

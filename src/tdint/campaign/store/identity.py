@@ -10,9 +10,9 @@ from functools import cached_property
 from typing import Any
 
 from tdint.campaign.buildings import Buildings, model_files, output_units
-from tdint.campaign.draws import SuiteMotion
 from tdint.campaign.fragility.type_states import Damage
 from tdint.campaign.plan import Plan
+from tdint.ground_motion.reading.suites import SuiteMotion
 from tdint.output_units import SI, OutputUnits
 
 _MOST_DIFFERENCES = 8

@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Self
 
-from tdint.campaign.engine.chunk import Done
+from tdint.campaign.engine.batch import Done
 from tdint.campaign.engine.rows import RunRow
 from tdint.campaign.plan import Plan
 from tdint.campaign.store.connection import UntrustedStoreError, connect, connect_to_read, in_words, transaction

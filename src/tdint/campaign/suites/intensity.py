@@ -18,13 +18,10 @@ from tdint.analysis.spectra.elastic import SA_DAMPING, spectrum
 from tdint.analysis.spectra.rotated import rotated_spectrum
 from tdint.arrays import Array
 from tdint.errors import RecordError, UsageError, did_you_mean
-from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.measures import arias_intensity, cumulative_absolute_velocity, integrate
+from tdint.ground_motion.reading.suites import GroundMotion
 from tdint.ground_motion.record import Record
 from tdint.written_numbers import Grid
-
-GroundMotion = Record | Horizontals
-"""One component, or a pair of horizontal ones."""
 
 GEOMETRIC_MEAN = "geometric-mean"
 PAIRS: dict[str, int | None] = {GEOMETRIC_MEAN: None, "rotd50": 50, "rotd100": 100}

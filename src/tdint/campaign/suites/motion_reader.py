@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from tdint.campaign.definition import FieldFile, GridFile, RecordFiles, SequenceFile
 from tdint.campaign.draws import COORDINATES
-from tdint.campaign.suites.suite import RecordChoice
 from tdint.ground_motion.pairing import USUAL, PairNames
+from tdint.ground_motion.reading.suites import RecordChoice
 from tdint.model.config.excitation import LAYOUT, PROCESSING, read_layout, read_processing
 from tdint.model.config.units import read_sample_units
 from tdint.model.keys.fields import Section, Value

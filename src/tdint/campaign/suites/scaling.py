@@ -17,7 +17,6 @@ from tdint.analysis.spectra.elastic import SA_DAMPING
 from tdint.arrays import Array
 from tdint.campaign.suites.intensity import (
     GEOMETRIC_MEAN,
-    GroundMotion,
     IntensityMeasure,
     MotionIntensity,
     SpectralIntensity,
@@ -27,10 +26,10 @@ from tdint.campaign.suites.intensity import (
     pseudo_accelerations,
     sa,
 )
-from tdint.campaign.suites.suite import components
 from tdint.campaign.suites.target import TargetSpectrum, read_target
 from tdint.errors import UsageError
 from tdint.ground_motion.horizontals import Horizontals
+from tdint.ground_motion.reading.suites import GroundMotion, components
 from tdint.tabular import Tabular
 
 LEAST_PAIRS = 11

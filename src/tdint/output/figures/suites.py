@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, PAIRS, SpectralIntensity
 from tdint.campaign.suites.scaling import LEAST_PART, Scaling, suite_spectra
-from tdint.campaign.suites.suite import components
+from tdint.ground_motion.reading.suites import components
 from tdint.ground_motion.record import Record
 from tdint.output.figures.style import (
     COLORS,

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from tdint.analysis.chart.quantities import QUANTITIES
+from tdint.analysis.defaults import QUANTITIES
 from tdint.output.figures.style import (
     COLORS,
     DASHES,

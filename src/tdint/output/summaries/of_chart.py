@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from tdint.analysis.chart.quantities import QUANTITIES
+from tdint.analysis.defaults import QUANTITIES
 from tdint.ground_motion.record import Record
 from tdint.model.definition import Model
 from tdint.output.summaries.summary import model_input, record_summary, schema, versions

@@ -13,7 +13,7 @@ from tdint.campaign.fragility.run_measures import MeasureFit
 from tdint.campaign.ida.curve import Capacity, IdaCurve
 from tdint.campaign.ida.study import IdaStudy
 from tdint.campaign.suites.scaling import Scaling
-from tdint.campaign.suites.suite import components
+from tdint.ground_motion.reading.suites import components
 from tdint.ground_motion.record import component_names
 from tdint.output.tables.table import (
     OF_NAMED_RECORD,

@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from tdint.campaign.suites.intensity import GroundMotion
 from tdint.errors import RecordError
 from tdint.ground_motion.horizontals import Horizontals, find_horizontals, is_vertical
 from tdint.ground_motion.pairing import USUAL, PairNames, files_of_motions, told_once, with_component
 from tdint.ground_motion.processing import Processing
 from tdint.ground_motion.reading.read import read_records
-from tdint.ground_motion.record import Record
+from tdint.ground_motion.record import Record, component_names
 from tdint.ground_motion.text_layout import AS_STATED, TextLayout
+
+GroundMotion = Record | Horizontals
+"""One component, or a pair of horizontal ones."""
 
 
 @dataclass(frozen=True)
@@ -110,3 +112,37 @@ def _read(file: str, choice: RecordChoice) -> list[Record]:
         file, units=choice.units, component=choice.component, inventory=choice.inventory, layout=choice.layout
     )
     return [choice.processing.apply(record) for record in found]
+
+
+@dataclass(frozen=True)
+class SuiteMotion:
+    """A component of a ground motion.
+
+    Attributes
+    ----------
+    record : Record
+        The motion.
+    name, component : str
+        What tables call it.
+    whole : Record or Horizontals
+        The component itself, or the pair that it belongs to and shares its factors with.
+    direction : int
+        1, or 2 for the second component of a pair.
+    """
+
+    record: Record
+    name: str
+    component: str
+    whole: GroundMotion
+    direction: int
+
+
+def suite_motions(whole: Sequence[GroundMotion]) -> tuple[SuiteMotion, ...]:
+    """The components of motions, in order; those of the same name in one file are told apart by their full ids."""
+    found = [(one, records) for one in whole for records in [components(one)]]
+    names = iter(component_names([record for _, records in found for record in records]))
+    return tuple(
+        SuiteMotion(record, record.source, next(names), one, direction)
+        for one, records in found
+        for direction, record in enumerate(records, start=1)
+    )

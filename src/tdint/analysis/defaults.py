@@ -1,4 +1,4 @@
-"""Defaults and limits of spectra that the command line names, too. Nothing is loaded here."""
+"""Defaults, limits and names that the command line tells, too. Nothing is loaded here."""
 
 from __future__ import annotations
 
@@ -22,3 +22,13 @@ STORY_HEIGHT = 3.5
 
 HEIGHT_PERIOD = (0.0731, 0.75)
 """a and b of T = a H^b (s, m) where no other relation is given."""
+
+
+QUANTITIES = {
+    "peak-drift": "largest error of a story's peak drift",
+    "drift": "error of the drifts (L2 of the history)",
+    "displacement": "error of the displacements (L2 of the history)",
+    "velocity": "error of the velocities (L2 of the history)",
+    "acceleration": "error of the accelerations (L2 of the history)",
+}
+"""By their names on the command line, what they are: the fields of `tdint.analysis.chart.reference.Errors`."""
