@@ -246,9 +246,7 @@ def _read_buildings(value: Value) -> ModelFiles | InventoryFile | None:
         section.need("models", "give a list of model files, or an inventory in its place")
         return None
     section.refuse(_BUILDINGS[2:], "belongs to an `inventory`")
-    items = models.items("a list of model files")
-    if items is not None and not items:
-        models.fault("is empty; give at least one model file")
+    items = models.items("a list of model files", "is empty; give at least one model file")
     return ModelFiles(tuple(file for item in items or () if (file := item.file())))
 
 
@@ -291,9 +289,7 @@ def _read_intensity(value: Value | None) -> Scales | MeasureLevels | FactorsFile
 
 def _scales(section: Section) -> tuple[float, ...]:
     value = section.get("scales")
-    items = value.items("a list of factors") if value else None
-    if value and items is not None and not items:
-        value.fault("is empty; give at least one factor")
+    items = value.items("a list of factors", "is empty; give at least one factor") if value else None
     found: dict[float, None] = {}
     for item in items or ():
         number = item.number(ANY)

@@ -212,23 +212,17 @@ def read_sweep(vary: Value | None, analysis: Value | None, *, models: bool) -> P
         return None
     texts = (methods.items("a list of methods") if methods else None) or ()
     numbers = (steps.items("a list of steps") if steps else None) or ()
-    grids: dict[str, tuple[float, ...]] = {}
-    random: dict[str, Distribution] = {}
-    samples, seed = (_read_vary(vary, grids, random) if vary else None) or (0, 0)
-    return ParameterSweep(
-        grids,
-        random,
-        samples,
-        seed,
+    return replace(
+        (_read_vary(vary) if vary else None) or ParameterSweep(),
         methods=tuple(dict.fromkeys(found.label for item in texts if (found := item.parsed(parse_method)))),
         steps=tuple(dict.fromkeys(number for item in numbers if (number := positive(item)))),
     )
 
 
-def _read_vary(
-    value: Value, grids: dict[str, tuple[float, ...]], random: dict[str, Distribution]
-) -> tuple[int, int] | None:
-    """Fill grids and distributions; samples and seed."""
+def _read_vary(value: Value) -> ParameterSweep | None:
+    """Grids and distributions, samples and seed; None after a fault."""
+    grids: dict[str, tuple[float, ...]] = {}
+    random: dict[str, Distribution] = {}
     names = value.names
     section = value.section([key.name for key in _SAMPLES] + names)
     if section is None:
@@ -254,7 +248,7 @@ def _read_vary(
         value.fault("random parameters need `samples`: how many are drawn")
     if counted and not random:
         counted.fault("has nothing to act on without a random parameter")
-    return samples or 0, seed or 0
+    return ParameterSweep(grids, random, samples or 0, seed or 0)
 
 
 def _values(entry: Value, name: str) -> tuple[float, ...]:

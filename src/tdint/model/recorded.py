@@ -130,9 +130,7 @@ def _read_place(value: Value) -> tuple[Sensor, ...]:
     """One sensor or a list of them."""
     if not value.is_list:
         return tuple(filter(None, [_read_sensor(value)]))
-    items = value.items("a list of files") or ()
-    if not items:
-        value.fault("must name at least one file")
+    items = value.items("a list of files", "must name at least one file") or ()
     return tuple(filter(None, [_read_sensor(item) for item in items]))
 
 

@@ -39,10 +39,13 @@ class Demand(Quantity):
         The one whose number is meant, as an index; None for the largest of all.
     place : str
         What a place is: story or floor.
+    of_stories : str
+        In place of a `value`: the quantity of the stories that it is the largest of; its own name by default.
     """
 
     story: int | None = None
     place: str = "story"
+    of_stories: str = ""
 
     @property
     def of_place(self) -> str:
@@ -78,7 +81,7 @@ class Demand(Quantity):
         return self._of(stories, stories.height)
 
     def _of(self, given: StoryValues, height: Array) -> Array:
-        return np.asarray(self.value(given, height) if self.value else getattr(given, self.name))
+        return np.asarray(self.value(given, height) if self.value else getattr(given, self.of_stories or self.name))
 
 
 Found = TypeVar("Found")
@@ -91,19 +94,13 @@ class Demands(Generic[Found]):
     roof_displacement: Annotated[
         Found,
         Demand(
-            "m",
-            "largest displacement of the roof, relative to the ground",
-            lambda stories, height: stories.peak_displacement,
-            story=-1,
+            "m", "largest displacement of the roof, relative to the ground", of_stories="peak_displacement", story=-1
         ),
     ]
     base_shear: Annotated[
         Found,
         Demand(
-            "N",
-            "largest restoring force of the first story, without viscous forces",
-            lambda stories, height: stories.peak_shear,
-            story=0,
+            "N", "largest restoring force of the first story, without viscous forces", of_stories="peak_shear", story=0
         ),
     ]
     total_base_shear: Annotated[
@@ -111,27 +108,18 @@ class Demands(Generic[Found]):
         Demand(
             "N",
             "largest force between building and ground: restoring, P-delta and all viscous forces",
-            lambda stories, height: stories.peak_total_shear,
+            of_stories="peak_total_shear",
             story=0,
         ),
     ]
     drift: Annotated[
-        Found,
-        Demand(
-            "m",
-            "largest drift of a story, relative to the floor below",
-            lambda stories, height: stories.peak_drift,
-        ),
+        Found, Demand("m", "largest drift of a story, relative to the floor below", of_stories="peak_drift")
     ]
-    drift_ratio: Annotated[
-        Found, Demand("1", "largest drift over story height", lambda stories, height: stories.peak_drift_ratio)
-    ]
+    drift_ratio: Annotated[Found, Demand("1", "largest drift over story height", of_stories="peak_drift_ratio")]
     residual_drift: Annotated[
         Found,
         Demand(
-            "m",
-            "largest absolute drift at the end of the run",
-            lambda stories, height: np.abs(stories.residual_drift),
+            "m", "largest absolute drift at the end of the run", lambda stories, height: np.abs(stories.residual_drift)
         ),
     ]
     residual_drift_ratio: Annotated[
@@ -142,15 +130,13 @@ class Demands(Generic[Found]):
             lambda stories, height: np.abs(stories.residual_drift) / height,
         ),
     ]
-    ductility: Annotated[
-        Found, Demand("1", "largest drift over drift at first yield", lambda stories, height: stories.ductility)
-    ]
+    ductility: Annotated[Found, Demand("1", "largest drift over drift at first yield", of_stories="ductility")]
     acceleration: Annotated[
         Found,
         Demand(
             "m/s^2",
             "largest absolute acceleration of a floor",
-            lambda stories, height: stories.peak_acceleration,
+            of_stories="peak_acceleration",
             called="floor_absolute_acceleration",
             place="floor",
         ),

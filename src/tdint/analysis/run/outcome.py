@@ -25,6 +25,11 @@ if TYPE_CHECKING:
 _TABLE = ("table",)
 
 
+def _peak(row: int) -> Callable[[Building, Array, Array], Array]:
+    """What a row of peaks holds itself."""
+    return lambda building, peaks, end: peaks[..., row, :]
+
+
 @dataclass(frozen=True)
 class StoryValues:
     """A number of each kind for each story, or for the floor above it; arrays of shape (n,), of several runs (runs, n).
@@ -37,10 +42,7 @@ class StoryValues:
     peak_drift: Annotated[
         Array,
         Quantity(
-            "m",
-            "largest drift to either side: displacement relative to the floor below",
-            lambda building, peaks, end: peaks[..., at.PEAK_DRIFT, :],
-            _TABLE,
+            "m", "largest drift to either side: displacement relative to the floor below", _peak(at.PEAK_DRIFT), _TABLE
         ),
     ]
     peak_drift_ratio: Annotated[
@@ -60,7 +62,7 @@ class StoryValues:
         Quantity(
             "N",
             "largest restoring force of the story to either side, without viscous forces",
-            lambda building, peaks, end: peaks[..., at.PEAK_SHEAR, :],
+            _peak(at.PEAK_SHEAR),
             _TABLE,
         ),
     ]
@@ -77,7 +79,7 @@ class StoryValues:
         Quantity(
             "N",
             "largest force that moves all floors above, to either side: restoring, P-delta and all viscous forces",
-            lambda building, peaks, end: peaks[..., at.PEAK_TOTAL_SHEAR, :],
+            _peak(at.PEAK_TOTAL_SHEAR),
             _TABLE,
         ),
     ]
@@ -92,28 +94,17 @@ class StoryValues:
     ]
     peak_displacement: Annotated[
         Array,
-        Quantity(
-            "m",
-            "largest displacement of the floor, relative to the ground",
-            lambda building, peaks, end: peaks[..., at.PEAK_DISPLACEMENT, :],
-            _TABLE,
-        ),
+        Quantity("m", "largest displacement of the floor, relative to the ground", _peak(at.PEAK_DISPLACEMENT), _TABLE),
     ]
     peak_velocity: Annotated[
-        Array,
-        Quantity(
-            "m/s",
-            "largest velocity of the floor, relative to the ground",
-            lambda building, peaks, end: peaks[..., at.PEAK_VELOCITY, :],
-            _TABLE,
-        ),
+        Array, Quantity("m/s", "largest velocity of the floor, relative to the ground", _peak(at.PEAK_VELOCITY), _TABLE)
     ]
     peak_acceleration: Annotated[
         Array,
         Quantity(
             "m/s^2",
             "largest absolute acceleration of the floor",
-            lambda building, peaks, end: peaks[..., at.PEAK_ACCELERATION, :],
+            _peak(at.PEAK_ACCELERATION),
             _TABLE,
             called="peak_absolute_acceleration",
         ),

@@ -79,9 +79,7 @@ def read_motions(value: Value) -> RecordFiles | SequenceFile | GridFile | FieldF
         return SequenceFile(shocks, choice, section.number_or_none("rest")) if shocks else None
     section.refuse(("rest",), "belongs to `sequences`")
     files = section.need("files", "give a list of files and folders, or a `grid` in its place")
-    items = files.items("a list of files and folders") if files else None
-    if files and items is not None and not items:
-        files.fault("is empty; give at least one record")
+    items = files.items("a list of files and folders", "is empty; give at least one record") if files else None
     pairs, component = section.get("pairs"), section.get("component")
     both = _pair_names(pairs) if pairs else None
     if both and component:

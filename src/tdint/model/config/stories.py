@@ -200,9 +200,7 @@ def _bounds(parameter: LawParameter) -> Bounds:
 
 def _read_list(value: Value, bounds: Bounds, unit: ModelUnits) -> tuple[float, ...]:
     """The numbers of a `many` parameter in SI: the j-th is force length^-j."""
-    items = value.items(_LIST)
-    if items is not None and not items:
-        value.fault("must hold at least one number")
+    items = value.items(_LIST, "must hold at least one number")
     if not items:
         return (math.nan,)
     return tuple(item.number(bounds, unit.factor(force=1, length=-j)) for j, item in enumerate(items, start=1))
@@ -261,11 +259,9 @@ _AGREEMENT = 1e-9
 
 def read_stories(value: Value | None, unit: ModelUnits, p_delta: bool) -> tuple[tuple[Story, ...], int | None]:
     """The stories from the ground up, and their number: None where a fault leaves it open."""
-    entries = value.items("a list of stories") if value else None
-    if value is None or entries is None:
+    entries = value.items("a list of stories", "must hold at least one story") if value else None
+    if entries is None:
         return (), None
-    if not entries:
-        value.fault("must hold at least one story")
     stories: list[Story] = []
     count: int | None = 0
     for entry in entries:

@@ -171,11 +171,14 @@ class Value:
             return self.node.text
         return None
 
-    def items(self, what: str) -> tuple[Value, ...] | None:
-        """The entries of a list; None if there is a fault. `what` says what the list must be."""
+    def items(self, what: str, empty: str = "") -> tuple[Value, ...] | None:
+        """The entries of a list; None if there is a fault. `what` says what the list must be, and `empty`, if it must
+        have entries, what is wrong without."""
         if not isinstance(self.node, ListNode):
             self.fault(f"must be {what}, got {self._shown()}")
             return None
+        if empty and not self.node.items:
+            self.fault(empty)
         kind = self.kind.kind if isinstance(self.kind, EntriesOf) else None
         entries = enumerate(self.node.items, start=1)
         return tuple(Value(item, f"{self.key}[{i}]", self.faults, kind) for i, item in entries)
