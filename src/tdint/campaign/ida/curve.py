@@ -27,6 +27,12 @@ COLLAPSED = ("collapsed", "failed-story")
 """Statuses of a run that count as collapse; every other but `done` says nothing of the building."""
 
 _UNSTABLE = "unstable-step"
+_OF_ROW = {
+    "drift_ratio": "peak_drift_ratio",
+    "acceleration": "peak_acceleration",
+    "residual_drift_ratio": "residual_drift_ratio",
+}
+"""Demands of an `IdaRun`, and what `RunRow` calls them."""
 
 
 @dataclass(frozen=True)
@@ -73,22 +79,15 @@ class IdaRun:
         """What the row of a run at a level says."""
         names = [one.name for one in RUN_WITH_ERROR]
         errors, corrected = (dict(zip(names, told, strict=False)) for told in (row.errors, row.corrected))
-        return cls(
-            im=im,
-            scale=row.scale,
-            status=row.status,
-            drift_ratio=_number(row.peak_drift_ratio),
-            acceleration=_number(row.peak_acceleration),
-            residual_drift_ratio=_number(row.residual_drift_ratio),
-            finer=row.repeats,
-            energy_error=_number(row.energy_error),
-            drift_ratio_error=_number(errors.get("peak_drift_ratio")),
-            acceleration_error=_number(errors.get("peak_acceleration")),
-            residual_drift_ratio_error=_number(errors.get("residual_drift_ratio")),
-            corrected_drift_ratio=_number(corrected.get("peak_drift_ratio")),
-            corrected_acceleration=_number(corrected.get("peak_acceleration")),
-            corrected_residual_drift_ratio=_number(corrected.get("residual_drift_ratio")),
-        )
+        values: dict[str, float | None] = {"energy_error": row.energy_error}
+        for own, name in _OF_ROW.items():
+            values |= {
+                own: getattr(row, name),
+                f"{own}_error": errors.get(name),
+                f"corrected_{own}": corrected.get(name),
+            }
+        numbers = {name: math.nan if value is None else float(value) for name, value in values.items()}
+        return cls(im, row.scale, row.status, finer=row.repeats, **numbers)
 
     @property
     def stable(self) -> bool:
@@ -115,10 +114,6 @@ def run_level(batch: Batch, run: Run) -> RunRow:
         case = Case(batch.subject.model, batch.subject.prepared, record, batch.subject.integrator)
         case.march(case.steps(batch.settings.dt, batch.settings.duration))
     return row
-
-
-def _number(value: float | None) -> float:
-    return math.nan if value is None else float(value)
 
 
 _HUNT = 1.5
