@@ -4,7 +4,10 @@ import csv
 import dataclasses
 import io
 
+import pytest
+
 from tdint.validation import textbook
+from tdint.validation.case import carry_out
 
 
 def test_all_cases_hold_here(tdint):
@@ -26,3 +29,10 @@ def test_a_case_that_does_not_hold(tdint, tmp_path, monkeypatch):
     assert "chopra-E5.1: the largest difference, 0.968, is beyond 0.0001" in result.stderr
     rows = list(csv.DictReader(io.StringIO(out.read_text())))
     assert [row["within"] for row in rows[-2:]] == ["false", "true"]
+
+
+@pytest.mark.parametrize(("relative", "wanted"), [(False, (-0.2, 0.1)), (True, (-0.1, 0.02))])
+def test_differences_are_those_of_the_numbers_or_of_their_ratios(relative, wanted):
+    case = textbook.textbook_cases()[0]
+    two = dataclasses.replace(case, published=(-2.0, 5.0), computed=lambda: (-2.2, 5.1), relative=relative)
+    assert carry_out(two).differences == pytest.approx(wanted)

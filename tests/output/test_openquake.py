@@ -47,6 +47,7 @@ def test_a_published_model():
     assert imt == "SA(0.6)"
     for one, state in zip(OFFICE, STATES, strict=True):
         assert found[state] == pytest.approx((one.theta, 0.4), rel=1e-7)
+    assert f'minIML="{0.2 * math.exp(-1.6):.6g}" maxIML="{1.0 * math.exp(1.6):.6g}"'.encode() in data
     assert b'ls="slight" mean="0.216657' in data and b'stddev="0.09024' in data
 
 

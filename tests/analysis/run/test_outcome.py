@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from building_cases import Force, Law, model, noise, oscillator, story, ten_bilinear
+from building_cases import Force, Law, model, noise, oscillator, story, ten_bilinear, ten_linear
 from tdint import run
 from tdint.analysis.run import prepared
 from tdint.analysis.run.outcome import FailedRun
@@ -154,3 +154,12 @@ def test_halving_rescues_and_is_counted(method, monkeypatch):
     failed = failure.value
     assert (failed.status, failed.energy, failed.largest_stable_dt) == ("not-converged", None, None)
     assert failed.time < 800.0 and failed.story in (1, 2, 3) and 1e-11 < failed.residual <= 1.0
+
+
+def test_a_history_has_the_ground_motion_and_an_error_that_is_a_ratio():
+    """Under a ten-thousandth of a motion a linear building has 1e-8 of the energy, and the same error."""
+    record = noise(samples=201)
+    whole, small = (run(ten_linear(), one, method="bathe", history=True) for one in (record, record.scaled(1e-4)))
+    assert np.array_equal(whole.history.ground_acceleration, record.acceleration)
+    assert np.max(np.abs(whole.history.energy.error)) > 1e-6
+    assert small.history.energy.error == pytest.approx(whole.history.energy.error, rel=1e-6, abs=1e-12)
