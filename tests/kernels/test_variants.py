@@ -12,7 +12,9 @@ from law_examples import example
 from tdint import load_model
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.steps import choose_steps
+from tdint.analysis.run.workspace import kernels
 from tdint.kernels.building import compilable
+from tdint.kernels.building.ahead import compile_ahead
 from tdint.kernels.building.variant import EVERYTHING
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
@@ -41,23 +43,26 @@ def marched(law, method):
     ground = np.random.default_rng(1).normal(0.0, 4.0, 400)
     steps = choose_steps(None, None, 0.02, 0.02 * (ground.size - 1))
     prepared = PreparedBuilding(building(law))
+    if not compilable.WHOLE:  # else what is there for everything serves, too
+        compile_ahead(kernels(parse(method), prepared.variant), ["native"], None, lambda done: None)
     result = prepared.march(parse(method), steps, ground, rows=steps.count)
     assert result.code == 0
     return prepared.variant, {one.name: getattr(result.space, one.name) for one in fields(result.space)}
 
 
-# The linear and the bilinear law are those for which a compiled loop has nothing of any other; compiling is what costs.
-@pytest.mark.parametrize(
-    "law", [pytest.param(law, marks=pytest.mark.long if law == "bilinear" else ()) if law in ("linear", "bilinear")
-            else pytest.param(law, marks=pytest.mark.slow) for law in LAWS]
-)  # fmt: skip
+# Compiling is what costs.
+@pytest.mark.parametrize("law", [pytest.param(law, marks=[pytest.mark.slow] * (law != "linear")) for law in LAWS])
 def test_a_scene_of_its_own_and_everything_agree_to_the_last_bit(law, monkeypatch):
     for method in METHODS:
         results = []
         for whole in (True, False):
             monkeypatch.setattr(compilable, "WHOLE", whole)
+            for kernel, _ in kernels(parse(method), EVERYTHING):  # each remembers what it needs
+                monkeypatch.setattr(kernel, "_needs", {})
+                monkeypatch.setattr(kernel, "_last", (EVERYTHING, None))
             results.append(marched(law, method))
         (variant, own), (_, everything) = results
-        assert variant != EVERYTHING
+        step = parse(method).family.step
+        assert {EVERYTHING, step.needs(variant)} <= step._loaded.keys() and step.needs(variant) != EVERYTHING
         for name in ("state", "peaks", "totals", "history"):
             np.testing.assert_array_equal(own[name], everything[name], err_msg=f"{method}: {name}")
