@@ -14,6 +14,9 @@ import pytest
 # need. What a scene alone would get is tested in tests/kernels/test_variants.py.
 os.environ.setdefault("TDINT_KERNELS", "whole")
 
+# Where each process has a processor, threads of linear algebra wait for one another.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 # The heap is large, of libraries, and what the tests leave behind is little: garbage is searched for seldom.
 gc.set_threshold(50_000, 20, 20)
 
