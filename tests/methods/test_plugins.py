@@ -28,7 +28,7 @@ from tdint.kernels.building.sources import closure
 from tdint.kernels.laws import LAWS as NUMBERED
 from tdint.kernels.laws import OURS
 from tdint.methods import catalogue as methods
-from tdint.model import definition
+from tdint.model import laws
 from tdint.model.plugins import files_to_send
 from tdint_cli.main import cli
 
@@ -37,11 +37,11 @@ from tdint_cli.main import cli
 def forgotten():
     """What a test registers is forgotten after it."""
     yield
-    for known in (definition.LAWS, definition.CODES):
+    for known in (laws.LAWS, laws.CODES):
         for name in list(known)[OURS:]:
             del known[name]
     del NUMBERED[OURS:]
-    for cached in (methods._known, methods.catalogue, definition.laws):
+    for cached in (methods._known, methods.catalogue, laws.laws):
         cached.cache_clear()
     for name in [name for name in sys.modules if name.startswith(("tdint_plugin_", "outside"))]:
         del sys.modules[name]
@@ -217,7 +217,7 @@ def test_no_two_files_of_one_name(tmp_path, verlet):
 
 
 def test_a_law_of_no_file_is_refused():
-    law = definition.LAWS["tanh"]
+    law = laws.LAWS["tanh"]
     alone = type(law)("alone", law.formula, eval("lambda: None", {"__name__": "__main__"}))
     with pytest.raises(UsageError, match="a file that another process can execute"):
         tdint.register_law(alone)
