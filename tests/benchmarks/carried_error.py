@@ -21,7 +21,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tdint import load_model
-from tdint.analysis.run.error_estimate import TOLD, checked
+from tdint.analysis.run.error_estimate import TOLD, checked, checked_run
 from tdint.analysis.run.outcome import FailedRun
 from tdint.analysis.run.run import prepare
 from tdint.errors import TdintError
@@ -97,21 +97,25 @@ def marched(case, parts, carrying=False, duration=None):
 
 def errors(building, record):
     """For each step and quantity: index of the step and the name, true error, estimate, error once corrected,
-    difference of two runs over 15, doubt of the truth; of the story that is worst."""
+    difference of two runs over 15, doubt of the truth, all of the story that is worst; and whether the estimate comes
+    from another run, the one carried along being in doubt."""
     case, other = (prepare(building, record, method=method) for method in ("moment4", "impulse4"))
     # A run ends with a story that fails: at the step, and is compared up to there.
     end = marched(case, 2 * PARTS[0]).collapse
-    duration = None if end is None else case.record.dt * int(0.98 * end.time / case.record.dt / 2) * 2
+    # All end with a whole step of the longest.
+    duration = case.record.duration if end is None else 0.98 * end.time
+    duration = case.record.dt * int(duration / case.record.dt / 2 + 1e-9) * 2
     truth, second = marched(other, FINE, duration=duration).stories, marched(case, FINE // 2, duration=duration).stories
     half = marched(case, 2 * PARTS[0], duration=duration)
     for step, parts in enumerate(PARTS):
         response = marched(case, parts, True, duration)
+        told = checked_run(case, case.steps(case.record.dt / parts, duration)).check
         for index, name in enumerate(NAMES):
             size = truth.peak_drift if name == "residual_drift" else getattr(truth, name)
             true, own, better = (getattr(one, name) for one in (truth, response.stories, response.check.corrected))
             pairs = (
                 (own, true),
-                (own + getattr(response.check.errors, name), own),
+                (own + getattr(told.errors, name), own),
                 (better, true),
                 (own, getattr(half.stories, name)),
                 (getattr(second, name), true),
@@ -119,7 +123,7 @@ def errors(building, record):
             with np.errstate(invalid="ignore", divide="ignore"):
                 found = [np.max(np.abs(a - b) / np.abs(size)) for a, b in pairs]
             if np.isfinite(found[0]):
-                yield step, index, *found
+                yield step, index, *found, bool(told.dts)
         half = response
 
 
@@ -137,13 +141,17 @@ def honesty(first, count, records, keep):
 
 
 def tell(rows):
+    small = rows[(rows[:, 2] == 0) & (rows[:, 4] < BOUNDS[-1])]
+    print(f"errors of drifts below {BOUNDS[-1]:g} that come from another run: {100 * np.mean(small[:, 8]):.1f} %")
     print("| estimate from | quantity | runs (unsure) | 5 / 50 / 95 %, largest | within | corrected over own |")
-    for index, name in enumerate(NAMES):
-        for low, high in zip(BOUNDS, (*BOUNDS[1:], np.inf), strict=True):
-            found = rows[(rows[:, 2] == index) & (low <= rows[:, 4]) & (rows[:, 4] < high)][:, 3:]
+    ranges = [*zip(BOUNDS, (*BOUNDS[1:], np.inf), strict=True), (BOUNDS[0], BOUNDS[2])]
+    for index, name in [*enumerate(NAMES), (None, "all")]:
+        for low, high in ranges:
+            own = (rows[:, 2] == index) | (index is None)
+            found = rows[own & (low <= rows[:, 4]) & (rows[:, 4] < high)][:, 3:]
             sure = found[(found[:, 4] < SURE * np.maximum(found[:, 0], found[:, 1])) & (found[:, 0] > 0.0)]
             if len(sure):
-                print(f"| {low:.0e} | {name} | {len(sure)} ({len(found) - len(sure)}) | {shares(sure)} |")
+                print(f"| {low:.0e} to {high:.0e} | {name} | {len(sure)} ({len(found) - len(sure)}) | {shares(sure)} |")
     found = rows[(rows[:, 1] == PARTS.index(1)) & (rows[:, 3] > 1e-9) & (rows[:, 7] < SURE * rows[:, 3])]
     for index, name in enumerate(NAMES):
         own = found[(found[:, 2] == index) & (found[:, 4] < 1e-2)]
@@ -156,7 +164,8 @@ def shares(found):
     ratio, corrected = found[:, 0] / found[:, 1], found[:, 2] / found[:, 0]
     two = 15.0 / 16.0 * found[:, 0] / np.maximum(found[:, 3], 1e-300)
     spread = " / ".join(f"{one:.2f}" for one in np.percentile(ratio, (5, 50, 95)))
-    within = f"{100 * np.mean(ratio < 1.25):.0f} / {100 * np.mean(ratio < 2.0):.0f} %"
+    within = f"{100 * np.mean(ratio < 1.25):.1f} / {100 * np.mean(ratio < 2.0):.1f} %"
+    within += f", to both sides {100 * np.mean((ratio < 1.25) & (ratio > 0.8)):.0f}"
     better = f"{np.median(corrected):.3f}, {np.percentile(corrected, 95):.2f}"
     both = f"{100 * np.mean(np.maximum(two, 1.0 / two) < 1.25):.0f} %"
     return f"{spread}, {ratio.max():.2f} | {within} | {better} | two runs {both}"
