@@ -12,7 +12,7 @@ import pytest
 from tdint import csv_table
 from tdint.analysis.static.cyclic import read_drift_path
 from tdint.campaign.definition import FactorsFile, GridFile
-from tdint.campaign.fragility.fit_table import fit_table
+from tdint.campaign.fragility.fit_table import fragility
 from tdint.campaign.grid_files import read_grid
 from tdint.campaign.inputs import read_factors
 from tdint.campaign.suites.target import read_target
@@ -28,7 +28,7 @@ def grid(source):
 READERS = {
     "inventory": (lambda source: read_inventory(source, 1.0), ModelError, b"id"),
     "target": (read_target, ModelError, b"sa_g"),
-    "fragility": (fit_table, ModelError, b"im"),
+    "fragility": (fragility, ModelError, b"im"),
     "path": (read_drift_path, UsageError, b"drift_m"),
     "factors": (lambda source: read_factors(FactorsFile(source)), ModelError, b"factor"),
     "grid": (grid, ModelError, b"Longitude"),
