@@ -39,7 +39,7 @@ _KNOTS = 0  # drift and force of the three points of the path, on the side it le
 _WEAKER = 6  # part of the strength, of the stiffness that was lost at the last turn
 _SOFTER = 7
 _HELD = 8  # losses of stiffness, drift and strength as they were where the ultimate drift was passed
-_EXTRA_ROWS = 11
+_EXTRA_ROWS = _HELD + 3
 
 # Kinds of branches, in INTERNAL; negative on the negative side, 0 before the first one
 _ON_PATH = 1.0
