@@ -6,7 +6,6 @@ import gc
 import os
 import signal
 import time
-from pathlib import Path
 
 import pytest
 
@@ -41,15 +40,10 @@ def pytest_collection_finish() -> None:
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Compile the kernels before the first of several tests: side by side, and none of them in two processes.
-
-    Only where more than one file of tests is asked for; a test alone compiles what it meets.
-    """
+    """Compile the kernels before the first test: side by side, and none of them in two processes or within a test."""
     config = session.config
-    files = {name.partition("::")[0] for name in config.args}
-    alone = len(files) == 1 and Path(*files).suffix == ".py"
     written_ones = os.environ["TDINT_KERNELS"] == "python"
-    if alone or written_ones or config.option.collectonly or hasattr(config, "workerinput"):
+    if written_ones or config.option.collectonly or hasattr(config, "workerinput"):
         return
     from path_kernels import KERNELS
     from tdint.analysis.run.compilation import of_everything
