@@ -31,24 +31,19 @@ SCALES = ", ".join(f"{0.1 * i:.1f}" for i in range(1, 61))
 KILLER = """\
 import os, random, shutil, signal, sys, time
 from pathlib import Path
+from tdint.campaign.carry_out import compile_for
 from tdint.campaign.inputs import read_inputs
 from tdint.campaign.plan import make_plan
 from tdint.campaign.reader import load_campaign
-from tdint.campaign.carry_out import compile_for, threads
-from tdint_cli.batch.campaigns import carry_out
-from tdint_cli.batch.profiles import SuiteRequest
-from tdint_cli.settings import Settings
-import click, tdint.output.tables.campaign, tdint.output.summaries.summary
-
-def plan():
-    campaign = load_campaign("study.yaml")
-    return make_plan(campaign, read_inputs(campaign))
+from tdint_cli.main import cli
+import tdint.output.summaries.summary, tdint.output.tables.campaign
+import tdint_cli.batch.campaigns, tdint_cli.commands.studies.campaign
 
 def campaign(folder):
-    with click.Context(click.Command("campaign"), obj=Settings(quiet=True)):
-        carry_out(plan(), threads(2), Path(folder), of_suite=SuiteRequest())
+    cli(["-q", "campaign", "study.yaml", "-o", folder, "--jobs", "2"], standalone_mode=False)
 
-compile_for(plan())
+study = load_campaign("study.yaml")
+compile_for(make_plan(study, read_inputs(study)))
 random.seed(int(sys.argv[1]))
 kills = rounds = 0
 while kills < 100:
