@@ -113,10 +113,8 @@ def _from_corrected(response: Response, finer_run: Response) -> ErrorEstimate:
         own, other, true = (
             getattr(of, name) for of in (response.stories, finer_run.stories, finer_run.check.corrected)
         )
-        size = response.stories.peak_drift if name == "residual_drift" else own
-        off = np.abs(own - true) + np.abs(other - true) + _ROUNDING * np.abs(size)
-        unresolved = getattr(response.unresolved, name)
-        errors[name] = off + unresolved if name == "residual_drift" else np.maximum(off, unresolved)
+        off = np.abs(own - true) + np.abs(other - true) + _ROUNDING * np.abs(_size(response, name))
+        errors[name] = _with_unresolved(response, name, off)
     return ErrorEstimate.of(response.stories, StoryErrors(**errors), dts=(finer_run.dt,))
 
 
@@ -162,8 +160,7 @@ def _off(response: Response, *names: str) -> float:
     worst = 0.0
     for name in names:
         own, true = getattr(response.stories, name), getattr(response.check.corrected, name)
-        size = response.stories.peak_drift if name == "residual_drift" else own
-        worst = max(worst, float(np.max(np.abs(true - own) / np.maximum(size, _TINY))))
+        worst = max(worst, float(np.max(np.abs(true - own) / np.maximum(_size(response, name), _TINY))))
     return worst
 
 
@@ -218,12 +215,21 @@ def story_errors(response: Response | Shock, others: Sequence[Response | Shock])
 
     def estimated(name: str) -> Array:
         coarse, half, quarter = (getattr(stories, name) for stories in runs)
-        size = response.stories.peak_drift if name == "residual_drift" else coarse
-        unresolved: Array = getattr(response.unresolved, name)
-        own = estimate(coarse, half, quarter, size)
-        return own + unresolved if name == "residual_drift" else np.maximum(own, unresolved)
+        return _with_unresolved(response, name, estimate(coarse, half, quarter, _size(response, name)))
 
     return StoryErrors(**{field.name: estimated(field.name) for field in fields(StoryErrors)})
+
+
+def _size(response: Response | Shock, name: str) -> Array:
+    """What an error of a peak is compared with: the peak itself, of residual drifts that of the drift."""
+    size: Array = getattr(response.stories, "peak_drift" if name == "residual_drift" else name)
+    return size
+
+
+def _with_unresolved(response: Response | Shock, name: str, error: Array) -> Array:
+    """The error with what the steps do not resolve of a peak, or leave to a drift that is told later."""
+    unresolved: Array = getattr(response.unresolved, name)
+    return error + unresolved if name == "residual_drift" else np.maximum(error, unresolved)
 
 
 def estimate(coarse: Array, half: Array, quarter: Array, size: Array) -> Array:
