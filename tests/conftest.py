@@ -6,12 +6,15 @@ import gc
 import os
 import signal
 import time
+from pathlib import Path
 
 import pytest
 
 # The tests integrate so many different buildings that one variant of each kernel is compiled sooner than all that they
-# need. What a scene alone would get is tested in tests/kernels/test_variants.py.
+# need. What a scene alone would get is tested in tests/kernels/test_variants.py. In the user's cache they would serve
+# in place of what his buildings would get, so they are kept here.
 os.environ.setdefault("TDINT_KERNELS", "whole")
+os.environ.setdefault("TDINT_CACHE_DIR", str(Path(__file__).parents[1] / ".kernels"))
 
 # Where each process has a processor, threads of linear algebra wait for one another.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

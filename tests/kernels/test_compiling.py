@@ -15,14 +15,14 @@ from small_kernel import scaled
 from tdint import load_model
 from tdint.analysis.run.compilation import of_model
 from tdint.errors import OutputError
-from tdint.kernels.building import store
+from tdint.kernels.building import compilable, obtaining, store
 from tdint.kernels.building.ahead import compile_ahead
 from tdint.kernels.building.compiler import called, objects_of, specialized
 from tdint.kernels.building.loading import Loaded, pack, unpack
 from tdint.kernels.building.obtaining import obtain
 from tdint.kernels.building.target import Target, named, native, runnable
 from tdint.kernels.building.variant import EVERYTHING, Variant, parse
-from tdint.kernels.compiling import F8, I8, TABLE, VECTOR
+from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, Kernel
 from tdint.methods.catalogue import parse as parse_method
 
 SMALL = Path(__file__).parents[1] / "small_kernel.py"
@@ -150,6 +150,19 @@ def test_what_a_run_needs_is_compiled_and_no_more():
 def packed(name, processor, **other):
     """An object of a kernel for everything, but for what is said otherwise."""
     return pack(b"machine code", {**store.identity(name, "all", processor), "symbol": "b", **other})
+
+
+def test_a_building_s_own_kernel_serves_before_the_one_for_everything(tmp_path, monkeypatch):
+    monkeypatch.setenv("TDINT_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(compilable, "WHOLE", False)
+    served = []
+    monkeypatch.setattr(obtaining, "_load", lambda kernel, variant, code, symbol: served.append(code) or True)
+    linear = Variant(("linear",))
+    for variant in (EVERYTHING, linear):
+        about = store.identity(scaled.name, variant.text, native())
+        store.keep(pack(variant.text.encode(), {**about, "symbol": "b"}), scaled.name, variant.text, native())
+        obtain([(Kernel(scaled.function, scaled.signature, ("laws",)), linear)])
+    assert served == [EVERYTHING.text.encode(), linear.text.encode()]
 
 
 HARMS = ["cut off", "changed", "open to others", "of another", "a folder", "a pipe", "nothing", "deep", "symbol"]
