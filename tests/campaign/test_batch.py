@@ -9,7 +9,7 @@ import pytest
 
 import tdint
 from tdint.analysis.run.demands import DEMANDS, demands
-from tdint.analysis.run.error_estimate import TOLD
+from tdint.analysis.run.error_estimate import FINER
 from tdint.analysis.run.outcome import STORY, FailedRun
 from tdint.analysis.sequence import run_sequence
 from tdint.campaign.engine.batch import Batch
@@ -100,7 +100,7 @@ def test_errors_are_those_of_single_runs(model: str, method: str, runs: list[Run
         corrected = response.check.corrected
         better = corrected and {one.name: float(one.of(corrected).value[0]) for one in DEMANDS}
         assert row.corrected == (tuple(better[name] for name in named) if better else ())
-        assert bool(corrected) == (method == "moment4" and response.check.drift_error <= TOLD)
+        assert bool(corrected) == (method == "moment4" and len(response.check.dts) < FINER)
         for number, quantity in enumerate(STORY):
             np.testing.assert_array_equal(
                 [one.errors[number] for one in stories], getattr(response.check.errors, quantity.name)

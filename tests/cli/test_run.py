@@ -295,6 +295,8 @@ def test_errors_that_nobody_asked_for_are_not_worth_a_repetition(folder, tdint):
         assert one["peak_drift_m_error"] == "" and float(other["peak_drift_m_error"]) > 0.0
     assert "says only that the step is too long; --check repeats the run" in unasked.stderr
     assert json.loads((folder / "out" / "summary.json").read_text())["check"]["drift_error"] is None
+    assert "from a run with dt 0.04 s." in asked.stderr and "Corrected by it (drifts to 0." in asked.stderr
+    assert "Corrected by it" not in unasked.stderr
     damped = tdint("run", "shaken.yaml", "--method", "moment4:rho_inf=0.8")
     assert damped.stdout.splitlines()[0] == COLUMNS
 

@@ -345,6 +345,6 @@ def tell_outcomes(store: Store) -> None:
     if unknown := without_error(store):
         note(f"{unknown} runs have no estimated errors, for they collapsed or a repetition failed: empty cells")
     if corrected := store.count("corrected_peak_drift_m IS NOT NULL"):
-        note(f"{corrected} runs carried their errors along: columns `corrected_` have the demands corrected by them")
+        note(f"of {corrected} runs columns `corrected_` have the demands corrected by their errors")
     if moving := store.count("at_rest = 0"):
         warn(f"{moving} runs were still moving when their time was over: their residual drifts are not at rest")

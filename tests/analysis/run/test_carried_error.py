@@ -10,6 +10,7 @@ import pytest
 from building_cases import Law, model, noise, oscillator, story, ten_bilinear, ten_linear
 from random_buildings import piecewise_building, shaken_building
 from tdint import run
+from tdint.analysis.run.error_estimate import TOLD
 from tdint.model.definition import Force, ModalDamping, PowerDashpot
 
 
@@ -126,6 +127,9 @@ def test_where_it_is_not_carried_the_run_is_repeated_and_that_is_said():
     assert coarse.check.drift_error == pytest.approx(
         worst(coarse.stories.peak_drift, truth.peak_drift, truth.peak_drift), rel=0.1
     )
+    left = np.max(coarse.check.left.peak_drift / truth.peak_drift)
+    assert worst(coarse.check.corrected.peak_drift, truth.peak_drift, truth.peak_drift) <= left < TOLD
+    assert left < 0.1 * coarse.check.drift_error
     other = run(ten_linear(), record, method="impulse4", check=True)
     assert other.check.dts == (0.005, 0.0025) and not any("repetitions" in note for note in other.notes)
 

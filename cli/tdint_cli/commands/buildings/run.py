@@ -27,7 +27,15 @@ from tdint_cli.terminal.streams import complain, note, say, warn
 
 if TYPE_CHECKING:
     from tdint.analysis.run.case import Case
-    from tdint.analysis.run.outcome import Collapse, FailedRun, Response, Shock, StepChoice, StoryPeaks
+    from tdint.analysis.run.outcome import (
+        Collapse,
+        ErrorEstimate,
+        FailedRun,
+        Response,
+        Shock,
+        StepChoice,
+        StoryPeaks,
+    )
     from tdint.files import Content
     from tdint.ground_motion.record import Input, Record
     from tdint.model.definition import Model
@@ -501,7 +509,8 @@ def _paragraph(response: Response, units: OutputUnits) -> str:
         lines.append(f"The building is at rest at {response.rest_time:.6g} s.")
     if (check := response.check) and check.drift_error is not None:
         runs = " and ".join(f"{dt:.6g}" for dt in check.dts)
-        source = f"from runs with dt {runs} s" if runs else "carried along in the run"
+        several = "runs" if len(check.dts) > 1 else "a run"
+        source = f"from {several} with dt {runs} s" if runs else "carried along in the run"
         if check.choice is not None:
             lines.append(_chosen(response, check.choice))
         lines.append(
@@ -509,7 +518,7 @@ def _paragraph(response: Response, units: OutputUnits) -> str:
             f"{source}."
         )
         if check.corrected is not None:
-            lines.append(_corrected(check.corrected, units))
+            lines.append(_corrected(check, check.corrected, units))
     return "\n".join(lines)
 
 
@@ -546,13 +555,16 @@ def _of_shock(number: int, shock: Shock, units: OutputUnits) -> str:
     return f"Shock {number}, from {shock.start:.6g} s: largest drift {worst}{', ' * bool(after)}{after}."
 
 
-def _corrected(stories: StoryPeaks, units: OutputUnits) -> str:
-    """The largest demands once they are corrected by that error."""
+def _corrected(check: ErrorEstimate, stories: StoryPeaks, units: OutputUnits) -> str:
+    """The largest demands once they are corrected by that error, and what another run leaves of it."""
     from tdint.analysis.run.demands import demands
+    from tdint.analysis.run.outcome import ErrorEstimate
 
-    found = demands(stories)
+    found, left = demands(stories), ""
+    if check.dts and check.left:
+        left = f" (drifts to {100.0 * (ErrorEstimate.of(stories, check.left, dts=()).drift_error or 0.0):.2g} %)"
     return (
-        f"Corrected by it: largest drift {units.text(found.drift.value, 'm')} in story {found.drift.place}, roof "
+        f"Corrected by it{left}: largest drift {units.text(found.drift.value, 'm')} in story {found.drift.place}, roof "
         f"displacement {units.text(found.roof_displacement.value, 'm')}, base shear "
         f"{units.text(found.base_shear.value, 'N')}."
     )

@@ -7,7 +7,8 @@ doubt, too, where the drifts' error is small beside that of the other motions: w
 the run does not know of it is what is left.
 
 There a run with a half of the step carries its error along, with a quarter where that is too long still: what its
-corrected peaks differ by is the error, and what these may be off by is added.
+corrected peaks differ by is the error, and what these may be off by is added. They are the corrected ones of the run,
+too.
 
 Where no run can carry it along, or none of these does, the run is repeated with smaller steps.
 
@@ -115,7 +116,10 @@ def _from_corrected(response: Response, finer_run: Response) -> ErrorEstimate:
         )
         off = np.abs(own - true) + np.abs(other - true) + _ROUNDING * np.abs(_size(response, name))
         errors[name] = _with_unresolved(response, name, off)
-    return ErrorEstimate.of(response.stories, StoryErrors(**errors), dts=(finer_run.dt,))
+    told = finer_run.check
+    return ErrorEstimate.of(
+        response.stories, StoryErrors(**errors), dts=(finer_run.dt,), corrected=told.corrected, left=told.left
+    )
 
 
 def _noted(response: Response) -> Response:

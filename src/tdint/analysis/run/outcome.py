@@ -176,7 +176,8 @@ class ErrorEstimate:
     errors : StoryErrors
         Estimated errors of the run's peaks.
     dts : tuple of float
-        The steps of the repetitions, s; none for an error that was carried along.
+        The steps of the repetitions, or of the run whose corrected peaks tell it, s; none for an error that the run has
+        carried along itself.
     drift_error : float or None
         Largest estimated error of a peak drift over that drift; None where there is no estimate.
     drift_story : int or None
@@ -184,8 +185,10 @@ class ErrorEstimate:
     choice : StepChoice or None
         How the step was chosen, if it was for a tolerance.
     corrected : StoryPeaks or None
-        The peaks of the motion that the run's is corrected to by the error carried along: nearer to the truth, with
-        the estimated errors as a bound. None where the error comes from repetitions.
+        The peaks of the motion that is corrected by the error carried along, by the run or by one with a smaller step:
+        nearer to the truth. None where the error comes from repetitions.
+    left : StoryErrors or None
+        What the corrected peaks may be off by: what they are corrected by in the run that carried its error along.
     """
 
     errors: StoryErrors
@@ -194,6 +197,7 @@ class ErrorEstimate:
     drift_story: int | None
     choice: StepChoice | None = None
     corrected: StoryPeaks | None = None
+    left: StoryErrors | None = None
 
     @classmethod
     def of(cls, stories: StoryPeaks, errors: StoryErrors, **more: Any) -> ErrorEstimate:

@@ -94,7 +94,8 @@ def carried_error(building: Building, space: Workspace, stories: StoryPeaks, dou
         )
         for name, size in sizes.items()
     }
-    return ErrorEstimate.of(stories, StoryErrors(**errors), dts=(), corrected=corrected)
+    told = StoryErrors(**errors)
+    return ErrorEstimate.of(stories, told, dts=(), corrected=corrected, left=told)
 
 
 def energy(space: Workspace) -> Energy:

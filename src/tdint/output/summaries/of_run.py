@@ -272,6 +272,7 @@ def _check(check: ErrorEstimate | None, stories: StoryPeaks) -> dict[str, Any] |
         "solves_at_record_step": choice.solves_at_record if choice else None,
         "errors": peak_errors(stories, check.errors),
         "corrected_peaks": peaks(check.corrected) if check.corrected else None,
+        "corrected_errors": peak_errors(check.corrected, check.left) if check.corrected and check.left else None,
     }
 
 

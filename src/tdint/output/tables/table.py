@@ -116,12 +116,13 @@ def error_columns(columns: Iterable[Column]) -> tuple[Column, ...]:
 
 
 def corrected_columns(columns: Iterable[Column]) -> tuple[Column, ...]:
-    """The columns of others once they are corrected by the error that the run has carried along."""
+    """The columns of others once they are corrected by the error that a run has carried along."""
     return tuple(
         replace(
             column,
             name=f"corrected_{column.name}",
-            meaning=f"{column.name} by the error that the run carried along; empty where that does not do",
+            meaning=f"{column.name} corrected by the error that the run, or one with a smaller step, carried along; "
+            "empty where neither does",
         )
         for column in columns
     )
