@@ -10,7 +10,8 @@ from contextlib import suppress
 
 import pytest
 
-from tdint_cli.terminal.drawing import draw
+from tdint.output.tables.table import Table
+from tdint_cli.terminal.drawing import draw, table_bytes
 
 NUMBERS = [(1, 0.123456789, None), (2, -1234567.0, None), (10, 0.0, None)]
 
@@ -44,6 +45,13 @@ def test_no_line_is_wider_than_the_screen_and_no_number_is_lost(width):
             assert f"{value:.5g}" in text.split()
     for block in text.split("\n\n"):
         assert "story" in block
+
+
+def test_what_is_corrected_is_for_programs():
+    """Its digits are those of the peaks, as far as they are drawn."""
+    table = Table(("story", "peak_drift_m", "corrected_peak_drift_m"), [(1, 0.012, 0.0120001)], {})
+    assert b"corrected" not in table_bytes(table, 80) and b"0.012" in table_bytes(table, 80)
+    assert table_bytes(table, None) == table.csv()
 
 
 def test_few_rows_that_are_too_wide_are_turned():

@@ -241,6 +241,7 @@ def test_a_failed_run_without_a_folder(folder, tdint):
 
 
 ERRORS = ",".join(f"{name}_error" for name in COLUMNS.split(",")[2:])
+CORRECTED = ",".join(f"corrected_{name}" for name in COLUMNS.split(",")[2:])
 
 
 def test_a_check_adds_the_estimated_errors(folder, tdint):
@@ -270,7 +271,7 @@ def test_moment4_carries_its_error_along(folder, tdint):
     result = tdint("run", "shaken.yaml", "--method", "moment4", "-o", "out")
     assert result.exit_code == 0, result.stderr
     header, *lines = result.stdout.splitlines()
-    assert header == f"{COLUMNS},{ERRORS}"
+    assert header == f"{COLUMNS},{ERRORS},{CORRECTED}"
     columns = COLUMNS.count(",") + 1
     assert [line.split(",")[:columns] for line in lines] == [line.split(",") for line in plain.stdout.splitlines()[1:]]
     summary = json.loads((folder / "out" / "summary.json").read_text())
@@ -279,6 +280,7 @@ def test_moment4_carries_its_error_along(folder, tdint):
     off = abs(check["corrected_peaks"]["drift_m"] - summary["peaks"]["drift_m"])
     # What is told is no less than what was carried along.
     assert 0.0 < off <= float(worst["peak_drift_m_error"]) * 1.001
+    assert float(worst["corrected_peak_drift_m"]) == check["corrected_peaks"]["drift_m"]
     assert ", carried along in the run." in result.stderr and "Corrected by it: largest drift " in result.stderr
     assert tdint("run", "shaken.yaml", "--method", "moment4", "--check").stdout == result.stdout
     assert "estimated error" not in plain.stderr
@@ -289,7 +291,8 @@ def test_errors_that_nobody_asked_for_are_not_worth_a_repetition(folder, tdint):
     for, they come from repetitions; without --check other methods, and rho_inf below 1, have none."""
     long = ("run", "shaken.yaml", "--dt", 0.08, "--method", "moment4")
     unasked, asked = tdint(*long, "-o", "out", "--plot"), tdint(*long, "--check")
-    assert unasked.stdout.splitlines()[0] == asked.stdout.splitlines()[0] == f"{COLUMNS},{ERRORS}"
+    assert unasked.stdout.splitlines()[0] == f"{COLUMNS},{ERRORS}"
+    assert asked.stdout.splitlines()[0] == f"{COLUMNS},{ERRORS},{CORRECTED}"
     for one, other in zip(rows(unasked.stdout), rows(asked.stdout), strict=True):
         assert one["peak_drift_m"] == other["peak_drift_m"]
         assert one["peak_drift_m_error"] == "" and float(other["peak_drift_m_error"]) > 0.0

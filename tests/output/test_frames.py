@@ -46,6 +46,10 @@ def same_as_table(columns, table):
 
 def test_columns_are_those_of_the_tables(response):
     same_as_table(response.to_dict(), story_table(response.stories, response.check.errors))
+    carried = tdint.run(response.model, response.record, method="moment4", check=True)
+    told = carried.to_dict()
+    same_as_table(told, story_table(carried.stories, carried.check.errors, carried.check.corrected))
+    np.testing.assert_array_equal(told["corrected_peak_drift_m"], carried.check.corrected.peak_drift)
     same_as_table(response.stories.to_dict(), story_table(response.stories))
     spectrum = tdint.spectrum(response.record, np.array([0.5, 1.0]))
     same_as_table(spectrum.to_dict(), spectrum_table([spectrum]))

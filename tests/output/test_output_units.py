@@ -18,7 +18,10 @@ from tdint.quantity import suffix
 from tdint.units import ACCELERATION, FORCE, LENGTH, MASS
 
 US = parse_output_units("kip,in,g")
-EVERY = (*responses.STORY, *responses.STORY_ERROR, *responses.HISTORY_ENERGY, *spectra.SPECTRUM, *buildings.CYCLIC)
+EVERY = (
+    *(*responses.STORY, *responses.STORY_ERROR, *responses.STORY_CORRECTED, *responses.HISTORY_ENERGY),
+    *(*spectra.SPECTRUM, *buildings.CYCLIC),
+)
 
 
 @pytest.mark.parametrize(

@@ -35,9 +35,15 @@ def reading_width() -> int | None:
 
 
 def table_bytes(table: Table, width: int | None) -> bytes:
-    """A table as it goes to standard output: drawn for a screen of this width, else CSV."""
+    """A table as it goes to standard output: drawn for a screen of this width, else CSV.
+
+    What is corrected is not drawn: it differs in digits that are not, or its error says by how much.
+    """
     if width is None:
         return table.csv()
+    from tdint.output.tables.table import CORRECTED
+
+    table = table.chosen(name for name in table.columns if not name.startswith(CORRECTED))
     units = {name: said.get("unit", "1") for name, said in table.meanings.items()}
     return draw(table.columns, table.rows, width, units).encode("utf-8", "replace")
 

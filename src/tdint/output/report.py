@@ -143,13 +143,6 @@ def _shown(cell: Cell) -> str:
     return f"{cell:.4g}" if isinstance(cell, float) else str(cell)
 
 
-def chosen(table: Table, names: Sequence[str]) -> Table:
-    """Some columns of a table, by their names; what it has not is left out."""
-    places = [table.columns.index(name) for name in names if name in table.columns]
-    rows = [tuple(row[i] for i in places) for row in table.rows]
-    return Table(tuple(table.columns[i] for i in places), rows, table.meanings)
-
-
 def model_chapter(model: Model, period: float, damping: float, units: OutputUnits = SI) -> Chapter:
     """The building: its stories from the ground up, period (s) and damping ratio of its first mode, P-delta."""
     from tdint.output.tables.buildings import model_table

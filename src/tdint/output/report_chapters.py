@@ -13,7 +13,7 @@ from tdint.analysis.spectra.elastic import spectrum
 from tdint.ground_motion.record import Record, component_names
 from tdint.model.building import assemble
 from tdint.output import figures
-from tdint.output.report import LEFT_OUT, Chapter, Part, Picture, chosen, input_points, model_chapter, page
+from tdint.output.report import LEFT_OUT, Chapter, Part, Picture, input_points, model_chapter, page
 from tdint.output.tables.campaign import profile_table
 from tdint.output.tables.responses import story_table
 from tdint.output.tables.spectra import motion_table
@@ -37,6 +37,7 @@ _OF_STORIES = (
     "ductility",
     "peak_displacement",
     "peak_absolute_acceleration",
+    "corrected_peak_drift",
 )
 _OF_SUITE = (
     "peak_drift_ratio",
@@ -72,7 +73,7 @@ def run_page(
     drawn = [Picture(lambda: figures.runs.run_picture(response, units), "Histories, energies, profiles, hysteresis")]
     chapters = [
         Chapter("Result", (said, *(drawn if response.history is not None else ()))),
-        Chapter("Peaks of the stories", (chosen(table, names), _errors(response))),
+        Chapter("Peaks of the stories", (table.chosen(names), _errors(response))),
         model_chapter(model, 2.0 * math.pi / omega, damping, units),
         _motions([response.record] if response.record else [], units),
         _assumptions(f"{response.method}, {response.steps} steps of {response.dt:.6g} s", ()),

@@ -291,14 +291,13 @@ class Batch:
         (cells,) = demand_cells(response.stories)
         cells |= {"energy_error": response.energy.error, "steps": response.steps, **more}
         check = None if response.collapse else response.check
-        errors = check.errors if check else None
-        if errors is not None:
-            cells["errors"] = demand_errors(response.stories, errors)
+        if check:
+            cells["errors"] = demand_errors(response.stories, check.errors)
         if check and check.corrected:
             cells["corrected"] = demand_values(check.corrected)
         results.runs.append(self._row(job, response.dt, response.status, response.collapse, cells))
         if self.settings.keeps_stories:
-            results.stories += story_rows(self.number, job.run, response.stories, errors)
+            results.stories += story_rows(self.number, job.run, response.stories, check)
 
     def _take_failure(self, job: _Job, status: str, results: Rows) -> None:
         results.runs.append(self._row(job, job.steps.h, status))

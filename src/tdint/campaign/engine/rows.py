@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from itertools import repeat
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from tdint.analysis.run.demands import DECLARED, Demands, DemandsOfRuns, Largest
-from tdint.analysis.run.outcome import STORY, Shock, StoryErrors, StoryPeaks, StoryValues
+from tdint.analysis.run.outcome import STORY, ErrorEstimate, Shock, StoryErrors, StoryPeaks, StoryValues
 from tdint.campaign.engine.task import Run
 from tdint.quantity import Quantity, quantities
 
@@ -112,7 +112,8 @@ class ShockRow(NamedTuple):
 
 
 class StoryRow(NamedTuple):
-    """The values of a story in a run, those of `STORY` in their order, and their errors where these were estimated."""
+    """The values of a story in a run, those of `STORY` in their order, their errors where these were estimated, and
+    the corrected ones where there are such."""
 
     building: int
     motion: int
@@ -122,6 +123,7 @@ class StoryRow(NamedTuple):
     height: float
     values: tuple[float, ...]
     errors: tuple[float, ...] = ()
+    corrected: tuple[float, ...] = ()
 
     def of(self, name: str) -> float:
         """The value of a quantity."""
@@ -147,15 +149,15 @@ def demand_values(stories: StoryPeaks) -> tuple[float, ...]:
     return tuple(cells[one.name] for one in RUN_WITH_ERROR)
 
 
-def story_rows(building: int, run: Run, stories: StoryPeaks, errors: StoryErrors | None = None) -> list[StoryRow]:
+def story_rows(building: int, run: Run, stories: StoryPeaks, check: ErrorEstimate | None = None) -> list[StoryRow]:
     """The rows of the stories of a run, from the ground up."""
-    values, told = _by_story(stories), _by_story(errors) if errors else repeat(())
-    cells = zip(stories.height.tolist(), values, told, strict=False)
+    told = (check.errors, check.corrected) if check else (None, None)
+    cells = zip(stories.height.tolist(), *map(_by_story, (stories, *told)), strict=False)
     return [StoryRow(building, *run_key(run), story, *row) for story, row in enumerate(cells, start=1)]
 
 
-def _by_story(found: StoryValues) -> Iterator[tuple[float, ...]]:
-    return zip(*(getattr(found, one.name).tolist() for one in STORY), strict=True)
+def _by_story(found: StoryValues | None) -> Iterable[tuple[float, ...]]:
+    return zip(*(getattr(found, one.name).tolist() for one in STORY), strict=True) if found else repeat(())
 
 
 def shock_rows(building: int, run: Run, shocks: Sequence[Shock]) -> list[ShockRow]:

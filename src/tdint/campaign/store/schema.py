@@ -19,7 +19,7 @@ from tdint.campaign.engine.rows import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR, Ru
 from tdint.campaign.store.connection import UntrustedStoreError
 from tdint.quantity import Quantity
 
-VERSION = "5"
+VERSION = "6"
 """Of the layout; another one is not read."""
 
 _KEY = {"building": int, "record": int, "scale": float, "sample": int}
@@ -111,7 +111,10 @@ RUNS = RowTable(
 STORIES = RowTable(
     "story_rows",
     _KEY | {"story": int},
-    {"height_m": float} | {one.column: one.kind for one in STORY} | _kinds(STORY, "{}_error"),
+    {"height_m": float}
+    | {one.column: one.kind for one in STORY}
+    | _kinds(STORY, "{}_error")
+    | _kinds(STORY, "corrected_{}"),
     "stories",
 )
 SHOCKS = RowTable(

@@ -16,7 +16,7 @@ import numpy as np
 from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
 from tdint.campaign.engine.rows import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR
 from tdint.model.definition import PARAMETERS
-from tdint.output.tables.responses import STORY, STORY_ERROR
+from tdint.output.tables.responses import STORY, STORY_CORRECTED, STORY_ERROR
 from tdint.output.tables.spectra import OF_FLOORS, SPECTRUM
 from tdint.output.tables.table import (
     DAMPING,
@@ -210,17 +210,21 @@ def run_rows(store: Store | CampaignRuns) -> Iterator[list[Any]]:
 def story_columns(store: Store) -> tuple[Column, ...]:
     """Of stories.csv of a campaign; with `sample` where motions were drawn, for two draws may be the same motion."""
     drawn = (SAMPLE,) if store.count("sample > 0") else ()
-    return (*OF_BUILDING, *drawn, *STORY, *(STORY_ERROR if store.checked else ()))
+    return (*OF_BUILDING, *drawn, *_of_stories(store))
+
+
+def _of_stories(store: Store) -> tuple[Column, ...]:
+    return (*STORY, *STORY_ERROR * store.checked, *STORY_CORRECTED * store.corrected)
 
 
 def story_rows(store: Store) -> Iterator[list[Any]]:
     """The rows of stories.csv, in the order of runs.csv and from the ground up."""
     buildings, records = store.buildings(), store.records()
-    drawn, last = store.count("sample > 0") > 0, None if store.checked else -len(STORY_ERROR)
+    drawn, told = store.count("sample > 0") > 0, len(_of_stories(store))
     for building, record, scale, sample, *rest in store.stories():
         name, component, _ = records[record]
         head = [cell_text(buildings[building][0]), cell_text(name), cell_text(component), scale]
-        yield [*head, *((sample,) if drawn else ()), *rest[:last]]
+        yield [*head, *((sample,) if drawn else ()), *rest[:told]]
 
 
 def write_runs(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:

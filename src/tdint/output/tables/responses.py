@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from itertools import chain
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
 from tdint.analysis.run.outcome import ENERGY_TERMS, ErrorHistory, History
 from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
-from tdint.output.tables.table import Cell, Column, Table, describe, error_columns, rows_of
+from tdint.output.tables.table import Cell, Column, Table, corrected_columns, describe, error_columns, rows_of
 from tdint.output_units import SI, OutputUnits
 from tdint.quantity import quantities
 
@@ -28,6 +29,10 @@ STORY = (
     *(Column.of_quantity(one) for one in STORY_QUANTITIES if "table" in one.shown),
 )
 STORY_ERROR = error_columns(STORY[2:])
+"""Behind them, of a run whose errors are estimated."""
+
+STORY_CORRECTED = corrected_columns(STORY[2:])
+"""Behind these, where a run has carried its error along."""
 
 _ALL = "all"
 SHOCK = Column("shock", "text", "shock", f"shock of a sequence, from 1; {_ALL}: over the whole sequence")
@@ -54,19 +59,24 @@ HISTORY_FLOOR_ERROR, HISTORY_STORY_ERROR = (
 _ROWS_AT_ONCE = 256
 
 
-def story_table(stories: StoryPeaks, errors: StoryErrors | None = None) -> Table:
-    """One row per story, from the ground up; with errors a column `<name>_error` for each peak, after all peaks."""
-    rows = rows_of(STORY, stories)
-    if errors is None:
-        return Table.of(STORY, rows)
-    both = [peaks + of for peaks, of in zip(rows, rows_of(STORY_ERROR, errors), strict=True)]
-    return Table.of((*STORY, *STORY_ERROR), both)
+def story_table(stories: StoryPeaks, errors: StoryErrors | None = None, corrected: StoryPeaks | None = None) -> Table:
+    """One row per story, from the ground up; with errors a column `<name>_error` for each peak, after all peaks, and
+    behind these with corrected peaks a column `corrected_<name>`."""
+    told = [
+        (columns, values)
+        for columns, values in ((STORY, stories), (STORY_ERROR, errors), (STORY_CORRECTED, corrected))
+        if values is not None
+    ]
+    rows = zip(*(rows_of(columns, values) for columns, values in told), strict=True)
+    return Table.of(
+        [column for columns, _ in told for column in columns], [tuple(chain.from_iterable(row)) for row in rows]
+    )
 
 
 def response_table(response: Response) -> Table:
     """`story_table` of a run; of a sequence once for each shock and, last, for all, the shock in the first column."""
-    errors = response.check.errors if response.check else None
-    whole = story_table(response.stories, errors)
+    check = response.check
+    whole = story_table(response.stories, *((check.errors, check.corrected) if check else ()))
     if not response.shocks:
         return whole
     rows: list[tuple[Cell, ...]] = []

@@ -28,6 +28,9 @@ Cell = bool | int | float | str | None
 TEXT = "text"
 """Unit of a column of words."""
 
+CORRECTED = "corrected_"
+"""What the name of a column begins with that is corrected by its error."""
+
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
 _WORD = re.compile(r"\w+")
 _FORMULA = re.compile(r"[=@]|[-+][A-Za-z(]")
@@ -120,7 +123,7 @@ def corrected_columns(columns: Iterable[Column]) -> tuple[Column, ...]:
     return tuple(
         replace(
             column,
-            name=f"corrected_{column.name}",
+            name=f"{CORRECTED}{column.name}",
             meaning=f"{column.name} corrected by the error that the run, or one with a smaller step, carried along; "
             "empty where neither does",
         )
@@ -154,6 +157,12 @@ class Table:
         factors = [factor for _, factor in found]
         rows = [tuple(map(converted, row, factors)) for row in self.rows]
         return Table(tuple(name for name, _ in found), rows, described_in(self.meanings, units))
+
+    def chosen(self, names: Iterable[str]) -> Table:
+        """Some columns, by their names; what it has not is left out."""
+        places = [self.columns.index(name) for name in names if name in self.columns]
+        rows = [tuple(row[i] for i in places) for row in self.rows]
+        return Table(tuple(self.columns[i] for i in places), rows, self.meanings)
 
     def by_column(self) -> list[tuple[Column, Any]]:
         """Each column with its cells: numbers as an array, nan for none; words as a list."""

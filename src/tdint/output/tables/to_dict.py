@@ -177,6 +177,7 @@ _values.register(FragilityResult, lambda result: studies.fragility_table(result.
 _values.register(IdaStudy, lambda result: studies.ida_table(result).by_column())
 _values.register(ObservedOrder, lambda result: methods.order_table([result]).by_column())
 _values.register(Overshoot, lambda result: _of(methods.OVERSHOOT, result))
+_values.register(Response, lambda result: responses.response_table(result).by_column())
 _values.register(Scaling, lambda result: studies.factor_table(result).by_column())
 _values.register(StoryPeaks, lambda result: _of(responses.STORY, result))
 _values.register(Spectrum, partial(_of_record, spectra.SPECTRUM))
@@ -186,20 +187,6 @@ _values.register(CyclicTest, lambda result: _of(buildings.CYCLIC, result))
 _values.register(Pushover, lambda result: _of(buildings.pushover(result.drift.shape[1]), result))
 _values.register(StabilityCurve, lambda result: _of(methods.STABILITY, result))
 _values.register(Record, partial(_of, spectra.SAMPLES))
-
-
-@_values.register
-def _(result: Response) -> _Values:
-    if result.shocks:
-        table = responses.response_table(result)
-        columns = (responses.SHOCK, *responses.STORY, *(responses.STORY_ERROR if result.check else ()))
-        cells = zip(*table.rows, strict=True)
-        return [
-            (column, np.array([np.nan if one is None else one for one in values]))
-            for column, values in zip(columns, cells, strict=True)
-        ]
-    errors = _of(responses.STORY_ERROR, result.check.errors) if result.check else []
-    return _values(result.stories) + errors
 
 
 @_values.register
