@@ -19,6 +19,12 @@ SMALLEST, LARGEST = 1e-60, 1e60
 """Sizes of numbers in files, in SI units: products and squares of them stay within what floats hold."""
 
 
+def how_many(count: int, what: str) -> str:
+    """A number of things: 1 run, 2 runs, 3 stories."""
+    several = f"{what[:-1]}ies" if what.endswith("y") else f"{what}s"
+    return f"{count} {what if count == 1 else several}"
+
+
 def parse_ratio(text: str) -> float:
     """A ratio: a number such as `0.05`, or a percentage such as `5%`.
 

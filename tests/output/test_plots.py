@@ -11,14 +11,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tdint.analysis.run.outcome import ErrorHistory
+from tdint.analysis.run.outcome import STORY, ErrorHistory
 from tdint.analysis.run.run import run
 from tdint.analysis.spectra.elastic import spectrum
+from tdint.campaign.profiles import Profile
 from tdint.errors import OutputError
 from tdint.files import write_file
 from tdint.ground_motion.processing import process
 from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
+from tdint.output.figures.demands.story_profiles import profile_picture
 from tdint.output.figures.runs import run_picture
 from tdint.output.figures.spectrum_axes import draw_adrs, draw_tripartite
 from tdint.output.figures.spectrum_curves import spectrum_picture
@@ -50,6 +52,44 @@ def forced():
 @pytest.fixture(scope="module")
 def shaken():
     return run(load_model(CONFIGS / "ten-story-bilinear.yaml"), motion(), history=True)
+
+
+def test_steps_of_several_samples_draw_the_record_and_tell_the_peaks_of_the_run():
+    """What the steps leave out is in the picture, as the samples are; the roof's peak is that of the table."""
+    record = replace(motion(), acceleration=np.random.default_rng(1).standard_normal(401))
+    long = run(load_model(CONFIGS / "ten-story.yaml"), record, dt=0.05, history=True)
+    ground, roof = run_picture(long).axes[:2]
+    line = ground.get_lines()[0]
+    assert np.max(np.abs(line.get_ydata())) == pytest.approx(record.pga / 9.80665)
+    assert np.max(np.abs(long.history.ground_acceleration)) < 0.99 * record.pga  # or this tells nothing
+    peak = long.stories.peak_displacement[-1]
+    assert peak > 1.0005 * np.max(np.abs(long.history.displacement[:, -1]))
+    assert f"peak {peak:.3g} m" in {text.get_text().partition(" at ")[0] for text in roof.texts}
+    assert line.get_xdata()[-1] == pytest.approx(4.0)
+    part = run(load_model(CONFIGS / "ten-story.yaml"), record, dt=0.05, duration=1.0, history=True)
+    assert run_picture(part).axes[0].get_lines()[0].get_xdata()[-1] == pytest.approx(1.0)
+
+
+def of_suite(building, stood, fell, height=3.0):
+    """The profile of two stories under motions, some of which it stood."""
+    peaks = {one.name: np.full((stood, 2), 0.03) for one in STORY}
+    peaks["peak_drift_ratio"] = peaks["peak_drift"] / height
+    named = tuple(f"{i}" for i in range(stood))
+    return Profile(building, 1.0, np.nan, named, 0, fell, 0, np.full(2, height), peaks, {})
+
+
+def test_a_building_that_fell_under_all_motions_has_no_part_in_what_drifts_are_measured_in():
+    """The others' stay in percent of the height, or all are lengths; how many are in no line is said."""
+    stood, fell, flat = of_suite("stood", 3, 1), of_suite("fell", 0, 4), of_suite("flat", 4, 0, height=np.nan)
+    drifts = profile_picture([stood, fell]).axes[0]
+    assert (drifts.get_xlabel(), drifts.get_title("left")) == (
+        "drift (% of height)",
+        "5 of 8 collapsed or failed, in no line",
+    )
+    assert {line.get_xdata().max() for line in drifts.get_lines()} == {1.0}
+    assert profile_picture([fell]).axes[0].get_title("left") == "4 of 4 collapsed or failed, in no line"
+    both = profile_picture([stood, flat]).axes[0]
+    assert both.get_xlabel() == "drift (m)" and {line.get_xdata().max() for line in both.get_lines()} == {0.03}
 
 
 @pytest.mark.parametrize("suffix", STARTS)

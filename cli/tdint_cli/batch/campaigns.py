@@ -11,6 +11,7 @@ from tdint.errors import UsageError
 from tdint.files import write_files
 from tdint.output import tables
 from tdint.output_units import SI, OutputUnits
+from tdint.written_numbers import how_many
 from tdint_cli.batch.profiles import PICTURE, PROFILES, RATIOS, Profiles, SuiteRequest
 from tdint_cli.errors import Failures
 from tdint_cli.options.spectra import SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE
@@ -324,7 +325,7 @@ def _say(store: Store, advance: Advance) -> None:
         say(f"All {advance.done} runs were done before; nothing to do.")
     else:
         before = f", {advance.before} before" if advance.before else ""
-        say(f"{new} runs in {advance.seconds:.3g} s ({_rate(advance)}){before}.")
+        say(f"{how_many(new, 'run')} in {advance.seconds:.3g} s ({_rate(advance)}){before}.")
     tell_outcomes(store)
 
 
@@ -336,15 +337,15 @@ def tell_outcomes(store: Store) -> None:
     failed = {name: statuses[name] for name in _FAILED if name in statuses}
     if failed:
         listed = ", ".join(f"{count} {name}" for name, count in failed.items())
-        warn(f"{sum(failed.values())} runs have no result: {listed}; their rows have empty cells")
+        warn(f"no result of {how_many(sum(failed.values()), 'run')}: {listed}; their rows have empty cells")
     fell = {name: statuses[name] for name in ("collapsed", "failed-story") if name in statuses}
     if fell:
-        say(", ".join(f"{count} runs {name}" for name, count in fell.items()) + ".")
+        say(", ".join(f"{how_many(count, 'run')} {name}" for name, count in fell.items()) + ".")
     if repeated := store.count("repeats > 0"):
-        note(f"{repeated} runs were repeated with finer steps (column dt_s)")
+        note(f"{how_many(repeated, 'run')} repeated with finer steps (column dt_s)")
     if unknown := without_error(store):
-        note(f"{unknown} runs have no estimated errors, for they collapsed or a repetition failed: empty cells")
+        note(f"no estimated error of {how_many(unknown, 'run')}: collapsed, or a repetition failed; empty cells")
     if corrected := store.count("corrected_peak_drift_m IS NOT NULL"):
-        note(f"of {corrected} runs columns `corrected_` have the demands corrected by their errors")
+        note(f"of {how_many(corrected, 'run')} columns `corrected_` have the demands corrected by their errors")
     if moving := store.count("at_rest = 0"):
-        warn(f"{moving} runs were still moving when their time was over: their residual drifts are not at rest")
+        warn(f"{how_many(moving, 'run')} still moving when the time was over: residual drifts are not at rest")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from tdint.errors import AnalysisError, TdintError, UsageError
 from tdint.output import figures, tables
+from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.options.output import check_picture
 from tdint_cli.options.plot import BESIDE
@@ -154,8 +155,11 @@ class Profiles:
         """What the means of a building do not hold; nothing if it stood under every motion."""
         lost = {"collapsed": one.collapsed, "failed": one.failed}
         told = " and ".join(f"{count} {what}" for what, count in lost.items() if count)
-        means = f"the means are those of the {len(one.motions)} others" if one.motions else "there is no mean"
-        return f"{_name(one, self.found) or one.building}: of {one.runs} motions {told}; {means}" if told else ""
+        left = len(one.motions)
+        others = f"{left} others" if left > 1 else "other"
+        means = f"the means are those of the {others}" if left else "there is no mean"
+        name = _name(one, self.found) or one.building
+        return f"{name}: of {how_many(one.runs, 'motion')} {told}; {means}" if told else ""
 
     def tell(self) -> list[TdintError]:
         """Say what means do not hold, and what the mean drifts are beside the limit.
@@ -202,7 +206,7 @@ def _verdict(profile: Profile, limit: float) -> tuple[str, bool]:
         return f"No motion of {profile.runs} came to its end, limit {100.0 * limit:g} %: beyond", False
     words = "within" if check.within else "beyond"
     if lost:
-        words += f", for {lost} of {profile.runs} motions collapsed or failed"
+        words += f", for {lost} of {how_many(profile.runs, 'motion')} collapsed or failed"
     text = (
         f"Mean drift {100.0 * check.mean:.3g} % (story {check.story}), limit {100.0 * limit:g} %: {words}; largest "
         f"{100.0 * check.largest:.3g} %."

@@ -17,6 +17,7 @@ from tdint.ground_motion.text_layout import AS_STATED, TextLayout
 from tdint.model.damage_states import DamageStates
 from tdint.model.laws import LAWS, LINEAR, Law
 from tdint.output_units import SI, OutputUnits
+from tdint.written_numbers import how_many
 
 MAX_STORIES = 100_000
 """Stories that a model may have; it keeps a slip in `repeat` from filling the memory."""
@@ -306,7 +307,7 @@ class Model:
 
     def __repr__(self) -> str:
         count = len(self.stories)
-        return f"<Model {self.name!r}: {count} {'story' if count == 1 else 'stories'}>"
+        return f"<Model {self.name!r}: {how_many(count, 'story')}>"
 
 
 def simple_story(mass: float, law: Law = LINEAR, *, stiffness: float | None = None, dashpot: float = 0.0) -> Story:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 from tdint.errors import UsageError
 from tdint.units import FORCE, LENGTH, STANDARD_GRAVITY
+from tdint.written_numbers import how_many
 
 _HARDENING = "3%"
 _BASE_SHEAR = 0.2
@@ -99,7 +100,7 @@ def story_model(
     pulled = [0.005 * units.height * story for story in range(1, stories + 1)]
     return "\n".join(
         [
-            f"# A building of {_stories(stories)}{made}, made by `tdint init`:",
+            f"# A building of {how_many(stories, 'story')}{made}, made by `tdint init`:",
             "# an example to replace.",
             f"name: {json.dumps(name, ensure_ascii=False)}",
             f"units: {units.units}" + ("  # weights in kip; for masses add mass: kip*s^2/in" if system == "us" else ""),
@@ -142,7 +143,7 @@ def type_model(
     lengths = units.units if system == "si" else "{length: ft, force: kip}"
     return "\n".join(
         [
-            f"# A {structure} building of {_stories(stories)}, made by `tdint init`: an example to replace.",
+            f"# A {structure} building of {how_many(stories, 'story')}, made by `tdint init`: an example to replace.",
             f"name: {json.dumps(name, ensure_ascii=False)}",
             f"units: {lengths}",
             "# Rules make the stories and their damping of these few facts; area is that of one floor, in "
@@ -152,10 +153,6 @@ def type_model(
             *_rest(units, motion, [f"{0.02 * story:.6g}" for story in range(1, stories + 1)], damping=False),
         ]
     )
-
-
-def _stories(count: int) -> str:
-    return f"{count} {'story' if count == 1 else 'stories'}"
 
 
 def _rest(units: _System, motion: str | None, pulled: list[str], *, damping: bool = True) -> list[str]:

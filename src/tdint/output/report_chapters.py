@@ -66,7 +66,8 @@ def run_page(
         What changes the meaning of a number.
     """
     model = response.model
-    table = story_table(response.stories, response.check.errors if response.check else None).in_units(units)
+    check = response.check
+    table = story_table(response.stories, *((check.errors, check.corrected) if check else ())).in_units(units)
     names = [name for name in table.columns if name == "story" or name.startswith(_OF_STORIES)]
     building = assemble(model)
     omega, damping = building.first_mode()
@@ -88,9 +89,10 @@ def _errors(response: Response) -> str:
     check = response.check
     if check is None or check.drift_error is None:
         return "The error of the time integration was not estimated; --check does."
+    corrected = " Corrected drifts are those without it." if check.corrected else ""
     return (
         f"Columns of errors: estimated absolute errors of the time integration; the largest of a peak drift is "
-        f"{100.0 * check.drift_error:.2g} % (story {check.drift_story})."
+        f"{100.0 * check.drift_error:.2g} % (story {check.drift_story}).{corrected}"
     )
 
 

@@ -14,6 +14,7 @@ from tdint.errors import UsageError
 from tdint.files import check_outputs, check_room, is_folder, write_files
 from tdint.output import figures, tables
 from tdint.output_units import SI, OutputUnits
+from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.batch.profiles import SuiteRequest, drift_limit
 from tdint_cli.batch.sources import refuse_inputs
@@ -27,15 +28,7 @@ from tdint_cli.terminal.streams import complain, note, say, warn
 
 if TYPE_CHECKING:
     from tdint.analysis.run.case import Case
-    from tdint.analysis.run.outcome import (
-        Collapse,
-        ErrorEstimate,
-        FailedRun,
-        Response,
-        Shock,
-        StepChoice,
-        StoryPeaks,
-    )
+    from tdint.analysis.run.outcome import Collapse, FailedRun, Response, Shock, StepChoice, StoryPeaks
     from tdint.files import Content
     from tdint.ground_motion.record import Input, Record
     from tdint.model.definition import Model
@@ -478,29 +471,16 @@ def _write(request: Request, files: dict[Path, Content]) -> None:
 
 def _paragraph(response: Response, units: OutputUnits) -> str:
     """The run in a few sentences."""
-    from tdint.analysis.run.demands import demands
-
-    stories = len(response.model.stories)
     record = response.record
-    found = demands(response.stories)
     motion = "no ground motion"
     if record is not None:
         pga = units.of(record.pga, "m/s^2")
         motion = f"{record.name} (PGA {pga:{'.3g' if pga < 1000.0 else '.0f'}} {units.unit('m/s^2')[0]})"
-    worst = f"drift {units.text(found.drift.value, 'm')} in story {found.drift.place}"
-    if found.drift_ratio.place is not None:
-        ratio = f"drift ratio {found.drift_ratio.value:.4g} in story {found.drift_ratio.place}"
-        # Where a story has no height, its drift is not among the ratios.
-        worst = ratio if all(story.drift_height for story in response.model.stories) else f"{ratio}, {worst}"
-    viscous = ""
-    if any(story.dashpot or story.power_dashpot for story in response.model.stories):
-        viscous = f" ({units.text(found.total_base_shear.value, 'N')} with viscous forces)"
     lines = [
-        f"{response.model.name}: {stories} {'story' if stories == 1 else 'stories'}, {motion}.",
-        f"{response.method}: {response.steps} {'step' if response.steps == 1 else 'steps'} of {response.dt:.6g} s, "
+        f"{response.model.name}: {how_many(len(response.model.stories), 'story')}, {motion}.",
+        f"{response.method}: {how_many(response.steps, 'step')} of {response.dt:.6g} s, "
         f"{1e6 * response.march_time / response.steps:.3g} us per step, energy error {response.energy.error:.1e}.",
-        f"Largest {worst}, roof displacement {units.text(found.roof_displacement.value, 'm')}, "
-        f"base shear {units.text(found.base_shear.value, 'N')}{viscous}.",
+        f"Largest {_largest(response.model, response.stories, units)}.",
     ]
     lines += [_of_shock(number, shock, units) for number, shock in enumerate(response.shocks, start=1)]
     if response.model.damage:
@@ -517,9 +497,27 @@ def _paragraph(response: Response, units: OutputUnits) -> str:
             f"Largest estimated error of a peak drift: {100.0 * check.drift_error:.2g} % (story {check.drift_story}), "
             f"{source}."
         )
-        if check.corrected is not None:
-            lines.append(_corrected(check, check.corrected, units))
+        if check.corrected is not None and check.drift_left is not None:
+            left = f" (drifts to {100.0 * check.drift_left:.2g} %)" if check.dts else ""
+            lines.append(f"Corrected by it{left}: largest {_largest(response.model, check.corrected, units)}.")
     return "\n".join(lines)
+
+
+def _largest(model: Model, stories: StoryPeaks, units: OutputUnits) -> str:
+    """The largest demands of a run."""
+    from tdint.analysis.run.demands import demands
+
+    found = demands(stories)
+    worst = f"drift {units.text(found.drift.value, 'm')} in story {found.drift.place}"
+    if found.drift_ratio.place is not None:
+        ratio = f"drift ratio {found.drift_ratio.value:.4g} in story {found.drift_ratio.place}"
+        # Where a story has no height, its drift is not among the ratios.
+        worst = ratio if all(story.drift_height for story in model.stories) else f"{ratio}, {worst}"
+    viscous = ""
+    if any(story.dashpot or story.power_dashpot for story in model.stories):
+        viscous = f" ({units.text(found.total_base_shear.value, 'N')} with viscous forces)"
+    roof, base = units.text(found.roof_displacement.value, "m"), units.text(found.base_shear.value, "N")
+    return f"{worst}, roof displacement {roof}, base shear {base}{viscous}"
 
 
 def _damage(response: Response, units: OutputUnits) -> str:
@@ -555,24 +553,9 @@ def _of_shock(number: int, shock: Shock, units: OutputUnits) -> str:
     return f"Shock {number}, from {shock.start:.6g} s: largest drift {worst}{', ' * bool(after)}{after}."
 
 
-def _corrected(check: ErrorEstimate, stories: StoryPeaks, units: OutputUnits) -> str:
-    """The largest demands once they are corrected by that error, and what another run leaves of it."""
-    from tdint.analysis.run.demands import demands
-    from tdint.analysis.run.outcome import ErrorEstimate
-
-    found, left = demands(stories), ""
-    if check.dts and check.left:
-        left = f" (drifts to {100.0 * (ErrorEstimate.of(stories, check.left, dts=()).drift_error or 0.0):.2g} %)"
-    return (
-        f"Corrected by it{left}: largest drift {units.text(found.drift.value, 'm')} in story {found.drift.place}, roof "
-        f"displacement {units.text(found.roof_displacement.value, 'm')}, base shear "
-        f"{units.text(found.base_shear.value, 'N')}."
-    )
-
-
 def _chosen(response: Response, choice: StepChoice) -> str:
     """The step that was chosen, and what it costs."""
-    line = f"Step chosen for peak drifts within {100.0 * choice.tolerance:g} %, from {choice.runs} runs: "
+    line = f"Step chosen for peak drifts within {100.0 * choice.tolerance:g} %, from {how_many(choice.runs, 'run')}: "
     line += f"{response.dt:.6g} s"
     if choice.samples is not None:
         line += f", {choice.samples:g} sampling {'interval' if choice.samples == 1.0 else 'intervals'} of the record"

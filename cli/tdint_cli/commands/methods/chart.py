@@ -11,6 +11,7 @@ import click
 from tdint.analysis.defaults import QUANTITIES
 from tdint.errors import UsageError
 from tdint.output import figures, tables
+from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.batch.sources import refuse_inputs
 from tdint_cli.options.building import BuildingRequest, check_motion, with_motion
@@ -249,7 +250,7 @@ def _deliver(
 def _reference(request: Request, chart: Chart) -> str:
     """How the reference was computed and how well it is known."""
     reference = chart.reference
-    stories = f"{chart.stories} {'story' if chart.stories == 1 else 'stories'}"
+    stories = how_many(chart.stories, "story")
     gap = reference.gap.of(request.target)
     return (
         f"{stories}: the reference is {reference.method} with dt {reference.dt:.6g} s; {reference.confirmed_by} "

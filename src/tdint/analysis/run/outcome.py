@@ -207,6 +207,13 @@ class ErrorEstimate:
         worst = int(np.argmax(relative))
         return cls(errors, drift_error=float(relative[worst]), drift_story=worst + 1, **more)
 
+    @property
+    def drift_left(self) -> float | None:
+        """What a corrected peak drift may be off by, over that drift: the largest; None where none is corrected."""
+        if self.corrected is None or self.left is None:
+            return None
+        return ErrorEstimate.of(self.corrected, self.left, dts=()).drift_error
+
 
 Amount = TypeVar("Amount")
 

@@ -20,6 +20,7 @@ from tdint.model.config.model_file import model_of
 from tdint.model.definition import Model
 from tdint.tabular import Tabular
 from tdint.units import DriftSize, parse_drift
+from tdint.written_numbers import how_many
 
 MOST_POINTS = 2_000_000
 """Points that a test may have; it keeps a slip in the number of cycles from filling the memory."""
@@ -232,7 +233,9 @@ def _test(model: Model, building: Building, story: int, drifts: Array, points: i
 
 def _check_story(model: Model, story: int) -> None:
     if not 1 <= story <= len(model.stories):
-        raise UsageError(f"story {story}: the model has {_stories(len(model.stories))}, counted from 1 at the bottom")
+        raise UsageError(
+            f"story {story}: the model has {how_many(len(model.stories), 'story')}, counted from 1 at the bottom"
+        )
 
 
 def amplitude(size: DriftSize, building: Building, story: int) -> float:
@@ -277,10 +280,6 @@ def follow_path(building: Building, story: int, drifts: Array) -> LawPath:
     if wrong.size:
         raise AnalysisError(f"story {story}: its law has no finite force and energy at drift {drifts[wrong[0]]:.6g} m")
     return LawPath(drifts, result[:, SHEAR], result[:, TANGENT], result[:, RECOVERABLE], result[:, DISSIPATION])
-
-
-def _stories(count: int) -> str:
-    return f"{count} {'story' if count == 1 else 'stories'}"
 
 
 COLUMN = "drift_m"

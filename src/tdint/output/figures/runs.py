@@ -27,6 +27,7 @@ from tdint.output_units import SI, OutputUnits
 
 if TYPE_CHECKING:
     from tdint.analysis.run.outcome import History, Response
+    from tdint.ground_motion.record import Record
 
 
 Array = NDArray[np.float64]
@@ -36,6 +37,7 @@ _SEEN = 0.002  # estimated errors are shown where one reaches this part of the l
 _WIDE = 0.01  # the band of the error is drawn where it reaches this part of the largest displacement
 _VISIBLE = 0.05  # the drift at the end is shown where it reaches this part of the peak
 _APART = 8.0  # the first story's drift over the largest of all others, from which it is that of an isolator
+_SAME = 1e-9  # times that differ by less than this part are the same
 _NAMED = 3  # shocks whose records the title names
 _BEYOND = 1.25  # where the bar of an isolator ends, over the largest of all others
 
@@ -64,9 +66,9 @@ def _draw(response: Response, units: OutputUnits) -> Figure:
         roof = figure.add_subplot(grid[:2])
     else:
         ground = figure.add_subplot(grid[0])
-        _draw_ground(ground, history, units)
+        _draw_ground(ground, response.record, history.time[-1], units)
         roof = figure.add_subplot(grid[1], sharex=ground)
-    _draw_roof(roof, history, units)
+    _draw_roof(roof, history, response.stories.peak_displacement[-1], units)
     _draw_energies(figure.add_subplot(grid[2], sharex=roof), response, history, units)
     below = grid[3].subgridspec(1, 4, width_ratios=(1.0, 0.8, 0.8, 1.35))
     profiles = [figure.add_subplot(below[i]) for i in range(3)]
@@ -85,13 +87,19 @@ def _draw(response: Response, units: OutputUnits) -> Figure:
     return figure
 
 
-def _draw_ground(axes: Any, history: History, units: OutputUnits) -> None:
-    ground, unit = units.of(history.ground_acceleration, "m/s^2"), units.label("m/s^2")
-    axes.plot(history.time, ground, color=LIGHT, linewidth=0.8)
+def _draw_ground(axes: Any, record: Record, end: float, units: OutputUnits) -> None:
+    """The samples of the record up to the end of the run, s, whatever its steps."""
+    ground, unit = units.of(record.acceleration, "m/s^2"), units.label("m/s^2")
+    time = record.dt * np.arange(ground.size)
+    if end > time[-1]:  # the ground comes to rest within a sample
+        time, ground = np.append(time, [time[-1] + record.dt, end]), np.append(ground, [0.0, 0.0])
+    shown = time <= end * (1.0 + _SAME)
+    time, ground = time[shown], ground[shown]
+    axes.plot(time, ground, color=LIGHT, linewidth=0.8)
     axes.set_ylabel(f"ground ({unit})")
     axes.tick_params(labelbottom=False)
     axes.yaxis.set_major_locator(MaxNLocator(3, symmetric=True))
-    _mark_peak(axes, history.time, ground, unit)
+    _mark_peak(axes, time, ground, float(np.max(np.abs(ground))), unit)
 
 
 def _mark_shocks(panels: Sequence[Any], response: Response) -> None:
@@ -106,7 +114,7 @@ def _mark_shocks(panels: Sequence[Any], response: Response) -> None:
         panels[0].annotate(f"shock {number}", (shock.start, 1.0), fontsize=8.0, color=MARK, **place)
 
 
-def _draw_roof(axes: Any, history: History, units: OutputUnits) -> None:
+def _draw_roof(axes: Any, history: History, peak: float, units: OutputUnits) -> None:
     roof, unit = units.of(history.displacement[:, -1], "m"), units.label("m")
     axes.plot(history.time, roof, color=INK, linewidth=1.0)
     if history.error is not None:
@@ -118,7 +126,7 @@ def _draw_roof(axes: Any, history: History, units: OutputUnits) -> None:
     axes.set_ylabel(f"roof displacement\n({unit})")
     axes.tick_params(labelbottom=False)
     axes.set_xlim(history.time[0], history.time[-1])
-    _mark_peak(axes, history.time, roof, unit)
+    _mark_peak(axes, history.time, roof, units.of(peak, "m"), unit)
 
 
 def _draw_energies(axes: Any, response: Response, history: History, units: OutputUnits) -> None:
@@ -159,14 +167,15 @@ def _short(value: float) -> str:
     return f"{value:.0f}" if value >= 100.0 else f"{value:.3g}"
 
 
-def _mark_peak(axes: Any, time: Array, values: Array, unit: str) -> None:
-    """A dot at the largest absolute value, the value in the upper right corner; nothing of what is at rest."""
+def _mark_peak(axes: Any, time: Array, values: Array, peak: float, unit: str) -> None:
+    """A dot at the largest absolute value, the peak, which may lie between the points, in the upper right corner;
+    nothing of what is at rest."""
     if not np.any(values):
         return
     i = int(np.argmax(np.abs(values)))
     axes.plot(time[i], values[i], "o", color=MARK, markersize=4)
     axes.margins(y=0.12)
-    write_note(axes, f"peak {_short(abs(values[i]))} {unit} at {time[i]:.4g} s", x=0.995)
+    write_note(axes, f"peak {_short(peak)} {unit} at {time[i]:.4g} s", x=0.995)
 
 
 def _draw_hysteresis(axes: Any, response: Response, history: History, units: OutputUnits) -> None:

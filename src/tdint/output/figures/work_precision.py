@@ -22,6 +22,7 @@ from tdint.output.figures.style import (
     write_labels,
 )
 from tdint.output.tables.methods import PEER
+from tdint.written_numbers import how_many
 
 if TYPE_CHECKING:
     from tdint.analysis.chart.work_precision import Chart, Point
@@ -197,7 +198,7 @@ def _footnote(drawing: _Drawing) -> str:
 
 def _title(drawing: _Drawing, name: str, what: str) -> str:
     stories = drawing.chart.stories
-    return f"{name}\n{stories} {'story' if stories == 1 else 'stories'}: {what}"
+    return f"{name}\n{how_many(stories, 'story')}: {what}"
 
 
 def _draw_steps(drawing: _Drawing, name: str) -> Figure:

@@ -15,6 +15,7 @@ from tdint.campaign.profiles import DRIFT_RATIO, Profile
 from tdint.output.figures.style import COLORS, DASHES, INK, MARK, add_title, legend_columns, scaled_unit
 from tdint.output.figures.suites import GRAY
 from tdint.output_units import SI, OutputUnits
+from tdint.written_numbers import how_many
 
 Array = NDArray[np.float64]
 
@@ -45,10 +46,14 @@ def profile_picture(
     colors = building_colors(names)
     alone = len(colors) == 1
     for axes, same in zip(panels, shown, strict=True):
+        by_length = any(map(_without_heights, same))
         for one in same:
-            _draw_row(axes, one, units, INK if alone else colors[one.building], alone=alone)
-        _finish_row(axes, same, units, limit, level=_level(same[0]) if len(rows) > 1 else "")
-    handles, labels = panels[0][0].get_legend_handles_labels()
+            _draw_row(axes, one, units, INK if alone else colors[one.building], alone=alone, by_length=by_length)
+        _finish_row(axes, same, units, None if by_length else limit, _level(same[0]) if len(rows) > 1 else "")
+        axes[0].set_xlabel(f"drift ({units.label('m')})" if by_length else "drift (% of height)")
+    told = (row[0].get_legend_handles_labels() for row in panels)
+    named = {label: handle for handles, labels in told for handle, label in zip(handles, labels, strict=True)}
+    labels, handles = list(named), list(named.values())
     legend = figure.legend(handles, labels, loc="outside lower center", ncols=legend_columns(labels, 4))
     for text in legend.get_texts():
         text.set_parse_math(False)
@@ -64,13 +69,11 @@ def building_colors(names: Sequence[str]) -> dict[str, str]:
 
 
 def _suite(profiles: Sequence[Profile]) -> str:
-    """How many motions there were, and what became of them."""
+    """How many motions there were."""
     runs, pairs = profiles[0].runs, profiles[0].pairs
-    what = f"{runs} motions" if not pairs else f"{runs} pairs, the larger component of each"
     if 0 < pairs < runs:
-        what = f"{runs} motions, of {pairs} pairs the larger component"
-    lost = sum(one.collapsed + one.failed for one in profiles)
-    return what + (f"; {lost} collapsed or failed, in no line" if lost else "")
+        return f"{how_many(runs, 'motion')}, of {how_many(pairs, 'pair')} the larger component"
+    return f"{how_many(pairs, 'pair')}, the larger component of each" if pairs else how_many(runs, "motion")
 
 
 def _level(profile: Profile) -> str:
@@ -79,9 +82,11 @@ def _level(profile: Profile) -> str:
     return f"level {profile.level:.4g}" if profile.level == profile.level else ""
 
 
-def _draw_row(axes: Sequence[Any], profile: Profile, units: OutputUnits, color: str, *, alone: bool) -> None:
+def _draw_row(
+    axes: Sequence[Any], profile: Profile, units: OutputUnits, color: str, *, alone: bool, by_length: bool
+) -> None:
     """The lines of a building: its motions thin and gray if it stands alone, their mean and the largest."""
-    for panel, (values, by_floor) in zip(axes, _quantities(profile, units), strict=True):
+    for panel, (values, by_floor) in zip(axes, _quantities(profile, units, by_length=by_length), strict=True):
         if not len(values):
             continue
         if alone:
@@ -94,23 +99,20 @@ def _draw_row(axes: Sequence[Any], profile: Profile, units: OutputUnits, color: 
         _line(panel, np.max(values, axis=0), by_floor, label="largest" if alone else f"{name}largest", **style)
 
 
-def _quantities(profile: Profile, units: OutputUnits) -> list[tuple[Array, bool]]:
-    """What the panels show, shape (motions, n), and whether it is of floors."""
+def _quantities(profile: Profile, units: OutputUnits, *, by_length: bool) -> list[tuple[Array, bool]]:
+    """What the panels show, shape (motions, n), and whether it is of floors; drifts in percent of the height, or as
+    lengths."""
+    drifts = units.of(profile.peaks["peak_drift"], "m") if by_length else 100.0 * profile.peaks[DRIFT_RATIO]
     return [
-        (_drifts(profile, units), False),
+        (drifts, False),
         (units.of(profile.peaks["peak_acceleration"], "m/s^2"), True),
         (profile.peaks["peak_total_shear"], False),
     ]
 
 
-def _drifts(profile: Profile, units: OutputUnits) -> Array:
-    """In percent of the height, or as lengths where no story has a height."""
-    ratios = profile.peaks[DRIFT_RATIO]
-    return units.of(profile.peaks["peak_drift"], "m") if _without_heights(profile) else 100.0 * ratios
-
-
 def _without_heights(profile: Profile) -> bool:
-    return bool(np.isnan(profile.peaks[DRIFT_RATIO]).all())
+    """Whether there are drifts, and none over a height."""
+    return bool(profile.motions) and bool(np.isnan(profile.peaks[DRIFT_RATIO]).all())
 
 
 def _line(axes: Any, values: Array, by_floor: bool, **style: Any) -> None:
@@ -127,13 +129,14 @@ def _finish_row(
     axes: Sequence[Any], profiles: Sequence[Profile], units: OutputUnits, limit: float | None, level: str
 ) -> None:
     drifts, accelerations, shears = axes
-    by_length = any(_without_heights(one) for one in profiles)
-    drifts.set_xlabel(f"drift ({units.label('m')})" if by_length else "drift (% of height)")
-    if limit is not None and not by_length:
+    if limit is not None:
         drifts.axvline(100.0 * limit, color=MARK, linestyle=DASHES[2], label=f"limit {100.0 * limit:g} %", zorder=4)
     accelerations.set_xlabel(f"absolute floor acceleration ({units.label('m/s^2')})")
     _scale_shears(shears, units)
     drifts.set_ylabel(f"{level}\nstory" if level else "story")
+    lost, runs = sum(one.collapsed + one.failed for one in profiles), sum(one.runs for one in profiles)
+    if lost:
+        drifts.set_title(f"{lost} of {runs} collapsed or failed, in no line", loc="left", fontsize=8.0)
     most = max(one.height.size for one in profiles)
     for panel in axes:
         panel.set_ylim(0.5, most + (0.6 if panel is accelerations else 0.5))
@@ -141,6 +144,8 @@ def _finish_row(
         panel.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
         panel.set_xlim(left=0.0)
         panel.tick_params(labelleft=panel is drifts)
+        if not any(one.motions for one in profiles):
+            panel.set_xticks([])
 
 
 def _scale_shears(axes: Any, units: OutputUnits) -> None:
