@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from building_cases import Law, model, noise, oscillator, story, ten_bilinear, ten_linear
 from random_buildings import piecewise_building, shaken_building
-from tdint import run
+from tdint import load_model, run
 from tdint.analysis.run.error_estimate import TOLD
 from tdint.model.definition import Force, ModalDamping, PowerDashpot
 
@@ -132,6 +133,13 @@ def test_where_it_is_not_carried_the_run_is_repeated_and_that_is_said():
     assert left < 0.1 * coarse.check.drift_error
     other = run(ten_linear(), record, method="impulse4", check=True)
     assert other.check.dts == (0.005, 0.0025) and not any("repetitions" in note for note in other.notes)
+
+
+def test_a_collapse_is_not_corrected_by_that_of_another_run():
+    """The run with half of the step ends with a step of its own, and what grows until then with it."""
+    frame = load_model(Path(__file__).parents[3] / "configs" / "collapse-prone-frame.yaml")
+    response = run(frame, noise(seed=3).scaled(10.0), method="moment4", dt=0.08, check=True)
+    assert response.collapse.ended and len(response.check.dts) == 1 and response.check.corrected is None
 
 
 def test_a_motion_that_ends_while_it_grows():

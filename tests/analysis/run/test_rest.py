@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from building_cases import Force, model, noise, oscillator, story, ten_bilinear, ten_linear
 from random_buildings import checked_building
-from tdint import run
+from tdint import load_model, run
 from tdint.analysis.run.case import AT_REST, REST_PERIODS
 from tdint.campaign.engine.batch import Batch
 from tdint.campaign.engine.task import Motions, Run, RunSettings, Subject
@@ -51,6 +52,13 @@ def test_residual_drifts_are_at_rest(more):
     if rest.history is not None:
         assert rest.history.time[-1] == pytest.approx(rest.rest_time)
         assert f"of 10 stories, {rest.steps} steps to {rest.rest_time:.6g} s" in repr(rest.history)
+
+
+def test_a_run_that_ends_with_a_collapse_has_no_rest_to_go_on_to():
+    frame = load_model(Path(__file__).parents[3] / "configs" / "collapse-prone-frame.yaml")
+    response = run(frame, noise(seed=3).scaled(20.0), method="impulse4")
+    assert response.collapse.ended and np.max(response.moving_drift) > 0.1 * np.max(response.stories.peak_drift)
+    assert not moves(response)
 
 
 def test_peaks_before_are_the_same():

@@ -301,7 +301,10 @@ class Case:
             energy=energy,
             history=self._history(space, steps.h),
             pieces=partial(self.pieces, steps, energy.largest),
-            notes=(*notes, *_unresolved_note(stories, unresolved), *self._moving_note(stories, moving)),
+            notes=(
+                *(*notes, *_unresolved_note(stories, unresolved)),
+                *(() if collapse and collapse.ended else self._moving_note(stories, moving)),
+            ),
             unresolved=unresolved,
             moving_drift=moving,
             collapse=collapse,

@@ -107,7 +107,8 @@ def _with_note(response: Response, reason: str) -> Response:
 
 def _from_corrected(response: Response, finer_run: Response) -> ErrorEstimate:
     """What the peaks of a run differ by from the corrected ones of a run with a smaller step, and what these may be off
-    by: what they are corrected by."""
+    by: what they are corrected by. Where both end with a collapse, each at a step of its own, they are none of the
+    first one's."""
     assert finer_run.check is not None and finer_run.check.corrected is not None
     errors = {}
     for name in (field.name for field in fields(StoryErrors)):
@@ -116,10 +117,10 @@ def _from_corrected(response: Response, finer_run: Response) -> ErrorEstimate:
         )
         off = np.abs(own - true) + np.abs(other - true) + _ROUNDING * np.abs(_size(response, name))
         errors[name] = _with_unresolved(response, name, off)
-    told = finer_run.check
-    return ErrorEstimate.of(
-        response.stories, StoryErrors(**errors), dts=(finer_run.dt,), corrected=told.corrected, left=told.left
-    )
+    told = ErrorEstimate.of(response.stories, StoryErrors(**errors), dts=(finer_run.dt,))
+    if response.collapse is not None and response.collapse.ended:
+        return told
+    return replace(told, corrected=finer_run.check.corrected, left=finer_run.check.left)
 
 
 def _noted(response: Response) -> Response:

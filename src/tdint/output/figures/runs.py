@@ -37,6 +37,7 @@ _SEEN = 0.002  # estimated errors are shown where one reaches this part of the l
 _WIDE = 0.01  # the band of the error is drawn where it reaches this part of the largest displacement
 _VISIBLE = 0.05  # the drift at the end is shown where it reaches this part of the peak
 _APART = 8.0  # the first story's drift over the largest of all others, from which it is that of an isolator
+_LAYER = 1e-4  # an energy is drawn that reaches this part of the largest input
 _SAME = 1e-9  # times that differ by less than this part are the same
 _NAMED = 3  # shocks whose records the title names
 _BEYOND = 1.25  # where the bar of an isolator ends, over the largest of all others
@@ -143,7 +144,7 @@ def _draw_energies(axes: Any, response: Response, history: History, units: Outpu
     )
     below = np.zeros(len(given))
     for values, label, gray, hatch in layers:
-        if not np.any(values):
+        if np.max(np.abs(values)) <= _LAYER * np.max(np.abs(given)):
             continue
         above = below + factor * values
         axes.fill_between(
