@@ -11,10 +11,11 @@ import tdint
 from tdint.analysis.run.demands import DEMANDS, demands
 from tdint.analysis.run.error_estimate import FINER
 from tdint.analysis.run.outcome import STORY, FailedRun
+from tdint.analysis.run.prepared import Motions
 from tdint.analysis.sequence import run_sequence
 from tdint.campaign.engine.batch import Batch
 from tdint.campaign.engine.rows import RunRow, demand_errors
-from tdint.campaign.engine.task import REPEATS, Motions, Run, RunSettings, Subject
+from tdint.campaign.engine.task import REPEATS, Run, RunSettings, Subject
 from tdint.ground_motion.joining import JoinedRecord
 from tdint.ground_motion.record import Record
 

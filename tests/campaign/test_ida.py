@@ -15,7 +15,7 @@ import pytest
 from building_cases import model, story
 from tdint import load_model, spectrum
 from tdint.campaign.engine.batch import Batch
-from tdint.campaign.engine.rows import RunRow, run_key
+from tdint.campaign.engine.rows import RunRow
 from tdint.campaign.ida.curve import IdaCurve, IdaRun, Levels, below_collapse, fractiles
 from tdint.campaign.ida.damage import Mainshock
 from tdint.campaign.ida.study import STORE, IdaSettings, ida
@@ -230,7 +230,7 @@ def test_what_the_engine_says_of_repeated_runs(frame, monkeypatch):
         if 1.0 < pga < 1.3:
             rows.runs[0] = rows.runs[0]._replace(repeats=2)
         if 2.0 < pga < 2.2:
-            rows.runs[0] = RunRow(0, *run_key(runs[0]), 0.0025, "diverged", pga=pga, repeats=3)
+            rows.runs[0] = RunRow(0, *runs[0], 0.0025, "diverged", pga=pga, repeats=3)
         return rows
 
     monkeypatch.setattr(Batch, "results", results)

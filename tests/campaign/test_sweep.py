@@ -11,6 +11,7 @@ import pytest
 import tdint
 from tdint.campaign.carry_out import carry_out, threads
 from tdint.campaign.definition import AnalysisWishes, CampaignFile, ModelFiles, RecordFiles
+from tdint.campaign.engine.task import RunSettings
 from tdint.campaign.inputs import Inputs, suite_motions
 from tdint.campaign.levels import Scales
 from tdint.campaign.plan import make_plan
@@ -47,9 +48,8 @@ def records():
 def stored(models, records, scales=(1.0,)):
     """An open store with the runs of some models."""
     motions = suite_motions(records)
-    campaign = CampaignFile(
-        "sweep", "sweep", ModelFiles(()), RecordFiles((), RecordChoice()), Scales(scales), AnalysisWishes()
-    )
+    files = ModelFiles(()), RecordFiles((), RecordChoice())
+    campaign = CampaignFile("sweep", "sweep", *files, Scales(scales), AnalysisWishes(), RunSettings(profiles=True))
     plan = make_plan(campaign, Inputs(tuple(models), motions=motions))
     store, _ = open_store(None, plan)
     carry_out(plan, store, threads(1))

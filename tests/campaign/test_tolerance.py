@@ -9,9 +9,11 @@ import pytest
 
 import tdint
 from tdint.analysis.run.case import Case
+from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.step_choice import choose_step, step_within
-from tdint.campaign.engine.batch import Batch, Rows
-from tdint.campaign.engine.task import Motions, Run, RunSettings, Subject
+from tdint.campaign.engine.batch import Batch
+from tdint.campaign.engine.rows import Rows
+from tdint.campaign.engine.task import Run, RunSettings, Subject
 from tdint.campaign.engine.tolerance import building_step
 
 SHIPPED = [

@@ -26,7 +26,7 @@ from tdint.analysis.run.outcome import (
     StoryPeaks,
     StoryValues,
 )
-from tdint.analysis.run.prepared import Lane, MarchedRuns, PreparedBuilding
+from tdint.analysis.run.prepared import MarchedRuns, Motions, PreparedBuilding
 from tdint.analysis.run.steps import Steps
 from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError, did_you_mean
@@ -402,14 +402,12 @@ def _march(work: _Wanted, found: Runs, part: Sequence[_Run]) -> None:
 
 def _bare_runs(work: _Wanted, runs: Sequence[_Run]) -> MarchedRuns:
     """Runs of one building and one step in one compiled call."""
-    motions = [work.records[number].acceleration for number in dict.fromkeys(run.record for run in runs)]
-    starts = dict(zip(dict.fromkeys(run.record for run in runs), np.cumsum([0, *map(len, motions)]), strict=False))
-    model = runs[0].model
+    motions, model = Motions.of({run.record: work.records[run.record] for run in runs}), runs[0].model
     return work.prepared(model).march_many(
         work.integrators[model],
         runs[0].steps.h,
-        np.concatenate(motions),
-        [Lane(starts[run.record], len(work.records[run.record].acceleration), run.scale, run.steps) for run in runs],
+        motions.samples,
+        [motions.lane(run.record, run.scale, run.steps) for run in runs],
         collapse_drift=work.models[model].collapse_drift,
     )
 

@@ -6,60 +6,12 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import Protocol
 
 from tdint.campaign.engine.task import Subject
 from tdint.model.definition import Model, simple_model
 from tdint.model.inventory.derive import derive_row
 from tdint.model.inventory.table import InventoryRow
 from tdint.output_units import SI, OutputUnits
-
-
-class PlannedBuilding(Protocol):
-    """A building of a campaign: what makes it, and what is known of it before that."""
-
-    def subject(self) -> Subject:
-        """The building."""
-
-    @property
-    def name(self) -> str:
-        """Its name in tables, its own."""
-
-    @property
-    def stories(self) -> int:
-        """How many stories it has."""
-
-    @property
-    def method(self) -> str:
-        """The method that integrates it, with its parameters."""
-
-    @property
-    def digest(self) -> str:
-        """SHA-256 of all that its response depends on, the ground motion apart."""
-
-    @property
-    def wishes(self) -> tuple[float | None, float | None]:
-        """The time step and the duration that its model asks for, s."""
-
-    @property
-    def varied(self) -> Mapping[str, float]:
-        """What a sweep changed in it, by name."""
-
-    @property
-    def output_units(self) -> OutputUnits:
-        """The units in which its model wants results."""
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """The columns of its inventory that are carried along into tables."""
-
-    @property
-    def cells(self) -> str:
-        """What stands there, a JSON list of texts."""
-
-
-Buildings = Sequence[PlannedBuilding]
-"""By their numbers from 0."""
 
 
 def output_units(buildings: Buildings) -> OutputUnits:
@@ -76,7 +28,19 @@ def model_files(buildings: Buildings) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class GivenBuilding:
-    """A building of a model file, the same for all its runs."""
+    """A building of a model file, the same for all its runs.
+
+    Attributes
+    ----------
+    name : str
+        Its name in tables, its own.
+    made : Subject
+        The building.
+    columns : tuple of str
+        The columns of its inventory that are carried along into tables.
+    cells : str
+        What stands there, a JSON list of texts.
+    """
 
     name: str
     made: Subject
@@ -84,30 +48,37 @@ class GivenBuilding:
     cells: str = field(default="[]", init=False)
 
     def subject(self) -> Subject:
+        """The building."""
         return self.made
 
     @property
     def stories(self) -> int:
+        """How many stories it has."""
         return len(self.made.model.stories)
 
     @property
     def method(self) -> str:
+        """The method that integrates it, with its parameters."""
         return self.made.integrator.label
 
     @property
     def digest(self) -> str:
+        """SHA-256 of all that its response depends on, the ground motion apart."""
         return digest_of(self.made.model, self.method)
 
     @property
     def wishes(self) -> tuple[float | None, float | None]:
+        """The time step and the duration that its model asks for, s."""
         return self.made.model.analysis.dt, self.made.model.analysis.duration
 
     @property
     def varied(self) -> Mapping[str, float]:
+        """What a sweep changed in it, by name."""
         return dict(self.made.model.varied)
 
     @property
     def output_units(self) -> OutputUnits:
+        """The units in which its model wants results."""
         return self.made.model.output_units
 
 
@@ -162,7 +133,7 @@ class Rules:
 
 @dataclass(frozen=True, slots=True)
 class RowBuilding:
-    """A building of an inventory, made anew for its runs."""
+    """A building of an inventory, made anew for its runs; it tells what a `GivenBuilding` does."""
 
     row: InventoryRow
     rules: Rules
@@ -214,6 +185,10 @@ class RowBuilding:
     @property
     def cells(self) -> str:
         return self.row.cells
+
+
+Buildings = Sequence[GivenBuilding | RowBuilding]
+"""By their numbers from 0."""
 
 
 def inventory_buildings(rows: Sequence[InventoryRow], rules: Rules) -> tuple[RowBuilding, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from tdint.campaign.engine.task import RunSettings
 from tdint.campaign.fragility.type_states import DamageWishes
 from tdint.campaign.levels import MeasureLevels, Scales
 from tdint.campaign.sweep import ParameterSweep
@@ -136,34 +137,21 @@ class FactorsFile:
 
 @dataclass(frozen=True)
 class AnalysisWishes:
-    """What is the same for all runs; None leaves it to each model.
+    """What is the same for all buildings; None leaves it to each model.
 
     Attributes
     ----------
     method : str or None
         Method with its parameters.
-    dt, duration : float or None
-        Time step and duration, s.
-    tolerance : float or None
-        Choose the step of each building so that the errors of its peak drifts stay within this part of them.
     collapse_drift : float or None
         Drift ratio over which a run is flagged as collapsed.
     p_delta : bool or None
         Whether gravity acts on the displaced buildings.
-    until_rest : bool
-        Go on with the ground at rest until the motion has died.
-    check : bool
-        Estimate the errors of the demands.
     """
 
     method: str | None = None
-    dt: float | None = None
-    duration: float | None = None
-    tolerance: float | None = None
     collapse_drift: float | None = None
     p_delta: bool | None = None
-    until_rest: bool = False
-    check: bool = False
 
 
 @dataclass(frozen=True)
@@ -174,8 +162,8 @@ class CampaignFile:
     ----------
     name, source : str
         The campaign's name (the file's, where it gives none), and the file as the user named it.
-    stories, profiles : bool
-        Write the peaks of every story, and what they are over the motions.
+    settings : RunSettings
+        How all runs are integrated, and what is kept of them.
     sweep : ParameterSweep or None
         What is varied in every building.
     damage : DamageWishes or None
@@ -188,7 +176,6 @@ class CampaignFile:
     records: RecordFiles | SequenceFile | GridFile | FieldFile
     intensity: Scales | MeasureLevels | FactorsFile
     analysis: AnalysisWishes
-    stories: bool = False
-    profiles: bool = True
+    settings: RunSettings
     sweep: ParameterSweep | None = None
     damage: DamageWishes | None = None

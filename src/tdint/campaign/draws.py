@@ -9,7 +9,7 @@ import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple, Protocol, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,16 +114,6 @@ class FoundMotions:
     places: GridMotions | FieldMotions | None = None
 
 
-class Assignment(Protocol):
-    """Which motions each building gets."""
-
-    def draws(self, building: int) -> Sequence[Draw]:
-        """The motions of a building."""
-
-    def description(self) -> dict[str, object]:
-        """What is drawn and how, for the fingerprint."""
-
-
 @dataclass(frozen=True)
 class EveryMotion:
     """All buildings get all motions."""
@@ -131,9 +121,11 @@ class EveryMotion:
     count: int
 
     def draws(self, building: int) -> Sequence[Draw]:
+        """The motions of a building."""
         return [Draw(motion, 0) for motion in range(self.count)]
 
     def description(self) -> dict[str, object]:
+        """What is drawn and how, for the fingerprint."""
         return {}
 
 
@@ -203,6 +195,10 @@ class GridDraws:
     @cached_property
     def _tree(self) -> Any:
         return cKDTree(self.points)
+
+
+Assignment = EveryMotion | FieldDraws | GridDraws
+"""Which motions each building gets; `EveryMotion` says what all of them tell."""
 
 
 def places_of(rows: Sequence[InventoryRow]) -> list[tuple[float, float]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -14,8 +14,9 @@ from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import run_case
 from tdint.analysis.spectra.floors import FloorSpectrum, floor_numbers, floor_spectra
 from tdint.arrays import Array
+from tdint.campaign.engine.task import Run
 from tdint.campaign.plan import Plan
-from tdint.campaign.profiles import RunKey, suite_levels
+from tdint.campaign.profiles import suite_levels
 from tdint.campaign.store.store import Store
 from tdint.system import on_threads
 
@@ -37,14 +38,14 @@ class RunFloors:
     ----------
     building : int
         Its number in the store.
-    run : RunKey
+    run : Run
         The run.
     spectra : tuple of FloorSpectrum
         By floor, then damping.
     """
 
     building: int
-    run: RunKey
+    run: Run
     spectra: tuple[FloorSpectrum, ...]
 
 
@@ -105,9 +106,9 @@ def run_floors(plan: Plan, store: Store, choice: FloorChoice, jobs: int) -> list
         "SELECT building, record, scale, sample, dt_s FROM run_rows WHERE status = 'done' ORDER BY 1, 2, 3, 4"
     ).fetchall()
     found: list[RunFloors] = []
-    buildings: dict[int, list[tuple[RunKey, float]]] = defaultdict(list)
+    buildings: dict[int, list[tuple[Run, float]]] = defaultdict(list)
     for building, record, scale, sample, dt in done:
-        buildings[building].append((RunKey(record, scale, sample), dt))
+        buildings[building].append((Run(record, scale, sample), dt))
     for building, runs in buildings.items():
         subject = plan.buildings[building].subject()
         floor_numbers(choice.floors, plan.buildings[building].stories)
@@ -116,9 +117,9 @@ def run_floors(plan: Plan, store: Store, choice: FloorChoice, jobs: int) -> list
     return sorted(found, key=lambda one: (one.building, one.run))
 
 
-def _spectra(plan: Plan, building: int, case: Case, choice: FloorChoice, run: tuple[RunKey, float]) -> RunFloors:
+def _spectra(plan: Plan, building: int, case: Case, choice: FloorChoice, run: tuple[Run, float]) -> RunFloors:
     key, dt = run
-    record = plan.motions[key.record].record
+    record = plan.motions[key.motion].record
     settings = plan.settings
     response = run_case(
         case.under(record if key.scale == 1.0 else record.scaled(key.scale)),
@@ -133,7 +134,7 @@ def _spectra(plan: Plan, building: int, case: Case, choice: FloorChoice, run: tu
 def floor_suites(store: Store, found: Sequence[RunFloors]) -> Iterator[FloorSuite]:
     """The spectra over the motions of each building, level, floor and damping ratio; none where no motion came to its
     end."""
-    of_buildings: dict[int, dict[RunKey, tuple[FloorSpectrum, ...]]] = defaultdict(dict)
+    of_buildings: dict[int, dict[Run, tuple[FloorSpectrum, ...]]] = defaultdict(dict)
     for one in found:
         of_buildings[one.building][one.run] = one.spectra
     names = store.buildings()
@@ -143,6 +144,7 @@ def floor_suites(store: Store, found: Sequence[RunFloors]) -> Iterator[FloorSuit
                 continue
             runs = len(level.stood) + level.collapsed + level.failed
             for i, shown in enumerate(spectra[level.stood[0][0]]):
+                psa = [np.max([spectra[run][i].spectrum.psa for run in motion], axis=0) for motion in level.stood]
                 yield FloorSuite(
                     building=names[number][0],
                     scale=level.scale,
@@ -150,15 +152,8 @@ def floor_suites(store: Store, found: Sequence[RunFloors]) -> Iterator[FloorSuit
                     floor=shown.floor,
                     damping=shown.spectrum.damping,
                     periods=shown.spectrum.periods,
-                    psa=_over_pairs(level.stood, spectra, i),
+                    psa=np.array(psa),
                     runs=runs,
                     collapsed=level.collapsed,
                     failed=level.failed,
                 )
-
-
-def _over_pairs(
-    stood: Sequence[Sequence[RunKey]], spectra: Mapping[RunKey, tuple[FloorSpectrum, ...]], i: int
-) -> Array:
-    """The i-th spectrum of each motion, the larger of both components, shape (motions, k)."""
-    return np.array([np.max([spectra[key][i].spectrum.psa for key in keys], axis=0) for keys in stood])

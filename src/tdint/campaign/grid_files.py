@@ -64,7 +64,12 @@ def read_grid(grid: GridFile) -> FoundMotions:
         found: list[PointMotion] = []
         for name, factor in _motions_at(str(folder / file)):
             if name not in numbers:
-                numbers[name] = _add(motions, folder, name, unit.scale, failures)
+                first = len(motions)
+                try:
+                    motions += _components_of(folder, name, unit.scale)
+                except RecordError as error:
+                    failures.append(error)
+                numbers[name] = tuple(range(first, len(motions)))
             found.append((numbers[name], factor))
         points.append((file, place))
         of_points.append(found)
@@ -251,11 +256,7 @@ def _json_motions(file: str, row: _FieldRow, wanted: FieldFile) -> tuple[SuiteMo
     unit = parse_units(wanted.choice.units)
     if unit.quantity != "acceleration":
         raise RecordError(f"{file}: is an acceleration, its units are given as {wanted.choice.units}")
-    motions: list[SuiteMotion] = []
-    failures: list[RecordError] = []
-    _add(motions, Path(), file, unit.scale, failures)
-    for error in failures:
-        raise error
+    motions = _components_of(Path(), file, unit.scale)
     component = row.component or wanted.choice.component
     kept = [one for one in motions if component in (None, "", one.component)]
     if not kept:
@@ -299,20 +300,17 @@ def _factors(table: CsvTable) -> list[float]:
     return [1.0 if math.isnan(factor) else factor for factor in factors]
 
 
-def _add(
-    motions: list[SuiteMotion], folder: Path, name: str, unit: float, failures: list[RecordError]
-) -> tuple[int, ...]:
-    """Add the components of a ground motion; their numbers, none if it cannot be read."""
-    try:
-        records = _read_motion(folder, name, unit)
-    except RecordError as error:
-        failures.append(error)
-        return ()
+def _components_of(folder: Path, name: str, unit: float) -> list[SuiteMotion]:
+    """The components of a ground motion.
+
+    Raises
+    ------
+    RecordError
+        It cannot be read.
+    """
+    records = _read_motion(folder, name, unit)
     whole = records[0] if len(records) == 1 else Horizontals(records[0], records[1])
-    first = len(motions)
-    for direction, record in enumerate(records, start=1):
-        motions.append(SuiteMotion(record, name, record.component, whole, direction))
-    return tuple(range(first, len(motions)))
+    return [SuiteMotion(one, name, one.component, whole, direction) for direction, one in enumerate(records, start=1)]
 
 
 def _read_motion(folder: Path, name: str, scale: float) -> list[Record]:

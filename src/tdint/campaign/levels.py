@@ -5,49 +5,41 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol, Self
+from typing import Self
 
 from tdint.campaign.suites.intensity import IntensityMeasure, factor_to
 from tdint.errors import ModelError
 from tdint.ground_motion.reading.suites import SuiteMotion
 
 
-class Levels(Protocol):
-    """Factors on each motion."""
-
-    @property
-    def by_period(self) -> bool:
-        """Whether they hang on the building, by its first period; else nobody needs to find it."""
-
-    @property
-    def of_value(self) -> bool:
-        """Whether they bring a motion to a value, whatever factor it has in a grid; else they come on top of it."""
-
-    def count(self, motion: int) -> int:
-        """How many factors a motion has."""
-
-    def factors(self, motion: int, periods: Sequence[float]) -> Sequence[tuple[float, ...]]:
-        """The factors of a motion under each of some buildings, by their first periods, s."""
-
-    def description(self) -> dict[str, object]:
-        """What was asked for, for the fingerprint."""
-
-
 @dataclass(frozen=True)
 class Scales:
-    """The same factors on all motions."""
+    """The same factors on all motions.
+
+    Attributes
+    ----------
+    values : tuple of float
+        The factors.
+    by_period : bool
+        Whether they hang on the building, by its first period; else nobody needs to find it.
+    of_value : bool
+        Whether they bring a motion to a value, whatever factor it has in a grid; else they come on top of it.
+    """
 
     values: tuple[float, ...]
     by_period: bool = field(default=False, init=False)
     of_value: bool = field(default=False, init=False)
 
     def count(self, motion: int) -> int:
+        """How many factors a motion has."""
         return len(self.values)
 
     def factors(self, motion: int, periods: Sequence[float]) -> Sequence[tuple[float, ...]]:
+        """The factors of a motion under each of some buildings, by their first periods, s."""
         return [self.values] * len(periods)
 
     def description(self) -> dict[str, object]:
+        """What was asked for, for the fingerprint."""
         return {"scales": list(self.values)}
 
 
@@ -160,3 +152,7 @@ class MeasureLevels:
         name = self.measure(1.0).name.partition("(")[0]
         period = "T1" if self.period is None else self.period
         return {"measure": name, "period": period, "levels": list(self.values), "pair": self.pair}
+
+
+Levels = Scales | GivenFactors | MeasureLevels
+"""Factors on each motion; `Scales` says what all of them tell."""

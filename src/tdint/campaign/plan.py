@@ -238,10 +238,10 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
     UsageError
         A time step that does not fit.
     """
-    analysis, notes = campaign.analysis, list[str]()
+    notes = list[str]()
     buildings = _buildings(campaign, inputs, notes)
     damage = damage_of(campaign.damage, inputs, buildings)
-    if damage and not analysis.until_rest and any("residual" in one.demand for one in damage.types.values()):
+    if damage and not campaign.settings.until_rest and any("residual" in one.demand for one in damage.types.values()):
         notes.append("damage is told by drifts at the end of the records: until_rest of the analysis goes on to rest")
     plan = Plan(
         name=campaign.name,
@@ -249,15 +249,7 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         motions=inputs.motions,
         assignment=inputs.assignment or EveryMotion(len(inputs.motions)),
         levels=_levels(campaign, inputs),
-        settings=RunSettings(
-            analysis.dt,
-            analysis.duration,
-            analysis.until_rest,
-            campaign.stories,
-            analysis.tolerance,
-            campaign.profiles,
-            analysis.check,
-        ),
+        settings=campaign.settings,
         failures=inputs.failures,
         notes=(*notes, *inputs.notes),
         damage=damage,

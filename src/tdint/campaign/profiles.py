@@ -18,6 +18,7 @@ import numpy as np
 
 from tdint.analysis.run.outcome import STORY
 from tdint.arrays import Array
+from tdint.campaign.engine.task import Run
 from tdint.campaign.store.store import Store
 from tdint.errors import UsageError, did_you_mean
 from tdint.ground_motion.horizontals import at_right_angles
@@ -219,19 +220,11 @@ def profiles(store: Store) -> Iterator[Profile]:
     for number, (name, _) in store.buildings().items():
         kept = _stories(store, number)
         for level in suite_levels(store, number):
-            motions = tuple(motion_name(records[keys[0].record][0]) for keys in level.stood)
+            motions = tuple(motion_name(records[keys[0].motion][0]) for keys in level.stood)
             counts_of = (level.pairs, level.collapsed, level.failed)
             yield Profile(
                 name, level.scale, level.value, motions, *counts_of, *_peaks(level, kept, counts[number], store.checked)
             )
-
-
-class RunKey(NamedTuple):
-    """A run of a building."""
-
-    record: int
-    scale: float
-    sample: int
 
 
 class SuiteLevel(NamedTuple):
@@ -240,7 +233,7 @@ class SuiteLevel(NamedTuple):
 
     scale: float
     value: float
-    stood: list[list[RunKey]]
+    stood: list[list[Run]]
     pairs: int
     collapsed: int
     failed: int
@@ -249,7 +242,7 @@ class SuiteLevel(NamedTuple):
 def suite_levels(store: Store, building: int) -> Iterator[SuiteLevel]:
     """The levels of a building by its number, from the smallest factor."""
     query = "SELECT record, scale, sample, status FROM run_rows WHERE building = ? ORDER BY record, scale, sample"
-    status = {RunKey(*key): told for *key, told in store.connection.execute(query, (building,))}
+    status = {Run(*key): told for *key, told in store.connection.execute(query, (building,))}
     return SuiteRules.of(store).levels(status)
 
 
@@ -268,13 +261,13 @@ class SuiteRules:
         values = sorted(json.loads(store.settings().get("levels", "[]")), key=abs)
         return cls(motion_numbers(store.records()), values, has_levels(store))
 
-    def levels(self, status: Mapping[RunKey, str]) -> Iterator[SuiteLevel]:
+    def levels(self, status: Mapping[Run, str]) -> Iterator[SuiteLevel]:
         """The levels of a building, from the smallest factor, by the statuses of its runs."""
         for rank, keys in enumerate(_by_level(status)):
             scales = {key.scale for key in keys}
-            grouped: dict[tuple[int, int], list[RunKey]] = defaultdict(list)
+            grouped: dict[tuple[int, int], list[Run]] = defaultdict(list)
             for key in keys:
-                grouped[self.motions[key.record], key.sample].append(key)
+                grouped[self.motions[key.motion], key.sample].append(key)
             failed = [
                 runs for runs in grouped.values() if any(status[key] not in ("done", *_COLLAPSED) for key in runs)
             ]
@@ -298,7 +291,7 @@ def has_levels(store: Store) -> bool:
 
 
 def _peaks(
-    level: SuiteLevel, kept: Mapping[RunKey, Array], stories: int, checked: bool
+    level: SuiteLevel, kept: Mapping[Run, Array], stories: int, checked: bool
 ) -> tuple[Array, dict[str, Array], dict[str, Array]]:
     """Story heights, shape (n,), the quantities by their names, shape (motions, n), and their errors, if they were
     `checked`, from the rows of the runs."""
@@ -343,29 +336,29 @@ _OWN = 1 + len(STORY)
 """Where errors begin among the columns of a story: behind its height and its quantities."""
 
 
-def _stories(store: Store, building: int) -> dict[RunKey, Array]:
+def _stories(store: Store, building: int) -> dict[Run, Array]:
     own = [one.column for one in STORY]
     columns = ", ".join(("height_m", *own, *(f"{name}_error" for name in own if store.checked)))
     query = f"SELECT record, scale, sample, {columns} FROM story_rows WHERE building = ? ORDER BY 1, 2, 3, story"
-    found: dict[RunKey, list[list[float]]] = defaultdict(list)
+    found: dict[Run, list[list[float]]] = defaultdict(list)
     for record, scale, sample, *values in store.connection.execute(query, (building,)):
-        found[RunKey(record, scale, sample)].append(values)
+        found[Run(record, scale, sample)].append(values)
     return {key: np.array(rows, dtype=np.float64) for key, rows in found.items()}
 
 
-def level_ranks(runs: Iterable[RunKey]) -> dict[RunKey, int]:
+def level_ranks(runs: Iterable[Run]) -> dict[Run, int]:
     """The level of each run, from 0: the smallest factor of every motion and draw, the next one, and so on."""
-    factors: dict[tuple[int, int], list[RunKey]] = defaultdict(list)
+    factors: dict[tuple[int, int], list[Run]] = defaultdict(list)
     for key in runs:
-        factors[key.record, key.sample].append(key)
+        factors[key.motion, key.sample].append(key)
     return {
         key: rank for keys in factors.values() for rank, key in enumerate(sorted(keys, key=lambda key: abs(key.scale)))
     }
 
 
-def _by_level(runs: Iterable[RunKey]) -> list[list[RunKey]]:
+def _by_level(runs: Iterable[Run]) -> list[list[Run]]:
     """The runs of each level."""
-    levels: dict[int, list[RunKey]] = defaultdict(list)
+    levels: dict[int, list[Run]] = defaultdict(list)
     for key, rank in level_ranks(runs).items():
         levels[rank].append(key)
     return [levels[rank] for rank in sorted(levels)]

@@ -3,23 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
 from tdint.campaign.definition import AnalysisWishes, CampaignFile, FactorsFile, InventoryFile, ModelFiles, RecordFiles
+from tdint.campaign.engine.task import RunSettings
 from tdint.campaign.fragility.type_states import DAMAGE, read_wishes
 from tdint.campaign.levels import MeasureLevels, Scales
-from tdint.campaign.suites.intensity import (
-    GEOMETRIC_MEAN,
-    PAIRS,
-    WITHOUT_LEVELS,
-    IntensityMeasure,
-    MotionIntensity,
-    pga,
-    sa,
-    sa_average,
-)
+from tdint.campaign.suites.intensity import GEOMETRIC_MEAN, MEASURES, PAIRS, SPECTRAL, WITHOUT_LEVELS, measure_at
 from tdint.campaign.suites.motion_reader import MOTIONS, SEED, read_motions
 from tdint.campaign.sweep import Varied, read_sweep
 from tdint.campaign.sweep import positive as _positive
@@ -74,24 +65,10 @@ _OF_MEASURES = ("period", "damping", "levels", "pair")
 _FIRST = "T1"
 
 
-def _of_motion(name: str, period: float, damping: float) -> IntensityMeasure:
-    return MotionIntensity(name)
-
-
-_MEASURES: Mapping[str, tuple[str, Callable[[float, float], IntensityMeasure]]] = {
-    "pga": ("acceleration", lambda period, damping: pga()),
-    **{name: ("velocity", partial(_of_motion, name)) for name in ("pgv", "arias", "cav")},
-    "sa": ("acceleration", sa),
-    "sa-avg": ("acceleration", sa_average),
-}
-"""Of each measure the quantity of its levels, and (period, damping) -> measure."""
-
-_WITHOUT_PERIOD = ("pga", "pgv", "arias", "cav")
-
 _INTENSITY = Keys(
     (
         Key("scales", EntriesOf(ANY, least=1), "factors on all motions"),
-        Key("measure", Choice(tuple(_MEASURES), "measure"), "intensity measure that takes the levels"),
+        Key("measure", Choice(MEASURES, "measure"), "intensity measure that takes the levels"),
         Key("period", Either((Choice((_FIRST,)), POSITIVE)), "of sa and sa-avg; that of each building by default"),
         Key("damping", RATIO, "damping ratio of sa and sa-avg; 5% by default"),
         Key("levels", EntriesOf(Words(), least=1), "values with their unit: 0.1 g, 0.2 m/s"),
@@ -174,7 +151,8 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
     _check_pair(section)
     _check_duration(section)
     _check_levels(section)
-    outputs = section.inner("outputs")
+    analysis, outputs = section.inner("analysis"), section.inner("outputs")
+    dt = analysis.get("dt")
     found = (_read_buildings(buildings) if buildings else None) or ModelFiles(())
     return CampaignFile(
         name=section.text("name") or name,
@@ -182,9 +160,13 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
         buildings=found,
         records=(read_motions(records) if records else None) or RecordFiles((), RecordChoice()),
         intensity=_read_intensity(section.get("intensity")) or Scales((1.0,)),
-        analysis=_read_analysis(section.inner("analysis")),
-        stories=outputs.read("stories", False),
-        profiles=outputs.read("profiles", isinstance(found, ModelFiles)),
+        analysis=_read_analysis(analysis),
+        settings=RunSettings(
+            dt=None if dt is None or dt.is_list else _positive(dt),
+            **analysis.given("duration", "tolerance", "until_rest", "check"),
+            stories=outputs.read("stories", False),
+            profiles=outputs.read("profiles", isinstance(found, ModelFiles)),
+        ),
         sweep=read_sweep(section.get("vary"), section.get("analysis"), models=isinstance(found, ModelFiles)),
         damage=read_wishes(section.get("damage"), found.rules if isinstance(found, InventoryFile) else None),
     )
@@ -220,15 +202,11 @@ def _check_levels(section: Section) -> None:
 
 
 def _read_analysis(section: Section) -> AnalysisWishes:
-    method, dt = section.get("method"), section.get("dt")
+    method = section.get("method")
     named = method.parsed(parse_method) if method else None
     if method and section.has("methods"):
         method.fault("stands in place of `methods`; give one of the two")
-    return AnalysisWishes(
-        method=named.label if named else None,
-        dt=None if dt is None or dt.is_list else _positive(dt),
-        **section.given("duration", "tolerance", "collapse_drift", "p_delta", "until_rest", "check"),
-    )
+    return AnalysisWishes(named.label if named else None, **section.given("collapse_drift", "p_delta"))
 
 
 def _read_buildings(value: Value) -> ModelFiles | InventoryFile | None:
@@ -311,20 +289,16 @@ def _levels(section: Section) -> MeasureLevels | None:
     items = levels.items("a list of values with their unit") if levels else None
     if name is None:
         return None
-    quantity = _MEASURES[name][0]
+    quantity = "acceleration" if name in ("pga", *SPECTRAL) else "velocity"
     values = tuple(dict.fromkeys(_level(item, quantity) for item in items or ()))
     period = _period(section, name)
-    return MeasureLevels(partial(_measure, name, damping), period, values, pair)
-
-
-def _measure(name: str, damping: float, period: float) -> IntensityMeasure:
-    return _MEASURES[name][1](period, damping)
+    return MeasureLevels(partial(measure_at, name, damping), period, values, pair)
 
 
 def _period(section: Section, name: str) -> float | None:
     """The period of the measure; None for that of each building."""
     value = section.get("period")
-    if name in _WITHOUT_PERIOD:
+    if name not in SPECTRAL:
         if value:
             value.fault(f"{name} has no period")
         return 1.0

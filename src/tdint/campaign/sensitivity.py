@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -15,6 +15,7 @@ from tdint.campaign.carry_out import carry_out, threads
 from tdint.campaign.definition import AnalysisWishes, CampaignFile, ModelFiles, RecordFiles
 from tdint.campaign.draws import FoundMotions
 from tdint.campaign.engine.rows import RUN
+from tdint.campaign.engine.task import RunSettings
 from tdint.campaign.inputs import Inputs
 from tdint.campaign.levels import Scales
 from tdint.campaign.plan import Plan, make_plan
@@ -163,22 +164,27 @@ def sensitivity(
     building = model_of(model)
     given = records if isinstance(records, list | tuple) else [records]
     motions = FoundMotions(suite_motions([record_of(one) for one in given]), ())
-    plan = plan_of(building, ranges, motions, AnalysisWishes(method=method and parse(method).label, dt=dt))
+    plan = plan_of(building, ranges, motions, method=method, dt=dt)
     with open_store(None, plan)[0] as store:
         carry_out(plan, store, threads(jobs or processors()))
         return Several(swings(store, building.name, ranges))
 
 
 def plan_of(
-    model: Model, ranges: Mapping[str, tuple[float, float]], motions: FoundMotions, wishes: AnalysisWishes
+    model: Model,
+    ranges: Mapping[str, tuple[float, float]],
+    motions: FoundMotions,
+    *,
+    method: str | None,
+    dt: float | None,
 ) -> Plan:
     """The runs of the buildings that `one_at_a_time` gives under some motions."""
     inputs = Inputs(
         one_at_a_time(model, ranges), motions=motions.motions, failures=motions.failures, notes=motions.notes
     )
-    wanted = RecordFiles((), RecordChoice())
-    campaign = CampaignFile(model.name, model.source, ModelFiles((model.source,)), wanted, Scales((1.0,)), wishes)
-    return make_plan(campaign, inputs)
+    files, scales = (ModelFiles((model.source,)), RecordFiles((), RecordChoice())), Scales((1.0,))
+    wishes = AnalysisWishes(method and parse(method).label)
+    return make_plan(CampaignFile(model.name, model.source, *files, scales, wishes, RunSettings(dt)), inputs)
 
 
 def swings(store: Store, name: str, ranges: Mapping[str, tuple[float, float]]) -> list[Swing]:
@@ -227,8 +233,9 @@ def rank_correlations(store: Store) -> list[RankCorrelation]:
 
 def _medians(store: Store, *, by_scale: bool) -> dict[tuple[int, float], Array]:
     """The medians of `PEAKS` over the motions by building, and by scale if that is asked for."""
-    runs: dict[tuple[int, float], list[Sequence[float]]] = {}
-    for number, scale, peaks in _peaks(store):
+    runs: dict[tuple[int, float], list[list[float | None]]] = {}
+    columns = ", ".join(one.column for one in PEAKS)
+    for number, scale, *peaks in store.connection.execute(f"SELECT building, scale, {columns} FROM run_rows"):
         runs.setdefault((number, scale if by_scale else 0.0), []).append(peaks)
     return {key: _median(np.array(rows, dtype=np.float64)) for key, rows in runs.items()}
 
@@ -238,9 +245,3 @@ def _median(rows: Array) -> Array:
     ordered = np.sort(rows, axis=0)  # nan last: larger than any peak
     middle = (rows.shape[0] - 1) / 2.0
     return np.asarray(0.5 * (ordered[math.floor(middle)] + ordered[math.ceil(middle)]))
-
-
-def _peaks(store: Store) -> Iterator[tuple[int, float, list[float]]]:
-    columns = ", ".join(one.column for one in PEAKS)
-    for number, scale, *peaks in store.connection.execute(f"SELECT building, scale, {columns} FROM run_rows"):
-        yield number, scale, [math.nan if value is None else value for value in peaks]

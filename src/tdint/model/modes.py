@@ -18,10 +18,7 @@ CLASSICAL = 1e-12
 _FEW = 100
 """Stories up to which all modes are solved for where one is asked for."""
 
-_MOST_ITERATIONS, _CONVERGED = (
-    200,
-    1e-15,
-)  # of the inverse iteration
+_MOST_ITERATIONS, _CONVERGED = 200, 1e-15  # of the inverse iteration
 
 
 @dataclass(frozen=True, repr=False)

@@ -12,8 +12,9 @@ from building_cases import Force, model, noise, oscillator, story, ten_bilinear,
 from random_buildings import checked_building
 from tdint import load_model, run
 from tdint.analysis.run.case import AT_REST, REST_PERIODS
+from tdint.analysis.run.prepared import Motions
 from tdint.campaign.engine.batch import Batch
-from tdint.campaign.engine.task import Motions, Run, RunSettings, Subject
+from tdint.campaign.engine.task import Run, RunSettings, Subject
 
 MOVES = "the building still moves at the end, the drift of story"
 

@@ -68,6 +68,7 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
 def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
     from tdint.campaign.definition import AnalysisWishes, CampaignFile, FactorsFile, ModelFiles, RecordFiles
     from tdint.campaign.draws import FoundMotions
+    from tdint.campaign.engine.task import RunSettings
     from tdint.campaign.inputs import Inputs, read_factors, read_motions
     from tdint.campaign.levels import Scales
     from tdint.campaign.plan import make_plan
@@ -80,8 +81,9 @@ def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
         buildings=ModelFiles((model.source,)),
         records=(wanted := RecordFiles(records, request.choice)),
         intensity=of_file or Scales(request.scale or (1.0,)),
-        analysis=AnalysisWishes(
-            request.method, request.dt, request.duration, until_rest=request.until_rest, check=bool(request.check)
+        analysis=AnalysisWishes(request.method),
+        settings=RunSettings(
+            request.dt, request.duration, request.until_rest, profiles=True, check=bool(request.check)
         ),
     )
     found = read_motions(wanted) if records else FoundMotions(_motions_of_model(request, model), ())

@@ -99,19 +99,18 @@ def _ranks(building: str, outputs: Outputs) -> None:
 
 def _one_at_a_time(building: str, request: Request, outputs: Outputs) -> None:
     from tdint.campaign.carry_out import threads
-    from tdint.campaign.definition import AnalysisWishes, RecordFiles
+    from tdint.campaign.definition import RecordFiles
     from tdint.campaign.inputs import read_motions
     from tdint.campaign.sensitivity import plan_of, swings
     from tdint.campaign.store.store import open_store
-    from tdint.methods.catalogue import parse
     from tdint.model.config.model_file import load_model
     from tdint.output.tables.studies import SWINGS
     from tdint.output.tables.table import Table
     from tdint_cli.batch.campaigns import advance_with_bar, tell_outcomes
 
     model = load_model(building)
-    wishes = AnalysisWishes(method=parse(request.method).label if request.method else None, dt=request.dt)
-    plan = plan_of(model, request.ranges, read_motions(RecordFiles(request.records, request.choice)), wishes)
+    motions = read_motions(RecordFiles(request.records, request.choice))
+    plan = plan_of(model, request.ranges, motions, method=request.method, dt=request.dt)
     store, _ = open_store(None, plan)
     for text in dict.fromkeys(plan.notes):
         note(text)

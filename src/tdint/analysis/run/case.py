@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -149,7 +150,7 @@ class Case:
                 raise self._failure(steps, marched.space, marched.code)
             steps = replace(steps, count=round(collapse.time / steps.h))
             marched = self._integrate(steps, history)
-        error = run_totals.energy(marched.space).error
+        error = run_totals.energy_of(marched.space.totals).error
         if not -error < RUNAWAY and not self.allow_unstable:
             reason = f"the motion ends with {1.0 - error:.3g} times the input energy"
             raise self._diverged(steps, *self._reached(steps, marched.space), reason, _runaway_story(marched.space))
@@ -193,20 +194,11 @@ class Case:
             return self._diverged(steps, *self._reached(steps, space), f"the drift of story {story} ran away", story)
         reached = float(space.totals[at.STEPS_REACHED]) * steps.h
         story = int(space.report[at.WORST_STORY]) + 1
-        message = (
-            f"{self.integrator.label} with dt {steps.h:.6g} s did not converge after {reached:.6g} s, with the step "
-            f"halved {HALVINGS} times: story {story} is out of balance by {residual:.1e} of its forces; {_CURE}"
+        what = (
+            f"did not converge after {reached:.6g} s, with the step halved {HALVINGS} times: story {story} is out of "
+            f"balance by {residual:.1e} of its forces"
         )
-        return FailedRun(
-            message,
-            "not-converged",
-            self.integrator.label,
-            steps.h,
-            time=reached,
-            story=story,
-            residual=residual,
-            notes=self._failure_notes(),
-        )
+        return self._failed(steps, "not-converged", what, time=reached, story=story, residual=residual)
 
     def _reached(self, steps: Steps, space: Workspace) -> tuple[float, float | None]:
         """The time up to which the run came, s, and the kinetic energy there, J."""
@@ -214,25 +206,15 @@ class Case:
 
     def _diverged(self, steps: Steps, reached: float, energy: float | None, reason: str, story: int) -> FailedRun:
         size = "" if energy is None else f", kinetic energy {energy:.3g} J"
-        message = (
-            f"{self.integrator.label} with dt {steps.h:.6g} s diverged after {reached:.6g} s: {reason}{size}; {_CURE}"
-        )
-        return FailedRun(
-            message,
-            "diverged",
-            self.integrator.label,
-            steps.h,
-            time=reached,
-            story=story,
-            energy=energy,
-            notes=self._failure_notes(),
-        )
+        what = f"diverged after {reached:.6g} s: {reason}{size}"
+        return self._failed(steps, "diverged", what, time=reached, story=story, energy=energy)
 
-    def _failure_notes(self) -> tuple[str, ...]:
-        return (*self.remarks, *(self.record.notes if self.record else ()), *self._stiffening_note())
-
-    def _history(self, space: Workspace, h: float) -> History | None:
-        return run_totals.history(self.building, self.prepared.forces, space, h) if space.history.size else None
+    def _failed(self, steps: Steps, status: str, what: str, **told: Any) -> FailedRun:
+        """That a run ended before its time: how, in words and in numbers."""
+        label = self.integrator.label
+        notes = (*self.remarks, *(self.record.notes if self.record else ()), *self._stiffening_note())
+        message = f"{label} with dt {steps.h:.6g} s {what}; {_CURE}"
+        return FailedRun(message, status, label, steps.h, notes=notes, **told)
 
     def judge(self, steps: Steps, code: int, numbers: Array) -> Collapse | None:
         """When the drift first exceeded the collapse drift or a story failed, as a march noted it that ended with a
@@ -246,21 +228,19 @@ class Case:
         FailedRun
             The run came to its end, but on energy that the method made.
         """
-        noted = run_totals.collapse(numbers)
-        if noted is None:
+        if numbers[at.COLLAPSE_STEP] == at.NO_COLLAPSE:
             return None
-        time = noted.steps * steps.h
-        made = -noted.energy.error
-        own = made < _MADE and noted.steps > 0
-        if own or (code == 0 and (noted.steps == 0 or self.allow_unstable)):
-            return Collapse(time, noted.story, ended=code < 0, failed=noted.failed)
+        taken, story = int(numbers[at.COLLAPSE_STEP]), int(numbers[at.COLLAPSE_STORY]) + 1
+        failed, energy = bool(numbers[at.COLLAPSE_FAILED]), run_totals.energy_of(numbers[at.COLLAPSE_ENERGIES :])
+        time, made = taken * steps.h, -energy.error
+        own = made < _MADE and taken > 0
+        if own or (code == 0 and (taken == 0 or self.allow_unstable)):
+            return Collapse(time, story, ended=code < 0, failed=failed)
         if code < 0:
             return None
-        what = f"the drift ratio of story {noted.story} passed the collapse drift"
-        if noted.failed:
-            what = f"story {noted.story} failed"
+        what = f"story {story} failed" if failed else f"the drift ratio of story {story} passed the collapse drift"
         reason = f"{what} on {made:.3g} times the input energy"
-        raise self._diverged(steps, time, noted.energy.kinetic, reason, noted.story)
+        raise self._diverged(steps, time, energy.kinetic, reason, story)
 
     def settle(self, steps: Steps, marched: MarchedRuns, i: int, history: bool = False) -> Collapse | Response:
         """What the i-th run of many is, which is this one, if that is in doubt (`doubtful`): a collapse, or as far as
@@ -281,11 +261,13 @@ class Case:
 
     def _response(self, steps: Steps, marched: Marched, collapse: Collapse | None) -> Response:
         space = marched.space
-        energy = run_totals.energy(space)
+        energy = run_totals.energy_of(space.totals)
         stories = run_totals.story_peaks(self.building, space)
         unresolved = run_totals.unresolved(self.building, space, steps.late)
         notes = self._notes(steps, int(space.totals[at.HALVINGS]))
         moving = run_totals.moving_drift(self.building, space)
+        kept, carries = space.history.size, self.integrator.family.carries_error
+        history = run_totals.history(self.building, self.prepared.forces, space, steps.h) if kept else None
         return Response(
             model=self.model,
             record=self.record,
@@ -299,7 +281,7 @@ class Case:
             march_time=marched.seconds,
             stories=stories,
             energy=energy,
-            history=self._history(space, steps.h),
+            history=history,
             pieces=partial(self.pieces, steps, energy.largest),
             notes=(
                 *(*notes, *_unresolved_note(stories, unresolved)),
@@ -308,13 +290,9 @@ class Case:
             unresolved=unresolved,
             moving_drift=moving,
             collapse=collapse,
-            check=run_totals.carried_error(self.building, space, stories, unresolved) if self._carries_error else None,
+            check=run_totals.carried_error(self.building, space, stories, unresolved) if carries else None,
             warnings=(*_imbalance(energy), *falling_stories(self.model)),
         )
-
-    @property
-    def _carries_error(self) -> bool:
-        return self.integrator.family.carries_error
 
     def _notes(self, steps: Steps, halvings: int) -> tuple[str, ...]:
         record = self.record

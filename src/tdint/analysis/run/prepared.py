@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -26,6 +26,7 @@ from tdint.analysis.run.workspace import (
     workspace,
 )
 from tdint.arrays import Array
+from tdint.ground_motion.record import Record
 from tdint.kernels import layout as at
 from tdint.kernels.building.obtaining import obtain
 from tdint.kernels.building.variant import Variant
@@ -65,6 +66,37 @@ class Lane(NamedTuple):
     size: int
     scale: float
     steps: Steps
+
+
+@dataclass(frozen=True)
+class Motions:
+    """Ground motions by their numbers, as compiled runs take them.
+
+    Attributes
+    ----------
+    records : mapping of int to Record
+        The motions.
+    samples : ndarray
+        The accelerations of all, one after the other, m/s^2.
+    starts : mapping of int to int
+        Where each begins in `samples`.
+    """
+
+    records: Mapping[int, Record]
+    samples: Array
+    starts: Mapping[int, int]
+
+    @classmethod
+    def of(cls, records: Mapping[int, Record]) -> Motions:
+        """Put some motions one after the other."""
+        sizes = [record.acceleration.size for record in records.values()]
+        starts = np.concatenate([[0], np.cumsum(sizes)])[:-1].astype(int).tolist()
+        samples = np.concatenate([record.acceleration for record in records.values()])
+        return cls(records, samples, dict(zip(records, starts, strict=True)))
+
+    def lane(self, number: int, scale: float, steps: Steps) -> Lane:
+        """A run under one of them, times a factor."""
+        return Lane(self.starts[number], self.records[number].acceleration.size, scale, steps)
 
 
 @dataclass(frozen=True)

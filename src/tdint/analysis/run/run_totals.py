@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from functools import reduce
 from operator import add, sub
 
@@ -98,11 +98,6 @@ def carried_error(building: Building, space: Workspace, stories: StoryPeaks, dou
     return ErrorEstimate.of(stories, told, dts=(), corrected=corrected, left=told)
 
 
-def energy(space: Workspace) -> Energy:
-    """The energies at the end."""
-    return _energy(space.totals)
-
-
 def energy_errors(totals: Array) -> Array:
     """`Energy.error` at the end of each run, from rows of `Workspace.totals`; shape (runs,)."""
     terms = dict(zip(ENERGY_TERMS, totals.T[: at.ENERGY_TERMS], strict=True))
@@ -112,33 +107,11 @@ def energy_errors(totals: Array) -> Array:
     return np.asarray(np.divide(imbalance, largest, out=np.zeros_like(largest), where=largest > 0.0))
 
 
-def _energy(numbers: Array) -> Energy:
+def energy_of(numbers: Array) -> Energy:
+    """The energies that stand at the beginning of some numbers."""
     terms = dict(zip(ENERGY_TERMS, numbers[: at.ENERGY_TERMS].tolist(), strict=True))
     start, largest = float(numbers[at.ENERGY_START]), float(numbers[at.ENERGY_LARGEST])
     return Energy(**terms, start=start, largest=largest)
-
-
-@dataclass(frozen=True)
-class NotedCollapse:
-    """After how many steps a drift was first beyond the collapse drift or a story failed, which from 1, and the
-    energies then."""
-
-    steps: int
-    story: int
-    failed: bool
-    energy: Energy
-
-
-def collapse(totals: Array) -> NotedCollapse | None:
-    """What a march noted of a collapse among its numbers (`Workspace.totals`); None if there was none."""
-    if totals[at.COLLAPSE_STEP] == at.NO_COLLAPSE:
-        return None
-    return NotedCollapse(
-        int(totals[at.COLLAPSE_STEP]),
-        int(totals[at.COLLAPSE_STORY]) + 1,
-        bool(totals[at.COLLAPSE_FAILED]),
-        _energy(totals[at.COLLAPSE_ENERGIES :]),
-    )
 
 
 def history(building: Building, forces: Array, space: Workspace, h: float, largest: float | None = None) -> History:

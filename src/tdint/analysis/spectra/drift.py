@@ -10,7 +10,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -140,7 +139,7 @@ def drift_spectrum(
     check_shortest(periods, record.dt, SHORTEST)
     heights = height_period.height(periods)
     pairs = list(zip(periods.tolist(), heights.tolist(), strict=True))
-    buildings: Sequence[_Building]
+    buildings: Sequence[_Stories | _Beam]
     if beam:
         numbers = np.zeros(periods.size, dtype=np.int64)
         buildings = [_Beam(period, height, _modes_of_beam(period, record.dt)) for period, height in pairs]
@@ -174,30 +173,12 @@ def number_of_stories(heights: Array, stories: int | None, story_height: float) 
     return wanted.astype(np.int64)
 
 
-class _Building(Protocol):
-    """A building by its modes, which are made when they are asked for: those of all buildings are too many to keep.
-
-    Attributes
-    ----------
-    omega : ndarray, shape (m,)
-        Circular frequencies, rad/s.
-    shapes : ndarray, shape (m, columns)
-        What each mode adds to the drift ratios of the stories and, in the last column, of the roof.
-    static : ndarray, shape (columns,)
-        The flexibility that modes that are left out would add.
-    """
-
-    @property
-    def omega(self) -> Array: ...
-    @property
-    def shapes(self) -> Array: ...
-    @property
-    def static(self) -> Array: ...
-
-
 @dataclass(frozen=True)
 class _Stories:
-    """n equal stories: in mode j floor s moves by sin(s theta_j), theta_j = (2j - 1) pi / (2n + 1)."""
+    """n equal stories: in mode j floor s moves by sin(s theta_j), theta_j = (2j - 1) pi / (2n + 1).
+
+    Its modes are made when they are asked for: those of all buildings are too many to keep.
+    """
 
     period: float
     height: float
@@ -215,6 +196,7 @@ class _Stories:
 
     @property
     def shapes(self) -> Array:
+        """What each mode adds to the drift ratios of the stories and, in the last column, of the roof."""
         floors = np.sin(np.outer(self.theta, np.arange(self.n + 1)))
         participation = floors.sum(axis=1) / np.square(floors).sum(axis=1)
         drifts_of_stories = np.diff(floors, axis=1) * (self.n / self.height)
@@ -222,6 +204,7 @@ class _Stories:
 
     @property
     def static(self) -> Array:
+        """The flexibility that modes that are left out would add, shape (columns,)."""
         return np.zeros(self.n + 1)
 
 
@@ -272,7 +255,7 @@ def _modes_of_beam(period: float, dt: float) -> int:
     return count
 
 
-def _march(record: Record, buildings: Sequence[_Building], damping: float) -> Array:
+def _march(record: Record, buildings: Sequence[_Stories | _Beam], damping: float) -> Array:
     """Results of the kernel for each building, shape (buildings, RESULTS)."""
     omegas = [building.omega for building in buildings]
     # The steps resolve these circular frequencies.

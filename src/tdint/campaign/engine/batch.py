@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,23 +19,13 @@ from numpy.typing import NDArray
 from tdint.analysis.run import run_totals
 from tdint.analysis.run.case import Case, doubtful, until_rest, windows
 from tdint.analysis.run.error_estimate import checked_run
-from tdint.analysis.run.outcome import Collapse, FailedRun, Response, StoryPeaks
-from tdint.analysis.run.prepared import Lane, MarchedRuns, Rest
+from tdint.analysis.run.outcome import Collapse, FailedRun, Response
+from tdint.analysis.run.prepared import MarchedRuns, Motions
 from tdint.analysis.run.steps import Steps, finer
 from tdint.analysis.sequence import sequence_of, shocks_of
 from tdint.analysis.spectra.elastic import SA_DAMPING, spectrum
-from tdint.campaign.engine.rows import (
-    RunRow,
-    ShockRow,
-    StoryRow,
-    demand_cells,
-    demand_errors,
-    demand_values,
-    run_key,
-    shock_rows,
-    story_rows,
-)
-from tdint.campaign.engine.task import REPEATS, BuildingRuns, Motions, Run, RunSettings, Subject
+from tdint.campaign.engine.rows import Rows, RunRow, demand_cells, demand_errors, demand_values, shock_rows, story_rows
+from tdint.campaign.engine.task import REPEATS, BuildingRuns, Run, RunSettings, Subject
 from tdint.errors import AnalysisError
 from tdint.ground_motion.joining import JoinedRecord
 from tdint.ground_motion.record import Record
@@ -44,21 +34,6 @@ from tdint.kernels.march import many as lanes
 _REPEATED = ("not-converged", "diverged")
 
 _SAME = 1e-9  # steps that differ by less than about this part are the same
-
-
-@dataclass
-class Rows:
-    """The rows of some runs; those of stories only if they are asked for."""
-
-    runs: list[RunRow] = field(default_factory=list)
-    stories: list[StoryRow] = field(default_factory=list)
-    shocks: list[ShockRow] = field(default_factory=list)
-
-    def extend(self, others: Rows) -> None:
-        """Take in other rows."""
-        self.runs += others.runs
-        self.stories += others.stories
-        self.shocks += others.shocks
 
 
 @dataclass(frozen=True)
@@ -119,17 +94,13 @@ class Batch:
         steps = {motion: self._steps(motion, chosen) for motion in dict.fromkeys(run.motion for run in runs)}
         jobs = [_Job(run, steps[run.motion]) for run in runs]
         if largest is None:
-            for job in jobs:
-                self._take_failure(job, "not-within-tolerance", results)
+            results.runs += [self._row(job, "not-within-tolerance") for job in jobs]
             return results
-        if self.settings.check:
-            for job in jobs:
-                self._check(job, results)
-            return results
+        integrate = self._checked if self.settings.check else self._at_step
         while jobs:
             failed: list[_Job] = []
             for h in dict.fromkeys(job.steps.h for job in jobs):
-                failed += self._at_step([job for job in jobs if job.steps.h == h], results)
+                failed += integrate([job for job in jobs if job.steps.h == h], results)
             jobs = failed
         return results
 
@@ -183,108 +154,85 @@ class Batch:
         """Integrate runs of one step; the rows of those that are done join the results, the others are returned with a
         finer step."""
         if self.subject.prepared.instability(self.subject.integrator, jobs[0].steps.h):
-            for job in jobs:
-                self._take_failure(job, "unstable-step", results)
+            results.runs += [self._row(job, "unstable-step") for job in jobs]
             return []
         marched = self._march(jobs)
-        unsure = doubtful(marched)
-        self._take(jobs, marched, np.flatnonzero(~unsure), results)
-        again = []
-        for i in np.flatnonzero(unsure).tolist():
-            job = jobs[i]
+        ended, again = ~doubtful(marched), list[_Job]()
+        collapses: dict[int, Collapse] = {}
+        for i in np.flatnonzero(~ended).tolist():
             try:
-                settled = self._case(job.run).settle(job.steps, marched, i)
-                if isinstance(settled, Collapse):
-                    self._take([job], marched, np.array([i]), results, settled)
-                else:
-                    self._take_response(job, settled, results)
+                settled = self._case(jobs[i].run).settle(jobs[i].steps, marched, i)
             except FailedRun as failure:
-                if failure.status not in _REPEATED or job.repeats == REPEATS:
-                    self._take_failure(job, failure.status, results)
-                else:
-                    again.append(_Job(job.run, finer(job.steps), job.repeats + 1))
+                again += self._again(jobs[i], failure, results)
+                continue
+            if isinstance(settled, Collapse):
+                collapses[i], ended[i] = settled, True
+            else:
+                self._take_response(jobs[i], settled, results)
+        self._take(jobs, marched, np.flatnonzero(ended), collapses, results)
         return again
 
-    def _check(self, job: _Job, results: Rows) -> None:
-        """Integrate a run with its errors, as a single one is; with half of the step if that fails."""
-        case = self._case(job.run)
-        try:
-            steps, at_rest = job.steps, True
-            if self.settings.until_rest:
-                steps, at_rest = until_rest(case, steps)
-                steps = case.steps(steps.h, steps.count * steps.h)  # all of them are asked for now
-            response = checked_run(case, steps)
-        except FailedRun as failure:
-            if failure.status not in _REPEATED or job.repeats == REPEATS:
-                self._take_failure(job, failure.status, results)
-            else:
-                self._check(_Job(job.run, finer(job.steps), job.repeats + 1), results)
-            return
-        self._take_response(job, response, results, at_rest=int(at_rest))
+    def _checked(self, jobs: list[_Job], results: Rows) -> list[_Job]:
+        """Integrate runs with their errors, as single ones are; results are those of `_at_step`."""
+        again: list[_Job] = []
+        for job in jobs:
+            case, steps, at_rest = self._case(job.run), job.steps, True
+            try:
+                if self.settings.until_rest:
+                    steps, at_rest = until_rest(case, steps)
+                    steps = case.steps(steps.h, steps.count * steps.h)  # all of them are asked for now
+                self._take_response(job, checked_run(case, steps), results, at_rest=int(at_rest))
+            except FailedRun as failure:
+                again += self._again(job, failure, results)
+        return again
+
+    def _again(self, job: _Job, failure: FailedRun, results: Rows) -> list[_Job]:
+        """The run with half of the step; where that is of no use its row joins the results."""
+        if failure.status in _REPEATED and job.repeats < REPEATS:
+            return [_Job(job.run, finer(job.steps), job.repeats + 1)]
+        results.runs.append(self._row(job, failure.status))
+        return []
 
     def _march(self, jobs: list[_Job]) -> MarchedRuns:
-        h, starts, records = jobs[0].steps.h, self.motions.starts, self.motions.records
-        runs = [
-            Lane(starts[job.run.motion], records[job.run.motion].acceleration.size, job.run.scale, job.steps)
-            for job in jobs
-        ]
-        return self.subject.prepared.march_many(
+        h, prepared = jobs[0].steps.h, self.subject.prepared
+        return prepared.march_many(
             self.subject.integrator,
             h,
             self.motions.samples,
-            runs,
+            [self.motions.lane(job.run.motion, job.run.scale, job.steps) for job in jobs],
             collapse_drift=self.subject.model.collapse_drift,
-            rest=self._rest(h),
+            rest=windows(prepared, h) if self.settings.until_rest else None,
         )
 
-    def _rest(self, h: float) -> Rest:
-        return windows(self.subject.prepared, h) if self.settings.until_rest else Rest()
-
     def _take(
-        self, jobs: list[_Job], marched: MarchedRuns, places: NDArray[np.intp], results: Rows,
-        collapse: Collapse | None = None,
-    ) -> None:  # fmt: skip
-        """Rows of runs that came to their end: those at `places` of the arrays, jobs likewise or just these."""
-        if not places.size:
-            return
-        chosen = jobs if len(jobs) == places.size else [jobs[i] for i in places.tolist()]
-        results.runs += self._rows(chosen, marched, places, collapse)
-        if self.settings.keeps_stories:
-            for job, i in zip(chosen, places.tolist(), strict=True):
-                results.stories += story_rows(self.number, job.run, self._story_peaks(marched, i))
-
-    def _rows(
-        self, jobs: list[_Job], marched: MarchedRuns, places: NDArray[np.intp], collapse: Collapse | None
-    ) -> Iterator[RunRow]:
+        self,
+        jobs: list[_Job],
+        marched: MarchedRuns,
+        places: NDArray[np.intp],
+        collapses: Mapping[int, Collapse],
+        results: Rows,
+    ) -> None:
+        """Rows of runs that came to their end, by their places, some of them after a collapse."""
         building = self.subject.prepared.building
         demanded = demand_cells(run_totals.peaks_of(building, marched.peaks[places], marched.drifts[places]))
         errors = run_totals.energy_errors(marched.totals[places]).tolist()
         ends = marched.ends[places].astype(int)
-        for job, cells, error, end in zip(jobs, demanded, errors, ends, strict=True):
+        for i, cells, error, end in zip(places.tolist(), demanded, errors, ends, strict=True):
             cells |= {"energy_error": error, "steps": int(end[lanes.STEPS_TAKEN]), "at_rest": int(end[lanes.AT_REST])}
-            yield self._row(job, job.steps.h, "done", collapse, cells)
+            results.runs.append(self._row(jobs[i], "done", collapses.get(i), **cells))
+            if self.settings.keeps_stories:
+                peaks = run_totals.peaks_of(building, marched.peaks[i], marched.drifts[i])
+                results.stories += story_rows(self.number, jobs[i].run, peaks)
 
-    def _row(
-        self,
-        job: _Job,
-        dt: float,
-        status: str,
-        collapse: Collapse | None = None,
-        cells: Mapping[str, Any] | None = None,
-    ) -> RunRow:
+    def _row(self, job: _Job, status: str, collapse: Collapse | None = None, **cells: Any) -> RunRow:
         """The row of a run; without cells of one without a result."""
-        found = dict(cells or {})
         if collapse:
             status = collapse.status
-            found |= {"collapse_time": collapse.time, "collapse_story": collapse.story}
+            cells |= {"collapse_time": collapse.time, "collapse_story": collapse.story}
         spectral, factor = self.spectral[job.run.motion], abs(job.run.scale)
-        found["pga"] = self.motions.records[job.run.motion].pga * factor
-        found["sa_t1"] = None if spectral is None else spectral * factor
-        return RunRow(self.number, *run_key(job.run), dt, status, repeats=job.repeats, **found)
-
-    def _story_peaks(self, marched: MarchedRuns, i: int) -> StoryPeaks:
-        building = self.subject.prepared.building
-        return run_totals.peaks_of(building, marched.peaks[i], marched.drifts[i])
+        cells["pga"] = self.motions.records[job.run.motion].pga * factor
+        cells["sa_t1"] = None if spectral is None else spectral * factor
+        return RunRow(self.number, *job.run, job.steps.h, status, repeats=job.repeats, **cells)
 
     def _take_response(self, job: _Job, response: Response, results: Rows, **more: Any) -> None:
         """Rows of a run. A building that has collapsed has peaks that mean little, and no errors of them."""
@@ -295,12 +243,9 @@ class Batch:
             cells["errors"] = demand_errors(response.stories, check.errors)
         if check and check.corrected:
             cells["corrected"] = demand_values(check.corrected)
-        results.runs.append(self._row(job, response.dt, response.status, response.collapse, cells))
+        results.runs.append(self._row(job, response.status, response.collapse, **cells))
         if self.settings.keeps_stories:
             results.stories += story_rows(self.number, job.run, response.stories, check)
-
-    def _take_failure(self, job: _Job, status: str, results: Rows) -> None:
-        results.runs.append(self._row(job, job.steps.h, status))
 
 
 @dataclass(frozen=True)

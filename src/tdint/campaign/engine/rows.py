@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from itertools import repeat
 from typing import Annotated, Any, NamedTuple
 
@@ -130,6 +131,21 @@ class StoryRow(NamedTuple):
         return self.values[[one.name for one in STORY].index(name)]
 
 
+@dataclass
+class Rows:
+    """The rows of some runs; those of stories only if they are asked for."""
+
+    runs: list[RunRow] = field(default_factory=list)
+    stories: list[StoryRow] = field(default_factory=list)
+    shocks: list[ShockRow] = field(default_factory=list)
+
+    def extend(self, others: Rows) -> None:
+        """Take in other rows."""
+        self.runs += others.runs
+        self.stories += others.stories
+        self.shocks += others.shocks
+
+
 def demand_cells(stories: StoryPeaks) -> list[dict[str, Any]]:
     """Of each run, whose peaks have the shape (runs, n), the fields of `RunRow` that follow from its demands."""
     found = DemandsOfRuns(stories)
@@ -153,7 +169,7 @@ def story_rows(building: int, run: Run, stories: StoryPeaks, check: ErrorEstimat
     """The rows of the stories of a run, from the ground up."""
     told = (check.errors, check.corrected) if check else (None, None)
     cells = zip(stories.height.tolist(), *map(_by_story, (stories, *told)), strict=False)
-    return [StoryRow(building, *run_key(run), story, *row) for story, row in enumerate(cells, start=1)]
+    return [StoryRow(building, *run, story, *row) for story, row in enumerate(cells, start=1)]
 
 
 def _by_story(found: StoryValues | None) -> Iterable[tuple[float, ...]]:
@@ -163,12 +179,7 @@ def _by_story(found: StoryValues | None) -> Iterable[tuple[float, ...]]:
 def shock_rows(building: int, run: Run, shocks: Sequence[Shock]) -> list[ShockRow]:
     """The rows of the shocks of a run, in their order."""
     return [
-        ShockRow(building, *run_key(run), number, shock.start, shock.record.pga, tuple(cells.values()))
+        ShockRow(building, *run, number, shock.start, shock.record.pga, tuple(cells.values()))
         for number, shock in enumerate(shocks, start=1)
         for cells in demand_cells(shock.stories)
     ]
-
-
-def run_key(run: Run) -> tuple[int, float, int]:
-    """What tells a run from the others of its building."""
-    return run.motion, run.scale, run.sample

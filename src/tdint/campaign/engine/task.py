@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import NamedTuple, Protocol
 
-import numpy as np
-
 from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.arrays import Array
-from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
 from tdint.model.definition import Model
@@ -106,33 +101,6 @@ class Run(NamedTuple):
     motion: int
     scale: float
     sample: int = 0
-
-
-@dataclass(frozen=True)
-class Motions:
-    """Ground motions by their numbers, as compiled runs take them.
-
-    Attributes
-    ----------
-    records : mapping of int to Record
-        The motions.
-    samples : ndarray
-        The accelerations of all, one after the other, m/s^2.
-    starts : mapping of int to int
-        Where each begins in `samples`.
-    """
-
-    records: Mapping[int, Record]
-    samples: Array
-    starts: Mapping[int, int]
-
-    @classmethod
-    def of(cls, records: Mapping[int, Record]) -> Motions:
-        """Put some motions one after the other."""
-        sizes = [record.acceleration.size for record in records.values()]
-        starts = np.concatenate([[0], np.cumsum(sizes)])[:-1].astype(int).tolist()
-        samples = np.concatenate([record.acceleration for record in records.values()])
-        return cls(records, samples, dict(zip(records, starts, strict=True)))
 
 
 class BuildingRuns(NamedTuple):

@@ -115,7 +115,7 @@ def maximize(observations: Observations, start: Array) -> tuple[Array, Array] | 
         step = np.linalg.solve(-hessian, gradient)
         decrement = float(gradient @ step)
         if decrement <= _CONVERGED * max(1.0, abs(value)):  # The last step: beyond it floats show no rise.
-            return parameters + step, _inverse(-hessian)
+            return parameters + step, np.asarray(np.linalg.inv(-hessian), float)
         length = 1.0
         while not (moved := observations.logarithm(parameters + length * step)) > value:
             length *= 0.5
@@ -123,10 +123,6 @@ def maximize(observations: Observations, start: Array) -> tuple[Array, Array] | 
                 return None
         parameters, value = parameters + length * step, moved
     return None
-
-
-def _inverse(matrix: Array) -> Array:
-    return np.asarray(np.linalg.inv(matrix), float)
 
 
 def _is_flat(hessian: Array) -> bool:

@@ -23,8 +23,9 @@ from scipy.special import ndtr
 from tdint.analysis.run.outcome import StoryPeaks
 from tdint.arrays import Array
 from tdint.campaign.engine.rows import RUN, demand_cells
+from tdint.campaign.engine.task import Run
 from tdint.campaign.fragility.type_states import own_type
-from tdint.campaign.profiles import RunKey, level_ranks, motion_numbers
+from tdint.campaign.profiles import level_ranks, motion_numbers
 from tdint.campaign.store.store import Store
 from tdint.model.damage_states import FALLEN, DamageStates
 from tdint.model.definition import Model
@@ -62,7 +63,7 @@ class BuildingDamage:
         First period, s.
     states : DamageStates
         Of its type.
-    keys : list of RunKey
+    keys : list of Run
         Record, factor and draw of each run.
     rank : ndarray of int, shape (runs,)
         The place of the level among those of its motion, from 0.
@@ -82,7 +83,7 @@ class BuildingDamage:
     type: str
     period: float
     states: DamageStates
-    keys: list[RunKey]
+    keys: list[Run]
     rank: NDArray[np.intp]
     status: list[str]
     demand: Array
@@ -150,7 +151,7 @@ def damage_of_run(model: Model, stories: StoryPeaks, status: str) -> BuildingDam
     (cells,) = demand_cells(stories)
     demand, nothing = np.array([abs(cells[_MADE_OF[states.demand]])]) / own.divisor, np.array([math.nan])
     probability = probabilities(states, demand, [status])
-    keys, rank = [RunKey(0, 1.0, 0)], np.array([0])
+    keys, rank = [Run(0, 1.0, 0)], np.array([0])
     return BuildingDamage(
         0, model.name, own.type, own.period, states, keys, rank, [status], demand, probability, nothing, nothing
     )
@@ -170,7 +171,7 @@ def building_damages(store: Store) -> Iterator[BuildingDamage]:
         states, status = types[name], [run[4] for run in runs]
         values, sa, pga = (np.array([run[place] for run in runs], float) for place in (5, 6, 7))
         demand = np.abs(values) / divisor
-        keys = [RunKey(*run[1:4]) for run in runs]
+        keys = [Run(*run[1:4]) for run in runs]
         ranks = level_ranks(keys)
         yield BuildingDamage(
             number,

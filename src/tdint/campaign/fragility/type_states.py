@@ -16,18 +16,7 @@ import numpy as np
 from tdint.campaign.buildings import Buildings, RowBuilding
 from tdint.csv_table import CsvTable, no_number, number, read_table
 from tdint.errors import ModelError, UsageError
-from tdint.model.config.damage import (
-    COLLAPSE,
-    DEMAND,
-    DISPERSION,
-    LOSS,
-    THRESHOLDS,
-    ByState,
-    is_state,
-    losses_of,
-    read_losses,
-    states_of,
-)
+from tdint.model.config import damage
 from tdint.model.damage_states import CAPACITY, DEMANDS, HAZUS, HAZUS_DISPERSION, STATES, DamageStates
 from tdint.model.definition import Model, Story
 from tdint.model.inventory.capacity import UNIT_MASS, CapacityFacts
@@ -43,13 +32,14 @@ if TYPE_CHECKING:
     from tdint.campaign.inputs import Inputs
 
 _WHERE = "hazus, capacity (the rules of the capacity curves), or a CSV file with a row for each class"
+_THRESHOLDS, _LOSSES = Either((damage.THRESHOLDS, Words())), Either((damage.ByState(damage.LOSS), Words()))
 DAMAGE = Keys(
     (
-        DEMAND,
+        damage.DEMAND,
         Key("states", EntriesOf(Words(), least=1), f"names of the states, from the lightest; {', '.join(STATES)}"),
-        Key("thresholds", Either((THRESHOLDS, Words())), f"median demand of each state; or {_WHERE}", needed=True),
-        DISPERSION,
-        Key("losses", Either((ByState(LOSS), Words())), "loss ratio in each state; or a CSV file by class"),
+        Key("thresholds", _THRESHOLDS, f"median demand of each state; or {_WHERE}", needed=True),
+        damage.DISPERSION,
+        Key("losses", _LOSSES, "loss ratio in each state; or a CSV file by class"),
     )
 )
 _OF_RULES = {HAZUS: ("roof_drift_ratio", "drift_ratio"), CAPACITY: ("spectral_displacement",)}
@@ -108,7 +98,7 @@ def read_wishes(value: Value | None, rules: str | None) -> DamageWishes | None:
     losses = section.get("losses")
     demand = section.read("demand", "drift_ratio")
     if losses is None or losses.is_mapping:
-        found = states_of(section, demand or "", thresholds)
+        found = damage.states_of(section, demand or "", thresholds)
         return DamageWishes(found.demand, found.states, found) if found else None
     losses.fault("must be a mapping by state, as the thresholds are")
     return None
@@ -137,7 +127,7 @@ def _by_class(section: Section, thresholds: Value, rules: str | None) -> DamageW
         section.need("dispersion", "give 0 for thresholds that are exact")
     given = section.get("losses")
     of_all = given if given and given.is_mapping else None
-    losses = read_losses(of_all, states)
+    losses = damage.read_losses(of_all, states)
     file = given.file() if given and not of_all else None
     return (
         None
@@ -160,7 +150,7 @@ def _names(section: Section) -> tuple[str, ...] | None:
         return STATES
     names = [item.text() for item in value.items("a list of names, from the lightest") or ()]
     found = tuple(name for name in names if name)
-    if not found or len(set(found)) < len(names) or not all(map(is_state, found)):
+    if not found or len(set(found)) < len(names) or not all(map(damage.is_state, found)):
         value.fault("must be names, each its own: words of letters, digits, _ and -")
         return None
     return found
@@ -206,13 +196,13 @@ def read_class_losses(wanted: DamageWishes) -> dict[str, tuple[float, ...]]:
     assert wanted.loss_file is not None
     table = read_table(wanted.loss_file, "losses are a CSV file with the column class and one for each damage state")
     columns = {state: state for state in wanted.states}
-    if table.has(COLLAPSE):
-        columns[COLLAPSE] = COLLAPSE
+    if table.has(damage.COLLAPSE):
+        columns[damage.COLLAPSE] = damage.COLLAPSE
     rows = _of_classes(table, columns)
     for name, values in rows.items():
-        if not all(map(LOSS.allow, values.values())):
+        if not all(map(damage.LOSS.allow, values.values())):
             raise ModelError(f"{wanted.loss_file}: class {name}: a loss ratio is a number from 0 to 1")
-    return {name: losses_of(values, wanted.states) for name, values in rows.items()}
+    return {name: damage.losses_of(values, wanted.states) for name, values in rows.items()}
 
 
 def _of_classes(table: CsvTable, columns: Mapping[str, str]) -> dict[str, dict[str, float]]:

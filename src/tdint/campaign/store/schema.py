@@ -124,7 +124,7 @@ SHOCKS = RowTable(
     "shocks",
 )
 ROW_TABLES = (RUNS, STORIES, SHOCKS)
-"""In the order of the fields of `tdint.campaign.engine.batch.Rows`."""
+"""In the order of the fields of `tdint.campaign.engine.rows.Rows`."""
 
 
 TABLES = (

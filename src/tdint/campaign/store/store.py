@@ -13,22 +13,9 @@ from typing import Any, Self
 from tdint.campaign.engine.batch import Done
 from tdint.campaign.engine.rows import RunRow
 from tdint.campaign.plan import Plan
+from tdint.campaign.store import schema
 from tdint.campaign.store.connection import UntrustedStoreError, connect, connect_to_read, in_words, transaction
 from tdint.campaign.store.identity import Identity, all_differences
-from tdint.campaign.store.schema import (
-    ROW_TABLES,
-    RUNS,
-    SEAL,
-    SHOCKS,
-    STORIES,
-    TABLES,
-    VERSION,
-    check_store,
-    chunk_digest,
-    damaged_chunks,
-    run_of,
-    seal_of,
-)
 from tdint.errors import OutputError, UsageError
 from tdint.files import digest_of, is_file
 from tdint.ground_motion.measures import measure
@@ -131,12 +118,12 @@ class Store:
             The disk is full, the file is damaged, somebody else writes.
         """
         found: tuple[list[Any], ...] = (done.rows.runs, done.rows.stories, done.rows.shocks)
-        rows = [table.plain(own) for table, own in zip(ROW_TABLES, found, strict=True)]
+        rows = [table.plain(own) for table, own in zip(schema.ROW_TABLES, found, strict=True)]
         number, seconds = done.number, float(done.seconds)
         with in_words(self.name), transaction(self.connection, self.name):
-            for table, own in zip(ROW_TABLES, rows, strict=True):
+            for table, own in zip(schema.ROW_TABLES, rows, strict=True):
                 table.insert(self.connection, own, number)
-            values = (number, len(rows[0]), len(rows[1]), seconds, chunk_digest(number, seconds, *rows))
+            values = (number, len(rows[0]), len(rows[1]), seconds, schema.chunk_digest(number, seconds, *rows))
             self.connection.execute("INSERT INTO chunks VALUES(?, ?, ?, ?, ?)", values)
 
     def heal(self, identity: Identity | None = None) -> int:
@@ -153,7 +140,7 @@ class Store:
             They cannot be taken out.
         """
         with in_words(self.name):
-            bad = damaged_chunks(self.connection)
+            bad = schema.damaged_chunks(self.connection)
             if identity is not None:
                 chunks = self.connection.execute("SELECT id, runs FROM chunks")
                 bad |= {
@@ -164,14 +151,14 @@ class Store:
             if not bad:
                 return 0
             self.remove(bad)
-            if damaged_chunks(self.connection):
+            if schema.damaged_chunks(self.connection):
                 raise UntrustedStoreError(self.name, "chunks that are not as they were written cannot be taken out")
             return len(bad)
 
     def remove(self, chunks: Collection[int]) -> None:
         """Take out chunks: they are left to be done."""
         with in_words(self.name), transaction(self.connection, self.name):
-            for table, column in (*((one.name, "chunk") for one in ROW_TABLES), ("chunks", "id")):
+            for table, column in (*((one.name, "chunk") for one in schema.ROW_TABLES), ("chunks", "id")):
                 self.connection.executemany(f"DELETE FROM {table} WHERE {column} IS ?", ((one,) for one in chunks))
 
     def is_ours(self, file: Path) -> bool:
@@ -287,24 +274,25 @@ class Store:
 
     def seal(self) -> None:
         """Keep the checksum over what the campaign is, in the transaction that changes it."""
-        values = (SEAL, seal_of(self.connection))
+        values = (schema.SEAL, schema.seal_of(self.connection))
         self.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", values)
 
     def runs(self) -> Iterator[tuple[Any, ...]]:
         """All runs: the columns of `RUNS`, in the order of their key."""
-        yield from self.connection.execute(RUNS.select())
+        yield from self.connection.execute(schema.RUNS.select())
 
     def runs_of(self, chunk: int) -> list[RunRow]:
         """The runs of a chunk."""
-        return [run_of(row) for row in self.connection.execute(RUNS.select(where="WHERE chunk = ?"), (chunk,))]
+        rows = self.connection.execute(schema.RUNS.select(where="WHERE chunk = ?"), (chunk,))
+        return [schema.run_of(row) for row in rows]
 
     def stories(self) -> Iterator[tuple[Any, ...]]:
         """The stories of all runs: the columns of `STORIES`, in the order of their key."""
-        yield from self.connection.execute(STORIES.select())
+        yield from self.connection.execute(schema.STORIES.select())
 
     def shocks(self) -> Iterator[tuple[Any, ...]]:
         """The shocks of all runs of several: the columns of `SHOCKS`, in the order of their key."""
-        yield from self.connection.execute(SHOCKS.select())
+        yield from self.connection.execute(schema.SHOCKS.select())
 
     def buildings(self) -> Mapping[int, tuple[str, str]]:
         """Name and method of each building by its number."""
@@ -351,7 +339,7 @@ def open_or_begin(file: Path | None, identity: Identity, *, log: bool = True) ->
                 _create(store, identity)
                 store.tell(identity)
                 return store, []
-            check_store(store.connection, name)
+            schema.check_store(store.connection, name)
         remarks = check_same(store, identity)
         if healed := store.heal(identity):
             remarks.append(f"{name}: {healed} chunks of runs are not as they were written; they are done again")
@@ -397,7 +385,7 @@ def _checked(store: Store) -> bool:
         with in_words(store.name):
             begun = not is_empty(store)
             if begun:
-                check_store(store.connection, store.name)
+                schema.check_store(store.connection, store.name)
     except BaseException:
         store.connection.close()
         raise
@@ -407,7 +395,7 @@ def _checked(store: Store) -> bool:
 def check_chunks(store: Store) -> None:
     """Raise OutputError if runs of a store are not as they were written."""
     with in_words(store.name):
-        bad = damaged_chunks(store.connection)
+        bad = schema.damaged_chunks(store.connection)
     if bad:
         raise OutputError(
             f"{store.name}: {len(bad)} chunks of runs are not as they were written; call `tdint campaign FILE -o "
@@ -485,13 +473,13 @@ def is_empty(store: Store) -> bool:
 def _create(store: Store, identity: Identity) -> None:
     """Make the tables and say in them what the runs are, all or nothing."""
     about = {
-        "schema": VERSION, "version": __version__, "name": identity.name, "fingerprint": identity.fingerprint,
+        "schema": schema.VERSION, "version": __version__, "name": identity.name, "fingerprint": identity.fingerprint,
         "runs": str(identity.runs), "chunks": str(identity.chunks),
     } | {f"{_SETTING}{name}": value for name, value in identity.settings.items()}  # fmt: skip
     if any(varied := [dict(one.varied) for one in identity.buildings]):
         about["varied"] = json.dumps(varied)
     with transaction(store.connection, store.name):
-        for statement in TABLES:
+        for statement in schema.TABLES:
             store.connection.execute(statement)
         store.connection.executemany("INSERT INTO meta VALUES(?, ?)", about.items())
         store.connection.executemany(

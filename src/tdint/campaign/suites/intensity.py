@@ -147,6 +147,19 @@ def sa_average(period: float, damping: float = SA_DAMPING, multiples: Grid = AVE
     return SpectralIntensity(f"sa-avg({period:.6g})", periods, damping)
 
 
+SPECTRAL: dict[str, Callable[[float, float], IntensityMeasure]] = {"sa": sa, "sa-avg": sa_average}
+"""Measures that have a period."""
+
+MEASURES = ("pga", *_OF_MOTION, *SPECTRAL)
+
+
+def measure_at(name: str, damping: float, period: float) -> IntensityMeasure:
+    """The measure of a name of `MEASURES`, at a period (s) if it has one."""
+    if name in SPECTRAL:
+        return SPECTRAL[name](period, damping)
+    return pga() if name == "pga" else MotionIntensity(name)
+
+
 def measure_of(name: str, damping: float = SA_DAMPING) -> IntensityMeasure:
     """The measure of a name as tables have it: `pga`, `pgv`, `arias`, `cav`, `sa(1.0)`, `sa-avg(1.0)`, periods in s.
 
@@ -156,13 +169,12 @@ def measure_of(name: str, damping: float = SA_DAMPING) -> IntensityMeasure:
         There is none of that name, or no factor brings a motion to a level of it.
     """
     kind, _, period = name.strip().removesuffix(")").partition("(")
-    spectral: dict[str, Callable[..., IntensityMeasure]] = {"sa": sa, "sa-avg": sa_average}
     if kind in WITHOUT_LEVELS:
         raise UsageError(f"{name}: {WITHOUT_LEVELS[kind]}; nothing can be scaled to it")
-    if kind in ("pga", *_OF_MOTION) and not period:
-        return pga() if kind == "pga" else MotionIntensity(kind)
+    if kind in MEASURES and kind not in SPECTRAL and not period:
+        return measure_at(kind, damping, 1.0)
     try:
-        return spectral[kind](float(period), damping)
+        return SPECTRAL[kind](float(period), damping)
     except (KeyError, ValueError):
         raise UsageError(
             f"unknown measure {name!r:.60}; known: pga, pgv, arias, cav, sa(T), sa-avg(T) with T in s"

@@ -8,6 +8,7 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -93,17 +94,8 @@ def design_spectrum(text: str) -> DesignSpectrum | None:
         raise UsageError(f"{text[:60]!r}: {error}") from None
 
 
-def _asce7(given: Texts) -> DesignSpectrum:
-    """The two-period design spectrum (ASCE 7-10, 7-16, 11.4)."""
-    return _two_period(given, 1.0)
-
-
-def _mcer(given: Texts) -> DesignSpectrum:
-    """One and a half times the design spectrum."""
-    return _two_period(given, _MCER)
-
-
-def _two_period(given: Texts, factor: float) -> DesignSpectrum:
+def _two_period(given: Texts, factor: float = 1.0) -> DesignSpectrum:
+    """The two-period design spectrum (ASCE 7-10, 7-16, 11.4), times a factor."""
     sds, sd1, tl = (parse_positive(key, given[key]) for key in ("sds", "sd1", "tl"))
     ts = sd1 / sds
     if not ts < tl:
@@ -145,8 +137,8 @@ def _ec8(given: Texts) -> DesignSpectrum:
 
 _TWO_PERIOD = {"sds": True, "sd1": True, "tl": True}
 CODES: Mapping[str, tuple[Callable[[Texts], DesignSpectrum], Mapping[str, bool]]] = {
-    "asce7": (_asce7, _TWO_PERIOD),
-    "mcer": (_mcer, _TWO_PERIOD),
+    "asce7": (_two_period, _TWO_PERIOD),
+    "mcer": (partial(_two_period, factor=_MCER), _TWO_PERIOD),
     "ec8": (
         _ec8,
         {"type": True, "soil": True, "ag": True, "damping": False, "s": False, "tb": False, "tc": False, "td": False},

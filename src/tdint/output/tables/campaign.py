@@ -309,7 +309,7 @@ def run_floor_table(store: Store, found: Sequence[RunFloors]) -> Table:
     buildings, records = store.buildings(), store.records()
     rows: list[tuple[Cell, ...]] = []
     for one in found:
-        name, component, _ = records[one.run.record]
+        name, component, _ = records[one.run.motion]
         head = (buildings[one.building][0], name, component, one.run.scale, *((one.run.sample,) if drawn else ()))
         rows += [(*head, of.floor, *row) for of in one.spectra for row in rows_of(SPECTRUM, of.spectrum)]
     return Table.of(columns, rows)

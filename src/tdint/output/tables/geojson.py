@@ -19,7 +19,8 @@ from tdint.output.tables.table import names
 from tdint.output_units import SI, OutputUnits
 
 if TYPE_CHECKING:
-    from tdint.campaign.profiles import RunKey, SuiteLevel
+    from tdint.campaign.engine.task import Run
+    from tdint.campaign.profiles import SuiteLevel
     from tdint.campaign.store.store import Store
 
 _SHOWN = ("peak_drift_ratio", "residual_drift_ratio", "peak_acceleration")
@@ -54,7 +55,8 @@ def is_mapped(store: Store) -> bool:
 
 
 def _features(store: Store, units: OutputUnits) -> Iterator[Feature]:
-    from tdint.campaign.profiles import RunKey, SuiteRules
+    from tdint.campaign.engine.task import Run
+    from tdint.campaign.profiles import SuiteRules
 
     titles = [title.lower() for title in store.inventory_columns()]
     longitude, latitude = titles.index("longitude"), titles.index("latitude")
@@ -62,7 +64,7 @@ def _features(store: Store, units: OutputUnits) -> Iterator[Feature]:
     buildings, damages = store.buildings(), building_damages(store)
     for number, rows in groupby(store.runs(), key=lambda row: row[0]):
         damage = next(damages, None)
-        runs = {RunKey(*row[1:4]): row for row in rows}
+        runs = {Run(*row[1:4]): row for row in rows}
         cells = store.carried(number)
         geometry = _point(cells[longitude], cells[latitude])
         for event in sorted({key.sample for key in runs}) if events else (0,):
@@ -90,7 +92,7 @@ def _of_level(level: SuiteLevel) -> Feature:
     return {**known, "runs": runs, "collapsed": level.collapsed, "failed": level.failed}
 
 
-def _demands(level: SuiteLevel, runs: Mapping[RunKey, Sequence[Any]], units: OutputUnits) -> Feature:
+def _demands(level: SuiteLevel, runs: Mapping[Run, Sequence[Any]], units: OutputUnits) -> Feature:
     """Mean and largest of each demand; None without a motion, or without the demand (no heights, no ratio)."""
     found: Feature = {}
     for one, place in zip(_DEMANDS, _PLACES, strict=True):
