@@ -16,7 +16,8 @@ from tdint.campaign.suites.target import TargetSpectrum, read_target
 from tdint.errors import ModelError, RecordError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.messages import quiet_import
-from tdint.ground_motion.reading.suites import RecordChoice, read_components, read_pairs
+from tdint.ground_motion.processing import RecordChoice
+from tdint.ground_motion.reading.suites import read_components, read_pairs
 from tdint.ground_motion.record import Record
 from tdint.written_numbers import Grid
 

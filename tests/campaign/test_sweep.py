@@ -20,7 +20,7 @@ from tdint.campaign.sensitivity import one_at_a_time, rank_correlations, swings
 from tdint.campaign.store.store import open_store
 from tdint.campaign.sweep import Distribution, ParameterSweep
 from tdint.errors import ModelError, UsageError
-from tdint.ground_motion.reading.suites import RecordChoice
+from tdint.ground_motion.processing import RecordChoice
 from tdint.output.tables.campaign import write_runs
 
 STORY = {

@@ -191,7 +191,7 @@ class TestModelFile:
     MODEL = "stories: [{mass: 1, stiffness: 1}]\nexcitation: {record: {file: r.txt, %s}}\n"
 
     def layout(self, entries):
-        return load_model(io.StringIO(self.MODEL % entries)).excitation.record.layout
+        return load_model(io.StringIO(self.MODEL % entries)).excitation.record.choice.layout
 
     def test_keys(self):
         assert self.layout("step: 0.01, column: Sensor B, skip_lines: 3") == TextLayout(0.01, ("Sensor B",), 3)

@@ -11,7 +11,7 @@ import pytest
 
 import tdint
 from tdint.errors import ModelError
-from tdint.ground_motion.processing import Processing
+from tdint.ground_motion.processing import Processing, RecordChoice
 from tdint.model.config.model_file import load_model
 from tdint.model.definition import (
     Analysis,
@@ -89,10 +89,9 @@ def test_every_feature_in_si(tmp_path: Path) -> None:
     assert fourth.height == pytest.approx(3.5)
     assert model.damping == RayleighRatio((0.02, 0.05), (1, 3))
     assert model.p_delta is True
-    assert model.excitation.record == RecordSource(
-        str(tmp_path.parent / "records/x.mseed"), "cm/s^2", "HNE", -1.5, str(tmp_path / "station.xml"),
-        Processing((None, 30.0), "linear", (5.0, 5.0), 0.1, 25.0, 3, 0.005),
-    )  # fmt: skip
+    processing = Processing((None, 30.0), "linear", (5.0, 5.0), 0.1, 25.0, 3, 0.005)
+    choice = RecordChoice("cm/s^2", "HNE", str(tmp_path / "station.xml"), processing)
+    assert model.excitation.record == RecordSource(str(tmp_path.parent / "records/x.mseed"), choice, -1.5)
     assert model.excitation.forces == (Force(1, 5e5, 0.0, 25.0), Force(4, 0.0, -2e3, 0.5))
     assert model.initial.displacement == pytest.approx((0.001, 0.0, 0.0, -0.02))
     assert model.initial.velocity == pytest.approx((0.0, 0.01, 0.0, 0.0))
@@ -201,7 +200,7 @@ def test_record_file(record: str, file: str, tmp_path: Path, monkeypatch: pytest
     monkeypatch.chdir(tmp_path)
     (tmp_path / "folder").mkdir()
     Path("folder/model.yaml").write_text(f"stories: [{{mass: 1, stiffness: 1}}]\nexcitation: {{record: {record}}}")
-    expected = RecordSource(file, None, None, 1.0, None)
+    expected = RecordSource(file)
     assert load_model("folder/model.yaml").excitation.record == expected
     with Path("folder/model.yaml").open() as stream:
         model = load_model(stream)
@@ -213,7 +212,7 @@ def test_record_file(record: str, file: str, tmp_path: Path, monkeypatch: pytest
 def test_words_stay_text() -> None:
     model = one_story("name: 012\nexcitation: {record: {file: no, component: 1e5}}")
     assert model.name == "012"
-    assert model.excitation.record == RecordSource("no", None, "1e5", 1.0, None)
+    assert model.excitation.record == RecordSource("no", RecordChoice(component="1e5"))
 
 
 def test_aliases() -> None:
@@ -242,7 +241,7 @@ def test_standard_input(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(data), encoding="ascii"))
     model = load_model("-")
     assert (model.source, model.name, model.text) == ("-", "model", data)
-    assert model.excitation.record == RecordSource("r.mseed", None, None, 1.0, None)
+    assert model.excitation.record == RecordSource("r.mseed")
 
 
 def test_standard_input_without_bytes(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -57,33 +57,21 @@ def _motion(request: BuildingRequest, model: Model) -> RecordSource | None:
     from tdint.model.definition import RecordSource
 
     if request.record is not None:
-        scale = request.scale[0] if request.scale else 1.0
-        return RecordSource(
-            file=request.record,
-            units=request.units,
-            component=request.component,
-            scale=scale,
-            inventory=request.inventory,
-            processing=request.processing,
-            layout=request.layout,
-        )
+        return RecordSource(request.record, request.choice, request.scale[0] if request.scale else 1.0)
     source = model.excitation.record
     given: dict[str, Any] = {
         name: value for name in ("units", "component", "inventory") if (value := getattr(request, name)) is not None
     }
-    if request.scale:
-        given["scale"] = request.scale[0]
     if source is None:
-        if given or request.layout or request.processing:
-            name = f"--{next(iter(given))}" if given else "the layout of a table" if request.layout else "processing"
+        options = [*given, *["scale"] * bool(request.scale)]
+        if options or request.layout or request.processing:
+            name = f"--{options[0]}" if options else "the layout of a table" if request.layout else "processing"
             raise UsageError(f"{name} needs a record, the model has none: add --record FILE")
         return None
+    choice = source.choice
     if "units" in given or "inventory" in given:
         # Each of the two excludes the other: who names one on the command line does without the model's other one.
-        source = replace(source, units=None, inventory=None)
-    return replace(
-        source,
-        **given,
-        processing=request.processing.over(source.processing),
-        layout=request.layout.over(source.layout),
-    )
+        choice = replace(choice, units=None, inventory=None)
+    processing, layout = request.processing.over(choice.processing), request.layout.over(choice.layout)
+    choice = replace(choice, **given, processing=processing, layout=layout)
+    return RecordSource(source.file, choice, request.scale[0] if request.scale else source.scale)

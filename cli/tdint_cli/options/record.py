@@ -14,8 +14,7 @@ from tdint_cli.options import headings
 from tdint_cli.options.values import FileName, Name, Nonzero, Number
 
 if TYPE_CHECKING:
-    from tdint.ground_motion.processing import Processing
-    from tdint.ground_motion.reading.suites import RecordChoice
+    from tdint.ground_motion.processing import Processing, RecordChoice
     from tdint.ground_motion.record import Record
     from tdint.ground_motion.text_layout import TextLayout
 
@@ -37,7 +36,7 @@ class RecordRequest:
     @property
     def choice(self) -> RecordChoice:
         """The same for a suite of motions."""
-        from tdint.ground_motion.reading.suites import RecordChoice
+        from tdint.ground_motion.processing import RecordChoice
 
         return RecordChoice(self.units, self.component, self.inventory, self.processing, self.layout)
 
@@ -49,12 +48,7 @@ class RecordRequest:
         RecordError
             The file cannot be read, or changed as asked for.
         """
-        from tdint.ground_motion.reading.read import read_records
-
-        found = read_records(
-            file, units=self.units, component=self.component, inventory=self.inventory, layout=self.layout
-        )
-        return [self.processing.apply(record) for record in found]
+        return self.choice.read(file)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -16,7 +16,8 @@ from tdint_cli.terminal.streams import note, warn
 
 if TYPE_CHECKING:
     from tdint.campaign.suites.intensity import IntensityMeasure
-    from tdint.ground_motion.reading.suites import RecordChoice, Suite
+    from tdint.ground_motion.processing import RecordChoice
+    from tdint.ground_motion.reading.suites import Suite
     from tdint.written_numbers import Grid
 
 Function = TypeVar("Function", bound=Callable[..., Any])

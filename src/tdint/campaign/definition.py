@@ -9,7 +9,7 @@ from tdint.campaign.fragility.type_states import DamageWishes
 from tdint.campaign.levels import MeasureLevels, Scales
 from tdint.campaign.sweep import ParameterSweep
 from tdint.ground_motion.pairing import PairNames
-from tdint.ground_motion.reading.suites import RecordChoice
+from tdint.ground_motion.processing import RecordChoice
 
 
 @dataclass(frozen=True)

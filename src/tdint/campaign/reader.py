@@ -15,7 +15,7 @@ from tdint.campaign.suites.motion_reader import MOTIONS, SEED, read_motions
 from tdint.campaign.sweep import Varied, read_sweep
 from tdint.campaign.sweep import positive as _positive
 from tdint.errors import UsageError
-from tdint.ground_motion.reading.suites import RecordChoice
+from tdint.ground_motion.processing import RecordChoice
 from tdint.methods.catalogue import parse as parse_method
 from tdint.model.inventory.derive import CAPACITY, RULES
 from tdint.model.keys.document import read_document

@@ -21,7 +21,8 @@ from tdint.campaign.levels import Scales
 from tdint.campaign.plan import Plan, make_plan
 from tdint.campaign.store.store import Store, open_store
 from tdint.errors import UsageError
-from tdint.ground_motion.reading.suites import RecordChoice, suite_motions
+from tdint.ground_motion.processing import RecordChoice
+from tdint.ground_motion.reading.suites import suite_motions
 from tdint.methods.catalogue import parse
 from tdint.model.config.model_file import model_of
 from tdint.model.definition import Model

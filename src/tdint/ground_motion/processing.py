@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Any
 
 from tdint.errors import UsageError
+from tdint.ground_motion.text_layout import AS_STATED, TextLayout
 
 if TYPE_CHECKING:
     from tdint.ground_motion.record import Record
@@ -91,6 +92,35 @@ class Processing:
         if self.resample is not None:
             record = steps.resample(record, self.resample)
         return record
+
+
+@dataclass(frozen=True)
+class RecordChoice:
+    """What is taken of a file, as for `tdint.read_record`, and what is done to it."""
+
+    units: str | None = None
+    component: str | None = None
+    inventory: str | None = None
+    processing: Processing = field(default_factory=Processing)
+    layout: TextLayout = AS_STATED
+
+    @property
+    def reading(self) -> dict[str, Any]:
+        """What `tdint.read_record` is told."""
+        wanted = {"units": self.units, "component": self.component, "inventory": self.inventory}
+        return {**wanted, "layout": self.layout}
+
+    def read(self, file: str) -> list[Record]:
+        """The components of a file.
+
+        Raises
+        ------
+        RecordError
+            The file cannot be read, or changed as asked for.
+        """
+        from tdint.ground_motion.reading.read import read_records
+
+        return [self.processing.apply(record) for record in read_records(file, **self.reading)]
 
 
 def process(

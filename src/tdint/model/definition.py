@@ -12,8 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from tdint.errors import UsageError, did_you_mean
-from tdint.ground_motion.processing import Processing
-from tdint.ground_motion.text_layout import AS_STATED, TextLayout
+from tdint.ground_motion.processing import RecordChoice
 from tdint.model.damage_states import DamageStates
 from tdint.model.laws import LAWS, LINEAR, Law
 from tdint.output_units import SI, OutputUnits
@@ -142,27 +141,16 @@ class RecordSource:
     ----------
     file : str
         Path, already resolved against the folder of the model file; `-` is standard input.
-    units : str or None
-        As `tdint.units.parse_units` understands them; None leaves it to the record.
-    component : str or None
-        The component to use; None where the record has only one.
+    choice : RecordChoice
+        What is taken of it, and what is done to that before it is scaled; the path of the station metadata is resolved
+        like `file`.
     scale : float
         Factor on the acceleration, not zero.
-    inventory : str or None
-        Path of the station metadata, resolved like `file`.
-    processing : Processing
-        What is done to the record, before it is scaled.
-    layout : TextLayout
-        What a text table does not tell itself.
     """
 
     file: str
-    units: str | None
-    component: str | None
-    scale: float
-    inventory: str | None
-    processing: Processing = field(default_factory=Processing)
-    layout: TextLayout = AS_STATED
+    choice: RecordChoice = field(default_factory=RecordChoice)
+    scale: float = 1.0
 
 
 @dataclass(frozen=True)

@@ -138,12 +138,5 @@ def model_record(model: Model) -> Record | None:
     source = model.excitation.record
     if source is None:
         return None
-    record = read_record(
-        source.file,
-        units=source.units,
-        component=source.component,
-        inventory=source.inventory,
-        layout=source.layout,
-    )
-    record = source.processing.apply(record)
+    record = source.choice.processing.apply(read_record(source.file, **source.choice.reading))
     return record.scaled(source.scale) if source.scale != 1.0 else record

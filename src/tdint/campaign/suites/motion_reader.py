@@ -5,8 +5,8 @@ from __future__ import annotations
 from tdint.campaign.definition import FieldFile, GridFile, RecordFiles, SequenceFile
 from tdint.campaign.draws import COORDINATES
 from tdint.ground_motion.pairing import USUAL, PairNames
-from tdint.ground_motion.reading.suites import RecordChoice
-from tdint.model.config.excitation import LAYOUT, PROCESSING, read_layout, read_processing
+from tdint.ground_motion.processing import RecordChoice
+from tdint.model.config.excitation import LAYOUT, PROCESSING, read_choice
 from tdint.model.config.units import read_sample_units
 from tdint.model.keys.fields import Section, Value
 from tdint.model.keys.kinds import Bounds, Choice, Either, EntriesOf, Flag, Key, Keys, Whole, Words
@@ -60,22 +60,19 @@ def read_motions(value: Value) -> RecordFiles | SequenceFile | GridFile | FieldF
     section = value.section()
     if section is None:
         return None
-    units = section.get("units")
-    text = read_sample_units(units)
     if section.has("grid"):
         others = (*_FILE_KEYS, *_SEQUENCE_KEYS, *_FIELD_KEYS)
         section.refuse(others, "belongs to `files`, `sequences` or `fields`, not to a `grid`")
         section.need("units", "give the units of the grid's motions, such as g or m/s^2")
-        return _grid(section, text)
+        return _grid(section, read_sample_units(section.get("units")))
     section.refuse(_GRID_KEYS, "belongs to a `grid`")
     if section.has("fields"):
         section.refuse(("files", *_SEQUENCE_KEYS), "has no part in `fields`")
-        return _fields(section, text)
+        return _fields(section)
     section.refuse(("sites", "distance"), "belongs to `fields`" + " or a `grid`" * section.has("distance"))
     if section.has("sequences"):
         section.refuse(("files", "pairs"), "has no part in `sequences`")
-        shocks = section.file("sequences")
-        choice = _choice(section, text)
+        shocks, choice = section.file("sequences"), _choice(section)
         return SequenceFile(shocks, choice, section.number_or_none("rest")) if shocks else None
     section.refuse(("rest",), "belongs to `sequences`")
     files = section.need("files", "give a list of files and folders, or a `grid` in its place")
@@ -84,8 +81,7 @@ def read_motions(value: Value) -> RecordFiles | SequenceFile | GridFile | FieldF
     both = _pair_names(pairs) if pairs else None
     if both and component:
         component.fault("pairs have both horizontal components; leave one of the two out")
-    choice = _choice(section, text)
-    return RecordFiles(tuple(file for item in items or () if (file := item.file())), choice, both)
+    return RecordFiles(tuple(file for item in items or () if (file := item.file())), _choice(section), both)
 
 
 def _pair_names(value: Value) -> PairNames | None:
@@ -95,28 +91,22 @@ def _pair_names(value: Value) -> PairNames | None:
     return USUAL if value.boolean() else None
 
 
-def _choice(section: Section, units: str | None) -> RecordChoice:
+def _choice(section: Section) -> RecordChoice:
     """What is taken of each file, and what is done to it."""
-    inventory, given = section.file("inventory"), section.get("units")
-    if given and inventory:
+    choice, given = read_choice(section, stdin=False), section.get("units")
+    if given and choice.inventory:
         given.fault("an inventory gives the units; leave one of the two out")
-    return RecordChoice(
-        units=units,
-        component=section.text("component"),
-        inventory=inventory,
-        processing=read_processing(section),
-        layout=read_layout(section),
-    )
+    return choice
 
 
-def _fields(section: Section, units: str | None) -> FieldFile | None:
+def _fields(section: Section) -> FieldFile | None:
     file, sites, pairs = section.file("fields"), section.file("sites"), section.get("pairs")
     both, component = pairs.boolean() if pairs else False, section.get("component")
     if both and component:
         component.fault("pairs have both horizontal components; leave one of the two out")
     if section.has("distance") and not sites:
         section.refuse(("distance",), "has nothing to act on without `sites`")
-    choice, distance = _choice(section, units), section.read("distance", "km")
+    choice, distance = _choice(section), section.read("distance", "km")
     return FieldFile(file, choice, both, sites, distance) if file else None
 
 

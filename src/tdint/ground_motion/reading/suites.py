@@ -3,29 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from tdint.errors import RecordError
 from tdint.ground_motion.horizontals import Horizontals, find_horizontals, is_vertical
 from tdint.ground_motion.pairing import USUAL, PairNames, files_of_motions, told_once, with_component
-from tdint.ground_motion.processing import Processing
-from tdint.ground_motion.reading.read import read_records
+from tdint.ground_motion.processing import RecordChoice
 from tdint.ground_motion.record import Record, component_names
-from tdint.ground_motion.text_layout import AS_STATED, TextLayout
 
 GroundMotion = Record | Horizontals
 """One component, or a pair of horizontal ones."""
-
-
-@dataclass(frozen=True)
-class RecordChoice:
-    """What is taken of each file, and what is done to it: as for `tdint.read_record`."""
-
-    units: str | None = None
-    component: str | None = None
-    inventory: str | None = None
-    processing: Processing = field(default_factory=Processing)
-    layout: TextLayout = AS_STATED
 
 
 @dataclass(frozen=True)
@@ -68,7 +55,7 @@ def read_components(files: Sequence[str], choice: RecordChoice | None = None) ->
     notes: list[str] = []
     for file in files:
         try:
-            found = _read(file, choice)
+            found = choice.read(file)
         except RecordError as error:
             failures.append(error)
             continue
@@ -97,7 +84,7 @@ def read_pairs(files: Sequence[str], choice: RecordChoice | None = None, names: 
     notes = [f"left out, named neither {names.first} nor {names.second}: {', '.join(others)}"] if others else []
     for group in groups:
         try:
-            found = [with_component(record) for file in group for record in _read(file, choice)]
+            found = [with_component(record) for file in group for record in choice.read(file)]
             pair: Horizontals = find_horizontals(found)
         except RecordError as error:
             failures.append(error)
@@ -105,13 +92,6 @@ def read_pairs(files: Sequence[str], choice: RecordChoice | None = None, names: 
         notes += [f"{pair.source}: {note}" for note in pair.notes]
         pairs.append(pair)
     return Suite(tuple(pairs), tuple(told_once(failures)), tuple(notes))
-
-
-def _read(file: str, choice: RecordChoice) -> list[Record]:
-    found = read_records(
-        file, units=choice.units, component=choice.component, inventory=choice.inventory, layout=choice.layout
-    )
-    return [choice.processing.apply(record) for record in found]
 
 
 @dataclass(frozen=True)

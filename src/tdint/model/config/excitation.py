@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 
 from tdint.errors import UsageError
-from tdint.ground_motion.processing import BASELINES, MOST_CORNERS, Processing, parse_pad, parse_trim
+from tdint.ground_motion.processing import BASELINES, MOST_CORNERS, Processing, RecordChoice, parse_pad, parse_trim
 from tdint.ground_motion.text_layout import AS_STATED, MOST_LINES, TextLayout
 from tdint.model.config.units import ModelUnits, read_sample_units
 from tdint.model.definition import MAX_STORIES, Excitation, Force, RecordSource
@@ -57,6 +57,17 @@ def read_layout(section: Section) -> TextLayout:
     return TextLayout(step, (column,) if column else (), lines)
 
 
+def read_choice(section: Section, *, stdin: bool) -> RecordChoice:
+    """What the entries of a section say of a file of records; its station metadata may come from standard input."""
+    return RecordChoice(
+        units=read_sample_units(section.get("units")),
+        component=section.text("component"),
+        inventory=section.file("inventory", stdin=stdin),
+        processing=read_processing(section),
+        layout=read_layout(section),
+    )
+
+
 _RECORD = Keys(
     (
         Key("file", Words(), "the record's file, relative to the model file", needed=True),
@@ -100,20 +111,12 @@ def read_excitation(value: Value | None, unit: ModelUnits, count: int | None) ->
 def _read_record(value: Value) -> RecordSource | None:
     if not value.is_list and not value.is_mapping:
         file = value.file(stdin=True)
-        return RecordSource(file, None, None, 1.0, None) if file else None
+        return RecordSource(file) if file else None
     section = value.section(_RECORD, "a file or a mapping with the key file")
     if section is None:
         return None
     section.need("file", "give the record's file")
-    return RecordSource(
-        file=section.file("file", stdin=True) or "",
-        units=read_sample_units(section.get("units")),
-        component=section.text("component"),
-        scale=_read_scale(section),
-        inventory=section.file("inventory", stdin=True),
-        processing=read_processing(section),
-        layout=read_layout(section),
-    )
+    return RecordSource(section.file("file", stdin=True) or "", read_choice(section, stdin=True), _read_scale(section))
 
 
 def _read_scale(section: Section) -> float:
