@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from tdint.analysis.chart.work_precision import chart as chart
     from tdint.analysis.comparison.compare import compare as compare
     from tdint.analysis.run.compilation import compile_model
+    from tdint.analysis.run.overview import modes as modes
     from tdint.analysis.run.overview import overview
     from tdint.analysis.run.run import prepare as prepare
     from tdint.analysis.run.run import run as run
@@ -81,7 +82,6 @@ if TYPE_CHECKING:
     from tdint.methods.catalogue import list_methods
     from tdint.methods.catalogue import load_plugin as load_plugin
     from tdint.methods.catalogue import register_method as register_method
-    from tdint.model.building import modes as modes
     from tdint.model.config.model_file import load_model as load_model
     from tdint.model.first_model import first_model
     from tdint.model.inventory.derive import inventory as inventory
@@ -126,7 +126,7 @@ _HOMES = {
     "load_plugin": "tdint.methods.catalogue",
     "make_record": "tdint.ground_motion.reading.read",
     "methods": "tdint.methods.catalogue:list_methods",
-    "modes": "tdint.model.building",
+    "modes": "tdint.analysis.run.overview",
     "order": "tdint.analysis.assessment.order",
     "overshoot": "tdint.analysis.assessment.overshoot",
     "plot": "tdint.output.plotting",

@@ -130,7 +130,7 @@ def test_kernels_compiled_ahead_for_several_processors(small, monkeypatch):
         (folder / files[0].parent.name / names[0]).unlink()
     obtain([(scaled, EVERYTHING)])  # the object for other processors does as well
     assert scaled.compiled(np.array([1.0, 3.0]), 4.0) == 24.0
-    assert not store.is_in(folder, scaled.name, EVERYTHING.text, native())
+    assert not store.has(scaled.name, EVERYTHING.text, native(), folder)
     with pytest.raises(OutputError, match="cannot be written"):
         compile_ahead(wanted, ["native"], small / "small.py", done.append)
 
@@ -175,8 +175,8 @@ def test_a_damaged_object_is_not_loaded(tmp_path, monkeypatch, harm):
     target = Target("some", "")
     data = packed("a:b", target)
     path = store.keep(data, "a:b", "all", target)
-    assert store.find("a:b", "all", (Target("none", ""), target)) == (b"machine code", "b")
-    assert store.find("a:b", "linear", (target,)) is None
+    assert store.look_up("a:b", "all", (Target("none", ""), target))[1:] == (b"machine code", "b")
+    assert store.look_up("a:b", "linear", (target,)) is None
     match harm:
         case "cut off":
             path.write_bytes(data[:-1])
@@ -203,10 +203,10 @@ def test_a_damaged_object_is_not_loaded(tmp_path, monkeypatch, harm):
             path.write_bytes(data.replace(b'"symbol": "b"', b'"symbol": "c"'))
         case _:  # a sound object of something else under this one's name
             path.write_bytes(packed("a:b", target, **{harm: "other"}))
-    assert store.find("a:b", "all", (target,)) is None
+    assert store.look_up("a:b", "all", (target,)) is None
     if harm not in ("a folder", "a pipe"):
         store.keep(data, "a:b", "all", target)
-        assert store.find("a:b", "all", (target,)) == (b"machine code", "b")
+        assert store.look_up("a:b", "all", (target,))[1:] == (b"machine code", "b")
 
 
 def test_a_folder_that_cannot_be_written_costs_only_time(small):
@@ -231,7 +231,7 @@ def test_what_is_long_unused_is_removed(tmp_path, monkeypatch):
     files = [store.keep(data, name, "all", target) for name in ("a:used", "a:unused")]
     for old in (versions, other, *files):
         os.utime(old, (0, 0))
-    assert store.find("a:used", "all", (target,))
+    assert store.look_up("a:used", "all", (target,))
     current = store.keep(data, "a:new", "all", target)
     assert current.parent == tmp_path / store.folder_name()
     assert other.exists()
@@ -321,7 +321,7 @@ def test_objects_that_came_with_the_package_serve_last(tmp_path, monkeypatch):
     prebuilt.parent.mkdir(parents=True)
     prebuilt.write_bytes(packed("a:b", target))
     assert store.look_up("a:b", "all", (target,))[0] == prebuilt
-    assert not store.is_kept("a:b", "all", target)
+    assert not store.has("a:b", "all", target)
     kept = store.keep(packed("a:b", target), "a:b", "all", target)
     assert store.look_up("a:b", "all", (target,))[0] == kept
 

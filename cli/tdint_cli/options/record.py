@@ -48,7 +48,9 @@ class RecordRequest:
         RecordError
             The file cannot be read, or changed as asked for.
         """
-        return self.choice.read(file)
+        from tdint.ground_motion.reading.suites import read_chosen
+
+        return read_chosen(file, self.choice)
 
 
 @dataclasses.dataclass(frozen=True)

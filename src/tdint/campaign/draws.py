@@ -9,7 +9,7 @@ import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -157,15 +157,6 @@ class GridDraws:
     samples: int
     seed: int
     distance: str = "km"
-
-    @classmethod
-    def of(
-        cls, rows: Sequence[InventoryRow], grid: GridMotions, neighbors: int, samples: int, seed: int, distance: str
-    ) -> Self:
-        """Draws among the points of a grid for the buildings of an inventory, all of which have a place."""
-        ids = [row.id for row in rows]
-        here, there = (coordinates(places, distance) for places in (places_of(rows), grid.places))
-        return cls(ids, here, there, grid.motions, neighbors, samples, seed, distance)
 
     def draws(self, building: int) -> Sequence[Draw]:
         """Points by their weights, with replacement; then one of the point's ground motions, each as likely."""

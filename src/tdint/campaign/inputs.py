@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from tdint.campaign import draws
 from tdint.campaign.definition import (
     AnalysisWishes,
     CampaignFile,
@@ -22,7 +23,7 @@ from tdint.campaign.definition import (
     SequenceFile,
 )
 from tdint.campaign.draws import Assignment, FieldDraws, FieldMotions, FoundMotions, GridDraws, GridMotions
-from tdint.campaign.fragility.type_states import read_class_losses, read_class_states
+from tdint.campaign.fragility.type_states import ClassDamage, read_class_damage
 from tdint.campaign.grid_files import read_field, read_grid
 from tdint.campaign.levels import FactorTable
 from tdint.csv_table import no_number, number, read_table
@@ -32,7 +33,6 @@ from tdint.ground_motion.reading.folders import records_of
 from tdint.ground_motion.reading.suites import SuiteMotion, read_components, read_pairs, suite_motions
 from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
-from tdint.model.damage_states import CAPACITY, HAZUS, DamageStates
 from tdint.model.definition import Model
 from tdint.model.inventory.capacity import read_classes
 from tdint.model.inventory.table import InventoryRow, read_inventory
@@ -58,7 +58,7 @@ class Inputs:
         Which of them each building gets; None: all.
     factors : FactorTable or None
         The factors on them, if a file has them.
-    class_states, class_losses : mapping
+    damage : ClassDamage
         Damage states and loss ratios by class, if files have them.
     failures : tuple of TdintError
         Records and rows of an inventory that could not be used; the others are taken.
@@ -71,8 +71,7 @@ class Inputs:
     motions: tuple[SuiteMotion, ...] = ()
     assignment: Assignment | None = None
     factors: FactorTable | None = None
-    class_states: Mapping[str, DamageStates] = field(default_factory=dict)
-    class_losses: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    damage: ClassDamage = field(default_factory=ClassDamage)
     failures: tuple[TdintError, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -108,15 +107,13 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
     else:
         found = read_motions(campaign.records)
     factors = read_factors(campaign.intensity) if isinstance(campaign.intensity, FactorsFile) else None
-    damage = campaign.damage
     return Inputs(
         models,
         rows,
         found.motions,
         _assignment(campaign, found.places, rows, len(models)),
         factors,
-        class_states=read_class_states(damage) if damage and damage.source not in ("", HAZUS, CAPACITY) else {},
-        class_losses=read_class_losses(damage) if damage and damage.loss_file else {},
+        damage=read_class_damage(campaign.damage),
         failures=(*found.failures, *faults),
         notes=found.notes,
     )
@@ -209,7 +206,9 @@ def _assignment(
         return None
     if isinstance(found, GridMotions):
         assert isinstance(wanted, GridFile)
-        return GridDraws.of(rows, found, wanted.neighbors, wanted.samples, wanted.seed, wanted.distance)
+        here, there = (draws.coordinates(places, wanted.distance) for places in (draws.places_of(rows), found.places))
+        chosen = (wanted.neighbors, wanted.samples, wanted.seed, wanted.distance)
+        return GridDraws([row.id for row in rows], here, there, found.motions, *chosen)
     if found.sites == ("",):
         return FieldDraws(found, np.zeros(len(rows) or models, dtype=np.int64))
     if found.places:

@@ -240,7 +240,7 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
     """
     notes = list[str]()
     buildings = _buildings(campaign, inputs, notes)
-    damage = damage_of(campaign.damage, inputs, buildings)
+    damage = damage_of(campaign.damage, inputs.damage, buildings)
     if damage and not campaign.settings.until_rest and any("residual" in one.demand for one in damage.types.values()):
         notes.append("damage is told by drifts at the end of the records: until_rest of the analysis goes on to rest")
     plan = Plan(

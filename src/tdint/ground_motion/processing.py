@@ -110,18 +110,6 @@ class RecordChoice:
         wanted = {"units": self.units, "component": self.component, "inventory": self.inventory}
         return {**wanted, "layout": self.layout}
 
-    def read(self, file: str) -> list[Record]:
-        """The components of a file.
-
-        Raises
-        ------
-        RecordError
-            The file cannot be read, or changed as asked for.
-        """
-        from tdint.ground_motion.reading.read import read_records
-
-        return [self.processing.apply(record) for record in read_records(file, **self.reading)]
-
 
 def process(
     record: Record,

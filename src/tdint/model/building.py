@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -268,21 +268,6 @@ _AFTER_YIELD: dict[str, Callable[[float, Mapping[str, float]], float]] = {
     "imk": _to_capping,
     "tanh": lambda stiffness, law: 0.0,
 }
-
-
-def modes(model: Model) -> Modes:
-    """The undamped modes of a model's initial stiffness, with their damping ratios.
-
-    Raises
-    ------
-    ModelError
-        P-delta larger than a story's stiffness.
-    """
-    from tdint.model.config.model_file import model_of  # which needs this module
-
-    building = assemble(model_of(model))
-    found = building.modes()
-    return replace(found, damping=found.damping_ratios(building.damping_matrix()))
 
 
 def oscillators(omega: Array, damping: Array) -> Building:

@@ -34,7 +34,7 @@ class Modes(Tabular):
     mass : ndarray, shape (n,)
         Masses of the floors, kg.
     damping : ndarray, shape (n,), or None
-        Damping ratios, where they were asked for (`tdint.model.building.modes`) and the damping couples no modes.
+        Damping ratios, where they were asked for (`tdint.modes`) and the damping couples no modes.
     """
 
     omega: Array

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -128,13 +129,9 @@ def _search(d: Array, f: Array, start: Array, *, flat: bool) -> tuple[Array, Arr
     return corners, _least_squares(d, f, corners, flat=flat)[0], squares(corners)
 
 
-def _bilinear(d: Array, f: Array, start: float) -> Corners:
-    corners, slopes, squares = _search(d, f, np.array([start]), flat=False)
-    return np.concatenate([corners, slopes]), squares
-
-
-def _trilinear(d: Array, f: Array, start: float) -> Corners:
-    corners, slopes, squares = _search(d, f, np.array([0.4 * start, start]), flat=True)
+def _broken_line(parts: tuple[float, ...], flat: bool, d: Array, f: Array, start: float) -> Corners:
+    """Corners, looked for from parts of `start` on, and the slopes between them."""
+    corners, slopes, squares = _search(d, f, start * np.array(parts), flat=flat)
     return np.concatenate([corners, slopes]), squares
 
 
@@ -187,8 +184,8 @@ def _multilinear_law(found: Array, scale: float, top: float) -> FittedLaw:
 
 
 _KINDS: dict[str, tuple[Callable[[Array, Array, float], Corners], Callable[[Array, float, float], FittedLaw]]] = {
-    "bilinear": (_bilinear, _bilinear_law),
-    "trilinear": (_trilinear, _trilinear_law),
+    "bilinear": (partial(_broken_line, (1.0,), False), _bilinear_law),
+    "trilinear": (partial(_broken_line, (0.4, 1.0), True), _trilinear_law),
     "multilinear": (_multilinear, _multilinear_law),
 }
 KINDS = tuple(_KINDS)

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from tdint.analysis.run.overview import modes
 from tdint.analysis.run.run import run
 from tdint.campaign.fragility.fits import fit_stripes
 from tdint.ground_motion.reading.read import make_record
-from tdint.model.building import modes
 from tdint.model.config.model_file import load_model
 from tdint.tabular import Several
 from tdint.validation.case import NUMERICAL, ROUNDING, Array, ValidationCase, ValidationResult, carry_out

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from tdint.errors import ModelError, UsageError
 from tdint.files import is_file
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
 from tdint.model.building import assemble
-from tdint.model.config.model_file import load_judged
+from tdint.model.config.model_file import load_judged, model_of
 from tdint.model.definition import Model
+from tdint.model.modes import Modes
 from tdint.tabular import Tabular
 
 
@@ -83,7 +85,7 @@ def overview(source: str | Path) -> Overview:
         All that is wrong with the file: what `load_model` refuses, an unknown method, a record that is not there, a
         building that cannot stand.
     """
-    model = load_judged(source, {"analysis.method": _known_method, **dict.fromkeys(_RECORD, _there)})
+    model = load_judged(source, {"analysis.method": lambda text, _: parse(text), **dict.fromkeys(_RECORD, _there)})
     try:
         building = assemble(model)
         omega, damping = building.first_mode()
@@ -92,11 +94,25 @@ def overview(source: str | Path) -> Overview:
     return Overview(model, float(building.mass.sum()), float(building.rises.sum()), 2.0 * math.pi / omega, damping)
 
 
+def modes(model: Any) -> Modes:
+    """The undamped modes of a model's initial stiffness, with their damping ratios.
+
+    Parameters
+    ----------
+    model : Model, str, Path or mapping
+        What `run` takes.
+
+    Raises
+    ------
+    ModelError
+        The model is none; P-delta larger than a story's stiffness.
+    """
+    building = assemble(model_of(model))
+    found = building.modes()
+    return replace(found, damping=found.damping_ratios(building.damping_matrix()))
+
+
 _RECORD = ("excitation.record", "excitation.record.file", "excitation.record.inventory")
-
-
-def _known_method(text: str, _: Path) -> None:
-    parse(text)
 
 
 def _there(text: str, folder: Path) -> None:

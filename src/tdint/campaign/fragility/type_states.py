@@ -7,13 +7,13 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from tdint.campaign.buildings import Buildings, RowBuilding
+from tdint.campaign.buildings import Buildings, GivenBuilding, RowBuilding
 from tdint.csv_table import CsvTable, no_number, number, read_table
 from tdint.errors import ModelError, UsageError
 from tdint.model.config import damage
@@ -27,9 +27,6 @@ from tdint.model.keys.fields import Section, Value
 from tdint.model.keys.kinds import Either, EntriesOf, Key, Keys, Words
 from tdint.model.modes import solve_modes
 from tdint.units import ACCELERATION, LENGTH, STANDARD_GRAVITY
-
-if TYPE_CHECKING:
-    from tdint.campaign.inputs import Inputs
 
 _WHERE = "hazus, capacity (the rules of the capacity curves), or a CSV file with a row for each class"
 _THRESHOLDS, _LOSSES = Either((damage.THRESHOLDS, Words())), Either((damage.ByState(damage.LOSS), Words()))
@@ -122,7 +119,7 @@ def _by_class(section: Section, thresholds: Value, rules: str | None) -> DamageW
         of = " or ".join(_OF_RULES[source])
         section.value.fault(f"the thresholds {source} are of {len(STATES)} states, by {of}; leave the others out")
         return None
-    beta = section.number_or_none("dispersion")
+    beta = section.read("dispersion")
     if source == CAPACITY and not section.has("dispersion"):
         section.need("dispersion", "give 0 for thresholds that are exact")
     given = section.get("losses")
@@ -156,16 +153,32 @@ def _names(section: Section) -> tuple[str, ...] | None:
     return found
 
 
-def read_class_states(wanted: DamageWishes) -> dict[str, DamageStates]:
-    """The damage states by class of a CSV file, which may be the one of capacity curves: the column `class`, one for
-    each state with the unit of the demand (`slight` of a ratio, `slight_m`, `slight_g`), and if wanted `beta`. Of the
-    rows of a class one has them; the others may repeat them or be empty.
+@dataclass(frozen=True)
+class ClassDamage:
+    """The damage states and the loss ratios of classes by their names, as far as tables have them."""
+
+    states: Mapping[str, DamageStates] = field(default_factory=dict)
+    losses: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+
+
+def read_class_damage(wanted: DamageWishes | None) -> ClassDamage:
+    """What the tables say that a campaign names.
 
     Raises
     ------
     ModelError
-        It cannot be read, or the thresholds of a class make no sense.
+        One cannot be read, or what it says makes no sense.
     """
+    if wanted is None:
+        return ClassDamage()
+    states = _read_states(wanted) if wanted.source not in ("", HAZUS, CAPACITY) else {}
+    return ClassDamage(states, _read_losses(wanted) if wanted.loss_file else {})
+
+
+def _read_states(wanted: DamageWishes) -> dict[str, DamageStates]:
+    """The damage states by class of a CSV file, which may be the one of capacity curves: the column `class`, one for
+    each state with the unit of the demand (`slight` of a ratio, `slight_m`, `slight_g`), and if wanted `beta`. Of the
+    rows of a class one has them; the others may repeat them or be empty."""
     table = read_table(wanted.source, "thresholds are a CSV file with the column class and one for each damage state")
     suffixes = _SUFFIXES[DEMANDS[wanted.demand].unit]
     there = (one for one in suffixes if table.has(*(f"{state}{one}" for state in wanted.states)))
@@ -185,14 +198,8 @@ def read_class_states(wanted: DamageWishes) -> dict[str, DamageStates]:
     return found
 
 
-def read_class_losses(wanted: DamageWishes) -> dict[str, tuple[float, ...]]:
-    """The loss ratios by class of a CSV file with the column `class`, one for each state, and if wanted `collapsed`.
-
-    Raises
-    ------
-    ModelError
-        It cannot be read, or has what is no ratio.
-    """
+def _read_losses(wanted: DamageWishes) -> dict[str, tuple[float, ...]]:
+    """The loss ratios by class of a CSV file with the column `class`, one for each state, and if wanted `collapsed`."""
     assert wanted.loss_file is not None
     table = read_table(wanted.loss_file, "losses are a CSV file with the column class and one for each damage state")
     columns = {state: state for state in wanted.states}
@@ -250,7 +257,7 @@ class Damage:
         return json.dumps({"types": types, "buildings_sha256": whole.hexdigest()})
 
 
-def damage_of(wanted: DamageWishes | None, inputs: Inputs, buildings: Buildings) -> Damage | None:
+def damage_of(wanted: DamageWishes | None, classes: ClassDamage, buildings: Buildings) -> Damage | None:
     """How the damage of a campaign is told; None where nothing is said of it.
 
     Raises
@@ -258,20 +265,21 @@ def damage_of(wanted: DamageWishes | None, inputs: Inputs, buildings: Buildings)
     ModelError
         A type has no states, or its buildings have not what the demand is made of.
     """
-    if wanted is None and not any(model.damage for model in inputs.models):
+    models = [one.made.model for one in buildings if isinstance(one, GivenBuilding)]
+    if wanted is None and not any(model.damage for model in models):
         return None
     types: dict[str, DamageStates] = {}
     found: list[BuildingType] = []
-    for place, building in enumerate(buildings):
+    for building in buildings:
         if isinstance(building, RowBuilding):
             facts = building.row.facts
             name = type_of(facts)
-            states = types.get(name) or _states(wanted, inputs, name, facts)
+            states = types.get(name) or _states(wanted, classes, name, facts)
             one = _of_row(building, states.demand)
         else:
-            model = inputs.models[place]
+            model = building.made.model
             name = model.name
-            states = types.get(name) or (_states(wanted, inputs, name) if wanted else _own(model, inputs.models))
+            states = types.get(name) or (_states(wanted, classes, name) if wanted else _own(model, models))
             one = _of_model(model, states.demand)
         types[name] = states
         found.append(BuildingType(name, *one))
@@ -291,7 +299,7 @@ def curve_medians(facts: CapacityFacts) -> tuple[float, ...]:
 
 
 def _states(
-    wanted: DamageWishes | None, inputs: Inputs, name: str, facts: BuildingFacts | CapacityFacts | None = None
+    wanted: DamageWishes | None, classes: ClassDamage, name: str, facts: BuildingFacts | CapacityFacts | None = None
 ) -> DamageStates:
     """The states of a type as the campaign says."""
     assert wanted is not None
@@ -300,13 +308,13 @@ def _states(
     if wanted.source in (HAZUS, CAPACITY):
         medians = _HAZUS_OR_CURVE[wanted.source](facts)
         states = DamageStates(wanted.demand, wanted.states, medians, wanted.dispersion or 0.0, wanted.losses)
-    elif name in inputs.class_states:
-        states = inputs.class_states[name]
+    elif name in classes.states:
+        states = classes.states[name]
     else:
         raise ModelError(f"{wanted.source}: has no damage thresholds of the class {name!r}")
-    if wanted.loss_file and name not in inputs.class_losses:
+    if wanted.loss_file and name not in classes.losses:
         raise ModelError(f"{wanted.loss_file}: has no losses of the class {name!r}")
-    return replace(states, losses=inputs.class_losses[name]) if wanted.loss_file else states
+    return replace(states, losses=classes.losses[name]) if wanted.loss_file else states
 
 
 def _hazus_medians(facts: Any) -> tuple[float, ...]:

@@ -73,7 +73,7 @@ def read_motions(value: Value) -> RecordFiles | SequenceFile | GridFile | FieldF
     if section.has("sequences"):
         section.refuse(("files", "pairs"), "has no part in `sequences`")
         shocks, choice = section.file("sequences"), _choice(section)
-        return SequenceFile(shocks, choice, section.number_or_none("rest")) if shocks else None
+        return SequenceFile(shocks, choice, section.read("rest")) if shocks else None
     section.refuse(("rest",), "belongs to `sequences`")
     files = section.need("files", "give a list of files and folders, or a `grid` in its place")
     items = files.items("a list of files and folders", "is empty; give at least one record") if files else None

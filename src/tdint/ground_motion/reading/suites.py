@@ -9,6 +9,7 @@ from tdint.errors import RecordError
 from tdint.ground_motion.horizontals import Horizontals, find_horizontals, is_vertical
 from tdint.ground_motion.pairing import USUAL, PairNames, files_of_motions, told_once, with_component
 from tdint.ground_motion.processing import RecordChoice
+from tdint.ground_motion.reading.read import read_records
 from tdint.ground_motion.record import Record, component_names
 
 GroundMotion = Record | Horizontals
@@ -44,6 +45,17 @@ def components(motion: GroundMotion) -> tuple[Record, ...]:
     return (motion,) if isinstance(motion, Record) else (motion.first, motion.second)
 
 
+def read_chosen(file: str, choice: RecordChoice) -> list[Record]:
+    """The components of a file, changed as asked for.
+
+    Raises
+    ------
+    RecordError
+        The file cannot be read, or changed so.
+    """
+    return [choice.processing.apply(record) for record in read_records(file, **choice.reading)]
+
+
 def read_components(files: Sequence[str], choice: RecordChoice | None = None) -> Suite:
     """The horizontal components of files, each for itself; one that is named may be any.
 
@@ -55,7 +67,7 @@ def read_components(files: Sequence[str], choice: RecordChoice | None = None) ->
     notes: list[str] = []
     for file in files:
         try:
-            found = choice.read(file)
+            found = read_chosen(file, choice)
         except RecordError as error:
             failures.append(error)
             continue
@@ -84,7 +96,7 @@ def read_pairs(files: Sequence[str], choice: RecordChoice | None = None, names: 
     notes = [f"left out, named neither {names.first} nor {names.second}: {', '.join(others)}"] if others else []
     for group in groups:
         try:
-            found = [with_component(record) for file in group for record in choice.read(file)]
+            found = [with_component(record) for file in group for record in read_chosen(file, choice)]
             pair: Horizontals = find_horizontals(found)
         except RecordError as error:
             failures.append(error)

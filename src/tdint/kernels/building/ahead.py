@@ -46,7 +46,7 @@ def compile_ahead(
         (kernel, variant, target)
         for target in dict.fromkeys(targets)
         for kernel, variant in pairs
-        if not _there(kernel, variant, named(target), folder)
+        if not store.has(kernel.name, variant.text, named(target), folder)
     ]
     written: list[Path] = []
     for kernel, variant, target, data in _made(missing):
@@ -86,9 +86,3 @@ def shown(wanted: Iterable[tuple[Compilable, Variant]]) -> list[tuple[str, str, 
         found = next(filter(None, tried), None)
         rows.append((kernel.name, variant.text.replace(",", " "), str(found[0]) if found else ""))
     return rows
-
-
-def _there(kernel: Compilable, variant: Variant, target: Target, folder: Path | None) -> bool:
-    if folder is None:
-        return store.is_kept(kernel.name, variant.text, target)
-    return store.is_in(folder, kernel.name, variant.text, target)

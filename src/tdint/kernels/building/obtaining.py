@@ -79,8 +79,8 @@ def _not_found(wanted: Iterable[tuple[Compilable, Variant]]) -> list[tuple[Compi
     for kernel, variant in wanted:
         # One for everything does as well; `tdint compile --all` makes these.
         for one in (variant,) if variant.outside else (variant, EVERYTHING):
-            found = store.find(kernel.name, one.text, runnable())
-            if found and _load(kernel, variant, *found):
+            found = store.look_up(kernel.name, one.text, runnable())
+            if found and _load(kernel, variant, *found[1:]):
                 break
         else:
             absent.append((kernel, variant))

@@ -49,31 +49,20 @@ def identity(name: str, variant: str, target: Target) -> dict[str, str]:
     }
 
 
-def find(name: str, variant: str, targets: tuple[Target, ...]) -> tuple[bytes, str] | None:
-    """Object and symbol of a kernel for the first of the targets that has one; None if there is none.
+def look_up(name: str, variant: str, targets: tuple[Target, ...]) -> tuple[Path, bytes, str] | None:
+    """File, object and symbol of a kernel for the first of the targets that has one; None if there is none.
 
     What is damaged, or belongs to someone else who is not the package's owner, does not count.
     """
-    found = look_up(name, variant, targets)
-    return found[1:] if found else None
-
-
-def look_up(name: str, variant: str, targets: tuple[Target, ...]) -> tuple[Path, bytes, str] | None:
-    """`find`, and the file."""
     return next(filter(None, (_look_up_in(*place, name, variant, targets) for place in _places())), None)
 
 
-def is_in(folder: Path, name: str, variant: str, target: Target) -> bool:
-    """Whether a folder (as TDINT_KERNELS_DIR names it) has a kernel."""
-    return _look_up_in(folder / folder_name(target.platform), False, name, variant, (target,)) is not None
-
-
-def is_kept(name: str, variant: str, target: Target) -> bool:
-    """Whether this user's store has a kernel, whatever else could serve."""
-    home = cache_home()
-    if home is None:
-        return False
-    return _look_up_in(home / folder_name(target.platform), True, name, variant, (target,)) is not None
+def has(name: str, variant: str, target: Target, folder: Path | None = None) -> bool:
+    """Whether a folder (as TDINT_KERNELS_DIR names it), by default this user's store, has a kernel, whatever else could
+    serve."""
+    home = folder or cache_home()
+    wanted = (name, variant, (target,))
+    return home is not None and bool(_look_up_in(home / folder_name(target.platform), folder is None, *wanted))
 
 
 def _places() -> Iterator[tuple[Path, bool]]:

@@ -16,6 +16,7 @@ from tdint.model.inventory import mdof_lu
 from tdint.model.inventory.capacity import CapacityBuilding, derive_capacity
 from tdint.model.inventory.mdof_lu import DerivedBuilding, Scatter
 from tdint.model.inventory.table import InventoryRow, read_inventory
+from tdint.model.laws import LAWS
 from tdint.tabular import Several
 from tdint.units import LENGTH
 
@@ -109,11 +110,8 @@ def model_text(name: str, building: DerivedBuilding | CapacityBuilding, rules: s
 
 
 def _trilinear(story: Story) -> str:
-    strength, ultimate, drift, pinching, unloading = story.law.parameters
-    return (
-        f"type: trilinear-pinching, yield_force: {strength!r}, ultimate_force: {ultimate!r}, "
-        f"ultimate_drift: {drift!r}, pinching: {pinching!r}, unloading: {unloading!r}"
-    )
+    values = zip(LAWS[story.law.name].parameters, story.law.parameters, strict=True)
+    return ", ".join([f"type: {story.law.name}", *(f"{one.name}: {value!r}" for one, value in values)])
 
 
 def _multilinear(story: Story, degradation: bool) -> str:

@@ -91,11 +91,6 @@ class Value:
             return math.nan
         return converted
 
-    def number_or_none(self) -> float | None:
-        """The number within the bounds of its key; None if there is a fault."""
-        number = self.number()
-        return None if math.isnan(number) else number
-
     def whole(self, low: int = 0, high: int = -1, what: str = "") -> int | None:
         """The whole number from `low` to `high`; None if there is a fault. `what` says what the bounds stand for."""
         if high < low:
@@ -139,7 +134,8 @@ class Value:
         """The value as its key declares it, a number, a word, true or false; None if there is a fault."""
         match self.kind:
             case Bounds():
-                return self.number_or_none()
+                number = self.number()
+                return None if math.isnan(number) else number
             case Whole():
                 return self.whole()
             case Flag():
@@ -302,11 +298,6 @@ class Section:
         if value is not None:
             return value.number(bounds, scale)
         return math.nan if default is None else default
-
-    def number_or_none(self, name: str) -> float | None:
-        """The number of the entry; None if the section lacks it or it is faulty."""
-        value = self.get(name)
-        return value.number_or_none() if value else None
 
     def read(self, name: str, default: Any = None) -> Any:
         """The entry as its key declares it (`Value.read`); the default if the section lacks it."""
