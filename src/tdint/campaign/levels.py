@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Self
 
 from tdint.campaign.suites.intensity import IntensityMeasure, factor_to
 from tdint.errors import ModelError
@@ -82,17 +81,6 @@ class GivenFactors:
     by_motion: Mapping[int, tuple[float, ...]]
     by_period: bool = field(default=False, init=False)
     of_value: bool = field(default=False, init=False)
-
-    @classmethod
-    def of(cls, table: FactorTable, motions: Sequence[SuiteMotion]) -> Self:
-        """Those that a table has for some motions.
-
-        Raises
-        ------
-        ModelError
-            It has none for one of them.
-        """
-        return cls({number: table.of(motion) for number, motion in enumerate(motions)})
 
     def count(self, motion: int) -> int:
         return len(self.by_motion[motion])

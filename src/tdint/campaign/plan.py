@@ -298,4 +298,4 @@ def _levels(campaign: CampaignFile, inputs: Inputs) -> Levels:
     if isinstance(wanted, MeasureLevels):
         return replace(wanted, motions=inputs.motions)
     assert inputs.factors is not None
-    return GivenFactors.of(inputs.factors, inputs.motions)
+    return GivenFactors({number: inputs.factors.of(motion) for number, motion in enumerate(inputs.motions)})

@@ -334,10 +334,6 @@ def simple_model(
 _OF_STORY = re.compile(r"story (\d+)\.(\w+)")
 
 
-def _mass(story: Story, factor: float) -> Story:
-    return replace(story, mass=story.mass * factor)
-
-
 def _scaled_law(law: Law, factor: float, chosen: Callable[[int, int], bool]) -> Law:
     """The law with the parameters of some dimensions (exponents of force and length) times a factor."""
     own = LAWS[law.name].parameters
@@ -359,7 +355,7 @@ def _strength(story: Story, factor: float) -> Story:
 
 
 _FACTORS: Mapping[str, Callable[[Story, float], Story]] = {
-    "mass_factor": _mass,
+    "mass_factor": lambda story, factor: replace(story, mass=story.mass * factor),
     "stiffness_factor": _stiffness,
     "strength_factor": _strength,
 }

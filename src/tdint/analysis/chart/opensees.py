@@ -28,25 +28,13 @@ _MINUTES = 5.0  # after which the process is ended
 _SAME = 1e-9
 
 
-def _newmark(integrator: Integrator) -> tuple[Any, ...]:
-    return ("Newmark", 0.5, 0.25)
-
-
-def _hht(integrator: Integrator) -> tuple[Any, ...]:
-    return ("HHT", 1.0 + integrator.values[0])
-
-
-def _generalized_alpha(integrator: Integrator) -> tuple[Any, ...]:
-    rho = integrator.values[0]
-    return ("GeneralizedAlpha", (2.0 - rho) / (1.0 + rho), 1.0 / (1.0 + rho))
-
-
-_OPENSEES: dict[str, Callable[[Integrator], tuple[Any, ...]]] = {
-    "newmark-average": _newmark,
-    "hht": _hht,
-    "generalized-alpha": _generalized_alpha,
+_OPENSEES: dict[str, Callable[[float], tuple[Any, ...]]] = {
+    "newmark-average": lambda _: ("Newmark", 0.5, 0.25),
+    "hht": lambda alpha: ("HHT", 1.0 + alpha),
+    "generalized-alpha": lambda rho: ("GeneralizedAlpha", (2.0 - rho) / (1.0 + rho), 1.0 / (1.0 + rho)),
 }
-"""Our method and OpenSees' name for it with its parameters, as weights of the end of the step instead of the start."""
+"""Our method and, of its first parameter, OpenSees' name for it with its parameters, as weights of the end of the step
+instead of the start."""
 
 
 ITERATED = (
@@ -124,7 +112,7 @@ def _ask(
     """The worker's answer, and why there is none."""
     jobs = [
         {
-            "integrator": _OPENSEES[integrator.method.name](integrator),
+            "integrator": _OPENSEES[integrator.method.name](next(iter(integrator.values), math.nan)),
             "h": steps.h,
             "steps": steps.count,
             "per_sample": steps.per_sample,

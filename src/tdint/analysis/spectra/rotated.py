@@ -123,7 +123,7 @@ def _displacements(
     first, dt = interpolation.resample(motion.first, shortest)
     second, _ = interpolation.resample(motion.second, shortest)
     result = np.empty((omega.size, rotation.ANGLES))
-    for chosen, parts, table in groups(omega, damping, dt, maxima, _lanes):
+    for chosen, parts, table in groups(omega, damping, dt, maxima, lambda count: rotation.LANES):
         found = np.empty((chosen.size, rotation.ANGLES))
         scratch = rotation.scratch(first.size, parts)
         rotation.rotated_peaks.compiled(
@@ -145,7 +145,3 @@ def _directions() -> Array:
     angles = np.arange(rotation.ANGLES) * (math.pi / rotation.ANGLES)
     cosine = np.where(np.arange(rotation.ANGLES) == rotation.ANGLES // 2, 0.0, np.cos(angles))
     return np.array([cosine, np.sin(angles)])
-
-
-def _lanes(count: int) -> int:
-    return rotation.LANES

@@ -90,14 +90,6 @@ class Pushover(Tabular):
         return float(self.drift_at_largest.sum())
 
 
-def _first_mode(building: Building) -> Array:
-    return building.mass * building.modes().shapes[:, 0]
-
-
-def _uniform(building: Building) -> Array:
-    return building.mass.copy()
-
-
 def _triangular(building: Building) -> Array:
     if np.isnan(building.rises).any():
         raise UsageError("the triangular pattern needs the height of every story; give heights or another --pattern")
@@ -105,8 +97,8 @@ def _triangular(building: Building) -> Array:
 
 
 PATTERNS: Mapping[str, Callable[[Building], Array]] = {
-    "first-mode": _first_mode,
-    "uniform": _uniform,
+    "first-mode": lambda building: building.mass * building.modes().shapes[:, 0],
+    "uniform": lambda building: building.mass.copy(),
     "triangular": _triangular,
 }
 """Forces on the floors, up to a factor: the masses times first mode, 1, or height above the ground."""
