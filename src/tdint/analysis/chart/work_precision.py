@@ -271,19 +271,16 @@ def chart(
 _Pair = tuple[Integrator, Steps]
 
 
+@dataclass
 class _Bench:
     """Marches of one problem, with a count of how much of the work is done."""
 
-    def __init__(
-        self, problem: Problem, reference: Reference, progress: Progress, pairs: Sequence[_Pair], repeats: int
-    ) -> None:
-        self.problem = problem
-        self.reference = reference
-        self.progress = progress
-        self.pairs = pairs
-        self.repeats = repeats
-        self.total = (repeats + 1) * sum(steps.count for _, steps in pairs)
-        self.done = 0
+    problem: Problem
+    reference: Reference
+    progress: Progress
+    pairs: Sequence[_Pair]
+    repeats: int
+    done: int = 0
 
     def points(self, judge: Callable[[Sequence[Point]], object] | None = None) -> dict[_Pair, Point]:
         """Each pair of method and step measured, so often that the judge is sure."""
@@ -318,7 +315,8 @@ class _Bench:
         return replace(found, iterations=march.iterations, errors=errors(march.motion, self.reference.motion))
 
     def _advance(self, what: str, steps: Steps) -> None:
-        self.progress(what, _PREPARED + (1.0 - _PREPARED) * self.done / self.total)
+        total = (self.repeats + 1) * sum(planned.count for _, planned in self.pairs)
+        self.progress(what, _PREPARED + (1.0 - _PREPARED) * self.done / total)
         self.done += steps.count
 
 

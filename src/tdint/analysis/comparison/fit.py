@@ -14,14 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from tdint.analysis.comparison.compare import (
-    best_shift,
-    case_under,
-    compared_floors,
-    computed_floors,
-    is_linear,
-    respond,
-)
+from tdint.analysis.comparison import compare
 from tdint.analysis.comparison.event import Event
 from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError
@@ -169,7 +162,7 @@ class _Problem:
 
     def __init__(self, model: Model, event: Event, free: Sequence[_Free], progress: Callable[[int], None]) -> None:
         self._start, self._event, self.free, self._progress = model, event, free, progress
-        self._method = "exact" if is_linear(model) else None
+        self._method = "exact" if compare.is_linear(model) else None
         wanted = event.recording.shift
         self._shift = 0.0 if wanted == AUTO else float(wanted)
         self._auto = wanted == AUTO
@@ -187,8 +180,8 @@ class _Problem:
         self.runs += 1
         self._progress(self.runs)
         try:
-            case = case_under(self.model(logarithms), self._event, self._method)
-            return computed_floors(respond(case, None, self._event.recording.band), self._event)
+            case = compare.case_under(self.model(logarithms), self._event, self._method)
+            return compare.computed_floors(compare.respond(case, None, self._event.recording.band), self._event)
         except AnalysisError:
             return None
 
@@ -196,14 +189,14 @@ class _Problem:
         """Find the shift of the recordings, if it is to be found."""
         computed = self.computed(logarithms) if self._auto else None
         if computed is not None:
-            self._shift = best_shift(self._event, computed)
+            self._shift = compare.best_shift(self._event, computed)
 
     def temporal(self, logarithms: Array) -> Array:
         """Differences of the histories over the recording's rms; their squares sum to the mean over the floors."""
         computed = self.computed(logarithms)
         if computed is None:
             return np.full(self._event.count, _FAILED / math.sqrt(self._event.count))
-        floors = compared_floors(self._event, computed, self._shift)
+        floors = compare.compared_floors(self._event, computed, self._shift)
         size = [math.sqrt(len(floors)) * (float(np.linalg.norm(one.recorded)) or 1.0) for one in floors]
         return np.concatenate([(one.computed - one.recorded) / of for one, of in zip(floors, size, strict=True)])
 
@@ -212,7 +205,7 @@ class _Problem:
         computed = self.computed(logarithms)
         if computed is None:
             return np.full(len(self._event.floors) * _FREQUENCIES, _FAILED)
-        floors = compared_floors(self._event, computed, self._shift)
+        floors = compare.compared_floors(self._event, computed, self._shift)
         dt, band = self._event.base.dt, self._event.recording.band
         return np.concatenate([_smoothed(one.computed, dt, band) - _smoothed(one.recorded, dt, band) for one in floors])
 

@@ -56,18 +56,16 @@ class MappingNode(Place):
 Node = ScalarNode | ListNode | MappingNode
 
 
+@dataclass
 class Faults:
     """The problems of one file, collected so that they are reported together; `kind` is what the file is, `needs` what
     it must hold, `folder` where paths in it start from."""
 
-    def __init__(
-        self, source: str, kind: str = "model file", needs: str = "`stories`", folder: Path | None = None
-    ) -> None:
-        self.source = source
-        self.kind = kind
-        self.needs = needs
-        self.folder = folder or Path()
-        self._faults: list[ModelFault] = []
+    source: str
+    kind: str = "model file"
+    needs: str = "`stories`"
+    folder: Path = Path()
+    _faults: list[ModelFault] = field(default_factory=list)
 
     def add(self, place: Place, key: str, message: str) -> None:
         """Note a problem of `key` at `place`."""
