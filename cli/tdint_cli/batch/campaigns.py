@@ -346,6 +346,6 @@ def tell_outcomes(store: Store) -> None:
     if unknown := without_error(store):
         note(f"no estimated error of {how_many(unknown, 'run')}: collapsed, or a repetition failed; empty cells")
     if corrected := store.count("corrected_peak_drift_m IS NOT NULL"):
-        note(f"of {how_many(corrected, 'run')} columns `corrected_` have the demands corrected by their errors")
+        note(f"columns `corrected_` of the CSV: demands of {how_many(corrected, 'run')}, corrected by their errors")
     if moving := store.count("at_rest = 0"):
         warn(f"{how_many(moving, 'run')} still moving when the time was over: residual drifts are not at rest")

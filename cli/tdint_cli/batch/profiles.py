@@ -155,11 +155,13 @@ class Profiles:
         """What the means of a building do not hold; nothing if it stood under every motion."""
         lost = {"collapsed": one.collapsed, "failed": one.failed}
         told = " and ".join(f"{count} {what}" for what, count in lost.items() if count)
+        if not told:
+            return ""
         left = len(one.motions)
         others = f"{left} others" if left > 1 else "other"
         means = f"the means are those of the {others}" if left else "there is no mean"
         name = _name(one, self.found) or one.building
-        return f"{name}: of {how_many(one.runs, 'motion')} {told}; {means}" if told else ""
+        return f"{name}: of {how_many(one.runs, 'motion')} {told}; {means}"
 
     def tell(self) -> list[TdintError]:
         """Say what means do not hold, and what the mean drifts are beside the limit.
